@@ -1,0 +1,31 @@
+"""`deeptruck-model`: the console script. Commands live beside this file, one module for each room."""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+
+from deeptruck_model.errors import InputError
+
+app = typer.Typer(
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="Turn recordings of a truck into a simulator, and find the physics the simulator leaves out.",
+)
+
+
+def main() -> None:
+    """Entry point: bad input is one line on stderr and exit code 2, never a traceback."""
+    from deeptruck_model.cli import data, deep, mismatch
+
+    for module in (data, deep, mismatch):
+        module.register(app)
+    try:
+        app()
+    except InputError as error:
+        print(f"deeptruck-model: {error}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        print("deeptruck-model: interrupted", file=sys.stderr)
+        sys.exit(130)

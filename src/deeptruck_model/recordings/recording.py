@@ -1,0 +1,67 @@
+"""A recording: named, unit-bearing channels on one uniform clock, without gaps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.signals import TruckInterface
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One contiguous drive. Every channel has shape (n,); NaN marks an invalid or missing sample.
+
+    `name` is the bag's name, with '#k' behind it for the k-th contiguous piece of a bag that has several.
+    `start_s` is the time of the first sample since the start of the bag, `dt` the sample period in s.
+    Channels absent from the source are absent from `channels`, but speed and acceleration are always there.
+    """
+
+    name: str
+    dt: float
+    channels: dict[str, Array]
+    interface: TruckInterface
+    start_s: float = 0.0
+    notes: tuple[str, ...] = field(default=())  # what extraction did: derived channels, rejected samples
+
+    def __len__(self) -> int:
+        return len(self.channels["speed"])
+
+    @property
+    def time(self) -> Array:
+        """Seconds since the start of the bag, (n,)."""
+        return self.start_s + self.dt * np.arange(len(self))
+
+    def columns(self, names: tuple[str, ...]) -> Array:
+        """The named channels side by side, (n, len(names)). Raises InputError where one is missing."""
+        missing = [name for name in names if name not in self.channels]
+        if missing:
+            raise InputError(f"recording '{self.name}' has no channel {', '.join(missing)}")
+        if not names:
+            return np.zeros((len(self), 0))
+        return np.stack([self.channels[name] for name in names], axis=1)
+
+    @property
+    def u(self) -> Array:
+        """Controllable inputs (n, n_u), held from sample k to k+1."""
+        return self.columns(self.interface.u)
+
+    @property
+    def w(self) -> Array:
+        """Uncontrollable conditions (n, n_w)."""
+        return self.columns(self.interface.w)
+
+    @property
+    def y(self) -> Array:
+        """Responses (n, n_y)."""
+        return self.columns(self.interface.y)
+
+    def piece(self, start: int, stop: int) -> Recording:
+        """Samples start..stop as a recording of its own."""
+        cut = {name: values[start:stop] for name, values in self.channels.items()}
+        return replace(self, channels=cut, start_s=self.start_s + start * self.dt)

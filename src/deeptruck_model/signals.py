@@ -1,0 +1,111 @@
+"""The vocabulary: every channel with its unit, range and sign, and the truck interfaces built from them.
+
+SI throughout. Commands keep the unit of the truck interface, because a percentage of an unknown reference
+torque cannot be turned into N m.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from deeptruck_model.errors import InputError
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One signal. `low`..`high` is the range a truck can produce; outside it a sample is invalid."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    meaning: str
+
+
+CHANNELS: dict[str, Channel] = {
+    c.name: c
+    for c in (
+        Channel("speed", "m/s", -1.0, 60.0, "longitudinal speed, forward positive"),
+        Channel("acceleration", "m/s^2", -15.0, 10.0, "longitudinal acceleration, forward positive"),
+        Channel("engine_command", "interface", -6000.0, 6000.0, "engine command u[0]; negative retards"),
+        Channel("brake_command", "interface", 0.0, 200.0, "service brake command u[1]; positive brakes"),
+        Channel("grade", "ratio", -0.4, 0.4, "road slope rise/run, uphill positive"),
+        Channel("fuel_rate", "cm^3/s", 0.0, 100.0, "fuel volume flow"),
+        Channel("gear", "1", -4.0, 24.0, "engaged gear; 0 neutral, negative reverse"),
+        Channel("engine_speed", "rad/s", 0.0, 700.0, "crankshaft speed"),
+        Channel("engine_torque", "N m", -3000.0, 6000.0, "measured engine torque at the flywheel"),
+        Channel("elevation", "m", -500.0, 6000.0, "height of the road"),
+        Channel("gap", "m", 0.0, 500.0, "distance to the vehicle ahead"),
+        Channel("leader_speed", "m/s", -1.0, 60.0, "speed of the vehicle ahead over ground"),
+        Channel("ambient_temperature", "degC", -60.0, 70.0, "outside air temperature"),
+        Channel("latitude", "deg", -90.0, 90.0, "WGS84 latitude"),
+        Channel("longitude", "deg", -180.0, 180.0, "WGS84 longitude"),
+    )
+}
+
+ENGINE_UNITS = ("N m", "percent", "g/s", "cm^3/s")
+BRAKE_UNITS = ("percent", "m/s^2", "bar")
+
+
+@dataclass(frozen=True)
+class TruckInterface:
+    """Which of the paper's u, w and y exist on a truck, and in which units.
+
+    `engine_unit` is one of ENGINE_UNITS; `brake_unit` one of BRAKE_UNITS, or None where braking is not
+    recorded; `grade` and `fuel` say whether w and the fuel output exist.
+    """
+
+    name: str
+    engine_unit: str = "N m"
+    brake_unit: str | None = "percent"
+    grade: bool = True
+    fuel: bool = True
+
+    def __post_init__(self) -> None:
+        if self.engine_unit not in ENGINE_UNITS:
+            raise InputError(
+                f"engine command unit '{self.engine_unit}' is not one of {', '.join(ENGINE_UNITS)}"
+            )
+        if self.brake_unit is not None and self.brake_unit not in BRAKE_UNITS:
+            raise InputError(f"brake command unit '{self.brake_unit}' is not one of {', '.join(BRAKE_UNITS)}")
+
+    @property
+    def u(self) -> tuple[str, ...]:
+        """Names of the controllable inputs, in column order."""
+        return ("engine_command",) if self.brake_unit is None else ("engine_command", "brake_command")
+
+    @property
+    def w(self) -> tuple[str, ...]:
+        """Names of the uncontrollable conditions, in column order; empty without a grade sensor."""
+        return ("grade",) if self.grade else ()
+
+    @property
+    def y(self) -> tuple[str, ...]:
+        """Names of the responses, in column order: acceleration, speed and, where measured, fuel rate."""
+        return ("acceleration", "speed", "fuel_rate") if self.fuel else ("acceleration", "speed")
+
+    def unit(self, channel: str) -> str:
+        """Unit of a channel on this truck. Raises InputError for a name that is not in CHANNELS."""
+        if channel not in CHANNELS:
+            raise InputError(f"unknown channel '{channel}'; known: {', '.join(CHANNELS)}")
+        if channel == "engine_command":
+            return self.engine_unit
+        if channel == "brake_command":
+            return self.brake_unit or "none"
+        return CHANNELS[channel].unit
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON and bag metadata; from_dict is its inverse."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> TruckInterface:
+        """Inverse of to_dict. Raises InputError on unknown or missing keys."""
+        try:
+            return cls(**data)
+        except TypeError as error:
+            raise InputError(f"truck interface {data!r} is not understood: {error}") from None
+
+
+ACCELERATION, SPEED, FUEL = 0, 1, 2  # columns of y

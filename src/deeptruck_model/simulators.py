@@ -1,0 +1,152 @@
+"""What a truck simulator is, and how one is loaded: physics truck, deep truck and corrected truck alike.
+
+Time indices follow the paper: y(k+1) is produced from u(k), w(k) and the state after y(k). The acceleration
+of y(k+1) is the mean over the step, so v(k+1) = v(k) + a(k+1) dt holds to rounding.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.signals import TruckInterface
+
+Array = NDArray[np.float64]
+
+MANIFEST = (
+    "simulator.json"  # {"kind": "physics|deep|corrected", "schema": 1, "interface": {...}, "dt": 0.1, ...}
+)
+
+
+@runtime_checkable
+class Simulator(Protocol):
+    """A batched truck. Shapes: u (batch, len(interface.u)), w (batch, len(interface.w)), y likewise.
+
+    The state is opaque; `step` returns a new one and leaves the old one usable.
+    """
+
+    @property
+    def interface(self) -> TruckInterface: ...
+    @property
+    def dt(self) -> float: ...
+
+    def reset(self, y0: Array) -> Any:
+        """State at the observable initial condition y0 (batch, n_y); the internal state is the default one."""
+        ...
+
+    def step(self, state: Any, u: Array, w: Array) -> tuple[Any, Array]:
+        """One step of dt: the next state and y (batch, n_y)."""
+        ...
+
+    def force(self, state: Any, y: Array) -> Any:
+        """The same internal state with the fed-back response replaced by a recorded y (the training form)."""
+        ...
+
+    def inside(self, state: Any) -> dict[str, Array]:
+        """What can be seen inside, each (batch,): gear, engine_speed, engine_torque ...; {} for a deep truck."""
+        ...
+
+    def parameters(self) -> dict[str, float]:
+        """Tunable parameters by name, SI: mass, drag_area, ...; {} where there are none."""
+        ...
+
+    def with_parameters(self, values: Mapping[str, float]) -> Simulator:
+        """The same truck with some parameters replaced. Raises InputError for a name it does not have."""
+        ...
+
+    def save(self, path: Path) -> None:
+        """Write a simulator directory that `load` reads."""
+        ...
+
+
+@dataclass(frozen=True)
+class Run:
+    """A simulated run: y (batch, T, n_y) with y[:, 0] the initial condition, and the inside signals (batch, T)."""
+
+    y: Array
+    inside: dict[str, Array]
+
+
+def free_run(simulator: Simulator, u: Array, w: Array, y0: Array) -> Run:
+    """Deployment form: the simulator is fed its own response. u (batch, T, n_u), w (batch, T, n_w), y0 (batch, n_y)."""
+    return _run(simulator, u, w, y0, None)
+
+
+def forced_run(simulator: Simulator, u: Array, w: Array, y: Array) -> Run:
+    """Training form: at every step the recorded response y (batch, T, n_y) is fed instead of the simulated one."""
+    return _run(simulator, u, w, y[:, 0], y)
+
+
+def _run(simulator: Simulator, u: Array, w: Array, y0: Array, recorded: Array | None) -> Run:
+    rollout = getattr(simulator, "rollout", None)  # a compiled or fused loop where the truck has one
+    if rollout is not None:
+        run: Run = rollout(u, w, y0, recorded)
+        return run
+    state = simulator.reset(y0)
+    responses, insides = [y0], [simulator.inside(state)]
+    for k in range(u.shape[1] - 1):
+        state, y = simulator.step(state, u[:, k], w[:, k])
+        responses.append(y)
+        insides.append(simulator.inside(state))
+        if recorded is not None:
+            state = simulator.force(state, recorded[:, k + 1])
+    inside = {name: np.stack([i[name] for i in insides], axis=1) for name in insides[0]}
+    return Run(np.stack(responses, axis=1), inside)
+
+
+def load(path: str | Path) -> Simulator:
+    """Load a simulator: a simulator directory, or `truck:NAME[:overrides.yaml]` for a physics truck.
+
+    Raises InputError when there is no such truck, the directory has no manifest, or a file is damaged.
+    """
+    text = str(path)
+    if text.startswith("truck:"):
+        from deeptruck_model import trucks
+
+        _, name, *overrides = text.split(":", 2)
+        return trucks.load(name, overrides[0] if overrides else None)
+    manifest = read_manifest(Path(text))
+    return _loaders()[manifest["kind"]](Path(text), manifest)
+
+
+def read_manifest(path: Path) -> dict[str, Any]:
+    """The manifest of a simulator directory. Raises InputError where it is missing, damaged or of unknown kind."""
+    try:
+        manifest: dict[str, Any] = json.loads((path / MANIFEST).read_text())
+    except (FileNotFoundError, NotADirectoryError):
+        raise InputError(
+            f"{path} is not a simulator directory: it has no {MANIFEST}; make one with 'deeptruck-model train'"
+        ) from None
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise InputError(
+            f"{path / MANIFEST} is damaged ({error}); train or save the simulator again"
+        ) from None
+    if not isinstance(manifest, dict) or manifest.get("kind") not in _loaders():
+        raise InputError(f"{path / MANIFEST} has no known kind; expected one of {', '.join(_loaders())}")
+    return manifest
+
+
+def _loaders() -> dict[str, Any]:
+    def physics(path: Path, manifest: dict[str, Any]) -> Simulator:
+        from deeptruck_model import trucks
+
+        return trucks.load_directory(path, manifest)
+
+    def deep(path: Path, manifest: dict[str, Any]) -> Simulator:
+        from deeptruck_model import deep
+
+        return deep.load_directory(path, manifest)
+
+    def corrected(path: Path, manifest: dict[str, Any]) -> Simulator:
+        from deeptruck_model import mismatch
+
+        return mismatch.load_directory(path, manifest)
+
+    return {"physics": physics, "deep": deep, "corrected": corrected}
