@@ -1,0 +1,202 @@
+"""A policy: what it is, the trained network behind it, and how it is kept and loaded. No torch, no pickle."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+import tempfile
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.numpy import load_file, save_file
+
+from deeptruck_cacc.scaling import OBSERVED, ActionScale, FeatureMap, paper_signals
+from deeptruck_model.errors import InputError
+from deeptruck_model.signals import TruckInterface
+
+Array = NDArray[np.float64]
+Observation = Mapping[str, Any]
+
+MANIFEST, WEIGHTS = "policy.json", "policy.safetensors"
+
+
+@runtime_checkable
+class Policy(Protocol):
+    """A car-following controller. Call `act` every `dt` seconds; `reset` before a new run.
+
+    The observation has leader_speed, speed (m/s), gap (m), target_time_gap (s) and grade (ratio; optional),
+    each a scalar or (batch,). Commands come back as (batch,) arrays in the units of `interface`. A NaN in
+    the observation gives a NaN command: `guard.Guard` is what bridges missing signals.
+    """
+
+    @property
+    def interface(self) -> TruckInterface: ...
+    @property
+    def dt(self) -> float: ...
+
+    def reset(self) -> None:
+        """Forget the past."""
+        ...
+
+    def act(self, observation: Observation) -> tuple[Array, Array]:
+        """(engine_command, brake_command), each (batch,)."""
+        ...
+
+
+@dataclass
+class MlpPolicy:
+    """The mean of the paper's MLP Gaussian between a feature map and an action scale.
+
+    `layers` holds (weight (out, in), bias (out,)) pairs; tanh between them, none behind the last.
+    `coverage` gives the (low, high) that training saw of each signal; `card` is the model card (config,
+    seed, simulator hash...).
+    """
+
+    layers: list[tuple[Array, Array]]
+    features: FeatureMap
+    scale: ActionScale
+    interface: TruckInterface
+    coverage: dict[str, tuple[float, float]] = field(default_factory=dict)
+    card: dict[str, Any] = field(default_factory=dict)
+    _memory: Array | None = field(default=None, repr=False)
+
+    @property
+    def dt(self) -> float:
+        """Seconds between calls of `act`."""
+        return self.features.dt
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self._memory = None
+
+    def act(self, observation: Observation) -> tuple[Array, Array]:
+        """(engine_command, brake_command) in the interface's units, each (batch,)."""
+        signals = paper_signals(observation)
+        if self._memory is None or len(self._memory) != len(signals):
+            self._memory = self.features.start(len(signals))
+        hidden, self._memory = self.features(signals, self._memory)
+        commands = self.scale.commands(self.mean(hidden))
+        return commands[:, 0], commands[:, 1]
+
+    def mean(self, features: Array) -> Array:
+        """Mean action (batch, 2) before clipping, from features (batch, n)."""
+        hidden = features
+        for weight, bias in self.layers[:-1]:
+            hidden = np.tanh(hidden @ weight.T + bias)
+        weight, bias = self.layers[-1]
+        return hidden @ weight.T + bias
+
+    def save(self, path: str | Path) -> None:
+        """Write a policy directory (policy.json, policy.safetensors), whole or not at all."""
+        path = Path(path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as scratch:
+            folder = Path(scratch) / "policy"
+            folder.mkdir()
+            (folder / MANIFEST).write_text(json.dumps(self._manifest(), indent=2) + "\n")
+            tensors = {f"{k}.weight": np.ascontiguousarray(w) for k, (w, _) in enumerate(self.layers)}
+            tensors |= {f"{k}.bias": np.ascontiguousarray(b) for k, (_, b) in enumerate(self.layers)}
+            save_file(tensors, folder / WEIGHTS)
+            path.mkdir(exist_ok=True)
+            for name in (WEIGHTS, MANIFEST):
+                shutil.move(folder / name, path / name)
+
+    def _manifest(self) -> dict[str, Any]:
+        units = {name: self.interface.unit(name) for name in self.interface.u}
+        return {
+            "kind": "mlp",
+            "schema": 1,
+            "dt": self.dt,
+            "observation": {
+                name: {"unit": unit}
+                for name, unit in zip(OBSERVED, ("m/s", "m/s", "m", "s", "ratio"), strict=True)
+            },
+            "features": {"names": list(self.features.names), **self.features.to_dict()},
+            "action": {"units": units, **asdict(self.scale)},
+            "interface": self.interface.to_dict(),
+            "hidden": [len(bias) for _, bias in self.layers[:-1]],
+            "coverage": {name: list(limits) for name, limits in self.coverage.items()},
+            "card": self.card,
+        }
+
+
+def load_policy(path: str | Path, interface: TruckInterface | None = None) -> Policy:
+    """A policy directory written by `deeptruck-cacc train`, or `baseline:NAME` for a classical controller.
+
+    `interface` is the truck a baseline is to drive (default: engine torque in N m, brake in percent), and is
+    checked against a trained policy's own. Raises InputError where the path, a file or the interface is
+    wrong.
+    """
+    text = str(path)
+    if text.startswith("baseline:"):
+        from deeptruck_cacc.baselines import baseline
+
+        return baseline(text.removeprefix("baseline:"), interface or TruckInterface("trucksim"))
+    policy = _load_directory(Path(text))
+    if interface is not None and (interface.u, interface.engine_unit, interface.brake_unit) != (
+        policy.interface.u,
+        policy.interface.engine_unit,
+        policy.interface.brake_unit,
+    ):
+        raise InputError(
+            f"policy {path} commands {_units(policy.interface)}, the truck takes {_units(interface)}; "
+            "train one on a simulator of this truck"
+        )
+    return policy
+
+
+def _units(interface: TruckInterface) -> str:
+    return ", ".join(f"{name} in {interface.unit(name)}" for name in interface.u)
+
+
+def _load_directory(path: Path) -> MlpPolicy:
+    manifest = read_manifest(path)
+    try:
+        features = {k: v for k, v in manifest["features"].items() if k != "names"}
+        scale = {k: v for k, v in manifest["action"].items() if k != "units"}
+        policy = MlpPolicy(
+            _read_layers(path / WEIGHTS, len(manifest["hidden"]) + 1),
+            FeatureMap.from_dict(features),
+            ActionScale(**scale),
+            TruckInterface.from_dict(manifest["interface"]),
+            {name: (float(low), float(high)) for name, (low, high) in manifest["coverage"].items()},
+            manifest["card"],
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path / MANIFEST} is damaged ({error}); train the policy again") from None
+    if policy.layers[0][0].shape[1] != len(policy.features.names) or len(policy.layers[-1][1]) != 2:
+        raise InputError(f"{path / WEIGHTS} does not fit {MANIFEST}; train the policy again")
+    return policy
+
+
+def read_manifest(path: Path) -> dict[str, Any]:
+    """policy.json as a dict. Raises InputError where it is missing, damaged or of unknown kind."""
+    try:
+        manifest = json.loads((path / MANIFEST).read_text())
+    except (FileNotFoundError, NotADirectoryError):
+        raise InputError(
+            f"{path} is not a policy directory: it has no {MANIFEST}; make one with 'deeptruck-cacc train', "
+            "or use 'baseline:acc'"
+        ) from None
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path / MANIFEST} is damaged ({error}); train the policy again") from None
+    if not isinstance(manifest, dict) or manifest.get("kind") != "mlp" or manifest.get("schema") != 1:
+        raise InputError(f"{path / MANIFEST} is of no known kind; expected kind 'mlp', schema 1")
+    return manifest
+
+
+def _read_layers(path: Path, count: int) -> list[tuple[Array, Array]]:
+    try:
+        tensors = load_file(path)
+        layers = [(tensors[f"{k}.weight"], tensors[f"{k}.bias"]) for k in range(count)]
+    except (FileNotFoundError, SafetensorError, KeyError) as error:
+        raise InputError(f"{path} is missing or damaged ({error}); train the policy again") from None
+    if not all(math.isfinite(float(np.sum(w)) + float(np.sum(b))) for w, b in layers):
+        raise InputError(f"{path} holds NaN or infinite weights; train the policy again")
+    return [(w.astype(float), b.astype(float)) for w, b in layers]

@@ -1,0 +1,149 @@
+"""What a policy's network sees and says: the linear maps between the paper's signals and numbers near one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.signals import TruckInterface
+
+Array = NDArray[np.float64]
+
+OBSERVED = ("leader_speed", "speed", "gap", "target_time_gap", "grade")  # keys of an observation
+PAPER_SIGNALS = (
+    "leader_speed",
+    "speed",
+    "gap",
+    "target_gap",
+    "grade",
+)  # target_gap = speed * target_time_gap
+MEMORY = ("gap_error_integral", "leader_speed_slow", "speed_slow")
+
+# Invertible map of the paper's five signals: differences first, because the errors are what must go to zero.
+_MATRIX = np.array(
+    [
+        [1.0, -1.0, 0.0, 0.0, 0.0],  # speed error, m/s
+        [0.0, 1 / 7.0, 0.0, 0.0, 0.0],  # speed about 15 m/s
+        [0.0, 0.0, 0.5, -0.5, 0.0],  # gap error, in 2 m
+        [0.0, 0.0, 0.0, 1 / 30.0, 0.0],  # target gap about 50 m
+        [0.0, 0.0, 0.0, 0.0, 1 / 0.03],  # grade, in 3 %
+    ]
+)
+_OFFSET = np.array([0.0, -15 / 7.0, 0.0, -50 / 30.0, 0.0])
+
+
+def paper_signals(observation: Mapping[str, Any]) -> Array:
+    """The paper's observation [v_leader, v_ego, gap, v_ego * Tg, grade], (batch, 5), from a dict of OBSERVED.
+
+    Entries may be scalars or (batch,); grade may be absent or NaN (a truck without the sensor) and counts
+    as 0.
+    """
+    missing = [name for name in OBSERVED[:4] if name not in observation]
+    if missing:
+        raise InputError(f"observation lacks {', '.join(missing)}; a policy needs {', '.join(OBSERVED)}")
+    leader_speed, speed, gap, time_gap = (np.asarray(observation[name], float) for name in OBSERVED[:4])
+    grade = np.nan_to_num(np.asarray(observation.get("grade", 0.0), float))
+    columns = np.broadcast_arrays(leader_speed, speed, gap, speed * time_gap, grade)
+    return np.stack([np.atleast_1d(column) for column in columns], axis=-1)
+
+
+@dataclass(frozen=True)
+class FeatureMap:
+    """x = matrix @ signals + offset, and, with `memory`, three slow features of the past.
+
+    Memory (batch, 3) is [integral of the clipped gap error (m s), slow leader speed, slow ego speed]; NaN
+    in the slow speeds means 'not started'. The features are the scaled integral and the two speeds' rates
+    of change, which the paper's memoryless policy cannot know: they remove steady error and see a leader
+    that brakes.
+    """
+
+    matrix: Array
+    offset: Array
+    memory: bool = True
+    dt: float = 0.1
+    integral_clip_m: float = 2.0
+    integral_limit: float = 30.0
+    slow_s: float = 0.5
+
+    @classmethod
+    def default(cls, *, memory: bool = True, dt: float = 0.1) -> FeatureMap:
+        """The map described at the top of this module."""
+        return cls(_MATRIX.copy(), _OFFSET.copy(), memory, dt)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the features, in column order."""
+        paper = ("speed_error", "speed", "gap_error", "target_gap", "grade")
+        return (*paper, "gap_error_integral", "leader_acceleration", "acceleration") if self.memory else paper
+
+    def start(self, batch: int) -> Array:
+        """Memory before the first observation, (batch, 3); (batch, 0) without memory."""
+        return np.tile([0.0, np.nan, np.nan], (batch, 1)) if self.memory else np.zeros((batch, 0))
+
+    def __call__(self, signals: Array, memory: Array) -> tuple[Array, Array]:
+        """Features (batch, n) and the next memory, from signals (batch, 5) and memory."""
+        features = signals @ self.matrix.T + self.offset
+        if not self.memory:
+            return features, memory
+        speeds = signals[:, :2]
+        slow = np.where(np.isnan(memory[:, 1:]), speeds, memory[:, 1:])
+        error = np.clip(signals[:, 2] - signals[:, 3], -self.integral_clip_m, self.integral_clip_m)
+        integral = np.clip(memory[:, 0] + self.dt * error, -self.integral_limit, self.integral_limit)
+        rates = (speeds - slow) / self.slow_s
+        slow = slow + self.dt * rates
+        extra = np.column_stack([integral / 5.0, rates / 0.5])
+        return np.hstack([features, extra]), np.column_stack([integral, slow])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for policy.json."""
+        return {**asdict(self), "matrix": self.matrix.tolist(), "offset": self.offset.tolist()}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> FeatureMap:
+        """Inverse of to_dict."""
+        return cls(**{**data, "matrix": np.array(data["matrix"]), "offset": np.array(data["offset"])})
+
+
+# Reach of a heavy truck's commands, for simulators that do not state their own `command_range`.
+_ENGINE_REACH = {
+    "N m": (0.0, 2000.0),
+    "percent": (0.0, 100.0),
+    "g/s": (0.0, 18.0),
+    "cm^3/s": (0.0, 21.0),
+}
+_BRAKE_REACH = {"percent": 100.0, "m/s^2": 6.0, "bar": 8.0, None: 0.0}
+
+
+@dataclass(frozen=True)
+class ActionScale:
+    """From actions in [-1, 1] to commands in the interface's units: the engine's range, brake above zero."""
+
+    engine_low: float
+    engine_high: float
+    brake_high: float
+
+    @classmethod
+    def of(cls, simulator: Any) -> ActionScale:
+        """Reach of a simulator (or a bare TruckInterface): its `command_range` where it has one."""
+        interface: TruckInterface = getattr(simulator, "interface", simulator)
+        low, high = _ENGINE_REACH[interface.engine_unit]
+        stated = getattr(simulator, "command_range", {})
+        low, high = stated.get("engine_command", (low, high))
+        brake = stated.get("brake_command", (0.0, _BRAKE_REACH[interface.brake_unit]))[1]
+        return cls(float(max(low, 0.0)), float(high), float(brake))
+
+    def commands(self, action: Array) -> Array:
+        """Commands (batch, 2) from actions (batch, 2), which are clipped to [-1, 1]."""
+        action = np.clip(action, -1.0, 1.0)
+        engine = self.engine_low + (action[:, 0] + 1) / 2 * (self.engine_high - self.engine_low)
+        return np.column_stack([engine, np.maximum(action[:, 1], 0.0) * self.brake_high])
+
+    def actions(self, commands: Array) -> Array:
+        """Actions (batch, 2) that give the commands; a released brake is 0."""
+        engine = 2 * (commands[:, 0] - self.engine_low) / (self.engine_high - self.engine_low) - 1
+        return np.column_stack([engine, commands[:, 1] / max(self.brake_high, 1e-12)])

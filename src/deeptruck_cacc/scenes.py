@@ -1,0 +1,127 @@
+"""A scene: where the trucks start and what leader, road and radar do, for a whole batch at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Drawer = Callable[[np.random.Generator, int, int, float], "Scene"]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything outside the ego truck: (batch,) initial values and (batch, T) histories over the path.
+
+    `gap_jump` moves the true gap (cut-in, cut-out) at the start of a step, `leader_speed_jump` the leader's
+    speed with it. `seen_gap_offset` and `seen_speed_offset` falsify what the radar says, `seen` False is a
+    dropout (NaN). `hidden_grade` is slope the truck feels and no sensor reports. Absent histories are None.
+    """
+
+    leader_speed: Array
+    speed: Array
+    gap: Array
+    time_gap: Array
+    leader_acceleration: Array
+    grade: Array
+    gap_jump: Array | None = None
+    leader_speed_jump: Array | None = None
+    seen_gap_offset: Array | None = None
+    seen_speed_offset: Array | None = None
+    seen: NDArray[np.bool_] | None = None
+    hidden_grade: Array | None = None
+
+    @property
+    def batch(self) -> int:
+        """Number of rollouts."""
+        return len(self.speed)
+
+    @property
+    def steps(self) -> int:
+        """Path length."""
+        return self.leader_acceleration.shape[1]
+
+
+def paper(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
+    """The paper's initial distributions, constant leader speed, flat road.
+
+    Leader 8.3..22.2 m/s, ego +-1.39 m/s about it, gap error +-1.39 m, time gap 2..5 s.
+    """
+    leader = rng.uniform(8.3, 22.2, batch)
+    speed = leader + rng.uniform(-1.39, 1.39, batch)
+    time_gap = rng.uniform(2.0, 5.0, batch)
+    gap = speed * time_gap + rng.uniform(-1.39, 1.39, batch)
+    still = np.zeros((batch, steps))
+    return Scene(leader, speed, gap, time_gap, still, still.copy())
+
+
+def graded(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
+    """The paper's scene on a constant random grade within +-3 % (the paper's theta distribution)."""
+    scene = paper(rng, batch, steps, dt)
+    return replace(scene, grade=np.tile(rng.uniform(-0.03, 0.03, (batch, 1)), (1, steps)))
+
+
+def moving(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
+    """Moving leader and road together: 0.5 m/s2 sine with period 10..20 s, grade a slow walk within +-3 %."""
+    scene = paper(rng, batch, steps, dt)
+    t = dt * np.arange(steps)
+    period = rng.uniform(10.0, 20.0, (batch, 1))
+    phase = rng.uniform(0.0, 2 * np.pi, (batch, 1))
+    acceleration = 0.5 * np.sin(2 * np.pi * t / period + phase)
+    return replace(
+        scene, leader_acceleration=acceleration, grade=rolling_road(rng, batch, steps, dt, scene.speed)
+    )
+
+
+def rolling_road(
+    rng: np.random.Generator, batch: int, steps: int, dt: float, speed: Array, limit: float = 0.03
+) -> Array:
+    """Grade (batch, steps): two hills of 0.3..2 km wavelength met at the initial speed, within +-limit."""
+    distance = np.atleast_1d(speed)[:, None] * dt * np.arange(steps)
+    grade = np.zeros((batch, steps))
+    for share in (0.65, 0.35):
+        wavelength = rng.uniform(300.0, 2000.0, (batch, 1))
+        grade += share * np.sin(2 * np.pi * distance / wavelength + rng.uniform(0, 2 * np.pi, (batch, 1)))
+    return limit * grade
+
+
+def wide(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
+    """Training mix past the paper: wider errors, leaders that move in steps and sines, hills, hidden slope.
+
+    A third of the rollouts is the paper's own scene. The hidden slope (+-1 %) stands for what the simulator
+    does not know: payload, wind, a grade sensor's bias.
+    """
+    scene = moving(rng, batch, steps, dt)
+    calm = rng.random(batch) < 1 / 3
+    off = rng.random(batch) < 0.3
+    time_gap = np.where(off, rng.uniform(1.2, 5.0, batch), scene.time_gap)
+    speed = scene.leader_speed + rng.uniform(-1, 1, batch) * np.where(off, 3.0, 1.39)
+    gap = speed * time_gap + rng.uniform(-1, 1, batch) * np.where(off, 0.8 * speed, 1.39)
+    acceleration = np.where(
+        rng.random((batch, 1)) < 0.5, scene.leader_acceleration, _steps(rng, batch, steps, dt)
+    )
+    acceleration *= rng.uniform(0.0, 1.5, (batch, 1))
+    hidden = np.tile(rng.uniform(-0.01, 0.01, (batch, 1)), (1, steps))
+    return replace(
+        scene,
+        time_gap=time_gap,
+        speed=speed,
+        gap=np.maximum(gap, 8.0),
+        leader_acceleration=np.where(calm[:, None], 0.0, acceleration),
+        grade=np.where(calm[:, None], 0.0, scene.grade),
+        hidden_grade=hidden,
+    )
+
+
+def _steps(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Array:
+    """Piecewise constant leader acceleration that comes back: +a, rest, -a, rest."""
+    length = max(int(rng.integers(20, 60)), 1)
+    size = rng.uniform(-1.0, 1.0, (batch, 1))
+    phase = (np.arange(steps) // length + rng.integers(0, 4, (batch, 1))) % 4
+    return size * np.array([1.0, 0.0, -1.0, 0.0])[phase]
+
+
+DRAWERS: dict[str, Drawer] = {"paper": paper, "graded": graded, "moving": moving, "wide": wide}

@@ -1,0 +1,119 @@
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from deeptruck_cacc import CaccEnv, MlpPolicy, Policy, load_policy, scenes
+from deeptruck_cacc.baselines import LAWS, baseline
+from deeptruck_cacc.pedals import PedalMap
+from deeptruck_cacc.policy import MANIFEST, WEIGHTS
+from deeptruck_cacc.scaling import ActionScale, FeatureMap
+from deeptruck_model.errors import InputError
+from deeptruck_model.signals import TruckInterface
+
+SEEN = {"leader_speed": 20.0, "speed": 19.0, "gap": 40.0, "target_time_gap": 2.0, "grade": 0.01}
+
+
+def random_policy(memory: bool = True) -> MlpPolicy:
+    rng = np.random.default_rng(0)
+    features = FeatureMap.default(memory=memory)
+    sizes = [len(features.names), 25, 25, 25, 2]
+    layers = [(rng.normal(0, 0.4, (b, a)), rng.normal(0, 0.1, b)) for a, b in pairwise(sizes)]
+    truck = TruckInterface("toy")
+    return MlpPolicy(layers, features, ActionScale.of(truck), truck, {"speed": (7.0, 24.0)}, {"seed": 0})
+
+
+@pytest.mark.parametrize("memory", [True, False])
+def test_a_saved_policy_acts_the_same(tmp_path, memory):
+    policy = random_policy(memory)
+    policy.save(tmp_path / "p")
+    loaded = load_policy(tmp_path / "p")
+    assert isinstance(loaded, Policy)
+    for gap in (40.0, 39.0, 37.0):
+        np.testing.assert_array_equal(policy.act({**SEEN, "gap": gap}), loaded.act({**SEEN, "gap": gap}))
+    assert loaded.coverage == policy.coverage and loaded.card == policy.card
+
+
+def test_reset_forgets_and_rows_do_not_mix():
+    policy = random_policy()
+    first = policy.act(SEEN)
+    assert not np.array_equal(policy.act({**SEEN, "gap": 42.0}), first)
+    policy.reset()
+    np.testing.assert_array_equal(policy.act(SEEN), first)
+    policy.reset()
+    both = policy.act({**SEEN, "gap": np.array([40.0, 70.0])})
+    np.testing.assert_allclose(both[0][0], first[0][0])
+
+
+def test_commands_stay_within_reach_and_nan_stays_nan():
+    policy = random_policy()
+    for gap in (-1e6, 0.0, 1e6):
+        engine, brake = policy.act({**SEEN, "gap": gap})
+        assert 0 <= engine[0] <= 2000 and 0 <= brake[0] <= 100
+    assert np.isnan(policy.act({**SEEN, "gap": np.nan})[0][0])
+
+
+def test_the_node_needs_no_training_stack(tmp_path):
+    random_policy().save(tmp_path / "p")
+    code = (
+        "import sys; from deeptruck_cacc import load_policy; "
+        f"p = load_policy({str(tmp_path / 'p')!r}); p.act({SEEN!r}); "
+        f"load_policy('baseline:acc').act({SEEN!r}); "
+        "bad = {'torch', 'gymnasium', 'stable_baselines3', 'pickle5'} & set(sys.modules); assert not bad, bad"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+
+
+@pytest.mark.parametrize(
+    ("damage", "says"),
+    [
+        (lambda p: (p / MANIFEST).unlink(), "no policy.json"),
+        (lambda p: (p / MANIFEST).write_text("{"), "damaged"),
+        (lambda p: (p / MANIFEST).write_text('{"kind": "mlp", "schema": 1}'), "damaged"),
+        (lambda p: (p / WEIGHTS).write_bytes(b"xx"), "damaged"),
+        (lambda p: (p / WEIGHTS).unlink(), "missing"),
+    ],
+)
+def test_a_damaged_directory_is_one_clear_line(tmp_path, damage, says):
+    random_policy().save(tmp_path / "p")
+    damage(tmp_path / "p")
+    with pytest.raises(InputError, match=says) as error:
+        load_policy(tmp_path / "p")
+    assert "\n" not in str(error.value)
+
+
+def test_a_policy_for_another_truck_is_refused(tmp_path):
+    random_policy().save(tmp_path / "p")
+    assert json.loads((tmp_path / "p" / MANIFEST).read_text())["action"]["units"]["engine_command"] == "N m"
+    with pytest.raises(InputError, match="percent"):
+        load_policy(tmp_path / "p", TruckInterface("volvo", "percent", "m/s^2"))
+
+
+def test_unknown_baseline_lists_the_known_ones():
+    with pytest.raises(InputError, match="acc, cacc, idm, pi"):
+        load_policy("baseline:magic")
+
+
+@pytest.mark.parametrize("name", sorted(LAWS))
+def test_baselines_follow_a_steady_leader(toy, name):
+    env = CaccEnv(toy, batch=20, seed=2, draw=scenes.graded)
+    policy = baseline(name, toy.interface, PedalMap.calibrate(toy))
+    seen = env.reset()
+    while not env.done:
+        seen, _, info = env.step(np.column_stack(policy.act(seen)))
+    assert np.abs(info["speed_error"]).max() < 0.15
+    if name != "idm":
+        assert np.abs(info["time_gap_error"]).max() < 0.1
+
+
+def test_calibrated_pedals_give_the_wanted_acceleration(toy):
+    pedals = PedalMap.calibrate(toy)
+    wanted = np.array([0.5, 0.0, -2.0])
+    engine, brake = pedals.commands(wanted, np.full(3, 15.0), np.array([0.02, -0.02, 0.0]))
+    got = engine / 1000 - 0.06 * brake - 0.05 - 9.81 * np.array([0.02, -0.02, 0.0])
+    np.testing.assert_allclose(got, wanted, atol=0.05)
