@@ -1,0 +1,144 @@
+"""Writing a bag so that a kill costs at most the last second, and making a whole bag of what a kill left."""
+
+from __future__ import annotations
+
+import json
+import time
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from mcap.writer import CompressionType, Writer
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings.bag_metadata import Topic, definition, metadata_yaml
+
+
+class CrashSafeWriter:
+    """Writes serialised messages into a new rosbag2 folder; what is older than `flush_s` survives a kill -9.
+
+    Every flush ends a chunk, so that `repair` can index it. Until `close` the folder has no metadata.yaml, which
+    is how an unfinished bag is told. Use as a context manager. Raises InputError where the folder exists or
+    cannot be written, where the disk is full, and for unknown message types.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        *,
+        file_stem: str | None = None,
+        custom_data: dict[str, str] | None = None,
+        flush_s: float = 1.0,
+    ) -> None:
+        self.path = Path(path)
+        self.flush_s = flush_s
+        self.custom_data = dict(custom_data or {})
+        self.file = self.path / f"{file_stem or self.path.name}_0.mcap"
+        self._topics: dict[str, _Channel] = {}
+        self._schemas: dict[str, int] = {}
+        self._first_ns, self._last_ns = 2**63 - 1, 0
+        self._broken = False
+        try:
+            self.path.mkdir(parents=True)
+            self._stream = self.file.open("xb")
+        except FileExistsError:
+            raise InputError(f"{self.path} exists already; choose another name or remove it") from None
+        except OSError as error:
+            raise InputError(f"cannot write {self.path}: {error.strerror}") from None
+        self._writer = Writer(self._stream, compression=CompressionType.NONE)
+        self._guarded(self._begin)
+
+    def _begin(self) -> None:
+        self._writer.start(profile="ros2", library="deeptruck")
+        for key, value in self.custom_data.items():
+            self._writer.add_metadata(key, {"json": value})
+        self._flush()
+
+    def write(self, topic: str, type_name: str, cdr: bytes, stamp_ns: int) -> None:
+        """Add one message (CDR with its encapsulation header), logged at `stamp_ns`; flushes when that is due."""
+        channel = self._topics.get(topic)
+        if channel is None:
+            channel = self._register(topic, type_name)
+        elif channel.type_name != type_name:
+            raise InputError(
+                f"topic {topic} carries {channel.type_name}; a {type_name} does not belong there"
+            )
+        channel.count += 1
+        self._first_ns = min(self._first_ns, stamp_ns)
+        self._last_ns = max(self._last_ns, stamp_ns)
+        self._guarded(self._writer.add_message, channel.id, stamp_ns, cdr, stamp_ns, channel.count)
+        if time.monotonic() >= self._due:
+            self._guarded(self._flush)
+
+    def flush(self) -> None:
+        """Make everything written so far safe. Call it from a timer where messages may stop coming."""
+        self._guarded(self._flush)
+
+    def close(self) -> None:
+        """Finish the file and write metadata.yaml; a second call does nothing."""
+        if self._stream.closed:
+            return
+        if self._broken:
+            with suppress(OSError):
+                self._stream.close()
+            return
+        self._guarded(self._writer.finish)
+        self._guarded(self._stream.close)
+        self._guarded(self._write_metadata)
+
+    def __enter__(self) -> CrashSafeWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _register(self, topic: str, type_name: str) -> _Channel:
+        text, type_hash = definition(type_name)
+        if type_name not in self._schemas:
+            self._schemas[type_name] = self._writer.register_schema(type_name, "ros2msg", text.encode())
+        channel_id = self._writer.register_channel(
+            topic,
+            "cdr",
+            self._schemas[type_name],
+            {"offered_qos_profiles": "", "topic_type_hash": type_hash},
+        )
+        self._topics[topic] = _Channel(channel_id, type_name)
+        return self._topics[topic]
+
+    def _flush(self) -> None:
+        self._writer.flush()
+        self._due = time.monotonic() + self.flush_s
+
+    def _write_metadata(self) -> None:
+        topics = [Topic(name, channel.type_name, channel.count) for name, channel in self._topics.items()]
+        start = min(self._first_ns, self._last_ns)
+        write_metadata(self.path, self.file.name, topics, start, self._last_ns, self.custom_data)
+
+    def _guarded(self, action: Any, *arguments: Any) -> None:
+        try:
+            action(*arguments)
+        except OSError as error:
+            self._broken = True
+            raise InputError(
+                f"cannot write {self.path}: {error.strerror}; what was written before is kept, "
+                "'deeptruck-model repair' makes a bag of it"
+            ) from None
+
+
+class _Channel:
+    def __init__(self, channel_id: int, type_name: str) -> None:
+        self.id, self.type_name, self.count = channel_id, type_name, 0
+
+
+def write_metadata(
+    folder: Path, file_name: str, topics: list[Topic], start_ns: int, end_ns: int, custom: dict[str, str]
+) -> None:
+    """Write a folder's metadata.yaml under a temporary name and rename it."""
+    for value in custom.values():
+        json.loads(value)  # custom data is JSON by agreement: BagSource.custom_data reads it back so
+    unfinished = folder / ".metadata.yaml.tmp"
+    unfinished.write_text(metadata_yaml(file_name, topics, start_ns, end_ns, custom), encoding="utf-8")
+    unfinished.replace(folder / "metadata.yaml")

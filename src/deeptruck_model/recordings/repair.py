@@ -1,0 +1,255 @@
+"""Making a whole bag of a truncated one: cut behind the last whole chunk, then index what is there (MCAP 1.0)."""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import BinaryIO
+
+from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    MessageIndex,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+)
+from mcap.stream_reader import get_chunk_data_stream
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings.bag_metadata import Topic
+from deeptruck_model.recordings.bag_source import message_indexes
+from deeptruck_model.recordings.crash_safe import write_metadata
+
+_MAGIC = b"\x89MCAP0\r\n"
+_HEAD = 9  # opcode and length of a record
+
+
+@dataclass
+class _Found:
+    """What a scan of the data section found, and where its last whole record ends."""
+
+    end: int
+    header: bool = False
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    chunks: list[ChunkIndex] = field(default_factory=list)
+    counts: dict[int, int] = field(default_factory=dict)
+    metadata: list[tuple[MetadataIndex, Metadata]] = field(default_factory=list)
+
+
+def repair(path: str | Path) -> str | None:
+    """Make a bag whose writer was killed (or whose end is missing) whole again, in place.
+
+    `path` is a rosbag2 folder with one MCAP file, or the file itself. Everything in whole chunks is kept; returns
+    one line on what was done, None where nothing was wrong. A kill during the repair does no harm: run it again.
+    Raises InputError where there is no MCAP file or the disk cannot be written.
+    """
+    path = Path(path)
+    file = _only_mcap(path)
+    whole = _is_whole(file)
+    if whole and (path.is_file() or (path / "metadata.yaml").exists()):
+        return None
+    try:
+        with file.open("r+b") as stream:
+            size = stream.seek(0, os.SEEK_END)
+            found = _scan(stream, size, file)
+            _finish(stream, found)
+        if path.is_dir():
+            _describe(path, file, found)
+    except OSError as error:
+        raise InputError(f"cannot repair {path}: {error.strerror}") from None
+    lost = "nothing was lost" if whole else f"{size - found.end} bytes behind the last whole chunk dropped"
+    return f"{path} was not finished: kept {sum(found.counts.values())} messages, {lost}"
+
+
+def _only_mcap(path: Path) -> Path:
+    if not path.exists():
+        raise InputError(f"{path} does not exist")
+    files = [path] if path.is_file() else sorted(path.glob("*.mcap"))
+    if len(files) != 1:
+        raise InputError(f"{path} holds {len(files)} MCAP files; repair needs exactly one")
+    with files[0].open("rb") as stream:
+        begin = stream.read(len(_MAGIC))
+    if not _MAGIC.startswith(begin):
+        raise InputError(f"{files[0]} is not an MCAP file")
+    return files[0]
+
+
+def _is_whole(file: Path) -> bool:
+    with file.open("rb") as stream:
+        if stream.seek(0, os.SEEK_END) < 2 * len(_MAGIC):
+            return False
+        stream.seek(-len(_MAGIC), os.SEEK_END)
+        return stream.read() == _MAGIC
+
+
+def _scan(stream: BinaryIO, size: int, file: Path) -> _Found:
+    found = _Found(end=min(size, len(_MAGIC)))
+    at = len(_MAGIC)
+    tail: Chunk | None = None  # the last chunk: whether its message indexes are all there is not known
+    while at + _HEAD <= size:
+        stream.seek(at)
+        opcode, length = struct.unpack("<BQ", stream.read(_HEAD))
+        if at + _HEAD + length > size or opcode in (Opcode.DATA_END, Opcode.FOOTER):
+            break
+        content = stream.read(length)
+        if opcode == Opcode.CHUNK:
+            chunk = Chunk.read(ReadDataStream(BytesIO(content)))
+            if zlib.crc32(chunk.data) != chunk.uncompressed_crc and not chunk.compression:
+                break
+            tail = chunk
+            found.chunks.append(_chunk_index(chunk, at, length + _HEAD))
+        elif opcode == Opcode.MESSAGE_INDEX and found.chunks:
+            _note_index(found, tail, content, at)
+        elif opcode in (Opcode.HEADER, Opcode.METADATA):
+            _note_loose(found, opcode, content, at)
+        else:
+            raise InputError(f"{file} was written in a way repair does not know (record type {opcode})")
+        at += _HEAD + length
+        found.end = at
+    if tail is not None:
+        _index_again(stream, found, tail)
+    return found
+
+
+def _chunk_index(chunk: Chunk, at: int, length: int) -> ChunkIndex:
+    return ChunkIndex(
+        chunk_length=length,
+        chunk_start_offset=at,
+        compression=chunk.compression,
+        compressed_size=len(chunk.data),
+        message_end_time=chunk.message_end_time,
+        message_index_length=0,
+        message_index_offsets={},
+        message_start_time=chunk.message_start_time,
+        uncompressed_size=chunk.uncompressed_size,
+    )
+
+
+def _note_index(found: _Found, chunk: Chunk | None, content: bytes, at: int) -> None:
+    channel = int.from_bytes(content[:2], "little")
+    if channel not in found.channels and chunk is not None:
+        _learn_channels(found, chunk)
+    index = found.chunks[-1]
+    index.message_index_offsets[channel] = at
+    index.message_index_length += _HEAD + len(content)
+    found.counts[channel] = found.counts.get(channel, 0) + (len(content) - 6) // 16
+
+
+def _note_loose(found: _Found, opcode: int, content: bytes, at: int) -> None:
+    if opcode == Opcode.HEADER:
+        found.header = True
+        return
+    metadata = Metadata.read(ReadDataStream(BytesIO(content)))
+    found.metadata.append((MetadataIndex(at, _HEAD + len(content), metadata.name), metadata))
+
+
+def _learn_channels(found: _Found, chunk: Chunk) -> None:
+    stream, size = get_chunk_data_stream(chunk)
+    while stream.count < size:
+        opcode, length = stream.read1(), stream.read8()
+        if opcode == Opcode.SCHEMA:
+            schema = Schema.read(stream)
+            found.schemas[schema.id] = schema
+        elif opcode == Opcode.CHANNEL:
+            channel = Channel.read(stream)
+            found.channels[channel.id] = channel
+        else:
+            stream.read(length)
+
+
+def _index_again(stream: BinaryIO, found: _Found, chunk: Chunk) -> None:
+    """Write the last chunk's message indexes anew, in case the end of the file cut some off."""
+    last = found.chunks[-1]
+    behind = last.chunk_start_offset + last.chunk_length
+    stream.seek(behind)
+    for channel, entries in message_indexes(stream.read(last.message_index_length)):
+        found.counts[channel] -= len(entries)
+    _learn_channels(found, chunk)
+    builder = RecordBuilder()
+    last.message_index_offsets.clear()
+    for channel, records in _message_offsets(chunk).items():
+        last.message_index_offsets[channel] = behind + builder.count
+        MessageIndex(channel, records).write(builder)
+        found.counts[channel] = found.counts.get(channel, 0) + len(records)
+    last.message_index_length = builder.count
+    stream.seek(behind)
+    stream.write(builder.end())
+    found.end = stream.tell()
+
+
+def _message_offsets(chunk: Chunk) -> dict[int, list[tuple[int, int]]]:
+    stream, size = get_chunk_data_stream(chunk)
+    data = stream.read(size)
+    offsets: dict[int, list[tuple[int, int]]] = {}
+    at = 0
+    while at < size:
+        opcode, length = struct.unpack_from("<BQ", data, at)
+        if opcode == Opcode.MESSAGE:
+            channel, _, log_ns = struct.unpack_from("<HIQ", data, at + _HEAD)
+            offsets.setdefault(channel, []).append((log_ns, at))
+        at += _HEAD + length
+    return offsets
+
+
+def _finish(stream: BinaryIO, found: _Found) -> None:
+    """Cut behind the last whole record and append the end a writer would have written."""
+    stream.truncate(found.end)
+    stream.seek(found.end)
+    builder = RecordBuilder()
+    if not found.header:  # killed before anything was safe: an empty bag
+        stream.seek(0)
+        stream.truncate()
+        stream.write(_MAGIC)
+        Header("ros2", "deeptruck").write(builder)
+    DataEnd(0).write(builder)
+    stream.write(builder.end())
+    summary_start = stream.tell()
+    for record in (*found.schemas.values(), *found.channels.values(), _statistics(found), *found.chunks):
+        record.write(builder)
+    for index, _ in found.metadata:
+        index.write(builder)
+    Footer(summary_start=summary_start, summary_offset_start=0, summary_crc=0).write(builder)
+    stream.write(builder.end() + _MAGIC)
+
+
+def _statistics(found: _Found) -> Statistics:
+    return Statistics(
+        attachment_count=0,
+        channel_count=len(found.channels),
+        channel_message_counts=dict(found.counts),
+        chunk_count=len(found.chunks),
+        message_count=sum(found.counts.values()),
+        message_end_time=max((c.message_end_time for c in found.chunks), default=0),
+        message_start_time=min((c.message_start_time for c in found.chunks), default=0),
+        metadata_count=len(found.metadata),
+        schema_count=len(found.schemas),
+    )
+
+
+def _describe(path: Path, file: Path, found: _Found) -> None:
+    topics = [
+        Topic(channel.topic, found.schemas[channel.schema_id].name, found.counts.get(channel.id, 0))
+        for channel in found.channels.values()
+    ]
+    custom = {
+        metadata.name: metadata.metadata["json"]
+        for _, metadata in found.metadata
+        if "json" in metadata.metadata
+    }
+    statistics = _statistics(found)
+    write_metadata(
+        path, file.name, topics, statistics.message_start_time, statistics.message_end_time, custom
+    )

@@ -1,0 +1,96 @@
+"""Which message field is which channel: the project's own topics, and users' topics by YAML."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings.units import Conversion, conversion
+from deeptruck_model.signals import CHANNELS
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a channel comes from: `field` of the messages on `topic`, then unit, scale and offset."""
+
+    topic: str
+    field: str
+    convert: Conversion | None = None  # None: already canonical, commands in the interface's unit
+    scale: float = 1.0
+    offset: float = 0.0
+
+
+def _named(topic: str, *channels: str) -> dict[str, Source]:
+    return {channel: Source(topic, f"position[name={channel}]") for channel in channels}
+
+
+DEFAULT_TOPICS: dict[str, Source] = {
+    "speed": Source("/truck/twist", "twist.linear.x"),
+    "acceleration": Source("/truck/accel", "accel.linear.x"),
+    **_named("/truck/status", "fuel_rate", "gear", "engine_speed", "engine_torque"),
+    **_named("/truck/command", "engine_command", "brake_command"),
+    **_named("/road", "grade", "elevation", "ambient_temperature", "latitude", "longitude"),
+    "gap": Source("/radar/range", "range"),
+    "leader_speed": Source("/radar/twist", "twist.linear.x"),
+}
+
+TopicMap = Mapping[str, Any]
+
+
+def load(topic_map: TopicMap | str | Path) -> dict[str, Source]:
+    """Sources by channel from a mapping, or from a YAML file of `channel: {topic, field, unit, scale, offset}`.
+
+    Channels left out are not read. Raises InputError for unknown channels, keys or units.
+    """
+    if isinstance(topic_map, str | Path):
+        topic_map = load_yaml(Path(topic_map))
+    return {channel: _source(channel, entry) for channel, entry in topic_map.items()}
+
+
+def load_yaml(path: Path) -> dict[str, Any]:
+    """A YAML file that holds one mapping. Raises InputError where it is missing, damaged or something else."""
+    try:
+        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} is not valid YAML: {' '.join(str(error).split())}") from None
+    if not isinstance(data, dict):
+        raise InputError(f"{path} must hold 'key: value' pairs at its top level")
+    return data
+
+
+def _source(channel: str, entry: Any) -> Source:
+    if isinstance(entry, Source):
+        return entry
+    if channel not in CHANNELS:
+        raise InputError(f"unknown channel '{channel}' in the topic map; known: {', '.join(CHANNELS)}")
+    if not isinstance(entry, Mapping) or not {"topic", "field"} <= set(entry):
+        raise InputError(
+            f"topic map: '{channel}' needs topic and field, as in {{topic: /odom, field: twist.twist.linear.x}}"
+        )
+    unknown = set(entry) - {"topic", "field", "unit", "scale", "offset", "density"}
+    if unknown:
+        raise InputError(f"topic map: '{channel}' has unknown keys: {', '.join(sorted(map(str, unknown)))}")
+    unit = entry.get("unit")
+    convert = conversion(channel, unit, entry.get("density")) if unit is not None else None
+    return Source(
+        str(entry["topic"]),
+        str(entry["field"]),
+        convert,
+        number(entry, "scale", 1.0, channel),
+        number(entry, "offset", 0.0, channel),
+    )
+
+
+def number(entry: Mapping[str, Any], key: str, default: float, where: str) -> float:
+    """A number from a YAML entry, or the default. Raises InputError where it is something else."""
+    value = entry.get(key, default)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"{key} of '{where}' must be a number, not {value!r}")
+    return float(value)

@@ -1,0 +1,196 @@
+"""Units people write in logs, and how to get from them to the project's own (SI, see signals.CHANNELS)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.signals import BRAKE_UNITS, CHANNELS, ENGINE_UNITS
+
+Array = NDArray[np.float64]
+
+DIESEL_DENSITY = 0.832  # g/cm^3 at 15 degC, middle of EN 590's 0.820 to 0.845
+
+# canonical unit -> spelling (lower case, no blanks) -> (factor, offset): canonical = factor * value + offset
+_LINEAR: dict[str, dict[str, tuple[float, float]]] = {
+    "m/s": {
+        "m/s": (1.0, 0.0),
+        "mps": (1.0, 0.0),
+        "km/h": (1 / 3.6, 0.0),
+        "kph": (1 / 3.6, 0.0),
+        "kmh": (1 / 3.6, 0.0),
+        "mph": (0.44704, 0.0),
+        "mi/h": (0.44704, 0.0),
+        "ft/s": (0.3048, 0.0),
+        "knot": (1852 / 3600, 0.0),
+        "kn": (1852 / 3600, 0.0),
+    },
+    "m/s^2": {
+        "m/s^2": (1.0, 0.0),
+        "m/s2": (1.0, 0.0),
+        "g": (9.80665, 0.0),
+        "ft/s^2": (0.3048, 0.0),
+        "ft/s2": (0.3048, 0.0),
+    },
+    "N m": {
+        "nm": (1.0, 0.0),
+        "n*m": (1.0, 0.0),
+        "n-m": (1.0, 0.0),
+        "knm": (1000.0, 0.0),
+        "lbft": (1.3558179483, 0.0),
+        "ftlb": (1.3558179483, 0.0),
+        "lb-ft": (1.3558179483, 0.0),
+        "ft-lb": (1.3558179483, 0.0),
+    },
+    "percent": {
+        "percent": (1.0, 0.0),
+        "%": (1.0, 0.0),
+        "ratio": (100.0, 0.0),
+        "fraction": (100.0, 0.0),
+        "1": (100.0, 0.0),
+    },
+    "bar": {
+        "bar": (1.0, 0.0),
+        "kpa": (0.01, 0.0),
+        "mpa": (10.0, 0.0),
+        "pa": (1e-5, 0.0),
+        "psi": (0.0689475729, 0.0),
+    },
+    "g/s": {
+        "g/s": (1.0, 0.0),
+        "kg/h": (1 / 3.6, 0.0),
+        "g/h": (1 / 3600, 0.0),
+        "kg/s": (1000.0, 0.0),
+        "mg/s": (1e-3, 0.0),
+    },
+    "cm^3/s": {
+        "cm^3/s": (1.0, 0.0),
+        "cm3/s": (1.0, 0.0),
+        "cc/s": (1.0, 0.0),
+        "ml/s": (1.0, 0.0),
+        "l/h": (1 / 3.6, 0.0),
+        "l/s": (1000.0, 0.0),
+        "gal/h": (3785.411784 / 3600, 0.0),
+        "gph": (3785.411784 / 3600, 0.0),
+    },
+    "1": {"1": (1.0, 0.0), "": (1.0, 0.0), "gear": (1.0, 0.0)},
+    "rad/s": {
+        "rad/s": (1.0, 0.0),
+        "rpm": (math.pi / 30, 0.0),
+        "1/min": (math.pi / 30, 0.0),
+        "rev/min": (math.pi / 30, 0.0),
+        "hz": (2 * math.pi, 0.0),
+        "rev/s": (2 * math.pi, 0.0),
+    },
+    "m": {
+        "m": (1.0, 0.0),
+        "ft": (0.3048, 0.0),
+        "feet": (0.3048, 0.0),
+        "km": (1000.0, 0.0),
+        "cm": (0.01, 0.0),
+        "mm": (1e-3, 0.0),
+    },
+    "degC": {
+        "degc": (1.0, 0.0),
+        "°c": (1.0, 0.0),
+        "c": (1.0, 0.0),
+        "celsius": (1.0, 0.0),
+        "k": (1.0, -273.15),
+        "kelvin": (1.0, -273.15),
+        "degf": (5 / 9, -160 / 9),
+        "°f": (5 / 9, -160 / 9),
+        "f": (5 / 9, -160 / 9),
+    },
+    "deg": {"deg": (1.0, 0.0), "°": (1.0, 0.0), "rad": (180 / math.pi, 0.0)},
+    "ratio": {
+        "ratio": (1.0, 0.0),
+        "1": (1.0, 0.0),
+        "m/m": (1.0, 0.0),
+        "percent": (0.01, 0.0),
+        "%": (0.01, 0.0),
+        "permille": (0.001, 0.0),
+    },
+}
+_ANGLES = {"deg": math.pi / 180, "°": math.pi / 180, "rad": 1.0}  # grade as an angle: slope is its tangent
+
+
+@dataclass(frozen=True)
+class Conversion:
+    """From a logged number to the canonical unit: `factor * value + offset`, or the tangent of an angle."""
+
+    unit: str  # the canonical unit it leads to
+    factor: float
+    offset: float = 0.0
+    angle: bool = False
+
+    def __call__(self, values: Array) -> Array:
+        if self.angle:
+            return np.tan(self.factor * values)
+        if self.factor == 1.0 and self.offset == 0.0:
+            return values
+        return self.factor * values + self.offset
+
+
+def conversion(channel: str, unit: str | None, density: float | None = None) -> Conversion:
+    """How values of `channel` in `unit` become canonical; None stands for the canonical unit itself.
+
+    Commands become one of signals.ENGINE_UNITS or BRAKE_UNITS, whichever the unit belongs to. A fuel rate by
+    mass needs the fuel's density (g/cm^3 or kg/m^3, told apart by size). Raises InputError for a unit that
+    does not fit the channel.
+    """
+    if channel not in CHANNELS:
+        raise InputError(f"unknown channel '{channel}'; known: {', '.join(CHANNELS)}")
+    candidates = _candidates(channel)
+    if unit is None:
+        if len(candidates) > 1:
+            raise InputError(f"channel '{channel}' needs a unit: one of {', '.join(candidates)}")
+        return Conversion(candidates[0], 1.0)
+    spelling = _spelling(unit)
+    if channel == "grade" and spelling in _ANGLES:
+        return Conversion("ratio", _ANGLES[spelling], angle=True)
+    for canonical in candidates:
+        if spelling in _LINEAR[canonical]:
+            factor, offset = _LINEAR[canonical][spelling]
+            return Conversion(canonical, factor, offset)
+    if channel == "fuel_rate" and spelling in _LINEAR["g/s"]:
+        return Conversion("cm^3/s", _LINEAR["g/s"][spelling][0] / _density(density))
+    known = ", ".join(known_units(channel))
+    raise InputError(f"unit '{unit}' does not fit channel '{channel}'; use one of: {known}")
+
+
+def known_units(channel: str) -> list[str]:
+    """Every spelling understood for a channel."""
+    spellings = [name for unit in _candidates(channel) for name in _LINEAR[unit] if name]
+    if channel == "grade":
+        spellings += list(_ANGLES)
+    if channel == "fuel_rate":
+        spellings += list(_LINEAR["g/s"])
+    return spellings
+
+
+def _candidates(channel: str) -> tuple[str, ...]:
+    if channel == "engine_command":
+        return ENGINE_UNITS
+    return BRAKE_UNITS if channel == "brake_command" else (CHANNELS[channel].unit,)
+
+
+def _spelling(unit: str) -> str:
+    text = str(unit).strip().lower().replace("²", "^2").replace("³", "^3").replace("**", "^")
+    return text.replace("·", "").replace(" ", "").strip("[]()")
+
+
+def _density(density: float | None) -> float:
+    """Density in g/cm^3 from a number in g/cm^3 or kg/m^3."""
+    if density is None:
+        return DIESEL_DENSITY
+    if isinstance(density, bool) or not isinstance(density, int | float):
+        raise InputError(f"density must be a number in g/cm^3 or kg/m^3, not {density!r}")
+    if 0.3 <= density <= 3.0:
+        return float(density)
+    if 300.0 <= density <= 3000.0:
+        return density / 1000.0
+    raise InputError(f"density {density} is neither in g/cm^3 (about 0.83) nor in kg/m^3 (about 830)")
