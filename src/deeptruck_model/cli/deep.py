@@ -1,7 +1,90 @@
+"""`deeptruck-model train` and `deeptruck-model evaluate`."""
+
 from __future__ import annotations
 
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
 import typer
+
+if TYPE_CHECKING:
+    from deeptruck_model.recordings import Recording
+
+Bags = Annotated[list[Path], typer.Argument(metavar="BAG...", help="Bags (folders) of one truck.")]
+
+
+class Mode(StrEnum):
+    """Training recipes."""
+
+    default = "default"
+    paper = "paper"
+
+
+def train(
+    bags: Bags,
+    out: Annotated[Path, typer.Option(help="Simulator directory to write.", metavar="SIM")],
+    seed: Annotated[int, typer.Option(help="Seed of weights and data order.", min=0)] = 0,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on where a killed run of the same command stopped.")
+    ] = False,
+    mode: Annotated[
+        Mode, typer.Option(help="paper: training form and Adagrad, as published.")
+    ] = Mode.default,
+    budget: Annotated[
+        int,
+        typer.Option(
+            help="Gradient updates; 0 chooses them from the amount of data (1-3 min of one core).", min=0
+        ),
+    ] = 0,
+    members: Annotated[
+        int, typer.Option(help="Models in the ensemble; 3 or more give intervals.", min=1, max=100)
+    ] = 1,
+) -> None:
+    """Train a deep truck on recordings of one truck.
+
+    Example: deeptruck-model train drives/monday drives/tuesday --out simulators/mytruck
+    """
+    from deeptruck_model.deep import Arguments
+    from deeptruck_model.deep import train as train_truck
+
+    arguments = Arguments(seed=seed, mode=mode.value, updates=budget, members=members)
+    truck = train_truck(_read(bags), out, arguments, resumes=resume)
+    typer.echo(f"{out}: trained in {truck.details['training']['seconds']:.0f} s; see {out / 'MODEL_CARD.md'}")
+
+
+def evaluate(
+    simulator: Annotated[str, typer.Argument(metavar="SIM", help="Simulator directory, or truck:NAME.")],
+    bags: Bags,
+    out: Annotated[Path, typer.Option(help="Folder for metrics.json and the figures.", metavar="DIR")],
+    trials: Annotated[int, typer.Option(help="Free runs.", min=1)] = 90,
+    horizon: Annotated[float, typer.Option(help="Length of a free run in s.", min=1.0)] = 40.0,
+    seed: Annotated[int, typer.Option(help="Seed of the starts.", min=0)] = 0,
+) -> None:
+    """Open-loop error statistics of a simulator on recordings: metrics.json and figures.
+
+    Example: deeptruck-model evaluate simulators/mytruck drives/friday --out evaluation
+    """
+    from deeptruck_model import simulators
+    from deeptruck_model.deep import evaluate as evaluate_simulator
+
+    metrics = evaluate_simulator(simulators.load(simulator), _read(bags), out, trials, horizon, seed)
+    typer.echo(f"{metrics['trials']} free runs of {metrics['horizon_s']:.0f} s")
+    for name, values in metrics.items():
+        if isinstance(values, dict):
+            typer.echo(
+                f"{name:>13}: mean abs error {values['mean_abs']:.4f}, sd at the end {values['sd_at_end']:.4f}"
+            )
+    typer.echo(f"figures and metrics.json in {out}")
+
+
+def _read(bags: list[Path]) -> list[Recording]:
+    from deeptruck_model import recordings
+
+    return [recording for bag in bags for recording in recordings.read(bag)]
 
 
 def register(app: typer.Typer) -> None:
     """Add this room's commands to the console script."""
+    app.command()(train)
+    app.command()(evaluate)

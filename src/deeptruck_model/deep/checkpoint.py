@@ -1,0 +1,145 @@
+"""A deep truck as a simulator directory: JSON and safetensors, nothing that executes when it is read."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
+
+from deeptruck_model.deep.coverage import Coverage
+from deeptruck_model.deep.network import WEIGHTS, Scales, Shape, TruckNetwork
+from deeptruck_model.deep.truck import DeepTruck
+from deeptruck_model.errors import InputError
+from deeptruck_model.signals import TruckInterface
+from deeptruck_model.simulators import MANIFEST
+
+WEIGHTS_FILE, COVERAGE_FILE = "model.safetensors", "coverage.json"
+SCHEMA = 1
+
+
+def save(truck: DeepTruck, path: Path) -> None:
+    """Write `path` as a whole or not at all; an older simulator there is replaced."""
+    with replacing(path) as folder:
+        write(truck, folder)
+
+
+def write(truck: DeepTruck, folder: Path) -> None:
+    """Write the files of a deep truck into an existing folder; the manifest comes last."""
+    network = truck.network
+    save_file({name: getattr(network, name).detach().contiguous() for name in WEIGHTS}, folder / WEIGHTS_FILE)
+    if truck.coverage is not None:
+        (folder / COVERAGE_FILE).write_text(json.dumps(truck.coverage.to_dict()))
+    manifest = {
+        "kind": "deep",
+        "schema": SCHEMA,
+        "interface": truck.interface.to_dict(),
+        "units": {
+            name: truck.interface.unit(name)
+            for name in (*truck.interface.u, *truck.interface.w, *truck.interface.y)
+        },
+        "dt": truck.dt,
+        "shape": network.shape.to_dict(),
+        "scales": {"mean": network.mean.tolist(), "scale": network.scale.tolist()},
+        **truck.details,
+    }
+    (folder / MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n")
+
+
+def load_directory(path: Path, manifest: dict[str, Any]) -> DeepTruck:
+    """The deep truck under `path`. Raises InputError with one line where a file is missing, damaged or does not fit."""
+    if manifest.get("schema") != SCHEMA:
+        raise InputError(
+            f"{path / MANIFEST} has schema {manifest.get('schema')!r}; this version reads {SCHEMA}"
+        )
+    try:
+        interface = TruckInterface.from_dict(manifest["interface"])
+        shape = Shape(**manifest["shape"])
+        scales = Scales(*(np.asarray(manifest["scales"][k], dtype=np.float32) for k in ("mean", "scale")))
+        dt = float(manifest["dt"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            f"{path / MANIFEST} is damaged ({error!r}); train or save the simulator again"
+        ) from None
+    signals = (len(interface.u), len(interface.w), len(interface.y))
+    if signals != (shape.controls, shape.conditions, shape.responses) or len(scales.mean) != shape.inputs:
+        raise InputError(
+            f"{path / MANIFEST} does not fit its network: the interface has {signals} u, w, y signals, the network "
+            f"{(shape.controls, shape.conditions, shape.responses)}; the interface was edited or files were mixed"
+        )
+    network = TruckNetwork(shape, scales, dt, seeds=tuple(range(shape.members)))
+    _fill(network, path / WEIGHTS_FILE)
+    known = ("kind", "schema", "interface", "units", "dt", "shape", "scales")
+    details = {key: value for key, value in manifest.items() if key not in known}
+    return DeepTruck(network, interface, _coverage(path / COVERAGE_FILE), details)
+
+
+def _fill(network: TruckNetwork, path: Path) -> None:
+    try:
+        weights = load_file(path)
+    except (OSError, SafetensorError) as error:
+        raise InputError(
+            f"{path} is missing or damaged ({error}); train or save the simulator again"
+        ) from None
+    for name in WEIGHTS:
+        parameter = getattr(network, name)
+        if name not in weights or weights[name].shape != parameter.shape:
+            raise InputError(
+                f"{path} has no '{name}' of shape {tuple(parameter.shape)}: it is of another network"
+            )
+        if not torch.isfinite(weights[name]).all():
+            raise InputError(f"{path} holds weights that are not finite; train the simulator again")
+        parameter.data.copy_(weights[name])
+
+
+def _coverage(path: Path) -> Coverage | None:
+    if not path.exists():
+        return None
+    try:
+        return Coverage.from_dict(json.loads(path.read_text()))
+    except (ValueError, KeyError, TypeError, OSError) as error:
+        raise InputError(f"{path} is damaged ({error!r}); train or save the simulator again") from None
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A new folder that takes the place of `path` when the block ends well, and vanishes when it does not."""
+    check_target(path)
+    folder = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        folder.mkdir()
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}") from None
+    try:
+        yield folder
+        put(folder, path)
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}") from None
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def put(folder: Path, path: Path) -> None:
+    """Rename `folder` to `path`, replacing a simulator that is there."""
+    if path.exists():
+        old = path.with_name(f".{path.name}.{os.getpid()}.old")
+        path.rename(old)
+        folder.rename(path)
+        shutil.rmtree(old)
+    else:
+        folder.rename(path)
+
+
+def check_target(path: Path) -> None:
+    """Raises InputError where `path` is something other than a simulator directory, an empty folder or nothing."""
+    if path.exists() and not (path.is_dir() and ((path / MANIFEST).exists() or not any(path.iterdir()))):
+        raise InputError(f"{path} exists and is not a simulator directory; choose another --out")

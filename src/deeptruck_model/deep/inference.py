@@ -1,0 +1,146 @@
+"""The running truck, compiled: one step, or a whole free or forced run, of an ensemble.
+
+The weights of a gate lie in one matrix with rows [u, w, y, h, 1], so that a step is one product. Responses are
+float64: v(k+1) = v(k) + a(k+1) dt holds to rounding after hours.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.deep.kernels import FloatArray, _cell, _constrain, _decode, compiled
+from deeptruck_model.deep.network import TruckNetwork
+
+Array = NDArray[np.float64]
+_ROWS = 64  # of the batch run together: their gates stay in the cache
+_BY_HAND = 2  # up to this batch a plain loop beats the overhead of BLAS
+
+
+class Packed(NamedTuple):
+    """Weights for inference. gates (members, inputs + hidden + 1, 4 hidden); D as in the network; means, scales."""
+
+    gates: FloatArray
+    decoder: FloatArray
+    decoder_bias: FloatArray
+    output: FloatArray
+    output_bias: FloatArray
+    mean: FloatArray
+    scale: FloatArray
+
+
+def pack(network: TruckNetwork) -> Packed:
+    """Copy of a network's weights, laid out for `step` and `run`."""
+    n = {name: p.detach().numpy() for name, p in network.named_parameters()}
+    gates = np.concatenate([n["input"], n["recurrent"], n["bias"][:, None]], axis=1)
+    arrays = (gates, n["decoder"], n["decoder_bias"], n["output"], n["output_bias"])
+    scales = (network.mean.numpy(), network.scale.numpy())
+    return Packed(*(np.ascontiguousarray(a, dtype=np.float32) for a in (*arrays, *scales)))
+
+
+@compiled
+def _normalise(packed: Any, u: Any, w: Any, y: Any, z: Any) -> None:
+    """Fill the first columns of z (batch, inputs + hidden + 1) with the scaled [u, w, y]."""
+    n_u, n_w, n_y = u.shape[1], w.shape[1], y.shape[1]
+    mean, scale = packed[5], packed[6]
+    for b in range(z.shape[0]):
+        for j in range(n_u):
+            z[b, j] = (np.float32(u[b, j]) - mean[j]) / scale[j]
+        for j in range(n_w):
+            z[b, n_u + j] = (np.float32(w[b, j]) - mean[n_u + j]) / scale[n_u + j]
+        for j in range(n_y):
+            i = n_u + n_w + j
+            z[b, i] = (np.float32(y[b, j]) - mean[i]) / scale[i]
+
+
+@compiled
+def _advance(packed: Any, m: Any, dt: Any, z: Any, c: Any, h: Any, y: Any, work: Any) -> None:
+    """One step of member m from z and c (batch, hidden): c, h and y (batch, n_y) become the next ones."""
+    gates, decoded, raw, bounded = work
+    inputs, outputs = packed[5].shape[0], raw.shape[1]
+    first = inputs - y.shape[1]
+    if z.shape[0] <= _BY_HAND:
+        for b in range(z.shape[0]):
+            gates[b] = np.float32(0.0)
+            for i in range(z.shape[1]):
+                for j in range(gates.shape[1]):
+                    gates[b, j] += z[b, i] * packed[0][m, i, j]
+    else:
+        np.dot(z, packed[0][m], gates)
+    _cell(gates, c, c, h, h)
+    _decode(h, packed[1][m], packed[2][m], packed[3][m], packed[4][m], decoded, raw)
+    for b in range(z.shape[0]):
+        for o in range(outputs):
+            raw[b, o] = raw[b, o] * packed[6][first + 2 * o] + packed[5][first + 2 * o]
+    _constrain(raw, y, dt, y, bounded)
+
+
+@compiled
+def _workspace(packed: Any, batch: Any) -> Any:
+    return (
+        np.empty((batch, packed[0].shape[2]), np.float32),
+        np.empty((batch, packed[1].shape[2]), np.float32),
+        np.empty((batch, packed[3].shape[2]), np.float32),
+        np.empty(batch, np.bool_),
+    )
+
+
+@compiled
+def step(packed: Any, dt: Any, h: Any, c: Any, y: Any, u: Any, w: Any) -> Any:
+    """Next (h, c, y) of every member and the mean response; h, c (members, batch, hidden), y (members, batch, n_y)."""
+    members, batch, hidden = h.shape
+    inputs = packed[5].shape[0]
+    work = _workspace(packed, batch)
+    z = np.ones((batch, inputs + hidden + 1), np.float32)
+    h, c, y = h.copy(), c.copy(), y.copy()
+    mean = np.zeros((batch, y.shape[2]))
+    for m in range(members):
+        _normalise(packed, u, w, y[m], z)
+        z[:, inputs:-1] = h[m]
+        _advance(packed, m, dt, z, c[m], h[m], y[m], work)
+        mean += y[m]
+    return h, c, y, mean / members
+
+
+@compiled
+def run(packed: Any, dt: Any, u: Any, w: Any, y0: Any, recorded: Any, forced: Any) -> Any:
+    """Mean response and its standard deviation over members, both (batch, T, n_y), for u (batch, T, n_u).
+
+    y0 starts every run; with `forced`, finite samples of recorded (batch, T, n_y) are fed instead of the response.
+    """
+    batch, steps, responses = u.shape[0], u.shape[1], y0.shape[1]
+    members, hidden, inputs = packed[0].shape[0], packed[1].shape[1], packed[5].shape[0]
+    mean, square = np.zeros((batch, steps, responses)), np.zeros((batch, steps, responses))
+    for first in range(0, batch, _ROWS):
+        rows = slice(first, min(first + _ROWS, batch))
+        size = rows.stop - rows.start
+        work = _workspace(packed, size)
+        h = np.empty((size, hidden), np.float32)
+        z = np.ones((size, inputs + hidden + 1), np.float32)
+        u_now, w_now = np.empty((size, u.shape[2])), np.empty((size, w.shape[2]))
+        for m in range(members):
+            c = np.zeros((size, hidden), np.float32)
+            h[:] = np.float32(0.0)
+            y = y0[rows].copy()
+            for k in range(steps):
+                for b in range(size):
+                    for j in range(responses):
+                        delta = y[b, j] - y0[rows.start + b, j]
+                        mean[rows.start + b, k, j] += delta / members
+                        square[rows.start + b, k, j] += delta * delta / members
+                        if forced and recorded[rows.start + b, k, j] == recorded[rows.start + b, k, j]:
+                            y[b, j] = recorded[rows.start + b, k, j]
+                if k + 1 == steps:
+                    break
+                u_now[:], w_now[:] = u[rows, k], w[rows, k]
+                _normalise(packed, u_now, w_now, y, z)
+                z[:, inputs:-1] = h
+                _advance(packed, m, dt, z, c, h, y, work)
+    for b in range(batch):
+        for k in range(steps):
+            for j in range(responses):
+                square[b, k, j] = np.sqrt(max(square[b, k, j] - mean[b, k, j] ** 2, 0.0))
+                mean[b, k, j] += y0[b, j]
+    return mean, square

@@ -1,0 +1,163 @@
+"""The paper's model: state model H (LSTM), decoder D, kinematic constraint C.
+
+x(k+1) = H(u(k), w(k) | x(k), y(k)),   y(k) = C(D(x(k))),   v(k+1) = v(k) + a(k+1) dt
+
+`members` independent models lie stacked in the leading dimension of every parameter, so that one gradient trains
+all seeds and one step runs an ensemble. This file is the readable reference and the differentiable truck;
+`kernels` computes the same numbers faster, and a test holds the two together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from deeptruck_model.signals import ACCELERATION, FUEL, SPEED
+
+# Below both, the truck stands: static friction and the brake hold it, so rounding cannot make it creep.
+REST_SPEED = 0.1  # m/s
+REST_ACCELERATION = 0.05  # m/s^2
+
+WEIGHTS = ("input", "recurrent", "bias", "decoder", "decoder_bias", "output", "output_bias")
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Sizes of a network; `responses` is 2 (acceleration, speed) or 3 (with fuel rate)."""
+
+    controls: int
+    conditions: int
+    responses: int
+    hidden: int = 64
+    decoder: int = 32
+    members: int = 1
+
+    @property
+    def inputs(self) -> int:
+        """Columns of [u, w, y] that enter the LSTM."""
+        return self.controls + self.conditions + self.responses
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON; Shape(**data) is the inverse."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Normalisation inside the network: (x - mean) / scale for the columns [u, w, y], each (inputs,)."""
+
+    mean: NDArray[np.float32]
+    scale: NDArray[np.float32]
+
+
+class State(NamedTuple):
+    """Hidden h and cell c, (members, batch, hidden), and the response to feed back, (members, batch, n_y)."""
+
+    h: Tensor
+    c: Tensor
+    y: Tensor
+
+
+class TruckNetwork(nn.Module):
+    """`shape.members` stacked copies of C(D(H)). Gates lie in the order input, forget, cell, output."""
+
+    mean: Tensor
+    scale: Tensor
+    input: nn.Parameter
+    recurrent: nn.Parameter
+    bias: nn.Parameter
+    decoder: nn.Parameter
+    decoder_bias: nn.Parameter
+    output: nn.Parameter
+    output_bias: nn.Parameter
+
+    def __init__(self, shape: Shape, scales: Scales, dt: float, seeds: tuple[int, ...] = (0,)) -> None:
+        super().__init__()
+        if len(seeds) != shape.members:
+            raise ValueError(f"{shape.members} members need as many seeds, not {len(seeds)}")
+        self.shape, self.dt = shape, dt
+        self.register_buffer("mean", torch.as_tensor(scales.mean, dtype=torch.float32))
+        self.register_buffer("scale", torch.as_tensor(scales.scale, dtype=torch.float32))
+        members = [_initial_weights(shape, seed) for seed in seeds]
+        for name in WEIGHTS:
+            self.register_parameter(name, nn.Parameter(torch.stack([m[name] for m in members])))
+
+    def initial(self, y0: Tensor) -> State:
+        """Zero internal state at the response y0 (batch, n_y)."""
+        zeros = self.input.new_zeros(self.shape.members, y0.shape[0], self.shape.hidden)
+        return State(zeros, zeros, y0.expand(self.shape.members, *y0.shape))
+
+    def step(self, state: State, u: Tensor, w: Tensor) -> State:
+        """One step. u (members, batch, n_u) or (batch, n_u), w likewise; the response is in the new state's y."""
+        conditions = torch.cat([u, w], dim=-1).expand(self.shape.members, -1, -1)
+        x = (torch.cat([conditions, state.y], dim=-1) - self.mean) / self.scale
+        gates = self.bias[:, None] + torch.bmm(x, self.input) + torch.bmm(state.h, self.recurrent)
+        i, f, g, o = gates.chunk(4, dim=-1)
+        c = torch.sigmoid(f) * state.c + torch.sigmoid(i) * torch.tanh(g)
+        h = torch.sigmoid(o) * torch.tanh(c)
+        decoded = torch.tanh(self.decoder_bias[:, None] + torch.bmm(h, self.decoder))
+        raw = self.output_bias[:, None] + torch.bmm(decoded, self.output)
+        return State(h, c, self._constrain(raw, state.y))
+
+    def unfold(self, u: Tensor, w: Tensor, y: Tensor, form: str = "deployment") -> Tensor:
+        """K steps from zero state: u (.., batch, K, n_u), w likewise, y (.., batch, K+1, n_y) -> (members, batch, K, n_y).
+
+        `form` 'deployment' feeds the model its own response and reads only y[..., 0, :]; 'training' feeds the recorded
+        one wherever it is finite.
+        """
+        recorded = y.expand(self.shape.members, *y.shape[-3:])
+        state = self.initial(recorded[0, :, 0])._replace(y=recorded[:, :, 0])
+        responses = []
+        for k in range(u.shape[-2]):
+            if k and form == "training":
+                fed = torch.where(torch.isnan(recorded[:, :, k]), state.y, recorded[:, :, k])
+                state = state._replace(y=fed)
+            state = self.step(state, u[..., k, :], w[..., k, :])
+            responses.append(state.y)
+        return torch.stack(responses, dim=2)
+
+    def _constrain(self, raw: Tensor, y: Tensor) -> Tensor:
+        """C: v' = v + a dt, never negative, at rest when it hardly moves; fuel never negative.
+
+        Where a bound holds, the gradient still reaches the decoder as if it did not (else a model that wrongly
+        stands could never learn to start), but no longer passes to the speed before.
+        """
+        columns = [ACCELERATION, FUEL][: raw.shape[-1]]
+        raw = raw * self.scale[-self.shape.responses :][columns] + self.mean[-self.shape.responses :][columns]
+        acceleration, speed = raw[..., 0], y[..., SPEED]
+        moved = speed + acceleration * self.dt
+        stands = (moved < 0) | ((moved < REST_SPEED) & (acceleration < REST_ACCELERATION))
+        bounded_speed = (acceleration - acceleration.detach()) * self.dt
+        bounded_acceleration = acceleration - acceleration.detach() - speed.detach() / self.dt
+        parts = [
+            torch.where(stands, bounded_acceleration, acceleration),
+            torch.where(stands, bounded_speed, moved),
+        ]
+        if raw.shape[-1] > 1:
+            fuel = raw[..., 1]
+            parts.append(fuel + (fuel.clamp(min=0) - fuel).detach())
+        return torch.stack(parts, dim=-1)
+
+
+def _initial_weights(shape: Shape, seed: int) -> dict[str, Tensor]:
+    """Uniform in +-1/sqrt(fan in), as nn.LSTM and nn.Linear; each member depends on its own seed alone."""
+    generator = torch.Generator().manual_seed(seed)
+
+    def uniform(bound: float, *size: int) -> Tensor:
+        return (torch.rand(*size, generator=generator) * 2 - 1) * bound
+
+    lstm, decoder, outputs = shape.hidden**-0.5, shape.decoder**-0.5, shape.responses - 1
+    return {
+        "input": uniform(lstm, shape.inputs, 4 * shape.hidden),
+        "recurrent": uniform(lstm, shape.hidden, 4 * shape.hidden),
+        "bias": uniform(lstm, 4 * shape.hidden),
+        "decoder": uniform(lstm, shape.hidden, shape.decoder),
+        "decoder_bias": uniform(lstm, shape.decoder),
+        "output": uniform(decoder, shape.decoder, outputs),
+        "output_bias": uniform(decoder, outputs),
+    }

@@ -1,0 +1,101 @@
+"""Open-loop evaluation written to a folder: metrics.json and the paper's figures."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from deeptruck_model.deep.evaluation import HORIZON_S, TRIALS, Trials, against_time, statistics, trials
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import Recording
+from deeptruck_model.signals import CHANNELS, SPEED
+from deeptruck_model.simulators import Simulator
+
+LABELS = {"acceleration": "acceleration", "speed": "speed", "fuel_rate": "fuel rate"}
+
+
+def evaluate(
+    simulator: Simulator,
+    recordings: Sequence[Recording],
+    out: Path,
+    count: int = TRIALS,
+    horizon_s: float = HORIZON_S,
+    seed: int = 0,
+) -> dict[str, Any]:
+    """Open-loop error statistics of any simulator, written as metrics.json and PNG figures under `out`."""
+    runs = trials(simulator, recordings, count, horizon_s, seed)
+    metrics = {**statistics(runs), "seed": seed, "recordings": [r.name for r in recordings]}
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        error_figure(runs).savefig(out / "error_statistics.png", dpi=120)
+        scenario_figure(runs).savefig(out / "scenarios.png", dpi=120)
+        sample_figure(runs).savefig(out / "samples.png", dpi=120)
+        partial = out / ".metrics.json.tmp"
+        partial.write_text(json.dumps(metrics, indent=1) + "\n")
+        partial.replace(out / "metrics.json")
+    except OSError as error:
+        raise InputError(f"cannot write {out}: {error.strerror}") from None
+    return metrics
+
+
+def error_figure(runs: Trials) -> Figure:
+    """Mean (line) and standard deviation (area) of the error against time, one panel a channel."""
+    mean, deviation = against_time(runs)
+    figure = Figure(figsize=(7, 2.2 * len(runs.channels)), layout="constrained")
+    axes = figure.subplots(len(runs.channels), 1, sharex=True, squeeze=False)[:, 0]
+    for j, (axis, name) in enumerate(zip(axes, runs.channels, strict=True)):
+        axis.fill_between(
+            runs.time, (mean - deviation)[:, j], (mean + deviation)[:, j], color="tab:red", alpha=0.3,
+            label="standard deviation",
+        )  # fmt: skip
+        axis.plot(runs.time, mean[:, j], color="tab:blue", label="mean")
+        axis.axhline(0, color="0.6", lw=0.5)
+        axis.set_ylabel(f"{LABELS[name]} error\n[{CHANNELS[name].unit}]")
+    axes[0].legend(loc="upper left", ncols=2, fontsize="small")
+    axes[0].set_title(f"open-loop error, {len(runs.measured)} trials")
+    axes[-1].set_xlabel("time since the start of the simulation [s]")
+    return figure
+
+
+def scenario_figure(runs: Trials) -> Figure:
+    """What the trials visited: initial speed, speed over time, grade over time."""
+    panels = 3 if runs.w.shape[2] else 2
+    figure = Figure(figsize=(4 * panels, 3.2), layout="constrained")
+    axes = figure.subplots(1, panels)
+    axes[0].hist(runs.measured[:, 0, SPEED], bins=20, color="tab:blue")
+    axes[0].set(xlabel="initial speed [m/s]", ylabel="trials")
+    _density(axes[1], runs.time, runs.measured[..., SPEED], "speed [m/s]")
+    if panels == 3:
+        _density(axes[2], runs.time, 100 * runs.w[..., 0], "grade [%]")
+    return figure
+
+
+def _density(axis: Any, time: np.ndarray[Any, Any], values: np.ndarray[Any, Any], label: str) -> None:
+    times = np.broadcast_to(time, values.shape)
+    known = np.isfinite(values)
+    axis.hist2d(times[known], values[known], bins=(min(40, len(time)), 25), cmap="Blues")
+    axis.set(xlabel="time [s]", ylabel=label)
+
+
+def sample_figure(runs: Trials, shown: int = 4) -> Figure:
+    """Measured and modelled responses of the median trial, its neighbours and the worst, by largest speed error."""
+    worst = np.nanmax(np.abs(runs.error[..., SPEED]), axis=1)
+    order = np.argsort(worst)
+    chosen = order[np.linspace(0, len(order) - 1, min(shown, len(order))).astype(int)]
+    rows = len(runs.channels)
+    figure = Figure(figsize=(3.4 * len(chosen), 1.9 * rows), layout="constrained")
+    axes = figure.subplots(rows, len(chosen), sharex=True, squeeze=False)
+    for column, trial in enumerate(chosen):
+        for j, name in enumerate(runs.channels):
+            axes[j, column].plot(runs.time, runs.measured[trial, :, j], color="k", lw=1, label="recorded")
+            axes[j, column].plot(runs.time, runs.modelled[trial, :, j], color="tab:red", lw=1, label="model")
+            axes[j, 0].set_ylabel(f"{LABELS[name]}\n[{CHANNELS[name].unit}]")
+        axes[0, column].set_title(f"largest speed error {worst[trial]:.2f} m/s", fontsize="small")
+        axes[-1, column].set_xlabel("time [s]")
+    axes[0, 0].legend(fontsize="small")
+    return figure

@@ -1,0 +1,87 @@
+"""Where a killed training run goes on: weights, optimiser and best weights, in safetensors, replaced atomically."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor
+
+from deeptruck_model.deep.network import WEIGHTS, TruckNetwork
+from deeptruck_model.errors import InputError
+
+if TYPE_CHECKING:
+    from deeptruck_model.deep.training import Best
+
+FILE = "resume.safetensors"
+
+
+def make(folder: Path) -> None:
+    """Create the working folder. Raises InputError where that is not possible."""
+    try:
+        folder.mkdir(parents=True)
+    except OSError as error:
+        raise InputError(f"cannot write {folder}: {error.strerror}") from None
+
+
+def save(
+    folder: Path,
+    identity: dict[str, Any],
+    network: TruckNetwork,
+    optimizer: torch.optim.Optimizer,
+    best: Best,
+    done: int,
+) -> None:
+    """Write the whole state after `done` updates; the file before it stays until this one is complete."""
+    tensors: dict[str, Tensor] = {f"weight.{n}": getattr(network, n).detach() for n in WEIGHTS}
+    tensors |= {f"best.{n}": best.weights[n] for n in WEIGHTS}
+    for index, values in optimizer.state_dict()["state"].items():
+        tensors |= {f"optimizer.{index}.{key}": value for key, value in values.items()}
+    metadata = {
+        "identity": json.dumps(identity, sort_keys=True),
+        "done": str(done),
+        "scores": json.dumps(best.scores.tolist()),
+    }
+    partial = folder / f"{FILE}.tmp"
+    save_file({k: v.contiguous() for k, v in tensors.items()}, partial, metadata)
+    partial.replace(folder / FILE)
+
+
+def load(
+    folder: Path,
+    identity: dict[str, Any],
+    network: TruckNetwork,
+    optimizer: torch.optim.Optimizer,
+    best: Best,
+) -> int:
+    """Restore what `save` wrote and return the updates done; 0 where there is nothing to go on from.
+
+    Raises InputError where the folder holds another run (other data or arguments) or a damaged file.
+    """
+    if not (folder / FILE).exists():
+        return 0
+    try:
+        with safe_open(folder / FILE, framework="pt") as file:
+            metadata, tensors = file.metadata(), {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118
+    except (OSError, SafetensorError) as error:
+        raise InputError(f"{folder / FILE} is damaged ({error}); train again without --resume") from None
+    if metadata["identity"] != json.dumps(identity, sort_keys=True):
+        raise InputError(
+            f"{folder} is a run with other data or arguments; repeat those, or train without --resume"
+        )
+    for name in WEIGHTS:
+        getattr(network, name).data.copy_(tensors[f"weight.{name}"])
+        best.weights[name].copy_(tensors[f"best.{name}"])
+    best.scores = np.array(json.loads(metadata["scores"]))
+    state = optimizer.state_dict()
+    for key, value in tensors.items():
+        if key.startswith("optimizer."):
+            _, index, entry = key.split(".", 2)
+            state["state"].setdefault(int(index), {})[entry] = value
+    optimizer.load_state_dict(state)
+    return int(metadata["done"])

@@ -1,0 +1,166 @@
+"""A trained truck as a Simulator."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from deeptruck_model.deep import inference
+from deeptruck_model.deep.coverage import Coverage
+from deeptruck_model.deep.network import State, TruckNetwork
+from deeptruck_model.errors import InputError
+from deeptruck_model.signals import SPEED, TruckInterface
+from deeptruck_model.simulators import Array, Run
+
+
+class DeepState(NamedTuple):
+    """h, c (members, batch, hidden) float32; y (members, batch, n_y) the response each member is fed next."""
+
+    h: NDArray[np.float32]
+    c: NDArray[np.float32]
+    y: Array
+
+
+class Prediction(NamedTuple):
+    """A free run with its uncertainty: y and low..high (batch, T, n_y), and where the truck is inside the coverage."""
+
+    y: Array
+    low: Array
+    high: Array
+    covered: NDArray[np.bool_]
+
+
+class DeepTruck:
+    """The ensemble mean of `network.shape.members` models, each running on its own response.
+
+    `details` is what the manifest holds besides: config, seeds, data hash, calibration.
+    """
+
+    def __init__(
+        self,
+        network: TruckNetwork,
+        interface: TruckInterface,
+        coverage: Coverage | None = None,
+        details: Mapping[str, Any] | None = None,
+    ) -> None:
+        self.network, self.coverage = network.eval(), coverage
+        self.details: dict[str, Any] = dict(details or {})
+        self._interface = interface
+        self._packed = inference.pack(network)
+        shape = network.shape
+        self._default_y = self._packed.mean[-shape.responses :].astype(np.float64)
+
+    @property
+    def interface(self) -> TruckInterface:
+        """Which u, w and y the truck has."""
+        return self._interface
+
+    @property
+    def dt(self) -> float:
+        """Step in s."""
+        return self.network.dt
+
+    def reset(self, y0: Array) -> DeepState:
+        """Zero internal state. y0 (batch, n_y); NaN acceleration or fuel start at the training mean."""
+        y0 = self._start(y0)
+        members, hidden = self.network.shape.members, self.network.shape.hidden
+        zeros = np.zeros((members, len(y0), hidden), np.float32)
+        return DeepState(zeros, zeros, np.repeat(y0[None], members, axis=0))
+
+    def step(self, state: DeepState, u: Array, w: Array) -> tuple[DeepState, Array]:
+        """One step; u (batch, n_u), w (batch, n_w)."""
+        h, c, y, mean = inference.step(self._packed, self.network.dt, *state, u, w)
+        return DeepState(h, c, y), mean
+
+    def force(self, state: DeepState, y: Array) -> DeepState:
+        """Every member is fed the recorded y (batch, n_y) next; where it is NaN, its own response."""
+        return state._replace(y=np.where(np.isnan(y), state.y, y))
+
+    def rollout(self, u: Array, w: Array, y0: Array, recorded: Array | None) -> Run:
+        """Free run from y0 (batch, n_y), or forced run with `recorded` (batch, T, n_y)."""
+        return Run(self._run(u, w, y0, recorded)[0], {})
+
+    def predict(self, u: Array, w: Array, y0: Array) -> Prediction:
+        """Free run with calibrated 90 % intervals (see details['calibration']) and the coverage flag (batch, T).
+
+        Raises InputError for a single model or an uncalibrated ensemble, which has no intervals.
+        """
+        calibration = self.details.get("calibration")
+        if calibration is None:
+            raise InputError("this deep truck has no calibrated intervals; train it with --members 3 or more")
+        mean, spread = self._run(u, w, y0, None)
+        time = np.arange(mean.shape[1])[:, None] * self.dt
+        floor, growth, factor = (np.asarray(calibration[k]) for k in ("floor", "growth", "factor"))
+        half = factor * np.sqrt(spread**2 + (floor + growth * np.sqrt(time)) ** 2)
+        half[:, 0] = 0.0
+        return Prediction(mean, mean - half, mean + half, self.covers(mean, w))
+
+    def covers(self, y: Array, w: Array) -> NDArray[np.bool_]:
+        """True where speed, acceleration and grade of y (..., n_y), w (..., n_w) were driven in training."""
+        if self.coverage is None:
+            return np.ones(y.shape[:-1], bool)
+        return self.coverage.covers(y, w)
+
+    def inside(self, state: DeepState) -> dict[str, Array]:
+        """Nothing inside has a name."""
+        return {}
+
+    def parameters(self) -> dict[str, float]:
+        """Nothing to tune."""
+        return {}
+
+    def with_parameters(self, values: Mapping[str, float]) -> DeepTruck:
+        """Raises InputError for any name."""
+        if values:
+            raise InputError(
+                f"a deep truck has no parameter '{next(iter(values))}'; it is retrained, not tuned"
+            )
+        return self
+
+    def save(self, path: Path) -> None:
+        """Write a simulator directory: simulator.json, model.safetensors, coverage.json."""
+        from deeptruck_model.deep.checkpoint import save
+
+        save(self, path)
+
+    def torch_module(self) -> TorchTruck:
+        """A differentiable copy of the truck; gradients flow to state, u and w."""
+        return TorchTruck(self)
+
+    def _run(self, u: Array, w: Array, y0: Array, recorded: Array | None) -> tuple[Array, Array]:
+        u, w = (np.ascontiguousarray(x, dtype=np.float64) for x in (u, w))
+        y0 = self._start(y0)
+        known = np.zeros((1, 1, y0.shape[1])) if recorded is None else np.asarray(recorded, dtype=np.float64)
+        mean, spread = inference.run(self._packed, self.network.dt, u, w, y0, known, recorded is not None)
+        return mean, spread
+
+    def _start(self, y0: Array) -> Array:
+        y0 = np.array(y0, dtype=np.float64)
+        unknown = np.isnan(y0)
+        unknown[:, SPEED] = False
+        return np.where(unknown, self._default_y, y0)
+
+
+class TorchTruck(torch.nn.Module):
+    """(state, u, w) -> (state, y) in float32 with gradients, batched: u (batch, n_u), w (batch, n_w), y (batch, n_y)."""
+
+    def __init__(self, truck: DeepTruck) -> None:
+        super().__init__()
+        self.network = copy.deepcopy(truck.network).requires_grad_(False)
+        self.interface, self.dt = truck.interface, truck.dt
+
+    def reset(self, y0: Tensor) -> State:
+        """Zero internal state at y0 (batch, n_y)."""
+        return self.network.initial(y0)
+
+    def forward(self, state: State, u: Tensor, w: Tensor) -> tuple[State, Tensor]:
+        """One step of dt."""
+        state = self.network.step(state, u, w)
+        return state, state.y.mean(dim=0)

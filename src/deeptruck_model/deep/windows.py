@@ -1,0 +1,187 @@
+"""Recordings into K-step sequences: common interface, cutting at invalid inputs, time split, scales, batches."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.deep.kernels import FloatArray
+from deeptruck_model.deep.network import Scales
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import Recording
+from deeptruck_model.signals import ACCELERATION, SPEED, TruckInterface
+
+Array = NDArray[np.float64]
+SHORTEST_S = 3.0  # a piece below this teaches nothing
+HELD_OUT = 0.15  # share of the data, always the later part, that selects the checkpoint
+SPLIT_FROM_S = 120.0  # pieces from this length on are split inside; shorter ones go whole to one side
+CONSISTENCY_S = 20.0
+
+
+def common_interface(recordings: Sequence[Recording]) -> TruckInterface:
+    """The channels that every recording has; fuel where any has it. Raises InputError where units or dt differ."""
+    if not recordings:
+        raise InputError("no recording to train on: give at least one bag with a drive in it")
+    first = recordings[0]
+    for other in recordings[1:]:
+        if abs(other.dt - first.dt) > 1e-6:
+            raise InputError(
+                f"'{first.name}' is sampled every {first.dt:g} s and '{other.name}' every {other.dt:g} s; "
+                "train on bags of one rate"
+            )
+        if other.interface.engine_unit != first.interface.engine_unit:
+            raise InputError(
+                f"engine command is in {first.interface.engine_unit} in '{first.name}' and in "
+                f"{other.interface.engine_unit} in '{other.name}'; train on bags of one truck"
+            )
+    brakes = {r.interface.brake_unit for r in recordings if has(r, "brake_command")}
+    if len(brakes) > 1:
+        raise InputError(
+            f"the bags give the brake command in {', '.join(sorted(map(str, brakes)))}; convert them"
+        )
+    if not any(has(r, "engine_command") for r in recordings):
+        raise InputError("no recording has an engine_command: map the engine's command or fuel rate to it")
+    braked = brakes and all(has(r, "brake_command") for r in recordings)
+    return replace(
+        first.interface,
+        brake_unit=brakes.pop() if braked else None,
+        grade=all(has(r, "grade") for r in recordings),
+        fuel=any(has(r, "fuel_rate") for r in recordings),
+    )
+
+
+def has(recording: Recording, channel: str) -> bool:
+    """Whether a recording has a channel with anything valid in it."""
+    return channel in recording.channels and bool(np.isfinite(recording.channels[channel]).any())
+
+
+def cut(recording: Recording, interface: TruckInterface) -> list[Recording]:
+    """The stretches of a recording where every input of `interface` is valid, each starting at a valid speed."""
+    channels = dict(recording.channels)
+    if interface.fuel and "fuel_rate" not in channels:
+        channels["fuel_rate"] = np.full(len(recording), np.nan)
+    whole = replace(recording, interface=interface, channels=channels)
+    speed = whole.channels["speed"]
+    valid = np.isfinite(np.concatenate([whole.u, whole.w], axis=1)).all(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], valid.astype(np.int8), [0]])))
+    pieces = []
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        known = np.flatnonzero(np.isfinite(speed[start:stop]))
+        if len(known) and (known[-1] - known[0]) * whole.dt >= SHORTEST_S:
+            pieces.append(whole.piece(int(start + known[0]), int(start + known[-1] + 1)))
+    return pieces
+
+
+def consistent(recording: Recording) -> Recording:
+    """The acceleration with its slow part replaced by that of the speed.
+
+    An accelerometer that feels the grade, or is biased, would fight the constraint v(k+1) = v(k) + a dt; what it
+    says within CONSISTENCY_S is kept. Data that already keep the constraint are unchanged.
+    """
+    acceleration, speed = recording.channels["acceleration"], recording.channels["speed"]
+    excess = np.full(len(recording), np.nan)
+    excess[1:] = acceleration[1:] - np.diff(speed) / recording.dt
+    window = np.ones(max(1, min(len(excess), round(CONSISTENCY_S / recording.dt))))
+    known = np.isfinite(excess)
+    weight = np.convolve(known.astype(float), window, mode="same")[: len(excess)]
+    slow = np.convolve(np.where(known, excess, 0.0), window, mode="same")[: len(excess)] / np.maximum(
+        weight, 1.0
+    )
+    return replace(recording, channels={**recording.channels, "acceleration": acceleration - slow})
+
+
+def time_split(
+    pieces: Sequence[Recording], held_out: float = HELD_OUT
+) -> tuple[list[Recording], list[Recording]]:
+    """Training and validation pieces. A long piece gives its last part; of short ones every 1/held_out-th goes whole.
+
+    A single short piece is split all the same; one too short for that is used for both.
+    """
+    training: list[Recording] = []
+    validation: list[Recording] = []
+    every, short = round(1 / held_out), 0
+    for piece in pieces:
+        edge = round(len(piece) * (1 - held_out))
+        if len(piece) * piece.dt >= SPLIT_FROM_S or (len(pieces) < every and len(piece) - edge >= 5):
+            training.append(piece.piece(0, edge))
+            validation.append(piece.piece(edge, len(piece)))
+        else:
+            short += 1
+            (validation if short % every == 0 else training).append(piece)
+    return training, validation or list(training)
+
+
+@dataclass(frozen=True)
+class Sequences:
+    """All samples one after another; `bounds` (pieces, 2) says where each piece starts and stops.
+
+    x (n, n_u + n_w) is normalised, y (n, n_y) in units; negative speeds (sensor noise at rest) are 0.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    bounds: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, pieces: Sequence[Recording], scales: Scales) -> Sequences:
+        """Stack the pieces."""
+        inputs = pieces[0].u.shape[1] + pieces[0].w.shape[1]
+        x = np.concatenate([np.concatenate([p.u, p.w], axis=1) for p in pieces])
+        y = np.concatenate([p.y for p in pieces])
+        y[:, SPEED] = np.maximum(y[:, SPEED], 0.0)
+        stops = np.cumsum([len(p) for p in pieces])
+        bounds = np.stack([stops - [len(p) for p in pieces], stops], axis=1)
+        scaled = (x - scales.mean[:inputs]) / scales.scale[:inputs]
+        return cls(scaled.astype(np.float32), y.astype(np.float32), bounds)
+
+    def starts(self, steps: int, rng: np.random.Generator) -> NDArray[np.int64]:
+        """Starts that tile every piece once from a random phase, in random order; each has at least steps/4 ahead."""
+        found = []
+        for start, stop in self.bounds:
+            phase = rng.integers(0, max(1, min(steps, (stop - start) // 4)))
+            found.append(np.arange(start + phase, stop - 1 - min(steps // 4, (stop - start) // 2), steps))
+        starts = np.concatenate(found)
+        return rng.permutation(starts[np.isfinite(self.y[starts, SPEED])])
+
+    def draw(self, count: int, steps: int, rng: np.random.Generator) -> NDArray[np.int64]:
+        """`count` starts: as many random tilings of all pieces as that takes."""
+        drawn: list[NDArray[np.int64]] = []
+        while sum(map(len, drawn)) < count:
+            drawn.append(self.starts(steps, rng))
+            if not len(drawn[-1]):
+                raise InputError(
+                    "the recordings are too short or too broken to cut a single sequence from them"
+                )
+        return np.concatenate(drawn)[:count]
+
+    def gather(self, starts: NDArray[np.int64], steps: int) -> tuple[FloatArray, FloatArray]:
+        """x (..., K, batch, n_x) and target (..., K+1, batch, n_y) for starts (..., batch); NaN behind a piece's end."""
+        stop = self.bounds[np.searchsorted(self.bounds[:, 1], starts, side="right"), 1]
+        index = starts[..., None, :] + np.arange(steps + 1)[:, None]
+        beyond = index >= stop[..., None, :]
+        index = np.where(beyond, 0, index)
+        target = self.y[index]
+        target[beyond] = np.nan
+        return self.x[index[..., :-1, :]], target
+
+
+def measure_scales(pieces: Sequence[Recording]) -> Scales:
+    """Mean and standard deviation of [u, w, y] over the pieces; a channel that hardly moves is not blown up."""
+    data = np.concatenate([np.concatenate([p.u, p.w, p.y], axis=1) for p in pieces])
+    mean, deviation = np.nanmean(data, axis=0), np.nanstd(data, axis=0)
+    names = (*pieces[0].interface.u, *pieces[0].interface.w, *pieces[0].interface.y)
+    floors = {"grade": 0.005, "speed": 1.0, "acceleration": 0.05, "fuel_rate": 0.05}
+    floor = [
+        floors.get(n, max(1e-3 * float(np.nanmax(np.abs(data[:, i]))), 1e-6)) for i, n in enumerate(names)
+    ]
+    return Scales(mean.astype(np.float32), np.maximum(deviation, floor).astype(np.float32))
+
+
+def loss_weights(scales: Scales, n_y: int, speed_s: float, fuel: float) -> FloatArray:
+    """(n_y,): squared acceleration errors count by its variance, speed errors as acceleration held for `speed_s`."""
+    scale = scales.scale[-n_y:].astype(np.float64)
+    acceleration = scale[ACCELERATION]
+    return np.array([acceleration**-2, (acceleration * speed_s) ** -2, *(fuel * scale[2:] ** -2)], np.float32)
