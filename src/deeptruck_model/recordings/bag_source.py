@@ -117,6 +117,15 @@ class BagSource:
         except _DAMAGED as error:
             raise InputError(f"{self.path} is damaged: {_one_line(error)}") from None
 
+    def messages(self, topics: set[str]) -> Iterator[tuple[str, int, bytes]]:
+        """(topic, log time in ns, serialised message) of the topics, in the order of their log times."""
+        wanted = [c for c in self._reader.connections if c.topic in topics]
+        try:
+            for connection, log_ns, data in self._reader.messages(wanted) if wanted else ():
+                yield connection.topic, log_ns, bytes(data)
+        except _DAMAGED as error:
+            raise InputError(f"{self.path} is damaged: {_one_line(error)}") from None
+
     def _mcap_files(self) -> list[Path]:
         if self.path.is_file():
             return [self.path] if self.path.suffix == ".mcap" else []

@@ -1,0 +1,122 @@
+"""What a run needs around it: environment variables, the domain to itself, a folder, a free name for the bag."""
+
+from __future__ import annotations
+
+import fcntl
+import importlib.resources
+import os
+import shutil
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import repair
+
+DOMAIN = "ROS_DOMAIN_ID"
+LAST_DOMAIN = 101  # above, the ports of Fast DDS run into Linux's ephemeral ones
+
+
+def domain_id() -> int:
+    """The ROS domain of this run, from ROS_DOMAIN_ID. Raises InputError where it cannot be used."""
+    text = os.environ.get(DOMAIN) or "0"
+    if not text.isdecimal() or int(text) > LAST_DOMAIN:
+        raise InputError(f"{DOMAIN}={text} is not a number in 0..{LAST_DOMAIN}")
+    return int(text)
+
+
+class DomainLock:
+    """One run a domain on this machine: a second one would answer the first one's messages.
+
+    The processes of the run inherit the lock, so that it holds until the last of them is gone, however the run
+    ended; what a killed run leaves behind is an unlocked file, which says nothing.
+    """
+
+    def __init__(self, domain: int, folder: Path) -> None:
+        self._path = Path(tempfile.gettempdir()) / f"deeptruck-domain-{domain}.lock"
+        try:
+            self._file = self._path.open("a+")
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(
+                f"another run is using ROS domain {domain} ({self._holder()}); end it, or set {DOMAIN} to another number"
+            ) from None
+        except OSError as error:
+            raise InputError(f"cannot lock ROS domain {domain} with {self._path}: {error.strerror}") from None
+        self._file.truncate(0)
+        self._file.write(f"process {os.getpid()}, logs in {folder}")
+        self._file.flush()
+
+    def _holder(self) -> str:
+        self._file.seek(0)
+        return self._file.read() or "just starting"
+
+    @property
+    def descriptor(self) -> int:
+        """To be inherited by every process of the run."""
+        return self._file.fileno()
+
+    def release(self) -> None:
+        self._file.close()
+
+
+def run_folder(runs: Path, what: str, domain: int) -> Path:
+    """A new folder for the logs and parameters of one run. Raises InputError where it cannot be made."""
+    stem = f"{time.strftime('%Y%m%d-%H%M%S')}-{what}-{domain}"
+    for n in range(100):
+        folder = (runs / (f"{stem}.{n}" if n else stem)).absolute()
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise InputError(f"cannot write logs to {folder}: {error.strerror}; choose another with --runs") from None
+        return folder
+    raise InputError(f"cannot find a free folder below {runs}; choose another with --runs")
+
+
+def free_bag(bag: Path, overwrite: bool) -> str | None:
+    """Make sure a bag can be recorded here; returns a line where a killed run's bag was repaired.
+
+    Raises InputError where something is there already, unless it is a bag and `overwrite` says so.
+    """
+    mended = None
+    if bag.exists():
+        is_bag = bag.is_dir() and any(bag.glob("*.mcap"))
+        if is_bag and overwrite:
+            shutil.rmtree(bag)
+        elif is_bag:
+            mended = repair(bag)
+            told = f" ({mended})" if mended else ""
+            raise InputError(f"{bag} exists already{told}; choose another name or add --overwrite")
+        else:
+            raise InputError(f"{bag} exists and is no bag; choose another name")
+    for parent in bag.absolute().parents:
+        if parent.exists():
+            if not os.access(parent, os.W_OK):
+                raise InputError(f"cannot record {bag}: {parent} is not writable")
+            break
+    return mended
+
+
+def ros_environment(folder: Path, domain: int) -> dict[str, str]:
+    """The environment of every process of a run."""
+    environment = dict(os.environ)
+    profile = importlib.resources.files("deeptruck_nodes").joinpath("fastdds.xml")
+    environment |= {
+        DOMAIN: str(domain),
+        "FASTRTPS_DEFAULT_PROFILES_FILE": str(profile),
+        # The profile alone decides: LOCALHOST would add shared memory and listen on every interface.
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
+        "ROS_LOG_DIR": str(folder),
+        "OMP_NUM_THREADS": "1",
+        "PYTHONUNBUFFERED": "1",
+    }
+    for name in ("RMW_IMPLEMENTATION", "ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS"):
+        environment.pop(name, None)
+    if environment.get("AMENT_PREFIX_PATH"):  # a sourced ROS: its libraries, not the wheels'
+        kept = [p for p in environment.get("LD_LIBRARY_PATH", "").split(os.pathsep) if not p.startswith(sys.prefix)]
+        environment["LD_LIBRARY_PATH"] = os.pathsep.join(kept)
+        environment["_ROS_WHEELS_BOOTSTRAP_COMPLETE"] = "1"
+    return environment

@@ -1,0 +1,181 @@
+"""Leaders: a speed over time. Scripted, random or recorded; `parse` reads the command line's description."""
+
+from __future__ import annotations
+
+import csv
+import functools
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from deeptruck_model.errors import InputError
+from deeptruck_nodes import choice
+from deeptruck_nodes.choice import require
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Leader(Protocol):
+    """Anything with a speed in m/s, t seconds after the start; t only grows."""
+
+    def speed_at(self, t: float) -> float: ...
+
+
+@dataclass(frozen=True)
+class Constant:
+    speed: float = 20.0
+
+    def __post_init__(self) -> None:
+        require(0 <= self.speed <= 50, f"leader: speed={self.speed} is outside 0..50 m/s")
+
+    def speed_at(self, t: float) -> float:
+        return self.speed
+
+
+@dataclass(frozen=True)
+class Sine:
+    """speed + amplitude sin(2 pi t / period): an acceleration amplitude of 2 pi amplitude / period."""
+
+    speed: float = 20.0
+    amplitude: float = 1.2
+    period: float = 15.0
+
+    def __post_init__(self) -> None:
+        require(self.period > 0, "leader: period must be positive")
+        require(0 <= self.amplitude <= self.speed <= 50, "leader: need 0 <= amplitude <= speed <= 50 m/s")
+
+    def speed_at(self, t: float) -> float:
+        return self.speed + self.amplitude * math.sin(2 * math.pi * t / self.period)
+
+
+@dataclass(frozen=True)
+class Steps:
+    """A new speed every `every` seconds, approached at `acceleration`; the last one is kept."""
+
+    speeds: tuple[float, ...] = (20.0, 23.0, 18.0, 20.0)
+    every: float = 30.0
+    acceleration: float = 1.0
+
+    def __post_init__(self) -> None:
+        require(self.every > 0 and self.acceleration > 0, "leader: every and acceleration must be positive")
+        require(all(0 <= v <= 50 for v in self.speeds), "leader: a speed is outside 0..50 m/s")
+
+    def speed_at(self, t: float) -> float:
+        speed = self.speeds[0]
+        for n, target in enumerate(self.speeds[1:], start=1):
+            most = self.acceleration * min(max(t - n * self.every, 0.0), self.every)
+            speed += math.copysign(min(abs(target - speed), most), target - speed)
+        return speed
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Drives, brakes to a standstill at `at`, waits, and picks up again at 0.8 m/s^2."""
+
+    speed: float = 20.0
+    at: float = 30.0
+    deceleration: float = 2.0
+    wait: float = 10.0
+
+    def __post_init__(self) -> None:
+        require(0 < self.speed <= 50, f"leader: speed={self.speed} is outside 0..50 m/s")
+        require(0 < self.deceleration <= 12, "leader: deceleration is outside 0..12 m/s^2")
+
+    def speed_at(self, t: float) -> float:
+        standing = self.at + self.speed / self.deceleration
+        if t <= standing + self.wait:
+            return max(0.0, self.speed - self.deceleration * max(t - self.at, 0.0))
+        return min(self.speed, 0.8 * (t - standing - self.wait))
+
+
+@dataclass(frozen=True)
+class Random:
+    """Picks a speed in low..high every 5 to 25 s and approaches it with a random share of `acceleration`."""
+
+    low: float = 12.0
+    high: float = 25.0
+    acceleration: float = 1.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        require(0 <= self.low <= self.high <= 50, "leader: need 0 <= low <= high <= 50 m/s")
+        require(self.acceleration > 0 and self.seed >= 0, "leader: acceleration must be positive, seed not negative")
+
+    @functools.cached_property
+    def _walk(self) -> tuple[Array, Array]:
+        rng = np.random.default_rng(self.seed)
+        times, speeds = [0.0], [rng.uniform(self.low, self.high)]
+        while times[-1] < 8 * 3600:  # then it keeps its speed
+            target = rng.uniform(self.low, self.high)
+            reach = abs(target - speeds[-1]) / (self.acceleration * rng.uniform(0.2, 1.0))
+            times += [times[-1] + reach + 1e-6, times[-1] + reach + rng.uniform(5.0, 25.0)]
+            speeds += [target, target]
+        return np.array(times), np.array(speeds)
+
+    def speed_at(self, t: float) -> float:
+        return float(np.interp(t, *self._walk))
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A leader driven before: CSV with a `time` column in s and a speed column in m/s, or a bag.
+
+    From a bag the leader's speed is taken where it was recorded, the truck's own otherwise. At the end the last
+    speed is kept.
+    """
+
+    path: str
+    column: str = "speed"
+
+    def __post_init__(self) -> None:
+        times, speeds = self._samples
+        require(len(times) > 1 and bool(np.all(np.diff(times) > 0)), f"{self.path}: time does not grow")
+        require(bool(np.all((speeds >= -1) & (speeds <= 60))), f"{self.path}: a speed is outside -1..60 m/s")
+
+    @functools.cached_property
+    def _samples(self) -> tuple[Array, Array]:
+        path = Path(self.path)
+        if path.suffix == ".csv":
+            return _from_csv(path, self.column)
+        from deeptruck_model import recordings
+
+        recording = recordings.read(path)[0]
+        speed = recording.channels.get("leader_speed", recording.channels["speed"])
+        good = np.isfinite(speed)
+        return (recording.time - recording.start_s)[good], speed[good]
+
+    def speed_at(self, t: float) -> float:
+        return float(np.interp(t, *self._samples))
+
+
+def _from_csv(path: Path, column: str) -> tuple[Array, Array]:
+    try:
+        with path.open(newline="") as file:
+            rows = [(float(row["time"]), float(row[column])) for row in csv.DictReader(file)]
+    except OSError as error:
+        raise InputError(f"cannot read leader {path}: {error.strerror}") from None
+    except KeyError as error:
+        raise InputError(f"leader {path} has no column {error}") from None
+    except (TypeError, ValueError, csv.Error):
+        raise InputError(f"leader {path}: every row needs a number under time and {column}") from None
+    values = np.array(rows).reshape(-1, 2)
+    return values[:, 0] - (values[0, 0] if len(values) else 0.0), values[:, 1]
+
+
+KINDS: dict[str, type] = {
+    "constant": Constant,
+    "sine": Sine,
+    "steps": Steps,
+    "stop": Stop,
+    "random": Random,
+    "recorded": Recorded,
+}
+
+
+def parse(text: str) -> Leader:
+    """The leader a description names, such as 'sine:speed=18,amplitude=2'. Raises InputError."""
+    leader: Leader = choice.parse(text, KINDS, "leader")
+    return leader

@@ -1,0 +1,63 @@
+"""The line between supervisor and node: 'ready' goes up, 'go' comes down. Without a supervisor a node just goes."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+
+VARIABLE = "DEEPTRUCK_LIFELINE"
+
+
+class Lifeline:
+    """A node's end of the line."""
+
+    def __init__(self) -> None:
+        number = os.environ.get(VARIABLE)
+        self._socket = socket.socket(fileno=int(number)) if number else None
+        self._said = False
+
+    def ready(self) -> None:
+        """Tell the supervisor, once."""
+        if self._socket is not None and not self._said:
+            with contextlib.suppress(OSError):  # a supervisor that is gone ends this process in another way
+                self._socket.send(b"ready")
+        self._said = True
+
+    def may_go(self) -> bool:
+        """Whether everyone else is ready too; never blocks."""
+        if self._socket is None:
+            return True
+        try:
+            return self._socket.recv(16, socket.MSG_DONTWAIT) == b"go"
+        except BlockingIOError:
+            return False
+
+
+class LifelineHolder:
+    """The supervisor's end. `child` is the descriptor to hand to the process in VARIABLE."""
+
+    def __init__(self) -> None:
+        self._socket, self._child = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self.is_ready = False
+
+    @property
+    def child(self) -> int:
+        return self._child.fileno()
+
+    def handed_over(self) -> None:
+        """Close our copy of the child's end."""
+        self._child.close()
+
+    def poll(self) -> bool:
+        """Whether the node has said it is ready."""
+        with contextlib.suppress(OSError):
+            self.is_ready = self.is_ready or self._socket.recv(16, socket.MSG_DONTWAIT) == b"ready"
+        return self.is_ready
+
+    def go(self) -> None:
+        with contextlib.suppress(OSError):  # a node that has just died is found by its exit code
+            self._socket.send(b"go")
+
+    def close(self) -> None:
+        self._socket.close()

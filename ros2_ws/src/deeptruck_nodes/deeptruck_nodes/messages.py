@@ -1,0 +1,82 @@
+"""Between numbers and the common interfaces: the only place that fills or reads a message."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import AccelStamped, TwistStamped
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState, Range
+
+SECOND = 1_000_000_000  # ns
+
+LEVELS = {"ok": DiagnosticStatus.OK, "warn": DiagnosticStatus.WARN, "error": DiagnosticStatus.ERROR}
+
+
+def time_message(stamp: int) -> Time:
+    """Nanoseconds as a message."""
+    return Time(sec=stamp // SECOND, nanosec=stamp % SECOND)
+
+
+def nanoseconds(time: Time) -> int:
+    """Inverse of time_message."""
+    return int(time.sec) * SECOND + int(time.nanosec)
+
+
+def clock(stamp: int) -> Clock:
+    return Clock(clock=time_message(stamp))
+
+
+def twist(stamp: int, speed: float, frame: str) -> TwistStamped:
+    """A speed along x of the named frame, m/s."""
+    message = TwistStamped()
+    message.header.stamp = time_message(stamp)
+    message.header.frame_id = frame
+    message.twist.linear.x = float(speed)
+    return message
+
+
+def accel(stamp: int, acceleration: float) -> AccelStamped:
+    """An acceleration along x of the truck, m/s^2."""
+    message = AccelStamped()
+    message.header.stamp = time_message(stamp)
+    message.header.frame_id = "truck"
+    message.accel.linear.x = float(acceleration)
+    return message
+
+
+def scalars(stamp: int, names: Sequence[str], values: Mapping[str, float]) -> JointState:
+    """A stamped, named vector; a name without a value is NaN."""
+    message = JointState(name=list(names))
+    message.header.stamp = time_message(stamp)
+    message.position = [float(values.get(name, float("nan"))) for name in names]
+    return message
+
+
+def read_scalars(message: JointState) -> dict[str, float]:
+    """Inverse of scalars; surplus names or positions are left out."""
+    return dict(zip(message.name, message.position, strict=False))
+
+
+def radar_range(stamp: int, gap: float, reach: float) -> Range:
+    """A radar's distance, m; +inf is 'nothing detected' (REP 117)."""
+    message = Range(radiation_type=Range.INFRARED, field_of_view=0.3, min_range=0.5, max_range=float(reach))
+    message.header.stamp = time_message(stamp)
+    message.header.frame_id = "radar"
+    message.range = float(gap)
+    return message
+
+
+def diagnostics(stamp: int, node: str, level: str, says: str, values: Mapping[str, object]) -> DiagnosticArray:
+    """One status of one node; level is 'ok', 'warn' or 'error'."""
+    status = DiagnosticStatus(level=LEVELS[level], name=f"deeptruck: {node}", message=says, hardware_id=node)
+    status.values = [KeyValue(key=key, value=_text(value)) for key, value in values.items()]
+    message = DiagnosticArray(status=[status])
+    message.header.stamp = time_message(stamp)
+    return message
+
+
+def _text(value: object) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,137 @@
+"""What every node shares: parameters, readiness, diagnostics, and an end that always comes."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import rclpy
+from deeptruck_model.errors import InputError
+from deeptruck_nodes import messages, parameters
+from deeptruck_nodes.lifeline import Lifeline
+from deeptruck_nodes.messages import SECOND
+from deeptruck_nodes.topics import CONTROL_QOS, DIAGNOSTICS, Topic, expected_subscribers
+from rclpy.duration import Duration
+from rclpy.exceptions import InvalidParameterTypeException, ParameterException
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.signals import SignalHandlerOptions
+
+IDLE = 0.1  # s; the longest a node sleeps before it looks at its stop flag
+
+
+class DeeptruckNode(Node):
+    """Base of the nodes. A subclass overrides `begin`, `tick` and `close` as needed."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name, automatically_declare_parameters_from_overrides=True, enable_rosout=False)
+        self.p: dict[str, Any] = parameters.declare(self)
+        self.lockstep: bool = self.p["lockstep"]
+        self.finished = False
+        self._diagnosed = -1
+        self._outgoing: list[tuple[Topic, Publisher]] = []
+        self._diagnostics = self.publish_on(DIAGNOSTICS)
+
+    def publish_on(self, topic: Topic) -> Publisher:
+        publisher = self.create_publisher(topic.message, topic.name, CONTROL_QOS)
+        self._outgoing.append((topic, publisher))
+        return publisher
+
+    def listen_to(self, topic: Topic, callback: Callable[[Any], None]) -> None:
+        self.create_subscription(topic.message, topic.name, callback, CONTROL_QOS)
+
+    def connected(self) -> bool:
+        """Whether every peer that listens to this node has been matched."""
+        peers = tuple(self.p["peers"])
+        return all(out.get_subscription_count() >= expected_subscribers(topic, peers) for topic, out in self._outgoing)
+
+    def begin(self) -> None:
+        """Called once, when every node of the run is ready."""
+
+    def tick(self) -> float:
+        """Do what is due now; returns the seconds until something is due again."""
+        return IDLE
+
+    def lingers(self) -> bool:
+        """After a stop: whether to keep handling messages a little longer."""
+        return False
+
+    def close(self) -> None:
+        """Leave in order: called once at the end; waits shortly until every listener has the last messages."""
+        until = time.monotonic() + 1.0
+        for _, publisher in self._outgoing:
+            publisher.wait_for_all_acked(Duration(seconds=max(0.0, until - time.monotonic())))
+
+    def diagnose(self, stamp: int, level: str, says: str, **values: object) -> None:
+        """Publish this node's health, at most once for each second of stamps, so that lock-step repeats itself."""
+        if stamp // SECOND != self._diagnosed:
+            self._diagnosed = stamp // SECOND
+            self._diagnostics.publish(messages.diagnostics(stamp, self.get_name(), level, says, values))
+
+    def now(self) -> int:
+        """System time in ns, the stamp of everything measured in real time."""
+        return time.time_ns()
+
+
+class _Stop:
+    """Set by SIGINT and SIGTERM. rclpy's own handlers now and then lose a signal, so they are off."""
+
+    def __init__(self) -> None:
+        self.asked = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._ask)
+
+    def _ask(self, number: int, frame: object) -> None:
+        self.asked = True
+
+
+def run(make: Callable[[], DeeptruckNode]) -> None:
+    """The body of every main(): one clear line and exit code 2 for bad input, 0 after a wanted end."""
+    stop = _Stop()
+    try:
+        rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+        node = make()
+        try:
+            _spin(node, stop)
+        finally:
+            node.close()
+            node.destroy_node()
+    except InputError as error:
+        sys.exit(_last_words(str(error)))
+    except (ParameterException, InvalidParameterTypeException, rclpy.exceptions.ROSInterruptException) as error:
+        sys.exit(_last_words(str(error)))
+    except Exception as error:
+        if type(error).__name__ not in ("RCLInvalidROSArgsError", "UnknownROSArgsError", "RCLError"):
+            raise
+        sys.exit(_last_words(" ".join(str(error).split())))
+    finally:
+        rclpy.try_shutdown()
+
+
+def _last_words(text: str) -> int:
+    print(text, file=sys.stderr, flush=True)
+    return 2
+
+
+def _spin(node: DeeptruckNode, stop: _Stop) -> None:
+    lifeline, executor = Lifeline(), SingleThreadedExecutor()
+    executor.add_node(node)
+    going = False
+    while not (stop.asked or node.finished):
+        if going:
+            wait = node.tick()
+        else:
+            wait = 0.02
+            if node.connected():
+                lifeline.ready()
+                if lifeline.may_go():
+                    going, wait = True, 0.0
+                    node.begin()
+        executor.spin_once(timeout_sec=max(0.0, min(wait, IDLE)))
+    while node.lingers():
+        executor.spin_once(timeout_sec=IDLE)
+    executor.remove_node(node)

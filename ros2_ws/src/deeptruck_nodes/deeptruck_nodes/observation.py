@@ -1,0 +1,60 @@
+"""What the controller knows: the newest consistent radar and truck samples, and the lead through dropouts."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+SECOND = 1_000_000_000  # ns
+
+
+@dataclass(frozen=True)
+class Observation:
+    """One sample in SI units; `lead` is False when there is no vehicle ahead to follow."""
+
+    stamp: int
+    speed: float
+    gap: float
+    leader_speed: float
+    grade: float
+    lead: bool
+
+
+class Alignment:
+    """Collects samples by their stamps.
+
+    A radar sample is complete when range and speed carry the same stamp. In lock-step (`strict`) the truck's
+    speed, and its grade where it has one, must carry that stamp too; in real time the newest ones count.
+    """
+
+    def __init__(self, strict: bool, uses_grade: bool, bridge_dropouts_s: float) -> None:
+        self._strict, self._uses_grade, self._bridge = strict, uses_grade, bridge_dropouts_s
+        self._latest: dict[str, tuple[int, float]] = {}
+        self._taken = -1
+        self._lead: tuple[int, float, float] | None = None  # stamp, gap, leader speed, as last detected
+
+    def put(self, name: str, stamp: int, value: float) -> Observation | None:
+        """File a sample: speed, gap, leader_speed or grade. Returns the observation it completes, once each."""
+        self._latest[name] = (stamp, value)
+        if not {"speed", "gap", "leader_speed"} <= self._latest.keys():
+            return None
+        stamp, gap = self._latest["gap"]
+        needed = ["leader_speed"]
+        if self._strict:
+            needed += ["speed", "grade"] if self._uses_grade else ["speed"]
+        if stamp <= self._taken or any(self._latest.get(n, (-1,))[0] != stamp for n in needed):
+            return None
+        self._taken = stamp
+        return self._observe(stamp, gap)
+
+    def _observe(self, stamp: int, gap: float) -> Observation:
+        speed, leader_speed = self._latest["speed"][1], self._latest["leader_speed"][1]
+        grade = self._latest.get("grade", (0, 0.0))[1]
+        lead = math.isfinite(gap) and math.isfinite(leader_speed)
+        if lead:
+            self._lead = (stamp, gap, leader_speed)
+        elif self._lead is not None and stamp - self._lead[0] <= self._bridge * SECOND:
+            since, last_gap, leader_speed = self._lead
+            gap = last_gap + (leader_speed - speed) * (stamp - since) / SECOND
+            lead = True
+        return Observation(stamp, speed, gap, leader_speed, grade if math.isfinite(grade) else 0.0, lead)

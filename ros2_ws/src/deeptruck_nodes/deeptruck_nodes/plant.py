@@ -1,0 +1,51 @@
+"""A simulated truck on a road, one at a time, with what lies between two of its steps."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from deeptruck_model.simulators import Simulator
+from deeptruck_model.signals import ACCELERATION, FUEL, SPEED
+from deeptruck_nodes.roads import Road
+
+
+class Plant:
+    """Holds state, response and position. SI units; commands in the units of the truck interface."""
+
+    def __init__(self, simulator: Simulator, road: Road, initial_speed: float) -> None:
+        self._simulator, self._road = simulator, road
+        self.interface, self.dt = simulator.interface, simulator.dt
+        self._y = np.zeros((1, len(self.interface.y)))
+        self._y[0, SPEED] = initial_speed
+        self._state = simulator.reset(self._y)
+        self.distance = 0.0
+        self.grade, self.elevation = road.at(0.0)
+
+    @property
+    def speed(self) -> float:
+        return float(self._y[0, SPEED])
+
+    @property
+    def acceleration(self) -> float:
+        """Mean over the last step, m/s^2."""
+        return float(self._y[0, ACCELERATION])
+
+    def step(self, engine_command: float, brake_command: float) -> None:
+        """Advance by dt under a held command."""
+        before = self.speed
+        u = np.array([[engine_command, brake_command][: len(self.interface.u)]])
+        w = np.full((1, len(self.interface.w)), self.grade)
+        self._state, self._y = self._simulator.step(self._state, u, w)
+        self.distance += (before + self.speed) / 2 * self.dt
+        self.grade, self.elevation = self._road.at(self.distance)
+
+    def speed_at(self, share: float) -> float:
+        """Speed after that share (0..1] of the last step: the mean acceleration makes it a straight line."""
+        return self.speed - self.acceleration * (1.0 - share) * self.dt
+
+    def status(self) -> dict[str, float]:
+        """fuel_rate, gear, engine_speed, engine_torque where the simulator has them."""
+        seen = {name: float(values[0]) for name, values in self._simulator.inside(self._state).items()}
+        seen["fuel_rate"] = float(self._y[0, FUEL]) if self.interface.fuel else math.nan
+        return seen

@@ -1,0 +1,71 @@
+"""The gap between two vehicles, and a radar that sees it with noise, dropouts and a lane-change jump."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from deeptruck_nodes.leaders import Leader
+
+
+class Gap:
+    """Integrates the distance to a leader from the follower's reported speed, by the trapezoidal rule."""
+
+    def __init__(self, leader: Leader, initial: float, initial_time_gap: float) -> None:
+        self._leader, self._initial, self._time_gap = leader, initial, initial_time_gap
+        self._last: tuple[float, float] | None = None  # time, closing speed
+        self.gap = math.nan
+        self.leader_speed = math.nan
+
+    def update(self, t: float, speed: float) -> None:
+        """The follower reports `speed` (m/s) at `t` seconds after the start; NaN keeps the last closing speed."""
+        self.leader_speed = self._leader.speed_at(t)
+        opening = self.leader_speed - speed
+        if self._last is None:
+            if not math.isfinite(speed):
+                return
+            self.gap = self._initial or max(self._time_gap * speed, 5.0)
+        else:
+            last_t, last_opening = self._last
+            opening = opening if math.isfinite(opening) else last_opening
+            self.gap += (opening + last_opening) / 2 * (t - last_t)
+        self._last = (t, opening)
+
+
+@dataclass(frozen=True)
+class RadarErrors:
+    """What is wrong with the radar; the names are those of the leader node's parameters."""
+
+    range_noise: float = 0.0
+    speed_noise: float = 0.0
+    dropout_rate: float = 0.0
+    dropout_s: float = 0.3
+    reach: float = 200.0
+    lane_change_at_s: float = 0.0
+    lane_change_s: float = 1.5
+    lane_change_gap: float = 40.0
+    lane_change_speed: float = 2.0
+
+
+class Radar:
+    """Same seed and same samples, same readings: four random numbers are drawn for every sample."""
+
+    def __init__(self, errors: RadarErrors, seed: int) -> None:
+        self._errors, self._rng = errors, np.random.default_rng(seed)
+        self._blind_until = -math.inf
+        self._last_t: float | None = None
+
+    def sense(self, t: float, gap: float, leader_speed: float) -> tuple[float, float]:
+        """Distance in m and leader's speed in m/s as seen; (inf, nan) when nothing is detected."""
+        e = self._errors
+        noise = self._rng.standard_normal(2)
+        begins, length = self._rng.random(), self._rng.exponential(e.dropout_s)
+        if self._last_t is not None and begins < 1 - math.exp(-e.dropout_rate * (t - self._last_t)):
+            self._blind_until = t + length
+        self._last_t = t
+        if e.lane_change_at_s and e.lane_change_at_s <= t < e.lane_change_at_s + e.lane_change_s:
+            gap, leader_speed = gap + e.lane_change_gap, leader_speed + e.lane_change_speed
+        if t < self._blind_until or not 0 < gap <= e.reach:
+            return math.inf, math.nan
+        return max(gap + e.range_noise * noise[0], 0.0), leader_speed + e.speed_noise * noise[1]

@@ -1,0 +1,116 @@
+"""The recorder: raw messages into an MCAP bag that a kill costs at most its last second."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import json
+import time
+from pathlib import Path
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import CrashSafeWriter
+from deeptruck_nodes.messages import SECOND
+from deeptruck_nodes.node import IDLE, DeeptruckNode, run
+from deeptruck_nodes.topics import RECORD_QOS, RECORDED, TOPICS
+from rclpy.event_handler import SubscriptionEventCallbacks
+
+INTERFACE_KEY = "deeptruck.interface"
+LINGER = 5.0  # s; the longest the recorder keeps listening for what was sent before the end
+
+
+class Recorder(DeeptruckNode):
+    """Logs by time of arrival; in lock-step by the messages' own stamps, so that equal runs give equal bags."""
+
+    def __init__(self) -> None:
+        super().__init__("recorder")
+        if not self.p["bag"]:
+            raise InputError("recorder: say where to record with the parameter bag")
+        interface = self.p["interface"]
+        custom = {INTERFACE_KEY: interface} if _is_json(interface) else {}
+        self._writer = CrashSafeWriter(Path(self.p["bag"]), custom_data=custom)
+        self._undiscovered = list(self.p["topics"] or RECORDED)
+        self._count = self._lost = 0
+        self._counted = -1
+        self._stopping: float | None = None
+        self._find_topics()
+
+    def _find_topics(self) -> None:
+        """Subscribe to what has a known type: our own topics at once, others when somebody publishes them."""
+        graph = {name: types[0] for name, types in self.get_topic_names_and_types() if types}
+        graph |= {name: topic.type_name for name, topic in TOPICS.items()}
+        for name in [name for name in self._undiscovered if name in graph]:
+            self._undiscovered.remove(name)
+            self._subscribe(name, graph[name])
+
+    def _subscribe(self, name: str, type_name: str) -> None:
+        self.create_subscription(
+            message_class(type_name),
+            name,
+            functools.partial(self._on_message, name, type_name),
+            RECORD_QOS,
+            raw=True,
+            event_callbacks=SubscriptionEventCallbacks(message_lost=self._on_lost),
+        )
+
+    def _on_message(self, topic: str, type_name: str, cdr: bytes) -> None:
+        stamp = header_stamp(cdr) if self.lockstep else time.time_ns()
+        self._writer.write(topic, type_name, cdr, stamp)
+        self._count += 1
+
+    def _on_lost(self, event: object) -> None:
+        self._lost += event.total_count_change  # type: ignore[attr-defined]
+
+    def tick(self) -> float:
+        if self._undiscovered:
+            self._find_topics()
+        self._writer.flush()
+        if not self.lockstep:  # what it counts depends on timing: no part of a run that repeats itself
+            level, says = ("warn", "messages were lost") if self._lost else ("ok", "recording")
+            self.diagnose(self.now(), level, says, messages=self._count, lost=self._lost)
+        return IDLE
+
+    def lingers(self) -> bool:
+        """After a stop: keep listening while messages still come."""
+        self._stopping = self._stopping or time.monotonic()
+        came, self._counted = self._count > self._counted, self._count
+        return came and time.monotonic() - self._stopping < LINGER
+
+    def close(self) -> None:
+        self._writer.close()
+        print(f"recorded {self._count} messages in {self.p['bag']}, {self._lost} lost", flush=True)
+
+
+def message_class(type_name: str) -> type:
+    """The class of 'package/msg/Name'. Raises InputError where it is not installed."""
+    package, _, name = type_name.partition("/msg/")
+    try:
+        found: type = getattr(importlib.import_module(f"{package}.msg"), name)
+    except (ImportError, AttributeError):
+        raise InputError(f"message type {type_name} is not installed here") from None
+    return found
+
+
+def header_stamp(cdr: bytes) -> int:
+    """The stamp, ns, of a serialised message that begins with a std_msgs/Header."""
+    order = "little" if cdr[1] & 1 else "big"
+    return int.from_bytes(cdr[4:8], order) * SECOND + int.from_bytes(cdr[8:12], order)  # type: ignore[arg-type]
+
+
+def _is_json(text: str) -> bool:
+    if not text:
+        return False
+    try:
+        json.loads(text)
+    except json.JSONDecodeError as error:
+        raise InputError(f"recorder: interface is not JSON ({error})") from None
+    return True
+
+
+def main() -> None:
+    """Entry point of the process."""
+    run(Recorder)
+
+
+if __name__ == "__main__":
+    main()

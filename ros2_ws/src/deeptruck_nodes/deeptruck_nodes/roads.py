@@ -1,0 +1,118 @@
+"""Roads: grade and elevation over distance; `parse` reads the command line's description."""
+
+from __future__ import annotations
+
+import csv
+import functools
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from deeptruck_model.errors import InputError
+from deeptruck_nodes import choice
+from deeptruck_nodes.choice import require
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Road(Protocol):
+    """Anything with a grade (rise/run) and an elevation (m) at a distance from the start (m)."""
+
+    def at(self, distance: float) -> tuple[float, float]: ...
+
+
+@dataclass(frozen=True)
+class Constant:
+    grade: float = 0.0
+
+    def __post_init__(self) -> None:
+        require(abs(self.grade) <= 0.2, f"road: grade={self.grade} is outside -0.2..0.2")
+
+    def at(self, distance: float) -> tuple[float, float]:
+        return self.grade, self.grade * distance
+
+
+@dataclass(frozen=True)
+class Sine:
+    """Hills of the given largest grade, one every `length` metres."""
+
+    grade: float = 0.03
+    length: float = 2000.0
+
+    def __post_init__(self) -> None:
+        require(abs(self.grade) <= 0.2 and self.length >= 50, "road: need |grade| <= 0.2 and length >= 50 m")
+
+    def at(self, distance: float) -> tuple[float, float]:
+        phase = 2 * math.pi * distance / self.length
+        return self.grade * math.sin(phase), self.grade * self.length / (2 * math.pi) * (1 - math.cos(phase))
+
+
+@dataclass(frozen=True)
+class Table:
+    """CSV with columns distance (m) and grade (rise/run), interpolated; the ends are continued."""
+
+    path: str
+
+    def __post_init__(self) -> None:
+        distances, grades, _ = self._profile
+        require(len(distances) > 1 and bool(np.all(np.diff(distances) > 0)), f"{self.path}: distance does not grow")
+        require(bool(np.all(np.abs(grades) <= 0.2)), f"{self.path}: a grade is outside -0.2..0.2")
+
+    @functools.cached_property
+    def _profile(self) -> tuple[Array, Array, Array]:
+        try:
+            with Path(self.path).open(newline="") as file:
+                rows = [(float(row["distance"]), float(row["grade"])) for row in csv.DictReader(file)]
+        except OSError as error:
+            raise InputError(f"cannot read road {self.path}: {error.strerror}") from None
+        except (KeyError, TypeError, ValueError, csv.Error):
+            raise InputError(f"road {self.path}: every row needs a number under distance and grade") from None
+        values = np.array(rows).reshape(-1, 2)
+        return _with_elevation(values[:, 0], values[:, 1])
+
+    def at(self, distance: float) -> tuple[float, float]:
+        return _interpolate(self._profile, distance)
+
+
+@dataclass(frozen=True)
+class Random:
+    """A random grade of about the given size, new every `length` metres, smooth in between, for 500 km."""
+
+    grade: float = 0.02
+    length: float = 500.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        require(0 <= self.grade <= 0.07 and self.length >= 50, "road: need 0 <= grade <= 0.07 and length >= 50 m")
+        require(self.seed >= 0, "road: seed must not be negative")
+
+    @functools.cached_property
+    def _profile(self) -> tuple[Array, Array, Array]:
+        distances = np.arange(0.0, 500e3, self.length)
+        grades = np.random.default_rng(self.seed).normal(0.0, self.grade, len(distances))
+        return _with_elevation(distances, np.clip(grades, -3 * self.grade, 3 * self.grade))
+
+    def at(self, distance: float) -> tuple[float, float]:
+        return _interpolate(self._profile, distance)
+
+
+def _with_elevation(distances: Array, grades: Array) -> tuple[Array, Array, Array]:
+    rises = np.diff(distances) * (grades[1:] + grades[:-1]) / 2
+    return distances, grades, np.concatenate(([0.0], np.cumsum(rises)))
+
+
+def _interpolate(profile: tuple[Array, Array, Array], distance: float) -> tuple[float, float]:
+    distances, grades, elevations = profile
+    return float(np.interp(distance, distances, grades)), float(np.interp(distance, distances, elevations))
+
+
+KINDS: dict[str, type] = {"flat": Constant, "constant": Constant, "sine": Sine, "random": Random, "table": Table}
+
+
+def parse(text: str) -> Road:
+    """The road a description names, such as 'sine:grade=0.02'. Raises InputError."""
+    road: Road = choice.parse(text, KINDS, "road")
+    return road

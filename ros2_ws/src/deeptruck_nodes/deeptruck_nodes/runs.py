@@ -1,0 +1,142 @@
+"""The three kinds of run behind the start scripts: simulation, vehicle, replay."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from deeptruck_cacc import load_policy
+from deeptruck_model import simulators
+from deeptruck_model.errors import InputError
+from deeptruck_model.signals import TruckInterface
+from deeptruck_nodes import environment, leaders, parameters, roads
+from deeptruck_nodes.supervisor import Program, Supervisor, node
+
+Sections = dict[str, dict[str, Any]]
+
+RADARS: dict[str, dict[str, float]] = {
+    "clean": {"range_noise": 0.0, "speed_noise": 0.0},
+    "noisy": {"range_noise": 0.1, "speed_noise": 0.05, "dropout_rate": 0.05},
+    "field": {"range_noise": 0.1, "speed_noise": 0.05, "dropout_rate": 0.05, "lane_change_at_s": 63.0},
+}
+
+
+@dataclass(frozen=True)
+class Common:
+    """What every run takes: where to record (None: nowhere), own parameters, where the run folders go."""
+
+    record: Path | None = None
+    overwrite: bool = False
+    parameters: Path | None = None
+    runs: Path = Path("runs")
+
+
+def interface_of(simulator: str) -> TruckInterface:
+    """The truck interface of a simulator; a trained one is not loaded for it. Raises InputError."""
+    if simulator.startswith("truck:"):
+        return simulators.load(simulator).interface
+    return TruckInterface.from_dict(simulators.read_manifest(Path(simulator))["interface"])
+
+
+def simulate(common: Common, given: Sections, *, policy: str, simulator: str, lockstep: bool) -> int:
+    """A simulated truck behind a leader; returns the exit code. `given` holds further parameters by node."""
+    interface = interface_of(simulator)
+    load_policy(policy, interface)
+    sections = _merged(
+        {
+            "recorder": _recorder(common, interface),
+            "leader": {},
+            "controller": _controller(policy, interface),
+            "truck_sim": {"simulator": _absolute(simulator, "truck:")},
+        },
+        given,
+        common,
+    )
+    leaders.parse(checked(sections, "leader")["profile"])
+    roads.parse(checked(sections, "truck_sim")["road"])
+    return _run("simulation", common, sections, lockstep=lockstep, ends="truck_sim")
+
+
+def replay(common: Common, given: Sections) -> int:
+    """A bag back onto its topics; returns the exit code."""
+    return _run("replay", common, _merged({"recorder": _recorder(common, None), "replay": {}}, given, common), ends="replay")
+
+
+def checked(sections: Mapping[str, Mapping[str, Any]], name: str) -> dict[str, Any]:
+    """A node's parameters with the defaults filled in. Raises InputError."""
+    return parameters.checked(name, sections[name])
+
+
+def _recorder(common: Common, interface: TruckInterface | None) -> dict[str, Any]:
+    if common.record is None:
+        return {}
+    text = json.dumps(interface.to_dict()) if interface else ""
+    return {"bag": str(common.record.absolute()), "interface": text}
+
+
+def _controller(policy: str, interface: TruckInterface) -> dict[str, Any]:
+    return {
+        "policy": _absolute(policy, "baseline:"),
+        "interface": json.dumps(interface.to_dict()),
+        "uses_grade": interface.grade,
+    }
+
+
+def _absolute(path: str, exempt: str) -> str:
+    return path if path.startswith(exempt) else str(Path(path).absolute())
+
+
+def _merged(sections: Sections, given: Sections, common: Common) -> Sections:
+    """Own parameter file over the start script's options over what follows from the run."""
+    own = parameters.read_file(common.parameters) if common.parameters else {}
+    for name in own:
+        if name not in sections:
+            raise InputError(f"{common.parameters}: this run has no node '{name}'; it has {', '.join(sections)}")
+    merged = {name: {**values, **given.get(name, {}), **own.get(name, {})} for name, values in sections.items()}
+    if common.record is None:
+        del merged["recorder"]
+    return merged
+
+
+def _run(
+    what: str,
+    common: Common,
+    sections: Sections,
+    *,
+    lockstep: bool = False,
+    ends: str = "",
+    others: tuple[Program, ...] = (),
+    duration: float = 0.0,
+) -> int:
+    """Check everything, then start; nothing is written before all of it holds."""
+    for name, values in sections.items():
+        values.update(lockstep=lockstep, peers=[peer for peer in sections if peer != name])
+        parameters.checked(name, values)
+    domain = environment.domain_id()
+    if common.record is not None:
+        environment.free_bag(common.record, common.overwrite)
+    folder = environment.run_folder(common.runs, what, domain)
+    lock = environment.DomainLock(domain, folder)
+    try:
+        file = folder / "parameters.yaml"
+        parameters.write_file(file, sections)
+        nodes = [node(name, file, ends_run=name == ends) for name in sections]
+        programs = [*nodes[:1], *others, *nodes[1:]]
+        print(f"logs in {os.path.relpath(folder)}, ROS domain {domain}", flush=True)
+        return Supervisor(folder, programs, environment.ros_environment(folder, domain), lock.descriptor).run(duration)
+    finally:
+        lock.release()
+
+
+def guarded(script: str, action: Callable[[], int]) -> None:
+    """Exit with the run's code; bad input is one line and exit code 2."""
+    try:
+        sys.exit(action())
+    except InputError as error:
+        print(f"{script}: {error}", file=sys.stderr)
+        sys.exit(2)

@@ -1,0 +1,168 @@
+"""Starts the processes of a run together, watches them, and ends them in order, whatever happens."""
+
+from __future__ import annotations
+
+import ctypes
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from deeptruck_nodes.lifeline import VARIABLE, LifelineHolder
+
+POLL = 0.05  # s
+READY_WITHIN = 120.0  # s; a first start compiles the physics truck
+PATIENCE = ((signal.SIGINT, 6.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 2.0))  # s for each
+_PR_SET_PDEATHSIG = 1
+
+
+@dataclass(frozen=True)
+class Program:
+    """One process of a run. When one with `ends_run` exits with 0 the run is over; any other exit is a failure."""
+
+    name: str
+    argv: Sequence[str]
+    ends_run: bool = False
+    says_ready: bool = True  # through its lifeline; otherwise it counts as ready at once
+
+
+@dataclass
+class _Child:
+    program: Program
+    process: subprocess.Popen[bytes]
+    log: Path
+    lifeline: LifelineHolder = field(default_factory=LifelineHolder)
+
+    def is_ready(self) -> bool:
+        return not self.program.says_ready or self.lifeline.poll()
+
+    def last_words(self) -> str:
+        lines = [line for line in self.log.read_text(errors="replace").splitlines() if line.strip()]
+        return lines[-1].strip() if lines else "it said nothing"
+
+
+class Supervisor:
+    """`programs` are started in this order and ended in the opposite one."""
+
+    def __init__(self, folder: Path, programs: Sequence[Program], environment: Mapping[str, str], lock: int) -> None:
+        self._folder, self._programs = folder, programs
+        self._environment, self._lock = dict(environment), lock
+        self._children: list[_Child] = []
+        self._asked = 0  # how often somebody asked for the end
+
+    def run(self, duration: float = 0.0) -> int:
+        """Run until a program ends the run, `duration` s (0: no limit) have passed, or SIGINT or SIGTERM.
+
+        Returns the exit code: 0 after a wanted end, 2 where a program refused its input, else 1.
+        """
+        before = {number: signal.signal(number, self._on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
+        try:
+            for program in self._programs:
+                self._children.append(self._start(program))
+            code = self._until_ready()
+            return self._watch(duration) if code is None else code
+        finally:
+            self._end()
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    def _on_signal(self, number: int, frame: object) -> None:
+        self._asked += 1
+
+    def _start(self, program: Program) -> _Child:
+        log, lifeline = self._folder / f"{program.name}.log", LifelineHolder()
+        with log.open("wb") as output:
+            process = subprocess.Popen(
+                program.argv,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                env={**self._environment, VARIABLE: str(lifeline.child)},
+                pass_fds=(lifeline.child, self._lock),
+                start_new_session=True,  # Ctrl-C reaches the supervisor alone, which then keeps the order
+                preexec_fn=_die_with_parent,
+            )
+        lifeline.handed_over()
+        return _Child(program, process, log, lifeline)
+
+    def _until_ready(self) -> int | None:
+        """None when every process is ready and has been told to go, else the run's exit code."""
+        begun = time.monotonic()
+        while waiting := [child for child in self._children if not child.is_ready()]:
+            code = self._verdict()
+            if code is not None:
+                return code
+            if time.monotonic() - begun > READY_WITHIN:
+                names = ", ".join(child.program.name for child in waiting)
+                return _complain(f"not ready after {READY_WITHIN:g} s: {names}; see {self._folder}")
+            time.sleep(POLL)
+        print(f"ready after {time.monotonic() - begun:.1f} s: {', '.join(p.name for p in self._programs)}", flush=True)
+        for child in self._children:
+            child.lifeline.go()
+        return None
+
+    def _watch(self, duration: float) -> int:
+        begun = time.monotonic()
+        while (code := self._verdict()) is None:
+            if duration and time.monotonic() - begun >= duration:
+                return 0
+            time.sleep(POLL)
+        return code
+
+    def _verdict(self) -> int | None:
+        """The exit code of the run if it is over, else None."""
+        if self._asked:
+            print("stopping", flush=True)
+            return 0
+        for child in self._children:
+            code = child.process.poll()
+            if code is None:
+                continue
+            if code == 0 and child.program.ends_run:
+                return 0
+            how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
+            return _complain(f"{child.program.name} ended ({how}): {child.last_words()}", 2 if code == 2 else 1)
+        return None
+
+    def _end(self) -> None:
+        for child in reversed(self._children):
+            for number, patience in PATIENCE:
+                if self._ended(child, number, patience):
+                    break
+            child.lifeline.close()
+
+    def _ended(self, child: _Child, number: signal.Signals, patience: float) -> bool:
+        if child.process.poll() is not None:
+            return True
+        asked = self._asked
+        child.process.send_signal(number)
+        until = time.monotonic() + patience
+        while time.monotonic() < until and self._asked <= max(asked, 1):  # a second Ctrl-C is impatience
+            if child.process.poll() is not None:
+                return True
+            time.sleep(0.01)
+        return child.process.poll() is not None
+
+
+def _die_with_parent() -> None:
+    """Runs in the child: the kernel ends it when a killed supervisor cannot."""
+    _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+_LIBC = ctypes.CDLL(None)
+
+
+def node(name: str, parameters: Path, ends_run: bool = False) -> Program:
+    """The program of one of our nodes, with a parameter file."""
+    argv = (sys.executable, "-m", f"deeptruck_nodes.{name}", "--ros-args", "--params-file", str(parameters))
+    return Program(name, argv, ends_run)
+
+
+def _complain(text: str, code: int = 1) -> int:
+    print(text, file=sys.stderr, flush=True)
+    return code
+
+

@@ -1,0 +1,110 @@
+"""Every topic once: name, type, quality of service, rate, who publishes and who listens.
+
+Nodes, supervisor, layouts and docs/topics.md take them from here; tests hold the last two to it.
+Topics under MISMATCH are reserved for a monitor that compares the running truck with a simulator.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import AccelStamped, TwistStamped
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState, Range
+
+
+def _reliable(depth: int) -> QoSProfile:
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.VOLATILE,
+    )
+
+
+# Reliable everywhere: on one machine it costs nothing and lock-step needs every message. A recorder that
+# was held up for seconds catches up from the publisher's history.
+CONTROL_QOS = _reliable(1000)
+RECORD_QOS = _reliable(5000)
+
+SOURCES = ("truck_sim", "can_bridge", "replay")
+
+
+@dataclass(frozen=True)
+class Topic:
+    """`fields` are the names a JointState carries, always in this order; `rate` says how often it comes."""
+
+    name: str
+    message: type
+    publishers: tuple[str, ...]
+    subscribers: tuple[str, ...]
+    rate: str
+    content: str
+    fields: tuple[str, ...] = ()
+
+    @property
+    def type_name(self) -> str:
+        """The name under which bags and the graph know the type."""
+        return f"{self.message.__module__.split('.')[0]}/msg/{self.message.__name__}"
+
+
+TWIST = Topic(
+    "/truck/twist", TwistStamped, SOURCES, ("leader", "controller", "recorder"),
+    "rate_hz", "twist.linear.x = speed, m/s",
+)  # fmt: skip
+ACCEL = Topic(
+    "/truck/accel", AccelStamped, SOURCES, ("recorder",),
+    "rate_hz", "accel.linear.x = acceleration, m/s^2",
+)  # fmt: skip
+STATUS = Topic(
+    "/truck/status", JointState, SOURCES, ("recorder",),
+    "simulator step", "what can be seen inside the truck",
+    ("fuel_rate", "gear", "engine_speed", "engine_torque"),
+)  # fmt: skip
+COMMAND = Topic(
+    "/truck/command", JointState, ("controller", "replay"), ("truck_sim", "can_bridge", "recorder"),
+    "every radar sample", "the truck interface's units",
+    ("engine_command", "brake_command"),
+)  # fmt: skip
+ROAD = Topic(
+    "/road", JointState, SOURCES, ("controller", "recorder"),
+    "simulator step", "grade as rise/run, elevation in m",
+    ("grade", "elevation"),
+)  # fmt: skip
+RADAR_RANGE = Topic(
+    "/radar/range", Range, ("leader", "replay"), ("controller", "recorder"),
+    "every /truck/twist", "range = gap, m; +inf: nothing detected",
+)  # fmt: skip
+RADAR_TWIST = Topic(
+    "/radar/twist", TwistStamped, ("leader", "replay"), ("controller", "recorder"),
+    "every /truck/twist", "twist.linear.x = leader's speed over ground, m/s; NaN: nothing detected",
+)  # fmt: skip
+LEADER_STATE = Topic(
+    "/leader/state", JointState, ("leader", "replay"), ("recorder",),
+    "every /truck/twist", "the leader itself, without radar errors: for scoring only",
+    ("true_gap", "true_leader_speed"),
+)  # fmt: skip
+DIAGNOSTICS = Topic(
+    "/diagnostics", DiagnosticArray,
+    ("truck_sim", "can_bridge", "leader", "controller", "recorder", "replay"), ("recorder",),
+    "1 Hz a node", "health, refusals, internal states",
+)  # fmt: skip
+CLOCK = Topic("/clock", Clock, ("truck_sim", "replay"), (), "every step", "lock-step and replay only")
+
+MISMATCH = "/mismatch"
+
+TOPICS: dict[str, Topic] = {
+    topic.name: topic
+    for topic in (
+        TWIST, ACCEL, STATUS, COMMAND, ROAD, RADAR_RANGE, RADAR_TWIST, LEADER_STATE, DIAGNOSTICS, CLOCK,
+    )
+}  # fmt: skip
+
+RECORDED: tuple[str, ...] = tuple(name for name, topic in TOPICS.items() if "recorder" in topic.subscribers)
+
+
+def expected_subscribers(topic: Topic, peers: tuple[str, ...]) -> int:
+    """How many of the nodes in this run listen to a topic; a publisher is ready when that many matched."""
+    return sum(peer in topic.subscribers for peer in peers)
