@@ -1,7 +1,83 @@
+"""`deeptruck-model import`, `coverage` and `repair`: what users do with their own logs and bags."""
+
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Annotated
+
 import typer
+
+_IMPORT_HELP = """Turn a table (CSV, Parquet) or a CAN log into a bag, as COLUMNS.yaml says.
+
+Examples:
+
+  deeptruck-model import drive.csv --columns layouts/columns/veh002.yaml --out drive
+
+  deeptruck-model import candump.log --columns truck.yaml --out drive
+"""
+_COVERAGE_HELP = """Show what bags hold: time spent over speed, acceleration and grade; channels, ranges, gaps.
+
+Example:
+
+  deeptruck-model coverage drive1 drive2 --out coverage
+"""
+_REPAIR_HELP = """Make a bag whose recorder was killed whole again, in place.
+
+Example:
+
+  deeptruck-model repair drive
+"""
+
+Bags = Annotated[list[Path], typer.Argument(metavar="BAG...", help="rosbag2 folders or .mcap files")]
 
 
 def register(app: typer.Typer) -> None:
     """Add this room's commands to the console script."""
+    app.command("import", help=_IMPORT_HELP)(import_log)
+    app.command("coverage", help=_COVERAGE_HELP)(show_coverage)
+    app.command("repair", help=_REPAIR_HELP)(repair_bag)
+
+
+def import_log(
+    table: Annotated[Path, typer.Argument(metavar="TABLE|CAN_LOG", help="CSV or Parquet table, or CAN log")],
+    columns: Annotated[Path, typer.Option(help="COLUMNS.yaml: what the columns mean")],
+    out: Annotated[Path, typer.Option(help="the bag to write, a new folder")],
+) -> None:
+    """Import one table or CAN log."""
+    from deeptruck_model.recordings import import_table
+
+    done = import_table(table, columns, out)
+    seconds = sum(len(r) * r.dt for r in done.recordings)
+    pieces = len(done.recordings)
+    print(f"{done.bag}: {seconds:.1f} s in {pieces} piece{'s' if pieces != 1 else ''}")
+    print(f"channels: {', '.join(dict.fromkeys(c for r in done.recordings for c in r.channels))}")
+    for note in dict.fromkeys(note for r in done.recordings for note in r.notes):
+        print(f"note: {note}")
+    if done.sealed is not None:
+        print(f"sealed: {done.sealed} sha256 {done.sha256}")
+
+
+def show_coverage(
+    bags: Bags,
+    out: Annotated[Path, typer.Option(help="folder for coverage.json and coverage.png")],
+    topic_map: Annotated[Path | None, typer.Option(help="YAML that maps channels to your topics")] = None,
+) -> None:
+    """Draw what the bags hold."""
+    from rich.progress import track
+
+    from deeptruck_model.recordings import coverage, read
+
+    read_bags = track(bags, description="reading", disable=len(bags) < 2)
+    recordings = [recording for bag in read_bags for recording in read(bag, topic_map=topic_map)]
+    found = coverage(recordings)
+    found.save(out)
+    for recording in found.recordings:
+        print(f"{recording['name']}: {recording['duration_s']:.1f} s at {1 / recording['dt']:g} Hz")
+    print(f"{found.duration_s / 3600:.3f} h; see {out / 'coverage.png'} and coverage.json")
+
+
+def repair_bag(bag: Annotated[Path, typer.Argument(help="the folder of the unfinished bag")]) -> None:
+    """Mend one bag."""
+    from deeptruck_model.recordings import repair
+
+    print(repair(bag) or f"{bag} is whole; nothing to do")

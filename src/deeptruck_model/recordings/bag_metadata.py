@@ -1,4 +1,6 @@
-"""What a rosbag2 folder says about itself (metadata.yaml version 9, as ROS 2 Jazzy writes it), and message types."""
+"""What a rosbag2 folder says about itself (metadata.yaml version 9, as ROS 2 Jazzy writes it), and message
+types.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Raw messages out of any bag: MCAP chunk by chunk without touching single messages, the rest through rosbags."""
+"""Raw messages out of any bag: MCAP chunk by chunk without touching single messages, the rest through
+rosbags.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,9 @@ _DAMAGED = (McapError, CRCValidationError, AnyReaderError, Reader1Error, Reader2
 
 @dataclass(frozen=True)
 class Batch:
-    """Messages of one topic: payloads at `starts` with `sizes` in `buffer`, and their log times in ns, each (n,)."""
+    """Messages of one topic: payloads at `starts` with `sizes` in `buffer`, and their log times in ns, each
+    (n,).
+    """
 
     topic: str
     buffer: NDArray[np.uint8]

@@ -43,9 +43,10 @@ def write_bag(
 ) -> Path:
     """Write recordings into a new rosbag2 folder (MCAP) and return its path.
 
-    Pieces keep their distance in time, or are moved apart so far that reading cuts them again (see `lay_out`).
-    Values survive exactly, NaN included, but for gap, which sensor_msgs/Range carries as float32. Written under a
-    temporary name and renamed. Raises InputError for an existing path, recordings of different dt, or a full disk.
+    Pieces keep their distance in time, or are moved apart so far that reading cuts them again (see
+    `lay_out`). Values survive exactly, NaN included, but for gap, which sensor_msgs/Range carries as
+    float32. Written under a temporary name and renamed. Raises InputError for an existing path,
+    recordings of different dt, or a full disk.
     """
     path = Path(path)
     starts = lay_out(recordings)

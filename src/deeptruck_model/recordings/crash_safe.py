@@ -18,9 +18,9 @@ from deeptruck_model.recordings.bag_metadata import Topic, definition, metadata_
 class CrashSafeWriter:
     """Writes serialised messages into a new rosbag2 folder; what is older than `flush_s` survives a kill -9.
 
-    Every flush ends a chunk, so that `repair` can index it. Until `close` the folder has no metadata.yaml, which
-    is how an unfinished bag is told. Use as a context manager. Raises InputError where the folder exists or
-    cannot be written, where the disk is full, and for unknown message types.
+    Every flush ends a chunk, so that `repair` can index it. Until `close` the folder has no
+    metadata.yaml, which is how an unfinished bag is told. Use as a context manager. Raises InputError
+    where the folder exists or cannot be written, where the disk is full, and for unknown message types.
     """
 
     def __init__(
@@ -56,7 +56,9 @@ class CrashSafeWriter:
         self._flush()
 
     def write(self, topic: str, type_name: str, cdr: bytes, stamp_ns: int) -> None:
-        """Add one message (CDR with its encapsulation header), logged at `stamp_ns`; flushes when that is due."""
+        """Add one message (CDR with its encapsulation header), logged at `stamp_ns`; flushes when that is
+        due.
+        """
         channel = self._topics.get(topic)
         if channel is None:
             channel = self._register(topic, type_name)

@@ -29,13 +29,15 @@ def read(
     rate_hz: float = 10.0,
     interface: TruckInterface | None = None,
 ) -> list[Recording]:
-    """The recordings in a bag: contiguous, on one clock at `rate_hz` or the speed's own rate where that is slower.
+    """The recordings in a bag: contiguous, on one clock at `rate_hz` or the speed's own rate where that is
+    slower.
 
-    Samples are timed by their header stamps, or by log time where a message has none. `topic_map` maps channels to
-    fields of the user's topics (a mapping or a YAML file, see docs/recordings.md); without it the topics of
-    docs/architecture.md are read. The truck interface is `interface`, else the one stored with the bag, else
-    what the topic map and the channels present say. Raises InputError for a bag that is missing, damaged or
-    empty, a topic or field that is not there, time going back, or units that cannot be right.
+    Samples are timed by their header stamps, or by log time where a message has none. `topic_map` maps
+    channels to fields of the user's topics (a mapping or a YAML file, see docs/recordings.md); without it
+    the topics of docs/architecture.md are read. The truck interface is `interface`, else the one stored
+    with the bag, else what the topic map and the channels present say. Raises InputError for a bag that
+    is missing, damaged or empty, a topic or field that is not there, time going back, or units that
+    cannot be right.
     """
     path = Path(path)
     sources = DEFAULT_TOPICS if topic_map is None else load(topic_map)

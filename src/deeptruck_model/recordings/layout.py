@@ -1,7 +1,8 @@
 """Where the numbers are inside a serialised message, so that numpy can read thousands of them at once.
 
-One message is walked byte by byte by its definition (XCDR1, or the ROS 1 form); messages with the same lengths and
-the same names share its layout and are read as columns. Byte order and alignment: OMG DDS-XTypes 1.3, 7.4.1.
+One message is walked byte by byte by its definition (XCDR1, or the ROS 1 form); messages with the same
+lengths and the same names share its layout and are read as columns. Byte order and alignment: OMG DDS-
+XTypes 1.3, 7.4.1.
 """
 
 from __future__ import annotations
@@ -34,7 +35,9 @@ STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 
 @dataclass
 class Layout:
-    """Offsets in one message: number arrays by path as (offset, count, dtype), texts, and the bytes that fix them."""
+    """Offsets in one message: number arrays by path as (offset, count, dtype), texts, and the bytes that fix
+    them.
+    """
 
     size: int
     numbers: dict[str, tuple[int, int, str]] = field(default_factory=dict)
@@ -42,7 +45,9 @@ class Layout:
     fixed: list[tuple[int, bytes]] = field(default_factory=list)
 
     def locate(self, path: str) -> tuple[int, str] | None:
-        """(offset, dtype) of `twist.linear.x`, `data[3]` or `position[name=gear]`; None where it is not there."""
+        """(offset, dtype) of `twist.linear.x`, `data[3]` or `position[name=gear]`; None where it is not
+        there.
+        """
         index = 0
         if match := _NAMED.match(path):
             values = match["values"]
@@ -57,7 +62,9 @@ class Layout:
 
 
 class Walker:
-    """Walks messages of one bag: `definitions` by type name as in rosbags' typestore, `ros1` for the older form."""
+    """Walks messages of one bag: `definitions` by type name as in rosbags' typestore, `ros1` for the older
+    form.
+    """
 
     def __init__(self, definitions: Mapping[str, Any], *, ros1: bool = False) -> None:
         self.definitions = definitions

@@ -1,8 +1,9 @@
 """From samples at their own times to one uniform clock, cut into contiguous pieces.
 
-A recording's clock follows the speed samples. Time indices are the paper's (see simulators.py): commands are held
-from sample k to k+1, so u(k) is the mean of the held signal over that step; acceleration and fuel rate of sample
-k+1 are means over the step before it, so v(k+1) = v(k) + a(k+1) dt survives the change of rate.
+A recording's clock follows the speed samples. Time indices are the paper's (see simulators.py): commands
+are held from sample k to k+1, so u(k) is the mean of the held signal over that step; acceleration and
+fuel rate of sample k+1 are means over the step before it, so v(k+1) = v(k) + a(k+1) dt survives the
+change of rate.
 """
 
 from __future__ import annotations
@@ -73,7 +74,8 @@ def uniform(
         channels = {
             channel: _resampled(channel, _between(s, before, after), grid, dt) for channel, s in valid.items()
         }
-        channels = {c: values for c, values in channels.items() if not np.isnan(values).all() or c == "speed"}
+        needed = {*interface.u, *interface.w, *interface.y}  # stay, as NaN, where another piece has them
+        channels = {c: v for c, v in channels.items() if c in needed or not np.isnan(v).all()}
         if "acceleration" not in channels:
             channels["acceleration"] = derive_acceleration(channels["speed"], dt)
             piece_notes.append("acceleration derived from speed")

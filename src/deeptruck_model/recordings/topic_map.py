@@ -43,7 +43,8 @@ TopicMap = Mapping[str, Any]
 
 
 def load(topic_map: TopicMap | str | Path) -> dict[str, Source]:
-    """Sources by channel from a mapping, or from a YAML file of `channel: {topic, field, unit, scale, offset}`.
+    """Sources by channel from a mapping, or from a YAML file of `channel: {topic, field, unit, scale,
+    offset}`.
 
     Channels left out are not read. Raises InputError for unknown channels, keys or units.
     """

@@ -1,4 +1,6 @@
-"""Making a whole bag of a truncated one: cut behind the last whole chunk, then index what is there (MCAP 1.0)."""
+"""Making a whole bag of a truncated one: cut behind the last whole chunk, then index what is there (MCAP
+1.0).
+"""
 
 from __future__ import annotations
 
@@ -52,9 +54,9 @@ class _Found:
 def repair(path: str | Path) -> str | None:
     """Make a bag whose writer was killed (or whose end is missing) whole again, in place.
 
-    `path` is a rosbag2 folder with one MCAP file, or the file itself. Everything in whole chunks is kept; returns
-    one line on what was done, None where nothing was wrong. A kill during the repair does no harm: run it again.
-    Raises InputError where there is no MCAP file or the disk cannot be written.
+    `path` is a rosbag2 folder with one MCAP file, or the file itself. Everything in whole chunks is kept;
+    returns one line on what was done, None where nothing was wrong. A kill during the repair does no
+    harm: run it again. Raises InputError where there is no MCAP file or the disk cannot be written.
     """
     path = Path(path)
     file = _only_mcap(path)

@@ -1,0 +1,155 @@
+"""COLUMNS.yaml: what the columns of a table mean. Its keys are a contract with other programs
+(docs/recordings.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings.topic_map import load_yaml, number
+from deeptruck_model.recordings.units import DIESEL_DENSITY, Conversion, conversion
+from deeptruck_model.signals import CHANNELS
+
+TIME_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
+DATE_UNITS = ("iso", "iso8601", "datetime")
+
+_TOP = {
+    *("time", "delimiter", "encoding", "skip_rows", "decimal", "split_at", "channels", "conceal"),
+    *("name", "grade_window_m"),
+}
+_ENTRY = {"column", "unit", "density", "scale", "offset"}
+_SPLITS = {"speed_step": "speed", "elevation_step": "elevation"}
+
+
+@dataclass(frozen=True)
+class Column:
+    """One channel: the column it comes from and how it becomes canonical."""
+
+    name: str
+    convert: Conversion
+    scale: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
+class Columns:
+    """A checked COLUMNS.yaml. `split_at` maps channels to the step (SI) that starts a new piece."""
+
+    channels: dict[str, Column]
+    time_column: str | None = None
+    time_unit: str | None = None
+    rate_hz: float | None = None
+    delimiter: str = ","
+    encoding: str = "utf-8"
+    skip_rows: int = 0
+    decimal: str = "."
+    split_at: dict[str, float] = field(default_factory=dict)
+    conceal: tuple[str, ...] = ()
+    name: str | None = None
+    grade_window_m: float | None = None
+    notes: tuple[str, ...] = ()
+
+
+def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
+    """Check a COLUMNS.yaml (or its content). Raises InputError with one line for anything that is not
+    understood.
+    """
+    data = load_yaml(Path(columns)) if isinstance(columns, str | Path) else dict(columns)
+    _known(data, _TOP, "COLUMNS")
+    channels = data.get("channels")
+    if not isinstance(channels, Mapping) or "speed" not in channels:
+        raise InputError("COLUMNS needs 'channels' with at least 'speed: {column: ..., unit: m/s}'")
+    notes: list[str] = []
+    parsed = {channel: _column(channel, entry, notes) for channel, entry in channels.items()}
+    time_column, time_unit, rate_hz = _time(data.get("time"))
+    delimiter = str(data.get("delimiter", ","))
+    if len(delimiter) != 1:
+        raise InputError(f"delimiter must be one character, not {delimiter!r}")
+    window = number(data, "grade_window_m", 0.0, "COLUMNS") if "grade_window_m" in data else None
+    if window is not None and window <= 0:
+        raise InputError("grade_window_m must be positive")
+    return Columns(
+        channels=parsed,
+        time_column=time_column,
+        time_unit=time_unit,
+        rate_hz=rate_hz,
+        delimiter=delimiter,
+        encoding=str(data.get("encoding", "utf-8")),
+        skip_rows=_rows(data.get("skip_rows", 0)),
+        decimal=str(data.get("decimal", ".")),
+        split_at=_splits(data.get("split_at") or {}, parsed),
+        conceal=_conceal(data.get("conceal") or (), parsed),
+        name=str(data["name"]) if "name" in data else None,
+        grade_window_m=window,
+        notes=tuple(notes),
+    )
+
+
+def _known(data: Mapping[str, Any], keys: set[str], where: str) -> None:
+    unknown = sorted(str(key) for key in set(data) - keys)
+    if unknown:
+        raise InputError(f"{where} has unknown keys: {', '.join(unknown)}; known: {', '.join(sorted(keys))}")
+
+
+def _column(channel: str, entry: Any, notes: list[str]) -> Column:
+    if channel not in CHANNELS:
+        raise InputError(f"unknown channel '{channel}' in COLUMNS; known: {', '.join(CHANNELS)}")
+    if not isinstance(entry, Mapping) or "column" not in entry:
+        raise InputError(f"channel '{channel}' needs a column, as in {{column: v, unit: m/s}}")
+    _known(entry, _ENTRY, f"channel '{channel}'")
+    unit = entry.get("unit")
+    if unit is None and CHANNELS[channel].unit != "1":
+        raise InputError(f"channel '{channel}' needs a unit, as in {{column: {entry['column']}, unit: ...}}")
+    convert = conversion(channel, None if unit is None else str(unit), entry.get("density"))
+    if channel == "fuel_rate" and "density" not in entry and convert != conversion(channel, str(unit), 1.0):
+        notes.append(f"fuel_rate by volume with diesel's {DIESEL_DENSITY} g/cm^3, as no density is given")
+    scale, offset = number(entry, "scale", 1.0, channel), number(entry, "offset", 0.0, channel)
+    return Column(str(entry["column"]), convert, scale, offset)
+
+
+def _time(entry: Any) -> tuple[str | None, str | None, float | None]:
+    if isinstance(entry, Mapping) and set(entry) == {"rate_hz"}:
+        rate = number(entry, "rate_hz", 0.0, "time")
+        if not rate > 0:
+            raise InputError(f"rate_hz of 'time' must be positive, not {rate:g}")
+        return None, None, rate
+    if not isinstance(entry, Mapping) or "column" not in entry or set(entry) - {"column", "unit"}:
+        raise InputError(
+            "COLUMNS needs 'time: {column: t, unit: s}', or 'time: {rate_hz: 1.0}' without a clock"
+        )
+    unit = str(entry.get("unit", "s")).strip()
+    if unit not in TIME_UNITS and unit.lower() not in DATE_UNITS:
+        raise InputError(f"unit '{unit}' of 'time' is not one of {', '.join((*TIME_UNITS, *DATE_UNITS))}")
+    return str(entry["column"]), unit, None
+
+
+def _rows(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+        raise InputError(f"skip_rows must be a number of lines, not {value!r}")
+    return value
+
+
+def _splits(entry: Any, channels: Mapping[str, Column]) -> dict[str, float]:
+    if not isinstance(entry, Mapping):
+        raise InputError("split_at needs steps, as in {speed_step: 2.5, elevation_step: 4.0}")
+    _known(entry, set(_SPLITS), "split_at")
+    for step, channel in _SPLITS.items():
+        if step in entry and channel not in channels:
+            raise InputError(f"split_at has {step}, but no column is named for '{channel}'")
+        if step in entry and not number(entry, step, 0.0, "split_at") > 0:
+            raise InputError(f"{step} of split_at must be positive")
+    return {_SPLITS[step]: float(entry[step]) for step in entry}
+
+
+def _conceal(entry: Any, channels: Mapping[str, Column]) -> tuple[str, ...]:
+    names = [entry] if isinstance(entry, str) else list(entry)
+    for name in names:
+        if name not in channels:
+            raise InputError(f"conceal names '{name}', for which no column is given")
+        if name == "speed":
+            raise InputError("speed cannot be concealed: every recording needs it")
+    return tuple(names)

@@ -1,0 +1,92 @@
+"""One page that shows what recordings hold."""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from deeptruck_model.recordings import coverage_map as edges
+
+if TYPE_CHECKING:
+    from deeptruck_model.recordings.coverage_map import Coverage
+
+Array = NDArray[np.float64]
+
+
+def draw(found: Coverage) -> bytes:
+    """The figure as PNG: three maps of time spent, and which channels are valid in which recording."""
+    figure = Figure(figsize=(12, 8.5), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(2, 2)
+    with_grade, every = found.seconds[:, :, :-1], found.seconds
+    percent = 100 * edges.GRADE_EDGES
+    _map(
+        axes[0, 0],
+        every.sum(axis=2),
+        edges.SPEED_EDGES,
+        edges.ACCELERATION_EDGES,
+        "m/s",
+        "acceleration, m/s²",
+    )
+    _map(axes[0, 1], with_grade.sum(axis=1), edges.SPEED_EDGES, percent, "m/s", "grade, %")
+    _map(axes[1, 0], with_grade.sum(axis=0), edges.ACCELERATION_EDGES, percent, "m/s²", "grade, %")
+    _channels(axes[1, 1], found)
+    pieces = len(found.recordings)
+    figure.suptitle(
+        f"{found.duration_s / 3600:.2f} h in {pieces} recording{'s' if pieces != 1 else ''}, "
+        f"{100 * (every > 0).any(axis=2).mean():.0f} % of the speed-acceleration cells visited"
+    )
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=110)
+    return buffer.getvalue()
+
+
+def _map(ax: Axes, seconds: Array, x: Array, y: Array, x_unit: str, y_label: str) -> None:
+    ax.set_xlabel(("speed, " if x_unit == "m/s" else "acceleration, ") + x_unit)
+    ax.set_ylabel(y_label)
+    ax.set_xlim(x[0], x[-1])
+    ax.set_ylim(y[0], y[-1])
+    if not seconds.any():
+        ax.text(0.5, 0.5, "no grade recorded", transform=ax.transAxes, ha="center", va="center", color="0.4")
+        return
+    shown = np.ma.masked_equal(seconds.T, 0.0)
+    norm = LogNorm(vmin=max(0.1, float(shown.min())), vmax=max(1.0, float(shown.max())))
+    mesh = ax.pcolormesh(x, y, shown, norm=norm, cmap="viridis")
+    ax.figure.colorbar(mesh, ax=ax, label="time spent, s")
+    ax.grid(alpha=0.2)
+
+
+def _channels(ax: Axes, found: Coverage) -> None:
+    """Rows are channels, blocks are recordings as wide as they are long, colour is the share of valid
+    samples.
+    """
+    names = list(dict.fromkeys(name for r in found.recordings for name in r["channels"]))
+    borders = np.concatenate([[0.0], np.cumsum([r["duration_s"] for r in found.recordings])]) / 60
+    valid = np.array([[_valid(r, name) for r in found.recordings] for name in names])
+    rows = np.arange(len(names) + 1)
+    mesh = ax.pcolormesh(borders, rows, np.ma.masked_invalid(valid), vmin=0, vmax=1, cmap="RdYlGn")
+    ax.figure.colorbar(mesh, ax=ax, label="share of valid samples (white: not there)")
+    if len(borders) < 60:
+        ax.vlines(borders, 0, len(names), color="white", lw=0.8)
+    ax.set_yticks(rows[:-1] + 0.5, [f"{name}\n{_span(found, name)}" for name in names], fontsize=7)
+    ax.invert_yaxis()
+    ax.set_xlabel("recorded time, min")
+
+
+def _valid(recording: dict[str, Any], name: str) -> float:
+    channel = recording["channels"].get(name)
+    return float("nan") if channel is None else 1.0 - channel["nan_share"]
+
+
+def _span(found: Coverage, name: str) -> str:
+    present = [r["channels"][name] for r in found.recordings if name in r["channels"]]
+    lows = [c["min"] for c in present if c["min"] is not None]
+    highs = [c["max"] for c in present if c["max"] is not None]
+    return f"{min(lows):.3g} to {max(highs):.3g} {present[0]['unit']}" if lows else "no valid sample"

@@ -1,0 +1,128 @@
+"""What recordings hold: time spent over speed, acceleration and grade; channels, ranges, gaps."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings.recording import Recording
+
+Array = NDArray[np.float64]
+
+SPEED_EDGES = np.arange(0.0, 40.1, 2.0)  # m/s
+ACCELERATION_EDGES = np.arange(-5.0, 3.01, 0.25)  # m/s^2
+GRADE_EDGES = np.arange(-0.10, 0.1001, 0.01)  # ratio
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """`seconds` (speed, acceleration, grade) is the time spent in each cell of the edges; the last grade cell
+    stands for samples without a grade. What lies outside the edges counts in the outermost cells.
+    """
+
+    seconds: Array
+    recordings: list[dict[str, Any]]
+
+    @property
+    def duration_s(self) -> float:
+        """Length of all recordings together, s."""
+        return float(sum(r["duration_s"] for r in self.recordings))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {
+            "duration_s": self.duration_s,
+            "recordings": self.recordings,
+            "occupancy": {
+                "axes": ["speed", "acceleration", "grade"],
+                "speed_edges": SPEED_EDGES.round(6).tolist(),
+                "acceleration_edges": ACCELERATION_EDGES.round(6).tolist(),
+                "grade_edges": GRADE_EDGES.round(6).tolist(),
+                "without_grade": "last index of the grade axis",
+                "seconds": self.seconds.round(6).tolist(),
+            },
+        }
+
+    def save(self, folder: str | Path) -> None:
+        """Write coverage.json and coverage.png into a folder, made where missing."""
+        from deeptruck_model.recordings.coverage_figure import draw
+
+        folder = Path(folder)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            _replace(folder / "coverage.json", json.dumps(self.to_dict(), indent=1, allow_nan=False).encode())
+            _replace(folder / "coverage.png", draw(self))
+        except OSError as error:
+            raise InputError(f"cannot write {folder}: {error.strerror}") from None
+
+
+def coverage(recordings: Sequence[Recording]) -> Coverage:
+    """What the recordings hold. Raises InputError where there are none."""
+    if not recordings:
+        raise InputError("there is no recording to look at")
+    shape = (len(SPEED_EDGES) - 1, len(ACCELERATION_EDGES) - 1, len(GRADE_EDGES))
+    seconds = np.zeros(shape)
+    for recording in recordings:
+        seconds += _occupancy(recording, shape)
+    return Coverage(
+        seconds, [_summary(r, before) for before, r in zip((None, *recordings), recordings, strict=False)]
+    )
+
+
+def _occupancy(recording: Recording, shape: tuple[int, int, int]) -> Array:
+    speed, acceleration = recording.channels["speed"], recording.channels["acceleration"]
+    grade = recording.channels.get("grade", np.full(len(recording), np.nan))
+    valid = ~(np.isnan(speed) | np.isnan(acceleration))
+    cells = (
+        _cell(speed[valid], SPEED_EDGES),
+        _cell(acceleration[valid], ACCELERATION_EDGES),
+        np.where(np.isnan(grade[valid]), shape[2] - 1, _cell(np.nan_to_num(grade[valid]), GRADE_EDGES)),
+    )
+    flat = np.ravel_multi_index(cells, shape)
+    return (np.bincount(flat, minlength=int(np.prod(shape))) * recording.dt).reshape(shape)
+
+
+def _cell(values: Array, edges: Array) -> NDArray[np.int64]:
+    return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
+
+
+def _summary(recording: Recording, before: Recording | None) -> dict[str, Any]:
+    gap = None
+    if before is not None and before.name.partition("#")[0] == recording.name.partition("#")[0]:
+        gap = round(recording.start_s - before.start_s - (len(before) - 1) * before.dt, 6)
+    return {
+        "name": recording.name,
+        "start_s": recording.start_s,
+        "dt": recording.dt,
+        "samples": len(recording),
+        "duration_s": round(len(recording) * recording.dt, 6),
+        "gap_before_s": gap,
+        "interface": recording.interface.to_dict(),
+        "channels": {name: _range(recording, name) for name in recording.channels},
+        "notes": list(recording.notes),
+    }
+
+
+def _range(recording: Recording, name: str) -> dict[str, Any]:
+    values = recording.channels[name]
+    valid = values[~np.isnan(values)]
+    return {
+        "unit": recording.interface.unit(name),
+        "min": float(valid.min()) if len(valid) else None,
+        "max": float(valid.max()) if len(valid) else None,
+        "mean": float(valid.mean()) if len(valid) else None,
+        "nan_share": round(1.0 - len(valid) / len(values), 6),
+    }
+
+
+def _replace(path: Path, content: bytes) -> None:
+    unfinished = path.with_name(f".{path.name}.tmp")
+    unfinished.write_bytes(content)
+    unfinished.replace(path)

@@ -1,0 +1,222 @@
+"""From a user's log that is no bag, a table or a CAN log, to a bag with the project's topics."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings.bag_writer import lay_out, write_bag
+from deeptruck_model.recordings.columns import DATE_UNITS, TIME_UNITS, Column, Columns, load_columns
+from deeptruck_model.recordings.grade import GRADE_WINDOW_M, grade_from_elevation
+from deeptruck_model.recordings.recording import Recording
+from deeptruck_model.recordings.resample import Series, uniform
+from deeptruck_model.recordings.table_file import TextTable, read_table
+from deeptruck_model.recordings.topic_map import load_yaml
+from deeptruck_model.signals import CHANNELS, TruckInterface
+
+Array = NDArray[np.float64]
+
+CAN_SUFFIXES = (".log", ".asc", ".blf", ".mf4", ".candump", ".trc")
+IMPORTERS = "deeptruck.importers"
+
+CanLog = tuple[dict[str, tuple[Array, Array]], dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Imported:
+    """What an import wrote: the bag, its recordings, and the sealed file with its SHA-256 where there is
+    one.
+    """
+
+    bag: Path
+    recordings: list[Recording]
+    sealed: Path | None = None
+    sha256: str | None = None
+
+
+def import_table(table: str | Path, columns: Mapping[str, Any] | str | Path, out: str | Path) -> Imported:
+    """Turn a CSV or Parquet table, or a CAN log, into the rosbag2 folder `out`, as COLUMNS.yaml says.
+
+    The recordings keep the table's rate. Acceleration is derived from speed, and grade from an elevation
+    that is not concealed, where the table has none; the bag notes it. Concealed channels go only to
+    `<out>.sealed.csv`. A CAN log (by its suffix) is handed to the first entry point of
+    'deeptruck.importers', a function `(log: Path, columns: dict) -> (channels, interface)`: `channels`
+    maps our channel names to (times (n,) in s, ascending, values (n,)) in canonical units, `interface` is
+    the dict of a TruckInterface. This function puts them on one 10 Hz clock. Raises InputError with one
+    line for whatever cannot be used; nothing is left behind.
+    """
+    table, out = Path(table), Path(out)
+    sealed = out.with_name(out.name + ".sealed.csv")
+    for target in (out, sealed):
+        if target.exists():
+            raise InputError(f"{target} exists already; choose another name or remove it")
+    if table.suffix.lower() in CAN_SUFFIXES:
+        return _import_can_log(table, columns, out)
+    meaning = load_columns(columns)
+    recordings = _recordings(table, meaning)
+    digest = None
+    if meaning.conceal:
+        recordings, content = _seal(recordings, meaning.conceal)
+        digest = hashlib.sha256(content).hexdigest()
+        _write_new(sealed, content)
+    try:
+        write_bag(out, recordings, interface=recordings[0].interface)
+    except BaseException:
+        sealed.unlink(missing_ok=True)
+        raise
+    return Imported(out, recordings, sealed if meaning.conceal else None, digest)
+
+
+def _recordings(path: Path, meaning: Columns) -> list[Recording]:
+    table = read_table(
+        path,
+        delimiter=meaning.delimiter,
+        encoding=meaning.encoding,
+        skip_rows=meaning.skip_rows,
+        decimal=meaning.decimal,
+    )
+    notes = list(meaning.notes)
+    if table.ragged:
+        notes.append(f"{table.ragged} rows with more or fewer cells than the header left out")
+    time = _time(table, meaning)
+    values = {channel: _values(table, channel, column, notes) for channel, column in meaning.channels.items()}
+    jumps = np.zeros(len(time) - 1, dtype=bool)
+    for channel, step in meaning.split_at.items():
+        with np.errstate(invalid="ignore"):
+            jumps |= np.abs(np.diff(values[channel])) > step
+    name = meaning.name or path.stem
+    recordings = uniform(
+        {channel: Series(time, v) for channel, v in values.items()},
+        name=name,
+        interface=_interface(name, meaning),
+        rate_hz=meaning.rate_hz or 1.0 / float(np.median(np.diff(time))),
+        cuts=time[1:][jumps],
+        notes=notes,
+    )
+    derive = "grade" not in values and "elevation" in values and "elevation" not in meaning.conceal
+    window = meaning.grade_window_m or GRADE_WINDOW_M
+    return [_with_grade(recording, window) for recording in recordings] if derive else recordings
+
+
+def _time(table: TextTable, meaning: Columns) -> Array:
+    """Seconds since the first row, (n,). Raises InputError where time is missing, stands still or goes back."""
+    if len(table) < 2:
+        raise InputError(f"{table.path} has one row; a recording needs at least two")
+    if meaning.time_column is None or meaning.time_unit is None:
+        return np.arange(len(table)) / (meaning.rate_hz or 1.0)
+    if meaning.time_unit.lower() in DATE_UNITS:
+        time = table.dates(meaning.time_column)
+    else:
+        raw = table.numbers(meaning.time_column)[0]
+        time = (raw - raw[0]) * TIME_UNITS[meaning.time_unit]
+    first_row = meaning.skip_rows + 2  # line of the first row of numbers in a CSV file
+    missing = np.isnan(time)
+    if missing.any():
+        line = first_row + int(np.argmax(missing))
+        raise InputError(
+            f"{table.path}: {missing.sum()} rows have no time in '{meaning.time_column}', the first in line {line}"
+        )
+    steps = np.diff(time)
+    if (steps <= 0).any():
+        at = int(np.argmax(steps <= 0))
+        what = "comes twice" if steps[at] == 0 else f"goes back by {-steps[at]:g} s"
+        count = int((steps <= 0).sum())
+        raise InputError(
+            f"{table.path}: time {what} in line {first_row + at + 1} ({count} such rows); "
+            "sort the rows, drop doubled ones, or import each run as its own table"
+        )
+    return time
+
+
+def _values(table: TextTable, channel: str, column: Column, notes: list[str]) -> Array:
+    values, strange = table.numbers(column.name)
+    if strange:
+        notes.append(f"{strange} non-numeric cells of {channel} ('{column.name}') made invalid")
+    if column.scale != 1.0 or column.offset != 0.0:
+        values = column.scale * values + column.offset
+    return column.convert(values)
+
+
+def _interface(name: str, meaning: Columns) -> TruckInterface:
+    channels = meaning.channels
+    shown = set(channels) - set(meaning.conceal)
+    elevation_shown = "elevation" in shown
+    return TruckInterface(
+        name,
+        engine_unit=channels["engine_command"].convert.unit if "engine_command" in shown else "N m",
+        brake_unit=channels["brake_command"].convert.unit if "brake_command" in shown else None,
+        grade="grade" in shown or ("grade" not in channels and elevation_shown),
+        fuel="fuel_rate" in shown,
+    )
+
+
+def _with_grade(recording: Recording, window_m: float) -> Recording:
+    elevation = recording.channels.get("elevation")
+    if elevation is None:
+        return recording
+    grade = grade_from_elevation(recording.channels["speed"], elevation, recording.dt, window_m)
+    note = f"grade derived from elevation over distance, smoothed over {window_m:g} m"
+    channels = {**recording.channels, "grade": grade}
+    return replace(recording, channels=channels, notes=(*recording.notes, note))
+
+
+def _seal(recordings: list[Recording], concealed: tuple[str, ...]) -> tuple[list[Recording], bytes]:
+    """Recordings without the concealed channels, and the CSV that holds those, on the bag's own time."""
+    text = io.StringIO()
+    text.write(",".join(["time_s", *(f"{name} [{CHANNELS[name].unit}]" for name in concealed)]) + "\n")
+    bare = []
+    for recording, start_s in zip(recordings, lay_out(recordings), strict=True):
+        nothing = np.full(len(recording), np.nan)
+        columns = [recording.channels.get(name, nothing) for name in concealed]
+        time = start_s + recording.dt * np.arange(len(recording))
+        np.savetxt(text, np.column_stack([time, *columns]), delimiter=",", fmt="%.9g")
+        shown = {name: v for name, v in recording.channels.items() if name not in concealed}
+        notes = tuple(n for n in recording.notes if not any(name in n for name in concealed))
+        bare.append(replace(recording, channels=shown, notes=notes))
+    return bare, text.getvalue().encode()
+
+
+def _write_new(path: Path, content: bytes) -> None:
+    unfinished = path.with_name(f".{path.name}.tmp")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        unfinished.write_bytes(content)
+        unfinished.replace(path)
+    except OSError as error:
+        unfinished.unlink(missing_ok=True)
+        raise InputError(f"cannot write {path}: {error.strerror}") from None
+
+
+def _import_can_log(log: Path, columns: Mapping[str, Any] | str | Path, out: Path) -> Imported:
+    if not log.is_file():
+        raise InputError(f"{log} does not exist")
+    meaning = load_yaml(Path(columns)) if isinstance(columns, str | Path) else dict(columns)
+    channels, interface_data = _can_importer()(log, meaning)
+    interface = TruckInterface.from_dict(interface_data)
+    unknown = sorted(set(channels) - set(CHANNELS))
+    if unknown:
+        raise InputError(f"the importer of {log} gave unknown channels: {', '.join(unknown)}")
+    first = min((float(time[0]) for time, _ in channels.values() if len(time)), default=0.0)
+    series = {c: Series(np.asarray(t, float) - first, np.asarray(v, float)) for c, (t, v) in channels.items()}
+    recordings = uniform(series, name=str(meaning.get("name", log.stem)), interface=interface)
+    write_bag(out, recordings, interface=interface)
+    return Imported(out, recordings)
+
+
+def _can_importer() -> Callable[[Path, dict[str, Any]], CanLog]:
+    for entry in sorted(entry_points(group=IMPORTERS), key=lambda e: e.name):
+        try:
+            importer: Callable[[Path, dict[str, Any]], CanLog] = entry.load()
+        except (ImportError, AttributeError) as error:
+            raise InputError(f"the CAN log importer '{entry.value}' cannot be loaded: {error}") from None
+        return importer
+    raise InputError(f"no CAN log importer is installed (entry point group '{IMPORTERS}')")
