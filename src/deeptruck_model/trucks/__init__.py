@@ -1,0 +1,20 @@
+"""Physics trucks: the reference pool, their parameters, and the hooks for forces from outside."""
+
+from deeptruck_model.trucks.forces import CommandFilter, Force, View
+from deeptruck_model.trucks.parameters import PARAMETERS, Parameter
+from deeptruck_model.trucks.specification import Specification, pool
+from deeptruck_model.trucks.truck import PhysicsTruck, TruckState, load, load_directory
+
+__all__ = [
+    "PARAMETERS",
+    "CommandFilter",
+    "Force",
+    "Parameter",
+    "PhysicsTruck",
+    "Specification",
+    "TruckState",
+    "View",
+    "load",
+    "load_directory",
+    "pool",
+]

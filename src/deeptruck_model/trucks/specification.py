@@ -1,0 +1,189 @@
+"""A truck as data: scalars, gear ratios, full-load curve and interface; the pool and overrides as YAML."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.signals import TruckInterface
+from deeptruck_model.trucks.parameters import GEARS, PARAMETERS, PARTS, RECORD, TABLE, check_values, near
+
+STRUCTURE = ("name", "interface", "ratios", "full_load")
+
+
+@dataclass(frozen=True)
+class Specification:
+    """Everything that makes a truck. `full_load` is (engine speeds rad/s, flywheel torques N m)."""
+
+    name: str
+    interface: TruckInterface
+    values: Mapping[str, float]
+    ratios: tuple[float, ...]
+    full_load: tuple[tuple[float, ...], tuple[float, ...]]
+
+    def __post_init__(self) -> None:
+        missing = [name for name in PARAMETERS if name not in self.values]
+        if missing:
+            raise InputError(f"truck '{self.name}' lacks {', '.join(missing)}")
+        _check_structure(self)
+
+    def record(self) -> NDArray[Any]:
+        """The parameters as the compiled parts read them, (1,) of RECORD."""
+        record = np.zeros(1, RECORD)
+        for name, value in self.values.items():
+            record[name] = value
+        percent = self.interface.engine_unit == "percent"
+        record["command_scale"] = self.values["reference_torque"] / 100.0 if percent else 1.0
+        by_deceleration = self.interface.brake_unit == "m/s^2"
+        record["by_deceleration"] = by_deceleration
+        record["brake_scale"] = 1.0 if by_deceleration else 0.01
+        record["gears"] = len(self.ratios)
+        record["ratios"][0, : len(self.ratios)] = self.ratios
+        speeds = np.linspace(0.0, self.values["high_idle_speed"], TABLE)
+        record["table_step"] = speeds[1]
+        record["full_load"] = np.interp(speeds, *self.full_load)
+        return record
+
+    def with_values(self, values: Mapping[str, Any]) -> Specification:
+        """The same truck with some scalars replaced. Raises InputError for an unknown name or impossible value."""
+        return replace(self, values={**self.values, **check_values(values)})
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for YAML and JSON; specification_from_dict is its inverse."""
+        plain: dict[str, Any] = {"name": self.name, "interface": self.interface.to_dict()}
+        for part in PARTS:
+            plain[part] = {n: self.values[n] for n, p in PARAMETERS.items() if p.part == part}
+        plain["transmission"]["ratios"] = list(self.ratios)
+        speeds, torques = self.full_load
+        plain["engine"]["full_load"] = {"speed": list(speeds), "torque": list(torques)}
+        return plain
+
+
+def _check_structure(truck: Specification) -> None:
+    speeds, torques = truck.full_load
+    if not 1 <= len(truck.ratios) <= GEARS or any(
+        b >= a for a, b in zip(truck.ratios, truck.ratios[1:], strict=False)
+    ):
+        raise InputError(f"'ratios' of truck '{truck.name}' must be 1 to {GEARS} falling numbers")
+    if len(speeds) != len(torques) or len(speeds) < 2 or np.any(np.diff(speeds) <= 0.0):
+        raise InputError(
+            f"'full_load' of truck '{truck.name}' needs as many torques as rising speeds (rad/s)"
+        )
+    if truck.interface.engine_unit not in ("N m", "percent") or truck.interface.brake_unit not in (
+        "percent",
+        "m/s^2",
+    ):
+        raise InputError(
+            "a physics truck takes its engine command in 'N m' or 'percent' and its brake command in"
+            f" 'percent' or 'm/s^2', not '{truck.interface.engine_unit}' and '{truck.interface.brake_unit}'"
+        )
+    for low, high in (("governed_speed", "high_idle_speed"), ("engine_brake_speed", "governed_speed")):
+        if truck.values[low] >= truck.values[high]:
+            raise InputError(f"'{low}' must be below '{high}' in truck '{truck.name}'")
+
+
+def flatten(data: Mapping[str, Any], source: str) -> dict[str, Any]:
+    """Parameters and structure by their own names, whether or not nested under their part.
+
+    Raises InputError naming what was probably meant where a key is unknown.
+    """
+    flat: dict[str, Any] = {}
+    for key, value in data.items():
+        if key in PARTS and isinstance(value, Mapping):
+            flat.update(flatten(value, source))
+        elif key in PARAMETERS or key in STRUCTURE:
+            flat[key] = value
+        else:
+            raise InputError(
+                f"{source}: a physics truck has no '{key}'; {near(str(key), [*PARAMETERS, *PARTS, *STRUCTURE])}"
+            )
+    return flat
+
+
+def _numbers(value: Any, name: str, source: str) -> tuple[float, ...]:
+    try:
+        numbers = tuple(float(v) for v in value)
+    except (TypeError, ValueError):
+        raise InputError(f"{source}: '{name}' must be a list of numbers, not {value!r}") from None
+    if not np.all(np.isfinite(numbers)):
+        raise InputError(f"{source}: '{name}' holds a value that is not a number")
+    return numbers
+
+
+def _structure(flat: Mapping[str, Any], source: str) -> dict[str, Any]:
+    made: dict[str, Any] = {}
+    if "name" in flat:
+        made["name"] = str(flat["name"])
+    if "interface" in flat:
+        made["interface"] = flat["interface"]
+    if "ratios" in flat:
+        made["ratios"] = _numbers(flat["ratios"], "ratios", source)
+    if "full_load" in flat:
+        curve = flat["full_load"]
+        if not isinstance(curve, Mapping) or set(curve) != {"speed", "torque"}:
+            raise InputError(f"{source}: 'full_load' needs the lists 'speed' (rad/s) and 'torque' (N m)")
+        made["full_load"] = tuple(_numbers(curve[k], f"full_load: {k}", source) for k in ("speed", "torque"))
+    return made
+
+
+def override(truck: Specification, data: Mapping[str, Any], source: str) -> Specification:
+    """The truck with the given scalars, curves or interface entries replaced."""
+    flat = flatten(data, source)
+    changes = _structure(flat, source)
+    if "interface" in changes:
+        if not isinstance(changes["interface"], Mapping):
+            raise InputError(f"{source}: 'interface' must be a table such as {{grade: true}}")
+        changes["interface"] = TruckInterface.from_dict({**truck.interface.to_dict(), **changes["interface"]})
+    values = check_values({k: v for k, v in flat.items() if k in PARAMETERS})
+    return replace(truck, **changes, values={**truck.values, **values})
+
+
+def specification_from_dict(data: Mapping[str, Any], source: str) -> Specification:
+    """Inverse of Specification.to_dict. Raises InputError on unknown, missing or impossible entries."""
+    flat = flatten(data, source)
+    missing = [key for key in STRUCTURE if key not in flat]
+    if missing:
+        raise InputError(f"{source}: lacks {', '.join(missing)}")
+    made = _structure(flat, source)
+    interface = TruckInterface.from_dict({"name": made["name"], **flat["interface"]})
+    values = check_values({k: v for k, v in flat.items() if k in PARAMETERS})
+    return Specification(made["name"], interface, values, made["ratios"], made["full_load"])
+
+
+def read_yaml(path: Path) -> Mapping[str, Any]:
+    """A YAML table. Raises InputError where the file is missing, damaged or not a table."""
+    try:
+        data = yaml.safe_load(path.read_text())
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
+    if data is None:
+        return {}
+    if not isinstance(data, Mapping):
+        raise InputError(f"{path} must hold a table of parameters such as 'mass: 25000'")
+    return data
+
+
+def pool() -> tuple[str, ...]:
+    """Names of the reference trucks."""
+    folder = resources.files("deeptruck_model.trucks") / "pool"
+    return tuple(
+        sorted(entry.name.removesuffix(".yaml") for entry in folder.iterdir() if entry.name.endswith(".yaml"))
+    )
+
+
+def from_pool(name: str) -> Specification:
+    """A reference truck by name. Raises InputError for a name that is not in the pool."""
+    if name not in pool():
+        raise InputError(f"there is no truck '{name}'; {near(name, list(pool()))}")
+    path = resources.files("deeptruck_model.trucks") / "pool" / f"{name}.yaml"
+    return specification_from_dict(yaml.safe_load(path.read_text()), f"truck '{name}'")
