@@ -72,9 +72,7 @@ def evaluate(
     typer.echo(f"{metrics['trials']} free runs of {metrics['horizon_s']:.0f} s")
     for name, values in metrics.items():
         if isinstance(values, dict):
-            typer.echo(
-                f"{name:>13}: mean abs error {values['mean_abs']:.4f}, sd at the end {values['sd_at_end']:.4f}"
-            )
+            typer.echo(f"{name:>13}: mean abs error {values['mean_abs']:.4f}, rmse {values['rmse']:.4f}")
     typer.echo(f"figures and metrics.json in {out}")
 
 

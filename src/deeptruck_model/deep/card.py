@@ -1,4 +1,5 @@
-"""The last step of training: held-out statistics, calibration, MODEL_CARD.md, and the finished directory in place."""
+"""The last step of training: held-out statistics, calibration, MODEL_CARD.md, and the finished directory in
+place."""
 
 from __future__ import annotations
 
@@ -9,11 +10,39 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from deeptruck_model import simulators
 from deeptruck_model.deep import checkpoint, evaluation, resume
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
+
+CARD = """# Deep truck: {name}
+
+Trained for {updates} updates on {hours:.2f} h, mode {mode}, seeds {seeds}.
+
+## Signals
+
+| channel | unit | role | trained from | to |
+| --- | --- | --- | --- | --- |
+{signals}
+
+Step {dt:g} s. Counts over speed x acceleration x grade are in `coverage.json`.
+
+## Held out
+
+{trials} free runs of {horizon:.0f} s on the later part of the recordings. That part selected the checkpoint:
+expect somewhat more on other drives.
+
+| channel | mean abs error | mean | sd at end | rmse at end |
+| --- | --- | --- | --- | --- |
+{errors}
+
+## Limits
+
+{limits}
+"""
 
 
 def git_hash() -> str | None:
@@ -39,7 +68,8 @@ def publish(
     working: Path,
     out: Path,
 ) -> DeepTruck:
-    """Complete `working` into a simulator directory, move it to `out`, and return the truck read back from there."""
+    """Complete `working` into a simulator directory, move it to `out`, and return the truck read back from
+    there."""
     checkpoint.write(truck, working)
     again = simulators.load(working)
     metrics = evaluation.statistics(evaluation.trials(again, validation))
@@ -58,41 +88,41 @@ def publish(
 
 def model_card(truck: DeepTruck, training: Sequence[Recording], metrics: dict[str, Any]) -> str:
     """What the truck was trained on, how far off it is on held-out data, and where not to trust it."""
-    interface, details = truck.interface, truck.details
-    lines = [f"# Deep truck: {interface.name}", ""]
-    lines += [f"Trained for {details['training']['updates']} updates on {details['training']['hours']:.2f} h, "
-              f"mode {details['config']['mode']}, seeds {details['seeds']}.", ""]  # fmt: skip
-    lines += [
-        "## Signals",
-        "",
-        "| channel | unit | role | trained from | to |",
-        "| --- | --- | --- | --- | --- |",
+    interface, run, config = truck.interface, truck.details["training"], truck.details["config"]
+    seeds = ", ".join(map(str, truck.details["seeds"]))
+    signals = [
+        f"| {name} | {interface.unit(name)} | {role} | {low:.4g} | {high:.4g} |"
+        for role, names in (("input", interface.u), ("condition", interface.w), ("response", interface.y))
+        for name in names
+        for low, high in [_span(training, name)]
     ]
-    for role, names in (("input", interface.u), ("condition", interface.w), ("response", interface.y)):
-        for name in names:
-            low, high = _span(training, name)
-            lines.append(f"| {name} | {interface.unit(name)} | {role} | {low:.4g} | {high:.4g} |")
-    lines += ["", f"Step {truck.dt:g} s. Speed x acceleration x grade counts are in `coverage.json`.", ""]
-    lines += ["## Held out", "", f"{metrics['trials']} free runs of {metrics['horizon_s']:.0f} s on the later part of the "
-              "recordings. This part selected the checkpoint: expect somewhat more on other drives.", ""]  # fmt: skip
-    lines += [
-        "| channel | mean abs error | mean | sd at end | rmse at end |",
-        "| --- | --- | --- | --- | --- |",
+    errors = [
+        f"| {name} ({interface.unit(name)}) | "
+        + " | ".join(_figure(metrics[name][key]) for key in ("mean_abs", "mean", "sd_at_end", "rmse_at_end"))
+        + " |"
+        for name in interface.y
+        if name in metrics
     ]
-    for name in interface.y:
-        if name in metrics:
-            m = metrics[name]
-            lines.append(
-                f"| {name} ({interface.unit(name)}) | {m['mean_abs']:.4f} | {m['mean']:.4f} | {m['sd_at_end']:.4f} "
-                f"| {m['rmse_at_end']:.4f} |"
-            )
-    lines += ["", "## Limits", "", *(f"- {limit}" for limit in _limits(truck)), ""]
-    return "\n".join(lines)
+    return CARD.format(
+        name=interface.name,
+        updates=run["updates"],
+        hours=run["hours"],
+        mode=config["mode"],
+        seeds=seeds,
+        signals="\n".join(signals),
+        dt=truck.dt,
+        trials=metrics["trials"],
+        horizon=metrics["horizon_s"],
+        errors="\n".join(errors),
+        limits="\n".join(f"- {limit}" for limit in _limits(truck)),
+    )
+
+
+def _figure(value: float | None) -> str:
+    return "not measured" if value is None else f"{value:.4f}"
 
 
 def _span(recordings: Sequence[Recording], name: str) -> tuple[float, float]:
-    import numpy as np
-
     values = np.concatenate([r.channels[name] for r in recordings])
     return float(np.nanmin(values)), float(np.nanmax(values))
 

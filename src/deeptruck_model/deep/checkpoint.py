@@ -55,7 +55,8 @@ def write(truck: DeepTruck, folder: Path) -> None:
 
 
 def load_directory(path: Path, manifest: dict[str, Any]) -> DeepTruck:
-    """The deep truck under `path`. Raises InputError with one line where a file is missing, damaged or does not fit."""
+    """The deep truck under `path`. Raises InputError with one line where a file is missing, damaged or does
+    not fit."""
     if manifest.get("schema") != SCHEMA:
         raise InputError(
             f"{path / MANIFEST} has schema {manifest.get('schema')!r}; this version reads {SCHEMA}"
@@ -72,8 +73,8 @@ def load_directory(path: Path, manifest: dict[str, Any]) -> DeepTruck:
     signals = (len(interface.u), len(interface.w), len(interface.y))
     if signals != (shape.controls, shape.conditions, shape.responses) or len(scales.mean) != shape.inputs:
         raise InputError(
-            f"{path / MANIFEST} does not fit its network: the interface has {signals} u, w, y signals, the network "
-            f"{(shape.controls, shape.conditions, shape.responses)}; the interface was edited or files were mixed"
+            f"{path / MANIFEST} does not fit its network: the interface has {signals} u, w, y signals, "
+            f"the network {(shape.controls, shape.conditions, shape.responses)}; files were edited or mixed"
         )
     network = TruckNetwork(shape, scales, dt, seeds=tuple(range(shape.members)))
     _fill(network, path / WEIGHTS_FILE)
@@ -140,6 +141,7 @@ def put(folder: Path, path: Path) -> None:
 
 
 def check_target(path: Path) -> None:
-    """Raises InputError where `path` is something other than a simulator directory, an empty folder or nothing."""
+    """Raises InputError where `path` is something other than a simulator directory, an empty folder or
+    nothing."""
     if path.exists() and not (path.is_dir() and ((path / MANIFEST).exists() or not any(path.iterdir()))):
         raise InputError(f"{path} exists and is not a simulator directory; choose another --out")

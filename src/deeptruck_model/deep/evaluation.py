@@ -1,4 +1,5 @@
-"""Open-loop error statistics, as in the paper: free runs from recorded starts, error mean and sd against time."""
+"""Open-loop error statistics, as in the paper: free runs from recorded starts, error mean and sd against
+time."""
 
 from __future__ import annotations
 
@@ -21,7 +22,8 @@ WITHIN = 1.5  # m/s, the paper's band for the speed error
 
 @dataclass(frozen=True)
 class Trials:
-    """Free runs beside the recordings they start from: u (trials, T, n_u), w, measured and modelled y (trials, T, n_y).
+    """Free runs beside the recordings they start from: u (trials, T, n_u), w, measured and modelled y
+    (trials, T, n_y).
 
     Measured samples are NaN where the recording is invalid. Column 0 of time is the common start.
     """
@@ -41,16 +43,17 @@ class Trials:
     @property
     def time(self) -> Array:
         """Seconds since the start, (T,)."""
-        return np.arange(self.measured.shape[1]) * self.dt
+        return np.arange(self.measured.shape[1], dtype=np.float64) * self.dt
 
 
 def check(simulator: Simulator, recordings: Sequence[Recording]) -> None:
-    """Raises InputError where a recording lacks a signal of the simulator, or has it in another unit or rate."""
+    """Raises InputError where a recording lacks a signal of the simulator, or has it in another unit or
+    rate."""
     for recording in recordings:
         if abs(recording.dt - simulator.dt) > 1e-6:
             raise InputError(
-                f"'{recording.name}' is sampled every {recording.dt:g} s, the simulator steps {simulator.dt:g} s; "
-                "evaluate on bags of the simulator's rate"
+                f"'{recording.name}' is sampled every {recording.dt:g} s, "
+                f"the simulator steps {simulator.dt:g} s; evaluate on bags of the simulator's rate"
             )
         for name in (*simulator.interface.u, *simulator.interface.w):
             if not has(recording, name):
@@ -67,7 +70,8 @@ def trials(
     horizon_s: float = HORIZON_S,
     seed: int = 0,
 ) -> Trials:
-    """`count` free runs of `horizon_s` (shorter where no stretch is that long) from random recorded starts."""
+    """`count` free runs of `horizon_s` (shorter where no stretch is that long) from random recorded
+    starts."""
     check(simulator, recordings)
     pieces = [p for r in recordings for p in cut(r, simulator.interface)]
     if not pieces:
@@ -80,6 +84,7 @@ def trials(
         (i, k)
         for i, p in enumerate(pieces)
         for k in np.flatnonzero(np.isfinite(p.channels["speed"][: max(0, len(p) - steps)]))
+        if np.isfinite(p.channels["speed"][k + 1 : k + steps + 1]).any()
     ]
     rng = np.random.default_rng(seed)
     chosen = [starts[j] for j in sorted(rng.choice(len(starts), size=count, replace=len(starts) < count))]
@@ -112,20 +117,21 @@ def statistics(runs: Trials) -> dict[str, Any]:
         error = runs.error[..., j]
         if np.isfinite(error[:, 1:]).any():
             result[name] = _channel(error[:, 1:])
-    speed = np.abs(runs.error[:, 1:, SPEED])
-    result["speed"]["trials_within_1.5"] = float(np.mean(np.nanmax(speed, axis=1) <= WITHIN))
+    outside = np.abs(runs.error[:, 1:, SPEED]) > WITHIN
+    result["speed"]["trials_within_1.5"] = float(1 - outside.any(axis=1).mean())
     return result
 
 
-def _channel(error: Array) -> dict[str, float]:
+def _channel(error: Array) -> dict[str, float | None]:
+    """Statistics of an error (trials, T); those at the end are None where nothing was measured there."""
     last = error[:, -1][np.isfinite(error[:, -1])]
     return {
         "mean": float(np.nanmean(error)),
         "mean_abs": float(np.nanmean(np.abs(error))),
         "rmse": float(np.sqrt(np.nanmean(error**2))),
-        "mean_at_end": float(last.mean()) if len(last) else float("nan"),
-        "sd_at_end": float(last.std()) if len(last) else float("nan"),
-        "rmse_at_end": float(np.sqrt((last**2).mean())) if len(last) else float("nan"),
+        "mean_at_end": float(last.mean()) if len(last) else None,
+        "sd_at_end": float(last.std()) if len(last) else None,
+        "rmse_at_end": float(np.sqrt((last**2).mean())) if len(last) else None,
     }
 
 

@@ -1,7 +1,7 @@
 """The running truck, compiled: one step, or a whole free or forced run, of an ensemble.
 
-The weights of a gate lie in one matrix with rows [u, w, y, h, 1], so that a step is one product. Responses are
-float64: v(k+1) = v(k) + a(k+1) dt holds to rounding after hours.
+The weights of a gate lie in one matrix with rows [u, w, y, h, 1], so that a step is one product. Responses
+are float64: v(k+1) = v(k) + a(k+1) dt holds to rounding after hours.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ _BY_HAND = 2  # up to this batch a plain loop beats the overhead of BLAS
 
 
 class Packed(NamedTuple):
-    """Weights for inference. gates (members, inputs + hidden + 1, 4 hidden); D as in the network; means, scales."""
+    """Weights for inference. gates (members, inputs + hidden + 1, 4 hidden); D as in the network; means,
+    scales."""
 
     gates: FloatArray
     decoder: FloatArray
@@ -89,7 +90,8 @@ def _workspace(packed: Any, batch: Any) -> Any:
 
 @compiled
 def step(packed: Any, dt: Any, h: Any, c: Any, y: Any, u: Any, w: Any) -> Any:
-    """Next (h, c, y) of every member and the mean response; h, c (members, batch, hidden), y (members, batch, n_y)."""
+    """Next (h, c, y) of every member and the mean response; h, c (members, batch, hidden), y (members,
+    batch, n_y)."""
     members, batch, hidden = h.shape
     inputs = packed[5].shape[0]
     work = _workspace(packed, batch)
@@ -108,7 +110,8 @@ def step(packed: Any, dt: Any, h: Any, c: Any, y: Any, u: Any, w: Any) -> Any:
 def run(packed: Any, dt: Any, u: Any, w: Any, y0: Any, recorded: Any, forced: Any) -> Any:
     """Mean response and its standard deviation over members, both (batch, T, n_y), for u (batch, T, n_u).
 
-    y0 starts every run; with `forced`, finite samples of recorded (batch, T, n_y) are fed instead of the response.
+    y0 starts every run; with `forced`, finite samples of recorded (batch, T, n_y) are fed instead of the
+    response.
     """
     batch, steps, responses = u.shape[0], u.shape[1], y0.shape[1]
     members, hidden, inputs = packed[0].shape[0], packed[1].shape[1], packed[5].shape[0]

@@ -21,7 +21,8 @@ FloatArray = NDArray[np.float32]
 compiled = numba.njit(cache=True, fastmath={"reassoc", "contract", "arcp", "nsz"}, error_model="numpy")
 
 _HALF, _ONE, _ZERO = np.float32(0.5), np.float32(1.0), np.float32(0.0)
-# Rational approximation of tanh, 2 ulp in float32, free of calls so that it vectorises (coefficients: Eigen's ptanh).
+# Rational approximation of tanh, 2 ulp in float32, free of calls so that it vectorises (coefficients:
+# Eigen's ptanh).
 _BOUND = np.float32(7.90531110763549805)
 _A1, _A3, _A5 = (
     np.float32(4.89352455891786e-03),
@@ -85,7 +86,8 @@ def _cell_back(gates: Any, c: Any, tanh_c: Any, dh: Any, dc: Any) -> None:
 
 @compiled
 def _constrain(raw: Any, y: Any, dt: Any, y_next: Any, bounded: Any) -> None:
-    """C on raw (batch, n_y - 1) in units: fills y_next (batch, n_y) and bounded (batch,), as TruckNetwork does."""
+    """C on raw (batch, n_y - 1) in units: fills y_next (batch, n_y) and bounded (batch,), as TruckNetwork
+    does."""
     for b in range(raw.shape[0]):
         a, v = raw[b, 0], y[b, 1]  # y and y_next may be one array
         moved = v + a * dt
@@ -145,7 +147,8 @@ def _loss(y: Any, target: Any, weight: Any, dy: Any) -> Any:
 def _forward(
     w: Any, feedback: Any, x: Any, target: Any, mean: Any, scale: Any, dt: Any, recorded: Any, run: Any
 ) -> None:
-    """K steps from zero state. Fills `run`: gates (activated), hy = [h, fed-back y], c, tanh_c, decoded, y, own, bounded."""
+    """K steps from zero state. Fills `run`: gates (activated), hy = [h, fed-back y], c, tanh_c, decoded, y,
+    own, bounded."""
     w_in, w_rec, bias, w_dec, b_dec, w_out, b_out = w
     gates, hy, c, tanh_c, decoded, y, own, bounded = run
     steps, batch, conditions = x.shape
@@ -183,7 +186,8 @@ def _forward(
 
 @compiled
 def _backward(w: Any, feedback: Any, x: Any, scale: Any, dt: Any, run: Any, dy: Any, d: Any) -> None:
-    """Gradient `d` of the weights from dy = dL/dy (K, batch, n_y), which is used up; gates become their gradient."""
+    """Gradient `d` of the weights from dy = dL/dy (K, batch, n_y), which is used up; gates become their
+    gradient."""
     _, w_rec, _, w_dec, _, w_out, _ = w
     gates, hy, c, tanh_c, decoded, _, own, bounded = run
     steps, batch, conditions = x.shape
@@ -264,7 +268,8 @@ def _members(
     learns: Any,
     d: Any,
 ) -> Any:
-    """Losses (members,); with `learns` also the gradient, in `d`. `w` and `d` are tuples in the order of WEIGHTS."""
+    """Losses (members,); with `learns` also the gradient, in `d`. `w` and `d` are tuples in the order of
+    WEIGHTS."""
     members, steps, batch, conditions = x.shape
     losses = np.empty(members)
     for m in range(members):
@@ -285,8 +290,8 @@ def gradient(
 ) -> NDArray[np.float64]:
     """Losses (members,) of K-step sequences; their gradients land in the parameters' `.grad`.
 
-    x (members, K, batch, n_u + n_w) is normalised; target (members, K + 1, batch, n_y) in units with NaN where a
-    sample is invalid (target[:, 0] starts the run); weight (n_y,) multiplies the squared errors.
+    x (members, K, batch, n_u + n_w) is normalised; target (members, K + 1, batch, n_y) in units with NaN
+    where a sample is invalid (target[:, 0] starts the run); weight (n_y,) multiplies the squared errors.
     """
     for name in WEIGHTS:
         parameter = getattr(network, name)

@@ -2,9 +2,9 @@
 
 x(k+1) = H(u(k), w(k) | x(k), y(k)),   y(k) = C(D(x(k))),   v(k+1) = v(k) + a(k+1) dt
 
-`members` independent models lie stacked in the leading dimension of every parameter, so that one gradient trains
-all seeds and one step runs an ensemble. This file is the readable reference and the differentiable truck;
-`kernels` computes the same numbers faster, and a test holds the two together.
+`members` independent models lie stacked in the leading dimension of every parameter, so that one gradient
+trains all seeds and one step runs an ensemble. This file is the readable reference and the differentiable
+truck; `kernels` computes the same numbers faster, and a test holds the two together.
 """
 
 from __future__ import annotations
@@ -93,7 +93,8 @@ class TruckNetwork(nn.Module):
         return State(zeros, zeros, y0.expand(self.shape.members, *y0.shape))
 
     def step(self, state: State, u: Tensor, w: Tensor) -> State:
-        """One step. u (members, batch, n_u) or (batch, n_u), w likewise; the response is in the new state's y."""
+        """One step. u (members, batch, n_u) or (batch, n_u), w likewise; the response is in the new state's
+        y."""
         conditions = torch.cat([u, w], dim=-1).expand(self.shape.members, -1, -1)
         x = (torch.cat([conditions, state.y], dim=-1) - self.mean) / self.scale
         gates = self.bias[:, None] + torch.bmm(x, self.input) + torch.bmm(state.h, self.recurrent)
@@ -105,10 +106,11 @@ class TruckNetwork(nn.Module):
         return State(h, c, self._constrain(raw, state.y))
 
     def unfold(self, u: Tensor, w: Tensor, y: Tensor, form: str = "deployment") -> Tensor:
-        """K steps from zero state: u (.., batch, K, n_u), w likewise, y (.., batch, K+1, n_y) -> (members, batch, K, n_y).
+        """K steps from zero state: u (.., batch, K, n_u), w likewise, y (.., batch, K+1, n_y) -> (members,
+        batch, K, n_y).
 
-        `form` 'deployment' feeds the model its own response and reads only y[..., 0, :]; 'training' feeds the recorded
-        one wherever it is finite.
+        `form` 'deployment' feeds the model its own response and reads only y[..., 0, :]; 'training' feeds
+        the recorded one wherever it is finite.
         """
         recorded = y.expand(self.shape.members, *y.shape[-3:])
         state = self.initial(recorded[0, :, 0])._replace(y=recorded[:, :, 0])
@@ -124,8 +126,8 @@ class TruckNetwork(nn.Module):
     def _constrain(self, raw: Tensor, y: Tensor) -> Tensor:
         """C: v' = v + a dt, never negative, at rest when it hardly moves; fuel never negative.
 
-        Where a bound holds, the gradient still reaches the decoder as if it did not (else a model that wrongly
-        stands could never learn to start), but no longer passes to the speed before.
+        Where a bound holds, the gradient still reaches the decoder as if it did not (else a model that
+        wrongly stands could never learn to start), but no longer passes to the speed before.
         """
         columns = [ACCELERATION, FUEL][: raw.shape[-1]]
         raw = raw * self.scale[-self.shape.responses :][columns] + self.mean[-self.shape.responses :][columns]

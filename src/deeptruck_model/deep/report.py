@@ -83,7 +83,8 @@ def _density(axis: Any, time: np.ndarray[Any, Any], values: np.ndarray[Any, Any]
 
 
 def sample_figure(runs: Trials, shown: int = 4) -> Figure:
-    """Measured and modelled responses of the median trial, its neighbours and the worst, by largest speed error."""
+    """Measured and modelled responses of the median trial, its neighbours and the worst, by largest speed
+    error."""
     worst = np.nanmax(np.abs(runs.error[..., SPEED]), axis=1)
     order = np.argsort(worst)
     chosen = order[np.linspace(0, len(order) - 1, min(shown, len(order))).astype(int)]

@@ -1,4 +1,5 @@
-"""Where a killed training run goes on: weights, optimiser and best weights, in safetensors, replaced atomically."""
+"""Where a killed training run goes on: weights, optimiser and best weights, in safetensors, replaced
+atomically."""
 
 from __future__ import annotations
 

@@ -63,7 +63,8 @@ class Arguments:
     clip: float = 1.0
     """largest norm of one member's gradient"""
     speed_s: float = 5.0
-    """a speed error of sd(acceleration) * speed_s costs as much as an acceleration error of sd(acceleration)"""
+    """a speed error of sd(acceleration) * speed_s costs as much as an acceleration error of
+    sd(acceleration)"""
     fuel: float = 0.5
     """cost of a fuel error of one standard deviation"""
     horizon_s: float = 40.0
@@ -82,8 +83,8 @@ def train(
 ) -> DeepTruck:
     """Train on `recordings`, write the simulator directory `out`, return it as read back from there.
 
-    Same data, arguments and machine give the same weights, resumed after a kill or not. Raises InputError for data
-    that cannot be trained on, an `out` that is something else, or a resume of another run.
+    Same data, arguments and machine give the same weights, resumed after a kill or not. Raises InputError
+    for data that cannot be trained on, an `out` that is something else, or a resume of another run.
     """
     began = time.monotonic()
     checkpoint.check_target(out)
@@ -212,7 +213,8 @@ class Best:
 def validate(
     network: TruckNetwork, held_out: Sequences, weight: kernels.FloatArray, steps: int
 ) -> np.ndarray[Any, Any]:
-    """Loss of free runs of `steps` from evenly spaced starts in the held-out data, (members,); inf where not finite."""
+    """Loss of free runs of `steps` from evenly spaced starts in the held-out data, (members,); inf where
+    not finite."""
     steps = min(steps, int(np.max(held_out.bounds[:, 1] - held_out.bounds[:, 0])) - 1)
     candidates = np.sort(held_out.starts(steps, np.random.default_rng(0)))
     if len(candidates) < VALIDATION_RUNS:
@@ -226,7 +228,8 @@ def validate(
 def _draw(
     sequences: Sequences, seeds: tuple[int, ...], round_: int, count: int, steps: int
 ) -> np.ndarray[Any, Any]:
-    """Starts of one round, (members, count). They depend on seed and round alone, so a resumed run draws the same."""
+    """Starts of one round, (members, count). They depend on seed and round alone, so a resumed run draws
+    the same."""
     return np.stack([sequences.draw(count, steps, np.random.default_rng([seed, round_])) for seed in seeds])
 
 

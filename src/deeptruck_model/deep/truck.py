@@ -29,7 +29,8 @@ class DeepState(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """A free run with its uncertainty: y and low..high (batch, T, n_y), and where the truck is inside the coverage."""
+    """A free run with its uncertainty: y and low..high (batch, T, n_y), and where the truck is inside the
+    coverage."""
 
     y: Array
     low: Array
@@ -76,19 +77,21 @@ class DeepTruck:
 
     def step(self, state: DeepState, u: Array, w: Array) -> tuple[DeepState, Array]:
         """One step; u (batch, n_u), w (batch, n_w)."""
-        h, c, y, mean = inference.step(self._packed, self.network.dt, *state, u, w)
+        u, w = np.ascontiguousarray(u, np.float64), np.ascontiguousarray(w, np.float64)
+        h, c, y, mean = inference.step(self._packed, self.network.dt, state.h, state.c, state.y, u, w)
         return DeepState(h, c, y), mean
 
     def force(self, state: DeepState, y: Array) -> DeepState:
         """Every member is fed the recorded y (batch, n_y) next; where it is NaN, its own response."""
-        return state._replace(y=np.where(np.isnan(y), state.y, y))
+        return state._replace(y=np.ascontiguousarray(np.where(np.isnan(y), state.y, y)))
 
     def rollout(self, u: Array, w: Array, y0: Array, recorded: Array | None) -> Run:
         """Free run from y0 (batch, n_y), or forced run with `recorded` (batch, T, n_y)."""
         return Run(self._run(u, w, y0, recorded)[0], {})
 
     def predict(self, u: Array, w: Array, y0: Array) -> Prediction:
-        """Free run with calibrated 90 % intervals (see details['calibration']) and the coverage flag (batch, T).
+        """Free run with calibrated 90 % intervals (see details['calibration']) and the coverage flag
+        (batch, T).
 
         Raises InputError for a single model or an uncalibrated ensemble, which has no intervals.
         """
@@ -149,7 +152,8 @@ class DeepTruck:
 
 
 class TorchTruck(torch.nn.Module):
-    """(state, u, w) -> (state, y) in float32 with gradients, batched: u (batch, n_u), w (batch, n_w), y (batch, n_y)."""
+    """(state, u, w) -> (state, y) in float32 with gradients, batched: u (batch, n_u), w (batch, n_w), y
+    (batch, n_y)."""
 
     def __init__(self, truck: DeepTruck) -> None:
         super().__init__()

@@ -1,4 +1,5 @@
-"""Recordings into K-step sequences: common interface, cutting at invalid inputs, time split, scales, batches."""
+"""Recordings into K-step sequences: common interface, cutting at invalid inputs, time split, scales,
+batches."""
 
 from __future__ import annotations
 
@@ -22,7 +23,8 @@ CONSISTENCY_S = 20.0
 
 
 def common_interface(recordings: Sequence[Recording]) -> TruckInterface:
-    """The channels that every recording has; fuel where any has it. Raises InputError where units or dt differ."""
+    """The channels that every recording has; fuel where any has it. Raises InputError where units or dt
+    differ."""
     if not recordings:
         raise InputError("no recording to train on: give at least one bag with a drive in it")
     first = recordings[0]
@@ -59,7 +61,8 @@ def has(recording: Recording, channel: str) -> bool:
 
 
 def cut(recording: Recording, interface: TruckInterface) -> list[Recording]:
-    """The stretches of a recording where every input of `interface` is valid, each starting at a valid speed."""
+    """The stretches of a recording where every input of `interface` is valid, each starting at a valid
+    speed."""
     channels = dict(recording.channels)
     if interface.fuel and "fuel_rate" not in channels:
         channels["fuel_rate"] = np.full(len(recording), np.nan)
@@ -78,8 +81,8 @@ def cut(recording: Recording, interface: TruckInterface) -> list[Recording]:
 def consistent(recording: Recording) -> Recording:
     """The acceleration with its slow part replaced by that of the speed.
 
-    An accelerometer that feels the grade, or is biased, would fight the constraint v(k+1) = v(k) + a dt; what it
-    says within CONSISTENCY_S is kept. Data that already keep the constraint are unchanged.
+    An accelerometer that feels the grade, or is biased, would fight the constraint v(k+1) = v(k) + a dt;
+    what it says within CONSISTENCY_S is kept. Data that already keep the constraint are unchanged.
     """
     acceleration, speed = recording.channels["acceleration"], recording.channels["speed"]
     excess = np.full(len(recording), np.nan)
@@ -96,7 +99,8 @@ def consistent(recording: Recording) -> Recording:
 def time_split(
     pieces: Sequence[Recording], held_out: float = HELD_OUT
 ) -> tuple[list[Recording], list[Recording]]:
-    """Training and validation pieces. A long piece gives its last part; of short ones every 1/held_out-th goes whole.
+    """Training and validation pieces. A long piece gives its last part; of short ones every 1/held_out-th
+    goes whole.
 
     A single short piece is split all the same; one too short for that is used for both.
     """
@@ -138,7 +142,8 @@ class Sequences:
         return cls(scaled.astype(np.float32), y.astype(np.float32), bounds)
 
     def starts(self, steps: int, rng: np.random.Generator) -> NDArray[np.int64]:
-        """Starts that tile every piece once from a random phase, in random order; each has at least steps/4 ahead."""
+        """Starts that tile every piece once from a random phase, in random order; each has at least steps/4
+        ahead."""
         found = []
         for start, stop in self.bounds:
             phase = rng.integers(0, max(1, min(steps, (stop - start) // 4)))
@@ -158,7 +163,8 @@ class Sequences:
         return np.concatenate(drawn)[:count]
 
     def gather(self, starts: NDArray[np.int64], steps: int) -> tuple[FloatArray, FloatArray]:
-        """x (..., K, batch, n_x) and target (..., K+1, batch, n_y) for starts (..., batch); NaN behind a piece's end."""
+        """x (..., K, batch, n_x) and target (..., K+1, batch, n_y) for starts (..., batch); NaN behind a
+        piece's end."""
         stop = self.bounds[np.searchsorted(self.bounds[:, 1], starts, side="right"), 1]
         index = starts[..., None, :] + np.arange(steps + 1)[:, None]
         beyond = index >= stop[..., None, :]
@@ -169,7 +175,8 @@ class Sequences:
 
 
 def measure_scales(pieces: Sequence[Recording]) -> Scales:
-    """Mean and standard deviation of [u, w, y] over the pieces; a channel that hardly moves is not blown up."""
+    """Mean and standard deviation of [u, w, y] over the pieces; a channel that hardly moves is not blown
+    up."""
     data = np.concatenate([np.concatenate([p.u, p.w, p.y], axis=1) for p in pieces])
     mean, deviation = np.nanmean(data, axis=0), np.nanstd(data, axis=0)
     names = (*pieces[0].interface.u, *pieces[0].interface.w, *pieces[0].interface.y)
@@ -181,7 +188,8 @@ def measure_scales(pieces: Sequence[Recording]) -> Scales:
 
 
 def loss_weights(scales: Scales, n_y: int, speed_s: float, fuel: float) -> FloatArray:
-    """(n_y,): squared acceleration errors count by its variance, speed errors as acceleration held for `speed_s`."""
+    """(n_y,): squared acceleration errors count by its variance, speed errors as acceleration held for
+    `speed_s`."""
     scale = scales.scale[-n_y:].astype(np.float64)
     acceleration = scale[ACCELERATION]
     return np.array([acceleration**-2, (acceleration * speed_s) ** -2, *(fuel * scale[2:] ** -2)], np.float32)

@@ -1,0 +1,63 @@
+import json
+
+import pytest
+
+from deeptruck_model import simulators
+from deeptruck_model.errors import InputError
+
+
+@pytest.fixture
+def saved(truck, tmp_path):
+    truck.save(tmp_path / "sim")
+    return tmp_path / "sim"
+
+
+def edit(folder, **changes):
+    manifest = json.loads((folder / "simulator.json").read_text())
+    (folder / "simulator.json").write_text(json.dumps({**manifest, **changes}))
+
+
+def test_manifest_says_what_the_truck_is(saved):
+    manifest = json.loads((saved / "simulator.json").read_text())
+    assert (manifest["kind"], manifest["schema"], manifest["dt"]) == ("deep", 1, 0.1)
+    assert manifest["units"]["brake_command"] == "percent"
+    assert manifest["seeds"] == [0, 1] and len(manifest["data_hash"]) == 64
+    assert manifest["config"]["mode"] == "default"
+
+
+@pytest.mark.parametrize(
+    ("damage", "says"),
+    [
+        (lambda d: edit(d, schema=2), "schema 2"),
+        (lambda d: edit(d, interface={"name": "x", "grade": False}), "does not fit"),
+        (lambda d: edit(d, interface={"name": "x", "colour": "red"}), "not understood|damaged"),
+        (lambda d: edit(d, scales={"mean": ["a"], "scale": [1]}), "damaged"),
+        (
+            lambda d: edit(d, shape={"controls": 2, "conditions": 1, "responses": 3, "hidden": 8}),
+            "no 'input'",
+        ),
+        (lambda d: (d / "model.safetensors").unlink(), "missing or damaged"),
+        (lambda d: (d / "model.safetensors").write_bytes(b"\0" * 40), "missing or damaged"),
+        (
+            lambda d: (d / "model.safetensors").write_bytes((d / "model.safetensors").read_bytes()[:-100]),
+            "missing or damaged",
+        ),
+        (lambda d: (d / "coverage.json").write_text("{"), "coverage.json is damaged"),
+    ],
+)
+def test_damage_is_one_clear_line(saved, damage, says):
+    damage(saved)
+    with pytest.raises(InputError, match=says) as error:
+        simulators.load(saved)
+    assert "\n" not in str(error.value)
+
+
+def test_saving_replaces_a_simulator_and_nothing_else(truck, saved, tmp_path):
+    truck.save(saved)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["sim"]
+    other = tmp_path / "thesis"
+    other.mkdir()
+    (other / "chapter1.txt").write_text("dear reader")
+    with pytest.raises(InputError, match="not a simulator directory"):
+        truck.save(other)
+    assert [p.name for p in other.iterdir()] == ["chapter1.txt"]

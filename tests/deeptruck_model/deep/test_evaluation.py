@@ -1,0 +1,82 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deeptruck_model.deep import evaluate, statistics, trials
+from deeptruck_model.deep.evaluation import Trials, against_time
+from deeptruck_model.errors import InputError
+from deeptruck_model.signals import TruckInterface
+
+
+class Shifted:
+    """A simulator that repeats a drive with a known error: speed too high by 0.1 m/s for every second."""
+
+    dt = 0.1
+
+    def __init__(self, recording):
+        self.recording, self.interface = recording, recording.interface
+
+    def rollout(self, u, w, y0, recorded):
+        from deeptruck_model.simulators import Run
+
+        runs = np.zeros((*u.shape[:2], 3))
+        for i in range(len(u)):
+            k = np.flatnonzero(
+                (self.recording.y == y0[i]).all(axis=1) & (self.recording.u == u[i, 0]).all(axis=1)
+            )
+            runs[i] = self.recording.y[k[0] : k[0] + u.shape[1]]
+        runs[..., 1] += 0.1 * self.dt * np.arange(u.shape[1])
+        return Run(runs, {})
+
+
+def test_known_error_is_found(drive):
+    recording = drive(200)
+    metrics = statistics(trials(Shifted(recording), [recording], 90, 40.0))
+    assert metrics["trials"] == 90 and metrics["horizon_s"] == pytest.approx(40.0)
+    assert metrics["speed"]["mean_at_end"] == pytest.approx(4.0)
+    assert metrics["speed"]["sd_at_end"] == pytest.approx(0.0, abs=1e-9)
+    assert metrics["speed"]["mean_abs"] == pytest.approx(0.1 * 20.05)
+    assert metrics["speed"]["trials_within_1.5"] == 0.0
+    assert metrics["acceleration"]["mean_abs"] == 0.0
+
+
+def test_invalid_samples_do_not_count():
+    measured = np.zeros((2, 3, 2))
+    measured[0, 1:, 1] = np.nan
+    modelled = np.ones((2, 3, 2))
+    runs = Trials(
+        np.zeros((2, 3, 1)), np.zeros((2, 3, 0)), measured, modelled, 0.1, ("acceleration", "speed")
+    )
+    mean, deviation = against_time(runs)
+    assert (mean == 1).all() and (deviation == 0).all()
+    assert statistics(runs)["speed"]["mean_abs"] == 1.0
+    measured[:, 2, 1] = np.nan
+    assert statistics(runs)["speed"]["sd_at_end"] is None
+
+
+def test_writes_figures_and_metrics(truck, drive, tmp_path):
+    metrics = evaluate(truck, [drive(120, seed=7)], tmp_path / "out", count=8, horizon_s=10)
+    assert json.loads((tmp_path / "out" / "metrics.json").read_text()) == metrics
+    names = {p.name for p in (tmp_path / "out").iterdir()}
+    assert names == {"metrics.json", "error_statistics.png", "scenarios.png", "samples.png"}
+
+
+def test_short_recordings_shorten_the_horizon(truck, drive):
+    runs = trials(truck, [drive(12, seed=7)], 5, 40.0)
+    assert runs.measured.shape[1] == 120
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda r: replace(r, dt=1.0), "evaluate on bags of the simulator's rate"),
+        (lambda r: replace(r, interface=TruckInterface("x", engine_unit="percent")), "in percent"),
+        (lambda r: replace(r, channels={k: v for k, v in r.channels.items() if k != "grade"}), "no grade"),
+        (lambda r: r.piece(0, 20), "no stretch of 3 s"),
+    ],
+)
+def test_recordings_that_do_not_fit(truck, drive, change, says):
+    with pytest.raises(InputError, match=says):
+        trials(truck, [change(drive(60))])

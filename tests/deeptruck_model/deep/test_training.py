@@ -1,0 +1,168 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from deeptruck_model.deep import resume, statistics, train, training, trials
+from deeptruck_model.deep.network import WEIGHTS
+from deeptruck_model.errors import InputError
+from deeptruck_model.signals import TruckInterface
+
+
+def weights(truck):
+    return {name: getattr(truck.network, name).detach().clone() for name in WEIGHTS}
+
+
+def same(a, b):
+    return all(torch.equal(a[name], b[name]) for name in WEIGHTS)
+
+
+def speed_error(truck, recording):
+    return statistics(trials(truck, [recording], 30, 20.0))["speed"]["mean_abs"]
+
+
+def test_learns_a_truck(drive, small, tmp_path):
+    """Identity case: predicting the start speed for ever is far worse than a few seconds of training."""
+    truck = train([drive(1200)], tmp_path / "sim", replace(small, updates=700))
+    test = drive(600, seed=9)
+    runs = trials(truck, [test], 30, 20.0)
+    still = np.nanmean(np.abs(runs.measured[..., 1] - runs.measured[:, :1, 1]))
+    assert speed_error(truck, test) < 0.1 * still
+
+
+def test_paper_mode_learns(drive, small, tmp_path):
+    untrained = train([drive(600)], tmp_path / "a", replace(small, mode="paper", updates=1, rounds=1))
+    trained = train([drive(600)], tmp_path / "b", replace(small, mode="paper", updates=400))
+    test = drive(300, seed=9)
+    assert speed_error(trained, test) < 0.5 * speed_error(untrained, test)
+
+
+def test_same_seed_same_truck_other_seed_another(drive, small, tmp_path):
+    drives = [drive(300)]
+    one, two = (weights(train(drives, tmp_path / n, small)) for n in ("a", "b"))
+    assert same(one, two)
+    assert not same(one, weights(train(drives, tmp_path / "c", replace(small, seed=1))))
+
+
+def test_resumed_equals_uninterrupted(drive, small, tmp_path, monkeypatch):
+    drives, arguments = [drive(300)], replace(small, members=2)
+    whole = train(drives, tmp_path / "whole", arguments)
+
+    save, saved = resume.save, []
+
+    def killed(*everything):
+        save(*everything)
+        saved.append(everything[-1])
+        if len(saved) == 3:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(training.resume, "save", killed)
+    with pytest.raises(KeyboardInterrupt):
+        train(drives, tmp_path / "killed", arguments)
+    assert not (tmp_path / "killed").exists()
+    monkeypatch.undo()
+    resumed = train(drives, tmp_path / "killed", arguments, resumes=True)
+    assert same(weights(whole), weights(resumed))
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["killed", "whole"]
+
+
+def test_resume_refuses_another_run(drive, small, tmp_path, monkeypatch):
+    def killed(*everything):
+        original(*everything)
+        raise KeyboardInterrupt
+
+    original = resume.save
+    monkeypatch.setattr(training.resume, "save", killed)
+    with pytest.raises(KeyboardInterrupt):
+        train([drive(60)], tmp_path / "sim", small)
+    monkeypatch.undo()
+    with pytest.raises(InputError, match="other data or arguments"):
+        train([drive(60)], tmp_path / "sim", replace(small, seed=5), resumes=True)
+    (tmp_path / "sim.partial" / resume.FILE).write_bytes(b"half")
+    with pytest.raises(InputError, match="damaged"):
+        train([drive(60)], tmp_path / "sim", small, resumes=True)
+
+
+def test_directory_is_complete(drive, small, tmp_path):
+    train([drive(200)], tmp_path / "sim", small)
+    names = {p.name for p in (tmp_path / "sim").iterdir()}
+    assert names == {
+        "simulator.json",
+        "model.safetensors",
+        "coverage.json",
+        "metrics.json",
+        "MODEL_CARD.md",
+        "tensorboard",
+    }
+    card = (tmp_path / "sim" / "MODEL_CARD.md").read_text()
+    assert "| engine_command | N m | input |" in card and "Limits" in card
+    assert json.loads((tmp_path / "sim" / "metrics.json").read_text())["trials"] == 90
+
+
+@pytest.mark.parametrize(
+    ("interface", "dt", "seconds"),
+    [
+        (TruckInterface("plain", "g/s", None, grade=False, fuel=False), 1.0, 900),
+        (TruckInterface("car", "percent", "m/s^2", grade=True, fuel=False), 0.1, 60),
+    ],
+)
+def test_other_interfaces_and_rates(drive, small, tmp_path, interface, dt, seconds):
+    truck = train([drive(seconds, dt=dt, interface=interface)], tmp_path / "sim", replace(small, updates=30))
+    assert truck.interface == interface and truck.dt == dt
+
+
+def test_many_short_bags_with_holes(drive, small, tmp_path):
+    drives = [drive(8, seed=s) for s in range(12)]
+    drives[3].channels["acceleration"][:] = np.nan
+    drives[4].channels["fuel_rate"][::3] = np.nan
+    drives[5].channels["speed"][30:34] = np.nan
+    drives[6].channels["brake_command"][20:25] = np.nan
+    truck = train(drives, tmp_path / "sim", replace(small, updates=30))
+    assert np.isfinite(truck.details["training"]["validation_loss"]).all()
+
+
+def test_a_gradient_that_is_not_finite_is_skipped(drive, small, tmp_path, monkeypatch):
+    gradient, calls = training.kernels.gradient, []
+
+    def sometimes(network, *rest):
+        losses = gradient(network, *rest)
+        calls.append(1)
+        if len(calls) % 7 == 0:
+            network.input.grad[0, 0, 0] = np.nan
+            network.bias.grad[1] = np.inf
+        return losses
+
+    monkeypatch.setattr(training.kernels, "gradient", sometimes)
+    truck = train([drive(120)], tmp_path / "sim", replace(small, members=2))
+    assert np.isfinite(truck.details["training"]["validation_loss"]).all()
+
+
+@pytest.mark.parametrize(
+    ("spoil", "says"),
+    [
+        (lambda r: r.channels.pop("engine_command"), "no recording has an engine_command"),
+        (
+            lambda r: r.channels["engine_command"].__setitem__(slice(None), np.nan),
+            "no recording has an engine",
+        ),
+        (
+            lambda r: r.channels["engine_command"].__setitem__(slice(None, None, 20), np.nan),
+            "no stretch of 3 s",
+        ),
+    ],
+)
+def test_unusable_data_is_one_clear_line(drive, small, tmp_path, spoil, says):
+    recording = drive(30)
+    spoil(recording)
+    with pytest.raises(InputError, match=says):
+        train([recording], tmp_path / "sim", small)
+    assert not list(tmp_path.iterdir())
+
+
+def test_out_that_is_something_else_is_left_alone(drive, small, tmp_path):
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes" / "x").write_text("x")
+    with pytest.raises(InputError, match="not a simulator directory"):
+        train([drive(30)], tmp_path / "notes", small)

@@ -1,0 +1,87 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deeptruck_model.deep import windows
+from deeptruck_model.errors import InputError
+from deeptruck_model.signals import TruckInterface
+
+
+def test_sequences_stay_inside_their_piece(drive):
+    pieces = [drive(30, seed=1), drive(12, seed=2)]
+    data = windows.Sequences.of(pieces, windows.measure_scales(pieces))
+    starts = data.draw(200, 100, np.random.default_rng(0))
+    x, target = data.gather(starts[None], 100)
+    assert x.shape == (1, 100, 200, 3) and target.shape == (1, 101, 200, 3)
+    ends = np.where(starts < 300, 300, 420)
+    for j, (start, end) in enumerate(zip(starts, ends, strict=True)):
+        length = min(101, end - start)
+        assert length >= 26
+        np.testing.assert_array_equal(target[0, :length, j], data.y[start : start + length])
+        assert np.isnan(target[0, length:, j]).all()
+
+
+def test_all_data_are_drawn(drive):
+    piece = drive(60)
+    data = windows.Sequences.of([piece], windows.measure_scales([piece]))
+    seen = np.zeros(len(piece), bool)
+    for start in data.draw(300, 100, np.random.default_rng(1)):
+        seen[start : start + 101] = True
+    assert seen.all()
+
+
+def test_cut_at_invalid_inputs(drive):
+    recording = drive(60)
+    recording.channels["engine_command"][200:210] = np.nan
+    recording.channels["speed"][:3] = np.nan
+    recording.channels["speed"][400:405] = np.nan
+    pieces = windows.cut(recording, recording.interface)
+    assert [(p.start_s, len(p)) for p in pieces] == [(pytest.approx(0.3), 197), (21.0, 390)]
+
+
+def test_consistent_acceleration_loses_bias_and_keeps_the_rest(drive):
+    recording = drive(300)
+    truth = recording.channels["acceleration"].copy()
+    np.testing.assert_allclose(
+        windows.consistent(recording).channels["acceleration"][1:], truth[1:], atol=1e-9
+    )
+    biased = replace(recording, channels={**recording.channels, "acceleration": truth + 0.3})
+    np.testing.assert_allclose(windows.consistent(biased).channels["acceleration"][1:], truth[1:], atol=1e-9)
+    biased.channels["acceleration"][50:90] = np.nan
+    mended = windows.consistent(biased).channels["acceleration"]
+    known = np.isfinite(mended) & (np.arange(len(truth)) > 0)
+    np.testing.assert_allclose(mended[known], truth[known], atol=1e-9)
+
+
+def test_split_keeps_time_order_and_shares(drive):
+    long, short = drive(600), [drive(20, seed=s) for s in range(1, 15)]
+    training, validation = windows.time_split([long, *short])
+    assert len(training[0]) == 5100 and len(validation[0]) == 900
+    assert validation[0].start_s == pytest.approx(510.0)
+    assert len(training) + len(validation) == 16 and len(validation) == 3
+    only, held = windows.time_split([drive(20)])
+    assert (len(only[0]), len(held[0])) == (170, 30)
+
+
+def test_common_interface_is_what_all_have(drive):
+    full, blind = drive(10), drive(10, seed=1)
+    del blind.channels["grade"], blind.channels["fuel_rate"]
+    blind.channels["brake_command"][:] = np.nan
+    interface = windows.common_interface([full, blind])
+    assert (interface.grade, interface.brake_unit, interface.fuel) == (False, None, True)
+    piece = windows.cut(blind, interface)[0]
+    assert piece.y.shape == (100, 3) and np.isnan(piece.y[:, 2]).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda r: replace(r, dt=1.0), "one rate"),
+        (lambda r: replace(r, interface=TruckInterface("x", engine_unit="g/s")), "N m"),
+        (lambda r: replace(r, interface=TruckInterface("x", brake_unit="bar")), "bar, percent"),
+    ],
+)
+def test_bags_that_do_not_belong_together(drive, change, says):
+    with pytest.raises(InputError, match=says):
+        windows.common_interface([drive(10), change(drive(10, seed=1))])
