@@ -1,17 +1,17 @@
 #!/usr/bin/env python3
-"""Drive a simulated truck behind a leader: truck_sim, leader, controller and recorder, each its own process."""
+"""Drive a simulated truck behind a leader: truck, leader, controller and recorder, each its own process."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal, Optional
+from typing import Annotated, Literal
 
 import typer
 from deeptruck_nodes import runs
 
 EXAMPLES = """
 Examples:\n
-  python ros2_ws/start_simulation.py --simulator truck:trucksim --policy baseline:acc --record drive --duration 60\n
+  python ros2_ws/start_simulation.py --simulator truck:trucksim --policy baseline:acc --record drive\n
   python ros2_ws/start_simulation.py --simulator SIM --policy POLICY --record drive --lockstep --duration 600
   --leader sine:speed=18,amplitude=2,period=20 --road sine:grade=0.03,length=2000 --radar field\n
 Leaders: constant:speed=V, sine:speed=V,amplitude=A,period=T, steps:speeds=A/B/C,every=T,acceleration=A,
@@ -24,9 +24,11 @@ Every parameter of every node: docs/nodes.md.
 def main(
     simulator: Annotated[str, typer.Option(help="Simulator directory, or truck:NAME[:overrides.yaml].")],
     policy: Annotated[str, typer.Option(help="Policy directory, or baseline:NAME.")],
-    record: Annotated[Optional[Path], typer.Option(help="Bag to record; must not exist.")] = None,
+    record: Annotated[Path | None, typer.Option(help="Bag to record; must not exist.")] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing bag.")] = False,
-    leader: Annotated[str, typer.Option(help="What the vehicle ahead does, see below.")] = "constant:speed=20",
+    leader: Annotated[
+        str, typer.Option(help="What the vehicle ahead does, see below.")
+    ] = "constant:speed=20",
     radar: Annotated[
         Literal["clean", "noisy", "field"],
         typer.Option(help="field adds the lane-change jump of the paper's field run at 63 s."),
@@ -39,10 +41,12 @@ def main(
     lockstep: Annotated[bool, typer.Option("--lockstep", help="As fast as it goes, repeatable.")] = False,
     rate: Annotated[float, typer.Option(help="Publishing rate in real time, Hz.")] = 10.0,
     seed: Annotated[int, typer.Option(help="Of the radar's errors.")] = 0,
-    parameters: Annotated[Optional[Path], typer.Option(help="Parameter file; wins over the options.")] = None,
-    run_folders: Annotated[Path, typer.Option("--runs", help="Where the folder of this run goes.")] = Path("runs"),
+    parameters: Annotated[Path | None, typer.Option(help="Parameter file; wins over the options.")] = None,
+    run_folders: Annotated[Path, typer.Option("--runs", help="Where the folder of this run goes.")] = Path(
+        "runs"
+    ),
 ) -> None:
-    """Drive a simulated truck behind a leader, in real time or in lock-step. Ctrl-C ends everything in order."""
+    """Drive a simulated truck behind a leader, in real time or lock-step. Ctrl-C ends everything in order."""
     given = {
         "leader": {"profile": leader, "initial_gap": initial_gap, "seed": seed, **runs.RADARS[radar]},
         "controller": {"target_time_gap": time_gap},

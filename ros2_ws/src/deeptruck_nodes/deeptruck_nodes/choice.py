@@ -25,7 +25,9 @@ def parse(text: str, kinds: Mapping[str, type[T]], what: str) -> T:
     for part in filter(None, rest.split(",")):
         name, equals, value = part.partition("=")
         if not equals or name not in fields:
-            raise InputError(f"{what} '{text}': '{part}' is not one of {', '.join(f'{n}=' for n in fields) or 'none'}")
+            raise InputError(
+                f"{what} '{text}': '{part}' is not one of {', '.join(f'{n}=' for n in fields) or 'none'}"
+            )
         values[name] = _value(text, what, name, value, str(fields[name].type))
     try:
         return kinds[kind](**values)

@@ -7,6 +7,9 @@ import math
 import time
 
 import numpy as np
+from geometry_msgs.msg import TwistStamped
+from sensor_msgs.msg import JointState, Range
+
 from deeptruck_cacc import load_policy
 from deeptruck_model.signals import TruckInterface
 from deeptruck_nodes import messages
@@ -14,8 +17,6 @@ from deeptruck_nodes.messages import SECOND, nanoseconds
 from deeptruck_nodes.node import IDLE, DeeptruckNode, run
 from deeptruck_nodes.observation import Alignment, Observation
 from deeptruck_nodes.topics import COMMAND, RADAR_RANGE, RADAR_TWIST, ROAD, TWIST
-from geometry_msgs.msg import TwistStamped
-from sensor_msgs.msg import JointState, Range
 
 
 class Controller(DeeptruckNode):
@@ -41,7 +42,8 @@ class Controller(DeeptruckNode):
     def tick(self) -> float:
         silent = [name for name in self._heard if self._is_stale(name)]
         if silent and not self.lockstep:
-            self.diagnose(self.now(), "error", f"no {' and '.join(silent)}: no command is sent", refused=self._refused)
+            says = f"no {' and '.join(silent)}: no command is sent"
+            self.diagnose(self.now(), "error", says, {"refused": self._refused})
         return IDLE
 
     def _is_stale(self, name: str) -> bool:
@@ -75,7 +77,7 @@ class Controller(DeeptruckNode):
             values = dict(zip(COMMAND.fields, self._held, strict=True))
             self._command.publish(messages.scalars(observation.stamp, COMMAND.fields, values))
         level, says = ("ok", "following") if observation.lead else ("warn", "nothing ahead: coasting")
-        self.diagnose(observation.stamp, level, says, refused=self._refused, gap_m=observation.gap)
+        self.diagnose(observation.stamp, level, says, {"refused": self._refused, "gap_m": observation.gap})
 
     def _act(self, seen: Observation) -> tuple[float, float]:
         """The policy's command; NaN is refused, counted and never sent. Without a lead the truck coasts."""

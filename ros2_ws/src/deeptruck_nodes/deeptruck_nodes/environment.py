@@ -1,9 +1,10 @@
-"""What a run needs around it: environment variables, the domain to itself, a folder, a free name for the bag."""
+"""What a run needs around it: environment variables, its own domain, a folder, a free name for the bag."""
 
 from __future__ import annotations
 
 import fcntl
 import importlib.resources
+import importlib.util
 import os
 import shutil
 import sys
@@ -29,8 +30,8 @@ def domain_id() -> int:
 class DomainLock:
     """One run a domain on this machine: a second one would answer the first one's messages.
 
-    The processes of the run inherit the lock, so that it holds until the last of them is gone, however the run
-    ended; what a killed run leaves behind is an unlocked file, which says nothing.
+    The processes of the run inherit the lock, so that it holds until the last of them is gone, however the
+    run ended; what a killed run leaves behind is an unlocked file, which says nothing.
     """
 
     def __init__(self, domain: int, folder: Path) -> None:
@@ -40,7 +41,8 @@ class DomainLock:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise InputError(
-                f"another run is using ROS domain {domain} ({self._holder()}); end it, or set {DOMAIN} to another number"
+                f"another run is using ROS domain {domain} ({self._holder()}); "
+                f"end it, or set {DOMAIN} to another number"
             ) from None
         except OSError as error:
             raise InputError(f"cannot lock ROS domain {domain} with {self._path}: {error.strerror}") from None
@@ -71,7 +73,9 @@ def run_folder(runs: Path, what: str, domain: int) -> Path:
         except FileExistsError:
             continue
         except OSError as error:
-            raise InputError(f"cannot write logs to {folder}: {error.strerror}; choose another with --runs") from None
+            raise InputError(
+                f"cannot write logs to {folder}: {error.strerror}; choose another with --runs"
+            ) from None
         return folder
     raise InputError(f"cannot find a free folder below {runs}; choose another with --runs")
 
@@ -115,8 +119,18 @@ def ros_environment(folder: Path, domain: int) -> dict[str, str]:
     }
     for name in ("RMW_IMPLEMENTATION", "ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS"):
         environment.pop(name, None)
-    if environment.get("AMENT_PREFIX_PATH"):  # a sourced ROS: its libraries, not the wheels'
-        kept = [p for p in environment.get("LD_LIBRARY_PATH", "").split(os.pathsep) if not p.startswith(sys.prefix)]
+    if _ros_is_sourced():  # then its libraries, not the wheels'
+        kept = [
+            p
+            for p in environment.get("LD_LIBRARY_PATH", "").split(os.pathsep)
+            if not p.startswith(sys.prefix)
+        ]
         environment["LD_LIBRARY_PATH"] = os.pathsep.join(kept)
         environment["_ROS_WHEELS_BOOTSTRAP_COMPLETE"] = "1"
     return environment
+
+
+def _ros_is_sourced() -> bool:
+    """Whether rclpy comes from a ROS installation on PYTHONPATH rather than from this Python's wheels."""
+    spec = importlib.util.find_spec("rclpy")
+    return spec is not None and not (spec.origin or "").startswith(sys.prefix)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 
+from geometry_msgs.msg import TwistStamped
+
 from deeptruck_nodes import leaders, messages
 from deeptruck_nodes.messages import SECOND, nanoseconds
 from deeptruck_nodes.node import DeeptruckNode, run
 from deeptruck_nodes.radar import Gap, Radar, RadarErrors
 from deeptruck_nodes.topics import LEADER_STATE, RADAR_RANGE, RADAR_TWIST, TWIST
-from geometry_msgs.msg import TwistStamped
 
 
 class LeaderNode(DeeptruckNode):
@@ -41,8 +42,10 @@ class LeaderNode(DeeptruckNode):
 
     def _report(self, stamp: int) -> None:
         self._smallest = min(self._smallest, self._gap.gap)
-        level, says = ("error", "the truck has hit the leader") if self._smallest <= 0 else ("ok", "driving ahead")
-        self.diagnose(stamp, level, says, smallest_gap_m=self._smallest)
+        level, says = (
+            ("error", "the truck has hit the leader") if self._smallest <= 0 else ("ok", "driving ahead")
+        )
+        self.diagnose(stamp, level, says, {"smallest_gap_m": self._smallest})
 
 
 def main() -> None:

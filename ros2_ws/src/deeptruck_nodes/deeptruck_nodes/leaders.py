@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
+
 from deeptruck_model.errors import InputError
 from deeptruck_nodes import choice
 from deeptruck_nodes.choice import require
-from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
@@ -102,7 +103,10 @@ class Random:
 
     def __post_init__(self) -> None:
         require(0 <= self.low <= self.high <= 50, "leader: need 0 <= low <= high <= 50 m/s")
-        require(self.acceleration > 0 and self.seed >= 0, "leader: acceleration must be positive, seed not negative")
+        require(
+            self.acceleration > 0 and self.seed >= 0,
+            "leader: acceleration must be positive, seed not negative",
+        )
 
     @functools.cached_property
     def _walk(self) -> tuple[Array, Array]:
@@ -123,8 +127,8 @@ class Random:
 class Recorded:
     """A leader driven before: CSV with a `time` column in s and a speed column in m/s, or a bag.
 
-    From a bag the leader's speed is taken where it was recorded, the truck's own otherwise. At the end the last
-    speed is kept.
+    From a bag the leader's speed is taken where it was recorded, the truck's own otherwise. At the end the
+    last speed is kept.
     """
 
     path: str

@@ -1,4 +1,4 @@
-"""The line between supervisor and node: 'ready' goes up, 'go' comes down. Without a supervisor a node just goes."""
+"""The line between supervisor and node: 'ready' goes up, 'go' comes down. A node without one just goes."""
 
 from __future__ import annotations
 

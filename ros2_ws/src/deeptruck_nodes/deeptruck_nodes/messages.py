@@ -69,7 +69,9 @@ def radar_range(stamp: int, gap: float, reach: float) -> Range:
     return message
 
 
-def diagnostics(stamp: int, node: str, level: str, says: str, values: Mapping[str, object]) -> DiagnosticArray:
+def diagnostics(
+    stamp: int, node: str, level: str, says: str, values: Mapping[str, object]
+) -> DiagnosticArray:
     """One status of one node; level is 'ok', 'warn' or 'error'."""
     status = DiagnosticStatus(level=LEVELS[level], name=f"deeptruck: {node}", message=says, hardware_id=node)
     status.values = [KeyValue(key=key, value=_text(value)) for key, value in values.items()]

@@ -5,21 +5,21 @@ from __future__ import annotations
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import rclpy
-from deeptruck_model.errors import InputError
-from deeptruck_nodes import messages, parameters
-from deeptruck_nodes.lifeline import Lifeline
-from deeptruck_nodes.messages import SECOND
-from deeptruck_nodes.topics import CONTROL_QOS, DIAGNOSTICS, Topic, expected_subscribers
-from rclpy.duration import Duration
 from rclpy.exceptions import InvalidParameterTypeException, ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.signals import SignalHandlerOptions
+
+from deeptruck_model.errors import InputError
+from deeptruck_nodes import messages, parameters
+from deeptruck_nodes.lifeline import Lifeline
+from deeptruck_nodes.messages import SECOND
+from deeptruck_nodes.topics import CONTROL_QOS, DIAGNOSTICS, Topic, expected_subscribers
 
 IDLE = 0.1  # s; the longest a node sleeps before it looks at its stop flag
 
@@ -47,7 +47,10 @@ class DeeptruckNode(Node):
     def connected(self) -> bool:
         """Whether every peer that listens to this node has been matched."""
         peers = tuple(self.p["peers"])
-        return all(out.get_subscription_count() >= expected_subscribers(topic, peers) for topic, out in self._outgoing)
+        return all(
+            out.get_subscription_count() >= expected_subscribers(topic, peers)
+            for topic, out in self._outgoing
+        )
 
     def begin(self) -> None:
         """Called once, when every node of the run is ready."""
@@ -61,13 +64,10 @@ class DeeptruckNode(Node):
         return False
 
     def close(self) -> None:
-        """Leave in order: called once at the end; waits shortly until every listener has the last messages."""
-        until = time.monotonic() + 1.0
-        for _, publisher in self._outgoing:
-            publisher.wait_for_all_acked(Duration(seconds=max(0.0, until - time.monotonic())))
+        """Leave in order: called once, while messages can still be sent."""
 
-    def diagnose(self, stamp: int, level: str, says: str, **values: object) -> None:
-        """Publish this node's health, at most once for each second of stamps, so that lock-step repeats itself."""
+    def diagnose(self, stamp: int, level: str, says: str, values: Mapping[str, object]) -> None:
+        """Publish this node's health, at most once a second of stamps, so that lock-step repeats itself."""
         if stamp // SECOND != self._diagnosed:
             self._diagnosed = stamp // SECOND
             self._diagnostics.publish(messages.diagnostics(stamp, self.get_name(), level, says, values))
@@ -102,7 +102,11 @@ def run(make: Callable[[], DeeptruckNode]) -> None:
             node.destroy_node()
     except InputError as error:
         sys.exit(_last_words(str(error)))
-    except (ParameterException, InvalidParameterTypeException, rclpy.exceptions.ROSInterruptException) as error:
+    except (
+        ParameterException,
+        InvalidParameterTypeException,
+        rclpy.exceptions.ROSInterruptException,
+    ) as error:
         sys.exit(_last_words(str(error)))
     except Exception as error:
         if type(error).__name__ not in ("RCLInvalidROSArgsError", "UnknownROSArgsError", "RCLError"):

@@ -34,7 +34,7 @@ class Alignment:
         self._lead: tuple[int, float, float] | None = None  # stamp, gap, leader speed, as last detected
 
     def put(self, name: str, stamp: int, value: float) -> Observation | None:
-        """File a sample: speed, gap, leader_speed or grade. Returns the observation it completes, once each."""
+        """File a speed, gap, leader_speed or grade. Returns the observation it completes, once each."""
         self._latest[name] = (stamp, value)
         if not {"speed", "gap", "leader_speed"} <= self._latest.keys():
             return None

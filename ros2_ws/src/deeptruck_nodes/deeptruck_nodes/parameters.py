@@ -1,4 +1,4 @@
-"""Parameters: values, ranges and descriptions stand in parameters.yaml; nodes and supervisor check against it."""
+"""Parameters, checked against parameters.yaml, which holds names, defaults, ranges and descriptions."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import yaml
+
 from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-_KINDS: dict[str, tuple[type, ...]] = {
+_KINDS: dict[str, Any] = {
     "number": (int, float),
     "integer": (int,),
     "text": (str,),
@@ -29,7 +30,7 @@ _OF_ROS = ("use_sim_time", "start_type_description_service")  # every rclpy node
 
 @functools.cache
 def schema() -> dict[str, dict[str, dict[str, Any]]]:
-    """Node name -> parameter name -> {kind, default, range or choices, says}; 'common' belongs to every node."""
+    """Node -> parameter -> {kind, default, range or choices, says}; 'common' belongs to every node."""
     text = importlib.resources.files("deeptruck_nodes").joinpath("parameters.yaml").read_text()
     loaded: dict[str, dict[str, dict[str, Any]]] = yaml.safe_load(text)
     return loaded
@@ -49,7 +50,9 @@ def checked(node: str, given: Mapping[str, Any]) -> dict[str, Any]:
     for name in given:
         if name not in known:
             raise InputError(f"{node} has no parameter '{name}'; it has: {', '.join(sorted(known))}")
-    return {name: _value(node, name, entry, given.get(name, entry["default"])) for name, entry in known.items()}
+    return {
+        name: _value(node, name, entry, given.get(name, entry["default"])) for name, entry in known.items()
+    }
 
 
 def _value(node: str, name: str, entry: Mapping[str, Any], value: Any) -> Any:
@@ -77,12 +80,17 @@ def read_file(path: Path) -> dict[str, dict[str, Any]]:
         raise InputError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
     if not isinstance(loaded, dict):
         raise InputError(f"{path} holds no parameters; expected 'NODE: {{ros__parameters: {{name: value}}}}'")
-    return {str(node).lstrip("/"): _section(path, str(node).lstrip("/"), section) for node, section in loaded.items()}
+    return {
+        str(node).lstrip("/"): _section(path, str(node).lstrip("/"), section)
+        for node, section in loaded.items()
+    }
 
 
 def _section(path: Path, node: str, section: Any) -> dict[str, Any]:
     if node not in schema() or node == "common":
-        raise InputError(f"{path}: there is no node '{node}'; known: {', '.join(n for n in schema() if n != 'common')}")
+        raise InputError(
+            f"{path}: there is no node '{node}'; known: {', '.join(n for n in schema() if n != 'common')}"
+        )
     values = section.get("ros__parameters") if isinstance(section, dict) else None
     if not isinstance(values, dict):
         raise InputError(f"{path}: '{node}' needs 'ros__parameters:' with name: value below it")
@@ -129,5 +137,7 @@ def _descriptor(name: str, entry: Mapping[str, Any]) -> Any:
         if entry["kind"] == "integer":
             descriptor.integer_range = [IntegerRange(from_value=low, to_value=high, step=1)]
         else:
-            descriptor.floating_point_range = [FloatingPointRange(from_value=float(low), to_value=float(high))]
+            descriptor.floating_point_range = [
+                FloatingPointRange(from_value=float(low), to_value=float(high))
+            ]
     return descriptor

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from deeptruck_model.simulators import Simulator
+
 from deeptruck_model.signals import ACCELERATION, FUEL, SPEED
+from deeptruck_model.simulators import Simulator
 from deeptruck_nodes.roads import Road
 
 

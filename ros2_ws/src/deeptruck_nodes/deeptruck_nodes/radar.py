@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+
 from deeptruck_nodes.leaders import Leader
 
 
@@ -19,7 +20,7 @@ class Gap:
         self.leader_speed = math.nan
 
     def update(self, t: float, speed: float) -> None:
-        """The follower reports `speed` (m/s) at `t` seconds after the start; NaN keeps the last closing speed."""
+        """The follower reports `speed` (m/s), t seconds after the start; NaN keeps the last closing speed."""
         self.leader_speed = self._leader.speed_at(t)
         opening = self.leader_speed - speed
         if self._last is None:

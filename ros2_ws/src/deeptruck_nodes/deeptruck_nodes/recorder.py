@@ -8,19 +8,20 @@ import json
 import time
 from pathlib import Path
 
+from rclpy.event_handler import SubscriptionEventCallbacks
+
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import CrashSafeWriter
 from deeptruck_nodes.messages import SECOND
 from deeptruck_nodes.node import IDLE, DeeptruckNode, run
 from deeptruck_nodes.topics import RECORD_QOS, RECORDED, TOPICS
-from rclpy.event_handler import SubscriptionEventCallbacks
 
 INTERFACE_KEY = "deeptruck.interface"
 LINGER = 5.0  # s; the longest the recorder keeps listening for what was sent before the end
 
 
 class Recorder(DeeptruckNode):
-    """Logs by time of arrival; in lock-step by the messages' own stamps, so that equal runs give equal bags."""
+    """Logs by time of arrival; in lock-step by the messages' own stamps: equal runs then give equal bags."""
 
     def __init__(self) -> None:
         super().__init__("recorder")
@@ -67,7 +68,7 @@ class Recorder(DeeptruckNode):
         self._writer.flush()
         if not self.lockstep:  # what it counts depends on timing: no part of a run that repeats itself
             level, says = ("warn", "messages were lost") if self._lost else ("ok", "recording")
-            self.diagnose(self.now(), level, says, messages=self._count, lost=self._lost)
+            self.diagnose(self.now(), level, says, {"messages": self._count, "lost": self._lost})
         return IDLE
 
     def lingers(self) -> bool:

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
+from rclpy.publisher import Publisher
+
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import repair
 from deeptruck_model.recordings.bag_source import BagSource
@@ -15,7 +17,6 @@ from deeptruck_nodes.messages import SECOND
 from deeptruck_nodes.node import IDLE, DeeptruckNode, run
 from deeptruck_nodes.recorder import message_class
 from deeptruck_nodes.topics import CLOCK, CONTROL_QOS
-from rclpy.publisher import Publisher
 
 Message = tuple[str, int, bytes]  # topic, log time in ns, serialised message
 
@@ -62,7 +63,6 @@ class Replay(DeeptruckNode):
         return min(IDLE, (self._next[1] - log_now) / SECOND / self.p["speed"])
 
     def close(self) -> None:
-        super().close()
         self._stack.close()
 
 
@@ -70,7 +70,9 @@ def _wanted(path: Path, present: dict[str, str], asked: list[str]) -> dict[str, 
     for name in asked:
         if name not in present:
             raise InputError(f"{path} has no topic {name}; it has: {', '.join(sorted(present))}")
-    return {name: kind for name, kind in present.items() if name != CLOCK.name and (not asked or name in asked)}
+    return {
+        name: kind for name, kind in present.items() if name != CLOCK.name and (not asked or name in asked)
+    }
 
 
 def main() -> None:

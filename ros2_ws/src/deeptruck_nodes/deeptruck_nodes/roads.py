@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
+
 from deeptruck_model.errors import InputError
 from deeptruck_nodes import choice
 from deeptruck_nodes.choice import require
-from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
@@ -58,7 +59,10 @@ class Table:
 
     def __post_init__(self) -> None:
         distances, grades, _ = self._profile
-        require(len(distances) > 1 and bool(np.all(np.diff(distances) > 0)), f"{self.path}: distance does not grow")
+        require(
+            len(distances) > 1 and bool(np.all(np.diff(distances) > 0)),
+            f"{self.path}: distance does not grow",
+        )
         require(bool(np.all(np.abs(grades) <= 0.2)), f"{self.path}: a grade is outside -0.2..0.2")
 
     @functools.cached_property
@@ -86,12 +90,14 @@ class Random:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        require(0 <= self.grade <= 0.07 and self.length >= 50, "road: need 0 <= grade <= 0.07 and length >= 50 m")
+        require(
+            0 <= self.grade <= 0.07 and self.length >= 50, "road: need 0 <= grade <= 0.07 and length >= 50 m"
+        )
         require(self.seed >= 0, "road: seed must not be negative")
 
     @functools.cached_property
     def _profile(self) -> tuple[Array, Array, Array]:
-        distances = np.arange(0.0, 500e3, self.length)
+        distances: Array = np.arange(0.0, 500e3, self.length, dtype=np.float64)
         grades = np.random.default_rng(self.seed).normal(0.0, self.grade, len(distances))
         return _with_elevation(distances, np.clip(grades, -3 * self.grade, 3 * self.grade))
 
@@ -100,7 +106,7 @@ class Random:
 
 
 def _with_elevation(distances: Array, grades: Array) -> tuple[Array, Array, Array]:
-    rises = np.diff(distances) * (grades[1:] + grades[:-1]) / 2
+    rises: Array = np.diff(distances) * (grades[1:] + grades[:-1]) / 2
     return distances, grades, np.concatenate(([0.0], np.cumsum(rises)))
 
 
@@ -109,7 +115,13 @@ def _interpolate(profile: tuple[Array, Array, Array], distance: float) -> tuple[
     return float(np.interp(distance, distances, grades)), float(np.interp(distance, distances, elevations))
 
 
-KINDS: dict[str, type] = {"flat": Constant, "constant": Constant, "sine": Sine, "random": Random, "table": Table}
+KINDS: dict[str, type] = {
+    "flat": Constant,
+    "constant": Constant,
+    "sine": Sine,
+    "random": Random,
+    "table": Table,
+}
 
 
 def parse(text: str) -> Road:

@@ -14,7 +14,7 @@ from deeptruck_cacc import load_policy
 from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
-from deeptruck_nodes import environment, leaders, parameters, roads
+from deeptruck_nodes import environment, leaders, parameters, roads, vehicle
 from deeptruck_nodes.supervisor import Program, Supervisor, node
 
 Sections = dict[str, dict[str, Any]]
@@ -62,9 +62,52 @@ def simulate(common: Common, given: Sections, *, policy: str, simulator: str, lo
     return _run("simulation", common, sections, lockstep=lockstep, ends="truck_sim")
 
 
+def drive_vehicle(
+    common: Common,
+    given: Sections,
+    *,
+    policy: str,
+    emulate: bool,
+    speed: float,
+    grade: str,
+    duration: float,
+) -> int:
+    """A vehicle on a CAN bus, or its emulated controllers; returns the exit code.
+
+    `given` holds the bridge's parameters, and the leader's where one is simulated; otherwise the radar topics
+    come from the truck's own radar.
+    """
+    bridge = parameters.checked("can_bridge", given["can_bridge"])
+    interface = vehicle.interface(vehicle.load(bridge["vehicle"]))
+    load_policy(policy, interface)
+    sections: Sections = {"recorder": _recorder(common, interface)}
+    if "leader" in given:
+        sections["leader"] = {}
+    sections |= {"controller": _controller(policy, interface), "can_bridge": {}}
+    sections = _merged(sections, given, common)
+    if "leader" in sections:
+        leaders.parse(checked(sections, "leader")["profile"])
+    others = (_emulator(checked(sections, "can_bridge"), speed, grade),) if emulate else ()
+    return _run("vehicle", common, sections, others=others, duration=duration)
+
+
+def _emulator(bridge: Mapping[str, Any], speed: float, grade: str) -> Program:
+    options = {"vehicle": bridge["vehicle"], "interface": bridge["interface"], "channel": bridge["channel"]}
+    options |= {"speed": str(speed), "grade": grade}
+    argv = [sys.executable, "-m", "truck_bridge.ecu_emulator"]
+    return Program(
+        "ecu_emulator", [*argv, *(f"--{name}={value}" for name, value in options.items())], says_ready=False
+    )
+
+
 def replay(common: Common, given: Sections) -> int:
     """A bag back onto its topics; returns the exit code."""
-    return _run("replay", common, _merged({"recorder": _recorder(common, None), "replay": {}}, given, common), ends="replay")
+    return _run(
+        "replay",
+        common,
+        _merged({"recorder": _recorder(common, None), "replay": {}}, given, common),
+        ends="replay",
+    )
 
 
 def checked(sections: Mapping[str, Mapping[str, Any]], name: str) -> dict[str, Any]:
@@ -96,8 +139,12 @@ def _merged(sections: Sections, given: Sections, common: Common) -> Sections:
     own = parameters.read_file(common.parameters) if common.parameters else {}
     for name in own:
         if name not in sections:
-            raise InputError(f"{common.parameters}: this run has no node '{name}'; it has {', '.join(sections)}")
-    merged = {name: {**values, **given.get(name, {}), **own.get(name, {})} for name, values in sections.items()}
+            raise InputError(
+                f"{common.parameters}: this run has no node '{name}'; it has {', '.join(sections)}"
+            )
+    merged = {
+        name: {**values, **given.get(name, {}), **own.get(name, {})} for name, values in sections.items()
+    }
     if common.record is None:
         del merged["recorder"]
     return merged
@@ -128,7 +175,9 @@ def _run(
         nodes = [node(name, file, ends_run=name == ends) for name in sections]
         programs = [*nodes[:1], *others, *nodes[1:]]
         print(f"logs in {os.path.relpath(folder)}, ROS domain {domain}", flush=True)
-        return Supervisor(folder, programs, environment.ros_environment(folder, domain), lock.descriptor).run(duration)
+        return Supervisor(folder, programs, environment.ros_environment(folder, domain), lock.descriptor).run(
+            duration
+        )
     finally:
         lock.release()
 

@@ -21,7 +21,7 @@ _PR_SET_PDEATHSIG = 1
 
 @dataclass(frozen=True)
 class Program:
-    """One process of a run. When one with `ends_run` exits with 0 the run is over; any other exit is a failure."""
+    """One process of a run. One with `ends_run` ends it by exiting with 0; any other exit is a failure."""
 
     name: str
     argv: Sequence[str]
@@ -47,7 +47,9 @@ class _Child:
 class Supervisor:
     """`programs` are started in this order and ended in the opposite one."""
 
-    def __init__(self, folder: Path, programs: Sequence[Program], environment: Mapping[str, str], lock: int) -> None:
+    def __init__(
+        self, folder: Path, programs: Sequence[Program], environment: Mapping[str, str], lock: int
+    ) -> None:
         self._folder, self._programs = folder, programs
         self._environment, self._lock = dict(environment), lock
         self._children: list[_Child] = []
@@ -58,7 +60,9 @@ class Supervisor:
 
         Returns the exit code: 0 after a wanted end, 2 where a program refused its input, else 1.
         """
-        before = {number: signal.signal(number, self._on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
+        before = {
+            number: signal.signal(number, self._on_signal) for number in (signal.SIGINT, signal.SIGTERM)
+        }
         try:
             for program in self._programs:
                 self._children.append(self._start(program))
@@ -83,7 +87,7 @@ class Supervisor:
                 env={**self._environment, VARIABLE: str(lifeline.child)},
                 pass_fds=(lifeline.child, self._lock),
                 start_new_session=True,  # Ctrl-C reaches the supervisor alone, which then keeps the order
-                preexec_fn=_die_with_parent,
+                preexec_fn=_die_with_parent,  # noqa: PLW1509 (there is one thread)
             )
         lifeline.handed_over()
         return _Child(program, process, log, lifeline)
@@ -99,7 +103,10 @@ class Supervisor:
                 names = ", ".join(child.program.name for child in waiting)
                 return _complain(f"not ready after {READY_WITHIN:g} s: {names}; see {self._folder}")
             time.sleep(POLL)
-        print(f"ready after {time.monotonic() - begun:.1f} s: {', '.join(p.name for p in self._programs)}", flush=True)
+        print(
+            f"ready after {time.monotonic() - begun:.1f} s: {', '.join(p.name for p in self._programs)}",
+            flush=True,
+        )
         for child in self._children:
             child.lifeline.go()
         return None
@@ -124,7 +131,9 @@ class Supervisor:
             if code == 0 and child.program.ends_run:
                 return 0
             how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
-            return _complain(f"{child.program.name} ended ({how}): {child.last_words()}", 2 if code == 2 else 1)
+            return _complain(
+                f"{child.program.name} ended ({how}): {child.last_words()}", 2 if code == 2 else 1
+            )
         return None
 
     def _end(self) -> None:
@@ -164,5 +173,3 @@ def node(name: str, parameters: Path, ends_run: bool = False) -> Program:
 def _complain(text: str, code: int = 1) -> int:
     print(text, file=sys.stderr, flush=True)
     return code
-
-

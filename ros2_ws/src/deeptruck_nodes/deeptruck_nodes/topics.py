@@ -74,7 +74,7 @@ ROAD = Topic(
     ("grade", "elevation"),
 )  # fmt: skip
 RADAR_RANGE = Topic(
-    "/radar/range", Range, ("leader", "replay"), ("controller", "recorder"),
+    "/radar/range", Range, ("leader", "replay"), ("controller", "can_bridge", "recorder"),
     "every /truck/twist", "range = gap, m; +inf: nothing detected",
 )  # fmt: skip
 RADAR_TWIST = Topic(

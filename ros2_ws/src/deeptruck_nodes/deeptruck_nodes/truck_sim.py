@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import time
 
+from sensor_msgs.msg import JointState
+
 from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
 from deeptruck_nodes import messages, roads
@@ -12,7 +14,6 @@ from deeptruck_nodes.messages import SECOND
 from deeptruck_nodes.node import IDLE, DeeptruckNode, run
 from deeptruck_nodes.plant import Plant
 from deeptruck_nodes.topics import ACCEL, CLOCK, COMMAND, ROAD, STATUS, TWIST
-from sensor_msgs.msg import JointState
 
 FIRST_STAMP = 1 * SECOND  # of a lock-step run; 0 means "no time yet" to ROS
 
@@ -53,7 +54,9 @@ class TruckSim(DeeptruckNode):
             return 0.0 if self._answered == self._stamp else IDLE
         patience = 20 * self.p["command_timeout_s"]
         if time.monotonic() - self._commanded_at > patience:
-            raise InputError(f"no command for the step at {self._seconds:.1f} s within {patience:g} s; ask the controller")
+            raise InputError(
+                f"no command for the step at {self._seconds:.1f} s within {patience:g} s; ask the controller"
+            )
         return IDLE
 
     def _keep_time(self) -> float:
@@ -100,7 +103,8 @@ class TruckSim(DeeptruckNode):
     def _report(self, stamp: int) -> None:
         level, says = ("warn", "no command: coasting") if self._coasting else ("ok", "driving")
         worst = {} if self.lockstep else {"worst_lateness_s": self._latest_by}
-        self.diagnose(stamp, level, says, time_s=self._seconds, distance_m=self._plant.distance, **worst)
+        values = {"time_s": self._seconds, "distance_m": self._plant.distance, **worst}
+        self.diagnose(stamp, level, says, values)
 
     def _on_command(self, message: JointState) -> None:
         values = messages.read_scalars(message)
@@ -116,7 +120,9 @@ def ticks_a_step(rate: float, dt: float) -> int:
     """Publishing ticks in a simulator step. Raises InputError where they do not fit."""
     ticks = round(rate * dt)
     if ticks < 1 or abs(ticks - rate * dt) > 1e-9:
-        raise InputError(f"truck_sim: rate_hz = {rate:g} is not a whole multiple of the simulator's {1 / dt:g} Hz")
+        raise InputError(
+            f"truck_sim: rate_hz = {rate:g} is not a whole multiple of the simulator's {1 / dt:g} Hz"
+        )
     return ticks
 
 

@@ -1,0 +1,160 @@
+"""The truck over CAN: a lifecycle node around truck_bridge.Bridge. Inactive it sends nothing."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+
+import can
+from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
+from sensor_msgs.msg import JointState, Range
+from std_srvs.srv import Trigger
+
+from deeptruck_nodes import messages, vehicle
+from deeptruck_nodes.messages import nanoseconds
+from deeptruck_nodes.node import DeeptruckNode, run
+from deeptruck_nodes.topics import ACCEL, COMMAND, RADAR_RANGE, ROAD, STATUS, TWIST
+from truck_bridge.bridge import Bridge, open_bus
+
+SILENCE = 0.3  # s without a speed on the bus; then NaN is published, so that nobody waits for it
+LEAD_FOR = 0.5  # s that a radar echo counts as a vehicle ahead
+ASK_EVERY = 0.2  # s between attempts to engage
+
+
+class CanBridge(DeeptruckNode, LifecycleNodeMixin):
+    """Publishes when a new speed has been heard on the bus; commands go to the bridge as they come.
+
+    Engaging needs a person: the parameter `engage` is their word for the first time, the service ~/engage at
+    any time after. Control that was lost stays lost until they ask again.
+    """
+
+    def __init__(self) -> None:
+        DeeptruckNode.__init__(self, "can_bridge")
+        LifecycleNodeMixin.__init__(self)
+        self._vehicle = vehicle.load(self.p["vehicle"])
+        with vehicle.bridge_errors():
+            self._bridge = Bridge(self._vehicle, self._open(), no_load=self.p["no_load"], reopen=self._open)
+        self._stop = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._signals: dict[str, float] = {}
+        self._published_at = self._lead_at = self._asked_at = -math.inf
+        self._wanted: bool = self.p["engage"]
+        self._why_not: tuple[str, ...] = ()
+        self._twist, self._accel = self.publish_on(TWIST), self.publish_on(ACCEL)
+        self._status, self._road = self.publish_on(STATUS), self.publish_on(ROAD)
+        self.listen_to(COMMAND, self._on_command)
+        self.listen_to(RADAR_RANGE, self._on_range)
+        self.create_service(Trigger, "~/engage", self._on_engage)
+        self.create_service(Trigger, "~/release", self._on_release)
+
+    def _open(self) -> can.BusABC:
+        self._bus = open_bus(self.p["interface"], self.p["channel"])
+        return self._bus
+
+    def begin(self) -> None:
+        """Go active by itself; `ros2 lifecycle set /can_bridge deactivate` makes it silent again."""
+        self.trigger_configure()
+        self.trigger_activate()
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        self._stop.clear()
+        self._published_at = time.monotonic()
+        self._bridge.arm(time.monotonic())
+        self._thread = threading.Thread(
+            target=self._bridge.run, args=(self._stop, self._on_signals), daemon=True
+        )
+        self._thread.start()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Hand back in order, then be silent."""
+        self._stop.set()
+        if self._thread is not None:
+            self._thread.join(2.0)
+        self._thread = None
+        return TransitionCallbackReturn.SUCCESS
+
+    def close(self) -> None:
+        if self._thread is not None:
+            self.trigger_deactivate()
+        self._bus.shutdown()
+
+    def _on_signals(self, signals: dict[str, float], now: float) -> None:
+        self._signals = signals  # in the bridge's thread; replaced as a whole
+
+    def tick(self) -> float:
+        if self._thread is None:
+            return 0.1
+        now = time.monotonic()
+        if self._bridge.heard_at("speed") > self._published_at or now - self._published_at > SILENCE:
+            self._published_at = now
+            self._publish(self.now(), self._signals)
+        if self._wanted and now - self._asked_at > ASK_EVERY:
+            self._ask(now)
+        return 0.005
+
+    def _publish(self, stamp: int, signals: dict[str, float]) -> None:
+        self._accel.publish(messages.accel(stamp, signals.get("acceleration", math.nan)))
+        self._status.publish(messages.scalars(stamp, STATUS.fields, signals))
+        road = [
+            *ROAD.fields,
+            *(name for name in ("ambient_temperature", "latitude", "longitude") if name in signals),
+        ]
+        self._road.publish(messages.scalars(stamp, road, signals))
+        self._twist.publish(messages.twist(stamp, signals.get("speed", math.nan), "truck"))
+        self._report(stamp)
+
+    def _report(self, stamp: int) -> None:
+        status = self._bridge.status
+        level = "warn" if status.warning else "ok"
+        says = status.warning or status.reason or status.state
+        counters = {f"refused: {name}": count for name, count in status.refusals.items()}
+        counters |= {f"lost: {name}": count for name, count in status.losses.items()}
+        would = {f"would send {key:08X}": data.hex() for key, data in status.would_send.items()}
+        values = {
+            "state": status.state,
+            "engaged": status.engaged,
+            "not_engaged_because": "; ".join(self._why_not),
+            "address_claimed": status.address_claimed,
+            "frames_sent": status.frames_sent,
+            "frames_received": status.frames_received,
+            "no_load": status.no_load,
+        }
+        self.diagnose(stamp, level, says, {**values, **counters, **would})
+
+    def _on_command(self, message: JointState) -> None:
+        values = messages.read_scalars(message)
+        self._bridge.command(
+            values.get("engine_command", math.nan), values.get("brake_command", math.nan), time.monotonic()
+        )
+
+    def _on_range(self, message: Range) -> None:
+        if math.isfinite(message.range) and nanoseconds(message.header.stamp):
+            self._lead_at = time.monotonic()
+
+    def _ask(self, now: float) -> None:
+        self._asked_at = now
+        self._why_not = self._bridge.engage(now, person=True, lead_vehicle=now - self._lead_at < LEAD_FOR)
+        self._wanted = bool(self._why_not)
+
+    def _on_engage(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._ask(time.monotonic())
+        self._wanted = False
+        response.success, response.message = not self._why_not, "; ".join(self._why_not) or "engaged"
+        return response
+
+    def _on_release(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._wanted = False
+        self._bridge.release(time.monotonic(), "released by service")
+        response.success, response.message = True, "released"
+        return response
+
+
+def main() -> None:
+    """Entry point of the process."""
+    run(CanBridge)
+
+
+if __name__ == "__main__":
+    main()

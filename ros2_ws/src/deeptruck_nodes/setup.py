@@ -1,0 +1,19 @@
+"""For `colcon build`; without colcon the project's own pyproject.toml installs the same package."""
+
+from setuptools import setup
+
+PACKAGE = "deeptruck_nodes"
+NODES = ("truck_sim", "leader", "controller", "can_bridge", "recorder", "replay")
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    packages=[PACKAGE],
+    package_data={PACKAGE: ["*.yaml", "*.xml"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+    ],
+    zip_safe=False,
+    entry_points={"console_scripts": [f"{node} = {PACKAGE}.{node}:main" for node in NODES]},
+)

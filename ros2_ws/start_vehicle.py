@@ -1,0 +1,89 @@
+#!/usr/bin/env python3
+"""Drive a truck over CAN: can_bridge, controller and recorder, on a real bus or before an ECU emulator."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+from deeptruck_nodes import runs
+
+EXAMPLES = """
+Examples:\n
+  python ros2_ws/start_vehicle.py --vehicle trucksim --policy baseline:acc --emulator --engage\n
+  python ros2_ws/start_vehicle.py --vehicle volvo --policy POLICY --interface socketcan --channel can0\n
+Without --engage the bridge listens until a person calls the service /can_bridge/engage (std_srvs/Trigger).\n
+Every parameter of every node: docs/nodes.md.
+"""
+
+
+def main(
+    vehicle: Annotated[str, typer.Option(help="trucksim, freightliner, volvo or a YAML file.")],
+    policy: Annotated[str, typer.Option(help="Policy directory, or baseline:NAME.")],
+    interface: Annotated[
+        str, typer.Option(help="python-can interface: socketcan, udp_multicast, loopback, ...")
+    ] = "loopback",
+    channel: Annotated[str, typer.Option(help="Channel of the interface.")] = "deeptruck",
+    record: Annotated[Path | None, typer.Option(help="Bag to record; must not exist.")] = None,
+    overwrite: Annotated[bool, typer.Option(help="Replace an existing bag.")] = False,
+    emulator: Annotated[
+        bool, typer.Option("--emulator", help="Put the ECU emulator and a simulated leader behind the bus.")
+    ] = False,
+    leader: Annotated[
+        str | None,
+        typer.Option(help="Simulated vehicle ahead, as in start_simulation.py; else the truck's radar."),
+    ] = None,
+    radar: Annotated[
+        Literal["clean", "noisy", "field"], typer.Option(help="Errors of the simulated radar.")
+    ] = "noisy",
+    initial_speed: Annotated[float, typer.Option(help="Of the emulated truck, m/s.")] = 20.0,
+    initial_gap: Annotated[float, typer.Option(help="m; 0: a time gap of 2 s.")] = 0.0,
+    grade: Annotated[
+        str, typer.Option(help="Of the emulated road: rise/run, or a CSV distance,grade.")
+    ] = "0",
+    time_gap: Annotated[float, typer.Option(help="To hold, s.")] = 2.0,
+    engage: Annotated[
+        bool, typer.Option("--engage", help="A person asks for control as soon as the conditions hold.")
+    ] = False,
+    no_load: Annotated[
+        bool, typer.Option("--no-load", help="Send nothing; /diagnostics shows what would be sent.")
+    ] = False,
+    duration: Annotated[float, typer.Option(help="s; 0: until Ctrl-C.")] = 0.0,
+    seed: Annotated[int, typer.Option(help="Of the radar's errors.")] = 0,
+    parameters: Annotated[Path | None, typer.Option(help="Parameter file; wins over the options.")] = None,
+    run_folders: Annotated[Path, typer.Option("--runs", help="Where the folder of this run goes.")] = Path(
+        "runs"
+    ),
+) -> None:
+    """Drive a truck over CAN with the simulation's nodes. Ctrl-C hands control back and ends in order."""
+    bridge = {
+        "vehicle": vehicle,
+        "interface": interface,
+        "channel": channel,
+        "engage": engage,
+        "no_load": no_load,
+    }
+    given: dict[str, dict[str, Any]] = {"can_bridge": bridge, "controller": {"target_time_gap": time_gap}}
+    if leader is not None or emulator:
+        profile = {"profile": leader or "constant:speed=20", "initial_gap": initial_gap, "seed": seed}
+        given["leader"] = {**profile, **runs.RADARS[radar]}
+    common = runs.Common(record, overwrite, parameters, run_folders)
+    runs.guarded(
+        "start_vehicle",
+        lambda: runs.drive_vehicle(
+            common,
+            given,
+            policy=policy,
+            emulate=emulator,
+            speed=initial_speed,
+            grade=grade,
+            duration=duration,
+        ),
+    )
+
+
+if __name__ == "__main__":
+    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    app.command(epilog=EXAMPLES)(main)
+    app()
