@@ -141,7 +141,8 @@ class CaccVectorEnv(_Face, VectorEnv):
 class CaccSb3VecEnv(_Face, VecEnv):
     """The batch as a Stable-Baselines3 VecEnv.
 
-    `last_info` holds the step's arrays; per-member dicts are filled only at the end of a path.
+    `last_info` holds the step's arrays, `last_returns` those of the last paths; per-member dicts are filled
+    only at the end of a path.
     """
 
     def __init__(
@@ -157,7 +158,7 @@ class CaccSb3VecEnv(_Face, VecEnv):
     ) -> None:
         self._open(simulator, num_envs, steps, scene, reward, memory, seed)
         self.last_info: dict[str, Any] = {}
-        self._return = np.zeros(num_envs)
+        self._return, self.last_returns = np.zeros(num_envs), np.zeros(num_envs)
         self._empty: list[dict[str, Any]] = [{} for _ in range(num_envs)]
         VecEnv.__init__(self, num_envs, self.one_observation, self.one_action)
 
@@ -187,7 +188,7 @@ class CaccSb3VecEnv(_Face, VecEnv):
             }
             for s, r in zip(seen, self._return.tolist(), strict=True)
         ]
-        self._return[:] = 0.0
+        self.last_returns, self._return = self._return, np.zeros(self.num_envs)
         return self._start(None), reward.astype(np.float32), done, infos
 
     def close(self) -> None:

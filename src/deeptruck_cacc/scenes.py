@@ -124,4 +124,16 @@ def _steps(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Array
     return size * np.array([1.0, 0.0, -1.0, 0.0])[phase]
 
 
+def reach(scene: Scene) -> dict[str, tuple[float, float]]:
+    """Lowest and highest of each observed signal at the start of a scene (and of grade over it)."""
+    values = {
+        "leader_speed": scene.leader_speed,
+        "speed": scene.speed,
+        "gap": scene.gap,
+        "target_time_gap": scene.time_gap,
+        "grade": scene.grade,
+    }
+    return {name: (float(x.min()), float(x.max())) for name, x in values.items()}
+
+
 DRAWERS: dict[str, Drawer] = {"paper": paper, "graded": graded, "moving": moving, "wide": wide}

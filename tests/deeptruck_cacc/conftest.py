@@ -61,7 +61,7 @@ class ToyTruck:
 
 
 class ToyModule(torch.nn.Module):
-    """The same truck, differentiable: reset(y0) -> state, step(state, u, w) -> (state, y)."""
+    """The same truck, differentiable: reset(y0) -> state, module(state, u, w) -> (state, y)."""
 
     def __init__(self, truck: ToyTruck) -> None:
         super().__init__()
@@ -70,7 +70,7 @@ class ToyModule(torch.nn.Module):
     def reset(self, y0: torch.Tensor) -> torch.Tensor:
         return y0[:, :2]
 
-    def step(
+    def forward(
         self, state: torch.Tensor, u: torch.Tensor, w: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor]:
         t = self.truck
@@ -90,3 +90,8 @@ def toy() -> ToyTruck:
 @pytest.fixture
 def make_toy() -> type[ToyTruck]:
     return ToyTruck
+
+
+@pytest.fixture(scope="session")
+def shared_toy() -> ToyTruck:
+    return ToyTruck()

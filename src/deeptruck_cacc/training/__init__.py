@@ -1,0 +1,25 @@
+"""Trainers. `train` picks one; both write the same policy directory."""
+
+from __future__ import annotations
+
+from typing import Any
+
+__all__ = ["train"]
+
+
+def train(simulator: Any, out: Any, *, trainer: str = "analytic", **options: Any) -> Any:
+    """Train a policy on a simulator with 'analytic' or 'trpo'; options go to that trainer's `train`.
+
+    Imported on use: torch and Stable-Baselines3 stay out of a controller's process.
+    """
+    if trainer == "analytic":
+        from deeptruck_cacc.training import analytic
+
+        return analytic.train(simulator, out, **options)
+    if trainer == "trpo":
+        from deeptruck_cacc.training import trpo
+
+        return trpo.train(simulator, out, **options)
+    from deeptruck_model.errors import InputError
+
+    raise InputError(f"there is no trainer '{trainer}'; known: analytic, trpo")

@@ -1,0 +1,211 @@
+"""Training by the analytic gradient: back-propagation through windows of the differentiable truck.
+
+Read top to bottom: settings, one loop, validation, saving. Several seeds run in one batch; the best is
+chosen on validation rollouts over fresh scenes on the same simulator, never on the truck it will be tested
+on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from deeptruck_cacc import scenes
+from deeptruck_cacc.policy import MlpPolicy
+from deeptruck_cacc.reward import Reward
+from deeptruck_cacc.scaling import ActionScale, FeatureMap
+from deeptruck_cacc.scenes import Scene
+from deeptruck_cacc.training import progress, validation
+from deeptruck_cacc.training.network import SeedBatch
+from deeptruck_cacc.training.road import Road, Traffic, detach
+from deeptruck_model.errors import InputError
+from deeptruck_model.simulators import Simulator
+
+
+@dataclass(frozen=True)
+class AnalyticConfig:
+    """Settings of a run."""
+
+    seed: int = 0
+    """first seed; the others follow"""
+    seeds: int = 3
+    """policies trained side by side"""
+    rollouts: int = 24
+    """paths in a batch, for each seed"""
+    iterations: int = 150
+    """gradient steps"""
+    window: int = 200
+    """steps a gradient reaches back"""
+    windows: int = 2
+    """windows of a path before a fresh scene"""
+    learning_rate: float = 6e-3
+    """Adam, falling to a fiftieth along a cosine"""
+    clip: float = 1.0
+    """largest gradient norm of one seed"""
+    scene: str = "wide"
+    """training scenes"""
+    memory: bool = True
+    """give the policy the slow features (see FeatureMap); False is the paper's memoryless policy"""
+    validate_every: int = 15
+    """iterations between validations"""
+
+
+def train(
+    simulator: Simulator,
+    out: str | Path,
+    config: AnalyticConfig = AnalyticConfig(),
+    *,
+    reward: Reward = Reward(),
+    resume: bool = False,
+    source: str = "",
+    tell: Callable[[int, int, str], None] = lambda done, total, says: None,
+) -> MlpPolicy:
+    """Train, keep the best seed in `out` and every seed in `out`/seeds/K, and return the best.
+
+    `simulator` needs `torch_module()` (a deep truck has it). `tell(done, total, line)` is called each
+    iteration. Raises InputError for a simulator without gradients, an unknown scene, or a foreign
+    checkpoint.
+    """
+    if not hasattr(simulator, "torch_module"):
+        raise InputError("the analytic trainer needs a deep truck; use --trainer trpo for a physics truck")
+    if config.scene not in scenes.DRAWERS:
+        raise InputError(f"there is no scene '{config.scene}'; known: {', '.join(scenes.DRAWERS)}")
+    return _Run(simulator, Path(out), config, reward, source).train(resume, tell)
+
+
+class _Run:
+    def __init__(
+        self, simulator: Simulator, out: Path, config: AnalyticConfig, reward: Reward, source: str
+    ) -> None:
+        self.simulator, self.out, self.config, self.source = simulator, out, config, source
+        self.road, self.reward = Road(simulator, reward), reward
+        features = FeatureMap.default(memory=config.memory, dt=simulator.dt)
+        seeds = [config.seed + k for k in range(config.seeds)]
+        self.policy = SeedBatch(seeds, features, ActionScale.of(simulator))
+        self.adam = torch.optim.Adam(self.policy.parameters(), lr=config.learning_rate, betas=(0.9, 0.98))
+        self.best = {name: t.detach().clone() for name, t in self.policy.state_dict().items()}
+        self.best_score = [float("inf")] * config.seeds
+        self.seen: dict[str, tuple[float, float]] = {}
+        self.exam = validation.exam(config.seed, simulator.dt, copies=config.seeds)
+
+    def train(self, resume: bool, tell: Callable[[int, int, str], None]) -> MlpPolicy:
+        config, start = self.config, self._restore() if resume else 0
+        log = progress.Log(self.out, start)
+        state, scene, score = None, None, ""
+        for i in range(start, config.iterations):
+            if state is None or scene is None or i % config.windows == 0:
+                scene = self._draw(i // config.windows)
+                state = self.road.start(scene, self.policy)
+            for group in self.adam.param_groups:
+                group["lr"] = config.learning_rate * (0.51 + 0.49 * np.cos(np.pi * i / config.iterations))
+            state, costs = self._update(scene, state)
+            values: dict[str, Any] = {"cost": costs}
+            if (i + 1) % config.validate_every == 0 or i + 1 == config.iterations:
+                values["validation"] = self._validate()
+                score = f"validation {min(self.best_score):.4f}"
+            log.write(i, values)
+            if (i + 1) % config.windows == 0:
+                self._checkpoint(i + 1)
+            tell(i + 1, config.iterations, f"cost {np.mean(costs):.3f} {score}")
+        log.close()
+        return self._save()
+
+    def _draw(self, path: int) -> Scene:
+        """Fresh scenes for a path, the same for the same seed and path whatever went before."""
+        c = self.config
+        rng = np.random.default_rng([c.seed, path])
+        scene = scenes.DRAWERS[c.scene](rng, c.seeds * c.rollouts, c.window * c.windows, self.simulator.dt)
+        for name, (low, high) in scenes.reach(scene).items():
+            before = self.seen.get(name, (low, high))
+            self.seen[name] = (min(low, before[0]), max(high, before[1]))
+        return scene
+
+    def _update(self, scene: Scene, state: Traffic) -> tuple[Traffic, list[float]]:
+        """One gradient step of every seed; the state after the window, and each seed's cost."""
+        state, window = self.road.drive(scene, self.policy, state, self.config.window)
+        costs = window.cost.view(self.config.seeds, -1).mean(dim=1)
+        self.adam.zero_grad()
+        costs.sum().backward()  # type: ignore[no-untyped-call]
+        self._clip()
+        self.adam.step()
+        return detach(state), costs.tolist()
+
+    def _clip(self) -> None:
+        """Limit the gradient of each seed on its own; a seed whose gradient is not finite stands still."""
+        gradients = [p.grad for p in self.policy.parameters() if p.grad is not None]
+        norm = torch.stack([g.flatten(1).norm(dim=1) for g in gradients]).norm(dim=0)
+        factor = torch.where(
+            norm.isfinite(), (self.config.clip / (norm + 1e-9)).clamp(max=1.0), torch.zeros(1)
+        )
+        for g in gradients:
+            g.nan_to_num_(0.0, 0.0, 0.0).mul_(factor.view(-1, *[1] * (g.dim() - 1)))
+
+    def _validate(self) -> list[float]:
+        """Score of each seed (see validation.scores); keeps the best weights so far."""
+        with torch.no_grad():
+            start = self.road.start(self.exam, self.policy)
+            _, window = self.road.drive(self.exam, self.policy, start, self.exam.steps)
+        time_gap, speed, crashed = (x.double().numpy() for x in window[1:])
+        rows = validation.scores(self.exam, self.simulator.dt, time_gap, speed, crashed)
+        scores = [float(s) for s in rows.reshape(self.config.seeds, -1).mean(axis=1)]
+        for k, score in enumerate(scores):
+            if score < self.best_score[k]:
+                self.best_score[k] = score
+                for name, tensor in self.policy.state_dict().items():
+                    self.best[name][k] = tensor[k]
+        return scores
+
+    def _checkpoint(self, done: int) -> None:
+        tensors: dict[str, Tensor] = {f"now.{name}": t for name, t in self.policy.state_dict().items()}
+        tensors |= {f"best.{name}": t for name, t in self.best.items()}
+        tensors |= progress.adam_tensors(self.adam)
+        facts = {
+            "done": done,
+            "config": asdict(self.config),
+            "best_score": self.best_score,
+            "seen": self.seen,
+        }
+        progress.save_checkpoint(self.out, tensors, facts)
+
+    def _restore(self) -> int:
+        """Continue from the checkpoint, if there is one; the number of iterations already done."""
+        found = progress.load_checkpoint(self.out, asdict(self.config))
+        if found is None:
+            return 0
+        tensors, facts = found
+        self.policy.load_state_dict({n[4:]: t for n, t in tensors.items() if n.startswith("now.")})
+        self.best = {n[5:]: t for n, t in tensors.items() if n.startswith("best.")}
+        progress.restore_adam(self.adam, tensors)
+        self.best_score = facts["best_score"]
+        self.seen = {name: (low, high) for name, (low, high) in facts["seen"].items()}
+        return int(facts["done"])
+
+    def _save(self) -> MlpPolicy:
+        """Every seed at its best under seeds/, and the best of them in `out`."""
+        self.policy.load_state_dict(self.best)
+        winner = int(np.argmin(self.best_score))
+        for k in range(self.config.seeds):
+            policy = self._policy(k)
+            policy.save(self.out / "seeds" / str(self.config.seed + k))
+            if k == winner:
+                policy.save(self.out)
+        return self._policy(winner)
+
+    def _policy(self, k: int) -> MlpPolicy:
+        card = {
+            "trainer": "analytic",
+            "seed": self.config.seed + k,
+            "config": asdict(self.config),
+            "reward": asdict(self.reward),
+            "simulator": self.source,
+            "simulator_sha256": progress.simulator_hash(self.source),
+            "git": progress.git_hash(),
+            "validation": {"scenes": "paper and moving, fresh", "score": self.best_score[k]},
+        }
+        return self.policy.policy(k, self.simulator.interface, dict(self.seen), card)

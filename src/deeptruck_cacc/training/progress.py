@@ -1,0 +1,118 @@
+"""What every training run leaves behind: checkpoint, learning curve, TensorBoard, model card."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import subprocess
+import warnings
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
+from torch import Tensor
+
+from deeptruck_model.errors import InputError
+
+CHECKPOINT = "checkpoint"
+
+
+def save_checkpoint(out: Path, tensors: dict[str, Tensor], facts: dict[str, Any]) -> None:
+    """Tensors and plain facts in one file, so that a kill leaves either the old checkpoint or the new one."""
+    folder = out / CHECKPOINT
+    folder.mkdir(parents=True, exist_ok=True)
+    scratch = folder / "state.tmp"
+    whole = {name: t.detach().contiguous() for name, t in tensors.items()}
+    save_file(whole, scratch, {"facts": json.dumps(facts)})
+    scratch.replace(folder / "state.safetensors")
+
+
+def load_checkpoint(out: Path, config: dict[str, Any]) -> tuple[dict[str, Tensor], dict[str, Any]] | None:
+    """The last checkpoint under `out`, or None. Raises InputError for a damaged or a foreign one."""
+    path = out / CHECKPOINT / "state.safetensors"
+    if not path.exists():
+        return None
+    try:
+        from safetensors import safe_open
+
+        with safe_open(path, "pt") as file:
+            facts = json.loads(file.metadata()["facts"])
+        tensors = load_file(path)
+    except (SafetensorError, KeyError, TypeError, json.JSONDecodeError) as error:
+        raise InputError(f"{path} is damaged ({error}); train without --resume") from None
+    changed = [key for key, value in config.items() if facts["config"].get(key) != value]
+    if changed:
+        raise InputError(f"{path} was trained with another {', '.join(changed)}; train without --resume")
+    return tensors, facts
+
+
+def adam_tensors(optimizer: torch.optim.Optimizer, prefix: str = "adam") -> dict[str, Tensor]:
+    """An optimizer's state as flat named tensors."""
+    return {
+        f"{prefix}.{index}.{key}": value if isinstance(value, Tensor) else torch.tensor(float(value))
+        for index, entry in optimizer.state_dict()["state"].items()
+        for key, value in entry.items()
+    }
+
+
+def restore_adam(optimizer: torch.optim.Optimizer, tensors: dict[str, Tensor], prefix: str = "adam") -> None:
+    """Inverse of adam_tensors."""
+    state: dict[int, dict[str, Tensor]] = {}
+    for name, tensor in tensors.items():
+        if name.startswith(f"{prefix}."):
+            _, index, key = name.split(".")
+            state.setdefault(int(index), {})[key] = tensor
+    optimizer.load_state_dict({**optimizer.state_dict(), "state": state})
+
+
+def simulator_hash(path: str) -> str:
+    """SHA-256 over the files of a simulator directory, or over the name of a physics truck."""
+    digest = hashlib.sha256()
+    folder = Path(path)
+    if not folder.is_dir():
+        return hashlib.sha256(path.encode()).hexdigest()
+    for file in sorted(p for p in folder.iterdir() if p.is_file()):
+        digest.update(file.name.encode() + file.read_bytes())
+    return digest.hexdigest()
+
+
+def git_hash() -> str:
+    """Commit of the code, or 'unknown' outside a checkout."""
+    here = Path(__file__).parent
+    try:
+        run = subprocess.run(
+            ["git", "rev-parse", "HEAD"], cwd=here, capture_output=True, text=True, timeout=10, check=True
+        )
+    except (OSError, subprocess.SubprocessError):
+        return "unknown"
+    return run.stdout.strip()
+
+
+class Log:
+    """TensorBoard scalars under `out`/tensorboard and the same numbers in learning_curve.jsonl."""
+
+    def __init__(self, out: Path, start: int) -> None:
+        out.mkdir(parents=True, exist_ok=True)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            from torch.utils.tensorboard import SummaryWriter
+
+            self._board = SummaryWriter(str(out / "tensorboard"), purge_step=start)
+        self._path = out / "learning_curve.jsonl"
+        kept = self._path.read_text().splitlines()[:start] if start and self._path.exists() else []
+        self._path.write_text("".join(line + os.linesep for line in kept))
+
+    def write(self, iteration: int, values: dict[str, Any]) -> None:
+        """One line and one point each; of a list (a value for each seed) the mean is charted."""
+        with self._path.open("a") as file:
+            file.write(json.dumps({"iteration": iteration, **values}) + "\n")
+        for name, value in values.items():
+            point = sum(value) / len(value) if isinstance(value, list) else value
+            self._board.add_scalar(name, point, iteration)
+
+    def close(self) -> None:
+        """Flush TensorBoard."""
+        self._board.close()

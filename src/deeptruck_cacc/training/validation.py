@@ -1,0 +1,50 @@
+"""How training chooses: fresh scenes on the simulator it trains on, never on the test truck."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_cacc import scenes
+from deeptruck_cacc.policy import Policy
+from deeptruck_cacc.rollouts import roll_out
+from deeptruck_cacc.scenes import Scene
+from deeptruck_model.simulators import Simulator
+
+Array = NDArray[np.float64]
+SETTLED_S, STEADY_S = 10.0, 25.0  # the paper's times for the time gap and for the speed
+
+
+def exam(seed: int, dt: float, *, copies: int = 1) -> Scene:
+    """32 paths of 40 s, half the paper's, half moving leaders on hills; the same rows `copies` times."""
+    rng = np.random.default_rng([seed, 2**31])
+    halves = [draw(rng, 16, round(40.0 / dt), dt) for draw in (scenes.paper, scenes.moving)]
+
+    def join(name: str) -> NDArray[Any]:
+        return np.concatenate([np.concatenate([getattr(half, name) for half in halves])] * copies)
+
+    names = ("leader_speed", "speed", "gap", "time_gap", "leader_acceleration", "grade")
+    return replace(halves[0], **{name: join(name) for name in names})
+
+
+def scores(scene: Scene, dt: float, time_gap_error: Array, speed_error: Array, crashed: Array) -> Array:
+    """Score of each row, worst over time; smaller is better. Errors (T, rows), crashed (rows,).
+
+    Time-gap error (s) after 10 s, and after 25 s the speed error (m/s) behind steady leaders: behind a
+    moving one a speed error of Tg a is what holding the time gap takes. A crash adds 10.
+    """
+    steady = ~np.any(scene.leader_acceleration, axis=1)
+    worst = np.abs(time_gap_error[round(SETTLED_S / dt) :]).max(axis=0)
+    speed = np.abs(speed_error[round(STEADY_S / dt) :]).max(axis=0)
+    return worst + steady * speed + 10.0 * crashed
+
+
+def score(simulator: Simulator, policy: Policy, scene: Scene) -> float:
+    """Mean score of a policy over a scene's rows."""
+    trace = roll_out(simulator, policy, scene)
+    crashed = trace["crash"].max(axis=0)
+    rows = scores(scene, trace.dt, trace["time_gap_error"], trace["speed_error"], crashed)
+    return float(np.nan_to_num(rows, nan=1e3).mean())

@@ -1,0 +1,132 @@
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from deeptruck_cacc import load_policy, scenes
+from deeptruck_cacc.reward import Reward
+from deeptruck_cacc.rollouts import roll_out
+from deeptruck_cacc.scaling import ActionScale, FeatureMap
+from deeptruck_cacc.training import analytic, train, trpo, validation
+from deeptruck_cacc.training.network import SeedBatch
+from deeptruck_cacc.training.road import Road
+from deeptruck_model.errors import InputError
+
+torch.set_num_threads(1)
+QUICK = analytic.AnalyticConfig(seeds=2, rollouts=6, iterations=6, window=40, validate_every=3)
+QUICK_TRPO = trpo.TrpoConfig(iterations=4, environments=5, path=80, validate_every=2)
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory, request):
+    toy = request.getfixturevalue("shared_toy")
+    out = tmp_path_factory.mktemp("trained") / "policy"
+    config = analytic.AnalyticConfig(seeds=2, rollouts=10, iterations=40, window=100)
+    return toy, out, train(toy, out, config=config)
+
+
+def test_identity_case_meets_the_papers_figures(trained):
+    toy, out, _ = trained
+    scene = scenes.paper(np.random.default_rng(99), 100, 400, toy.dt)
+    trace = roll_out(toy, load_policy(out), scene)
+    assert np.abs(trace["time_gap_error"][100:]).max() < 0.05
+    assert np.abs(trace["speed_error"][250:]).max() < 0.03
+    assert not trace["crash"].any()
+
+
+def test_it_reaches_a_truck_that_is_heavier_and_slower(trained, make_toy):
+    _, out, _ = trained
+    truck = make_toy(lag=0.5, mass_factor=1.4)
+    trace = roll_out(truck, load_policy(out), scenes.graded(np.random.default_rng(3), 100, 400, 0.1))
+    assert np.abs(trace["time_gap_error"][100:]).max() < 0.08
+
+
+def test_the_card_says_what_was_done(trained):
+    _, out, policy = trained
+    card = json.loads((out / "policy.json").read_text())["card"]
+    assert card["trainer"] == "analytic" and card["config"]["iterations"] == 40
+    assert card["validation"]["score"] == min(
+        json.loads((out / "seeds" / s / "policy.json").read_text())["card"]["validation"]["score"]
+        for s in "01"
+    )
+    assert set(policy.coverage) == {"leader_speed", "speed", "gap", "target_time_gap", "grade"}
+    assert any((out / "tensorboard").iterdir())
+
+
+def test_torch_and_numpy_agree_on_policy_and_road(toy):
+    scene = scenes.wide(np.random.default_rng(5), 6, 60, toy.dt)
+    batch = SeedBatch([0, 1], FeatureMap.default(), ActionScale.of(toy))
+    with torch.no_grad():
+        for p in batch.parameters():
+            p.add_(0.3 * torch.randn_like(p))
+        road = Road(toy, Reward())
+        _, window = road.drive(scene, batch, road.start(scene, batch), 60)
+    for seed, rows in ((0, slice(0, 3)), (1, slice(3, 6))):
+        policy = batch.policy(seed, toy.interface, {}, {})
+        trace = roll_out(toy, policy, scene)
+        np.testing.assert_allclose(
+            window.speed_error[:, rows].numpy(), trace["speed_error"][:, rows], atol=2e-4
+        )
+
+
+def test_same_seed_same_policy(toy, tmp_path):
+    a = analytic.train(toy, tmp_path / "a", QUICK)
+    b = analytic.train(toy, tmp_path / "b", QUICK)
+    for (w, _), (x, _) in zip(a.layers, b.layers, strict=True):
+        np.testing.assert_array_equal(w, x)
+
+
+@pytest.mark.parametrize(("trainer", "quick"), [(analytic, QUICK), (trpo, QUICK_TRPO)])
+def test_a_killed_run_resumes_to_the_same_policy(toy, tmp_path, trainer, quick):
+    whole = trainer.train(toy, tmp_path / "whole", quick)
+
+    def kill(done: int, total: int, says: str) -> None:
+        if done == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        trainer.train(toy, tmp_path / "cut", quick, tell=kill)
+    assert not (tmp_path / "cut" / "policy.json").exists()
+    resumed = trainer.train(toy, tmp_path / "cut", quick, resume=True)
+    for (w, _), (x, _) in zip(whole.layers, resumed.layers, strict=True):
+        np.testing.assert_allclose(w, x, rtol=1e-6)
+    lines = (tmp_path / "cut" / "learning_curve.jsonl").read_text().splitlines()
+    assert [json.loads(line)["iteration"] for line in lines] == list(range(quick.iterations))
+
+
+def test_a_foreign_checkpoint_is_refused(toy, tmp_path):
+    analytic.train(toy, tmp_path / "p", QUICK)
+    other = replace(QUICK, rollouts=7)
+    with pytest.raises(InputError, match="another rollouts"):
+        analytic.train(toy, tmp_path / "p", other, resume=True)
+
+
+def test_trpo_learns_the_identity_case(toy, tmp_path):
+    config = trpo.TrpoConfig(iterations=10, environments=25, path=200, validate_every=5)
+    policy = trpo.train(toy, tmp_path / "p", config)
+    curve = [json.loads(line) for line in (tmp_path / "p" / "learning_curve.jsonl").read_text().splitlines()]
+    assert curve[-1]["return_mean"] > 0.1 * curve[0]["return_mean"]
+    again = load_policy(tmp_path / "p")
+    seen = {"leader_speed": 15.0, "speed": 14.0, "gap": 40.0, "target_time_gap": 3.0}
+    np.testing.assert_array_equal(policy.act(seen), again.act(seen))
+
+
+def test_a_physics_truck_has_no_gradient(toy, tmp_path):
+    from deeptruck_model import simulators
+
+    with pytest.raises(InputError, match="trpo"):
+        train(simulators.load("truck:trucksim"), tmp_path / "p")
+    with pytest.raises(InputError, match="known: analytic, trpo"):
+        train(toy, tmp_path / "p", trainer="magic")
+
+
+def test_scores_count_only_what_the_task_allows():
+    scene = validation.exam(0, 0.1)
+    zero = np.zeros((400, scene.batch))
+    speed = zero + 0.3
+    got = validation.scores(scene, 0.1, zero, speed, np.zeros(scene.batch))
+    np.testing.assert_allclose(got, np.repeat([0.3, 0.0], 16))
