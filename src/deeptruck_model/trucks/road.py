@@ -28,7 +28,7 @@ def find_forces(s: Any, p: Any, engine: float, brake_command: float, grade: floa
     """
     s.demand = demand(s, p, engine)
     speed = choose_gear(s, p, h)
-    fuel = run_engine(s, p, engine, speed, h)
+    fuel = run_engine(s, p, engine, max(speed, p.idle_speed), h)
     couple(s, p, speed)
     cosine = 1.0 / sqrt(1.0 + grade * grade)
     weight = p.mass * p.gravity

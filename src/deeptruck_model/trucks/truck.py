@@ -63,9 +63,9 @@ class PhysicsTruck:
         self.specification = specification
         self.forces, self.command_filters = tuple(forces), tuple(command_filters)
         self._dt = dt
-        self._substeps = max(1, round(dt / SUBSTEP))
-        self._h = dt / self._substeps
-        self._record = specification.record()
+        self.substeps = max(1, round(dt / SUBSTEP))
+        self.substep = dt / self.substeps
+        self.record = specification.record()
 
     @property
     def interface(self) -> TruckInterface:
@@ -82,7 +82,7 @@ class PhysicsTruck:
             raise InputError("the initial response y0 must be finite numbers (batch, 2 or 3)")
         self._check_batch(len(y0))
         records = np.zeros(len(y0), STATE)
-        kernel.reset(records, self._record, y0)
+        kernel.reset(records, self.record, y0)
         if y0.shape[1] > 2:
             records["fuel_rate"] = y0[:, 2]
         state = TruckState(records, copy.deepcopy(self.forces), copy.deepcopy(self.command_filters))
@@ -98,13 +98,13 @@ class PhysicsTruck:
             raise InputError(f"u has shape {u.shape}, expected {(len(state.records), 2)}")
         state = state.copy()
         y = np.empty((len(u), len(self.interface.y)))
-        self._advance(state, u, grade, y)
+        self.advance(state, u, grade, y)
         return state, y
 
     def force(self, state: TruckState, y: Array) -> TruckState:
         """The same internal state at a recorded acceleration and speed."""
         state = state.copy()
-        kernel.force(state.records, self._record, np.ascontiguousarray(y, np.float64))
+        kernel.force(state.records, self.record, np.ascontiguousarray(y, np.float64))
         return state
 
     def inside(self, state: TruckState) -> dict[str, Array]:
@@ -125,11 +125,11 @@ class PhysicsTruck:
         if len(sizes) != 1 or len(next(iter(sizes))) != 1:
             raise InputError("batch parameters must all be one-dimensional and of one length")
         truck = self._with(self.specification)
-        truck._record = np.repeat(self.specification.record(), next(iter(sizes))[0])
+        truck.record = np.repeat(self.specification.record(), next(iter(sizes))[0])
         for name, column in values.items():
-            truck._record[name] = [check_value(name, float(v)) for v in column]
+            truck.record[name] = [check_value(name, float(v)) for v in column]
             if name == "reference_torque" and self.interface.engine_unit == "percent":
-                truck._record["command_scale"] = truck._record[name] / 100.0
+                truck.record["command_scale"] = truck.record[name] / 100.0
         return truck
 
     def with_forces(
@@ -168,14 +168,14 @@ class PhysicsTruck:
             self._roll_with_forces(state, u, grade, past, y, raw, seen)
         else:
             row = kernel.rollout(
-                state.records, raw, self._record, u, grade, past, self._substeps, self._h, y, seen
+                state.records, raw, self.record, u, grade, past, self.substeps, self.substep, y, seen
             )
             _refuse(row)
         return Run(y, {name: seen[:, :, j] for j, name in enumerate(INSIDE)} if inside else {})
 
     def save(self, path: Path) -> None:
         """Write a simulator directory. Raises InputError for a truck with forces: code cannot be saved as data."""
-        if self.forces or self.command_filters or len(self._record) > 1:
+        if self.forces or self.command_filters or len(self.record) > 1:
             raise InputError("a truck with forces, command filters or batch parameters cannot be saved")
         manifest = {
             "kind": "physics",
@@ -195,8 +195,8 @@ class PhysicsTruck:
         )
 
     def _check_batch(self, batch: int) -> None:
-        if len(self._record) not in (1, batch):
-            raise InputError(f"the truck has parameters for {len(self._record)} rows, the batch has {batch}")
+        if len(self.record) not in (1, batch):
+            raise InputError(f"the truck has parameters for {len(self.record)} rows, the batch has {batch}")
 
     def _grade(self, w: Array, shape: tuple[int, ...]) -> Array:
         expected = (*shape, len(self.interface.w))
@@ -204,23 +204,23 @@ class PhysicsTruck:
             raise InputError(f"w has shape {np.shape(w)}, expected {expected}")
         return np.ascontiguousarray(w[..., 0], np.float64) if self.interface.grade else np.zeros(shape)
 
-    def _advance(self, state: TruckState, u: Array, grade: Array, y: Array) -> None:
-        """One step in place."""
+    def advance(self, state: TruckState, u: Array, grade: Array, y: Array) -> None:
+        """One step in place, for loops that keep the state to themselves; y (batch, n_y) is filled."""
         if not state.forces and not state.filters:
-            _refuse(kernel.step(state.records, self._record, u, grade, self._substeps, self._h, y))
+            _refuse(kernel.step(state.records, self.record, u, grade, self.substeps, self.substep, y))
             return
         before = state.records["speed"].copy()
         fuel = np.zeros(len(u))
         view = View(state.records, u, grade)
-        for _ in range(self._substeps):
+        for _ in range(self.substeps):
             for command_filter in state.filters:
-                view.u = command_filter.filter(u if view.u is u else view.u, view.time, self._h)
-            _refuse(kernel.first_half(state.records, self._record, view.u, grade, self._h, fuel))
-            external = total_force(state.forces, view, self._h)
-            _refuse(kernel.second_half(state.records, self._record, external, self._h), "a force")
-            view.time += self._h
+                view.u = command_filter.filter(u if view.u is u else view.u, view.time, self.substep)
+            _refuse(kernel.first_half(state.records, self.record, view.u, grade, self.substep, fuel))
+            external = total_force(state.forces, view, self.substep)
+            _refuse(kernel.second_half(state.records, self.record, external, self.substep), "a force")
+            view.time += self.substep
             view.u = u
-        state.records["fuel_rate"] = fuel / self._substeps
+        state.records["fuel_rate"] = fuel / self.substeps
         y[:, 0] = (state.records["speed"] - before) / self._dt
         y[:, 1] = state.records["speed"]
         if y.shape[1] > 2:
@@ -230,13 +230,11 @@ class PhysicsTruck:
         self, state: TruckState, u: Array, grade: Array, past: Array, y: Array, raw: Array, seen: Array
     ) -> None:
         for k in range(u.shape[1] - 1):
-            self._advance(
-                state, np.ascontiguousarray(u[:, k]), np.ascontiguousarray(grade[:, k]), y[:, k + 1]
-            )
+            self.advance(state, np.ascontiguousarray(u[:, k]), np.ascontiguousarray(grade[:, k]), y[:, k + 1])
             if seen.shape[1]:
                 seen[:, k + 1] = raw[:, : len(INSIDE)]
             if past.shape[1]:
-                kernel.force(state.records, self._record, np.ascontiguousarray(past[:, k + 1]))
+                kernel.force(state.records, self.record, np.ascontiguousarray(past[:, k + 1]))
 
 
 def _refuse(row: int, what: str = "a command or grade") -> None:

@@ -1,0 +1,211 @@
+"""The paper's driving-cycle generator (section "Driving cycles for data collection"), and a truck driven along it.
+
+Equations as printed, with what the text leaves open:
+
+- N(mu_T) has no spread in the paper; it is read as a normal of mean mu_T and standard deviation `sigma_T`, in s.
+- The acceleration is drawn anew at every step, its statistics at the T_i.
+- The soft limit v_f = m / (1 + exp((m - v_max) / 2)) is applied recursively, as printed. At 10 Hz it then takes
+  0.7 % of the speed at every step at 25 m/s, and few samples lie above 20 m/s. `soft_limit_speed` is the v_max of
+  that equation alone: equal to v_max it is the printed form; the default, 15 m/s above, loses 0.06 % a step at
+  v_max and reaches the paper's 0 to 35 m/s.
+- The road is a random walk over distance, reflected at the limits and smoothed by a moving average.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import ceil, exp
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import Recording
+from deeptruck_model.trucks import PhysicsTruck
+from deeptruck_model.trucks.compiled import entry
+from deeptruck_model.trucks.driver import BRAKE, COAST, EPISODE, LOGGED, drive_along
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpeedSettings:
+    """Tuning parameters of the speed profile; SI."""
+
+    v_min: float = 0.0
+    v_max: float = 35.0
+    mu_a_scaling: float = 0.7
+    """Multiplies the mean acceleration."""
+    sigma_a_scaling: float = 5.0
+    """Multiplies the standard deviation of the white acceleration, before the moving average."""
+    mu_T: float = 140.0  # noqa: N815 the paper's symbol
+    """Mean of the time between samples of the acceleration statistics, s."""
+    sigma_T: float = 40.0  # noqa: N815
+    """Its standard deviation, s."""
+    window: float = 3.0
+    """Length of the moving average, s."""
+    soft_limit_speed: float | None = None
+    """v_max of the soft limit alone; None is v_max + 15 m/s, v_max itself is the printed form."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoadSettings:
+    """Random walk of the road's slope over distance."""
+
+    limit: float = 0.03
+    """Largest slope, rise over run."""
+    step: float = 0.0015
+    """Standard deviation of one step of the walk."""
+    spacing: float = 10.0
+    """Distance of the steps, m."""
+    window: float = 200.0
+    """Length of the moving average, m."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CycleSettings:
+    """A whole driving cycle. Shares are of the time; what is left follows the speed profile."""
+
+    speed: SpeedSettings = field(default_factory=SpeedSettings)
+    road: RoadSettings = field(default_factory=RoadSettings)
+    coasting_share: float = 0.10
+    """Episodes with both commands at zero, of 8 to 40 s."""
+    braking_share: float = 0.08
+    """Episodes of one brake command down to standstill, reckoned at 20 s each."""
+    engine_brake_share: float = 0.2
+    """Share of the time (in stretches of minutes) in which the driver has the engine brake on."""
+
+
+@entry
+def _profile(
+    noise: Any, holds: Any, v_min: float, v_max: float, mean_scale: float, sd_scale: float, dt: float, a: Any
+) -> None:
+    """The unstable stochastic speed controller; fills a (n,) with the unsmoothed acceleration."""
+    v_ref = 0.5 * (v_min + v_max)
+    v = v_held = v_min + noise[0] % (v_max - v_min)
+    t_next, i = 0.0, 0
+    for k in range(len(a)):
+        if k * dt >= t_next - 1e-9:
+            v_held = v
+            t_next += ceil(max(holds[i] * (1.0 - abs(1.0 - v_held / v_ref)), dt))
+            i += 1
+        mean = 1.0 - v_held / v_ref
+        sd = v_held / v_ref * (1.0 - v_held / v_max)
+        a[k] = mean_scale * mean + sd_scale * sd * noise[k]
+        v = max(min(v + a[k] * dt, v_max), v_min)
+
+
+@entry
+def _soft_limit(a: Any, v_start: float, v_min: float, v_max: float, dt: float, v: Any) -> None:
+    """Re-integrate the smoothed acceleration through the printed soft limit."""
+    v[0] = v_start
+    for k in range(1, len(v)):
+        m = max(v[k - 1] + a[k] * dt, v_min)
+        v[k] = m / (1.0 + exp(0.5 * (m - v_max)))
+
+
+def _moving_average(x: Array, window: int) -> Array:
+    """Causal mean of the last `window` samples; of those there are at the start."""
+    total = np.concatenate([[0.0], np.cumsum(x)])
+    first = np.maximum(np.arange(1, len(x) + 1) - window, 0)
+    stop = np.arange(1, len(x) + 1)
+    return np.asarray((total[stop] - total[first]) / (stop - first))
+
+
+def speed_profile(
+    seconds: float,
+    *,
+    seed: int | np.random.Generator,
+    dt: float = 0.1,
+    settings: SpeedSettings | None = None,
+) -> Array:
+    """Speed to be driven, m/s, (seconds / dt,). Raises InputError for settings without meaning."""
+    settings = settings or SpeedSettings()
+    if not 0.0 <= settings.v_min < settings.v_max:
+        raise InputError(f"speeds {settings.v_min:g} to {settings.v_max:g} m/s span nothing")
+    rng = np.random.default_rng(seed)
+    n = _samples(seconds, dt)
+    noise = rng.standard_normal(n)
+    holds = rng.normal(settings.mu_T, settings.sigma_T, int(seconds) + 2)
+    a = np.empty(n)
+    _profile(
+        noise, holds, settings.v_min, settings.v_max, settings.mu_a_scaling, settings.sigma_a_scaling, dt, a
+    )
+    limit = settings.v_max + 15.0 if settings.soft_limit_speed is None else settings.soft_limit_speed
+    v = np.empty(n)
+    smooth = _moving_average(a, max(1, round(settings.window / dt)))
+    _soft_limit(smooth, settings.v_min, settings.v_min, limit, dt, v)
+    return v
+
+
+def road_grade(
+    length: float, *, seed: int | np.random.Generator, settings: RoadSettings | None = None
+) -> Array:
+    """Slope (rise over run) at every settings.spacing metres of a road of `length` m."""
+    settings = settings or RoadSettings()
+    rng = np.random.default_rng(seed)
+    n = max(2, int(length / settings.spacing) + 2)
+    walk = np.cumsum(rng.normal(0.0, settings.step, n)) + rng.uniform(-settings.limit, settings.limit)
+    if settings.limit == 0.0:
+        return np.zeros(n)
+    span = 2.0 * settings.limit
+    reflected = np.abs((walk + settings.limit) % (2.0 * span) - span) - settings.limit
+    return _moving_average(reflected, max(1, round(settings.window / settings.spacing)))
+
+
+def _samples(seconds: float, dt: float) -> int:
+    if not 0.0 < dt <= seconds < 1e8:
+        raise InputError(f"cannot drive {seconds:g} s at steps of {dt:g} s")
+    return round(seconds / dt)
+
+
+def _episodes(n: int, dt: float, settings: CycleSettings, rng: np.random.Generator) -> NDArray[Any]:
+    """Coasting and braking episodes at random instants, in order."""
+    rates = {COAST: settings.coasting_share / 24.0, BRAKE: settings.braking_share / 20.0}
+    rows = []
+    for kind, rate in rates.items():
+        for start in rng.integers(0, n, rng.poisson(rate * n * dt)):
+            seconds = rng.uniform(8.0, 40.0) if kind == COAST else rng.uniform(0.5, 5.0)
+            rows.append((float(start), kind, seconds, rng.uniform(0.08, 1.0)))
+    return np.array(sorted(rows), EPISODE)
+
+
+def _stretches(n: int, dt: float, share: float, rng: np.random.Generator) -> Array:
+    """0 or 1 a sample, in stretches of three minutes."""
+    blocks = rng.random(int(n * dt / 180.0) + 1) < share
+    return np.repeat(blocks.astype(float), ceil(180.0 / dt))[:n]
+
+
+def drive(
+    truck: PhysicsTruck,
+    *,
+    hours: float = 0.0,
+    seconds: float = 0.0,
+    seed: int,
+    settings: CycleSettings | None = None,
+    name: str | None = None,
+) -> Recording:
+    """Drive the truck along a generated cycle for hours and seconds together; one contiguous recording.
+
+    The road's grade acts on the truck whether or not its interface shows it; where it does not, neither grade nor
+    elevation is recorded. A truck with forces or command filters is driven step by step, slower.
+    """
+    settings = settings or CycleSettings()
+    total, dt = 3600.0 * hours + seconds, truck.dt
+    rng = np.random.default_rng(seed)
+    targets = speed_profile(total, seed=rng, dt=dt, settings=settings.speed)
+    road = road_grade(float(targets.sum()) * dt * 1.2 + 2000.0, seed=rng, settings=settings.road)
+    episodes = _episodes(len(targets), dt, settings, rng)
+    engine_brake = _stretches(len(targets), dt, settings.engine_brake_share, rng)
+    log = drive_along(truck, targets, engine_brake, episodes, road, settings.road.spacing)
+    channels = {c: np.ascontiguousarray(log[:, i]) for i, c in enumerate(LOGGED)}
+    if not truck.interface.grade:
+        del channels["grade"], channels["elevation"]
+    return Recording(
+        name=name or f"{truck.interface.name}-{seed}",
+        dt=dt,
+        channels=channels,
+        interface=truck.interface,
+        notes=(f"driven by deeptruck_model.driving_cycles, seed {seed}",),
+    )
