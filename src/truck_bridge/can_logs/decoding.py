@@ -1,0 +1,108 @@
+"""All signals of a log, as numbers, as lines for people and as CSV."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from truck_bridge import j1939
+from truck_bridge.can_logs.reader import Frame, read
+from truck_bridge.errors import InputError
+from truck_bridge.j1939.codec import Codec, Decoded, Signal
+from truck_bridge.j1939.ids import pgn_of
+from truck_bridge.j1939.transport import Broadcasts, reference_torque
+
+
+@dataclass
+class Decoding:
+    """All signals of a log: (message, signal, source) to times and values, invalid samples counted, not
+    kept.
+    """
+
+    codec: Codec
+    series: dict[tuple[str, str, int], tuple[list[float], list[float]]] = field(default_factory=dict)
+    invalid: dict[tuple[str, str, int], dict[str, int]] = field(default_factory=dict)
+    frames: int = 0
+    unknown: dict[int, int] = field(
+        default_factory=dict
+    )  # parameter groups that are not in the DBC, by count
+    reference_torque: float = math.nan  # N m, from the engine's own configuration broadcast
+
+    def add(self, frame: Frame, decoded: Decoded) -> None:
+        """Take one decoded frame."""
+        for name, value in decoded.values.items():
+            key = (decoded.name, name, decoded.source)
+            if value == value:
+                times, values = self.series.setdefault(key, ([], []))
+                times.append(frame.time)
+                values.append(value)
+            else:
+                reasons = self.invalid.setdefault(key, {})
+                reasons[decoded.flags[name]] = reasons.get(decoded.flags[name], 0) + 1
+
+    def signal(self, key: tuple[str, str, int]) -> Signal:
+        """The DBC's entry for one of the keys."""
+        return self.codec[key[0]].signals[key[1]]
+
+
+def decode(path: Path, codec: Codec | None = None) -> Decoding:
+    """Every signal of a log. Raises InputError as `read` does."""
+    found = Decoding(codec or j1939.load())
+    broadcasts = Broadcasts()
+    for frame in read(path):
+        found.frames += 1
+        decoded = found.codec.decode(frame.can_id, frame.data)
+        if decoded is not None:
+            found.add(frame, decoded)
+            continue
+        pgn = pgn_of(frame.can_id)
+        found.unknown[pgn] = found.unknown.get(pgn, 0) + 1
+        complete = broadcasts.hear(frame.can_id, frame.data)
+        torque = reference_torque(complete[0], complete[2]) if complete else None
+        if torque is not None:
+            found.reference_torque = torque
+    return found
+
+
+def table(found: Decoding) -> Iterator[str]:
+    """Lines for people: signal, source, SPN, samples, rate, range, what was invalid."""
+    keys = sorted(set(found.series) | set(found.invalid))
+    yield f"{found.frames} frames, {len(found.series)} signals with values"
+    if found.reference_torque == found.reference_torque:
+        yield f"engine reference torque {found.reference_torque:g} N m (SPN 544)"
+    yield f"{'signal':<38}{'source':>6}{'SPN':>7}{'valid':>8}{'Hz':>7}{'from':>11}{'to':>11} unit   invalid"
+    for key in keys:
+        times, values = found.series.get(key, ([], []))
+        reasons = ", ".join(f"{count} {why}" for why, count in found.invalid.get(key, {}).items())
+        span = f"{min(values):>11.6g}{max(values):>11.6g}" if values else f"{'-':>11}{'-':>11}"
+        rate = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 and times[-1] > times[0] else 0.0
+        signal = found.signal(key)
+        name = f"{key[0]}.{key[1]}"
+        left = f"{name:<38}  0x{key[2]:02X}{signal.spn:>7}{len(times):>8}{rate:>7.1f}"
+        yield f"{left}{span} {signal.unit:<6} {reasons}".rstrip()
+    if found.unknown:
+        most = sorted(found.unknown.items(), key=lambda item: -item[1])
+        shown = ", ".join(f"{pgn:#06x} ({count})" for pgn, count in most[:12])
+        yield f"not in the DBC: {len(most)} parameter groups, {sum(found.unknown.values())} frames: {shown}"
+
+
+def write_csv(found: Decoding, out: Path) -> None:
+    """Every valid sample, in order of time. Raises InputError where the file cannot be written."""
+    rows = sorted(
+        (t, f"0x{key[2]:02X}", f"{key[0]}.{key[1]}", v, found.signal(key).unit)
+        for key, (times, values) in found.series.items()
+        for t, v in zip(times, values, strict=True)
+    )
+    draft = out.with_name(f".{out.name}")
+    try:
+        with draft.open("w", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow(["time", "source", "signal", "value", "unit"])
+            writer.writerows(rows)
+        draft.rename(out)
+    except OSError as error:
+        draft.unlink(missing_ok=True)
+        raise InputError(f"cannot write {out}: {error.strerror}") from None

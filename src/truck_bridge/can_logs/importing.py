@@ -1,0 +1,142 @@
+"""A CAN log as deeptruck's channels: the importer of entry point group 'deeptruck.importers'."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from truck_bridge import j1939, vehicles
+from truck_bridge.can_logs.decoding import Decoding, decode
+from truck_bridge.channels import CARRIERS, converter
+from truck_bridge.errors import InputError
+from truck_bridge.j1939.codec import Codec
+from truck_bridge.units import to_si
+
+Array = NDArray[np.float64]
+Series = tuple[Array, Array]
+
+
+def import_can_log(log_path: Path, columns: Mapping[str, Any]) -> tuple[dict[str, Series], dict[str, Any]]:
+    """Channels of deeptruck out of a J1939 log: name -> (times (n,) in s, values (n,)), and the truck
+    interface.
+
+    Without further columns the channels come from the signals of `truck_bridge.channels`; the engine command
+    is the driver's demand torque (SPN 512, percent) and the brake command the pedal position (SPN 521,
+    percent) where the log has it. `columns` may hold: `vehicle` (whose DBC files and reference torque
+    apply), `name`, `reference_torque` (N m), and `channels: {speed: {signal: EBC2.FrontAxleSpeed, source:
+    0x0B}, ...}` to take a channel from elsewhere. Torque in N m is left out where no reference torque is
+    known (SPN 544 in the log, the vehicle or `reference_torque`). Raises InputError on a bad log or bad
+    columns.
+    """
+    codec, torque = _meaning(columns)
+    found = decode(log_path, codec)
+    torque = found.reference_torque if math.isnan(torque) else torque
+    channels: dict[str, Series] = {}
+    chosen = columns.get("channels") or {}
+    for channel, spec in chosen.items():
+        channels[channel] = _chosen(found, channel, spec, torque)
+    for channel, keys in _defaults(found, torque).items():
+        if channel not in channels and keys:
+            channels[channel] = keys
+    if "speed" not in channels:
+        raise InputError(f"{log_path} holds no vehicle speed (CCVS1 or EBC2); is it a J1939 log of a truck?")
+    interface = {
+        "name": str(columns.get("name", columns.get("vehicle", log_path.stem))),
+        "engine_unit": "percent",
+        "brake_unit": "percent" if "brake_command" in channels else None,
+        "grade": "grade" in channels,
+        "fuel": "fuel_rate" in channels,
+    }
+    if "engine_command" not in channels:
+        raise InputError(f"{log_path} holds no engine command (EEC1 driver's demand torque)")
+    return channels, interface
+
+
+_KEYS = {"vehicle", "name", "reference_torque", "channels"}
+
+
+def _meaning(columns: Mapping[str, Any]) -> tuple[Codec, float]:
+    unknown = sorted(set(columns) - _KEYS)
+    if unknown:
+        raise InputError(
+            f"columns for a CAN log: unknown key '{unknown[0]}'; known: {', '.join(sorted(_KEYS))}"
+        )
+    torque = math.nan
+    codec = j1939.load()
+    if "vehicle" in columns:
+        vehicle = vehicles.load(columns["vehicle"])
+        codec, torque = vehicle.codec, vehicle.reference_torque["engine"]
+    stated = columns.get("reference_torque")
+    if stated is not None and not (isinstance(stated, int | float) and stated > 0):
+        raise InputError(f"columns: reference_torque is {stated!r}; it must be a number above 0, in N m")
+    return codec, float(stated) if stated is not None else torque
+
+
+def _defaults(found: Decoding, torque: float) -> dict[str, Series]:
+    channels: dict[str, Series] = {}
+    for carrier in CARRIERS:
+        if carrier.channel == "acceleration":
+            continue  # VDC2 counts in 0.1 m/s^2 and feels the slope; the reader derives it from speed
+        if carrier.of_reference and math.isnan(torque):
+            continue
+        series = _best(found, carrier.message, carrier.signal)
+        if series is None or carrier.channel in channels:
+            continue
+        times, values = series
+        if carrier.less is not None:
+            less = _best(found, *carrier.less)
+            values = values - np.interp(times, *less) if less is not None else values
+        convert = converter(carrier, found.codec, torque)
+        channels[carrier.channel] = (times, np.array([convert(value) for value in values]))
+    for channel, message, signal in (
+        ("engine_command", "EEC1", "DriversDemandPercentTorque"),
+        ("brake_command", "EBC1", "BrakePedalPosition"),
+    ):
+        series = _best(found, message, signal)
+        if series is not None:
+            channels[channel] = series
+    return channels
+
+
+def _best(found: Decoding, message: str, signal: str) -> Series | None:
+    """The source with most valid samples; the lowest address where two have as many."""
+    keys = [key for key in found.series if key[:2] == (message, signal)]
+    if not keys:
+        return None
+    return _arrays(found, max(keys, key=lambda key: (len(found.series[key][0]), -key[2])))
+
+
+def _arrays(found: Decoding, key: tuple[str, str, int]) -> Series:
+    times, values = (np.array(part) for part in found.series[key])
+    forward = np.concatenate([[True], np.diff(np.maximum.accumulate(times)) > 0])
+    return times[forward], values[forward]
+
+
+def _chosen(found: Decoding, channel: str, spec: Any, torque: float) -> Series:
+    if not isinstance(spec, Mapping) or "signal" not in spec or set(spec) - {"signal", "source"}:
+        raise InputError(
+            f"columns: channel {channel} needs {{signal: MESSAGE.SIGNAL, source: ADDRESS (optional)}}"
+        )
+    message, _, name = str(spec["signal"]).partition(".")
+    signal = found.codec[message].signals.get(name)
+    if signal is None:
+        raise InputError(
+            f"columns: {message} has no signal '{name}'; known: {', '.join(found.codec[message].signals)}"
+        )
+    if "source" in spec:
+        key = (message, name, int(spec["source"]))
+        series = _arrays(found, key) if key in found.series else None
+    else:
+        series = _best(found, message, name)
+    if series is None:
+        raise InputError(f"columns: the log holds no valid sample of {spec['signal']} for channel {channel}")
+    same = [c for c in CARRIERS if (c.channel, c.message, c.signal) == (channel, message, name)]
+    convert = (
+        converter(same[0], found.codec, torque) if same else (lambda value: value * to_si(signal.unit)[0])
+    )
+    return series[0], np.array([convert(value) for value in series[1]])

@@ -1,0 +1,101 @@
+"""`truck-bridge`: look into CAN logs, record a bus, play a log back."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from truck_bridge.errors import InputError
+
+app = typer.Typer(
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="J1939 logs and buses of a truck: decode, record, replay.",
+)
+
+Interface = Annotated[
+    str, typer.Option(help="python-can interface: socketcan, udp_multicast, loopback, slcan ...")
+]
+Channel = Annotated[str, typer.Option(help="channel of the interface, such as can0")]
+
+_DECODE = """Say what a CAN log holds, signal by signal, and write the numbers where --out says.
+
+Examples:
+
+  truck-bridge decode drive.log --vehicle trucksim
+
+  truck-bridge decode drive.blf --vehicle my_truck.yaml --out signals.csv
+"""
+_RECORD = """Write a bus to a log (.log, .asc, .blf; .mf4 with asammdf) until Ctrl-C or --duration.
+
+Example:
+
+  truck-bridge record drive.log --interface socketcan --channel can0
+"""
+_REPLAY = """Play a log onto a bus with its own timing. Commands (TSC1, XBR, proprietary) stay off unless
+--commands.
+
+Example:
+
+  truck-bridge replay drive.log --interface loopback --channel bench
+"""
+
+
+@app.command(help=_DECODE)
+def decode(
+    log: Path,
+    vehicle: Annotated[str, typer.Option(help="trucksim, freightliner, volvo or a YAML file")],
+    out: Annotated[
+        Path | None, typer.Option(help="CSV of every valid sample: time,source,signal,value,unit")
+    ] = None,
+) -> None:
+    """See _DECODE."""
+    from truck_bridge import can_logs, vehicles
+
+    decoded = can_logs.decode(log, vehicles.load(vehicle).codec)
+    if out is not None:
+        can_logs.write_csv(decoded, out)
+    for line in can_logs.table(decoded):
+        print(line)
+
+
+@app.command(help=_RECORD)
+def record(
+    log: Path,
+    interface: Interface,
+    channel: Channel,
+    duration: Annotated[float | None, typer.Option(help="stop after so many seconds")] = None,
+) -> None:
+    """See _RECORD."""
+    from truck_bridge import can_logs
+
+    print(f"{can_logs.record(log, interface, channel, duration)} frames in {log}")
+
+
+@app.command(help=_REPLAY)
+def replay(
+    log: Path,
+    interface: Interface,
+    channel: Channel,
+    commands: Annotated[bool, typer.Option(help="send command messages too; never on a truck")] = False,
+    speed: Annotated[float, typer.Option(help="times faster than recorded", min=0.01)] = 1.0,
+) -> None:
+    """See _REPLAY."""
+    from truck_bridge import can_logs
+
+    print(f"{can_logs.replay(log, interface, channel, commands=commands, speed=speed)} frames sent")
+
+
+def main() -> None:
+    """Entry point: bad input is one line on stderr and exit code 2, never a traceback."""
+    try:
+        app()
+    except InputError as error:
+        print(f"truck-bridge: {error}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        print("truck-bridge: interrupted", file=sys.stderr)
+        sys.exit(130)

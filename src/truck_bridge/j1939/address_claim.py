@@ -1,0 +1,69 @@
+"""Address claim (SAE J1939-81): 250 ms unopposed, contention by NAME, and silence for who loses. Time is an
+argument.
+"""
+
+from __future__ import annotations
+
+from truck_bridge.j1939 import ids
+from truck_bridge.j1939.ids import Identifier
+
+UNOPPOSED_S = 0.25
+_REQUEST_FOR_CLAIM = ids.ADDRESS_CLAIMED.to_bytes(3, "little")
+
+
+def name(identity: int, function: int = 0xFF, industry_group: int = 1, manufacturer: int = 0x7FF) -> bytes:
+    """The 64-bit NAME of a node that cannot take another address (J1939-81, 4.1.1); the lower NAME wins.
+
+    Manufacturer 0x7FF and function 0xFF are 'not available'; industry group 1 is on-highway.
+    """
+    word = identity | manufacturer << 21 | function << 40 | industry_group << 60
+    return word.to_bytes(8, "little")
+
+
+class AddressClaim:
+    """One claim. `start`, feed every frame to `hear`, send what `due` returns; `claimed` says whether to
+    speak.
+    """
+
+    def __init__(self, own_name: bytes, address: int) -> None:
+        self._name = own_name
+        self._address = address
+        self._started: float | None = None
+        self._pending: list[bool] = []  # claims (True) and cannot-claims (False) to send
+        self.lost = False
+
+    def start(self, now: float) -> None:
+        """Announce the address; also after the bus was away."""
+        self._started, self.lost, self._pending = now, False, [True]
+
+    def stop(self) -> None:
+        """Give the address up without a word."""
+        self._started, self._pending = None, []
+
+    def claimed(self, now: float) -> bool:
+        """Unopposed for 250 ms, and not lost since."""
+        return self._started is not None and not self.lost and now - self._started >= UNOPPOSED_S
+
+    def hear(self, can_id: int, data: bytes) -> None:
+        """Contention and requests. Our own NAME coming back is an echo and no conflict."""
+        if self._started is None:
+            return
+        identifier = Identifier.of(can_id)
+        if (
+            identifier.pgn == ids.ADDRESS_CLAIMED
+            and identifier.source == self._address
+            and data != self._name
+        ):
+            self.lost = self.lost or int.from_bytes(data, "little") < int.from_bytes(self._name, "little")
+            self._pending.append(not self.lost)
+        asked = identifier.destination in (self._address, ids.GLOBAL)
+        if identifier.pgn == ids.REQUEST and asked and data[:3] == _REQUEST_FOR_CLAIM:
+            self._pending.append(not self.lost)
+
+    def due(self) -> list[tuple[int, bytes]]:
+        """Identifier and data of the frames to send now."""
+        pending, self._pending = self._pending, []
+        sources = (self._address if claim else ids.NULL for claim in pending)
+        return [
+            (Identifier(6, ids.ADDRESS_CLAIMED, ids.GLOBAL, source).can_id, self._name) for source in sources
+        ]

@@ -1,0 +1,123 @@
+"""What the safety core is told about a vehicle: plain numbers, checked when the vehicle is loaded.
+
+Units are those of the signals: m/s, rad/s, and for an axis the unit of its demand on the wire.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+SIGNED = (1 << 56) - 1  # bytes 1 to 7; byte 8 holds counter and checksum
+
+
+@dataclass(frozen=True)
+class Field:
+    """A number in the 64-bit little endian word of a frame."""
+
+    start: int
+    bits: int
+    scale: float
+    offset: float
+    last: int  # highest raw value that is a number; above it lie error and not available
+
+    def read(self, word: int) -> float | None:
+        """The number, or None where there is none."""
+        raw = (word >> self.start) & ((1 << self.bits) - 1)
+        return self.offset + self.scale * raw if raw <= self.last else None
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Envelope over speed (linear between the points, constant outside) and how fast a demand may move in
+    it.
+    """
+
+    speed: tuple[float, ...]
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    rate: float  # unit/s, while engaged
+    fade: float  # unit/s towards rest, in a graded release
+    jerk: float  # unit/s^2, change of the rate
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One thing that may be commanded, by one message."""
+
+    name: str
+    can_id: int
+    period_s: float
+    demand: Field
+    active: int  # bytes 1 to 7 of a commanding frame, demand bits zero
+    release: int  # bytes 1 to 7 of the frame that hands back (mode 0, demand 0xFF..)
+    check: str  # none, tsc1 or xbr
+    limits: Limits
+    rest: float = 0.0  # the demand that asks for nothing
+    idle_at_rest: bool = (
+        False  # a demand of rest is sent as the release frame (XBR of 0 would hold the speed)
+    )
+    start_from: str = ""  # heard signal (same unit) where the demand starts at engagement
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One signal of a heard message and the range a truck can produce."""
+
+    name: str
+    field: Field
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Heard:
+    """One message that must be heard. `key` is parameter group and source address, pgn << 8 | source."""
+
+    name: str
+    key: int
+    period_s: float
+    timeout_s: float
+    signals: tuple[Measured, ...]
+    check: str = "none"
+
+
+@dataclass(frozen=True)
+class Driveline:
+    """Wheel speed against engine speed: speed = engine_speed rolling_radius / (gear_ratio final_drive)."""
+
+    metres_per_radian: float  # rolling radius over final drive ratio
+    tolerance: float = 0.2  # relative
+    above_m_s: float = 3.0
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Times of the core, s."""
+
+    controller_timeout: float = 0.15  # no command for so long: graded release
+    stall: float = 0.1  # not asked for so long while engaged: the truck has timed out, release
+    handover: float = 2.0  # after engagement, rates are scaled by handover_scale
+    handover_scale: float = 0.5
+    fade_longest: float = 4.0
+    persist: float = 0.5  # an implausible pair of signals for so long is a fault
+    override_release: int = 4  # release frames on each axis before silence
+
+
+@dataclass(frozen=True)
+class Table:
+    """All the core knows of one vehicle."""
+
+    address: int  # ours
+    axes: tuple[Axis, ...]
+    heard: tuple[Heard, ...]
+    always: tuple[int, ...]  # identifiers that may leave whenever armed: address claim, and its request
+    friends: tuple[int, ...]  # source addresses that may command our axes beside us: transmission, brakes
+    override: tuple[tuple[str, float], ...]  # driver signals, at or above which the driver takes over
+    forbidden: tuple[
+        tuple[str, float], ...
+    ]  # truck signals at a value that forbids control: parking brake set ...
+    driveline: Driveline | None
+    timing: Timing = Timing()
+    speed_gap_m_s: float = 2.0  # greatest difference of two wheel speeds
+    engage_speed: tuple[float, float] = (0.0, 40.0)
+    needs_lead: bool = True

@@ -1,0 +1,253 @@
+"""Vehicles as YAML: what a truck speaks and obeys, checked on loading and turned into the safety core's
+tables.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from importlib import resources
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from truck_bridge import j1939
+from truck_bridge.errors import InputError
+from truck_bridge.j1939 import checksums, ids
+from truck_bridge.j1939.codec import Codec, Layout, Signal
+from truck_bridge.safety import Axis, Driveline, Field, Heard, Limits, Measured, Table, Timing
+from truck_bridge.units import to_si
+from truck_bridge.vehicles.schema import VEHICLE, check
+
+NAMES = ("trucksim", "freightliner", "volvo")
+
+
+@dataclass(frozen=True)
+class Transmitted:
+    """One command message: how its frame is built, and when it goes out."""
+
+    axis: Axis
+    layout: Layout
+    demand: str
+    active: dict[str, float]
+    release: dict[str, float]
+    phase_s: float
+
+    def frame(self, demand: float, count: int) -> bytes:
+        """Eight bytes for a demand, or the frame that hands back for NaN."""
+        if math.isnan(demand):
+            data = self.layout.encode(self.release)
+        else:
+            data = self.layout.encode({**self.active, self.demand: demand})
+        return checksums.sign(self.axis.check, self.axis.can_id, data, count)
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """One truck as the bridge and the ECU emulator know it."""
+
+    name: str
+    truck: str  # what the emulator drives, for deeptruck_model.simulators.load
+    interface: dict[str, Any]  # name, engine_unit, brake_unit, grade, fuel
+    codec: Codec
+    addresses: dict[str, int]
+    address: int  # of the bridge
+    identity: int
+    reference_torque: dict[str, float]
+    envelope: dict[str, tuple[float, float]]  # engine and brake commands, interface units, that are sane
+    transmitted: dict[str, Transmitted]  # by axis: engine, retarder, brake
+    table: Table
+
+    def demands(self, engine: float, brake: float) -> dict[str, float]:
+        """Demands by axis from the truck interface's engine and brake command.
+
+        An engine command below zero goes to the retarder where there is one. Inside the sane envelope a
+        demand saturates at what the actuator has; a command outside it, or NaN, becomes NaN, which the core
+        refuses.
+        """
+        found = {"engine": engine * self._percent, "brake": self._brake_sign * brake}
+        if "retarder" in self.transmitted:
+            found["engine"] = max(engine, 0.0) * self._percent
+            found["retarder"] = min(engine, 0.0) * self._percent * self._retarder_gain
+        for axis, message in self.transmitted.items():
+            limits = message.axis.limits
+            found[axis] = min(max(found[axis], min(limits.low)), max(limits.high))
+        sane = self._sane("engine", engine), self._sane("brake", brake)
+        return found if all(sane) else dict.fromkeys(found, math.nan)
+
+    def commands(self, demands: dict[str, float]) -> tuple[float, float]:
+        """Inverse of `demands`: engine and brake command in the truck's interface."""
+        engine = demands["engine"] + demands.get("retarder", 0.0) / self._retarder_gain
+        return engine / self._percent, self._brake_sign * demands["brake"]
+
+    @property
+    def _percent(self) -> float:
+        """Percent of the reference torque for one unit of engine command."""
+        return 100 / self.reference_torque["engine"] if self.interface["engine_unit"] == "N m" else 1.0
+
+    @property
+    def _retarder_gain(self) -> float:
+        return self.reference_torque["engine"] / self.reference_torque["retarder"]
+
+    @property
+    def _brake_sign(self) -> float:
+        return -1.0 if self.transmitted["brake"].layout.name == "XBR" else 1.0  # XBR asks for an acceleration
+
+    def _sane(self, command: str, value: float) -> bool:
+        low, high = self.envelope[command]
+        return low <= value <= high
+
+
+def load(name: str | Path) -> Vehicle:
+    """A vehicle of the package by name, or a YAML file of the user's own.
+
+    Raises InputError naming the file, the key and what is wrong with it.
+    """
+    text, where = _text(str(name))
+    try:
+        data = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        line = getattr(getattr(error, "problem_mark", None), "line", 0) + 1
+        raise InputError(f"{where}, line {line}: not YAML; {getattr(error, 'problem', error)}") from None
+    check(data, VEHICLE, where)
+    extra = tuple((Path(where).parent / dbc).resolve() for dbc in data.get("dbc", []))
+    try:
+        return _build(data, j1939.load(*extra))
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+
+
+def _text(name: str) -> tuple[str, str]:
+    if name in NAMES:
+        return resources.files(__package__).joinpath(f"{name}.yaml").read_text(), f"{name}.yaml"
+    try:
+        return Path(name).read_text(), name
+    except OSError:
+        raise InputError(
+            f"no vehicle '{name}'; known: {', '.join(NAMES)}, or the path of a YAML file"
+        ) from None
+
+
+def _build(data: dict[str, Any], codec: Codec) -> Vehicle:
+    own = data["bridge"]["address"]
+    sent = {key: _transmitted(key, value, data, codec, own) for key, value in data["transmit"].items()}
+    heard = tuple(_heard(key, value, data, codec) for key, value in data["receive"].items())
+    known = {signal.name for message in heard for signal in message.signals}
+    for key in ("driver", "forbidden"):
+        for signal in set(data[key]) - known:
+            raise InputError(f"{key}: signal '{signal}' is not received; known: {', '.join(sorted(known))}")
+    table = Table(
+        address=own,
+        axes=tuple(message.axis for message in sent.values()),
+        heard=heard,
+        always=_claims(own),
+        friends=tuple(data["addresses"].values()),
+        override=tuple((name, float(value)) for name, value in data["driver"].items()),
+        forbidden=tuple((name, float(value)) for name, value in data["forbidden"].items()),
+        driveline=_driveline(data.get("driveline")),
+        timing=Timing(**data.get("timing", {})),
+        engage_speed=tuple(data["engage"]["speed"]),
+        needs_lead=data["engage"]["needs_lead"],
+    )
+    return Vehicle(
+        data["name"],
+        data.get("truck", f"truck:{data['name']}"),
+        {"name": data["name"], **data["interface"]},
+        codec,
+        data["addresses"],
+        own,
+        data["bridge"]["identity"],
+        {"engine": 1.0, "retarder": 1.0, **data["reference_torque"]},
+        {command: (low, high) for command, (low, high) in data["command"].items()},
+        sent,
+        table,
+    )
+
+
+def _claims(own: int) -> tuple[int, ...]:
+    claim = ids.Identifier(6, ids.ADDRESS_CLAIMED, ids.GLOBAL, own)
+    cannot = ids.Identifier(6, ids.ADDRESS_CLAIMED, ids.GLOBAL, ids.NULL)
+    return claim.can_id, cannot.can_id
+
+
+def _transmitted(key: str, spec: dict[str, Any], data: dict[str, Any], codec: Codec, own: int) -> Transmitted:
+    layout = codec[spec["message"]]
+    for name in (spec["demand"], *spec["active"], *spec["release"]):
+        _signal(layout, name)
+    signal = layout.signals[spec["demand"]]
+    word = int.from_bytes(layout.encode(spec["active"]), "little") & ~(signal.mask << signal.start)
+    release = int.from_bytes(layout.encode(spec["release"]), "little")
+    axis = Axis(
+        key,
+        layout.can_id(own, _address(data, spec["to"])),
+        spec["period"],
+        _field(signal, 1.0),
+        word & (1 << 56) - 1,
+        release & (1 << 56) - 1,
+        spec["check"],
+        _limits(key, spec["limits"]),
+        idle_at_rest=spec.get("idle_at_rest", False),
+        start_from=spec.get("start_from", ""),
+    )
+    return Transmitted(axis, layout, spec["demand"], spec["active"], spec["release"], spec["phase"])
+
+
+def _limits(key: str, spec: dict[str, Any]) -> Limits:
+    speed, low, high = (tuple(map(float, spec[name])) for name in ("speed", "low", "high"))
+    if not len(speed) == len(low) == len(high) > 1:
+        raise InputError(
+            f"transmit.{key}.limits: speed, low and high need the same number of points, two or more"
+        )
+    if any(b <= a for a, b in pairwise(speed)):
+        raise InputError(f"transmit.{key}.limits.speed must grow from point to point")
+    steepest = max(
+        abs(y1 - y0) / (x1 - x0)
+        for values in (low, high)
+        for x0, x1, y0, y1 in zip(speed, speed[1:], values, values[1:], strict=False)
+    )
+    slowest = min(spec["rate"] * Timing.handover_scale, spec["fade"])
+    if steepest * 12.0 > slowest:
+        raise InputError(
+            f"transmit.{key}.limits: at 12 m/s^2 the envelope moves {steepest * 12:g} a second, faster"
+            f" than the {slowest:g} a demand may follow; make it flatter or rate and fade larger"
+        )
+    return Limits(speed, low, high, spec["rate"], spec["fade"], spec["jerk"])
+
+
+def _heard(message: str, spec: dict[str, Any], data: dict[str, Any], codec: Codec) -> Heard:
+    layout = codec[message]
+    measured = []
+    for name, source in spec["signals"].items():
+        signal = _signal(layout, source)
+        factor, _ = to_si(signal.unit)
+        field = _field(signal, factor)
+        low, high = spec.get("range", {}).get(name, (field.offset, field.offset + field.scale * field.last))
+        measured.append(Measured(name, field, low, high))
+    key = layout.pgn << 8 | _address(data, spec["from"])
+    return Heard(message, key, spec["period"], spec["timeout"], tuple(measured), spec.get("check", "none"))
+
+
+def _signal(layout: Layout, name: str) -> Signal:
+    if name not in layout.signals:
+        raise InputError(f"{layout.name} has no signal '{name}'; known: {', '.join(layout.signals)}")
+    return layout.signals[name]
+
+
+def _field(signal: Signal, factor: float) -> Field:
+    return Field(signal.start, signal.bits, signal.scale * factor, signal.offset * factor, signal.last)
+
+
+def _address(data: dict[str, Any], who: str) -> int:
+    try:
+        address: int = data["addresses"][who]
+        return address
+    except KeyError:
+        raise InputError(f"no address for '{who}'; known: {', '.join(data['addresses'])}") from None
+
+
+def _driveline(spec: dict[str, Any] | None) -> Driveline | None:
+    if spec is None:
+        return None
+    return Driveline(spec["rolling_radius"] / spec["final_drive"], spec["tolerance"])

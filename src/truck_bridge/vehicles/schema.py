@@ -1,0 +1,143 @@
+"""What a vehicle file may hold; anything else is one clear line."""
+
+from __future__ import annotations
+
+import difflib
+from typing import Any
+
+from truck_bridge.errors import InputError
+from truck_bridge.j1939 import checksums
+
+
+class Optional:
+    """A key that may be absent."""
+
+    def __init__(self, spec: Any) -> None:
+        self.spec = spec
+
+
+class OneOf:
+    """A value out of a list."""
+
+    def __init__(self, *values: Any) -> None:
+        self.values = values
+
+
+class Number:
+    """A number in a range."""
+
+    def __init__(self, low: float, high: float) -> None:
+        self.low, self.high = low, high
+
+
+class MapOf:
+    """Any keys, one kind of value."""
+
+    def __init__(self, spec: Any) -> None:
+        self.spec = spec
+
+
+SECONDS = Number(0.001, 60)
+ANY = Number(-1e6, 1e6)
+ADDRESS = Number(0, 253)
+
+LIMITS = {
+    "speed": [ANY],
+    "low": [ANY],
+    "high": [ANY],
+    "rate": Number(1e-3, 1e6),
+    "fade": Number(1e-3, 1e6),
+    "jerk": Number(1e-3, 1e9),
+}
+TRANSMIT = {
+    "message": str,
+    "to": str,
+    "demand": str,
+    "period": SECONDS,
+    "phase": Number(0, 1),
+    "check": OneOf(*checksums.KINDS),
+    "active": MapOf(ANY),
+    "release": MapOf(ANY),
+    "idle_at_rest": Optional(bool),
+    "start_from": Optional(str),
+    "limits": LIMITS,
+}
+RECEIVE = {
+    "from": str,
+    "period": SECONDS,
+    "timeout": SECONDS,
+    "check": Optional(OneOf(*checksums.KINDS)),
+    "signals": MapOf(str),
+    "range": Optional(MapOf([ANY])),
+}
+VEHICLE: dict[str, Any] = {
+    "name": str,
+    "truck": Optional(str),
+    "dbc": Optional([str]),
+    "interface": {
+        "engine_unit": OneOf("N m", "percent"),
+        "brake_unit": OneOf("percent", "m/s^2"),
+        "grade": bool,
+        "fuel": bool,
+    },
+    "bridge": {"address": ADDRESS, "identity": Number(0, (1 << 21) - 1)},
+    "addresses": MapOf(ADDRESS),
+    "command": {"engine": [ANY], "brake": [ANY]},
+    "reference_torque": MapOf(Number(1, 1e5)),
+    "driveline": Optional(
+        {"rolling_radius": Number(0.1, 2), "final_drive": Number(0.5, 20), "tolerance": Number(0.01, 1)}
+    ),
+    "transmit": {"engine": TRANSMIT, "retarder": Optional(TRANSMIT), "brake": TRANSMIT},
+    "receive": MapOf(RECEIVE),
+    "driver": MapOf(ANY),
+    "forbidden": MapOf(ANY),
+    "engage": {"speed": [ANY], "needs_lead": bool},
+    "timing": Optional(MapOf(SECONDS)),
+}
+
+
+def check(value: Any, spec: Any, where: str) -> None:
+    """Raise InputError, naming the place, where a value does not fit its spec."""
+    if isinstance(spec, dict):
+        _check_mapping(value, spec, where)
+    elif isinstance(spec, MapOf):
+        if not isinstance(value, dict):
+            raise InputError(f"{where} must be a mapping, not {value!r}")
+        for key, item in value.items():
+            check(item, spec.spec, f"{where}.{key}")
+    elif isinstance(spec, list):
+        if not isinstance(value, list):
+            raise InputError(f"{where} must be a list, not {value!r}")
+        for number, item in enumerate(value):
+            check(item, spec[0], f"{where}[{number}]")
+    elif isinstance(spec, OneOf):
+        if value not in spec.values:
+            raise InputError(f"{where} is {value!r}; it must be one of {', '.join(map(str, spec.values))}")
+    elif isinstance(spec, Number):
+        if (
+            isinstance(value, bool)
+            or not isinstance(value, int | float)
+            or not spec.low <= value <= spec.high
+        ):
+            raise InputError(f"{where} is {value!r}; it must be a number from {spec.low:g} to {spec.high:g}")
+    elif not isinstance(value, spec):
+        raise InputError(f"{where} is {value!r}; it must be of type {spec.__name__}")
+
+
+def _check_mapping(value: Any, spec: dict[str, Any], where: str) -> None:
+    if not isinstance(value, dict):
+        raise InputError(f"{where} must be a mapping, not {value!r}")
+    for key in value:
+        if key not in spec:
+            guess = difflib.get_close_matches(str(key), spec, n=1)
+            hint = f"did you mean '{guess[0]}'?" if guess else f"known: {', '.join(spec)}"
+            raise InputError(f"{where}: unknown key '{key}'; {hint}")
+    for key, inner in spec.items():
+        if key in value:
+            check(
+                value[key],
+                inner.spec if isinstance(inner, Optional) else inner,
+                f"{where}: {key}" if ":" not in where else f"{where}.{key}",
+            )
+        elif not isinstance(inner, Optional):
+            raise InputError(f"{where}: key '{key}' is missing")
