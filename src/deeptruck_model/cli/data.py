@@ -15,7 +15,7 @@ Examples:
 
   deeptruck-model import candump.log --columns truck.yaml --out drive
 """
-_COVERAGE_HELP = """Show what bags hold: time spent over speed, acceleration and grade; channels, ranges, gaps.
+_COVERAGE_HELP = """Show what bags hold: time over speed, acceleration and grade; channels, ranges, gaps.
 
 Example:
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.bag_source import INTERFACE_KEY, NOTES_KEY
 from deeptruck_model.recordings.crash_safe import CrashSafeWriter
+from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S
 from deeptruck_model.recordings.recording import Recording
-from deeptruck_model.recordings.resample import GAP_PERIODS, GAP_S
 from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS
 from deeptruck_model.signals import TruckInterface
 
@@ -125,7 +125,9 @@ def _rows(recording: Recording, ticks: NDArray[np.int64]) -> Iterator[_Rows]:
         yield _Rows(topic, _encoded(ticks, fields))
 
 
-_Field = tuple[str, "Array | int | float | bytes"]  # numpy dtype (bytes as is) and the content
+_Field = tuple[
+    str, "Array | NDArray[np.int64] | int | float | bytes"
+]  # numpy dtype (bytes as is) and the content
 
 
 def _encoded(ticks: NDArray[np.int64], fields: list[_Field]) -> NDArray[np.uint8]:

@@ -56,8 +56,8 @@ def _map(ax: Axes, seconds: Array, x: Array, y: Array, x_unit: str, y_label: str
     if not seconds.any():
         ax.text(0.5, 0.5, "no grade recorded", transform=ax.transAxes, ha="center", va="center", color="0.4")
         return
-    shown = np.ma.masked_equal(seconds.T, 0.0)
-    norm = LogNorm(vmin=max(0.1, float(shown.min())), vmax=max(1.0, float(shown.max())))
+    shown = np.where(seconds.T == 0.0, np.nan, seconds.T)
+    norm = LogNorm(vmin=max(0.1, float(np.nanmin(shown))), vmax=max(1.0, float(np.nanmax(shown))))
     mesh = ax.pcolormesh(x, y, shown, norm=norm, cmap="viridis")
     ax.figure.colorbar(mesh, ax=ax, label="time spent, s")
     ax.grid(alpha=0.2)
@@ -71,7 +71,7 @@ def _channels(ax: Axes, found: Coverage) -> None:
     borders = np.concatenate([[0.0], np.cumsum([r["duration_s"] for r in found.recordings])]) / 60
     valid = np.array([[_valid(r, name) for r in found.recordings] for name in names])
     rows = np.arange(len(names) + 1)
-    mesh = ax.pcolormesh(borders, rows, np.ma.masked_invalid(valid), vmin=0, vmax=1, cmap="RdYlGn")
+    mesh = ax.pcolormesh(borders, rows, valid, vmin=0, vmax=1, cmap="RdYlGn")
     ax.figure.colorbar(mesh, ax=ax, label="share of valid samples (white: not there)")
     if len(borders) < 60:
         ax.vlines(borders, 0, len(names), color="white", lw=0.8)
@@ -89,4 +89,4 @@ def _span(found: Coverage, name: str) -> str:
     present = [r["channels"][name] for r in found.recordings if name in r["channels"]]
     lows = [c["min"] for c in present if c["min"] is not None]
     highs = [c["max"] for c in present if c["max"] is not None]
-    return f"{min(lows):.3g} to {max(highs):.3g} {present[0]['unit']}" if lows else "no valid sample"
+    return f"{min(lows):.4g} to {max(highs):.4g} {present[0]['unit']}" if lows else "no valid sample"

@@ -16,9 +16,9 @@ from deeptruck_model.recordings.recording import Recording
 
 Array = NDArray[np.float64]
 
-SPEED_EDGES = np.arange(0.0, 40.1, 2.0)  # m/s
-ACCELERATION_EDGES = np.arange(-5.0, 3.01, 0.25)  # m/s^2
-GRADE_EDGES = np.arange(-0.10, 0.1001, 0.01)  # ratio
+SPEED_EDGES: Array = np.linspace(0.0, 40.0, 21)  # m/s
+ACCELERATION_EDGES: Array = np.linspace(-5.0, 3.0, 33)  # m/s^2
+GRADE_EDGES: Array = np.linspace(-0.10, 0.10, 21)  # ratio
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,8 @@ def _occupancy(recording: Recording, shape: tuple[int, int, int]) -> Array:
         np.where(np.isnan(grade[valid]), shape[2] - 1, _cell(np.nan_to_num(grade[valid]), GRADE_EDGES)),
     )
     flat = np.ravel_multi_index(cells, shape)
-    return (np.bincount(flat, minlength=int(np.prod(shape))) * recording.dt).reshape(shape)
+    samples = np.bincount(flat, minlength=int(np.prod(shape))).reshape(shape)
+    return np.asarray(samples * recording.dt, dtype=np.float64)
 
 
 def _cell(values: Array, edges: Array) -> NDArray[np.int64]:

@@ -11,15 +11,16 @@ from numpy.typing import NDArray
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.bag_source import INTERFACE_KEY, NOTES_KEY, BagSource
 from deeptruck_model.recordings.layout import Columns, Walker
+from deeptruck_model.recordings.ordering import REORDER_NS, Queue
 from deeptruck_model.recordings.recording import Recording
-from deeptruck_model.recordings.resample import Series, uniform
+from deeptruck_model.recordings.resample import MARGIN_S, Resampler, Series
 from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS, Source, TopicMap, load
 from deeptruck_model.signals import BRAKE_UNITS, ENGINE_UNITS, TruckInterface
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-REORDER_NS = 1_000_000_000  # messages may overtake each other by this much; further back is a clock set back
+_DRAIN = 200_000  # messages that may wait before they are resampled
 
 
 def read(
@@ -44,12 +45,14 @@ def read(
     with BagSource(path) as bag:
         _check_topics(bag, sources, asked=topic_map is not None)
         stored = bag.custom_data()
-        raw, notes = _series(bag, sources)
-    name = path.stem if path.is_file() else path.resolve().name
+        name = path.stem if path.is_file() else path.resolve().name
+        resampler = Resampler(name, rate_hz=rate_hz)
+        notes = [*_stored_notes(stored), *_feed(bag, sources, resampler)]
+    if "speed" not in resampler.measured:
+        raise InputError(f"{path} is empty: no speed on {sources['speed'].topic}")
     if interface is None:
-        interface = _interface(name, stored, sources, set(raw))
-    notes = [*_stored_notes(stored), *notes]
-    return uniform(raw, name=name, interface=interface, rate_hz=rate_hz, notes=notes)
+        interface = _interface(name, stored, sources, resampler.measured)
+    return resampler.finish(interface, notes)
 
 
 def _check_topics(bag: BagSource, sources: dict[str, Source], asked: bool) -> None:
@@ -71,58 +74,56 @@ def _check_topics(bag: BagSource, sources: dict[str, Source], asked: bool) -> No
             )
 
 
-def _series(bag: BagSource, sources: dict[str, Source]) -> tuple[dict[str, Series], list[str]]:
-    """Every channel with its own times, s since the bag's first used sample."""
+def _feed(bag: BagSource, sources: dict[str, Source], resampler: Resampler) -> list[str]:
+    """Put every channel into the resampler, in s since the bag's first used sample; what had to be mended."""
     topics, walker = bag.topics, Walker(bag.definitions, ros1=bag.ros1)
     by_topic: dict[str, list[str]] = {}
     for channel, source in sources.items():
         if source.topic in topics:
             by_topic.setdefault(source.topic, []).append(channel)
     readers = {
-        topic: Columns(walker, topic, topics[topic], tuple(sources[c].field for c in channels))
+        topic: Columns(walker, topics[topic], tuple(sources[c].field for c in channels))
         for topic, channels in by_topic.items()
     }
-    parts: dict[str, list[tuple[Index, list[Array]]]] = {topic: [] for topic in readers}
+    queues = {topic: Queue(topic, bag.path) for topic in readers}
+    clock_topic = sources["speed"].topic
+    start: int | None = None
+    horizon = -(2**63)  # speed is complete up to this stamp
+    ends: list[tuple[int, int]] = []  # log time and stamp of the last message of each speed batch
     for batch in bag.batches(set(readers)):
-        columns = readers[batch.topic].read(batch.buffer, batch.starts, batch.sizes, batch.log_ns)
-        parts[batch.topic].append(columns)
-    notes: list[str] = []
-    stamps, values = {}, {}
-    for topic, read_parts in parts.items():
-        if read_parts:
-            all_stamps = np.concatenate([s for s, _ in read_parts])
-            order = _order(all_stamps, topic, bag.path, notes)
-            stamps[topic] = all_stamps[order]
-            for k, channel in enumerate(by_topic[topic]):
-                column = np.concatenate([c[k] for _, c in read_parts])[order]
-                if not np.isnan(column).all():
-                    values[channel] = _converted(column, sources[channel])
-        read_parts.clear()
-    if "speed" not in values:
-        raise InputError(f"{bag.path} is empty: no speed on {sources['speed'].topic}")
-    start = min(int(s[0]) for s in stamps.values())
-    seconds = {topic: (s - start) / 1e9 for topic, s in stamps.items()}
-    return {c: Series(seconds[sources[c].topic], v) for c, v in values.items()}, notes
+        stamps, columns = readers[batch.topic].read(batch.buffer, batch.starts, batch.sizes, batch.log_ns)
+        queues[batch.topic].put(stamps, columns)
+        if batch.topic == clock_topic:
+            ends.append((int(batch.log_ns.max()), int(stamps.max())))
+        horizon = max([horizon, *(stamp for log_ns, stamp in ends if log_ns < batch.safe_ns)])
+        ends = [end for end in ends if end[0] >= batch.safe_ns]
+        if sum(queue.waiting for queue in queues.values()) > _DRAIN and horizon > -(2**63):
+            start = _drain(queues, by_topic, sources, resampler, start, horizon - REORDER_NS)
+    _drain(queues, by_topic, sources, resampler, start, None)
+    return [note for queue in queues.values() for note in queue.notes()]
 
 
-def _order(stamps: Index, topic: str, path: Path, notes: list[str]) -> Index:
-    """Indices that put the samples in time order, the last of equal stamps winning."""
-    latest = np.maximum.accumulate(stamps)
-    back = latest - stamps
-    if len(stamps) and int(back.max()) > REORDER_NS:
-        at = int(np.argmax(back > REORDER_NS))
-        raise InputError(
-            f"{path}: time goes back by {back[at] / 1e9:.3g} s on {topic} (message {at}): "
-            "the clock was set back or two runs share the bag; split it there"
-        )
-    order = np.argsort(stamps, kind="stable")
-    unique = np.append(np.diff(stamps[order]) > 0, True)
-    swapped, doubled = int((back > 0).sum()), int((~unique).sum())
-    if swapped:
-        notes.append(f"{swapped} messages on {topic} put back in order")
-    if doubled:
-        notes.append(f"{doubled} messages on {topic} with a stamp that came again dropped")
-    return order[unique]
+def _drain(
+    queues: dict[str, Queue],
+    by_topic: dict[str, list[str]],
+    sources: dict[str, Source],
+    resampler: Resampler,
+    start: int | None,
+    until: int | None,
+) -> int | None:
+    """Hand the samples stamped before `until` (None: all) to the resampler; returns the bag's first stamp."""
+    taken = {topic: queue.take(until) for topic, queue in queues.items()}
+    firsts = [int(stamps[0]) for stamps, _ in taken.values() if len(stamps)]
+    if start is None and firsts:
+        start = min(firsts)
+    for topic, (stamps, columns) in taken.items():
+        if len(stamps) and start is not None:
+            time = (stamps - start) / 1e9
+            for channel, column in zip(by_topic[topic], columns, strict=True):
+                resampler.add(channel, Series(time, _converted(column, sources[channel])))
+    if start is not None:
+        resampler.advance(np.inf if until is None else (until - start) / 1e9 - MARGIN_S)
+    return start
 
 
 def _converted(column: Array, source: Source) -> Array:
@@ -150,7 +151,7 @@ def _interface(
     for channel, unit, units in (("engine", engine, ENGINE_UNITS), ("brake", brake, BRAKE_UNITS)):
         if unit is None and f"{channel}_command" in present:
             raise InputError(
-                f"'{name}' does not say in which unit its {channel}_command is: state the unit in a topic map "
+                f"'{name}' does not say in which unit its {channel}_command is: give its unit in a topic map "
                 f"({', '.join(units)}) or pass an interface"
             )
     return TruckInterface(

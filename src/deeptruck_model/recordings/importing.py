@@ -108,7 +108,7 @@ def _recordings(path: Path, meaning: Columns) -> list[Recording]:
 
 
 def _time(table: TextTable, meaning: Columns) -> Array:
-    """Seconds since the first row, (n,). Raises InputError where time is missing, stands still or goes back."""
+    """Seconds since the first row, (n,). Raises InputError where it is missing, stands still or goes back."""
     if len(table) < 2:
         raise InputError(f"{table.path} has one row; a recording needs at least two")
     if meaning.time_column is None or meaning.time_unit is None:
@@ -123,7 +123,7 @@ def _time(table: TextTable, meaning: Columns) -> Array:
     if missing.any():
         line = first_row + int(np.argmax(missing))
         raise InputError(
-            f"{table.path}: {missing.sum()} rows have no time in '{meaning.time_column}', the first in line {line}"
+            f"{table.path}: {missing.sum()} rows have no time in '{meaning.time_column}', first line {line}"
         )
     steps = np.diff(time)
     if (steps <= 0).any():

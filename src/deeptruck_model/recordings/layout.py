@@ -23,8 +23,10 @@ Bytes = NDArray[np.uint8]
 Index = NDArray[np.int64]
 
 _SIZES = {
-    **{"bool": 1, "byte": 1, "char": 1, "octet": 1, "int8": 1, "uint8": 1, "int16": 2, "uint16": 2},
-    **{"int32": 4, "uint32": 4, "float32": 4, "int64": 8, "uint64": 8, "float64": 8},
+    **dict.fromkeys(("bool", "byte", "char", "octet", "int8", "uint8"), 1),
+    **dict.fromkeys(("int16", "uint16"), 2),
+    **dict.fromkeys(("int32", "uint32", "float32"), 4),
+    **dict.fromkeys(("int64", "uint64", "float64"), 8),
 }
 _CODES = {"bool": "u1", "byte": "u1", "char": "u1", "octet": "u1", "float32": "f4", "float64": "f8"}
 _NAMED = re.compile(r"^(?P<values>.*?)\[(?P<names>\w+)=(?P<wanted>.+)\]$")
@@ -153,8 +155,8 @@ class Walker:
 class Columns:
     """Reads chosen fields of one topic's messages as columns, learning the layouts it meets."""
 
-    def __init__(self, walker: Walker, topic: str, msgtype: str, paths: tuple[str, ...]) -> None:
-        self.walker, self.topic, self.msgtype, self.paths = walker, topic, msgtype, paths
+    def __init__(self, walker: Walker, msgtype: str, paths: tuple[str, ...]) -> None:
+        self.walker, self.msgtype, self.paths = walker, msgtype, paths
         self.stamped = all(walker.has(msgtype, part) for part in STAMP)
         self._layouts: dict[int, list[Layout]] = {}
 

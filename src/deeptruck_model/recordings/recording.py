@@ -35,7 +35,7 @@ class Recording:
     @property
     def time(self) -> Array:
         """Seconds since the start of the bag, (n,)."""
-        return self.start_s + self.dt * np.arange(len(self))
+        return self.start_s + self.dt * np.arange(len(self), dtype=np.float64)
 
     def columns(self, names: tuple[str, ...]) -> Array:
         """The named channels side by side, (n, len(names)). Raises InputError where one is missing."""

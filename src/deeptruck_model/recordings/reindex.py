@@ -31,11 +31,10 @@ from mcap.stream_reader import get_chunk_data_stream
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.bag_metadata import Topic
-from deeptruck_model.recordings.bag_source import message_indexes
 from deeptruck_model.recordings.crash_safe import write_metadata
+from deeptruck_model.recordings.mcap_chunks import RECORD_HEAD, message_indexes
 
 _MAGIC = b"\x89MCAP0\r\n"
-_HEAD = 9  # opcode and length of a record
 
 
 @dataclass
@@ -101,10 +100,10 @@ def _scan(stream: BinaryIO, size: int, file: Path) -> _Found:
     found = _Found(end=min(size, len(_MAGIC)))
     at = len(_MAGIC)
     tail: Chunk | None = None  # the last chunk: whether its message indexes are all there is not known
-    while at + _HEAD <= size:
+    while at + RECORD_HEAD <= size:
         stream.seek(at)
-        opcode, length = struct.unpack("<BQ", stream.read(_HEAD))
-        if at + _HEAD + length > size or opcode in (Opcode.DATA_END, Opcode.FOOTER):
+        opcode, length = struct.unpack("<BQ", stream.read(RECORD_HEAD))
+        if at + RECORD_HEAD + length > size or opcode in (Opcode.DATA_END, Opcode.FOOTER):
             break
         content = stream.read(length)
         if opcode == Opcode.CHUNK:
@@ -112,14 +111,14 @@ def _scan(stream: BinaryIO, size: int, file: Path) -> _Found:
             if zlib.crc32(chunk.data) != chunk.uncompressed_crc and not chunk.compression:
                 break
             tail = chunk
-            found.chunks.append(_chunk_index(chunk, at, length + _HEAD))
+            found.chunks.append(_chunk_index(chunk, at, length + RECORD_HEAD))
         elif opcode == Opcode.MESSAGE_INDEX and found.chunks:
             _note_index(found, tail, content, at)
         elif opcode in (Opcode.HEADER, Opcode.METADATA):
             _note_loose(found, opcode, content, at)
         else:
             raise InputError(f"{file} was written in a way repair does not know (record type {opcode})")
-        at += _HEAD + length
+        at += RECORD_HEAD + length
         found.end = at
     if tail is not None:
         _index_again(stream, found, tail)
@@ -146,7 +145,7 @@ def _note_index(found: _Found, chunk: Chunk | None, content: bytes, at: int) -> 
         _learn_channels(found, chunk)
     index = found.chunks[-1]
     index.message_index_offsets[channel] = at
-    index.message_index_length += _HEAD + len(content)
+    index.message_index_length += RECORD_HEAD + len(content)
     found.counts[channel] = found.counts.get(channel, 0) + (len(content) - 6) // 16
 
 
@@ -155,7 +154,7 @@ def _note_loose(found: _Found, opcode: int, content: bytes, at: int) -> None:
         found.header = True
         return
     metadata = Metadata.read(ReadDataStream(BytesIO(content)))
-    found.metadata.append((MetadataIndex(at, _HEAD + len(content), metadata.name), metadata))
+    found.metadata.append((MetadataIndex(at, RECORD_HEAD + len(content), metadata.name), metadata))
 
 
 def _learn_channels(found: _Found, chunk: Chunk) -> None:
@@ -200,9 +199,9 @@ def _message_offsets(chunk: Chunk) -> dict[int, list[tuple[int, int]]]:
     while at < size:
         opcode, length = struct.unpack_from("<BQ", data, at)
         if opcode == Opcode.MESSAGE:
-            channel, _, log_ns = struct.unpack_from("<HIQ", data, at + _HEAD)
+            channel, _, log_ns = struct.unpack_from("<HIQ", data, at + RECORD_HEAD)
             offsets.setdefault(channel, []).append((log_ns, at))
-        at += _HEAD + length
+        at += RECORD_HEAD + length
     return offsets
 
 

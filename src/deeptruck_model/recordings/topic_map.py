@@ -54,7 +54,7 @@ def load(topic_map: TopicMap | str | Path) -> dict[str, Source]:
 
 
 def load_yaml(path: Path) -> dict[str, Any]:
-    """A YAML file that holds one mapping. Raises InputError where it is missing, damaged or something else."""
+    """A YAML file that holds one mapping. Raises InputError where it is missing or something else."""
     try:
         data = yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -72,9 +72,7 @@ def _source(channel: str, entry: Any) -> Source:
     if channel not in CHANNELS:
         raise InputError(f"unknown channel '{channel}' in the topic map; known: {', '.join(CHANNELS)}")
     if not isinstance(entry, Mapping) or not {"topic", "field"} <= set(entry):
-        raise InputError(
-            f"topic map: '{channel}' needs topic and field, as in {{topic: /odom, field: twist.twist.linear.x}}"
-        )
+        raise InputError(f"topic map: '{channel}' needs topic and field, as in {{topic: /odom, field: data}}")
     unknown = set(entry) - {"topic", "field", "unit", "scale", "offset", "density"}
     if unknown:
         raise InputError(f"topic map: '{channel}' has unknown keys: {', '.join(sorted(map(str, unknown)))}")

@@ -1,0 +1,98 @@
+"""How fast a long bag becomes recordings, and how much memory that takes.
+
+    python benchmarks/bench_extraction.py [--hours 4] [--rate 100] [--keep FOLDER]
+
+Writes a bag of six topics, reads it in a process of its own, prints a table and docs/results/extraction.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from deeptruck_model.recordings import Recording, read, write_bag
+from deeptruck_model.signals import TruckInterface
+
+RESULTS = Path(__file__).parents[1] / "docs" / "results" / "extraction.md"
+CHANNELS = {
+    **{"speed": 20.0, "acceleration": 0.5, "fuel_rate": 8.0, "gear": 9.0, "engine_speed": 130.0},
+    **{"engine_torque": 900.0, "engine_command": 900.0, "brake_command": 5.0, "grade": 0.02, "gap": 40.0},
+}  # on /truck/twist, accel, status, command, /road and /radar/range
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--hours", type=float, default=4.0)
+    parser.add_argument("--rate", type=float, default=100.0, help="Hz of every topic")
+    parser.add_argument("--keep", type=Path, help="folder to keep the bag in (and find it again)")
+    parser.add_argument("--measure", type=Path, help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.measure:
+        print(json.dumps(measure(arguments.measure)))
+        return
+    with tempfile.TemporaryDirectory() as scratch:
+        bag = (arguments.keep or Path(scratch)) / f"bag_{arguments.hours:g}h_{arguments.rate:g}hz"
+        written = make_bag(bag, arguments.hours, arguments.rate)
+        command = [sys.executable, __file__, "--measure", str(bag)]
+        found = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    report(found, written, f"{arguments.hours:g} h at {arguments.rate:g} Hz, 6 topics")
+
+
+def make_bag(bag: Path, hours: float, rate: float) -> float | None:
+    """Write the bag where it is not there yet; messages a second of the writer."""
+    if bag.exists():
+        return None
+    rng = np.random.default_rng(0)
+    count = int(hours * 3600 * rate)
+    channels = {name: level * rng.uniform(0.9, 1.1, count) for name, level in CHANNELS.items()}
+    interface = TruckInterface("bench")
+    begin = time.perf_counter()
+    write_bag(bag, [Recording(bag.name, 1.0 / rate, channels, interface)], interface=interface)
+    return 6 * count / (time.perf_counter() - begin)
+
+
+def measure(bag: Path) -> dict[str, float]:
+    """Read once in this fresh process."""
+    before = _peak_mib()
+    begin = time.perf_counter()
+    recordings = read(bag)
+    seconds = time.perf_counter() - begin
+    drive = sum(len(r) * r.dt for r in recordings)
+    size = sum(file.stat().st_size for file in bag.iterdir()) / 2**20
+    return {"seconds": seconds, "drive_s": drive, "before": before, "peak": _peak_mib(), "bag_mib": size}
+
+
+def _peak_mib() -> float:
+    """High-water mark of this process alone (ru_maxrss would count the parent's)."""
+    status = Path("/proc/self/status").read_text()
+    return int(status.partition("VmHWM:")[2].split()[0]) / 1024
+
+
+def report(found: dict[str, float], written: float | None, what: str) -> None:
+    """Print the table and write it under docs/results."""
+    messages = int(what.split(" Hz")[0].split()[-1]) * found["drive_s"] * 6
+    rows = [
+        ("bag", f"{what}, {found['bag_mib']:.0f} MiB"),
+        ("messages", f"{messages:,.0f}"),
+        ("read and resampled in", f"{found['seconds']:.1f} s"),
+        ("messages a second", f"{messages / found['seconds']:,.0f}"),
+        ("times faster than real time", f"{found['drive_s'] / found['seconds']:,.0f}"),
+        ("peak memory (after imports)", f"{found['peak']:.0f} MiB ({found['before']:.0f} MiB)"),
+    ]
+    if written:
+        rows.append(("messages a second, written", f"{written:,.0f}"))
+    table = "\n".join(["| extraction | |", "| --- | --- |", *(f"| {a} | {b} |" for a, b in rows)])
+    print(table)
+    RESULTS.parent.mkdir(parents=True, exist_ok=True)
+    RESULTS.write_text(f"`python benchmarks/bench_extraction.py`, one process, one core\n\n{table}\n")
+
+
+if __name__ == "__main__":
+    main()
