@@ -1,13 +1,13 @@
-"""The paper's driving-cycle generator (section "Driving cycles for data collection"), and a truck driven along it.
+"""The paper's driving-cycle generator (section "Driving cycles for data collection"), and a drive along it.
 
 Equations as printed, with what the text leaves open:
 
-- N(mu_T) has no spread in the paper; it is read as a normal of mean mu_T and standard deviation `sigma_T`, in s.
+- N(mu_T) has no spread in the paper; it is read as a normal of mean mu_T and standard deviation `sigma_T`, s.
 - The acceleration is drawn anew at every step, its statistics at the T_i.
-- The soft limit v_f = m / (1 + exp((m - v_max) / 2)) is applied recursively, as printed. At 10 Hz it then takes
-  0.7 % of the speed at every step at 25 m/s, and few samples lie above 20 m/s. `soft_limit_speed` is the v_max of
-  that equation alone: equal to v_max it is the printed form; the default, 15 m/s above, loses 0.06 % a step at
-  v_max and reaches the paper's 0 to 35 m/s.
+- The soft limit v_f = m / (1 + exp((m - v_max) / 2)) is applied recursively, as printed. At 10 Hz it then
+  takes 0.7 % of the speed at every step at 25 m/s, and few samples lie above 20 m/s. `soft_limit_speed` is
+  the v_max of that equation alone: equal to v_max it is the printed form; the default, 15 m/s above, loses 0.06 %
+  a step at v_max and reaches the paper's 0 to 35 m/s.
 - The road is a random walk over distance, reflected at the limits and smoothed by a moving average.
 """
 
@@ -188,8 +188,8 @@ def drive(
 ) -> Recording:
     """Drive the truck along a generated cycle for hours and seconds together; one contiguous recording.
 
-    The road's grade acts on the truck whether or not its interface shows it; where it does not, neither grade nor
-    elevation is recorded. A truck with forces or command filters is driven step by step, slower.
+    The road's grade acts on the truck whether or not its interface shows it; where it does not, neither grade
+    nor elevation is recorded. A truck with forces or command filters is driven step by step, slower.
     """
     settings = settings or CycleSettings()
     total, dt = 3600.0 * hours + seconds, truck.dt

@@ -50,10 +50,9 @@ def fade(s: Any, p: Any) -> float:
 def brake(s: Any, p: Any, command: float, h: float) -> float:
     """Advance both circuits by h; returns the force the brakes can give, N."""
     request = max(command, 0.0) * p.brake_scale
+    wanted = min(request, 1.0)
     if p.by_deceleration > 0.0:
         wanted = _pressure_for_deceleration(s, p, request, h)
-    else:
-        wanted = min(request, 1.0)
     s.front_pressure = _fill(s.front_pressure, wanted, p.brake_lag, p.brake_release_lag, h)
     s.rear_pressure = _fill(s.rear_pressure, wanted, p.brake_lag_rear, p.brake_release_lag, h)
     front = p.front_wheels * p.front_brake_torque * _braking(p, s.front_pressure)

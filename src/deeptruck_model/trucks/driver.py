@@ -1,4 +1,4 @@
-"""A human-like driver: PI on speed with feed-forward, one foot for two pedals, through any truck interface."""
+"""A human-like driver: PI on speed with feed-forward, one foot for two pedals, for any interface."""
 
 from __future__ import annotations
 
@@ -226,10 +226,10 @@ def drive_along(
     road: Array,
     spacing: float,
 ) -> Array:
-    """Drive one truck from rest along target speeds (T,) m/s, with the slope of the road at every `spacing` m.
+    """Drive one truck along target speeds (T,) m/s, with the slope of the road at every `spacing` m.
 
-    engine_brake (T,) is 1 where the driver uses it; episodes is an EPISODE array in order of start. Returns the
-    LOGGED signals (T, len(LOGGED)); row k holds y(k), u(k) and w(k).
+    engine_brake (T,) is 1 where the driver uses it; episodes is an EPISODE array in order of start. Returns
+    the LOGGED signals (T, len(LOGGED)); row k holds y(k), u(k) and w(k).
     """
     log = np.empty((len(targets), len(LOGGED)))
     state = truck.reset(np.array([[0.0, targets[0]]]))

@@ -1,7 +1,7 @@
 """The diesel engine: full-load curve, boost lag, motoring friction, governors, engine brake, fuel.
 
-Commands are indicated (combustion) torque, as SAE J1939-71 defines its torque percentages: friction is subtracted
-inside, so 0 is motoring with the fuel cut, and a negative command asks for the engine brake.
+Commands are indicated (combustion) torque, as SAE J1939-71 defines its torque percentages: friction is
+subtracted inside, so 0 is motoring with the fuel cut, and a negative command asks for the engine brake.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def friction(p: Any, engine_speed: float) -> float:
 
 @part
 def fuel_rate(p: Any, engine_speed: float, indicated: float, most: float) -> float:
-    """Fuel volume flow, cm3/s: combustion power over an efficiency that falls away from best speed and full load."""
+    """Fuel flow, cm3/s: combustion power over an efficiency that falls from best speed and full load."""
     off_speed = (engine_speed - p.best_speed) / p.best_speed
     off_load = 1.0 - indicated / most
     loss = p.efficiency_speed_loss * off_speed * off_speed + p.efficiency_load_loss * off_load * off_load

@@ -1,4 +1,4 @@
-"""Where others add physics of their own: forces at the road and filters on the commands, from outside the package."""
+"""Where others add physics of their own, from outside: forces at the road, and filters on the commands."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ Array = NDArray[np.float64]
 class View:
     """What a force sees at a substep: live, read-only by convention, each (batch,) but `u` and `time`.
 
-    acceleration is the last substep's. Forces are in N: traction_force positive forward, brake_force, drag_force,
-    rolling_force and grade_force positive when they resist; at rest brake_force and rolling_force are what they
-    could hold. `u` (batch, 2) are the commands after the command filters, in the interface's units.
+    acceleration is the last substep's. Forces are in N: traction_force positive forward; brake_force,
+    drag_force, rolling_force and grade_force positive when they resist a forward motion. brake_force and
+    rolling_force are what can act: at rest less may suffice. `u` (batch, 2) are the commands after the
+    command filters, in the interface's units.
     """
 
     speed: Array
@@ -50,7 +51,7 @@ class View:
 
 @runtime_checkable
 class Force(Protocol):
-    """A longitudinal force at the road with a state of its own. Copied (copy.deepcopy) with the truck's state."""
+    """A longitudinal force at the road with a state of its own; copied (deepcopy) with the truck's state."""
 
     def reset(self, batch: int) -> None:
         """Start anew for a batch of trucks."""

@@ -9,7 +9,7 @@ from deeptruck_model.trucks.engine import clip, full_load, lag
 from deeptruck_model.trucks.state import LOCKED, OPEN, SLIPPING
 
 PEDAL_LAG = 0.3  # s; keeps a kick of the pedal from being a kick-down
-OVERRUN_CAPACITY = 0.6  # of the stall capacity, when the wheels drive the engine through the converter
+OVERRUN_CAPACITY = 0.3  # of the stall capacity, when the wheels drive the engine through the converter
 ON = 0.02  # share of torque above which the driver wants to move
 LAUNCH_RESERVE = 2.0  # pull over resistance that a launch gear must have
 

@@ -63,8 +63,8 @@ def rollout(
     y: Any,
     seen: Any,
 ) -> int:
-    """u (batch, T, 2), grade (batch, T), recorded (batch, T or 0, n_y); fills y (batch, T, n_y) from 1 on, and
-    seen (batch, T or 0, n) with the first n fields of the states; raw (batch, fields) is the states' memory."""
+    """u (batch, T, 2), grade (batch, T), recorded (batch, T or 0, n_y). Fills y (batch, T, n_y) from 1 on and
+    seen (batch, T or 0, n) with the first n fields of the states, whose memory raw (batch, fields) is."""
     forced = recorded.shape[1] > 0
     for i in range(states.shape[0]):
         p = parameters[i % parameters.shape[0]]

@@ -137,7 +137,7 @@ def near(name: str, known: list[str]) -> str:
 
 
 def check_value(name: str, value: Any) -> float:
-    """The value as a float. Raises InputError where the name is unknown or the value not a number in range."""
+    """The value as a float. Raises InputError for an unknown name or a value that is no number in range."""
     if name not in PARAMETERS:
         raise InputError(f"a physics truck has no parameter '{name}'; {near(name, list(PARAMETERS))}")
     parameter = PARAMETERS[name]
@@ -145,7 +145,7 @@ def check_value(name: str, value: Any) -> float:
         raise InputError(f"parameter '{name}' must be a number in {parameter.unit}, not {value!r}")
     if not parameter.low <= value <= parameter.high:
         raise InputError(
-            f"parameter '{name}' is {value:g} {parameter.unit}, outside {parameter.low:g} to {parameter.high:g}"
+            f"parameter '{name}' is {value:g} {parameter.unit}, not in {parameter.low:g} to {parameter.high:g}"
         )
     return float(value)
 

@@ -48,7 +48,7 @@ def find_forces(s: Any, p: Any, engine: float, brake_command: float, grade: floa
 
 @part
 def _next_speed(s: Any, p: Any, drive: float, h: float) -> float:
-    """Speed after h. Brakes and rolling resistance oppose motion and hold a truck at rest, without overshoot."""
+    """Speed after h. Brakes and rolling resistance oppose motion and hold at rest, without overshoot."""
     friction = s.brake_force + s.rolling_force
     v = s.speed
     if v == 0.0:

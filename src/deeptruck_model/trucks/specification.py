@@ -53,7 +53,7 @@ class Specification:
         return record
 
     def with_values(self, values: Mapping[str, Any]) -> Specification:
-        """The same truck with some scalars replaced. Raises InputError for an unknown name or impossible value."""
+        """The same truck with some scalars replaced. Raises InputError for a wrong name or value."""
         return replace(self, values={**self.values, **check_values(values)})
 
     def to_dict(self) -> dict[str, Any]:
@@ -102,9 +102,8 @@ def flatten(data: Mapping[str, Any], source: str) -> dict[str, Any]:
         elif key in PARAMETERS or key in STRUCTURE:
             flat[key] = value
         else:
-            raise InputError(
-                f"{source}: a physics truck has no '{key}'; {near(str(key), [*PARAMETERS, *PARTS, *STRUCTURE])}"
-            )
+            hint = near(str(key), [*PARAMETERS, *PARTS, *STRUCTURE])
+            raise InputError(f"{source}: a physics truck has no '{key}'; {hint}")
     return flat
 
 

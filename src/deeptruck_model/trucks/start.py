@@ -13,7 +13,7 @@ from deeptruck_model.trucks.state import LOCKED, OPEN
 
 @part
 def _settle_engine(s: Any, p: Any, force: float) -> float:
-    """Engine and boost that give the force at the road; returns the force it falls short of (negative: brake)."""
+    """Engine and boost that give the force at the road; returns what it falls short of (negative: brake)."""
     ratio = p.ratios[int(s.gear) - 1] * p.final_drive
     drag = friction(p, s.engine_speed)
     full = full_load(p, s.engine_speed)

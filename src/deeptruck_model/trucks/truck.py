@@ -41,6 +41,8 @@ class TruckState:
 
     def copy(self) -> TruckState:
         """An independent copy."""
+        if not self.forces and not self.filters:
+            return TruckState(self.records.copy())
         return TruckState(self.records.copy(), copy.deepcopy(self.forces), copy.deepcopy(self.filters))
 
 
@@ -76,7 +78,7 @@ class PhysicsTruck:
         return self._dt
 
     def reset(self, y0: Array) -> TruckState:
-        """Settled state at acceleration and speed y0 (batch, n_y >= 2). Raises InputError for values not finite."""
+        """Settled state at acceleration and speed y0 (batch, n_y >= 2). Raises InputError for NaN."""
         y0 = np.ascontiguousarray(y0, np.float64)
         if y0.ndim != 2 or y0.shape[1] < 2 or not np.all(np.isfinite(y0[:, :2])):
             raise InputError("the initial response y0 must be finite numbers (batch, 2 or 3)")
@@ -86,8 +88,10 @@ class PhysicsTruck:
         if y0.shape[1] > 2:
             records["fuel_rate"] = y0[:, 2]
         state = TruckState(records, copy.deepcopy(self.forces), copy.deepcopy(self.command_filters))
-        for part in (*state.forces, *state.filters):
-            part.reset(len(y0))
+        for force in state.forces:
+            force.reset(len(y0))
+        for command_filter in state.filters:
+            command_filter.reset(len(y0))
         return state
 
     def step(self, state: TruckState, u: Array, w: Array) -> tuple[TruckState, Array]:
@@ -116,7 +120,7 @@ class PhysicsTruck:
         return dict(self.specification.values)
 
     def with_parameters(self, values: Mapping[str, float]) -> PhysicsTruck:
-        """The same truck with some scalars replaced. Raises InputError for an unknown name or impossible value."""
+        """The same truck with some scalars replaced. Raises InputError for a wrong name or value."""
         return self._with(self.specification.with_values(values))
 
     def with_batch_parameters(self, values: Mapping[str, Array]) -> PhysicsTruck:
@@ -139,7 +143,7 @@ class PhysicsTruck:
         return PhysicsTruck(self.specification, forces=forces, command_filters=command_filters, dt=self._dt)
 
     def with_grade_input(self) -> PhysicsTruck:
-        """The same truck with the road's grade in w, for worlds that impose it on a truck without the sensor."""
+        """The same truck with the grade in w, for worlds that impose it on a truck without the sensor."""
         return self._with(replace(self.specification, interface=replace(self.interface, grade=True)))
 
     def with_dt(self, dt: float) -> PhysicsTruck:
@@ -151,7 +155,7 @@ class PhysicsTruck:
     def rollout(
         self, u: Array, w: Array, y0: Array, recorded: Array | None = None, *, inside: bool = True
     ) -> Run:
-        """A whole run as simulators.free_run (recorded None) or forced_run; `inside=False` saves its memory."""
+        """A whole run: simulators.free_run (recorded None) or forced_run; `inside=False` saves its memory."""
         u = np.ascontiguousarray(u, np.float64)
         if u.ndim != 3 or u.shape[2] != 2:
             raise InputError(f"u has shape {u.shape}, expected (batch, T, 2)")
@@ -174,7 +178,7 @@ class PhysicsTruck:
         return Run(y, {name: seen[:, :, j] for j, name in enumerate(INSIDE)} if inside else {})
 
     def save(self, path: Path) -> None:
-        """Write a simulator directory. Raises InputError for a truck with forces: code cannot be saved as data."""
+        """Write a simulator directory. Raises InputError for a truck with forces: code is not data."""
         if self.forces or self.command_filters or len(self.record) > 1:
             raise InputError("a truck with forces, command filters or batch parameters cannot be saved")
         manifest = {

@@ -1,0 +1,91 @@
+"""The compiled truck against the same physics written a second time in numpy, and a batch against its singles."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from deeptruck_model import trucks
+
+spec = importlib.util.spec_from_file_location("numpy_truck", Path(__file__).with_name("numpy_truck.py"))
+assert spec and spec.loader
+numpy_truck = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(numpy_truck)
+
+
+def random_inputs(truck: trucks.PhysicsTruck, batch: int, steps: int, seed: int) -> tuple[Any, Any, Any]:
+    """Pedals held for some seconds: pull, coast, engine brake, service brake down to rest; slopes of +-5 %."""
+    rng = np.random.default_rng(seed)
+    full = truck.parameters()["reference_torque"] if truck.interface.engine_unit == "N m" else 100.0
+    hard = 3.0 if truck.interface.brake_unit == "m/s^2" else 70.0
+    blocks = (batch, steps // 40 + 1)
+    engine = rng.choice([-0.4, 0.0, 0.0, 0.3, 0.6, 1.0, 1.0], blocks) * full
+    brake = np.where((engine <= 0.0) & (rng.random(blocks) < 0.5), rng.uniform(0.0, hard, blocks), 0.0)
+    grade = rng.uniform(-0.05, 0.05, blocks)
+    u = np.repeat(np.stack([engine, brake], axis=2), 40, axis=1)[:, :steps]
+    w = np.repeat(grade, 40, axis=1)[:, :steps, None]
+    y0 = np.stack([np.zeros(batch), rng.uniform(0.0, 30.0, batch), np.zeros(batch)], axis=1)
+    return u, w, y0
+
+
+@pytest.mark.parametrize("name", trucks.pool())
+def test_compiled_truck_agrees_with_numpy(name: str) -> None:
+    truck = trucks.load(name).with_grade_input()
+    u, w, y0 = random_inputs(truck, batch=6, steps=800, seed=7)
+    run = truck.rollout(u, w, y0)
+    records = truck.reset(y0).records
+    state = {field: records[field].copy() for field in records.dtype.names or ()}
+    reference = numpy_truck.NumpyTruck(truck.record[0], truck.substeps, truck.substep)
+    for k in range(u.shape[1] - 1):
+        y = reference.step(state, u[:, k, 0], u[:, k, 1], w[:, k, 0])
+        np.testing.assert_allclose(run.y[:, k + 1], y, rtol=0.0, atol=1e-10)
+        np.testing.assert_allclose(run.inside["engine_speed"][:, k + 1], state["engine_speed"], atol=1e-8)
+    assert len(np.unique(run.inside["gear"])) >= 5, "the test must shift through the gearbox"
+    assert {0.0, 2.0} <= set(np.unique(run.inside["clutch"]))
+    assert (run.y[:, 1:, 1] == 0.0).any(), "the test must come to rest"
+
+
+@pytest.mark.parametrize("name", trucks.pool())
+def test_batch_equals_singles_and_steps_equal_rollout(name: str) -> None:
+    truck = trucks.load(name).with_grade_input()
+    u, w, y0 = random_inputs(truck, batch=4, steps=300, seed=3)
+    run = truck.rollout(u, w, y0)
+    for i in range(4):
+        single = truck.rollout(u[i : i + 1], w[i : i + 1], y0[i : i + 1])
+        np.testing.assert_array_equal(single.y[0], run.y[i])
+    state = truck.reset(y0)
+    for k in range(299):
+        state, y = truck.step(state, u[:, k], w[:, k])
+        np.testing.assert_array_equal(y, run.y[:, k + 1])
+    for name_inside, values in truck.inside(state).items():
+        np.testing.assert_array_equal(values, run.inside[name_inside][:, -1])
+
+
+def test_speed_follows_from_acceleration() -> None:
+    truck = trucks.load("trucksim")
+    u, w, y0 = random_inputs(truck, batch=3, steps=500, seed=5)
+    y = truck.rollout(u, w, y0).y
+    np.testing.assert_allclose(y[:, 1:, 1], y[:, :-1, 1] + y[:, 1:, 0] * truck.dt, atol=1e-12)
+
+
+def test_step_leaves_the_old_state_usable() -> None:
+    truck = trucks.load("volvo")
+    state = truck.reset(np.array([[0.0, 20.0, 0.0]]))
+    u, w = np.array([[80.0, 0.0]]), np.zeros((1, 1))
+    _, first = truck.step(state, u, w)
+    _, again = truck.step(state, u, w)
+    np.testing.assert_array_equal(first, again)
+
+
+def test_rows_of_a_batch_may_have_parameters_of_their_own() -> None:
+    truck = trucks.load("trucksim")
+    masses = np.array([10_000.0, 20_000.0, 36_000.0])
+    u, w, y0 = random_inputs(truck, batch=3, steps=200, seed=1)
+    fleet = truck.with_batch_parameters({"mass": masses}).rollout(u, w, y0)
+    for i, mass in enumerate(masses):
+        single = truck.with_parameters({"mass": mass}).rollout(u[i : i + 1], w[i : i + 1], y0[i : i + 1])
+        np.testing.assert_array_equal(single.y[0], fleet.y[i])
