@@ -48,7 +48,11 @@ def write(truck: DeepTruck, folder: Path) -> None:
         },
         "dt": truck.dt,
         "shape": network.shape.to_dict(),
-        "scales": {"mean": network.mean.tolist(), "scale": network.scale.tolist()},
+        "scales": {
+            "mean": network.mean.tolist(),
+            "scale": network.scale.tolist(),
+            "top_speed": network.top_speed,
+        },
         **truck.details,
     }
     (folder / MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n")
@@ -64,14 +68,19 @@ def load_directory(path: Path, manifest: dict[str, Any]) -> DeepTruck:
     try:
         interface = TruckInterface.from_dict(manifest["interface"])
         shape = Shape(**manifest["shape"])
-        scales = Scales(*(np.asarray(manifest["scales"][k], dtype=np.float32) for k in ("mean", "scale")))
+        stored = manifest["scales"]
+        mean, scale = (np.asarray(stored[key], dtype=np.float32) for key in ("mean", "scale"))
+        scales = Scales(mean, scale, float(stored["top_speed"]))
         dt = float(manifest["dt"])
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(
             f"{path / MANIFEST} is damaged ({error!r}); train or save the simulator again"
         ) from None
     signals = (len(interface.u), len(interface.w), len(interface.y))
-    if signals != (shape.controls, shape.conditions, shape.responses) or len(scales.mean) != shape.inputs:
+    if (
+        signals != (shape.controls, shape.conditions, shape.responses)
+        or len(mean) != shape.signals + shape.taught
+    ):
         raise InputError(
             f"{path / MANIFEST} does not fit its network: the interface has {signals} u, w, y signals, "
             f"the network {(shape.controls, shape.conditions, shape.responses)}; files were edited or mixed"

@@ -1,17 +1,17 @@
 """The running truck, compiled: one step, or a whole free or forced run, of an ensemble.
 
-The weights of a gate lie in one matrix with rows [u, w, y, h, 1], so that a step is one product. Responses
-are float64: v(k+1) = v(k) + a(k+1) dt holds to rounding after hours.
+The weights of a gate lie in one matrix with rows [u, w, y, code, h, 1], so that a step is one product.
+Responses are float64: v(k+1) = v(k) + a(k+1) dt holds to rounding after hours.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.deep.kernels import FloatArray, _cell, _constrain, _decode, compiled
+from deeptruck_model.deep.kernels import FloatArray, _cell, _constrain, _decode, code_width, compiled, encode
 from deeptruck_model.deep.network import TruckNetwork
 
 Array = NDArray[np.float64]
@@ -19,31 +19,29 @@ _ROWS = 64  # of the batch run together: their gates stay in the cache
 _BY_HAND = 2  # up to this batch a plain loop beats the overhead of BLAS
 
 
-class Packed(NamedTuple):
-    """Weights for inference. gates (members, inputs + hidden + 1, 4 hidden); D as in the network; means,
-    scales."""
+def pack(network: TruckNetwork) -> tuple[FloatArray, ...]:
+    """A network's weights laid out for `step` and `run`.
 
-    gates: FloatArray
-    decoder: FloatArray
-    decoder_bias: FloatArray
-    output: FloatArray
-    output_bias: FloatArray
-    mean: FloatArray
-    scale: FloatArray
-
-
-def pack(network: TruckNetwork) -> Packed:
-    """Copy of a network's weights, laid out for `step` and `run`."""
+    In this order: gates (members, inputs + hidden + 1, 4 hidden); decoder, its bias, output, its bias as
+    in the    network without the taught signals; mean, scale (n_u + n_w + n_y,); the width of the speed
+    code (1,). A plain tuple, which compiled code takes over fastest.
+    """
     n = {name: p.detach().numpy() for name, p in network.named_parameters()}
     gates = np.concatenate([n["input"], n["recurrent"], n["bias"][:, None]], axis=1)
-    arrays = (gates, n["decoder"], n["decoder_bias"], n["output"], n["output_bias"])
-    scales = (network.mean.numpy(), network.scale.numpy())
-    return Packed(*(np.ascontiguousarray(a, dtype=np.float32) for a in (*arrays, *scales)))
+    outputs, signals = network.shape.responses - 1, network.shape.signals
+    arrays = (gates, n["decoder"], n["decoder_bias"], n["output"][..., :outputs])
+    arrays += (n["output_bias"][..., :outputs],)
+    scales = (
+        network.mean.numpy()[:signals],
+        network.scale.numpy()[:signals],
+        np.array([code_width(network)]),
+    )
+    return tuple(np.ascontiguousarray(a, dtype=np.float32) for a in (*arrays, *scales))
 
 
 @compiled
-def _normalise(packed: Any, u: Any, w: Any, y: Any, z: Any) -> None:
-    """Fill the first columns of z (batch, inputs + hidden + 1) with the scaled [u, w, y]."""
+def _normalise(packed: Any, u: Any, w: Any, y: Any, inputs: Any, z: Any) -> None:
+    """Fill the first columns of z (batch, inputs + hidden + 1): the scaled [u, w, y] and the speed code."""
     n_u, n_w, n_y = u.shape[1], w.shape[1], y.shape[1]
     mean, scale = packed[5], packed[6]
     for b in range(z.shape[0]):
@@ -54,14 +52,14 @@ def _normalise(packed: Any, u: Any, w: Any, y: Any, z: Any) -> None:
         for j in range(n_y):
             i = n_u + n_w + j
             z[b, i] = (np.float32(y[b, j]) - mean[i]) / scale[i]
+        encode(np.float32(y[b, 1]), packed[7][0], z[b, n_u + n_w + n_y : inputs])
 
 
 @compiled
 def _advance(packed: Any, m: Any, dt: Any, z: Any, c: Any, h: Any, y: Any, work: Any) -> None:
     """One step of member m from z and c (batch, hidden): c, h and y (batch, n_y) become the next ones."""
     gates, decoded, raw, bounded = work
-    inputs, outputs = packed[5].shape[0], raw.shape[1]
-    first = inputs - y.shape[1]
+    outputs, first = raw.shape[1], packed[5].shape[0] - y.shape[1]
     if z.shape[0] <= _BY_HAND:
         for b in range(z.shape[0]):
             gates[b] = np.float32(0.0)
@@ -93,13 +91,13 @@ def step(packed: Any, dt: Any, h: Any, c: Any, y: Any, u: Any, w: Any) -> Any:
     """Next (h, c, y) of every member and the mean response; h, c (members, batch, hidden), y (members,
     batch, n_y)."""
     members, batch, hidden = h.shape
-    inputs = packed[5].shape[0]
+    inputs = packed[0].shape[1] - hidden - 1
     work = _workspace(packed, batch)
     z = np.ones((batch, inputs + hidden + 1), np.float32)
     h, c, y = h.copy(), c.copy(), y.copy()
     mean = np.zeros((batch, y.shape[2]))
     for m in range(members):
-        _normalise(packed, u, w, y[m], z)
+        _normalise(packed, u, w, y[m], inputs, z)
         z[:, inputs:-1] = h[m]
         _advance(packed, m, dt, z, c[m], h[m], y[m], work)
         mean += y[m]
@@ -114,7 +112,8 @@ def run(packed: Any, dt: Any, u: Any, w: Any, y0: Any, recorded: Any, forced: An
     response.
     """
     batch, steps, responses = u.shape[0], u.shape[1], y0.shape[1]
-    members, hidden, inputs = packed[0].shape[0], packed[1].shape[1], packed[5].shape[0]
+    members, hidden = packed[0].shape[0], packed[1].shape[1]
+    inputs = packed[0].shape[1] - hidden - 1
     mean, square = np.zeros((batch, steps, responses)), np.zeros((batch, steps, responses))
     for first in range(0, batch, _ROWS):
         rows = slice(first, min(first + _ROWS, batch))
@@ -138,7 +137,7 @@ def run(packed: Any, dt: Any, u: Any, w: Any, y0: Any, recorded: Any, forced: An
                 if k + 1 == steps:
                     break
                 u_now[:], w_now[:] = u[rows, k], w[rows, k]
-                _normalise(packed, u_now, w_now, y, z)
+                _normalise(packed, u_now, w_now, y, inputs, z)
                 z[:, inputs:-1] = h
                 _advance(packed, m, dt, z, c, h, y, work)
     for b in range(batch):

@@ -6,6 +6,7 @@ running truck is kept in float64, so that v(k+1) = v(k) + a(k+1) dt holds to rou
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numba
@@ -85,8 +86,21 @@ def _cell_back(gates: Any, c: Any, tanh_c: Any, dh: Any, dc: Any) -> None:
 
 
 @compiled
+def encode(speed: Any, width: Any, code: Any) -> None:
+    """Fill code (code,) with soft steps on the logarithm of the speed, as TruckNetwork does."""
+    logarithm = np.log(_ONE + speed)
+    for j in range(len(code)):
+        code[j] = _tanh(np.float32(logarithm / width) - np.float32(j) - _HALF)
+
+
+def code_width(network: TruckNetwork) -> float:
+    """Distance of the steps of the speed code; 1 where there is none."""
+    return math.log1p(network.top_speed) / network.shape.code if network.shape.code else 1.0
+
+
+@compiled
 def _constrain(raw: Any, y: Any, dt: Any, y_next: Any, bounded: Any) -> None:
-    """C on raw (batch, n_y - 1) in units: fills y_next (batch, n_y) and bounded (batch,), as TruckNetwork
+    """C on raw (batch, outputs) in units: fills y_next (batch, n_y) and bounded (batch,), as TruckNetwork
     does."""
     for b in range(raw.shape[0]):
         a, v = raw[b, 0], y[b, 1]  # y and y_next may be one array
@@ -95,7 +109,7 @@ def _constrain(raw: Any, y: Any, dt: Any, y_next: Any, bounded: Any) -> None:
         y_next[b, 0] = -v / dt if stands else a
         y_next[b, 1] = 0.0 if stands else moved
         bounded[b] = stands
-        if raw.shape[1] > 1:
+        if y.shape[1] > 2:
             y_next[b, 2] = max(raw[b, 1], _ZERO) if raw[b, 1] == raw[b, 1] else raw[b, 1]
 
 
@@ -103,7 +117,7 @@ def _constrain(raw: Any, y: Any, dt: Any, y_next: Any, bounded: Any) -> None:
 def _decode(
     h: Any, decoder: Any, decoder_bias: Any, output: Any, output_bias: Any, decoded: Any, raw: Any
 ) -> None:
-    """D, still normalised: decoded (batch, decoder) = tanh(...), raw (batch, n_y - 1)."""
+    """D, still normalised: decoded (batch, decoder) = tanh(...), raw (batch, outputs)."""
     if h.shape[0] <= 2:  # a plain loop beats the overhead of BLAS
         decoded[:] = _ZERO
         for b in range(h.shape[0]):
@@ -145,14 +159,25 @@ def _loss(y: Any, target: Any, weight: Any, dy: Any) -> Any:
 
 @compiled
 def _forward(
-    w: Any, feedback: Any, x: Any, target: Any, mean: Any, scale: Any, dt: Any, recorded: Any, run: Any
+    w: Any,
+    feedback: Any,
+    x: Any,
+    target: Any,
+    mean: Any,
+    scale: Any,
+    dt: Any,
+    width: Any,
+    recorded: Any,
+    run: Any,
 ) -> None:
-    """K steps from zero state. Fills `run`: gates (activated), hy = [h, fed-back y], c, tanh_c, decoded, y,
-    own, bounded."""
+    """K steps from zero state. Fills `run`: gates (activated), hy = [h, fed-back y, its speed code], c,
+    tanh_c, decoded, y with the taught signals, own (is y its own?), bounded.
+    """
     w_in, w_rec, bias, w_dec, b_dec, w_out, b_out = w
     gates, hy, c, tanh_c, decoded, y, own, bounded = run
     steps, batch, conditions = x.shape
-    hidden, responses, outputs = w_rec.shape[0], target.shape[2], w_out.shape[1]
+    hidden, outputs = w_rec.shape[0], w_out.shape[1]
+    responses = own.shape[2]
     flat_gates = gates.reshape(steps * batch, 4 * hidden)
     np.dot(x.reshape(steps * batch, conditions), np.ascontiguousarray(w_in[:conditions]), flat_gates)
     product = np.empty((batch, 4 * hidden), np.float32)
@@ -171,6 +196,7 @@ def _forward(
                     value = mean[conditions + j]
                 fed[b, j] = value
                 hy[k, b, hidden + j] = (value - mean[conditions + j]) / scale[conditions + j]
+            encode(fed[b, 1], width, hy[k, b, hidden + responses :])
         np.dot(hy[k], feedback, product)
         for b in range(batch):
             for j in range(4 * hidden):
@@ -180,21 +206,27 @@ def _forward(
         _decode(h, w_dec, b_dec, w_out, b_out, decoded[k], raw)
         for b in range(batch):
             for o in range(outputs):
-                raw[b, o] = raw[b, o] * scale[conditions + 2 * o] + mean[conditions + 2 * o]
+                column = conditions + (o + 1 if o else 0)
+                raw[b, o] = raw[b, o] * scale[column] + mean[column]
+                if o >= responses - 1:
+                    y[k, b, o + 1] = raw[b, o]
         _constrain(raw, fed, dt, y[k], bounded[k])
 
 
 @compiled
-def _backward(w: Any, feedback: Any, x: Any, scale: Any, dt: Any, run: Any, dy: Any, d: Any) -> None:
+def _backward(
+    w: Any, feedback: Any, x: Any, scale: Any, dt: Any, width: Any, run: Any, dy: Any, d: Any
+) -> None:
     """Gradient `d` of the weights from dy = dL/dy (K, batch, n_y), which is used up; gates become their
     gradient."""
     _, w_rec, _, w_dec, _, w_out, _ = w
-    gates, hy, c, tanh_c, decoded, _, own, bounded = run
+    gates, hy, c, tanh_c, decoded, y, own, bounded = run
     steps, batch, conditions = x.shape
-    hidden, responses, outputs = w_rec.shape[0], dy.shape[2], w_out.shape[1]
+    hidden, responses, outputs = w_rec.shape[0], own.shape[2], w_out.shape[1]
+    fed_back = feedback.shape[0]
     feedback_t, w_dec_t = np.ascontiguousarray(feedback.T), np.ascontiguousarray(w_dec.T)
     d_raw = np.empty((steps, batch, outputs), np.float32)
-    d_hy = np.zeros((batch, hidden + responses), np.float32)
+    d_hy = np.zeros((batch, fed_back), np.float32)
     dh = np.empty((batch, hidden), np.float32)
     dc = np.zeros((batch, hidden), np.float32)
     for k in range(steps - 1, -1, -1):
@@ -203,11 +235,15 @@ def _backward(w: Any, feedback: Any, x: Any, scale: Any, dt: Any, run: Any, dy: 
                 for j in range(responses):
                     if own[k + 1, b, j]:
                         dy[k, b, j] += d_hy[b, hidden + j] / scale[conditions + j]
+                if own[k + 1, b, 1]:
+                    for j in range(hidden + responses, fed_back):
+                        slope = (_ONE - hy[k + 1, b, j] ** 2) / (width * (_ONE + y[k, b, 1]))
+                        dy[k, b, 1] += d_hy[b, j] * slope
                 if own[k + 1, b, 1] and not bounded[k + 1, b]:
                     dy[k, b, 1] += dy[k + 1, b, 1]
             d_raw[k, b, 0] = (dy[k, b, 0] + dt * dy[k, b, 1]) * scale[conditions]
-            if outputs > 1:
-                d_raw[k, b, 1] = dy[k, b, 2] * scale[conditions + 2]
+            for o in range(1, outputs):
+                d_raw[k, b, o] = dy[k, b, o + 1] * scale[conditions + o + 1]
             for j in range(decoded.shape[2]):
                 e = decoded[k, b, j]
                 total = _ZERO
@@ -225,7 +261,7 @@ def _backward(w: Any, feedback: Any, x: Any, scale: Any, dt: Any, run: Any, dy: 
     rows = steps * batch
     flat_gates, flat_decoded = gates.reshape(rows, 4 * hidden), decoded.reshape(rows, w_dec.shape[1])
     d[0][:conditions] = np.dot(x.reshape(rows, conditions).T, flat_gates)
-    d_feedback = np.dot(hy[:steps].reshape(rows, hidden + responses).T, flat_gates)
+    d_feedback = np.dot(hy[:steps].reshape(rows, fed_back).T, flat_gates)
     d[1][:], d[0][conditions:] = d_feedback[:hidden], d_feedback[hidden:]
     h = np.ascontiguousarray(hy[1:, :, :hidden]).reshape(rows, hidden)
     d[3][:] = np.dot(h.T, flat_decoded)
@@ -241,15 +277,15 @@ def _backward(w: Any, feedback: Any, x: Any, scale: Any, dt: Any, run: Any, dy: 
 
 
 @compiled
-def _buffers(w: Any, steps: Any, batch: Any, responses: Any) -> Any:
+def _buffers(w: Any, fed_back: Any, steps: Any, batch: Any, responses: Any, taught: Any) -> Any:
     hidden = w[1].shape[0]
     return (
         np.empty((steps, batch, 4 * hidden), np.float32),
-        np.empty((steps + 1, batch, hidden + responses), np.float32),
+        np.empty((steps + 1, batch, fed_back), np.float32),
         np.empty((steps + 1, batch, hidden), np.float32),
         np.empty((steps, batch, hidden), np.float32),
         np.empty((steps, batch, w[3].shape[1]), np.float32),
-        np.empty((steps, batch, responses), np.float32),
+        np.empty((steps, batch, responses + taught), np.float32),
         np.empty((steps, batch, responses), np.bool_),
         np.empty((steps, batch), np.bool_),
     )
@@ -263,7 +299,9 @@ def _members(
     mean: Any,
     scale: Any,
     dt: Any,
+    width: Any,
     weight: Any,
+    taught: Any,
     recorded: Any,
     learns: Any,
     d: Any,
@@ -274,14 +312,14 @@ def _members(
     losses = np.empty(members)
     for m in range(members):
         w_m = (w[0][m], w[1][m], w[2][m], w[3][m], w[4][m], w[5][m], w[6][m])
-        feedback = np.concatenate((w_m[1], w_m[0][conditions:]))  # of [h, y]: one product a step
-        run = _buffers(w_m, steps, batch, target.shape[3])
-        _forward(w_m, feedback, x[m], target[m], mean, scale, dt, recorded, run)
+        feedback = np.concatenate((w_m[1], w_m[0][conditions:]))  # of [h, y, code]: one product a step
+        run = _buffers(w_m, feedback.shape[0], steps, batch, target.shape[3] - taught, taught)
+        _forward(w_m, feedback, x[m], target[m], mean, scale, dt, width, recorded, run)
         dy = np.empty((steps, batch, target.shape[3]), np.float32)
         losses[m] = _loss(run[5], target[m, 1:], weight, dy)
         if learns:
             d_m = (d[0][m], d[1][m], d[2][m], d[3][m], d[4][m], d[5][m], d[6][m])
-            _backward(w_m, feedback, x[m], scale, dt, run, dy, d_m)
+            _backward(w_m, feedback, x[m], scale, dt, width, run, dy, d_m)
     return losses
 
 
@@ -290,8 +328,9 @@ def gradient(
 ) -> NDArray[np.float64]:
     """Losses (members,) of K-step sequences; their gradients land in the parameters' `.grad`.
 
-    x (members, K, batch, n_u + n_w) is normalised; target (members, K + 1, batch, n_y) in units with NaN
-    where a sample is invalid (target[:, 0] starts the run); weight (n_y,) multiplies the squared errors.
+    x (members, K, batch, n_u + n_w) is normalised; target (members, K + 1, batch, n_y + taught) in units
+    with NaN where a sample is invalid (target[:, 0] starts the run); weight (n_y,) multiplies the squared
+    errors.
     """
     for name in WEIGHTS:
         parameter = getattr(network, name)
@@ -315,7 +354,9 @@ def _call(
         network.mean.numpy(),
         network.scale.numpy(),
         np.float32(network.dt),
+        np.float32(code_width(network)),
         weight,
+        network.shape.taught,
         recorded,
         learns,
         tuple((p.grad if learns else p.detach()).numpy() for p in weights),

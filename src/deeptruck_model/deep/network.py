@@ -9,6 +9,7 @@ truck; `kernels` computes the same numbers faster, and a test holds the two toge
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
@@ -28,7 +29,12 @@ WEIGHTS = ("input", "recurrent", "bias", "decoder", "decoder_bias", "output", "o
 
 @dataclass(frozen=True)
 class Shape:
-    """Sizes of a network; `responses` is 2 (acceleration, speed) or 3 (with fuel rate)."""
+    """Sizes of a network; `responses` is 2 (acceleration, speed) or 3 (with fuel rate).
+
+    `code` is the number of features that repeat the speed on a logarithmic scale, `taught` the number of
+    signals inside the truck (gear, engine speed ...) that D has to know besides the response. The paper
+    has neither.
+    """
 
     controls: int
     conditions: int
@@ -36,11 +42,23 @@ class Shape:
     hidden: int = 64
     decoder: int = 32
     members: int = 1
+    code: int = 0
+    taught: int = 0
+
+    @property
+    def signals(self) -> int:
+        """Columns of [u, w, y]."""
+        return self.controls + self.conditions + self.responses
 
     @property
     def inputs(self) -> int:
-        """Columns of [u, w, y] that enter the LSTM."""
-        return self.controls + self.conditions + self.responses
+        """Columns that enter the LSTM: [u, w, y, code]."""
+        return self.signals + self.code
+
+    @property
+    def outputs(self) -> int:
+        """Columns of D: acceleration[, fuel rate][, taught signals]."""
+        return self.responses - 1 + self.taught
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON; Shape(**data) is the inverse."""
@@ -49,18 +67,26 @@ class Shape:
 
 @dataclass(frozen=True)
 class Scales:
-    """Normalisation inside the network: (x - mean) / scale for the columns [u, w, y], each (inputs,)."""
+    """Normalisation inside the network: (x - mean) / scale for the columns [u, w, y, taught], each
+    (columns,).
+
+    `top_speed` m/s is where the speed code ends.
+    """
 
     mean: NDArray[np.float32]
     scale: NDArray[np.float32]
+    top_speed: float = 30.0
 
 
 class State(NamedTuple):
-    """Hidden h and cell c, (members, batch, hidden), and the response to feed back, (members, batch, n_y)."""
+    """Hidden h and cell c, (members, batch, hidden), the response to feed back, (members, batch, n_y), and
+    what D makes of the taught signals, (members, batch, taught).
+    """
 
     h: Tensor
     c: Tensor
     y: Tensor
+    taught: Tensor
 
 
 class TruckNetwork(nn.Module):
@@ -80,7 +106,7 @@ class TruckNetwork(nn.Module):
         super().__init__()
         if len(seeds) != shape.members:
             raise ValueError(f"{shape.members} members need as many seeds, not {len(seeds)}")
-        self.shape, self.dt = shape, dt
+        self.shape, self.dt, self.top_speed = shape, dt, scales.top_speed
         self.register_buffer("mean", torch.as_tensor(scales.mean, dtype=torch.float32))
         self.register_buffer("scale", torch.as_tensor(scales.scale, dtype=torch.float32))
         members = [_initial_weights(shape, seed) for seed in seeds]
@@ -90,24 +116,29 @@ class TruckNetwork(nn.Module):
     def initial(self, y0: Tensor) -> State:
         """Zero internal state at the response y0 (batch, n_y)."""
         zeros = self.input.new_zeros(self.shape.members, y0.shape[0], self.shape.hidden)
-        return State(zeros, zeros, y0.expand(self.shape.members, *y0.shape))
+        taught = self.input.new_zeros(self.shape.members, y0.shape[0], self.shape.taught)
+        return State(zeros, zeros, y0.expand(self.shape.members, *y0.shape), taught)
 
     def step(self, state: State, u: Tensor, w: Tensor) -> State:
         """One step. u (members, batch, n_u) or (batch, n_u), w likewise; the response is in the new state's
         y."""
         conditions = torch.cat([u, w], dim=-1).expand(self.shape.members, -1, -1)
-        x = (torch.cat([conditions, state.y], dim=-1) - self.mean) / self.scale
+        signals = self.shape.signals
+        x = (torch.cat([conditions, state.y], dim=-1) - self.mean[:signals]) / self.scale[:signals]
+        x = torch.cat([x, self._code(state.y[..., SPEED : SPEED + 1])], dim=-1)
         gates = self.bias[:, None] + torch.bmm(x, self.input) + torch.bmm(state.h, self.recurrent)
         i, f, g, o = gates.chunk(4, dim=-1)
         c = torch.sigmoid(f) * state.c + torch.sigmoid(i) * torch.tanh(g)
         h = torch.sigmoid(o) * torch.tanh(c)
         decoded = torch.tanh(self.decoder_bias[:, None] + torch.bmm(h, self.decoder))
         raw = self.output_bias[:, None] + torch.bmm(decoded, self.output)
-        return State(h, c, self._constrain(raw, state.y))
+        raw = raw * self.scale[self._columns] + self.mean[self._columns]
+        responses = self.shape.responses - 1
+        return State(h, c, self._constrain(raw[..., :responses], state.y), raw[..., responses:])
 
     def unfold(self, u: Tensor, w: Tensor, y: Tensor, form: str = "deployment") -> Tensor:
         """K steps from zero state: u (.., batch, K, n_u), w likewise, y (.., batch, K+1, n_y) -> (members,
-        batch, K, n_y).
+        batch, K, n_y + taught).
 
         `form` 'deployment' feeds the model its own response and reads only y[..., 0, :]; 'training' feeds
         the recorded one wherever it is finite.
@@ -120,8 +151,22 @@ class TruckNetwork(nn.Module):
                 fed = torch.where(torch.isnan(recorded[:, :, k]), state.y, recorded[:, :, k])
                 state = state._replace(y=fed)
             state = self.step(state, u[..., k, :], w[..., k, :])
-            responses.append(state.y)
+            responses.append(torch.cat([state.y, state.taught], dim=-1))
         return torch.stack(responses, dim=2)
+
+    def _code(self, speed: Tensor) -> Tensor:
+        """Speed (.., 1) on a logarithmic scale, where gears lie evenly: (.., code) soft steps."""
+        if not self.shape.code:
+            return speed[..., :0]
+        width = math.log1p(self.top_speed) / self.shape.code
+        centres = width * (0.5 + torch.arange(self.shape.code, dtype=speed.dtype))
+        return torch.tanh((torch.log1p(speed) - centres) / width)
+
+    @property
+    def _columns(self) -> list[int]:
+        """Where the outputs of D lie in [u, w, y, taught]: D leaves the speed to C."""
+        first = self.shape.controls + self.shape.conditions
+        return [first + ACCELERATION, *range(first + FUEL, first + 1 + self.shape.outputs)]
 
     def _constrain(self, raw: Tensor, y: Tensor) -> Tensor:
         """C: v' = v + a dt, never negative, at rest when it hardly moves; fuel never negative.
@@ -129,8 +174,6 @@ class TruckNetwork(nn.Module):
         Where a bound holds, the gradient still reaches the decoder as if it did not (else a model that
         wrongly stands could never learn to start), but no longer passes to the speed before.
         """
-        columns = [ACCELERATION, FUEL][: raw.shape[-1]]
-        raw = raw * self.scale[-self.shape.responses :][columns] + self.mean[-self.shape.responses :][columns]
         acceleration, speed = raw[..., 0], y[..., SPEED]
         moved = speed + acceleration * self.dt
         stands = (moved < 0) | ((moved < REST_SPEED) & (acceleration < REST_ACCELERATION))
@@ -153,7 +196,7 @@ def _initial_weights(shape: Shape, seed: int) -> dict[str, Tensor]:
     def uniform(bound: float, *size: int) -> Tensor:
         return (torch.rand(*size, generator=generator) * 2 - 1) * bound
 
-    lstm, decoder, outputs = shape.hidden**-0.5, shape.decoder**-0.5, shape.responses - 1
+    lstm, decoder, outputs = shape.hidden**-0.5, shape.decoder**-0.5, shape.outputs
     return {
         "input": uniform(lstm, shape.inputs, 4 * shape.hidden),
         "recurrent": uniform(lstm, shape.hidden, 4 * shape.hidden),

@@ -27,6 +27,7 @@ from deeptruck_model.deep.windows import (
     cut,
     loss_weights,
     measure_scales,
+    teachable,
     time_split,
 )
 from deeptruck_model.errors import InputError
@@ -63,10 +64,13 @@ class Arguments:
     clip: float = 1.0
     """largest norm of one member's gradient"""
     speed_s: float = 5.0
-    """a speed error of sd(acceleration) * speed_s costs as much as an acceleration error of
-    sd(acceleration)"""
+    """a speed error costs as much as the acceleration that brings it about in this time"""
     fuel: float = 0.5
     """cost of a fuel error of one standard deviation"""
+    teach: float = 0.3
+    """the same for gear, engine speed and torque where recorded; D has to know them, nothing else uses them"""
+    code: int = 12
+    """features that repeat the speed on a logarithmic scale, where gears are evenly spaced"""
     horizon_s: float = 40.0
     """length of the free runs that select the checkpoint"""
     rounds: int = 40
@@ -100,8 +104,9 @@ def train(
     if arguments.mode == "default":
         pieces = [consistent(piece) for piece in pieces]
     training, validation = time_split(pieces)
-    scales = measure_scales(training)
-    sequences, held_out = Sequences.of(training, scales), Sequences.of(validation, scales)
+    taught = teachable(training) if arguments.teach and arguments.mode == "default" else ()
+    scales = measure_scales(training, taught)
+    sequences, held_out = (Sequences.of(part, scales, taught) for part in (training, validation))
     dt, samples = pieces[0].dt, sum(len(p) for p in training)
     steps = min(arguments.steps, max(len(p) for p in training) - 1)
     batches = max(1, samples // (steps * arguments.sequences))
@@ -122,9 +127,14 @@ def train(
         arguments.hidden,
         arguments.decoder,
         arguments.members,
+        arguments.code if arguments.mode == "default" else 0,
+        len(taught),
     )
     network = TruckNetwork(shape, scales, dt, seeds)
-    weight = loss_weights(scales, shape.responses, arguments.speed_s, arguments.fuel)
+    weight = loss_weights(
+        scales, shape.responses, len(taught), arguments.speed_s, arguments.fuel, arguments.teach
+    )
+    judged = np.where(np.arange(len(weight)) < shape.responses, weight, np.float32(0.0))
     optimizer = _optimizer(network, arguments)
     best = Best(network)
 
@@ -153,7 +163,7 @@ def train(
                 optimizer.step()
                 done += 1
                 progress.update(task, completed=done)
-            scores = validate(network, held_out, weight, round(arguments.horizon_s / dt))
+            scores = validate(network, held_out, judged, round(arguments.horizon_s / dt))
             best.keep(scores, network)
             board.add_scalar("loss/training", float(np.mean(losses)), done)
             board.add_scalar("loss/validation", float(np.mean(scores)), done)
@@ -173,6 +183,7 @@ def train(
         "seeds": list(seeds),
         "data_hash": identity["data_hash"],
         "git_hash": card.git_hash(),
+        "taught": list(taught),
         "training": {
             "updates": updates,
             "steps": steps,

@@ -55,8 +55,7 @@ class DeepTruck:
         self.details: dict[str, Any] = dict(details or {})
         self._interface = interface
         self._packed = inference.pack(network)
-        shape = network.shape
-        self._default_y = self._packed.mean[-shape.responses :].astype(np.float64)
+        self._default_y = network.mean[-network.shape.responses :].numpy().astype(np.float64)
 
     @property
     def interface(self) -> TruckInterface:
@@ -140,7 +139,8 @@ class DeepTruck:
     def _run(self, u: Array, w: Array, y0: Array, recorded: Array | None) -> tuple[Array, Array]:
         u, w = (np.ascontiguousarray(x, dtype=np.float64) for x in (u, w))
         y0 = self._start(y0)
-        known = np.zeros((1, 1, y0.shape[1])) if recorded is None else np.asarray(recorded, dtype=np.float64)
+        known = np.zeros((1, 1, y0.shape[1])) if recorded is None else recorded
+        known = np.ascontiguousarray(known, dtype=np.float64)
         mean, spread = inference.run(self._packed, self.network.dt, u, w, y0, known, recorded is not None)
         return mean, spread
 
@@ -148,7 +148,7 @@ class DeepTruck:
         y0 = np.array(y0, dtype=np.float64)
         unknown = np.isnan(y0)
         unknown[:, SPEED] = False
-        return np.where(unknown, self._default_y, y0)
+        return np.ascontiguousarray(np.where(unknown, self._default_y, y0))
 
 
 class TorchTruck(torch.nn.Module):

@@ -130,11 +130,11 @@ class Sequences:
     bounds: NDArray[np.int64]
 
     @classmethod
-    def of(cls, pieces: Sequence[Recording], scales: Scales) -> Sequences:
-        """Stack the pieces."""
+    def of(cls, pieces: Sequence[Recording], scales: Scales, taught: tuple[str, ...] = ()) -> Sequences:
+        """Stack the pieces; the taught channels lie behind y, NaN where a piece does not have them."""
         inputs = pieces[0].u.shape[1] + pieces[0].w.shape[1]
         x = np.concatenate([np.concatenate([p.u, p.w], axis=1) for p in pieces])
-        y = np.concatenate([p.y for p in pieces])
+        y = np.concatenate([np.concatenate([p.y, _columns(p, taught)], axis=1) for p in pieces])
         y[:, SPEED] = np.maximum(y[:, SPEED], 0.0)
         stops = np.cumsum([len(p) for p in pieces])
         bounds = np.stack([stops - [len(p) for p in pieces], stops], axis=1)
@@ -174,22 +174,51 @@ class Sequences:
         return self.x[index[..., :-1, :]], target
 
 
-def measure_scales(pieces: Sequence[Recording]) -> Scales:
-    """Mean and standard deviation of [u, w, y] over the pieces; a channel that hardly moves is not blown
-    up."""
-    data = np.concatenate([np.concatenate([p.u, p.w, p.y], axis=1) for p in pieces])
+TEACHABLE = ("gear", "engine_speed", "engine_torque")
+
+
+def teachable(pieces: Sequence[Recording]) -> tuple[str, ...]:
+    """Signals inside the truck that are recorded in most of the data, so that the model can learn to know
+    them.
+    """
+    total = sum(len(p) for p in pieces)
+    known = {
+        c: sum(int(np.isfinite(p.channels[c]).sum()) for p in pieces if c in p.channels) for c in TEACHABLE
+    }
+    return tuple(c for c in TEACHABLE if known[c] > 0.5 * total)
+
+
+def _columns(piece: Recording, channels: tuple[str, ...]) -> Array:
+    missing = np.full(len(piece), np.nan)
+    return np.array([piece.channels.get(c, missing) for c in channels]).reshape(len(channels), len(piece)).T
+
+
+def measure_scales(pieces: Sequence[Recording], taught: tuple[str, ...] = ()) -> Scales:
+    """Mean and standard deviation of [u, w, y, taught]; a channel that hardly moves is not blown up."""
+    data = np.concatenate([np.concatenate([p.u, p.w, p.y, _columns(p, taught)], axis=1) for p in pieces])
     mean, deviation = np.nanmean(data, axis=0), np.nanstd(data, axis=0)
-    names = (*pieces[0].interface.u, *pieces[0].interface.w, *pieces[0].interface.y)
+    names = (*pieces[0].interface.u, *pieces[0].interface.w, *pieces[0].interface.y, *taught)
     floors = {"grade": 0.005, "speed": 1.0, "acceleration": 0.05, "fuel_rate": 0.05}
     floor = [
         floors.get(n, max(1e-3 * float(np.nanmax(np.abs(data[:, i]))), 1e-6)) for i, n in enumerate(names)
     ]
-    return Scales(mean.astype(np.float32), np.maximum(deviation, floor).astype(np.float32))
+    top = max(5.0, float(np.nanmax(data[:, names.index("speed")])))
+    return Scales(mean.astype(np.float32), np.maximum(deviation, floor).astype(np.float32), top)
 
 
-def loss_weights(scales: Scales, n_y: int, speed_s: float, fuel: float) -> FloatArray:
-    """(n_y,): squared acceleration errors count by its variance, speed errors as acceleration held for
-    `speed_s`."""
-    scale = scales.scale[-n_y:].astype(np.float64)
-    acceleration = scale[ACCELERATION]
-    return np.array([acceleration**-2, (acceleration * speed_s) ** -2, *(fuel * scale[2:] ** -2)], np.float32)
+def loss_weights(
+    scales: Scales, n_y: int, taught: int, speed_s: float, fuel: float, inside: float
+) -> FloatArray:
+    """(n_y + taught,): squared acceleration errors count by its variance, speed errors as acceleration held
+    for `speed_s`, fuel and taught signals by their variance times a factor.
+    """
+    variance = scales.scale[-n_y - taught :].astype(np.float64) ** 2
+    return np.array(
+        [
+            1 / variance[ACCELERATION],
+            1 / (variance[ACCELERATION] * speed_s**2),
+            *(fuel / variance[2:n_y]),
+            *(inside / variance[n_y:]),
+        ],
+        np.float32,
+    )

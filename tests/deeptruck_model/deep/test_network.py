@@ -10,11 +10,18 @@ from deeptruck_model.deep.network import WEIGHTS, Scales
 rng = np.random.default_rng(0)
 
 
-def network(controls: int, conditions: int, responses: int, dt: float = 0.1) -> TruckNetwork:
+def network(
+    controls: int, conditions: int, responses: int, dt: float = 0.1, code: int = 0, taught: int = 0
+) -> TruckNetwork:
     means, widths = np.array([500, 10, 0.0, 0.1, 8, 3]), np.array([700, 15, 0.02, 0.8, 6, 2])
-    columns = [*range(controls), *range(2, 2 + conditions), *range(3, 3 + responses)]
+    columns = [*range(controls), *range(2, 2 + conditions), *range(3, 3 + responses), *range(taught)]
     scales = Scales(means[columns].astype(np.float32), widths[columns].astype(np.float32))
-    return TruckNetwork(Shape(controls, conditions, responses, 16, 8, members=2), scales, dt, seeds=(3, 4))
+    return TruckNetwork(
+        Shape(controls, conditions, responses, 16, 8, members=2, code=code, taught=taught),
+        scales,
+        dt,
+        seeds=(3, 4),
+    )
 
 
 def sequences(net: TruckNetwork, steps: int, batch: int) -> tuple[np.ndarray, np.ndarray]:
@@ -22,7 +29,7 @@ def sequences(net: TruckNetwork, steps: int, batch: int) -> tuple[np.ndarray, np
     shape = net.shape
     conditions = shape.controls + shape.conditions
     x = rng.standard_normal((2, steps, batch, conditions)).astype(np.float32)
-    target = rng.standard_normal((2, steps + 1, batch, shape.responses)).astype(np.float32)
+    target = rng.standard_normal((2, steps + 1, batch, shape.responses + shape.taught)).astype(np.float32)
     target = target * net.scale[conditions:].numpy() + net.mean[conditions:].numpy()
     target[..., 1] = np.maximum(target[..., 1], 0)
     start = target[:, 0, :, 1].copy()
@@ -34,17 +41,22 @@ def sequences(net: TruckNetwork, steps: int, batch: int) -> tuple[np.ndarray, np
 
 @pytest.mark.parametrize(
     ("interface", "form", "dt"),
-    [*product([(2, 1, 3), (1, 0, 2)], ["training", "deployment"], [0.1]), ((2, 1, 3), "deployment", 1.0)],
+    [
+        *product([(2, 1, 3), (1, 0, 2), (2, 1, 3, 0.1, 5, 2)], ["training", "deployment"], [0.1]),
+        ((2, 1, 3), "deployment", 1.0),
+        ((1, 0, 2, 1.0, 5, 1), "deployment", 1.0),
+    ],
 )
 def test_compiled_gradient_equals_autograd(interface, form, dt):
-    net = network(*interface, dt)
+    net = network(*interface[:3], dt, *interface[4:])
     x, target = sequences(net, 30, 5)
-    weight = np.array([1.6, 0.05, 0.2], np.float32)[: interface[2]]
+    weight = np.array([1.6, 0.05, 0.2, 0.3, 0.1], np.float32)[: target.shape[3]]
 
     conditions = net.shape.controls + net.shape.conditions
     raw = (torch.as_tensor(x) * net.scale[:conditions] + net.mean[:conditions]).transpose(1, 2)
     y = torch.as_tensor(target).transpose(1, 2).clone()
     y[:, :, 0] = torch.where(torch.isnan(y[:, :, 0]), net.mean[conditions:], y[:, :, 0])
+    y = y[..., : net.shape.responses]
     run = net.unfold(raw[..., : net.shape.controls], raw[..., net.shape.controls :], y, form)
     truth = torch.as_tensor(target).transpose(1, 2)[:, :, 1:]
     valid = ~torch.isnan(truth)
