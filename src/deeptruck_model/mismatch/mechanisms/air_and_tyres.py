@@ -1,0 +1,136 @@
+"""Air and tyres: wind, drafting, rolling resistance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.expression import InRecording, Signal, Tent, absolute, exp, maximum
+from deeptruck_model.mismatch.mechanisms.base import DRAG, ELAPSED, SPEED, Column, Mechanism, Settings
+
+MOST_KNOTS = 120
+
+
+def _headwind_settings(e: Evidence) -> Iterator[Settings]:
+    for wind in (-12.0, -8.0, -4.0, 4.0, 8.0, 12.0):
+        yield {"wind_m_s": wind}
+    names = [s.name for s in e.stretches]
+    if 1 < len(names) <= MOST_KNOTS:
+        yield {"recordings": names}
+    total = len(e) * e.dt
+    for knot_s in (60.0, 240.0):
+        step = max(knot_s, total / MOST_KNOTS)
+        yield {
+            "recordings": names,
+            "knots": [int((s.stop - s.start) * e.dt / step) + 1 for s in e.stretches],
+            "knot_s": step,
+        }
+
+
+def _headwind(s: Settings) -> list[Column]:
+    per_square = DRAG / maximum(SPEED, 1.0) ** 2
+    if "wind_m_s" in s:
+        air = SPEED + s["wind_m_s"]
+        change = air * absolute(air) - SPEED**2
+        return [Column(-(per_square * change), 0.3, "wind", "m/s", s["wind_m_s"], mean=1.0)]
+    linear = -(per_square * SPEED * 2.0)
+    if "knots" not in s:
+        return [
+            Column(
+                linear * InRecording(i, elsewhere=1.0 / len(s["recordings"])),
+                6.0,
+                f"wind[{name}]",
+                "m/s",
+                sign=0,
+            )
+            for i, name in enumerate(s["recordings"])
+        ]
+    return [
+        Column(
+            linear * InRecording(i) * Tent((ELAPSED,), k * s["knot_s"], s["knot_s"]),
+            6.0,
+            f"wind[{name}, {k}]",
+            "m/s",
+            sign=0,
+        )
+        for i, (name, count) in enumerate(zip(s["recordings"], s["knots"], strict=True))
+        for k in range(count + 1)
+    ]
+
+
+def _drafting_settings(e: Evidence) -> Iterator[Settings]:
+    for length_m in (8.0, 20.0, 50.0):
+        yield {"length_m": length_m}
+
+
+def _drafting(s: Settings) -> list[Column]:
+    near = exp(-(Signal("gap", missing=1e4) / s["length_m"]))
+    return [Column(DRAG * near, 0.4, "share_of_drag")]
+
+
+def _no_settings(e: Evidence) -> Iterator[Settings]:
+    yield {}
+
+
+def _rolling_speed(s: Settings) -> list[Column]:
+    return [Column(-(SPEED / 20.0), 0.03, "slope", "N s/m", 1 / 20.0, per_mass=True)]
+
+
+def _warm_up_settings(e: Evidence) -> Iterator[Settings]:
+    for tau_s in (200.0, 600.0, 1500.0):
+        yield {"tau_s": tau_s}
+
+
+def _warm_up(s: Settings) -> list[Column]:
+    return [Column(-exp(-(ELAPSED / s["tau_s"])), 0.03, "cold_force", "N", per_mass=True)]
+
+
+MECHANISMS = (
+    Mechanism(
+        "headwind",
+        "F = -rho/2 CdA ((v + w)|v + w| - v^2)",
+        "wind along the road changes the air drag",
+        ("drag", "speed"),
+        ("speed", "time"),
+        "SAE J1263 wind correction",
+        "drive the same stretch both ways at two speeds",
+        _headwind_settings,
+        _headwind,
+        hidden=True,
+    ),
+    Mechanism(
+        "drafting",
+        "F = +rho/2 CdA v^2 s exp(-gap / L)",
+        "the vehicle ahead takes away air drag",
+        ("drag", "gap"),
+        ("gap", "speed"),
+        "Browand et al., PATH UCB-ITS-PRR-2004-20",
+        "follow at several gaps at constant speed",
+        _drafting_settings,
+        _drafting,
+        hidden=True,
+    ),
+    Mechanism(
+        "rolling_resistance_speed",
+        "F = -k v",
+        "rolling resistance grows with speed",
+        ("speed",),
+        ("speed",),
+        "SAE J2452",
+        "coast down from high speed on a calm day, both ways",
+        _no_settings,
+        _rolling_speed,
+    ),
+    Mechanism(
+        "rolling_resistance_warmup",
+        "F = -F_cold exp(-t / tau)",
+        "tyres roll harder while they are cold",
+        ("elapsed",),
+        ("time since start",),
+        "ISO 28580 warm-up times",
+        "repeat the same stretch cold and after an hour",
+        _warm_up_settings,
+        _warm_up,
+        hidden=True,
+    ),
+)

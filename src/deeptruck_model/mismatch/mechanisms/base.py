@@ -1,0 +1,110 @@
+"""What a mechanism is: a piece of physics by the way it acts, not by one formula.
+
+A mechanism says which signals drive it, in which direction it can only act, and how large it can be. It offers a few
+shapes: settings (time constants, thresholds, knots: whatever enters nonlinearly) from which `build` makes columns in m/s^2 per
+unit coefficient, each with a prior and perhaps a sign. Settings are chosen by evidence, coefficients are fitted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.expression import Expression, Signal, maximum
+from deeptruck_model.mismatch.noise import Prior
+
+Array = NDArray[np.float64]
+Settings = dict[str, Any]  # plain JSON values
+
+SPEED, ENGINE, BRAKE = Signal("speed"), Signal("engine"), Signal("brake")
+DRAG, ROLLING = Signal("drag"), Signal("rolling")
+ELAPSED, DISTANCE, SIMULATED = Signal("elapsed"), Signal("distance"), Signal("simulated")
+ENGINE_COMMAND, BRAKE_COMMAND = Signal("engine_command"), Signal("brake_command")
+ENGINE_SPEED, RATIO, GEAR = Signal("engine_speed"), Signal("ratio"), Signal("gear")
+PULL = maximum(ENGINE, 0.0)
+
+
+@dataclass(frozen=True)
+class Column:
+    """One coefficient: what it multiplies, its prior, and how it is told to people (unit, and factor into that unit)."""
+
+    expression: Expression
+    sd: float
+    name: str
+    unit: str = "1"
+    factor: float = 1.0
+    per_mass: bool = False  # the coefficient times the mass (kg) is in `unit`
+    sign: int = 1  # +1: never negative; 0: free
+    mean: float = 0.0
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """A named piece of physics.
+
+    `needs` are the signals without which it cannot be tested; `depends_on` what it varies with, for people; `hidden` says
+    that its driver is not among a simulator's inputs, so that a learned simulator cannot have absorbed it; `prior` is its
+    prior probability relative to the others.
+    """
+
+    effect: str
+    equation: str
+    says: str
+    needs: tuple[str, ...]
+    depends_on: tuple[str, ...]
+    source: str
+    told_by: str
+    settings: Callable[[Evidence], Iterator[Settings]] = field(repr=False)
+    build: Callable[[Settings], list[Column]] = field(repr=False)
+    kind: str = "missing_physics"
+    hidden: bool = False
+    prior: float = 1.0
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A mechanism with settings, evaluated: columns (n, k) and their prior."""
+
+    mechanism: Mechanism
+    settings: Settings
+    parts: tuple[Column, ...]
+    columns: Array
+    prior: Prior
+    trials: float  # how many alternatives these settings were picked from; paid for in evidence
+
+
+def shapes(mechanism: Mechanism, e: Evidence) -> list[Shape]:
+    """Every shape of a mechanism on this evidence that is not zero throughout."""
+    out = []
+    for settings in mechanism.settings(e):
+        parts = mechanism.build(settings)
+        columns = np.stack([p.expression.rows(e) for p in parts], axis=1)
+        seen = np.abs(columns[e.valid]).max(axis=0, initial=0.0) > 1e-6
+        if not seen.any():
+            continue
+        prior = Prior(
+            *(np.array([getattr(p, f) for p in parts], dtype=float) for f in ("mean", "sd", "sign"))
+        )
+        out.append(
+            Shape(mechanism, settings, tuple(parts), columns, prior, float(settings.get("trials", 1.0)))
+        )
+    return out
+
+
+def lever_reference(e: Evidence) -> float:
+    """Median overall ratio (rad/m) while driving, so that columns in engine terms stay of order one."""
+    if "ratio" not in e.signals:
+        return 1.0
+    ratio = e["ratio"][e.valid & np.isfinite(e["ratio"])]
+    return max(float(np.median(ratio)), 1e-3) if len(ratio) else 1.0
+
+
+def quantile(e: Evidence, x: Array, where: NDArray[np.bool_], q: float) -> float:
+    """A quantile of x over valid rows that satisfy `where`; infinite when there are too few."""
+    rows = e.valid & where & np.isfinite(x)
+    return float(np.quantile(x[rows], q)) if rows.sum() > 50 else float("inf")

@@ -1,0 +1,92 @@
+"""Brakes: fade, lag and shoes that do not let go."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.expression import Lag, Rerun, Since, exp, lift, minimum
+from deeptruck_model.mismatch.mechanisms.base import BRAKE, SPEED, Column, Mechanism, Settings
+
+HEAT_CAPACITY = 12.5  # J/kg/K: about 500 kg of drums at 500 J/kg/K under 20 t
+
+
+def _fade_settings(e: Evidence) -> Iterator[Settings]:
+    for cooling_s in (100.0, 300.0, 900.0):
+        for order in (1, 2):
+            yield {"cooling_s": cooling_s, "order": order}
+
+
+def _fade(s: Settings) -> list[Column]:
+    heat = Lag((BRAKE * SPEED,), s["cooling_s"], cold=True) * (s["cooling_s"] / HEAT_CAPACITY / 100.0)
+    heat = minimum(heat, 6.0)  # hundreds of K
+    parts = [Column(BRAKE * heat, 0.2, "fade", "1/K", 0.01)]
+    if s["order"] == 2:
+        parts.append(Column(BRAKE * heat**2, 0.1, "fade_square", "1/K^2", 1e-4))
+    return parts
+
+
+def _lag_settings(e: Evidence) -> Iterator[Settings]:
+    for tau_s in (0.15, 0.3, 0.6, 1.0):
+        yield {"tau_s": tau_s}
+
+
+def _lag(s: Settings) -> list[Column]:
+    return [Column(Rerun("lag_brake", s["tau_s"]), 0.3, "time_constant", "s", s["tau_s"], mean=1.0)]
+
+
+def _dragging_settings(e: Evidence) -> Iterator[Settings]:
+    threshold = max(0.05, 0.05 * float(np.nanmax(e["brake"])))
+    yield {"decay_s": None}
+    for decay_s in (5.0, 20.0, 80.0):
+        yield {"decay_s": decay_s, "braking": threshold}
+
+
+def _dragging(s: Settings) -> list[Column]:
+    if s["decay_s"] is None:
+        return [Column(lift(-1.0), 0.08, "force", "N", per_mass=True)]
+    braking = BRAKE > s["braking"]
+    left = exp(-Since((braking,)) / s["decay_s"]) * (1.0 - braking)
+    return [Column(-left, 0.15, "force", "N", per_mass=True)]
+
+
+MECHANISMS = (
+    Mechanism(
+        "brake_fade",
+        "F = +F_brake (k dT + k2 dT^2);  C d(dT)/dt = F_brake v - (C/tau) dT",
+        "the brakes lose force as they heat",
+        ("brake", "brake_command"),
+        ("brake", "speed", "time since braking"),
+        "Limpert, Brake Design and Safety, ch. 4; heat balance of a drum",
+        "repeat a stop of the same pressure cold and after a long descent",
+        _fade_settings,
+        _fade,
+        hidden=True,
+    ),
+    Mechanism(
+        "brake_lag",
+        "tau dF/dt = F_cmd - F",
+        "brake force follows its command late",
+        ("brake", "brake_command"),
+        ("brake command rate",),
+        "air brake actuation 0.2-0.6 s, FMVSS 121 S5.3.3 and S5.3.4",
+        "apply and release the brake in steps with the engine at idle",
+        _lag_settings,
+        _lag,
+    ),
+    Mechanism(
+        "dragging_brake",
+        "F = -F0 (while moving), or -F0 exp(-t_since_release / tau)",
+        "a brake keeps rubbing when it should be free",
+        ("brake", "brake_command"),
+        ("time since braking",),
+        "residual brake drag: Limpert, Brake Design and Safety",
+        "coast down before and after braking",
+        _dragging_settings,
+        _dragging,
+        hidden=True,
+        prior=0.7,
+    ),
+)

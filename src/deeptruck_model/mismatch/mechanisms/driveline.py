@@ -1,0 +1,176 @@
+"""Driveline: losses, shifts, converter, slip, inertia and play."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.expression import Change, Lag, Since, absolute, exp, maximum, minimum
+from deeptruck_model.mismatch.mechanisms.base import (
+    BRAKE,
+    ENGINE,
+    GEAR,
+    PULL,
+    RATIO,
+    SIMULATED,
+    SPEED,
+    Column,
+    Mechanism,
+    Settings,
+    lever_reference,
+    quantile,
+)
+
+
+def _loss_settings(e: Evidence) -> Iterator[Settings]:
+    yield {"by": "torque"}
+    if e.has("gear"):
+        gears = np.round(np.nan_to_num(e["gear"]))
+        used = [float(g) for g in np.unique(gears) if g > 0 and (gears[e.valid] == g).mean() > 0.03]
+        if 1 < len(used) <= 16:
+            yield {"by": "gear", "gears": used}
+    if e.has("ratio"):
+        yield {"by": "ratio", "reference": lever_reference(e)}
+
+
+def _loss(s: Settings) -> list[Column]:
+    if s["by"] == "torque":
+        return [Column(-absolute(ENGINE), 0.15, "share")]
+    if s["by"] == "gear":
+        return [Column(-(PULL * (absolute(GEAR - g) < 0.5)), 0.1, f"share_gear_{g:.0f}") for g in s["gears"]]
+    return [Column(-(PULL * maximum(RATIO / s["reference"] - 1.0, 0.0)), 0.1, "share_per_ratio")]
+
+
+def _shift_settings(e: Evidence) -> Iterator[Settings]:
+    gear = np.round(np.nan_to_num(e["gear"]))
+    if ((np.abs(np.diff(gear)) > 0) & e.valid[1:]).sum() < 3:
+        return
+    for window_s in (0.4, 0.8, 1.4, 2.2):
+        yield {"window_s": window_s}
+
+
+def _shift(s: Settings) -> list[Column]:
+    shifting = absolute(Change((GEAR,))) > 0.5
+    after = Since((shifting,)) < s["window_s"]
+    force = maximum(Lag((PULL,), 1.5), PULL)
+    return [Column(-(force * after), 0.6, "share")]
+
+
+def _converter_settings(e: Evidence) -> Iterator[Settings]:
+    for scale_m_s in (2.0, 4.0):
+        yield {"scale_m_s": scale_m_s}
+
+
+def _converter(s: Settings) -> list[Column]:
+    return [Column(-(PULL * exp(-(SPEED / s["scale_m_s"]))), 0.5, "share", sign=0)]
+
+
+def _slip_settings(e: Evidence) -> Iterator[Settings]:
+    for q in (0.8, 0.92, 0.97):
+        pull = quantile(e, e["engine"], e["engine"] > 0.05, q)
+        brake = quantile(e, e["brake"], e["brake"] > 0.1, q)
+        if np.isfinite(pull) or np.isfinite(brake):
+            yield {"pull": pull if np.isfinite(pull) else 1e3, "brake": brake if np.isfinite(brake) else 1e3}
+
+
+def _slip(s: Settings) -> list[Column]:
+    return [
+        Column(-maximum(PULL - s["pull"], 0.0), 0.5, "traction_share"),
+        Column(maximum(BRAKE - s["brake"], 0.0), 0.5, "brake_share"),
+    ]
+
+
+def _inertia_settings(e: Evidence) -> Iterator[Settings]:
+    yield {"reference": lever_reference(e)}
+
+
+def _inertia(s: Settings) -> list[Column]:
+    lever = minimum(RATIO / s["reference"], 8.0)
+    return [Column(-(SIMULATED * lever**2), 0.05, "share_of_mass")]
+
+
+def _backlash_settings(e: Evidence) -> Iterator[Settings]:
+    size = quantile(e, np.abs(e["engine"]), np.abs(e["engine"]) > 0.0, 0.8)
+    for window_s in (0.3, 0.7):
+        if np.isfinite(size):
+            yield {"window_s": window_s, "size": max(size, 0.05)}
+
+
+def _backlash(s: Settings) -> list[Column]:
+    change = Change((ENGINE > 0.03,))
+    up, down = Since((change > 0.1,)) < s["window_s"], Since((change < -0.1,)) < s["window_s"]
+    return [Column(-(up * s["size"]), 0.5, "tip_in"), Column(down * s["size"], 0.5, "tip_out")]
+
+
+MECHANISMS = (
+    Mechanism(
+        "driveline_loss",
+        "F = -k |F_engine|, or k by gear",
+        "the driveline loses a share of the torque it carries",
+        ("engine",),
+        ("engine torque", "gear"),
+        "gear mesh efficiency: SAE J1266",
+        "pull with the same torque in different gears, and coast in gear",
+        _loss_settings,
+        _loss,
+    ),
+    Mechanism(
+        "shift_interruption",
+        "F = -s F_engine for a while after a gear change",
+        "traction is missing around gear changes",
+        ("gear", "engine"),
+        ("time since gear change",),
+        "automated manual transmissions: torque gap of 0.5-1.5 s",
+        "accelerate through all gears at full torque",
+        _shift_settings,
+        _shift,
+    ),
+    Mechanism(
+        "torque_converter_slip",
+        "F = -s F_engine exp(-v / v0)",
+        "the torque converter multiplies or loses torque at low speed",
+        ("engine", "speed"),
+        ("speed", "engine torque"),
+        "SAE J643 converter characteristics",
+        "launch at several torques with the converter locked and unlocked",
+        _converter_settings,
+        _converter,
+    ),
+    Mechanism(
+        "wheel_slip",
+        "F = -s max(F_engine - mu N, 0), likewise when braking",
+        "tyres slip above a force",
+        ("engine", "speed", "brake"),
+        ("traction force", "brake"),
+        "Pacejka, Tyre and Vehicle Dynamics, ch. 1",
+        "full torque and full brake at low speed on the same surface",
+        _slip_settings,
+        _slip,
+        prior=0.5,
+    ),
+    Mechanism(
+        "rotating_inertia",
+        "F = -J r^2 a",
+        "rotating parts take a share of the acceleration, most in low gears",
+        ("ratio", "simulated"),
+        ("gear", "acceleration"),
+        "Gillespie, Fundamentals of Vehicle Dynamics, eq. 2-9b",
+        "accelerate with the same torque in a low and a high gear",
+        _inertia_settings,
+        _inertia,
+    ),
+    Mechanism(
+        "driveline_backlash",
+        "torque is carried only after the play is taken up, at each change between drive and overrun",
+        "the driveline has play when torque changes sign",
+        ("engine",),
+        ("sign of engine torque",),
+        "Lagerberg and Egardt, Backlash estimation with application to automotive powertrains, 2007",
+        "tip in and out around zero torque in a high gear",
+        _backlash_settings,
+        _backlash,
+        prior=0.7,
+    ),
+)

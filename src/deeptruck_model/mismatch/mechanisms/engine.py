@@ -1,0 +1,210 @@
+"""Engine: lag of the boost, derates, limits, friction, and what it drives besides the wheels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.expression import Expression, Lag, RisingLag, Signal, exp, maximum, minimum
+from deeptruck_model.mismatch.mechanisms.base import (
+    ELAPSED,
+    ENGINE,
+    ENGINE_COMMAND,
+    ENGINE_SPEED,
+    PULL,
+    RATIO,
+    SPEED,
+    Column,
+    Mechanism,
+    Settings,
+    lever_reference,
+    quantile,
+)
+
+OMEGA = 150.0  # rad/s, a diesel's working speed
+
+
+def _turbo_settings(e: Evidence) -> Iterator[Settings]:
+    for tau_s in (0.4, 0.8, 1.6, 3.0):
+        yield {"tau_s": tau_s}
+
+
+def _turbo(s: Settings) -> list[Column]:
+    return [Column(RisingLag((PULL,), s["tau_s"]) - PULL, 0.7, "share")]
+
+
+def _derate_settings(e: Evidence) -> Iterator[Settings]:
+    pull = np.maximum(e["engine"], 0.0)
+    full = quantile(e, pull * e["speed"], pull > 0.02, 0.95)
+    for soak_s in (60.0, 200.0, 600.0):
+        if np.isfinite(full):
+            yield {"by": "load", "soak_s": soak_s, "full": full}
+    if e.has("elevation"):
+        yield {"by": "elevation"}
+    if e.has("ambient_temperature"):
+        yield {"by": "ambient_temperature"}
+
+
+def _derate(s: Settings) -> list[Column]:
+    if s["by"] == "load":
+        load = minimum(Lag((PULL * SPEED / s["full"],), s["soak_s"], cold=True), 1.5)
+        return [Column(-(PULL * load), 0.3, "loss_at_full_load")]
+    if s["by"] == "elevation":
+        return [Column(-(PULL * maximum(Signal("elevation"), 0.0) / 1000.0), 0.15, "loss", "1/km")]
+    heat = maximum(Signal("ambient_temperature") - 25.0, 0.0) / 10.0
+    return [Column(-(PULL * heat), 0.1, "loss", "1/K", 0.1)]
+
+
+def _limit_settings(e: Evidence) -> Iterator[Settings]:
+    pull, speed = np.maximum(e["engine"], 0.0), e["speed"]
+    reference = lever_reference(e)
+    torque = pull * reference / np.maximum(e["ratio"], 0.05 * reference) if "ratio" in e.signals else pull
+    for q in (0.6, 0.75, 0.85, 0.93, 0.97):
+        for by, x in (("torque", torque), ("power", pull * speed), ("speed", speed)):
+            top = quantile(e, x, (pull > 0.02) | (by == "speed"), q)
+            if np.isfinite(top):
+                yield {"by": by, "top": top, "reference": reference if "ratio" in e.signals else None}
+
+
+def _limit(s: Settings) -> list[Column]:
+    if s["by"] == "speed":
+        over: Expression = PULL * minimum(maximum(SPEED - s["top"], 0.0), 1.0)
+    elif s["by"] == "power":
+        over = maximum(PULL - s["top"] / maximum(SPEED, 1.0), 0.0)
+    else:
+        lever = RATIO / s["reference"] if s["reference"] else 1.0
+        over = maximum(PULL - s["top"] * lever, 0.0) if s["reference"] else maximum(PULL - s["top"], 0.0)
+    return [Column(-over, 0.5, "share")]
+
+
+def _engine_brake_settings(e: Evidence) -> Iterator[Settings]:
+    command = e["engine_command"][e.valid]
+    base: Settings = {
+        "small": 0.03 * float(np.nanmax(np.abs(command), initial=0.0)),
+        "reference": lever_reference(e),
+    }
+    if np.nanmin(command, initial=0.0) < 0:
+        yield base | {"by": "demand", "full": float(-np.nanmin(command))}
+    if e.has("ratio", "engine_speed"):
+        yield base | {"by": "engine_speed", "order": 1}
+        yield base | {"by": "engine_speed", "order": 2}
+    yield base | {"by": "speed"}
+    yield base | {"by": "nothing"}
+
+
+def _engine_brake(s: Settings) -> list[Column]:
+    if s["by"] == "demand":
+        return [
+            Column(minimum(ENGINE_COMMAND, 0.0) / s["full"], 0.3, "force_at_full_demand", "N", per_mass=True)
+        ]
+    coast = (ENGINE_COMMAND < s["small"] + 1e-9) * (ENGINE < 0.05)
+    if s["by"] == "engine_speed":
+        drive = coast * (RATIO / s["reference"]) * (ENGINE_SPEED / OMEGA)
+        parts = [Column(-drive, 0.1, "force_at_150_rad_s", "N", per_mass=True)]
+        if s["order"] == 2:
+            parts.append(Column(-(drive * ENGINE_SPEED / OMEGA), 0.1, "force_square", "N", per_mass=True))
+        return parts
+    if s["by"] == "speed":
+        return [Column(-(coast * SPEED / 20.0), 0.1, "force_at_20_m_s", "N", per_mass=True)]
+    return [Column(-coast, 0.1, "force", "N", per_mass=True)]
+
+
+def _friction_settings(e: Evidence) -> Iterator[Settings]:
+    reference = lever_reference(e)
+    for order in (0, 1):
+        yield {"reference": reference, "order": order, "cold_s": None}
+    for cold_s in (200.0, 600.0, 1500.0):
+        yield {"reference": reference, "order": 0, "cold_s": cold_s}
+
+
+def _friction(s: Settings) -> list[Column]:
+    drive = RATIO / s["reference"]
+    if s["order"] == 1:
+        drive = drive * ENGINE_SPEED / OMEGA
+    if s["cold_s"] is not None:
+        drive = drive * exp(-(ELAPSED / s["cold_s"]))
+    return [Column(-drive, 0.03, "force", "N", per_mass=True)]
+
+
+def _accessory_settings(e: Evidence) -> Iterator[Settings]:
+    yield {}
+
+
+def _accessories(s: Settings) -> list[Column]:
+    return [Column(-(1.0 / maximum(SPEED, 3.0)), 0.5, "power", "W", per_mass=True)]
+
+
+MECHANISMS = (
+    Mechanism(
+        "turbo_lag",
+        "F = -(F_cmd - F_boost);  tau dF_boost/dt = F_cmd - F_boost while rising",
+        "engine torque builds up later than commanded",
+        ("engine",),
+        ("rate of engine command",),
+        "Rakopoulos and Giakoumis, Diesel Engine Transient Operation",
+        "step the engine command up and down at constant speed",
+        _turbo_settings,
+        _turbo,
+    ),
+    Mechanism(
+        "torque_derate",
+        "F = -k L F_engine, L the load soaked in (or altitude, or outside heat)",
+        "the engine gives less than commanded under lasting load, height or heat",
+        ("engine", "speed"),
+        ("sustained load", "elevation", "ambient temperature"),
+        "SAE J1349 correction; thermal derating practice",
+        "hold full torque for several minutes, then repeat after idling",
+        _derate_settings,
+        _derate,
+        hidden=True,
+    ),
+    Mechanism(
+        "torque_limit",
+        "F = -s max(F_engine - F_max, 0)",
+        "a limiter or governor cuts the engine above a threshold",
+        ("engine", "speed"),
+        ("engine command", "speed"),
+        "SAE J1939-71 torque and speed limits; ECE R89",
+        "command full torque from low to top speed",
+        _limit_settings,
+        _limit,
+    ),
+    Mechanism(
+        "engine_brake",
+        "F = -c n(w) r, with the engine command at or below zero",
+        "the engine retards more on the overrun than the simulator knows",
+        ("engine_command", "engine", "speed"),
+        ("engine command", "engine speed"),
+        "SAE J1621 retarder torque curves",
+        "coast in gear and in neutral from the same speed",
+        _engine_brake_settings,
+        _engine_brake,
+    ),
+    Mechanism(
+        "engine_friction",
+        "F = -r (c0 + c1 w), larger while cold",
+        "the engine turns harder than the simulator knows",
+        ("ratio", "engine_speed"),
+        ("engine speed", "gear", "time since start"),
+        "Chen-Flynn friction model; Heywood, ch. 13",
+        "coast in two gears from the same speed, cold and warm",
+        _friction_settings,
+        _friction,
+        prior=0.7,
+    ),
+    Mechanism(
+        "accessory_load",
+        "F = -P / v",
+        "something besides the wheels takes engine power",
+        ("speed", "engine"),
+        ("speed",),
+        "fan, compressor and air conditioning loads: NREL heavy-vehicle accessory studies",
+        "hold the same road load with the fan on and off",
+        _accessory_settings,
+        _accessories,
+        hidden=True,
+        prior=0.7,
+    ),
+)

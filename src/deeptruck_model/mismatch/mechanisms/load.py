@@ -1,0 +1,76 @@
+"""Load: mass that changes, and mass that moves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.expression import InRecording, Signal, Slosh
+from deeptruck_model.mismatch.mechanisms.base import SIMULATED, Column, Mechanism, Settings
+
+MASS = Signal("sensitivity:mass")
+
+
+def _payload_settings(e: Evidence) -> Iterator[Settings]:
+    """A load changes at a standstill or between recordings."""
+    slow = e["speed"] < 1.0
+    entering = np.flatnonzero(np.diff(slow.astype(int)) > 0) + 1
+    points = sorted({s.start for s in e.stretches} | set(entering.tolist()))
+    points = [p for p in points if 0.04 * len(e) < p < 0.96 * len(e)]
+    points = points[:: max(1, len(points) // 24)]
+    record, elapsed = e.record, e["elapsed"]
+    for p in points:
+        first, after = int(record[p]), float(elapsed[p])
+        yield {"first": first, "after_s": after, "count": len(e.stretches), "trials": len(points)}
+    if 2 < len(e.stretches) <= 40:
+        yield {"each": [s.name for s in e.stretches]}
+
+
+def _payload(s: Settings) -> list[Column]:
+    if "each" in s:
+        return [
+            Column(MASS * InRecording(i), 0.3, f"change[{name}]", "kg", per_mass=True, sign=0)
+            for i, name in enumerate(s["each"])
+        ]
+    later = InRecording(s["first"], from_s=s["after_s"], elsewhere=1.0)
+    loaded = sum((InRecording(i) for i in range(s["first"] + 1, s["count"])), start=later)
+    return [Column(MASS * loaded, 0.4, "change", "kg", per_mass=True, sign=0)]
+
+
+def _slosh_settings(e: Evidence) -> Iterator[Settings]:
+    for frequency_hz in (0.25, 0.4, 0.6, 0.9):
+        for damping in (0.05, 0.2):
+            yield {"frequency_hz": frequency_hz, "damping": damping}
+
+
+def _slosh(s: Settings) -> list[Column]:
+    return [Column(Slosh((SIMULATED,), s["frequency_hz"], s["damping"]), 0.3, "mass_share")]
+
+
+MECHANISMS = (
+    Mechanism(
+        "payload_change",
+        "m -> m + dm from one standstill or recording on",
+        "the truck's mass changed between or within the recordings",
+        ("sensitivity:mass",),
+        ("recording", "time"),
+        "definition; mass enters as in Gillespie eq. 2-9b",
+        "accelerate with the same torque before and after loading",
+        _payload_settings,
+        _payload,
+        hidden=True,
+    ),
+    Mechanism(
+        "load_slosh",
+        "x'' + 2 z w x' + w^2 x = -a;  F = m_s (w^2 x + 2 z w x' + a)",
+        "a liquid or swinging load moves along the truck",
+        ("simulated",),
+        ("acceleration history",),
+        "Abramson, NASA SP-106",
+        "brake to a stop, and wait at constant speed afterwards",
+        _slosh_settings,
+        _slosh,
+    ),
+)

@@ -1,0 +1,72 @@
+"""The road: slope and surface, as profiles along the distance driven."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from deeptruck_model.mismatch.evidence import GRAVITY, Evidence
+from deeptruck_model.mismatch.expression import InRecording, Tent
+from deeptruck_model.mismatch.mechanisms.base import DISTANCE, Column, Mechanism, Settings
+
+MOST_KNOTS = 140
+
+
+def _settings(e: Evidence) -> Iterator[Settings]:
+    lengths = [float(np.ptp(e["distance"][s.rows])) for s in e.stretches]
+    for spacing in (100.0, 250.0, 600.0):
+        knot_m = max(spacing, sum(lengths) / MOST_KNOTS)
+        yield {"knot_m": knot_m, "knots": [int(length / knot_m) + 2 for length in lengths]}
+        if knot_m > spacing:
+            return
+
+
+def _profile(s: Settings) -> Iterator[tuple[str, InRecording, Tent]]:
+    for i, count in enumerate(s["knots"]):
+        for k in range(count):
+            yield (
+                f"[{i}, {k * s['knot_m']:.0f} m]",
+                InRecording(i),
+                Tent((DISTANCE,), k * s["knot_m"], s["knot_m"]),
+            )
+
+
+def _grade(s: Settings) -> list[Column]:
+    return [
+        Column(-(here * tent) * GRAVITY, 0.02, f"grade{at}", "ratio", sign=0)
+        for at, here, tent in _profile(s)
+    ]
+
+
+def _surface(s: Settings) -> list[Column]:
+    return [Column(-(here * tent), 0.04, f"force{at}", "N", per_mass=True) for at, here, tent in _profile(s)]
+
+
+MECHANISMS = (
+    Mechanism(
+        "road_grade",
+        "F = -m g s(x)",
+        "the road has a slope the simulator does not know",
+        ("distance",),
+        ("distance along the road",),
+        "definition of grade",
+        "drive the same stretch in both directions",
+        _settings,
+        _grade,
+        hidden=True,
+    ),
+    Mechanism(
+        "road_surface",
+        "F = -m c(x), c >= 0",
+        "stretches of the road roll harder, whichever way they are driven",
+        ("distance",),
+        ("distance along the road",),
+        "rolling resistance of road textures: MIRIAM project",
+        "drive the same stretch in both directions",
+        _settings,
+        _surface,
+        hidden=True,
+        prior=0.4,
+    ),
+)

@@ -1,0 +1,244 @@
+"""Drive the simulator along the recordings and gather what it says, doubts and depends on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch import components
+from deeptruck_model.mismatch.evidence import BLOCK_S, Evidence, Stretch
+from deeptruck_model.mismatch.kinematics import noise_of, observed_acceleration
+from deeptruck_model.recordings import Recording
+from deeptruck_model.signals import ACCELERATION, SPEED
+from deeptruck_model.simulators import Run, Simulator, forced_run
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+PARAMETERS = ("mass", "drag_area", "rolling_resistance", "torque_gain", "brake_gain")
+MOVING = 1.0  # m/s; below it standstill logic and wheel sensors rule, not longitudinal dynamics
+SETTLE_S = 6.0  # the simulator's unknown inner state at the start needs this long to be forgotten
+JITTER_RUNS = 6
+STEP = 0.04  # relative step of a parameter for its sensitivity
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A recording made fit for a simulator: no NaN, speed smoothed as little as its noise demands."""
+
+    recording: Recording
+    u: Array
+    w: Array
+    y: Array
+    observed: Array  # acceleration, (n,)
+    valid: Mask
+    speed_noise: float
+    measured_acceleration: bool
+
+    @property
+    def dt(self) -> float:
+        return self.recording.dt
+
+
+def prepare(recording: Recording, measured_acceleration: bool) -> Prepared:
+    """Fill what is missing, mark it invalid for as long as it can disturb, and estimate acceleration."""
+    dt = recording.dt
+    needed = (*recording.interface.u, *recording.interface.w, "speed")
+    bad = ~np.isfinite(recording.columns(needed)).all(axis=1)
+    filled = {name: _fill(recording.channels[name]) for name in {*needed, *recording.interface.y}}
+    speed = filled["speed"]
+    noise = noise_of(recording.channels["speed"])
+    width = float(np.clip(noise / 0.02, 0.0, 3.0)) * 0.15 / dt if dt < 0.5 else 0.0
+    smooth = gaussian_filter1d(speed, width, mode="nearest") if width > 0.3 else speed
+    accelerometer = recording.channels["acceleration"] if measured_acceleration else None
+    observed = observed_acceleration(speed, accelerometer, dt)
+    filled |= {"speed": smooth, "acceleration": observed}
+    stack = lambda names: np.stack([filled[n] for n in names], axis=1) if names else np.zeros((len(speed), 0))  # noqa: E731
+    dead = _widen(bad, round(0.3 / dt), round(2.0 / dt)) | (smooth < MOVING)
+    dead[: round(SETTLE_S / dt)] = True
+    dead[len(dead) - round(1.0 / dt) :] = True
+    r = recording.interface
+    return Prepared(
+        recording, stack(r.u), stack(r.w), stack(r.y), observed, ~dead, noise, measured_acceleration
+    )
+
+
+def gather(
+    simulator: Simulator, prepared: Sequence[Prepared], held_out: Sequence[bool], *, seed: int = 0
+) -> Evidence:
+    """Run the simulator forced along every drive, as it is, with jittered inputs and with moved parameters."""
+    runs = [_forced(simulator, p, p.u) for p in prepared]
+    dt = prepared[0].dt
+    block = max(1, round(BLOCK_S / dt))
+    grid = _Grid(prepared, held_out, block)
+    simulated = grid.stack([r.y[0, :, ACCELERATION] for r in runs])
+    observed = grid.stack([p.observed for p in prepared])
+    signals, mass = components.signals(simulator, prepared, runs, grid)
+    evidence = Evidence(
+        dt=dt * block,
+        stretches=grid.stretches,
+        residual=observed - simulated,
+        simulated=simulated,
+        disagreement=_disagreement(simulator, prepared, grid, seed),
+        valid=grid.valid(),
+        signals=signals | {"simulated": simulated},
+        sensitivity={},
+        mass=mass,
+        rerun=_rerunner(simulator, prepared, grid, simulated),
+    )
+    sensitivity = _sensitivity(simulator, prepared, grid, evidence)
+    named = {f"sensitivity:{name}": column for name, column in sensitivity.items()}
+    return replace(evidence, sensitivity=sensitivity, signals=signals | named | {"simulated": simulated})
+
+
+class _Grid:
+    """Block averages of native samples, stacked over the recordings."""
+
+    def __init__(self, prepared: Sequence[Prepared], held_out: Sequence[bool], block: int) -> None:
+        self.block, self.prepared = block, prepared
+        stretches, start = [], 0
+        for p, out in zip(prepared, held_out, strict=True):
+            rows = len(p.recording) // block
+            stretches.append(Stretch(p.recording.name, start, start + rows, p.recording.start_s, out))
+            start += rows
+        if start == 0:
+            raise InputError("the recordings are shorter than one block; record at least a few minutes")
+        self.stretches = tuple(stretches)
+
+    def stack(self, parts: Sequence[Array]) -> Array:
+        """Block means; a block with an invalid sample is NaN only where all are."""
+        return np.concatenate([self._blocks(p).mean(axis=1) for p in parts])
+
+    def last(self, parts: Sequence[Array]) -> Array:
+        """Last native sample of each block, for gears and other labels."""
+        return np.concatenate([self._blocks(p)[:, -1] for p in parts])
+
+    def valid(self) -> Mask:
+        return np.concatenate([self._blocks(p.valid).all(axis=1) for p in self.prepared])
+
+    def _blocks(self, x: NDArray[np.generic]) -> NDArray[np.generic]:
+        n = len(x) // self.block
+        return x[: n * self.block].reshape(n, self.block)
+
+
+def _forced(
+    simulator: Simulator, p: Prepared, u: Array, y: Array | None = None, w: Array | None = None
+) -> Run:
+    return forced_run(simulator, u[None], (p.w if w is None else w)[None], (p.y if y is None else y)[None])
+
+
+def _accelerations(
+    simulator: Simulator, prepared: Sequence[Prepared], grid: _Grid, us: Sequence[Array]
+) -> Array:
+    return grid.stack(
+        [_forced(simulator, p, u).y[0, :, ACCELERATION] for p, u in zip(prepared, us, strict=True)]
+    )
+
+
+def _disagreement(simulator: Simulator, prepared: Sequence[Prepared], grid: _Grid, seed: int) -> Array:
+    """Sd of the simulated acceleration when the inputs move by their own quantisation and noise."""
+    rng = np.random.default_rng(seed)
+    parts = []
+    for p in prepared:
+        n, k = len(p.recording), JITTER_RUNS
+        steps = np.array([quantum(column) for column in p.u.T])
+        u = p.u + steps * rng.uniform(-0.5, 0.5, (k, n, p.u.shape[1]))
+        y = np.repeat(p.y[None], k, axis=0)
+        noise = rng.normal(0.0, max(p.speed_noise, 0.003), (k, n))
+        drift = rng.normal(0.0, 0.002, (k, 1)) * p.y[None, :, SPEED]
+        y[:, :, SPEED] = np.maximum(y[:, :, SPEED] + gaussian_filter1d(noise, 2.0, axis=1) + drift, 0.0)
+        run = forced_run(simulator, u, np.repeat(p.w[None], k, axis=0), y)
+        parts.append(run.y[:, :, ACCELERATION].std(axis=0, ddof=1))
+    return grid.stack(parts)
+
+
+def quantum(x: Array) -> float:
+    """The step a channel is quantised to: its smallest common difference, at most 2 % of its range."""
+    steps = np.abs(np.diff(x))
+    steps = steps[steps > 1e-12]
+    if len(steps) < 20:
+        return 0.0
+    return float(min(np.quantile(steps, 0.02), 0.02 * np.ptp(x)))
+
+
+def _sensitivity(
+    simulator: Simulator, prepared: Sequence[Prepared], grid: _Grid, evidence: Evidence
+) -> dict[str, Array]:
+    """Change of the simulated acceleration for a 100 % change of each parameter, linearised."""
+    own = simulator.parameters()
+    us = [p.u for p in prepared]
+    out: dict[str, Array] = {}
+    for name in PARAMETERS:
+        if name in own and own[name] != 0.0:
+            low, high = (
+                _accelerations(simulator.with_parameters({name: own[name] * (1 + s)}), prepared, grid, us)
+                for s in (-STEP, STEP)
+            )
+            out[name] = (high - low) / (2 * STEP)
+        else:
+            out[name] = components.sensitivity(evidence, name)
+    return {k: v for k, v in out.items() if np.abs(v[evidence.valid]).max(initial=0.0) > 1e-4}
+
+
+def _rerunner(simulator: Simulator, prepared: Sequence[Prepared], grid: _Grid, simulated: Array):  # type: ignore[no-untyped-def]
+    @lru_cache(maxsize=64)
+    def rerun(name: str, amount: float) -> Array:
+        us = [_changed(p, name, amount) for p in prepared]
+        return _accelerations(simulator, prepared, grid, us) - simulated
+
+    return rerun
+
+
+def _changed(p: Prepared, name: str, amount: float) -> Array:
+    """The commands as another path would have delivered them; `name` is WHAT_WHICH, e.g. delay_all, rate_brake."""
+    what, which = name.split("_")
+    out = p.u.copy()
+    for i, channel in enumerate(p.recording.interface.u):
+        if which != "all" and not channel.startswith(which):
+            continue
+        if what == "delay":
+            t = np.arange(len(out))
+            out[:, i] = np.interp(t - amount / p.dt, t, p.u[:, i])
+        elif what == "rate":
+            out[:, i] = _limit_rate(p.u[:, i], amount * p.dt)
+        elif what == "lag":
+            out[:, i] = _lag(p.u[:, i], float(np.exp(-p.dt / amount)))
+    return out
+
+
+def _lag(x: Array, keep: float) -> Array:
+    from scipy.signal import lfilter
+
+    out: Array = lfilter([1 - keep], [1, -keep], x, zi=keep * x[:1])[0]
+    return out
+
+
+def _limit_rate(x: Array, step: float) -> Array:
+    out = x.copy()
+    for k in range(1, len(x)):
+        out[k] = out[k - 1] + min(max(x[k] - out[k - 1], -step), step)
+    return out
+
+
+def _fill(x: Array) -> Array:
+    ok = np.isfinite(x)
+    if ok.all():
+        return x
+    if not ok.any():
+        return np.zeros_like(x)
+    index = np.arange(len(x))
+    return np.interp(index, index[ok], x[ok])
+
+
+def _widen(bad: Mask, before: int, after: int) -> Mask:
+    if not bad.any():
+        return bad
+    kernel = np.ones(before + after + 1)
+    full = np.convolve(bad.astype(float), kernel)
+    return full[before : before + len(bad)] > 0.5

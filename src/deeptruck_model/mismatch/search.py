@@ -1,0 +1,174 @@
+"""Which mechanisms, beside which parameter errors, explain the residual: a search by evidence.
+
+Every model is a set of shapes beside the simulator's own parameters, which are either held (they may move by HELD) or free
+(by the FREE share that is physically plausible). Log evidence is the sum of the log probabilities with which each
+part of the data is predicted from the rest, so it ranks by prediction and charges for every coefficient.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.mechanisms import LIBRARY, Mechanism, Shape, shapes
+from deeptruck_model.mismatch.noise import Fit, Prior, Series, fit, whiten
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+HELD = 0.01
+FREE = {"mass": 0.3, "drag_area": 0.3, "rolling_resistance": 0.4, "torque_gain": 0.15, "brake_gain": 0.25}
+SCREENED = 2  # shapes of each mechanism that are fitted in full
+FITTED = 14  # mechanisms that are fitted in full in each round
+
+
+@dataclass(frozen=True)
+class Model:
+    """A fitted explanation. `free` are the simulator parameters set free; `score` is evidence with priors, in nats."""
+
+    named: tuple[Shape, ...]
+    free: frozenset[str]
+    fit: Fit
+    score: float
+    layout: tuple[tuple[str, slice], ...] = field(default=())
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        return tuple(n.mechanism.effect for n in self.named)
+
+    def coefficients(self, name: str) -> Array:
+        """Posterior mean of the coefficients of an effect or parameter."""
+        return self.fit.b[dict(self.layout)[name]]
+
+    def covariance(self, name: str) -> Array:
+        part = dict(self.layout)[name]
+        return self.fit.covariance[part, part]
+
+
+class Search:
+    """Fits models on one body of evidence and remembers them."""
+
+    def __init__(self, evidence: Evidence, *, exclude: Iterable[str] = (), only: Mask | None = None) -> None:
+        self.e = evidence
+        self.parameters = tuple(evidence.sensitivity)
+        self.series = evidence.series(1e9, only)
+        first = fit(self.series, *self._design((), frozenset(self.parameters))[:2])
+        self.series: Series = evidence.series(first.sigma, only)
+        self.library = [
+            m for name, m in LIBRARY.items() if name not in set(exclude) and evidence.has(*m.needs)
+        ]
+        self._shapes: dict[str, list[Shape]] = {}
+        self._models: dict[tuple[object, ...], Model] = {}
+
+    def shapes(self, mechanism: Mechanism) -> list[Shape]:
+        """All shapes of a mechanism on this evidence, made once."""
+        if mechanism.effect not in self._shapes:
+            self._shapes[mechanism.effect] = shapes(mechanism, self.e)
+        return self._shapes[mechanism.effect]
+
+    def model(self, named: tuple[Shape, ...], free: frozenset[str], start: Fit | None = None) -> Model:
+        """Fit one explanation."""
+        key = (tuple((n.mechanism.effect, id(n)) for n in named), free)
+        if key not in self._models:
+            X, prior, layout = self._design(named, free)
+            found = fit(self.series, X, prior, start)
+            cost = sum(np.log(n.trials) - np.log(n.mechanism.prior) for n in named)
+            self._models[key] = Model(named, free, found, found.evidence - float(cost), layout)
+        return self._models[key]
+
+    def background(self, named: tuple[Shape, ...]) -> Model:
+        """The best model with these mechanisms and any set of free parameters that a greedy search finds."""
+        best = self.model(named, frozenset())
+        everything = self.model(named, frozenset(self.parameters))
+        grown = best
+        while True:
+            options = [
+                self.model(named, grown.free | {p}, grown.fit) for p in self.parameters if p not in grown.free
+            ]
+            step = max(options, key=lambda m: m.score, default=grown)
+            if step.score < grown.score + 1.0:
+                break
+            grown = step
+        return max((best, grown, everything), key=lambda m: m.score)
+
+    def screen(self, base: Model) -> list[tuple[float, Shape]]:
+        """Approximate gain of every shape on top of `base`, best first, with the noise model of `base`."""
+        X, prior, _ = self._design(base.named, frozenset(self.parameters))
+        use = self.series.usable()
+        rel = self.series.relative[use] * base.fit.sigma
+        z = base.fit.innovations[use]
+        weight = np.sqrt(6.0 / (5.0 + z**2)) / rel
+        Xw = whiten(X, base.fit.ar)[use] * weight[:, None]
+        yw = whiten(self.series.y - X @ _padded(base, prior), base.fit.ar)[use] * weight
+        H0 = np.linalg.inv(Xw.T @ Xw + np.diag(1 / prior.sd**2))
+        out = []
+        for mechanism in self.library:
+            if mechanism.effect in base.effects:
+                continue
+            scored = []
+            for s in self.shapes(mechanism):
+                C = whiten(s.columns, base.fit.ar)[use] * weight[:, None]
+                scored.append((_approximate_gain(C, yw, Xw, H0, s) - np.log(s.trials), s))
+            scored.sort(key=lambda item: -item[0])
+            out += scored[:SCREENED]
+        return sorted(out, key=lambda item: -item[0])
+
+    def candidates(self, base: Model) -> list[Model]:
+        """Every mechanism added to `base`, fitted in full with its parameters free and held, best first."""
+        best: dict[str, Model] = {}
+        tried: dict[str, int] = {}
+        for _, shape in self.screen(base):
+            effect = shape.mechanism.effect
+            if effect not in tried and len(tried) >= FITTED:
+                continue
+            tried[effect] = tried.get(effect, 0) + 1
+            together = (*base.named, shape)
+            for free in {frozenset(self.parameters), base.free}:
+                model = self.model(together, free, base.fit)
+                if effect not in best or model.score > best[effect].score:
+                    best[effect] = model
+        return sorted(best.values(), key=lambda m: -m.score)
+
+    def design(self, model: Model) -> tuple[Array, Prior, tuple[tuple[str, slice], ...]]:
+        """Columns (n, k), prior and layout of a model."""
+        return self._design(model.named, model.free)
+
+    def _design(
+        self, named: tuple[Shape, ...], free: frozenset[str]
+    ) -> tuple[Array, Prior, tuple[tuple[str, slice], ...]]:
+        blocks = [n.columns for n in named] + [self.e.sensitivity[p][:, None] for p in self.parameters]
+        names = [n.mechanism.effect for n in named] + list(self.parameters)
+        sd = np.array([FREE[p] if p in free else HELD for p in self.parameters])
+        zero = np.zeros(len(sd))
+        prior = Prior.join(*(n.prior for n in named), Prior(zero, sd, zero))
+        layout, at = [], 0
+        for name, block in zip(names, blocks, strict=True):
+            layout.append((name, slice(at, at + block.shape[1])))
+            at += block.shape[1]
+        X = np.concatenate(blocks, axis=1) if blocks else np.zeros((len(self.e), 0))
+        return X, prior, tuple(layout)
+
+
+def _padded(base: Model, prior: Prior) -> Array:
+    return base.fit.b if len(base.fit.b) == len(prior.mean) else np.zeros(len(prior.mean))
+
+
+def _approximate_gain(C: Array, y: Array, X: Array, H0: Array, s: Shape) -> float:
+    """Evidence gained by adding columns C to X, all in whitened and weighted units, signs respected one by one."""
+    XtC = X.T @ C
+    A = C.T @ C - XtC.T @ H0 @ XtC
+    g = C.T @ y - XtC.T @ (H0 @ (X.T @ y))
+    P = 1 / s.prior.sd**2
+    H = A + np.diag(P)
+    g = g - A @ s.prior.mean
+    step = np.linalg.solve(H, g)
+    if (s.prior.sign > 0).any() and ((step + s.prior.mean) * s.prior.sign < 0).all():
+        return -10.0
+    gain = 0.5 * float(g @ step) - 0.5 * float(np.linalg.slogdet(H)[1] - np.log(P).sum())
+    # moving by the prior mean itself changes the likelihood too
+    m = s.prior.mean
+    return gain + float((C.T @ y - XtC.T @ (H0 @ (X.T @ y))) @ m - 0.5 * m @ A @ m)
