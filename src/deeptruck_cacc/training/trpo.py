@@ -139,8 +139,7 @@ def _model(simulator: Simulator, config: TrpoConfig, reward: Reward) -> tuple[An
 
 def _iterate(model: Any, env: CaccSb3VecEnv, config: TrpoConfig, iteration: int) -> NDArray[np.float64]:
     """One batch and one update; the returns of its paths."""
-    torch.manual_seed(config.seed * 1_000_003 + iteration)
-    env.seed(config.seed * 1_000_003 + iteration)
+    model.set_random_seed((config.seed * 1_000_003 + iteration) % 2**32)  # the environment's seed as well
     model._last_obs = None  # sb3 then resets the environment, which takes the seed
     steps = config.environments * config.path
     model.learn(steps, reset_num_timesteps=False)

@@ -1,0 +1,177 @@
+"""`deeptruck-cacc`: the console script."""
+
+from __future__ import annotations
+
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from deeptruck_model.errors import InputError
+
+app = typer.Typer(
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="Train a car-following policy on a truck simulator, and show how it drives.",
+)
+PolicyPath = Annotated[
+    str, typer.Argument(metavar="POLICY", help="Policy directory, or baseline:acc|cacc|idm|pi.")
+]
+SimulatorPath = Annotated[
+    str, typer.Option("--simulator", metavar="SIM", help="Simulator directory, or truck:NAME.")
+]
+
+
+class Trainer(StrEnum):
+    """Ways to train."""
+
+    analytic = "analytic"
+    trpo = "trpo"
+
+
+@app.command()
+def train(
+    simulator: SimulatorPath,
+    out: Annotated[Path, typer.Option(metavar="POLICY", help="Policy directory to write.")],
+    trainer: Annotated[
+        Trainer, typer.Option(help="analytic: gradient through a deep truck; trpo: any simulator.")
+    ] = Trainer.analytic,
+    seed: Annotated[int, typer.Option(help="First seed.", min=0)] = 0,
+    seeds: Annotated[int, typer.Option(help="Seeds side by side (analytic).", min=1, max=100)] = 3,
+    iterations: Annotated[int, typer.Option(help="Updates; 0 is the trainer's default.", min=0)] = 0,
+    scene: Annotated[
+        str, typer.Option(help="Training scenes: paper, graded, moving, wide; empty is the default.")
+    ] = "",
+    memory: Annotated[
+        bool | None, typer.Option(help="Slow features (no steady error), or the paper's memoryless policy.")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on where a killed run of the same command stopped.")
+    ] = False,
+) -> None:
+    """Train a policy. About a minute of one core with the default trainer.
+
+    Example: deeptruck-cacc train --simulator simulators/mytruck --out policies/mytruck
+    """
+    from deeptruck_cacc import training
+    from deeptruck_model import simulators
+
+    check_target(out)
+    config = _config(trainer, seed, seeds, iterations, scene, memory)
+    truck = simulators.load(simulator)
+    with _progress() as bar:
+        task = bar.add_task("training", total=None, says="")
+        policy = training.train(
+            truck,
+            out,
+            trainer=trainer.value,
+            config=config,
+            resume=resume,
+            source=simulator,
+            tell=lambda done, total, says: bar.update(task, completed=done, total=total, says=says),
+        )
+    typer.echo(f"{out}: seed {policy.card['seed']}, validation {policy.card['validation']['score']:.3f}")
+
+
+@app.command()
+def evaluate(
+    policy: PolicyPath,
+    simulator: SimulatorPath,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for metrics.json and figures.")],
+    rollouts: Annotated[int, typer.Option(help="Paths in each set.", min=1)] = 100,
+    seed: Annotated[int, typer.Option(help="Of the scenes.", min=0)] = 1000,
+    shield: Annotated[bool, typer.Option(help="Put the shield between policy and truck.")] = False,
+    full: Annotated[
+        bool, typer.Option("--full", help="Add every scene, the baselines' table and the platoons.")
+    ] = False,
+) -> None:
+    """Drive a policy through the paper's scenes and field runs; write tables and figures.
+
+    Example: deeptruck-cacc evaluate policies/mytruck --simulator truck:trucksim --out results/mytruck
+    """
+    from deeptruck_cacc import evaluation
+
+    metrics = evaluation.evaluate(
+        policy, simulator, out, rollouts=rollouts, seed=seed, shield=shield, full=full
+    )
+    Console().print(evaluation.table(metrics))
+    typer.echo(f"{out}: metrics.json and figures")
+
+
+@app.command()
+def export(
+    policy: PolicyPath,
+    out: Annotated[Path, typer.Option(metavar="FILE.onnx", help="ONNX file to write.")],
+) -> None:
+    """Write a trained policy as ONNX, observation map and action scaling included.
+
+    Example: deeptruck-cacc export policies/mytruck --out mytruck.onnx
+    """
+    from deeptruck_cacc.export import export_onnx
+    from deeptruck_cacc.policy import MlpPolicy, load_policy
+
+    loaded = load_policy(policy)
+    if not isinstance(loaded, MlpPolicy):
+        raise InputError(f"{policy} is not a trained policy; only those have an ONNX form")
+    export_onnx(loaded, out)
+    typer.echo(f"{out}: written")
+
+
+def check_target(out: Path) -> None:
+    """Refuse to write a policy over something else."""
+    ours = ("policy.json", "checkpoint", "learning_curve.jsonl")
+    if out.exists() and not (
+        out.is_dir() and (not any(out.iterdir()) or any((out / name).exists() for name in ours))
+    ):
+        raise InputError(f"{out} exists and is not a policy directory; choose another --out")
+
+
+def _config(
+    trainer: Trainer, seed: int, seeds: int, iterations: int, scene: str, memory: bool | None
+) -> object:
+    chosen: dict[str, object] = {"seed": seed}
+    if trainer is Trainer.analytic:
+        chosen["seeds"] = seeds
+    if iterations:
+        chosen["iterations"] = iterations
+    if scene:
+        chosen["scene"] = scene
+    if memory is not None:
+        chosen["memory"] = memory
+    if trainer is Trainer.analytic:
+        from deeptruck_cacc.training.analytic import AnalyticConfig
+
+        return AnalyticConfig(**chosen)  # type: ignore[arg-type]
+    from deeptruck_cacc.training.trpo import TrpoConfig
+
+    return TrpoConfig(**chosen)  # type: ignore[arg-type]
+
+
+def _progress() -> Progress:
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[says]}"),
+        console=Console(stderr=True),
+    )
+
+
+def main() -> None:
+    """Entry point: bad input is one line on stderr and exit code 2, never a traceback."""
+    try:
+        app()
+    except InputError as error:
+        print(f"deeptruck-cacc: {error}", file=sys.stderr)
+        sys.exit(2)
+    except OSError as error:
+        print(f"deeptruck-cacc: {error.filename or ''}: {error.strerror or error}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        print("deeptruck-cacc: interrupted; --resume goes on from the last checkpoint", file=sys.stderr)
+        sys.exit(130)

@@ -1,0 +1,106 @@
+"""Figures in the form of the paper's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+
+from deeptruck_cacc.evaluation import metrics
+from deeptruck_cacc.rollouts import Trace
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+
+
+def error_bands(trace: Trace, title: str, path: Path) -> None:
+    """Time-gap and speed error over time: min/max dashed, sd shaded, mean."""
+    figure, axes = plt.subplots(2, 1, figsize=(7, 5), sharex=True, layout="constrained")
+    for axis, name, label in zip(
+        axes, ("time_gap_error", "speed_error"), ("time-gap error (s)", "speed error (m/s)"), strict=True
+    ):
+        band = metrics.over_time(trace[name])
+        axis.fill_between(
+            trace.time,
+            band["mean"] - band["sd"],
+            band["mean"] + band["sd"],
+            color="tab:red",
+            alpha=0.3,
+            label="sd",
+        )
+        axis.plot(trace.time, band["mean"], "tab:blue", label="mean")
+        axis.plot(trace.time, band["min"], "k--", lw=0.8, label="min, max")
+        axis.plot(trace.time, band["max"], "k--", lw=0.8)
+        axis.axhline(0.0, color="0.6", lw=0.5)
+        axis.set_ylabel(label)
+    axes[0].legend(loc="upper right", ncols=3, fontsize="small")
+    axes[0].set_title(title, fontsize="medium")
+    axes[1].set_xlabel("time (s)")
+    _save(figure, path)
+
+
+def field_run(trace: Trace, title: str, path: Path, row: int = 0) -> None:
+    """One rollout as in the paper's field figures: speeds, time gap, commands, grade."""
+    figure, axes = plt.subplots(4, 1, figsize=(7, 8), sharex=True, layout="constrained")
+    t = trace.time
+    axes[0].plot(t, trace["leader_speed"][:, row], "k", label="leader")
+    axes[0].plot(t, trace["speed"][:, row], "tab:blue", label="truck")
+    axes[0].set_ylabel("speed (m/s)")
+    wanted = trace.scene.time_gap[row]
+    axes[1].plot(t, trace["time_gap_error"][:, row] + wanted, "tab:blue", label="time gap")
+    axes[1].axhline(wanted, color="k", lw=0.8, label="wanted")
+    axes[1].set_ylabel("time gap (s)")
+    axes[2].plot(t, trace["engine_command"][:, row], "tab:green", label="engine command")
+    brake = axes[2].twinx()
+    brake.plot(t, trace["brake_command"][:, row], "tab:red", lw=0.8)
+    brake.set_ylabel("brake command", color="tab:red")
+    axes[2].set_ylabel("engine command", color="tab:green")
+    axes[3].plot(t, 100 * trace.scene.grade[row], "0.4", label="grade (%)")
+    axes[3].plot(t, trace["acceleration"][:, row], "tab:blue", lw=0.8, label="acceleration (m/s²)")
+    axes[3].set_xlabel("time (s)")
+    for axis in (axes[0], axes[1], axes[3]):
+        axis.legend(loc="upper right", ncols=2, fontsize="small")
+    axes[0].set_title(title, fontsize="medium")
+    _save(figure, path)
+
+
+def learning_curve(lines: list[dict[str, Any]], path: Path) -> None:
+    """Min/max shaded and mean over seeds of the cost (analytic) or the returns (trpo)."""
+    figure, axis = plt.subplots(figsize=(7, 3.5), layout="constrained")
+    iteration = [line["iteration"] for line in lines]
+    if "cost" in lines[0]:
+        cost = np.array([line["cost"] for line in lines])
+        low, middle, high, label = cost.min(axis=1), cost.mean(axis=1), cost.max(axis=1), "cost"
+        axis.set_yscale("log")
+    else:
+        low, middle, high = (
+            np.array([line[f"return_{k}"] for line in lines]) for k in ("min", "mean", "max")
+        )
+        label = "return"
+        axis.set_yscale("symlog", linthresh=1.0)
+    axis.fill_between(iteration, low, high, color="tab:red", alpha=0.25, label="min, max")
+    axis.plot(iteration, middle, "darkred", label="mean")
+    axis.set(xlabel="iteration", ylabel=label)
+    axis.legend()
+    _save(figure, path)
+
+
+def amplification(rows: dict[str, dict[str, Any]], path: Path) -> None:
+    """String stability: amplification of speed and gap error along a platoon, by frequency."""
+    figure, axes = plt.subplots(1, 2, figsize=(9, 3.8), sharex=True, layout="constrained")
+    for name, row in rows.items():
+        for axis, key in zip(axes, ("speed", "gap_error"), strict=True):
+            axis.semilogx(row["frequency_hz"], row[f"worst_{key}_amplification"], ".-", label=name)
+    for axis, label in zip(axes, ("speed", "gap error"), strict=True):
+        axis.axhline(1.0, color="k", lw=0.8)
+        axis.set(xlabel="frequency (Hz)", ylabel=f"worst amplification of {label}")
+    axes[0].legend(fontsize="small")
+    _save(figure, path)
+
+
+def _save(figure: Any, path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)

@@ -1,0 +1,67 @@
+"""Numbers from rollouts."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_cacc.rollouts import Trace
+
+Array = NDArray[np.float64]
+
+
+def over_time(values: Array) -> dict[str, Array]:
+    """Mean, sd, min and max over the rollouts at each time, from (T, batch)."""
+    return {
+        "mean": values.mean(axis=1),
+        "sd": values.std(axis=1),
+        "min": values.min(axis=1),
+        "max": values.max(axis=1),
+    }
+
+
+def error(values: Array) -> dict[str, float]:
+    """What is left of an error, (T, batch): bias, sd, extremes, mean and worst magnitude, 99 % quantile."""
+    size = np.abs(values)
+    return {
+        "mean": float(values.mean()),
+        "sd": float(values.std()),
+        "min": float(values.min()),
+        "max": float(values.max()),
+        "mean_abs": float(size.mean()),
+        "p99_abs": float(np.quantile(size, 0.99)),
+        "worst_abs": float(size.max()),
+        "mean_shift": float(abs(values.mean())),
+    }
+
+
+def settling_time(trace: Trace, time_gap_s: float, speed: float) -> Array:
+    """Time after which both errors stay within their bounds, (batch,); inf where they never do."""
+    outside = (np.abs(trace["time_gap_error"]) > time_gap_s) | (np.abs(trace["speed_error"]) > speed)
+    last = len(outside) - 1 - np.argmax(outside[::-1], axis=0)
+    last = np.where(outside.any(axis=0), last + 1, 0)
+    return np.where(last < len(outside), trace.dt * last, np.inf)
+
+
+def summary(trace: Trace) -> dict[str, Any]:
+    """Errors after the paper's times, safety, comfort and fuel of a set of rollouts."""
+    late, steady = round(10.0 / trace.dt), round(25.0 / trace.dt)
+    distance_km = float(trace["speed"].sum() * trace.dt / 1e3)
+    litres = float(trace["fuel"].sum() * trace.dt / 1e3)
+    moving = trace["speed"][late:] > 1.0
+    time_gap = np.where(moving, trace["time_gap_error"][late:], 0.0)
+    return {
+        "rollouts": trace.scene.batch,
+        "time_gap_error_after_10s": error(time_gap),
+        "speed_error_after_25s": error(trace["speed_error"][steady:]),
+        "crashes": int(trace["crash"].any(axis=0).sum()),
+        "min_gap_m": float(trace["gap"].min()),
+        "min_ttc_s": float(trace["ttc"].min()),
+        "acceleration_rms": float(np.sqrt(np.mean(trace["acceleration"] ** 2))),
+        "jerk_rms": float(np.sqrt(np.mean(trace["jerk"] ** 2))),
+        "fuel_l_per_100km": 100.0 * litres / distance_km if np.isfinite(litres) else None,
+        "shield_share": float(trace["acted"].mean()),
+        "mean_return": float(trace["reward"].sum(axis=0).mean()),
+    }

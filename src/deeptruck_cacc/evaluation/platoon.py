@@ -1,0 +1,99 @@
+"""Platoons: each truck follows the one before it; how a disturbance grows or dies along the string."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_cacc.hard_scenes import settled
+from deeptruck_cacc.policy import Policy
+from deeptruck_cacc.rollouts import Trace, roll_out
+from deeptruck_cacc.scenes import Scene
+from deeptruck_model.simulators import Simulator
+
+Array = NDArray[np.float64]
+FREQUENCIES = np.geomspace(0.01, 0.5, 12)
+
+
+def drive(
+    simulator: Simulator,
+    policy: Policy,
+    first: Scene,
+    trucks: int = 8,
+    radar: np.random.Generator | None = None,
+) -> list[Trace]:
+    """The traces of `trucks` trucks in a row behind the leader of `first`.
+
+    Followers do not act on those before them, so the trucks are driven one after the other, exactly.
+    Without V2V pass a `radar` generator: leader speed then carries 0.1 m/s and gap 0.2 m of noise (sd).
+    """
+    traces: list[Trace] = []
+    scene = first
+    for _ in range(trucks):
+        if radar is not None:
+            shape = scene.leader_acceleration.shape
+            scene = replace(
+                scene,
+                seen_speed_offset=radar.normal(0, 0.1, shape),
+                seen_gap_offset=radar.normal(0, 0.2, shape),
+            )
+        traces.append(roll_out(simulator, policy, scene))
+        speed = np.vstack([scene.speed, traces[-1]["speed"]]).T
+        pull = np.diff(speed, axis=1) / simulator.dt
+        scene = replace(first, leader_speed=scene.speed, leader_acceleration=pull)
+    return traces
+
+
+def string_stability(
+    simulator: Simulator,
+    policy: Policy,
+    *,
+    trucks: int = 8,
+    time_gap: float = 1.5,
+    speed: float = 18.0,
+    amplitude: float = 0.5,
+    v2v: bool = True,
+) -> dict[str, Any]:
+    """Amplification of speed and gap error from truck to truck at FREQUENCIES, the worst of the string.
+
+    The leader's speed is a sine of `amplitude` m/s about `speed`; the response is read by its Fourier
+    coefficient over whole periods in the second half of the run. Gap errors start with truck 1, so theirs
+    compares 2..n.
+    """
+    dt, steps = simulator.dt, round(200.0 / simulator.dt)
+    t = dt * np.arange(steps)
+    omega = 2 * np.pi * FREQUENCIES[:, None]
+    scene = settled(np.random.default_rng(0), len(FREQUENCIES), steps, speed, time_gap)
+    pull = np.diff(amplitude * np.sin(omega * np.append(t, t[-1] + dt)), axis=1) / dt
+    scene = replace(scene, leader_acceleration=pull)
+    traces = drive(simulator, policy, scene, trucks, None if v2v else np.random.default_rng(0))
+    lead = _coefficient(traces[0]["leader_speed"].T, dt)
+    speeds = np.array([lead] + [_coefficient(trace["speed"].T, dt) for trace in traces])
+    gaps = np.array([_coefficient(_gap_error(trace), dt) for trace in traces])
+    return {
+        "trucks": trucks,
+        "time_gap_s": time_gap,
+        "v2v": v2v,
+        "frequency_hz": FREQUENCIES.tolist(),
+        "worst_speed_amplification": (speeds[1:] / speeds[:-1]).max(axis=0).tolist(),
+        "worst_gap_error_amplification": (gaps[1:] / np.maximum(gaps[:-1], 0.01)).max(axis=0).tolist(),
+        "crashes": int(sum(trace["crash"].any() for trace in traces)),
+    }
+
+
+def _gap_error(trace: Trace) -> Array:
+    return (trace["gap"] - trace["speed"] * trace.scene.time_gap).T
+
+
+def _coefficient(signals: Array, dt: float) -> Array:
+    """Amplitude of row i at FREQUENCIES[i], (n,), over whole periods at the end of (n, T)."""
+    amplitudes = []
+    for frequency, row in zip(FREQUENCIES, signals, strict=True):
+        whole = max(np.floor(0.5 * len(row) * dt * frequency), 1.0) / frequency
+        tail = row[-round(whole / dt) :]
+        t = dt * np.arange(len(tail))
+        amplitudes.append(2 * abs(np.mean((tail - tail.mean()) * np.exp(-2j * np.pi * frequency * t))))
+    return np.array(amplitudes)

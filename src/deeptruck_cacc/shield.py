@@ -1,0 +1,115 @@
+"""The shield: commands pass while the truck could still stop in time; otherwise it brakes.
+
+Derived in docs/cacc_shield.md.
+
+Pure: it imports numpy and the tables below, and knows neither policy nor simulator.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Promise:
+    """What is assumed of the leader, the truck and the radar; under it the gap never falls below `d_safety`.
+
+    Once the brake is fully commanded at speed v, the truck's speed stays below
+    v + max_acceleration * min(t, response_s) - braking(heat) * (t - response_s), on the steepest road meant.
+    """
+
+    d_safety: float = 2.0  # m
+    leader_braking: float = 6.0  # m/s^2, the hardest the leader brakes
+    braking: float = 4.2  # m/s^2, the least the truck brakes when cold
+    response_s: float = 0.6  # s, until it does
+    max_acceleration: float = 1.2  # m/s^2, the most it accelerates, whatever is commanded
+    fade_per_heat: float = 2.5e-4  # share of braking lost for each J/kg in the brakes
+    least_braking_share: float = 0.4  # of `braking`, however hot
+    stop_heat: float = 1.2  # heat of a stop as a share of v^2/2: above 1 by the slope it may stand on
+    strongest_braking: float = 7.5  # m/s^2 at the full brake command: the fastest the brakes can heat
+    cooling_s: float = 900.0  # s, the slowest time constant with which they cool
+    gap_error: float = 0.3  # m, radar
+    speed_error: float = 0.1  # m/s, radar and wheels
+    dt: float = 0.1  # s between calls
+    soft_m: float = 3.0  # m before the limit where the engine is cut and the brake comes in gently
+
+    def braking_when(self, heat: Array) -> Array:
+        """Least deceleration (m/s^2) with `heat` J/kg in the brakes, never more than the leader's."""
+        share = np.maximum(1.0 - self.fade_per_heat * heat, self.least_braking_share)
+        return np.asarray(np.minimum(self.braking * share, self.leader_braking))
+
+    def needed_gap(self, speed: Array, leader_speed: Array, heat: Array, wait_s: float) -> Array:
+        """Smallest gap (m) from which full braking begun after `wait_s` keeps d_safety (docs, eq. 4)."""
+        reach = wait_s + self.response_s
+        peak = speed + self.max_acceleration * reach
+        braking = self.braking_when(heat + self.stop_heat * 0.5 * peak**2)
+        travelled = speed * reach + 0.5 * self.max_acceleration * reach**2 + peak**2 / (2 * braking)
+        sampling = 0.5 * peak * self.dt + 0.5 * braking * self.dt**2
+        left = leader_speed**2 / (2 * self.leader_braking)
+        return self.d_safety + np.maximum(travelled + sampling - left, 0.0)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return asdict(self)
+
+
+@dataclass
+class Shield:
+    """Stands between commands and truck. `acted` and `braking` (batch,) say what it did in the last call."""
+
+    promise: Promise
+    engine_low: float
+    brake_high: float
+    acted: Flags = field(default_factory=lambda: np.zeros(0, bool))
+    braking: Flags = field(default_factory=lambda: np.zeros(0, bool))
+    _seen: tuple[Array, Array, Array, Array] | None = field(default=None, repr=False)
+
+    def reset(self) -> None:
+        """Forget the past; the brakes count as cold."""
+        self._seen = None
+
+    def filter(
+        self, gap: Array, leader_speed: Array, speed: Array, engine: Array, brake: Array
+    ) -> tuple[Array, Array]:
+        """Commands to send, each (batch,). NaN in gap or speeds is 'not measured', in a command 'no command'.
+
+        Where nothing was ever measured, it brakes.
+        """
+        p = self.promise
+        gap, leader_speed, speed, heat = self._bounds(gap, leader_speed, speed)
+        slack = gap - p.needed_gap(speed, leader_speed, heat, p.dt)
+        missing = ~(np.isfinite(engine) & np.isfinite(brake))
+        limit = np.clip(1.0 - slack / p.soft_m, 0.0, 1.0) ** 2 * self.brake_high
+        limit = np.where(slack < 0, self.brake_high, limit)
+        asked = np.where(missing, 0.3 * self.brake_high, brake)  # no command: slow down gently
+        sent_brake = np.clip(np.maximum(asked, limit), 0.0, self.brake_high)
+        closing = (slack < p.soft_m) | missing
+        sent_engine = np.where(closing, self.engine_low, engine)
+        self.braking = slack < 0
+        self.acted = missing | (sent_brake > asked) | (sent_engine != engine)
+        heating = np.minimum(sent_brake / self.brake_high, 1.0) * p.strongest_braking * speed
+        heat = heat + p.dt * (heating - heat / p.cooling_s)
+        self._seen = gap, leader_speed, speed, heat
+        return sent_engine, sent_brake
+
+    def _bounds(self, gap: Array, leader_speed: Array, speed: Array) -> tuple[Array, Array, Array, Array]:
+        """Lowest gap and leader speed, highest own speed and heat that the measurements leave possible."""
+        p = self.promise
+        gap, leader_speed, speed = (np.asarray(x, float) for x in (gap, leader_speed, speed))
+        if self._seen is None or len(self._seen[0]) != len(gap):
+            nothing = np.zeros(len(gap))
+            self._seen = nothing, nothing, np.full(len(gap), 40.0), nothing
+        old_gap, old_leader, old_speed, heat = self._seen
+        reckoned = old_gap + (old_leader - old_speed) * p.dt
+        slowed = np.maximum(old_leader - p.leader_braking * p.dt, 0.0)
+        gap = np.where(np.isfinite(gap), gap - p.gap_error, reckoned)
+        leader_speed = np.where(np.isfinite(leader_speed), leader_speed - p.speed_error, slowed)
+        own = np.where(np.isfinite(speed), speed + p.speed_error, old_speed + p.max_acceleration * p.dt)
+        return gap, np.maximum(leader_speed, 0.0), np.maximum(own, 0.0), heat

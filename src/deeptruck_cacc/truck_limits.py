@@ -1,0 +1,83 @@
+"""Measure on a simulator what a Promise assumes of the truck: emergency stops from many states."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_cacc.scaling import ActionScale
+from deeptruck_cacc.shield import Promise
+from deeptruck_model.errors import InputError
+from deeptruck_model.signals import SPEED
+from deeptruck_model.simulators import Simulator
+
+Array = NDArray[np.float64]
+PREPARE_S, STOP_S = 4.0, 14.0
+
+
+def measure(
+    simulator: Simulator, *, worst_grade: float = -0.03, reserve: float = 0.05, base: Promise | None = None
+) -> Promise:
+    """`base` with braking, response_s and max_acceleration of this truck, each worse by the share `reserve`.
+
+    Full braking from 4..30 m/s on the steepest descent meant, out of 0..4 s of idle, half and full engine,
+    so that boost, gear and shifts differ. Raises InputError for a truck that has no brake or does not brake.
+    """
+    if simulator.interface.brake_unit is None:
+        raise InputError("the truck has no brake command: nothing can be promised for it")
+    speed, begin = _emergency_stops(simulator, worst_grade)
+    dt, start = simulator.dt, np.take_along_axis(speed, begin[None], axis=0)[0]
+    most = float(np.diff(speed, axis=0).max() / dt) * (1 + reserve)
+    time = (np.arange(len(speed))[:, None] - begin) * dt
+    moving = (speed > 0.2) & (time > 0)
+    best: Promise | None = None
+    for response in np.arange(dt, 1.55, dt):
+        beyond = time - response
+        late = moving & (beyond > 0)
+        if np.any(moving & (beyond <= 0) & (speed > start + most * time + 1e-9)):
+            continue
+        with np.errstate(divide="ignore", invalid="ignore"):
+            rate = np.where(late, (start + most * response - speed) / beyond, np.inf)
+        found = replace(
+            base or Promise(dt=dt),
+            braking=float(rate.min()) * (1 - reserve),
+            response_s=float(response),
+            max_acceleration=most,
+            dt=dt,
+        )
+        if found.braking > 0.3 and (best is None or _gap(found) < _gap(best)):
+            best = found
+    if best is None:
+        raise InputError(
+            "the truck does not brake by 0.3 m/s^2 at its full brake command: nothing can be promised"
+        )
+    return best
+
+
+def _gap(promise: Promise) -> float:
+    """Needed gap at 20 m/s behind 20 m/s, cold."""
+    v = np.array([20.0])
+    return float(promise.needed_gap(v, v, np.zeros(1), promise.dt)[0])
+
+
+def _emergency_stops(simulator: Simulator, grade: float) -> tuple[Array, NDArray[np.int64]]:
+    """Speeds (T, batch) and the sample at which the full brake was commanded, (batch,)."""
+    scale, dt = ActionScale.of(simulator), simulator.dt
+    speeds, engines, delays = np.arange(4.0, 31.0, 2.0), (0.0, 0.5, 1.0), np.arange(0.0, PREPARE_S, 0.3)
+    v, e, d = (x.ravel() for x in np.meshgrid(speeds, engines, delays))
+    engine, begin = (
+        scale.engine_low + e * (scale.engine_high - scale.engine_low),
+        np.round(d / dt).astype(int),
+    )
+    y0 = np.zeros((len(v), len(simulator.interface.y)))
+    y0[:, SPEED] = v
+    state, w = simulator.reset(y0), np.full((len(v), len(simulator.interface.w)), grade)
+    trace = [v]
+    for k in range(round((PREPARE_S + STOP_S) / dt)):
+        stopping = k >= begin
+        u = np.column_stack([np.where(stopping, scale.engine_low, engine), stopping * scale.brake_high])
+        state, y = simulator.step(state, u, w)
+        trace.append(y[:, SPEED])
+    return np.array(trace), begin
