@@ -68,7 +68,7 @@ class Arguments:
     fuel: float = 0.5
     """cost of a fuel error of one standard deviation"""
     teach: float = 0.3
-    """the same for gear, engine speed and torque where recorded; D has to know them, nothing else uses them"""
+    """the same for gear, engine speed and torque where recorded; D has to know them, no one else does"""
     code: int = 12
     """features that repeat the speed on a logarithmic scale, where gears are evenly spaced"""
     horizon_s: float = 40.0

@@ -1,0 +1,38 @@
+import json
+
+import numpy as np
+import onnxruntime
+import pytest
+
+from deeptruck_model.deep import onnx_export, train
+from deeptruck_model.signals import TruckInterface
+
+
+def run(session, truck, u, w, y0):
+    members, hidden = truck.network.shape.members, truck.network.shape.hidden
+    h = c = np.zeros((members, len(y0), hidden), np.float32)
+    y = np.repeat(y0[None], members, axis=0).astype(np.float32)
+    responses = []
+    for k in range(u.shape[1]):
+        feed = {"h": h, "c": c, "y": y, "u": u[:, k].astype(np.float32), "w": w[:, k].astype(np.float32)}
+        h, c, y, response = session.run(None, feed)
+        responses.append(response)
+    return np.stack(responses, axis=1)
+
+
+@pytest.mark.parametrize("fuel", [True, False])
+def test_parity_with_the_truck(truck, drive, small, tmp_path, fuel):
+    if not fuel:
+        interface = TruckInterface("plain", brake_unit=None, grade=False, fuel=False)
+        truck = train([drive(120, interface=interface)], tmp_path / "sim", small)
+    recording = drive(120, seed=3, interface=truck.interface)
+    starts = [0, 300, 700]
+    u, w, y = (np.stack([a[s : s + 300] for s in starts]) for a in (recording.u, recording.w, recording.y))
+    u[2, :, 0] = 0.0  # comes to rest
+    onnx_export.export(truck, tmp_path / "truck.onnx")
+    session = onnxruntime.InferenceSession(tmp_path / "truck.onnx")
+    expected = truck.rollout(u, w, y[:, 0], None).y[:, 1:]
+    np.testing.assert_allclose(run(session, truck, u, w, y[:, 0])[:, :-1], expected, atol=2e-3)
+    metadata = session.get_modelmeta().custom_metadata_map
+    assert json.loads(metadata["interface"])["name"] == truck.interface.name
+    assert float(metadata["dt"]) == truck.dt
