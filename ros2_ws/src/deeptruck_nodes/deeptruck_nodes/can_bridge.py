@@ -15,7 +15,8 @@ from deeptruck_nodes import messages, vehicle
 from deeptruck_nodes.messages import nanoseconds
 from deeptruck_nodes.node import DeeptruckNode, run
 from deeptruck_nodes.topics import ACCEL, COMMAND, RADAR_RANGE, ROAD, STATUS, TWIST
-from truck_bridge.bridge import Bridge, open_bus
+from truck_bridge.bridge import Bridge
+from truck_bridge.bus import open_bus
 
 SILENCE = 0.3  # s without a speed on the bus; then NaN is published, so that nobody waits for it
 LEAD_FOR = 0.5  # s that a radar echo counts as a vehicle ahead

@@ -80,28 +80,22 @@ def run_folder(runs: Path, what: str, domain: int) -> Path:
     raise InputError(f"cannot find a free folder below {runs}; choose another with --runs")
 
 
-def free_bag(bag: Path, overwrite: bool) -> str | None:
-    """Make sure a bag can be recorded here; returns a line where a killed run's bag was repaired.
+def free_bag(bag: Path, overwrite: bool) -> None:
+    """Make sure a bag can be recorded here; a bag that stays is repaired where its recorder was killed.
 
     Raises InputError where something is there already, unless it is a bag and `overwrite` says so.
     """
-    mended = None
     if bag.exists():
-        is_bag = bag.is_dir() and any(bag.glob("*.mcap"))
-        if is_bag and overwrite:
-            shutil.rmtree(bag)
-        elif is_bag:
+        if not (bag.is_dir() and any(bag.glob("*.mcap"))):
+            raise InputError(f"{bag} exists and is no bag; choose another name")
+        if not overwrite:
             mended = repair(bag)
             told = f" ({mended})" if mended else ""
             raise InputError(f"{bag} exists already{told}; choose another name or add --overwrite")
-        else:
-            raise InputError(f"{bag} exists and is no bag; choose another name")
-    for parent in bag.absolute().parents:
-        if parent.exists():
-            if not os.access(parent, os.W_OK):
-                raise InputError(f"cannot record {bag}: {parent} is not writable")
-            break
-    return mended
+        shutil.rmtree(bag)
+    above = next(parent for parent in bag.absolute().parents if parent.exists())
+    if not above.is_dir() or not os.access(above, os.W_OK):
+        raise InputError(f"cannot record {bag}: {above} is not a folder that can be written to")
 
 
 def ros_environment(folder: Path, domain: int) -> dict[str, str]:

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from deeptruck_model.errors import InputError
 from deeptruck_model.signals import ACCELERATION, FUEL, SPEED
 from deeptruck_model.simulators import Simulator
 from deeptruck_nodes.roads import Road
@@ -50,3 +51,13 @@ class Plant:
         seen = {name: float(values[0]) for name, values in self._simulator.inside(self._state).items()}
         seen["fuel_rate"] = float(self._y[0, FUEL]) if self.interface.fuel else math.nan
         return seen
+
+
+def ticks_a_step(rate: float, dt: float) -> int:
+    """Publishing ticks in a simulator step. Raises InputError where they do not fit."""
+    ticks = round(rate * dt)
+    if ticks < 1 or abs(ticks - rate * dt) > 1e-9:
+        raise InputError(
+            f"truck_sim: rate_hz = {rate:g} is not a whole multiple of the simulator's {1 / dt:g} Hz"
+        )
+    return ticks

@@ -28,13 +28,23 @@ class Recorder(DeeptruckNode):
         if not self.p["bag"]:
             raise InputError("recorder: say where to record with the parameter bag")
         interface = self.p["interface"]
-        custom = {INTERFACE_KEY: interface} if _is_json(interface) else {}
-        self._writer = CrashSafeWriter(Path(self.p["bag"]), custom_data=custom)
+        self._custom = {INTERFACE_KEY: interface} if _is_json(interface) else {}
+        self._opened: CrashSafeWriter | None = None
         self._undiscovered = list(self.p["topics"] or RECORDED)
         self._count = self._lost = 0
         self._counted = -1
         self._stopping: float | None = None
         self._find_topics()
+
+    def begin(self) -> None:
+        """Only now, when everyone is ready, does a bag come into being."""
+        _ = self._writer
+
+    @property
+    def _writer(self) -> CrashSafeWriter:
+        if self._opened is None:  # a message may overtake the word to go
+            self._opened = CrashSafeWriter(Path(self.p["bag"]), custom_data=self._custom)
+        return self._opened
 
     def _find_topics(self) -> None:
         """Subscribe to what has a known type: our own topics at once, others when somebody publishes them."""
@@ -78,8 +88,9 @@ class Recorder(DeeptruckNode):
         return came and time.monotonic() - self._stopping < LINGER
 
     def close(self) -> None:
-        self._writer.close()
-        print(f"recorded {self._count} messages in {self.p['bag']}, {self._lost} lost", flush=True)
+        if self._opened is not None:
+            self._opened.close()
+            print(f"recorded {self._count} messages in {self.p['bag']}, {self._lost} lost", flush=True)
 
 
 def message_class(type_name: str) -> type:

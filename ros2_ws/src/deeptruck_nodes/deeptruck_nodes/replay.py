@@ -10,7 +10,6 @@ from pathlib import Path
 from rclpy.publisher import Publisher
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import repair
 from deeptruck_model.recordings.bag_source import BagSource
 from deeptruck_nodes import messages
 from deeptruck_nodes.messages import SECOND
@@ -28,8 +27,6 @@ class Replay(DeeptruckNode):
         super().__init__("replay")
         self._stack = ExitStack()
         path = Path(self.p["bag"])
-        if path.is_dir() and (mended := repair(path)):
-            print(mended, flush=True)
         bag = self._stack.enter_context(BagSource(path))
         wanted = _wanted(path, bag.topics, self.p["topics"])
         self._publishers_of = {name: self._publisher(name, kind) for name, kind in wanted.items()}

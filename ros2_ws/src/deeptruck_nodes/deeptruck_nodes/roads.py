@@ -112,7 +112,9 @@ def _with_elevation(distances: Array, grades: Array) -> tuple[Array, Array, Arra
 
 def _interpolate(profile: tuple[Array, Array, Array], distance: float) -> tuple[float, float]:
     distances, grades, elevations = profile
-    return float(np.interp(distance, distances, grades)), float(np.interp(distance, distances, elevations))
+    grade = float(np.interp(distance, distances, grades))
+    k = max(int(np.searchsorted(distances, distance, side="right")) - 1, 0)
+    return grade, float(elevations[k] + (grades[k] + grade) / 2 * (distance - distances[k]))
 
 
 KINDS: dict[str, type] = {

@@ -13,9 +13,13 @@ from typing import Any
 from deeptruck_cacc import load_policy
 from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import repair
+from deeptruck_model.recordings.bag_source import BagSource
 from deeptruck_model.signals import TruckInterface
 from deeptruck_nodes import environment, leaders, parameters, roads, vehicle
+from deeptruck_nodes.plant import ticks_a_step
 from deeptruck_nodes.supervisor import Program, Supervisor, node
+from truck_bridge.bus import open_bus
 
 Sections = dict[str, dict[str, Any]]
 
@@ -36,16 +40,18 @@ class Common:
     runs: Path = Path("runs")
 
 
-def interface_of(simulator: str) -> TruckInterface:
-    """The truck interface of a simulator; a trained one is not loaded for it. Raises InputError."""
+def describe(simulator: str) -> tuple[TruckInterface, float]:
+    """Interface and step (s) of a simulator; a trained one is not loaded for it. Raises InputError."""
     if simulator.startswith("truck:"):
-        return simulators.load(simulator).interface
-    return TruckInterface.from_dict(simulators.read_manifest(Path(simulator))["interface"])
+        truck = simulators.load(simulator)
+        return truck.interface, truck.dt
+    manifest = simulators.read_manifest(Path(simulator))
+    return TruckInterface.from_dict(manifest["interface"]), float(manifest["dt"])
 
 
 def simulate(common: Common, given: Sections, *, policy: str, simulator: str, lockstep: bool) -> int:
     """A simulated truck behind a leader; returns the exit code. `given` holds further parameters by node."""
-    interface = interface_of(simulator)
+    interface, dt = describe(simulator)
     load_policy(policy, interface)
     sections = _merged(
         {
@@ -58,7 +64,10 @@ def simulate(common: Common, given: Sections, *, policy: str, simulator: str, lo
         common,
     )
     leaders.parse(checked(sections, "leader")["profile"])
-    roads.parse(checked(sections, "truck_sim")["road"])
+    truck = checked(sections, "truck_sim")
+    roads.parse(truck["road"])
+    if not lockstep:
+        ticks_a_step(truck["rate_hz"], dt)
     return _run("simulation", common, sections, lockstep=lockstep, ends="truck_sim")
 
 
@@ -87,7 +96,10 @@ def drive_vehicle(
     sections = _merged(sections, given, common)
     if "leader" in sections:
         leaders.parse(checked(sections, "leader")["profile"])
-    others = (_emulator(checked(sections, "can_bridge"), speed, grade),) if emulate else ()
+    bus = checked(sections, "can_bridge")
+    with vehicle.bridge_errors():
+        open_bus(bus["interface"], bus["channel"]).shutdown()
+    others = (_emulator(bus, speed, grade),) if emulate else ()
     return _run("vehicle", common, sections, others=others, duration=duration)
 
 
@@ -101,13 +113,14 @@ def _emulator(bridge: Mapping[str, Any], speed: float, grade: str) -> Program:
 
 
 def replay(common: Common, given: Sections) -> int:
-    """A bag back onto its topics; returns the exit code."""
-    return _run(
-        "replay",
-        common,
-        _merged({"recorder": _recorder(common, None), "replay": {}}, given, common),
-        ends="replay",
-    )
+    """A bag back onto its topics; one whose recorder was killed is repaired first. Returns the exit code."""
+    sections = _merged({"recorder": _recorder(common, None), "replay": {}}, given, common)
+    bag = Path(checked(sections, "replay")["bag"])
+    if bag.is_dir() and (mended := repair(bag)):
+        print(mended, flush=True)
+    with BagSource(bag):
+        pass  # raises where it cannot be read
+    return _run("replay", common, sections, ends="replay")
 
 
 def checked(sections: Mapping[str, Mapping[str, Any]], name: str) -> dict[str, Any]:

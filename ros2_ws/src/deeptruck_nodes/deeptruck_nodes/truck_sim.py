@@ -12,7 +12,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_nodes import messages, roads
 from deeptruck_nodes.messages import SECOND
 from deeptruck_nodes.node import IDLE, DeeptruckNode, run
-from deeptruck_nodes.plant import Plant
+from deeptruck_nodes.plant import Plant, ticks_a_step
 from deeptruck_nodes.topics import ACCEL, CLOCK, COMMAND, ROAD, STATUS, TWIST
 
 FIRST_STAMP = 1 * SECOND  # of a lock-step run; 0 means "no time yet" to ROS
@@ -114,16 +114,6 @@ class TruckSim(DeeptruckNode):
         self._command, self._coasting = (engine, brake), False
         self._answered = messages.nanoseconds(message.header.stamp)
         self._commanded_at = time.monotonic()
-
-
-def ticks_a_step(rate: float, dt: float) -> int:
-    """Publishing ticks in a simulator step. Raises InputError where they do not fit."""
-    ticks = round(rate * dt)
-    if ticks < 1 or abs(ticks - rate * dt) > 1e-9:
-        raise InputError(
-            f"truck_sim: rate_hz = {rate:g} is not a whole multiple of the simulator's {1 / dt:g} Hz"
-        )
-    return ticks
 
 
 def main() -> None:

@@ -1,0 +1,180 @@
+"""The whole graph over Fast DDS: real processes, real kills."""
+
+from __future__ import annotations
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from deeptruck_nodes import environment
+from deeptruck_nodes.messages import SECOND
+from deeptruck_nodes.recorder import header_stamp
+from deeptruck_nodes.topics import RECORDED
+
+from deeptruck_model import recordings
+from deeptruck_model.recordings.bag_source import BagSource
+
+TRUCK = ("--simulator", "truck:trucksim", "--policy", "baseline:acc")
+
+
+def content(bag: Path) -> list[tuple[str, int, bytes]]:
+    with BagSource(bag) as source:
+        return sorted(source.messages(set(source.topics)))
+
+
+def test_lockstep_repeats_itself_to_the_byte(start: Callable[..., Any], tmp_path: Path) -> None:
+    bags = {}
+    for name in ("one", "two"):
+        arguments = ("--record", tmp_path / name, "--seed", 1, "--lockstep", "--duration", 20)
+        run = start(
+            "start_simulation.py",
+            *TRUCK,
+            *arguments,
+            "--leader",
+            "sine",
+            "--road",
+            "sine",
+            runs=f"runs-{name}",
+        )
+        assert run.finish()[::2] == (0, "")
+        bags[name] = content(tmp_path / name)
+    assert bags["one"] == bags["two"]
+    (recording,) = recordings.read(tmp_path / "one")
+    assert len(recording) == 201 and recording.interface.name == "trucksim"
+    expected = {
+        "speed",
+        "acceleration",
+        "engine_command",
+        "brake_command",
+        "grade",
+        "gap",
+        "leader_speed",
+        "gear",
+    }
+    assert expected <= recording.channels.keys()
+    assert np.isfinite(recording.u).all() and np.isfinite(recording.y[1:]).all()
+    assert np.nanstd(np.diff(recording.channels["gap"])) > 0.05  # there is noise that could have differed
+    # v(k+1) = v(k) + a(k+1) dt is what the rest of the project builds on
+    speed, acceleration = recording.channels["speed"], recording.channels["acceleration"]
+    assert np.diff(speed) == pytest.approx(0.1 * acceleration[1:], abs=1e-9)
+
+
+def test_real_time_run_second_run_and_ctrl_c(
+    start: Callable[..., Any], all_gone: Callable[..., bool], tmp_path: Path
+) -> None:
+    before = set(Path("/dev/shm").iterdir())
+    run = start("start_simulation.py", *TRUCK, "--record", tmp_path / "bag", "--rate", 50)
+    run.wait_until_ready()
+    second = start("start_simulation.py", *TRUCK, runs="second")
+    code, _, errors = second.finish()
+    assert code == 2 and "another run is using ROS domain" in errors and errors.count("\n") == 1
+    children = run.children
+    assert set(children) == {"recorder", "leader", "controller", "truck_sim"}
+    addresses = {address for pid in children.values() for address in udp_addresses(pid)}
+    assert addresses == {"127.0.0.1"}
+    time.sleep(1.0)
+    run.process.send_signal(signal.SIGINT)
+    code, out, errors = run.finish()
+    assert (code, errors) == (0, "") and "stopping" in out
+    assert all_gone(children)
+    assert not {name for name in set(Path("/dev/shm").iterdir()) - before if "fast" in name.name}
+    with BagSource(tmp_path / "bag") as bag:
+        assert set(bag.topics) == set(RECORDED)
+        stamps = np.array([header_stamp(data) for _, _, data in bag.messages({"/truck/twist"})])
+    assert np.all(np.diff(stamps) == SECOND // 50)  # nothing missing
+
+
+def udp_addresses(pid: int) -> set[str]:
+    """Local addresses of a process's UDP sockets."""
+    inodes = set()
+    for descriptor in Path(f"/proc/{pid}/fd").iterdir():
+        target = str(descriptor.readlink())
+        if target.startswith("socket:["):
+            inodes.add(target[8:-1])
+    found = set()
+    for line in Path(f"/proc/{pid}/net/udp").read_text().splitlines()[1:]:
+        fields = line.split()
+        if fields[9] in inodes:
+            number = bytes.fromhex(fields[1].partition(":")[0])[::-1]
+            found.add(".".join(map(str, number)))
+    return found
+
+
+def test_a_dead_node_ends_the_run_with_its_last_words(
+    start: Callable[..., Any], all_gone: Callable[..., bool], tmp_path: Path
+) -> None:
+    run = start("start_simulation.py", *TRUCK, "--record", tmp_path / "bag")
+    run.wait_until_ready()
+    children = run.children
+    os.kill(children["controller"], signal.SIGKILL)
+    code, _, errors = run.finish()
+    assert code == 1 and errors.startswith("controller ended (killed by SIGKILL)")
+    assert all_gone(children)
+    assert content(tmp_path / "bag")  # the recorder still ended in order
+
+
+def test_a_killed_supervisor_leaves_nobody_behind_and_the_domain_free(
+    start: Callable[..., Any], all_gone: Callable[..., bool], domain: int, tmp_path: Path
+) -> None:
+    run = start("start_simulation.py", *TRUCK)
+    run.wait_until_ready()
+    children = run.children
+    run.process.kill()
+    assert all_gone(children)
+    environment.DomainLock(domain, tmp_path).release()
+
+
+def test_a_killed_recorder_costs_a_second_and_replay_repairs_and_plays_the_rest(
+    start: Callable[..., Any], tmp_path: Path
+) -> None:
+    run = start("start_simulation.py", *TRUCK, "--record", tmp_path / "bag")
+    run.wait_until_ready()
+    time.sleep(4.0)
+    os.kill(run.children["recorder"], signal.SIGKILL)
+    killed_at = time.time()
+    code, _, errors = run.finish()
+    assert code == 1 and errors.startswith("recorder ended (killed by SIGKILL)")
+    again = start(
+        "replay_recording.py", tmp_path / "bag", "--speed", 5, "--record", tmp_path / "copy", runs="replay"
+    )
+    code, out, errors = again.finish()
+    assert (code, errors) == (0, "") and "was not finished: kept" in out
+    kept = content(tmp_path / "bag")
+    assert killed_at - max(stamp for _, stamp, _ in kept) / SECOND < 1.2
+    own = [(topic, data) for topic, _, data in kept if topic != "/diagnostics"]
+    assert sorted(own) == sorted((t, d) for t, _, d in content(tmp_path / "copy") if t != "/diagnostics")
+
+
+def test_a_full_disk_ends_the_run_in_one_line(
+    start: Callable[..., Any], all_gone: Callable[..., bool], tmp_path: Path
+) -> None:
+    limit = 200_000  # bytes a file may have: the recorder meets it after some seconds of simulation
+
+    def small_disk() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+
+    arguments = ("--record", tmp_path / "bag", "--lockstep", "--duration", 600)
+    run = start("start_simulation.py", *TRUCK, *arguments, limit=small_disk)
+    run.wait_until_ready()
+    children = run.children
+    code, _, errors = run.finish()
+    assert code == 2 and "recorder ended (exit code 2): cannot write" in errors and "Traceback" not in errors
+    assert all_gone(children)
+
+
+def test_a_node_started_by_hand_refuses_what_it_does_not_know() -> None:
+    for given, names in (
+        ("sped:=1", "leader has no parameter 'sped'"),
+        ("reach:=1.0", "reach = 1.0 is outside"),
+    ):
+        argv = [sys.executable, "-m", "deeptruck_nodes.leader", "--ros-args", "-p", given]
+        done = subprocess.run(argv, capture_output=True, text=True, timeout=30, check=False)
+        assert done.returncode == 2 and names in done.stderr and "Traceback" not in done.stderr

@@ -1,0 +1,54 @@
+"""The simulated truck between its steps."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from deeptruck_nodes import roads
+from deeptruck_nodes.plant import Plant
+from deeptruck_nodes.truck_sim import ticks_a_step
+
+from deeptruck_model import simulators
+from deeptruck_model.errors import InputError
+
+
+@pytest.fixture(scope="module")
+def truck() -> simulators.Simulator:
+    return simulators.load("truck:trucksim")
+
+
+def test_speed_between_two_steps_is_a_straight_line(truck: simulators.Simulator) -> None:
+    plant = Plant(truck, roads.parse("flat"), 15.0)
+    plant.step(1200.0, 0.0)
+    assert plant.speed_at(1.0) == plant.speed
+    assert plant.speed_at(0.5) == pytest.approx((15.0 + plant.speed) / 2, abs=1e-9)
+    assert plant.speed_at(1e-9) == pytest.approx(15.0, abs=1e-6)
+
+
+def test_distance_and_road_follow_the_speed(truck: simulators.Simulator) -> None:
+    plant = Plant(truck, roads.parse("constant:grade=0.01"), 20.0)
+    for _ in range(50):
+        plant.step(800.0, 0.0)
+    assert plant.distance == pytest.approx(100, rel=0.1)
+    assert plant.elevation == pytest.approx(0.01 * plant.distance)
+    uphill = plant.speed
+    flat = Plant(truck, roads.parse("flat"), 20.0)
+    for _ in range(50):
+        flat.step(800.0, 0.0)
+    assert uphill < flat.speed - 0.3
+
+
+def test_status_has_what_the_truck_shows(truck: simulators.Simulator) -> None:
+    plant = Plant(truck, roads.parse("flat"), 20.0)
+    for _ in range(5):
+        plant.step(800.0, 0.0)
+    status = plant.status()
+    assert all(math.isfinite(status[name]) for name in ("fuel_rate", "gear", "engine_speed", "engine_torque"))
+
+
+def test_publishing_rate_must_fit_the_step() -> None:
+    assert (ticks_a_step(10, 0.1), ticks_a_step(100, 0.1)) == (1, 10)
+    for rate in (5, 15, 33):
+        with pytest.raises(InputError, match="whole multiple"):
+            ticks_a_step(rate, 0.1)

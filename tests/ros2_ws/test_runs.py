@@ -1,0 +1,108 @@
+"""What the start scripts refuse before anything is started or written."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from deeptruck_nodes import leaders, runs
+
+SCRIPTS = Path(__file__).parents[2] / "ros2_ws"
+
+
+def script(name: str) -> Callable[..., None]:
+    """The function behind a start script."""
+    spec = importlib.util.spec_from_file_location(name, SCRIPTS / f"{name}.py")
+    assert spec and spec.loader
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    main: Callable[..., None] = module.main
+    return main
+
+
+@pytest.fixture
+def refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """The one line a script says about bad input; it must have written nothing."""
+
+    def _refused(name: str, **options: Any) -> str:
+        with pytest.raises(SystemExit) as caught:
+            script(name)(record=tmp_path / "bag", run_folders=tmp_path / "runs", **options)
+        out, errors = capsys.readouterr()
+        assert caught.value.code == 2 and errors.count("\n") == 1 and not out
+        assert not (tmp_path / "bag").exists() and not (tmp_path / "runs").exists()
+        return errors
+
+    return _refused
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"simulator": "truck:no_such"}, "no_such"),
+        ({"simulator": "nowhere"}, "is not a simulator directory"),
+        ({"policy": "nowhere"}, "is not a policy directory"),
+        ({"policy": "baseline:best"}, "there is no baseline 'best'"),
+        ({"leader": "sine:perod=3"}, "'perod=3' is not one of"),
+        ({"road": "steep"}, "there is no 'steep'"),
+        ({"rate": 33.0}, "whole multiple"),
+        ({"rate": 1e6}, "rate_hz = 1000000.0 is outside"),
+        ({"time_gap": 0.0}, "target_time_gap = 0.0 is outside"),
+        ({"initial_speed": float("nan")}, "initial_speed = nan is outside"),
+        ({"parameters": Path("none.yaml")}, "cannot read parameters none.yaml"),
+    ],
+)
+def test_bad_simulations(refused: Callable[..., str], options: dict[str, Any], says: str) -> None:
+    assert says in refused(
+        "start_simulation", **{"simulator": "truck:trucksim", "policy": "baseline:acc", **options}
+    )
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"vehicle": "tank"}, "no vehicle 'tank'"),
+        ({"policy": "nowhere"}, "is not a policy directory"),
+        ({"emulator": True, "leader": "fast"}, "there is no 'fast'"),
+        ({"interface": "smoke"}, "cannot open CAN interface 'smoke'"),
+        ({"interface": "socketcan", "channel": "can9"}, "cannot open CAN interface 'socketcan'"),
+    ],
+)
+def test_bad_vehicles(refused: Callable[..., str], options: dict[str, Any], says: str) -> None:
+    assert says in refused("start_vehicle", **{"vehicle": "trucksim", "policy": "baseline:acc", **options})
+
+
+def test_bad_bags_to_replay(refused: Callable[..., str], tmp_path: Path) -> None:
+    assert "does not exist" in refused("replay_recording", bag=tmp_path / "none")
+    (tmp_path / "other").mkdir()
+    assert "0 MCAP files" in refused("replay_recording", bag=tmp_path / "other")
+
+
+def test_own_parameters_win_over_the_options_and_name_only_nodes_of_the_run(
+    refused: Callable[..., str], tmp_path: Path
+) -> None:
+    own = tmp_path / "own.yaml"
+    truck = {"simulator": "truck:trucksim", "policy": "baseline:acc", "parameters": own}
+    own.write_text("truck_sim: {ros__parameters: {rate_hz: 33.0}}")
+    assert "rate_hz = 33" in refused("start_simulation", **truck, rate=100.0)
+    own.write_text("replay: {ros__parameters: {speed: 2.0}}")
+    assert "this run has no node 'replay'" in refused("start_simulation", **truck)
+
+
+def test_a_domain_out_of_range(refused: Callable[..., str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", "230")
+    assert "ROS_DOMAIN_ID=230" in refused(
+        "start_simulation", simulator="truck:trucksim", policy="baseline:acc"
+    )
+
+
+def test_the_field_radar_jumps_when_the_paper_says() -> None:
+    assert runs.RADARS["field"]["lane_change_at_s"] == 63.0
+
+
+def test_the_leaders_of_the_help_text_exist() -> None:
+    help_text = (SCRIPTS / "start_simulation.py").read_text()
+    for kind in leaders.KINDS:
+        assert f"{kind}:" in help_text

@@ -1,0 +1,78 @@
+"""The controller that drives the simulator drives a bus: bridge, emulator, leader, recorder."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import can
+import numpy as np
+
+from deeptruck_model import recordings
+from truck_bridge.bus import open_bus
+
+TSC1, ADDRESS_CLAIM = 0x0000, 0xEE00
+BRIDGE = 0x2A
+
+
+def sent_by_bridge(bus: can.BusABC, seconds: float) -> list[int]:
+    """PGNs of what the bridge sends in that time."""
+    until, pgns = time.monotonic() + seconds, []
+    while (left := until - time.monotonic()) > 0:
+        frame = bus.recv(left)
+        if frame is not None and frame.arbitration_id & 0xFF == BRIDGE:
+            pgns.append(frame.arbitration_id >> 8 & 0x3FF00)
+    return pgns
+
+
+def test_closed_loop_over_can(start: Callable[..., Any], domain: int, tmp_path: Path) -> None:
+    channel = f"test-{domain}"
+    options = (
+        "--vehicle",
+        "trucksim",
+        "--policy",
+        "baseline:acc",
+        "--channel",
+        channel,
+        "--emulator",
+        "--engage",
+    )
+    run = start("start_vehicle.py", *options, "--record", tmp_path / "bag")
+    run.wait_until_ready()
+    bus = open_bus("loopback", channel)
+    try:
+        time.sleep(6.0)  # emulator started and engaged
+        driving = sent_by_bridge(bus, 0.5)
+        assert driving.count(TSC1) >= 20  # 20 ms for the engine alone
+        run.process.send_signal(signal.SIGINT)
+        code, _, errors = run.finish()
+        assert (code, errors) == (0, "")
+        sent_by_bridge(bus, 0.2)
+        assert sent_by_bridge(bus, 0.3) == []
+    finally:
+        bus.shutdown()
+    pieces = recordings.read(tmp_path / "bag")
+    speed = pieces[0].channels["speed"]
+    assert pieces[0].interface.name == "trucksim" and np.nanmax(np.abs(speed - 20)) < 2
+
+
+def test_the_bridge_is_silent_until_a_person_engages(domain: int, tmp_path: Path) -> None:
+    channel = f"test-{domain}"
+    argv = [sys.executable, "-m", "deeptruck_nodes.can_bridge", "--ros-args", "-p", f"channel:={channel}"]
+    environment = {**os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_LOG_DIR": str(tmp_path)}
+    bus = open_bus("loopback", channel)
+    process = subprocess.Popen(argv, env=environment, stderr=subprocess.PIPE, text=True)
+    try:
+        assert set(sent_by_bridge(bus, 4.0)) == {ADDRESS_CLAIM}
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(10) == 0
+    finally:
+        process.kill()
+        process.communicate()
+        bus.shutdown()
