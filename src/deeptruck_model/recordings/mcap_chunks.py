@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from typing import BinaryIO
 
 import numpy as np
 from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.records import Chunk, ChunkIndex
 from mcap.stream_reader import get_chunk_data_stream
@@ -46,7 +48,7 @@ class IndexedChunk:
 
 
 def indexed_chunks(files: Sequence[Path]) -> list[IndexedChunk] | None:
-    """All chunks of the files; None where some have no message index, so that they must be read in order."""
+    """All chunks of the files; None where a file has none, so that its messages must be read in order."""
     chunks = []
     for file in files:
         with file.open("rb") as stream:
@@ -55,7 +57,7 @@ def indexed_chunks(files: Sequence[Path]) -> list[IndexedChunk] | None:
             return None
         topics = {key: channel.topic for key, channel in summary.channels.items()}
         chunks += [IndexedChunk(file, index, topics) for index in summary.chunk_indexes]
-    return chunks if chunks and all(chunk.index.message_index_length for chunk in chunks) else None
+    return chunks or None
 
 
 def read_chunks(chunks: Sequence[IndexedChunk], topics: set[str]) -> Iterator[Batch]:
@@ -63,7 +65,10 @@ def read_chunks(chunks: Sequence[IndexedChunk], topics: set[str]) -> Iterator[Ba
     with ExitStack() as stack:
         streams: dict[Path, BinaryIO] = {}
         for chunk in sorted(chunks, key=lambda c: c.index.message_start_time):
-            wanted = {key: chunk.topics[key] for key in chunk.index.message_index_offsets}
+            held = (
+                chunk.index.message_index_offsets or chunk.topics
+            )  # without message indexes it may hold any
+            wanted = {key: chunk.topics[key] for key in held}
             wanted = {key: topic for key, topic in wanted.items() if topic in topics}
             if wanted and chunk.file not in streams:
                 streams[chunk.file] = stack.enter_context(chunk.file.open("rb"))
@@ -76,8 +81,14 @@ def _read(stream: BinaryIO, index: ChunkIndex, wanted: dict[int, str]) -> Iterat
     raw = stream.read(index.chunk_length + index.message_index_length)
     chunk = Chunk.read(ReadDataStream(BytesIO(raw[RECORD_HEAD : index.chunk_length])))
     content, size = get_chunk_data_stream(chunk, validate_crc=True)
-    buffer = np.frombuffer(content.read(size), np.uint8)
-    for channel, entries in message_indexes(raw[index.chunk_length :]):
+    data = content.read(size)
+    buffer = np.frombuffer(data, np.uint8)
+    indexed = (
+        message_indexes(raw[index.chunk_length :])
+        if index.message_index_length
+        else scan_messages(data).items()
+    )
+    for channel, entries in indexed:
         if channel in wanted and len(entries):
             records = entries["offset"].astype(np.int64)
             lengths = np.lib.stride_tricks.sliding_window_view(buffer, 8)[records + 1]
@@ -95,3 +106,16 @@ def message_indexes(raw: bytes) -> Iterator[tuple[int, NDArray[np.void]]]:
         content = raw[at + RECORD_HEAD : at + RECORD_HEAD + length]
         yield int.from_bytes(content[:2], "little"), np.frombuffer(content[6:], _ENTRY)
         at += RECORD_HEAD + length
+
+
+def scan_messages(data: bytes) -> dict[int, NDArray[np.void]]:
+    """What `message_indexes` would give for a chunk's content, found by walking its records."""
+    found: dict[int, list[tuple[int, int]]] = {}
+    at = 0
+    while at < len(data):
+        opcode, length = struct.unpack_from("<BQ", data, at)
+        if opcode == Opcode.MESSAGE:
+            channel, _, log_ns = struct.unpack_from("<HIQ", data, at + RECORD_HEAD)
+            found.setdefault(channel, []).append((log_ns, at))
+        at += RECORD_HEAD + length
+    return {channel: np.array(entries, _ENTRY) for channel, entries in found.items()}

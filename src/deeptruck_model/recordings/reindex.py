@@ -32,7 +32,7 @@ from mcap.stream_reader import get_chunk_data_stream
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.bag_metadata import Topic
 from deeptruck_model.recordings.crash_safe import write_metadata
-from deeptruck_model.recordings.mcap_chunks import RECORD_HEAD, message_indexes
+from deeptruck_model.recordings.mcap_chunks import RECORD_HEAD, message_indexes, scan_messages
 
 _MAGIC = b"\x89MCAP0\r\n"
 
@@ -181,7 +181,9 @@ def _index_again(stream: BinaryIO, found: _Found, chunk: Chunk) -> None:
     _learn_channels(found, chunk)
     builder = RecordBuilder()
     last.message_index_offsets.clear()
-    for channel, records in _message_offsets(chunk).items():
+    stream_of_chunk, size = get_chunk_data_stream(chunk)
+    for channel, entries in scan_messages(stream_of_chunk.read(size)).items():
+        records = [(int(log_ns), int(offset)) for log_ns, offset in entries]
         last.message_index_offsets[channel] = behind + builder.count
         MessageIndex(channel, records).write(builder)
         found.counts[channel] = found.counts.get(channel, 0) + len(records)
@@ -189,20 +191,6 @@ def _index_again(stream: BinaryIO, found: _Found, chunk: Chunk) -> None:
     stream.seek(behind)
     stream.write(builder.end())
     found.end = stream.tell()
-
-
-def _message_offsets(chunk: Chunk) -> dict[int, list[tuple[int, int]]]:
-    stream, size = get_chunk_data_stream(chunk)
-    data = stream.read(size)
-    offsets: dict[int, list[tuple[int, int]]] = {}
-    at = 0
-    while at < size:
-        opcode, length = struct.unpack_from("<BQ", data, at)
-        if opcode == Opcode.MESSAGE:
-            channel, _, log_ns = struct.unpack_from("<HIQ", data, at + RECORD_HEAD)
-            offsets.setdefault(channel, []).append((log_ns, at))
-        at += RECORD_HEAD + length
-    return offsets
 
 
 def _finish(stream: BinaryIO, found: _Found) -> None:

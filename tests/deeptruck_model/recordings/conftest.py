@@ -1,0 +1,24 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from deeptruck_model.recordings import Recording
+from deeptruck_model.signals import CHANNELS, TruckInterface
+
+
+@pytest.fixture
+def interface() -> TruckInterface:
+    return TruckInterface("truck", engine_unit="percent", brake_unit="bar")
+
+
+@pytest.fixture
+def drive(interface: TruckInterface) -> Recording:
+    """One minute with every channel, random values inside their ranges, and some invalid samples."""
+    rng = np.random.default_rng(1)
+    channels = {name: rng.uniform(max(c.low, -50.0), min(c.high, 50.0), 600) for name, c in CHANNELS.items()}
+    channels["gap"] = channels["gap"].astype(np.float32).astype(np.float64)  # as sensor_msgs/Range carries it
+    for name in channels:
+        channels[name][rng.integers(0, 600, 5)] = np.nan
+    channels["speed"][[0, -1]] = 10.0  # a recording begins and ends with a valid speed
+    return Recording("drive", 0.1, channels, interface)

@@ -1,0 +1,207 @@
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import CrashSafeWriter, repair
+
+TYPES = get_typestore(Stores.ROS2_JAZZY)
+KIND = "std_msgs/msg/Float64"
+
+WRITER = """
+import sys, time
+from deeptruck_model.recordings import CrashSafeWriter
+writer = CrashSafeWriter(sys.argv[1], custom_data={"deeptruck.interface": "{}"})
+sent, begin = 0, time.monotonic()
+while True:
+    for topic in ("/a", "/b", "/c"):
+        writer.write(topic, "std_msgs/msg/Float64", b"\\0\\1\\0\\0" + sent.to_bytes(8, "little"), 1 + sent)
+    sent += 1
+    print(sent, time.monotonic() - begin, flush=True)
+    time.sleep(0.001)
+"""
+
+
+def contents(bag: Path) -> dict[str, list[int]]:
+    """What a bag holds by topic, read by rosbags; the metadata must agree."""
+    found: dict[str, list[int]] = {}
+    with AnyReader([bag]) as reader:
+        for connection, _, raw in reader.messages():
+            found.setdefault(connection.topic, []).append(int.from_bytes(bytes(raw[4:12]), "little"))
+        assert reader.message_count == sum(map(len, found.values()))
+    return found
+
+
+def payload(number: int) -> bytes:
+    return b"\0\1\0\0" + number.to_bytes(8, "little")
+
+
+def fill(writer: CrashSafeWriter, numbers: range, topics: tuple[str, ...] = ("/a", "/b")) -> None:
+    for number in numbers:
+        for topic in topics:
+            writer.write(topic, KIND, payload(number), 1 + number)
+
+
+def test_a_closed_bag_is_whole(tmp_path: Path) -> None:
+    with CrashSafeWriter(tmp_path / "bag", custom_data={"deeptruck.x": "1"}) as writer:
+        fill(writer, range(1000))
+    writer.close()  # a second time does nothing
+    assert contents(tmp_path / "bag") == {"/a": list(range(1000)), "/b": list(range(1000))}
+    assert repair(tmp_path / "bag") is None
+
+
+@pytest.fixture(scope="module")
+def killed() -> Iterator[Any]:
+    """Starts writers, to be killed by the test."""
+    running: list[subprocess.Popen[str]] = []
+
+    def start(bag: Path) -> subprocess.Popen[str]:
+        environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+        process = subprocess.Popen(
+            [sys.executable, "-c", WRITER, str(bag)], stdout=subprocess.PIPE, text=True, env=environment
+        )
+        running.append(process)
+        return process
+
+    yield start
+    for process in running:
+        process.kill()
+        process.wait()
+
+
+@pytest.mark.parametrize("moment", [0.05, 0.9, 1.1, 2.3])
+def test_after_kill_9_all_but_the_last_second_is_there(tmp_path: Path, killed: Any, moment: float) -> None:
+    bag = tmp_path / "bag"
+    process = killed(bag)
+    assert process.stdout is not None
+    lines = [process.stdout.readline()]
+    begin = time.monotonic()
+    while time.monotonic() - begin < moment:
+        lines.append(process.stdout.readline())
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    lines += process.stdout.readlines()
+    assert not (bag / "metadata.yaml").exists()
+    said = repair(bag)
+    assert said is not None and "was not finished: kept" in said
+    sent = [(int(count), float(at)) for count, at in (line.split() for line in lines if line.endswith("\n"))]
+    safe = max((count for count, at in sent if at < sent[-1][1] - 1.2), default=0)  # 0.2 s for a busy machine
+    found = contents(bag)
+    for topic in ("/a", "/b", "/c") if safe else ():
+        assert found[topic] == list(range(len(found[topic])))
+        assert len(found[topic]) >= safe
+    assert moment < 2 or safe > 0
+    assert repair(bag) is None
+
+
+def test_cut_off_anywhere(tmp_path: Path) -> None:
+    """Whatever byte the file ends at, a whole bag with the first messages of every topic results."""
+    with CrashSafeWriter(tmp_path / "bag", custom_data={"deeptruck.x": "1"}) as writer:
+        for begin in range(0, 50, 10):
+            fill(writer, range(begin, begin + 10), ("/a", "/b", "/late") if begin >= 20 else ("/a", "/b"))
+            writer.flush()
+    (file,) = (tmp_path / "bag").glob("*.mcap")
+    data = file.read_bytes()
+    kept = []
+    chosen = random.Random(0).sample(range(len(data)), 250)
+    for size in sorted({0, 5, 8, 20, len(data) - 1, *chosen}):
+        bag = tmp_path / "cut"
+        bag.mkdir(exist_ok=True)
+        (bag / "cut_0.mcap").write_bytes(data[:size])
+        (bag / "metadata.yaml").unlink(missing_ok=True)
+        assert repair(bag) is not None
+        found = contents(bag)
+        kept.append(len(found.get("/a", [])))
+        assert found.get("/a", []) == found.get("/b", []) == list(range(kept[-1]))
+        assert found.get("/late", []) == list(range(20, max(20, kept[-1])))
+        with (bag / "cut_0.mcap").open("rb") as stream:  # the second reader, by its index
+            assert sum(1 for _ in make_reader(stream).iter_messages()) == sum(map(len, found.values()))
+        assert repair(bag) is None
+    assert kept == sorted(kept) and set(kept) == {0, 10, 20, 30, 40, 50}
+
+
+def test_a_bag_without_description_loses_nothing(tmp_path: Path) -> None:
+    with CrashSafeWriter(tmp_path / "bag") as writer:
+        fill(writer, range(100))
+    before = contents(tmp_path / "bag")
+    (tmp_path / "bag" / "metadata.yaml").unlink()
+    said = repair(tmp_path / "bag")
+    assert said is not None and "nothing was lost" in said
+    assert contents(tmp_path / "bag") == before
+
+
+def test_custom_data_survives(tmp_path: Path) -> None:
+    writer = CrashSafeWriter(tmp_path / "bag", custom_data={"deeptruck.x": "[1]"})
+    fill(writer, range(10))
+    writer.flush()
+    repair(tmp_path / "bag")
+    with AnyReader([tmp_path / "bag"]) as reader:
+        assert reader.readers[0].storage.metadata.custom == {"deeptruck.x": "[1]"}  # type: ignore[union-attr]
+
+
+def test_what_cannot_be_repaired(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="does not exist"):
+        repair(tmp_path / "nowhere")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match="holds 0 MCAP files"):
+        repair(tmp_path / "empty")
+    (tmp_path / "text.mcap").write_text("no bag at all, and longer than a header")
+    with pytest.raises(InputError, match="is not an MCAP file"):
+        repair(tmp_path / "text.mcap")
+
+
+def test_what_cannot_be_written(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match="exists already"):
+        CrashSafeWriter(tmp_path / "file")
+    with pytest.raises(InputError, match="cannot write"):
+        CrashSafeWriter(tmp_path / "file" / "bag")
+    with CrashSafeWriter(tmp_path / "bag") as writer:
+        with pytest.raises(InputError, match="no_msgs/msg/Such"):
+            writer.write("/a", "no_msgs/msg/Such", payload(0), 1)
+        writer.write("/a", KIND, payload(0), 1)
+        with pytest.raises(InputError, match="does not belong there"):
+            writer.write("/a", "std_msgs/msg/String", payload(0), 1)
+    assert contents(tmp_path / "bag") == {"/a": [0]}
+
+
+FULL = """
+import resource, signal, sys
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import CrashSafeWriter
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
+try:
+    with CrashSafeWriter(sys.argv[1]) as writer:
+        for number in range(20_000):
+            cdr = b"\\0\\1\\0\\0" + number.to_bytes(8, "little")
+            writer.write("/a", "std_msgs/msg/Float64", cdr, 1 + number)
+            if number % 100 == 99:
+                writer.flush()
+except InputError as error:
+    print(error)
+"""
+
+
+def test_a_full_disk_is_one_line_and_what_was_written_stays(tmp_path: Path) -> None:
+    """A limit on the size of files stands in for the end of the disk."""
+    command = [sys.executable, "-c", FULL, str(tmp_path / "bag")]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
+    assert done.stderr == "" and done.returncode == 0
+    assert "cannot write" in done.stdout and "repair" in done.stdout and done.stdout.count("\n") == 1
+    assert repair(tmp_path / "bag") is not None
+    found = contents(tmp_path / "bag")["/a"]
+    assert found == list(range(len(found))) and len(found) > 3000

@@ -1,0 +1,318 @@
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap.writer import CompressionType, IndexType
+from mcap.writer import Writer as McapWriter
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_typestore
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import Recording, read, write_bag
+from deeptruck_model.signals import TruckInterface
+
+TYPES = get_typestore(Stores.ROS2_JAZZY)
+Message = tuple[str, Any, int]  # topic, message, log time in ns
+S = 1_000_000_000
+
+
+def stamped(ns: int, types: Any = TYPES, **extra: int) -> Any:
+    time = types.types["builtin_interfaces/msg/Time"](ns // S, ns % S)
+    return types.types["std_msgs/msg/Header"](stamp=time, frame_id="map", **extra)
+
+
+def twist(speed: float, ns: int, types: Any = TYPES, **extra: int) -> Any:
+    zero = types.types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
+    moving = types.types["geometry_msgs/msg/Vector3"](speed, 0.0, 0.0)
+    make = types.types["geometry_msgs/msg/TwistStamped"]
+    return make(stamped(ns, types, **extra), types.types["geometry_msgs/msg/Twist"](moving, zero))
+
+
+def number(value: float) -> Any:
+    return TYPES.types["std_msgs/msg/Float64"](value)
+
+
+def bag_of(path: Path, messages: Iterable[Message], **options: Any) -> Path:
+    """A bag as others write them."""
+    compression = options.pop("compression", None)
+    storage = options.pop("storage", StoragePlugin.MCAP)
+    writer = Writer2(path, version=9, storage_plugin=storage)
+    if compression:
+        writer.set_compression(compression, CompressionFormat.ZSTD)
+    connections: dict[str, Any] = {}
+    with writer:
+        for topic, message, log_ns in messages:
+            kind = message.__msgtype__
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=TYPES)
+            writer.write(connections[topic], log_ns, TYPES.serialize_cdr(message, kind))
+    return path
+
+
+def drive_messages(topic: str = "/truck/twist", count: int = 300) -> list[Message]:
+    return [(topic, twist(0.1 * k, S + k * S // 10), S + k * S // 10) for k in range(count)]
+
+
+def check(recordings: list[Recording], count: int = 300) -> None:
+    (recording,) = recordings
+    np.testing.assert_array_equal(recording.channels["speed"], 0.1 * np.arange(count))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"storage": StoragePlugin.SQLITE3},
+        {"storage": StoragePlugin.SQLITE3, "compression": CompressionMode.MESSAGE},
+        {"compression": CompressionMode.MESSAGE},
+        {"compression": CompressionMode.FILE},
+        {"compression": CompressionMode.STORAGE},
+    ],
+    ids=lambda o: "-".join(str(v).rpartition(".")[2] for v in o.values()) or "MCAP",
+)
+def test_bags_as_others_write_them(tmp_path: Path, options: dict[str, Any]) -> None:
+    check(read(bag_of(tmp_path / "bag", drive_messages(), **options)))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"compression": CompressionType.LZ4},
+        {"compression": CompressionType.ZSTD, "chunk_size": 1000},
+        {"use_chunking": False},
+        {"index_types": IndexType.CHUNK},
+        {"use_statistics": False, "repeat_channels": True},
+    ],
+    ids=str,
+)
+def test_mcap_files_of_every_kind(tmp_path: Path, options: dict[str, Any]) -> None:
+    file = tmp_path / "drive.mcap"
+    with file.open("wb") as stream:
+        writer = McapWriter(stream, **options)
+        writer.start(profile="ros2")
+        kind = "geometry_msgs/msg/TwistStamped"
+        text = TYPES.generate_msgdef(kind, ros_version=2)[0]
+        schema = writer.register_schema(kind, "ros2msg", text.encode())
+        channel = writer.register_channel("/truck/twist", "cdr", schema)
+        for _, message, log_ns in drive_messages():
+            writer.add_message(channel, log_ns, bytes(TYPES.serialize_cdr(message, kind)), log_ns)
+        writer.finish()
+    check(read(file))
+
+
+def test_a_ros1_bag(tmp_path: Path) -> None:
+    types = get_typestore(Stores.ROS1_NOETIC)
+    with Writer1(tmp_path / "drive.bag") as writer:
+        connection = writer.add_connection("/speed", "geometry_msgs/msg/TwistStamped", typestore=types)
+        for k in range(300):
+            message = twist(0.1 * k, S + k * S // 10, types, seq=k)
+            writer.write(connection, S + k * S // 10, types.serialize_ros1(message, message.__msgtype__))
+    check(read(tmp_path / "drive.bag", topic_map={"speed": {"topic": "/speed", "field": "twist.linear.x"}}))
+
+
+def test_users_topics(tmp_path: Path) -> None:
+    """Other names and units, a message without a header, a vector by index; from a YAML file."""
+    messages: list[Message] = []
+    for k in range(300):
+        ns = S + k * S // 10
+        array = TYPES.types["std_msgs/msg/Float64MultiArray"](
+            TYPES.types["std_msgs/msg/MultiArrayLayout"]([], 0), np.array([5.0, 2.0, 0.5 * k])
+        )
+        messages += [("/v", twist(0.36 * k, ns), ns), ("/pedal", number(0.001 * k), ns), ("/can", array, ns)]
+    bag = bag_of(tmp_path / "bag", messages)
+    topics = tmp_path / "topics.yaml"
+    topics.write_text(
+        "speed: {topic: /v, field: twist.linear.x, unit: km/h}\n"
+        "engine_command: {topic: /pedal, field: data, unit: ratio}\n"
+        "ambient_temperature: {topic: /can, field: 'data[1]', scale: 2, offset: 1}\n"
+    )
+    (recording,) = read(bag, topic_map=topics)
+    k = np.arange(300)
+    np.testing.assert_allclose(recording.channels["speed"], 0.1 * k)
+    np.testing.assert_allclose(recording.channels["engine_command"], 0.1 * k)
+    np.testing.assert_array_equal(recording.channels["ambient_temperature"], 5.0)
+    expected = TruckInterface("bag", engine_unit="percent", brake_unit=None, grade=False, fuel=False)
+    assert recording.interface == expected
+
+
+def test_the_argument_and_the_map_overrule_the_bags_interface(
+    tmp_path: Path, drive: Recording, interface: TruckInterface
+) -> None:
+    bag = write_bag(tmp_path / "bag", [drive], interface=interface)
+    other = TruckInterface("mine", engine_unit="N m", brake_unit="percent")
+    assert read(bag, interface=other)[0].interface == other
+    topics = {
+        "speed": {"topic": "/truck/twist", "field": "twist.linear.x"},
+        "engine_command": {"topic": "/truck/command", "field": "position[name=engine_command]", "unit": "Nm"},
+    }
+    assert read(bag, topic_map=topics)[0].interface.engine_unit == "N m"
+
+
+def test_stamps_count_not_the_time_of_arrival(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    late = [(t, m, ns + int(rng.uniform(0, 0.5) * S)) for t, m, ns in drive_messages()]
+    (recording,) = read(bag_of(tmp_path / "bag", sorted(late, key=lambda m: m[2])))
+    np.testing.assert_array_equal(recording.channels["speed"], 0.1 * np.arange(300))
+    assert any("put back in order" in note for note in recording.notes)
+
+
+def test_a_stamp_that_comes_again_counts_once(tmp_path: Path) -> None:
+    messages = drive_messages()
+    (recording,) = read(bag_of(tmp_path / "bag", [*messages[:100], *messages[99:]]))
+    assert len(recording) == 300
+    assert any("came again" in note for note in recording.notes)
+
+
+def test_no_target_is_invalid(tmp_path: Path) -> None:
+    make = TYPES.types["sensor_msgs/msg/Range"]
+    gaps = [np.inf if 100 <= k < 200 else 40.0 for k in range(300)]
+    ranges = [
+        ("/radar/range", make(stamped(ns), 1, 0.1, 0.0, 250.0, gaps[k], 0.0), ns)
+        for k, (_, _, ns) in enumerate(drive_messages())
+    ]
+    (recording,) = read(bag_of(tmp_path / "bag", sorted([*drive_messages(), *ranges], key=lambda m: m[2])))
+    np.testing.assert_array_equal(np.isnan(recording.channels["gap"]), np.isinf(gaps))
+
+
+def test_long_bags_are_read_in_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same whether resampled while reading or at the end, whatever the order of the topics."""
+    count = 4000
+    road = [("/road_grade", number(1e-4 * k), S + k * S // 5) for k in range(count // 2)]
+    mixed = sorted([*drive_messages(count=count), *road], key=lambda m: m[2])
+    bag = bag_of(tmp_path / "bag", mixed)
+    apart = bag_of(tmp_path / "apart", [*road, *drive_messages(count=count)])
+    topics = {
+        "speed": {"topic": "/truck/twist", "field": "twist.linear.x", "scale": 0.1},
+        "grade": {"topic": "/road_grade", "field": "data"},
+    }
+    (whole,) = read(bag, topic_map=topics)
+    monkeypatch.setattr("deeptruck_model.recordings.extract._DRAIN", 500)
+    monkeypatch.setattr("deeptruck_model.recordings.bag_source._BATCH", 300)
+    sqlite = bag_of(
+        tmp_path / "sqlite",
+        sorted([*drive_messages(count=count), *road], key=lambda m: m[2]),
+        storage=StoragePlugin.SQLITE3,
+    )
+    for other in (bag, apart, sqlite):
+        (parts,) = read(other, topic_map=topics)
+        assert parts.start_s == whole.start_s
+        for name, values in whole.channels.items():
+            np.testing.assert_array_equal(parts.channels[name], values)
+
+
+def refused(path: Path, match: str, **options: Any) -> None:
+    with pytest.raises(InputError, match=match) as caught:
+        read(path, **options)
+    assert "\n" not in str(caught.value)
+
+
+def test_time_going_back_is_refused(tmp_path: Path) -> None:
+    back = [
+        (t, twist(1.0, ns - 100 * S if k > 200 else ns), ns) for k, (t, _, ns) in enumerate(drive_messages())
+    ]
+    back = [("/truck/twist", m.__class__(m.header, m.twist), ns + 200 * S) for _, m, ns in back]
+    refused(bag_of(tmp_path / "bag", back), r"time goes back by \S+ s on /truck/twist")
+
+
+def test_what_is_missing_is_named(tmp_path: Path) -> None:
+    bag = bag_of(tmp_path / "bag", drive_messages("/other"))
+    refused(bag, "no topic /truck/twist for 'speed' .topics there: /other")
+    field = {"speed": {"topic": "/other", "field": "twist.speed"}}
+    refused(bag, "has no field 'twist.speed'", topic_map=field)
+    absent = {
+        "speed": {"topic": "/other", "field": "twist.linear.x"},
+        "gap": {"topic": "/no", "field": "data"},
+    }
+    refused(bag, "no topic /no for 'gap'", topic_map=absent)
+    refused(tmp_path / "nowhere", "does not exist")
+    refused(bag, "cannot be read", topic_map=tmp_path / "nowhere.yaml")
+
+
+@pytest.mark.parametrize(
+    ("topic_map", "match"),
+    [
+        ({"gap": {"topic": "/g", "field": "data"}}, "no 'speed'"),
+        ({"velocity": {"topic": "/g", "field": "data"}}, "unknown channel 'velocity'"),
+        ({"speed": {"topic": "/g"}}, "needs topic and field"),
+        ({"speed": "/g"}, "needs topic and field"),
+        ({"speed": {"topic": "/g", "field": "x", "unit": "rpm"}}, "unit 'rpm' does not fit"),
+        ({"speed": {"topic": "/g", "field": "x", "factor": 2}}, "unknown keys: factor"),
+        ({"speed": {"topic": "/g", "field": "x", "scale": "two"}}, "scale of 'speed' must be a number"),
+    ],
+)
+def test_bad_topic_maps(tmp_path: Path, topic_map: dict[str, Any], match: str) -> None:
+    refused(bag_of(tmp_path / "bag", drive_messages("/g", 3)), match, topic_map=topic_map)
+
+
+def test_a_command_of_unknown_unit_is_refused(tmp_path: Path) -> None:
+    make = TYPES.types["sensor_msgs/msg/JointState"]
+    none = np.zeros(0)
+    commands = [
+        ("/truck/command", make(stamped(ns), ["engine_command"], np.array([50.0]), none, none), ns)
+        for _, _, ns in drive_messages()
+    ]
+    bag = bag_of(tmp_path / "bag", [*drive_messages(), *commands])
+    refused(bag, "in which unit its engine_command is")
+    assert read(bag, interface=TruckInterface("mine"))[0].interface.name == "mine"
+
+
+def test_a_bag_without_messages(tmp_path: Path) -> None:
+    with Writer2(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        writer.add_connection("/truck/twist", "geometry_msgs/msg/TwistStamped", typestore=TYPES)
+    refused(tmp_path / "bag", "is empty: no speed")
+
+
+def _cut(bag: Path) -> Path:
+    (file,) = bag.glob("*.mcap")
+    file.write_bytes(file.read_bytes()[:-500])
+    return bag
+
+
+def _flip(bag: Path) -> Path:
+    (file,) = bag.glob("*.mcap")
+    data = bytearray(file.read_bytes())
+    data[3000] ^= 0xFF
+    file.write_bytes(data)
+    return bag
+
+
+def _no_metadata(bag: Path) -> Path:
+    (bag / "metadata.yaml").unlink()
+    return bag
+
+
+def _no_file(bag: Path) -> Path:
+    shutil.move(next(bag.glob("*.mcap")), bag.parent / "elsewhere")
+    return bag
+
+
+def _bad_yaml(bag: Path) -> Path:
+    (bag / "metadata.yaml").write_text("rosbag2_bagfile_information: [1, 2")
+    return bag
+
+
+def _empty_file(bag: Path) -> Path:
+    file = bag.parent / "empty.mcap"
+    file.touch()
+    return file
+
+
+def _text_file(bag: Path) -> Path:
+    file = bag.parent / "notes.txt"
+    file.write_text("no bag")
+    return file
+
+
+@pytest.mark.parametrize("damage", [_cut, _flip, _no_metadata, _no_file, _bad_yaml, _empty_file, _text_file])
+def test_damaged_bags_are_one_line(
+    tmp_path: Path, drive: Recording, interface: TruckInterface, damage: Callable[[Path], Path]
+) -> None:
+    bag = damage(write_bag(tmp_path / "bag", [drive], interface=interface))
+    refused(bag, "cannot be read as a bag|is damaged|not a finished bag")

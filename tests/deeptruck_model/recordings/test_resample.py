@@ -1,0 +1,223 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import Recording, Series, uniform
+from deeptruck_model.recordings.resample import Resampler
+from deeptruck_model.signals import TruckInterface
+
+Array = NDArray[np.float64]
+TRUCK = TruckInterface("t", brake_unit=None, grade=False, fuel=False)
+
+
+def resampled(
+    series: dict[str, Series], rate_hz: float = 10.0, cuts: tuple[float, ...] = ()
+) -> list[Recording]:
+    return uniform(series, name="t", interface=TRUCK, rate_hz=rate_hz, cuts=cuts)
+
+
+def clock(rate: float, seconds: float, start: float = 0.0) -> Array:
+    return start + np.arange(round(seconds * rate) + 1) / rate
+
+
+def test_samples_on_the_clock_are_kept_exactly() -> None:
+    time = clock(10, 60)
+    values = np.random.default_rng(0).uniform(0, 30, len(time))
+    (recording,) = resampled({"speed": Series(time, values), "gap": Series(time, values)})
+    np.testing.assert_array_equal(recording.channels["speed"], values)
+    np.testing.assert_array_equal(recording.channels["gap"], values)
+    assert recording.dt == 0.1
+
+
+def test_kinematics_survive_the_change_from_100_to_10_hz() -> None:
+    """v(k+1) = v(k) + a(k+1) dt holds at 100 Hz in the source, and at 10 Hz in the recording."""
+    time = clock(100, 30)
+    acceleration = np.random.default_rng(0).normal(size=len(time))
+    speed = 20 + np.concatenate([[0.0], np.cumsum(acceleration[1:]) * 0.01])
+    (recording,) = resampled({"speed": Series(time, speed), "acceleration": Series(time, acceleration)})
+    v, a = recording.channels["speed"], recording.channels["acceleration"]
+    assert len(recording) == 301
+    np.testing.assert_allclose(v[1:], v[:-1] + a[1:] * 0.1, atol=1e-12)
+
+
+def test_a_command_counts_from_when_it_came() -> None:
+    """10 Hz commands that come 20 ms after each tick: the step holds a fifth of the old one."""
+    ticks = clock(10, 5)
+    commands = np.arange(len(ticks), dtype=float)
+    late = Series(ticks + 0.02, commands)
+    (recording,) = resampled({"speed": Series(ticks, ticks), "engine_command": late})
+    expected = 0.2 * commands[:-2] + 0.8 * commands[1:-1]
+    np.testing.assert_allclose(recording.channels["engine_command"][1:-1], expected, rtol=1e-9)
+
+
+def test_a_command_is_held_between_its_samples_and_not_for_ever() -> None:
+    ticks = clock(10, 10)
+    command = Series(np.array([0.0, 0.5, 1.0, 6.0]), np.array([1.0, 2.0, 3.0, 4.0]))
+    (recording,) = resampled({"speed": Series(ticks, ticks), "engine_command": command})
+    u = recording.channels["engine_command"]
+    np.testing.assert_array_equal(u[[0, 4, 5, 9, 10, 20]], [1, 1, 2, 2, 3, 3])
+    assert np.isnan(u[30:60]).all()
+    assert u[60] == 4.0
+
+
+def test_gear_is_never_between_two_gears() -> None:
+    ticks = clock(10, 10)
+    gear = Series(clock(7, 10), np.repeat([3.0, 4.0], 36)[:71])
+    (recording,) = resampled({"speed": Series(ticks, ticks), "gear": gear})
+    assert set(recording.channels["gear"]) == {3.0, 4.0}
+
+
+def test_nan_is_not_bridged() -> None:
+    time = clock(100, 10) + 0.0037  # between the ticks of the speed, so that all must be interpolated
+    values = np.linspace(0, 10, len(time))
+    values[500] = np.nan
+    ticks = clock(10, 10)
+    (recording,) = resampled({"speed": Series(ticks, ticks), "gap": Series(time, values)})
+    gap = recording.channels["gap"]
+    assert np.isnan(gap[50]) and np.isnan(gap[[0]])
+    assert not np.isnan(gap[[49, 51, 100]]).any()
+    np.testing.assert_allclose(gap[60], np.interp(6.0, time, np.linspace(0, 10, len(time))))
+
+
+def test_holes_are_not_bridged_but_slow_channels_are() -> None:
+    ticks = clock(10, 20)
+    slow, holed = clock(1, 20), np.concatenate([clock(10, 8), clock(10, 8, start=12)])
+    series = {
+        "speed": Series(ticks, ticks),
+        "grade": Series(slow, 0.001 * slow),
+        "gap": Series(holed, holed),
+    }
+    (recording,) = resampled(series)
+    np.testing.assert_allclose(recording.channels["grade"], 0.001 * ticks, atol=1e-12)
+    assert np.isnan(recording.channels["gap"][81:120]).all()
+    assert not np.isnan(recording.channels["gap"][[80, 120]]).any()
+
+
+@pytest.mark.parametrize(("hole", "pieces"), [(1.4, 1), (1.6, 2)])
+def test_a_gap_in_the_speed_cuts(hole: float, pieces: int) -> None:
+    time = np.concatenate([clock(10, 10), clock(10, 10, start=10 + hole)])
+    recordings = resampled({"speed": Series(time, time)})
+    assert len(recordings) == pieces
+    assert [r.name for r in recordings] == (["t"] if pieces == 1 else ["t#0", "t#1"])
+    assert recordings[-1].start_s == pytest.approx(0.0 if pieces == 1 else 10 + hole)
+
+
+def test_a_source_slower_than_asked_keeps_its_rate_and_its_idea_of_a_gap() -> None:
+    time = np.concatenate([np.arange(0, 60.0), np.arange(62, 120.0), np.arange(124, 180.0)])
+    first, second = resampled({"speed": Series(time, time / 10)})
+    assert first.dt == second.dt == 1.0
+    assert len(first) == 120  # 2 s without a sample are within three periods
+    assert second.start_s == 124.0
+
+
+def test_an_odd_rate_is_found_exactly() -> None:
+    time = np.arange(600) / 3.0
+    (recording,) = resampled({"speed": Series(time, time / 10)})
+    np.testing.assert_array_equal(recording.channels["speed"], time / 10)
+
+
+def test_cuts_separate_neighbouring_samples() -> None:
+    time = clock(1, 9)
+    values = np.array([0, 1, 2, 3, 4, 20, 21, 22, 23, 24.0])
+    first, second = resampled({"speed": Series(time, values), "gap": Series(time, values)}, cuts=(5.0,))
+    np.testing.assert_array_equal(first.channels["gap"], values[:5])
+    np.testing.assert_array_equal(second.channels["speed"], values[5:])
+    np.testing.assert_array_equal(second.channels["acceleration"], 1.0)
+
+
+def test_not_measuring_for_long_is_a_gap() -> None:
+    time = clock(10, 30)
+    values = time.copy()
+    values[100:105] = np.nan  # half a second stays in the recording
+    values[200:250] = np.nan
+    first, second = resampled({"speed": Series(time, values)})
+    assert np.isnan(first.channels["speed"]).sum() == 5
+    assert len(first) == 200 and second.start_s == pytest.approx(25.0)
+    assert not np.isnan(second.channels["speed"]).any()
+
+
+def test_jitter_changes_little() -> None:
+    rng = np.random.default_rng(3)
+    time = clock(10, 60) + rng.uniform(0, 0.01, 601)
+    (recording,) = resampled(
+        {"speed": Series(time, 10 + np.sin(time)), "acceleration": Series(time, np.cos(time))}
+    )
+    np.testing.assert_allclose(
+        recording.channels["speed"], 10 + np.sin(time[0] + recording.time - recording.start_s), atol=2e-3
+    )
+    assert not np.isnan(recording.channels["acceleration"]).any()
+
+
+def test_values_no_truck_produces_become_invalid_and_are_noted() -> None:
+    time = clock(10, 60)
+    gap = np.full(len(time), 30.0)
+    gap[:50] = 655.35  # a radar's 'no target'
+    (recording,) = resampled({"speed": Series(time, time / 10), "gap": Series(time, gap)})
+    assert np.isnan(recording.channels["gap"][:50]).all()
+    assert any("50 samples of gap" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize(("channel", "factor"), [("speed", 3.6), ("engine_speed", 30 / np.pi)])
+def test_a_wrong_unit_is_told(channel: str, factor: float) -> None:
+    time = clock(10, 60)
+    good = {"speed": np.full(601, 25.0), "engine_speed": np.full(601, 130.0)}
+    good[channel] = good[channel] * factor
+    with pytest.raises(InputError, match=f"'{channel}' are outside .*is its unit right"):
+        resampled({name: Series(time, values) for name, values in good.items()})
+
+
+def test_acceleration_is_derived_where_absent() -> None:
+    time = clock(10, 2)
+    (recording,) = resampled({"speed": Series(time, time**2)})
+    v, a = recording.channels["speed"], recording.channels["acceleration"]
+    np.testing.assert_allclose(a[1:], np.diff(v) / 0.1)
+    assert a[0] == a[1]
+    assert "acceleration derived from speed" in recording.notes
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_nothing_to_make_a_recording_of(count: int) -> None:
+    with pytest.raises(InputError, match="no two speed samples"):
+        resampled({"speed": Series(np.zeros(count), np.zeros(count))})
+    with pytest.raises(InputError, match="no two speed samples"):
+        resampled({})
+
+
+def test_parts_give_what_the_whole_gives() -> None:
+    """Gaps, holes, jitter, slow and late channels, fed in odd parts."""
+    rng = np.random.default_rng(5)
+    fast = np.concatenate([clock(50, 400), clock(50, 300, 405), clock(50, 200, 900.5)])
+    fast = np.sort(fast + rng.normal(0, 1e-3, len(fast)))
+    radar = clock(20, 300, 350.0)
+    series = {
+        "speed": Series(fast, rng.uniform(0, 30, len(fast))),
+        "acceleration": Series(fast, rng.normal(size=len(fast))),
+        "engine_command": Series(clock(30, 1200), rng.normal(size=36001)),
+        "gear": Series(clock(5, 1200), rng.integers(1, 10, 6001).astype(float)),
+        "gap": Series(radar, rng.uniform(0, 90, len(radar))),
+        "ambient_temperature": Series(clock(0.02, 1200), np.linspace(10, 20, 25)),
+    }
+    series["speed"].values[rng.integers(0, len(fast), 200)] = np.nan
+    whole = resampled(series)
+    resampler = Resampler("t")
+    borders = np.sort(rng.uniform(0, 1200, 37))
+    for low, high in zip([-1.0, *borders], [*borders, 1300.0], strict=True):
+        for channel, one in series.items():
+            inside = (one.time >= low) & (one.time < high)
+            if inside.any():
+                resampler.add(channel, Series(one.time[inside], one.values[inside]))
+        resampler.advance(high - 60.0 if high < 1300 else np.inf)
+    parts = resampler.finish(TRUCK)
+    assert len(whole) == len(parts) == 3
+    for one, other in zip(whole, parts, strict=True):
+        assert (one.name, one.start_s, one.notes, set(one.channels)) == (
+            other.name,
+            other.start_s,
+            other.notes,
+            set(other.channels),
+        )
+        for channel, values in one.channels.items():
+            np.testing.assert_allclose(other.channels[channel], values, atol=1e-9, err_msg=channel)
