@@ -89,17 +89,18 @@ def _recordings(path: Path, meaning: Columns) -> list[Recording]:
         notes.append(f"{table.ragged} rows with more or fewer cells than the header left out")
     time = _time(table, meaning)
     values = {channel: _values(table, channel, column, notes) for channel, column in meaning.channels.items()}
-    jumps = np.zeros(len(time) - 1, dtype=bool)
-    for channel, step in meaning.split_at.items():
-        with np.errstate(invalid="ignore"):
-            jumps |= np.abs(np.diff(values[channel])) > step
+    cuts = [
+        time_of
+        for channel, step in meaning.split_at.items()
+        for time_of in _jumps(time, values[channel], step)
+    ]
     name = meaning.name or path.stem
     recordings = uniform(
-        {channel: Series(time, v) for channel, v in values.items()},
+        {channel: _measured(channel, time, v, notes) for channel, v in values.items()},
         name=name,
         interface=_interface(name, meaning),
-        rate_hz=meaning.rate_hz or 1.0 / float(np.median(np.diff(time))),
-        cuts=time[1:][jumps],
+        rate_hz=np.inf,  # the table's own
+        cuts=cuts,
         notes=notes,
     )
     derive = "grade" not in values and "elevation" in values and "elevation" not in meaning.conceal
@@ -144,6 +145,21 @@ def _values(table: TextTable, channel: str, column: Column, notes: list[str]) ->
     if column.scale != 1.0 or column.offset != 0.0:
         values = column.scale * values + column.offset
     return column.convert(values)
+
+
+def _measured(channel: str, time: Array, values: Array, notes: list[str]) -> Series:
+    """The channel's samples; where most rows leave it blank, it was sampled only in the others."""
+    valid = ~np.isnan(values)
+    if 2 * valid.sum() >= len(values):
+        return Series(time, values)
+    notes.append(f"{channel} taken as sampled in the {valid.sum()} rows of {len(values)} that have it")
+    return Series(time[valid], values[valid])
+
+
+def _jumps(time: Array, values: Array, step: float) -> Array:
+    """Times of the samples that differ from the one before by more than `step`."""
+    valid = ~np.isnan(values)
+    return time[valid][1:][np.abs(np.diff(values[valid])) > step]
 
 
 def _interface(name: str, meaning: Columns) -> TruckInterface:

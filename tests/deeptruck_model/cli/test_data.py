@@ -1,0 +1,84 @@
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from deeptruck_model import cli
+from deeptruck_model.recordings import CrashSafeWriter
+
+COLUMNS = (
+    "time: {rate_hz: 1.0}\nchannels:\n  speed: {column: v, unit: m/s}\n  elevation: {column: h, unit: m}\n"
+)
+
+
+@pytest.fixture
+def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    rows = "".join(f"{5 + k % 3},{100 + k}\n" for k in range(100))
+    (tmp_path / "drive.csv").write_text(f"v,h\n{rows}")
+    (tmp_path / "columns.yaml").write_text(COLUMNS)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+    """The exit code of the console script."""
+    monkeypatch.setattr(sys, "argv", ["deeptruck-model", *arguments])
+    try:
+        cli.main()
+    except SystemExit as end:
+        return int(end.code or 0)
+    return 0
+
+
+def test_import_then_coverage(
+    workplace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, "import", "drive.csv", "--columns", "columns.yaml", "--out", "bag") == 0
+    said = capsys.readouterr().out
+    assert "bag: 100.0 s in 1 piece" in said and "note: acceleration derived from speed" in said
+    assert run(monkeypatch, "coverage", "bag", "bag", "--out", "coverage") == 0
+    assert "bag: 100.0 s at 1 Hz" in capsys.readouterr().out
+    assert {p.name for p in (workplace / "coverage").iterdir()} == {"coverage.json", "coverage.png"}
+
+
+def test_the_seal_is_printed(
+    workplace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (workplace / "columns.yaml").write_text(COLUMNS + "conceal: [elevation]\n")
+    assert run(monkeypatch, "import", "drive.csv", "--columns", "columns.yaml", "--out", "bag") == 0
+    assert "sealed: bag.sealed.csv sha256 " in capsys.readouterr().out
+
+
+def test_repair(workplace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    writer = CrashSafeWriter(workplace / "bag")
+    writer.write("/a", "std_msgs/msg/Float64", bytes(12), 1)
+    writer.flush()
+    assert run(monkeypatch, "repair", "bag") == 0
+    assert "bag was not finished: kept 1 messages" in capsys.readouterr().out
+    assert run(monkeypatch, "repair", "bag") == 0
+    assert "nothing to do" in capsys.readouterr().out
+    writer.close()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["import", "nowhere.csv", "--columns", "columns.yaml", "--out", "bag"],
+        ["import", "drive.csv", "--columns", "nowhere.yaml", "--out", "bag"],
+        ["coverage", "drive.csv", "--out", "coverage"],
+        ["coverage", "nowhere", "--out", "coverage"],
+        ["repair", "nowhere"],
+    ],
+)
+def test_bad_input_is_one_line_and_code_2(
+    workplace: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+) -> None:
+    assert run(monkeypatch, *arguments) == 2
+    said = capsys.readouterr()
+    assert said.err.startswith("deeptruck-model: ") and said.err.count("\n") == 1
+    assert {p.name for p in workplace.iterdir()} == {"drive.csv", "columns.yaml"}

@@ -1,0 +1,71 @@
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import Recording, coverage
+from deeptruck_model.recordings.coverage_map import ACCELERATION_EDGES, GRADE_EDGES, SPEED_EDGES
+from deeptruck_model.signals import TruckInterface
+
+
+def steady(speed: float, acceleration: float, grade: float | None, count: int = 100) -> Recording:
+    values = {"speed": speed, "acceleration": acceleration} | ({} if grade is None else {"grade": grade})
+    channels = {name: np.full(count, value) for name, value in values.items()}
+    return Recording("r", 0.1, channels, TruckInterface("t"))
+
+
+def test_time_is_counted_where_it_was_spent() -> None:
+    found = coverage([steady(13.0, -1.1, 0.032), steady(90.0, -40.0, None, 50)])
+    i = np.searchsorted(SPEED_EDGES, 13.0) - 1
+    j = np.searchsorted(ACCELERATION_EDGES, -1.1) - 1
+    k = np.searchsorted(GRADE_EDGES, 0.032) - 1
+    assert found.seconds[i, j, k] == pytest.approx(10.0)
+    assert found.seconds[-1, 0, -1] == pytest.approx(5.0)  # beyond the edges, and without a grade
+    assert found.seconds.sum() == pytest.approx(15.0) == found.duration_s
+
+
+def test_invalid_samples_are_shares_not_time(drive: Recording) -> None:
+    found = coverage([drive])
+    invalid = np.isnan(drive.channels["speed"]) | np.isnan(drive.channels["acceleration"])
+    assert found.seconds.sum() == pytest.approx(0.1 * (600 - invalid.sum()))
+    described = found.recordings[0]["channels"]["gap"]
+    assert described["nan_share"] == pytest.approx(np.isnan(drive.channels["gap"]).mean(), abs=1e-6)
+    assert described["max"] == np.nanmax(drive.channels["gap"])
+    assert described["unit"] == "m"
+    assert found.recordings[0]["channels"]["brake_command"]["unit"] == "bar"
+
+
+def test_gaps_are_those_between_pieces_of_one_bag(drive: Recording) -> None:
+    first = replace(drive, name="bag#0")
+    second = replace(drive, name="bag#1", start_s=100.0)
+    found = coverage([first, second, replace(drive, name="other")])
+    assert [r["gap_before_s"] for r in found.recordings] == [None, pytest.approx(40.1), None]
+
+
+def test_it_is_written_as_json_and_picture(tmp_path: Path, drive: Recording) -> None:
+    all_nan = replace(drive, channels=drive.channels | {"grade": np.full(600, np.nan)})
+    coverage([all_nan]).save(tmp_path / "out")
+    data = json.loads((tmp_path / "out" / "coverage.json").read_text())
+    assert data["recordings"][0]["channels"]["grade"] == {
+        "unit": "ratio",
+        "min": None,
+        "max": None,
+        "mean": None,
+        "nan_share": 1.0,
+    }
+    assert np.array(data["occupancy"]["seconds"]).shape == (20, 32, 21)
+    assert (tmp_path / "out" / "coverage.png").read_bytes().startswith(b"\x89PNG")
+    assert len(list((tmp_path / "out").iterdir())) == 2
+
+
+def test_nothing_to_look_at(tmp_path: Path, drive: Recording) -> None:
+    with pytest.raises(InputError, match="no recording"):
+        coverage([])
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match="cannot write"):
+        coverage([drive]).save(tmp_path / "file")
