@@ -6,8 +6,8 @@ Equations as printed, with what the text leaves open:
 - The acceleration is drawn anew at every step, its statistics at the T_i.
 - The soft limit v_f = m / (1 + exp((m - v_max) / 2)) is applied recursively, as printed. At 10 Hz it then
   takes 0.7 % of the speed at every step at 25 m/s, and few samples lie above 20 m/s. `soft_limit_speed` is
-  the v_max of that equation alone: equal to v_max it is the printed form; the default, 15 m/s above, loses 0.06 %
-  a step at v_max and reaches the paper's 0 to 35 m/s.
+  the v_max of that equation alone: equal to v_max it is the printed form; the default, 15 m/s above, loses
+  0.06 % a step at v_max and reaches the paper's 0 to 35 m/s.
 - The road is a random walk over distance, reflected at the limits and smoothed by a moving average.
 """
 
@@ -75,6 +75,21 @@ class CycleSettings:
     """Episodes of one brake command down to standstill, reckoned at 20 s each."""
     engine_brake_share: float = 0.2
     """Share of the time (in stretches of minutes) in which the driver has the engine brake on."""
+
+
+YARD = CycleSettings(
+    speed=SpeedSettings(v_max=19.0, mu_a_scaling=0.9, mu_T=60.0, sigma_T=20.0),
+    road=RoadSettings(limit=0.0),
+    braking_share=0.05,
+)
+"""The paper's Freightliner field run: 0 to 18 m/s on a flat test track (16 min)."""
+
+FREEWAY = CycleSettings(
+    speed=SpeedSettings(v_min=20.0, v_max=32.0, mu_T=80.0, sigma_T=25.0),
+    coasting_share=0.03,
+    braking_share=0.0,
+)
+"""The paper's Volvo field run: 20 to 30 m/s on graded freeways (24 min)."""
 
 
 @entry

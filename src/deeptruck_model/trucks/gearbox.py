@@ -51,6 +51,14 @@ def gear_for_speed(s: Any, p: Any, engine_speed: float) -> float:
 
 
 @part
+def _carries(s: Any, p: Any, gear: float, down: float) -> bool:
+    """Whether a gear would still pull the load, and not be left again, after the speed the change costs."""
+    lost = max(s.load, 0.0) / p.mass * p.shift_time if p.converter == 0.0 else 0.0
+    speed = input_speed(s, p, gear) * max(1.0 - lost / max(s.speed, 0.1), 0.0)
+    return speed > down and _pull(p, gear, speed) > s.load
+
+
+@part
 def _next_gear(s: Any, p: Any) -> float:
     """The gear the hysteresis asks for; the present one where it asks for nothing."""
     up = p.upshift_low + (p.upshift_high - p.upshift_low) * s.pedal
@@ -59,10 +67,8 @@ def _next_gear(s: Any, p: Any) -> float:
     over = speed > p.governed_speed
     if s.since_shift < p.time_in_gear and not over and speed > p.declutch_speed:
         return s.gear
-    if speed > up and s.gear < p.gears:
-        next_speed = input_speed(s, p, s.gear + 1.0)
-        if over or _pull(p, s.gear + 1.0, next_speed) > s.load:
-            return s.gear + 1.0
+    if speed > up and s.gear < p.gears and (over or _carries(s, p, s.gear + 1.0, down)):
+        return s.gear + 1.0
     gear, lowest = s.gear, min(p.start_gear, s.gear)
     if _pull(p, lowest, speed) < s.load:
         lowest = 1.0

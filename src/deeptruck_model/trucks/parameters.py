@@ -145,7 +145,7 @@ def check_value(name: str, value: Any) -> float:
         raise InputError(f"parameter '{name}' must be a number in {parameter.unit}, not {value!r}")
     if not parameter.low <= value <= parameter.high:
         raise InputError(
-            f"parameter '{name}' is {value:g} {parameter.unit}, not in {parameter.low:g} to {parameter.high:g}"
+            f"parameter '{name}' is {value:g} {parameter.unit}, not {parameter.low:g} to {parameter.high:g}"
         )
     return float(value)
 

@@ -1,4 +1,4 @@
-"""The same physics written a second time, for a whole batch in numpy: what the compiled parts are held against.
+"""The same physics written a second time, for a batch in numpy: what the compiled parts are held against.
 
 Nothing here imports the compiled parts; only the parameters and the initial states come from the package.
 """
@@ -74,7 +74,10 @@ class NumpyTruck:
         over = speed > p["governed_speed"]
         wait = (s["since_shift"] < p["time_in_gear"]) & ~over & (speed > p["declutch_speed"])
         higher = np.minimum(gear + 1.0, p["gears"])
-        able = over | (self._pull(higher, self._input_speed(s, higher)) > s["load"])
+        loss = np.maximum(s["load"], 0.0) / p["mass"] * p["shift_time"] * (p["converter"] == 0.0)
+        left = np.maximum(1.0 - loss / np.maximum(s["speed"], 0.1), 0.0)
+        later = self._input_speed(s, higher) * left
+        able = over | ((later > down) & (self._pull(higher, later) > s["load"]))
         upward = (speed > up) & (gear < p["gears"]) & able
         lowest = np.minimum(p["start_gear"], gear)
         lowest = np.where(self._pull(lowest, speed) < s["load"], 1.0, lowest)

@@ -1,0 +1,170 @@
+"""The paper's generator, equation by equation, and what driving it records."""
+
+from __future__ import annotations
+
+from math import ceil, exp
+
+import numpy as np
+import pytest
+
+from deeptruck_model import trucks
+from deeptruck_model.driving_cycles import (
+    FREEWAY,
+    YARD,
+    CycleSettings,
+    RoadSettings,
+    SpeedSettings,
+    drive,
+    road_grade,
+    speed_profile,
+)
+from deeptruck_model.errors import InputError
+
+PRINTED = SpeedSettings(soft_limit_speed=35.0)
+
+
+def paper(seconds: float, seed: int, s: SpeedSettings, limit: float, dt: float = 0.1) -> np.ndarray:
+    """The section's equations in the paper's order, in plain Python."""
+    rng = np.random.default_rng(seed)
+    n = round(seconds / dt)
+    noise, holds = rng.standard_normal(n), rng.normal(s.mu_T, s.sigma_T, int(seconds) + 2)
+    v_ref = (s.v_min + s.v_max) / 2
+    v = v_at_t = s.v_min + noise[0] % (s.v_max - s.v_min)
+    t_i, i, a = 0.0, 0, []
+    for k in range(n):
+        if k * dt >= t_i - 1e-9:
+            v_at_t = v
+            mu = 1 - v_at_t / v_ref
+            t_i += ceil(max(holds[i] * (1 - abs(mu)), dt))
+            i += 1
+        mu, sigma = 1 - v_at_t / v_ref, v_at_t / v_ref * (1 - v_at_t / s.v_max)
+        a.append(s.mu_a_scaling * mu + s.sigma_a_scaling * sigma * noise[k])
+        v = max(min(v + a[-1] * dt, s.v_max), s.v_min)
+    window = round(s.window / dt)
+    smooth = [np.mean(a[max(k - window + 1, 0) : k + 1]) for k in range(n)]
+    v_f = [s.v_min]
+    for k in range(1, n):
+        m = max(v_f[-1] + smooth[k] * dt, s.v_min)
+        v_f.append(m / (1 + exp(0.5 * (m - limit))))
+    return np.array(v_f)
+
+
+@pytest.mark.parametrize(("settings", "limit"), [(SpeedSettings(), 50.0), (PRINTED, 35.0)])
+def test_profile_is_the_paper_s(settings: SpeedSettings, limit: float) -> None:
+    made = speed_profile(900.0, seed=5, settings=settings)
+    np.testing.assert_allclose(made, paper(900.0, 5, settings, limit), atol=1e-9)
+
+
+def test_printed_soft_limit_keeps_the_profile_slow_and_the_documented_setting_does_not() -> None:
+    """As printed, the limit taken at every 0.1 s leaves little above 20 m/s; v_max + 15 m/s reaches 35."""
+    printed = np.concatenate([speed_profile(7200.0, seed=k, settings=PRINTED) for k in range(4)])
+    default = np.concatenate([speed_profile(7200.0, seed=k) for k in range(4)])
+    assert (printed > 25.0).mean() < 0.01
+    assert default.max() > 34.0
+    share, _ = np.histogram(default, [0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 40.0])
+    assert (share / len(default) > 0.03).all()
+
+
+def test_same_seed_same_profile() -> None:
+    np.testing.assert_array_equal(speed_profile(300.0, seed=1), speed_profile(300.0, seed=1))
+    assert not np.array_equal(speed_profile(300.0, seed=1), speed_profile(300.0, seed=2))
+
+
+def test_road_stays_within_its_limit_spans_it_and_is_smooth() -> None:
+    grade = road_grade(300_000.0, seed=3)
+    assert np.abs(grade).max() <= 0.03
+    share, _ = np.histogram(grade, np.linspace(-0.03, 0.03, 7))
+    assert (share / len(grade) > 0.08).all()
+    assert np.abs(np.diff(grade)).max() < 0.002
+    np.testing.assert_array_equal(road_grade(1000.0, seed=3, settings=RoadSettings(limit=0.0)), 0.0)
+
+
+@pytest.mark.parametrize("name", trucks.pool())
+def test_recording_is_what_the_truck_did(name: str) -> None:
+    """The recorded commands and grade, given to the truck again, give the recorded responses."""
+    truck = trucks.load(name).with_grade_input()
+    recording = drive(truck, seconds=1200.0, seed=2)
+    assert len(recording) == 12000
+    y = truck.rollout(recording.u[None], recording.w[None], recording.y[None, 0]).y[0]
+    np.testing.assert_allclose(y[1:], recording.y[1:], atol=1e-9)
+    speed, acceleration = recording.channels["speed"], recording.channels["acceleration"]
+    np.testing.assert_allclose(speed[1:], speed[:-1] + 0.1 * acceleration[1:], atol=1e-9)
+    climbed = np.diff(recording.channels["elevation"])
+    angle = np.arctan(recording.channels["grade"][:-1])
+    way = 0.5 * (speed[1:] + speed[:-1]) * 0.1
+    np.testing.assert_allclose(climbed, way * np.sin(angle), atol=0.01)
+
+
+def test_a_truck_without_a_grade_sensor_records_neither_grade_nor_elevation() -> None:
+    blind = drive(trucks.load("freightliner"), seconds=300.0, seed=4)
+    seeing = drive(trucks.load("freightliner").with_grade_input(), seconds=300.0, seed=4)
+    assert "grade" not in blind.channels
+    assert "elevation" not in blind.channels
+    np.testing.assert_array_equal(blind.y, seeing.y)
+
+
+@pytest.mark.parametrize("name", trucks.pool())
+def test_cycle_spans_speed_grade_coasting_and_braking_to_rest(name: str) -> None:
+    recording = drive(trucks.load(name).with_grade_input(), hours=4.0, seed=11)
+    c = recording.channels
+    share, _ = np.histogram(c["speed"], [0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 45.0])
+    assert (share[:-1] > 0.005 * len(recording)).all(), share
+    coasting = (c["engine_command"] == 0.0) & (c["brake_command"] == 0.0)
+    for low in range(0, 30, 5):
+        assert (coasting & (c["speed"] >= low) & (c["speed"] < low + 5)).mean() > 0.002
+    stops = (c["speed"][1:] == 0.0) & (c["speed"][:-1] > 0.0)
+    assert stops.sum() > 30
+    hard = 1.5 if name == "volvo" else 30.0
+    assert (c["brake_command"] > hard).mean() > 0.005
+    assert c["grade"].min() < -0.025 < 0.025 < c["grade"].max()
+    for channel, values in c.items():
+        assert np.isfinite(values).all(), channel
+
+
+def test_field_configurations_of_the_paper() -> None:
+    """Freightliner: 0 to 18 m/s on the flat. Volvo: 20 to 30 m/s on graded freeways, without stops."""
+    yard = drive(trucks.load("freightliner"), seconds=960.0, seed=1, settings=YARD).channels["speed"]
+    assert 15.0 < yard.max() < 21.0
+    assert np.histogram(yard, [0.0, 6.0, 12.0, 18.0])[0].min() > 0.08 * len(yard)
+    speed = drive(trucks.load("volvo"), seconds=1440.0, seed=1, settings=FREEWAY).channels["speed"]
+    assert ((speed[1200:] > 18.0) & (speed[1200:] < 32.0)).mean() > 0.9
+
+
+def test_forces_of_others_are_felt_while_driving() -> None:
+    class Nothing:
+        def reset(self, batch: int) -> None: ...
+
+        def force(self, view: trucks.View, dt: float) -> float:
+            return 0.0
+
+    class Headwind(Nothing):
+        def force(self, view: trucks.View, dt: float) -> np.ndarray:
+            return np.full(1, -3000.0)
+
+    truck = trucks.load("trucksim")
+    plain = drive(truck, seconds=120.0, seed=6)
+    same = drive(truck.with_forces([Nothing()]), seconds=120.0, seed=6)
+    slowed = drive(truck.with_forces([Headwind()]), seconds=120.0, seed=6)
+    np.testing.assert_allclose(same.y, plain.y, atol=1e-12)
+    np.testing.assert_allclose(same.u, plain.u, atol=1e-9)
+    assert slowed.channels["engine_command"].mean() > plain.channels["engine_command"].mean() + 100.0
+
+
+def test_driver_follows_what_the_truck_can_do() -> None:
+    settings = CycleSettings(
+        speed=SpeedSettings(v_min=5.0, v_max=20.0, sigma_a_scaling=1.0),
+        road=RoadSettings(limit=0.01),
+        coasting_share=0.0,
+        braking_share=0.0,
+    )
+    truck = trucks.load("trucksim").with_parameters({"mass": 12000.0})
+    target = speed_profile(600.0, seed=np.random.default_rng(9), settings=settings.speed)
+    driven = drive(truck, seconds=600.0, seed=9, settings=settings).channels["speed"]
+    assert np.sqrt(np.mean((driven[600:] - target[600:]) ** 2)) < 0.6
+
+
+def test_impossible_requests_are_refused() -> None:
+    with pytest.raises(InputError, match="cannot drive"):
+        drive(trucks.load("volvo"), seed=1)
+    with pytest.raises(InputError, match="span nothing"):
+        speed_profile(60.0, seed=1, settings=SpeedSettings(v_min=10.0, v_max=10.0))

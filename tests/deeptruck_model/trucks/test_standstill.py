@@ -1,0 +1,124 @@
+"""Rest, hills and gear changes: no jitter, no hunting."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from deeptruck_model import trucks
+from deeptruck_model.simulators import Run
+from deeptruck_model.trucks.driver import EPISODE, LOGGED, drive_along
+
+
+def run(
+    name: str, seconds: float, start: float, engine: float, brake: float, grade: float, **changes: float
+) -> Run:
+    truck = trucks.load(name).with_grade_input().with_parameters(changes)
+    n = int(seconds * 10) + 1
+    u = np.tile([engine, brake], (1, n, 1))
+    return truck.rollout(u, np.full((1, n, 1), grade), np.array([[0.0, start, 0.0]]))
+
+
+@pytest.mark.parametrize("grade", [-0.08, 0.0, 0.08])
+@pytest.mark.parametrize("name", trucks.pool())
+def test_brakes_hold_exactly(name: str, grade: float) -> None:
+    brake = 3.0 if name == "volvo" else 60.0
+    y = run(name, 60.0, 6.0, 0.0, brake, grade, hill_hold=0).y[0]
+    stop = int(np.argmax(y[:, 1] == 0.0))
+    assert 0 < stop < 80
+    np.testing.assert_array_equal(y[stop + 1 :, :2], 0.0)
+
+
+def test_released_on_a_slope_it_rolls_back_unless_held() -> None:
+    assert run("trucksim", 10.0, 0.0, 0.0, 0.0, 0.05, hill_hold=0).y[0, -1, 1] < -1.0
+    np.testing.assert_array_equal(run("trucksim", 10.0, 0.0, 0.0, 0.0, 0.05).y[0, :, 1], 0.0)
+
+
+def test_rolling_resistance_holds_on_a_slight_slope() -> None:
+    np.testing.assert_array_equal(run("trucksim", 20.0, 0.0, 0.0, 0.0, -0.004).y[0, :, 1], 0.0)
+    assert run("trucksim", 20.0, 0.0, 0.0, 0.0, -0.01).y[0, -1, 1] > 0.3
+
+
+def test_an_automatic_creeps_and_a_clutch_does_not() -> None:
+    assert 0.5 < run("freightliner", 30.0, 0.0, 0.0, 0.0, 0.0).y[0, -1, 1] < 4.0
+    np.testing.assert_array_equal(run("trucksim", 30.0, 0.0, 0.0, 0.0, 0.0).y[0, :, 1], 0.0)
+
+
+@pytest.mark.parametrize("name", trucks.pool())
+def test_gears_do_not_hunt_at_a_steady_speed(name: str) -> None:
+    """A driver holds a speed on a slope: once settled, the gearbox has nothing to do."""
+    truck = trucks.load(name)
+    n, none = 3000, np.zeros(0, EPISODE)
+    for speed in (5.0, 9.0, 14.0, 20.0, 25.0):
+        for grade in (-0.02, 0.0, 0.02, 0.04):
+            road = np.full(1000, grade)
+            log = drive_along(truck, np.full(n, speed), np.zeros(n), none, road, 100.0)
+            changes = (np.diff(log[n // 2 :, LOGGED.index("gear")]) != 0.0).sum()
+            assert changes <= 2, f"{changes} changes at {speed:g} m/s on {grade:.0%}"
+
+
+def changes_of(gears: np.ndarray, speeds: np.ndarray, direction: int) -> dict[int, float]:
+    """By gear: the speed at which it was left upwards (+1), or the next higher one left downwards (-1)."""
+    steps = np.sign(np.diff(gears))
+    return {int(gears[k]) - (direction < 0): speeds[k] for k in np.flatnonzero(steps == direction)}
+
+
+def test_upshift_and_downshift_speeds_leave_a_gap() -> None:
+    up = run("trucksim", 60.0, 0.0, 900.0, 0.0, 0.0)
+    down = run("trucksim", 40.0, up.y[0, -1, 1], 900.0, 0.0, 0.06)
+    rising = changes_of(up.inside["gear"][0], up.y[0, :, 1], +1)
+    falling = changes_of(down.inside["gear"][0], down.y[0, :, 1], -1)
+    shared = rising.keys() & falling.keys()
+    assert len(shared) >= 2
+    for gear in shared:
+        assert falling[gear] < 0.9 * rising[gear], f"no hysteresis between {gear} and {gear + 1}"
+
+
+def test_torque_interruption_lasts_as_long_as_it_says() -> None:
+    truck = trucks.load("trucksim", dt=0.01)
+    u = np.tile([1900.0, 0.0], (1, 3000, 1))
+    shifting = truck.rollout(u, np.zeros((1, 3000, 1)), np.array([[0.0, 8.0, 0.0]])).inside["shifting"][0]
+    edges = np.flatnonzero(np.diff(shifting))
+    lengths = (edges[1::2] - edges[0 : len(edges) // 2 * 2 : 2]) * 0.01
+    assert len(lengths) >= 2
+    np.testing.assert_allclose(lengths, 0.9, atol=0.015)
+
+
+def test_boost_lag_delays_rising_torque_only_and_can_be_switched_off() -> None:
+    def rise(lag: float) -> float:
+        truck = trucks.load("trucksim", dt=0.01).with_parameters({"boost_lag": lag})
+        u = np.tile([1500.0, 0.0], (1, 400, 1))
+        torque = truck.rollout(u, np.zeros((1, 400, 1)), np.array([[-0.19, 22.0, 0.0]])).inside[
+            "engine_torque"
+        ][0]
+        return float(np.argmax(torque > 0.9 * torque[-1])) * 0.01
+
+    assert rise(0.0) < 0.25
+    assert rise(0.8) > 2.0 * rise(0.0) + 0.3
+
+
+def test_engine_brake_holds_back_and_friction_alone_less() -> None:
+    coasting = run("trucksim", 5.0, 25.0, 0.0, 0.0, 0.0).y[0, -1, 1]
+    retarded = run("trucksim", 5.0, 25.0, -1000.0, 0.0, 0.0).y[0, -1, 1]
+    without = run("trucksim", 5.0, 25.0, -1000.0, 0.0, 0.0, engine_brake_torque=0).y[0, -1, 1]
+    assert retarded < coasting - 0.3
+    assert without == pytest.approx(coasting, abs=1e-9)
+
+
+def test_volvo_reaches_the_deceleration_it_is_asked_for() -> None:
+    for mass in (15000.0, 30000.0):
+        for request in (0.8, 2.0):
+            run_ = run("volvo", 6.0, 25.0, 0.0, request, 0.02, mass=mass)
+            assert -run_.y[0, 30:50, 0].mean() == pytest.approx(request, rel=0.06)
+    assert run("volvo", 3.0, 25.0, 0.0, 0.04, 0.0).inside["front_pressure"].max() == 0.0  # switch open
+
+
+def test_forced_speed_keeps_gear_and_turns_the_engine() -> None:
+    truck = trucks.load("trucksim")
+    state = truck.reset(np.array([[0.0, 20.0, 5.0]]))
+    gear = truck.inside(state)["gear"].copy()
+    forced = truck.force(state, np.array([[0.3, 20.5, 5.0]]))
+    inside = truck.inside(forced)
+    np.testing.assert_array_equal(inside["gear"], gear)
+    np.testing.assert_allclose(inside["engine_speed"], inside["ratio"] * 20.5 / 0.5)
+    np.testing.assert_array_equal(truck.inside(state)["engine_speed"], inside["ratio"] * 20.0 / 0.5)

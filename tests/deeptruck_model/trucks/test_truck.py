@@ -1,0 +1,168 @@
+"""Loading, parameters, saving and refusal."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from deeptruck_model import simulators, trucks
+from deeptruck_model.errors import InputError
+from deeptruck_model.simulators import Simulator
+
+
+def test_pool_has_the_three_trucks_of_the_paper() -> None:
+    assert trucks.pool() == ("freightliner", "trucksim", "volvo")
+    interfaces = {name: trucks.load(name).interface for name in trucks.pool()}
+    assert [interfaces[n].engine_unit for n in trucks.pool()] == ["percent", "N m", "percent"]
+    assert [interfaces[n].brake_unit for n in trucks.pool()] == ["percent", "percent", "m/s^2"]
+    assert [interfaces[n].w for n in trucks.pool()] == [(), ("grade",), ("grade",)]
+    assert [len(trucks.load(n).specification.ratios) for n in trucks.pool()] == [6, 10, 12]
+
+
+def test_every_scalar_stands_in_the_pool_under_its_part() -> None:
+    for name in trucks.pool():
+        data = yaml.safe_load((Path(trucks.__file__).parent / "pool" / f"{name}.yaml").read_text())
+        for parameter in trucks.PARAMETERS.values():
+            assert parameter.name in data[parameter.part], f"{parameter.name} is missing in {name}.yaml"
+
+
+def test_load_through_simulators_with_nested_and_flat_overrides(tmp_path: Path) -> None:
+    file = tmp_path / "heavy.yaml"
+    file.write_text(
+        "mass: 32000\nbrakes: {brake_fade: 0}\ninterface: {grade: false}\nengine: {boost_lag: 0}\n"
+    )
+    truck = simulators.load(f"truck:trucksim:{file}")
+    assert isinstance(truck, Simulator)
+    assert truck.parameters()["mass"] == 32000.0
+    assert truck.parameters()["brake_fade"] == truck.parameters()["boost_lag"] == 0.0
+    assert truck.interface.w == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("mas: 20000", "did you mean mass"),
+        ("engine: {bost_lag: 1}", "did you mean boost_lag"),
+        ("mass: heavy", "must be a number in kg"),
+        ("mass: -5", "1000 to 100000"),
+        ("mass: .nan", "1000 to 100000"),
+        ("mass: [1", "is not YAML"),
+        ("- mass", "must hold a table"),
+        ("ratios: [1, 2]", "falling"),
+        ("full_load: {speed: [100, 50], torque: [1, 2]}", "rising"),
+        ("interface: {engine_unit: g/s}", "N m"),
+        ("governed_speed: 400", "must be below"),
+    ],
+)
+def test_bad_overrides_are_one_clear_line(tmp_path: Path, text: str, says: str) -> None:
+    file = tmp_path / "bad.yaml"
+    file.write_text(text)
+    with pytest.raises(InputError, match=says) as refusal:
+        trucks.load("trucksim", str(file))
+    assert "\n" not in str(refusal.value)
+
+
+def test_unknown_truck_parameter_or_file() -> None:
+    with pytest.raises(InputError, match="did you mean trucksim"):
+        trucks.load("truksim")
+    with pytest.raises(InputError, match="did you mean drag_area"):
+        trucks.load("volvo").with_parameters({"dragarea": 5.0})
+    with pytest.raises(InputError, match="cannot read"):
+        trucks.load("volvo", "/nowhere/at/all.yaml")
+
+
+@pytest.mark.parametrize("column", [0, 1])
+def test_nan_is_refused_not_driven(column: int) -> None:
+    truck = trucks.load("volvo")
+    state = truck.reset(np.array([[0.0, 20.0], [0.0, 20.0]]))
+    u = np.array([[10.0, 0.0], [10.0, 0.0]])
+    u[1, column] = np.nan
+    with pytest.raises(InputError, match="row 1"):
+        truck.step(state, u, np.zeros((2, 1)))
+    with pytest.raises(InputError, match="row 0"):
+        truck.step(state, np.zeros((2, 2)), np.array([[np.inf], [0.0]]))
+    with pytest.raises(InputError, match="finite"):
+        truck.reset(np.array([[0.0, np.nan]]))
+
+
+def test_wrong_shapes_are_refused() -> None:
+    truck = trucks.load("freightliner")
+    state = truck.reset(np.zeros((2, 3)))
+    with pytest.raises(InputError, match="w has shape"):
+        truck.step(state, np.zeros((2, 2)), np.zeros((2, 1)))
+    with pytest.raises(InputError, match="u has shape"):
+        truck.step(state, np.zeros((2, 1)), np.zeros((2, 0)))
+
+
+def test_saved_truck_drives_alike(tmp_path: Path) -> None:
+    truck = trucks.load("volvo", dt=0.2).with_parameters({"mass": 21000.0, "brake_gain": 0.8})
+    truck.save(tmp_path / "sim")
+    again = simulators.load(tmp_path / "sim")
+    assert again.dt == 0.2
+    assert again.interface == truck.interface
+    assert again.parameters() == truck.parameters()
+    u = np.tile([60.0, 0.0], (1, 100, 1))
+    y = [t.rollout(u, np.zeros((1, 100, 1)), np.array([[0.0, 9.0, 1.0]])).y for t in (truck, again)]
+    np.testing.assert_array_equal(y[0], y[1])
+    assert [p.name for p in (tmp_path / "sim").iterdir()] == ["simulator.json"]
+
+
+def test_damaged_directory_is_refused(tmp_path: Path) -> None:
+    trucks.load("volvo").save(tmp_path)
+    manifest = json.loads((tmp_path / "simulator.json").read_text())
+    del manifest["truck"]["body"]["mass"]
+    (tmp_path / "simulator.json").write_text(json.dumps(manifest))
+    with pytest.raises(InputError, match="lacks mass"):
+        simulators.load(tmp_path)
+
+
+def test_a_longer_step_agrees_with_the_short_one() -> None:
+    short, long = trucks.load("trucksim"), trucks.load("trucksim", dt=1.0)
+    u, w = np.tile([900.0, 0.0], (1, 301, 1)), np.zeros((1, 301, 1))
+    y0 = np.array([[0.0, 12.0, 4.0]])
+    fine = short.rollout(u, w, y0).y[0, ::10]
+    coarse = long.rollout(u[:, :31], w[:, :31], y0).y[0]
+    np.testing.assert_allclose(coarse[:, 1], fine[:, 1], atol=1e-9)
+
+
+def test_freightliner_feels_a_grade_it_does_not_report() -> None:
+    truck = trucks.load("freightliner")
+    assert truck.interface.w == ()
+    world = truck.with_grade_input()
+    u, y0 = np.tile([40.0, 0.0], (1, 200, 1)), np.array([[0.0, 15.0, 3.0]])
+    level = truck.rollout(u, np.zeros((1, 200, 0)), y0).y[0, -1, 1]
+    assert world.rollout(u, np.full((1, 200, 1), 0.03), y0).y[0, -1, 1] < level - 1.0
+
+
+PROBE = """
+import os, sys
+sys.path.insert(0, {source!r})
+from deeptruck_model import trucks
+import numpy as np
+truck = trucks.load("trucksim")
+print(truck.step(truck.reset(np.array([[0.0, 15.0]])), np.zeros((1, 2)), np.zeros((1, 1)))[1][0, 1])
+"""
+
+
+def test_runs_without_a_writable_cache(tmp_path: Path) -> None:
+    """Neither the package's folder nor the home can be written: the truck is compiled in memory."""
+    source = str(Path(trucks.__file__).parents[2])
+    code = PROBE.format(source=source)
+    block = "import numba.core.caching as c\nfor l in c.CacheImpl._locator_classes:\n"
+    block += "    l.ensure_cache_path = lambda self: (_ for _ in ()).throw(OSError('read-only'))\n"
+    done = subprocess.run(
+        [sys.executable, "-c", block + code],
+        capture_output=True,
+        text=True,
+        timeout=200,
+        check=False,
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0, done.stderr
+    assert float(done.stdout) == pytest.approx(14.98, abs=0.05)
