@@ -15,6 +15,7 @@ import numpy as np
 from deeptruck_model import simulators
 from deeptruck_model.deep import checkpoint, evaluation, resume
 from deeptruck_model.deep.truck import DeepTruck
+from deeptruck_model.deep.uncertainty import calibrate
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 
@@ -72,6 +73,9 @@ def publish(
     there."""
     checkpoint.write(truck, working)
     again = simulators.load(working)
+    assert isinstance(again, DeepTruck)
+    truck.details["calibration"] = calibrate(again, validation)
+    checkpoint.write(truck, working)
     metrics = evaluation.statistics(evaluation.trials(again, validation))
     (working / "metrics.json").write_text(json.dumps(metrics, indent=1) + "\n")
     (working / "MODEL_CARD.md").write_text(model_card(truck, training, metrics))

@@ -29,8 +29,8 @@ def pack(network: TruckNetwork) -> tuple[FloatArray, ...]:
     n = {name: p.detach().numpy() for name, p in network.named_parameters()}
     gates = np.concatenate([n["input"], n["recurrent"], n["bias"][:, None]], axis=1)
     outputs, signals = network.shape.responses - 1, network.shape.signals
-    arrays = (gates, n["decoder"], n["decoder_bias"], n["output"][..., :outputs])
-    arrays += (n["output_bias"][..., :outputs],)
+    output, output_bias = n["output"][..., :outputs], n["output_bias"][..., :outputs]
+    arrays = (gates, n["decoder"], n["decoder_bias"], output, output_bias)
     scales = (
         network.mean.numpy()[:signals],
         network.scale.numpy()[:signals],

@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import onnx
@@ -118,7 +119,7 @@ def build(truck: DeepTruck) -> ModelProto:
     return model
 
 
-def _constants(truck: DeepTruck) -> dict[str, np.ndarray[tuple[int, ...], np.dtype[np.generic]]]:
+def _constants(truck: DeepTruck) -> dict[str, np.ndarray[Any, Any]]:
     network, shape = truck.network, truck.network.shape
     outputs, first = shape.responses - 1, shape.controls + shape.conditions
     columns = [first, *([first + 2] if outputs > 1 else [])]
@@ -147,6 +148,5 @@ def _constants(truck: DeepTruck) -> dict[str, np.ndarray[tuple[int, ...], np.dty
         "out_scale": scale[columns],
         **numbers,
     }
-    return {name: np.asarray(value, np.float32) for name, value in arrays.items()} | {
-        name: np.array([value], np.int64) for name, value in integers.items()
-    }
+    constants: dict[str, Any] = {name: np.asarray(value, np.float32) for name, value in arrays.items()}
+    return constants | {name: np.array([value], np.int64) for name, value in integers.items()}

@@ -47,7 +47,7 @@ class Arguments:
     form: Literal["", "training", "deployment"] = ""
     """which y is fed back while training; empty: the mode's own"""
     members: int = 1
-    """models trained side by side; three or more give calibrated intervals"""
+    """models trained side by side; the truck is their mean, and their spread widens its intervals"""
     updates: int = 0
     """gradient steps; 0: chosen from the amount of data"""
     steps: int = 100

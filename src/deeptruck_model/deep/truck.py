@@ -15,6 +15,7 @@ from torch import Tensor
 from deeptruck_model.deep import inference
 from deeptruck_model.deep.coverage import Coverage
 from deeptruck_model.deep.network import State, TruckNetwork
+from deeptruck_model.deep.uncertainty import half_width
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import SPEED, TruckInterface
 from deeptruck_model.simulators import Array, Run
@@ -89,20 +90,22 @@ class DeepTruck:
         return Run(self._run(u, w, y0, recorded)[0], {})
 
     def predict(self, u: Array, w: Array, y0: Array) -> Prediction:
-        """Free run with calibrated 90 % intervals (see details['calibration']) and the coverage flag
-        (batch, T).
+        """Free run with calibrated 90 % intervals and the coverage flag.
 
-        Raises InputError for a single model or an uncalibrated ensemble, which has no intervals.
+        Raises InputError where the truck was never calibrated (training does it).
         """
         calibration = self.details.get("calibration")
         if calibration is None:
-            raise InputError("this deep truck has no calibrated intervals; train it with --members 3 or more")
+            raise InputError(
+                "this deep truck has no calibrated intervals; train it with 'deeptruck-model train'"
+            )
         mean, spread = self._run(u, w, y0, None)
-        time = np.arange(mean.shape[1])[:, None] * self.dt
-        floor, growth, factor = (np.asarray(calibration[k]) for k in ("floor", "growth", "factor"))
-        half = factor * np.sqrt(spread**2 + (floor + growth * np.sqrt(time)) ** 2)
-        half[:, 0] = 0.0
+        half = half_width(calibration, spread, self.dt)
         return Prediction(mean, mean - half, mean + half, self.covers(mean, w))
+
+    def spread(self, u: Array, w: Array, y0: Array) -> Array:
+        """Standard deviation over the members of a free run, (batch, T, n_y); 0 for a single model."""
+        return self._run(u, w, y0, None)[1]
 
     def covers(self, y: Array, w: Array) -> NDArray[np.bool_]:
         """True where speed, acceleration and grade of y (..., n_y), w (..., n_w) were driven in training."""

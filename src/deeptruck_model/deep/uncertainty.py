@@ -1,0 +1,66 @@
+"""Intervals for a free run: ensemble spread and an error that grows with time, scaled to hold 90 % of held-
+out points.
+
+half width = factor * sqrt(spread^2 + (floor + growth sqrt(t))^2), per channel. The spread widens the
+interval where the members disagree; floor and growth are the error they share.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.stats import norm
+from scipy.stats import t as student_t
+
+from deeptruck_model.deep.evaluation import HORIZON_S, trials
+from deeptruck_model.recordings import Recording
+from deeptruck_model.simulators import Array
+
+if TYPE_CHECKING:
+    from deeptruck_model.deep.truck import DeepTruck
+
+LEVEL = 0.9
+RUNS = 300
+
+
+def calibrate(truck: DeepTruck, held_out: Sequence[Recording]) -> dict[str, Any]:
+    """Factors from free runs on data that did not train the truck; lists have one entry a response channel.
+
+    Few minutes of held-out data are few independent runs: Student's t widens the intervals accordingly.
+    """
+    runs = trials(truck, held_out, RUNS, HORIZON_S, seed=1)
+    spread = truck.spread(runs.u, runs.w, runs.modelled[:, 0])[:, 1:]
+    error, time = runs.error[:, 1:], runs.time[1:]
+    entries = [_channel(error[..., j], spread[..., j], time) for j in range(error.shape[2])]
+    floor, growth, factor = (list(values) for values in zip(*entries, strict=True))
+    independent = max(1.0, sum(len(r) * r.dt for r in held_out) / float(time[-1]))
+    caution = float(student_t.ppf(0.5 + LEVEL / 2, independent) / norm.ppf(0.5 + LEVEL / 2))
+    factor = [f * caution for f in factor]
+    return {"level": LEVEL, "horizon_s": float(time[-1]), "floor": floor, "growth": growth, "factor": factor}
+
+
+def half_width(calibration: dict[str, Any], spread: Array, dt: float) -> Array:
+    """Half width of the interval (batch, T, n_y) of runs with `spread` (batch, T, n_y); 0 at the start."""
+    time = np.arange(spread.shape[1])[:, None] * dt
+    floor, growth, factor = (np.asarray(calibration[key]) for key in ("floor", "growth", "factor"))
+    half: Array = factor * np.sqrt(spread**2 + (floor + growth * np.sqrt(time)) ** 2)
+    half[:, 0] = 0.0
+    return half
+
+
+def _channel(error: Array, spread: Array, time: Array) -> tuple[float, float, float]:
+    """Floor, growth and factor of one channel; error and spread (runs, T)."""
+    known = np.isfinite(error)
+    if not known.any():
+        return 0.0, 0.0, 1.0
+    count = known.sum(axis=0)
+    square = np.where(known, error**2 - spread**2, 0.0).sum(axis=0) / np.maximum(count, 1)
+    own = np.sqrt(np.maximum(square, 0.0))
+    growth, floor = np.polyfit(np.sqrt(time), own, 1, w=np.sqrt(count)) if len(time) > 1 else (0.0, own[0])
+    if growth < 0 or floor < 0:
+        growth, floor = max(growth, 0.0), max(floor, 0.0)
+    width = np.sqrt(spread**2 + (floor + growth * np.sqrt(time)) ** 2)
+    ratio = np.abs(error[known]) / np.maximum(width[known], 1e-9)
+    return float(floor), float(growth), float(np.quantile(ratio, LEVEL))
