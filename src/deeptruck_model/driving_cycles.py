@@ -78,7 +78,7 @@ class CycleSettings:
 
 
 YARD = CycleSettings(
-    speed=SpeedSettings(v_max=19.0, mu_a_scaling=0.9, mu_T=60.0, sigma_T=20.0),
+    speed=SpeedSettings(v_max=18.0, mu_a_scaling=0.9, mu_T=60.0, sigma_T=20.0, soft_limit_speed=30.0),
     road=RoadSettings(limit=0.0),
     braking_share=0.05,
 )

@@ -124,7 +124,7 @@ def test_cycle_spans_speed_grade_coasting_and_braking_to_rest(name: str) -> None
 def test_field_configurations_of_the_paper() -> None:
     """Freightliner: 0 to 18 m/s on the flat. Volvo: 20 to 30 m/s on graded freeways, without stops."""
     yard = drive(trucks.load("freightliner"), seconds=960.0, seed=1, settings=YARD).channels["speed"]
-    assert 15.0 < yard.max() < 21.0
+    assert 15.0 < yard.max() < 20.5
     assert np.histogram(yard, [0.0, 6.0, 12.0, 18.0])[0].min() > 0.08 * len(yard)
     speed = drive(trucks.load("volvo"), seconds=1440.0, seed=1, settings=FREEWAY).channels["speed"]
     assert ((speed[1200:] > 18.0) & (speed[1200:] < 32.0)).mean() > 0.9

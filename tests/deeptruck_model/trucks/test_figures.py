@@ -100,7 +100,7 @@ def test_stopping_distance_hot(name: str) -> None:
 
 
 def test_coast_down_is_drag_and_rolling() -> None:
-    """SAE J1263: the road load read back from a coast-down in neutral (no engine drag) is drag plus rolling."""
+    """SAE J1263: the road load read back from a coast-down without engine drag is drag plus rolling."""
     idle = {"engine_friction": 0.0, "accessory_power": 0.0, "wheel_inertia": 0.0, "engine_inertia": 0.1}
     truck = trucks.load("trucksim").with_parameters(idle)
     p = truck.parameters()
@@ -115,7 +115,7 @@ def test_coast_down_is_drag_and_rolling() -> None:
 @pytest.mark.parametrize(
     ("name", "mass", "low", "high"),
     [
-        # 5.5 to 7.5 mpg at 60-65 mph, 25-36 t: Franzese, ORNL/TM-2011/455
+        # 5.5 to 7.5 mpg at 60-65 mph with 25-36 t: Franzese, ORNL/TM-2011/455
         ("trucksim", US_LIMIT, 5.0, 7.0),
         ("volvo", 30000.0, 6.0, 7.6),
         # a bobtail roughly 9 to 11

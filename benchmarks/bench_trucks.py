@@ -1,0 +1,216 @@
+"""How fast the physics truck drives: compiled, in numpy, in plain Python, and beside FASTSim 3.
+
+    python benchmarks/bench_trucks.py [--fastsim-python PYTHON]
+
+All ratios come from one run, on one core, in CPU time. FASTSim is optional (pip install fastsim, into a venv
+of its own if you like); without it its row says so. Writes docs/results/bench_trucks.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from deeptruck_model import driving_cycles, trucks
+
+ROOT = Path(__file__).parents[1]
+RESULTS = ROOT / "docs" / "results" / "bench_trucks.md"
+BATCH, STEPS = 1000, 400
+FASTSIM = """
+import json, time, fastsim
+vehicle = fastsim.Vehicle.from_resource("2012_Ford_Fusion.yaml")
+cycle = fastsim.Cycle.from_resource("udds.csv")
+best = 1e9
+for _ in range(5):
+    drive = fastsim.SimDrive(vehicle, cycle)
+    begin = time.process_time()
+    drive.walk()
+    best = min(best, time.process_time() - begin)
+seconds = cycle.to_dict()["time_seconds"]
+found = {"version": fastsim.__version__, "steps": len(seconds) - 1, "simulated": seconds[-1], "cpu": best}
+print(json.dumps(found))
+"""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--fastsim-python", default=sys.executable, help="interpreter that has fastsim")
+    parser.add_argument("--plain", action="store_true", help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.plain:
+        print(json.dumps(plain_python()))
+        return
+    rates = {
+        "compiled, batch 1000": compiled_batch(),
+        "compiled, one truck, whole run": compiled_batch(1, 100_000),
+        "compiled, one truck, step by step": compiled_steps(),
+        "numpy, batch 1000": numpy_batch(),
+        "plain Python, one truck": in_plain_python(),
+    }
+    report(rates, with_force(), seven_hours(), fastsim_rate(arguments.fastsim_python))
+
+
+def inputs(batch: int, steps: int) -> tuple[Any, Any, Any]:
+    """Commands that change every 5 s over the whole range, slopes of +-3 %."""
+    rng = np.random.default_rng(0)
+    blocks = (batch, steps // 50 + 1)
+    engine = rng.choice([-500.0, 0.0, 500.0, 1000.0, 1900.0], blocks)
+    brake = np.where(engine <= 0.0, rng.uniform(0.0, 40.0, blocks), 0.0)
+    u = np.repeat(np.stack([engine, brake], axis=2), 50, axis=1)[:, :steps]
+    w = np.repeat(rng.uniform(-0.03, 0.03, blocks), 50, axis=1)[:, :steps, None]
+    y0 = np.stack([np.zeros(batch), rng.uniform(0.0, 30.0, batch), np.zeros(batch)], axis=1)
+    return np.ascontiguousarray(u), np.ascontiguousarray(w), y0
+
+
+def cpu(work: Callable[[], Any], repeats: int = 3) -> float:
+    """Least CPU seconds of some repeats, after one to warm up."""
+    work()
+    times = []
+    for _ in range(repeats):
+        begin = time.process_time()
+        work()
+        times.append(time.process_time() - begin)
+    return min(times)
+
+
+def compiled_batch(batch: int = BATCH, steps: int = STEPS) -> float:
+    """Control steps (0.1 s) a CPU second of the compiled loop."""
+    truck = trucks.load("trucksim")
+    u, w, y0 = inputs(batch, steps + 1)
+    return batch * steps / cpu(lambda: truck.rollout(u, w, y0, inside=False))
+
+
+def compiled_steps(steps: int = 3000) -> float:
+    truck = trucks.load("trucksim")
+    u, w, y0 = inputs(1, steps)
+
+    def run() -> None:
+        state = truck.reset(y0)
+        for k in range(steps):
+            state, _ = truck.step(state, u[:, k], w[:, k])
+
+    return steps / cpu(run)
+
+
+def numpy_batch(steps: int = 40) -> float:
+    """The reference the tests hold the compiled truck against, on the same batch."""
+    path = ROOT / "tests" / "deeptruck_model" / "trucks" / "numpy_truck.py"
+    spec = importlib.util.spec_from_file_location("numpy_truck", path)
+    assert spec
+    assert spec.loader
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    truck = trucks.load("trucksim")
+    reference = module.NumpyTruck(truck.record[0], truck.substeps, truck.substep)
+    u, w, y0 = inputs(BATCH, steps)
+    records = truck.reset(y0).records
+
+    def run() -> None:
+        state = {name: records[name].copy() for name in records.dtype.names or ()}
+        for k in range(steps):
+            reference.step(state, u[:, k, 0], u[:, k, 1], w[:, k, 0])
+
+    return BATCH * steps / cpu(run, 2)
+
+
+def in_plain_python() -> float:
+    """The very same functions without the compiler, in a process of their own."""
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    command = [sys.executable, __file__, "--plain"]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    return float(json.loads(done.stdout))
+
+
+def plain_python(steps: int = 1500) -> float:
+    from deeptruck_model.trucks.kernel import advance
+    from deeptruck_model.trucks.start import settle
+    from deeptruck_model.trucks.state import STATE
+
+    truck = trucks.load("trucksim")
+    record = truck.record[0]
+    p = SimpleNamespace(**{name: record[name].tolist() for name in record.dtype.names})
+    u, w, y0 = inputs(1, steps)
+    engine, brake, grade = u[0, :, 0].tolist(), u[0, :, 1].tolist(), w[0, :, 0].tolist()
+
+    def run() -> None:
+        s = SimpleNamespace(**dict.fromkeys(STATE.names or (), 0.0))
+        settle(s, p, 0.0, float(y0[0, 1]))
+        for k in range(steps):
+            advance(s, p, engine[k], brake[k], grade[k], truck.substeps, truck.substep)
+
+    return steps / cpu(run)
+
+
+def with_force(steps: int = 1000) -> float:
+    """Microseconds a substep (100 Hz) of a truck that evaluates a force of the user's."""
+
+    class Nothing:
+        def reset(self, batch: int) -> None: ...
+
+        def force(self, view: trucks.View, dt: float) -> float:
+            return 0.0
+
+    truck = trucks.load("trucksim").with_forces([Nothing()])
+    u, w, y0 = inputs(1, steps + 1)
+    return cpu(lambda: truck.rollout(u, w, y0)) / (steps * truck.substeps) * 1e6
+
+
+def seven_hours() -> float:
+    """CPU seconds for a recording of 7 h at 10 Hz, generator, driver and truck."""
+    truck = trucks.load("trucksim")
+    return cpu(lambda: driving_cycles.drive(truck, hours=7.0, seed=1))
+
+
+def fastsim_rate(python: str) -> dict[str, Any] | None:
+    done = subprocess.run([python, "-c", FASTSIM], capture_output=True, text=True, check=False)
+    return json.loads(done.stdout.splitlines()[-1]) if done.returncode == 0 else None
+
+
+def report(rates: dict[str, float], force: float, hours7: float, fastsim: dict[str, Any] | None) -> None:
+    best = rates["compiled, batch 1000"]
+    rows = [
+        "| truck `trucksim`, 0.1 s steps of ten substeps | steps / s | simulated s / s | batch is faster by |"
+    ]
+    rows += ["| --- | ---: | ---: | ---: |"]
+    rows += [f"| {name} | {r:,.0f} | {0.1 * r:,.0f} | {best / r:.1f} |" for name, r in rates.items()]
+    if fastsim is None:
+        rows.append("| FASTSim 3 | not installed (pip install fastsim) | | |")
+    else:
+        step, second = fastsim["steps"] / fastsim["cpu"], fastsim["simulated"] / fastsim["cpu"]
+        rows.append(
+            f"| FASTSim {fastsim['version']}, 1 s steps, one car | {step:,.0f} | {second:,.0f} |"
+            f" {best / step:.1f} per step, {0.1 * best / second:.2f} per simulated second |"
+        )
+    text = "\n".join(
+        [
+            "# Speed of the physics truck",
+            "",
+            "`python benchmarks/bench_trucks.py`; one core, CPU time, all rows from one run.",
+            "",
+            *rows,
+            "",
+            f"- 7 h of driving data (generator, driver, truck; 252,000 samples): {hours7:.2f} CPU s.",
+            f"- A truck with a force from outside: {force:.1f} us a substep of 10 ms, besides the force's own.",
+            "- FASTSim takes one step a simulated second, without gearbox, boost or brake states; our truck takes"
+            " a hundred.",
+            "",
+        ]
+    )
+    RESULTS.parent.mkdir(parents=True, exist_ok=True)
+    RESULTS.write_text(text)
+    print(text)
+
+
+if __name__ == "__main__":
+    main()
