@@ -105,14 +105,8 @@ def compiled_steps(steps: int = 3000) -> float:
 
 def numpy_batch(steps: int = 40) -> float:
     """The reference the tests hold the compiled truck against, on the same batch."""
-    path = ROOT / "tests" / "deeptruck_model" / "trucks" / "numpy_truck.py"
-    spec = importlib.util.spec_from_file_location("numpy_truck", path)
-    assert spec
-    assert spec.loader
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
     truck = trucks.load("trucksim")
-    reference = module.NumpyTruck(truck.record[0], truck.substeps, truck.substep)
+    reference = from_tests("numpy_truck").NumpyTruck(truck.record[0], truck.substeps, truck.substep)
     u, w, y0 = inputs(BATCH, steps)
     records = truck.reset(y0).records
 
@@ -172,6 +166,32 @@ def seven_hours() -> float:
     return cpu(lambda: driving_cycles.drive(truck, hours=7.0, seed=1))
 
 
+def from_tests(name: str) -> Any:
+    """A module of the truck's tests: its reference in numpy, and how the published figures are measured."""
+    spec = importlib.util.spec_from_file_location(
+        name, ROOT / "tests" / "deeptruck_model" / "trucks" / f"{name}.py"
+    )
+    assert spec
+    assert spec.loader
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def figures() -> list[str]:
+    """0-60 mph, speed kept on 6 %, stopping distances cold and hot, and fuel, of each truck of the pool."""
+    measure = from_tests("test_figures")
+    rows = ["| truck | t | 0-60 mph, s | 6 % kept, m/s | 60-0 mph, ft: 80 / 300 / 500 degC | mpg at 63 mph |"]
+    rows.append("| --- | ---: | ---: | ---: | ---: | ---: |")
+    for name, mass in (("trucksim", 20e3), ("trucksim", 36287.0), ("freightliner", 8200.0), ("volvo", 30e3)):
+        truck = trucks.load(name).with_parameters({"mass": mass})
+        climb = measure.on_grade(truck, 300.0, 25.0, engine=1.0, grade=0.06).y[0, -1, 1]
+        stops = " / ".join(f"{measure.stopping_feet(truck, t):.0f}" for t in (80.0, 300.0, 500.0))
+        sixty, mpg = measure.time_to(truck, 60.0 * measure.MPH), measure.cruise_mpg(truck, 63.0)
+        rows.append(f"| {name} | {mass / 1e3:.1f} | {sixty:.1f} | {climb:.1f} | {stops} | {mpg:.1f} |")
+    return rows
+
+
 def fastsim_rate(python: str) -> dict[str, Any] | None:
     done = subprocess.run([python, "-c", FASTSIM], capture_output=True, text=True, check=False)
     return json.loads(done.stdout.splitlines()[-1]) if done.returncode == 0 else None
@@ -201,9 +221,14 @@ def report(rates: dict[str, float], force: float, hours7: float, fastsim: dict[s
             *rows,
             "",
             f"- 7 h of driving data (generator, driver, truck; 252,000 samples): {hours7:.2f} CPU s.",
-            f"- A truck with a force from outside: {force:.1f} us a substep of 10 ms, besides the force's own.",
-            "- FASTSim takes one step a simulated second, without gearbox, boost or brake states; our truck takes"
-            " a hundred.",
+            f"- A force from outside costs {force:.1f} us a substep of 10 ms, besides its own time.",
+            "- FASTSim takes one step a simulated second, without gearbox, boost or brake states; ours a hundred.",
+            "",
+            "## Figures of the class",
+            "",
+            "The bands and whose they are: tests/deeptruck_model/trucks/test_figures.py.",
+            "",
+            *figures(),
             "",
         ]
     )
