@@ -1,0 +1,1 @@
+"""The proof: hidden effects, sealed cases and their scoring. Imports nothing of the tool it examines."""

@@ -1,0 +1,212 @@
+"""The examination levels: what is drawn for a case before anything is driven."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch.proof import trucks
+from deeptruck_model.mismatch.proof.effects import EFFECTS, Effect, named, of_kind, unknown
+from deeptruck_model.mismatch.proof.gates import CONDITIONS
+from deeptruck_model.mismatch.proof.hidden import SCENARIOS
+
+LEVELS = (
+    "plain",
+    "noise",
+    "wrong_parameters",
+    "absorbed",
+    "closed_loop",
+    "confounded",
+    "rare",
+    "decoy",
+    "several",
+    "not_in_library",
+    "measurement_fault",
+    "parameter_error",
+    "nothing_missing",
+)
+WRONG = {  # relative standard deviation of the simulator's own error at level wrong_parameters
+    "mass": 0.06,
+    "drag_area": 0.08,
+    "rolling_resistance": 0.10,
+    "torque_gain": 0.03,
+    "brake_gain": 0.08,
+}
+FIT, HELD_OUT = 6, 2  # recordings
+POOL = ("freightliner", "trucksim", "volvo")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Everything drawn for a case. `values` are the truck's true parameters, `believed` the simulator's."""
+
+    level: str
+    seed: int
+    simulator: str
+    truck: str
+    values: dict[str, float]
+    believed: dict[str, float]
+    effects: tuple[Effect, ...]
+    scenarios: list[str]
+    fit: int
+    minutes: float
+    grade: bool
+    sensors: bool = True
+    condition: str = ""
+    excluded: tuple[str, ...] = ()
+    lost: tuple[str, ...] = ()
+    styles: list[str] = field(default_factory=list)
+    headway_s: float = 1.8
+    attempt: int = 0
+
+    def rng(self, salt: int) -> np.random.Generator:
+        return np.random.default_rng([self.seed, zlib.crc32(self.level.encode()), salt, self.attempt])
+
+
+def draw_plan(
+    level: str, seed: int, effect: str | None, simulator: str, minutes: float, attempt: int = 0
+) -> Plan:
+    """Draw a case. `effect` is a key or a name; None lets the seed choose, cycling through all that suit. A later
+    `attempt` draws truck, roads and drivers anew, for the same effects."""
+    if level not in LEVELS:
+        raise InputError(f"there is no level '{level}'; levels: {', '.join(LEVELS)}")
+    chosen, excluded = _choose_effects(level, seed, effect, np.random.default_rng([seed, 1]))
+    rng = np.random.default_rng([seed, zlib.crc32(level.encode()), 0, attempt])
+    suited = [t for t in POOL if all(t in e.trucks for e in chosen)]
+    truck = suited[rng.integers(len(suited))]
+    values = trucks.draw_parameters(truck, rng)
+    needs_grade = any({"descent", "hills"} & set(e.needs) or e.name.startswith("grade") for e in chosen)
+    grade = not any(e.key == "road_grade" for e in chosen) and (
+        truck != "freightliner" or needs_grade or rng.random() < 0.5
+    )
+    return Plan(
+        level,
+        seed,
+        simulator,
+        truck,
+        values,
+        _believe(level, values, rng),
+        chosen,
+        _scenarios(chosen, FIT + HELD_OUT, rng),
+        FIT,
+        minutes,
+        grade,
+        sensors=level != "plain",
+        condition=_condition(chosen, rng) if level == "confounded" else "",
+        excluded=excluded,
+        lost=_lost(level, chosen, rng),
+        styles=_styles(level, chosen, FIT + HELD_OUT, rng),
+        headway_s=float(rng.uniform(0.7, 1.1) if any(e.leader for e in chosen) else rng.uniform(1.4, 2.2)),
+        attempt=attempt,
+    )
+
+
+def suitable(level: str) -> list[Effect]:
+    """Effects a level may plant, in a fixed order."""
+    if level == "confounded":
+        return [e for e in named() if e.gateable and e.key not in ("payload_change", "road_surface")]
+    if level == "rare":
+        return [e for e in named() if e.gateable or e.key.startswith("command")]
+    if level == "measurement_fault":
+        return of_kind("measurement_fault")
+    if level == "parameter_error":
+        return of_kind("parameter_error")
+    if level == "nothing_missing":
+        return []
+    return named()
+
+
+def _leave_one_out() -> list[Effect]:
+    """Named effects that no parameter or fault of the measurement imitates: leaving out their name is fair."""
+    other = {e.name for e in EFFECTS.values() if e.kind != "missing_physics"}
+    return [e for e in named() if not other & set(e.accepts) and e.name not in other]
+
+
+def _choose_effects(
+    level: str, seed: int, effect: str | None, rng: np.random.Generator
+) -> tuple[tuple[Effect, ...], tuple[str, ...]]:
+    if level == "nothing_missing":
+        return (), ()
+    if effect is not None:
+        found = EFFECTS.get(effect) or next((e for e in EFFECTS.values() if e.name == effect), None)
+        if found is None:
+            raise InputError(f"there is no hidden effect '{effect}'; effects: {', '.join(sorted(EFFECTS))}")
+        leave_out = level == "not_in_library" and found.name != "unknown"
+        return (found,), ((found.name, *found.accepts) if leave_out else ())
+    if level == "not_in_library":
+        candidates = unknown() if seed % 2 == 0 else _leave_one_out()
+        one = candidates[(seed // 2) % len(candidates)]
+        return (one,), (() if seed % 2 == 0 else (one.name, *one.accepts))
+    candidates = suitable(level)
+    first = candidates[seed % len(candidates)]
+    if level != "several":
+        return (first,), ()
+    return _companions(first, candidates, 2 + int(rng.random() < 0.35), rng), ()
+
+
+def _companions(
+    first: Effect, candidates: list[Effect], count: int, rng: np.random.Generator
+) -> tuple[Effect, ...]:
+    chosen = [first]
+    for k in rng.permutation(len(candidates)):
+        other = candidates[k]
+        clash = any(
+            other.name == e.name or other.name in e.accepts or e.name in other.accepts for e in chosen
+        )
+        together = set(other.trucks).intersection(*(e.trucks for e in chosen))
+        if len(chosen) < count and not clash and together and other.key != "road_grade":
+            chosen.append(other)
+    return tuple(chosen)
+
+
+def _believe(level: str, values: dict[str, float], rng: np.random.Generator) -> dict[str, float]:
+    """The simulator's parameters: right, a little off, or clearly off."""
+    spread = {"wrong_parameters": 1.0, "absorbed": 1.0}.get(level, 0.0)
+    if level == "nothing_missing" and rng.random() < 0.5:
+        spread = 0.01 / 0.06
+    believed = dict(values)
+    for name, sd in WRONG.items():
+        own = min(spread * sd, 0.006 if level == "nothing_missing" else 1.0)
+        if own:
+            true = values.get(name, 1.0)
+            believed[name] = float(true * (1.0 + np.clip(own * rng.standard_normal(), -2 * own, 2 * own)))
+    return believed
+
+
+def _scenarios(chosen: tuple[Effect, ...], count: int, rng: np.random.Generator) -> list[str]:
+    """Two thirds of the drives are such that an effect can act, held-out ones all; the rest are any."""
+    out = []
+    for k in range(count):
+        pool: tuple[str, ...] = SCENARIOS
+        if chosen and (k >= count - 2 or rng.random() < 0.67):
+            pool = chosen[k % len(chosen)].needs
+        out.append(str(pool[rng.integers(len(pool))]))
+    return out
+
+
+def _condition(chosen: tuple[Effect, ...], rng: np.random.Generator) -> str:
+    """A condition under which the effect can still act."""
+    needs = {n for e in chosen for n in e.needs}
+    possible = [c for c in CONDITIONS if not (c.startswith("above") and needs <= {"suburban", "descent"})]
+    possible = [c for c in possible if not (c == "below 11 m/s" and "suburban" not in needs)]
+    if any(e.key in ("brake_fade", "brake_lag", "dragging_brake", "engine_brake") for e in chosen):
+        possible = [c for c in possible if c not in ("uphill", "half load or more")] or ["above 17 m/s"]
+    return str(possible[rng.integers(len(possible))])
+
+
+def _lost(level: str, chosen: tuple[Effect, ...], rng: np.random.Generator) -> tuple[str, ...]:
+    if level == "plain":
+        return ()
+    chances = {"gear": 0.2, "engine_speed": 0.15, "engine_torque": 0.25, "elevation": 0.4}
+    return tuple(name for name, chance in chances.items() if rng.random() < chance)
+
+
+def _styles(level: str, chosen: tuple[Effect, ...], count: int, rng: np.random.Generator) -> list[str]:
+    if any(e.leader for e in chosen):
+        return ["acc" if rng.random() < 0.8 else "human" for _ in range(count)]
+    if level == "closed_loop":
+        return [str(rng.choice(["cruise", "acc"])) for _ in range(count)]
+    return ["human"] * count
