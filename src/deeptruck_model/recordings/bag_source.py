@@ -87,13 +87,15 @@ class BagSource:
         """All messages of the topics, nearly in the order of their log times (see Batch.safe_ns)."""
         try:
             chunks = indexed_chunks(self._mcap_files())
-            yield from self._one_by_one(topics) if chunks is None else read_chunks(chunks, topics)
+            types = {topic: kind for topic, kind in self.topics.items() if topic in topics}
+            yield from self._one_by_one(topics) if chunks is None else read_chunks(chunks, types)
         except _DAMAGED as error:
             raise InputError(f"{self.path} is damaged: {_one_line(error)}") from None
 
     def messages(self, topics: set[str]) -> Iterator[tuple[str, int, bytes]]:
         """(topic, log time in ns, serialised message) of the topics, in the order of their log times."""
-        wanted = [c for c in self._reader.connections if c.topic in topics]
+        types = self.topics
+        wanted = [c for c in self._reader.connections if c.topic in topics and c.msgtype == types[c.topic]]
         try:
             for connection, log_ns, data in self._reader.messages(wanted) if wanted else ():
                 yield connection.topic, log_ns, bytes(data)

@@ -29,7 +29,7 @@ class CrashSafeWriter:
         *,
         file_stem: str | None = None,
         custom_data: dict[str, str] | None = None,
-        flush_s: float = 1.0,
+        flush_s: float = 0.5,
     ) -> None:
         self.path = Path(path)
         self.flush_s = flush_s

@@ -51,7 +51,8 @@ def import_table(table: str | Path, columns: Mapping[str, Any] | str | Path, out
     `<out>.sealed.csv`. A CAN log (by its suffix) is handed to the first entry point of
     'deeptruck.importers', a function `(log: Path, columns: dict) -> (channels, interface)`: `channels`
     maps our channel names to (times (n,) in s, ascending, values (n,)) in canonical units, `interface` is
-    the dict of a TruckInterface. This function puts them on one 10 Hz clock. Raises InputError with one
+    the dict of a TruckInterface; the message of its ValueError becomes the InputError. This function puts
+    the channels on one 10 Hz clock. Raises InputError with one
     line for whatever cannot be used; nothing is left behind.
     """
     table, out = Path(table), Path(out)
@@ -216,7 +217,10 @@ def _import_can_log(log: Path, columns: Mapping[str, Any] | str | Path, out: Pat
     if not log.is_file():
         raise InputError(f"{log} does not exist")
     meaning = load_yaml(Path(columns)) if isinstance(columns, str | Path) else dict(columns)
-    channels, interface_data = _can_importer()(log, meaning)
+    try:
+        channels, interface_data = _can_importer()(log, meaning)
+    except ValueError as error:  # the other package's own error of one line
+        raise InputError(str(error)) from None
     interface = TruckInterface.from_dict(interface_data)
     unknown = sorted(set(channels) - set(CHANNELS))
     if unknown:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 RECORD_HEAD = 9  # opcode and length
 _MESSAGE_HEAD = 22  # channel, sequence, log time, publish time
+_GROUP_BYTES = 4 * 2**20
 _ENTRY = np.dtype([("log_ns", "<u8"), ("offset", "<u8")])
 
 
@@ -40,11 +41,11 @@ class Batch:
 
 @dataclass(frozen=True)
 class IndexedChunk:
-    """A chunk of a file, with the topics of the file's channels."""
+    """A chunk of a file, with (topic, message type) of the file's channels."""
 
     file: Path
     index: ChunkIndex
-    topics: dict[int, str]
+    channels: dict[int, tuple[str, str]]
 
 
 def indexed_chunks(files: Sequence[Path]) -> list[IndexedChunk] | None:
@@ -55,47 +56,77 @@ def indexed_chunks(files: Sequence[Path]) -> list[IndexedChunk] | None:
             summary = make_reader(stream).get_summary()
         if summary is None or not summary.chunk_indexes:
             return None
-        topics = {key: channel.topic for key, channel in summary.channels.items()}
-        chunks += [IndexedChunk(file, index, topics) for index in summary.chunk_indexes]
+        types = {key: schema.name for key, schema in summary.schemas.items()}
+        channels = {key: (c.topic, types.get(c.schema_id, "")) for key, c in summary.channels.items()}
+        chunks += [IndexedChunk(file, index, channels) for index in summary.chunk_indexes]
     return chunks or None
 
 
-def read_chunks(chunks: Sequence[IndexedChunk], topics: set[str]) -> Iterator[Batch]:
-    """The messages of the topics, chunk by chunk in the order of the chunks' first messages."""
+def read_chunks(chunks: Sequence[IndexedChunk], types: dict[str, str]) -> Iterator[Batch]:
+    """Messages of the topics that have the given types, in the order of the chunks' first messages."""
+    group = _Group()
     with ExitStack() as stack:
         streams: dict[Path, BinaryIO] = {}
         for chunk in sorted(chunks, key=lambda c: c.index.message_start_time):
-            held = (
-                chunk.index.message_index_offsets or chunk.topics
-            )  # without message indexes it may hold any
-            wanted = {key: chunk.topics[key] for key in held}
-            wanted = {key: topic for key, topic in wanted.items() if topic in topics}
-            if wanted and chunk.file not in streams:
+            held = chunk.index.message_index_offsets or chunk.channels  # without an index it may hold any
+            found = {key: chunk.channels[key] for key in held}
+            wanted = {key: topic for key, (topic, kind) in found.items() if types.get(topic) == kind}
+            if not wanted:
+                continue
+            if chunk.file not in streams:
                 streams[chunk.file] = stack.enter_context(chunk.file.open("rb"))
-            if wanted:
-                yield from _read(streams[chunk.file], chunk.index, wanted)
+            group.add(*_read(streams[chunk.file], chunk.index), wanted, chunk.index.message_start_time)
+            if group.size > _GROUP_BYTES:
+                yield from group.batches()
+                group = _Group()
+    yield from group.batches()
 
 
-def _read(stream: BinaryIO, index: ChunkIndex, wanted: dict[int, str]) -> Iterator[Batch]:
+def _read(stream: BinaryIO, index: ChunkIndex) -> tuple[bytes, dict[int, NDArray[np.void]]]:
+    """A chunk's content, and where its messages are, by channel."""
     stream.seek(index.chunk_start_offset)
     raw = stream.read(index.chunk_length + index.message_index_length)
     chunk = Chunk.read(ReadDataStream(BytesIO(raw[RECORD_HEAD : index.chunk_length])))
     content, size = get_chunk_data_stream(chunk, validate_crc=True)
     data = content.read(size)
-    buffer = np.frombuffer(data, np.uint8)
-    indexed = (
-        message_indexes(raw[index.chunk_length :])
-        if index.message_index_length
-        else scan_messages(data).items()
-    )
-    for channel, entries in indexed:
-        if channel in wanted and len(entries):
-            records = entries["offset"].astype(np.int64)
+    if not index.message_index_length:
+        return data, scan_messages(data)
+    return data, dict(message_indexes(raw[index.chunk_length :]))
+
+
+class _Group:
+    """Chunks taken together, because a recorder that flushes every second leaves many small ones."""
+
+    def __init__(self) -> None:
+        self.size = 0
+        self._data: list[bytes] = []
+        self._found: dict[str, list[tuple[NDArray[np.int64], NDArray[np.int64]]]] = {}
+        self._safe_ns: int | None = None
+
+    def add(
+        self, data: bytes, entries: dict[int, NDArray[np.void]], wanted: dict[int, str], start_ns: int
+    ) -> None:
+        """One more chunk, later than those before it."""
+        for channel, topic in wanted.items():
+            if channel in entries and len(entries[channel]):
+                records = entries[channel]["offset"].astype(np.int64) + self.size
+                log_ns = entries[channel]["log_ns"].astype(np.int64)
+                self._found.setdefault(topic, []).append((records, log_ns))
+        self._safe_ns = start_ns if self._safe_ns is None else self._safe_ns
+        self._data.append(data)
+        self.size += len(data)
+
+    def batches(self) -> Iterator[Batch]:
+        """What was found, one batch a topic."""
+        buffer = np.frombuffer(b"".join(self._data), np.uint8)
+        for topic, parts in self._found.items():
+            records = np.concatenate([r for r, _ in parts])
             lengths = np.lib.stride_tricks.sliding_window_view(buffer, 8)[records + 1]
             sizes = np.ascontiguousarray(lengths).view("<i8")[:, 0] - _MESSAGE_HEAD
-            starts = records + RECORD_HEAD + _MESSAGE_HEAD
-            log_ns = entries["log_ns"].astype(np.int64)
-            yield Batch(wanted[channel], buffer, starts, sizes, log_ns, index.message_start_time)
+            log_ns = np.concatenate([ns for _, ns in parts])
+            yield Batch(
+                topic, buffer, records + RECORD_HEAD + _MESSAGE_HEAD, sizes, log_ns, self._safe_ns or 0
+            )
 
 
 def message_indexes(raw: bytes) -> Iterator[tuple[int, NDArray[np.void]]]:

@@ -98,7 +98,7 @@ def test_after_kill_9_all_but_the_last_second_is_there(tmp_path: Path, killed: A
     said = repair(bag)
     assert said is not None and "was not finished: kept" in said
     sent = [(int(count), float(at)) for count, at in (line.split() for line in lines if line.endswith("\n"))]
-    safe = max((count for count, at in sent if at < sent[-1][1] - 1.2), default=0)  # 0.2 s for a busy machine
+    safe = max((count for count, at in sent if at < sent[-1][1] - 1.0), default=0)
     found = contents(bag)
     for topic in ("/a", "/b", "/c") if safe else ():
         assert found[topic] == list(range(len(found[topic])))
@@ -116,7 +116,7 @@ def test_cut_off_anywhere(tmp_path: Path) -> None:
     (file,) = (tmp_path / "bag").glob("*.mcap")
     data = file.read_bytes()
     kept = []
-    chosen = random.Random(0).sample(range(len(data)), 250)
+    chosen = random.Random(0).sample(range(len(data)), 120)
     for size in sorted({0, 5, 8, 20, len(data) - 1, *chosen}):
         bag = tmp_path / "cut"
         bag.mkdir(exist_ok=True)

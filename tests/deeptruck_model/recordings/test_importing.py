@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import import_table, importing, read
 from deeptruck_model.signals import CHANNELS, TruckInterface
 
+DATA = Path(os.environ.get("DEEPTRUCK_REAL_DATA", Path(__file__).parents[4] / "shared" / "data"))
 SPEED = {"speed": {"column": "v", "unit": "m/s"}}
 EVERYTHING = {
     "time": {"column": "t", "unit": "s"},
@@ -384,6 +386,28 @@ def test_can_logs_go_to_the_installed_importer(tmp_path: Path, monkeypatch: pyte
     valid = ~np.isnan(torque)
     assert valid.sum() >= 99
     np.testing.assert_allclose(torque[valid], 10 * speed[valid], atol=1e-9)
+
+
+def test_an_importers_complaint_is_the_users_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def importer(log: Path, columns: dict[str, Any]) -> Any:
+        raise ValueError("no vehicle speed")
+
+    monkeypatch.setattr(importing, "_can_importer", lambda: importer)
+    (tmp_path / "normal.log").touch()
+    with pytest.raises(InputError, match="no vehicle speed"):
+        import_table(tmp_path / "normal.log", {}, tmp_path / "bag")
+
+
+def test_the_installed_importer_reads_a_real_bus(tmp_path: Path) -> None:
+    log = DATA / "j1939_csu" / "normal.log"
+    if not log.exists():
+        pytest.skip(f"{log} is not here")
+    import_table(log, {"name": "csu"}, tmp_path / "bag")
+    (recording,) = read(tmp_path / "bag")
+    assert recording.channels["speed"].min() > 6.3 and recording.channels["speed"].max() < 15.3
+    assert {"engine_speed", "gear"} <= set(recording.channels)
 
 
 def test_every_channel_can_be_imported() -> None:
