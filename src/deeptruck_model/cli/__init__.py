@@ -15,6 +15,25 @@ app = typer.Typer(
 )
 
 
+SEVERAL = ("--recordings", "--held-out")  # options that take a list: --recordings A B C
+
+
+def spread(arguments: list[str]) -> list[str]:
+    """`--recordings A B` as `--recordings A --recordings B`, which is what the option parser knows."""
+    out: list[str] = []
+    current = ""
+    for word in arguments:
+        if word.startswith("-"):
+            current = word if word in SEVERAL else ""
+            if not current:
+                out.append(word)
+        elif current:
+            out += [current, word]
+        else:
+            out.append(word)
+    return out
+
+
 def main() -> None:
     """Entry point: bad input is one line on stderr and exit code 2, never a traceback."""
     from deeptruck_model.cli import data, deep, mismatch
@@ -22,7 +41,7 @@ def main() -> None:
     for module in (data, deep, mismatch):
         module.register(app)
     try:
-        app()
+        app(spread(sys.argv[1:]))
     except InputError as error:
         print(f"deeptruck-model: {error}", file=sys.stderr)
         sys.exit(2)

@@ -57,12 +57,14 @@ class Evidence:
     sensitivity: dict[str, Array]
     mass: float
     rerun: Callable[[str, float], Array]
-    reference: dict[str, float] = field(
-        default_factory=dict
-    )  # sd the same statistic has on the simulator's own data
+    moved: dict[str, float] = field(default_factory=dict)  # relative changes the parameters have already had
 
     def __len__(self) -> int:
         return len(self.residual)
+
+    def total_change(self, parameter: str, further: float) -> float:
+        """Relative change of a parameter from the simulator as it was given, after a further relative change."""
+        return (1.0 + self.moved.get(parameter, 0.0)) * (1.0 + further) - 1.0
 
     def __getitem__(self, name: str) -> Array:
         return self.signals[name]

@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 ENOUGH = 12.0  # nats a name must gain: the price of searching the library, and of noise that is not quite as modelled
 ENOUGH_FREE = 25.0  # nats the free model must gain on what is left before 'unknown' is said
+WIDENED = 4  # of the best names are given more freedom of form before the first is chosen
 MOST = 4  # effects at once
 FREE_R2 = 0.03  # and the share of held-out variance it must explain
 TEMPER = 3.0  # evidence is divided by this for probabilities: the noise model is approximate
@@ -25,6 +26,7 @@ GROUP = 9.0  # nats within which two names count as not told apart
 EXPLAINS = 0.6  # share of what is explainable that a name must explain, else it is only the nearest relative
 PRACTICAL_FORCE = 0.004  # m/s^2 rms over all time, or ...
 PRACTICAL_WHEN_ACTING = 0.02  # m/s^2 rms over the tenth of the time when it acts most
+BENT = 0.15  # share of the main cause's gain that a parameter beside it must have
 PARAMETER_PRACTICAL = 0.025  # relative
 
 
@@ -53,7 +55,9 @@ class Explanation:
     null: Model
     left_over: FreeModel
     left_over_gain: float
-    ranking: tuple[tuple[str, float], ...]  # every name tried beside the first cause, with its gain over parameters alone
+    ranking: tuple[
+        tuple[str, float], ...
+    ]  # every name tried beside the first cause, with its gain over parameters alone
 
 
 def explain(e: Evidence, *, exclude: Iterable[str] = ()) -> Explanation:
@@ -76,9 +80,11 @@ def _grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], 
         if not ranking:
             ranking = tuple((m.effects[-1], m.score - base.score) for m in candidates)
         candidates = [m for m in candidates if _practical(search, m, m.named[-1])]
-        if not candidates or candidates[0].score < base.score + ENOUGH:
+        candidates = [search.enriched(m) for m in candidates[:WIDENED] if m.score > base.score + ENOUGH / 2]
+        best = max(candidates, key=lambda m: m.score, default=base)
+        if best.score < base.score + ENOUGH:
             break
-        base = search.background(candidates[0].named)
+        base = search.background(best.named)
     while len(base.named) > 1:
         without = [search.background(tuple(n for n in base.named if n is not shape)) for shape in base.named]
         weakest = max(without, key=lambda m: m.score)
@@ -112,6 +118,9 @@ def _free_gain(search: Search, model: Model, left: FreeModel) -> float:
 def _causes(search: Search, model: Model, null: Model, left: FreeModel, left_gain: float) -> list[Cause]:
     named = [_mechanism(search, model, shape) for shape in model.named]
     tuned = [c for p in sorted(model.free) if (c := _parameter(search, model, p)) is not None]
+    if named:  # a form that is not quite right bends the parameters a little; that is no finding
+        most = max(c.gain for c in named)
+        tuned = [c for c in tuned if c.gain > BENT * most]
     causes = named + tuned
     explained = max(model.score - null.score, 1e-9)
     unknown = left_gain > ENOUGH_FREE and left_gain > 0.15 * explained and left.r2 > FREE_R2
@@ -135,10 +144,9 @@ def _mechanism(search: Search, model: Model, shape: Shape) -> Cause:
     others = tuple(n for n in model.named if n is not shape)
     base = search.background(others)
     gain = model.score - base.score
-    rivals = sorted(
-        ((m.effects[-1], model.score - m.score) for m in search.candidates(base) if m.effects[-1] != shape.mechanism.effect),
-        key=lambda item: item[1],
-    )
+    tried = [m for m in search.candidates(base) if m.effects[-1] != shape.mechanism.effect]
+    tried = [search.enriched(m) for m in tried[: WIDENED - 1]] + tried[WIDENED - 1 :]
+    rivals = [(m.effects[-1], model.score - m.score) for m in tried]
     for p in search.parameters:
         if p not in base.free:
             alone = search.model(others, base.free | {p})
@@ -161,13 +169,22 @@ def _parameter(search: Search, model: Model, name: str) -> Cause | None:
     """A parameter that must move, by how much its being held would cost; None where it hardly moves."""
     held = search.model(model.named, model.free - {name})
     gain = model.score - held.score
-    value = float(model.coefficients(name)[0])
-    if abs(value) < PARAMETER_PRACTICAL or gain < ENOUGH / 2:
+    value = search.e.total_change(name, float(model.coefficients(name)[0]))
+    if abs(value) < PARAMETER_PRACTICAL or gain < (ENOUGH if model.named else ENOUGH / 2):
         return None
     rivals = []
     for p in search.parameters:
         if p not in model.free:
             rivals.append((p, model.score - search.model(model.named, model.free - {name} | {p}).score))
     probability = 1.0 / (1.0 + sum(np.exp(-w / TEMPER) for _, w in rivals) + np.exp(-gain / TEMPER))
-    force = search.e.sensitivity[name] * value
-    return Cause("parameter_error", name, gain, 0.0, float(probability), force, None, tuple(sorted(rivals, key=lambda r: r[1])))
+    force = search.e.sensitivity[name] * value  # of the simulator as given, to first order
+    return Cause(
+        "parameter_error",
+        name,
+        gain,
+        0.0,
+        float(probability),
+        force,
+        None,
+        tuple(sorted(rivals, key=lambda r: r[1])),
+    )

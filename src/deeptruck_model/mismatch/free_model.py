@@ -19,7 +19,9 @@ Array = NDArray[np.float64]
 
 PERIOD_S = 1.0
 FOLDS = 6
-CLIP = 6.0  # residuals beyond this many robust sds are clipped: the free model is about structure, not outliers
+CLIP = (
+    6.0  # residuals beyond this many robust sds are clipped: the free model is about structure, not outliers
+)
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,16 @@ class FreeModel:
 def features(e: Evidence) -> dict[str, Array]:
     """Signals and short memories of them, (n,) each."""
     out = {name: e[name] for name in ("speed", "engine", "brake", "simulated")}
-    for name in ("grade", "gear", "ratio", "engine_speed", "gap", "ambient_temperature", "elevation", "elapsed"):
+    for name in (
+        "grade",
+        "gear",
+        "ratio",
+        "engine_speed",
+        "gap",
+        "ambient_temperature",
+        "elevation",
+        "elapsed",
+    ):
         if e.has(name):
             out[name] = e[name]
     for name in ("engine_command", "brake_command"):
@@ -77,7 +88,12 @@ def free_model(e: Evidence, residual: Array, doubt: Array, seed: int = 0) -> Fre
     for fold in np.unique(folds):
         test = folds == fold
         model = HistGradientBoostingRegressor(
-            max_iter=80, learning_rate=0.08, max_leaf_nodes=12, min_samples_leaf=25, l2_regularization=5.0, random_state=seed
+            max_iter=80,
+            learning_rate=0.08,
+            max_leaf_nodes=12,
+            min_samples_leaf=25,
+            l2_regularization=5.0,
+            random_state=seed,
         )
         with threadpool_limits(1):
             model.fit(X[~test], y[~test], sample_weight=weight[~test])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -70,9 +70,17 @@ def prepare(recording: Recording, measured_acceleration: bool) -> Prepared:
 
 
 def gather(
-    simulator: Simulator, prepared: Sequence[Prepared], held_out: Sequence[bool], *, seed: int = 0
+    simulator: Simulator,
+    prepared: Sequence[Prepared],
+    held_out: Sequence[bool],
+    *,
+    seed: int = 0,
+    moved: Mapping[str, float] | None = None,
 ) -> Evidence:
-    """Run the simulator forced along every drive, as it is, with jittered inputs and with moved parameters."""
+    """Run the simulator forced along every drive, as it is, with jittered inputs and with moved parameters.
+
+    `moved` are relative changes already made to parameters the simulator was given with.
+    """
     runs = [_forced(simulator, p, p.u) for p in prepared]
     dt = prepared[0].dt
     block = max(1, round(BLOCK_S / dt))
@@ -90,6 +98,7 @@ def gather(
         signals=signals | {"simulated": simulated},
         sensitivity={},
         mass=mass,
+        moved=dict(moved or {}),
         rerun=_rerunner(simulator, prepared, grid, simulated),
     )
     sensitivity = _sensitivity(simulator, prepared, grid, evidence)
@@ -209,7 +218,19 @@ def _changed(p: Prepared, name: str, amount: float) -> Array:
             out[:, i] = _limit_rate(p.u[:, i], amount * p.dt)
         elif what == "lag":
             out[:, i] = _lag(p.u[:, i], float(np.exp(-p.dt / amount)))
+        elif what in ("rise", "fall"):
+            out[:, i] = _one_sided_lag(p.u[:, i], float(np.exp(-p.dt / amount)), what == "rise")
     return out
+
+
+def _one_sided_lag(x: Array, keep: float, rising: bool) -> Array:
+    """A lag in one direction only: shoes that come late, or that let go late."""
+    out, held = x.tolist(), float(x[0])
+    for k, value in enumerate(out):
+        late = keep * held + (1 - keep) * value
+        held = min(value, late) if rising else max(value, late)
+        out[k] = held
+    return np.array(out)
 
 
 def _lag(x: Array, keep: float) -> Array:

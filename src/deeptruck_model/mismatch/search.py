@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.mechanisms import LIBRARY, Mechanism, Shape, shapes
+from deeptruck_model.mismatch.mechanisms import LIBRARY, Mechanism, Shape, merge, shapes
 from deeptruck_model.mismatch.noise import Fit, Prior, Series, fit, whiten
 
 Array = NDArray[np.float64]
@@ -23,6 +23,9 @@ Mask = NDArray[np.bool_]
 HELD = 0.01
 FREE = {"mass": 0.3, "drag_area": 0.3, "rolling_resistance": 0.4, "torque_gain": 0.15, "brake_gain": 0.25}
 SCREENED = 2  # shapes of each mechanism that are fitted in full
+MORE_SHAPES = 2  # further shapes a mechanism may be widened by
+WORTH_A_SHAPE = 4.0  # nats a further shape of the same mechanism must gain
+MOST_COLUMNS = 8  # profiles with more columns are wide enough as they are
 FITTED = 14  # mechanisms that are fitted in full in each round
 
 
@@ -133,6 +136,22 @@ class Search:
                     best[effect] = model
         return sorted(best.values(), key=lambda m: -m.score)
 
+    def enriched(self, model: Model) -> Model:
+        """The same explanation with its last mechanism widened by more of its shapes while that pays."""
+        for _ in range(MORE_SHAPES):
+            *others, last = model.named
+            taken = [str(part) for part in last.settings.get("parts", [last.settings])]
+            options = [
+                self.model((*others, merge(last, s)), model.free, model.fit)
+                for s in self.shapes(last.mechanism)
+                if str(s.settings) not in taken and s.columns.shape[1] <= MOST_COLUMNS
+            ]
+            best = max(options, key=lambda m: m.score, default=model)
+            if best.score < model.score + WORTH_A_SHAPE:
+                break
+            model = best
+        return model
+
     def design(self, model: Model) -> tuple[Array, Prior, tuple[tuple[str, slice], ...]]:
         """Columns (n, k), prior and layout of a model."""
         return self._design(model.named, model.free)
@@ -143,8 +162,8 @@ class Search:
         blocks = [n.columns for n in named] + [self.e.sensitivity[p][:, None] for p in self.parameters]
         names = [n.mechanism.effect for n in named] + list(self.parameters)
         sd = np.array([FREE[p] if p in free else HELD for p in self.parameters])
-        zero = np.zeros(len(sd))
-        prior = Prior.join(*(n.prior for n in named), Prior(zero, sd, zero))
+        as_given = np.array([1.0 / (1.0 + self.e.moved.get(p, 0.0)) - 1.0 for p in self.parameters])
+        prior = Prior.join(*(n.prior for n in named), Prior(as_given, sd, np.zeros(len(sd))))
         layout, at = [], 0
         for name, block in zip(names, blocks, strict=True):
             layout.append((name, slice(at, at + block.shape[1])))

@@ -78,11 +78,35 @@ class Shape:
     trials: float  # how many alternatives these settings were picked from; paid for in evidence
 
 
+def build(mechanism: Mechanism, settings: Settings) -> list[Column]:
+    """The columns of a shape; `settings` may hold several settings under "parts", whose columns stand side by side."""
+    return [c for part in settings.get("parts", [settings]) for c in mechanism.build(part)]
+
+
+def merge(first: Shape, other: Shape) -> Shape:
+    """One shape with the columns of both: a mechanism's true form may lie between two of its shapes.
+
+    What is added starts from zero, not from the mean its own shape had.
+    """
+    parts = [*first.settings.get("parts", [first.settings]), other.settings]
+    prior = Prior(
+        np.zeros_like(other.prior.mean), other.prior.sd + abs(other.prior.mean) / 2, other.prior.sign
+    )
+    return Shape(
+        first.mechanism,
+        {"parts": parts},
+        first.parts + other.parts,
+        np.concatenate([first.columns, other.columns], axis=1),
+        Prior.join(first.prior, prior),
+        first.trials * other.trials,
+    )
+
+
 def shapes(mechanism: Mechanism, e: Evidence) -> list[Shape]:
     """Every shape of a mechanism on this evidence that is not zero throughout."""
     out = []
     for settings in mechanism.settings(e):
-        parts = mechanism.build(settings)
+        parts = build(mechanism, settings)
         columns = np.stack([p.expression.rows(e) for p in parts], axis=1)
         seen = np.abs(columns[e.valid]).max(axis=0, initial=0.0) > 1e-6
         if not seen.any():

@@ -29,12 +29,13 @@ def _fade(s: Settings) -> list[Column]:
 
 
 def _lag_settings(e: Evidence) -> Iterator[Settings]:
-    for tau_s in (0.15, 0.3, 0.6, 1.0):
-        yield {"tau_s": tau_s}
+    for side in ("lag", "rise", "fall"):  # both ways, only applying, only releasing
+        for tau_s in (0.15, 0.3, 0.6, 1.0):
+            yield {"side": side, "tau_s": tau_s}
 
 
 def _lag(s: Settings) -> list[Column]:
-    return [Column(Rerun("lag_brake", s["tau_s"]), 0.3, "time_constant", "s", s["tau_s"], mean=1.0)]
+    return [Column(Rerun(f"{s['side']}_brake", s["tau_s"]), 0.3, "time_constant", "s", s["tau_s"], mean=1.0)]
 
 
 def _dragging_settings(e: Evidence) -> Iterator[Settings]:

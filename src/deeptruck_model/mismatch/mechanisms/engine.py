@@ -7,7 +7,16 @@ from collections.abc import Iterator
 import numpy as np
 
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.expression import Expression, Lag, RisingLag, Signal, exp, maximum, minimum
+from deeptruck_model.mismatch.expression import (
+    Expression,
+    Lag,
+    RisingLag,
+    Signal,
+    exp,
+    lift,
+    maximum,
+    minimum,
+)
 from deeptruck_model.mismatch.mechanisms.base import (
     ELAPSED,
     ENGINE,
@@ -27,12 +36,22 @@ OMEGA = 150.0  # rad/s, a diesel's working speed
 
 
 def _turbo_settings(e: Evidence) -> Iterator[Settings]:
+    """All of the torque may lag, or only what is above what the engine gives without boost."""
+    pull = np.maximum(e["engine"], 0.0)
+    reference = lever_reference(e)
+    known = "ratio" in e.signals
+    torque = pull * reference / np.maximum(e["ratio"], 0.05 * reference) if known else pull
+    full = quantile(e, torque, pull > 0.02, 0.98)
     for tau_s in (0.4, 0.8, 1.6, 3.0):
-        yield {"tau_s": tau_s}
+        yield {"tau_s": tau_s, "aspirated": 0.0, "reference": reference if known else None}
+        if np.isfinite(full):
+            yield {"tau_s": tau_s, "aspirated": 0.4 * full, "reference": reference if known else None}
 
 
 def _turbo(s: Settings) -> list[Column]:
-    return [Column(RisingLag((PULL,), s["tau_s"]) - PULL, 0.7, "share")]
+    lever = RATIO / s["reference"] if s["reference"] else lift(1.0)
+    boosted = maximum(PULL / maximum(lever, 0.05) - s["aspirated"], 0.0)
+    return [Column((RisingLag((boosted,), s["tau_s"]) - boosted) * lever, 0.7, "share")]
 
 
 def _derate_settings(e: Evidence) -> Iterator[Settings]:

@@ -1,0 +1,62 @@
+"""Delays, lags and rate limits on the way of a command, step by step; the same that residual reruns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class CommandPath:
+    """A chain of (path name, amount, share): each moves the command by `share` of what the full path would do."""
+
+    def __init__(
+        self, paths: Sequence[tuple[str, float, float]], channels: tuple[str, ...], dt: float
+    ) -> None:
+        self._paths, self._channels, self._dt = list(paths), channels, dt
+
+    def begin(self) -> Any:
+        """Empty memory; each path fills its own at the first step."""
+        return [None] * len(self._paths)
+
+    def step(self, memory: Any, u: Array) -> tuple[Array, Any]:
+        """Commands (batch, n_u) as they arrive, and the new memory."""
+        after = []
+        for (name, amount, share), m in zip(self._paths, memory, strict=True):
+            what, which = name.split("_")
+            moved, m = getattr(self, f"_{what}")(u, amount, m)
+            on = np.array([which == "all" or c.startswith(which) for c in self._channels])
+            u = np.where(on, u + share * (moved - u), u)
+            after.append(m)
+        return u, after
+
+    def _delay(self, u: Array, amount: float, memory: Any) -> tuple[Array, Any]:
+        steps = max(amount, 0.0) / self._dt
+        whole = int(np.ceil(steps))
+        queue = [u] * (whole + 1) if memory is None else [u, *memory[:whole]]
+        part = whole - steps
+        return (1 - part) * queue[whole] + part * queue[max(whole - 1, 0)], queue
+
+    def _lag(self, u: Array, amount: float, memory: Any) -> tuple[Array, Any]:
+        keep = np.exp(-self._dt / amount)
+        out = u if memory is None else keep * memory + (1 - keep) * u
+        return out, out
+
+    def _rise(self, u: Array, amount: float, memory: Any) -> tuple[Array, Any]:
+        late, _ = self._lag(u, amount, memory)
+        out = np.minimum(u, late)
+        return out, out
+
+    def _fall(self, u: Array, amount: float, memory: Any) -> tuple[Array, Any]:
+        late, _ = self._lag(u, amount, memory)
+        out = np.maximum(u, late)
+        return out, out
+
+    def _rate(self, u: Array, amount: float, memory: Any) -> tuple[Array, Any]:
+        step = amount * self._dt
+        out = u if memory is None else memory + np.clip(u - memory, -step, step)
+        return out, out

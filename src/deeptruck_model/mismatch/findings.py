@@ -1,0 +1,151 @@
+"""Findings as people and programs read them: the sentences, parameters and groups of verdict.json."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from deeptruck_model.mismatch.data_checks import SensorFault
+from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.explain import GROUP, Cause, Explanation
+from deeptruck_model.mismatch.mechanisms import LIBRARY
+
+NAMES = {
+    "mass": ("kg", "the truck is heavier or lighter than the simulator"),
+    "drag_area": ("m^2", "the drag area differs from the simulator's"),
+    "rolling_resistance": ("1", "the rolling resistance differs from the simulator's"),
+    "torque_gain": ("1", "the engine gives more or less torque for its command than the simulator"),
+    "brake_gain": ("1", "the brakes give more or less force for their command than the simulator"),
+}
+TOLD_BY = {
+    "mass": "accelerate with the same torque at a low and a high speed",
+    "drag_area": "coast down from high speed on a flat road, both ways",
+    "rolling_resistance": "coast down at low speed on a flat road, both ways",
+    "torque_gain": "pull with steps of torque at one speed",
+    "brake_gain": "brake with steps of command from one speed",
+}
+TELLING_PARAMETERS = 12  # a profile along the road has hundreds; people get the ones that matter
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One entry of `findings` in verdict.json, with the cause it came from."""
+
+    data: dict[str, Any]
+    cause: Cause | None = field(default=None)
+
+
+def from_sensor(fault: SensorFault) -> Finding:
+    """A fault between two sensors, certain and beside all physics."""
+    ci = [fault.value - 1.96 * fault.se, fault.value + 1.96 * fault.se]
+    alone = "move the truck by a known distance and compare each sensor with it"
+    return Finding(
+        {
+            "kind": "measurement_fault",
+            "effect": fault.effect,
+            "says": fault.says,
+            "equation": "accelerometer(t) = slope * dv/dt(t - lag) + offset",
+            "parameters": {"value": {"value": fault.value, "unit": fault.unit, "ci95": ci}},
+            "probability": 0.99,
+            "cannot_be_told_from": [],
+            "would_be_told_by": alone,
+            "share_of_explainable_error": 0.0,
+            "depends_on": ["speed", "acceleration"],
+        }
+    )
+
+
+def from_cause(cause: Cause, e: Evidence, explanation: Explanation, own: dict[str, float]) -> Finding:
+    """A cause in words and numbers. `own` holds the simulator's parameters (SI) where it has them."""
+    group = [name for name, worse in cause.rivals if worse < GROUP and name != cause.effect]
+    if cause.effect == "unknown":
+        words = _unknown(cause, explanation)
+    elif cause.shape is None:
+        words = _parameter(cause, e, explanation, own)
+    else:
+        words = _mechanism(cause, e, explanation)
+    return Finding(
+        {
+            "kind": cause.kind,
+            "effect": cause.effect,
+            **words,
+            "probability": round(cause.probability, 3),
+            "cannot_be_told_from": group,
+            "share_of_explainable_error": round(cause.share, 3),
+            "evidence_nats": round(cause.gain, 1),
+            "rivals": [{"effect": n, "worse_by_nats": round(w, 1)} for n, w in cause.rivals[:8]],
+        },
+        cause,
+    )
+
+
+def _strength(cause: Cause, e: Evidence) -> str:
+    """How strong a force is where it acts, in N, and for how much of the time."""
+    size = np.abs(cause.force[e.valid])
+    acting = size > 0.3 * float(np.quantile(size, 0.995)) + 1e-9
+    newton = float(np.mean(cause.force[e.valid][acting]) * e.mass) if acting.any() else 0.0
+    share = float(np.mean(acting)) * 100
+    return f"{newton:+.0f} N on average while it acts, {share:.0f} % of the time"
+
+
+def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> dict[str, Any]:
+    shape = cause.shape
+    assert shape is not None
+    m = shape.mechanism
+    values = explanation.model.coefficients(m.effect)
+    sd = np.sqrt(np.diag(explanation.model.covariance(m.effect)))
+    order = np.argsort(-np.abs(values / np.maximum(sd, 1e-12)))[:TELLING_PARAMETERS]
+    parameters: dict[str, Any] = {}
+    for i in sorted(order.tolist()):
+        part = shape.parts[i]
+        factor = part.factor * (e.mass if part.per_mass else 1.0)
+        ci = sorted([float((values[i] - 1.96 * sd[i]) * factor), float((values[i] + 1.96 * sd[i]) * factor)])
+        parameters[part.name] = {"value": float(values[i] * factor), "unit": part.unit, "ci95": ci}
+    for name, value in shape.settings.items():
+        if isinstance(value, (int, float)) and name != "trials":
+            parameters[name] = {"value": value, "unit": "", "ci95": None}
+    return {
+        "says": f"{m.says}: {_strength(cause, e)}",
+        "equation": m.equation,
+        "parameters": parameters,
+        "would_be_told_by": m.told_by,
+        "depends_on": list(m.depends_on),
+    }
+
+
+def _parameter(cause: Cause, e: Evidence, explanation: Explanation, own: dict[str, float]) -> dict[str, Any]:
+    unit, says = NAMES[cause.effect]
+    change = e.total_change(cause.effect, float(explanation.model.coefficients(cause.effect)[0]))
+    sd = float(np.sqrt(explanation.model.covariance(cause.effect)[0, 0]))
+    base, unit = (own[cause.effect], unit) if cause.effect in own else (1.0, "of the simulator's")
+    ci = [base * (1 + change - 1.96 * sd), base * (1 + change + 1.96 * sd)]
+    return {
+        "says": f"{says}: by {100 * change:+.1f} % (+-{196 * sd:.1f} %)",
+        "equation": f"{cause.effect} -> {cause.effect} * (1 {change:+.3f})",
+        "parameters": {cause.effect: {"value": base * (1 + change), "unit": unit, "ci95": ci}},
+        "would_be_told_by": TOLD_BY[cause.effect],
+        "depends_on": [cause.effect],
+    }
+
+
+def _unknown(cause: Cause, explanation: Explanation) -> dict[str, Any]:
+    left = explanation.left_over
+    drivers = [name for name, share in left.importance.items() if share > 0.1][:4]
+    near = f"; nearest name: {cause.nearest}, which does not explain it" if cause.nearest else ""
+    return {
+        "says": f"a force that no mechanism of the library explains; it varies with {', '.join(drivers) or 'nothing recorded'}{near}",
+        "equation": "F = f(" + ", ".join(drivers) + ")",
+        "parameters": {"held_out_r2": {"value": left.r2, "unit": "1", "ci95": None}},
+        "would_be_told_by": "vary "
+        + (drivers[0] if drivers else "one signal")
+        + " alone, with everything else held",
+        "depends_on": drivers,
+        **({"nearest": cause.nearest} if cause.nearest else {}),
+    }
+
+
+def known(effect: str) -> bool:
+    """Whether a name is one the tool can give."""
+    return effect in LIBRARY or effect in NAMES or effect in ("unknown", "speed_scale", "acceleration_bias")

@@ -1,0 +1,154 @@
+"""Where the mismatch is: stretches of time, and regimes of driving."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+from sklearn.tree import DecisionTreeRegressor
+
+from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.explain import Cause
+from deeptruck_model.mismatch.free_model import features
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+NOTABLE = 0.02  # m/s^2
+MOST_SEGMENTS = 60
+UNITS = {
+    "speed": "m/s",
+    "engine": "m/s^2",
+    "brake": "m/s^2",
+    "simulated": "m/s^2",
+    "engine_speed": "rad/s",
+    "gap": "m",
+    "elapsed": "s",
+}
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A stretch of one recording in which a finding acts; rows are of the stacked evidence."""
+
+    recording: str
+    start_s: float
+    end_s: float
+    finding: int
+    mean_force_n: float
+    start: int
+    stop: int
+    energy: float
+
+
+@dataclass(frozen=True)
+class Regime:
+    """A region of driving conditions with its share of the error and of the time."""
+
+    where: str
+    share_of_error: float
+    share_of_time: float
+
+
+def segments(e: Evidence, causes: tuple[Cause, ...]) -> list[Segment]:
+    """Stretches where each finding's force stands out, most important first."""
+    out: list[Segment] = []
+    for i, cause in enumerate(causes):
+        smooth = uniform_filter1d(cause.force, max(1, round(1.0 / e.dt)))
+        size = np.abs(smooth[e.valid])
+        if not len(size) or size.max() < 1e-6:
+            continue
+        level = max(0.35 * float(np.quantile(size, 0.99)), min(NOTABLE, 0.5 * float(size.max())))
+        for s in e.stretches:
+            out += [
+                _segment(e, cause.force, i, s, a, b) for a, b in _runs(np.abs(smooth[s.rows]) > level, e.dt)
+            ]
+    out.sort(key=lambda s: -s.energy)
+    return out[:MOST_SEGMENTS]
+
+
+def _segment(e: Evidence, force: Array, finding: int, s, a: int, b: int) -> Segment:  # type: ignore[no-untyped-def]
+    rows = slice(s.start + a, s.start + b)
+    part = force[rows]
+    at = s.start_s + np.array([a, b]) * e.dt
+    energy = float((part**2).sum())
+    return Segment(
+        s.name,
+        float(at[0]),
+        float(at[1]),
+        finding,
+        float(part.mean() * e.mass),
+        rows.start,
+        rows.stop,
+        energy,
+    )
+
+
+def _runs(on: Mask, dt: float) -> list[tuple[int, int]]:
+    """Runs of True; those nearer than 2 s are joined, those shorter than half a second dropped."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], on.astype(int), [0]])))
+    runs: list[tuple[int, int]] = []
+    for a, b in zip(edges[::2], edges[1::2], strict=True):
+        if runs and (a - runs[-1][1]) * dt < 2.0:
+            runs[-1] = (runs[-1][0], int(b))
+        else:
+            runs.append((int(a), int(b)))
+    return [(a, b) for a, b in runs if (b - a) * dt >= 0.5]
+
+
+def regimes(e: Evidence, error: Array, most: int = 6) -> list[Regime]:
+    """Regions of the driving signals with more than their share of the squared `error` (n,), by a small tree."""
+    named = features(e)
+    X = np.stack(list(named.values()), axis=1)[e.valid]
+    power = error[e.valid] ** 2
+    if len(power) < 200 or power.sum() <= 0:
+        return []
+    cap = float(np.quantile(power, 0.999))
+    tree = DecisionTreeRegressor(
+        max_leaf_nodes=6, min_samples_leaf=max(40, len(power) // 100), random_state=0
+    )
+    tree.fit(X, np.minimum(power, cap))
+    leaf = tree.apply(X)
+    out = []
+    for node in np.unique(leaf):
+        inside = leaf == node
+        share = float(power[inside].sum() / power.sum())
+        time = float(inside.mean())
+        if share > 1.3 * time:
+            out.append(Regime(_describe(tree, node, list(named)), share, time))
+    return sorted(out, key=lambda r: -r.share_of_error)[:most]
+
+
+def _describe(tree: DecisionTreeRegressor, leaf: int, names: list[str]) -> str:
+    """The path to a leaf in words, each signal once."""
+    t = tree.tree_
+    bounds: dict[str, list[float]] = {}
+    node = 0
+    below = {int(n): _under(t, int(n)) for n in range(t.node_count)}
+    while t.children_left[node] != -1:
+        name, at = names[t.feature[node]], float(t.threshold[node])
+        low_high = bounds.setdefault(name, [-np.inf, np.inf])
+        if leaf in below[int(t.children_left[node])]:
+            low_high[1] = min(low_high[1], at)
+            node = int(t.children_left[node])
+        else:
+            low_high[0] = max(low_high[0], at)
+            node = int(t.children_right[node])
+    return " and ".join(_words(name, *span) for name, span in bounds.items()) or "everywhere"
+
+
+def _under(t, node: int) -> set[int]:  # type: ignore[no-untyped-def]
+    if t.children_left[node] == -1:
+        return {node}
+    return _under(t, int(t.children_left[node])) | _under(t, int(t.children_right[node]))
+
+
+def _words(name: str, low: float, high: float) -> str:
+    unit = f" {UNITS[name]}" if name in UNITS else ""
+    if np.isinf(low):
+        return f"{name} < {high:.3g}{unit}"
+    if np.isinf(high):
+        return f"{name} > {low:.3g}{unit}"
+    return f"{name} {low:.3g} .. {high:.3g}{unit}"
