@@ -88,6 +88,9 @@ def evaluate(
     full: Annotated[
         bool, typer.Option("--full", help="Add every scene, the baselines' table and the platoons.")
     ] = False,
+    all_seeds: Annotated[
+        bool, typer.Option("--all-seeds", help="Every POLICY/seeds/K, and the worst of them.")
+    ] = False,
 ) -> None:
     """Drive a policy through the paper's scenes and field runs; write tables and figures.
 
@@ -95,9 +98,8 @@ def evaluate(
     """
     from deeptruck_cacc import evaluation
 
-    metrics = evaluation.evaluate(
-        policy, simulator, out, rollouts=rollouts, seed=seed, shield=shield, full=full
-    )
+    drive = evaluation.evaluate_seeds if all_seeds else evaluation.evaluate
+    metrics = drive(policy, simulator, out, rollouts=rollouts, seed=seed, shield=shield, full=full)
     Console().print(evaluation.table(metrics))
     typer.echo(f"{out}: metrics.json and figures")
 

@@ -117,6 +117,8 @@ class CaccEnv:
             scene.grade[:, k] if scene.hidden_grade is None else scene.grade[:, k] + scene.hidden_grade[:, k]
         )
         w = grade[:, None] if self._has_grade else np.zeros((self.batch, 0))
+        if scene.command_gain is not None:
+            commands = self.scale.within(commands * scene.command_gain)
         self._state, y = self.simulator.step(self._state, commands[:, : self._n_u], w)
         self.gap = self.gap + (self.leader_speed - self.speed) * self.dt
         self.leader_speed = np.maximum(self.leader_speed + scene.leader_acceleration[:, k] * self.dt, 0.0)

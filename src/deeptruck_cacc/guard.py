@@ -67,6 +67,7 @@ class Guard:
     fallback: Policy
     shield: Shield | None
     coverage: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    standstill_m: float = 6.0
     acted: Flags = field(default_factory=lambda: np.zeros(0, bool))
     handed_over: Flags = field(default_factory=lambda: np.zeros(0, bool))
     _tracker: Tracker = field(init=False, repr=False)
@@ -95,6 +96,9 @@ class Guard:
     def act(self, observation: Observation) -> tuple[Array, Array]:
         """(engine_command, brake_command) in the interface's units, each (batch,)."""
         seen = self._tracker(observation)
+        # Near standstill a time gap is no distance: the truck then aims for `standstill_m`.
+        least = self.standstill_m / np.maximum(seen["speed"], 0.5)
+        seen["target_time_gap"] = np.maximum(seen["target_time_gap"], least)
         own, other = np.array(self.policy.act(seen)), np.array(self.fallback.act(seen))
         self.handed_over = self._outside(seen) | ~np.isfinite(own).all(axis=0)
         engine, brake = np.where(self.handed_over, other, own)

@@ -22,8 +22,8 @@ class Reward:
 
     alpha_p: float = 0.2
     alpha_v: float = 0.5
-    alpha_e: float = 0.002
-    alpha_b: float = 0.02
+    alpha_e: float = 0.01
+    alpha_b: float = 0.2
     alpha_crash: float = 1000.0
     d_safety: float = 2.0
     knee_gap_m: float = 0.5

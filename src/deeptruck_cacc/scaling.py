@@ -143,6 +143,15 @@ class ActionScale:
         engine = self.engine_low + (action[:, 0] + 1) / 2 * (self.engine_high - self.engine_low)
         return np.column_stack([engine, np.maximum(action[:, 1], 0.0) * self.brake_high])
 
+    @property
+    def limits(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Lowest and highest (engine, brake)."""
+        return (self.engine_low, 0.0), (self.engine_high, self.brake_high)
+
+    def within(self, commands: Array) -> Array:
+        """Commands (batch, 2) cut to their reach."""
+        return np.clip(commands, *self.limits)
+
     def actions(self, commands: Array) -> Array:
         """Actions (batch, 2) that give the commands; a released brake is 0."""
         engine = 2 * (commands[:, 0] - self.engine_low) / (self.engine_high - self.engine_low) - 1

@@ -33,6 +33,7 @@ class Scene:
     seen_speed_offset: Array | None = None
     seen: NDArray[np.bool_] | None = None
     hidden_grade: Array | None = None
+    command_gain: Array | None = None
 
     @property
     def batch(self) -> int:
@@ -89,39 +90,48 @@ def rolling_road(
 
 
 def wide(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
-    """Training mix past the paper: wider errors, leaders that move in steps and sines, hills, hidden slope.
+    """Training mix past the paper: wider errors, moving leaders, hills, and trucks that are not as simulated.
 
-    A third of the rollouts is the paper's own scene. The hidden slope (+-1 %) stands for what the simulator
-    does not know: payload, wind, a grade sensor's bias.
+    A third of the rollouts is the paper's own scene; of the others each leader drives sines, steps or
+    brakes hard. The hidden slope (+-1 %) and the command gains (1/1.7..1.7) stand for what the simulator
+    does not know: payload, wind, a grade sensor's bias, a weaker engine.
     """
     scene = moving(rng, batch, steps, dt)
-    calm = rng.random(batch) < 1 / 3
-    off = rng.random(batch) < 0.3
+    calm, off = rng.random(batch) < 1 / 3, rng.random(batch) < 0.3
     time_gap = np.where(off, rng.uniform(1.2, 5.0, batch), scene.time_gap)
     speed = scene.leader_speed + rng.uniform(-1, 1, batch) * np.where(off, 3.0, 1.39)
     gap = speed * time_gap + rng.uniform(-1, 1, batch) * np.where(off, 0.8 * speed, 1.39)
-    acceleration = np.where(
-        rng.random((batch, 1)) < 0.5, scene.leader_acceleration, _steps(rng, batch, steps, dt)
-    )
-    acceleration *= rng.uniform(0.0, 1.5, (batch, 1))
-    hidden = np.tile(rng.uniform(-0.01, 0.01, (batch, 1)), (1, steps))
+    kind = rng.random((batch, 1))
+    sines = scene.leader_acceleration * rng.uniform(0.0, 1.5, (batch, 1))
+    pull = np.where(kind < 0.5, sines, _ramps(rng, batch, steps, dt))
+    pull = np.where(kind > 0.85, _braking(rng, scene.leader_speed, steps, dt), pull)
     return replace(
         scene,
         time_gap=time_gap,
         speed=speed,
         gap=np.maximum(gap, 8.0),
-        leader_acceleration=np.where(calm[:, None], 0.0, acceleration),
+        leader_acceleration=np.where(calm[:, None], 0.0, pull),
         grade=np.where(calm[:, None], 0.0, scene.grade),
-        hidden_grade=hidden,
+        hidden_grade=np.tile(rng.uniform(-0.01, 0.01, (batch, 1)), (1, steps)),
+        command_gain=np.exp(rng.uniform(-1, 1, (batch, 2)) * np.log(1.7)),
     )
 
 
-def _steps(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Array:
+def _ramps(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Array:
     """Piecewise constant leader acceleration that comes back: +a, rest, -a, rest."""
-    length = max(int(rng.integers(20, 60)), 1)
+    length = rng.integers(round(2 / dt), round(6 / dt), (batch, 1))
     size = rng.uniform(-1.0, 1.0, (batch, 1))
     phase = (np.arange(steps) // length + rng.integers(0, 4, (batch, 1))) % 4
     return size * np.array([1.0, 0.0, -1.0, 0.0])[phase]
+
+
+def _braking(rng: np.random.Generator, speed: Array, steps: int, dt: float) -> Array:
+    """The leader brakes once, at 1..4 m/s2, down to a third of its speed."""
+    batch = len(speed)
+    rate = rng.uniform(1.0, 4.0, (batch, 1))
+    begin = rng.uniform(2.0, 0.6 * steps * dt, (batch, 1))
+    after = dt * np.arange(steps) - begin
+    return np.where((after >= 0) & (after < 0.67 * speed[:, None] / rate), -rate, 0.0)
 
 
 def reach(scene: Scene) -> dict[str, tuple[float, float]]:

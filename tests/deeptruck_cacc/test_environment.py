@@ -43,7 +43,7 @@ def test_initial_distributions_are_the_papers(toy):
 def test_reward_matches_the_printed_form_and_charges_a_crash():
     plain = Reward.paper()
     r = plain(np.array([50.0, 1.0]), np.array([2.0, 2.0]), np.array([0.5, 0.5]), 0.5, 0.0)
-    expected = -(0.2 * 4 + 0.5 * 0.25 + 0.002 * 0.25)
+    expected = -(0.2 * 4 + 0.5 * 0.25 + 0.01 * 0.25)
     np.testing.assert_allclose(r / plain.scale, [expected, expected - 100.0])
 
 

@@ -23,7 +23,7 @@ def column(*values: float) -> np.ndarray:
 
 
 def stopping_margin(p: Promise, gap: float, speed: float, leader: float, wait: float) -> float:
-    """The requirement restated in small steps: leader brakes at its bound, truck reacts late, then at its bound."""
+    """The requirement in small steps: the leader brakes at its bound, the truck late and then at its own."""
     h, t, least = 0.001, 0.0, gap
     peak = speed + p.max_acceleration * (wait + p.response_s)
     braking = float(p.braking_when(column(p.stop_heat * 0.5 * peak**2))[0])

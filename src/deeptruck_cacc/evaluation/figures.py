@@ -66,23 +66,22 @@ def field_run(trace: Trace, title: str, path: Path, row: int = 0) -> None:
     _save(figure, path)
 
 
-def learning_curve(lines: list[dict[str, Any]], path: Path) -> None:
-    """Min/max shaded and mean over seeds of the cost (analytic) or the returns (trpo)."""
+def learning_curve(runs: list[list[dict[str, Any]]], path: Path) -> None:
+    """Min/max shaded and mean over seeds, of the cost (analytic) or of the mean return (trpo)."""
     figure, axis = plt.subplots(figsize=(7, 3.5), layout="constrained")
-    iteration = [line["iteration"] for line in lines]
-    if "cost" in lines[0]:
-        cost = np.array([line["cost"] for line in lines])
-        low, middle, high, label = cost.min(axis=1), cost.mean(axis=1), cost.max(axis=1), "cost"
+    key = "cost" if "cost" in runs[0][0] else "return_mean"
+    shortest = min(len(run) for run in runs)
+    values = np.array([[np.atleast_1d(line[key]) for line in run[:shortest]] for run in runs])
+    values = np.moveaxis(values, 1, 0).reshape(shortest, -1)  # (iteration, seed)
+    axis.fill_between(
+        range(shortest), values.min(axis=1), values.max(axis=1), color="tab:red", alpha=0.25, label="min, max"
+    )
+    axis.plot(range(shortest), values.mean(axis=1), "darkred", label=f"mean of {values.shape[1]} seeds")
+    if key == "cost":
         axis.set_yscale("log")
     else:
-        low, middle, high = (
-            np.array([line[f"return_{k}"] for line in lines]) for k in ("min", "mean", "max")
-        )
-        label = "return"
         axis.set_yscale("symlog", linthresh=1.0)
-    axis.fill_between(iteration, low, high, color="tab:red", alpha=0.25, label="min, max")
-    axis.plot(iteration, middle, "darkred", label="mean")
-    axis.set(xlabel="iteration", ylabel=label)
+    axis.set(xlabel="iteration", ylabel=key.replace("_", " "))
     axis.legend()
     _save(figure, path)
 

@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_cacc.pedals import G, PedalMap
 from deeptruck_cacc.rollouts import Trace
+from deeptruck_cacc.scenes import Scene
 
 Array = NDArray[np.float64]
 
@@ -45,14 +47,36 @@ def settling_time(trace: Trace, time_gap_s: float, speed: float) -> Array:
     return np.where(last < len(outside), trace.dt * last, np.inf)
 
 
-def summary(trace: Trace) -> dict[str, Any]:
-    """Errors after the paper's times, safety, comfort and fuel of a set of rollouts."""
+def within_reach(scene: Scene, pedals: PedalMap, dt: float, memory_s: float = 10.0) -> NDArray[np.bool_]:
+    """Where the truck could have held the time gap, (T, batch): a question to the scene, not to the policy.
+
+    The ideal follower v' = (v_leader - v) / Tg is within reach where it asks for no more than full engine
+    gives on that grade; what it could not reach counts for `memory_s` afterwards.
+    """
+    pull = np.cumsum(scene.leader_acceleration.T, axis=0) * dt
+    leader, speed = np.maximum(scene.leader_speed + pull, 0.0), scene.speed.copy()
+    out = np.zeros(leader.shape, bool)
+    since = np.full(scene.batch, np.inf)
+    for k, now in enumerate(leader):
+        wanted = (now - speed) / scene.time_gap
+        full = np.interp(speed, pedals.speed, pedals.full) - G * scene.grade[:, k]
+        since = np.where(wanted > full, 0.0, since + dt)
+        out[k] = since > memory_s
+        speed = speed + dt * wanted
+    return out
+
+
+def summary(trace: Trace, reach: NDArray[np.bool_] | None = None) -> dict[str, Any]:
+    """Errors after the paper's times, safety, comfort and fuel of a set of rollouts.
+
+    With `reach` (T, batch) also the worst time-gap error where the truck had the power to avoid it.
+    """
     late, steady = round(10.0 / trace.dt), round(25.0 / trace.dt)
     distance_km = float(trace["speed"].sum() * trace.dt / 1e3)
     litres = float(trace["fuel"].sum() * trace.dt / 1e3)
     moving = trace["speed"][late:] > 1.0
     time_gap = np.where(moving, trace["time_gap_error"][late:], 0.0)
-    return {
+    row: dict[str, Any] = {
         "rollouts": trace.scene.batch,
         "time_gap_error_after_10s": error(time_gap),
         "speed_error_after_25s": error(trace["speed_error"][steady:]),
@@ -65,3 +89,7 @@ def summary(trace: Trace) -> dict[str, Any]:
         "shield_share": float(trace["acted"].mean()),
         "mean_return": float(trace["reward"].sum(axis=0).mean()),
     }
+    if reach is not None and reach[late:].any():
+        row["time_gap_worst_within_reach"] = float(np.abs(time_gap[reach[late:]]).max())
+        row["share_within_reach"] = float(reach[late:].mean())
+    return row

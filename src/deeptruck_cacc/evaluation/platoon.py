@@ -78,8 +78,10 @@ def string_stability(
         "time_gap_s": time_gap,
         "v2v": v2v,
         "frequency_hz": FREQUENCIES.tolist(),
-        "worst_speed_amplification": (speeds[1:] / speeds[:-1]).max(axis=0).tolist(),
-        "worst_gap_error_amplification": (gaps[1:] / np.maximum(gaps[:-1], 0.01)).max(axis=0).tolist(),
+        "worst_speed_amplification": (speeds[1:] / np.maximum(speeds[:-1], 0.05 * amplitude))
+        .max(axis=0)
+        .tolist(),
+        "worst_gap_error_amplification": (gaps[1:] / np.maximum(gaps[:-1], 0.05)).max(axis=0).tolist(),
         "crashes": int(sum(trace["crash"].any() for trace in traces)),
     }
 

@@ -22,6 +22,7 @@ from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
 from deeptruck_model.simulators import Simulator
 
+COMPARED = ("paper", "moving", "steps", "stop", "gap_closing")
 FIELD = ("gap_closing", "long_following")
 VARIANTS = {  # name: (parameter, value, scene): a truck other than the one trained for
     "payload_light": ("mass", 10e3, "moving"),
@@ -57,6 +58,7 @@ def evaluate(
         raise InputError(f"the policy acts every {driver.dt:g} s, the simulator steps by {truck.dt:g} s")
     if shield:
         driver = guards.guard(driver, truck_limits.measure(truck))
+    pedals = PedalMap.calibrate(truck)
     sets = {name: _drive(driver, *case) for name, case in _cases(truck, rollouts, seed, full)}
     for name, trace in sets.items():
         _draw(name, trace, out)
@@ -66,16 +68,61 @@ def evaluate(
         "simulator": str(simulator) if isinstance(simulator, str) else type(simulator).__name__,
         "seed": seed,
         "shield": shield,
-        "sets": {name: _row(name, trace) for name, trace in sets.items()},
+        "sets": {name: _row(name, trace, pedals) for name, trace in sets.items()},
     }
+    if isinstance(policy, str):
+        _draw_learning(Path(policy), out)
     if full:
-        results["baselines"] = _baselines(truck, rollouts, seed)
-        results["platoon"] = _platoons(truck, driver, out)
+        results["baselines"] = _baselines(truck, pedals, rollouts, seed)
+        results["platoon"] = _platoons(truck, driver, pedals, out)
+    _write(results, out)
+    return results
+
+
+def evaluate_seeds(policy: str | Path, simulator: str, out: str | Path, **options: Any) -> dict[str, Any]:
+    """`evaluate` for every policy under `policy`/seeds, each into `out`/K, and their worst together.
+
+    In 'sets', numbers of the worst seed for each entry; in 'seeds', what each seed reached. Raises
+    InputError where `policy` has no seeds.
+    """
+    folders = sorted(p for p in (Path(policy) / "seeds").glob("*") if (p / "policy.json").exists())
+    if not folders:
+        raise InputError(
+            f"{policy} has no seeds; train with --seeds, or one policy for each K as {policy}/seeds/K"
+        )
+    each = {p.name: evaluate(str(p), simulator, Path(out) / p.name, **options) for p in folders}
+    first = next(iter(each.values()))
+    sets = {name: _worst([result["sets"][name] for result in each.values()]) for name in first["sets"]}
+    results = {**first, "policy": f"{policy}, worst of {len(each)} seeds", "sets": sets}
+    results["seeds"] = {name: result["sets"] for name, result in each.items()}
+    _draw_learning(Path(policy), Path(out))
+    _write(results, Path(out))
+    return results
+
+
+def _worst(rows: list[Any]) -> Any:
+    """Entry by entry, the number furthest from zero of several summaries (least gap, ttc, return)."""
+    if isinstance(rows[0], dict):
+        low = ("min_gap_m", "min_ttc_s", "mean_return", "share_within_reach")
+        return {
+            key: min(row[key] for row in rows) if key in low else _worst([row.get(key) for row in rows])
+            for key in rows[0]
+        }
+    return None if any(row is None for row in rows) else max(rows, key=abs)
+
+
+def _draw_learning(policy: Path, out: Path) -> None:
+    files = [policy / "learning_curve.jsonl", *sorted(policy.glob("seeds/*/learning_curve.jsonl"))]
+    runs = [[json.loads(line) for line in f.read_text().splitlines()] for f in files if f.exists()]
+    if runs and all(runs):
+        figures.learning_curve(runs, out / "learning_curve.png")
+
+
+def _write(results: dict[str, Any], out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     draft = out / ".metrics.json"
     draft.write_text(json.dumps(results, indent=1) + "\n")
     draft.replace(out / "metrics.json")
-    return results
 
 
 def _cases(
@@ -109,8 +156,8 @@ def _drive(driver: Policy, truck: Simulator, scene: Scene) -> Trace:
     return roll_out(truck, bridged, scene)
 
 
-def _row(name: str, trace: Trace) -> dict[str, Any]:
-    row = metrics.summary(trace)
+def _row(name: str, trace: Trace, pedals: PedalMap) -> dict[str, Any]:
+    row = metrics.summary(trace, metrics.within_reach(trace.scene, pedals, trace.dt))
     if name == "gap_closing":
         for label, bounds in (("paper", (0.35, 0.2)), ("reach", (0.1, 0.1))):
             times = metrics.settling_time(trace, *bounds)
@@ -125,29 +172,20 @@ def _draw(name: str, trace: Trace, out: Path) -> None:
         figures.error_bands(trace, f"{name}: {trace.scene.batch} rollouts", out / f"{name}.png")
 
 
-def _baselines(truck: Simulator, rollouts: int, seed: int) -> dict[str, Any]:
-    pedals = PedalMap.calibrate(truck)
-    return {
-        law: {
-            name: metrics.summary(
-                _drive(
-                    baseline(law, truck.interface, pedals, truck.dt),
-                    truck,
-                    _scene(name, rollouts, seed, truck.dt),
-                )
-            )
-            for name in ("paper", "moving", "stop")
-        }
-        for law in LAWS
-    }
+def _baselines(truck: Simulator, pedals: PedalMap, rollouts: int, seed: int) -> dict[str, Any]:
+    table: dict[str, Any] = {}
+    for law in LAWS:
+        driver = baseline(law, truck.interface, pedals, truck.dt)
+        traces = {name: _drive(driver, truck, _scene(name, rollouts, seed, truck.dt)) for name in COMPARED}
+        table[law] = {name: _row(name, trace, pedals) for name, trace in traces.items()}
+    return table
 
 
-def _platoons(truck: Simulator, driver: Policy, out: Path) -> dict[str, Any]:
+def _platoons(truck: Simulator, driver: Policy, pedals: PedalMap, out: Path) -> dict[str, Any]:
     rows = {
         f"policy, {'V2V' if v2v else 'radar'}": platoon.string_stability(truck, driver, v2v=v2v)
         for v2v in (True, False)
     }
-    pedals = PedalMap.calibrate(truck)
     for law in ("acc", "cacc"):
         rows[law] = platoon.string_stability(truck, baseline(law, truck.interface, pedals, truck.dt))
     figures.amplification(rows, out / "string_stability.png")
@@ -181,8 +219,17 @@ def table(results: dict[str, Any]) -> Any:
             row["speed_error_after_25s"],
             row["fuel_l_per_100km"],
         )
-        cells = [f"{gap['mean']:+.3f}", f"{gap['worst_abs']:.3f}", f"{speed['mean']:+.3f}"]
-        cells += [f"{speed['worst_abs']:.3f}", str(row["crashes"]), f"{row['min_gap_m']:.1f}"]
+        cells = [
+            f"{gap['mean']:+.3f}",
+            f"{gap['worst_abs']:.3f}",
+            _number(row.get("time_gap_worst_within_reach")),
+        ]
+        cells += [
+            f"{speed['mean']:+.3f}",
+            f"{speed['worst_abs']:.3f}",
+            str(row["crashes"]),
+            f"{row['min_gap_m']:.1f}",
+        ]
         cells += [
             f"{row['jerk_rms']:.2f}",
             "-" if fuel is None else f"{fuel:.1f}",
@@ -190,3 +237,7 @@ def table(results: dict[str, Any]) -> Any:
         ]
         view.add_row(name, *cells)
     return view
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3f}"

@@ -43,6 +43,7 @@ class Road:
     simulator: Simulator
     reward: Reward
     alpha_rate: float = 0.02  # on the change of action a step, squared: keeps the pedals quiet
+    alpha_both: float = 0.5  # on engine times brake: neither pedal is worth anything against the other
     margin_m: float = 4.0  # the crash penalty cannot be differentiated; a hinge this far above d_safety can
 
     def __post_init__(self) -> None:
@@ -65,6 +66,8 @@ class Road:
         """`steps` steps from `state`; gradients reach the policy through every one of them."""
         seen, felt, pull, time_gap = _tensors(scene, self.has_grade)
         k, truck, leader, speed, gap, memory, action = state
+        gain = 1.0 if scene.command_gain is None else torch.tensor(scene.command_gain, dtype=torch.float32)
+        low, high = (torch.tensor(x, dtype=torch.float32) for x in policy.scale.limits)
         cost, errors, speed_errors = torch.zeros(scene.batch), [], []
         crashed = torch.zeros(scene.batch, dtype=torch.bool)
         for k in range(state.k, state.k + steps):
@@ -72,7 +75,8 @@ class Road:
             before, (action, memory) = action, policy(signals, memory)
             commands = policy.commands(action)
             w = felt[:, k : k + 1] if self.has_grade else torch.zeros(scene.batch, 0)
-            truck, y = self.module(truck, commands[:, : self.n_u], w)
+            felt_commands = (commands * gain).clamp(low, high)
+            truck, y = self.module(truck, felt_commands[:, : self.n_u], w)
             gap = gap + (leader - speed) * self.dt
             leader, speed = (leader + pull[:, k] * self.dt).clamp(min=0.0), y[:, SPEED]
             gap_error, speed_error = gap - speed * time_gap, leader - speed
@@ -94,9 +98,9 @@ class Road:
         k: int,
     ) -> Tensor:
         scale = policy.scale
-        brake = commands[:, 1] / max(scale.brake_high, 1e-12)
+        engine, brake = commands[:, 0] / scale.engine_high, commands[:, 1] / max(scale.brake_high, 1e-12)
         cost = self.reward.tracking(gap_error, speed_error)
-        cost = cost + self.reward.effort(commands[:, 0] / scale.engine_high, brake)
+        cost = cost + self.reward.effort(engine, brake) + self.alpha_both * engine * brake
         hinge = (self.reward.d_safety + self.margin_m - gap).clamp(min=0.0)
         quiet = self.alpha_rate * (change**2).sum(dim=1) if k else 0.0
         return cost + quiet + hinge.clamp(max=10.0)

@@ -19,15 +19,21 @@ SETTLED_S, STEADY_S = 10.0, 25.0  # the paper's times for the time gap and for t
 
 
 def exam(seed: int, dt: float, *, copies: int = 1) -> Scene:
-    """32 paths of 40 s, half the paper's, half moving leaders on hills; the same rows `copies` times."""
+    """32 paths of 40 s, the same rows `copies` times.
+
+    Half are the paper's, half moving leaders on hills; half of each with command gains that no one sees.
+    """
     rng = np.random.default_rng([seed, 2**31])
     halves = [draw(rng, 16, round(40.0 / dt), dt) for draw in (scenes.paper, scenes.moving)]
+    gain = np.exp(rng.uniform(-1, 1, (32, 2)) * np.log(1.5))
+    gain[::2] = 1.0
 
     def join(name: str) -> NDArray[Any]:
         return np.concatenate([np.concatenate([getattr(half, name) for half in halves])] * copies)
 
     names = ("leader_speed", "speed", "gap", "time_gap", "leader_acceleration", "grade")
-    return replace(halves[0], **{name: join(name) for name in names})
+    rows = {name: join(name) for name in names}
+    return replace(halves[0], **rows, command_gain=np.concatenate([gain] * copies))
 
 
 def scores(scene: Scene, dt: float, time_gap_error: Array, speed_error: Array, crashed: Array) -> Array:

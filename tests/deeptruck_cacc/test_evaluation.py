@@ -1,0 +1,106 @@
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deeptruck_cacc import hard_scenes
+from deeptruck_cacc.baselines import baseline
+from deeptruck_cacc.evaluation import evaluate, metrics, platoon, table
+from deeptruck_cacc.pedals import PedalMap
+from deeptruck_cacc.rollouts import Trace, roll_out
+from deeptruck_model.errors import InputError
+
+
+@pytest.fixture
+def cacc(toy):
+    return baseline("cacc", toy.interface, PedalMap.calibrate(toy))
+
+
+def test_evaluate_writes_metrics_and_figures(toy, cacc, tmp_path):
+    results = evaluate(cacc, toy, tmp_path / "e", rollouts=10)
+    assert json.loads((tmp_path / "e" / "metrics.json").read_text()) == results
+    assert set(results["sets"]) == {"paper", "moving", "gap_closing", "long_following"}
+    for name in results["sets"]:
+        assert (tmp_path / "e" / f"{name}.png").stat().st_size > 10_000
+    row = results["sets"]["paper"]
+    assert row["crashes"] == 0 and row["time_gap_error_after_10s"]["worst_abs"] < 0.2
+    assert table(results).row_count == 4
+
+
+def test_a_file_in_the_way_is_refused(toy, cacc, tmp_path):
+    (tmp_path / "e").write_text("x")
+    with pytest.raises(InputError, match="is a file"):
+        evaluate(cacc, toy, tmp_path / "e")
+
+
+def test_error_statistics_of_known_numbers():
+    values = np.array([[1.0, -1.0], [0.5, -0.5]])
+    got = metrics.error(values)
+    assert got["mean"] == 0 and got["worst_abs"] == 1.0 and got["mean_abs"] == 0.75
+    band = metrics.over_time(values)
+    np.testing.assert_allclose(band["sd"], [1.0, 0.5])
+    np.testing.assert_allclose(band["max"], [1.0, 0.5])
+
+
+def test_settling_time_is_the_last_time_outside():
+    scene = hard_scenes.settled(np.random.default_rng(0), 2, 4, 20.0, 2.0)
+    errors = np.array([[1.0, 0.0], [0.0, 0.0], [0.4, 0.0], [0.0, 0.9]])
+    trace = Trace(0.1, scene, {"time_gap_error": errors, "speed_error": 0 * errors})
+    np.testing.assert_allclose(metrics.settling_time(trace, 0.35, 0.2), [0.3, np.inf])
+
+
+@pytest.mark.parametrize("name", sorted(hard_scenes.HARD))
+def test_every_scene_is_well_formed_and_drivable(toy, cacc, name):
+    draw, seconds = hard_scenes.HARD[name]
+    steps = round(min(seconds, 70.0) / toy.dt)
+    scene = draw(np.random.default_rng(0), 5, steps, toy.dt)
+    assert scene.batch == 5 and scene.steps == steps
+    for history in (scene.gap_jump, scene.seen, scene.seen_gap_offset, scene.hidden_grade):
+        assert history is None or history.shape == (5, steps)
+    from deeptruck_cacc.guard import guard
+
+    trace = roll_out(toy, guard(cacc, shield=False), scene)
+    assert np.isfinite(trace["gap"]).all() and not np.isnan(trace["engine_command"]).any()
+
+
+def test_platoon_followers_follow_the_truck_before_them(toy, cacc):
+    first = hard_scenes.settled(np.random.default_rng(0), 2, 100, 18.0, 1.5)
+    pull = np.zeros((2, 100))
+    pull[:, 20:40] = -1.0
+    traces = platoon.drive(toy, cacc, replace(first, leader_acceleration=pull), trucks=3)
+    np.testing.assert_allclose(traces[1]["leader_speed"], traces[0]["speed"], atol=1e-9)
+
+
+def test_a_linear_follower_amplifies_as_its_transfer_function_says(toy):
+    class Proportional:
+        """v' = k (v_leader - v) on a truck without lag: gain k / sqrt(k^2 + w^2)."""
+
+        interface, dt = toy.interface, 0.1
+
+        def reset(self):
+            pass
+
+        def act(self, o):
+            wanted = 0.5 * (o["leader_speed"] - o["speed"])
+            u = wanted + 0.05
+            return 1000 * np.maximum(u, 0), np.maximum(-u, 0) / 0.06
+
+    toy = replace(toy, lag=0.1)
+    row = platoon.string_stability(toy, Proportional(), trucks=2)
+    omega = 2 * np.pi * np.array(row["frequency_hz"])
+    np.testing.assert_allclose(row["worst_speed_amplification"], 0.5 / np.hypot(0.5, omega), rtol=0.08)
+
+
+def test_recorded_leaders_where_the_data_is_present():
+    try:
+        speeds = hard_scenes.recorded_leaders("human", 40.0)
+    except InputError as absent:
+        pytest.skip(str(absent))
+    assert speeds.shape[1] == 401 and speeds.min() > 5.0
+    scene = hard_scenes.recorded(speeds, 2.0)
+    np.testing.assert_allclose(scene.leader_speed, speeds[:, 0])
+    with pytest.raises(InputError, match="known: human, acc"):
+        hard_scenes.recorded_leaders("robot")
