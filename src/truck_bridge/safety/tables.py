@@ -20,6 +20,11 @@ class Field:
     offset: float
     last: int  # highest raw value that is a number; above it lie error and not available
 
+    @property
+    def mask(self) -> int:
+        """Its bits in the word."""
+        return ((1 << self.bits) - 1) << self.start
+
     def read(self, word: int) -> float | None:
         """The number, or None where there is none."""
         raw = (word >> self.start) & ((1 << self.bits) - 1)
@@ -100,7 +105,7 @@ class Timing:
     handover_scale: float = 0.5
     fade_longest: float = 4.0
     persist: float = 0.5  # an implausible pair of signals for so long is a fault
-    override_release: int = 4  # release frames on each axis before silence
+    releases: int = 4  # release frames on each axis before silence
 
 
 @dataclass(frozen=True)

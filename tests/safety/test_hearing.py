@@ -1,0 +1,272 @@
+"""What the core believes of what it hears."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+
+import pytest
+
+from truck_bridge.safety import Driveline, Field, Heard, Measured
+from truck_bridge.safety.checks import checksum_ok, counter_ok
+from truck_bridge.safety.hearing import Hearing
+
+BYTE = Field(0, 8, 1.0, 0.0, 250)
+WORD = Field(16, 16, 0.125, -10.0, 64255)
+KEY = 0xF00400
+ID = 0x0CF00400
+
+
+def table(bench, heard, **changes):
+    return replace(bench.table, heard=heard, **changes)
+
+
+def hearing(bench, check="none", **changes):
+    message = Heard("M", KEY, 0.1, 0.3, (Measured("a", BYTE, 5, 20), Measured("b", WORD, -10, 100)), check)
+    refusals: Counter[str] = Counter()
+    return Hearing(table(bench, (message,), **changes), refusals), refusals
+
+
+def frame(a=10, b=80, last=0xFF):
+    return bytes([a, 0xFF]) + b.to_bytes(2, "little") + b"\xff\xff\xff" + bytes([last])
+
+
+@pytest.fixture
+def vehicle():
+    return "trucksim"  # tables of its own take the place of the vehicle's messages
+
+
+def test_values_are_scaled_and_kept(bench):
+    ears, refusals = hearing(bench)
+    assert ears.take(ID, frame(), 1.0) == ""
+    assert (ears.value("a", 0), ears.value("b", 0), ears.value("c", 7)) == (10.0, 0.0, 7)
+    assert refusals == {}
+
+
+@pytest.mark.parametrize("can_id", [ID ^ 1, ID ^ 1 << 8, ID ^ 1 << 24, ID ^ 1 << 25])
+def test_another_message_or_source_is_not_heard(bench, can_id):
+    ears, _ = hearing(bench)
+    ears.take(can_id, frame(), 1.0)
+    assert ears.stale(1.0) == ["M"]
+
+
+def test_the_priority_does_not_matter(bench):
+    ears, _ = hearing(bench)
+    ears.take(ID ^ 7 << 26, frame(), 1.0)
+    assert ears.stale(1.0) == []
+
+
+@pytest.mark.parametrize(
+    ("a", "good"),
+    [(4, False), (5, True), (20, True), (21, False), (251, False), (0xFE, False), (0xFF, False)],
+)
+def test_range_is_inclusive_and_what_is_invalid_refreshes_nothing(bench, a, good):
+    ears, refusals = hearing(bench)
+    ears.take(ID, frame(), 1.0)
+    ears.take(ID, frame(a=a), 1.2)
+    assert ears.value("a", 0) == (a if good else 10.0)
+    assert refusals == ({} if good else {"a invalid": 1})
+    assert ears.stale(1.31) == ([] if good else ["M"])
+
+
+@pytest.mark.parametrize("raw", [64256, 0xFE00, 0xFEFF, 0xFF00, 0xFFFF])
+def test_two_byte_error_and_not_available_are_no_numbers(bench, raw):
+    ears, refusals = hearing(bench)
+    ears.take(ID, frame(b=raw), 1.0)
+    assert ears.value("b", -1.0) == -1.0
+    assert refusals == {"b invalid": 1}
+
+
+@pytest.mark.parametrize(("age", "stale"), [(0.0, []), (0.3, []), (0.3001, ["M"])])
+def test_a_message_is_fresh_up_to_its_time_out(bench, age, stale):
+    ears, _ = hearing(bench)
+    assert ears.stale(0.0) == ["M"]
+    ears.take(ID, frame(), 0.0)
+    assert ears.stale(age) == stale
+
+
+@pytest.mark.parametrize("size", [0, 7, 9])
+def test_a_frame_of_another_length_is_refused(bench, size):
+    ears, refusals = hearing(bench)
+    ears.take(ID, (frame() * 2)[:size], 1.0)
+    assert refusals == {"M length": 1}
+    assert ears.stale(1.0) == ["M"]
+
+
+def sealed(count, kind="xbr"):
+    payload = frame()[:7]
+    total = sum(payload) + count + sum(ID.to_bytes(4, "big"))
+    fold = ((total >> 4) + total) % 16 if kind == "xbr" else (((total >> 6) & 3) + (total >> 3) + total) % 8
+    return payload + bytes([count | fold << 4])
+
+
+def test_a_wrong_checksum_is_refused_and_the_counter_forgives_one_gap(bench):
+    ears, refusals = hearing(bench, check="xbr")
+    assert ears.take(ID, sealed(3), 1.0) == ""
+    bad = bytearray(sealed(4))
+    bad[0] ^= 1
+    ears.take(ID, bytes(bad), 1.1)
+    assert refusals == {"M checksum": 1}
+    ears.take(ID, sealed(4), 1.2)
+    ears.take(ID, sealed(4), 1.3)
+    assert refusals == {"M checksum": 1, "M counter": 1}
+    assert ears.stale(1.45) == []
+    ears.take(ID, sealed(9), 1.4)
+    ears.take(ID, sealed(10), 1.5)
+    assert refusals == {"M checksum": 1, "M counter": 2}
+    assert ears.stale(1.75) == []
+
+
+@pytest.mark.parametrize("kind", ["tsc1", "xbr"])
+def test_all_counters_roll_over(bench, kind):
+    ears, refusals = hearing(bench, check=kind)
+    modulo = 8 if kind == "tsc1" else 16
+    for step in range(2 * modulo + 2):
+        ears.take(ID, sealed(step % modulo, kind), 1.0 + step)
+    assert refusals == {}
+
+
+def test_a_message_at_1_75_times_its_rate_has_a_second_sender(bench):
+    ears, refusals = hearing(bench)
+    for k in range(17):
+        assert ears.take(ID, frame(), 1.0 + 0.05 * k) == ""
+    assert ears.take(ID, frame(), 1.86) == "M too often"
+    assert refusals == {"M too often": 1}
+    assert ears.take(ID, frame(), 1.99) == "M too often"
+    assert ears.take(ID, frame(), 2.0) == ""  # a new second
+
+
+@pytest.mark.parametrize(("gap", "doubted"), [(2.0, False), (-2.0, False), (2.125, True), (-2.125, True)])
+def test_two_wheel_speeds(bench, gap, doubted):
+    speeds = (Measured("speed", BYTE, 0, 250), Measured("second_speed", WORD, -10, 300))
+    message = Heard("M", KEY, 0.1, 0.3, speeds)
+    ears = Hearing(table(bench, (message,), driveline=None), Counter())
+    ears.take(ID, frame(a=20, b=round((20 + gap + 10) / 0.125)), 1.0)
+    assert ears.implausible() == (["two wheel speeds"] if doubted else [])
+
+
+def test_one_wheel_speed_alone_is_plausible(bench):
+    message = Heard("M", KEY, 0.1, 0.3, (Measured("speed", BYTE, 0, 250),))
+    ears = Hearing(table(bench, (message,)), Counter())
+    ears.take(ID, frame(a=20), 1.0)
+    assert ears.implausible() == []
+
+
+NAMES = ("speed", "gear_ratio", "engine_speed", "driveline", "shifting", "lockup")
+GOOD = {"speed": 20, "gear_ratio": 2, "engine_speed": 200, "driveline": 1, "shifting": 0, "lockup": 1}
+
+
+def driving(bench, **values):
+    """Ears that heard these bytes; line of 0.2 m/rad: 200 rad/s in ratio 2 is 20 m/s."""
+    signals = tuple(Measured(n, Field(8 * k, 8, 1.0, 0.0, 250), 0, 250) for k, n in enumerate(NAMES))
+    message = Heard("M", KEY, 0.1, 0.3, signals)
+    ears = Hearing(table(bench, (message,), driveline=Driveline(0.2, 0.2, 3.0)), Counter())
+    data = bytes((GOOD | values)[name] for name in NAMES) + b"\xff\xff"
+    ears.take(ID, data, 1.0)
+    return ears
+
+
+@pytest.mark.parametrize(
+    ("values", "doubt"),
+    [
+        ({}, False),
+        ({"engine_speed": 240}, False),  # exactly 20 %
+        ({"engine_speed": 241}, True),
+        ({"engine_speed": 160}, False),
+        ({"engine_speed": 159}, True),
+        ({"gear_ratio": 1}, True),
+        ({"gear_ratio": 0}, False),  # neutral
+        ({"speed": 3, "engine_speed": 200}, False),  # too slow to judge
+        ({"speed": 4, "engine_speed": 200}, True),
+        ({"engine_speed": 0, "driveline": 0}, False),
+        ({"engine_speed": 0, "shifting": 1}, False),
+        ({"engine_speed": 0, "lockup": 0}, False),
+        ({"engine_speed": 0}, True),
+    ],
+)
+def test_wheel_and_engine_speed(bench, values, doubt):
+    assert driving(bench, **values).implausible() == (["wheel and engine speed"] if doubt else [])
+
+
+def test_a_truck_without_lock_up_signal_counts_as_locked(bench):
+    names = NAMES[:5]
+    signals = tuple(Measured(n, Field(8 * k, 8, 1.0, 0.0, 250), 0, 250) for k, n in enumerate(names))
+    ears = Hearing(
+        table(bench, (Heard("M", KEY, 0.1, 0.3, signals),), driveline=Driveline(0.2, 0.2, 3.0)), Counter()
+    )
+    ears.take(ID, bytes([20, 2, 100, 1, 0, 0xFF, 0xFF, 0xFF]), 1.0)
+    assert ears.implausible() == ["wheel and engine speed"]
+
+
+def test_a_truck_whose_driveline_says_nothing_is_not_judged(bench):
+    ears = Hearing(table(bench, (), driveline=Driveline(0.2, 0.2, 3.0)), Counter())
+    assert ears.implausible() == []
+
+
+def test_doubt_must_last_half_a_second_and_starts_anew(bench):
+    ears = driving(bench, engine_speed=100)
+    assert ears.persistently_implausible(2.0) == []
+    assert ears.persistently_implausible(2.499) == []
+    assert ears.persistently_implausible(2.5) == ["wheel and engine speed"]
+    ears.take(ID, bytes([20, 2, 200, 1, 0, 1, 0xFF, 0xFF]), 2.6)
+    assert ears.persistently_implausible(2.6) == []
+    ears.take(ID, bytes([20, 2, 100, 1, 0, 1, 0xFF, 0xFF]), 2.7)
+    assert ears.persistently_implausible(3.1) == []
+    assert ears.persistently_implausible(3.6) == ["wheel and engine speed"]
+
+
+def test_driver_signals_count_at_their_threshold_and_unheard_ones_never(bench):
+    message = Heard("M", KEY, 0.1, 0.3, (Measured("a", BYTE, 0, 250),))
+    ears = Hearing(table(bench, (message,), override=(("a", 10.0), ("never", 0.0))), Counter())
+    assert ears.driver_acts() == []
+    ears.take(ID, frame(a=9), 1.0)
+    assert ears.driver_acts() == []
+    ears.take(ID, frame(a=10), 1.1)
+    assert ears.driver_acts() == ["a"]
+
+
+def test_forbidding_signals_count_at_their_value_only_and_unheard_ones_never(bench):
+    message = Heard("M", KEY, 0.1, 0.3, (Measured("a", BYTE, 0, 250),))
+    ears = Hearing(table(bench, (message,), forbidden=(("a", 2.0), ("never", 0.0))), Counter())
+    assert ears.forbids() == []
+    for value, found in ((1, []), (2, ["a"]), (3, [])):
+        ears.take(ID, frame(a=value), 1.0)
+        assert ears.forbids() == found
+
+
+# the checks themselves, against frames worked out by hand
+
+
+def test_tsc1_checksum_by_hand():
+    """PACCAR PEC017: bytes FE 00 7D A0 FF FF FF, counter 5, identifier 0C000027 sum to 1360.
+
+    (1360 >> 6) & 3 is 1, 1360 >> 3 is 170; 1 + 170 + 1360 = 1531, and 1531 modulo 8 is 3.
+    """
+    payload = bytes([0xFE, 0x00, 0x7D, 0xA0, 0xFF, 0xFF, 0xFF])
+    assert sum(payload) + 5 + 0x0C + 0x27 == 1360
+    for check in range(16):
+        word = int.from_bytes(payload + bytes([5 | check << 4]), "little")
+        assert checksum_ok("tsc1", 0x0C000027, word) == (check == 3)
+
+
+def test_xbr_checksum_by_hand():
+    """J1939-71 SPN 3188: all zeros, counter 0, identifier 0C040B2A sums to 0x45; 4 + 0x45 = 0x49: 9."""
+    for check in range(16):
+        assert checksum_ok("xbr", 0x0C040B2A, check << 60) == (check == 9)
+
+
+@pytest.mark.parametrize("last", [0xFF, 0xF0, 0x0F, 0xFE, 0xEF, 0x00])
+def test_without_checksum_byte_8_says_not_available(last):
+    assert checksum_ok("none", ID, last << 56) == (last == 0xFF)
+
+
+@pytest.mark.parametrize(("kind", "modulo"), [("tsc1", 8), ("xbr", 16)])
+def test_counter_follows(kind, modulo):
+    for before in (None, *range(modulo)):
+        for count in range(16):
+            fits = count < modulo and (before is None or count == (before + 1) % modulo)
+            assert counter_ok(kind, count << 56, before) == fits
+
+
+def test_without_counter_anything_goes():
+    assert counter_ok("none", 0xFF << 56, 15)
