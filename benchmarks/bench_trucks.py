@@ -222,7 +222,7 @@ def report(rates: dict[str, float], force: float, hours7: float, fastsim: dict[s
             "",
             f"- 7 h of driving data (generator, driver, truck; 252,000 samples): {hours7:.2f} CPU s.",
             f"- A force from outside costs {force:.1f} us a substep of 10 ms, besides its own time.",
-            "- FASTSim takes one step a simulated second, without gearbox, boost or brake states; ours a hundred.",
+            "- FASTSim takes one step a simulated second, without gearbox, boost or brakes; ours a hundred.",
             "",
             "## Figures of the class",
             "",

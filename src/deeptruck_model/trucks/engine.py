@@ -54,12 +54,11 @@ def fuel_rate(p: Any, engine_speed: float, indicated: float, most: float) -> flo
 
 
 @part
-def demand(s: Any, p: Any, command: float) -> float:
+def demand(p: Any, command: float, most: float) -> float:
     """Command as a share of full-load (positive) or engine-brake (negative) torque, -1..1."""
     torque = command * p.command_scale
     if torque >= 0.0:
-        most = full_load(p, s.engine_speed) + friction(p, s.engine_speed)
-        return min(torque / max(most, 1.0), 1.0)
+        return min(torque / most, 1.0)
     return max(torque / max(p.engine_brake_torque, 1.0), -1.0)
 
 
@@ -79,10 +78,11 @@ def _wanted(
 
 
 @part
-def run_engine(s: Any, p: Any, command: float, sync_speed: float, h: float) -> float:
+def run_engine(
+    s: Any, p: Any, command: float, sync_speed: float, drag: float, full: float, h: float
+) -> float:
     """Advance boost, combustion and engine brake by h; set engine_torque and return the fuel rate, cm3/s."""
     w = s.engine_speed
-    drag, full = friction(p, w), full_load(p, w)
     most = max(full + drag, 1.0)
     wanted, retard = _wanted(s, p, command, drag, most, sync_speed)
     aspirated = min(p.aspirated_fraction * full + drag, most)

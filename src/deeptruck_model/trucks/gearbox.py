@@ -69,6 +69,8 @@ def _next_gear(s: Any, p: Any) -> float:
         return s.gear
     if speed > up and s.gear < p.gears and (over or _carries(s, p, s.gear + 1.0, down)):
         return s.gear + 1.0
+    if speed >= down:
+        return s.gear
     gear, lowest = s.gear, min(p.start_gear, s.gear)
     if _pull(p, lowest, speed) < s.load:
         lowest = 1.0
