@@ -158,11 +158,12 @@ class Columns:
     def __init__(self, walker: Walker, msgtype: str, paths: tuple[str, ...]) -> None:
         self.walker, self.msgtype, self.paths = walker, msgtype, paths
         self.stamped = all(walker.has(msgtype, part) for part in STAMP)
+        self._clocked = False
         self._layouts: dict[int, list[Layout]] = {}
 
     def read(self, buffer: Bytes, starts: Index, sizes: Index, log_ns: Index) -> tuple[Index, list[Array]]:
-        """Stamps (n,) in ns (log time where a message has none) and one column (n,) of float64 a path."""
-        stamps = log_ns.copy()
+        """Stamps (n,) in ns (log times where there are none) and one column (n,) of float64 a path."""
+        stamps = np.zeros(len(starts), np.int64)
         columns = [np.full(len(starts), np.nan) for _ in self.paths]
         for size in np.unique(sizes):
             rest = np.flatnonzero(sizes == size)
@@ -174,7 +175,9 @@ class Columns:
                 if len(self._layouts[int(size)]) < 64:  # a bag whose names keep changing is read one by one
                     self._layouts[int(size)].append(layout)
                 rest = self._take(layout, buffer, starts, rest, stamps, columns)
-        return stamps, columns
+        # a clock may start at zero, but one that stays there was never set
+        self._clocked = self._clocked or bool(stamps.any())
+        return (stamps if self._clocked else log_ns), columns
 
     def _take(
         self, layout: Layout, buffer: Bytes, starts: Index, rest: Index, stamps: Index, columns: list[Array]
@@ -196,7 +199,7 @@ class Columns:
             (sec, kind), (nano, nano_kind) = layout.locate(STAMP[0]), layout.locate(STAMP[1])  # type: ignore[misc]
             total = _numbers(buffer, at + sec, kind).astype(np.int64) * 1_000_000_000
             total += _numbers(buffer, at + nano, nano_kind).astype(np.int64)
-            stamps[mine] = np.where(total != 0, total, stamps[mine])
+            stamps[mine] = total
         return rest[~same]
 
 

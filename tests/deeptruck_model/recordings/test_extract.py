@@ -163,6 +163,19 @@ def test_stamps_count_not_the_time_of_arrival(tmp_path: Path) -> None:
     assert any("put back in order" in note for note in recording.notes)
 
 
+def test_a_simulated_clock_may_start_at_zero(tmp_path: Path) -> None:
+    wall = 1_700_000_000 * S
+    messages = [("/truck/twist", twist(0.1 * k, k * S // 10), wall + k * S // 50) for k in range(300)]
+    (recording,) = read(bag_of(tmp_path / "bag", messages))
+    np.testing.assert_array_equal(recording.channels["speed"], 0.1 * np.arange(300))
+
+
+def test_a_clock_that_was_never_set_is_replaced_by_log_time(tmp_path: Path) -> None:
+    check(
+        read(bag_of(tmp_path / "bag", [(t, twist(m.twist.linear.x, 0), ns) for t, m, ns in drive_messages()]))
+    )
+
+
 def test_a_stamp_that_comes_again_counts_once(tmp_path: Path) -> None:
     messages = drive_messages()
     (recording,) = read(bag_of(tmp_path / "bag", [*messages[:100], *messages[99:]]))
