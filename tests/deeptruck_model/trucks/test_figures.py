@@ -144,3 +144,14 @@ def test_rated_power(name: str) -> None:
     horsepower = (speeds * torques).max() / 745.7
     rated = {"trucksim": 402.0, "freightliner": 435.0, "volvo": 500.0}[name]
     assert horsepower == pytest.approx(rated, rel=0.01)
+
+
+@pytest.mark.parametrize("name", ["trucksim", "volvo"])
+def test_road_load_agrees_with_fastsim(name: str) -> None:
+    """NREL FASTSim vehicle 'Line Haul Conv': Cd 0.546, 10.4 m2, rolling coefficient 0.0061, 31,978 kg."""
+    p = trucks.load(name).parameters()
+    for v in (10.0, 20.0, 29.0):
+        rolling = p["rolling_resistance"] + p["rolling_resistance_speed"] * v
+        ours = 0.5 * 1.2 * p["drag_area"] * v**2 + rolling * 31978.0 * 9.81
+        theirs = 0.5 * 1.2 * 0.546 * 10.4 * v**2 + 0.0061 * 31978.0 * 9.81
+        assert ours == pytest.approx(theirs, rel=0.08)
