@@ -1,4 +1,5 @@
-"""The simulator as its owner would have tuned it: least squares on these very recordings, without the effect."""
+"""The simulator as its owner would have tuned it: least squares on these very recordings, without the
+effect."""
 
 from __future__ import annotations
 

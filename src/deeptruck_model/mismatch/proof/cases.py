@@ -62,8 +62,9 @@ def make_case(
     simulator: str = "physics",
     minutes: float = 4.0,
 ) -> Case:
-    """Write one case into the new folder `out`: six recordings to fit and two held out, the simulator, and the sealed
-    truth. The same arguments give the same case. Raises InputError for an unknown level or effect."""
+    """Write one case into the new folder `out`: six recordings to fit and two held out, the simulator, and
+    the sealed truth. The same arguments give the same case. Raises InputError for an unknown level or
+    effect."""
     if out.exists():
         raise InputError(f"{out} exists already; choose another folder or remove it")
     built = build_case(level, seed, effect, simulator, minutes)
@@ -82,6 +83,10 @@ def make_case(
         believed = absorb(plan, recordings[: plan.fit])
     spec = _simulator(out, plan, believed)
     truth = describe(built, names, believed)
+    (out / "sealed").mkdir()
+    np.savez_compressed(
+        out / "sealed" / "drives.npz", extra=built.extra, grade=built.drives.channels["grade"]
+    )
     return _seal(out, plan, spec, names, truth)
 
 
@@ -127,9 +132,7 @@ def draw_decoy(built: Built) -> dict[str, Array]:
     shape = (smooth - smooth.mean()) / max(float(smooth.std()), 1e-9)
     shape = rng.choice([-1.0, 1.0]) * shape + 0.45 * ou_series(rng, shape.shape, DT, 15.0)
     if rng.random() < 0.5 or np.isfinite(built.leader_m).any():
-        return {
-            "ambient_temperature": quantise(built.truck.ambient_temperature + 1.5 * shape, 1.0 / 32.0)
-        }
+        return {"ambient_temperature": quantise(built.truck.ambient_temperature + 1.5 * shape, 1.0 / 32.0)}
     gap = 55.0 + 11.0 * shape
     speed = built.drives.channels["speed"] + np.gradient(gap, DT, axis=1)
     return {"gap": np.clip(gap, 5.0, 250.0), "leader_speed": np.clip(speed, 0.0, 40.0)}
@@ -143,7 +146,7 @@ def _simulator(out: Path, plan: Plan, believed: dict[str, float]) -> str:
     if plan.simulator == "deep":
         from deeptruck_model.mismatch.proof.deep_trucks import trained
 
-        return str(trained(plan, out))
+        return str(trained(plan))
     path = out / "simulator.yaml"
     path.write_text(yaml.safe_dump(trucks.overrides(believed, plan.grade)))
     return f"truck:{plan.truck}:{path}"
@@ -152,9 +155,7 @@ def _simulator(out: Path, plan: Plan, believed: dict[str, float]) -> str:
 def _seal(out: Path, plan: Plan, simulator: str, names: tuple[str, ...], truth: dict[str, Any]) -> Case:
     text = json.dumps(truth, indent=1)
     digest = hashlib.sha256(text.encode()).hexdigest()
-    sealed = out / "sealed"
-    sealed.mkdir()
-    (sealed / "truth.json").write_text(text)
+    (out / "sealed" / "truth.json").write_text(text)
     environment = {"DEEPTRUCK_MISMATCH_EXCLUDE": ",".join(plan.excluded)} if plan.excluded else {}
     case = Case(out, simulator, names[: plan.fit], names[plan.fit :], environment, digest)
     data = {

@@ -7,17 +7,20 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.proof.cases import Case, make_case, open_truth
+from deeptruck_model.mismatch.proof.cases import Case, make_case
 from deeptruck_model.mismatch.proof.effects import EFFECTS
+from deeptruck_model.mismatch.proof.examination import examine, judge
+from deeptruck_model.mismatch.proof.jobs import Job, run_jobs
 from deeptruck_model.mismatch.proof.plans import LEVELS
-from deeptruck_model.mismatch.proof.tool import run_tool
+from deeptruck_model.mismatch.proof.scoreboard import print_results
+from deeptruck_model.mismatch.proof.tool import ToolRun
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
 
@@ -30,18 +33,47 @@ def one(
     seed: Annotated[int, typer.Option(help="Development: 0 to 9999.")] = 0,
     simulator: Annotated[str, typer.Option(help="physics or deep")] = "physics",
     minutes: Annotated[float, typer.Option(help="Length of each recording.")] = 4.0,
+    rivals: Annotated[bool, typer.Option(help="Compare held-out errors with rivals and oracle.")] = True,
     generate_only: Annotated[bool, typer.Option(help="Do not run the tool.")] = False,
 ) -> None:
     """Make one case, run the tool on it, open the truth and score."""
-    case = make_case(out, level, seed, effect, simulator, minutes)
-    print(f"sealed {case.sha256}")
     if generate_only:
-        print(f"simulator {case.simulator}\nrecordings {' '.join(map(str, case.paths(case.fit)))}")
+        case = make_case(out, level, seed, effect, simulator, minutes)
+        print(f"sealed {case.sha256}\nsimulator {case.simulator}")
+        print(f"recordings {' '.join(map(str, case.paths(case.fit)))}")
         print(f"held out {' '.join(map(str, case.paths(case.held_out)))}")
         return
-    run = run_tool(case, out / "found")
-    print(run.says)
-    print(json.dumps(open_truth(case), indent=1))
+    result = examine(out, level, seed, effect, simulator, minutes, with_rivals=rivals, keep=True)
+    print(json.dumps(result, indent=1))
+
+
+@app.command("judge")
+def judge_again(
+    folder: Annotated[Path, typer.Argument(help="A case made before, with the tool's output in found/.")],
+    rivals: Annotated[bool, typer.Option(help="Compare held-out errors with rivals and oracle.")] = False,
+) -> None:
+    """Score a verdict written by the tool's author's own run of a case."""
+    verdict = json.loads((folder / "found" / "verdict.json").read_text())
+    result = judge(Case.read(folder), ToolRun(0, 0.0, verdict, ""), with_rivals=rivals)
+    print(json.dumps(result, indent=1))
+
+
+@app.command()
+def batch(
+    out: Annotated[Path, typer.Option(help="Folder; one case a subfolder, scored cases are skipped.")],
+    level: Annotated[list[str], typer.Option(help=", ".join(LEVELS))],
+    cases: Annotated[int, typer.Option(help="Cases a level.")] = 10,
+    seed: Annotated[int, typer.Option(help="First seed.")] = 0,
+    effect: Annotated[str | None, typer.Option(help="Only this effect.")] = None,
+    simulator: Annotated[str, typer.Option(help="physics or deep")] = "physics",
+    jobs: Annotated[int, typer.Option(help="Cases at a time.")] = 1,
+    rivals: Annotated[bool, typer.Option(help="Compare held-out errors with rivals and oracle.")] = False,
+    keep: Annotated[bool, typer.Option(help="Keep recordings of every case.")] = True,
+) -> None:
+    """Run many development cases and print a line for each and a table."""
+    wanted = [Job(name, seed + k, effect, simulator) for name in level for k in range(cases)]
+    results = run_jobs(out, wanted, jobs=jobs, with_rivals=rivals, keep=keep)
+    print_results(results)
 
 
 @app.command("list")
@@ -62,5 +94,3 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
-
-__all__ = ["Any", "Case", "app"]

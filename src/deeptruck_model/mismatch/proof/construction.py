@@ -23,8 +23,9 @@ ATTEMPTS = 5  # each draws nearer to the upper end of the ranges
 
 @dataclass(frozen=True)
 class Built:
-    """A driven world. `extra` (batch, n) is the acceleration the effects caused, m/s2; `nats` what that tells a
-    detector that knows its shape, in the recordings for the fit; `oracle` the truck that knows everything."""
+    """A driven world. `extra` (batch, n) is the acceleration the effects caused, m/s2; `nats` what that
+    tells a detector that knows its shape, in the recordings for the fit; `oracle` the truck that knows
+    everything."""
 
     plan: Plan
     drives: Drives
@@ -41,7 +42,8 @@ class Built:
 def build_case(
     level: str, seed: int, effect: str | None = None, simulator: str = "physics", minutes: float = 4.0
 ) -> Built:
-    """Draw truck, roads and sizes until the effects matter in these drives (at most `ATTEMPTS` times), and drive."""
+    """Draw truck, roads and sizes until the effects matter in these drives (at most `ATTEMPTS` times), and
+    drive."""
     best: Built | None = None
     for attempt in range(ATTEMPTS):
         built = build(draw_plan(level, seed, effect, simulator, minutes, attempt))
@@ -106,7 +108,8 @@ def _drive(
         drives, oracle, extra = run(planted)
     nats = information(extra[: plan.fit], MOTION_SD)
     faults = Planted(
-        faults=tuple(f for p in planted for f in p.faults), conceal=tuple(c for p in planted for c in p.conceal)
+        faults=tuple(f for p in planted for f in p.faults),
+        conceal=tuple(c for p in planted for c in p.conceal),
     )
     return Built(plan, drives, oracle, setting.truck, faults, sizes, extra, nats, leader_m, roads)
 
@@ -123,7 +126,8 @@ def _without(nominal: PhysicsTruck, drives: Drives) -> Array:
 
 
 def information(extra: Array, sd: float) -> float:
-    """Nats by which a detector that knows the effect's shape beats 'no effect', at noise sd (m/s2) of 1 s means."""
+    """Nats by which a detector that knows the effect's shape beats 'no effect', at noise sd (m/s2) of 1 s
+    means."""
     seconds = extra.shape[1] // 10
     means = extra[:, : 10 * seconds].reshape(len(extra), seconds, 10).mean(axis=2)
     return float(0.5 * np.sum((means / sd) ** 2))

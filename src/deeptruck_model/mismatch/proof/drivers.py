@@ -1,4 +1,5 @@
-"""Who drives: speed profiles of traffic, and a human, a cruise control or an adaptive one that follows them."""
+"""Who drives: speed profiles of traffic, and a human, a cruise control or an adaptive one that follows
+them."""
 
 from __future__ import annotations
 
@@ -45,8 +46,9 @@ def speed_profile(rng: np.random.Generator, scenario: str, n: int, dt: float) ->
 
 @dataclass
 class Driver:
-    """`target` (batch, n): the speed to follow, or the leader's with style 'acc'. A human looks ahead, moves the pedals
-    twice a second within a dead band, and forgives half a metre a second; machines do neither."""
+    """`target` (batch, n): the speed to follow, or the leader's with style 'acc'. A human looks ahead,
+    moves the pedals twice a second within a dead band, and forgives half a metre a second; machines do
+    neither."""
 
     truck: SimpleNamespace
     style: NDArray[np.str_]
@@ -63,9 +65,7 @@ class Driver:
         self.moods = 0.03 * ou_series(self.rng, (batch, n), self.dt, 1.5)
         self.looks = self.rng.random((batch, n)) < np.where(self.human, 2.0 * self.dt, 1.0)[:, None]
 
-    def act(
-        self, k: int, speed: Array, gap: Array, ratio: Array, engine_speed: Array, grade: Array
-    ) -> Array:
+    def act(self, k: int, speed: Array, gap: Array, ratio: Array, engine_speed: Array, grade: Array) -> Array:
         """Commands (batch, 2) in the truck's units."""
         ahead = min(k + round(1.0 / self.dt), self.target.shape[1] - 1)
         goal, soon = self.target[:, k], self.target[:, ahead]
@@ -81,8 +81,8 @@ class Driver:
 
     def _pedals(self, k: int, speed: Array, ratio: Array, engine_speed: Array, grade: Array) -> Array:
         t = self.truck
-        resisting = (
-            0.5 * t.air_density * t.drag_area * speed**2 + t.mass * GRAVITY * (t.rolling_resistance + grade)
+        resisting = 0.5 * t.air_density * t.drag_area * speed**2 + t.mass * GRAVITY * (
+            t.rolling_resistance + grade
         )
         force = 1.03 * t.mass * self.wanted + resisting
         drag = motoring(t, engine_speed)
@@ -101,7 +101,7 @@ class Driver:
         self._press(force - coasting, waiting, mood, lag)
         return np.stack([self.pedal, self.brake], axis=1)
 
-    def _press(self, excess: Array, waiting: Array, mood: Array, lag: Array) -> None:
+    def _press(self, excess: Array, waiting: NDArray[np.bool_], mood: Array, lag: Array) -> None:
         t = self.truck
         share = np.clip(-excess, 0.0, None) / t.brake_capacity
         wish = 100.0 * (t.brake_pushout + (1.0 - t.brake_pushout) * share)

@@ -10,7 +10,8 @@ from deeptruck_model.trucks import View
 
 @hidden(
     "headwind",
-    source="Kaimal spectrum in its Dryden (first-order) form, length scale 150-300 m (IEC 61400-1, annex B; MIL-F-8785C);"
+    source="Kaimal spectrum in its Dryden (first-order) form, length scale 150-300 m (IEC 61400-1, annex B;"
+    " MIL-F-8785C);"
     " drag area against yaw as wind-averaged drag in SAE J1252; heading of the road from its curves",
     ranges={
         "wind_mps": (5.0, 12.0),
@@ -51,7 +52,8 @@ class Wind(Hidden):
 
 @hidden(
     "drafting",
-    source="Zabat, Stabile, Frascaroli and Browand, PATH UCB-ITS-PRR-95-35 (1995); McAuliffe et al., SAE 2018-01-0732:"
+    source="Zabat, Stabile, Frascaroli and Browand, PATH UCB-ITS-PRR-95-35 (1995); McAuliffe et al., SAE"
+    " 2018-01-0732:"
     " saving falls off with gap over vehicle length, a little less when speed builds up a wake",
     ranges={"saving": (0.30, 0.55), "length_m": (16.0, 35.0), "power": (1.0, 1.6)},
     needs=("highway",),
@@ -68,7 +70,8 @@ class Slipstream(Hidden):
 
 @hidden(
     "drag_area",
-    source="Hucho, Aerodynamics of Road Vehicles (1998), ch. 8: an open tarpaulin or lost deflector adds 20-45 % of"
+    source="Hucho, Aerodynamics of Road Vehicles (1998), ch. 8: an open tarpaulin or lost deflector adds"
+    " 20-45 % of"
     " drag area; flutter adds a broad-band part of a few per cent",
     ranges={"gain": (0.25, 0.60), "flutter": (0.02, 0.06), "share_of_drives": (0.4, 0.7)},
     needs=("highway", "hills"),

@@ -10,8 +10,10 @@ from deeptruck_model.trucks import View
 
 @hidden(
     "brake_fade",
-    source="Limpert, Brake Design and Safety (2011), ch. 3: rubbing surface and drum body as two thermal masses;"
-    " friction against temperature as the S-shaped linings curves of Day, Braking of Road Vehicles (2014), ch. 2",
+    source="Limpert, Brake Design and Safety (2011), ch. 3: rubbing surface and drum body as two thermal"
+    " masses;"
+    " friction against temperature as the S-shaped linings curves of Day, Braking of Road Vehicles (2014),"
+    " ch. 2",
     ranges={
         "surface_share": (0.10, 0.20),  # of the drums' heat capacity
         "onset_c": (110.0, 170.0),
@@ -42,7 +44,8 @@ class BrakeFade(Hidden):
 
 @hidden(
     "brake_lag",
-    source="Subramanian, Darbha and Rajagopal, J. Dyn. Sys. Meas. Control 126 (2004): choked flow fills the chamber"
+    source="Subramanian, Darbha and Rajagopal, J. Dyn. Sys. Meas. Control 126 (2004): choked flow fills the"
+    " chamber"
     " at a rate with the square root of the pressure difference, after a transport delay",
     ranges={"dead_time_s": (0.10, 0.35), "fill_rate": (0.7, 1.6)},  # 1/s of full force at full difference
     needs=("suburban", "descent"),
@@ -68,9 +71,15 @@ class BrakeLag(Hidden):
 
 @hidden(
     "dragging_brake",
-    source="Heusser, SAE 910126 (1991) and UMTRI brake studies: a sticking S-cam leaves a residual shoe force after"
+    source="Heusser, SAE 910126 (1991) and UMTRI brake studies: a sticking S-cam leaves a residual shoe"
+    " force after"
     " each application, easing off as chatter frees the cam; heat swells the lining and tightens it again",
-    ranges={"floor_n": (300.0, 900.0), "stuck_n": (900.0, 3000.0), "ease_s": (12.0, 45.0), "swell": (0.1, 0.5)},
+    ranges={
+        "floor_n": (300.0, 900.0),
+        "stuck_n": (900.0, 3000.0),
+        "ease_s": (12.0, 45.0),
+        "swell": (0.1, 0.5),
+    },
     needs=("suburban", "descent"),
 )
 class DraggingBrake(Hidden):
@@ -88,9 +97,16 @@ class DraggingBrake(Hidden):
 
 @hidden(
     "engine_brake",
-    source="Israel and Hu, SAE 930272 (1993); Meistrick, SAE 920448: compression release retarding torque grows"
-    " faster than engine speed, comes on after 0.3-0.6 s with the throttle closed, in stages of two cylinders",
-    ranges={"torque_nm": (250.0, 800.0), "exponent": (1.4, 2.1), "delay_s": (0.3, 0.6), "from_mps": (7.0, 12.0)},
+    source="Israel and Hu, SAE 930272 (1993); Meistrick, SAE 920448: compression release retarding torque"
+    " grows"
+    " faster than engine speed, comes on after 0.3-0.6 s with the throttle closed, in stages of two"
+    " cylinders",
+    ranges={
+        "torque_nm": (250.0, 800.0),
+        "exponent": (1.4, 2.1),
+        "delay_s": (0.3, 0.6),
+        "from_mps": (7.0, 12.0),
+    },
     needs=("descent", "hills", "suburban"),
     accepts=("engine_friction",),
 )

@@ -41,7 +41,8 @@ class Delay:
 
 
 class RateLimit:
-    """Anti-jerk control: torque builds up at a limited rate that softens near the target, and falls faster."""
+    """Anti-jerk control: torque builds up at a limited rate that softens near the target, and falls
+    faster."""
 
     def __init__(self, setting: Setting, p: SimpleNamespace) -> None:
         full = setting.truck.full_command
@@ -74,7 +75,8 @@ register(
         "command_delay",
         "command_delay",
         "missing_physics",
-        "Nilsson, Real-Time Control Systems with Delays (Lund, 1998): network and gateway delay with slow wander;"
+        "Nilsson, Real-Time Control Systems with Delays (Lund, 1998): network and gateway delay with slow"
+        " wander;"
         " 0.2-0.6 s command to torque in Lu and Hedrick, PATH heavy-truck tests (2003)",
         {"delay_s": (0.25, 0.70), "wander_s": (0.01, 0.06)},
         _planted(Delay),
@@ -87,7 +89,8 @@ register(
         "command_rate_limit",
         "command_rate_limit",
         "missing_physics",
-        "Kiencke and Nielsen, Automotive Control Systems (2005), ch. 5: driveline anti-jerk shaping of demanded torque",
+        "Kiencke and Nielsen, Automotive Control Systems (2005), ch. 5: driveline anti-jerk shaping of"
+        " demanded torque",
         {"up_per_s": (0.10, 0.28), "down_ratio": (1.0, 3.0)},
         _planted(RateLimit),
         needs=("suburban", "hills"),

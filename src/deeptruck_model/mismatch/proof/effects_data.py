@@ -1,4 +1,5 @@
-"""Hidden differences that are no missing force: an unrecorded road, faults of the measurement, wrong parameters."""
+"""Hidden differences that are no missing force: an unrecorded road, faults of the measurement, wrong
+parameters."""
 
 from __future__ import annotations
 
@@ -23,9 +24,7 @@ def _clock(setting: Setting, p: SimpleNamespace) -> Planted:
     def spoil(channels: dict[str, Array], dt: float, rng: np.random.Generator) -> None:
         late = np.sign(p.sign) * p.late_s
         n = np.arange(len(channels["acceleration"])) * dt
-        channels["acceleration"] = np.interp(
-            n - late - 1e-6 * p.drift_ppm * n, n, channels["acceleration"]
-        )
+        channels["acceleration"] = np.interp(n - late - 1e-6 * p.drift_ppm * n, n, channels["acceleration"])
 
     return Planted(faults=(spoil,))
 
@@ -114,7 +113,8 @@ _add(
 _add(
     "speed_scale",
     FAULT,
-    "Tyre wear and a wrong tyre factor in the tachograph: Regulation (EU) 2016/799, annex IC, adjusted within 4 % only",
+    "Tyre wear and a wrong tyre factor in the tachograph: Regulation (EU) 2016/799, annex IC, adjusted"
+    " within 4 % only",
     {"scale": (0.03, 0.09), **SIGN},
     _speed_scale,
 )
@@ -128,7 +128,8 @@ _add(
 _add(
     "grade_bias",
     FAULT,
-    "Inclinometer mounted out of level by 0.5-1.5 degrees, Vahidi, Stefanopoulou and Peng, VSD 43 (2005) discuss the bias",
+    "Inclinometer mounted out of level by 0.5-1.5 degrees, Vahidi, Stefanopoulou and Peng, VSD 43 (2005)"
+    " discuss the bias",
     {"bias": (0.008, 0.025), **SIGN},
     _grade_bias,
     accepts=("rolling_resistance",),

@@ -22,7 +22,8 @@ from deeptruck_model.trucks import View
 
 @hidden(
     "driveline_loss",
-    source="ISO/TR 14179-2 mesh losses in proportion to load, either way; Changenet and Velex, J. Mech. Des. 129 (2007):"
+    source="ISO/TR 14179-2 mesh losses in proportion to load, either way; Changenet and Velex, J. Mech."
+    " Des. 129 (2007):"
     " churning with the power 1.5 of speed",
     ranges={"mesh": (0.05, 0.11), "churning_n": (100.0, 500.0)},  # churning at 20 m/s
     accepts=("torque_gain",),
@@ -35,7 +36,8 @@ class MeshAndChurning(Hidden):
 
 @hidden(
     "shift_interruption",
-    source="Pettersson and Nielsen, Control Eng. Practice 8 (2000): torque is held off until driveline oscillation has"
+    source="Pettersson and Nielsen, Control Eng. Practice 8 (2000): torque is held off until driveline"
+    " oscillation has"
     " died and returned on a raised cosine; heavy gearboxes in cold take 0.5-1.5 s more",
     ranges={"hold_s": (0.3, 0.9), "return_s": (0.4, 1.0)},
     needs=("suburban", "hills"),
@@ -68,7 +70,8 @@ register(
         "torque_converter_slip",
         "torque_converter_slip",
         "missing_physics",
-        "Hrovat and Tobler, SAE 851654 (1985): with the lock-up clutch inoperative the converter slips in every gear;"
+        "Hrovat and Tobler, SAE 851654 (1985): with the lock-up clutch inoperative the converter slips in"
+        " every gear;"
         " worn blades lower its capacity",
         {"capacity": (0.35, 0.75)},
         _lockup_fails,
@@ -81,7 +84,8 @@ register(
 
 @hidden(
     "rotating_inertia",
-    source="Wong, Theory of Ground Vehicles (2008), sec. 3.4.2 (mass factor 0.04 + 0.0025 ratio^2): a mixer's hydraulic"
+    source="Wong, Theory of Ground Vehicles (2008), sec. 3.4.2 (mass factor 0.04 + 0.0025 ratio^2): a"
+    " mixer's hydraulic"
     " motor and a heavy flywheel turn with the engine, massive wheels with the road",
     ranges={"engine_kgm2": (4.0, 10.0), "wheels_kgm2": (20.0, 150.0)},
     needs=("suburban", "hills"),
@@ -97,7 +101,8 @@ class HeavyFlywheel(Hidden):
 
 @hidden(
     "driveline_backlash",
-    source="Lagerberg and Egardt, IEEE Trans. Control Syst. Technol. 15 (2007): dead zone at torque reversal, then a"
+    source="Lagerberg and Egardt, IEEE Trans. Control Syst. Technol. 15 (2007): dead zone at torque"
+    " reversal, then a"
     " damped shuffle of 2-4 Hz when the teeth meet",
     ranges={
         "gap_s": (0.15, 0.5),

@@ -1,4 +1,5 @@
-"""Hidden effects of engine and auxiliaries. Torques act at the flywheel and reach the road through the open ratio."""
+"""Hidden effects of engine and auxiliaries. Torques act at the flywheel and reach the road through the
+open ratio."""
 
 from __future__ import annotations
 
@@ -10,7 +11,8 @@ from deeptruck_model.trucks import View
 
 @hidden(
     "turbo_lag",
-    source="Eriksson and Nielsen, Modeling and Control of Engines and Drivelines (2014), ch. 8: shaft energy from exhaust"
+    source="Eriksson and Nielsen, Modeling and Control of Engines and Drivelines (2014), ch. 8: shaft"
+    " energy from exhaust"
     " power against compressor power; the smoke limiter holds the torque to the air that is there",
     ranges={"shaft_s": (1.5, 4.0), "unboosted": (0.18, 0.32)},
     needs=("suburban", "hills"),
@@ -33,8 +35,10 @@ class TurboShaft(Hidden):
 
 @hidden(
     "torque_derate",
-    source="Heavy-duty coolant protection (Cummins engine protection derate; EPA SCR inducement, 40 CFR 1036.111):"
-    " coolant and block as two thermal masses, ram-air cooling, fuelling cut back in proportion above a temperature",
+    source="Heavy-duty coolant protection (Cummins engine protection derate; EPA SCR inducement, 40 CFR"
+    " 1036.111):"
+    " coolant and block as two thermal masses, ram-air cooling, fuelling cut back in proportion above a"
+    " temperature",
     ranges={"depth": (0.20, 0.45), "from_k": (6.0, 14.0), "span_k": (6.0, 14.0), "block_s": (60.0, 140.0)},
     needs=("hills", "highway"),
     accepts=("torque_gain",),
@@ -57,7 +61,8 @@ class CoolantDerate(Hidden):
 
 @hidden(
     "torque_limit",
-    source="Gear-down protection and torque-limited lower gears of heavy engines (Cummins AEB 15.59; Volvo I-Shift):"
+    source="Gear-down protection and torque-limited lower gears of heavy engines (Cummins AEB 15.59; Volvo"
+    " I-Shift):"
     " the electronic limiter holds the torque with a soft knee",
     ranges={"share_of_peak": (0.55, 0.80), "knee_nm": (60.0, 200.0)},
     needs=("suburban", "hills"),
@@ -72,7 +77,8 @@ class SoftLimiter(Hidden):
 
 @hidden(
     "engine_friction",
-    source="Shayler, Leong and Murphy, SAE 2005-01-1875: motoring friction with (viscosity ratio)^0.24-0.4, viscosity by"
+    source="Shayler, Leong and Murphy, SAE 2005-01-1875: motoring friction with (viscosity ratio)^0.24-0.4,"
+    " viscosity by"
     " Vogel; oil warmed by combustion, cold start",
     ranges={"cold_c": (-20.0, 10.0), "exponent": (0.25, 0.40), "warm_s": (150.0, 500.0)},
     accepts=("engine_brake", "accessory_load"),
@@ -96,7 +102,8 @@ class ColdOil(Hidden):
 
 @hidden(
     "accessory_load",
-    source="Hendricks and O'Keefe, NREL/TP-540-30987 (2002): fan by the affinity law (power with speed cubed) through an"
+    source="Hendricks and O'Keefe, NREL/TP-540-30987 (2002): fan by the affinity law (power with speed"
+    " cubed) through an"
     " on/off clutch with thermostat hysteresis; air compressor in load and unload cycles",
     ranges={"fan_w": (18000.0, 38000.0), "compressor_w": (2500.0, 5000.0), "heat_s": (15.0, 45.0)},
     needs=("hills", "highway", "suburban"),

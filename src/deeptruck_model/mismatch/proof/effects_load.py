@@ -10,7 +10,8 @@ from deeptruck_model.trucks import View
 
 @hidden(
     "payload_change",
-    source="Newton's second law; axle-load statistics of part-laden tours in Hjalmdahl and Thorslund, VTI (2013):"
+    source="Newton's second law; axle-load statistics of part-laden tours in Hjalmdahl and Thorslund, VTI"
+    " (2013):"
     " 15-45 % of gross mass taken on or left between drives",
     ranges={"share": (0.18, 0.45), "sign": (-1.0, 1.0), "share_of_drives": (0.3, 0.6)},
     needs=("suburban", "hills"),
@@ -33,7 +34,8 @@ class Payload(Hidden):
 
 @hidden(
     "load_slosh",
-    source="Dodge, The New Dynamic Behavior of Liquids in Moving Containers, SwRI (2000): equivalent pendulum, its sine"
+    source="Dodge, The New Dynamic Behavior of Liquids in Moving Containers, SwRI (2000): equivalent"
+    " pendulum, its sine"
     " kept; damping and bulkhead contact as Ranganathan and Yang, Int. J. Vehicle Design (1996)",
     ranges={"share": (0.15, 0.40), "pendulum_m": (1.2, 4.5), "damping": (0.02, 0.10)},
     needs=("suburban",),

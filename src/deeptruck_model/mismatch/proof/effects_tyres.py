@@ -10,7 +10,8 @@ from deeptruck_model.trucks import View
 
 @hidden(
     "rolling_resistance_speed",
-    source="Gillespie, Fundamentals of Vehicle Dynamics (1992), eq. 4-13 (Stuttgart): growth with the power 2.5 of speed",
+    source="Gillespie, Fundamentals of Vehicle Dynamics (1992), eq. 4-13 (Stuttgart): growth with the power"
+    " 2.5 of speed",
     ranges={"at_100mph": (0.012, 0.030), "power": (2.3, 2.6)},
     needs=("highway", "hills"),
     accepts=("drag_area",),
@@ -23,9 +24,15 @@ class SpeedGrowth(Hidden):
 
 @hidden(
     "rolling_resistance_warmup",
-    source="Nielsen and Sandberg, SAE 2002-01-1200 and Clark, The Pneumatic Tire, NHTSA (2006), ch. 12: hysteresis heats"
+    source="Nielsen and Sandberg, SAE 2002-01-1200 and Clark, The Pneumatic Tire, NHTSA (2006), ch. 12:"
+    " hysteresis heats"
     " tread and carcass as two bodies, and loss falls with carcass temperature; cold start at a low ambient",
-    ranges={"cold_gain": (0.9, 2.2), "tread_s": (40.0, 90.0), "carcass_s": (150.0, 420.0), "split": (0.3, 0.6)},
+    ranges={
+        "cold_gain": (0.9, 2.2),
+        "tread_s": (40.0, 90.0),
+        "carcass_s": (150.0, 420.0),
+        "split": (0.3, 0.6),
+    },
     accepts=(),
 )
 class ColdTyres(Hidden):
@@ -48,8 +55,10 @@ class ColdTyres(Hidden):
 
 @hidden(
     "road_surface",
-    source="Hammarström, Eriksson, Karlsson and Yahya, VTI rapport 748A (2012): rolling resistance with texture (MPD) and,"
-    " growing with speed, with roughness (IRI); gravel and snow as Wong, Theory of Ground Vehicles, table 4.1",
+    source="Hammarström, Eriksson, Karlsson and Yahya, VTI rapport 748A (2012): rolling resistance with"
+    " texture (MPD) and,"
+    " growing with speed, with roughness (IRI); gravel and snow as Wong, Theory of Ground Vehicles, table"
+    " 4.1",
     ranges={"texture": (0.003, 0.010), "roughness": (0.0001, 0.0004), "share_of_road": (0.25, 0.5)},
     accepts=("road_grade",),
 )
@@ -78,7 +87,8 @@ class RoughStretches(Hidden):
 
 @hidden(
     "wheel_slip",
-    source="Burckhardt, Fahrwerktechnik: Radschlupf-Regelsysteme (1993): friction c1(1-exp(-c2 s)) - c3 s on snow and wet"
+    source="Burckhardt, Fahrwerktechnik: Radschlupf-Regelsysteme (1993): friction c1(1-exp(-c2 s)) - c3 s"
+    " on snow and wet"
     " ice, with a driven wheel that spins up and catches again",
     ranges={"c1": (0.12, 0.22), "c3": (0.02, 0.06), "share_of_time": (0.1, 0.35)},
     needs=("suburban", "hills"),
@@ -101,5 +111,7 @@ class SlipperyRoad(Hidden):
         pull = np.maximum(view.traction_force, 0.0)
         s.slip = np.clip(s.slip + dt * (pull - grip) / (0.04 * weight(view)), 0.0, 1.0)
         lost = np.maximum(pull - grip, 0.0)
-        brake_lost = np.maximum(view.brake_force - 1.15 * p.c1 * weight(view), 0.0)  # anti-lock keeps near the peak
+        brake_lost = np.maximum(
+            view.brake_force - 1.15 * p.c1 * weight(view), 0.0
+        )  # anti-lock keeps near the peak
         return np.where(here, brake_lost * moving(view) - lost, 0.0)

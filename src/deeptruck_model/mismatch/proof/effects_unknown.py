@@ -11,7 +11,8 @@ from deeptruck_model.trucks import View
 @hidden(
     "cornering_scrub",
     name="unknown",
-    source="Mitschke and Wallentowitz, Dynamik der Kraftfahrzeuge (2014), sec. 5.1: curve resistance m^2 v^4/(R^2 C); the"
+    source="Mitschke and Wallentowitz, Dynamik der Kraftfahrzeuge (2014), sec. 5.1: curve resistance m^2"
+    " v^4/(R^2 C); the"
     " axles of a tandem scrub besides, with curvature alone. Curves come in time, no road is driven twice",
     ranges={"stiffness_n": (1.2e6, 2.5e6), "tandem": (3.0, 8.0), "sharpest": (0.015, 0.035)},
     needs=("suburban", "hills"),
@@ -36,7 +37,8 @@ class CurveResistance(Hidden):
 @hidden(
     "snow_ploughing",
     name="unknown",
-    source="Shoop, Richmond and Lacombe, CRREL, J. Terramechanics 43 (2006): compaction work with depth squared and, when"
+    source="Shoop, Richmond and Lacombe, CRREL, J. Terramechanics 43 (2006): compaction work with depth"
+    " squared and, when"
     " ploughing, a part with speed squared times depth; snowfall deepens it while driving",
     ranges={"compaction_n": (300.0, 1000.0), "plough": (1.5, 5.0), "deeper_per_min": (0.15, 0.45)},
 )
@@ -54,7 +56,8 @@ class Snow(Hidden):
 @hidden(
     "trailer_sway",
     name="unknown",
-    source="Troger and Zeman, VSD 13 (1984); Darling, Tilley and Gao, VSD 47 (2009): above a critical speed gusts raise a"
+    source="Troger and Zeman, VSD 13 (1984); Darling, Tilley and Gao, VSD 47 (2009): above a critical speed"
+    " gusts raise a"
     " yaw oscillation of 0.4-0.7 Hz to a limit cycle; tyres drag with the square of its angle",
     ranges={"critical_mps": (17.0, 21.0), "hz": (0.35, 0.6), "drag_n": (2500.0, 6000.0)},
     needs=("highway",),
@@ -82,9 +85,16 @@ class Sway(Hidden):
 @hidden(
     "wake_bistability",
     name="unknown",
-    source="Grandemange, Gohlke and Cadot, J. Fluid Mech. 722 (2013): the wake of a blunt body has two states; switching"
-    " between them with hysteresis in speed and at random moments changes drag by several per cent, more with flaps",
-    ranges={"low_drag": (0.30, 0.50), "up_mps": (19.0, 22.0), "hysteresis_mps": (3.0, 6.0), "mean_s": (15.0, 40.0)},
+    source="Grandemange, Gohlke and Cadot, J. Fluid Mech. 722 (2013): the wake of a blunt body has two"
+    " states; switching"
+    " between them with hysteresis in speed and at random moments changes drag by several per cent, more"
+    " with flaps",
+    ranges={
+        "low_drag": (0.30, 0.50),
+        "up_mps": (19.0, 22.0),
+        "hysteresis_mps": (3.0, 6.0),
+        "mean_s": (15.0, 40.0),
+    },
     needs=("highway",),
 )
 class TwoWakes(Hidden):
@@ -109,13 +119,17 @@ class TwoWakes(Hidden):
 @hidden(
     "tyre_pressure_loss",
     name="unknown",
-    source="ISO 28580 pressure correction, loss with (p0/p)^0.4-0.7 per tyre; a blown-down tyre of a pair adds the flexing"
-    " of its side wall: Clark, The Pneumatic Tire, NHTSA (2006), ch. 12. Pressure falls with distance after a puncture",
+    source="ISO 28580 pressure correction, loss with (p0/p)^0.4-0.7 per tyre; a blown-down tyre of a pair"
+    " adds the flexing"
+    " of its side wall: Clark, The Pneumatic Tire, NHTSA (2006), ch. 12. Pressure falls with distance after"
+    " a puncture",
     ranges={"gain": (0.8, 1.8), "leak_m": (900.0, 2500.0), "puncture_share": (0.1, 0.5)},
 )
 class SlowPuncture(Hidden):
     def prepare(self) -> None:
-        self.from_m = self.setting.rng(34).uniform(0.0, 2.0, self.setting.batch) * 2500.0 * self.p.puncture_share
+        self.from_m = (
+            self.setting.rng(34).uniform(0.0, 2.0, self.setting.batch) * 2500.0 * self.p.puncture_share
+        )
 
     def newtons(self, view: View, dt: float) -> Array:
         since = np.maximum(view.distance - self.from_m, 0.0)
@@ -127,9 +141,15 @@ class SlowPuncture(Hidden):
 @hidden(
     "hitch_spring",
     name="unknown",
-    source="Sweatman, ARRB SR 27 (1983) and UMTRI coupler studies: a trailer on a compliant drawbar moves fore and aft at"
+    source="Sweatman, ARRB SR 27 (1983) and UMTRI coupler studies: a trailer on a compliant drawbar moves"
+    " fore and aft at"
     " 1-2 Hz against the tractor after every change of pull; free play makes it nonlinear",
-    ranges={"trailer_share": (0.35, 0.6), "hz": (0.9, 1.8), "damping": (0.02, 0.07), "play_m": (0.002, 0.012)},
+    ranges={
+        "trailer_share": (0.35, 0.6),
+        "hz": (0.9, 1.8),
+        "damping": (0.02, 0.07),
+        "play_m": (0.002, 0.012),
+    },
     needs=("suburban",),
     trucks=("trucksim", "volvo"),
 )

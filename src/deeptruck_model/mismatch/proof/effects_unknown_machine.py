@@ -11,7 +11,8 @@ from deeptruck_model.trucks import View
 @hidden(
     "eddy_retarder_left_on",
     name="unknown",
-    source="Smythe (1942) and Wouterse, IEE Proc. B 138 (1991): eddy-current torque 2/(v/vc + vc/v) about a critical speed;"
+    source="Smythe (1942) and Wouterse, IEE Proc. B 138 (1991): eddy-current torque 2/(v/vc + vc/v) about a"
+    " critical speed;"
     " one stage is left energised below a road speed",
     ranges={"force_n": (900.0, 2600.0), "critical_mps": (3.0, 7.0), "below_mps": (10.0, 15.0)},
     needs=("suburban",),
@@ -26,7 +27,8 @@ class EddyRetarder(Hidden):
 @hidden(
     "retarder_cold_oil",
     name="unknown",
-    source="Fluid couplings idling: drag torque with the power 1.7 of speed and viscosity^0.2 (Lang, Voith, VDI 1393);"
+    source="Fluid couplings idling: drag torque with the power 1.7 of speed and viscosity^0.2 (Lang, Voith,"
+    " VDI 1393);"
     " oil dragged into the working space leaves in bursts when it warms",
     ranges={"drag_n": (900.0, 2400.0), "empties_k": (20.0, 45.0)},
     needs=("highway", "hills"),
@@ -48,7 +50,8 @@ class FillingRetarder(Hidden):
 @hidden(
     "hybrid_axle",
     name="unknown",
-    source="Electric trailer axle (Trailer Dynamics; ZF eTrailer; Pascoe, SAE 2013-01-2395): helps while the driver asks"
+    source="Electric trailer axle (Trailer Dynamics; ZF eTrailer; Pascoe, SAE 2013-01-2395): helps while"
+    " the driver asks"
     " for much, harvests in coasting, until its battery is empty or full",
     ranges={"power_w": (60000.0, 130000.0), "force_n": (3500.0, 8000.0), "energy_j": (0.8e6, 2.5e6)},
     needs=("suburban", "hills"),
@@ -73,7 +76,8 @@ class TrailerAxle(Hidden):
 @hidden(
     "torsional_band_loss",
     name="unknown",
-    source="Steinel, SAE 902260: a worn torsional damper lets the driveline resonate in a band of engine speeds, and rubs"
+    source="Steinel, SAE 902260: a worn torsional damper lets the driveline resonate in a band of engine"
+    " speeds, and rubs"
     " away torque there; little outside",
     ranges={"centre_rpm": (1150.0, 1500.0), "width_rpm": (60.0, 140.0), "loss": (0.18, 0.40)},
     needs=("suburban", "highway", "hills"),
@@ -89,7 +93,8 @@ class ResonanceBand(Hidden):
 @hidden(
     "eco_roll",
     name="unknown",
-    source="Hellström, Åslund and Nielsen, Control Eng. Practice 14 (2006); Volvo I-Roll: neutral at a closed throttle above"
+    source="Hellström, Åslund and Nielsen, Control Eng. Practice 14 (2006); Volvo I-Roll: neutral at a"
+    " closed throttle above"
     " a speed, so engine drag vanishes, until the brake is touched or speed rises too far",
     ranges={"from_mps": (9.0, 14.0), "share": (0.8, 1.0), "after_s": (0.6, 1.6)},
     needs=("hills", "highway", "descent"),
@@ -111,7 +116,8 @@ class EcoRoll(Hidden):
 @hidden(
     "brake_bites_slow",
     name="unknown",
-    source="Rhee, SAE 740415 and Day, Braking of Road Vehicles (2014), sec. 2.4: lining friction falls with sliding speed,"
+    source="Rhee, SAE 740415 and Day, Braking of Road Vehicles (2014), sec. 2.4: lining friction falls with"
+    " sliding speed,"
     " so the last metres of a stop bite harder, with a Stribeck shape",
     ranges={"gain": (0.35, 0.8), "speed_mps": (2.0, 5.0)},
     needs=("suburban",),
@@ -125,7 +131,8 @@ class StribeckBrake(Hidden):
 @hidden(
     "wet_brakes",
     name="unknown",
-    source="Newcomb and Spurr, Braking of Road Vehicles (1967): water on drums halves the torque at first and is wiped off"
+    source="Newcomb and Spurr, Braking of Road Vehicles (1967): water on drums halves the torque at first"
+    " and is wiped off"
     " by the work of braking; spray wets them again between",
     ranges={"loss": (0.45, 0.75), "wipe_j": (0.25e6, 0.9e6), "wetting_s": (10.0, 35.0)},
     needs=("suburban", "descent"),
@@ -146,7 +153,8 @@ class WetBrakes(Hidden):
 @hidden(
     "engine_surge",
     name="unknown",
-    source="Surge of a part-load engine with lean or gaseous charge (Heywood, Internal Combustion Engine Fundamentals, sec."
+    source="Surge of a part-load engine with lean or gaseous charge (Heywood, Internal Combustion Engine"
+    " Fundamentals, sec."
     " 9.4; cycle-to-cycle cooperation in Daily, 1988): slow torque oscillation in a window of load",
     ranges={"share": (0.25, 0.5), "hz": (0.25, 0.6), "low": (0.15, 0.3), "high": (0.55, 0.8)},
     needs=("highway", "hills", "suburban"),
@@ -167,8 +175,10 @@ class Surge(Hidden):
 @hidden(
     "stepping_suspension_lock",
     name="unknown",
-    source="Dahl, Aerospace Corp. TOR-0158 (1968) friction in a lift axle's locked bushing: each hard pull or stop loads a"
-    " presliding spring that yields and holds, so the force depends on the history of acceleration, not its value",
+    source="Dahl, Aerospace Corp. TOR-0158 (1968) friction in a lift axle's locked bushing: each hard pull"
+    " or stop loads a"
+    " presliding spring that yields and holds, so the force depends on the history of acceleration, not its"
+    " value",
     ranges={"yield_n": (900.0, 2600.0), "stiffness": (0.8, 3.0)},
     needs=("suburban", "hills"),
 )

@@ -1,4 +1,5 @@
-"""Effects that act only under a condition: uphill, above a speed, in high gear, or in a few short windows of time."""
+"""Effects that act only under a condition: uphill, above a speed, in high gear, or in a few short windows
+of time."""
 
 from __future__ import annotations
 
@@ -97,7 +98,9 @@ def draw_windows(rng: np.random.Generator, activity: Array, dt: float, held_out:
     start = np.full((batch, budget), np.inf)
     free = smooth >= np.quantile(smooth, 0.8)
     for w in range(budget):
-        rows = np.arange(batch - held_out, batch) if w == 0 else np.arange(batch - held_out if w < 3 else batch)
+        rows = (
+            np.arange(batch - held_out, batch) if w == 0 else np.arange(batch - held_out if w < 3 else batch)
+        )
         pick = np.argwhere(free[rows])
         if not len(pick):
             pick = np.argwhere(smooth[rows] >= np.quantile(smooth[rows], 0.9))

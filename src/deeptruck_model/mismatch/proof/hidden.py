@@ -29,9 +29,9 @@ SCENARIOS = ("highway", "suburban", "hills", "descent")
 class Setting:
     """What a planted effect may know of its world.
 
-    `truck` are the true parameters before planting; `start_m`, `direction` and `route` place every recording on its
-    road; `leader_m` (batch, n) is the way of the leader from the truck's start, NaN without one; `dt` its period.
-    """
+    `truck` are the true parameters before planting; `start_m`, `direction` and `route` place every
+    recording on its road; `leader_m` (batch, n) is the way of the leader from the truck's start, NaN
+    without one; `dt` its period."""
 
     truck: SimpleNamespace
     batch: int
@@ -62,9 +62,9 @@ class Planted:
 
 @dataclass(frozen=True)
 class Effect:
-    """`name` is the right answer, `key` tells effects of one name apart, `ranges` are (low, high) by name, drawn
-    uniformly. `accepts` are names that recordings alone cannot tell from it, counted right only inside a stated
-    group. `needs` are scenarios in which it acts, `trucks` the trucks that can have it."""
+    """`name` is the right answer, `key` tells effects of one name apart, `ranges` are (low, high) by name,
+    drawn uniformly. `accepts` are names that recordings alone cannot tell from it, counted right only
+    inside a stated group. `needs` are scenarios in which it acts, `trucks` the trucks that can have it."""
 
     key: str
     name: str
@@ -95,8 +95,9 @@ def register(effect: Effect) -> None:
 
 
 class Hidden:
-    """A force at the road with a state `s` of arrays (batch,); subclasses say `start` and `newtons`. `conceal` are
-    channels that would tell what the force hook cannot change, such as the engine speed of a truck in neutral."""
+    """A force at the road with a state `s` of arrays (batch,); subclasses say `start` and `newtons`.
+    `conceal` are channels that would tell what the force hook cannot change, such as the engine speed of a
+    truck in neutral."""
 
     conceal: tuple[str, ...] = ()
 

@@ -36,7 +36,8 @@ class Roads:
 
 
 def draw_profile(rng: np.random.Generator, amplitude: float) -> Array:
-    """Grade of a road: sinusoids of 400 m to 8 km with random phase, slopes of standard deviation `amplitude`."""
+    """Grade of a road: sinusoids of 400 m to 8 km with random phase, slopes of standard deviation
+    `amplitude`."""
     position = np.arange(0.0, LENGTH_M, STEP_M)
     lengths = np.exp(rng.uniform(np.log(400.0), np.log(8000.0), 14))
     size = rng.rayleigh(1.0, 14) * lengths**0.3
@@ -46,14 +47,13 @@ def draw_profile(rng: np.random.Generator, amplitude: float) -> Array:
 
 
 def draw_roads(rng: np.random.Generator, scenarios: list[str], flat: bool) -> Roads:
-    """One road for each scenario kind but two for the commonest; about a third of the drives go the other way."""
+    """One road for each scenario kind but two for the commonest; about a third of the drives go the other
+    way."""
     kinds = sorted(set(scenarios))
     grade = np.stack([draw_profile(rng, 0.0 if flat else AMPLITUDE[kind] + 1e-9) for kind in kinds])
     route = np.array([kinds.index(s) for s in scenarios])
     start = rng.uniform(8000.0, 12000.0, len(scenarios))
     direction = np.where(rng.random(len(scenarios)) < 0.35, -1.0, 1.0)
     start = np.where(direction < 0, start + 4500.0, start)
-    offset = np.array(
-        [-rng.uniform(0.045, 0.065) if s == "descent" and not flat else 0.0 for s in scenarios]
-    )
+    offset = np.array([-rng.uniform(0.045, 0.065) if s == "descent" and not flat else 0.0 for s in scenarios])
     return Roads(grade * (0.0 if flat else 1.0), route, start, direction, offset)

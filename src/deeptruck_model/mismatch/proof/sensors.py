@@ -1,4 +1,5 @@
-"""What a real truck records: SAE J1939 resolutions, noise, low-pass filters, a jittering clock, missing channels."""
+"""What a real truck records: SAE J1939 resolutions, noise, low-pass filters, a jittering clock, missing
+channels."""
 
 from __future__ import annotations
 
@@ -15,8 +16,8 @@ KMH, RPM, LPH = 1.0 / 3.6, np.pi / 30.0, 1.0 / 3.6  # m/s, rad/s, cm3/s
 
 @dataclass(frozen=True)
 class Sensors:
-    """Standard deviations and resolutions of one truck's sensors (SI). Resolutions: SAE J1939-71, SPN 84 speed, SPN 190
-    engine speed, SPN 513 torque, SPN 183 fuel, SPN 521 brake pedal, SPN 580 altitude."""
+    """Standard deviations and resolutions of one truck's sensors (SI). Resolutions: SAE J1939-71, SPN 84
+    speed, SPN 190 engine speed, SPN 513 torque, SPN 183 fuel, SPN 521 brake pedal, SPN 580 altitude."""
 
     speed_noise: float = 0.02
     speed_lag_s: float = 0.08
@@ -59,9 +60,14 @@ def _low_pass(values: Array, time_constant: float, dt: float) -> Array:
 
 
 def record(
-    true: dict[str, Array], sensors: Sensors | None, truck: SimpleNamespace, dt: float, rng: np.random.Generator
+    true: dict[str, Array],
+    sensors: Sensors | None,
+    truck: SimpleNamespace,
+    dt: float,
+    rng: np.random.Generator,
 ) -> dict[str, Array]:
-    """One recording's channels (n,) as measured; without sensors as they were. `distance` is never recorded."""
+    """One recording's channels (n,) as measured; without sensors as they were. `distance` is never
+    recorded."""
     channels = {name: values.copy() for name, values in true.items() if name != "distance"}
     if sensors is None:
         return channels
@@ -92,4 +98,3 @@ def record(
         channels["brake_command"], 1.0 / 2048.0 if truck.by_deceleration else 0.4
     )
     return channels
-

@@ -96,4 +96,3 @@ def motoring(t: SimpleNamespace, engine_speed: Array) -> Array:
     return np.asarray(
         t.friction_constant + t.friction_linear * w + t.friction_quadratic * w * w + t.accessory_power / w
     )
-

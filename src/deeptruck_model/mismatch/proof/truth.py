@@ -26,7 +26,8 @@ def describe(built: Built, names: tuple[str, ...], believed: dict[str, float]) -
         "minutes": plan.minutes,
         "verdict": first.kind if first else "nothing_missing",
         "effects": [
-            _effect(e, s, leave_out) for e, s in zip(plan.effects, built.sizes, strict=True)
+            _effect(e, s, leave_out, comparable(e, s, built, believed))
+            for e, s in zip(plan.effects, built.sizes, strict=True)
         ],
         "excluded": list(plan.excluded),
         "condition": plan.condition,
@@ -37,6 +38,7 @@ def describe(built: Built, names: tuple[str, ...], believed: dict[str, float]) -
         "rms_acceleration": float(np.sqrt(np.mean(seconds(built.extra) ** 2))),
         "segments": segments(built, names),
         "share_of_time": float(np.mean(acts(built.extra))),
+        "nominal_parameters": {n: plan.values.get(n, 1.0) for n in PARAMETERS},
         "true_parameters": {n: built.oracle.parameters()[n] for n in PARAMETERS},
         "believed_parameters": {n: believed.get(n, 1.0) for n in PARAMETERS},
     }
@@ -45,15 +47,44 @@ def describe(built: Built, names: tuple[str, ...], believed: dict[str, float]) -
 PARAMETERS = ("mass", "drag_area", "rolling_resistance", "torque_gain", "brake_gain")
 
 
-def _effect(effect: Effect, sizes: dict[str, float], leave_out: bool) -> dict[str, Any]:
+def _effect(
+    effect: Effect, sizes: dict[str, float], leave_out: bool, comparable: dict[str, float]
+) -> dict[str, Any]:
     return {
         "key": effect.key,
         "name": "unknown" if leave_out else effect.name,
         "kind": effect.kind,
         "accepts": [] if leave_out else list(effect.accepts),
+        "comparable": {} if leave_out else comparable,
         "sizes": sizes,
         "source": effect.source,
     }
+
+
+def comparable(
+    effect: Effect, sizes: dict[str, float], built: Built, believed: dict[str, float]
+) -> dict[str, float]:
+    """Sizes with one meaning whatever the form of the law, under the names docs/mismatch.md gives them."""
+    sign = float(np.sign(sizes.get("sign", 1.0)))
+    if effect.kind == "parameter_error":
+        return {effect.name: built.oracle.parameters()[effect.name]}
+    meanings: dict[str, dict[str, float]] = {
+        "command_delay": {"delay": sizes.get("delay_s", 0.0)},
+        "clock_offset": {"offset": sizes.get("late_s", 0.0) * sign},
+        "clock_offset_responses": {"offset": sizes.get("late_s", 0.0)},
+        "speed_scale": {"scale": 1.0 + sizes.get("scale", 0.0) * sign},
+        "acceleration_bias": {"bias": sizes.get("bias", 0.0) * sign},
+        "grade_bias": {"bias": sizes.get("bias", 0.0) * sign},
+        "payload_change": {"mass": payload_share(sizes) * built.truck.mass},
+        "rotating_inertia": {"engine_inertia": sizes.get("engine_kgm2", 0.0)},
+        "drag_area": {"drag_area": sizes.get("gain", 0.0) * built.truck.drag_area},
+    }
+    return meanings.get(effect.key, {})
+
+
+def payload_share(sizes: dict[str, float]) -> float:
+    """Share of the mass taken on (positive) or left behind, as the effect reads its sizes."""
+    return (1.0 if sizes.get("sign", 1.0) > -0.4 else -0.8) * sizes.get("share", 0.0)
 
 
 def seconds(extra: Array) -> Array:
@@ -62,7 +93,8 @@ def seconds(extra: Array) -> Array:
 
 
 def acts(extra: Array) -> Array:
-    """Where the effects act: at least a quarter of their strong hours (the 98th percentile), and noticeable."""
+    """Where the effects act: at least a quarter of their strong hours (the 98th percentile), and
+    noticeable."""
     size = np.abs(seconds(extra))
     return np.asarray(size > max(LEAST, 0.25 * float(np.quantile(size, 0.98))))
 

@@ -17,7 +17,8 @@ SEEN = ("gear", "engine_speed", "engine_torque", "elevation", "distance")
 
 @dataclass(frozen=True)
 class Drives:
-    """What happened: `channels` each (batch, n), in SI and interface units; `u` (batch, n, 2), `w` (batch, n, 1)."""
+    """What happened: `channels` each (batch, n), in SI and interface units; `u` (batch, n, 2), `w` (batch,
+    n, 1)."""
 
     channels: dict[str, Array]
     u: Array

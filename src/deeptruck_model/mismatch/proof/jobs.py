@@ -1,0 +1,80 @@
+"""Many cases, a few at a time, each in its own process; a killed run goes on where it was."""
+
+from __future__ import annotations
+
+import multiprocessing
+import traceback
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+
+@dataclass(frozen=True)
+class Job:
+    """One case to examine."""
+
+    level: str
+    seed: int
+    effect: str | None = None
+    simulator: str = "physics"
+    minutes: float = 4.0
+
+    @property
+    def folder(self) -> str:
+        chosen = f"-{self.effect}" if self.effect else ""
+        return f"{self.simulator}-{self.level}{chosen}-{self.seed}"
+
+
+def run_jobs(
+    out: Path, wanted: Sequence[Job], *, jobs: int = 1, with_rivals: bool = True, keep: bool = False
+) -> list[dict[str, Any]]:
+    """Scores in the order of `wanted`. A case whose making or scoring breaks is reported with its
+    traceback under 'broken' and made again on the next run; it never stops the others."""
+    out.mkdir(parents=True, exist_ok=True)
+    results: dict[int, dict[str, Any]] = {}
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        console=Console(stderr=True),
+    )
+    context = multiprocessing.get_context("spawn")  # threads of numba and BLAS do not survive a fork
+    with bar, ProcessPoolExecutor(max_workers=jobs, mp_context=context, max_tasks_per_child=25) as pool:
+        task = bar.add_task("cases", total=len(wanted))
+        waiting = {pool.submit(_examine, out, job, with_rivals, keep): k for k, job in enumerate(wanted)}
+        for future in as_completed(waiting):
+            results[waiting[future]] = future.result()
+            bar.update(task, advance=1, description=wanted[waiting[future]].folder)
+    return [results[k] for k in range(len(wanted))]
+
+
+def _examine(out: Path, job: Job, with_rivals: bool, keep: bool) -> dict[str, Any]:
+    import os
+
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    from deeptruck_model.mismatch.proof.examination import examine
+
+    try:
+        return examine(
+            out / job.folder,
+            job.level,
+            job.seed,
+            job.effect,
+            job.simulator,
+            job.minutes,
+            with_rivals=with_rivals,
+            keep=keep,
+        )
+    except Exception:
+        return {
+            "level": job.level,
+            "seed": job.seed,
+            "simulator": job.simulator,
+            "broken": traceback.format_exc(),
+        }
