@@ -62,7 +62,7 @@ def test_value_one_bit_inside_leaves_and_one_bit_outside_does_not(bench, vehicle
     bench.engage().run(3.0)
     axis, motion = bench.axis(name), bench.safety._motions[bench.axis(name).can_id]
     said = bench.axis(name)
-    measured = bench.safety.hearing.value("speed", -1.0)
+    measured = bench.safety.hearing.value("speed")
     edge = furthest(points, measured)
     away = 1 if edge > 0 else -1
     raw = nearest_raw(said, edge)
@@ -136,7 +136,7 @@ def test_at_the_edge_of_the_envelope_jerk_gives_way(bench, vehicle, name):
     bench.signals["engine_percent"] = 0.0
     bench.engage().run(3.0)
     axis, motion = bench.axis(name), bench.safety._motions[bench.axis(name).can_id]
-    edge = furthest(points, bench.safety.hearing.value("speed", 0.0))
+    edge = furthest(points, bench.safety.hearing.value("speed"))
     bench.turn(name)
     motion.value = motion.exact = edge
     motion.slew = (1 if edge > 0 else -1) * rate  # racing outwards, and now stopped by the envelope

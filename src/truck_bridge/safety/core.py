@@ -108,8 +108,7 @@ class Safety:
             self.refusals["engagement"] += 1
             return obstacles
         for motion in self._motions.values():
-            start = self.hearing.value(motion.axis.start_from, motion.axis.rest)
-            motion.start(start, self._speed, now)
+            motion.start(self.hearing.value(motion.axis.start_from), self._speed, now)
         self.state, self._engaged_at, self.reason, self.warning = State.ENGAGED, now, "", ""
         return ()
 
@@ -128,7 +127,7 @@ class Safety:
         if table.needs_lead and not lead_vehicle:
             found.append("no vehicle ahead")
         low, high = table.engage_speed
-        if not low <= hearing.value("speed", math.inf) <= high:
+        if not low <= hearing.value("speed") <= high:
             found.append(f"speed outside {low:g}..{high:g} m/s")
         return tuple(found)
 
@@ -206,7 +205,7 @@ class Safety:
 
     @property
     def _speed(self) -> float:
-        return self.hearing.value("speed", 0.0)
+        return self.hearing.value("speed")
 
     # frames in
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from truck_bridge.safety.checks import checksum_ok, counter_ok
 from truck_bridge.safety.tables import Heard, Table
 
+NEVER = (math.nan, -math.inf)  # value and time of a signal that has not come yet
 TOO_OFTEN = 1.75  # times the nominal rate: a second sender, or a flood
 
 
@@ -76,9 +77,9 @@ class Hearing:
         self._refusals[reason] += 1
         return False
 
-    def value(self, name: str, otherwise: float) -> float:
-        """Last valid value of a signal."""
-        return self._values.get(name, (otherwise, 0.0))[0]
+    def value(self, name: str) -> float:
+        """Last valid value of a signal; NaN before the first, which compares as false with everything."""
+        return self._values.get(name, NEVER)[0]
 
     def stale(self, now: float) -> list[str]:
         """Messages of which a signal has not come validly for longer than its time-out."""
@@ -86,39 +87,33 @@ class Hearing:
             heard.name
             for heard in self._table.heard
             if any(
-                now - self._values.get(signal.name, (0.0, -math.inf))[1] > heard.timeout_s
-                for signal in heard.signals
+                now - self._values.get(signal.name, NEVER)[1] > heard.timeout_s for signal in heard.signals
             )
         ]
 
     def driver_acts(self) -> list[str]:
         """Driver signals at or above their threshold."""
-        return [name for name, least in self._table.override if self.value(name, -math.inf) >= least]
+        return [name for name, least in self._table.override if self.value(name) >= least]
 
     def forbids(self) -> list[str]:
         """Truck signals at a value that forbids control."""
-        return [name for name, value in self._table.forbidden if self.value(name, math.nan) == value]
+        return [name for name, value in self._table.forbidden if self.value(name) == value]
 
     def implausible(self) -> list[str]:
         """Pairs of signals that contradict each other now."""
+        speed, ratio, line = self.value("speed"), self.value("gear_ratio"), self._table.driveline
         found = []
-        speed = self.value("speed", 0.0)
-        if abs(speed - self.value("second_speed", speed)) > self._table.speed_gap_m_s:
+        if abs(speed - self.value("second_speed")) > self._table.speed_gap_m_s:
             found.append("two wheel speeds")
-        line, ratio = self._table.driveline, self.value("gear_ratio", 0.0)
         if line is not None and self._coupled() and ratio > 0 and speed > line.above_m_s:
-            expected = self.value("engine_speed", 0.0) * line.metres_per_radian / ratio
-            if abs(expected - speed) > line.tolerance * speed:
+            turning = self.value("engine_speed") * line.metres_per_radian
+            if abs(turning - speed * ratio) > line.tolerance * speed * ratio:
                 found.append("wheel and engine speed")
         return found
 
     def _coupled(self) -> bool:
         """Driveline engaged, no gear change under way, converter locked where there is one."""
-        return (
-            self.value("driveline", 0.0) == 1
-            and self.value("shifting", 0.0) == 0
-            and self.value("lockup", 1.0) == 1
-        )
+        return self.value("driveline") == 1 and self.value("shifting") != 1 and self.value("lockup") != 0
 
     def persistently_implausible(self, now: float) -> list[str]:
         """Pairs that have contradicted each other for longer than a gear change or a jolt explains."""

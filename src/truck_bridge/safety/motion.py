@@ -19,7 +19,8 @@ class Motion:
         self.start(axis.rest, 0.0, -math.inf)
 
     def start(self, demand: float, speed: float, now: float) -> None:
-        """Begin at a demand (or the nearest one inside the envelope), standing still."""
+        """Begin at a demand (rest for NaN; or the nearest one inside the envelope), standing still."""
+        demand = self.axis.rest if math.isnan(demand) else demand
         self.time = now - self.axis.period_s
         self.speed = speed
         low, high = self.envelope(speed, now)
