@@ -181,7 +181,7 @@ class NumpyTruck:
         aim = np.where((p["converter"] == 0.0) & (s["demand"] > 0.0), np.maximum(speed, launch), speed)
         slip = s["engine_torque"] + p["clutch_gain"] * (s["engine_speed"] - aim)
         most = p["clutch_capacity"]
-        slip = np.where(s["engine_speed"] >= speed, np.clip(slip, 0.0, most), np.clip(slip, -most, 0.0))
+        slip = np.where(s["engine_speed"] >= speed, np.clip(slip, 0.0, most), np.clip(slip, -250.0, 0.0))
         pump, turbine = self._converter(s, speed) if p["converter"] > 0.0 else (0.0, 0.0)
         either = np.where(mode == LOCKED, s["engine_torque"], slip)
         return np.where(mode == OPEN, pump, either), np.where(mode == OPEN, turbine, either)
