@@ -18,6 +18,8 @@ from deeptruck_nodes import environment
 from deeptruck_nodes.messages import SECOND
 from deeptruck_nodes.recorder import header_stamp
 from deeptruck_nodes.topics import RECORDED
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 
 from deeptruck_model import recordings
 from deeptruck_model.recordings.bag_source import BagSource
@@ -47,6 +49,9 @@ def test_lockstep_repeats_itself_to_the_byte(start: Callable[..., Any], tmp_path
         assert run.finish()[::2] == (0, "")
         bags[name] = content(tmp_path / name)
     assert bags["one"] == bags["two"]
+    with (tmp_path / "one" / "one_0.mcap").open("rb") as file:  # Foxglove's reader
+        decoded = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
+        assert sum(1 for _ in decoded) == len(bags["one"])
     (recording,) = recordings.read(tmp_path / "one")
     assert len(recording) == 201 and recording.interface.name == "trucksim"
     expected = {

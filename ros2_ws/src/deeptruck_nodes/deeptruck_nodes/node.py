@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import rclpy
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.exceptions import InvalidParameterTypeException, ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -37,7 +38,8 @@ class DeeptruckNode(Node):
         self._diagnostics = self.publish_on(DIAGNOSTICS)
 
     def publish_on(self, topic: Topic) -> Publisher:
-        publisher = self.create_publisher(topic.message, topic.name, CONTROL_QOS)
+        quiet = PublisherEventCallbacks(use_default_callbacks=False)  # each would be waited on at every turn
+        publisher = self.create_publisher(topic.message, topic.name, CONTROL_QOS, event_callbacks=quiet)
         self._outgoing.append((topic, publisher))
         return publisher
 

@@ -21,6 +21,8 @@ class Plant:
         self._y = np.zeros((1, len(self.interface.y)))
         self._y[0, SPEED] = initial_speed
         self._state = simulator.reset(self._y)
+        idle = np.zeros((1, len(self.interface.u))), np.zeros((1, len(self.interface.w)))
+        simulator.step(self._state, *idle)  # compiles what is compiled, before anybody waits for it
         self.distance = 0.0
         self.grade, self.elevation = road.at(0.0)
 

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.subscription import Subscription
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import CrashSafeWriter
@@ -17,6 +18,7 @@ from deeptruck_nodes.node import IDLE, DeeptruckNode, run
 from deeptruck_nodes.topics import RECORD_QOS, RECORDED, TOPICS
 
 INTERFACE_KEY = "deeptruck.interface"
+BURST = 500  # messages of one topic taken before the others get their turn
 LINGER = 5.0  # s; the longest the recorder keeps listening for what was sent before the end
 
 
@@ -30,6 +32,7 @@ class Recorder(DeeptruckNode):
         interface = self.p["interface"]
         self._custom = {INTERFACE_KEY: interface} if _is_json(interface) else {}
         self._opened: CrashSafeWriter | None = None
+        self._subscribed: dict[str, Subscription] = {}
         self._undiscovered = list(self.p["topics"] or RECORDED)
         self._count = self._lost = 0
         self._counted = -1
@@ -55,7 +58,7 @@ class Recorder(DeeptruckNode):
             self._subscribe(name, graph[name])
 
     def _subscribe(self, name: str, type_name: str) -> None:
-        self.create_subscription(
+        self._subscribed[name] = self.create_subscription(
             message_class(type_name),
             name,
             functools.partial(self._on_message, name, type_name),
@@ -65,6 +68,17 @@ class Recorder(DeeptruckNode):
         )
 
     def _on_message(self, topic: str, type_name: str, cdr: bytes) -> None:
+        """Write this message and those waiting behind it: a turn of the executor costs ten takes."""
+        self._write(topic, type_name, cdr)
+        subscription = self._subscribed[topic]
+        with subscription.handle:
+            for _ in range(BURST):
+                taken = subscription.handle.take_message(subscription.msg_type, True)
+                if taken is None:
+                    return
+                self._write(topic, type_name, taken[0])
+
+    def _write(self, topic: str, type_name: str, cdr: bytes) -> None:
         stamp = header_stamp(cdr) if self.lockstep else time.time_ns()
         self._writer.write(topic, type_name, cdr, stamp)
         self._count += 1

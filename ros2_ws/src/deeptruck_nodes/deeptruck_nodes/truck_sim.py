@@ -53,7 +53,7 @@ class TruckSim(DeeptruckNode):
             self._advance()
             return 0.0 if self._answered == self._stamp else IDLE
         patience = 20 * self.p["command_timeout_s"]
-        if time.monotonic() - self._commanded_at > patience:
+        if time.monotonic() - self._published_at > patience:
             raise InputError(
                 f"no command for the step at {self._seconds:.1f} s within {patience:g} s; ask the controller"
             )
@@ -86,6 +86,7 @@ class TruckSim(DeeptruckNode):
         return self._tick * self._period / SECOND
 
     def _publish(self) -> None:
+        self._published_at = time.monotonic()
         stamp, within = self._stamp, self._tick % self._ticks_a_step
         if self._clock is not None:
             self._clock.publish(messages.clock(stamp))

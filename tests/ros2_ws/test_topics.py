@@ -1,0 +1,125 @@
+"""One list of topics: documents, layouts, bags and the running nodes keep to it."""
+
+from __future__ import annotations
+
+import json
+import re
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+from deeptruck_nodes import parameters
+from deeptruck_nodes.topics import RECORDED, TOPICS, Topic, expected_subscribers
+
+from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS
+from deeptruck_model.signals import CHANNELS
+
+ROOT = Path(__file__).parents[2]
+
+
+def topic_row(topic: Topic) -> str:
+    """The line of docs/topics.md for a topic."""
+    names = ", ".join(topic.fields)
+    content = f"{topic.content}: {names}" if names else topic.content
+    who = f"{', '.join(topic.publishers)} -> {', '.join(topic.subscribers) or 'whoever asks'}"
+    return f"| `{topic.name}` | {topic.type_name} | {topic.rate} | {who} | {content} |"
+
+
+@pytest.mark.parametrize("topic", TOPICS.values(), ids=lambda topic: topic.name)
+def test_the_documented_table_is_this_list(topic: Topic) -> None:
+    assert topic_row(topic) in (ROOT / "docs" / "topics.md").read_text()
+
+
+@pytest.mark.parametrize("node", [name for name in parameters.schema() if name != "common"])
+def test_every_parameter_is_documented_as_it_is(node: str) -> None:
+    text = (ROOT / "docs" / "nodes.md").read_text()
+    section = text.partition(f"## {node}\n")[2].partition("\n## ")[0]
+    for name, entry in parameters.schema()[node].items():
+        assert parameter_row(name, entry) in section
+
+
+def parameter_row(name: str, entry: dict[str, object]) -> str:
+    """The line of docs/nodes.md for a parameter."""
+    limits = "..".join(f"{end:g}" for end in entry["range"]) if "range" in entry else ""  # type: ignore[attr-defined]
+    default = json.dumps(entry["default"])
+    return f"| `{name}` | {default} | {limits} | {entry['says']} |"
+
+
+def test_architecture_names_the_same_types() -> None:
+    rows = re.findall(
+        r"^\| `(/[^`]+)` \| (\S+)/(\S+) \|", (ROOT / "docs" / "architecture.md").read_text(), re.M
+    )
+    documented = {name: f"{package}/msg/{kind}" for name, package, kind in rows}
+    assert documented.items() <= {name: topic.type_name for name, topic in TOPICS.items()}.items()
+    assert len(documented) >= 8
+
+
+def test_extraction_reads_what_the_nodes_publish() -> None:
+    for channel, source in DEFAULT_TOPICS.items():
+        topic = TOPICS[source.topic]
+        assert topic.name in RECORDED and channel in CHANNELS
+        optional = ("ambient_temperature", "latitude", "longitude")  # from the bus, where it has them
+        if topic.fields and channel not in optional:
+            assert source.field == f"position[name={channel}]" and channel in topic.fields
+
+
+def test_expected_subscribers_count_the_nodes_of_the_run_only() -> None:
+    twist = TOPICS["/truck/twist"]
+    assert expected_subscribers(twist, ("leader", "controller", "recorder", "truck_sim")) == 3
+    assert expected_subscribers(twist, ("controller",)) == 1
+
+
+def foxglove_paths() -> set[str]:
+    """Every message path of the Foxglove layout."""
+    text = (ROOT / "layouts" / "foxglove.json").read_text()
+    json.loads(text)
+    return set(re.findall(r'"(?:value|topicToRender)":\s*"(/[^"]+)"', text))
+
+
+def plotjuggler_paths() -> set[str]:
+    """Every curve of the PlotJuggler layout, and the topics it asks for."""
+    root = ET.parse(ROOT / "layouts" / "plotjuggler.xml").getroot()
+    curves = {curve.get("name") or "" for curve in root.iter("curve")}
+    asked = {topic.get("name") or "" for topic in root.iter("topic")}
+    return curves | asked
+
+
+def topic_of(path: str) -> Topic:
+    """The topic a path begins with."""
+    found = [topic for name, topic in TOPICS.items() if re.match(rf"{re.escape(name)}(?:[./\[{{]|$)", path)]
+    assert len(found) == 1, f"{path} belongs to no topic"
+    return found[0]
+
+
+def test_foxglove_shows_fields_that_exist() -> None:
+    paths = foxglove_paths()
+    assert {"/truck/twist", "/radar/range", "/truck/command"} <= {topic_of(path).name for path in paths}
+    for path in paths:
+        topic = topic_of(path)
+        field = path.removeprefix(topic.name).lstrip(".")
+        if field:
+            assert resolves(topic, field), path
+
+
+def resolves(topic: Topic, field: str) -> bool:
+    """Whether a dotted path, with [index] where it is a list, exists in the topic's message."""
+    value: object = topic.message()
+    for name, index in re.findall(r"(\w+)(?:\[(\d+)\])?", field):
+        if not hasattr(value, name):
+            return False
+        value = getattr(value, name)
+        if index:
+            return topic.fields != () and int(index) < len(topic.fields)
+    return isinstance(value, int | float)
+
+
+def test_plotjuggler_shows_fields_that_exist() -> None:
+    paths = plotjuggler_paths()
+    assert {"/truck/twist", "/radar/range", "/truck/command"} <= {topic_of(path).name for path in paths}
+    for path in paths:
+        topic = topic_of(path)
+        rest = path.removeprefix(topic.name).strip("/")
+        if topic.fields and rest:  # PlotJuggler names a JointState's values by joint
+            assert rest.partition("/")[0] in topic.fields, path
+        elif rest:
+            assert resolves(topic, rest.replace("/", ".")), path
