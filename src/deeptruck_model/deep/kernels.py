@@ -52,37 +52,44 @@ def _sigmoid(x: Any) -> Any:
 @compiled
 def _cell(gates: Any, c: Any, c_next: Any, tanh_c: Any, h_next: Any) -> None:
     """Activate gates (batch, 4 hidden) in place; write the next cell, its tanh and the hidden state."""
-    hidden = c.shape[1]
+    n = c.shape[1]
     for b in range(c.shape[0]):
-        row = gates[b]
-        for j in range(2 * hidden):
-            row[j] = _sigmoid(row[j])
-        for j in range(2 * hidden, 3 * hidden):
-            row[j] = _tanh(row[j])
-        for j in range(3 * hidden, 4 * hidden):
-            row[j] = _sigmoid(row[j])
-        for j in range(hidden):
-            c_next[b, j] = row[hidden + j] * c[b, j] + row[j] * row[2 * hidden + j]
-        for j in range(hidden):
-            tanh_c[b, j] = _tanh(c_next[b, j])
-            h_next[b, j] = row[3 * hidden + j] * tanh_c[b, j]
+        # views that start at 0: an index that might be negative would keep the loops from vectorising
+        i, f, g, o = gates[b, :n], gates[b, n : 2 * n], gates[b, 2 * n : 3 * n], gates[b, 3 * n :]
+        now, after, t, h = c[b], c_next[b], tanh_c[b], h_next[b]
+        for j in range(n):
+            i[j] = _sigmoid(i[j])
+        for j in range(n):
+            f[j] = _sigmoid(f[j])
+        for j in range(n):
+            g[j] = _tanh(g[j])
+        for j in range(n):
+            o[j] = _sigmoid(o[j])
+        for j in range(n):
+            after[j] = f[j] * now[j] + i[j] * g[j]
+        for j in range(n):
+            t[j] = _tanh(after[j])
+        for j in range(n):
+            h[j] = o[j] * t[j]
 
 
 @compiled
 def _cell_back(gates: Any, c: Any, tanh_c: Any, dh: Any, dc: Any) -> None:
     """Turn activated gates into their gradient in place, and dc of c(k+1) into dc of c(k)."""
-    hidden = c.shape[1]
+    n = c.shape[1]
     for b in range(c.shape[0]):
-        row = gates[b]
-        for j in range(hidden):
-            i, f, g, o = row[j], row[hidden + j], row[2 * hidden + j], row[3 * hidden + j]
-            t = tanh_c[b, j]
-            d = dc[b, j] + dh[b, j] * o * (_ONE - t * t)
-            row[j] = d * g * i * (_ONE - i)
-            row[hidden + j] = d * c[b, j] * f * (_ONE - f)
-            row[2 * hidden + j] = d * i * (_ONE - g * g)
-            row[3 * hidden + j] = dh[b, j] * t * o * (_ONE - o)
-            dc[b, j] = d * f
+        i, f, g, o = gates[b, :n], gates[b, n : 2 * n], gates[b, 2 * n : 3 * n], gates[b, 3 * n :]
+        now, t, dhb, dcb = c[b], tanh_c[b], dh[b], dc[b]
+        for j in range(n):
+            dcb[j] += dhb[j] * o[j] * (_ONE - t[j] * t[j])
+        for j in range(n):
+            o[j] = dhb[j] * t[j] * o[j] * (_ONE - o[j])
+        for j in range(n):
+            kept, entering, candidate = f[j], i[j], g[j]
+            i[j] = dcb[j] * candidate * entering * (_ONE - entering)
+            f[j] = dcb[j] * now[j] * kept * (_ONE - kept)
+            g[j] = dcb[j] * entering * (_ONE - candidate * candidate)
+            dcb[j] = dcb[j] * kept
 
 
 @compiled
