@@ -5,7 +5,7 @@ tables.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from importlib import resources
 from itertools import pairwise
 from pathlib import Path
@@ -147,8 +147,8 @@ def _build(data: dict[str, Any], codec: Codec) -> Vehicle:
         override=tuple((name, float(value)) for name, value in data["driver"].items()),
         forbidden=tuple((name, float(value)) for name, value in data["forbidden"].items()),
         driveline=_driveline(data.get("driveline")),
-        timing=Timing(**data.get("timing", {})),
-        engage_speed=tuple(data["engage"]["speed"]),
+        timing=_timing(data.get("timing", {})),
+        engage_speed=_pair("engage.speed", data["engage"]["speed"]),
         needs_lead=data["engage"]["needs_lead"],
     )
     return Vehicle(
@@ -160,7 +160,7 @@ def _build(data: dict[str, Any], codec: Codec) -> Vehicle:
         own,
         data["bridge"]["identity"],
         {"engine": 1.0, "retarder": 1.0, **data["reference_torque"]},
-        {command: (low, high) for command, (low, high) in data["command"].items()},
+        {command: _pair(f"command.{command}", values) for command, values in data["command"].items()},
         sent,
         table,
     )
@@ -202,6 +202,8 @@ def _limits(key: str, spec: dict[str, Any]) -> Limits:
         )
     if any(b <= a for a, b in pairwise(speed)):
         raise InputError(f"transmit.{key}.limits.speed must grow from point to point")
+    if max(low) > 0 or min(high) < 0:
+        raise InputError(f"transmit.{key}.limits: the envelope must hold 0, the demand that asks for nothing")
     steepest = max(
         abs(y1 - y0) / (x1 - x0)
         for values in (low, high)
@@ -214,6 +216,20 @@ def _limits(key: str, spec: dict[str, Any]) -> Limits:
             f" than the {slowest:g} a demand may follow; make it flatter or rate and fade larger"
         )
     return Limits(speed, low, high, spec["rate"], spec["fade"], spec["jerk"])
+
+
+def _pair(key: str, values: list[float]) -> tuple[float, float]:
+    if len(values) != 2 or values[0] > values[1]:
+        raise InputError(f"{key} needs two numbers, the lower first, not {values}")
+    return values[0], values[1]
+
+
+def _timing(spec: dict[str, float]) -> Timing:
+    known = [field.name for field in fields(Timing)]
+    for key in spec:
+        if key not in known:
+            raise InputError(f"timing: unknown key '{key}'; known: {', '.join(known)}")
+    return Timing(**spec)  # type: ignore[arg-type]
 
 
 def _heard(message: str, spec: dict[str, Any], data: dict[str, Any], codec: Codec) -> Heard:

@@ -1,0 +1,49 @@
+"""Each fault a few times in lock-step, and the judge itself against a bridge without a safety core."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import pytest
+
+PATH = Path(__file__).with_name("fault_runs.py")
+SPEC = importlib.util.spec_from_file_location("fault_runs", PATH)
+fault_runs = importlib.util.module_from_spec(SPEC)
+sys.modules["fault_runs"] = fault_runs
+SPEC.loader.exec_module(fault_runs)
+
+
+@pytest.mark.parametrize("fault", list(fault_runs.FAULTS))
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_no_invariant_breaks(fault, seed, monkeypatch):
+    monkeypatch.setattr(fault_runs, "FAULTS", {fault: fault_runs.FAULTS[fault]})
+    verdict = fault_runs.play(seed)
+    assert verdict.engaged
+    assert verdict.broken == ()
+
+
+def test_runs_repeat_by_their_seed():
+    assert fault_runs.play(11) == fault_runs.play(11)
+
+
+@pytest.mark.parametrize("fault", ["controller NaN", "brake pedal", "controller gone", "controller outside"])
+def test_the_judge_notices_a_bridge_without_a_core(fault, monkeypatch):
+    safety = fault_runs.vehicles.load("trucksim") and sys.modules["truck_bridge.safety.core"].Safety
+    monkeypatch.setattr(safety, "release", lambda self, now, reason="": None)
+    monkeypatch.setattr(safety, "fade", lambda self, now, reason: None)
+    monkeypatch.setattr(fault_runs, "FAULTS", {fault: fault_runs.FAULTS[fault]})
+    assert fault_runs.play(0).broken
+
+
+def test_the_judge_notices_a_step(monkeypatch):
+    safety = sys.modules["truck_bridge.safety.core"].Safety
+    monkeypatch.setattr(
+        safety, "plan", lambda self, axis, now: 60.0 * (int(now * 5) % 2) * (axis.name == "engine")
+    )
+    monkeypatch.setattr(safety, "tx_hook", lambda self, can_id, data, now: True)
+    monkeypatch.setattr(fault_runs, "FAULTS", {"nothing": fault_runs.FAULTS["nothing"]})
+    broken = " ".join(fault_runs.play(0).broken)
+    assert "stepped" in broken
+    assert "before engagement" in broken

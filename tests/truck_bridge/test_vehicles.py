@@ -1,0 +1,160 @@
+"""Vehicle files: what they mean, and that a mistake is one clear line."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from importlib import resources
+
+import pytest
+import yaml
+
+from truck_bridge import vehicles
+from truck_bridge.errors import InputError
+
+
+@pytest.fixture(params=vehicles.NAMES)
+def vehicle(request):
+    return vehicles.load(request.param)
+
+
+def test_our_interfaces_are_the_papers():
+    found = {name: vehicles.load(name).interface for name in vehicles.NAMES}
+    assert [(i["engine_unit"], i["brake_unit"], i["grade"]) for i in found.values()] == [
+        ("N m", "percent", True),
+        ("percent", "percent", False),
+        ("percent", "m/s^2", True),
+    ]
+
+
+@pytest.mark.parametrize("share", [-0.4, 0.0, 0.3, 0.8])
+def test_demands_and_commands_are_inverse(vehicle, share):
+    engine = share * (1950 if vehicle.interface["engine_unit"] == "N m" else 100)
+    brake = 2.0
+    assert vehicle.commands(vehicle.demands(engine, brake)) == pytest.approx((engine, brake))
+
+
+def test_torque_in_percent_of_the_reference():
+    demands = vehicles.load("trucksim").demands(975.0, 40.0)
+    assert demands == {"engine": 50.0, "retarder": 0.0, "brake": 40.0}
+    demands = vehicles.load("trucksim").demands(-525.0, 0.0)
+    assert demands == {"engine": 0.0, "retarder": pytest.approx(-50.0), "brake": 0.0}
+    assert vehicles.load("volvo").demands(10.0, 2.0)["brake"] == -2.0
+
+
+def test_inside_the_envelope_demands_saturate_and_outside_they_are_no_number(vehicle):
+    low, high = vehicle.envelope["engine"]
+    assert vehicle.demands(high, 0.0)["engine"] == 100.0
+    assert vehicle.demands(low, 0.0)["retarder"] == -100.0
+    for engine, brake in (
+        (high + 1, 0.0),
+        (low - 1, 0.0),
+        (0.0, -0.1),
+        (0.0, 1e3),
+        (math.nan, 0.0),
+        (0.0, math.nan),
+    ):
+        assert all(map(math.isnan, vehicle.demands(engine, brake).values()))
+
+
+def test_frames_on_the_wire():
+    engine = vehicles.load("volvo").transmitted["engine"]
+    assert engine.frame(30.0, 0) == bytes([0b11100010, 0xFF, 0xFF, 155, 0xFF, 0xFF, 0xFF, 0xFF])
+    assert engine.frame(math.nan, 0) == bytes([0b11111100, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF])
+    assert engine.axis.can_id == 0x0C00002A
+    assert vehicles.load("volvo").transmitted["brake"].axis.can_id == 0x0C040B2A
+    assert vehicles.load("trucksim").transmitted["brake"].axis.can_id == 0x0CEF0B2A
+
+
+def test_no_two_messages_share_a_turn(vehicle):
+    """Sent together, one of them gets lost (PATH): turns differ by 5 ms or more."""
+    turns = {
+        round(message.phase_s + k * message.axis.period_s, 6): name
+        for name, message in vehicle.transmitted.items()
+        for k in range(round(0.1 / message.axis.period_s))
+    }
+    assert len(turns) == 5 + 5 + 2
+    times = sorted(turns)
+    assert min(b - a for a, b in itertools.pairwise(times)) >= 0.005 - 1e-9
+
+
+def test_speeds_reach_the_core_in_si(vehicle):
+    heard = next(h for h in vehicle.table.heard if h.name == "CCVS1")
+    speed = next(s for s in heard.signals if s.name == "speed")
+    assert speed.field.scale == pytest.approx(1 / 256 / 3.6)
+
+
+def edited(tmp_path, change, base="trucksim"):
+    data = yaml.safe_load((resources.files("truck_bridge.vehicles") / f"{base}.yaml").read_text())
+    change(data)
+    path = tmp_path / "mine.yaml"
+    path.write_text(yaml.safe_dump(data))
+    return path
+
+
+def put(*keys):
+    *way, last, value = keys
+
+    def change(data):
+        for key in way:
+            data = data[key]
+        data[last] = value
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (put("colour", "red"), "unknown key 'colour'"),
+        (put("transmit", "engine", "perod", 0.02), "did you mean 'period'"),
+        (lambda d: d.pop("bridge"), "key 'bridge' is missing"),
+        (put("bridge", "address", 300), "from 0 to 253"),
+        (put("bridge", "address", True), "must be a number"),
+        (put("interface", "engine_unit", "lb ft"), "must be one of N m, percent"),
+        (put("interface", "grade", "yes"), "must be of type bool"),
+        (put("transmit", "engine", "message", "TSC9"), "no message 'TSC9'"),
+        (put("transmit", "engine", "demand", "Torque"), "TSC1 has no signal 'Torque'"),
+        (put("transmit", "engine", "active", "Mode", 2), "TSC1 has no signal 'Mode'"),
+        (put("transmit", "engine", "to", "rocket"), "no address for 'rocket'"),
+        (put("transmit", "engine", "check", "crc"), "must be one of none, tsc1, xbr"),
+        (put("transmit", "engine", "limits", "speed", [0, 40]), "the same number of points"),
+        (put("transmit", "engine", "limits", "speed", [0, 5, 5]), "must grow"),
+        (put("transmit", "brake", "limits", "speed", [5, 5.5]), "make it flatter"),
+        (put("transmit", "brake", "limits", "low", [1, 1]), "must hold 0"),
+        (put("transmit", "engine", "limits", "jerk", -1), "must be a number"),
+        (put("receive", "EEC1", "signals", "x", "Speed"), "EEC1 has no signal 'Speed'"),
+        (put("receive", "EEC1", "from", "moon"), "no address for 'moon'"),
+        (put("receive", "EEC1", 5), "must be a mapping"),
+        (put("driver", "horn", 1), "signal 'horn' is not received"),
+        (put("forbidden", "rain", 1), "signal 'rain' is not received"),
+        (put("engage", "speed", 3), "must be a list"),
+        (put("command", "engine", [1]), "needs two numbers"),
+        (put("timing", {"patience": 1.0}), "unknown key 'patience'"),
+        (put("dbc", ["gone.dbc"]), "cannot read"),
+    ],
+)
+def test_a_mistake_is_one_line_that_names_file_and_place(tmp_path, change, says):
+    path = edited(tmp_path, change)
+    with pytest.raises(InputError) as error:
+        vehicles.load(path)
+    assert says in str(error.value)
+    assert "mine.yaml" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_no_such_vehicle_and_no_yaml(tmp_path):
+    with pytest.raises(InputError, match="no vehicle 'unicorn'; known: trucksim"):
+        vehicles.load("unicorn")
+    path = tmp_path / "broken.yaml"
+    path.write_text("a: [1,\nb: }")
+    with pytest.raises(InputError, match="line 2"):
+        vehicles.load(path)
+    path.write_text("just text")
+    with pytest.raises(InputError, match="must be a mapping"):
+        vehicles.load(path)
+
+
+def test_a_user_can_change_a_vehicle(tmp_path):
+    path = edited(tmp_path, put("timing", {"controller_timeout": 0.1}))
+    assert vehicles.load(path).table.timing.controller_timeout == 0.1
