@@ -1,4 +1,4 @@
-"""`deeptruck-model train` and `deeptruck-model evaluate`."""
+"""`deeptruck-model train`, `evaluate` and `experiment`."""
 
 from __future__ import annotations
 
@@ -76,6 +76,37 @@ def evaluate(
     typer.echo(f"figures and metrics.json in {out}")
 
 
+class Experiment(StrEnum):
+    """The experiments of `deeptruck_model.deep.experiments`."""
+
+    error_statistics = "error-statistics"
+    learning_curves = "learning-curves"
+    field = "field"
+    classics = "classics"
+    minutes = "minutes"
+
+
+def experiment(
+    name: Annotated[Experiment, typer.Argument(help="Which of the paper's experiments, or one past it.")],
+    out: Annotated[
+        Path, typer.Option(help="Folder; a subfolder of the experiment's name is written.")
+    ] = Path("docs/results"),
+    seeds: Annotated[
+        int, typer.Option(help="Models trained; 0 takes the experiment's own number.", min=0)
+    ] = 0,
+    budget: Annotated[int, typer.Option(help="Gradient updates of each; 0 chooses.", min=0)] = 0,
+) -> None:
+    """Repeat an experiment of the paper on the reference trucks: figures, table and metrics.json.
+
+    Example: deeptruck-model experiment error-statistics --seeds 30
+    """
+    from deeptruck_model.deep.experiments import EXPERIMENTS
+
+    given = {"seeds": seeds} if seeds else {}
+    EXPERIMENTS[name.value](out / name.value, updates=budget, **given)
+    typer.echo(f"written: {out / name.value}")
+
+
 def _read(bags: list[Path]) -> list[Recording]:
     from deeptruck_model import recordings
 
@@ -86,3 +117,4 @@ def register(app: typer.Typer) -> None:
     """Add this room's commands to the console script."""
     app.command()(train)
     app.command()(evaluate)
+    app.command()(experiment)

@@ -345,9 +345,11 @@ def gradient(
     return _call(network, x, target, weight, form == "training", True)
 
 
-def loss(network: TruckNetwork, x: FloatArray, target: FloatArray, weight: FloatArray) -> NDArray[np.float64]:
-    """Losses (members,) of free runs, without a gradient; shapes as in `gradient`."""
-    return _call(network, x, target, weight, False, False)
+def loss(
+    network: TruckNetwork, x: FloatArray, target: FloatArray, weight: FloatArray, form: str = "deployment"
+) -> NDArray[np.float64]:
+    """Losses (members,) without a gradient; shapes as in `gradient`."""
+    return _call(network, x, target, weight, form == "training", False)
 
 
 def _call(

@@ -10,7 +10,7 @@ truck; `kernels` computes the same numbers faster, and a test holds the two toge
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -112,6 +112,14 @@ class TruckNetwork(nn.Module):
         members = [_initial_weights(shape, seed) for seed in seeds]
         for name in WEIGHTS:
             self.register_parameter(name, nn.Parameter(torch.stack([m[name] for m in members])))
+
+    def member(self, index: int) -> TruckNetwork:
+        """A copy of one member as a network of its own."""
+        scales = Scales(self.mean.numpy(), self.scale.numpy(), self.top_speed)
+        alone = TruckNetwork(replace(self.shape, members=1), scales, self.dt)
+        for name in WEIGHTS:
+            getattr(alone, name).data.copy_(getattr(self, name).detach()[index : index + 1])
+        return alone
 
     def initial(self, y0: Tensor) -> State:
         """Zero internal state at the response y0 (batch, n_y)."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import shutil
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -83,13 +83,17 @@ class Arguments:
 
 
 def train(
-    recordings: Sequence[Recording], out: Path, arguments: Arguments, resumes: bool = False
+    recordings: Sequence[Recording],
+    out: Path,
+    arguments: Arguments,
+    resumes: bool = False,
+    observe: Callable[[int, TruckNetwork], None] | None = None,
 ) -> DeepTruck:
     """Train on `recordings`, write the simulator directory `out`, return it as read back from there.
 
-    Same data, arguments and machine give the same weights, resumed after a kill or not. Raises InputError
-    for data that cannot be trained on, an `out` that is something else, or a resume of another run.
-    """
+    `observe` is called with the updates done and the network after every round. Same data, arguments and
+    machine give the same weights, resumed after a kill or not. Raises InputError for data that cannot be
+    trained on, an `out` that is something else, or a resume of another run."""
     began = time.monotonic()
     checkpoint.check_target(out)
     torch.set_num_threads(1)  # the matrices are small: a second thread only waits
@@ -169,6 +173,8 @@ def train(
             board.add_scalar("loss/validation", float(np.mean(scores)), done)
             board.add_scalar("learning_rate", optimizer.param_groups[0]["lr"], done)
             progress.update(task, score=f"validation {np.mean(scores):.4f}, best {best.scores.mean():.4f}")
+            if observe is not None:
+                observe(done, network)
             resume.save(working, identity, network, optimizer, best, done)
     board.close()
 
@@ -248,7 +254,7 @@ def _optimizer(network: TruckNetwork, arguments: Arguments) -> torch.optim.Optim
     if arguments.mode == "paper":
         return torch.optim.Adagrad(network.parameters(), lr=arguments.learning_rate or 0.02)
     return torch.optim.AdamW(
-        network.parameters(), lr=arguments.learning_rate or 3e-3, weight_decay=arguments.weight_decay
+        network.parameters(), lr=arguments.learning_rate or 6e-3, weight_decay=arguments.weight_decay
     )
 
 
@@ -256,7 +262,7 @@ def _learning_rate(arguments: Arguments, done: int, updates: int) -> float:
     """Paper: constant. Default: 200 steps of warm-up, then half a cosine down to a hundredth."""
     if arguments.mode == "paper":
         return arguments.learning_rate or 0.02
-    peak, warm = arguments.learning_rate or 3e-3, min(200, updates // 10)
+    peak, warm = arguments.learning_rate or 6e-3, min(200, updates // 10)
     if done < warm:
         return peak * (done + 1) / warm
     phase = (done - warm) / max(1, updates - warm)

@@ -1,0 +1,204 @@
+"""The paper's modelling experiments on the reference trucks: each writes figures and a table into one folder.
+
+Training, validation and test drives come from the driving-cycle generator with seeds of their own;
+settings were chosen on validation drives (seed 2), the test drives below are only ever read.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from deeptruck_model import trucks
+from deeptruck_model.deep import classics, kernels, report
+from deeptruck_model.deep.evaluation import Trials, statistics, trials
+from deeptruck_model.deep.network import Scales, TruckNetwork
+from deeptruck_model.deep.training import Arguments, train
+from deeptruck_model.deep.truck import DeepTruck
+from deeptruck_model.deep.windows import Sequences, loss_weights
+from deeptruck_model.driving_cycles import FREEWAY, YARD, CycleSettings, drive
+from deeptruck_model.recordings import Recording
+from deeptruck_model.signals import SPEED
+from deeptruck_model.simulators import Simulator, free_run
+
+TRAIN_SEED, TEST_SEED, OTHER_SEED = 1, 3, 4
+FIELD = {"freightliner": (16, YARD), "volvo": (24, FREEWAY)}  # minutes and cycle of the paper's field data
+
+
+def error_statistics(out: Path, seeds: int = 1, updates: int = 0, mode: str = "default") -> dict[str, Any]:
+    """Paper: 4 h of the simulation truck, 90 trials of 40 s on another 3 h; scenarios; a sample run of 200
+    s."""
+    test = _drive("trucksim", 180, TEST_SEED)
+    truck = _trained([_drive("trucksim", 240, TRAIN_SEED)], _arguments(seeds, updates, mode))
+    members = [statistics(trials(single, [test])) for single in singles(truck)]
+    metrics: dict[str, Any] = {
+        "ensemble": report.evaluate(truck, [test], out),
+        "seeds": members,
+        "same_physics_unknown_state": statistics(trials(trucks.load("trucksim"), [test])),
+    }
+    _sample_run(truck, test, out / "sample_run.png")
+    _table(
+        out,
+        f"Open-loop errors on `trucksim`, mode {mode}: 4 h training, 3 h test, 90 x 40 s",
+        [
+            *[(f"seed {s}", m) for s, m in zip(truck.details["seeds"], members, strict=True)],
+            ("mean of all seeds", metrics["ensemble"]),
+            ("the physics itself, internal state unknown", metrics["same_physics_unknown_state"]),
+        ],
+    )
+    return _write(out, metrics)
+
+
+def learning_curves(out: Path, seeds: int = 30, updates: int = 0) -> dict[str, Any]:
+    """Paper mode: loss in training and deployment form against updates, each on a drive of its own."""
+    observed: list[tuple[int, Any, Any]] = []
+    unseen = [_drive("trucksim", 60, TEST_SEED), _drive("trucksim", 60, OTHER_SEED)]
+
+    def observe(done: int, network: TruckNetwork) -> None:
+        scales = Scales(network.mean.numpy(), network.scale.numpy(), network.top_speed)
+        weight = loss_weights(scales, 3, 0, 5.0, 1.0, 0.0)
+        forced = _loss(network, unseen[0], scales, weight, "training")
+        observed.append((done, forced, _loss(network, unseen[1], scales, weight, "deployment")))
+
+    _trained([_drive("trucksim", 240, TRAIN_SEED)], _arguments(seeds, updates, "paper"), observe)
+    figure = Figure(figsize=(7, 4), layout="constrained")
+    axis, at = figure.subplots(), [o[0] for o in observed]
+    for column, (form, colour) in enumerate(
+        (("training form", "tab:blue"), ("deployment form", "tab:red")), 1
+    ):
+        losses = np.array([o[column] for o in observed])
+        axis.fill_between(at, losses.min(1), losses.max(1), color=colour, alpha=0.25)
+        axis.plot(at, losses.mean(1), color=colour, label=f"{form}: mean, min and max of {seeds} seeds")
+    axis.set(xlabel="gradient updates", ylabel="loss on an unseen drive", yscale="log")
+    axis.legend()
+    out.mkdir(parents=True, exist_ok=True)
+    figure.savefig(out / "learning_curves.png", dpi=120)
+    curves = {"updates": at, "training": [o[1].tolist() for o in observed]}
+    return _write(out, {**curves, "deployment": [o[2].tolist() for o in observed]})
+
+
+def field(out: Path, seeds: int = 4, updates: int = 0) -> dict[str, Any]:
+    """The two field configurations with the paper's budgets: 85/15 by time, ten simulations of 15 s."""
+    metrics: dict[str, Any] = {}
+    for name, (minutes, cycle) in FIELD.items():
+        whole = _drive(name, minutes, TRAIN_SEED, cycle)
+        edge = round(0.85 * len(whole))
+        truck = _trained([whole.piece(0, edge)], _arguments(seeds, updates, "default"))
+        held_out = whole.piece(edge, len(whole))
+        metrics[name] = report.evaluate(truck, [held_out], out / name, count=10, horizon_s=15.0)
+    rows = [(f"{name}, {FIELD[name][0]} min", m) for name, m in metrics.items()]
+    _table(out, "Field configurations on the reference trucks: ten runs of 15 s", rows)
+    return _write(out, metrics)
+
+
+def beside_classics(out: Path, seeds: int = 1, updates: int = 0) -> dict[str, Any]:
+    """Deep truck, ARX, NARX and gradient boosting on the same splits of `trucksim`, 60 min of training."""
+    drives, test = [_drive("trucksim", 60, TRAIN_SEED)], _drive("trucksim", 180, TEST_SEED)
+    models: dict[str, Simulator] = {"deep truck": _trained(drives, _arguments(seeds, updates, "default"))}
+    models |= {name: fit(drives) for name, fit in classics.MODELS.items()}
+    metrics = {name: statistics(trials(model, [test])) for name, model in models.items()}
+    _table(out, "Deep truck beside the classics: 1 h training, 3 h test, 90 x 40 s", list(metrics.items()))
+    return _write(out, metrics)
+
+
+def minutes_of_data(out: Path, seeds: int = 3, updates: int = 0) -> dict[str, Any]:
+    """Error against minutes of training data, from scratch, on `trucksim`."""
+    whole, test = _drive("trucksim", 240, TRAIN_SEED), _drive("trucksim", 180, TEST_SEED)
+    metrics: dict[str, Any] = {}
+    for minutes in (5, 15, 60, 240):
+        truck = _trained([whole.piece(0, 600 * minutes)], _arguments(seeds, updates, "default"))
+        metrics[f"{minutes} min"] = statistics(trials(truck, [test]))
+    _table(out, "Minutes of data on `trucksim`, from scratch: 3 h test, 90 x 40 s", list(metrics.items()))
+    return _write(out, metrics)
+
+
+EXPERIMENTS: dict[str, Callable[..., dict[str, Any]]] = {
+    "error-statistics": error_statistics,
+    "learning-curves": learning_curves,
+    "field": field,
+    "classics": beside_classics,
+    "minutes": minutes_of_data,
+}
+
+
+def singles(truck: DeepTruck) -> list[DeepTruck]:
+    """The members of an ensemble, each as a truck of its own."""
+    return [DeepTruck(truck.network.member(m), truck.interface) for m in range(truck.network.shape.members)]
+
+
+def _arguments(seeds: int, updates: int, mode: Any) -> Arguments:
+    return Arguments(members=seeds, updates=updates, mode=mode)
+
+
+def _drive(name: str, minutes: float, seed: int, cycle: CycleSettings | None = None) -> Recording:
+    return drive(trucks.load(name), seconds=60 * minutes, seed=seed, settings=cycle)
+
+
+def _trained(
+    drives: list[Recording],
+    arguments: Arguments,
+    observe: Callable[[int, TruckNetwork], None] | None = None,
+) -> DeepTruck:
+    with tempfile.TemporaryDirectory() as folder:
+        return train(drives, Path(folder) / "truck", arguments, observe=observe)
+
+
+def _loss(
+    network: TruckNetwork, recording: Recording, scales: Scales, weight: kernels.FloatArray, form: str
+) -> np.ndarray[Any, Any]:
+    sequences, steps = Sequences.of([recording], scales), 100
+    starts = np.arange(0, len(recording) - steps, steps)
+    x, target = sequences.gather(np.repeat(starts[None], network.shape.members, axis=0), steps)
+    return kernels.loss(network, x, target, weight, form)
+
+
+def _sample_run(truck: DeepTruck, test: Recording, path: Path) -> None:
+    """One run of 200 s, initialised once, and its error."""
+    piece = test.piece(3000, 5001)
+    modelled = free_run(truck, piece.u[None], piece.w[None], piece.y[:1]).y
+    runs = Trials(piece.u[None], piece.w[None], piece.y[None], modelled, truck.dt, truck.interface.y)
+    figure = Figure(figsize=(9, 7), layout="constrained")
+    axes = figure.subplots(len(runs.channels), 2, sharex=True)
+    for j, name in enumerate(runs.channels):
+        axes[j, 0].plot(runs.time, runs.measured[0, :, j], "k", lw=1, label="truck")
+        axes[j, 0].plot(runs.time, runs.modelled[0, :, j], "tab:red", lw=1, label="model")
+        axes[j, 1].plot(runs.time, runs.error[0, :, j], "tab:blue", lw=1)
+        axes[j, 0].set_ylabel(name)
+        axes[j, 1].set_ylabel("error")
+    axes[0, 0].legend()
+    axes[0, 0].set_title(f"largest speed error {np.abs(runs.error[0, :, SPEED]).max():.2f} m/s")
+    for axis in axes[-1]:
+        axis.set_xlabel("time [s]")
+    figure.savefig(path, dpi=120)
+
+
+def _table(out: Path, title: str, rows: list[tuple[str, dict[str, Any]]]) -> None:
+    lines = [
+        f"# {title}",
+        "",
+        "| | speed: sd at end | mean abs | within 1.5 m/s | acceleration: mean abs | fuel rate: mean abs |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
+    for name, m in rows:
+        within = 100 * m["speed"]["trials_within_1.5"]
+        fuel = f"{m['fuel_rate']['mean_abs']:.3f}" if "fuel_rate" in m else ""
+        lines.append(
+            f"| {name} | {m['speed']['sd_at_end']:.3f} | {m['speed']['mean_abs']:.3f} "
+            f"| {within:.1f} % | {m['acceleration']['mean_abs']:.4f} | {fuel} |"
+        )
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "README.md").write_text("\n".join(lines) + "\n")
+
+
+def _write(out: Path, metrics: dict[str, Any]) -> dict[str, Any]:
+    out.mkdir(parents=True, exist_ok=True)
+    content = {**metrics, "arguments": asdict(Arguments())}
+    (out / "metrics.json").write_text(json.dumps(content, indent=1) + "\n")
+    return metrics
