@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import importlib.machinery
+import importlib.util
 import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -65,3 +68,29 @@ def test_an_unfinished_bag_is_repaired_and_the_message_says_so(tmp_path: Path) -
         environment.free_bag(tmp_path / "bag", overwrite=False)
     assert (tmp_path / "bag" / "metadata.yaml").exists()
     writer._stream.close()
+
+
+def test_beside_a_sourced_ros_its_libraries_come_first(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    wheels = f"{sys.prefix}/lib/python3.12/site-packages/ros_rcl.libs"
+    monkeypatch.setenv("LD_LIBRARY_PATH", f"{wheels}:/opt/ros/jazzy/lib")
+    ours = environment.ros_environment(tmp_path, 7)
+    assert wheels in ours["LD_LIBRARY_PATH"]
+    spec = importlib.machinery.ModuleSpec(
+        "rclpy", None, origin="/opt/ros/jazzy/lib/python3.12/site-packages/rclpy"
+    )
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: spec)
+    sourced = environment.ros_environment(tmp_path, 7)
+    assert sourced["LD_LIBRARY_PATH"] == "/opt/ros/jazzy/lib"
+    assert sourced["_ROS_WHEELS_BOOTSTRAP_COMPLETE"] == "1"  # the wheels must not add them again
+
+
+def test_nodes_stay_on_this_machine_and_log_into_the_run(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_other")
+    ours = environment.ros_environment(tmp_path, 7)
+    assert (ours["ROS_DOMAIN_ID"], ours["ROS_LOG_DIR"]) == ("7", str(tmp_path))
+    assert "RMW_IMPLEMENTATION" not in ours
+    assert Path(ours["FASTRTPS_DEFAULT_PROFILES_FILE"]).read_text().count("127.0.0.1") >= 2

@@ -3,40 +3,39 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from deeptruck_nodes.observation import SECOND, Alignment, Observation
 
 
-def fill(
-    samples: Alignment, stamp: int, gap: float = 40.0, leader_speed: float = 21.0
-) -> list[Observation | None]:
+def fill(samples: Alignment, stamp: int, gap: float = 40.0, leader_speed: float = 21.0) -> list[Any]:
     values = {"grade": 0.01, "speed": 20.0, "gap": gap, "leader_speed": leader_speed}
     return [samples.put(name, stamp, value) for name, value in values.items()]
 
 
 def test_lockstep_waits_for_all_four_in_any_order() -> None:
-    samples = Alignment(strict=True, uses_grade=True, bridge_dropouts_s=1.0)
+    samples = Alignment(strict=True, uses_grade=True, lose_lead_after_s=1.0)
     for name, value in (("leader_speed", 21.0), ("gap", 40.0), ("grade", 0.01)):
         assert samples.put(name, 100, value) is None
     assert samples.put("speed", 100, 20.0) == Observation(100, 20.0, 40.0, 21.0, 0.01, True)
 
 
 def test_an_observation_comes_once() -> None:
-    samples = Alignment(strict=True, uses_grade=True, bridge_dropouts_s=1.0)
+    samples = Alignment(strict=True, uses_grade=True, lose_lead_after_s=1.0)
     assert [bool(o) for o in fill(samples, 100)] == [False, False, False, True]
     assert not any(fill(samples, 100))
     assert samples.put("speed", 200, 20.0) is None  # the rest of 200 is not here yet
 
 
 def test_without_a_grade_sensor_nobody_waits_for_the_road() -> None:
-    samples = Alignment(strict=True, uses_grade=False, bridge_dropouts_s=1.0)
+    samples = Alignment(strict=True, uses_grade=False, lose_lead_after_s=1.0)
     samples.put("speed", 5, 20.0)
     samples.put("gap", 5, 40.0)
     assert samples.put("leader_speed", 5, 21.0) == Observation(5, 20.0, 40.0, 21.0, 0.0, True)
 
 
 def test_in_real_time_a_radar_sample_takes_the_newest_speed_but_its_own_two_halves_must_match() -> None:
-    samples = Alignment(strict=False, uses_grade=True, bridge_dropouts_s=1.0)
+    samples = Alignment(strict=False, uses_grade=True, lose_lead_after_s=1.0)
     samples.put("speed", 90, 19.0)
     samples.put("gap", 100, 40.0)
     assert samples.put("leader_speed", 99, 21.0) is None
@@ -44,18 +43,18 @@ def test_in_real_time_a_radar_sample_takes_the_newest_speed_but_its_own_two_halv
     assert seen is not None and (seen.speed, seen.leader_speed) == (19.0, 21.5)
 
 
-def test_a_dropout_is_carried_forward_and_then_is_no_lead() -> None:
-    samples = Alignment(strict=True, uses_grade=True, bridge_dropouts_s=1.0)
-    fill(samples, 0)
-    bridged = fill(samples, SECOND // 2, math.inf, math.nan)[-1]
-    assert bridged is not None and bridged.lead
-    assert (bridged.gap, bridged.leader_speed) == (40.0 + 0.5 * (21.0 - 20.0), 21.0)
-    lost = fill(samples, SECOND + 1, math.inf, math.nan)[-1]
-    assert lost is not None and not lost.lead
+def test_a_dropout_is_nan_and_after_a_while_there_is_no_lead() -> None:
+    samples = Alignment(strict=True, uses_grade=True, lose_lead_after_s=1.0)
+    assert not fill(samples, 0, math.inf, math.nan)[-1].lead  # never detected
+    assert fill(samples, 1)[-1].lead
+    lost = fill(samples, SECOND, math.inf, math.nan)[-1]
+    assert lost.lead and math.isnan(lost.gap) and math.isnan(lost.leader_speed)
+    assert not fill(samples, SECOND + 2, math.inf, math.nan)[-1].lead
+    assert fill(samples, SECOND + 3)[-1].lead
 
 
 def test_an_invalid_grade_counts_as_flat() -> None:
-    samples = Alignment(strict=False, uses_grade=True, bridge_dropouts_s=1.0)
+    samples = Alignment(strict=False, uses_grade=True, lose_lead_after_s=1.0)
     samples.put("grade", 1, math.nan)
     samples.put("speed", 1, 20.0)
     samples.put("gap", 1, 40.0)

@@ -19,6 +19,7 @@ from truck_bridge.bus import open_bus
 
 TSC1, ADDRESS_CLAIM = 0x0000, 0xEE00
 BRIDGE = 0x2A
+WHO_IS_THERE = can.Message(arbitration_id=0x18EAFFF9, data=[0x00, 0xEE, 0x00], is_extended_id=True)
 
 
 def sent_by_bridge(bus: can.BusABC, seconds: float) -> list[int]:
@@ -70,6 +71,12 @@ def test_the_bridge_is_silent_until_a_person_engages(domain: int, tmp_path: Path
     process = subprocess.Popen(argv, env=environment, stderr=subprocess.PIPE, text=True)
     try:
         assert set(sent_by_bridge(bus, 4.0)) == {ADDRESS_CLAIM}
+        bus.send(WHO_IS_THERE)
+        assert sent_by_bridge(bus, 0.5) == [ADDRESS_CLAIM]  # active, it answers
+        script = Path(__file__).with_name("deactivate_bridge.py")
+        subprocess.run([sys.executable, script], env=environment, timeout=30, check=True)
+        bus.send(WHO_IS_THERE)
+        assert sent_by_bridge(bus, 0.5) == [] and process.poll() is None
         process.send_signal(signal.SIGTERM)
         assert process.wait(10) == 0
     finally:

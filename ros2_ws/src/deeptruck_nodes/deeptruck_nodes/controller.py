@@ -1,4 +1,4 @@
-"""The controller: a policy fed by radar and truck, answering every radar sample with a command."""
+"""The controller: a guarded policy, answering every radar sample with a command."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from geometry_msgs.msg import TwistStamped
 from sensor_msgs.msg import JointState, Range
 
-from deeptruck_cacc import load_policy
+from deeptruck_cacc.guard import load_controller
 from deeptruck_model.signals import TruckInterface
 from deeptruck_nodes import messages
 from deeptruck_nodes.messages import SECOND, nanoseconds
@@ -25,14 +25,14 @@ class Controller(DeeptruckNode):
     def __init__(self) -> None:
         super().__init__("controller")
         interface = TruckInterface.from_dict(json.loads(self.p["interface"])) if self.p["interface"] else None
-        self._policy = load_policy(self.p["policy"], interface)
-        self._policy.reset()
-        self._samples = Alignment(self.lockstep, self.p["uses_grade"], self.p["bridge_dropouts_s"])
-        self._period = round(self._policy.dt * SECOND)
+        self._guard = load_controller(self.p["policy"], interface, shield=self.p["shield"])
+        self._guard.reset()
+        self._samples = Alignment(self.lockstep, self.p["uses_grade"], self.p["lose_lead_after_s"])
+        self._period = round(self._guard.dt * SECOND)
         self._acts_from = 0
         self._held = (0.0, 0.0)
         self._heard = {"radar": -math.inf, "speed": -math.inf}  # monotonic, s
-        self._refused = 0
+        self._counts = {"shield_acted": 0, "baseline_drove": 0}
         self._command = self.publish_on(COMMAND)
         self.listen_to(ROAD, self._on_road)
         self.listen_to(RADAR_RANGE, self._on_range)
@@ -43,7 +43,7 @@ class Controller(DeeptruckNode):
         silent = [name for name in self._heard if self._is_stale(name)]
         if silent and not self.lockstep:
             says = f"no {' and '.join(silent)}: no command is sent"
-            self.diagnose(self.now(), "error", says, {"refused": self._refused})
+            self.diagnose(self.now(), "error", says, self._counts)
         return IDLE
 
     def _is_stale(self, name: str) -> bool:
@@ -73,17 +73,16 @@ class Controller(DeeptruckNode):
         if observation.stamp >= self._acts_from:
             self._acts_from = observation.stamp + self._period * 9 // 10  # stamps may jitter
             self._held = self._act(observation)
-        if all(map(math.isfinite, self._held)):
-            values = dict(zip(COMMAND.fields, self._held, strict=True))
-            self._command.publish(messages.scalars(observation.stamp, COMMAND.fields, values))
-        level, says = ("ok", "following") if observation.lead else ("warn", "nothing ahead: coasting")
-        self.diagnose(observation.stamp, level, says, {"refused": self._refused, "gap_m": observation.gap})
+        values = dict(zip(COMMAND.fields, self._held, strict=True))
+        self._command.publish(messages.scalars(observation.stamp, COMMAND.fields, values))
+        level, says = ("ok", "following") if observation.lead else ("warn", "nothing to follow: no command")
+        self.diagnose(observation.stamp, level, says, {**self._counts, "gap_m": observation.gap})
 
     def _act(self, seen: Observation) -> tuple[float, float]:
-        """The policy's command; NaN is refused, counted and never sent. Without a lead the truck coasts."""
+        """The guarded policy's command; NaN, which nobody obeys, where there is nothing to follow."""
         if not seen.lead:
-            self._policy.reset()
-            return 0.0, 0.0
+            self._guard.reset()
+            return math.nan, math.nan
         numbers = {
             "leader_speed": seen.leader_speed,
             "speed": seen.speed,
@@ -91,10 +90,10 @@ class Controller(DeeptruckNode):
             "target_time_gap": self.p["target_time_gap"],
             "grade": seen.grade,
         }
-        engine, brake = self._policy.act({name: np.array([value]) for name, value in numbers.items()})
-        command = float(np.ravel(engine)[0]), float(np.ravel(brake)[0])
-        self._refused += not all(map(math.isfinite, command))
-        return command
+        engine, brake = self._guard.act({name: np.array([value]) for name, value in numbers.items()})
+        self._counts["shield_acted"] += int(self._guard.acted[0])
+        self._counts["baseline_drove"] += int(self._guard.handed_over[0])
+        return float(engine[0]), float(brake[0])
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""What the controller knows: the newest consistent radar and truck samples, and the lead through dropouts."""
+"""What the controller knows: the newest consistent radar and truck samples, and whether there is a lead."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ SECOND = 1_000_000_000  # ns
 
 @dataclass(frozen=True)
 class Observation:
-    """One sample in SI units; `lead` is False when there is no vehicle ahead to follow."""
+    """One sample in SI units; gap and leader speed are NaN where the radar detected nothing.
+
+    `lead` is False when it has detected nothing for so long that there is nothing to follow.
+    """
 
     stamp: int
     speed: float
@@ -27,11 +30,11 @@ class Alignment:
     speed, and its grade where it has one, must carry that stamp too; in real time the newest ones count.
     """
 
-    def __init__(self, strict: bool, uses_grade: bool, bridge_dropouts_s: float) -> None:
-        self._strict, self._uses_grade, self._bridge = strict, uses_grade, bridge_dropouts_s
+    def __init__(self, strict: bool, uses_grade: bool, lose_lead_after_s: float) -> None:
+        self._strict, self._uses_grade, self._patience = strict, uses_grade, lose_lead_after_s
         self._latest: dict[str, tuple[int, float]] = {}
         self._taken = -1
-        self._lead: tuple[int, float, float] | None = None  # stamp, gap, leader speed, as last detected
+        self._detected = -math.inf  # stamp of the last detection
 
     def put(self, name: str, stamp: int, value: float) -> Observation | None:
         """File a speed, gap, leader_speed or grade. Returns the observation it completes, once each."""
@@ -50,11 +53,9 @@ class Alignment:
     def _observe(self, stamp: int, gap: float) -> Observation:
         speed, leader_speed = self._latest["speed"][1], self._latest["leader_speed"][1]
         grade = self._latest.get("grade", (0, 0.0))[1]
-        lead = math.isfinite(gap) and math.isfinite(leader_speed)
-        if lead:
-            self._lead = (stamp, gap, leader_speed)
-        elif self._lead is not None and stamp - self._lead[0] <= self._bridge * SECOND:
-            since, last_gap, leader_speed = self._lead
-            gap = last_gap + (leader_speed - speed) * (stamp - since) / SECOND
-            lead = True
+        if math.isfinite(gap) and math.isfinite(leader_speed):
+            self._detected = stamp
+        else:
+            gap = leader_speed = math.nan
+        lead = stamp - self._detected <= self._patience * SECOND
         return Observation(stamp, speed, gap, leader_speed, grade if math.isfinite(grade) else 0.0, lead)

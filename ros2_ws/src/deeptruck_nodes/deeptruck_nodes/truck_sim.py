@@ -90,6 +90,8 @@ class TruckSim(DeeptruckNode):
         stamp, within = self._stamp, self._tick % self._ticks_a_step
         if self._clock is not None:
             self._clock.publish(messages.clock(stamp))
+        speed = self._plant.speed_at(within / self._ticks_a_step) if within else self._plant.speed
+        self._twist.publish(messages.twist(stamp, speed, "truck"))  # first: the radar waits for it
         if within == 0:
             road = {"elevation": self._plant.elevation}
             if self._plant.interface.grade:
@@ -97,8 +99,6 @@ class TruckSim(DeeptruckNode):
             self._road.publish(messages.scalars(stamp, ROAD.fields, road))
             self._status.publish(messages.scalars(stamp, STATUS.fields, self._plant.status()))
         self._accel.publish(messages.accel(stamp, self._plant.acceleration))
-        speed = self._plant.speed_at(within / self._ticks_a_step) if within else self._plant.speed
-        self._twist.publish(messages.twist(stamp, speed, "truck"))
         self._report(stamp)
 
     def _report(self, stamp: int) -> None:
@@ -110,9 +110,8 @@ class TruckSim(DeeptruckNode):
     def _on_command(self, message: JointState) -> None:
         values = messages.read_scalars(message)
         engine, brake = values.get("engine_command", math.nan), values.get("brake_command", 0.0)
-        if not (math.isfinite(engine) and math.isfinite(brake)):
-            return  # never a number: the command's timeout decides
-        self._command, self._coasting = (engine, brake), False
+        self._coasting = not (math.isfinite(engine) and math.isfinite(brake))  # NaN: the controller has none
+        self._command = (0.0, 0.0) if self._coasting else (engine, brake)
         self._answered = messages.nanoseconds(message.header.stamp)
         self._commanded_at = time.monotonic()
 
