@@ -23,11 +23,12 @@ EXOGENOUS = ("gap", "leader_speed", "ambient_temperature", "elevation", "gear", 
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of free windows: speed and acceleration (windows, steps), and the recording each window is from."""
+    """Errors of free windows: speed and acceleration (windows, steps), and the recording and sample each begins at."""
 
     speed: Array
     acceleration: Array
     recording: NDArray[np.intp]
+    start: NDArray[np.intp]
 
     def rmse(self) -> dict[str, float]:
         return {
@@ -47,21 +48,23 @@ def free_windows(simulator: Simulator, prepared: Sequence[Prepared], horizon_s: 
     used = [i for i, s in enumerate(starts) if s]
     if not used:
         empty = np.zeros((0, horizon))
-        return Errors(empty, empty, np.zeros(0, dtype=np.intp))
+        none = np.zeros(0, dtype=np.intp)
+        return Errors(empty, empty, none, none)
     length = max(len(prepared[i].recording) for i in used)
     u, w, y, observed = (
         np.stack([_padded(getattr(prepared[i], f), length) for i in used])
         for f in ("u", "w", "y", "observed")
     )
     predicted = _run(simulator, u, w, y, [starts[i] for i in used], horizon, prepared, used, length)
-    speed, acceleration, owner = [], [], []
+    speed, acceleration, owner, begin = [], [], [], []
     for row, i in enumerate(used):
         for s in starts[i]:
             cut = slice(s + 1, s + 1 + horizon)
             speed.append(predicted[row, cut, SPEED] - y[row, cut, SPEED])
             acceleration.append(predicted[row, cut, ACCELERATION] - observed[row, cut])
             owner.append(i)
-    return Errors(np.stack(speed), np.stack(acceleration), np.array(owner))
+            begin.append(s + 1)
+    return Errors(np.stack(speed), np.stack(acceleration), np.array(owner), np.array(begin))
 
 
 def _run(

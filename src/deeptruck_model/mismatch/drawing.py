@@ -1,0 +1,79 @@
+"""How the figures of the report look, and how they become PNG."""
+
+from __future__ import annotations
+
+import io
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+DPI = 110
+# Okabe and Ito's colours, told apart by all kinds of colour vision
+INK, GREY, BLUE, ORANGE, GREEN = "#222222", "#999999", "#0072B2", "#E69F00", "#009E73"
+VERMILION, PURPLE, SKY = "#D55E00", "#CC79A7", "#56B4E9"
+FINDINGS = (ORANGE, SKY, GREEN, PURPLE, VERMILION, BLUE)
+
+UNITS = {
+    "speed": "m/s",
+    "engine": "m/s²",
+    "brake": "m/s²",
+    "simulated": "m/s²",
+    "grade": "rise/run",
+    "ratio": "rad/m",
+    "engine_speed": "rad/s",
+    "gap": "m",
+    "elapsed": "s",
+    "elevation": "m",
+    "ambient_temperature": "°C",
+    "time since braking": "s",
+    "engine over 3 s": "m/s²",
+    "engine over 60 s": "m/s²",
+    "acceleration over 2 s": "m/s²",
+}
+WORDS = {
+    "simulated": "simulated acceleration",
+    "engine": "engine's share of acceleration",
+    "brake": "brakes' share of deceleration",
+    "elapsed": "time since start",
+    "ratio": "overall gear ratio",
+}
+
+
+def words(name: str) -> str:
+    """A signal's or effect's name as people say it."""
+    return WORDS.get(name, name.replace("_", " "))
+
+
+def label(name: str) -> str:
+    """An axis label: the name in words and its unit."""
+    return f"{words(name)}, {UNITS[name]}" if name in UNITS else words(name)
+
+
+def colour(finding: int) -> str:
+    """The colour a finding has in every figure and in the page."""
+    return FINDINGS[finding % len(FINDINGS)]
+
+
+def figure(width: float, height: float) -> Figure:
+    """An empty figure (inches) that draws without a screen."""
+    made = Figure(figsize=(width, height), dpi=DPI)
+    FigureCanvasAgg(made)
+    return made
+
+
+def tidy(ax: Axes) -> None:
+    """Only the lines that are read."""
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.tick_params(labelsize=8, colors="#444444", labelcolor=INK)
+    ax.grid(color="#e6e6e6", lw=0.6)
+    ax.set_axisbelow(True)
+
+
+def png(made: Figure) -> bytes:
+    """The figure as PNG."""
+    buffer = io.BytesIO()
+    with mpl.rc_context({"font.size": 9}):
+        made.savefig(buffer, format="png", dpi=DPI, facecolor="white")
+    return buffer.getvalue()

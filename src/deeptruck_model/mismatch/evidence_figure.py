@@ -1,0 +1,81 @@
+"""Which names were weighed against each other, and by how much one won."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from deeptruck_model.mismatch.drawing import BLUE, GREEN, GREY, INK, ORANGE, SKY, figure, tidy, words
+from deeptruck_model.mismatch.explain import ENOUGH, GROUP
+
+if TYPE_CHECKING:
+    from deeptruck_model.mismatch.explain import Explanation
+
+MOST_NAMES = 14
+PALE = "#cccccc"
+KINDS = {
+    BLUE: "stated",
+    SKY: "not told apart from it",
+    PALE: "rejected",
+    GREY: "parameters only, over the simulator as given",
+    ORANGE: "what is left, by a free model",
+}
+ROOM = 1.5  # a longer bar than this many times the longest name's is cut
+
+
+def ranking(x: Explanation) -> Figure:
+    """Evidence of each name over parameters alone; parameters alone over the simulator as given; what no name explains.
+
+    The whole bar of parameters alone may be far longer than what matters between names, so it is cut where it leaves.
+    """
+    first = next((c for c in x.causes if c.shape is not None), None)
+    group = {n for n, worse in first.rivals if worse < GROUP} if first else set()
+    bars: list[tuple[str, float, str]] = []
+    tuned = x.parameters_only.score - x.null.score
+    stated = {c.effect for c in x.causes}
+    bars.append((_parameters(x), tuned, BLUE if stated & x.parameters_only.free else GREY))
+    for name, gain in x.ranking[:MOST_NAMES]:
+        bars.append((words(name), gain, BLUE if name in stated else SKY if name in group else PALE))
+    bars.append(("anything that is left", x.left_over_gain, ORANGE))
+    made = figure(10.0, 1.3 + 0.27 * len(bars))
+    height = made.get_size_inches()[1]
+    ax = made.add_axes((0.30, 0.55 / height, 0.66, (height - 1.0) / height))
+    _bars(ax, bars)
+    used = {tone for _, _, tone in bars}
+    made.legend(
+        handles=[Patch(color=tone, label=text) for tone, text in KINDS.items() if tone in used],
+        loc="upper left", ncols=5, fontsize=8, frameon=False,
+    )  # fmt: skip
+    return made
+
+
+def _parameters(x: Explanation) -> str:
+    free = ", ".join(words(p) for p in sorted(x.parameters_only.free)) or "held"
+    return f"parameters only ({free})" if len(free) < 30 else "parameters only (several)"
+
+
+def _bars(ax: Axes, bars: list[tuple[str, float, str]]) -> None:
+    others = [gain for _, gain, _ in bars[1:]]
+    limit = ROOM * max(*others, 2 * ENOUGH)
+    low = min(0.0, max(min(others), -0.25 * limit))
+    for k, (_, gain, tone) in enumerate(bars):
+        shown = min(max(gain, low), limit)
+        ax.barh(k, shown, color=tone, height=0.7)
+        cut = gain > limit
+        ax.text(
+            max(shown, 0.0) + 0.008 * (limit - low) * (-1 if cut else 1),
+            k, f"{gain:.0f} \N{RIGHTWARDS ARROW}" if cut else f"{gain:.1f}",
+            bbox={"fc": "none" if cut else "white", "ec": "none", "pad": 0.5}, va="center", ha="right" if cut else "left", fontsize=8, color="white" if cut else INK,
+        )  # fmt: skip
+    ax.axvline(0, color=INK, lw=0.8)
+    ax.axvline(ENOUGH, color=GREEN, lw=1, ls="--")
+    ax.text(ENOUGH, -0.75, " needed to be stated", fontsize=8, color=GREEN, va="bottom")
+    tidy(ax)
+    ax.grid(axis="y", visible=False)
+    ax.set_xlim(low, limit)
+    ax.set_ylim(len(bars) - 0.4, -0.9)
+    ax.set_yticks(range(len(bars)), [name for name, _, _ in bars], fontsize=9)
+    ax.set_xlabel("evidence, nats (names: beyond parameters only)", fontsize=9)

@@ -1,0 +1,129 @@
+"""Every figure of the report that the verdict calls for, as PNG with a caption."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.ndimage import uniform_filter1d
+
+from deeptruck_model.mismatch import error_figures, evidence_figure, regime_figure, timeline_figure
+from deeptruck_model.mismatch.drawing import BLUE, GREY, ORANGE, figure, png, tidy
+from deeptruck_model.mismatch.kinematics import derivative
+from deeptruck_model.recordings import coverage
+from deeptruck_model.recordings.coverage_figure import draw as draw_coverage
+
+if TYPE_CHECKING:
+    from deeptruck_model.mismatch.residual import Prepared
+    from deeptruck_model.mismatch.tool import Mismatch
+
+SMOOTH_S = 1.0
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A PNG and the sentence below it."""
+
+    png: bytes
+    caption: str
+
+
+def draw(m: Mismatch) -> dict[str, Picture]:
+    """Figures by name: timeline, regimes, ranking, errors, horizon_and_regime, unknown, sensors, coverage.
+
+    Only those for which there is anything to draw.
+    """
+    out = {"timeline": _timeline(m)}
+    out |= _where_and_what(m)
+    out |= _errors(m)
+    if any(f.data["kind"] == "measurement_fault" and f.cause is None for f in m.findings):
+        out["sensors"] = Picture(
+            png(sensors([p for p in m.prepared if p.measured_acceleration])),
+            "Accelerometer against the derivative of speed, means over 1 s. Off the grey line is a fault of a sensor: "
+            "no truck model enters here.",
+        )
+    out["coverage"] = Picture(
+        draw_coverage(coverage([p.recording for p in m.prepared])),
+        "What the recordings cover, fit and held out together.",
+    )
+    return out
+
+
+def _timeline(m: Mismatch) -> Picture:
+    made, left_out = timeline_figure.timeline(m)
+    more = f" {left_out} more recordings are not drawn: those with the most to see are." if left_out else ""
+    shaded = " Shaded: the strongest stretches in which a finding acts." if m.segments else ""
+    return Picture(png(made), f"The recordings along time.{shaded}{more}")
+
+
+def _where_and_what(m: Mismatch) -> dict[str, Picture]:
+    out: dict[str, Picture] = {}
+    if m.evidence is None or m.explanation is None:
+        return out
+    regimes = regime_figure.regime_map(m.evidence)
+    if regimes is not None:
+        out["regimes"] = Picture(
+            png(regimes),
+            "Observed minus simulated, as a force on the truck, over the two signals that tell most of it. "
+            "Left: mean, positive forward. Right: where the squared error gathers.",
+        )
+    out["ranking"] = Picture(
+        png(evidence_figure.ranking(m.explanation)),
+        "How much better each name, tried alone beside free simulator parameters, predicts the data. 1 nat is a factor "
+        "of e in odds.",
+    )
+    unnamed = next((f for f in m.findings if f.data["effect"] == "unknown"), None)
+    shape = regime_figure.shape(m.evidence, m.explanation, unnamed.data["equation"]) if unnamed else None
+    if shape is not None:
+        out["unknown"] = Picture(
+            png(shape),
+            "The force that no name explains, against the signals it varies with: means with two standard errors.",
+        )
+    return out
+
+
+def _errors(m: Mismatch) -> dict[str, Picture]:
+    if m.evidence is None or not m.errors or not len(m.errors["before"].speed):
+        return {}
+    held_out = [p for p, s in zip(m.prepared, m.evidence.stretches, strict=True) if s.held_out]
+    windows = len(m.errors["before"].speed)
+    return {
+        "errors": Picture(
+            png(error_figures.against_time(m.errors, held_out[0].dt)),
+            f"Open-loop error over {windows} free runs on held-out recordings: mean and standard deviation against time.",
+        ),
+        "horizon_and_regime": Picture(
+            png(error_figures.by_horizon_and_regime(m.errors, held_out)),
+            "The same free runs by horizon and by condition.",
+        ),
+    }
+
+
+def sensors(prepared: list[Prepared]) -> Figure:
+    """Accelerometer against differentiated speed, one point a second."""
+    made = figure(6.0, 4.4)
+    ax = made.add_axes((0.12, 0.13, 0.84, 0.82))
+    x, y = [], []
+    for p in prepared:
+        per = max(1, round(SMOOTH_S / p.dt))
+        for out, signal in (
+            (x, derivative(p.y[:, 1], p.dt)),
+            (y, np.nan_to_num(p.recording.channels["acceleration"])),
+        ):
+            out.append(uniform_filter1d(signal, per)[per // 2 :: per][p.valid[per // 2 :: per]])
+    a, b = np.concatenate(x), np.concatenate(y)
+    ends = np.array([min(a.min(), b.min()), max(a.max(), b.max())])
+    ax.plot(ends, ends, color=GREY, lw=1, label="what healthy sensors read")
+    ax.scatter(a, b, s=5, color=BLUE, alpha=0.4, lw=0)
+    slope, offset = np.polyfit(a, b, 1)
+    ax.plot(ends, slope * ends + offset, color=ORANGE, lw=2, label="as recorded")
+    tidy(ax)
+    ax.set_xlabel("derivative of speed, m/s²", fontsize=9)
+    ax.set_ylabel("accelerometer, m/s²", fontsize=9)
+    ax.legend(fontsize=8, frameon=False)
+    return made
+
+
+__all__ = ["Picture", "draw"]

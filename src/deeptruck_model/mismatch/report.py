@@ -1,0 +1,114 @@
+"""The page: report.html in one file that opens offline, its figures as PNG beside it."""
+
+from __future__ import annotations
+
+import base64
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from jinja2 import Environment, StrictUndefined
+
+from deeptruck_model.mismatch import figures, page_text
+from deeptruck_model.mismatch.drawing import words
+
+if TYPE_CHECKING:
+    from deeptruck_model.mismatch.tool import Mismatch
+
+TEMPLATE = "report.html.jinja"
+SIMULATORS = ("before", "parameters_only", "after", "free_model")
+
+
+def write(mismatch: Mismatch, out: Path) -> None:
+    """Write report.html and the figures (PNG, coverage.png among them) into the folder `out`, which exists.
+
+    Raises OSError where the folder cannot be written.
+    """
+    drawn = figures.draw(mismatch)
+    for name, picture in drawn.items():
+        (out / f"{name}.png").write_bytes(picture.png)
+    (out / "report.html").write_text(page(mismatch, drawn), encoding="utf-8")
+
+
+def page(mismatch: Mismatch, drawn: dict[str, figures.Picture]) -> str:
+    """The page as HTML. Nothing in it is fetched from elsewhere."""
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    text = resources.files(__package__).joinpath(TEMPLATE).read_text(encoding="utf-8")
+    return environment.from_string(text).render(_content(mismatch, drawn))
+
+
+def _content(m: Mismatch, drawn: dict[str, figures.Picture]) -> dict[str, Any]:
+    v = m.verdict
+    gained, nothing, untested = page_text.rejected_names(m)
+    return {
+        "sentence": page_text.sentence(v),
+        "summary": _summary(m),
+        "findings": page_text.findings(m),
+        "smallest": [_visible(n, s) for n, s in v["data"].get("smallest_visible", {}).items()],
+        "figures": {name: _embedded(picture, name) for name, picture in drawn.items()},
+        "regimes": [
+            {
+                "where": page_text.prose(r["where"]),
+                "error": page_text.percent(r["share_of_error"]),
+                "time": page_text.percent(r["share_of_time"]),
+            }
+            for r in v["regimes"]
+        ],
+        "fit": _fit(v["fit"]),
+        "gained": gained,
+        "nothing": nothing,
+        "samples": [
+            {"rule": page_text.prose(r["rule"]), "samples": r["samples"]} for r in v["data"]["rejected"]
+        ],
+        "next": page_text.record_next(m, untested),
+        "caveats": [page_text.prose(c) for c in v["caveats"]],
+    }
+
+
+def _summary(m: Mismatch) -> str:
+    hours = sum(len(p.recording) * p.dt for p in m.prepared) / 3600
+    length = f"{hours:.1f} h" if hours >= 1 else f"{60 * hours:.0f} min"
+    count = len(m.prepared)
+    held = sum(s.held_out for s in m.evidence.stretches) if m.evidence is not None else 0
+    held_out = f", {held} of them held out for judging" if held else ""
+    return f"{count} recording{'s' if count != 1 else ''}, {length} together{held_out}."
+
+
+def _embedded(picture: figures.Picture, name: str) -> dict[str, str]:
+    data = base64.b64encode(picture.png).decode("ascii")
+    return {"source": f"data:image/png;base64,{data}", "caption": picture.caption, "name": words(name)}
+
+
+def _visible(name: str, size: dict[str, float]) -> dict[str, str]:
+    text = (
+        f"{100 * size['relative']:.1f} %" if "relative" in size else f"{page_text.number(size['newton'])} N"
+    )
+    return {"name": words(name), "size": text}
+
+
+def _fit(fit: dict[str, Any]) -> dict[str, Any] | None:
+    """The before/after table; None where there was no free run to compare."""
+    if "before" not in fit:
+        return None
+    rows = [
+        {
+            "name": words(name),
+            "speed": page_text.number(fit[name]["speed_rmse"]),
+            "acceleration": page_text.number(fit[name]["acceleration_rmse"]),
+        }
+        for name in SIMULATORS
+        if name in fit
+    ]
+    low, high = fit["improvement_ci95"]
+    beside = fit.get("improvement_over_parameters_ci95")
+    return {
+        "rows": rows,
+        "windows": fit["windows"],
+        "horizon": page_text.number(fit["horizon_s"]),
+        "improvement": f"{100 * low:.0f} to {100 * high:.0f} %",
+        "over_parameters": f"{100 * beside[0]:.0f} to {100 * beside[1]:.0f} %" if beside else "",
+        "changed": high != low,
+        "validated": fit["validated"],
+    }
