@@ -26,6 +26,7 @@ GROUP = 9.0  # nats within which two names count as not told apart
 EXPLAINS = 0.6  # share of what is explainable that a name must explain, else it is only the nearest relative
 PRACTICAL_FORCE = 0.004  # m/s^2 rms over all time, or ...
 PRACTICAL_WHEN_ACTING = 0.02  # m/s^2 rms over the tenth of the time when it acts most
+BESIDE = 0.1  # a further name must gain this share of what the others gained: a form not quite right invites company
 BENT = 0.15  # share of the main cause's gain that a parameter beside it must have
 PARAMETER_PRACTICAL = 0.025  # relative
 
@@ -60,9 +61,16 @@ class Explanation:
     ]  # every name tried beside the first cause, with its gain over parameters alone
 
 
-def explain(e: Evidence, *, exclude: Iterable[str] = ()) -> Explanation:
+def first_guess(search: Search) -> Model:
+    """Parameters alone, or with the one best mechanism: enough to see how far the parameters are off."""
+    base = search.background(())
+    best = max(search.candidates(base), key=lambda m: m.score, default=base)
+    return best if best.score > base.score + ENOUGH else base
+
+
+def explain(search: Search) -> Explanation:
     """Search, prune, group, and weigh what was found against the free model."""
-    search = Search(e, exclude=exclude)
+    e = search.e
     null = search.model((), frozenset())
     parameters_only = search.background(())
     model, ranking = _grow(search, parameters_only)
@@ -75,6 +83,7 @@ def explain(e: Evidence, *, exclude: Iterable[str] = ()) -> Explanation:
 def _grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], ...]]:
     """Add the best mechanism while it is worth it; then drop those that no longer are."""
     ranking: tuple[tuple[str, float], ...] = ()
+    bare = base
     while len(base.named) < MOST:
         candidates = search.candidates(base)
         if not ranking:
@@ -82,13 +91,13 @@ def _grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], 
         candidates = [m for m in candidates if _practical(search, m, m.named[-1])]
         candidates = [search.enriched(m) for m in candidates[:WIDENED] if m.score > base.score + ENOUGH / 2]
         best = max(candidates, key=lambda m: m.score, default=base)
-        if best.score < base.score + ENOUGH:
+        if best.score < base.score + ENOUGH + BESIDE * (base.score - bare.score):
             break
         base = search.background(best.named)
     while len(base.named) > 1:
         without = [search.background(tuple(n for n in base.named if n is not shape)) for shape in base.named]
         weakest = max(without, key=lambda m: m.score)
-        if weakest.score < base.score - ENOUGH:
+        if weakest.score < base.score - ENOUGH - BESIDE * (base.score - bare.score):
             break
         base = weakest
     return base, ranking

@@ -18,6 +18,7 @@ from deeptruck_model.mismatch.evidence import Evidence
 Array = NDArray[np.float64]
 
 PERIOD_S = 1.0
+LEVELS = 40
 FOLDS = 6
 CLIP = (
     6.0  # residuals beyond this many robust sds are clipped: the free model is about structure, not outliers
@@ -77,7 +78,7 @@ def free_model(e: Evidence, residual: Array, doubt: Array, seed: int = 0) -> Fre
     rows = rows[ok]
     if len(rows) < 120:
         return FreeModel(np.zeros(len(e)), 0.0, {}, named)
-    X = np.stack([x[rows].mean(axis=1) for x in named.values()], axis=1)
+    X = np.stack([_levels(x[rows].mean(axis=1)) for x in named.values()], axis=1)
     y = residual[rows].mean(axis=1)
     scale = 1.4826 * np.median(np.abs(y - np.median(y))) + 1e-9
     y = np.clip(y, -CLIP * scale, CLIP * scale)
@@ -105,6 +106,12 @@ def free_model(e: Evidence, residual: Array, doubt: Array, seed: int = 0) -> Fre
     total = max(float(importance.clip(0).sum()), 1e-12)
     shares = {name: float(max(i, 0.0)) / total for name, i in zip(named, importance, strict=True)}
     return FreeModel(full, r2, dict(sorted(shares.items(), key=lambda kv: -kv[1])), named)
+
+
+def _levels(x: Array) -> Array:
+    """x as LEVELS ranks: trees need no more, and the library bins few distinct values far faster."""
+    edges = np.quantile(x, np.linspace(0.0, 1.0, LEVELS + 1)[1:-1])
+    return np.searchsorted(edges, x).astype(float)
 
 
 def _folds(record: NDArray[np.intp]) -> NDArray[np.intp]:

@@ -69,7 +69,7 @@ class Fit:
     pointwise: Array
 
 
-def fit(series: Series, X: Array, prior: Prior, start: Fit | None = None, rounds: int = 4) -> Fit:
+def fit(series: Series, X: Array, prior: Prior, start: Fit | None = None) -> Fit:
     """Posterior mode and Laplace evidence. Coefficients that break their sign are set to zero.
 
     X (n, k) may have k = 0. `start` gives the noise model to begin with.
@@ -80,8 +80,8 @@ def fit(series: Series, X: Array, prior: Prior, start: Fit | None = None, rounds
     sigma = start.sigma if start is not None else _spread(series.y[use])
     weight = np.ones(len(series.y))
     active = np.ones(X.shape[1], dtype=bool)
-    for _ in range(rounds):
-        if _ or start is None:
+    for turn in range(4 if start is None else 3):
+        if turn or start is None:
             ar = _autoregression(series.y - X @ b, use, weight / series.relative**2)
         yw, Xw = whiten(series.y, ar)[use], whiten(X, ar)[use]
         rel = series.relative[use]

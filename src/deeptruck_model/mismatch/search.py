@@ -26,7 +26,9 @@ SCREENED = 2  # shapes of each mechanism that are fitted in full
 MORE_SHAPES = 2  # further shapes a mechanism may be widened by
 WORTH_A_SHAPE = 4.0  # nats a further shape of the same mechanism must gain
 MOST_COLUMNS = 8  # profiles with more columns are wide enough as they are
-FITTED = 14  # mechanisms that are fitted in full in each round
+FITTED = 10  # mechanisms that are fitted in full in each round
+SECOND_SHAPES = 8  # among the first of these, more than one shape of a mechanism
+LEADING = 4  # mechanisms also tried without freeing the parameters
 
 
 @dataclass(frozen=True)
@@ -122,18 +124,20 @@ class Search:
 
     def candidates(self, base: Model) -> list[Model]:
         """Every mechanism added to `base`, fitted in full with its parameters free and held, best first."""
+        everything = frozenset(self.parameters)
         best: dict[str, Model] = {}
-        tried: dict[str, int] = {}
-        for _, shape in self.screen(base):
+        for rank, (_, shape) in enumerate(self.screen(base)):
             effect = shape.mechanism.effect
-            if effect not in tried and len(tried) >= FITTED:
+            if effect not in best and len(best) >= FITTED or effect in best and rank >= SECOND_SHAPES:
                 continue
-            tried[effect] = tried.get(effect, 0) + 1
-            together = (*base.named, shape)
-            for free in {frozenset(self.parameters), base.free}:
-                model = self.model(together, free, base.fit)
-                if effect not in best or model.score > best[effect].score:
-                    best[effect] = model
+            model = self.model((*base.named, shape), everything, base.fit)
+            if effect not in best or model.score > best[effect].score:
+                best[effect] = model
+        leading = sorted(best.values(), key=lambda m: -m.score)
+        for model in leading[:LEADING]:
+            held = self.model(model.named, base.free, base.fit)
+            if held.score > model.score:
+                best[model.effects[-1]] = held
         return sorted(best.values(), key=lambda m: -m.score)
 
     def enriched(self, model: Model) -> Model:

@@ -20,7 +20,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import data_checks, findings, identifiability, locate
 from deeptruck_model.mismatch.correct import CorrectedTruck, Term
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.explain import Explanation, explain
+from deeptruck_model.mismatch.explain import Explanation, explain, first_guess
 from deeptruck_model.mismatch.improvement import Errors, compare, free_windows
 from deeptruck_model.mismatch.residual import PARAMETERS, Prepared, gather, prepare
 from deeptruck_model.mismatch.search import Model, Search
@@ -149,19 +149,20 @@ def _explained(
     exclude: Sequence[str],
     say: Callable[[str], None],
 ) -> tuple[Evidence, Explanation]:
-    """Search; where parameters moved far, set them in the simulator and search again around the new ones."""
-    moved: dict[str, float] = {}
+    """Search; where parameters are far off, set them in the simulator first and linearise around the new ones."""
+    say("searching for what is missing")
     own = simulator.parameters()
-    current = simulator
-    for _ in range(2):
-        evidence = gather(current, prepared, flags, seed=seed, moved=moved)
-        say("searching for what is missing" + (" around the refitted parameters" if moved else ""))
-        explanation = explain(evidence, exclude=exclude)
-        change = {p: float(explanation.model.coefficients(p)[0]) for p in evidence.sensitivity if p in own}
-        if moved or not any(abs(c) > RETUNE for c in change.values()):
-            break
+    evidence = gather(simulator, prepared, flags, seed=seed)
+    search = Search(evidence, exclude=exclude)
+    guess = first_guess(search)
+    change = {p: float(guess.coefficients(p)[0]) for p in search.parameters if p in own}
+    if any(abs(c) > RETUNE for c in change.values()):
+        say("searching around the refitted parameters")
         moved = {p: c for p, c in change.items() if abs(c) > 0.005}
-        current = simulator.with_parameters({p: own[p] * (1 + c) for p, c in moved.items()})
+        tuned = simulator.with_parameters({p: own[p] * (1 + c) for p, c in moved.items()})
+        evidence = gather(tuned, prepared, flags, seed=seed, moved=moved)
+        search = Search(evidence, exclude=exclude)
+    explanation = explain(search)
     return evidence, explanation
 
 

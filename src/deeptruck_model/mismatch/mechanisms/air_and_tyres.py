@@ -8,7 +8,7 @@ from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.expression import InRecording, Signal, Tent, absolute, exp, maximum
 from deeptruck_model.mismatch.mechanisms.base import DRAG, ELAPSED, SPEED, Column, Mechanism, Settings
 
-MOST_KNOTS = 120
+MOST_KNOTS = 80
 
 
 def _headwind_settings(e: Evidence) -> Iterator[Settings]:

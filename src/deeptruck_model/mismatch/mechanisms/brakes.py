@@ -7,25 +7,23 @@ from collections.abc import Iterator
 import numpy as np
 
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.expression import Lag, Rerun, Since, exp, lift, minimum
+from deeptruck_model.mismatch.expression import Lag, Rerun, Since, exp, lift, maximum, minimum
 from deeptruck_model.mismatch.mechanisms.base import BRAKE, SPEED, Column, Mechanism, Settings
 
 HEAT_CAPACITY = 12.5  # J/kg/K: about 500 kg of drums at 500 J/kg/K under 20 t
 
 
 def _fade_settings(e: Evidence) -> Iterator[Settings]:
-    for cooling_s in (100.0, 300.0, 900.0):
-        for order in (1, 2):
-            yield {"cooling_s": cooling_s, "order": order}
+    """Fade may set in at once, only above a temperature, or level off."""
+    for cooling_s in (40.0, 120.0, 400.0, 1200.0):
+        for form, at in (("from", 0.0), ("from", 1.0), ("from", 2.5), ("up_to", 0.7)):
+            yield {"cooling_s": cooling_s, "form": form, "at": at}
 
 
 def _fade(s: Settings) -> list[Column]:
     heat = Lag((BRAKE * SPEED,), s["cooling_s"], cold=True) * (s["cooling_s"] / HEAT_CAPACITY / 100.0)
-    heat = minimum(heat, 6.0)  # hundreds of K
-    parts = [Column(BRAKE * heat, 0.2, "fade", "1/K", 0.01)]
-    if s["order"] == 2:
-        parts.append(Column(BRAKE * heat**2, 0.1, "fade_square", "1/K^2", 1e-4))
-    return parts
+    effect = minimum(heat, s["at"]) if s["form"] == "up_to" else maximum(minimum(heat, 6.0) - s["at"], 0.0)
+    return [Column(BRAKE * effect, 0.3, "fade", "1/K", 0.01)]
 
 
 def _lag_settings(e: Evidence) -> Iterator[Settings]:

@@ -10,7 +10,7 @@ from deeptruck_model.mismatch.evidence import GRAVITY, Evidence
 from deeptruck_model.mismatch.expression import InRecording, Tent
 from deeptruck_model.mismatch.mechanisms.base import DISTANCE, Column, Mechanism, Settings
 
-MOST_KNOTS = 140
+MOST_KNOTS = 80
 
 
 def _settings(e: Evidence) -> Iterator[Settings]:
