@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from deeptruck_cacc.baselines import baseline
 from deeptruck_cacc.policy import MlpPolicy, Observation, Policy, load_policy
 from deeptruck_cacc.scaling import ActionScale
 from deeptruck_cacc.shield import Promise, Shield
+from deeptruck_cacc.truck_limits import known
 from deeptruck_model.signals import TruckInterface
 
 Array = NDArray[np.float64]
@@ -131,11 +132,10 @@ class Guard:
 def guard(policy: Policy, promise: Promise | None = None, *, shield: bool = True) -> Guard:
     """A policy behind tracker, hand-over and, unless `shield` is False, shield.
 
-    The promise is the one given, else the policy card's, else the default.
+    The promise is the one given, else the one kept for a truck of this name, else the cautious default.
     """
     scale = policy.scale if isinstance(policy, MlpPolicy) else ActionScale.of(policy)
-    facts = policy.card.get("promise") if isinstance(policy, MlpPolicy) else None
-    promise = promise or (Promise(**facts) if facts else Promise(dt=policy.dt))
+    promise = replace(promise or known(policy.interface) or Promise(), dt=policy.dt)
     stands = shield and policy.interface.brake_unit is not None
     return Guard(
         policy,

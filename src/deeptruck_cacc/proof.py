@@ -1,6 +1,6 @@
 """The promise put to the test: batched rollouts, and a search for a violation that breeds near misses.
 
-The truck is the worst that the promise allows: it accelerates by `max_acceleration` for `response_s` after
+The truck is the worst that the promise allows: it accelerates by a(v) for `response_s` after
 the full brake command, then brakes with exactly `braking(heat)`; short of the full command it does what the
 policy wishes, within its limits. Policy, leader, radar error and dropouts are the adversary's.
 """
@@ -44,7 +44,7 @@ def rollouts(
     suffices.
     """
     p, batch = promise, len(genes)
-    speed, leader, heat = 32.0 * genes[:, 0], 32.0 * genes[:, 1], 800.0 * genes[:, 2] ** 2
+    speed, leader, heat = 32.0 * genes[:, 0], 32.0 * genes[:, 1], 1500.0 * genes[:, 2] ** 2
     start = p.needed_gap(speed + p.speed_error, np.maximum(leader - p.speed_error, 0.0), heat, 0.0)
     gap = start + p.gap_error + 20.0 * genes[:, 3] ** 3
     since = np.zeros(batch)  # s of full brake command so far
@@ -89,10 +89,10 @@ def _worst_truck(
 ) -> tuple[Array, Array, Array]:
     """Next speed, time under full brake, and heat."""
     full = brake >= 1.0 - 1e-9
-    braking = p.braking_when(heat)
-    free = np.where(brake > 0.0, -brake * 0.5 * braking, np.nan_to_num(engine) * p.max_acceleration)
+    braking, push = p.braking_when(heat), p.acceleration_at(speed)
+    free = np.where(brake > 0.0, -brake * 0.5 * braking, np.nan_to_num(engine) * push)
     late = since >= p.response_s - 1e-9
-    rate = np.where(full, np.where(late, -braking, p.max_acceleration), free)
+    rate = np.where(full, np.where(late, -braking, push), free)
     after = np.maximum(speed + rate * p.dt, 0.0)
     stopping = np.where(late, p.stop_heat * braking, 0.0)
     heating = np.where(full, stopping, brake * p.strongest_braking) * speed - heat / p.cooling_s

@@ -22,15 +22,17 @@ class Promise:
     """What is assumed of the leader, the truck and the radar; under it the gap never falls below `d_safety`.
 
     Once the brake is fully commanded at speed v, the truck's speed stays below
-    v + max_acceleration * min(t, response_s) - braking(heat) * (t - response_s), on the steepest road meant.
+    v + a(v) * min(t, response_s) - braking(heat) * (t - response_s), on the steepest road meant.
     """
 
     d_safety: float = 2.0  # m
     leader_braking: float = 6.0  # m/s^2, the hardest the leader brakes
     braking: float = 4.2  # m/s^2, the least the truck brakes when cold
     response_s: float = 0.6  # s, until it does
-    max_acceleration: float = 1.2  # m/s^2, the most it accelerates, whatever is commanded
-    fade_per_heat: float = 2.5e-4  # share of braking lost for each J/kg in the brakes
+    max_acceleration: float = 2.2  # m/s^2, the most it accelerates, whatever is commanded
+    power_per_mass: float = 24.0  # W/kg; a(v) = min(max_acceleration, power_per_mass / v)
+    fade_from: float = 400.0  # J/kg in the brakes from which they fade
+    fade_per_heat: float = 2.5e-4  # share of braking lost for each J/kg beyond
     least_braking_share: float = 0.4  # of `braking`, however hot
     stop_heat: float = 1.2  # heat of a stop as a share of v^2/2: above 1 by the slope it may stand on
     strongest_braking: float = 7.5  # m/s^2 at the full brake command: the fastest the brakes can heat
@@ -38,19 +40,25 @@ class Promise:
     gap_error: float = 0.3  # m, radar
     speed_error: float = 0.1  # m/s, radar and wheels
     dt: float = 0.1  # s between calls
-    soft_m: float = 3.0  # m before the limit where the engine is cut and the brake comes in gently
+    soft_m: float = 1.5  # m before the limit where the engine is cut and the brake comes in gently
 
     def braking_when(self, heat: Array) -> Array:
         """Least deceleration (m/s^2) with `heat` J/kg in the brakes, never more than the leader's."""
-        share = np.maximum(1.0 - self.fade_per_heat * heat, self.least_braking_share)
+        lost = self.fade_per_heat * np.maximum(heat - self.fade_from, 0.0)
+        share = np.maximum(1.0 - lost, self.least_braking_share)
         return np.asarray(np.minimum(self.braking * share, self.leader_braking))
+
+    def acceleration_at(self, speed: Array) -> Array:
+        """The most the truck accelerates at a speed, m/s^2."""
+        return np.asarray(np.minimum(self.max_acceleration, self.power_per_mass / np.maximum(speed, 0.1)))
 
     def needed_gap(self, speed: Array, leader_speed: Array, heat: Array, wait_s: float) -> Array:
         """Smallest gap (m) from which full braking begun after `wait_s` keeps d_safety (docs, eq. 4)."""
         reach = wait_s + self.response_s
-        peak = speed + self.max_acceleration * reach
+        rise = self.acceleration_at(speed)
+        peak = speed + rise * reach
         braking = self.braking_when(heat + self.stop_heat * 0.5 * peak**2)
-        travelled = speed * reach + 0.5 * self.max_acceleration * reach**2 + peak**2 / (2 * braking)
+        travelled = speed * reach + 0.5 * rise * reach**2 + peak**2 / (2 * braking)
         sampling = 0.5 * peak * self.dt + 0.5 * braking * self.dt**2
         left = leader_speed**2 / (2 * self.leader_braking)
         return self.d_safety + np.maximum(travelled + sampling - left, 0.0)

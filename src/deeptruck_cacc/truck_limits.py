@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +12,8 @@ from numpy.typing import NDArray
 from deeptruck_cacc.scaling import ActionScale
 from deeptruck_cacc.shield import Promise
 from deeptruck_model.errors import InputError
-from deeptruck_model.signals import SPEED
-from deeptruck_model.simulators import Simulator
+from deeptruck_model.signals import SPEED, TruckInterface
+from deeptruck_model.simulators import Simulator, load
 
 Array = NDArray[np.float64]
 PREPARE_S, STOP_S = 4.0, 14.0
@@ -20,7 +22,7 @@ PREPARE_S, STOP_S = 4.0, 14.0
 def measure(
     simulator: Simulator, *, worst_grade: float = -0.03, reserve: float = 0.05, base: Promise | None = None
 ) -> Promise:
-    """`base` with braking, response_s and max_acceleration of this truck, each worse by the share `reserve`.
+    """`base` with braking, response_s and the accelerations of this truck, each worse by the share `reserve`.
 
     Full braking from 4..30 m/s on the steepest descent meant, out of 0..4 s of idle, half and full engine,
     so that boost, gear and shifts differ. Raises InputError for a truck that has no brake or does not brake.
@@ -29,7 +31,14 @@ def measure(
         raise InputError("the truck has no brake command: nothing can be promised for it")
     speed, begin = _emergency_stops(simulator, worst_grade)
     dt, start = simulator.dt, np.take_along_axis(speed, begin[None], axis=0)[0]
-    most = float(np.diff(speed, axis=0).max() / dt) * (1 + reserve)
+    rate = np.diff(speed, axis=0) / dt
+    bounds = replace(
+        base or Promise(),
+        dt=dt,
+        max_acceleration=float(rate.max()) * (1 + reserve),
+        power_per_mass=float((rate * speed[1:]).max()) * (1 + reserve),
+    )
+    most = bounds.acceleration_at(start)
     time = (np.arange(len(speed))[:, None] - begin) * dt
     moving = (speed > 0.2) & (time > 0)
     best: Promise | None = None
@@ -39,14 +48,8 @@ def measure(
         if np.any(moving & (beyond <= 0) & (speed > start + most * time + 1e-9)):
             continue
         with np.errstate(divide="ignore", invalid="ignore"):
-            rate = np.where(late, (start + most * response - speed) / beyond, np.inf)
-        found = replace(
-            base or Promise(dt=dt),
-            braking=float(rate.min()) * (1 - reserve),
-            response_s=float(response),
-            max_acceleration=most,
-            dt=dt,
-        )
+            braking = np.where(late, (start + most * response - speed) / beyond, np.inf)
+        found = replace(bounds, braking=float(braking.min()) * (1 - reserve), response_s=float(response))
         if found.braking > 0.3 and (best is None or _gap(found) < _gap(best)):
             best = found
     if best is None:
@@ -64,6 +67,8 @@ def _gap(promise: Promise) -> float:
 
 def _emergency_stops(simulator: Simulator, grade: float) -> tuple[Array, NDArray[np.int64]]:
     """Speeds (T, batch) and the sample at which the full brake was commanded, (batch,)."""
+    if hasattr(simulator, "with_grade_input"):  # the road is there, whether the truck senses it or not
+        simulator = simulator.with_grade_input()
     scale, dt = ActionScale.of(simulator), simulator.dt
     speeds, engines, delays = np.arange(4.0, 31.0, 2.0), (0.0, 0.5, 1.0), np.arange(0.0, PREPARE_S, 0.3)
     v, e, d = (x.ravel() for x in np.meshgrid(speeds, engines, delays))
@@ -81,3 +86,24 @@ def _emergency_stops(simulator: Simulator, grade: float) -> tuple[Array, NDArray
         state, y = simulator.step(state, u, w)
         trace.append(y[:, SPEED])
     return np.array(trace), begin
+
+
+TABLE = Path(__file__).with_name("promises.json")
+
+
+def known(interface: TruckInterface) -> Promise | None:
+    """The promise kept for a truck of this name in promises.json, or None."""
+    table = json.loads(TABLE.read_text())
+    return Promise(**table[interface.name]) if interface.name in table else None
+
+
+def main() -> None:
+    """Measure the pool again and rewrite promises.json: python -m deeptruck_cacc.truck_limits."""
+    names = ("trucksim", "freightliner", "volvo")
+    table = {name: measure(load(f"truck:{name}")).to_dict() for name in names}
+    rounded = {name: {k: round(v, 4) for k, v in row.items()} for name, row in table.items()}
+    TABLE.write_text(json.dumps(rounded, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

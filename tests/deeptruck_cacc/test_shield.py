@@ -25,10 +25,11 @@ def column(*values: float) -> np.ndarray:
 def stopping_margin(p: Promise, gap: float, speed: float, leader: float, wait: float) -> float:
     """The requirement in small steps: the leader brakes at its bound, the truck late and then at its own."""
     h, t, least = 0.001, 0.0, gap
-    peak = speed + p.max_acceleration * (wait + p.response_s)
+    rise = float(p.acceleration_at(column(speed))[0])
+    peak = speed + rise * (wait + p.response_s)
     braking = float(p.braking_when(column(p.stop_heat * 0.5 * peak**2))[0])
     while speed > 0:
-        speed += h * (p.max_acceleration if t < wait + p.response_s else -braking)
+        speed += h * (rise if t < wait + p.response_s else -braking)
         leader = max(leader - h * p.leader_braking, 0.0)
         gap += h * (leader - max(speed, 0.0))
         least, t = min(least, gap), t + h
@@ -142,6 +143,15 @@ def test_the_shield_costs_a_good_policy_nothing_in_the_papers_scenes(truck):
     driver = guard(baseline("cacc", truck.interface, PedalMap.calibrate(truck)), truck_limits.measure(truck))
     trace = roll_out(truck, driver, scenes.paper(np.random.default_rng(0), 100, 400, truck.dt))
     assert trace["acted"].mean() < 1e-3
+
+
+@pytest.mark.parametrize("name", ["trucksim", "freightliner", "volvo"])
+def test_the_kept_promises_are_not_better_than_the_trucks(name):
+    truck = simulators.load(f"truck:{name}")
+    kept, measured = truck_limits.known(truck.interface), truck_limits.measure(truck, reserve=0.0)
+    v = np.arange(4.0, 30.0)
+    cold = np.zeros(len(v))
+    assert (kept.needed_gap(v, v, cold, 0.1) >= measured.needed_gap(v, v, cold, 0.1)).all()
 
 
 def test_a_truck_without_brakes_gets_no_promise():

@@ -201,6 +201,7 @@ def table(results: dict[str, Any]) -> Any:
         "scene",
         "time gap s",
         "worst",
+        "in reach",
         "speed m/s",
         "worst",
         "crashes",

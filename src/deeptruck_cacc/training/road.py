@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from deeptruck_cacc.reward import Reward
@@ -20,7 +22,6 @@ class Traffic(NamedTuple):
 
     k: int
     truck: Any
-    leader_speed: Tensor
     speed: Tensor
     gap: Tensor
     memory: Tensor
@@ -42,68 +43,74 @@ class Road:
 
     simulator: Simulator
     reward: Reward
-    alpha_rate: float = 0.02  # on the change of action a step, squared: keeps the pedals quiet
+    alpha_rate: float = 0.3  # on the change of action a step, squared: keeps the pedals quiet
     alpha_both: float = 0.5  # on engine times brake: neither pedal is worth anything against the other
     margin_m: float = 4.0  # the crash penalty cannot be differentiated; a hinge this far above d_safety can
 
     def __post_init__(self) -> None:
         self.module = self.simulator.torch_module()  # type: ignore[attr-defined]
         self.dt = self.simulator.dt
-        self.has_grade = bool(self.simulator.interface.w)
-        self.n_u, self.n_y = len(self.simulator.interface.u), len(self.simulator.interface.y)
+        interface = self.simulator.interface
+        self.has_grade, self.n_u, self.n_y = bool(interface.w), len(interface.u), len(interface.y)
 
     def start(self, scene: Scene, policy: SeedBatch) -> Traffic:
         """The first state of a path."""
-        leader, speed, gap = (
-            torch.tensor(x, dtype=torch.float32) for x in (scene.leader_speed, scene.speed, scene.gap)
-        )
+        speed, gap = _tensor(scene.speed), _tensor(scene.gap)
         y0 = torch.zeros(scene.batch, self.n_y)
         y0[:, SPEED] = speed
-        memory = policy.start(scene.batch)
-        return Traffic(0, self.module.reset(y0), leader, speed, gap, memory, torch.zeros(scene.batch, 2))
+        idle = torch.zeros(scene.batch, 2)
+        return Traffic(0, self.module.reset(y0), speed, gap, policy.start(scene.batch), idle)
 
     def drive(self, scene: Scene, policy: SeedBatch, state: Traffic, steps: int) -> tuple[Traffic, Window]:
         """`steps` steps from `state`; gradients reach the policy through every one of them."""
-        seen, felt, pull, time_gap = _tensors(scene, self.has_grade)
-        k, truck, leader, speed, gap, memory, action = state
-        gain = 1.0 if scene.command_gain is None else torch.tensor(scene.command_gain, dtype=torch.float32)
-        low, high = (torch.tensor(x, dtype=torch.float32) for x in policy.scale.limits)
-        cost, errors, speed_errors = torch.zeros(scene.batch), [], []
-        crashed = torch.zeros(scene.batch, dtype=torch.bool)
-        for k in range(state.k, state.k + steps):
-            signals = torch.stack([leader, speed, gap, speed * time_gap, seen[:, k]], dim=1)
-            before, (action, memory) = action, policy(signals, memory)
-            commands = policy.commands(action)
-            w = felt[:, k : k + 1] if self.has_grade else torch.zeros(scene.batch, 0)
-            felt_commands = (commands * gain).clamp(low, high)
-            truck, y = self.module(truck, felt_commands[:, : self.n_u], w)
-            gap = gap + (leader - speed) * self.dt
-            leader, speed = (leader + pull[:, k] * self.dt).clamp(min=0.0), y[:, SPEED]
-            gap_error, speed_error = gap - speed * time_gap, leader - speed
-            cost = cost + self._cost(policy, gap, gap_error, speed_error, commands, action - before, k)
-            errors.append((gap_error / speed.clamp(min=1.0)).detach())
-            speed_errors.append(speed_error.detach())
-            crashed |= gap.detach() <= self.reward.d_safety
-        after = Traffic(k + 1, truck, leader, speed, gap, memory, action)
-        return after, Window(cost / steps, torch.stack(errors), torch.stack(speed_errors), crashed)
+        leader, seen, felt, time_gap, gain = self._given(scene)
+        low, high = (torch.tensor(x) for x in policy.scale.limits)
+        first, truck, speed, gap, memory, action = state
+        gaps, speeds, actions = [], [], [action]
+        for k in range(first, first + steps):
+            signals = torch.stack([leader[k], speed, gap, speed * time_gap, seen[k]], dim=1)
+            action, memory = policy(signals, memory)
+            commands = (policy.commands(action) * gain).clamp(low, high)
+            truck, y = self.module(truck, commands[:, : self.n_u], felt[k])
+            gap, speed = gap + (leader[k] - speed) * self.dt, y[:, SPEED]
+            gaps.append(gap)
+            speeds.append(speed)
+            actions.append(action)
+        after = Traffic(first + steps, truck, speed, gap, memory, action)
+        ahead = leader[first + 1 : first + steps + 1]
+        window = self._judge(
+            policy, torch.stack(gaps), torch.stack(speeds), ahead, time_gap, torch.stack(actions)
+        )
+        return after, window
 
-    def _cost(
-        self,
-        policy: SeedBatch,
-        gap: Tensor,
-        gap_error: Tensor,
-        speed_error: Tensor,
-        commands: Tensor,
-        change: Tensor,
-        k: int,
-    ) -> Tensor:
+    def _given(self, scene: Scene) -> tuple[Tensor, ...]:
+        """Leader speed (T + 1, rows), seen grade (T, rows), felt w (T, rows, n_w), time gap, command gain."""
+        speeds = [scene.leader_speed]
+        for pull in scene.leader_acceleration.T:
+            speeds.append(np.maximum(speeds[-1] + pull * self.dt, 0.0))
+        grade = scene.grade.T
+        felt = grade if scene.hidden_grade is None else grade + scene.hidden_grade.T
+        seen = grade if self.has_grade else np.zeros_like(grade)
+        w = felt[..., None] if self.has_grade else np.zeros((*grade.shape, 0))
+        gain = np.ones((scene.batch, 2)) if scene.command_gain is None else scene.command_gain
+        return tuple(_tensor(x) for x in (np.array(speeds), seen, w, scene.time_gap, gain))
+
+    def _judge(
+        self, policy: SeedBatch, gap: Tensor, speed: Tensor, leader: Tensor, time_gap: Tensor, action: Tensor
+    ) -> Window:
+        """Cost and errors of a window; gap, speed, leader (steps, rows), action (steps + 1, rows, 2)."""
+        gap_error, speed_error = gap - speed * time_gap, leader - speed
+        commands = policy.commands(action[1:].flatten(0, 1)).view(*gap.shape, 2)
         scale = policy.scale
-        engine, brake = commands[:, 0] / scale.engine_high, commands[:, 1] / max(scale.brake_high, 1e-12)
-        cost = self.reward.tracking(gap_error, speed_error)
-        cost = cost + self.reward.effort(engine, brake) + self.alpha_both * engine * brake
-        hinge = (self.reward.d_safety + self.margin_m - gap).clamp(min=0.0)
-        quiet = self.alpha_rate * (change**2).sum(dim=1) if k else 0.0
-        return cost + quiet + hinge.clamp(max=10.0)
+        engine, brake = commands[..., 0] / scale.engine_high, commands[..., 1] / max(scale.brake_high, 1e-12)
+        cost = self.reward.tracking(gap_error, speed_error) + self.reward.effort(engine, brake)
+        hinge = (self.reward.d_safety + self.margin_m - gap).clamp(min=0.0, max=10.0)
+        change = (action[1:] - action[:-1])[1:].square().sum(dim=2)
+        total = (cost + hinge + self.alpha_both * engine * brake).mean(dim=0)
+        total = total + self.alpha_rate * change.mean(dim=0)
+        time_gap_error = (gap_error / speed.clamp(min=1.0)).detach()
+        crashed = (gap.detach() <= self.reward.d_safety).any(dim=0)
+        return Window(total, time_gap_error, speed_error.detach(), crashed)
 
 
 def detach(state: Any) -> Any:
@@ -116,10 +123,5 @@ def detach(state: Any) -> Any:
     return state
 
 
-def _tensors(scene: Scene, has_grade: bool) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Seen grade, felt grade, leader acceleration (rows, T) and time gap (rows,)."""
-    grade = torch.tensor(scene.grade, dtype=torch.float32)
-    hidden = 0.0 if scene.hidden_grade is None else torch.tensor(scene.hidden_grade, dtype=torch.float32)
-    pull = torch.tensor(scene.leader_acceleration, dtype=torch.float32)
-    time_gap = torch.tensor(scene.time_gap, dtype=torch.float32)
-    return (grade if has_grade else torch.zeros_like(grade)), grade + hidden, pull, time_gap
+def _tensor(x: NDArray[Any]) -> Tensor:
+    return torch.tensor(x, dtype=torch.float32)
