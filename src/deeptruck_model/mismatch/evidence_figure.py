@@ -27,9 +27,9 @@ ROOM = 1.5  # a longer bar than this many times the longest name's is cut
 
 
 def ranking(x: Explanation) -> Figure:
-    """Evidence of each name over parameters alone; parameters alone over the simulator as given; what no name explains.
+    """Evidence of each name over parameters alone, of those over the simulator as given, and of what is left.
 
-    The whole bar of parameters alone may be far longer than what matters between names, so it is cut where it leaves.
+    Parameters alone may gain far more than what matters between names, so long bars are cut at the edge.
     """
     first = next((c for c in x.causes if c.shape is not None), None)
     group = {n for n, worse in first.rivals if worse < GROUP} if first else set()
@@ -53,7 +53,7 @@ def ranking(x: Explanation) -> Figure:
 
 
 def _parameters(x: Explanation) -> str:
-    free = ", ".join(words(p) for p in sorted(x.parameters_only.free)) or "held"
+    free = ", ".join(words(p) for p in sorted(x.parameters_only.free)) or "none moves"
     return f"parameters only ({free})" if len(free) < 30 else "parameters only (several)"
 
 
@@ -65,11 +65,10 @@ def _bars(ax: Axes, bars: list[tuple[str, float, str]]) -> None:
         shown = min(max(gain, low), limit)
         ax.barh(k, shown, color=tone, height=0.7)
         cut = gain > limit
-        ax.text(
-            max(shown, 0.0) + 0.008 * (limit - low) * (-1 if cut else 1),
-            k, f"{gain:.0f} \N{RIGHTWARDS ARROW}" if cut else f"{gain:.1f}",
-            bbox={"fc": "none" if cut else "white", "ec": "none", "pad": 0.5}, va="center", ha="right" if cut else "left", fontsize=8, color="white" if cut else INK,
-        )  # fmt: skip
+        text, side, tint = (f"{gain:.0f} →", "right", "white") if cut else (f"{gain:.1f}", "left", INK)
+        at = max(shown, 0.0) + 0.008 * (limit - low) * (-1 if cut else 1)
+        box = None if cut else {"fc": "white", "ec": "none", "pad": 0.5}
+        ax.text(at, k, text, bbox=box, va="center", ha=side, fontsize=8, color=tint)
     ax.axvline(0, color=INK, lw=0.8)
     ax.axvline(ENOUGH, color=GREEN, lw=1, ls="--")
     ax.text(ENOUGH, -0.75, " needed to be stated", fontsize=8, color=GREEN, va="bottom")

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.free_model import FreeModel, free_model
 from deeptruck_model.mismatch.mechanisms import Shape
 from deeptruck_model.mismatch.noise import Prior, fit
-from deeptruck_model.mismatch.search import Model, Search
+from deeptruck_model.mismatch.search import TEMPER, Model, Search
 
 Array = NDArray[np.float64]
 
@@ -21,7 +19,6 @@ ENOUGH_FREE = 25.0  # nats the free model must gain on what is left before 'unkn
 WIDENED = 4  # of the best names are given more freedom of form before the first is chosen
 MOST = 4  # effects at once
 FREE_R2 = 0.03  # and the share of held-out variance it must explain
-TEMPER = 3.0  # evidence is divided by this for probabilities: the noise model is approximate
 GROUP = 9.0  # nats within which two names count as not told apart
 EXPLAINS = 0.6  # share of what is explainable that a name must explain, else it is only the nearest relative
 PRACTICAL_FORCE = 0.004  # m/s^2 rms over all time, or ...

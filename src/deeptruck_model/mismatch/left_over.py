@@ -30,7 +30,7 @@ def explained(e: Evidence, x: Explanation) -> Array:
 
 
 def with_unnamed(e: Evidence, x: Explanation) -> Array:
-    """Specific force (n,) of everything that was found: the whole named model and the free model fitted beside it."""
+    """Specific force (n,) of all that was found: the whole named model and the free model beside it."""
     return _modelled(e, x, set(x.model.effects)) + x.left_over.prediction
 
 
@@ -45,7 +45,7 @@ def _modelled(e: Evidence, x: Explanation, effects: set[str]) -> Array:
 
 
 def retuned(e: Evidence) -> Array:
-    """Specific force (n,) that the parameters which were moved before the last search already took over, to first order."""
+    """Specific force (n,) that parameters moved before the last search already took over, to first order."""
     total = np.zeros(len(e))
     for name, change in e.moved.items():
         if name in e.sensitivity:
@@ -54,7 +54,7 @@ def retuned(e: Evidence) -> Array:
 
 
 def unexplained(e: Evidence, x: Explanation, names: Sequence[str]) -> tuple[Array, dict[str, Array], Mask]:
-    """Means over PERIOD_S of what is left over (m/s^2), of the named signals, and which rows are held out; all (m,).
+    """Means over PERIOD_S of what is left over (m/s^2), of named signals, and which are held out; all (m,).
 
     Where no recording was held out, every other one counts as such.
     """
@@ -66,7 +66,7 @@ def unexplained(e: Evidence, x: Explanation, names: Sequence[str]) -> tuple[Arra
 def averaged(
     e: Evidence, force: Array, names: Sequence[str]
 ) -> tuple[Array, dict[str, Array], NDArray[np.intp]]:
-    """Means of a force (n,) and of named signals over whole valid periods of PERIOD_S, and each period's first row."""
+    """Means of a force (n,) and of signals over whole valid periods of PERIOD_S, and their first rows."""
     per = max(1, round(PERIOD_S / e.dt))
     rows = np.arange(len(e) // per * per).reshape(-1, per)
     rows = rows[e.valid[rows].all(axis=1)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -17,17 +18,18 @@ if TYPE_CHECKING:
 
 LEAST_S = 20.0  # of driving under a condition, below which little can be seen there
 MANOEUVRES = (
-    "drive at least two separate tours of ten minutes each: accelerate in steps of torque from 5 to 25 m/s, coast down "
-    "from high speed, brake in steps, climb and descend, and come back on the same road"
+    "drive at least two separate tours of ten minutes each: accelerate in steps of torque from 5 to 25 m/s, "
+    "coast down from high speed, brake in steps, climb and descend, and come back on the same road"
 )
 
 
 def number(x: float, step: float | None = None) -> str:
-    """Plain digits: three significant ones, or rounded to `step`."""
+    """Plain digits: three significant ones without idle zeros, or rounded to `step`."""
     if not math.isfinite(x):
         return "unknown"
     if step is None:
-        step = 10.0 ** (math.floor(math.log10(abs(x))) - 2) if x else 1.0
+        short = number(x, 10.0 ** (math.floor(math.log10(abs(x))) - 2)) if x else "0"
+        return short.rstrip("0").rstrip(".") if "." in short else short
     if not 1e-6 < step < 1e9:
         return f"{x:.3g}"
     decimals = max(0, -math.floor(math.log10(step) + 1e-9))
@@ -45,14 +47,15 @@ def measured(value: float, unit: str, ci: Sequence[float] | None) -> str:
 
 def percent(x: float) -> str:
     """A share or probability; never rounded to certainty."""
-    if 0.99 < x:
+    if x > 0.99:
         return "above 99 %"
     return "below 1 %" if x < 0.01 else f"{100 * x:.0f} %"
 
 
 def prose(text: str) -> str:
     """A finding's own words with signs as they are printed."""
-    return text.replace("+-", "±").replace("_", " ").replace("simulated", "simulated acceleration")
+    text = re.sub(r"\bsimulated\b(?! acceleration)", "simulated acceleration", text.replace("_", " "))
+    return text.replace("+-", "±").replace("^2", "²").replace("^3", "³")
 
 
 def sentence(v: dict[str, Any]) -> str:
@@ -71,7 +74,8 @@ def sentence(v: dict[str, Any]) -> str:
     }[kind]
     others = len(findings) - 1
     more = f" (and {others} more finding{'s' if others > 1 else ''} below)" if others else ""
-    return f"{opening}: {prose(main['says'])}{more}{_improves(v)}."
+    says = prose(main["says"]).partition("; nearest name")[0]
+    return f"{opening}: {says}{more}{_improves(v)}."
 
 
 def _would_have_been_seen(v: dict[str, Any]) -> str:
@@ -86,11 +90,11 @@ def _improves(v: dict[str, Any]) -> str:
     if "after" not in fit or all(f["kind"] == "measurement_fault" for f in v["findings"]):
         return ""
     if not fit.get("validated"):
-        return "; the corrected simulator does not predict held-out recordings better, so nothing is applied"
+        return "; no correction proved better on held-out recordings, so none may be applied"
     old, new = fit["before"]["speed_rmse"], fit["after"]["speed_rmse"]
     return (
-        f"; with it corrected, the speed error of {number(fit['horizon_s'])} s free runs on held-out recordings falls "
-        f"from {number(old)} to {number(new)} m/s"
+        f"; with it corrected, the speed error of {number(fit['horizon_s'])} s free runs on held-out recordings "
+        f"falls from {number(old)} to {number(new)} m/s"
     )
 
 
@@ -105,15 +109,11 @@ def _finding(k: int, f: dict[str, Any]) -> dict[str, Any]:
         for n, p in f["parameters"].items()
         if p["value"] is not None and n != "held_out_r2"
     ]
-    facts = []
+    facts = {"probability": percent(f["probability"])}
     if f["share_of_explainable_error"] > 0:
-        facts.append(f"{percent(f['share_of_explainable_error'])} of the explainable error")
-    r2 = f.get("formula_r2", f["parameters"].get("held_out_r2", {}).get("value"))
-    if r2 is not None:
-        what = "the formula" if "formula_r2" in f else "a free model"
-        facts.append(
-            f"{what} predicts {percent(max(r2, 0.0))} of its variance on recordings it was not fitted to"
-        )
+        facts["share"] = f"{percent(f['share_of_explainable_error'])} of the explainable error"
+    if "formula_r2" in f:
+        facts["predicted"] = f"{percent(max(f['formula_r2'], 0.0))} of its variance on held-out recordings"
     return {
         "name": words(f["effect"]),
         "kind": words(f["kind"]),
@@ -121,7 +121,6 @@ def _finding(k: int, f: dict[str, Any]) -> dict[str, Any]:
         "says": prose(f["says"]),
         "sizes": sizes,
         "equation": f["equation"],
-        "probability": percent(f["probability"]),
         "facts": facts,
         "depends_on": ", ".join(words(d) for d in f["depends_on"]),
         "apart": _apart(f),
@@ -130,14 +129,15 @@ def _finding(k: int, f: dict[str, Any]) -> dict[str, Any]:
 
 
 def _apart(f: dict[str, Any]) -> str:
-    """What it cannot be told from and what decided, in one sentence or two; empty where there was no rival."""
+    """What it cannot be told from and what decided; empty where there was no rival."""
     worse = {r["effect"]: r["worse_by_nats"] for r in f.get("rivals", [])}
     group = f["cannot_be_told_from"]
     if not group:
         nearest = min(worse, key=lambda n: worse[n], default=None)
         if nearest is None:
             return ""
-        return f"It is told from every other name; the next best, {words(nearest)}, is {worse[nearest]:.0f} nats worse."
+        lead = f"{worse[nearest]:.0f} nats"
+        return f"It is told from every other name; the next best, {words(nearest)}, is {lead} worse."
     decided = "; ".join(_decided(f["effect"], rival, worse.get(rival, 0.0)) for rival in group)
     return f"It cannot be told from {', '.join(words(g) for g in group)}. What decided: {decided}."
 
@@ -156,25 +156,19 @@ def _decided(name: str, rival: str, worse: float) -> str:
 
 
 def rejected_names(m: Mismatch) -> tuple[list[dict[str, str]], list[str], dict[str, list[str]]]:
-    """Names that gained something and why they were not stated; names that gained nothing; and names that could not
-    be tested, by the signal that was not recorded.
+    """Names that gained something and why they are not stated; names that gained nothing; and names that could not
+    be tested, by the signal they lack.
     """
     if m.explanation is None or m.evidence is None:
         return [], [], {}
     stated = {c.effect for c in m.explanation.causes}
-    nearest = {c.nearest for c in m.explanation.causes}
+    nearest = next((c.nearest for c in m.explanation.causes if c.nearest), None)
     winner = next((words(s) for s in m.explanation.model.effects if s in stated), None)
     gained = []
     for name, gain in m.explanation.ranking:
         if name in stated or gain < 1.0:
             continue
-        if name in nearest:
-            why = "explains too little of what a free model explains"
-        elif gain < ENOUGH or winner is None:
-            why = f"too little evidence: {ENOUGH:.0f} nats are needed, a sensible size, and a fair share of what is explainable"
-        else:
-            why = f"{winner} explains the same better"
-        gained.append({"name": words(name), "gain": f"{gain:.1f}", "why": why})
+        gained.append({"name": words(name), "gain": f"{gain:.1f}", "why": _why(name, gain, nearest, winner)})
     untested: dict[str, list[str]] = {}
     for name, mechanism in LIBRARY.items():
         lacking = [n for n in mechanism.needs if not m.evidence.has(n)]
@@ -183,6 +177,17 @@ def rejected_names(m: Mismatch) -> tuple[list[dict[str, str]], list[str], dict[s
     seen = stated | {n for n, g in m.explanation.ranking if g >= 1.0}
     nothing = [words(n) for n, x in LIBRARY.items() if n not in seen and m.evidence.has(*x.needs)]
     return gained, nothing, untested
+
+
+def _why(name: str, gain: float, nearest: str | None, winner: str | None) -> str:
+    """Why a name that gained some nats is not stated."""
+    if name == nearest:
+        return "explains too little of what a free model explains"
+    if gain < ENOUGH:
+        return f"too little evidence: {ENOUGH:.0f} nats are needed"
+    if winner is not None:
+        return f"{winner} explains the same better"
+    return f"behind {words(nearest)}, which explains too little itself" if nearest else "of no practical size"
 
 
 def record_next(m: Mismatch, untested: dict[str, list[str]]) -> list[str]:
@@ -203,7 +208,7 @@ def record_next(m: Mismatch, untested: dict[str, list[str]]) -> list[str]:
             m.verdict["regimes"][0]["where"] if m.verdict["regimes"] else "the conditions in which it acts"
         )
         out.append(
-            f"To be able to validate the correction: more separate drives that are held out, with {prose(where)}."
+            f"To be able to validate the correction: more separate drives, held out, with {prose(where)}."
         )
     elif m.verdict["verdict"] == "measurement_fault":
         out.append(f"To find out which sensor is at fault: {m.findings[0].data['would_be_told_by']}.")

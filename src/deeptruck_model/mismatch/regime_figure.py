@@ -26,7 +26,7 @@ PREFER_SPEED = 0.9  # of the best pair's explained variance: engineers read maps
 
 
 def regime_map(e: Evidence) -> Figure | None:
-    """Mean residual force and share of the squared error over the two signals that tell most; None without data."""
+    """Mean residual force and share of squared error over the two signals that tell most; None if no data."""
     y, columns, _ = left_over.averaged(e, e.residual + left_over.retuned(e), list(features(e)))
     if len(y) < 60:
         return None
@@ -67,7 +67,7 @@ def shape(e: Evidence, x: Explanation, equation: str) -> Figure | None:
 
 
 def _telling_pair(y: Array, columns: dict[str, Array]) -> tuple[str, str]:
-    """The pair of signals whose cell means explain most of the variance of y, charged for the number of cells."""
+    """The two signals whose cell means explain most of the variance of y, charged for the number of cells."""
     places = {n: _place(c, _edges(c)) for n, c in columns.items() if len(_edges(c)) > 2}
     scores = {(a, b): _adjusted_r2(y, places[a] * 64 + places[b]) for a, b in combinations(places, 2)}
     best = max(scores, key=lambda k: scores[k])
@@ -85,7 +85,7 @@ def _adjusted_r2(y: Array, cell: NDArray[np.intp]) -> float:
 
 
 def _edges(x: Array) -> Array:
-    """Bin edges: one bin a value where there are few values (gears), else even ones over the range that is driven."""
+    """Bin edges: one bin a value where there are few (gears), else even ones over what is driven."""
     values = np.unique(x)
     if len(values) <= BINS + 4 or np.mean(x == np.round(x)) > 0.8:
         whole = np.unique(np.round(values))
@@ -105,7 +105,7 @@ def _sums(a: Array, b: Array, weights: Array) -> tuple[Array, Array, Array, Arra
     size = (len(z) - 1, len(x) - 1)
     flat = _place(b, z) * size[1] + _place(a, x)
     count = np.bincount(flat, minlength=size[0] * size[1]).reshape(size).astype(float)
-    total = np.bincount(flat, weights=weights, minlength=size[0] * size[1]).reshape(size)
+    total: Array = np.bincount(flat, weights=weights, minlength=size[0] * size[1]).reshape(size).astype(float)
     return x, z, count * left_over.PERIOD_S, total
 
 
@@ -128,7 +128,7 @@ def _bar(ax: Axes, mesh: object, text: str) -> None:
     tidy(ax)
     ax.set_facecolor("#f4f4f4")
     bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02, aspect=30)  # type: ignore[arg-type]
-    bar.outline.set_visible(False)  # type: ignore[operator]
+    bar.outline.set_visible(False)
     bar.ax.tick_params(labelsize=8)
     ax.set_title(text, fontsize=9, loc="left")
 

@@ -20,6 +20,7 @@ from deeptruck_model.mismatch.noise import Fit, Prior, Series, fit, whiten
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+TEMPER = 3.0  # evidence is this much too sure, the noise model being approximate; priors are charged likewise
 HELD = 0.01
 FREE = {"mass": 0.3, "drag_area": 0.3, "rolling_resistance": 0.4, "torque_gain": 0.15, "brake_gain": 0.25}
 SCREENED = 2  # shapes of each mechanism that are fitted in full
@@ -81,7 +82,7 @@ class Search:
         if key not in self._models:
             X, prior, layout = self._design(named, free)
             found = fit(self.series, X, prior, start)
-            cost = sum(np.log(n.trials) - np.log(n.mechanism.prior) for n in named)
+            cost = TEMPER * sum(np.log(n.trials) - np.log(n.mechanism.chance(self.e)) for n in named)
             self._models[key] = Model(named, free, found, found.evidence - float(cost), layout)
         return self._models[key]
 
@@ -117,7 +118,7 @@ class Search:
             scored = []
             for s in self.shapes(mechanism):
                 C = whiten(s.columns, base.fit.ar)[use] * weight[:, None]
-                scored.append((_approximate_gain(C, yw, Xw, H0, s) - np.log(s.trials), s))
+                scored.append((_approximate_gain(C, yw, Xw, H0, s) - TEMPER * np.log(s.trials), s))
             scored.sort(key=lambda item: -item[0])
             out += scored[:SCREENED]
         return sorted(out, key=lambda item: -item[0])
@@ -128,7 +129,7 @@ class Search:
         best: dict[str, Model] = {}
         for rank, (_, shape) in enumerate(self.screen(base)):
             effect = shape.mechanism.effect
-            if effect not in best and len(best) >= FITTED or effect in best and rank >= SECOND_SHAPES:
+            if (effect not in best and len(best) >= FITTED) or (effect in best and rank >= SECOND_SHAPES):
                 continue
             model = self.model((*base.named, shape), everything, base.fit)
             if effect not in best or model.score > best[effect].score:

@@ -34,7 +34,7 @@ PANELS = (1.0, 0.7, 1.0)  # speed and grade, commands, force
 
 @dataclass(frozen=True)
 class Track:
-    """One recording as it is drawn, (n,) each; `spans` are seconds from, to, and the finding that acts there."""
+    """One recording as it is drawn, (n,) each; `spans` are seconds from, to, and the finding that acts."""
 
     title: str
     time: Array
@@ -93,7 +93,7 @@ def _raw(p: Prepared) -> Track:
 
 
 def timeline(m: Mismatch) -> tuple[Figure, int]:
-    """Speed, grade, commands, residual and explained force of each recording, and how many recordings are not drawn.
+    """Speed, grade, commands, residual and explained force of each recording, and how many are not drawn.
 
     Those with the most to see are drawn, in their order.
     """

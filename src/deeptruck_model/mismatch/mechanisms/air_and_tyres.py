@@ -6,7 +6,16 @@ from collections.abc import Iterator
 
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.expression import InRecording, Signal, Tent, absolute, exp, maximum
-from deeptruck_model.mismatch.mechanisms.base import DRAG, ELAPSED, SPEED, Column, Mechanism, Settings
+from deeptruck_model.mismatch.mechanisms.base import (
+    DRAG,
+    ELAPSED,
+    SPEED,
+    Column,
+    Mechanism,
+    Settings,
+    from_then_on,
+    step_settings,
+)
 
 MOST_KNOTS = 80
 
@@ -68,6 +77,22 @@ def _drafting(s: Settings) -> list[Column]:
     return [Column(DRAG * near, 0.4, "share_of_drag")]
 
 
+def _drag_area_settings(e: Evidence) -> Iterator[Settings]:
+    """A constant difference is a parameter error; missing physics is drag area that changes."""
+    yield from step_settings(e)
+    if len(e.stretches) > 2:
+        yield {"each": [s.name for s in e.stretches]}
+
+
+def _drag_area(s: Settings) -> list[Column]:
+    if "each" in s:
+        return [
+            Column(-(DRAG * InRecording(i)), 0.2, f"change[{name}]", sign=0)
+            for i, name in enumerate(s["each"])
+        ]
+    return [Column(-(DRAG * from_then_on(s)), 0.3, "change", sign=0)]
+
+
 def _no_settings(e: Evidence) -> Iterator[Settings]:
     yield {}
 
@@ -109,6 +134,19 @@ MECHANISMS = (
         _drafting_settings,
         _drafting,
         hidden=True,
+    ),
+    Mechanism(
+        "drag_area",
+        "F = -rho/2 v^2 d(CdA)(t)",
+        "the drag area changed on the way: a tarpaulin, a trailer, a window",
+        ("drag", "speed"),
+        ("speed", "time", "recording"),
+        "SAE J1263: aerodynamic drag; change of body",
+        "coast down from high speed before and after the change",
+        _drag_area_settings,
+        _drag_area,
+        hidden=True,
+        prior=0.7,
     ),
     Mechanism(
         "rolling_resistance_speed",

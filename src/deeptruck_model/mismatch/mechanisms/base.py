@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.expression import Expression, Signal, maximum
+from deeptruck_model.mismatch.expression import Expression, InRecording, Signal, Tent, maximum
 from deeptruck_model.mismatch.noise import Prior
 
 Array = NDArray[np.float64]
@@ -64,6 +64,11 @@ class Mechanism:
     kind: str = "missing_physics"
     hidden: bool = False
     prior: float = 1.0
+    unlikely_with: str = ""  # a recorded signal that makes this a fifth as likely: it would show there
+
+    def chance(self, e: Evidence) -> float:
+        """Prior probability relative to the other mechanisms, given which signals were recorded."""
+        return self.prior * (0.2 if self.unlikely_with and e.has(self.unlikely_with) else 1.0)
 
 
 @dataclass(frozen=True)
@@ -132,3 +137,43 @@ def quantile(e: Evidence, x: Array, where: NDArray[np.bool_], q: float) -> float
     """A quantile of x over valid rows that satisfy `where`; infinite when there are too few."""
     rows = e.valid & where & np.isfinite(x)
     return float(np.quantile(x[rows], q)) if rows.sum() > 50 else float("inf")
+
+
+def step_settings(e: Evidence, most: int = 32) -> Iterator[Settings]:
+    """Moments from which something may be different: evenly spread, and every start of a recording."""
+    rows = np.arange(len(e))
+    spread = rows[:: max(1, len(e) // most)].tolist()
+    points = sorted({s.start for s in e.stretches} | set(spread))
+    points = [p for p in points if 0.04 * len(e) < p < 0.96 * len(e)]
+    record, elapsed = e.record, e["elapsed"]
+    for p in points:
+        yield {
+            "first": int(record[p]),
+            "after_s": float(elapsed[p]),
+            "count": len(e.stretches),
+            "trials": len(points),
+        }
+
+
+def from_then_on(s: Settings) -> Expression:
+    """One after the moment of `step_settings`, zero before; in a simulation it is always one."""
+    later: Expression = InRecording(s["first"], from_s=s["after_s"], elsewhere=1.0)
+    for i in range(s["first"] + 1, s["count"]):
+        later = later + InRecording(i)
+    return later
+
+
+def episode_settings(e: Evidence, knot_s: float = 60.0, most: int = 80) -> Settings:
+    """Knots in time, afresh in every recording, for something that comes and goes."""
+    step = max(knot_s, len(e) * e.dt / most)
+    return {"knots": [int((s.stop - s.start) * e.dt / step) + 1 for s in e.stretches], "knot_s": step}
+
+
+def episodes(s: Settings) -> Iterator[tuple[str, Expression]]:
+    """A name and a tent in time for every knot of `episode_settings`."""
+    for i, count in enumerate(s["knots"]):
+        for k in range(count + 1):
+            yield (
+                f"[{i}, {k * s['knot_s']:.0f} s]",
+                InRecording(i) * Tent((ELAPSED,), k * s["knot_s"], s["knot_s"]),
+            )

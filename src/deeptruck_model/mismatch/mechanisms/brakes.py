@@ -8,7 +8,17 @@ import numpy as np
 
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.expression import Lag, Rerun, Since, exp, lift, maximum, minimum
-from deeptruck_model.mismatch.mechanisms.base import BRAKE, SPEED, Column, Mechanism, Settings
+from deeptruck_model.mismatch.mechanisms.base import (
+    BRAKE,
+    SPEED,
+    Column,
+    Mechanism,
+    Settings,
+    episode_settings,
+    episodes,
+    from_then_on,
+    step_settings,
+)
 
 HEAT_CAPACITY = 12.5  # J/kg/K: about 500 kg of drums at 500 J/kg/K under 20 t
 
@@ -27,7 +37,7 @@ def _fade(s: Settings) -> list[Column]:
 
 
 def _lag_settings(e: Evidence) -> Iterator[Settings]:
-    for side in ("lag", "rise", "fall"):  # both ways, only applying, only releasing
+    for side in ("lag", "rise", "fall", "delay"):  # both ways, only applying, only releasing, dead time
         for tau_s in (0.15, 0.3, 0.6, 1.0):
             yield {"side": side, "tau_s": tau_s}
 
@@ -41,12 +51,19 @@ def _dragging_settings(e: Evidence) -> Iterator[Settings]:
     yield {"decay_s": None}
     for decay_s in (5.0, 20.0, 80.0):
         yield {"decay_s": decay_s, "braking": threshold}
+    for at in step_settings(e):
+        yield {"decay_s": None} | at
+    yield {"decay_s": None} | episode_settings(e)
 
 
 def _dragging(s: Settings) -> list[Column]:
+    if "knots" in s:
+        return [Column(-here, 0.1, f"force{at}", "N", per_mass=True) for at, here in episodes(s)]
+    if "first" in s:
+        return [Column(-from_then_on(s), 0.08, "force", "N", per_mass=True)]
     if s["decay_s"] is None:
         return [Column(lift(-1.0), 0.08, "force", "N", per_mass=True)]
-    braking = BRAKE > s["braking"]
+    braking = s["braking"] < BRAKE
     left = exp(-Since((braking,)) / s["decay_s"]) * (1.0 - braking)
     return [Column(-left, 0.15, "force", "N", per_mass=True)]
 

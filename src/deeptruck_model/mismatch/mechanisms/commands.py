@@ -12,10 +12,10 @@ from deeptruck_model.mismatch.mechanisms.base import Column, Mechanism, Settings
 
 
 def _delay_settings(e: Evidence) -> Iterator[Settings]:
-    for which in ("all", "engine", "brake"):
-        if which != "brake" or e.has("brake_command"):
-            for tau_s in (0.1, 0.2, 0.35, 0.5, 0.8):
-                yield {"which": which, "tau_s": tau_s}
+    """Both commands or the engine's alone; a late brake alone is the brake's own dead time."""
+    for which in ("all", "engine") if e.has("brake_command") else ("all",):
+        for tau_s in (0.1, 0.2, 0.35, 0.5, 0.8):
+            yield {"which": which, "tau_s": tau_s}
 
 
 def _delay(s: Settings) -> list[Column]:

@@ -28,6 +28,8 @@ from deeptruck_model.mismatch.mechanisms.base import (
     Column,
     Mechanism,
     Settings,
+    episode_settings,
+    episodes,
     lever_reference,
     quantile,
 )
@@ -118,7 +120,7 @@ def _engine_brake(s: Settings) -> list[Column]:
         return [
             Column(minimum(ENGINE_COMMAND, 0.0) / s["full"], 0.3, "force_at_full_demand", "N", per_mass=True)
         ]
-    coast = (ENGINE_COMMAND < s["small"] + 1e-9) * (ENGINE < 0.05)
+    coast = (s["small"] + 1e-9 > ENGINE_COMMAND) * (ENGINE < 0.05)
     if s["by"] == "engine_speed":
         drive = coast * (RATIO / s["reference"]) * (ENGINE_SPEED / OMEGA)
         parts = [Column(-drive, 0.1, "force_at_150_rad_s", "N", per_mass=True)]
@@ -149,10 +151,16 @@ def _friction(s: Settings) -> list[Column]:
 
 def _accessory_settings(e: Evidence) -> Iterator[Settings]:
     yield {}
+    yield episode_settings(e)
 
 
 def _accessories(s: Settings) -> list[Column]:
-    return [Column(-(1.0 / maximum(SPEED, 3.0)), 0.5, "power", "W", per_mass=True)]
+    per_power = 1.0 / maximum(SPEED, 3.0)
+    if "knots" in s:
+        return [
+            Column(-(per_power * here), 0.5, f"power{at}", "W", per_mass=True) for at, here in episodes(s)
+        ]
+    return [Column(-per_power, 0.5, "power", "W", per_mass=True)]
 
 
 MECHANISMS = (

@@ -8,7 +8,7 @@ import numpy as np
 
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.expression import InRecording, Signal, Slosh
-from deeptruck_model.mismatch.mechanisms.base import SIMULATED, Column, Mechanism, Settings
+from deeptruck_model.mismatch.mechanisms.base import SIMULATED, Column, Mechanism, Settings, from_then_on
 
 MASS = Signal("sensitivity:mass")
 
@@ -34,9 +34,7 @@ def _payload(s: Settings) -> list[Column]:
             Column(MASS * InRecording(i), 0.3, f"change[{name}]", "kg", per_mass=True, sign=0)
             for i, name in enumerate(s["each"])
         ]
-    later = InRecording(s["first"], from_s=s["after_s"], elsewhere=1.0)
-    loaded = sum((InRecording(i) for i in range(s["first"] + 1, s["count"])), start=later)
-    return [Column(MASS * loaded, 0.4, "change", "kg", per_mass=True, sign=0)]
+    return [Column(MASS * from_then_on(s), 0.4, "change", "kg", per_mass=True, sign=0)]
 
 
 def _slosh_settings(e: Evidence) -> Iterator[Settings]:

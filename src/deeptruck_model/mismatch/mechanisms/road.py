@@ -55,6 +55,7 @@ MECHANISMS = (
         _settings,
         _grade,
         hidden=True,
+        unlikely_with="grade",
     ),
     Mechanism(
         "road_surface",
