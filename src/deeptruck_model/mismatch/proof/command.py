@@ -6,8 +6,9 @@ Development seeds are 0 to 9999; the report uses seeds from 100000, run once.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -18,11 +19,49 @@ from deeptruck_model.mismatch.proof.cases import Case, make_case
 from deeptruck_model.mismatch.proof.effects import EFFECTS
 from deeptruck_model.mismatch.proof.examination import examine, judge
 from deeptruck_model.mismatch.proof.jobs import Job, run_jobs
+from deeptruck_model.mismatch.proof.page import write_page
 from deeptruck_model.mismatch.proof.plans import LEVELS
 from deeptruck_model.mismatch.proof.scoreboard import print_results
 from deeptruck_model.mismatch.proof.tool import ToolRun
 
+REPORT_SEED = 100_000
+NULL_FACTOR = 5  # nulls need numbers: a false alarm in fifty cannot be seen in forty
+SIMULATORS = ("physics", "deep")
+
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
+
+
+def prove(
+    out: Path,
+    levels: Sequence[str] = LEVELS,
+    cases_per_level: int = 40,
+    jobs: int = 1,
+    seed: int = REPORT_SEED,
+    simulators: Sequence[str] = ("physics", "deep"),
+    resume: bool = True,
+) -> dict[str, Any]:
+    """Examine the tool and write proof.md, scoreboard.json and figures into `out`; returns the scoreboard.
+
+    One folder a case; a scored case is skipped when `resume`, else `out` must not exist. Level
+    nothing_missing gets NULL_FACTOR times the cases. Raises InputError for unknown levels or simulators,
+    or an `out` in use."""
+    unknown = [name for name in levels if name not in LEVELS]
+    unknown += [s for s in simulators if s not in SIMULATORS]
+    if unknown:
+        raise InputError(
+            f"unknown {', '.join(unknown)}; levels: {', '.join(LEVELS)}; simulators: physics, deep"
+        )
+    if out.exists() and not resume:
+        raise InputError(f"{out} exists already; resume it, choose another folder or remove it")
+    wanted = [
+        Job(level, seed + k, None, simulator)
+        for simulator in simulators
+        for level in levels
+        for k in range(cases_per_level * (NULL_FACTOR if level == "nothing_missing" else 1))
+    ]
+    results = run_jobs(out / "cases", wanted, jobs=jobs)
+    command = f"deeptruck-model prove --cases-per-level {cases_per_level} --seed {seed}"
+    return write_page(results, out, command)
 
 
 @app.command()

@@ -40,7 +40,7 @@ def speed_profile(rng: np.random.Generator, scenario: str, n: int, dt: float) ->
             hold = rng.uniform(2.0, 8.0) if stopped else rng.uniform(*holds)
             rate = rng.uniform(*(rises if target > speed else falls))
         out[k] = speed
-    wander = 0.4 * ou_series(rng, (1, n), dt, 12.0)[0]
+    wander = 0.5 * np.convolve(ou_series(rng, (1, n), dt, 12.0)[0], np.hanning(81) / 40.0, mode="same")
     return np.maximum(out + wander * np.clip(out / 8.0, 0.0, 1.0), 0.0)
 
 

@@ -145,9 +145,9 @@ class SlowPuncture(Hidden):
     " fore and aft at"
     " 1-2 Hz against the tractor after every change of pull; free play makes it nonlinear",
     ranges={
-        "trailer_share": (0.35, 0.6),
+        "trailer_share": (0.2, 0.4),
         "hz": (0.9, 1.8),
-        "damping": (0.02, 0.07),
+        "damping": (0.06, 0.15),
         "play_m": (0.002, 0.012),
     },
     needs=("suburban",),

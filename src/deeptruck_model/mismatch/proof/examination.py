@@ -68,6 +68,7 @@ def judge(case: Case, run: ToolRun, *, with_rivals: bool = True) -> dict[str, An
         "overlap": score.overlap(truth, run.verdict),
         "intervals": score.score_intervals(truth, run.verdict),
         "information_nats": truth["information_nats"],
+        "information_left_nats": truth["information_left_nats"],
         "share_of_time": truth["share_of_time"],
         "condition": truth["condition"],
     }

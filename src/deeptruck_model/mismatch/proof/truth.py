@@ -34,6 +34,7 @@ def describe(built: Built, names: tuple[str, ...], believed: dict[str, float]) -
         "scenarios": plan.scenarios,
         "styles": plan.styles,
         "information_nats": built.nats,
+        "information_left_nats": built.nats_left,
         "information_nats_held_out": information(built.extra[plan.fit :], 0.04),
         "rms_acceleration": float(np.sqrt(np.mean(seconds(built.extra) ** 2))),
         "segments": segments(built, names),
