@@ -193,7 +193,7 @@ class Bridge:
     def _hear(self, now: float) -> None:
         messages, self._inbox = self._inbox, []
         try:
-            while self._bus is not None and len(messages) < BURST:
+            while self._bus is not None and self._retry_at is None and len(messages) < BURST:
                 message = self._bus.recv(0)
                 if message is None:
                     break
@@ -236,6 +236,7 @@ class Bridge:
         self._claim.start(now)
 
     def _drop_bus(self, now: float) -> None:
+        """Nothing is heard or sent until the next try."""
         self._claim.stop()
         self.safety.link(False)
         self._retry_at = now + RETRY_S

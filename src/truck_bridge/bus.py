@@ -20,7 +20,7 @@ import can
 
 from truck_bridge.errors import InputError
 
-SLOTS = 12  # buses on one channel at a time
+SLOTS = 12  # buses on one channel at a time; fewer where two names share a block
 FIRST_PORT, BLOCKS = 20_000, 1_000  # ports 20000..31999, below the kernel's ephemeral range
 _FRAME = struct.Struct("<4sIIBB8s")  # magic, channel, identifier and flags, length, padding, data
 _MAGIC = b"dtCB"

@@ -1,0 +1,155 @@
+"""The loopback bus: between processes, on 127.0.0.1 only, like any other python-can interface."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+
+import can
+import pytest
+
+from truck_bridge.bus import FIRST_PORT, SLOTS, open_bus
+from truck_bridge.errors import InputError
+
+
+@pytest.fixture
+def channel(request):
+    return f"{os.getpid()}-{request.node.name}"
+
+
+@pytest.fixture
+def pair(channel):
+    buses = [can.Bus(interface="loopback", channel=channel) for _ in range(2)]
+    yield buses
+    for bus in buses:
+        bus.shutdown()
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        can.Message(arbitration_id=0x0CF00400, data=bytes(range(8))),
+        can.Message(arbitration_id=0x7FF, data=b"\x01", is_extended_id=False),
+        can.Message(arbitration_id=0x18FEF100, data=b""),
+        can.Message(arbitration_id=0x18EAFF00, is_remote_frame=True, dlc=3),
+        can.Message(arbitration_id=0x40, data=bytes(8), is_error_frame=True, is_extended_id=False),
+    ],
+    ids=["extended", "standard", "empty", "remote", "error"],
+)
+def test_a_frame_arrives_as_it_left_and_not_at_its_sender(pair, message):
+    pair[0].send(message)
+    arrived = pair[1].recv(2.0)
+    assert arrived is not None
+    assert arrived.equals(message, timestamp_delta=None, check_channel=False, check_direction=False)
+    assert pair[0].recv(0) is None
+
+
+def test_frames_of_one_sender_keep_their_order(pair):
+    for number in range(500):
+        pair[0].send(can.Message(arbitration_id=0x18FF0000 + number, data=number.to_bytes(8, "little")))
+    assert [pair[1].recv(2.0).arbitration_id - 0x18FF0000 for _ in range(500)] == list(range(500))
+
+
+def test_own_messages_on_request(channel):
+    with can.Bus(interface="loopback", channel=channel, receive_own_messages=True) as bus:
+        bus.send(can.Message(arbitration_id=1, data=b"x"))
+        assert bus.recv(1.0).data == b"x"
+
+
+def test_channels_do_not_hear_each_other(pair, channel):
+    with can.Bus(interface="loopback", channel=channel + "other") as other:
+        pair[0].send(can.Message(arbitration_id=1))
+        assert pair[1].recv(1.0) is not None
+        assert other.recv(0.05) is None
+
+
+def test_recv_waits_no_longer_than_asked(pair):
+    start = time.monotonic()
+    assert pair[0].recv(0.05) is None
+    assert 0.04 < time.monotonic() - start < 1.0
+
+
+def test_python_can_s_filters_and_notifier_work(pair):
+    pair[1].set_filters([{"can_id": 0x18FEF100, "can_mask": 0x1FFFFFFF, "extended": True}])
+    heard = []
+    notifier = can.Notifier(pair[1], [heard.append], timeout=0.05)
+    pair[0].send(can.Message(arbitration_id=0x18FEF200))
+    pair[0].send(can.Message(arbitration_id=0x18FEF100))
+    deadline = time.monotonic() + 3
+    while not heard and time.monotonic() < deadline:
+        time.sleep(0.01)
+    notifier.stop()
+    assert [message.arbitration_id for message in heard] == [0x18FEF100]
+
+
+def test_another_process_hears_and_answers(pair, channel):
+    code = (
+        "import can, sys\n"
+        "bus = can.Bus(interface='loopback', channel=sys.argv[1])\n"
+        "bus.send(can.Message(arbitration_id=1)); m = bus.recv(20)\n"
+        "bus.send(can.Message(arbitration_id=m.arbitration_id + 1, data=m.data)); bus.shutdown()\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", code, channel]) as process:
+        assert pair[0].recv(30) is not None
+        pair[0].send(can.Message(arbitration_id=0x100, data=b"hello"))
+        answer = pair[0].recv(20)
+        assert (answer.arbitration_id, bytes(answer.data)) == (0x101, b"hello")
+        assert process.wait(20) == 0
+
+
+def test_a_killed_process_leaves_its_slot_free(channel):
+    code = (
+        "import can, sys\n"
+        "bus = can.Bus(interface='loopback', channel=sys.argv[1])\n"
+        "print(bus._socket.getsockname()[1], flush=True); bus.recv(60)\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", code, channel], stdout=subprocess.PIPE) as process:
+        port = int(process.stdout.readline())
+        process.kill()
+        process.wait()
+    with can.Bus(interface="loopback", channel=channel) as bus:
+        assert bus._socket.getsockname()[1] == port
+
+
+def test_a_full_channel_says_so(channel):
+    buses = []
+    try:
+        with pytest.raises(can.CanInitializationError, match="already has"):
+            for _ in range(SLOTS + 1):
+                buses.append(can.Bus(interface="loopback", channel=channel))
+    finally:
+        for bus in buses:
+            bus.shutdown()
+
+
+def test_the_socket_is_bound_to_the_loopback_device(pair):
+    address, port = pair[0]._socket.getsockname()
+    assert address == "127.0.0.1"
+    assert FIRST_PORT <= port < 32_768
+    assert {peer[0] for peer in pair[0]._peers} == {"127.0.0.1"}
+
+
+def test_strangers_on_the_port_are_ignored(pair):
+    _, port = pair[1]._socket.getsockname()
+    for packet in (b"", b"hello", b"x" * 22, b"dtCB" + b"\xff" * 18):
+        pair[0]._socket.sendto(packet, ("127.0.0.1", port))
+    pair[0].send(can.Message(arbitration_id=7))
+    messages = [pair[1].recv(0.2) for _ in range(6)]
+    assert [m.arbitration_id for m in messages if m] == [7]
+
+
+def test_a_closed_bus_says_so(pair):
+    pair[0]._socket.close()
+    with pytest.raises(can.CanOperationError):
+        pair[0].send(can.Message(arbitration_id=1))
+    with pytest.raises(can.CanOperationError):
+        pair[0].recv(0)
+
+
+@pytest.mark.parametrize(("interface", "channel"), [("socketcan", "no_such_can9"), ("warp", "1")])
+def test_a_bus_that_cannot_be_opened_is_one_line(interface, channel):
+    with pytest.raises(InputError, match="cannot open CAN interface") as error:
+        open_bus(interface, channel)
+    assert "\n" not in str(error.value)

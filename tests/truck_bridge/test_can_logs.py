@@ -1,0 +1,226 @@
+"""Logs: both text forms, python-can's formats, damage, decoding, import."""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+
+from truck_bridge import can_logs
+from truck_bridge.can_logs import import_can_log
+from truck_bridge.errors import InputError
+from truck_bridge.j1939 import load
+
+REAL = Path(os.environ.get("DEEPTRUCK_REAL_DATA", "../shared/data")) / "j1939_csu" / "normal.log"
+real = pytest.mark.skipif(not REAL.is_file(), reason=f"{REAL} is not there (set DEEPTRUCK_REAL_DATA)")
+CONSOLE = " (000.010000)  can0  0CF00400   [8]  21 9B 9B DD 2F 00 0F 9B\n"
+LOGGED = "(1436509052.249713) can0 0CF00400#219B9BDD2F000F9B\n"
+FRAME = bytes.fromhex("219B9BDD2F000F9B")
+
+
+def written(tmp_path, text, name="a.log"):
+    path = tmp_path / name
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        CONSOLE,
+        LOGGED,
+        LOGGED.strip() + " R\n",
+        "\n# a comment\n" + CONSOLE,
+        CONSOLE + " (0.1)  can0  123   [2]  01 02\n",
+        CONSOLE
+        + "(1.0) can0 18EAFF00#R\n(1.0) can0 123##1AABB\n (1.0)  can0  18EAFF00   [3]  remote request\n",
+    ],
+    ids=["console", "logged", "direction", "comment", "standard", "remote and FD"],
+)
+def test_both_text_forms_of_candump(tmp_path, text):
+    frames = list(can_logs.read(written(tmp_path, text)))
+    assert [(f.can_id, f.data) for f in frames] == [(0x0CF00400, FRAME)]
+
+
+@pytest.mark.parametrize("suffix", ["asc", "blf", "trc", "log"])
+def test_what_python_can_writes_is_read_back(tmp_path, suffix):
+    path = tmp_path / f"log.{suffix}"
+    with can.Logger(str(path)) as log:
+        for k in range(5):
+            log.on_message_received(
+                can.Message(timestamp=1.6e9 + 0.02 * k, arbitration_id=0x0CF00400, data=FRAME, channel="can0")
+            )
+    frames = list(can_logs.read(path))
+    assert [(f.can_id, f.data) for f in frames] == [(0x0CF00400, FRAME)] * 5
+    assert np.diff([f.time for f in frames]) == pytest.approx(0.02, abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "holds no extended CAN frame"),
+        ("(1.0) can0 123#01\n", "holds no extended CAN frame"),
+        (CONSOLE + "rubbish\n", "line 2: not a line of candump"),
+        (CONSOLE.replace("[8]", "[7]"), "line 1"),
+        (CONSOLE[:50] + "\n", "line 1"),
+        (LOGGED.replace("#21", "#2"), "line 1"),
+        ("\x00\xff binary", "line 1"),
+    ],
+)
+def test_damage_is_one_line(tmp_path, text, says):
+    with pytest.raises(InputError, match=says) as error:
+        list(can_logs.read(written(tmp_path, text)))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"), [("a.blf", b"no BLF"), ("a.asc", b"\x00\x01"), ("a.xyz", b"what")]
+)
+def test_a_damaged_or_unknown_file_is_one_line(tmp_path, name, content):
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(InputError) as error:
+        list(can_logs.read(path))
+    assert name in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_missing_file_and_a_missing_library(tmp_path):
+    with pytest.raises(InputError, match="does not exist"):
+        list(can_logs.read(tmp_path / "none.log"))
+    path = tmp_path / "a.mf4"
+    path.write_bytes(b"MDF")
+    with pytest.raises(InputError, match=r"asammdf|cannot be read"):
+        list(can_logs.read(path))
+
+
+def drive(tmp_path, pedal=math.nan, seconds=2.0):
+    """A log of 10 Hz frames: speed rises by 0.36 km/h a frame, torque 40 %, friction 10 %."""
+    codec, lines = load(), []
+    for k in range(round(seconds * 10)):
+        frames = {
+            "CCVS1": {"WheelBasedVehicleSpeed": 36 + 0.36 * k},
+            "EEC1": {"EngineSpeed": 1200.0, "ActualPercentTorque": 40.0, "DriversDemandPercentTorque": 41.0},
+            "EEC3": {"NominalFrictionPercentTorque": 10.0},
+            "EBC1": {"BrakePedalPosition": pedal},
+            "LFE1": {"EngineFuelRate": 36.0},
+            "VDS": {"Pitch": 1.0},
+        }
+        for name, values in frames.items():
+            layout = codec[name]
+            lines.append(
+                f"({k / 10:.6f}) can0 {layout.can_id(0):08X}#{layout.encode(values).hex().upper()}\n"
+            )
+    return written(tmp_path, "".join(lines))
+
+
+def test_import_gives_si_channels_and_the_interface(tmp_path):
+    channels, interface = import_can_log(drive(tmp_path, pedal=12.0), {"reference_torque": 2000})
+    assert interface == {
+        "name": "a",
+        "engine_unit": "percent",
+        "brake_unit": "percent",
+        "grade": True,
+        "fuel": True,
+    }
+    time, speed = channels["speed"]
+    assert speed == pytest.approx(10 + time, abs=1e-3)
+    expected = {
+        "engine_speed": 1200 * math.pi / 30,
+        "engine_torque": 600.0,
+        "engine_command": 41.0,
+        "brake_command": 12.0,
+        "fuel_rate": 10.0,
+        "grade": math.tan(math.radians(1.0)),
+    }
+    for name, value in expected.items():
+        assert channels[name][1] == pytest.approx(value, rel=1e-6), name
+    assert "acceleration" not in channels
+
+
+def test_what_is_not_available_is_left_out(tmp_path):
+    channels, interface = import_can_log(drive(tmp_path), {})
+    assert interface["brake_unit"] is None
+    assert "engine_torque" not in channels  # no reference torque is known
+
+
+def test_columns_choose_other_signals(tmp_path):
+    columns = {
+        "vehicle": "volvo",
+        "name": "mine",
+        "channels": {"engine_command": {"signal": "EEC1.ActualPercentTorque", "source": 0}},
+    }
+    channels, interface = import_can_log(drive(tmp_path), columns)
+    assert interface["name"] == "mine"
+    assert channels["engine_command"][1] == pytest.approx(40.0)
+    assert channels["engine_torque"][1] == pytest.approx(0.3 * 2600)
+
+
+@pytest.mark.parametrize(
+    ("columns", "says"),
+    [
+        ({"speed": {"column": "v"}}, "unknown key 'speed'"),
+        ({"channels": {"speed": {"column": "v"}}}, "channel speed needs"),
+        ({"channels": {"speed": {"signal": "CCVS1.Speed"}}}, "CCVS1 has no signal 'Speed'"),
+        ({"channels": {"speed": {"signal": "XYZ.Speed"}}}, "no message 'XYZ'"),
+        ({"channels": {"speed": {"signal": "ETC2.CurrentGear"}}}, "no valid sample of ETC2.CurrentGear"),
+        ({"channels": {"speed": {"signal": "CCVS1.WheelBasedVehicleSpeed", "source": 5}}}, "no valid sample"),
+        ({"reference_torque": "much"}, "reference_torque is 'much'"),
+        ({"vehicle": "tram"}, "no vehicle 'tram'"),
+    ],
+)
+def test_bad_columns_are_one_line(tmp_path, columns, says):
+    with pytest.raises(InputError, match=says):
+        import_can_log(drive(tmp_path), columns)
+
+
+def test_a_log_without_speed_or_command_is_refused(tmp_path):
+    with pytest.raises(InputError, match="no vehicle speed"):
+        import_can_log(written(tmp_path, CONSOLE), {})
+    speed = load()["CCVS1"].encode({"WheelBasedVehicleSpeed": 36.0}).hex()
+    with pytest.raises(InputError, match="no engine command"):
+        import_can_log(written(tmp_path, f"(0.0) can0 18FEF100#{speed}\n"), {})
+
+
+def test_the_table_and_the_csv(tmp_path):
+    found = can_logs.decode(drive(tmp_path))
+    lines = list(can_logs.table(found))
+    assert lines[0].startswith("120 frames")
+    (speed,) = (line for line in lines if line.startswith("CCVS1.WheelBasedVehicleSpeed"))
+    assert "  84 " in speed
+    assert "km/h" in speed
+    can_logs.write_csv(found, tmp_path / "out.csv")
+    rows = list(csv.DictReader((tmp_path / "out.csv").open()))
+    assert [r["value"] for r in rows if r["signal"] == "EEC1.EngineSpeed"] == ["1200.0"] * 20
+    with pytest.raises(InputError, match="cannot write"):
+        can_logs.write_csv(found, tmp_path / "gone" / "out.csv")
+
+
+@real
+def test_the_recording_of_a_real_truck_decodes():
+    found = can_logs.decode(REAL)
+    assert found.frames == 19957
+    assert found.reference_torque == 1109.0
+    speed = found.series["CCVS1", "WheelBasedVehicleSpeed", 0]
+    assert len(speed[0]) == 300
+    assert found.invalid["EBC1", "BrakePedalPosition", 0x0B] == {"not available": 299}
+    assert ("EBC1", "BrakePedalPosition", 0x0B) not in found.series
+
+
+@real
+def test_the_recording_of_a_real_truck_imports():
+    channels, interface = import_can_log(REAL, {})
+    assert interface["brake_unit"] is None
+    speed = channels["speed"][1]
+    assert (speed.min(), speed.max()) == (pytest.approx(6.445, abs=1e-3), pytest.approx(15.252, abs=1e-3))
+    assert set(channels["gear"][1]) == {2.0, 3.0, 4.0}
+    time, turning = channels["engine_speed"]
+    assert len(time) == 1499
+    assert np.all(np.diff(time) > 0)
+    assert 120 < turning.min() < turning.max() < 188
+    assert channels["engine_torque"][1].max() == pytest.approx(366, abs=1)
