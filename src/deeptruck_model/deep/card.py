@@ -137,7 +137,8 @@ def _limits(truck: DeepTruck) -> list[str]:
         "The internal state (gear, boost) is unknown at the start of a run and settles within seconds."
     )
     if truck.interface.brake_unit is None:
-        limits.append("Braking was not recorded: decelerations by the service brake cannot be predicted.")
+        share = 100 * truck.details["training"]["unexplained"]
+        limits.append(f"Braking was not recorded: {share:.1f} % of the rows, slowed by it, are left out.")
     if not truck.interface.grade:
         limits.append("Grade was not recorded: the road acts as an unexplained force.")
     if truck.details["training"]["hours"] < 1.0:

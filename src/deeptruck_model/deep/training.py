@@ -29,9 +29,11 @@ from deeptruck_model.deep.windows import (
     measure_scales,
     teachable,
     time_split,
+    unexplained,
 )
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, data_hash
+from deeptruck_model.simulators import MANIFEST, read_manifest
 
 VALIDATION_RUNS = 64
 
@@ -122,6 +124,9 @@ def train(
         "updates": updates,
     }
 
+    if resumes and _finished(out, identity):
+        return checkpoint.load_directory(out, read_manifest(out))
+
     # model
     seeds = tuple(arguments.seed + m for m in range(arguments.members))
     shape = Shape(
@@ -192,6 +197,7 @@ def train(
         "taught": list(taught),
         "training": {
             "updates": updates,
+            "unexplained": float(np.mean(np.concatenate([unexplained(r, interface) for r in recordings]))),
             "steps": steps,
             "hours": samples * dt / 3600,
             "seconds": time.monotonic() - began,
@@ -200,6 +206,16 @@ def train(
     }
     truck = DeepTruck(network, interface, coverage.measure(training), details)
     return card.publish(truck, training, validation, working, out)
+
+
+def _finished(out: Path, identity: dict[str, Any]) -> bool:
+    """Whether `out` already holds the truck that this run would train."""
+    if not (out / MANIFEST).exists():
+        return False
+    manifest = read_manifest(out)
+    run = manifest.get("training", {})
+    found = (manifest.get("config"), manifest.get("data_hash"), run.get("steps"), run.get("updates"))
+    return found == tuple(identity[key] for key in ("arguments", "data_hash", "steps", "updates"))
 
 
 def default_updates(samples: int) -> int:

@@ -20,6 +20,7 @@ SHORTEST_S = 3.0  # a piece below this teaches nothing
 HELD_OUT = 0.15  # share of the data, always the later part, that selects the checkpoint
 SPLIT_FROM_S = 120.0  # pieces from this length on are split inside; shorter ones go whole to one side
 CONSISTENCY_S = 20.0
+BRAKED, GRAVITY = -0.6, 9.81  # m/s^2; a laden truck coasts down at less
 
 
 def common_interface(recordings: Sequence[Recording]) -> TruckInterface:
@@ -60,15 +61,27 @@ def has(recording: Recording, channel: str) -> bool:
     return channel in recording.channels and bool(np.isfinite(recording.channels[channel]).any())
 
 
+def unexplained(recording: Recording, interface: TruckInterface) -> NDArray[np.bool_]:
+    """Rows, (n,), in which the truck must have braked by something that `interface` does not show.
+
+    Only where no brake is recorded and the engine command is a fuel flow, which cannot retard: there a
+    deceleration beyond BRAKED, freed of the grade, has no cause in the inputs.
+    """
+    if interface.brake_unit is not None or interface.engine_unit not in ("g/s", "cm^3/s"):
+        return np.zeros(len(recording), bool)
+    grade = recording.channels["grade"] if interface.grade else 0.0
+    return np.asarray(recording.channels["acceleration"] + GRAVITY * grade < BRAKED)
+
+
 def cut(recording: Recording, interface: TruckInterface) -> list[Recording]:
-    """The stretches of a recording where every input of `interface` is valid, each starting at a valid
-    speed."""
+    """The stretches with every input of `interface` valid and no row unexplained, from a valid speed on."""
     channels = dict(recording.channels)
     if interface.fuel and "fuel_rate" not in channels:
         channels["fuel_rate"] = np.full(len(recording), np.nan)
     whole = replace(recording, interface=interface, channels=channels)
     speed = whole.channels["speed"]
     valid = np.isfinite(np.concatenate([whole.u, whole.w], axis=1)).all(axis=1)
+    valid &= ~unexplained(whole, interface)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], valid.astype(np.int8), [0]])))
     pieces = []
     for start, stop in zip(edges[::2], edges[1::2], strict=True):

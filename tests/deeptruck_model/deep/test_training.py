@@ -66,6 +66,9 @@ def test_resumed_equals_uninterrupted(drive, small, tmp_path, monkeypatch):
     resumed = train(drives, tmp_path / "killed", arguments, resumes=True)
     assert same(weights(whole), weights(resumed))
     assert sorted(p.name for p in tmp_path.iterdir()) == ["killed", "whole"]
+    written = (tmp_path / "killed" / "simulator.json").stat().st_mtime_ns
+    train(drives, tmp_path / "killed", arguments, resumes=True)  # finished: nothing left to do
+    assert (tmp_path / "killed" / "simulator.json").stat().st_mtime_ns == written
 
 
 def test_resume_refuses_another_run(drive, small, tmp_path, monkeypatch):

@@ -85,3 +85,15 @@ def test_common_interface_is_what_all_have(drive):
 def test_bags_that_do_not_belong_together(drive, change, says):
     with pytest.raises(InputError, match=says):
         windows.common_interface([drive(10), change(drive(10, seed=1))])
+
+
+def test_unrecorded_braking_is_left_out(drive):
+    fuel = TruckInterface("logger", "g/s", None)
+    recording = drive(30, interface=fuel)
+    recording.channels["grade"][:] = 0.02
+    recording.channels["acceleration"][:] = -0.7  # of which the slope takes 0.2
+    assert not windows.unexplained(recording, fuel).any()
+    recording.channels["acceleration"][100:120] = -1.5
+    assert [len(p) for p in windows.cut(recording, fuel)] == [100, 180]
+    assert not windows.unexplained(recording, TruckInterface("torque", "N m", None)).any()
+    assert not windows.unexplained(recording, TruckInterface("braked", "g/s", "percent")).any()
