@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,7 @@ from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]
 
-D_T, PATH = 0.1, 800  # the paper's 10 Hz and path length
+PATH = 800  # steps of a path in the paper
 
 
 @dataclass
@@ -148,7 +147,3 @@ class CaccEnv:
             "speed_error": self.leader_speed - self.speed,
             "crash": self.gap <= self.reward.d_safety,
         }
-
-    def inside(self) -> dict[str, Any]:
-        """What the simulator shows of its inside, each (batch,)."""
-        return self.simulator.inside(self._state)

@@ -15,7 +15,7 @@ from deeptruck_model.errors import InputError
 Array = NDArray[np.float64]
 
 
-def settled(rng: np.random.Generator, batch: int, steps: int, speed: float | Array, time_gap: float) -> Scene:
+def settled(batch: int, steps: int, speed: float | Array, time_gap: float) -> Scene:
     """Both trucks at one speed and at the wanted gap, on a flat road."""
     v = np.broadcast_to(np.asarray(speed, float), (batch,)).copy()
     still = np.zeros((batch, steps))
@@ -24,13 +24,13 @@ def settled(rng: np.random.Generator, batch: int, steps: int, speed: float | Arr
 
 def stop(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
     """The leader brakes at -6 m/s2 to a stand between 5 and 15 s; time gaps 2..5 s."""
-    scene = replace(paper(rng, batch, steps, dt))
+    scene = paper(rng, batch, steps, dt)
     begin = rng.integers(round(5 / dt), round(15 / dt), batch)
     braking = np.arange(steps) >= begin[:, None]
     return replace(scene, leader_acceleration=np.where(braking, -6.0, 0.0))
 
 
-def steps_(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
+def ramps(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
     """Leader speed in ramps of 1 m/s2 up and down by 3 m/s every 20 s."""
     scene = paper(rng, batch, steps, dt)
     t = dt * np.arange(steps)[None] + rng.uniform(0, 40, (batch, 1))
@@ -84,14 +84,14 @@ def radar_jump(rng: np.random.Generator, batch: int, steps: int, dt: float) -> S
 
 def descent(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
     """A long descent of 3 to 5 %, leader steady at 12 to 20 m/s: brakes grow hot."""
-    scene = settled(rng, batch, steps, rng.uniform(12, 20, batch), 2.5)
+    scene = settled(batch, steps, rng.uniform(12, 20, batch), 2.5)
     grade = -rng.uniform(0.03, 0.05, (batch, 1)) * np.ones((1, steps))
     return replace(scene, grade=grade)
 
 
 def gap_closing(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
     """The paper's field run: 2 m/s faster than a steady leader, 1 s too far behind, wanted time gap 1.5 s."""
-    scene = settled(rng, batch, steps, rng.uniform(17, 21, batch), 1.5)
+    scene = settled(batch, steps, rng.uniform(17, 21, batch), 1.5)
     speed = scene.leader_speed + 2.0
     return replace(scene, speed=speed, gap=speed * 2.5)
 
@@ -101,7 +101,7 @@ def long_following(rng: np.random.Generator, batch: int, steps: int, dt: float) 
 
     For 2 s the radar then looks past the leader at a vehicle 30 m further and 1.5 m/s faster.
     """
-    scene = settled(rng, batch, steps, rng.uniform(17, 21, batch), 1.5)
+    scene = settled(batch, steps, rng.uniform(17, 21, batch), 1.5)
     t = dt * np.arange(steps)[None]
     pull = np.zeros((batch, steps))
     for period in (13.0, 23.0, 41.0):
@@ -119,7 +119,7 @@ def long_following(rng: np.random.Generator, batch: int, steps: int, dt: float) 
 def recorded(speeds: Array, time_gap: float) -> Scene:
     """Scenes behind recorded leaders, speeds (batch, T + 1) in m/s at the simulator's dt of 0.1 s."""
     pull = np.diff(speeds, axis=1) / 0.1
-    start = settled(np.random.default_rng(0), len(speeds), pull.shape[1], speeds[:, 0], time_gap)
+    start = settled(len(speeds), pull.shape[1], speeds[:, 0], time_gap)
     return replace(start, leader_acceleration=pull)
 
 
@@ -163,7 +163,7 @@ HARD: dict[str, tuple[Drawer, float]] = {  # name: (drawer, seconds)
     "graded": (graded, 80.0),
     "moving": (moving, 80.0),
     "wide": (wide, 80.0),
-    "steps": (steps_, 80.0),
+    "steps": (ramps, 80.0),
     "stop": (stop, 40.0),
     "cut_in": (cut_in, 60.0),
     "cut_out": (cut_out, 60.0),

@@ -15,14 +15,6 @@ from deeptruck_model.signals import TruckInterface
 Array = NDArray[np.float64]
 
 OBSERVED = ("leader_speed", "speed", "gap", "target_time_gap", "grade")  # keys of an observation
-PAPER_SIGNALS = (
-    "leader_speed",
-    "speed",
-    "gap",
-    "target_gap",
-    "grade",
-)  # target_gap = speed * target_time_gap
-MEMORY = ("gap_error_integral", "leader_speed_slow", "speed_slow")
 
 # Invertible map of the paper's five signals: differences first, because the errors are what must go to zero.
 _MATRIX = np.array(

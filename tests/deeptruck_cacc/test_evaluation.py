@@ -46,7 +46,7 @@ def test_error_statistics_of_known_numbers():
 
 
 def test_settling_time_is_the_last_time_outside():
-    scene = hard_scenes.settled(np.random.default_rng(0), 2, 4, 20.0, 2.0)
+    scene = hard_scenes.settled(2, 4, 20.0, 2.0)
     errors = np.array([[1.0, 0.0], [0.0, 0.0], [0.4, 0.0], [0.0, 0.9]])
     trace = Trace(0.1, scene, {"time_gap_error": errors, "speed_error": 0 * errors})
     np.testing.assert_allclose(metrics.settling_time(trace, 0.35, 0.2), [0.3, np.inf])
@@ -67,7 +67,7 @@ def test_every_scene_is_well_formed_and_drivable(toy, cacc, name):
 
 
 def test_platoon_followers_follow_the_truck_before_them(toy, cacc):
-    first = hard_scenes.settled(np.random.default_rng(0), 2, 100, 18.0, 1.5)
+    first = hard_scenes.settled(2, 100, 18.0, 1.5)
     pull = np.zeros((2, 100))
     pull[:, 20:40] = -1.0
     traces = platoon.drive(toy, cacc, replace(first, leader_acceleration=pull), trucks=3)

@@ -66,7 +66,7 @@ def string_stability(
     dt, steps = simulator.dt, round(200.0 / simulator.dt)
     t = dt * np.arange(steps)
     omega = 2 * np.pi * FREQUENCIES[:, None]
-    scene = settled(np.random.default_rng(0), len(FREQUENCIES), steps, speed, time_gap)
+    scene = settled(len(FREQUENCIES), steps, speed, time_gap)
     pull = np.diff(amplitude * np.sin(omega * np.append(t, t[-1] + dt)), axis=1) / dt
     scene = replace(scene, leader_acceleration=pull)
     traces = drive(simulator, policy, scene, trucks, None if v2v else np.random.default_rng(0))

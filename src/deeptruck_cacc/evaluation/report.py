@@ -161,7 +161,9 @@ def _row(name: str, trace: Trace, pedals: PedalMap) -> dict[str, Any]:
     if name == "gap_closing":
         for label, bounds in (("paper", (0.35, 0.2)), ("reach", (0.1, 0.1))):
             times = metrics.settling_time(trace, *bounds)
-            row[f"closed_s_{label}_bounds"] = float(times.max()) if np.isfinite(times.max()) else None
+            row[f"closed_s_{label}_bounds"] = (
+                round(float(times.max()), 3) if np.isfinite(times.max()) else None
+            )
     return row
 
 

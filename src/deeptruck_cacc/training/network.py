@@ -54,6 +54,7 @@ class SeedBatch(torch.nn.Module):
             self.biases.append(torch.nn.Parameter(torch.zeros(len(seeds), 1, fan_out)))
         with torch.no_grad():
             self.biases[-1][:, :, 0] = -0.5  # a quarter of the engine: about what holds a truck's speed
+            self.biases[-1][:, :, 1] = -0.2  # brake released: one that starts dragging is slow to let go
         self.matrix = torch.tensor(features.matrix, dtype=torch.float32)
         self.offset = torch.tensor(features.offset, dtype=torch.float32)
 

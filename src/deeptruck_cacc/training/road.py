@@ -44,7 +44,7 @@ class Road:
     simulator: Simulator
     reward: Reward
     alpha_rate: float = 0.3  # on the change of action a step, squared: keeps the pedals quiet
-    alpha_both: float = 0.5  # on engine times brake: neither pedal is worth anything against the other
+    alpha_both: float = 1.0  # on engine times brake: neither pedal is worth anything against the other
     margin_m: float = 4.0  # the crash penalty cannot be differentiated; a hinge this far above d_safety can
 
     def __post_init__(self) -> None:
