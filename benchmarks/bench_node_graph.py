@@ -25,6 +25,7 @@ from deeptruck_nodes.recorder import header_stamp
 from deeptruck_model.recordings.bag_source import BagSource
 
 ROOT = Path(__file__).parents[1]
+PRIORITY = ", real-time priority (chrt -f 1)" if os.sched_getscheduler(0) == os.SCHED_FIFO else ""
 RESULTS = ROOT / "docs" / "results" / "bench_node_graph.md"
 TRUCK = ("--simulator", "truck:trucksim", "--policy", "baseline:acc", "--leader", "sine")
 TICK = os.sysconf("SC_CLK_TCK")
@@ -39,7 +40,7 @@ def main() -> None:
     load = os.getloadavg()[0]
     with tempfile.TemporaryDirectory() as scratch:
         rows = [*real_time(Path(scratch), arguments.seconds), *lock_step(Path(scratch), arguments.simulated)]
-    report(rows, f"{os.cpu_count()} cores, load average {load:.1f} before, nice {os.nice(0)}")
+    report(rows, f"{os.cpu_count()} cores, load average {load:.1f} before{PRIORITY}")
 
 
 def start(folder: Path, name: str, *arguments: object) -> subprocess.Popen[str]:

@@ -24,6 +24,7 @@ from rclpy.serialization import serialize_message
 
 from deeptruck_model.recordings.bag_source import BagSource
 
+PRIORITY = ", real-time priority (chrt -f 1)" if os.sched_getscheduler(0) == os.SCHED_FIFO else ""
 RESULTS = Path(__file__).parents[1] / "docs" / "results" / "bench_recorder.md"
 NAMES = tuple(f"/bench/twist{n}" for n in range(5))
 
@@ -40,7 +41,7 @@ def main() -> None:
     load = os.getloadavg()[0]
     with tempfile.TemporaryDirectory() as scratch:
         rows = measure(Path(scratch), arguments.rate, arguments.seconds)
-    report(rows, f"{os.cpu_count()} cores, load average {load:.1f} before, nice {os.nice(0)}")
+    report(rows, f"{os.cpu_count()} cores, load average {load:.1f} before{PRIORITY}")
 
 
 def publish(rate: int, seconds: float) -> None:
