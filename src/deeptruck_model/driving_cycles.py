@@ -204,7 +204,8 @@ def drive(
     """Drive the truck along a generated cycle for hours and seconds together; one contiguous recording.
 
     The road's grade acts on the truck whether or not its interface shows it; where it does not, neither grade
-    nor elevation is recorded. A truck with forces or command filters is driven step by step, slower.
+    nor elevation is recorded. Elevation is above the drive's lowest point. A truck with forces or command
+    filters is driven step by step, slower.
     """
     settings = settings or CycleSettings()
     total, dt = 3600.0 * hours + seconds, truck.dt
@@ -215,6 +216,7 @@ def drive(
     engine_brake = _stretches(len(targets), dt, settings.engine_brake_share, rng)
     log = drive_along(truck, targets, engine_brake, episodes, road, settings.road.spacing)
     channels = {c: np.ascontiguousarray(log[:, i]) for i, c in enumerate(LOGGED)}
+    channels["elevation"] -= channels["elevation"].min()  # the walk of a long drive leaves the earth's range
     if not truck.interface.grade:
         del channels["grade"], channels["elevation"]
     return Recording(

@@ -19,6 +19,7 @@ from deeptruck_model.driving_cycles import (
     speed_profile,
 )
 from deeptruck_model.errors import InputError
+from deeptruck_model.signals import CHANNELS
 
 PRINTED = SpeedSettings(soft_limit_speed=35.0)
 
@@ -93,6 +94,13 @@ def test_recording_is_what_the_truck_did(name: str) -> None:
     angle = np.arctan(recording.channels["grade"][:-1])
     way = 0.5 * (speed[1:] + speed[:-1]) * 0.1
     np.testing.assert_allclose(climbed, way * np.sin(angle), atol=0.01)
+
+
+def test_the_road_of_a_long_drive_stays_on_earth() -> None:
+    """A random walk of the slope would lead below the sea; a reader then takes the unit to be wrong."""
+    elevation = drive(trucks.load("trucksim"), hours=4.0, seed=1).channels["elevation"]
+    assert elevation.min() == 0.0
+    assert elevation.max() < CHANNELS["elevation"].high
 
 
 def test_a_truck_without_a_grade_sensor_records_neither_grade_nor_elevation() -> None:

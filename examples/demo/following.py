@@ -1,0 +1,55 @@
+"""A closed-loop run read back from its bag, and how well it followed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import read
+
+Array = NDArray[np.float64]
+
+BUSY_S = (63.0, 64.5)  # the radar sees another vehicle
+SETTLED_S = 5.0
+
+
+@dataclass(frozen=True)
+class Following:
+    """Channels (n,) over time since the run's first speed, s."""
+
+    title: str
+    time: Array
+    channels: dict[str, Array]
+    time_gap: float = 2.0
+
+    @property
+    def target_gap(self) -> Array:
+        """m."""
+        return self.time_gap * self.channels["speed"]
+
+    def figures(self) -> dict[str, float]:
+        """Errors after the start, without the time in which the radar sees another vehicle."""
+        judged = (self.time > SETTLED_S) & ((self.time < BUSY_S[0]) | (self.time > BUSY_S[1]))
+        if not judged.any():
+            raise InputError(f"'{self.title}' ended within {SETTLED_S:g} s; look at its log")
+        error = np.abs(self.channels["gap"] - self.target_gap)[judged]
+        seconds = error / np.maximum(self.channels["speed"][judged], 1.0)
+        return {
+            "mean time gap error, s": float(np.nanmean(seconds)),
+            "largest time gap error, s": float(np.nanmax(seconds)),
+            "largest gap error, m": float(np.nanmax(error)),
+            "smallest gap, m": float(np.nanmin(self.channels["gap"])),
+            "hardest braking, m/s²": float(-np.nanmin(self.channels["acceleration"])),
+        }
+
+
+def load(bag: Path, title: str) -> Following:
+    """Read a run. Raises InputError where the bag lacks what following needs."""
+    recording = max(read(bag), key=len)
+    need = ("speed", "acceleration", "leader_speed", "gap", *recording.interface.u)
+    recording.columns(need)
+    return Following(title, recording.time - recording.start_s, recording.channels)

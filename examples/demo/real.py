@@ -1,0 +1,32 @@
+"""The real truck's table as two bags: its first part to learn from, its last part to be judged by."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from deeptruck_model.recordings import import_table, split, write_bag
+
+COLUMNS = Path(__file__).parents[2] / "layouts" / "columns" / "veh002.yaml"
+
+
+def main(
+    table: Annotated[Path, typer.Argument(help="veh002_all.csv")],
+    out: Annotated[Path, typer.Option(help="Folder for the bags train and test.")],
+) -> None:
+    """Import and split by time: 80 % to learn from (the trainer validates within), the last 20 % to test."""
+    whole = out / "whole"
+    shutil.rmtree(whole, ignore_errors=True)
+    out.mkdir(parents=True, exist_ok=True)
+    recordings = import_table(table, COLUMNS, whole).recordings
+    first, _, last = split(recordings, (0.8, 0.0, 0.2))
+    for name, part in (("train", first), ("test", last)):
+        write_bag(out / name, part, interface=recordings[0].interface)
+        print(f"{name}: {sum(len(r) * r.dt for r in part) / 60:.0f} min in {len(part)} pieces")
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -1,0 +1,156 @@
+"""Runs the steps, two at a time; what is done is kept unless something before it changed."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from examples.demo.steps import Step
+
+POLL_S = 0.2
+FAREWELL_S = 20.0  # an interrupted node graph ends in order
+
+
+class StepError(Exception):
+    """A step failed; one line."""
+
+
+@dataclass
+class Progress:
+    """Where a step stands, for whoever shows it."""
+
+    step: Step
+    state: str = "waiting"  # waiting, running, done, kept, failed
+    begun: float = 0.0
+    seconds: float = 0.0
+    says: str = ""
+
+
+@dataclass
+class Runner:
+    """The demo's folder and how far it is. `show` is called whenever something moved."""
+
+    out: Path
+    steps: Sequence[Step]
+    show: Callable[[Sequence[Progress]], None]
+    workers: int = 2
+    progress: dict[str, Progress] = field(init=False)
+    _stop: bool = field(default=False, init=False)
+
+    def __post_init__(self) -> None:
+        self.progress = {step.name: Progress(step) for step in self.steps}
+
+    def run(self) -> None:
+        """All steps. Raises StepError at the first that fails, after ending those still running."""
+        (self.out / "logs").mkdir(parents=True, exist_ok=True)
+        running: dict[Future[None], str] = {}
+        with ThreadPoolExecutor(self.workers) as pool:
+            try:
+                while running or self._unfinished():
+                    for step in self._ready():
+                        if len(running) < self.workers:
+                            self.progress[step.name].state = "running"
+                            running[pool.submit(self._do, step)] = step.name
+                    finished, _ = wait(running, timeout=POLL_S, return_when=FIRST_COMPLETED)
+                    for future in finished:
+                        del running[future]
+                        future.result()
+                    self.show(list(self.progress.values()))
+            finally:
+                self._stop = True
+
+    def _unfinished(self) -> bool:
+        return any(p.state in ("waiting", "running") for p in self.progress.values())
+
+    def _ready(self) -> Iterator[Step]:
+        for p in self.progress.values():
+            before = (self.progress[need].state for need in p.step.needs)
+            if p.state == "waiting" and all(state in ("done", "kept") for state in before):
+                yield p.step
+
+    def _do(self, step: Step) -> None:
+        p, mark = self.progress[step.name], self.out / "logs" / f"{step.name}.json"
+        identity = {"command": step.command, "after": [self._mark(need)["done"] for need in step.needs]}
+        before = self._mark(step.name)
+        same = {key: before.get(key) for key in identity} == json.loads(json.dumps(identity))
+        if same and before["done"] and all((self.out / path).exists() for path in step.makes[:1]):
+            p.state, p.seconds = "kept", before["seconds"]
+            return
+        if not (same and step.resumable):
+            self._remove(step)
+        mark.write_text(json.dumps({**identity, "done": None, "seconds": 0.0}))
+        p.begun = time.monotonic()
+        self._execute(step, p)
+        p.seconds, p.state = time.monotonic() - p.begun, "done"
+        mark.write_text(json.dumps({**identity, "done": time.time(), "seconds": p.seconds}))
+
+    def _mark(self, name: str) -> dict[str, object]:
+        try:
+            found: dict[str, object] = json.loads((self.out / "logs" / f"{name}.json").read_text())
+        except (OSError, json.JSONDecodeError):
+            return {}
+        return found
+
+    def _remove(self, step: Step) -> None:
+        for path in (self.out / made for made in step.makes):
+            if path.is_dir():
+                shutil.rmtree(path)
+            else:
+                path.unlink(missing_ok=True)
+
+    def _execute(self, step: Step, p: Progress) -> None:
+        log = self.out / "logs" / f"{step.name}.log"
+        with log.open("wb") as output:
+            process = subprocess.Popen(
+                step.command,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                env=self._environment(step),
+                start_new_session=True,  # Ctrl-C reaches the demo alone, which passes it on
+            )
+        while process.poll() is None:
+            p.says = last_line(log)
+            if self._stop:
+                _end(process)
+            time.sleep(POLL_S)
+        if self._stop:
+            p.state = "waiting"
+            raise StepError("interrupted")
+        if process.returncode:
+            p.state = "failed"
+            raise StepError(
+                f"step '{step.name}' failed (exit code {process.returncode}): {last_line(log)}; "
+                f"all it said is in {os.path.relpath(log)}; run again to go on from here"
+            )
+
+    def _environment(self, step: Step) -> dict[str, str]:
+        """One thread a step, and a ROS domain for each: two may run node graphs at the same time."""
+        first = int(os.environ.get("ROS_DOMAIN_ID") or 0)
+        domain = (first + list(self.progress).index(step.name)) % 102
+        quiet = {"OMP_NUM_THREADS": "1", "MPLBACKEND": "Agg", "COLUMNS": "200", "TERM": "dumb"}
+        return {**os.environ, **quiet, "ROS_DOMAIN_ID": str(domain), "PYTHONUNBUFFERED": "1"}
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    process.send_signal(2)
+    try:
+        process.wait(FAREWELL_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+
+
+def last_line(log: Path) -> str:
+    """The last line of a log that says something; '' where there is none."""
+    with log.open("rb") as file:
+        file.seek(max(0, log.stat().st_size - 4000))
+        text = file.read().decode(errors="replace")
+    lines = [line.strip() for line in text.replace("\r", "\n").splitlines() if line.strip()]
+    return lines[-1] if lines else ""

@@ -1,0 +1,193 @@
+"""What the demo does: commands a user could type, with what each needs and what it makes."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from deeptruck_model.errors import InputError
+
+ROOT = Path(__file__).parents[2]
+REAL_TABLE = Path("vt_heavy_truck") / "veh002_all.csv"
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How much of everything."""
+
+    hours: float = 2.0
+    """driven data the deep truck learns from, besides what the node graph records"""
+    graph_s: float = 300.0
+    """driven in the node graph, lock-step"""
+    updates: int = 9000
+    """of the deep truck; 0 leaves the choice to the trainer"""
+    iterations: int = 100
+    """of the policy"""
+    follow_s: float = 80.0
+    """of following, in simulation and over CAN; the radar jumps at 63 s"""
+    mismatch_s: float = 240.0
+    """of each of the recordings that the mismatch tool gets"""
+    real_updates: int = 4000
+    """of the model of the real truck"""
+
+    @classmethod
+    def quick(cls) -> Settings:
+        """The least that runs; its figures mean nothing."""
+        return cls(0.1, 20.0, 80, 4, 12.0, 60.0, 80)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One command. `makes` are paths below the demo's folder, removed before the command runs anew.
+
+    A step that is `resumable` goes on by itself after a kill, so what it had made is kept.
+    """
+
+    name: str
+    title: str
+    command: tuple[str, ...]
+    needs: tuple[str, ...] = ()
+    makes: tuple[str, ...] = ()
+    resumable: bool = False
+
+    @property
+    def typed(self) -> str:
+        """The command as a user would type it."""
+        words = [Path(self.command[0]).name, *self.command[1:]]
+        shown = [os.path.relpath(w) if w.startswith("/") else w for w in words]
+        return " ".join(f"'{w}'" if any(c in w for c in " ;*") else w for w in shown)
+
+
+def real_data() -> Path | None:
+    """The folder of real recordings: DEEPTRUCK_REAL_DATA, or ../shared/data beside the project; else None."""
+    given = os.environ.get("DEEPTRUCK_REAL_DATA")
+    folder = Path(given) if given else ROOT.parent / "shared" / "data"
+    return folder if (folder / REAL_TABLE).exists() else None
+
+
+def plan(out: Path, settings: Settings, real: Path | None) -> list[Step]:
+    """The steps, what others wait for longest first."""
+    return [*_learn(out, settings), *_follow(out, settings), *_explain(out), *_real(out, settings, real)]
+
+
+def chosen(steps: Sequence[Step], only: Sequence[str] | None) -> list[Step]:
+    """The steps named in `only` and what they need; all for None. Raises InputError for an unknown name."""
+    known = {step.name: step for step in steps}
+    wanted = list(only or known)
+    for name in wanted:
+        if name not in known:
+            raise InputError(f"there is no step '{name}'; known: {', '.join(known)}")
+        wanted += [need for need in known[name].needs if need not in wanted]
+    return [step for step in steps if step.name in wanted]
+
+
+def _console(script: str, *words: str | Path) -> tuple[str, ...]:
+    return (str(Path(sys.executable).with_name(script)), *map(str, words))
+
+
+def _python(script: str, *words: str | Path) -> tuple[str, ...]:
+    return (sys.executable, str(ROOT / script), *map(str, words))
+
+
+def _learn(out: Path, s: Settings) -> Sequence[Step]:
+    drives = out / "drives"
+    made = ("drives/cycle", "drives/test", "drives/leader.csv", "drives/heavy", "drives/heavy.yaml")
+    driven = _python(
+        "examples/demo/drives.py", "--out", drives,
+        "--hours", f"{s.hours:g}", "--mismatch-s", f"{s.mismatch_s:g}",
+    )  # fmt: skip
+    graph = _python(
+        "ros2_ws/start_simulation.py", "--simulator", "truck:trucksim", "--policy", "baseline:acc",
+        "--leader", f"recorded:path={drives / 'leader.csv'}", "--road", "random:grade=0.015,seed=1",
+        "--initial-speed", "15", "--lockstep", "--duration", f"{s.graph_s:g}",
+        "--record", drives / "graph", "--runs", out / "runs",
+    )  # fmt: skip
+    train = _console(
+        "deeptruck-model", "train", drives / "cycle", drives / "graph",
+        "--out", out / "simulator", "--budget", f"{s.updates}", "--resume",
+    )  # fmt: skip
+    evaluate = _console(
+        "deeptruck-model", "evaluate", out / "simulator", drives / "test", "--out", out / "open_loop"
+    )
+    coverage = _console(
+        "deeptruck-model", "coverage", drives / "cycle", drives / "graph", "--out", out / "coverage"
+    )
+    return (
+        Step("drive", "drive the truck through the paper's driving cycle", driven, (), made),
+        Step("record", "the same truck in the node graph, recorded", graph, ("drive",), ("drives/graph",)),
+        Step("train", "learn the deep truck", train, ("record",), ("simulator", "simulator.partial"), True),
+        Step("evaluate", "open-loop errors on a drive it has not seen", evaluate, ("train",), ("open_loop",)),
+        Step("coverage", "what the recordings hold", coverage, ("record",), ("coverage",)),
+    )
+
+
+def _follow(out: Path, s: Settings) -> Sequence[Step]:
+    """The same policy behind the same leader, in simulation and over CAN."""
+    policy = out / "policy"
+    train = _console(
+        "deeptruck-cacc", "train", "--trainer", "analytic", "--simulator", out / "simulator", "--out", policy,
+        "--seeds", "1", "--iterations", f"{s.iterations}", "--resume",
+    )  # fmt: skip
+    scene = (
+        "--leader", "steps:speeds=20/23/18/20,every=15,acceleration=0.6", "--radar", "field",
+        "--initial-speed", "20", "--duration", f"{s.follow_s:g}", "--runs", str(out / "runs"),
+    )  # fmt: skip
+    simulate = _python(
+        "ros2_ws/start_simulation.py", "--simulator", out / "simulator", "--policy", policy, *scene,
+        "--lockstep", "--record", out / "following" / "simulation",
+    )  # fmt: skip
+    vehicle = _python(
+        "ros2_ws/start_vehicle.py", "--vehicle", "trucksim", "--emulator", "--engage",
+        "--interface", "loopback", "--channel", "demo", "--policy", policy, *scene,
+        "--record", out / "following" / "can",
+    )  # fmt: skip
+    return (
+        Step("policy", "learn to follow on the deep truck", train, ("train",), ("policy",), True),
+        Step("can", "the same policy over CAN, real time", vehicle, ("policy",), ("following/can",)),
+        Step("simulate", "follow in the node graph", simulate, ("policy",), ("following/simulation",)),
+    )
+
+
+def _explain(out: Path) -> Sequence[Step]:
+    heavy = out / "drives" / "heavy"
+    command = _console(
+        "deeptruck-model", "mismatch", "--simulator", "truck:trucksim",
+        "--recordings", heavy / "a", heavy / "b", heavy / "c", "--held-out", heavy / "d",
+        "--out", out / "mismatch",
+    )  # fmt: skip
+    title = "what the simulator leaves out on another truck"
+    return (Step("mismatch", title, command, ("drive",), ("mismatch",)),)
+
+
+def _real(out: Path, s: Settings, real: Path | None) -> Sequence[Step]:
+    """A drive of a real truck, where its table is at hand."""
+    if real is None:
+        return ()
+    folder = out / "real"
+    importing = _python("examples/demo/real.py", real / REAL_TABLE, "--out", folder)
+    train = _console(
+        "deeptruck-model", "train", folder / "train", "--out", folder / "simulator",
+        "--budget", f"{s.real_updates}", "--resume",
+    )  # fmt: skip
+    evaluate = _console(
+        "deeptruck-model", "evaluate", folder / "simulator", folder / "test",
+        "--out", folder / "open_loop", "--horizon", "60",
+    )  # fmt: skip
+    return (
+        Step("import", "a real truck's table becomes a bag", importing, (), ("real/train", "real/test")),
+        Step(
+            "real",
+            "learn the real truck",
+            train,
+            ("import",),
+            ("real/simulator", "real/simulator.partial"),
+            True,
+        ),
+        Step(
+            "check", "open-loop errors on the real truck's last drives", evaluate, ("real",),
+            ("real/open_loop",),
+        ),
+    )  # fmt: skip
