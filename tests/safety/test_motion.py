@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import pytest
 
 from truck_bridge.safety import Axis, Field, Limits
@@ -185,3 +188,49 @@ def test_a_release_has_no_slew():
     motion = started(10.0)
     motion.took((1).to_bytes(8, "little"), 15.0, 0.1)
     assert motion.slew == 0.0
+
+
+OFFSET = replace(AXIS, rest=5.0)  # an axis whose demand of nothing is not zero
+
+
+def test_no_demand_to_start_from_means_rest():
+    motion = Motion(OFFSET)
+    motion.start(math.nan, 15.0, 0.1)
+    assert (motion.value, motion.exact) == (5.0, 5.0)
+
+
+@pytest.mark.parametrize(("value", "rest"), [(5.0, True), (4.99, True), (5.02, False), (-5.0, False)])
+def test_at_rest_means_at_its_own_rest(value, rest):
+    motion = Motion(OFFSET)
+    motion.start(value, 15.0, 0.1)
+    assert motion.at_rest == rest
+
+
+@pytest.mark.parametrize(
+    ("start", "value", "strays"), [(8.0, 7.6, False), (8.0, 8.1, True), (2.0, 2.4, False), (2.0, 1.9, True)]
+)
+def test_straying_is_measured_from_its_own_rest(start, value, strays):
+    motion = Motion(OFFSET)
+    motion.start(start, 15.0, 0.1)
+    assert motion.strays(value, 0.1) == strays
+
+
+def test_slowing_down_leaves_room_to_stop_in_whole_cycles():
+    motion = started()
+    motion.slew = 5.0
+    # 0.15 s, jerk 20: sqrt(1.5^2 + 2 20 1.0) - 1.5 = 5/s
+    assert motion.towards(1.0, 10.0, 15.0, 0.15) == pytest.approx(0.75)
+
+
+@pytest.mark.parametrize(("demand", "step"), [(-30.0, 0.3), (60.0, 0.7)])
+def test_turning_round_takes_the_jerk_limit_s_time(demand, step):
+    motion = started()
+    motion.slew = 5.0
+    assert motion.towards(demand, 10.0, 15.0, 0.1) == pytest.approx(step)
+
+
+def test_a_frame_one_bit_off_the_plan_is_not_the_plan():
+    motion = started(10.0)
+    motion.towards(10.2, 10.0, 15.0, 0.1)
+    motion.took((31_021).to_bytes(8, "little"), 15.0, 0.1)
+    assert motion.exact == motion.value == pytest.approx(10.21)

@@ -555,3 +555,12 @@ def test_silent_hears_nothing(bench):
     bench.hear()
     bench.now += 0.01
     assert "CCVS1 not fresh" in bench.safety.obstacles(bench.now, True)
+
+
+def test_an_impostor_before_our_first_frame_is_harmless_and_noticed_after(bench):
+    bench.arm()
+    bench.safety.rx_hook(bench.axis("engine").can_id, bytes(8), bench.now)
+    assert bench.safety.losses == {}
+    assert bench.safety.engage(bench.now, True, True) == ()
+    bench.safety.rx_hook(bench.axis("engine").can_id, bytes(8), bench.now)
+    assert bench.safety.losses == {"another node uses our address": 1}

@@ -28,10 +28,10 @@ def import_can_log(log_path: Path, columns: Mapping[str, Any]) -> tuple[dict[str
     Without further columns the channels come from the signals of `truck_bridge.channels`; the engine command
     is the driver's demand torque (SPN 512, percent) and the brake command the pedal position (SPN 521,
     percent) where the log has it. `columns` may hold: `vehicle` (whose DBC files and reference torque
-    apply), `name`, `reference_torque` (N m), and `channels: {speed: {signal: EBC2.FrontAxleSpeed, source:
-    0x0B}, ...}` to take a channel from elsewhere. Torque in N m is left out where no reference torque is
-    known (SPN 544 in the log, the vehicle or `reference_torque`). Raises InputError on a bad log or bad
-    columns.
+    apply), `name`, `reference_torque` (N m), `conceal` (channels to leave out), and `channels: {speed:
+    {signal: EBC2.FrontAxleSpeed, source: 0x0B}, ...}` to take a channel from elsewhere. Torque in N m is
+    left out where no reference torque is known (SPN 544 in the log, the vehicle or `reference_torque`).
+    Raises InputError on a bad log or bad columns.
     """
     codec, torque = _meaning(columns)
     found = decode(log_path, codec)
@@ -43,6 +43,8 @@ def import_can_log(log_path: Path, columns: Mapping[str, Any]) -> tuple[dict[str
     for channel, keys in _defaults(found, torque).items():
         if channel not in channels and keys:
             channels[channel] = keys
+    for concealed in columns.get("conceal") or ():
+        channels.pop(concealed, None)
     if "speed" not in channels:
         raise InputError(f"{log_path} holds no vehicle speed (CCVS1 or EBC2); is it a J1939 log of a truck?")
     interface = {
@@ -57,7 +59,7 @@ def import_can_log(log_path: Path, columns: Mapping[str, Any]) -> tuple[dict[str
     return channels, interface
 
 
-_KEYS = {"vehicle", "name", "reference_torque", "channels"}
+_KEYS = {"vehicle", "name", "reference_torque", "channels", "conceal"}
 
 
 def _meaning(columns: Mapping[str, Any]) -> tuple[Codec, float]:

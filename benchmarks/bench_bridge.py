@@ -1,0 +1,149 @@
+"""Codec against cantools, loopback bus, period jitter of TSC1 and brake, driver override to release.
+
+`python benchmarks/bench_bridge.py [--seconds 20] [--overrides 5] [--load]` prints a table and writes it to
+docs/results/bridge.md. The bridge and the emulator run as processes of their own; this one is the witness.
+`--load` adds one busy process a core.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import math
+import os
+import subprocess
+import sys
+import time
+import timeit
+from collections.abc import Callable
+from importlib import resources
+from pathlib import Path
+
+import can
+import cantools.database
+import numpy as np
+
+from truck_bridge import j1939
+
+ROOT = Path(__file__).resolve().parents[1]
+FRAME = bytes.fromhex("219B9BDD2F000F9B")
+
+
+def _fault_processes():
+    path = ROOT / "tests" / "truck_bridge" / "fault_processes.py"
+    spec = importlib.util.spec_from_file_location("fault_processes", path)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def per_second(call: Callable[[], object], number: int = 20_000) -> float:
+    """Best of three."""
+    return number / min(timeit.repeat(call, number=number, repeat=3))
+
+
+def codec_rows() -> list[tuple[str, str]]:
+    """Ours beside cantools on the same EEC1 frame, in the same run."""
+    text = resources.files("truck_bridge.j1939").joinpath("j1939.dbc").read_text()
+    theirs = cantools.database.load_string(text, "dbc").get_message_by_name("EEC1")
+    ours = j1939.load()["EEC1"]
+    values = {key: value for key, value in ours.decode(FRAME).values.items() if not math.isnan(value)}
+    whole = {**values, "StarterMode": 0}
+    rows = []
+    for what, mine, other in (
+        ("decode", lambda: ours.decode(FRAME), lambda: theirs.decode(FRAME, decode_choices=False)),
+        ("encode", lambda: ours.encode(whole), lambda: theirs.encode(whole, padding=True)),
+    ):
+        a, b = per_second(mine), per_second(other)
+        rows.append(
+            (f"codec {what}, EEC1", f"{a / 1e3:.0f} k/s; cantools {b / 1e3:.0f} k/s; ratio {a / b:.2f}")
+        )
+    return rows
+
+
+def bus_row(frames: int = 2000) -> tuple[str, str]:
+    """One way through the loopback bus, 1 kHz, inside one process."""
+    channel = f"bench-{os.getpid()}"
+    with (
+        can.Bus(interface="loopback", channel=channel) as a,
+        can.Bus(interface="loopback", channel=channel) as b,
+    ):
+        taken = []
+        for _ in range(frames):
+            start = time.perf_counter()
+            a.send(can.Message(arbitration_id=0x0CF00400, data=FRAME))
+            b.recv(1.0)
+            taken.append(time.perf_counter() - start)
+            time.sleep(0.001)
+    p50, p99 = np.percentile(taken, [50, 99]) * 1e3
+    return "loopback bus, send to receive", f"p50 {p50:.2f} ms, p99 {p99:.2f} ms"
+
+
+def jitter_rows(processes, name: str, seconds: float) -> list[tuple[str, str]]:
+    """Periods as the witness hears them."""
+    with processes.scene(name) as stage:
+        if not stage.engaged():
+            return [(f"{name}: periods", "did not engage")]
+        stage.listen(0.5)
+        stage.heard.clear()
+        stage.listen(seconds)
+        rows = []
+        for axis, period in (("engine", 0.02), ("brake", 0.02)):
+            wanted = stage.vehicle.transmitted[axis].axis.can_id
+            times = np.array([at for at, can_id, _ in stage.heard if can_id == wanted])
+            late = np.abs(np.diff(times) - period) * 1e3
+            message = stage.vehicle.transmitted[axis].layout.name
+            p50, p99 = np.percentile(late, [50, 99])
+            text = f"{len(times)} frames, |period - 20 ms| p50 {p50:.2f} ms, p99 {p99:.2f} ms, max {late.max():.2f} ms"
+            rows.append((f"{name}: {message} every 20 ms", text))
+        return rows
+
+
+def override_row(processes, runs: int) -> tuple[str, str]:
+    """First frame that shows the driver's foot to the first frame that hands back, on the bus."""
+    outcomes = [processes.play("driver brakes", "volvo") for _ in range(runs)]
+    times = [1e3 * o.reaction_s for o in outcomes if not math.isnan(o.reaction_s)]
+    late = sum(time > 20 for time in times)
+    text = f"{len(times)} runs, p50 {np.median(times):.1f} ms, max {max(times):.1f} ms, {late} above 20 ms"
+    return "driver override to first release frame", text
+
+
+def main() -> None:
+    """Measure, print, write."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=20.0)
+    parser.add_argument("--overrides", type=int, default=5)
+    parser.add_argument("--load", action="store_true")
+    options = parser.parse_args()
+    processes = _fault_processes()
+    busy = [
+        subprocess.Popen([sys.executable, "-c", "while True: pass"])
+        for _ in range(os.cpu_count() or 1 if options.load else 0)
+    ]
+    try:
+        rows = [*codec_rows(), bus_row()]
+        for name in ("trucksim", "volvo"):
+            rows += jitter_rows(processes, name, options.seconds)
+        rows.append(override_row(processes, options.overrides))
+    finally:
+        for process in busy:
+            process.kill()
+            process.wait()
+    state = f"{len(busy)} busy processes beside, " if busy else ""
+    load = f"{state}load average {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores at the end"
+    lines = ["| what | measured |", "| --- | --- |", *(f"| {what} | {text} |" for what, text in rows)]
+    report = [
+        "# CAN bridge: measured",
+        "",
+        f"`{' '.join(['python', 'benchmarks/bench_bridge.py', *sys.argv[1:]])}`; {load}.",
+        "",
+    ]
+    print("\n".join([*report, *lines]))
+    out = ROOT / "docs" / "results" / ("bridge_under_load.md" if options.load else "bridge.md")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text("\n".join([*report, *lines]) + "\n")
+
+
+if __name__ == "__main__":
+    main()
