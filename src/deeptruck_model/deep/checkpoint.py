@@ -28,7 +28,7 @@ SCHEMA = 1
 
 def save(truck: DeepTruck, path: Path) -> None:
     """Write `path` as a whole or not at all; an older simulator there is replaced."""
-    with replacing(path) as folder:
+    with replacing(path.resolve()) as folder:
         write(truck, folder)
 
 

@@ -49,8 +49,13 @@ def save(
         "scores": json.dumps(best.scores.tolist()),
     }
     partial = folder / f"{FILE}.tmp"
-    save_file({k: v.contiguous() for k, v in tensors.items()}, partial, metadata)
-    partial.replace(folder / FILE)
+    try:
+        save_file({k: v.contiguous() for k, v in tensors.items()}, partial, metadata)
+        partial.replace(folder / FILE)
+    except (OSError, SafetensorError) as error:
+        raise InputError(
+            f"cannot write {folder / FILE} ({error}); make room and go on with --resume"
+        ) from None
 
 
 def load(

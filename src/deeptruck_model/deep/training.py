@@ -97,6 +97,7 @@ def train(
     machine give the same weights, resumed after a kill or not. Raises InputError for data that cannot be
     trained on, an `out` that is something else, or a resume of another run."""
     began = time.monotonic()
+    out = out.resolve()
     checkpoint.check_target(out)
     torch.set_num_threads(1)  # the matrices are small: a second thread only waits
 

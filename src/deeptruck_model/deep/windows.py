@@ -98,15 +98,17 @@ def consistent(recording: Recording) -> Recording:
     what it says within CONSISTENCY_S is kept. Data that already keep the constraint are unchanged.
     """
     acceleration, speed = recording.channels["acceleration"], recording.channels["speed"]
-    excess = np.full(len(recording), np.nan)
-    excess[1:] = acceleration[1:] - np.diff(speed) / recording.dt
+    gained = np.full(len(recording), np.nan)
+    gained[1:] = np.diff(speed) / recording.dt
+    excess = acceleration - gained
     window = np.ones(max(1, min(len(excess), round(CONSISTENCY_S / recording.dt))))
     known = np.isfinite(excess)
     weight = np.convolve(known.astype(float), window, mode="same")[: len(excess)]
     slow = np.convolve(np.where(known, excess, 0.0), window, mode="same")[: len(excess)] / np.maximum(
         weight, 1.0
     )
-    return replace(recording, channels={**recording.channels, "acceleration": acceleration - slow})
+    mended = np.where(np.isnan(acceleration), gained, acceleration - slow)
+    return replace(recording, channels={**recording.channels, "acceleration": mended})
 
 
 def time_split(
@@ -209,11 +211,13 @@ def _columns(piece: Recording, channels: tuple[str, ...]) -> Array:
 def measure_scales(pieces: Sequence[Recording], taught: tuple[str, ...] = ()) -> Scales:
     """Mean and standard deviation of [u, w, y, taught]; a channel that hardly moves is not blown up."""
     data = np.concatenate([np.concatenate([p.u, p.w, p.y, _columns(p, taught)], axis=1) for p in pieces])
-    mean, deviation = np.nanmean(data, axis=0), np.nanstd(data, axis=0)
+    known = np.ma.masked_invalid(data)  # type: ignore[no-untyped-call]
+    mean, deviation = (np.ma.filled(x, 0.0) for x in (known.mean(axis=0), known.std(axis=0)))
     names = (*pieces[0].interface.u, *pieces[0].interface.w, *pieces[0].interface.y, *taught)
     floors = {"grade": 0.005, "speed": 1.0, "acceleration": 0.05, "fuel_rate": 0.05}
     floor = [
-        floors.get(n, max(1e-3 * float(np.nanmax(np.abs(data[:, i]))), 1e-6)) for i, n in enumerate(names)
+        floors.get(n, max(1e-3 * float(np.ma.filled(abs(known[:, i]).max(), 1.0)), 1e-6))
+        for i, n in enumerate(names)
     ]
     top = max(5.0, float(np.nanmax(data[:, names.index("speed")])))
     return Scales(mean.astype(np.float32), np.maximum(deviation, floor).astype(np.float32), top)

@@ -54,6 +54,16 @@ def test_consistent_acceleration_loses_bias_and_keeps_the_rest(drive):
     np.testing.assert_allclose(mended[known], truth[known], atol=1e-9)
 
 
+def test_a_channel_without_a_sample_has_a_harmless_scale(drive):
+    recording = drive(30)
+    recording.channels["fuel_rate"][:] = np.nan
+    scales = windows.measure_scales([recording])
+    assert np.isfinite(scales.mean).all() and (scales.scale > 0).all()
+    recording.channels["acceleration"][:] = np.nan
+    filled = windows.consistent(recording).channels["acceleration"]
+    np.testing.assert_allclose(filled[1:], np.diff(recording.channels["speed"]) / recording.dt, atol=1e-9)
+
+
 def test_split_keeps_time_order_and_shares(drive):
     long, short = drive(600), [drive(20, seed=s) for s in range(1, 15)]
     training, validation = windows.time_split([long, *short])
