@@ -35,8 +35,9 @@ def ranking(x: Explanation) -> Figure:
     group = {n for n, worse in first.rivals if worse < GROUP} if first else set()
     bars: list[tuple[str, float, str]] = []
     tuned = x.parameters_only.score - x.null.score
-    stated = {c.effect for c in x.causes}
-    bars.append((_parameters(x), tuned, BLUE if stated & x.parameters_only.free else GREY))
+    stated = {c.effect for c in x.causes if c.shape is not None}
+    moved = {c.effect for c in x.causes if c.kind == "parameter_error"}
+    bars.append((_parameters(x), tuned, BLUE if moved else GREY))
     for name, gain in x.ranking[:MOST_NAMES]:
         bars.append((words(name), gain, BLUE if name in stated else SKY if name in group else PALE))
     bars.append(("anything that is left", x.left_over_gain, ORANGE))

@@ -175,7 +175,7 @@ def _parameter(search: Search, model: Model, name: str) -> Cause | None:
     """A parameter that must move, by how much its being held would cost; None where it hardly moves."""
     held = search.model(model.named, model.free - {name})
     gain = model.score - held.score
-    value = search.e.total_change(name, float(model.coefficients(name)[0]))
+    value = search.e.total_change(name, model.change(name))
     if abs(value) < PARAMETER_PRACTICAL or gain < (ENOUGH if model.named else ENOUGH / 2):
         return None
     rivals = []

@@ -117,8 +117,8 @@ def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> dict[str,
 
 def _parameter(cause: Cause, e: Evidence, explanation: Explanation, own: dict[str, float]) -> dict[str, Any]:
     unit, says = NAMES[cause.effect]
-    change = e.total_change(cause.effect, float(explanation.model.coefficients(cause.effect)[0]))
-    sd = float(np.sqrt(explanation.model.covariance(cause.effect)[0, 0]))
+    change = e.total_change(cause.effect, explanation.model.change(cause.effect))
+    sd = explanation.model.change_sd(cause.effect)
     base, unit = (own[cause.effect], unit) if cause.effect in own else (1.0, "of the simulator's")
     ci = [base * (1 + change - 1.96 * sd), base * (1 + change + 1.96 * sd)]
     return {

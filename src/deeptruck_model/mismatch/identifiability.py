@@ -31,7 +31,7 @@ def smallest_visible(e: Evidence, x: Explanation) -> dict[str, Any]:
     out: dict[str, Any] = {}
     free = x.parameters_only
     for p in e.sensitivity:
-        sd = float(np.sqrt(free.covariance(p)[0, 0]))
+        sd = free.change_sd(p)
         out[p] = {"relative": round(min(sd * np.sqrt(2 * ENOUGH), FREE[p] * 2), 4)}
     rows = max(int(e.valid.sum()), 1)
     sigma = x.null.fit.sigma / max(1.0 - float(x.null.fit.ar.sum()), 0.05)

@@ -26,7 +26,7 @@ def drivers(x: Explanation, most: int) -> tuple[str, ...]:
 
 def explained(e: Evidence, x: Explanation) -> Array:
     """Specific force (n,) of the findings that have a name: stated mechanisms, and parameters as fitted."""
-    return _modelled(e, x, {c.effect for c in x.causes})
+    return _modelled(e, x, {c.effect for c in x.causes if c.shape is not None})
 
 
 def with_unnamed(e: Evidence, x: Explanation) -> Array:
@@ -40,7 +40,7 @@ def _modelled(e: Evidence, x: Explanation, effects: set[str]) -> Array:
         if shape.mechanism.effect in effects:
             total += shape.columns @ x.model.coefficients(shape.mechanism.effect)
     for name, column in e.sensitivity.items():
-        total += column * x.model.coefficients(name)[0]
+        total += column * x.model.change(name)
     return total
 
 

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 from scipy.special import gammaln
 
 Array = NDArray[np.float64]
@@ -80,7 +79,7 @@ def fit(series: Series, X: Array, prior: Prior, start: Fit | None = None) -> Fit
     sigma = start.sigma if start is not None else _spread(series.y[use])
     weight = np.ones(len(series.y))
     active = np.ones(X.shape[1], dtype=bool)
-    for turn in range(4 if start is None else 3):
+    for turn in range(4 if start is None else 2):
         if turn or start is None:
             ar = _autoregression(series.y - X @ b, use, weight / series.relative**2)
         yw, Xw = whiten(series.y, ar)[use], whiten(X, ar)[use]
@@ -125,7 +124,9 @@ def _finish(
 
 def whiten(x: Array, ar: Array) -> Array:
     """x (n,) or (n, k) through the inverse of the autoregression; stretches are joined, see Series.usable."""
-    out: Array = lfilter(np.concatenate([[1.0], -ar]), [1.0], x, axis=0)
+    out = x.copy()
+    for k, a in enumerate(ar, start=1):
+        out[k:] -= a * x[:-k]
     return out
 
 

@@ -38,7 +38,7 @@ def number(x: float, step: float | None = None) -> str:
 
 def measured(value: float, unit: str, ci: Sequence[float] | None) -> str:
     """A size with its 95 % interval, in as many digits as the interval is worth."""
-    unit = "" if unit == "1" else f" {unit}"
+    unit = "" if unit == "1" else f" {prose(unit)}"
     if ci is None or not all(math.isfinite(c) for c in ci) or ci[1] <= ci[0]:
         return f"{number(value)}{unit}"
     step = 10.0 ** (math.floor(math.log10((ci[1] - ci[0]) / 2)) - 1)
@@ -47,6 +47,8 @@ def measured(value: float, unit: str, ci: Sequence[float] | None) -> str:
 
 def percent(x: float) -> str:
     """A share or probability; never rounded to certainty."""
+    if not math.isfinite(x):
+        return "unknown"
     if x > 0.99:
         return "above 99 %"
     return "below 1 %" if x < 0.01 else f"{100 * x:.0f} %"
@@ -56,6 +58,11 @@ def prose(text: str) -> str:
     """A finding's own words with signs as they are printed."""
     text = re.sub(r"\bsimulated\b(?! acceleration)", "simulated acceleration", text.replace("_", " "))
     return text.replace("+-", "±").replace("^2", "²").replace("^3", "³")
+
+
+def opened(text: str) -> str:
+    """The text with a capital first letter."""
+    return text[:1].upper() + text[1:]
 
 
 def sentence(v: dict[str, Any]) -> str:
@@ -82,7 +89,7 @@ def _would_have_been_seen(v: dict[str, Any]) -> str:
     steady = v["data"].get("smallest_visible", {}).get("steady force all the time", {})
     if "newton" not in steady:
         return ""
-    return f", and a steady force of {number(steady['newton'])} N would have been seen"
+    return f"; a steady force above {number(steady['newton'])} N would have been seen"
 
 
 def _improves(v: dict[str, Any]) -> str:
@@ -93,8 +100,8 @@ def _improves(v: dict[str, Any]) -> str:
         return "; no correction proved better on held-out recordings, so none may be applied"
     old, new = fit["before"]["speed_rmse"], fit["after"]["speed_rmse"]
     return (
-        f"; with it corrected, the speed error of {number(fit['horizon_s'])} s free runs on held-out recordings "
-        f"falls from {number(old)} to {number(new)} m/s"
+        f"; with it corrected, the speed error of {number(fit['horizon_s'])} s free runs on held-out "
+        f"recordings falls from {number(old)} to {number(new)} m/s"
     )
 
 
@@ -118,7 +125,7 @@ def _finding(k: int, f: dict[str, Any]) -> dict[str, Any]:
         "name": words(f["effect"]),
         "kind": words(f["kind"]),
         "colour": colour(k),
-        "says": prose(f["says"]),
+        "says": opened(prose(f["says"])),
         "sizes": sizes,
         "equation": f["equation"],
         "facts": facts,
@@ -156,12 +163,12 @@ def _decided(name: str, rival: str, worse: float) -> str:
 
 
 def rejected_names(m: Mismatch) -> tuple[list[dict[str, str]], list[str], dict[str, list[str]]]:
-    """Names that gained something and why they are not stated; names that gained nothing; and names that could not
-    be tested, by the signal they lack.
+    """Names that gained something and why they are not stated; names that gained nothing; and names that could
+    not be tested, by the signal they lack.
     """
     if m.explanation is None or m.evidence is None:
         return [], [], {}
-    stated = {c.effect for c in m.explanation.causes}
+    stated = {c.effect for c in m.explanation.causes if c.shape is not None}
     nearest = next((c.nearest for c in m.explanation.causes if c.nearest), None)
     winner = next((words(s) for s in m.explanation.model.effects if s in stated), None)
     gained = []

@@ -47,10 +47,19 @@ class Model:
         return tuple(n.mechanism.effect for n in self.named)
 
     def coefficients(self, name: str) -> Array:
-        """Posterior mean of the coefficients of an effect or parameter."""
+        """Posterior mean of the coefficients of an effect."""
         return self.fit.b[dict(self.layout)[name]]
 
+    def change(self, parameter: str) -> float:
+        """Relative change of a parameter of the simulator that was run."""
+        return float(self.coefficients(f"parameter:{parameter}")[0])
+
+    def change_sd(self, parameter: str) -> float:
+        """Posterior sd of `change`."""
+        return float(np.sqrt(self.covariance(f"parameter:{parameter}")[0, 0]))
+
     def covariance(self, name: str) -> Array:
+        """Posterior covariance of the coefficients of an effect."""
         part = dict(self.layout)[name]
         return self.fit.covariance[part, part]
 
@@ -165,7 +174,7 @@ class Search:
         self, named: tuple[Shape, ...], free: frozenset[str]
     ) -> tuple[Array, Prior, tuple[tuple[str, slice], ...]]:
         blocks = [n.columns for n in named] + [self.e.sensitivity[p][:, None] for p in self.parameters]
-        names = [n.mechanism.effect for n in named] + list(self.parameters)
+        names = [n.mechanism.effect for n in named] + [f"parameter:{p}" for p in self.parameters]
         sd = np.array([FREE[p] if p in free else HELD for p in self.parameters])
         as_given = np.array([1.0 / (1.0 + self.e.moved.get(p, 0.0)) - 1.0 for p in self.parameters])
         prior = Prior.join(*(n.prior for n in named), Prior(as_given, sd, np.zeros(len(sd))))

@@ -56,7 +56,7 @@ def tracks(m: Mismatch) -> list[Track]:
     stated = moved + (left_over.with_unnamed if unnamed else left_over.explained)(e, m.explanation)
     offset = sum(f.cause is None for f in m.findings)
     spans = [(s.start, s.stop, s.finding + offset, s.energy) for s in m.segments]
-    return [_track(e, s, force, stated if m.findings else None, spans) for s in e.stretches]
+    return [_track(e, s, force, stated if m.explanation.causes else None, spans) for s in e.stretches]
 
 
 def _track(
@@ -189,7 +189,7 @@ def _legend(made: Figure, m: Mismatch) -> None:
     ]
     if m.evidence is not None:
         entries.append(Line2D([], [], color=SKY, lw=1, label="residual force, mean over 1 s"))
-    if m.evidence is not None and m.findings:
+    if m.explanation is not None and m.explanation.causes:
         entries.append(Line2D([], [], color=INK, lw=1.1, label="as explained (same panel)"))
     for k, f in enumerate(m.findings):
         if f.cause is not None:

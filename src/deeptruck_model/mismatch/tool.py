@@ -155,7 +155,7 @@ def _explained(
     evidence = gather(simulator, prepared, flags, seed=seed)
     search = Search(evidence, exclude=exclude)
     guess = first_guess(search)
-    change = {p: float(guess.coefficients(p)[0]) for p in search.parameters if p in own}
+    change = {p: guess.change(p) for p in search.parameters if p in own}
     if any(abs(c) > RETUNE for c in change.values()):
         say("searching around the refitted parameters")
         moved = {p: c for p, c in change.items() if abs(c) > 0.005}
@@ -176,7 +176,7 @@ def _corrected(
     shares = None if simulator.parameters() else Shares.of(e)
 
     def change(which: Model, free: Iterable[str]) -> dict[str, float]:
-        return {p: e.total_change(p, float(which.coefficients(p)[0])) for p in free}
+        return {p: e.total_change(p, which.change(p)) for p in free}
 
     terms = [
         Term(s.mechanism.effect, s.settings, tuple(model.coefficients(s.mechanism.effect).tolist()))
