@@ -35,7 +35,46 @@ TESTS = {  # for each module, the tests most likely to notice first
 SECONDS = 90  # a mutant that runs longer hangs, and is noticed
 
 # Survivors that are alike to the original: module, the changed line, what it becomes.
-ALIKE: set[tuple[str, str, str]] = set()
+ALIKE: set[tuple[str, str, str]] = {
+    (module, before, before.replace(old, new, 1))
+    for module, before, old, new in (
+        # where two results of floating-point sums are compared, equality decides nothing
+        ("motion", "if abs(move) > rate * elapsed + quantum:", ">", ">="),
+        ("motion", "inside = low + quantum < value < high - quantum", "<", "<="),
+        ("motion", "inside = low + quantum < value < high - quantum", "value <", "value <="),
+        (
+            "motion",
+            "return 'jerk' if inside and bend > self.axis.limits.jerk * elapsed ** 2 + quantum else ''",
+            ">",
+            ">=",
+        ),
+        ("motion", "away = abs(value - rest) > abs(self.value - rest) + quantum", ">", ">="),
+        (
+            "motion",
+            "return away or abs(value - self.value) > self.axis.limits.fade * self.elapsed(now) + quantum",
+            ">",
+            ">=",
+        ),
+        ("motion", "near = abs(self._planned - self.value) <= 0.51 * self.axis.demand.scale", "<=", "<"),
+        # both branches agree where they meet
+        ("motion", "if x <= x1:", "<=", "<"),
+        # a speed that every engagement sets before it is used
+        ("motion", "self.start(axis.rest, 0.0, -math.inf)", "0.0", "1.0"),
+        # one byte more than the number fills
+        (
+            "checks",
+            "total = sum(word.to_bytes(8, 'little')[:7]) + counter + sum(can_id.to_bytes(4, 'big'))",
+            "(8",
+            "(9",
+        ),
+        (
+            "checks",
+            "total = sum(word.to_bytes(8, 'little')[:7]) + counter + sum(can_id.to_bytes(4, 'big'))",
+            "(4",
+            "(5",
+        ),
+    )
+}
 
 SWAPS: dict[type[ast.AST], tuple[type[ast.AST], ...]] = {
     ast.Lt: (ast.LtE, ast.Gt),

@@ -13,13 +13,15 @@ What is above the range is no number: it decodes to NaN with the flag 'error' (o
 0xFExx), 'not available' (0xFF, 0xFFxx) or 'out of range'. Byte and bit count from 1, as J1939 does.
 
 Checked against: the extract of J1939DA (March 2021) in Equipment & Tool Institute's
-[j1939-84](https://github.com/Equipment-and-Tool-Institute/j1939-84) (positions and SPNs of TSC1 and XBR),
-California PATH's J1939 structures (`j1939_struct.h`: EEC1-3, ERC1, EBC1-2, ETC1-2, CCVS, TSC1, XBR; ranges),
-[libJ1939](https://github.com/2kranki/libJ1939) (EBC5), PACCAR PEC017 page 48 (TSC1 counter and checksum), and
-the frames of a research truck's public recording (all but EBC5, VDC2, CVW, XBR). The author knew the
-remaining ones (VDC2, CVW, VDS, VP, AMB) from J1939-71 and did not have a second source at hand: check those
-against your truck's documents first. PropA is a layout of our own, spoken by the ECU emulator; a real
-truck's proprietary keys come from its user, as a DBC named in the vehicle file.
+[j1939-84](https://github.com/Equipment-and-Tool-Institute/j1939-84) (positions, SPNs and rates of TSC1,
+XBR, EBC1, ETC1, ETC2, EEC1, EEC2, VDC2), California PATH's J1939 structures (`j1939_struct.h`: signals and
+ranges of TSC1, ERC1, EBC1, EBC2, ETC1, ETC2, EEC1-3, CCVS; XBR),
+[libJ1939](https://github.com/2kranki/libJ1939) (EBC5), PACCAR PEC017 page 48 (TSC1 counter and checksum),
+and the frames of a research truck's public recording, which decode to what such a truck does (EEC1-3,
+EBC1-2, CCVS1, ETC1-2, LFE1, AMB, TSC1). CVW, VDS and VP come from J1939-71 as the author knows it, without
+a second source at hand, as does the second half of EBC5: check those against your truck's documents first.
+PropA is a layout of our own, spoken by the ECU emulator; a real truck's proprietary keys come from its
+user, as a DBC named in the vehicle file.
 """
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-COUNTS = {"none": 0, "tsc1": 8, "xbr": 16}
+COUNTS = {"tsc1": 8, "xbr": 16}
 
 
 def checksum_ok(kind: str, can_id: int, word: int) -> bool:

@@ -1,0 +1,72 @@
+"""`truck-bridge`: what it prints, and that bad input is one line and exit code 2."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import pytest
+
+from truck_bridge import cli
+
+LINE = "({:.6f}) can0 0CF00400#219B9BDD2F000F9B\n"
+
+
+def run(monkeypatch, *arguments):
+    monkeypatch.setattr(sys, "argv", ["truck-bridge", *map(str, arguments)])
+    with pytest.raises(SystemExit) as done:
+        cli.main()
+    return done.value.code
+
+
+@pytest.fixture
+def log(tmp_path):
+    path = tmp_path / "drive.log"
+    command = "(0.05) can0 0C00002A#E2FFFF9BFFFFFFFF\n"
+    path.write_text("".join(LINE.format(k / 100) for k in range(5)) + command)
+    return path
+
+
+def test_decode_prints_the_table_and_writes_the_csv(monkeypatch, capsys, log, tmp_path):
+    out = tmp_path / "out.csv"
+    assert run(monkeypatch, "decode", log, "--vehicle", "volvo", "--out", out) == 0
+    assert "EEC1.EngineSpeed" in capsys.readouterr().out
+    assert out.read_text().startswith("time,source,signal,value,unit\n")
+
+
+def test_what_is_replayed_can_be_recorded_and_commands_stay_off(monkeypatch, capsys, log, tmp_path):
+    import threading
+
+    from truck_bridge.can_logs import read, record
+
+    channel, out, counts = f"{os.getpid()}-replay", tmp_path / "copy.asc", []
+    recorder = threading.Thread(target=lambda: counts.append(record(out, "loopback", channel, 3.0)))
+    recorder.start()
+    threading.Event().wait(0.5)
+    bus = ("--interface", "loopback", "--channel", channel)
+    assert run(monkeypatch, "replay", log, *bus) == 0
+    assert "5 frames sent" in capsys.readouterr().out
+    recorder.join()
+    assert counts == [5]
+    assert {frame.can_id for frame in read(out)} == {0x0CF00400}
+    assert run(monkeypatch, "replay", log, *bus, "--commands") == 0
+    assert "6 frames sent" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["decode", "none.log", "--vehicle", "volvo"], "does not exist"),
+        (["decode", "LOG", "--vehicle", "tram"], "no vehicle 'tram'"),
+        (["decode", "LOG", "--vehicle", "volvo", "--out", "/proc/no/out.csv"], "cannot write"),
+        (["replay", "none.log", "--interface", "loopback", "--channel", "x"], "does not exist"),
+        (["replay", "LOG", "--interface", "warp", "--channel", "x"], "cannot open CAN interface"),
+        (["record", "a.log", "--interface", "socketcan", "--channel", "none9"], "cannot open CAN interface"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(monkeypatch, capsys, log, arguments, says):
+    assert run(monkeypatch, *[str(log) if a == "LOG" else a for a in arguments]) == 2
+    err = capsys.readouterr().err
+    assert says in err
+    assert err.startswith("truck-bridge: ")
+    assert err.count("\n") == 1
