@@ -16,6 +16,7 @@ from rich.table import Table
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.proof.cases import Case, make_case
+from deeptruck_model.mismatch.proof.concealed import data_folder, examine_concealed
 from deeptruck_model.mismatch.proof.effects import EFFECTS
 from deeptruck_model.mismatch.proof.examination import examine, judge
 from deeptruck_model.mismatch.proof.jobs import Job, run_jobs
@@ -61,7 +62,8 @@ def prove(
     ]
     results = run_jobs(out / "cases", wanted, jobs=jobs)
     command = f"deeptruck-model prove --cases-per-level {cases_per_level} --seed {seed}"
-    return write_page(results, out, command)
+    real = examine_concealed(out / "concealed") if data_folder() else []
+    return write_page(results, out, command, real)
 
 
 @app.command()
@@ -113,6 +115,15 @@ def batch(
     wanted = [Job(name, seed + k, effect, simulator) for name in level for k in range(cases)]
     results = run_jobs(out, wanted, jobs=jobs, with_rivals=rivals, keep=keep)
     print_results(results)
+
+
+@app.command()
+def concealed(
+    out: Annotated[Path, typer.Option(help="Folder for concealed.json.")],
+    data: Annotated[Path | None, typer.Option(help="Folder of the real logs.")] = None,
+) -> None:
+    """Real recordings with the elevation concealed."""
+    print(json.dumps(examine_concealed(out, data), indent=1))
 
 
 @app.command("list")

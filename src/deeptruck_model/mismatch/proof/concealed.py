@@ -27,6 +27,7 @@ from deeptruck_model.mismatch.proof.tool import run_tool
 from deeptruck_model.recordings import Recording, import_table, read, split, write_bag
 
 REAL_DATA = "DEEPTRUCK_REAL_DATA"
+LAYOUTS = Path(__file__).parents[4] / "layouts" / "columns"
 WINDOW_S = 21.0
 HIDE = ("elevation", "grade", "latitude", "longitude")
 
@@ -70,10 +71,12 @@ def data_folder() -> Path | None:
 
 
 def examine_concealed(
-    out: Path, layouts: Path, data: Path | None = None, *, updates: int = 1200
+    out: Path, data: Path | None = None, *, layouts: Path = LAYOUTS, updates: int = 1200
 ) -> list[dict[str, Any]]:
     """Run every source that is there; writes concealed.json into `out` and returns its content. A source
-    with a result there already is not run again."""
+    with a result there already is not run again.
+    """
+    out.mkdir(parents=True, exist_ok=True)
     folder = data or data_folder()
     path = out / "concealed.json"
     results: list[dict[str, Any]] = json.loads(path.read_text()) if path.exists() else []

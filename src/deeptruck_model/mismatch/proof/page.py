@@ -29,11 +29,14 @@ HEADINGS = (
 )
 
 
-def write_page(results: Sequence[Score], out: Path, command: str) -> dict[str, Any]:
+def write_page(
+    results: Sequence[Score], out: Path, command: str, concealed: Sequence[Mapping[str, Any]] = ()
+) -> dict[str, Any]:
     """Write proof.md, scoreboard.json and the figures into `out`; returns the scoreboard."""
     scored = [r for r in results if "broken" not in r]
     board = figures_of_merit(scored)
     board["broken"] = [r for r in results if "broken" in r]
+    board["concealed"] = list(concealed)
     figures = draw_all(scored, out)
     _replace(out / "scoreboard.json", json.dumps(board, indent=1))
     _replace(out / "proof.md", "\n".join(_lines(scored, board, figures, command)) + "\n")
@@ -95,6 +98,7 @@ def _lines(
         "| --- " * 5 + "|",
     ]
     lines += _by_effect(scored)
+    lines += ["", "## Real recordings with the elevation concealed", "", *_concealed(board["concealed"])]
     lines += ["", "## What was wrong", "", *_failures(scored)]
     if board["broken"]:
         lines += ["", f"{len(board['broken'])} cases broke before they were scored (scoreboard.json)."]
@@ -113,6 +117,23 @@ def _by_effect(scored: Sequence[Score]) -> list[str]:
             first, group = mean(r["right_first"] for r in rows), mean(r["in_group"] for r in rows)
             out.append(f"| {key} | {len(rows)} | {_cell(first)} | {_cell(group)} | {effect.source} |")
     return out
+
+
+def _concealed(results: Sequence[Mapping[str, Any]]) -> list[str]:
+    """A table of verdicts and agreement; the recovered profile's windows are 21 s long."""
+    if not results:
+        return ["Not run: the logs are not part of the project (set DEEPTRUCK_REAL_DATA)."]
+    lines = ["| log | first said | right | correlation | slope | residual R2 recovered / concealed |"]
+    lines.append("| --- " * 6 + "|")
+    for r in results:
+        first = (r["said"] or [r["verdict"]])[0]
+        a = r["agreement"]
+        cells = ["", "", ""]
+        if a:
+            explained = f"{a['residual_r2_recovered']:.2f} / {a['residual_r2_concealed']:.2f}"
+            cells = [f"{a['correlation']:.2f}", f"{a['slope']:.2f}", explained]
+        lines.append(f"| {r['source']} | {first} | {'yes' if r['right'] else 'no'} | {' | '.join(cells)} |")
+    return lines
 
 
 def _failures(scored: Sequence[Score]) -> list[str]:
