@@ -26,7 +26,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 SOURCE = HERE.parents[1] / "src" / "truck_bridge" / "safety"
 TESTS = {  # for each module, the tests most likely to notice first
-    "core": ("promise", "limits", "hearing"),
+    "core": ("promise", "exact_times", "limits", "hearing"),
     "hearing": ("hearing", "promise", "limits"),
     "motion": ("motion", "limits", "promise"),
     "checks": ("hearing", "promise", "limits"),

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from truck_bridge.safety import State
+from truck_bridge.safety import Axis, State, Timing
 
 # axis: unit a bit; (speed, highest demand away from rest) points; unit/s; unit/s in a fade; unit/s^2; period
 REQUIREMENTS = {
@@ -253,3 +253,26 @@ def test_after_a_gap_a_demand_moves_by_two_periods_at_most(bench, vehicle):
     limit = 20 + rate * 2 * period
     assert not bench.send("engine", bench.raw_frame("engine", nearest_raw(bench.axis("engine"), limit + 2)))
     assert bench.send("engine", bench.raw_frame("engine", nearest_raw(bench.axis("engine"), limit)))
+
+
+def test_the_times_and_tolerances_are_the_requirement(bench):
+    table = bench.table
+    assert table.timing == Timing(
+        controller_timeout=0.15,
+        stall=0.1,
+        handover=2.0,
+        handover_scale=0.5,
+        fade_longest=4.0,
+        persist=0.5,
+        releases=4,
+    )
+    assert (table.speed_gap_m_s, table.driveline.tolerance, table.driveline.above_m_s) == (2.0, 0.2, 3.0)
+    assert table.needs_lead
+
+
+def test_an_axis_says_its_rest_unless_told_otherwise(bench):
+    axis = bench.axis("engine")
+    plain = Axis(
+        axis.name, axis.can_id, axis.period_s, axis.demand, axis.active, axis.release, "none", axis.limits
+    )
+    assert (plain.rest, plain.idle_at_rest, plain.start_from) == (0.0, False, "")

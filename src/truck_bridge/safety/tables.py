@@ -91,7 +91,7 @@ class Driveline:
     """Wheel speed against engine speed: speed = engine_speed rolling_radius / (gear_ratio final_drive)."""
 
     metres_per_radian: float  # rolling radius over final drive ratio
-    tolerance: float = 0.2  # relative
+    tolerance: float  # relative
     above_m_s: float = 3.0
 
 
@@ -122,7 +122,7 @@ class Table:
         tuple[str, float], ...
     ]  # truck signals at a value that forbids control: parking brake set ...
     driveline: Driveline | None
+    engage_speed: tuple[float, float]
+    needs_lead: bool
     timing: Timing = Timing()
     speed_gap_m_s: float = 2.0  # greatest difference of two wheel speeds
-    engage_speed: tuple[float, float] = (0.0, 40.0)
-    needs_lead: bool = True
