@@ -26,7 +26,7 @@ LEAST_S = 10.0  # of driving for a regime to be drawn
 
 
 def against_time(errors: Mapping[str, Errors], dt: float) -> Figure:
-    """Mean and standard deviation of the speed and acceleration error against time, one column a simulator."""
+    """Mean and standard deviation of speed and acceleration error against time, one column a simulator."""
     made = figure(10.0, 4.6)
     axes = made.subplots(2, len(errors), sharex=True, sharey="row", squeeze=False)
     made.subplots_adjust(left=0.08, right=0.985, top=0.9, bottom=0.11, wspace=0.08, hspace=0.1)

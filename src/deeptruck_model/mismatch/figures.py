@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from deeptruck_model.mismatch import error_figures, evidence_figure, regime_figure, timeline_figure
@@ -14,10 +15,13 @@ from deeptruck_model.mismatch.drawing import BLUE, GREY, ORANGE, figure, png, ti
 from deeptruck_model.mismatch.kinematics import derivative
 from deeptruck_model.recordings import coverage
 from deeptruck_model.recordings.coverage_figure import draw as draw_coverage
+from deeptruck_model.signals import SPEED
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.residual import Prepared
     from deeptruck_model.mismatch.tool import Mismatch
+
+Array = NDArray[np.float64]
 
 SMOOTH_S = 1.0
 
@@ -41,8 +45,8 @@ def draw(m: Mismatch) -> dict[str, Picture]:
     if any(f.data["kind"] == "measurement_fault" and f.cause is None for f in m.findings):
         out["sensors"] = Picture(
             png(sensors([p for p in m.prepared if p.measured_acceleration])),
-            "Accelerometer against the derivative of speed, means over 1 s. Off the grey line is a fault of a sensor: "
-            "no truck model enters here.",
+            "Accelerometer against the derivative of speed, means over 1 s. Off the grey line a sensor is at "
+            "fault: no truck model enters here.",
         )
     out["coverage"] = Picture(
         draw_coverage(coverage([p.recording for p in m.prepared])),
@@ -53,7 +57,8 @@ def draw(m: Mismatch) -> dict[str, Picture]:
 
 def _timeline(m: Mismatch) -> Picture:
     made, left_out = timeline_figure.timeline(m)
-    more = f" {left_out} more recordings are not drawn: those with the most to see are." if left_out else ""
+    count = f"{left_out} more recording{'s are' if left_out > 1 else ' is'}"
+    more = f" {count} not drawn: those with the most to see are." if left_out else ""
     shaded = " Shaded: the strongest stretches in which a finding acts." if m.segments else ""
     return Picture(png(made), f"The recordings along time.{shaded}{more}")
 
@@ -71,15 +76,15 @@ def _where_and_what(m: Mismatch) -> dict[str, Picture]:
         )
     out["ranking"] = Picture(
         png(evidence_figure.ranking(m.explanation)),
-        "How much better each name, tried alone beside free simulator parameters, predicts the data. 1 nat is a factor "
-        "of e in odds.",
+        "How much better each name, tried alone beside free simulator parameters, predicts the data. "
+        "1 nat is a factor of e in odds.",
     )
     unnamed = next((f for f in m.findings if f.data["effect"] == "unknown"), None)
     shape = regime_figure.shape(m.evidence, m.explanation, unnamed.data["equation"]) if unnamed else None
     if shape is not None:
         out["unknown"] = Picture(
             png(shape),
-            "The force that no name explains, against the signals it varies with: means with two standard errors.",
+            "The force that no name explains, against what it varies with: means and two standard errors.",
         )
     return out
 
@@ -92,7 +97,8 @@ def _errors(m: Mismatch) -> dict[str, Picture]:
     return {
         "errors": Picture(
             png(error_figures.against_time(m.errors, held_out[0].dt)),
-            f"Open-loop error over {windows} free runs on held-out recordings: mean and standard deviation against time.",
+            f"Open-loop error of {windows} free runs on held-out recordings: mean and standard deviation "
+            "against time.",
         ),
         "horizon_and_regime": Picture(
             png(error_figures.by_horizon_and_regime(m.errors, held_out)),
@@ -105,15 +111,10 @@ def sensors(prepared: list[Prepared]) -> Figure:
     """Accelerometer against differentiated speed, one point a second."""
     made = figure(6.0, 4.4)
     ax = made.add_axes((0.12, 0.13, 0.84, 0.82))
-    x, y = [], []
-    for p in prepared:
-        per = max(1, round(SMOOTH_S / p.dt))
-        for out, signal in (
-            (x, derivative(p.y[:, 1], p.dt)),
-            (y, np.nan_to_num(p.recording.channels["acceleration"])),
-        ):
-            out.append(uniform_filter1d(signal, per)[per // 2 :: per][p.valid[per // 2 :: per]])
-    a, b = np.concatenate(x), np.concatenate(y)
+    a = np.concatenate([_each_second(p, derivative(p.y[:, SPEED], p.dt)) for p in prepared])
+    b = np.concatenate(
+        [_each_second(p, np.nan_to_num(p.recording.channels["acceleration"])) for p in prepared]
+    )
     ends = np.array([min(a.min(), b.min()), max(a.max(), b.max())])
     ax.plot(ends, ends, color=GREY, lw=1, label="what healthy sensors read")
     ax.scatter(a, b, s=5, color=BLUE, alpha=0.4, lw=0)
@@ -124,6 +125,13 @@ def sensors(prepared: list[Prepared]) -> Figure:
     ax.set_ylabel("accelerometer, m/s²", fontsize=9)
     ax.legend(fontsize=8, frameon=False)
     return made
+
+
+def _each_second(p: Prepared, signal: Array) -> Array:
+    per = max(1, round(SMOOTH_S / p.dt))
+    middle = slice(per // 2, None, per)
+    out: Array = uniform_filter1d(signal, per)[middle][p.valid[middle]]
+    return out
 
 
 __all__ = ["Picture", "draw"]

@@ -32,7 +32,7 @@ FUNCTIONS |= {"square": lambda x: x**2}
 
 @dataclass(frozen=True)
 class Formula:
-    """Force in N as text in the signals' names, its r2 on recordings it was not fitted to, and its signals."""
+    """Force in N as text in the signals' names, its r2 on recordings it was not fitted to, its signals."""
 
     text: str
     held_out_r2: float
@@ -40,7 +40,7 @@ class Formula:
 
 
 def describe(e: Evidence, x: Explanation) -> dict[str, Any]:
-    """What belongs in the finding of an unknown force: `equation`, `depends_on` and `formula_r2`; {} where none holds."""
+    """`equation`, `depends_on` and `formula_r2` for the finding of an unknown force; {} where none holds."""
     found = formula(e, x)
     if found is None:
         return {}
@@ -52,7 +52,7 @@ def describe(e: Evidence, x: Explanation) -> dict[str, Any]:
 
 
 def formula(e: Evidence, x: Explanation, seed: int = 0) -> Formula | None:
-    """The simplest formula (N) that predicts the unexplained force on held-out recordings about as well as any.
+    """The simplest formula (N) that predicts the unexplained force on held-out recordings as well as any.
 
     None where there is too little data or no formula predicts anything.
     """
@@ -64,7 +64,10 @@ def formula(e: Evidence, x: Explanation, seed: int = 0) -> Formula | None:
 
 
 def fit(columns: dict[str, Array], y: Array, held_out: Mask, seed: int = 0) -> Formula | None:
-    """Symbolic regression of y (n,) on named columns (n,), most important first, judged on the rows that are `held_out`."""
+    """Symbolic regression of y (n,) on named columns (n,), most important first, judged on `held_out` rows.
+
+    None where no formula has a positive r2 there.
+    """
     symbols = [sympy.Symbol(name, real=True) for name in columns]
     X = np.stack(list(columns.values()), axis=1)
     candidates: list[sympy.Expr] = []
@@ -118,7 +121,7 @@ def _front(X: Array, y: Array, seed: int) -> list[str]:
 
 
 def _readable(text: str, symbols: Sequence[sympy.Symbol]) -> sympy.Expr:
-    """The library's text as an expression in the signals with constants of three digits, expanded if that is shorter."""
+    """The library's text as an expression in the signals, constants rounded, expanded if that is shorter."""
     known = FUNCTIONS | {f"X{i + 1}": symbol for i, symbol in enumerate(symbols)}
     found = sympy.parse_expr(text.replace("^", "**"), local_dict=known)
     return min((_rounded(found), _rounded(sympy.expand(found))), key=_length)

@@ -163,8 +163,8 @@ def _decided(name: str, rival: str, worse: float) -> str:
 
 
 def rejected_names(m: Mismatch) -> tuple[list[dict[str, str]], list[str], dict[str, list[str]]]:
-    """Names that gained something and why they are not stated; names that gained nothing; and names that could
-    not be tested, by the signal they lack.
+    """Names that gained something and why they are not stated; names that gained nothing; and names that
+    could not be tested, by the signal they lack.
     """
     if m.explanation is None or m.evidence is None:
         return [], [], {}

@@ -63,7 +63,7 @@ def _content(m: Mismatch, drawn: dict[str, figures.Picture]) -> dict[str, Any]:
             {"rule": page_text.prose(r["rule"]), "samples": r["samples"]} for r in v["data"]["rejected"]
         ],
         "next": page_text.record_next(m, untested),
-        "caveats": [page_text.prose(c) for c in v["caveats"]],
+        "caveats": [page_text.opened(page_text.prose(c)) for c in v["caveats"]],
     }
 
 
