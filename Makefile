@@ -1,20 +1,30 @@
+# `make demo` and `make test` need a Python 3.11 or 3.12 and nothing else; they make $(VENV) themselves.
 PYTHON ?= python3
 VENV ?= .venv
+OUT ?= demo
+# Where there is no GPU: make demo TORCH_INDEX=https://download.pytorch.org/whl/cpu saves gigabytes.
+TORCH_INDEX ?=
+# Beside a sourced ROS 2 Jazzy: make test EXTRAS=dev leaves the rclpy wheels out.
+EXTRAS ?= ros,dev
+
 BIN = $(VENV)/bin
 STAMP = $(VENV)/.installed
+INDEX = $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX))
 
 .PHONY: demo test lint bench clean setup
 
 $(STAMP): pyproject.toml constraints.txt
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install -q -c constraints.txt 'torch==2.13.0'
-	$(BIN)/pip install -q -c constraints.txt -e '.[ros,dev]'
-	touch $@
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12))' || \
+	  { echo "deeptruck needs Python 3.11 or 3.12: make $(MAKECMDGOALS) PYTHON=python3.12"; exit 2; }
+	@echo "setting up $(VENV), some minutes the first time"
+	@$(PYTHON) -m venv $(VENV)
+	@$(BIN)/pip install -q --disable-pip-version-check $(INDEX) -c constraints.txt -e '.[$(EXTRAS)]'
+	@touch $@
 
 setup: $(STAMP)
 
 demo: setup
-	$(BIN)/python demo.py --out demo
+	@$(BIN)/python demo.py --out $(OUT)
 
 lint: setup
 	$(BIN)/ruff check .
@@ -22,10 +32,10 @@ lint: setup
 	$(BIN)/mypy
 
 test: lint
-	$(BIN)/python -m pytest
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest
 
 bench: setup
 	for b in benchmarks/bench_*.py; do $(BIN)/python $$b || exit 1; done
 
 clean:
-	rm -rf $(VENV) demo runs build .mypy_cache .ruff_cache .pytest_cache
+	rm -rf $(VENV) demo runs build .mypy_cache .ruff_cache .pytest_cache .hypothesis

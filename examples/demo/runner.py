@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import time
@@ -11,10 +12,12 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from examples.demo.steps import Step
 
 POLL_S = 0.2
+ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 FAREWELL_S = 20.0  # an interrupted node graph ends in order
 
 
@@ -80,7 +83,7 @@ class Runner:
         identity = {"command": step.command, "after": [self._mark(need)["done"] for need in step.needs]}
         before = self._mark(step.name)
         same = {key: before.get(key) for key in identity} == json.loads(json.dumps(identity))
-        if same and before["done"] and all((self.out / path).exists() for path in step.makes[:1]):
+        if same and before.get("done") and all((self.out / path).exists() for path in step.makes[:1]):
             p.state, p.seconds = "kept", before["seconds"]
             return
         if not (same and step.resumable):
@@ -91,9 +94,9 @@ class Runner:
         p.seconds, p.state = time.monotonic() - p.begun, "done"
         mark.write_text(json.dumps({**identity, "done": time.time(), "seconds": p.seconds}))
 
-    def _mark(self, name: str) -> dict[str, object]:
+    def _mark(self, name: str) -> dict[str, Any]:
         try:
-            found: dict[str, object] = json.loads((self.out / "logs" / f"{name}.json").read_text())
+            found: dict[str, Any] = json.loads((self.out / "logs" / f"{name}.json").read_text())
         except (OSError, json.JSONDecodeError):
             return {}
         return found
@@ -107,7 +110,8 @@ class Runner:
 
     def _execute(self, step: Step, p: Progress) -> None:
         log = self.out / "logs" / f"{step.name}.log"
-        with log.open("wb") as output:
+        raw = log.with_suffix(".raw")
+        with raw.open("wb") as output:
             process = subprocess.Popen(
                 step.command,
                 stdin=subprocess.DEVNULL,
@@ -117,10 +121,12 @@ class Runner:
                 start_new_session=True,  # Ctrl-C reaches the demo alone, which passes it on
             )
         while process.poll() is None:
-            p.says = last_line(log)
+            p.says = last_line(raw)
             if self._stop:
                 _end(process)
             time.sleep(POLL_S)
+        log.write_text("\n".join(_plain(raw.read_bytes())) + "\n")
+        raw.unlink()
         if self._stop:
             p.state = "waiting"
             raise StepError("interrupted")
@@ -135,7 +141,7 @@ class Runner:
         """One thread a step, and a ROS domain for each: two may run node graphs at the same time."""
         first = int(os.environ.get("ROS_DOMAIN_ID") or 0)
         domain = (first + list(self.progress).index(step.name)) % 102
-        quiet = {"OMP_NUM_THREADS": "1", "MPLBACKEND": "Agg", "COLUMNS": "200", "TERM": "dumb"}
+        quiet = {"OMP_NUM_THREADS": "1", "MPLBACKEND": "Agg", "COLUMNS": "120", "TTY_COMPATIBLE": "1"}
         return {**os.environ, **quiet, "ROS_DOMAIN_ID": str(domain), "PYTHONUNBUFFERED": "1"}
 
 
@@ -148,9 +154,15 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 
 def last_line(log: Path) -> str:
-    """The last line of a log that says something; '' where there is none."""
+    """The last line of a log that says something, as a terminal shows it; '' where there is none."""
     with log.open("rb") as file:
         file.seek(max(0, log.stat().st_size - 4000))
-        text = file.read().decode(errors="replace")
-    lines = [line.strip() for line in text.replace("\r", "\n").splitlines() if line.strip()]
+        lines = _plain(file.read())
     return lines[-1] if lines else ""
+
+
+def _plain(output: bytes) -> list[str]:
+    """Lines as they stand at the end: no colours, and of a progress bar its last state."""
+    text = ESCAPES.sub("", output.decode(errors="replace"))
+    lines = [line.rstrip("\r").rpartition("\r")[2].rstrip() for line in text.split("\n")]
+    return [line for line in lines if line.strip()]

@@ -1,0 +1,190 @@
+"""Who may import whom, held by reading the source: the arrows of docs/architecture.md."""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+SOURCES = (ROOT / "src", ROOT / "ros2_ws" / "src" / "deeptruck_nodes")
+OURS = ("deeptruck_model", "deeptruck_cacc", "truck_bridge", "deeptruck_nodes")
+ROS = {
+    "rclpy", "ament_index_python", "builtin_interfaces", "diagnostic_msgs", "geometry_msgs", "lifecycle_msgs",
+    "rcl_interfaces", "rosgraph_msgs", "sensor_msgs", "std_msgs", "std_srvs",
+}  # fmt: skip
+IMPORT_NAMES = {
+    "pyyaml": "yaml",
+    "python-can": "can",
+    "scikit-learn": "sklearn",
+    "sb3-contrib": "sb3_contrib",
+}
+USED_BY_OTHERS = {"tensorboard": "torch.utils.tensorboard"}  # dependencies that a dependency imports for us
+SUPPLIED_BY_ROS = {"ros-jazzy-rclpy", "ros-jazzy-common-interfaces"}
+OPTIONAL = {"asammdf"}  # said to be missing where a user wants it
+TOOLS = {
+    "mypy", "ruff", "pytest-timeout", "pytest-xdist", "pytest-cov", "types-pyyaml",
+    "colcon-common-extensions",
+}  # fmt: skip
+
+
+def modules() -> dict[str, Path]:
+    """Every module of ours by its dotted name."""
+    found = {}
+    for source in SOURCES:
+        for package in OURS:
+            for path in (source / package).rglob("*.py"):
+                dotted = ".".join(path.relative_to(source).with_suffix("").parts)
+                found[dotted.removesuffix(".__init__")] = path
+    return found
+
+
+MODULES = modules()
+
+
+def imported(path: Path) -> Iterator[str]:
+    """Dotted names imported anywhere in a file; `from a import b` gives a.b if that is a module, else a."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            names = (f"{node.module}.{alias.name}" for alias in node.names)
+            yield from (name if name in MODULES else str(node.module) for name in names)
+
+
+IMPORTS = {name: set(imported(path)) for name, path in MODULES.items()}
+
+
+def within(name: str, *packages: str) -> bool:
+    return any(name == package or name.startswith(f"{package}.") for package in packages)
+
+
+def reached(start: str) -> set[str]:
+    """Modules of ours that those below `start` import, and what those import in turn.
+
+    `simulators` is a door at which the search ends: it loads what a simulator directory asks for.
+    """
+    todo = [name for name in MODULES if within(name, start)]
+    found = set(todo)
+    while todo:
+        new = (
+            {name for name in IMPORTS[todo.pop()] if name in MODULES} - found - {"deeptruck_model.simulators"}
+        )
+        found |= new
+        todo += new
+    return found
+
+
+@pytest.mark.parametrize(
+    ("room", "closed"),
+    [
+        ("deeptruck_model", ("deeptruck_cacc", "truck_bridge", "deeptruck_nodes", "can", "cantools", *ROS)),
+        ("deeptruck_cacc", ("truck_bridge", "deeptruck_nodes", "can", "cantools", *ROS)),
+        ("truck_bridge", ("deeptruck_cacc", "deeptruck_nodes", *ROS)),
+        ("deeptruck_model.mismatch.mechanisms", ("deeptruck_model.mismatch.proof",)),
+    ],
+)
+def test_doors_that_are_closed(room: str, closed: tuple[str, ...]) -> None:
+    rooms = [name for name in MODULES if within(name, room)]
+    assert len(rooms) > 3
+    assert not {(name, other) for name in rooms for other in IMPORTS[name] if within(other, *closed)}
+
+
+def test_the_safety_core_stands_alone() -> None:
+    rooms = [name for name in MODULES if within(name, "truck_bridge.safety")]
+    assert len(rooms) > 3
+    foreign = {
+        (name, other)
+        for name in rooms
+        for other in IMPORTS[name]
+        if not within(other, "truck_bridge.safety") and other.partition(".")[0] not in sys.stdlib_module_names
+    }
+    assert not foreign
+
+
+def test_the_emulator_is_the_only_window_between_bridge_and_model() -> None:
+    through = {
+        name: {other for other in IMPORTS[name] if within(other, "deeptruck_model")}
+        for name in MODULES
+        if within(name, "truck_bridge")
+    }
+    assert {name for name, others in through.items() if others} <= {
+        "truck_bridge.ecu_emulator",
+        "truck_bridge.emulator_cli",
+    }
+    allowed = ("deeptruck_model.simulators", "deeptruck_model.errors", "deeptruck_model.trucks")
+    assert not {other for others in through.values() for other in others if not within(other, *allowed)}
+
+
+def test_the_proof_shares_no_code_with_the_mechanisms() -> None:
+    """Effects are planted by other code than the one that names them; only the vocabulary is common."""
+    proof, mechanisms = (
+        {
+            name
+            for name in reached(f"deeptruck_model.mismatch.{room}")
+            if within(name, "deeptruck_model.mismatch")
+        }
+        for room in ("proof", "mechanisms")
+    )
+    assert len(proof) > 5 and len(mechanisms) > 5
+    assert not proof & mechanisms
+
+
+def third_party(*roots: Path) -> set[str]:
+    """Top-level packages that are neither ours nor Python's."""
+    local = {path.stem for root in roots for path in root.rglob("*.py")} | {"examples", "tests"}
+    names = {
+        name.partition(".")[0] for root in roots for path in root.rglob("*.py") for name in imported(path)
+    }
+    return names - set(sys.stdlib_module_names) - set(OURS) - local
+
+
+def distributions(requirements: list[str]) -> set[str]:
+    return {re.split(r"[\[=<>~! ]", requirement)[0].lower() for requirement in requirements}
+
+
+def project() -> tuple[set[str], dict[str, set[str]]]:
+    """Required distributions, and those of each extra."""
+    table = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = {name: distributions(listed) for name, listed in table["optional-dependencies"].items()}
+    return distributions(table["dependencies"]), extras
+
+
+def import_name(distribution: str) -> str:
+    return IMPORT_NAMES.get(distribution, distribution.replace("-", "_"))
+
+
+def test_what_the_source_imports_is_declared_and_what_is_declared_is_imported() -> None:
+    required, extras = project()
+    used = third_party(*SOURCES) - ROS - OPTIONAL - {"setuptools"}  # of colcon's setup.py
+    declared = {import_name(d) for d in required | extras["ray"] | extras["dev"]}
+    assert not used - declared
+    everywhere = third_party(*SOURCES, ROOT / "tests", ROOT / "benchmarks", ROOT / "examples")
+    idle = {d for d in required if import_name(d) not in used and d not in USED_BY_OTHERS}
+    idle |= {d for d in extras["dev"] - TOOLS if import_name(d) not in everywhere}
+    assert not idle
+
+
+def test_every_dependency_is_pinned_and_earns_its_place() -> None:
+    required, extras = project()
+    pins = (ROOT / "constraints.txt").read_text().lower().replace("_", "-")
+    text = (ROOT / "docs" / "architecture.md").read_text().lower()
+    for distribution in required | set().union(*extras.values()):
+        assert re.search(rf"^{re.escape(distribution)}==", pins, re.M), f"{distribution} is not pinned"
+        assert re.search(rf"^\| .*{re.escape(distribution)}", text, re.M), f"{distribution} is not explained"
+
+
+def test_constraints_pin_everything_exactly() -> None:
+    lines = [
+        line for line in (ROOT / "constraints.txt").read_text().splitlines() if line[:1] not in ("", "#")
+    ]
+    assert len(lines) > 100
+    assert all(re.fullmatch(r"[A-Za-z0-9._-]+==[\w.+!]+( ?;.*)?", line) for line in lines)
+    names = [re.sub(r"[-_.]+", "-", line.partition("==")[0].lower()) for line in lines]
+    assert len(names) == len(set(names))
