@@ -147,13 +147,13 @@ class _Run:
             g.nan_to_num_(0.0, 0.0, 0.0).mul_(factor.view(-1, *[1] * (g.dim() - 1)))
 
     def _validate(self) -> list[float]:
-        """Score of each seed (see validation.scores); keeps the best weights so far."""
+        """Score of each seed: validation.scores and wasted pedal; keeps the best weights so far."""
         with torch.no_grad():
             start = self.road.start(self.exam, self.policy)
             _, window = self.road.drive(self.exam, self.policy, start, self.exam.steps)
-        time_gap, speed, crashed = (x.double().numpy() for x in window[1:])
+        time_gap, speed, crashed, wasted = (x.double().numpy() for x in window[1:])
         rows = validation.scores(self.exam, self.simulator.dt, time_gap, speed, crashed)
-        scores = [float(s) for s in rows.reshape(self.config.seeds, -1).mean(axis=1)]
+        scores = [float(s) for s in (rows + wasted).reshape(self.config.seeds, -1).mean(axis=1)]
         for k, score in enumerate(scores):
             if score < self.best_score[k]:
                 self.best_score[k] = score

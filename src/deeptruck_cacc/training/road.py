@@ -35,6 +35,7 @@ class Window(NamedTuple):
     time_gap_error: Tensor
     speed_error: Tensor
     crashed: Tensor
+    wasted: Tensor  # mean of engine times brake
 
 
 @dataclass
@@ -110,7 +111,9 @@ class Road:
         total = total + self.alpha_rate * change.mean(dim=0)
         time_gap_error = (gap_error / speed.clamp(min=1.0)).detach()
         crashed = (gap.detach() <= self.reward.d_safety).any(dim=0)
-        return Window(total, time_gap_error, speed_error.detach(), crashed)
+        return Window(
+            total, time_gap_error, speed_error.detach(), crashed, (engine * brake).detach().mean(dim=0)
+        )
 
 
 def detach(state: Any) -> Any:
