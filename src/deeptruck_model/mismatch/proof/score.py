@@ -106,30 +106,37 @@ def _common(left: Spans, right: Spans) -> float:
 
 
 def score_intervals(truth: Mapping[str, Any], verdict: Verdict) -> list[dict[str, Any]]:
-    """For every true size the tool states under the same name and unit: truth, value, interval, whether it
-    holds."""
+    """For every true size that the tool states with an interval: truth, value, interval, whether it holds."""
     out = []
     for effect in truth["effects"]:
         for finding in verdict.get("findings") or ():
             if finding.get("effect") != effect["name"]:
                 continue
-            for name, stated in (finding.get("parameters") or {}).items():
-                true = effect["comparable"].get(name)
-                interval = stated.get("ci95")
-                if true is None or not interval:
+            for name, true in effect["comparable"].items():
+                stated = _stated(finding.get("parameters") or {}, name, true["unit"])
+                if stated is None:
                     continue
-                low, high = sorted(map(float, interval))
+                low, high = sorted(map(float, stated["ci95"]))
                 out.append(
                     {
                         "effect": effect["name"],
                         "parameter": name,
-                        "true": true,
+                        "true": true["value"],
                         "value": stated.get("value"),
                         "ci95": [low, high],
-                        "holds": low <= true <= high,
+                        "holds": low <= true["value"] <= high,
                     }
                 )
     return out
+
+
+def _stated(parameters: Mapping[str, Any], name: str, unit: str) -> Mapping[str, Any] | None:
+    """The parameter of that name, else the only one of that unit; None without an interval or where several
+    could be meant."""
+    known = {n: p for n, p in parameters.items() if p.get("ci95") and p.get("unit") == unit}
+    if name in known:
+        return dict(known[name])
+    return dict(next(iter(known.values()))) if len(known) == 1 else None
 
 
 def improvement(errors: Mapping[str, Mapping[str, float]]) -> dict[str, float]:

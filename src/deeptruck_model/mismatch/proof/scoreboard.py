@@ -29,14 +29,15 @@ def print_results(results: Sequence[Score]) -> None:
         )
     console = Console(width=160)
     console.print(table)
-    summary = Table("level", "n", *next(iter(by_level(results).values()), {}).keys())
-    for (simulator, level), row in by_level(results).items():
-        summary.add_row(f"{simulator} {level}", str(row.pop("n")), *(_text(v) for v in row.values()))
+    summary = Table("figure", *(f"{simulator} {level}" for simulator, level in by_level(results)))
+    rows = list(by_level(results).values())
+    for name in rows[0] if rows else ():
+        summary.add_row(name, *(_text(row[name]) for row in rows))
     console.print(summary)
 
 
 def _text(value: Any) -> str:
-    return "-" if value is None else f"{value:.2f}"
+    return "-" if value is None else str(value) if isinstance(value, int) else f"{value:.2f}"
 
 
 def by_level(results: Iterable[Score]) -> dict[tuple[str, str], dict[str, Any]]:

@@ -26,7 +26,7 @@ def describe(built: Built, names: tuple[str, ...], believed: dict[str, float]) -
         "minutes": plan.minutes,
         "verdict": first.kind if first else "nothing_missing",
         "effects": [
-            _effect(e, s, leave_out, comparable(e, s, built, believed))
+            _effect(e, s, leave_out, comparable(e, s, built))
             for e, s in zip(plan.effects, built.sizes, strict=True)
         ],
         "excluded": list(plan.excluded),
@@ -45,42 +45,52 @@ def describe(built: Built, names: tuple[str, ...], believed: dict[str, float]) -
     }
 
 
-PARAMETERS = ("mass", "drag_area", "rolling_resistance", "torque_gain", "brake_gain")
+PARAMETERS = {
+    "mass": "kg",
+    "drag_area": "m^2",
+    "rolling_resistance": "1",
+    "torque_gain": "1",
+    "brake_gain": "1",
+}
 
 
 def _effect(
-    effect: Effect, sizes: dict[str, float], leave_out: bool, comparable: dict[str, float]
+    effect: Effect, sizes: dict[str, float], leave_out: bool, sizes_of_one_meaning: dict[str, Any]
 ) -> dict[str, Any]:
     return {
         "key": effect.key,
         "name": "unknown" if leave_out else effect.name,
         "kind": effect.kind,
         "accepts": [] if leave_out else list(effect.accepts),
-        "comparable": {} if leave_out else comparable,
+        "comparable": {} if leave_out else sizes_of_one_meaning,
         "sizes": sizes,
         "source": effect.source,
     }
 
 
-def comparable(
-    effect: Effect, sizes: dict[str, float], built: Built, believed: dict[str, float]
-) -> dict[str, float]:
-    """Sizes with one meaning whatever the form of the law, under the names docs/mismatch.md gives them."""
-    sign = float(np.sign(sizes.get("sign", 1.0)))
-    if effect.kind == "parameter_error":
-        return {effect.name: built.oracle.parameters()[effect.name]}
-    meanings: dict[str, dict[str, float]] = {
-        "command_delay": {"delay": sizes.get("delay_s", 0.0)},
-        "clock_offset": {"offset": sizes.get("late_s", 0.0) * sign},
-        "clock_offset_responses": {"offset": sizes.get("late_s", 0.0)},
-        "speed_scale": {"scale": 1.0 + sizes.get("scale", 0.0) * sign},
-        "acceleration_bias": {"bias": sizes.get("bias", 0.0) * sign},
-        "grade_bias": {"bias": sizes.get("bias", 0.0) * sign},
-        "payload_change": {"mass": payload_share(sizes) * built.truck.mass},
-        "rotating_inertia": {"engine_inertia": sizes.get("engine_kgm2", 0.0)},
-        "drag_area": {"drag_area": sizes.get("gain", 0.0) * built.truck.drag_area},
+def comparable(effect: Effect, sizes: dict[str, float], built: Built) -> dict[str, dict[str, Any]]:
+    """Sizes with one meaning whatever the form of the law, {name: {value, unit}}. A scale is recorded over
+    true, a bias recorded less true, an offset or delay positive when the channel or command comes late.
+    """
+    sign, mass = float(np.sign(sizes.get("sign", 1.0))), built.truck.mass
+    meanings: dict[str, tuple[str, float, str]] = {
+        "command_delay": ("delay", sizes.get("delay_s", 0.0), "s"),
+        "clock_offset": ("offset", sizes.get("late_s", 0.0) * sign, "s"),
+        "clock_offset_responses": ("offset", sizes.get("late_s", 0.0), "s"),
+        "speed_scale": ("scale", 1.0 + sizes.get("scale", 0.0) * sign, "1"),
+        "acceleration_bias": ("bias", sizes.get("bias", 0.0) * sign, "m/s^2"),
+        "grade_bias": ("bias", sizes.get("bias", 0.0) * sign, "1"),
+        "payload_change": ("mass", payload_share(sizes) * mass, "kg"),
+        "rotating_inertia": ("engine_inertia", sizes.get("engine_kgm2", 0.0), "kg m^2"),
+        "drag_area": ("drag_area", sizes.get("gain", 0.0) * built.truck.drag_area, "m^2"),
     }
-    return meanings.get(effect.key, {})
+    if effect.kind == "parameter_error":
+        true = built.oracle.parameters()[effect.name]
+        return {effect.name: {"value": true, "unit": PARAMETERS[effect.name]}}
+    if effect.key not in meanings:
+        return {}
+    name, value, unit = meanings[effect.key]
+    return {name: {"value": value, "unit": unit}}
 
 
 def payload_share(sizes: dict[str, float]) -> float:

@@ -78,7 +78,7 @@ def test_overlap_of_segments():
 
 def test_intervals_are_compared_under_the_same_name_only():
     asked = truth("mass")
-    asked["effects"][0]["comparable"] = {"mass": 20000.0}
+    asked["effects"][0]["comparable"] = {"mass": {"value": 20000.0, "unit": "kg"}}
     said = verdict("mass", "headwind")
     said["findings"][0]["parameters"] = {
         "mass": {"value": 19000.0, "unit": "kg", "ci95": [18000.0, 20500.0]},
@@ -88,6 +88,11 @@ def test_intervals_are_compared_under_the_same_name_only():
     assert one["holds"] and one["true"] == 20000.0
     said["findings"][0]["parameters"]["mass"]["ci95"] = [18000.0, 19900.0]
     assert not score_intervals(asked, said)[0]["holds"]
+    one = said["findings"][0]["parameters"].pop("mass")
+    said["findings"][0]["parameters"]["extra"] = one
+    assert score_intervals(asked, said)[0]["value"] == 19000.0
+    said["findings"][0]["parameters"]["further"] = one
+    assert score_intervals(asked, said) == []
 
 
 def test_improvement_is_a_share_of_the_oracles():
