@@ -56,9 +56,8 @@ def codec_rows() -> list[tuple[str, str]]:
         ("encode", lambda: ours.encode(whole), lambda: theirs.encode(whole, padding=True)),
     ):
         a, b = per_second(mine), per_second(other)
-        rows.append(
-            (f"codec {what}, EEC1", f"{a / 1e3:.0f} k/s; cantools {b / 1e3:.0f} k/s; ratio {a / b:.2f}")
-        )
+        text = f"{a / 1e3:.0f} k/s; cantools {b / 1e3:.0f} k/s; ratio {a / b:.2f}"
+        rows.append((f"codec {what}, EEC1", text))
     return rows
 
 
@@ -95,7 +94,8 @@ def jitter_rows(processes, name: str, seconds: float) -> list[tuple[str, str]]:
             late = np.abs(np.diff(times) - period) * 1e3
             message = stage.vehicle.transmitted[axis].layout.name
             p50, p99 = np.percentile(late, [50, 99])
-            text = f"{len(times)} frames, |period - 20 ms| p50 {p50:.2f} ms, p99 {p99:.2f} ms, max {late.max():.2f} ms"
+            worst = f"p50 {p50:.2f}, p99 {p99:.2f}, max {late.max():.2f} ms"
+            text = f"{len(times)} frames, off 20 ms by {worst}"
             rows.append((f"{name}: {message} every 20 ms", text))
         return rows
 
@@ -114,9 +114,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--overrides", type=int, default=5)
+    parser.add_argument("--priority", type=int, default=0, help="SCHED_FIFO priority of bridge and witness")
     parser.add_argument("--load", action="store_true")
     options = parser.parse_args()
     processes = _fault_processes()
+    if options.priority:
+        os.environ["BRIDGE_PRIORITY"] = str(options.priority)
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(options.priority))
     busy = [
         subprocess.Popen([sys.executable, "-c", "while True: pass"])
         for _ in range(os.cpu_count() or 1 if options.load else 0)
@@ -133,14 +137,11 @@ def main() -> None:
     state = f"{len(busy)} busy processes beside, " if busy else ""
     load = f"{state}load average {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores at the end"
     lines = ["| what | measured |", "| --- | --- |", *(f"| {what} | {text} |" for what, text in rows)]
-    report = [
-        "# CAN bridge: measured",
-        "",
-        f"`{' '.join(['python', 'benchmarks/bench_bridge.py', *sys.argv[1:]])}`; {load}.",
-        "",
-    ]
+    command = " ".join(["python", "benchmarks/bench_bridge.py", *sys.argv[1:]])
+    report = ["# CAN bridge: measured", "", f"`{command}`; {load}.", ""]
     print("\n".join([*report, *lines]))
-    out = ROOT / "docs" / "results" / ("bridge_under_load.md" if options.load else "bridge.md")
+    suffix = "_under_load" * options.load + "_fifo" * bool(options.priority)
+    out = ROOT / "docs" / "results" / f"bridge{suffix}.md"
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text("\n".join([*report, *lines]) + "\n")
 

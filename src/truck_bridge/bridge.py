@@ -14,7 +14,9 @@ For the node that wraps it:
 
 from __future__ import annotations
 
+import contextlib
 import math
+import os
 import threading
 import time
 from collections.abc import Callable
@@ -175,9 +177,19 @@ class Bridge:
             self._inbox.append(message)
 
     def run(
-        self, stop: threading.Event, on_signals: Callable[[dict[str, float], float], None] | None = None
+        self,
+        stop: threading.Event,
+        on_signals: Callable[[dict[str, float], float], None] | None = None,
+        *,
+        priority: int = 0,
     ) -> None:
-        """Poll in real time until stopped, then hand back in order and go silent."""
+        """Poll in real time until stopped, then hand back in order and go silent.
+
+        `priority` above 0 asks for SCHED_FIFO for this thread, where the user may have it (see the docs).
+        """
+        if priority > 0:
+            with contextlib.suppress(OSError):
+                os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
         while not stop.is_set():
             now = time.monotonic()
             signals = self.poll(now)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 import threading
 import time
@@ -25,7 +26,8 @@ def main() -> None:
     stop, said = threading.Event(), []
     threading.Thread(target=lambda: said.extend(iter(sys.stdin.readline, "")), daemon=True).start()
     bridge.arm(time.monotonic())
-    thread = threading.Thread(target=bridge.run, args=(stop,))
+    priority = int(os.environ.get("BRIDGE_PRIORITY", "0"))
+    thread = threading.Thread(target=bridge.run, args=(stop,), kwargs={"priority": priority})
     thread.start()
     muted = engaged = lost = False
     while not stop.is_set():
