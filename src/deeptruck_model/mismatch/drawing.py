@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
+from itertools import pairwise
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from PIL import Image
 
 DPI = 110
 # Okabe and Ito's colours, told apart by all kinds of colour vision
@@ -77,3 +80,15 @@ def png(made: Figure) -> bytes:
     with mpl.rc_context({"font.size": 9}):
         made.savefig(buffer, format="png", dpi=DPI, facecolor="white")
     return buffer.getvalue()
+
+
+def strips(picture: bytes, ends: Sequence[float]) -> tuple[bytes, ...]:
+    """A tall PNG cut across at `ends` (inches from its top), so that paper can break between the parts."""
+    out = []
+    with Image.open(io.BytesIO(picture)) as whole:
+        edges = [0, *(min(round(end * DPI), whole.height) for end in ends)]
+        for top, bottom in pairwise(edges):
+            buffer = io.BytesIO()
+            whole.crop((0, top, whole.width, bottom)).save(buffer, format="png")
+            out.append(buffer.getvalue())
+    return tuple(out)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from deeptruck_model.mismatch import error_figures, evidence_figure, regime_figure, timeline_figure
-from deeptruck_model.mismatch.drawing import BLUE, GREY, ORANGE, figure, png, tidy
+from deeptruck_model.mismatch.drawing import BLUE, GREY, ORANGE, figure, png, strips, tidy
 from deeptruck_model.mismatch.kinematics import derivative
 from deeptruck_model.recordings import coverage
 from deeptruck_model.recordings.coverage_figure import draw as draw_coverage
@@ -28,10 +28,11 @@ SMOOTH_S = 1.0
 
 @dataclass(frozen=True)
 class Picture:
-    """A PNG and the sentence below it."""
+    """A PNG, the sentence below it, and the parts it is shown in where it is too tall for paper."""
 
     png: bytes
     caption: str
+    parts: tuple[bytes, ...] = ()
 
 
 def draw(m: Mismatch) -> dict[str, Picture]:
@@ -56,11 +57,12 @@ def draw(m: Mismatch) -> dict[str, Picture]:
 
 
 def _timeline(m: Mismatch) -> Picture:
-    made, left_out = timeline_figure.timeline(m)
+    made, ends, left_out = timeline_figure.timeline(m)
     count = f"{left_out} more recording{'s are' if left_out > 1 else ' is'}"
     more = f" {count} not drawn: those with the most to see are." if left_out else ""
     shaded = " Shaded: the strongest stretches in which a finding acts." if m.segments else ""
-    return Picture(png(made), f"The recordings along time.{shaded}{more}")
+    whole = png(made)
+    return Picture(whole, f"The recordings along time.{shaded}{more}", strips(whole, ends))
 
 
 def _where_and_what(m: Mismatch) -> dict[str, Picture]:

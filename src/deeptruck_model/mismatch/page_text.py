@@ -38,7 +38,7 @@ def number(x: float, step: float | None = None) -> str:
 
 def measured(value: float, unit: str, ci: Sequence[float] | None) -> str:
     """A size with its 95 % interval, in as many digits as the interval is worth."""
-    unit = "" if unit == "1" else f" {prose(unit)}"
+    unit = "" if unit in ("", "1") else f" {prose(unit)}"
     if ci is None or not all(math.isfinite(c) for c in ci) or ci[1] <= ci[0]:
         return f"{number(value)}{unit}"
     step = 10.0 ** (math.floor(math.log10((ci[1] - ci[0]) / 2)) - 1)
@@ -57,6 +57,7 @@ def percent(x: float) -> str:
 def prose(text: str) -> str:
     """A finding's own words with signs as they are printed."""
     text = re.sub(r"\bsimulated\b(?! acceleration)", "simulated acceleration", text.replace("_", " "))
+    text = re.sub(r"\b\d+(\.\d+)?e[+-]\d+\b", lambda found: number(float(found[0])), text)
     return text.replace("+-", "±").replace("^2", "²").replace("^3", "³")
 
 
@@ -112,13 +113,13 @@ def findings(m: Mismatch) -> list[dict[str, Any]]:
 
 def _finding(k: int, f: dict[str, Any]) -> dict[str, Any]:
     sizes = [
-        {"name": words(n), "text": measured(p["value"], p["unit"], p["ci95"])}
+        {"name": re.sub(" s$", ", s", words(n)), "text": measured(p["value"], p["unit"], p["ci95"])}
         for n, p in f["parameters"].items()
         if p["value"] is not None and n != "held_out_r2"
     ]
     facts = {"probability": percent(f["probability"])}
     if f["share_of_explainable_error"] > 0:
-        facts["share"] = f"{percent(f['share_of_explainable_error'])} of the explainable error"
+        facts["explains"] = f"{percent(f['share_of_explainable_error'])} of the explainable error"
     if "formula_r2" in f:
         facts["predicted"] = f"{percent(max(f['formula_r2'], 0.0))} of its variance on held-out recordings"
     return {

@@ -47,7 +47,7 @@ def _content(m: Mismatch, drawn: dict[str, figures.Picture]) -> dict[str, Any]:
         "summary": _summary(m),
         "findings": page_text.findings(m),
         "smallest": [_visible(n, s) for n, s in v["data"].get("smallest_visible", {}).items()],
-        "figures": {name: _embedded(picture, name) for name, picture in drawn.items()},
+        "figures": {name: _embedded(picture) for name, picture in drawn.items()},
         "regimes": [
             {
                 "where": page_text.prose(r["where"]),
@@ -76,9 +76,9 @@ def _summary(m: Mismatch) -> str:
     return f"{count} recording{'s' if count != 1 else ''}, {length} together{held_out}."
 
 
-def _embedded(picture: figures.Picture, name: str) -> dict[str, str]:
-    data = base64.b64encode(picture.png).decode("ascii")
-    return {"source": f"data:image/png;base64,{data}", "caption": picture.caption, "name": words(name)}
+def _embedded(picture: figures.Picture) -> dict[str, Any]:
+    parts = [base64.b64encode(part).decode("ascii") for part in picture.parts or (picture.png,)]
+    return {"sources": [f"data:image/png;base64,{part}" for part in parts], "caption": picture.caption}
 
 
 def _visible(name: str, size: dict[str, float]) -> dict[str, str]:

@@ -92,10 +92,11 @@ def _raw(p: Prepared) -> Track:
     return Track(p.recording.name, p.recording.time, signals, None, None, (), 0.0)
 
 
-def timeline(m: Mismatch) -> tuple[Figure, int]:
-    """Speed, grade, commands, residual and explained force of each recording, and how many are not drawn.
+def timeline(m: Mismatch) -> tuple[Figure, list[float], int]:
+    """Speed, grade, commands, residual and explained force of each recording.
 
-    Those with the most to see are drawn, in their order.
+    Also where each recording ends (inches from the top), and how many are not drawn: those with the most to
+    see are, in their order.
     """
     every = tracks(m)
     order = sorted(range(len(every)), key=lambda i: -every[i].weight)[:MOST_RECORDINGS]
@@ -106,7 +107,8 @@ def timeline(m: Mismatch) -> tuple[Figure, int]:
     for k, track in enumerate(chosen):
         _row(made, track, heights, HEAD_INCHES + row * k, row, _units(m))
     _legend(made, m)
-    return made, len(every) - len(chosen)
+    ends = [HEAD_INCHES + row * (k + 1) for k in range(len(chosen))]
+    return made, ends, len(every) - len(chosen)
 
 
 def _units(m: Mismatch) -> tuple[str, str]:

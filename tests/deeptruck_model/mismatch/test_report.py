@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import html
 import io
 import re
 import shutil
@@ -30,6 +31,13 @@ from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
 
 DT, BLOCK, MASS = 0.1, 2, 20000.0
+MEASURE = """<script>
+addEventListener("load", () => {
+  const frame = document.querySelector("iframe"), inside = frame.contentDocument;
+  const loaded = [...inside.images].every(image => image.naturalWidth > 99);
+  document.title = [inside.documentElement.scrollWidth, frame.contentWindow.innerWidth, loaded];
+});
+</script>"""
 VERDICTS = (
     "missing_physics",
     "unknown",
@@ -212,14 +220,14 @@ def verdict(kind: str, found, caveats=()) -> dict:
 class Page(HTMLParser):
     """Visible text in order, images, and everything that could be fetched."""
 
-    def __init__(self, html: str) -> None:
+    def __init__(self, source: str) -> None:
         super().__init__()
         self.text: list[str] = []
         self.fetched: list[str] = []
         self.images: list[str] = []
         self.tags: list[str] = []
         self._hidden = 0
-        self.feed(html)
+        self.feed(source)
 
     def handle_starttag(self, tag, attributes):
         self.tags.append(tag)
@@ -263,22 +271,26 @@ class TestEveryVerdict:
         assert page.text[0].endswith(".")
 
     def test_nothing_is_fetched(self, written, kind):
-        html = written[kind].html
-        page = Page(html)
+        source = written[kind].html
+        page = Page(source)
         assert page.fetched == []
         assert page.images
-        assert all(source.startswith("data:image/png;base64,") for source in page.images)
+        assert all(image.startswith("data:image/png;base64,") for image in page.images)
         assert not {"script", "link", "iframe", "object", "embed", "base"} & set(page.tags)
-        style = html[html.index("<style>") : html.index("</style>")]
+        style = source[source.index("<style>") : source.index("</style>")]
         assert "url(" not in style
         assert "@import" not in style
 
     def test_every_figure_shows_something_and_lies_beside_the_page(self, written, kind):
         embedded = [base64.b64decode(s.partition(",")[2]) for s in Page(written[kind].html).images]
         files = {p.read_bytes() for p in written[kind].folder.glob("*.png")}
-        assert set(embedded) == files
+        others = {p.read_bytes() for p in written[kind].folder.glob("*.png") if p.stem != "timeline"}
+        assert others <= set(embedded)
+        timeline = pixels((written[kind].folder / "timeline.png").read_bytes())
+        strips = [pixels(png) for png in embedded if png not in others]
+        np.testing.assert_array_equal(np.concatenate(strips), timeline)
         assert (written[kind].folder / "coverage.png").exists()
-        for png in files:
+        for png in files | set(embedded):
             shades = pixels(png)[..., :3]
             assert min(shades.shape[:2]) > 100
             assert shades.std() > 0.02
@@ -404,22 +416,20 @@ def test_certainty_is_never_claimed():
 @pytest.mark.parametrize("width", [390, 1200])
 def test_it_opens_in_a_browser_without_sideways_scrolling(written, tmp_path, width):
     page = tmp_path / "page.html"
-    measure = (
-        "<script>document.title=[document.documentElement.scrollWidth, innerWidth, "
-        "[...document.images].every(i => i.naturalWidth > 99)]</script>"
-    )
-    page.write_text(written["missing_physics"].html.replace("</body>", measure + "</body>"), "utf-8")
+    inside = html.escape(written["missing_physics"].html, quote=True)
+    page.write_text(f'<iframe width="{width}" height="900" srcdoc="{inside}"></iframe>{MEASURE}', "utf-8")
     command = [
         str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking",
         "--disable-dev-shm-usage", "--no-first-run", "--host-resolver-rules=MAP * ~NOTFOUND",
-        f"--user-data-dir={tmp_path / 'profile'}", f"--window-size={width},900",
+        f"--user-data-dir={tmp_path / 'profile'}", f"--window-size={width + 50},900",
     ]  # fmt: skip
     dumped = subprocess.run(
         [*command, "--dump-dom", page.as_uri()], capture_output=True, text=True, timeout=120, check=True
     )
     title = re.search(r"<title>(\d+),(\d+),(\w+)</title>", dumped.stdout)
     assert title, dumped.stderr[-500:]
-    assert int(title[1]) <= int(title[2])
+    assert int(title[2]) == width
+    assert int(title[1]) <= width
     assert title[3] == "true"
     shot = tmp_path / "shot.png"
     subprocess.run(
