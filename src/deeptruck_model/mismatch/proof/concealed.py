@@ -42,6 +42,9 @@ class Source:
     layout: str
     learns_from: tuple[str, ...] = ()
     hilly: bool = True
+    least_s: float = 60.0  # shorter pieces are left out
+    share: float = 0.6  # of the log, to fit; the rest is held out
+    hide: tuple[str, ...] = HIDE
 
 
 SOURCES = (
@@ -49,6 +52,15 @@ SOURCES = (
     Source("bmw_i3 A11", "bmw_i3/TripA11.csv", "bmw_i3.yaml", ("bmw_i3/TripA01.csv", "bmw_i3/TripB17.csv")),
     Source("bmw_i3 A01", "bmw_i3/TripA01.csv", "bmw_i3.yaml", ("bmw_i3/TripB17.csv",), hilly=False),
     Source("bmw_i3 B17", "bmw_i3/TripB17.csv", "bmw_i3.yaml", ("bmw_i3/TripA01.csv",), hilly=False),
+    Source(
+        "normal.log",
+        "j1939_csu/normal.log",
+        "",
+        hilly=False,
+        least_s=5.0,
+        share=1.0,  # 30 s: one recording, nothing to hold out
+        hide=(*HIDE, "gear", "engine_speed"),
+    ),
 )
 
 
@@ -92,19 +104,20 @@ def examine_concealed(
 
 
 def _examine(source: Source, folder: Path, layouts: Path, out: Path, updates: int) -> dict[str, Any]:
-    whole = _read(folder / source.log, layouts / source.layout, out / "import")
+    layout: Path | dict[str, Any] = layouts / source.layout if source.layout else {}
+    whole = _read(folder / source.log, layout, out / "import")
+    parts = split(whole, (source.share, 1.0 - source.share, 0.0))
+    fit, held = ([r for r in part if len(r) * r.dt > source.least_s] for part in parts[:2])
+    opened = _write_blind(fit, out / "recordings" / "fit", source.hide)
+    if held:
+        opened += _write_blind(held, out / "recordings" / "held", source.hide)
     teachers = [
         r
         for k, log in enumerate(source.learns_from)
-        for r in _read(folder / log, layouts / source.layout, out / f"import_{k}")
+        for r in _read(folder / log, layout, out / f"import_{k}")
     ]
-    fit, held, _ = split(whole, (0.6, 0.4, 0.0))
-    opened: list[Recording] = []
-    for name, part in (("fit", _long(fit)), ("held", _long(held))):
-        opened += _write_blind(part, out / "recordings" / name)
-    own = [conceal(r) for r in _long(fit)]
-    simulator = _train([conceal(r) for r in teachers] or own, out / "simulator", updates)
-    case = Case(out, str(simulator), ("fit",), ("held",), {}, "")
+    simulator = _train([conceal(r, source.hide) for r in teachers or fit], out / "simulator", updates)
+    case = Case(out, str(simulator), ("fit",), ("held",) if held else (), {}, "")
     run = run_tool(case, out / "found", limit_s=3600.0)
     profile = out / "found" / "profiles.csv"
     agreement = None
@@ -118,20 +131,18 @@ def _examine(source: Source, folder: Path, layouts: Path, out: Path, updates: in
         "seconds": run.seconds,
         "verdict": run.verdict.get("verdict", "failed"),
         "said": said,
-        "right": said[:1] == ["road_grade"] if source.hilly else "road_grade" not in said,
+        "right": not run.returncode
+        and (said[:1] == ["road_grade"] if source.hilly else "road_grade" not in said),
+        "says": run.says if run.returncode else "",
         "agreement": asdict(agreement) if agreement else None,
     }
 
 
-def _long(recordings: Sequence[Recording]) -> list[Recording]:
-    return [r for r in recordings if len(r) * r.dt > 60.0]
-
-
-def _write_blind(part: Sequence[Recording], bag: Path) -> list[Recording]:
+def _write_blind(part: Sequence[Recording], bag: Path, hide: Sequence[str] = HIDE) -> list[Recording]:
     """Write the recordings without what is hidden; returns them whole, with the names and starts a reader
     sees."""
     if not bag.exists():
-        blind = [conceal(r) for r in part]
+        blind = [conceal(r, hide) for r in part]
         write_bag(bag, blind, interface=blind[0].interface)
     seen = read(bag)
     if [len(r) for r in seen] != [len(r) for r in part]:
@@ -139,7 +150,7 @@ def _write_blind(part: Sequence[Recording], bag: Path) -> list[Recording]:
     return [replace(r, name=s.name, start_s=s.start_s) for r, s in zip(part, seen, strict=True)]
 
 
-def _read(log: Path, layout: Path, bag: Path) -> list[Recording]:
+def _read(log: Path, layout: Path | dict[str, Any], bag: Path) -> list[Recording]:
     """Every piece of a log with all its channels; imported anew each time, because the bag is of no other
     use."""
     shutil.rmtree(bag, ignore_errors=True)
@@ -147,9 +158,9 @@ def _read(log: Path, layout: Path, bag: Path) -> list[Recording]:
     return import_table(log, layout, bag).recordings
 
 
-def conceal(recording: Recording) -> Recording:
-    """The recording without slope, height and place."""
-    shown = {name: values for name, values in recording.channels.items() if name not in HIDE}
+def conceal(recording: Recording, hide: Sequence[str] = HIDE) -> Recording:
+    """The recording without the channels in `hide`: by default slope, height and place."""
+    shown = {name: values for name, values in recording.channels.items() if name not in hide}
     return replace(recording, channels=shown, interface=replace(recording.interface, grade=False))
 
 
