@@ -35,6 +35,9 @@ def main(
     only: Annotated[
         list[str] | None, typer.Option(help="Only this step and those it needs; may be repeated.")
     ] = None,
+    again: Annotated[
+        list[str] | None, typer.Option(help="Do this step again, and those after it; may be repeated.")
+    ] = None,
 ) -> None:
     """Run the demo, or go on with it."""
     began = time.monotonic()
@@ -43,8 +46,10 @@ def main(
     steps = chosen(plan(out, Settings.quick() if quick else Settings(), real_data()), only)
     if only is None and real_data() is None:
         print("no real recordings at hand (DEEPTRUCK_REAL_DATA): the real truck is left out", flush=True)
+    chosen(steps, again)  # raises where one is unknown
     with Display() as display:
         runner = Runner(out, steps, display.show)
+        runner.forget(again or [])
         runner.run()
     written = page.write(out, list(runner.progress.values()), time.monotonic() - began)
     print(f"{time.monotonic() - began:.0f} s; open {os.path.relpath(written)}")

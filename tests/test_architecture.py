@@ -22,10 +22,10 @@ IMPORT_NAMES = {
     "pyyaml": "yaml",
     "python-can": "can",
     "scikit-learn": "sklearn",
-    "sb3-contrib": "sb3_contrib",
+    "pillow": "PIL",
+    "mcap-ros2-support": "mcap_ros2",
 }
 USED_BY_OTHERS = {"tensorboard": "torch.utils.tensorboard"}  # dependencies that a dependency imports for us
-SUPPLIED_BY_ROS = {"ros-jazzy-rclpy", "ros-jazzy-common-interfaces"}
 OPTIONAL = {"asammdf"}  # said to be missing where a user wants it
 TOOLS = {
     "mypy", "ruff", "pytest-timeout", "pytest-xdist", "pytest-cov", "types-pyyaml",

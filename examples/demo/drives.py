@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -10,25 +11,25 @@ import typer
 import yaml
 
 from deeptruck_model import driving_cycles, trucks
-from deeptruck_model.recordings import Recording, write_bag
+from deeptruck_model.recordings import write_bag
 
-OTHER_TRUCK = {"mass": 26_000.0}  # what the simulator does not know: six tonnes of payload ...
-DRAGGING_SHARE = 0.10  # ... and one brake that keeps a share of its last force
-RELEASE_S = 30.0
+OTHER_TRUCK = {"mass": 26_000.0, "brake_gain": 0.75}  # six tonnes of payload and worn brakes ...
+WIND = 6.0  # ... against a wind that no sensor sees, m/s
+AIR_DENSITY = 1.2
+DRAG_AREA = 6.0  # m^2
+NOISE = {"speed": 0.03, "acceleration": 0.05, "grade": 0.001}  # standard deviation of the sensors, SI
 
 
-class DraggingBrake:
-    """A worn return spring: one brake keeps a share of its last force, and lets go over half a minute."""
+class Headwind:
+    """What a steady wind adds to the drag the truck knows."""
 
     def reset(self, batch: int) -> None:
-        """Nothing is held at the start."""
-        self.held = np.zeros(batch)
+        """It remembers nothing."""
 
     def force(self, view: trucks.View, dt: float) -> np.ndarray:
-        """N at the road, against the motion."""
-        pressed = DRAGGING_SHARE * np.abs(view.brake_force)
-        self.held = np.maximum(pressed, self.held * (1.0 - dt / RELEASE_S))
-        return -self.held * np.sign(view.speed)
+        """N at the road; zero at rest, where nobody would feel it."""
+        added = (view.speed + WIND) ** 2 - view.speed**2
+        return -0.5 * AIR_DENSITY * DRAG_AREA * added * (view.speed > 0.5)
 
 
 def cycle_drives(out: Path, hours: float) -> None:
@@ -48,13 +49,15 @@ def leader(out: Path, seconds: float = 3600.0) -> None:
 
 def other_truck(out: Path, seconds: float) -> None:
     """Bags heavy/a .. heavy/d of a truck that differs from the simulator, and what differs, as YAML."""
-    truck = trucks.load("trucksim").with_parameters(OTHER_TRUCK).with_forces([DraggingBrake()])
+    truck = trucks.load("trucksim").with_parameters(OTHER_TRUCK).with_forces([Headwind()])
+    rng = np.random.default_rng(20)
     (out / "heavy").mkdir(exist_ok=True)
     for k, name in enumerate("abcd"):
-        drive: Recording = driving_cycles.drive(truck, seconds=seconds, seed=10 + k, name=name)
-        write_bag(out / "heavy" / name, [drive], interface=truck.interface)
-    truth = {**OTHER_TRUCK, "dragging_brake": {"share": DRAGGING_SHARE, "release_s": RELEASE_S}}
-    (out / "heavy.yaml").write_text(yaml.safe_dump(truth))
+        drive = driving_cycles.drive(truck, seconds=seconds, seed=10 + k, name=name)
+        noisy = {c: drive.channels[c] + rng.normal(0.0, sd, len(drive)) for c, sd in NOISE.items()}
+        measured = replace(drive, channels={**drive.channels, **noisy})
+        write_bag(out / "heavy" / name, [measured], interface=truck.interface)
+    (out / "heavy.yaml").write_text(yaml.safe_dump({**OTHER_TRUCK, "headwind_m_per_s": WIND}))
 
 
 def main(

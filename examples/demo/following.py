@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import read
@@ -15,6 +17,7 @@ Array = NDArray[np.float64]
 
 BUSY_S = (63.0, 64.5)  # the radar sees another vehicle
 SETTLED_S = 5.0
+LOST = "lost: "  # of the bridge's diagnostics
 
 
 @dataclass(frozen=True)
@@ -53,3 +56,16 @@ def load(bag: Path, title: str) -> Following:
     need = ("speed", "acceleration", "leader_speed", "gap", *recording.interface.u)
     recording.columns(need)
     return Following(title, recording.time - recording.start_s, recording.channels)
+
+
+def losses(bag: Path) -> list[str]:
+    """Why the bridge handed control back in a run, in the order of its diagnostics; [] where it never did."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    found: dict[str, None] = {}
+    with AnyReader([bag], default_typestore=store) as reader:
+        connections = [c for c in reader.connections if c.topic == "/diagnostics"]
+        for connection, _, data in reader.messages(connections):
+            for status in reader.deserialize(data, connection.msgtype).status:
+                lost = (v.key.removeprefix(LOST) for v in status.values if v.key.startswith(LOST))
+                found.update(dict.fromkeys(lost))
+    return list(found)

@@ -18,6 +18,7 @@ from examples.demo.steps import Step
 
 POLL_S = 0.2
 ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
+BACKGROUND = 10  # niceness
 FAREWELL_S = 20.0  # an interrupted node graph ends in order
 
 
@@ -68,6 +69,11 @@ class Runner:
                     self.show(list(self.progress.values()))
             finally:
                 self._stop = True
+
+    def forget(self, names: Sequence[str]) -> None:
+        """Do these steps again."""
+        for name in names:
+            (self.out / "logs" / f"{name}.json").unlink(missing_ok=True)
 
     def _unfinished(self) -> bool:
         return any(p.state in ("waiting", "running") for p in self.progress.values())
@@ -120,6 +126,8 @@ class Runner:
                 env=self._environment(step),
                 start_new_session=True,  # Ctrl-C reaches the demo alone, which passes it on
             )
+        if not step.real_time:
+            os.setpriority(os.PRIO_PROCESS, process.pid, BACKGROUND)
         while process.poll() is None:
             p.says = last_line(raw)
             if self._stop:

@@ -28,7 +28,7 @@ class Settings:
     """of the policy"""
     follow_s: float = 80.0
     """of following, in simulation and over CAN; the radar jumps at 63 s"""
-    mismatch_s: float = 240.0
+    mismatch_s: float = 600.0
     """of each of the recordings that the mismatch tool gets"""
     real_updates: int = 4000
     """of the model of the real truck"""
@@ -43,7 +43,8 @@ class Settings:
 class Step:
     """One command. `makes` are paths below the demo's folder, removed before the command runs anew.
 
-    A step that is `resumable` goes on by itself after a kill, so what it had made is kept.
+    A step that is `resumable` goes on by itself after a kill, so what it had made is kept. Others make way
+    for one that runs in `real_time`.
     """
 
     name: str
@@ -52,13 +53,13 @@ class Step:
     needs: tuple[str, ...] = ()
     makes: tuple[str, ...] = ()
     resumable: bool = False
+    real_time: bool = False
 
     @property
     def typed(self) -> str:
-        """The command as a user would type it."""
+        """The command as a user would type it here."""
         words = [Path(self.command[0]).name, *self.command[1:]]
-        shown = [os.path.relpath(w) if w.startswith("/") else w for w in words]
-        return " ".join(f"'{w}'" if any(c in w for c in " ;*") else w for w in shown)
+        return " ".join(word.replace(f"{Path.cwd()}/", "") for word in words)
 
 
 def real_data() -> Path | None:
@@ -146,9 +147,12 @@ def _follow(out: Path, s: Settings) -> Sequence[Step]:
     )  # fmt: skip
     return (
         Step("policy", "learn to follow on the deep truck", train, ("train",), ("policy",), True),
-        Step("can", "the same policy over CAN, real time", vehicle, ("policy",), ("following/can",)),
+        Step(
+            "can", "the same policy over CAN, real time", vehicle, ("policy",), ("following/can",),
+            real_time=True,
+        ),
         Step("simulate", "follow in the node graph", simulate, ("policy",), ("following/simulation",)),
-    )
+    )  # fmt: skip
 
 
 def _explain(out: Path) -> Sequence[Step]:

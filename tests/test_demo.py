@@ -1,0 +1,127 @@
+"""The demo's machinery, and the smallest real piece of it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from deeptruck_model.errors import InputError
+
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT))  # `examples` is no part of the installed packages
+
+from examples.demo.runner import Runner, StepError, last_line  # noqa: E402
+from examples.demo.steps import Settings, Step, chosen, plan, real_data  # noqa: E402
+
+
+def demo(*words: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, ROOT / "demo.py", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=240, check=False, cwd=ROOT)
+
+
+def test_the_smallest_piece_ends_in_a_page(tmp_path: Path) -> None:
+    done = demo("--out", tmp_path / "demo", "--quick", "--only", "mismatch")
+    assert done.returncode == 0, done.stderr
+    page = (tmp_path / "demo" / "index.html").read_text()
+    assert "Mismatch" in page and "Closed loop" not in page
+    for shown in ("mismatch/report.html", "logs/drive.log"):
+        assert f'"{shown}"' in page and (tmp_path / "demo" / shown).exists()
+
+
+def test_bad_input_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").touch()
+    foreign, unknown = demo("--out", tmp_path), demo("--out", tmp_path / "new", "--only", "fly")
+    for run, says in ((foreign, "is no demo"), (unknown, "there is no step 'fly'")):
+        assert (run.returncode, run.stderr.count("\n")) == (2, 1)
+        assert says in run.stderr
+
+
+def write(text: str, path: Path) -> tuple[str, ...]:
+    return (sys.executable, "-c", f"open({str(path)!r}, 'a').write({text!r})")
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Callable[..., dict[str, str]]:
+    """Run steps in `tmp_path`; the end state of each."""
+
+    def _run(*steps: Step, again: tuple[str, ...] = ()) -> dict[str, str]:
+        runner = Runner(tmp_path, steps, lambda progress: None)
+        runner.forget(again)
+        runner.run()
+        return {name: p.state for name, p in runner.progress.items()}
+
+    return _run
+
+
+def test_what_is_done_is_kept_until_something_before_it_changes(
+    tmp_path: Path, run: Callable[..., dict[str, str]]
+) -> None:
+    first = Step("first", "", write("a", tmp_path / "a"), (), ("a",))
+    second = Step("second", "", write("b", tmp_path / "b"), ("first",), ("b",))
+    assert run(first, second) == {"first": "done", "second": "done"}
+    assert run(first, second) == {"first": "kept", "second": "kept"}
+    other = Step("first", "", write("aa", tmp_path / "a"), (), ("a",))
+    assert run(other, second) == {"first": "done", "second": "done"}
+    assert (tmp_path / "a").read_text() == "aa" and (tmp_path / "b").read_text() == "b"
+    assert run(other, second, again=("second",)) == {"first": "kept", "second": "done"}
+    (tmp_path / "b").unlink()
+    assert run(other, second) == {"first": "kept", "second": "done"}
+
+
+def test_a_step_that_fails_says_why_and_is_done_again(
+    tmp_path: Path, run: Callable[..., dict[str, str]]
+) -> None:
+    failing = Step("bad", "", (sys.executable, "-c", "import sys; sys.exit('no such truck')"))
+    after = Step("after", "", write("x", tmp_path / "x"), ("bad",), ("x",))
+    for _ in range(2):
+        with pytest.raises(StepError, match=r"step 'bad' failed \(exit code 1\): no such truck; .*bad\.log"):
+            run(failing, after)
+    assert not (tmp_path / "x").exists()
+
+
+def test_only_a_resumable_step_keeps_what_it_had_made(
+    tmp_path: Path, run: Callable[..., dict[str, str]]
+) -> None:
+    code = f"f = open({str(tmp_path / 'made')!r}, 'a+'); f.write('x'); n = f.tell()"
+    command = (sys.executable, "-c", f"{code}; raise SystemExit(n < 2)")  # works the second time
+    resumable = Step("train", "", command, (), ("made",), resumable=True)
+    with pytest.raises(StepError):
+        run(resumable)
+    assert run(resumable) == {"train": "done"}
+    plain = Step("train", "", command, (), ("made",))
+    with pytest.raises(StepError):
+        run(plain, again=("train",))
+    with pytest.raises(StepError):
+        run(plain)
+
+
+def test_progress_bars_leave_their_last_state(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    log.write_bytes(b"begun\n\x1b[?25l\rtraining 1/9\r\x1b[2Ktraining \x1b[31m9/9\x1b[0m\n\n")
+    assert last_line(log) == "training 9/9"
+
+
+@pytest.mark.parametrize("settings", [Settings(), Settings.quick()])
+def test_steps_need_what_comes_from_others_and_make_different_things(
+    tmp_path: Path, settings: Settings
+) -> None:
+    steps = plan(tmp_path, settings, tmp_path)
+    names = [step.name for step in steps]
+    assert len(set(names)) == len(names) and all(need in names for step in steps for need in step.needs)
+    made = [path for step in steps for path in step.makes]
+    assert len(set(made)) == len(made)
+    assert {step.name for step in chosen(steps, ["can"])} == {"drive", "record", "train", "policy", "can"}
+    with pytest.raises(InputError, match="known: drive"):
+        chosen(steps, ["fly"])
+
+
+def test_the_real_truck_is_left_out_where_its_table_is_absent(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("DEEPTRUCK_REAL_DATA", str(tmp_path))
+    assert real_data() is None
+    assert "real" not in {step.name for step in plan(tmp_path, Settings(), real_data())}
