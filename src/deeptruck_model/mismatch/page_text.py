@@ -95,8 +95,10 @@ def _would_have_been_seen(v: dict[str, Any]) -> str:
 
 def _improves(v: dict[str, Any]) -> str:
     fit = v["fit"]
-    if "after" not in fit or all(f["kind"] == "measurement_fault" for f in v["findings"]):
+    if all(f["kind"] == "measurement_fault" for f in v["findings"]):
         return ""
+    if "after" not in fit:
+        return "; no held-out drive is long enough to prove it"
     if not fit.get("validated"):
         return "; no correction proved better on held-out recordings, so none may be applied"
     old, new = fit["before"]["speed_rmse"], fit["after"]["speed_rmse"]
