@@ -23,7 +23,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.proof.cases import Case
 from deeptruck_model.mismatch.proof.evaluation import arrays, residual
 from deeptruck_model.mismatch.proof.hidden import GRAVITY, Array
-from deeptruck_model.mismatch.proof.tool import run_tool
+from deeptruck_model.mismatch.proof.tool import ToolRun, run_tool
 from deeptruck_model.recordings import Recording, import_table, read, split, write_bag
 
 REAL_DATA = "DEEPTRUCK_REAL_DATA"
@@ -131,11 +131,20 @@ def _examine(source: Source, folder: Path, layouts: Path, out: Path, updates: in
         "seconds": run.seconds,
         "verdict": run.verdict.get("verdict", "failed"),
         "said": said,
-        "right": not run.returncode
-        and (said[:1] == ["road_grade"] if source.hilly else "road_grade" not in said),
+        "right": _right(source, run, said),
         "says": run.says if run.returncode else "",
         "agreement": asdict(agreement) if agreement else None,
     }
+
+
+def _right(source: Source, run: ToolRun, said: Sequence[str]) -> bool:
+    """A hilly road must be named first, a flat one must be silent, and one short recording be
+    undetermined."""
+    if run.returncode:
+        return False
+    if source.share >= 1.0:
+        return run.verdict.get("verdict") == "undetermined"
+    return said[:1] == ["road_grade"] if source.hilly else not said
 
 
 def _write_blind(part: Sequence[Recording], bag: Path, hide: Sequence[str] = HIDE) -> list[Recording]:

@@ -10,9 +10,8 @@ from deeptruck_model.trucks import View
 
 @hidden(
     "headwind",
-    source="Kaimal spectrum in its Dryden (first-order) form, length scale 150-300 m (IEC 61400-1, annex B;"
-    " MIL-F-8785C);"
-    " drag area against yaw as wind-averaged drag in SAE J1252; heading of the road from its curves",
+    source="Gusts by the Dryden (first-order) form of MIL-F-8785C, which approximates Kaimal's spectrum of"
+    " IEC 61400-1; drag area grows with yaw as SAE J1252 measures it; winding heading of the road",
     ranges={
         "wind_mps": (5.0, 12.0),
         "turbulence": (0.10, 0.22),
@@ -52,9 +51,9 @@ class Wind(Hidden):
 
 @hidden(
     "drafting",
-    source="Zabat, Stabile, Frascaroli and Browand, PATH UCB-ITS-PRR-95-35 (1995); McAuliffe et al., SAE"
-    " 2018-01-0732:"
-    " saving falls off with gap over vehicle length, a little less when speed builds up a wake",
+    source="Zabat, Stabile, Farascaroli and Browand, The Aerodynamic Performance of Platoons,"
+    " UCB-ITS-PRR-95-35 (1995): saving falls off with gap over vehicle length; the rational form is chosen"
+    " here",
     ranges={"saving": (0.30, 0.55), "length_m": (16.0, 35.0), "power": (1.0, 1.6)},
     needs=("highway",),
     leader=True,
@@ -70,9 +69,8 @@ class Slipstream(Hidden):
 
 @hidden(
     "drag_area",
-    source="Hucho, Aerodynamics of Road Vehicles (1998), ch. 8: an open tarpaulin or lost deflector adds"
-    " 20-45 % of"
-    " drag area; flutter adds a broad-band part of a few per cent",
+    source="Add-on and loose parts change the drag of trucks, Hucho, Aerodynamics of Road Vehicles (1998);"
+    " sizes and the broad-band flutter are chosen here",
     ranges={"gain": (0.25, 0.60), "flutter": (0.02, 0.06), "share_of_drives": (0.4, 0.7)},
     needs=("highway", "hills"),
     accepts=("headwind", "rolling_resistance_speed"),

@@ -10,10 +10,8 @@ from deeptruck_model.trucks import View
 
 @hidden(
     "brake_fade",
-    source="Limpert, Brake Design and Safety (2011), ch. 3: rubbing surface and drum body as two thermal"
-    " masses;"
-    " friction against temperature as the S-shaped linings curves of Day, Braking of Road Vehicles (2014),"
-    " ch. 2",
+    source="Two thermal masses (rubbing surface, drum body) as in Limpert, Brake Design and Safety, and"
+    " Day, Braking of Road Vehicles (2014); the S-shaped friction curve and its numbers are chosen here",
     ranges={
         "surface_share": (0.10, 0.20),  # of the drums' heat capacity
         "onset_c": (110.0, 170.0),
@@ -71,9 +69,8 @@ class BrakeLag(Hidden):
 
 @hidden(
     "dragging_brake",
-    source="Heusser, SAE 910126 (1991) and UMTRI brake studies: a sticking S-cam leaves a residual shoe"
-    " force after"
-    " each application, easing off as chatter frees the cam; heat swells the lining and tightens it again",
+    source="Residual shoe force of a sticking S-cam (Limpert, Brake Design and Safety, describes air brake"
+    " adjustment); the decay after each application and the swelling with heat are chosen here",
     ranges={
         "floor_n": (300.0, 900.0),
         "stuck_n": (900.0, 3000.0),
@@ -97,10 +94,9 @@ class DraggingBrake(Hidden):
 
 @hidden(
     "engine_brake",
-    source="Israel and Hu, SAE 930272 (1993); Meistrick, SAE 920448: compression release retarding torque"
-    " grows"
-    " faster than engine speed, comes on after 0.3-0.6 s with the throttle closed, in stages of two"
-    " cylinders",
+    source="Compression release brake: torque that grows with engine speed, switched in stages of cylinders"
+    " (Jacobs; see Heywood, Internal Combustion Engine Fundamentals, for the pumping work); exponent and"
+    " delays are chosen here",
     ranges={
         "torque_nm": (250.0, 800.0),
         "exponent": (1.4, 2.1),

@@ -75,9 +75,8 @@ register(
         "command_delay",
         "command_delay",
         "missing_physics",
-        "Nilsson, Real-Time Control Systems with Delays (Lund, 1998): network and gateway delay with slow"
-        " wander;"
-        " 0.2-0.6 s command to torque in Lu and Hedrick, PATH heavy-truck tests (2003)",
+        "Nilsson, Real-Time Control Systems with Delays (Lund, 1998): network delay with slow wander; size"
+        " chosen for gateways and drive-by-wire retrofits",
         {"delay_s": (0.25, 0.70), "wander_s": (0.01, 0.06)},
         _planted(Delay),
         needs=("suburban", "hills", "descent"),

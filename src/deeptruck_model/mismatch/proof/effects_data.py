@@ -113,8 +113,8 @@ _add(
 _add(
     "speed_scale",
     FAULT,
-    "Tyre wear and a wrong tyre factor in the tachograph: Regulation (EU) 2016/799, annex IC, adjusted"
-    " within 4 % only",
+    "Tyre wear and a wrong tyre factor in the tachograph's or the bus's speed; sizes beyond a service"
+    " adjustment, chosen here",
     {"scale": (0.03, 0.09), **SIGN},
     _speed_scale,
 )
@@ -128,8 +128,8 @@ _add(
 _add(
     "grade_bias",
     FAULT,
-    "Inclinometer mounted out of level by 0.5-1.5 degrees, Vahidi, Stefanopoulou and Peng, VSD 43 (2005)"
-    " discuss the bias",
+    "Inclinometer mounted out of level by 0.5-1.5 degrees; Vahidi, Stefanopoulou and Peng, Vehicle System"
+    " Dynamics 43 (2005), on estimating grade and mass",
     {"bias": (0.008, 0.025), **SIGN},
     _grade_bias,
     accepts=("rolling_resistance",),

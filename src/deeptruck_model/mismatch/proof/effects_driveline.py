@@ -36,9 +36,9 @@ class MeshAndChurning(Hidden):
 
 @hidden(
     "shift_interruption",
-    source="Pettersson and Nielsen, Control Eng. Practice 8 (2000): torque is held off until driveline"
-    " oscillation has"
-    " died and returned on a raised cosine; heavy gearboxes in cold take 0.5-1.5 s more",
+    source="Pettersson and Nielsen, Gear Shifting by Engine Control, IEEE Trans. Control Syst. Technol. 8"
+    " (2000): torque held off until driveline oscillation has died; hold and raised-cosine return are"
+    " chosen here",
     ranges={"hold_s": (0.3, 0.9), "return_s": (0.4, 1.0)},
     needs=("suburban", "hills"),
 )
@@ -70,9 +70,8 @@ register(
         "torque_converter_slip",
         "torque_converter_slip",
         "missing_physics",
-        "Hrovat and Tobler, SAE 851654 (1985): with the lock-up clutch inoperative the converter slips in"
-        " every gear;"
-        " worn blades lower its capacity",
+        "Hrovat and Tobler, Bond Graph Modeling of Automotive Torque Converters, J. Franklin Institute 319"
+        " (1985); here the lock-up clutch is inoperative and worn blades lower the capacity",
         {"capacity": (0.35, 0.75)},
         _lockup_fails,
         needs=("suburban", "hills", "highway"),

@@ -35,10 +35,8 @@ class TurboShaft(Hidden):
 
 @hidden(
     "torque_derate",
-    source="Heavy-duty coolant protection (Cummins engine protection derate; EPA SCR inducement, 40 CFR"
-    " 1036.111):"
-    " coolant and block as two thermal masses, ram-air cooling, fuelling cut back in proportion above a"
-    " temperature",
+    source="Protection derate: a diesel cuts fuelling in proportion above a coolant temperature; coolant"
+    " and block as two thermal masses with ram-air cooling; structure and numbers are chosen here",
     ranges={"depth": (0.20, 0.45), "from_k": (6.0, 14.0), "span_k": (6.0, 14.0), "block_s": (60.0, 140.0)},
     needs=("hills", "highway"),
     accepts=("torque_gain",),
@@ -61,9 +59,8 @@ class CoolantDerate(Hidden):
 
 @hidden(
     "torque_limit",
-    source="Gear-down protection and torque-limited lower gears of heavy engines (Cummins AEB 15.59; Volvo"
-    " I-Shift):"
-    " the electronic limiter holds the torque with a soft knee",
+    source="Electronic torque limiter of heavy engines, which hold torque below the full-load curve to"
+    " spare the driveline; the soft knee is chosen here",
     ranges={"share_of_peak": (0.55, 0.80), "knee_nm": (60.0, 200.0)},
     needs=("suburban", "hills"),
 )
@@ -77,9 +74,8 @@ class SoftLimiter(Hidden):
 
 @hidden(
     "engine_friction",
-    source="Shayler, Leong and Murphy, SAE 2005-01-1875: motoring friction with (viscosity ratio)^0.24-0.4,"
-    " viscosity by"
-    " Vogel; oil warmed by combustion, cold start",
+    source="Shayler, Leong and Murphy, SAE 2005-01-1654: motoring friction rises with a power of oil"
+    " viscosity, here by Vogel's equation, in a cold start; exponent range and warm-up are chosen here",
     ranges={"cold_c": (-20.0, 10.0), "exponent": (0.25, 0.40), "warm_s": (150.0, 500.0)},
     accepts=("engine_brake", "accessory_load"),
 )
@@ -102,9 +98,8 @@ class ColdOil(Hidden):
 
 @hidden(
     "accessory_load",
-    source="Hendricks and O'Keefe, NREL/TP-540-30987 (2002): fan by the affinity law (power with speed"
-    " cubed) through an"
-    " on/off clutch with thermostat hysteresis; air compressor in load and unload cycles",
+    source="Fan by the affinity laws (power with speed cubed) through an on/off clutch with thermostat"
+    " hysteresis; compressor in load and unload cycles; powers of a heavy truck, chosen here",
     ranges={"fan_w": (18000.0, 38000.0), "compressor_w": (2500.0, 5000.0), "heat_s": (15.0, 45.0)},
     needs=("hills", "highway", "suburban"),
     accepts=("engine_friction",),

@@ -10,9 +10,7 @@ from deeptruck_model.trucks import View
 
 @hidden(
     "payload_change",
-    source="Newton's second law; axle-load statistics of part-laden tours in Hjalmdahl and Thorslund, VTI"
-    " (2013):"
-    " 15-45 % of gross mass taken on or left between drives",
+    source="Newton's second law; 18-45 % of gross mass taken on or left between drives, chosen here",
     ranges={"share": (0.18, 0.45), "sign": (-1.0, 1.0), "share_of_drives": (0.3, 0.6)},
     needs=("suburban", "hills"),
     accepts=("mass",),
@@ -35,8 +33,7 @@ class Payload(Hidden):
 @hidden(
     "load_slosh",
     source="Dodge, The New Dynamic Behavior of Liquids in Moving Containers, SwRI (2000): equivalent"
-    " pendulum, its sine"
-    " kept; damping and bulkhead contact as Ranganathan and Yang, Int. J. Vehicle Design (1996)",
+    " pendulum, its sine kept; contact with the bulkhead is chosen here",
     ranges={"share": (0.15, 0.40), "pendulum_m": (1.2, 4.5), "damping": (0.02, 0.10)},
     needs=("suburban",),
 )

@@ -10,7 +10,7 @@ from deeptruck_model.trucks import View
 
 @hidden(
     "rolling_resistance_speed",
-    source="Gillespie, Fundamentals of Vehicle Dynamics (1992), eq. 4-13 (Stuttgart): growth with the power"
+    source="Gillespie, Fundamentals of Vehicle Dynamics (1992), Stuttgart formula: growth with the power"
     " 2.5 of speed",
     ranges={"at_100mph": (0.012, 0.030), "power": (2.3, 2.6)},
     needs=("highway", "hills"),
@@ -24,9 +24,8 @@ class SpeedGrowth(Hidden):
 
 @hidden(
     "rolling_resistance_warmup",
-    source="Nielsen and Sandberg, SAE 2002-01-1200 and Clark, The Pneumatic Tire, NHTSA (2006), ch. 12:"
-    " hysteresis heats"
-    " tread and carcass as two bodies, and loss falls with carcass temperature; cold start at a low ambient",
+    source="Nielsen and Sandberg, A New Model for Rolling Resistance of Pneumatic Tires, SAE 2002-01-1200:"
+    " loss falls as the tyre warms; two thermal bodies, as the tread warms first, are chosen here",
     ranges={
         "cold_gain": (0.9, 2.2),
         "tread_s": (40.0, 90.0),
@@ -56,9 +55,7 @@ class ColdTyres(Hidden):
 @hidden(
     "road_surface",
     source="Hammarström, Eriksson, Karlsson and Yahya, VTI rapport 748A (2012): rolling resistance with"
-    " texture (MPD) and,"
-    " growing with speed, with roughness (IRI); gravel and snow as Wong, Theory of Ground Vehicles, table"
-    " 4.1",
+    " texture and, growing with speed, with roughness; the sizes are those of gravel and snow, chosen here",
     ranges={"texture": (0.003, 0.010), "roughness": (0.0001, 0.0004), "share_of_road": (0.25, 0.5)},
     accepts=("road_grade",),
 )

@@ -11,9 +11,8 @@ from deeptruck_model.trucks import View
 @hidden(
     "cornering_scrub",
     name="unknown",
-    source="Mitschke and Wallentowitz, Dynamik der Kraftfahrzeuge (2014), sec. 5.1: curve resistance m^2"
-    " v^4/(R^2 C); the"
-    " axles of a tandem scrub besides, with curvature alone. Curves come in time, no road is driven twice",
+    source="Mitschke and Wallentowitz, Dynamik der Kraftfahrzeuge (2014): curve resistance with lateral"
+    " force squared over cornering stiffness; scrub of a tandem with curvature alone is chosen here",
     ranges={"stiffness_n": (1.2e6, 2.5e6), "tandem": (3.0, 8.0), "sharpest": (0.015, 0.035)},
     needs=("suburban", "hills"),
 )
@@ -37,9 +36,9 @@ class CurveResistance(Hidden):
 @hidden(
     "snow_ploughing",
     name="unknown",
-    source="Shoop, Richmond and Lacombe, CRREL, J. Terramechanics 43 (2006): compaction work with depth"
-    " squared and, when"
-    " ploughing, a part with speed squared times depth; snowfall deepens it while driving",
+    source="Shoop, Richmond and Lacombe, Overview of Cold Regions Mobility Modeling at CRREL, J."
+    " Terramechanics 43 (2006): resistance of snow with depth; the part with speed squared and the snowfall"
+    " are chosen here",
     ranges={"compaction_n": (300.0, 1000.0), "plough": (1.5, 5.0), "deeper_per_min": (0.15, 0.45)},
 )
 class Snow(Hidden):
@@ -56,9 +55,9 @@ class Snow(Hidden):
 @hidden(
     "trailer_sway",
     name="unknown",
-    source="Troger and Zeman, VSD 13 (1984); Darling, Tilley and Gao, VSD 47 (2009): above a critical speed"
-    " gusts raise a"
-    " yaw oscillation of 0.4-0.7 Hz to a limit cycle; tyres drag with the square of its angle",
+    source="Self-excited yaw oscillation of trailers above a critical speed (Troger and Zeman, Vehicle"
+    " System Dynamics 13, 1984), as a van der Pol oscillator; drag with the square of the angle is chosen"
+    " here",
     ranges={"critical_mps": (17.0, 21.0), "hz": (0.35, 0.6), "drag_n": (2500.0, 6000.0)},
     needs=("highway",),
     trucks=("trucksim", "volvo"),
@@ -86,9 +85,7 @@ class Sway(Hidden):
     "wake_bistability",
     name="unknown",
     source="Grandemange, Gohlke and Cadot, J. Fluid Mech. 722 (2013): the wake of a blunt body has two"
-    " states; switching"
-    " between them with hysteresis in speed and at random moments changes drag by several per cent, more"
-    " with flaps",
+    " states; their drag difference and the hysteresis in speed are exaggerated here",
     ranges={
         "low_drag": (0.30, 0.50),
         "up_mps": (19.0, 22.0),
@@ -119,10 +116,8 @@ class TwoWakes(Hidden):
 @hidden(
     "tyre_pressure_loss",
     name="unknown",
-    source="ISO 28580 pressure correction, loss with (p0/p)^0.4-0.7 per tyre; a blown-down tyre of a pair"
-    " adds the flexing"
-    " of its side wall: Clark, The Pneumatic Tire, NHTSA (2006), ch. 12. Pressure falls with distance after"
-    " a puncture",
+    source="Rolling loss with a power of pressure, as corrections in ISO 28580 take it; a leak over"
+    " distance and the flexing of a flat tyre of a pair are chosen here",
     ranges={"gain": (0.8, 1.8), "leak_m": (900.0, 2500.0), "puncture_share": (0.1, 0.5)},
 )
 class SlowPuncture(Hidden):
@@ -141,9 +136,8 @@ class SlowPuncture(Hidden):
 @hidden(
     "hitch_spring",
     name="unknown",
-    source="Sweatman, ARRB SR 27 (1983) and UMTRI coupler studies: a trailer on a compliant drawbar moves"
-    " fore and aft at"
-    " 1-2 Hz against the tractor after every change of pull; free play makes it nonlinear",
+    source="Two masses on a spring with free play, fore and aft: textbook vibration of a towed vehicle;"
+    " frequency and damping are chosen here",
     ranges={
         "trailer_share": (0.2, 0.4),
         "hz": (0.9, 1.8),

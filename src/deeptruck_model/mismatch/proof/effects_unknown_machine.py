@@ -27,9 +27,8 @@ class EddyRetarder(Hidden):
 @hidden(
     "retarder_cold_oil",
     name="unknown",
-    source="Fluid couplings idling: drag torque with the power 1.7 of speed and viscosity^0.2 (Lang, Voith,"
-    " VDI 1393);"
-    " oil dragged into the working space leaves in bursts when it warms",
+    source="Idling fluid coupling: drag with a power of speed; the filling and emptying with oil"
+    " temperature is chosen here",
     ranges={"drag_n": (900.0, 2400.0), "empties_k": (20.0, 45.0)},
     needs=("highway", "hills"),
 )
@@ -50,9 +49,8 @@ class FillingRetarder(Hidden):
 @hidden(
     "hybrid_axle",
     name="unknown",
-    source="Electric trailer axle (Trailer Dynamics; ZF eTrailer; Pascoe, SAE 2013-01-2395): helps while"
-    " the driver asks"
-    " for much, harvests in coasting, until its battery is empty or full",
+    source="Electric trailer axle: helps while the driver asks for much, harvests in coasting, until its"
+    " battery is empty or full; control law chosen here",
     ranges={"power_w": (60000.0, 130000.0), "force_n": (3500.0, 8000.0), "energy_j": (0.8e6, 2.5e6)},
     needs=("suburban", "hills"),
     trucks=("trucksim", "volvo"),
@@ -76,9 +74,8 @@ class TrailerAxle(Hidden):
 @hidden(
     "torsional_band_loss",
     name="unknown",
-    source="Steinel, SAE 902260: a worn torsional damper lets the driveline resonate in a band of engine"
-    " speeds, and rubs"
-    " away torque there; little outside",
+    source="Driveline resonance in a band of engine speeds (Kiencke and Nielsen, Automotive Control"
+    " Systems, 2005, on torsional drivelines); the torque lost in the band is chosen here",
     ranges={"centre_rpm": (1150.0, 1500.0), "width_rpm": (60.0, 140.0), "loss": (0.18, 0.40)},
     needs=("suburban", "highway", "hills"),
 )
@@ -93,9 +90,8 @@ class ResonanceBand(Hidden):
 @hidden(
     "eco_roll",
     name="unknown",
-    source="Hellström, Åslund and Nielsen, Control Eng. Practice 14 (2006); Volvo I-Roll: neutral at a"
-    " closed throttle above"
-    " a speed, so engine drag vanishes, until the brake is touched or speed rises too far",
+    source="Neutral coasting at a closed throttle, as look-ahead controls exploit it (Hellström, Åslund and"
+    " Nielsen, Control Engineering Practice 18, 2010); thresholds are chosen here",
     ranges={"from_mps": (9.0, 14.0), "share": (0.8, 1.0), "after_s": (0.6, 1.6)},
     needs=("hills", "highway", "descent"),
 )
@@ -116,9 +112,8 @@ class EcoRoll(Hidden):
 @hidden(
     "brake_bites_slow",
     name="unknown",
-    source="Rhee, SAE 740415 and Day, Braking of Road Vehicles (2014), sec. 2.4: lining friction falls with"
-    " sliding speed,"
-    " so the last metres of a stop bite harder, with a Stribeck shape",
+    source="Rhee, SAE 740415: lining friction depends on sliding speed, so the last metres of a stop bite"
+    " harder; a Stribeck shape is chosen here",
     ranges={"gain": (0.35, 0.8), "speed_mps": (2.0, 5.0)},
     needs=("suburban",),
 )
@@ -131,9 +126,8 @@ class StribeckBrake(Hidden):
 @hidden(
     "wet_brakes",
     name="unknown",
-    source="Newcomb and Spurr, Braking of Road Vehicles (1967): water on drums halves the torque at first"
-    " and is wiped off"
-    " by the work of braking; spray wets them again between",
+    source="Newcomb and Spurr, Braking of Road Vehicles (1967), treat wet brakes: water takes torque at"
+    " first and braking work wipes it off; rates are chosen here",
     ranges={"loss": (0.45, 0.75), "wipe_j": (0.25e6, 0.9e6), "wetting_s": (10.0, 35.0)},
     needs=("suburban", "descent"),
 )
@@ -153,9 +147,8 @@ class WetBrakes(Hidden):
 @hidden(
     "engine_surge",
     name="unknown",
-    source="Surge of a part-load engine with lean or gaseous charge (Heywood, Internal Combustion Engine"
-    " Fundamentals, sec."
-    " 9.4; cycle-to-cycle cooperation in Daily, 1988): slow torque oscillation in a window of load",
+    source="Slow torque oscillation of a part-load engine; Heywood, Internal Combustion Engine"
+    " Fundamentals, ch. 9, on cyclic variation; window and frequency are chosen here",
     ranges={"share": (0.25, 0.5), "hz": (0.25, 0.6), "low": (0.15, 0.3), "high": (0.55, 0.8)},
     needs=("highway", "hills", "suburban"),
 )
@@ -175,10 +168,8 @@ class Surge(Hidden):
 @hidden(
     "stepping_suspension_lock",
     name="unknown",
-    source="Dahl, Aerospace Corp. TOR-0158 (1968) friction in a lift axle's locked bushing: each hard pull"
-    " or stop loads a"
-    " presliding spring that yields and holds, so the force depends on the history of acceleration, not its"
-    " value",
+    source="Dahl, A Solid Friction Model, Aerospace Corp. TOR-0158 (1968), in a locked bushing: the force"
+    " depends on the history of acceleration, not on its value",
     ranges={"yield_n": (900.0, 2600.0), "stiffness": (0.8, 3.0)},
     needs=("suburban", "hills"),
 )
