@@ -56,6 +56,9 @@ ALIKE: set[tuple[str, str, str]] = {
             ">=",
         ),
         ("motion", "near = abs(self._planned - self.value) <= 0.51 * self.axis.demand.scale", "<=", "<"),
+        ("hearing", "if arrivals.count * heard.period_s <= TOO_OFTEN:", "<=", "<"),
+        # the first arrival of all sets it
+        ("hearing", "count: int = 0", "0", "1"),
         # both branches agree where they meet
         ("motion", "if x <= x1:", "<=", "<"),
         # a speed that every engagement sets before it is used

@@ -226,7 +226,8 @@ def _address_war(run: Run) -> Callable[[], None]:
 def _silence(run: Run) -> Callable[[], None]:
     """One of the truck's controllers falls silent."""
     senders = run.truck._senders
-    gone = [s for s in senders if s.source == str(run.rng.choice(["engine", "brake", "transmission"]))]
+    who = str(run.rng.choice(["engine", "brake", "transmission"]))
+    gone = [s for s in senders if s.source == who]
     kept = [s for s in senders if s not in gone]
     run.truck._senders = kept
     return lambda: setattr(run.truck, "_senders", kept + gone)
