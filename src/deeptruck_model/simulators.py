@@ -46,7 +46,10 @@ class Simulator(Protocol):
         ...
 
     def force(self, state: Any, y: Array) -> Any:
-        """The same internal state with the fed-back response replaced by a recorded y (the training form)."""
+        """The same internal state with the fed-back response replaced by a recorded y (the training form).
+
+        Where y is NaN the simulator keeps its own response.
+        """
         ...
 
     def inside(self, state: Any) -> dict[str, Array]:

@@ -57,10 +57,34 @@ def apply(
     print(f"corrected simulator in {out}")
 
 
+def prove(
+    out: Annotated[Path, typer.Option(help="Folder for the cases, proof.md, scoreboard.json and figures.")],
+    level: Annotated[
+        list[str] | None, typer.Option(help="Level to prove; repeat for several. Default: all.")
+    ] = None,
+    cases: Annotated[
+        int, typer.Option(help="Cases of each level; 'nothing_missing' gets five times as many.")
+    ] = 40,
+    simulator: Annotated[list[str] | None, typer.Option(help="physics, deep or both (default).")] = None,
+    jobs: Annotated[int, typer.Option(help="Cases at once.")] = 2,
+    seed: Annotated[int, typer.Option(help="First seed; those below 100000 are for development.")] = 100000,
+) -> None:
+    """Examine the mismatch tool on hidden effects, sealed before it starts, and score it. Resumes where it stopped.
+
+    Example: deeptruck-model prove --out proof --cases 5 --simulator physics
+    """
+    from deeptruck_model.mismatch.proof.command import prove as run
+    from deeptruck_model.mismatch.proof.plans import LEVELS
+
+    run(out, tuple(level or LEVELS), cases, jobs, seed, tuple(simulator or ("physics", "deep")))
+    print(f"scoreboard in {out / 'proof.md'}")
+
+
 def register(app: typer.Typer) -> None:
     """Add this room's commands to the console script."""
     app.command()(mismatch)
     app.command()(apply)
+    app.command()(prove)
 
 
 __all__ = ["InputError", "register"]

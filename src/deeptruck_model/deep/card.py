@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from deeptruck_model import simulators
-from deeptruck_model.deep import checkpoint, evaluation, resume
+from deeptruck_model.deep import checkpoint, evaluation, reference, resume
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.deep.uncertainty import calibrate
 from deeptruck_model.errors import InputError
@@ -79,6 +79,7 @@ def publish(
     metrics = evaluation.statistics(evaluation.trials(again, validation))
     (working / "metrics.json").write_text(json.dumps(metrics, indent=1) + "\n")
     (working / "MODEL_CARD.md").write_text(model_card(truck, training, metrics))
+    reference.save(validation, working)
     (working / resume.FILE).unlink(missing_ok=True)
     try:
         checkpoint.put(working, out)

@@ -15,6 +15,7 @@ import torch
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 
+from deeptruck_model.deep import reference
 from deeptruck_model.deep.coverage import Coverage
 from deeptruck_model.deep.network import WEIGHTS, Scales, Shape, TruckNetwork
 from deeptruck_model.deep.truck import DeepTruck
@@ -36,6 +37,8 @@ def write(truck: DeepTruck, folder: Path) -> None:
     """Write the files of a deep truck into an existing folder; the manifest comes last."""
     network = truck.network
     save_file({name: getattr(network, name).detach().contiguous() for name in WEIGHTS}, folder / WEIGHTS_FILE)
+    if truck.reference:
+        reference.save(truck.reference, folder)
     if truck.coverage is not None:
         (folder / COVERAGE_FILE).write_text(json.dumps(truck.coverage.to_dict()))
     manifest = {
@@ -89,7 +92,7 @@ def load_directory(path: Path, manifest: dict[str, Any]) -> DeepTruck:
     _fill(network, path / WEIGHTS_FILE)
     known = ("kind", "schema", "interface", "units", "dt", "shape", "scales")
     details = {key: value for key, value in manifest.items() if key not in known}
-    return DeepTruck(network, interface, _coverage(path / COVERAGE_FILE), details)
+    return DeepTruck(network, interface, _coverage(path / COVERAGE_FILE), details, reference.load(path))
 
 
 def _fill(network: TruckNetwork, path: Path) -> None:

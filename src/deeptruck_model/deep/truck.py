@@ -17,6 +17,7 @@ from deeptruck_model.deep.coverage import Coverage
 from deeptruck_model.deep.network import State, TruckNetwork
 from deeptruck_model.deep.uncertainty import half_width
 from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import SPEED, TruckInterface
 from deeptruck_model.simulators import Array, Run
 
@@ -42,7 +43,8 @@ class Prediction(NamedTuple):
 class DeepTruck:
     """The ensemble mean of `network.shape.members` models, each running on its own response.
 
-    `details` is what the manifest holds besides: config, seeds, data hash, calibration.
+    `details` is what the manifest holds besides: config, seeds, data hash, calibration. `reference` are recordings it
+    was not fitted to, by which its own error is known.
     """
 
     def __init__(
@@ -51,8 +53,10 @@ class DeepTruck:
         interface: TruckInterface,
         coverage: Coverage | None = None,
         details: Mapping[str, Any] | None = None,
+        reference: tuple[Recording, ...] = (),
     ) -> None:
         self.network, self.coverage = network.eval(), coverage
+        self.reference = reference
         self.details: dict[str, Any] = dict(details or {})
         self._interface = interface
         self._packed = inference.pack(network)

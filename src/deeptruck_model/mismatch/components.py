@@ -1,7 +1,8 @@
 """What the simulated acceleration is made of: read from a physics truck, asked of a deep one.
 
-A deep truck cannot be opened. It is asked instead: the last LOOK_BACK_S of a command are replaced by nothing and the
-change of its answer is that command's share.
+A deep truck cannot be opened. Its answers are split by regression on what was recorded beside them; where nothing
+tells the engine's force, it is asked: the engine command of the last LOOK_BACK_S is silenced, and the change of
+the answer is the engine's share.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
 from deeptruck_model.mismatch.evidence import GRAVITY, Evidence
 from deeptruck_model.signals import ACCELERATION, SPEED
@@ -28,8 +30,8 @@ AIR_DENSITY = 1.2  # kg/m^3
 TYPICAL_DRAG_AREA = 6.0  # m^2, SuperTruck-era tractor-trailer to unaided box: 5-7 (NACFE)
 TYPICAL_ROLLING = 0.006  # SAE J1269-class truck tyres 0.005-0.008
 DIESEL_J_PER_CM3 = 35.8e3
-DIESEL_J_PER_G = 42.8e3
-BRAKE_EFFICIENCY = 0.40
+EFFICIENCY = 0.40  # of a diesel at the wheels' side of the clutch
+DRIVELINE = 0.93
 TYPICAL_MASS = 20000.0
 RECORDED = (
     "gear",
@@ -67,7 +69,7 @@ def signals(
     if "traction_force" in runs[0].inside:
         mass = _from_inside(out, runs, grid)
     else:
-        mass = _from_questions(out, simulator, prepared, grid)
+        mass = _from_questions(out, simulator, prepared, runs, grid)
     _ratio(out)
     return out, mass
 
@@ -103,20 +105,44 @@ def _from_inside(out: dict[str, Array], runs: Sequence[Run], grid: Any) -> float
 
 
 def _from_questions(
-    out: dict[str, Array], simulator: Simulator, prepared: Sequence[Prepared], grid: Any
+    out: dict[str, Array], simulator: Simulator, prepared: Sequence[Prepared], runs: Sequence[Run], grid: Any
 ) -> float:
-    """Specific forces of a black box by counterfactual runs, and a mass from power where power is recorded."""
-    names = simulator.interface.u
-    engine, brake = [], []
-    for p in prepared:
-        base, shares = _ask(simulator, p)
-        engine.append(base - shares[0])
-        brake.append(np.maximum(shares[1] - base, 0.0) if len(names) > 1 else np.zeros(len(base)))
-    out["engine"], out["brake"] = grid.stack(engine), grid.stack(brake)
-    mass = _mass(out)
-    out["drag"] = 0.5 * AIR_DENSITY * TYPICAL_DRAG_AREA / mass * out["speed"] ** 2
-    out["rolling"] = np.full_like(out["speed"], TYPICAL_ROLLING * GRAVITY)
+    """Specific forces of a black box, and a mass.
+
+    Its own simulated acceleration is split by non-negative least squares into traction, brake, drag and rolling, with
+    the grade as known. Traction is the first of these that is recorded: power over speed from measured torque, from
+    commanded torque, from fuel; without engine speed or fuel, the answer to counterfactual runs.
+    """
+    simulated = grid.stack([r.y[0, :, ACCELERATION] for r in runs])
+    speed = np.maximum(out["speed"], 1.0)
+    traction, per_mass = _traction(out, speed)
+    if traction is None:
+        traction = grid.stack(
+            [base - silent for base, (silent, *_) in (_ask(simulator, p) for p in prepared)]
+        )
+    brake = np.nan_to_num(out["brake_command"]) if "brake_command" in out else np.zeros_like(speed)
+    known = simulated + GRAVITY * np.nan_to_num(out.get("grade", np.zeros_like(speed)))
+    X = np.stack([traction, -brake, -(speed**2), -np.ones_like(speed)], axis=1)
+    use = grid.valid() & np.isfinite(X).all(axis=1) & np.isfinite(known) & (np.abs(known) < 6.0)
+    scale = np.maximum(np.abs(X[use]).mean(axis=0), 1e-12) if use.any() else np.ones(4)
+    share = nnls(X[use] / scale, known[use])[0] / scale if use.sum() > 20 else np.zeros(4)
+    mass = float(np.clip(per_mass / share[0], 800.0, 60000.0)) if per_mass and share[0] > 0 else TYPICAL_MASS
+    out["engine"], out["brake"] = share[0] * np.nan_to_num(traction), share[1] * brake
+    drag = share[2] if share[2] > 1e-6 else 0.5 * AIR_DENSITY * TYPICAL_DRAG_AREA / mass
+    out["drag"] = drag * out["speed"] ** 2
+    out["rolling"] = np.full_like(speed, max(share[3], TYPICAL_ROLLING * GRAVITY))
     return mass
+
+
+def _traction(out: dict[str, Array], speed: Array) -> tuple[Array | None, float]:
+    """Something proportional to the engine's force at the wheels, and what times 1/mass its factor is (0: unknown)."""
+    if "engine_torque" in out and "engine_speed" in out:
+        return out["engine_torque"] * out["engine_speed"] / speed, DRIVELINE
+    if "engine_speed" in out:
+        return out["engine_command"] * out["engine_speed"] / speed, 0.0
+    if "fuel_rate" in out:
+        return out["fuel_rate"] / speed, EFFICIENCY * DIESEL_J_PER_CM3
+    return None, 0.0
 
 
 def _ask(simulator: Simulator, p: Prepared) -> tuple[Array, list[Array]]:
@@ -141,20 +167,6 @@ def _ask(simulator: Simulator, p: Prepared) -> tuple[Array, list[Array]]:
         changed[:, -back - 1 :, i] = np.minimum(changed[:, -back - 1 :, i], 0.0) if i == 0 else 0.0
         silent.append(answer(changed))
     return answer(u), silent
-
-
-def _mass(out: dict[str, Array]) -> float:
-    """Power at the wheels over specific power, the median where the engine clearly pulls; a typical mass otherwise."""
-    pulling = (out["engine"] > 0.15) & (out["speed"] > 5.0)
-    if "engine_torque" in out and "engine_speed" in out:
-        power = 0.93 * out["engine_torque"] * out["engine_speed"]
-    elif "fuel_rate" in out:
-        power = BRAKE_EFFICIENCY * DIESEL_J_PER_CM3 * out["fuel_rate"]
-    else:
-        return TYPICAL_MASS
-    ratio = (power / np.maximum(out["engine"] * out["speed"], 1e-3))[pulling]
-    ratio = ratio[np.isfinite(ratio)]
-    return float(np.clip(np.median(ratio), 800.0, 60000.0)) if len(ratio) > 50 else TYPICAL_MASS
 
 
 def _ratio(out: dict[str, Array]) -> None:

@@ -106,6 +106,21 @@ def sensor_faults(recordings: Sequence[Recording]) -> list[SensorFault]:
     return faults
 
 
+def mended(r: Recording, faults: Sequence[SensorFault]) -> Recording:
+    """The recording without the sensor faults found, so that they are not taken for physics.
+
+    Scale is put on the speed and lag on the accelerometer; an offset of the accelerometer never enters (see kinematics).
+    """
+    channels = dict(r.channels)
+    for fault in faults:
+        if fault.effect == "speed_scale":
+            channels["speed"] = channels["speed"] / fault.value
+        elif fault.effect == "clock_offset":
+            t = np.arange(len(r)) * r.dt
+            channels["acceleration"] = np.interp(t + fault.value, t, np.nan_to_num(channels["acceleration"]))
+    return replace(r, channels=channels)
+
+
 def _pool(values: Sequence[float], errors: Sequence[float]) -> tuple[float, float]:
     """Weighted mean over recordings; its error is at least what the recordings scatter by."""
     v, w = np.array(values), 1.0 / np.maximum(np.array(errors), 1e-6) ** 2

@@ -19,6 +19,7 @@ Indices = NDArray[np.intp]
 GRAVITY = 9.80665
 DOUBT = 2.0  # the jittered runs see only part of what a simulator can be wrong about
 DOUBT_ROWS = 5  # a doubtful sample also marks those it is whitened with
+BLOCK_LEARNED_S = 1.0  # a learned simulator's timing is not good enough for more
 BLOCK_S = 0.2  # long enough to average sensor noise, short enough for a driveline
 
 
@@ -57,6 +58,10 @@ class Evidence:
     sensitivity: dict[str, Array]
     mass: float
     rerun: Callable[[str, float], Array]
+    tolerance: dict[str, float] = field(
+        default_factory=dict
+    )  # nats a name gains from the simulator's own error alone
+    own_error: float = 0.0  # rms of what the simulator itself learned imperfectly, m/s^2
     moved: dict[str, float] = field(default_factory=dict)  # relative changes the parameters have already had
 
     def __len__(self) -> int:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.free_model import FreeModel, free_model
 from deeptruck_model.mismatch.mechanisms import Shape
-from deeptruck_model.mismatch.noise import Prior, fit
 from deeptruck_model.mismatch.search import TEMPER, Model, Search
 
 Array = NDArray[np.float64]
@@ -23,8 +23,9 @@ GROUP = 9.0  # nats within which two names count as not told apart
 EXPLAINS = 0.6  # share of what is explainable that a name must explain, else it is only the nearest relative
 PRACTICAL_FORCE = 0.004  # m/s^2 rms over all time, or ...
 PRACTICAL_WHEN_ACTING = 0.02  # m/s^2 rms over the tenth of the time when it acts most
-BESIDE = 0.1  # a further name must gain this share of what the others gained: a form not quite right invites company
+BESIDE = 0.2  # a further name must gain this share of what the others gained: a form not quite right invites company
 BENT = 0.15  # share of the main cause's gain that a parameter beside it must have
+LEARNABLE = 0.05  # m/s^2 rms; a well-trained simulator's own error is smaller
 PARAMETER_PRACTICAL = 0.025  # relative
 
 
@@ -62,7 +63,7 @@ def first_guess(search: Search) -> Model:
     """Parameters alone, or with the one best mechanism: enough to see how far the parameters are off."""
     base = search.background(())
     best = max(search.candidates(base), key=lambda m: m.score, default=base)
-    return best if best.score > base.score + ENOUGH else base
+    return best if best.score > base.score + ENOUGH + _price(search, best) else base
 
 
 def explain(search: Search) -> Explanation:
@@ -71,8 +72,8 @@ def explain(search: Search) -> Explanation:
     null = search.model((), frozenset())
     parameters_only = search.background(())
     model, ranking = _grow(search, parameters_only)
-    left = free_model(e, e.residual - _prediction(search, model), search.series.relative)
-    left_gain = _free_gain(search, model, left)
+    left = free_model(e, e.residual - search.prediction(model), search.series.relative)
+    left_gain = search.gain_of(model, left.prediction) if left.r2 > 0 else 0.0
     causes = _causes(search, model, null, left, left_gain)
     return Explanation(tuple(causes), model, parameters_only, null, left, left_gain, ranking)
 
@@ -80,15 +81,15 @@ def explain(search: Search) -> Explanation:
 def _grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], ...]]:
     """Add the best mechanism while it is worth it; then drop those that no longer are."""
     ranking: tuple[tuple[str, float], ...] = ()
-    bare = base
+    bare = search.model((), frozenset()) if search.e.own_error > 0 else base
     while len(base.named) < MOST:
         candidates = search.candidates(base)
         if not ranking:
             ranking = tuple((m.effects[-1], m.score - base.score) for m in candidates)
         candidates = [m for m in candidates if _practical(search, m, m.named[-1])]
         candidates = [search.enriched(m) for m in candidates[:WIDENED] if m.score > base.score + ENOUGH / 2]
-        best = max(candidates, key=lambda m: m.score, default=base)
-        if best.score < base.score + ENOUGH + BESIDE * (base.score - bare.score):
+        best = max(candidates, key=lambda m: m.score - _price(search, m), default=base)
+        if best.score < base.score + _price(search, best) + ENOUGH + BESIDE * (base.score - bare.score):
             break
         base = search.background(best.named)
     while len(base.named) > 1:
@@ -100,36 +101,48 @@ def _grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], 
     return base, ranking
 
 
+def _price(search: Search, model: Model) -> float:
+    """Nats the last name of a model would gain from the simulator's own error alone.
+
+    Not for a driver that the simulator cannot see and a force beyond what is imperfectly learned: it cannot have been
+    absorbed, so finding it on the simulator's own recordings too only says that it was missing there as well.
+    """
+    if not model.named:
+        return 0.0
+    mechanism = model.named[-1].mechanism
+    force = model.named[-1].columns @ model.coefficients(mechanism.effect)
+    if mechanism.hidden and float(np.sqrt(np.mean(force[search.e.valid] ** 2))) > LEARNABLE:
+        return 0.0
+    return search.e.tolerance.get(mechanism.effect, 0.0)
+
+
 def _practical(search: Search, model: Model, shape: Shape) -> bool:
-    force = shape.columns @ model.coefficients(shape.mechanism.effect)
-    acting = np.sort(np.abs(force[search.e.valid]))
+    return _large_enough(search.e, shape.columns @ model.coefficients(shape.mechanism.effect))
+
+
+def _large_enough(e: Evidence, force: Array) -> bool:
+    """Whether a force matters on the road and stands out of what the simulator itself learned imperfectly."""
+    acting = np.sort(np.abs(force[e.valid]))
     rms = float(np.sqrt(np.mean(acting**2)))
     top = float(np.sqrt(np.mean(acting[-max(1, len(acting) // 10) :] ** 2)))
-    return rms > PRACTICAL_FORCE or top > PRACTICAL_WHEN_ACTING
-
-
-def _prediction(search: Search, model: Model) -> Array:
-    X, _, _ = search.design(model)
-    return X @ model.fit.b
-
-
-def _free_gain(search: Search, model: Model, left: FreeModel) -> float:
-    """Nats gained by adding the free model's out-of-fold prediction as a column."""
-    X, prior, _ = search.design(model)
-    column = Prior(np.array([0.7]), np.array([0.4]), np.array([1.0]))
-    found = fit(search.series, np.column_stack([X, left.prediction]), Prior.join(prior, column), model.fit)
-    return found.evidence - model.fit.evidence
+    return rms > max(PRACTICAL_FORCE, e.own_error) or top > max(PRACTICAL_WHEN_ACTING, 2.0 * e.own_error)
 
 
 def _causes(search: Search, model: Model, null: Model, left: FreeModel, left_gain: float) -> list[Cause]:
     named = [_mechanism(search, model, shape) for shape in model.named]
-    tuned = [c for p in sorted(model.free) if (c := _parameter(search, model, p)) is not None]
-    if named:  # a form that is not quite right bends the parameters a little; that is no finding
-        most = max(c.gain for c in named)
+    tuned = _parameters(search, model)
+    if named or tuned:  # a form that is not quite right bends the parameters a little; that is no finding
+        most = max(c.gain for c in named + tuned)
         tuned = [c for c in tuned if c.gain > BENT * most]
     causes = named + tuned
     explained = max(model.score - null.score, 1e-9)
-    unknown = left_gain > ENOUGH_FREE and left_gain > 0.15 * explained and left.r2 > FREE_R2
+    price = search.e.tolerance.get("unknown", 0.0)
+    unknown = (
+        left_gain > ENOUGH_FREE + price
+        and _large_enough(search.e, left.prediction)
+        and left_gain > 0.15 * explained
+        and left.r2 > FREE_R2
+    )
     total = explained + max(left_gain, 0.0)
     weight = sum(max(c.gain, 0.0) for c in causes) or 1.0
     causes = [replace(c, share=max(c.gain, 0.0) / weight * explained / total) for c in causes]
@@ -171,26 +184,34 @@ def _mechanism(search: Search, model: Model, shape: Shape) -> Cause:
     )
 
 
-def _parameter(search: Search, model: Model, name: str) -> Cause | None:
-    """A parameter that must move, by how much its being held would cost; None where it hardly moves."""
-    held = search.model(model.named, model.free - {name})
-    gain = model.score - held.score
+def _parameters(search: Search, model: Model) -> list[Cause]:
+    """The free parameters in the order in which each helps most, and what each adds to those before it.
+
+    Judged one by one at the end they would hide behind each other: mass can be mimicked by three gains together.
+    """
+    grown, out = search.model(model.named, frozenset()), []
+    while grown.free < model.free:
+        options = [
+            search.model(model.named, grown.free | {p}, model.fit) for p in sorted(model.free - grown.free)
+        ]
+        options.sort(key=lambda m: -m.score)
+        name = next(iter(options[0].free - grown.free))
+        others = [(next(iter(m.free - grown.free)), options[0].score - m.score) for m in options[1:]]
+        cause = _parameter(search, model, name, options[0].score - grown.score, others)
+        if cause is not None:
+            out.append(cause)
+        grown = options[0]
+    return out
+
+
+def _parameter(
+    search: Search, model: Model, name: str, gain: float, others: list[tuple[str, float]]
+) -> Cause | None:
+    """A parameter that must move; None where it hardly moves or hardly matters."""
     value = search.e.total_change(name, model.change(name))
-    if abs(value) < PARAMETER_PRACTICAL or gain < (ENOUGH if model.named else ENOUGH / 2):
-        return None
-    rivals = []
-    for p in search.parameters:
-        if p not in model.free:
-            rivals.append((p, model.score - search.model(model.named, model.free - {name} | {p}).score))
-    probability = 1.0 / (1.0 + sum(np.exp(-w / TEMPER) for _, w in rivals) + np.exp(-gain / TEMPER))
+    enough = (ENOUGH if model.named else ENOUGH / 2) + search.e.tolerance.get(f"parameter:{name}", 0.0)
     force = search.e.sensitivity[name] * value  # of the simulator as given, to first order
-    return Cause(
-        "parameter_error",
-        name,
-        gain,
-        0.0,
-        float(probability),
-        force,
-        None,
-        tuple(sorted(rivals, key=lambda r: r[1])),
-    )
+    if abs(value) < PARAMETER_PRACTICAL or not _large_enough(search.e, force) or gain < enough:
+        return None
+    odds = 1.0 + sum(np.exp(-max(w, 0.0) / TEMPER) for _, w in others) + np.exp(-gain / TEMPER)
+    return Cause("parameter_error", name, gain, 0.0, float(1.0 / odds), force, None, tuple(others))

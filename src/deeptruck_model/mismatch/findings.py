@@ -13,11 +13,11 @@ from deeptruck_model.mismatch.explain import GROUP, Cause, Explanation
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 
 NAMES = {
-    "mass": ("kg", "the truck is heavier or lighter than the simulator"),
+    "mass": ("kg", "the mass differs from the simulator's"),
     "drag_area": ("m^2", "the drag area differs from the simulator's"),
     "rolling_resistance": ("1", "the rolling resistance differs from the simulator's"),
-    "torque_gain": ("1", "the engine gives more or less torque for its command than the simulator"),
-    "brake_gain": ("1", "the brakes give more or less force for their command than the simulator"),
+    "torque_gain": ("1", "the torque the engine gives for its command differs from the simulator's"),
+    "brake_gain": ("1", "the force the brakes give for their command differs from the simulator's"),
 }
 TOLD_BY = {
     "mass": "accelerate with the same torque at a low and a high speed",
@@ -25,6 +25,19 @@ TOLD_BY = {
     "rolling_resistance": "coast down at low speed on a flat road, both ways",
     "torque_gain": "pull with steps of torque at one speed",
     "brake_gain": "brake with steps of command from one speed",
+}
+SETTING_UNITS = {
+    "tau_s": "s",
+    "decay_s": "s",
+    "cooling_s": "s",
+    "soak_s": "s",
+    "cold_s": "s",
+    "window_s": "s",
+    "length_m": "m",
+    "knot_m": "m",
+    "frequency_hz": "Hz",
+    "damping": "1",
+    "after_s": "s",
 }
 TELLING_PARAMETERS = 12  # a profile along the road has hundreds; people get the ones that matter
 
@@ -104,8 +117,8 @@ def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> dict[str,
         ci = sorted([float((values[i] - 1.96 * sd[i]) * factor), float((values[i] + 1.96 * sd[i]) * factor)])
         parameters[part.name] = {"value": float(values[i] * factor), "unit": part.unit, "ci95": ci}
     for name, value in shape.settings.items():
-        if isinstance(value, (int, float)) and name != "trials":
-            parameters[name] = {"value": value, "unit": "", "ci95": None}
+        if isinstance(value, float) and name in SETTING_UNITS:
+            parameters[name] = {"value": value, "unit": SETTING_UNITS[name], "ci95": None}
     return {
         "says": f"{m.says}: {_strength(cause, e)}",
         "equation": m.equation,
@@ -122,7 +135,7 @@ def _parameter(cause: Cause, e: Evidence, explanation: Explanation, own: dict[st
     base, unit = (own[cause.effect], unit) if cause.effect in own else (1.0, "of the simulator's")
     ci = [base * (1 + change - 1.96 * sd), base * (1 + change + 1.96 * sd)]
     return {
-        "says": f"{says}: by {100 * change:+.1f} % (+-{196 * sd:.1f} %)",
+        "says": f"{says}: {abs(100 * change):.1f} % {'more' if change > 0 else 'less'} (+-{196 * sd:.1f} %)",
         "equation": f"{cause.effect} -> {cause.effect} * (1 {change:+.3f})",
         "parameters": {cause.effect: {"value": base * (1 + change), "unit": unit, "ci95": ci}},
         "would_be_told_by": TOLD_BY[cause.effect],

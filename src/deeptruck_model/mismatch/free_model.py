@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 from sklearn.ensemble import HistGradientBoostingRegressor
 from threadpoolctl import threadpool_limits
 
@@ -88,14 +89,7 @@ def free_model(e: Evidence, residual: Array, doubt: Array, seed: int = 0) -> Fre
     rng = np.random.default_rng(seed)
     for fold in np.unique(folds):
         test = folds == fold
-        model = HistGradientBoostingRegressor(
-            max_iter=80,
-            learning_rate=0.08,
-            max_leaf_nodes=12,
-            min_samples_leaf=25,
-            l2_regularization=5.0,
-            random_state=seed,
-        )
+        model = _model(seed)
         with threadpool_limits(1):
             model.fit(X[~test], y[~test], sample_weight=weight[~test])
         predicted[test] = model.predict(X[test])
@@ -108,10 +102,47 @@ def free_model(e: Evidence, residual: Array, doubt: Array, seed: int = 0) -> Fre
     return FreeModel(full, r2, dict(sorted(shares.items(), key=lambda kv: -kv[1])), named)
 
 
+def transfer(own: Evidence, residual: Array, doubt: Array, other: Evidence) -> Array:
+    """Fit the free model to `residual` (n,) of one body of evidence, predict it on another, (m,)."""
+    here, there = features(own), features(other)
+    shared = [name for name in here if name in there]
+    per = max(1, round(PERIOD_S / own.dt))
+    rows = np.arange(len(own) // per * per).reshape(-1, per)
+    rows = rows[own.valid[rows].all(axis=1)]
+    edges = {name: _edges(here[name][rows].mean(axis=1)) for name in shared}
+    X = np.stack([np.searchsorted(edges[n], here[n][rows].mean(axis=1)) for n in shared], axis=1).astype(
+        float
+    )
+    y = residual[rows].mean(axis=1)
+    scale = 1.4826 * np.median(np.abs(y - np.median(y))) + 1e-9
+    model = _model(0)
+    with threadpool_limits(1):
+        model.fit(
+            X, np.clip(y, -CLIP * scale, CLIP * scale), sample_weight=1.0 / (doubt[rows] ** 2).mean(axis=1)
+        )
+    out = model.predict(np.stack([np.searchsorted(edges[n], there[n]) for n in shared], axis=1).astype(float))
+    smooth: Array = uniform_filter1d(out, per)
+    return smooth
+
+
+def _model(seed: int) -> HistGradientBoostingRegressor:
+    return HistGradientBoostingRegressor(
+        max_iter=80,
+        learning_rate=0.08,
+        max_leaf_nodes=12,
+        min_samples_leaf=25,
+        l2_regularization=5.0,
+        random_state=seed,
+    )
+
+
+def _edges(x: Array) -> Array:
+    """LEVELS quantiles: trees need no more, and the library bins few distinct values far faster."""
+    return np.quantile(x, np.linspace(0.0, 1.0, LEVELS + 1)[1:-1])
+
+
 def _levels(x: Array) -> Array:
-    """x as LEVELS ranks: trees need no more, and the library bins few distinct values far faster."""
-    edges = np.quantile(x, np.linspace(0.0, 1.0, LEVELS + 1)[1:-1])
-    return np.searchsorted(edges, x).astype(float)
+    return np.searchsorted(_edges(x), x).astype(float)
 
 
 def _folds(record: NDArray[np.intp]) -> NDArray[np.intp]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.explain import ENOUGH, Explanation
+from deeptruck_model.mismatch.explain import ENOUGH, PRACTICAL_FORCE, Explanation
 from deeptruck_model.mismatch.findings import TOLD_BY, Finding
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.search import FREE
@@ -36,6 +36,6 @@ def smallest_visible(e: Evidence, x: Explanation) -> dict[str, Any]:
     rows = max(int(e.valid.sum()), 1)
     sigma = x.null.fit.sigma / max(1.0 - float(x.null.fit.ar.sum()), 0.05)
     for share, name in ((1.0, "all the time"), (0.02, "2 % of the time")):
-        force = sigma * np.sqrt(2 * ENOUGH / (rows * share)) * e.mass
+        force = max(sigma * np.sqrt(2 * ENOUGH / (rows * share)), PRACTICAL_FORCE, e.own_error) * e.mass
         out[f"steady force {name}"] = {"newton": round(float(force), 1)}
     return out

@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import components
-from deeptruck_model.mismatch.evidence import BLOCK_S, Evidence, Stretch
+from deeptruck_model.mismatch.evidence import BLOCK_LEARNED_S, BLOCK_S, Evidence, Stretch
 from deeptruck_model.mismatch.kinematics import noise_of, observed_acceleration
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import ACCELERATION, SPEED
@@ -83,7 +83,7 @@ def gather(
     """
     runs = [_forced(simulator, p, p.u) for p in prepared]
     dt = prepared[0].dt
-    block = max(1, round(BLOCK_S / dt))
+    block = max(1, round((BLOCK_S if simulator.parameters() else BLOCK_LEARNED_S) / dt))
     grid = _Grid(prepared, held_out, block)
     simulated = grid.stack([r.y[0, :, ACCELERATION] for r in runs])
     observed = grid.stack([p.observed for p in prepared])
@@ -136,10 +136,22 @@ class _Grid:
         return x[: n * self.block].reshape(n, self.block)
 
 
-def _forced(
-    simulator: Simulator, p: Prepared, u: Array, y: Array | None = None, w: Array | None = None
-) -> Run:
-    return forced_run(simulator, u[None], (p.w if w is None else w)[None], (p.y if y is None else y)[None])
+def _forced(simulator: Simulator, p: Prepared, u: Array) -> Run:
+    return forced_run(simulator, u[None], p.w[None], fed(simulator, p.y)[None])
+
+
+def fed(simulator: Simulator, y: Array) -> Array:
+    """What of the recorded response y (..., n_y) the simulator is fed.
+
+    A learned simulator that sees the acceleration it is to predict passes it on, and the mismatch with it; so it is fed speed
+    alone.
+    """
+    if simulator.parameters():
+        return y
+    out = np.full_like(y, np.nan)
+    out[..., SPEED] = y[..., SPEED]
+    out[..., 0, :] = y[..., 0, :]
+    return out
 
 
 def _accelerations(
@@ -162,7 +174,7 @@ def _disagreement(simulator: Simulator, prepared: Sequence[Prepared], grid: _Gri
         noise = rng.normal(0.0, max(p.speed_noise, 0.003), (k, n))
         drift = rng.normal(0.0, 0.002, (k, 1)) * p.y[None, :, SPEED]
         y[:, :, SPEED] = np.maximum(y[:, :, SPEED] + gaussian_filter1d(noise, 2.0, axis=1) + drift, 0.0)
-        run = forced_run(simulator, u, np.repeat(p.w[None], k, axis=0), y)
+        run = forced_run(simulator, u, np.repeat(p.w[None], k, axis=0), fed(simulator, y))
         parts.append(run.y[:, :, ACCELERATION].std(axis=0, ddof=1))
     return grid.stack(parts)
 

@@ -166,6 +166,19 @@ class Search:
             model = best
         return model
 
+    def prediction(self, model: Model) -> Array:
+        """What a model says the residual is, (n,)."""
+        X, _, _ = self.design(model)
+        out: Array = X @ model.fit.b
+        return out
+
+    def gain_of(self, model: Model, column: Array) -> float:
+        """Nats gained by one more column (n,) that should enter with a factor near one."""
+        X, prior, _ = self.design(model)
+        extra = Prior(np.array([0.7]), np.array([0.4]), np.array([1.0]))
+        found = fit(self.series, np.column_stack([X, column]), Prior.join(prior, extra), model.fit)
+        return found.evidence - model.fit.evidence
+
     def design(self, model: Model) -> tuple[Array, Prior, tuple[tuple[str, slice], ...]]:
         """Columns (n, k), prior and layout of a model."""
         return self._design(model.named, model.free)

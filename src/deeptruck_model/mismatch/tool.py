@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch import data_checks, findings, identifiability, locate
+from deeptruck_model.mismatch import data_checks, findings, formula, identifiability, locate, own_error
 from deeptruck_model.mismatch.correct import CorrectedTruck, Term
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.explain import Explanation, explain, first_guess
@@ -82,7 +82,7 @@ def _find(
     drives, rejected = data_checks.clean(drives)
     measured = data_checks.acceleration_is_measured(drives)
     faults = data_checks.sensor_faults(drives) if measured else []
-    prepared = [prepare(r, measured) for r in drives]
+    prepared = [prepare(data_checks.mended(r, faults), measured) for r in drives]
     reason = _unusable(prepared)
     data: dict[str, Any] = {
         "rejected": [{"rule": r.rule, "samples": r.samples} for r in rejected],
@@ -101,6 +101,9 @@ def _find(
     found = [findings.from_sensor(f) for f in faults]
     found += [findings.from_cause(c, evidence, explanation, own) for c in explanation.causes]
     found = identifiability.with_manoeuvres(found)
+    for f in found:
+        if f.data["effect"] == "unknown":
+            f.data.update(formula.describe(evidence, explanation))
     say("locating it")
     shown = tuple(f.cause for f in found if f.cause is not None)
     offset = len(found) - len(shown)
@@ -153,6 +156,10 @@ def _explained(
     say("searching for what is missing")
     own = simulator.parameters()
     evidence = gather(simulator, prepared, flags, seed=seed)
+    itself = own_error.known(simulator, prepared[0].measured_acceleration, seed)
+    if itself is not None:
+        say("learning the simulator's own error from the recordings it keeps")
+        evidence = own_error.allow_for(evidence, itself)
     search = Search(evidence, exclude=exclude)
     guess = first_guess(search)
     change = {p: guess.change(p) for p in search.parameters if p in own}
@@ -178,10 +185,11 @@ def _corrected(
     def change(which: Model, free: Iterable[str]) -> dict[str, float]:
         return {p: e.total_change(p, which.change(p)) for p in free}
 
+    stated = {c.effect for c in x.causes}
     terms = [
         Term(s.mechanism.effect, s.settings, tuple(model.coefficients(s.mechanism.effect).tolist()))
         for s in model.named
-        if s.mechanism.kind == "missing_physics"
+        if s.mechanism.kind == "missing_physics" and s.mechanism.effect in stated
     ]
     tuned = CorrectedTruck(simulator, [], change(alone, fitted.parameters), shares, False)
     after = CorrectedTruck(simulator, terms, change(model, x.model.free), shares, False)

@@ -10,11 +10,14 @@ from deeptruck_model.mismatch.evidence import GRAVITY, Evidence
 from deeptruck_model.mismatch.expression import Rerun, lift
 from deeptruck_model.mismatch.mechanisms.base import Column, Mechanism, Settings
 
+DELAYS_S = (0.1, 0.2, 0.35, 0.5, 0.8)
+FULL_RANGE_S = (0.5, 1.0, 2.0, 4.0, 8.0)
+
 
 def _delay_settings(e: Evidence) -> Iterator[Settings]:
     """Both commands or the engine's alone; a late brake alone is the brake's own dead time."""
     for which in ("all", "engine") if e.has("brake_command") else ("all",):
-        for tau_s in (0.1, 0.2, 0.35, 0.5, 0.8):
+        for tau_s in DELAYS_S:
             yield {"which": which, "tau_s": tau_s}
 
 
@@ -23,22 +26,27 @@ def _delay(s: Settings) -> list[Column]:
 
 
 def _rate_settings(e: Evidence) -> Iterator[Settings]:
+    """One command or both, by how long the full range takes."""
+    spans = {}
     for which in ("engine", "brake"):
-        if not e.has(f"{which}_command"):
-            continue
-        x = e[f"{which}_command"]
-        span = float(np.nanmax(x) - np.nanmin(x))
-        for full_range_s in (0.5, 1.0, 2.0, 4.0):
-            if span > 0:
-                yield {"which": which, "rate": span / full_range_s, "full_range_s": full_range_s}
+        if e.has(f"{which}_command"):
+            spans[which] = float(np.ptp(e[f"{which}_command"][e.valid]))
+    for some in ([w] for w in spans):
+        yield from ({"rates": {w: spans[w] / s for w in some}} for s in FULL_RANGE_S if spans[some[0]] > 0)
+    if len(spans) == 2 and min(spans.values()) > 0:
+        yield from ({"rates": {w: span / s for w, span in spans.items()}} for s in FULL_RANGE_S)
 
 
 def _rate(s: Settings) -> list[Column]:
-    return [Column(Rerun(f"rate_{s['which']}", s["rate"]), 0.3, "share", mean=1.0)]
+    return [
+        Column(Rerun(f"rate_{which}", rate), 0.3, f"share_{which}", mean=1.0)
+        for which, rate in s["rates"].items()
+    ]
 
 
 def _clock_settings(e: Evidence) -> Iterator[Settings]:
-    for tau_s in (-1.0, -0.6, -0.4, -0.25, -0.1, 0.25, 0.5, 1.0):
+    """Early commands only a clock can make; late ones look like a delay."""
+    for tau_s in (*(-d for d in DELAYS_S), -1.2, *DELAYS_S, 1.2):
         yield {"which": "all", "tau_s": tau_s}
 
 

@@ -107,7 +107,10 @@ def _engine_brake_settings(e: Evidence) -> Iterator[Settings]:
         "reference": lever_reference(e),
     }
     if np.nanmin(command, initial=0.0) < 0:
-        yield base | {"by": "demand", "full": float(-np.nanmin(command))}
+        full = float(-np.nanmin(command))
+        yield base | {"by": "demand", "full": full, "order": 0, "geared": False}
+        if e.has("ratio", "engine_speed"):
+            yield from (base | {"by": "demand", "full": full, "order": k, "geared": True} for k in (0, 1, 2))
     if e.has("ratio", "engine_speed"):
         yield base | {"by": "engine_speed", "order": 1}
         yield base | {"by": "engine_speed", "order": 2}

@@ -1,0 +1,82 @@
+"""A learned simulator's own error, known from recordings it was not fitted to and keeps with it.
+
+What a deep truck learned imperfectly looks like missing physics. Two defences: the part of its own error that its signals
+predict is taken off the residual, and whatever the search would gain on the truck's own recordings is the price that a
+finding on new recordings must exceed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.free_model import free_model, transfer
+from deeptruck_model.mismatch.residual import Prepared, gather, prepare
+from deeptruck_model.mismatch.search import Search
+from deeptruck_model.recordings import Recording
+from deeptruck_model.simulators import Simulator
+
+Array = NDArray[np.float64]
+
+LEAST_S = 120.0
+PREDICTABLE = 0.02  # held-out r2 from which the own error is taken off
+SAFETY = 1.5  # the price is this much of what the search gains on the truck's own recordings
+
+
+def known(simulator: Simulator, measured_acceleration: bool, seed: int) -> Evidence | None:
+    """The simulator's own recordings as evidence; None where it keeps none that can be used."""
+    kept: Sequence[Recording] = getattr(simulator, "reference", ())
+    try:
+        prepared: list[Prepared] = [prepare(r, measured_acceleration) for r in kept]
+        if sum(float(p.valid.sum()) * p.dt for p in prepared) < LEAST_S:
+            return None
+        return gather(simulator, prepared, [False] * len(prepared), seed=seed)
+    except InputError:
+        return None
+
+
+def allow_for(evidence: Evidence, own: Evidence) -> Evidence:
+    """The evidence without the predictable part of the simulator's own error, and with the price of each name."""
+    doubt = Search(own).series.relative
+    found = free_model(own, own.residual, doubt)
+    if found.r2 > PREDICTABLE:
+        use = own.valid & (found.prediction != 0.0)
+        slope = float(
+            found.prediction[use]
+            @ own.residual[use]
+            / max(float(found.prediction[use] @ found.prediction[use]), 1e-12)
+        )
+        slope = float(np.clip(slope, 0.0, 1.0))
+        evidence = replace(
+            evidence, residual=evidence.residual - slope * transfer(own, own.residual, doubt, evidence)
+        )
+        own = replace(own, residual=own.residual - slope * found.prediction)
+    ratio = float(evidence.valid.sum()) / max(float(own.valid.sum()), 1.0)
+    return replace(evidence, tolerance=_prices(own, ratio), own_error=_slow_rms(own))
+
+
+def _prices(own: Evidence, ratio: float) -> dict[str, float]:
+    """Nats that each name gains on the simulator's own recordings, scaled to the amount of new data."""
+    search = Search(own)
+    base = search.background(())
+    prices = {m.effects[-1]: m.score - base.score for m in search.candidates(base)}
+    for p in search.parameters:
+        held = search.model((), base.free - {p})
+        prices[f"parameter:{p}"] = base.score - held.score if p in base.free else 0.0
+    left = free_model(own, own.residual - search.prediction(base), search.series.relative)
+    prices["unknown"] = search.gain_of(base, left.prediction)
+    scale = SAFETY * max(ratio, 0.5)
+    return {name: max(price, 0.0) * scale for name, price in prices.items()}
+
+
+def _slow_rms(own: Evidence) -> float:
+    """Rms (m/s^2) of what is left of the simulator's own error in means of a second, where noise has averaged out."""
+    smooth = uniform_filter1d(np.where(own.valid, own.residual, 0.0), max(1, round(1.0 / own.dt)))
+    quiet = np.sort(np.abs(smooth[own.valid]))[: int(0.98 * own.valid.sum())]  # without the rare jolt
+    return float(np.sqrt(np.mean(quiet**2)))
