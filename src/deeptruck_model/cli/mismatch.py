@@ -69,7 +69,7 @@ def prove(
     jobs: Annotated[int, typer.Option(help="Cases at once.")] = 2,
     seed: Annotated[int, typer.Option(help="First seed; those below 100000 are for development.")] = 100000,
 ) -> None:
-    """Examine the mismatch tool on hidden effects, sealed before it starts, and score it. Resumes where it stopped.
+    """Examine the mismatch tool on hidden effects, sealed before it starts; resumes where it stopped.
 
     Example: deeptruck-model prove --out proof --cases 5 --simulator physics
     """

@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 
 class CommandPath:
-    """A chain of (path name, amount, share): each moves the command by `share` of what the full path would do."""
+    """A chain of (path name, amount, share): each moves the command by `share` of what the full path does."""
 
     def __init__(
         self, paths: Sequence[tuple[str, float, float]], channels: tuple[str, ...], dt: float

@@ -1,8 +1,8 @@
 """What the simulated acceleration is made of: read from a physics truck, asked of a deep one.
 
-A deep truck cannot be opened. Its answers are split by regression on what was recorded beside them; where nothing
-tells the engine's force, it is asked: the engine command of the last LOOK_BACK_S is silenced, and the change of
-the answer is the engine's share.
+A deep truck cannot be opened. Its answers are split by regression on what was recorded beside them; where
+nothing tells the engine's force, it is asked: the engine command of the last LOOK_BACK_S is silenced, and the
+change of the answer is the engine's share.
 """
 
 from __future__ import annotations
@@ -109,9 +109,10 @@ def _from_questions(
 ) -> float:
     """Specific forces of a black box, and a mass.
 
-    Its own simulated acceleration is split by non-negative least squares into traction, brake, drag and rolling, with
-    the grade as known. Traction is the first of these that is recorded: power over speed from measured torque, from
-    commanded torque, from fuel; without engine speed or fuel, the answer to counterfactual runs.
+    Its own simulated acceleration is split by non-negative least squares into traction, brake, drag and
+    rolling, with the grade as known. Traction is the first of these that is recorded: power over speed from
+    measured torque, from commanded torque, from fuel; without engine speed or fuel, the answer to
+    counterfactual runs.
     """
     simulated = grid.stack([r.y[0, :, ACCELERATION] for r in runs])
     speed = np.maximum(out["speed"], 1.0)
@@ -135,7 +136,7 @@ def _from_questions(
 
 
 def _traction(out: dict[str, Array], speed: Array) -> tuple[Array | None, float]:
-    """Something proportional to the engine's force at the wheels, and what times 1/mass its factor is (0: unknown)."""
+    """Something proportional to the engine's force at the wheels; its factor times mass (0: unknown)."""
     if "engine_torque" in out and "engine_speed" in out:
         return out["engine_torque"] * out["engine_speed"] / speed, DRIVELINE
     if "engine_speed" in out:
@@ -146,7 +147,7 @@ def _traction(out: dict[str, Array], speed: Array) -> tuple[Array | None, float]
 
 
 def _ask(simulator: Simulator, p: Prepared) -> tuple[Array, list[Array]]:
-    """Simulated acceleration (n,) with the commands as recorded, and with each command silent for LOOK_BACK_S."""
+    """Simulated acceleration (n,) with the commands as recorded, and with each silent for LOOK_BACK_S."""
     back, warm = max(1, round(LOOK_BACK_S / p.dt)), round(WARM_UP_S / p.dt)
     length = warm + back + 1
     every = max(1, round(ASK_EVERY_S / p.dt))

@@ -57,8 +57,9 @@ class State:
 class CorrectedTruck:
     """A Simulator that adds named forces to another one.
 
-    `moved` are relative changes of parameters; those the base truck has are set in it, the others act as forces. Channels the
-    protocol does not carry (gap, ambient temperature, elevation) come from `along`, and count as absent without it.
+    `moved` are relative changes of parameters; those the base truck has are set in it, the others act as
+    forces. Channels the protocol does not carry (gap, ambient temperature, elevation) come from `along`, and
+    count as absent without it.
     """
 
     def __init__(
@@ -221,7 +222,7 @@ class CorrectedTruck:
 
 
 def load_directory(path: Path, manifest: dict[str, Any]) -> CorrectedTruck:
-    """A corrected truck from its directory. Raises InputError where the manifest does not fit this library."""
+    """A corrected truck from its directory. Raises InputError where this library cannot read it."""
     try:
         terms = [Term(t["effect"], t["settings"], tuple(t["coefficients"])) for t in manifest["terms"]]
         unknown = [t.effect for t in terms if t.effect not in LIBRARY]

@@ -93,7 +93,7 @@ def sensor_faults(recordings: Sequence[Recording]) -> list[SensorFault]:
     lag, lag_se = _pool([k.lag_s for k in seen], [k.lag_se for k in seen])
     faults = []
     if abs(offset) > OFFSET and abs(offset) > CERTAIN * offset_se:
-        says = f"the accelerometer reads {offset:+.3f} m/s^2 beside the derivative of speed, whatever the truck does"
+        says = f"the accelerometer is {offset:+.3f} m/s^2 off the derivative of speed whatever happens"
         faults.append(SensorFault("acceleration_bias", offset, offset_se, "m/s^2", says))
     if abs(slope - 1) > SLOPE and abs(slope - 1) > CERTAIN * slope_se:
         says = (
@@ -109,7 +109,8 @@ def sensor_faults(recordings: Sequence[Recording]) -> list[SensorFault]:
 def mended(r: Recording, faults: Sequence[SensorFault]) -> Recording:
     """The recording without the sensor faults found, so that they are not taken for physics.
 
-    Scale is put on the speed and lag on the accelerometer; an offset of the accelerometer never enters (see kinematics).
+    Scale is put on the speed and lag on the accelerometer; an offset of the accelerometer never enters (see
+    kinematics).
     """
     channels = dict(r.channels)
     for fault in faults:

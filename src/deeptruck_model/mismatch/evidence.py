@@ -25,7 +25,7 @@ BLOCK_S = 0.2  # long enough to average sensor noise, short enough for a driveli
 
 @dataclass(frozen=True)
 class Stretch:
-    """Where one recording stands in the stacked arrays: rows start..stop, and its name and start in its bag."""
+    """Where one recording stands in the stacked arrays: rows start..stop, its name, its start in the bag."""
 
     name: str
     start: int
@@ -42,10 +42,11 @@ class Stretch:
 class Evidence:
     """Stacked signals (n,) at period `dt`. Forces are specific (m/s^2, that is N per kg of `mass`).
 
-    `residual` is observed minus simulated acceleration with the simulator forced along the recording; `disagreement` the
-    sd of the simulator under its own input noise; `sensitivity` the change of the residual's prediction for a 100 %
-    change of each simulator parameter. `signals` holds what mechanisms are made of, NaN or absent where unknown.
-    `rerun(name, amount)` returns the change of the simulated acceleration under a changed command path.
+    `residual` is observed minus simulated acceleration with the simulator forced along the recording;
+    `disagreement` the sd of the simulator under its own input noise; `sensitivity` the change of the
+    residual's prediction for a 100 % change of each simulator parameter. `signals` holds what mechanisms are
+    made of, NaN or absent where unknown. `rerun(name, amount)` returns the change of the simulated
+    acceleration under a changed command path.
     """
 
     dt: float
@@ -68,7 +69,7 @@ class Evidence:
         return len(self.residual)
 
     def total_change(self, parameter: str, further: float) -> float:
-        """Relative change of a parameter from the simulator as it was given, after a further relative change."""
+        """Relative change of a parameter from the simulator as given, after a further relative change."""
         return (1.0 + self.moved.get(parameter, 0.0)) * (1.0 + further) - 1.0
 
     def __getitem__(self, name: str) -> Array:
@@ -103,12 +104,12 @@ class Evidence:
         return Series(np.where(valid, self.residual, 0.0), valid, self.starts, relative)
 
     def doubt(self, sigma: float) -> Array:
-        """Factor >= 1 by which each sample is less certain, (n,), from the simulator's disagreement with itself."""
+        """Factor >= 1 by which a sample is less certain, (n,), where the simulator disagrees with itself."""
         near = maximum_filter1d(self.disagreement, 2 * DOUBT_ROWS + 1)
         out: Array = np.sqrt(1.0 + (DOUBT * near / max(sigma, 1e-9)) ** 2)
         return out
 
-    # -- filters that start afresh with every recording ------------------------------------------------------------
+    # -- filters that start afresh with every recording ---------------------------------------
 
     def lag(self, x: Array, tau_s: float, initial: str = "first") -> Array:
         """First-order lag of x. It starts at the first sample ('first') or at zero ('zero')."""

@@ -14,7 +14,7 @@ from deeptruck_model.mismatch.search import TEMPER, Model, Search
 
 Array = NDArray[np.float64]
 
-ENOUGH = 12.0  # nats a name must gain: the price of searching the library, and of noise that is not quite as modelled
+ENOUGH = 12.0  # nats a name must gain: the price of the search, and of noise not quite as modelled
 ENOUGH_FREE = 25.0  # nats the free model must gain on what is left before 'unknown' is said
 WIDENED = 4  # of the best names are given more freedom of form before the first is chosen
 MOST = 4  # effects at once
@@ -23,7 +23,7 @@ GROUP = 9.0  # nats within which two names count as not told apart
 EXPLAINS = 0.6  # share of what is explainable that a name must explain, else it is only the nearest relative
 PRACTICAL_FORCE = 0.004  # m/s^2 rms over all time, or ...
 PRACTICAL_WHEN_ACTING = 0.02  # m/s^2 rms over the tenth of the time when it acts most
-BESIDE = 0.2  # a further name must gain this share of what the others gained: a form not quite right invites company
+BESIDE = 0.2  # a further name must gain this share of the others' gain: a form not quite right invites more
 BENT = 0.15  # share of the main cause's gain that a parameter beside it must have
 LEARNABLE = 0.05  # m/s^2 rms; a well-trained simulator's own error is smaller
 PARAMETER_PRACTICAL = 0.025  # relative
@@ -31,7 +31,7 @@ PARAMETER_PRACTICAL = 0.025  # relative
 
 @dataclass(frozen=True)
 class Cause:
-    """One accepted cause: a mechanism (with its shape) or a parameter, or what no name explains (`effect` 'unknown')."""
+    """One accepted cause: a mechanism (with its shape), a parameter, or what no name explains (`unknown`)."""
 
     kind: str
     effect: str
@@ -104,8 +104,9 @@ def _grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], 
 def _price(search: Search, model: Model) -> float:
     """Nats the last name of a model would gain from the simulator's own error alone.
 
-    Not for a driver that the simulator cannot see and a force beyond what is imperfectly learned: it cannot have been
-    absorbed, so finding it on the simulator's own recordings too only says that it was missing there as well.
+    Not for a driver that the simulator cannot see and a force beyond what is imperfectly learned: it cannot
+    have been absorbed, so finding it on the simulator's own recordings too only says that it was missing
+    there as well.
     """
     if not model.named:
         return 0.0
@@ -187,7 +188,8 @@ def _mechanism(search: Search, model: Model, shape: Shape) -> Cause:
 def _parameters(search: Search, model: Model) -> list[Cause]:
     """The free parameters in the order in which each helps most, and what each adds to those before it.
 
-    Judged one by one at the end they would hide behind each other: mass can be mimicked by three gains together.
+    Judged one by one at the end they would hide behind each other: mass can be mimicked by three gains
+    together.
     """
     grown, out = search.model(model.named, frozenset()), []
     while grown.free < model.free:

@@ -1,7 +1,7 @@
-"""One formula, two ways to compute it: over stacked recordings for the search, and step by step inside a simulator.
+"""One formula, computed over stacked recordings for the search and step by step inside a simulator.
 
-An Expression is a small tree over named signals. `rows(e)` evaluates it over an Evidence, (n,). `Stream` evaluates several
-along a running simulation, batched; the nodes with memory keep their state there.
+An Expression is a small tree over named signals. `rows(e)` evaluates it over an Evidence, (n,). `Stream`
+evaluates several along a running simulation, batched; the nodes with memory keep their state there.
 """
 
 from __future__ import annotations
@@ -259,7 +259,8 @@ class Change(Expression):
 class Slosh(Expression):
     """Specific force on the truck of a unit mass share on a spring, excited by the input acceleration.
 
-    x'' + 2 z w x' + w^2 x = -a; the share pushes back with w^2 x + 2 z w x' and its inertia a is taken off the truck.
+    x'' + 2 z w x' + w^2 x = -a; the share pushes back with w^2 x + 2 z w x' and its inertia a is taken off
+    the truck.
     """
 
     inputs: tuple[Expression, ...]
@@ -341,7 +342,7 @@ class InRecording(Leaf):
 
 @dataclass(frozen=True, eq=False)
 class Rerun(Leaf):
-    """The change of the simulated acceleration when commands take another path; in a simulation see CommandPath."""
+    """Change of the simulated acceleration when commands take another path; simulated by CommandPath."""
 
     path: str
     amount: float
@@ -356,7 +357,7 @@ class Rerun(Leaf):
 
 
 class Stream:
-    """Expressions evaluated together along a simulation; the memory is a plain list, so that states can be copied."""
+    """Expressions evaluated together along a simulation; memory is a plain list, so states can be copied."""
 
     def __init__(self, expressions: Sequence[Expression]) -> None:
         self._order: list[Expression] = []

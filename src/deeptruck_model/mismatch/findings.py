@@ -148,7 +148,8 @@ def _unknown(cause: Cause, explanation: Explanation) -> dict[str, Any]:
     drivers = [name for name, share in left.importance.items() if share > 0.1][:4]
     near = f"; nearest name: {cause.nearest}, which does not explain it" if cause.nearest else ""
     return {
-        "says": f"a force that no mechanism of the library explains; it varies with {', '.join(drivers) or 'nothing recorded'}{near}",
+        "says": "a force that no mechanism of the library explains; it varies with "
+        f"{', '.join(drivers) or 'nothing recorded'}{near}",
         "equation": "F = f(" + ", ".join(drivers) + ")",
         "parameters": {"held_out_r2": {"value": left.r2, "unit": "1", "ci95": None}},
         "would_be_told_by": "vary "

@@ -1,7 +1,8 @@
 """A free, unnamed model of the residual: what could be explained at all by the signals at hand.
 
-Gradient boosting, always predicted for recordings (or long blocks of one recording) it was not fitted on. Its prediction
-enters the same evidence as a named mechanism does, as one column, so the two can be weighed against each other.
+Gradient boosting, always predicted for recordings (or long blocks of one recording) it was not fitted on. Its
+prediction enters the same evidence as a named mechanism does, as one column, so the two can be weighed
+against each other.
 """
 
 from __future__ import annotations
@@ -138,7 +139,7 @@ def _model(seed: int) -> HistGradientBoostingRegressor:
 
 def _edges(x: Array) -> Array:
     """LEVELS quantiles: trees need no more, and the library bins few distinct values far faster."""
-    return np.quantile(x, np.linspace(0.0, 1.0, LEVELS + 1)[1:-1])
+    return np.quantile(x, np.linspace(0.0, 1.0, LEVELS + 1)[1:-1]).astype(np.float64)
 
 
 def _levels(x: Array) -> Array:

@@ -1,4 +1,4 @@
-"""What cannot be told apart and what would tell; and, when nothing is found, the smallest effect that would have been."""
+"""What cannot be told apart and what would tell; when nothing is found, the smallest visible effect."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def with_manoeuvres(found: Sequence[Finding]) -> list[Finding]:
 
 
 def smallest_visible(e: Evidence, x: Explanation) -> dict[str, Any]:
-    """For each parameter the relative error, and for a constant force the size in N, that would just have been reported."""
+    """The relative error of each parameter, and the steady force (N), that would just have been reported."""
     out: dict[str, Any] = {}
     free = x.parameters_only
     for p in e.sensitivity:

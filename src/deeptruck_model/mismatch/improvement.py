@@ -23,7 +23,7 @@ EXOGENOUS = ("gap", "leader_speed", "ambient_temperature", "elevation", "gear", 
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of free windows: speed and acceleration (windows, steps), and the recording and sample each begins at."""
+    """Errors of free windows, (windows, steps), and the recording and sample each begins at."""
 
     speed: Array
     acceleration: Array
@@ -40,7 +40,8 @@ class Errors:
 def free_windows(simulator: Simulator, prepared: Sequence[Prepared], horizon_s: float) -> Errors:
     """Free runs of `horizon_s` one after another along each recording, with a forced stretch before each.
 
-    The inner state goes on from window to window, so slow memories (heat, distance) are those of the whole drive.
+    The inner state goes on from window to window, so slow memories (heat, distance) are those of the whole
+    drive.
     """
     dt = simulator.dt
     settle, horizon = round(SETTLE_S / dt), round(horizon_s / dt)
@@ -120,7 +121,7 @@ def _padded(x: Array, length: int) -> Array:
 
 
 def compare(errors: Mapping[str, Errors], seed: int = 0) -> dict[str, Any]:
-    """RMSE of each simulator and bootstrap intervals (over recordings, windows within) of the relative improvement."""
+    """RMSE of each simulator, and bootstrap intervals over recordings of the relative improvement."""
     out: dict[str, Any] = {name: e.rmse() for name, e in errors.items()}
     before, after, tuned = errors["before"], errors["after"], errors["parameters_only"]
     out["improvement_ci95"] = _interval(before, after, seed)

@@ -18,8 +18,9 @@ Array = NDArray[np.float64]
 class Kinematics:
     """What speed and accelerometer say of each other in one drive.
 
-    `slope` and `offset` (m/s^2) map dv/dt to the accelerometer, `lag_s` is by how much the accelerometer is late,
-    with standard errors; NaN where acceleration was not measured or hardly varied. Noise is that of one sample.
+    `slope` and `offset` (m/s^2) map dv/dt to the accelerometer, `lag_s` is by how much the accelerometer is
+    late, with standard errors; NaN where acceleration was not measured or hardly varied. Noise is that of one
+    sample.
     """
 
     speed_noise: float
@@ -39,7 +40,7 @@ def noise_of(x: Array) -> float:
 
 
 def derivative(speed: Array, dt: float) -> Array:
-    """Mean acceleration over the step that ends at each sample, as Simulator reports it; first sample repeated."""
+    """Mean acceleration over the step that ends at each sample, as a Simulator reports it; first repeated."""
     d = np.diff(speed) / dt
     return np.concatenate([d[:1], d]) if len(d) else np.zeros_like(speed)
 
@@ -47,7 +48,8 @@ def derivative(speed: Array, dt: float) -> Array:
 def observed_acceleration(speed: Array, accelerometer: Array | None, dt: float) -> Array:
     """Slow part from speed, fast part from the accelerometer.
 
-    The two filters add up to one, so a true acceleration passes unchanged, and an accelerometer's offset is gone.
+    The two filters add up to one, so a true acceleration passes unchanged, and an accelerometer's offset is
+    gone.
     """
     slow = derivative(speed, dt)
     if accelerometer is None:
@@ -86,7 +88,7 @@ def compare(speed: Array, accelerometer: Array | None, dt: float) -> Kinematics:
 def _errors_in_both(
     a: Array, d: Array, jerk: Array, use: NDArray[np.bool_], width: float
 ) -> tuple[float, float, float, Array]:
-    """Least squares of a on (d, 1, -jerk); standard errors count one independent sample per smoothing width."""
+    """Least squares of a on (d, 1, -jerk); standard errors count one sample per smoothing width."""
     X = np.stack([d, np.ones_like(d), -jerk], axis=1)[use]
     y = a[use]
     b, *_ = np.linalg.lstsq(X, y, rcond=None)

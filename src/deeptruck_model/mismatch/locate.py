@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from sklearn.tree import DecisionTreeRegressor
 
-from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.evidence import Evidence, Stretch
 from deeptruck_model.mismatch.explain import Cause
 from deeptruck_model.mismatch.free_model import features
 
@@ -69,7 +70,7 @@ def segments(e: Evidence, causes: tuple[Cause, ...]) -> list[Segment]:
     return out[:MOST_SEGMENTS]
 
 
-def _segment(e: Evidence, force: Array, finding: int, s, a: int, b: int) -> Segment:  # type: ignore[no-untyped-def]
+def _segment(e: Evidence, force: Array, finding: int, s: Stretch, a: int, b: int) -> Segment:
     rows = slice(s.start + a, s.start + b)
     part = force[rows]
     at = s.start_s + np.array([a, b]) * e.dt
@@ -99,7 +100,7 @@ def _runs(on: Mask, dt: float) -> list[tuple[int, int]]:
 
 
 def regimes(e: Evidence, error: Array, most: int = 6) -> list[Regime]:
-    """Regions of the driving signals with more than their share of the squared `error` (n,), by a small tree."""
+    """Regions of the driving signals with more than their share of squared `error` (n,), by a small tree."""
     named = features(e)
     X = np.stack(list(named.values()), axis=1)[e.valid]
     power = error[e.valid] ** 2
@@ -139,7 +140,7 @@ def _describe(tree: DecisionTreeRegressor, leaf: int, names: list[str]) -> str:
     return " and ".join(_words(name, *span) for name, span in bounds.items()) or "everywhere"
 
 
-def _under(t, node: int) -> set[int]:  # type: ignore[no-untyped-def]
+def _under(t: Any, node: int) -> set[int]:
     if t.children_left[node] == -1:
         return {node}
     return _under(t, int(t.children_left[node])) | _under(t, int(t.children_right[node]))

@@ -1,8 +1,8 @@
-"""Bayesian regression under the noise a truck's residual really has: coloured, heavy-tailed, of uneven weight.
+"""Bayesian regression under the noise a residual really has: coloured, heavy-tailed, of uneven weight.
 
 Model: y = X b + n, with b ~ N(mean, sd^2) and n an autoregression whose innovations are Student-t with scale
-sigma * relative(t). Autoregression and scale are fitted again for every X: one noise model taken from a contaminated
-residual would hide slow effects and turn fast ones into each other.
+sigma * relative(t). Autoregression and scale are fitted again for every X: one noise model taken from a
+contaminated residual would hide slow effects and turn fast ones into each other.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ TAIL = 5.0  # degrees of freedom of the innovations
 class Series:
     """The observed residual y (n,), which samples count, and how uncertain each one is beside the others.
 
-    `starts` (n,) is True at the first sample of each contiguous stretch; `relative` >= 1 widens the innovations where the
-    simulator disagrees with itself.
+    `starts` (n,) is True at the first sample of each contiguous stretch; `relative` >= 1 widens the
+    innovations where the simulator disagrees with itself.
     """
 
     y: Array
@@ -40,7 +40,7 @@ class Series:
 
 @dataclass(frozen=True)
 class Prior:
-    """Independent normal priors, each (k,); `sign` is +1 where the coefficient must not be negative, else 0."""
+    """Independent normal priors, each (k,); `sign` is +1 where a coefficient must not be negative, else 0."""
 
     mean: Array
     sd: Array
@@ -54,9 +54,10 @@ class Prior:
 
 @dataclass(frozen=True)
 class Fit:
-    """Posterior of the coefficients (k,), its covariance (k, k), the log evidence in nats and the noise found.
+    """Posterior of the coefficients (k,), covariance (k, k), log evidence in nats, and the noise found.
 
-    `innovations` (n,) is in units of sigma and NaN where a sample does not count; `pointwise` (n,) its log density.
+    `innovations` (n,) is in units of sigma and NaN where a sample does not count; `pointwise` (n,) its log
+    density.
     """
 
     b: Array
@@ -131,7 +132,7 @@ def whiten(x: Array, ar: Array) -> Array:
 
 
 def _solve(y: Array, X: Array, weight: Array, prior: Prior) -> tuple[Array, Mask]:
-    """Ridge regression with a sign for some coefficients, by dropping the worst offender until none is left."""
+    """Ridge regression with a sign for some coefficients: worst offenders are dropped until none is left."""
     XtW = (X * weight[:, None]).T
     H = XtW @ X + np.diag(1 / prior.sd**2)
     g = XtW @ y + prior.mean / prior.sd**2
@@ -151,17 +152,17 @@ def _solve(y: Array, X: Array, weight: Array, prior: Prior) -> tuple[Array, Mask
 def _autoregression(n: Array, use: Mask, weight: Array) -> Array:
     """Coefficients (ORDER,) by weighted least squares, shrunk inside the stable region.
 
-    Differentiated speed noise alone would make slow errors look impossible; no simulator is that good. So the sum of the
-    coefficients is kept from going below zero: slow noise is at least as strong as white noise.
+    Differentiated speed noise alone would make slow errors look impossible; no simulator is that good. So the
+    sum of the coefficients is kept from going below zero: slow noise is at least as strong as white noise.
     """
     lags = np.stack([np.roll(n, k) for k in range(1, ORDER + 1)], axis=1)[use]
     w = weight[use][:, None]
     H = (lags * w).T @ lags
     H += np.eye(ORDER) * (1e-9 + 1e-6 * np.trace(H) / ORDER)
-    ar: Array = np.linalg.solve(H, (lags * w).T @ n[use])
+    ar = np.linalg.solve(H, (lags * w).T @ n[use]).astype(np.float64)
     if ar.sum() < 0.0:
         step = np.linalg.solve(H, np.ones(ORDER))
-        ar = ar - step * (ar.sum() / step.sum())
+        ar -= step * (ar.sum() / step.sum())
     largest = np.abs(np.roots(np.concatenate([[1.0], -ar]))).max(initial=0.0)
     shrink = min(1.0, 0.98 / largest) if largest > 0 else 1.0
     return ar * shrink ** np.arange(1, ORDER + 1)

@@ -1,8 +1,8 @@
 """A learned simulator's own error, known from recordings it was not fitted to and keeps with it.
 
-What a deep truck learned imperfectly looks like missing physics. Two defences: the part of its own error that its signals
-predict is taken off the residual, and whatever the search would gain on the truck's own recordings is the price that a
-finding on new recordings must exceed.
+What a deep truck learned imperfectly looks like missing physics. Two defences: the part of its own error that
+its signals predict is taken off the residual, and whatever the search would gain on the truck's own
+recordings is the price that a finding on new recordings must exceed.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def known(simulator: Simulator, measured_acceleration: bool, seed: int) -> Evide
 
 
 def allow_for(evidence: Evidence, own: Evidence) -> Evidence:
-    """The evidence without the predictable part of the simulator's own error, and with the price of each name."""
+    """The evidence less the predictable part of the simulator's own error, with the price of each name."""
     doubt = Search(own).series.relative
     found = free_model(own, own.residual, doubt)
     if found.r2 > PREDICTABLE:
@@ -76,7 +76,7 @@ def _prices(own: Evidence, ratio: float) -> dict[str, float]:
 
 
 def _slow_rms(own: Evidence) -> float:
-    """Rms (m/s^2) of what is left of the simulator's own error in means of a second, where noise has averaged out."""
+    """Rms (m/s^2) of what is left of the simulator's own error in means of a second, without most noise."""
     smooth = uniform_filter1d(np.where(own.valid, own.residual, 0.0), max(1, round(1.0 / own.dt)))
     quiet = np.sort(np.abs(smooth[own.valid]))[: int(0.98 * own.valid.sum())]  # without the rare jolt
     return float(np.sqrt(np.mean(quiet**2)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -50,7 +50,7 @@ def prepare(recording: Recording, measured_acceleration: bool) -> Prepared:
     """Fill what is missing, mark it invalid for as long as it can disturb, and estimate acceleration."""
     dt = recording.dt
     needed = (*recording.interface.u, *recording.interface.w, "speed")
-    bad = ~np.isfinite(recording.columns(needed)).all(axis=1)
+    bad = ~np.isfinite(recording.columns(needed).sum(axis=1))
     filled = {name: _fill(recording.channels[name]) for name in {*needed, *recording.interface.y}}
     speed = filled["speed"]
     noise = noise_of(recording.channels["speed"])
@@ -59,14 +59,11 @@ def prepare(recording: Recording, measured_acceleration: bool) -> Prepared:
     accelerometer = recording.channels["acceleration"] if measured_acceleration else None
     observed = observed_acceleration(speed, accelerometer, dt)
     filled |= {"speed": smooth, "acceleration": observed}
-    stack = lambda names: np.stack([filled[n] for n in names], axis=1) if names else np.zeros((len(speed), 0))  # noqa: E731
     dead = _widen(bad, round(0.3 / dt), round(2.0 / dt)) | (smooth < MOVING)
     dead[: round(SETTLE_S / dt)] = True
     dead[len(dead) - round(1.0 / dt) :] = True
-    r = recording.interface
-    return Prepared(
-        recording, stack(r.u), stack(r.w), stack(r.y), observed, ~dead, noise, measured_acceleration
-    )
+    whole = replace(recording, channels=filled)
+    return Prepared(recording, whole.u, whole.w, whole.y, observed, ~dead, noise, measured_acceleration)
 
 
 def gather(
@@ -143,8 +140,8 @@ def _forced(simulator: Simulator, p: Prepared, u: Array) -> Run:
 def fed(simulator: Simulator, y: Array) -> Array:
     """What of the recorded response y (..., n_y) the simulator is fed.
 
-    A learned simulator that sees the acceleration it is to predict passes it on, and the mismatch with it; so it is fed speed
-    alone.
+    A learned simulator that sees the acceleration it is to predict passes it on, and the mismatch with it; so
+    it is fed speed alone.
     """
     if simulator.parameters():
         return y
@@ -207,7 +204,9 @@ def _sensitivity(
     return {k: v for k, v in out.items() if np.abs(v[evidence.valid]).max(initial=0.0) > 1e-4}
 
 
-def _rerunner(simulator: Simulator, prepared: Sequence[Prepared], grid: _Grid, simulated: Array):  # type: ignore[no-untyped-def]
+def _rerunner(
+    simulator: Simulator, prepared: Sequence[Prepared], grid: _Grid, simulated: Array
+) -> Callable[[str, float], Array]:
     @lru_cache(maxsize=64)
     def rerun(name: str, amount: float) -> Array:
         us = [_changed(p, name, amount) for p in prepared]
@@ -217,7 +216,7 @@ def _rerunner(simulator: Simulator, prepared: Sequence[Prepared], grid: _Grid, s
 
 
 def _changed(p: Prepared, name: str, amount: float) -> Array:
-    """The commands as another path would have delivered them; `name` is WHAT_WHICH, e.g. delay_all, rate_brake."""
+    """The commands as another path had delivered them; `name` is WHAT_WHICH, e.g. delay_all, rate_brake."""
     what, which = name.split("_")
     out = p.u.copy()
     for i, channel in enumerate(p.recording.interface.u):

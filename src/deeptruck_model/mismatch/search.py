@@ -1,8 +1,9 @@
 """Which mechanisms, beside which parameter errors, explain the residual: a search by evidence.
 
-Every model is a set of shapes beside the simulator's own parameters, which are either held (they may move by HELD) or free
-(by the FREE share that is physically plausible). Log evidence is the sum of the log probabilities with which each
-part of the data is predicted from the rest, so it ranks by prediction and charges for every coefficient.
+Every model is a set of shapes beside the simulator's own parameters, which are either held (they may move by
+HELD) or free (by the FREE share that is physically plausible). Log evidence is the sum of the log
+probabilities with which each part of the data is predicted from the rest, so it ranks by prediction and
+charges for every coefficient.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ LEADING = 4  # mechanisms also tried without freeing the parameters
 
 @dataclass(frozen=True)
 class Model:
-    """A fitted explanation. `free` are the simulator parameters set free; `score` is evidence with priors, in nats."""
+    """A fitted explanation. `free`: simulator parameters set free; `score`: evidence with priors, in nats."""
 
     named: tuple[Shape, ...]
     free: frozenset[str]
@@ -70,9 +71,9 @@ class Search:
     def __init__(self, evidence: Evidence, *, exclude: Iterable[str] = (), only: Mask | None = None) -> None:
         self.e = evidence
         self.parameters = tuple(evidence.sensitivity)
-        self.series = evidence.series(1e9, only)
+        self.series: Series = evidence.series(1e9, only)
         first = fit(self.series, *self._design((), frozenset(self.parameters))[:2])
-        self.series: Series = evidence.series(first.sigma, only)
+        self.series = evidence.series(first.sigma, only)
         self.library = [
             m for name, m in LIBRARY.items() if name not in set(exclude) and evidence.has(*m.needs)
         ]
@@ -119,7 +120,7 @@ class Search:
         weight = np.sqrt(6.0 / (5.0 + z**2)) / rel
         Xw = whiten(X, base.fit.ar)[use] * weight[:, None]
         yw = whiten(self.series.y - X @ _padded(base, prior), base.fit.ar)[use] * weight
-        H0 = np.linalg.inv(Xw.T @ Xw + np.diag(1 / prior.sd**2))
+        H0 = np.linalg.inv(Xw.T @ Xw + np.diag(1 / prior.sd**2)).astype(np.float64)
         out = []
         for mechanism in self.library:
             if mechanism.effect in base.effects:
@@ -204,7 +205,7 @@ def _padded(base: Model, prior: Prior) -> Array:
 
 
 def _approximate_gain(C: Array, y: Array, X: Array, H0: Array, s: Shape) -> float:
-    """Evidence gained by adding columns C to X, all in whitened and weighted units, signs respected one by one."""
+    """Evidence gained by adding columns C to X, all whitened and weighted; signs respected one by one."""
     XtC = X.T @ C
     A = C.T @ C - XtC.T @ H0 @ XtC
     g = C.T @ y - XtC.T @ (H0 @ (X.T @ y))

@@ -1,8 +1,8 @@
 """What engine and brake contribute inside a deep truck, as small maps that can be read at every step.
 
-A deep truck answers questions about its commands only through counterfactual runs, which are too slow for a running
-simulation. So the answers gathered along the recordings are summed up: engine and brake share over speed and lagged command,
-and the overall gear ratio over speed.
+A deep truck answers questions about its commands only through counterfactual runs, which are too slow for a
+running simulation. So the answers gathered along the recordings are summed up: engine and brake share over
+speed and lagged command, and the overall gear ratio over speed.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ KNOTS = 7
 
 @dataclass(frozen=True)
 class Shares:
-    """Maps over speed knots (m/s): specific force = command * gain(speed), engine turns per metre, drag and rolling."""
+    """Maps over speed knots (m/s): force = command * gain(speed); engine turns per metre; drag; rolling."""
 
     speed: list[float]
     engine_gain: list[float]

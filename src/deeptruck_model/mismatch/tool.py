@@ -36,7 +36,7 @@ LEAST_S = 60.0
 EXCLUDE = (
     "DEEPTRUCK_MISMATCH_EXCLUDE"  # comma-separated effects to leave out of the library: for examinations
 )
-RETUNE = 0.05  # beyond this relative change the parameters are set in the simulator and everything is linearised again
+RETUNE = 0.05  # beyond this relative change parameters are set in the simulator, and all is linearised again
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def find_mismatch(
     seed: int = 0,
     say: Callable[[str], None] = lambda step: None,
 ) -> Mismatch:
-    """Compare a simulator with recordings. Never fails on data that is merely poor: then the verdict is `undetermined`.
+    """Compare a simulator with recordings. On data that is merely poor the verdict is `undetermined`.
 
     Raises InputError where simulator and recordings do not belong together.
     """
@@ -152,7 +152,7 @@ def _explained(
     exclude: Sequence[str],
     say: Callable[[str], None],
 ) -> tuple[Evidence, Explanation]:
-    """Search; where parameters are far off, set them in the simulator first and linearise around the new ones."""
+    """Search; where parameters are far off, set them in the simulator first and linearise again."""
     say("searching for what is missing")
     own = simulator.parameters()
     evidence = gather(simulator, prepared, flags, seed=seed)
@@ -253,17 +253,20 @@ def _same_signals(simulator: Simulator, recordings: Sequence[Recording]) -> None
         missing = sorted(name for name in need if name not in r.channels)
         if missing:
             raise InputError(
-                f"recording '{r.name}' lacks {', '.join(missing)}, which the simulator needs; record it or use another simulator"
+                f"recording '{r.name}' lacks {', '.join(missing)}, which the simulator needs; "
+                "record it or use another simulator"
             )
         for name in ("engine_command", "brake_command"):
             here, there = r.interface.unit(name), simulator.interface.unit(name)
             if name in need and here != there:
                 raise InputError(
-                    f"recording '{r.name}' has {name} in {here}, the simulator in {there}; import it with the simulator's unit"
+                    f"recording '{r.name}' has {name} in {here}, the simulator in {there}; "
+                    "import it with the simulator's unit"
                 )
         if abs(r.dt - simulator.dt) > 1e-6:
             raise InputError(
-                f"recording '{r.name}' is at {1 / r.dt:g} Hz, the simulator at {1 / simulator.dt:g} Hz; resample or retrain"
+                f"recording '{r.name}' is at {1 / r.dt:g} Hz, the simulator at {1 / simulator.dt:g} Hz; "
+                "resample or retrain"
             )
 
 
@@ -289,7 +292,10 @@ def _with_held_out(
             continue
         pieces += [replace(r.piece(0, cut)), replace(r.piece(cut, len(r)))]
         flags += [False, True]
-    note = "few recordings and none held out: the last 30 % of each was set aside, so what is claimed holds for the same drives only"
+    note = (
+        "few recordings and none held out: the last 30 % of each was set aside, "
+        "so what is claimed holds for the same drives only"
+    )
     return pieces, flags, [note]
 
 
@@ -300,12 +306,15 @@ def _unusable(prepared: Sequence[Prepared]) -> str | None:
         return f"only {seconds:.0f} s of usable driving: record at least several minutes above walking pace"
     speed = np.concatenate([p.y[p.valid, 1] for p in prepared])
     if np.std(speed) < 0.3:
-        return "the speed is constant throughout, so no force can be told from another: accelerate, brake and coast between 5 and 25 m/s"
+        return (
+            "the speed is constant throughout, so no force can be told from another: "
+            "accelerate, brake and coast between 5 and 25 m/s"
+        )
     return None
 
 
 def write(mismatch: Mismatch, out: Path) -> None:
-    """Write verdict.json, profiles.csv, figures, report.html and simulator/ under `out`, all at once or not at all."""
+    """Write verdict.json, profiles.csv, figures, report.html and simulator/ under `out`, all or nothing."""
     from deeptruck_model.mismatch import report
 
     out.parent.mkdir(parents=True, exist_ok=True)
@@ -330,7 +339,7 @@ def write(mismatch: Mismatch, out: Path) -> None:
 
 
 def _replace(temporary: Path, out: Path) -> None:
-    """Put the new results where older results of this tool stood; anything else there stays and is an error."""
+    """Put the new results where older ones of this tool stood; anything else there stays and is an error."""
     if out.exists():
         if any(out.iterdir()) and not (out / "verdict.json").exists():
             raise InputError(f"{out} exists and holds other files; choose an empty or new --out")
@@ -381,16 +390,18 @@ def _plain(x: Any) -> Any:
 
 
 def apply(directory: Path, out: Path) -> None:
-    """Copy the corrected simulator of a mismatch run to `out`. Raises InputError without a passed validation."""
+    """Copy the corrected simulator of a run to `out`. Raises InputError without a passed validation."""
     try:
         verdict = json.loads((directory / "verdict.json").read_text())
     except (OSError, json.JSONDecodeError):
         raise InputError(
-            f"{directory} holds no readable verdict.json; run 'deeptruck-model mismatch --out {directory}' first"
+            f"{directory} holds no readable verdict.json; "
+            f"run 'deeptruck-model mismatch --out {directory}' first"
         ) from None
     if not verdict.get("fit", {}).get("validated"):
         raise InputError(
-            f"{directory} has no passed validation (held-out error did not improve), so it is not applied; record more"
+            f"{directory} has no passed validation (held-out error did not improve), so it is not applied; "
+            "record more"
         )
     if out.exists():
         raise InputError(f"{out} exists already; choose a new --out")

@@ -1,8 +1,9 @@
 """What a mechanism is: a piece of physics by the way it acts, not by one formula.
 
-A mechanism says which signals drive it, in which direction it can only act, and how large it can be. It offers a few
-shapes: settings (time constants, thresholds, knots: whatever enters nonlinearly) from which `build` makes columns in m/s^2 per
-unit coefficient, each with a prior and perhaps a sign. Settings are chosen by evidence, coefficients are fitted.
+A mechanism says which signals drive it, in which direction it can only act, and how large it can be. It
+offers a few shapes: settings (time constants, thresholds, knots: whatever enters nonlinearly) from which
+`build` makes columns in m/s^2 per unit coefficient, each with a prior and perhaps a sign. Settings are chosen
+by evidence, coefficients are fitted.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ PULL = maximum(ENGINE, 0.0)
 
 @dataclass(frozen=True)
 class Column:
-    """One coefficient: what it multiplies, its prior, and how it is told to people (unit, and factor into that unit)."""
+    """One coefficient: what it multiplies, its prior, and how people are told it (unit, factor into it)."""
 
     expression: Expression
     sd: float
@@ -47,9 +48,9 @@ class Column:
 class Mechanism:
     """A named piece of physics.
 
-    `needs` are the signals without which it cannot be tested; `depends_on` what it varies with, for people; `hidden` says
-    that its driver is not among a simulator's inputs, so that a learned simulator cannot have absorbed it; `prior` is its
-    prior probability relative to the others.
+    `needs` are the signals without which it cannot be tested; `depends_on` what it varies with, for people;
+    `hidden` says that its driver is not among a simulator's inputs, so that a learned simulator cannot have
+    absorbed it; `prior` is its prior probability relative to the others.
     """
 
     effect: str
@@ -84,7 +85,7 @@ class Shape:
 
 
 def build(mechanism: Mechanism, settings: Settings) -> list[Column]:
-    """The columns of a shape; `settings` may hold several settings under "parts", whose columns stand side by side."""
+    """The columns of a shape; several settings under "parts" give columns side by side."""
     return [c for part in settings.get("parts", [settings]) for c in mechanism.build(part)]
 
 
