@@ -18,6 +18,7 @@ Mask = NDArray[np.bool_]
 
 ORDER = 5  # of the autoregression
 TAIL = 5.0  # degrees of freedom of the innovations
+FLOOR = 1e-3  # m/s^2; no simulator is better: data without noise must not make its rounding significant
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ def fit(series: Series, X: Array, prior: Prior, start: Fit | None = None) -> Fit
     use = series.usable()
     ar = start.ar if start is not None else np.zeros(ORDER)
     b = prior.mean.copy()
-    sigma = start.sigma if start is not None else _spread(series.y[use])
+    sigma = start.sigma if start is not None else max(_spread(series.y[use]), FLOOR)
     weight = np.ones(len(series.y))
     active = np.ones(X.shape[1], dtype=bool)
     for turn in range(4 if start is None else 2):
@@ -89,7 +90,7 @@ def fit(series: Series, X: Array, prior: Prior, start: Fit | None = None) -> Fit
             b, active = _solve(yw, Xw, weight[use] / (rel * sigma) ** 2, prior)
             e = (yw - Xw @ b) / rel
             w = (TAIL + 1) / (TAIL + (e / sigma) ** 2)
-            sigma = max(float(np.sqrt(np.mean(w * e**2))), 1e-9)
+            sigma = max(float(np.sqrt(np.mean(w * e**2))), FLOOR)
             weight[use] = w
     return _finish(series, use, b, active, yw, Xw, rel, sigma, ar, prior)
 

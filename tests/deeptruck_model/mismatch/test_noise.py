@@ -1,0 +1,105 @@
+"""Regression under coloured, heavy-tailed, uneven noise: what it must recover and what must not move it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from deeptruck_model.mismatch.noise import FLOOR, ORDER, Prior, Series, fit, whiten
+
+N, COLOUR = 4000, np.array([0.6, 0.2])
+
+
+def noise(seed: int, sigma: float = 0.05) -> np.ndarray:
+    innovations = sigma * np.random.default_rng(seed).standard_t(5, N)
+    return lfilter([1.0], np.concatenate([[1.0], -COLOUR]), innovations)
+
+
+def series(y: np.ndarray, valid=None, relative=None) -> Series:
+    starts = np.zeros(len(y), dtype=bool)
+    starts[[0, len(y) // 2]] = True
+    valid = np.ones(len(y), dtype=bool) if valid is None else valid
+    return Series(y, valid, starts, np.ones(len(y)) if relative is None else relative)
+
+
+def prior(k: int, sign: float = 0.0, sd: float = 1.0) -> Prior:
+    return Prior(np.zeros(k), np.full(k, sd), np.full(k, sign))
+
+
+def columns(seed: int, k: int = 2) -> np.ndarray:
+    steps = np.random.default_rng(seed).normal(0.0, 0.1, (N, k))
+    return lfilter([1.0], [1.0, -0.98], steps, axis=0)
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
+    X, truth, inside = columns(0), np.array([0.3, -0.2]), []
+    for seed in range(60):
+        found = fit(series(X @ truth + noise(seed)), X, prior(2))
+        inside += (np.abs(found.b - truth) < 1.96 * np.sqrt(np.diag(found.covariance))).tolist()
+    assert 0.88 <= np.mean(inside) <= 0.99
+
+
+def test_colour_and_size_of_the_noise_are_found() -> None:
+    found = fit(series(noise(1)), np.zeros((N, 0)), prior(0))
+    assert found.ar[:2] == pytest.approx(COLOUR, abs=0.06) and np.abs(found.ar[2:]).max() < 0.06
+    assert found.sigma == pytest.approx(0.05, rel=0.08)
+    assert np.nanstd(found.innovations) == pytest.approx(np.sqrt(5 / 3), rel=0.1)  # Student-t of 5
+
+
+def test_whitening_inverts_the_autoregression() -> None:
+    innovations = np.random.default_rng(2).normal(size=N)
+    coloured = lfilter([1.0], np.concatenate([[1.0], -COLOUR]), innovations)
+    assert whiten(coloured, COLOUR) == pytest.approx(innovations)
+    both = np.stack([coloured, 2 * coloured], axis=1)
+    assert whiten(both, COLOUR) == pytest.approx(np.stack([innovations, 2 * innovations], axis=1))
+
+
+def test_evidence_prefers_a_true_column_and_charges_for_a_useless_one() -> None:
+    X, y = columns(3), noise(4)
+    null = fit(series(y), X[:, :0], prior(0)).evidence
+    assert fit(series(y), X[:, :1], prior(1)).evidence < null
+    assert fit(series(y + 0.3 * X[:, 0]), X[:, :1], prior(1)).evidence > (
+        fit(series(y + 0.3 * X[:, 0]), X[:, :0], prior(0)).evidence + 50.0
+    )
+
+
+def test_a_coefficient_of_impossible_sign_is_zero() -> None:
+    X = columns(5)
+    found = fit(series(noise(6) - 0.3 * X[:, 0] + 0.2 * X[:, 1]), X, prior(2, sign=1.0))
+    assert found.b[0] == 0.0 and found.covariance[0, 0] == 0.0
+    assert found.b[1] == pytest.approx(0.2, abs=0.05)
+
+
+def test_invalid_samples_and_what_follows_them_do_not_matter() -> None:
+    X, y = columns(7), noise(8)
+    valid = np.ones(N, dtype=bool)
+    valid[1000:1100] = False
+    spoilt = y.copy()
+    spoilt[1000:1100] = 1e3
+    one, two = (fit(series(x + 0.3 * X[:, 0], valid), X, prior(2)) for x in (y, spoilt))
+    assert two.b == pytest.approx(one.b, abs=1e-9) and two.evidence == pytest.approx(one.evidence, abs=1e-6)
+    use = series(y, valid).usable()
+    assert not use[1000 : 1100 + ORDER].any() and use[1100 + ORDER]
+    assert not use[N // 2 : N // 2 + ORDER].any()  # nor are recordings joined
+
+
+def test_doubtful_samples_count_less() -> None:
+    X, y = np.ones((N, 1)), noise(9)
+    y[:400] += 1.0
+    relative = np.ones(N)
+    relative[:400] = 30.0
+    trusting, doubting = (fit(series(y, relative=r), X, prior(1)) for r in (np.ones(N), relative))
+    assert abs(doubting.b[0]) < 0.5 * abs(trusting.b[0])
+
+
+def test_without_noise_rounding_is_not_significant() -> None:
+    X = columns(10)
+    y = 1e-5 * np.sin(np.arange(N) / 7.0) + 1e-5 * X[:, 0]
+    null, one = fit(series(y), X[:, :0], prior(0)), fit(series(y), X[:, :1], prior(1))
+    assert null.sigma == FLOOR and one.evidence < null.evidence + 1.0
+
+
+def test_priors_join_side_by_side() -> None:
+    joined = Prior.join(prior(1, sign=1.0), prior(2, sd=0.5))
+    assert joined.sd.tolist() == [1.0, 0.5, 0.5] and joined.sign.tolist() == [1.0, 0.0, 0.0]
