@@ -1,0 +1,80 @@
+"""The way of a command step by step is the way the search reran it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from deeptruck_model.mismatch.command_path import CommandPath
+from deeptruck_model.mismatch.residual import Prepared, _changed
+from deeptruck_model.recordings import Recording
+from deeptruck_model.signals import TruckInterface
+
+DT, N = 0.1, 400
+CHANNELS = ("engine_command", "brake_command")
+PATHS = [
+    (f"{what}_{which}", amount)
+    for what, amounts in {
+        "delay": (0.1, 0.25, 0.8), "lag": (0.15, 1.0), "rise": (0.3,), "fall": (0.3,), "rate": (200.0, 30.0),
+    }.items()
+    for which in ("all", "engine", "brake")
+    for amount in amounts
+]  # fmt: skip
+
+
+def commands(seed: int = 0) -> np.ndarray:
+    """Steps and ramps, (N, 2)."""
+    rng = np.random.default_rng(seed)
+    steps = np.repeat(rng.uniform(0.0, 1.0, (N // 20, 2)), 20, axis=0) * [1500.0, 60.0]
+    return steps + np.linspace(0.0, 1.0, N)[:, None] * [100.0, 5.0]
+
+
+def prepared(u: np.ndarray) -> Prepared:
+    zero = np.zeros(N)
+    channels = {"speed": zero + 10.0, "acceleration": zero, **dict(zip(CHANNELS, u.T, strict=True))}
+    recording = Recording("a", DT, channels, TruckInterface("test", grade=False, fuel=False))
+    y = np.stack([zero, zero + 10.0], axis=1)
+    return Prepared(recording, u, np.zeros((N, 0)), y, zero, zero == 0, 0.0, False)
+
+
+def stepped(path: CommandPath, *drives: np.ndarray) -> np.ndarray:
+    memory, out = path.begin(), []
+    for k in range(N):
+        arrived, memory = path.step(memory, np.stack([u[k] for u in drives]))
+        out.append(arrived)
+    return np.stack(out, axis=1)
+
+
+@pytest.mark.parametrize(("name", "amount"), PATHS)
+def test_step_by_step_as_in_the_rerun(name: str, amount: float) -> None:
+    one, two = commands(0), commands(1)
+    out = stepped(CommandPath([(name, amount, 1.0)], CHANNELS, DT), one, two)
+    assert out[0] == pytest.approx(_changed(prepared(one), name, amount), abs=1e-9)
+    assert out[1] == pytest.approx(_changed(prepared(two), name, amount), abs=1e-9)
+    assert np.abs(out[0] - one).max() > 1.0
+    untouched = {"all": [], "engine": [1], "brake": [0]}[name.split("_")[1]]
+    assert (out[0][:, untouched] == one[:, untouched]).all()
+
+
+def test_a_share_goes_part_of_the_way() -> None:
+    u = commands()
+    whole, half = (stepped(CommandPath([("lag_all", 0.5, s)], CHANNELS, DT), u)[0] for s in (1.0, 0.5))
+    assert half == pytest.approx((u + whole) / 2)
+
+
+def test_paths_follow_each_other() -> None:
+    u = commands()
+    both = stepped(CommandPath([("delay_all", 0.3, 1.0), ("lag_brake", 0.4, 1.0)], CHANNELS, DT), u)[0]
+    late = _changed(prepared(u), "delay_all", 0.3)
+    assert both == pytest.approx(_changed(prepared(late), "lag_brake", 0.4))
+
+
+def test_an_old_memory_stays_usable() -> None:
+    path = CommandPath([("delay_all", 0.3, 1.0), ("rate_engine", 50.0, 1.0)], CHANNELS, DT)
+    u, memory = commands(), path.begin()
+    for k in range(30):
+        _, memory = path.step(memory, u[None, k])
+    first, _ = path.step(memory, u[None, 30])
+    path.step(memory, u[None, 200])
+    again, _ = path.step(memory, u[None, 30])
+    assert (first == again).all()

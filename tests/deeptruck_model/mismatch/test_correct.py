@@ -1,0 +1,172 @@
+"""The corrected truck: a simulator like any other; with terms it is the truck that has those forces."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deeptruck_model import simulators, trucks
+from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch.correct import CorrectedTruck, Term
+from deeptruck_model.mismatch.share import Shares
+from deeptruck_model.signals import SPEED
+
+BASE = trucks.load("trucksim")
+STEADY = Term("dragging_brake", {"decay_s": None}, (0.05,))
+SHARES = Shares([0.0, 30.0], [1e-3, 1e-3], [0.02, 0.02], [20.0, 8.0], 2e-4, 0.06, 2e4)
+
+
+class Drag:
+    """A force of -0.05 m/s^2 on whatever has to be accelerated, from the truck's own hook."""
+
+    def reset(self, batch: int) -> None: ...
+
+    def force(self, view: trucks.View, dt: float) -> np.ndarray:
+        return np.where(view.speed > 0.05, -0.05 * view.effective_mass, 0.0)
+
+
+class BlackBox:
+    """A physics truck that shows nothing of itself."""
+
+    def __init__(self, truck: trucks.PhysicsTruck) -> None:
+        self._truck = truck
+        self.interface, self.dt, self.reset, self.step, self.force = (
+            truck.interface, truck.dt, truck.reset, truck.step, truck.force,
+        )  # fmt: skip
+
+    def inside(self, state: object) -> dict[str, np.ndarray]:
+        return {}
+
+    def parameters(self) -> dict[str, float]:
+        return {}
+
+
+def inputs(seconds: float = 60.0, batch: int = 2) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    n = round(seconds / BASE.dt)
+    u = np.zeros((batch, n, 2))
+    u[:, :, 0] = 900.0 + 300.0 * np.sin(np.arange(n) / 60.0)
+    u[1:, n // 2 :, 0], u[1:, n // 2 :, 1] = 0.0, 8.0
+    return u, np.zeros((batch, n, 1)), np.tile([0.0, 15.0, 0.0], (batch, 1))
+
+
+def test_it_is_a_simulator_and_equals_the_base_without_terms() -> None:
+    truck = CorrectedTruck(BASE, [], {}, None, False)
+    assert isinstance(truck, simulators.Simulator)
+    u, w, y0 = inputs()
+    np.testing.assert_array_equal(
+        simulators.free_run(truck, u, w, y0).y, simulators.free_run(BASE, u, w, y0).y
+    )
+    state, y = truck.step(truck.reset(y0), u[:, 0], w[:, 0])
+    _, expected = BASE.step(BASE.reset(y0), u[:, 0], w[:, 0])
+    assert y == pytest.approx(expected) and truck.inside(state).keys() == BASE.inside(BASE.reset(y0)).keys()
+
+
+def test_a_known_term_acts_as_the_force_on_the_truck() -> None:
+    u, w, y0 = inputs()
+    plain = simulators.free_run(BASE, u, w, y0).y[..., SPEED]
+    true = simulators.free_run(BASE.with_forces([Drag()]), u, w, y0).y[..., SPEED]
+    corrected = simulators.free_run(CorrectedTruck(BASE, [STEADY], {}, None, False), u, w, y0).y[..., SPEED]
+    assert np.abs(true - plain).max() > 2.0
+    assert np.abs(corrected - true).max() < 0.03 * np.abs(true - plain).max()
+
+
+def test_stepping_keeps_speed_the_integral_of_acceleration_and_old_states_usable() -> None:
+    truck = CorrectedTruck(BASE, [STEADY, Term("brake_fade", FADE, (0.1,))], {"mass": 0.1}, None, False)
+    u, w, y0 = inputs(20.0)
+    y = simulators.free_run(truck, u, w, y0).y
+    assert np.diff(y[..., SPEED]) == pytest.approx(truck.dt * y[:, 1:, 0])
+    state = truck.reset(y0)
+    for k in range(50):
+        state, _ = truck.step(state, u[:, k], w[:, k])
+    one, two = (truck.step(state, u[:, 50], w[:, 50])[1] for _ in range(2))
+    np.testing.assert_array_equal(one, two)
+
+
+FADE = {"cooling_s": 120.0, "form": "from", "at": 0.0}
+
+
+def test_a_command_path_moves_the_command() -> None:
+    late = CorrectedTruck(BASE, [Term("brake_lag", {"side": "delay", "tau_s": 0.5}, (1.0,))], {}, None, False)
+    u, w, y0 = inputs(10.0, 1)
+    u[:, :, 0], u[:, 40:, 1] = 0.0, 30.0
+    shifted = u.copy()
+    shifted[:, :, 1] = np.roll(u[:, :, 1], 5, axis=1)
+    expected = simulators.free_run(BASE, shifted, w, y0).y
+    np.testing.assert_allclose(simulators.free_run(late, u, w, y0).y, expected, atol=1e-9)
+
+
+def test_parameters_that_the_base_has_are_set_in_it() -> None:
+    u, w, y0 = inputs()
+    mass = BASE.parameters()["mass"]
+    truck = CorrectedTruck(BASE, [], {"mass": 0.2}, None, False)
+    assert truck.parameters()["mass"] == pytest.approx(1.2 * mass)
+    heavy = BASE.with_parameters({"mass": 1.2 * mass})
+    np.testing.assert_allclose(simulators.free_run(truck, u, w, y0).y, simulators.free_run(heavy, u, w, y0).y)
+    back = truck.with_parameters({"mass": mass})
+    np.testing.assert_allclose(simulators.free_run(back, u, w, y0).y, simulators.free_run(BASE, u, w, y0).y)
+    with pytest.raises(InputError, match="wheels"):
+        truck.with_parameters({"wheels": 18.0})
+
+
+def test_parameters_a_black_box_has_not_act_as_forces() -> None:
+    u, w, y0 = inputs(3.0)
+    box = BlackBox(BASE)
+    more = CorrectedTruck(box, [], {"torque_gain": 0.2}, SHARES, False)
+    gained = (
+        simulators.free_run(more, u, w, y0).y[0, -1, SPEED]
+        - simulators.free_run(box, u, w, y0).y[0, -1, SPEED]
+    )
+    assert gained == pytest.approx(0.2 * 1e-3 * u[0, :-1, 0].mean() * 3.0, rel=0.1)
+
+
+def test_channels_beside_the_protocol_come_from_along() -> None:
+    u, w, y0 = inputs(20.0)
+    truck = CorrectedTruck(BASE, [Term("drafting", {"length_m": 20.0}, (0.4,))], {}, None, False)
+    alone = simulators.free_run(truck, u, w, y0).y
+    np.testing.assert_allclose(alone, simulators.free_run(BASE, u, w, y0).y, atol=1e-9)
+    gap = np.full(u.shape[:2], 8.0)
+    near = simulators.free_run(truck.along({"gap": gap}), u, w, y0).y
+    assert (near[:, -1, SPEED] > alone[:, -1, SPEED] + 0.01).all()
+
+
+def test_a_force_against_motion_does_not_push_a_standing_truck_back() -> None:
+    truck = CorrectedTruck(BASE, [STEADY], {}, None, False)
+    n = 100
+    u = np.tile([0.0, 40.0], (1, n, 1))
+    y = simulators.free_run(truck, u, np.zeros((1, n, 1)), np.array([[0.0, 2.0, 0.0]])).y
+    assert y[0, -20:, SPEED] == pytest.approx(0.0) and y[..., SPEED].min() >= 0.0
+
+
+@pytest.mark.parametrize("shares", [None, SHARES])
+def test_saved_and_loaded_it_is_the_same(tmp_path: Path, shares: Shares | None) -> None:
+    terms = [
+        STEADY,
+        Term("brake_fade", FADE, (0.1,)),
+        Term("command_delay", {"which": "all", "tau_s": 0.2}, (1.0,)),
+    ]
+    truck = CorrectedTruck(BASE, terms, {"mass": 0.1}, shares, True)
+    truck.save(tmp_path / "sim")
+    loaded = simulators.load(tmp_path / "sim")
+    assert isinstance(loaded, CorrectedTruck) and loaded.validated and loaded.terms == truck.terms
+    u, w, y0 = inputs(20.0)
+    np.testing.assert_array_equal(
+        simulators.free_run(loaded, u, w, y0).y, simulators.free_run(truck, u, w, y0).y
+    )
+
+
+def test_a_damaged_directory_is_one_clear_line(tmp_path: Path) -> None:
+    CorrectedTruck(BASE, [STEADY], {}, None, False).save(tmp_path / "sim")
+    path = tmp_path / "sim" / simulators.MANIFEST
+    manifest = json.loads(path.read_text())
+    for change, says in (
+        ({"terms": [{"effect": "magic", "settings": {}, "coefficients": []}]}, "does not know: magic"),
+        ({"terms": [{"effect": "dragging_brake", "settings": {}, "coefficients": [1.0]}]}, "is damaged"),
+        ({"shares": {"speed": []}}, "is damaged"),
+        ({"validated": None, "terms": None}, "is damaged"),
+    ):
+        path.write_text(json.dumps(manifest | change))
+        with pytest.raises(InputError, match=says):
+            simulators.load(tmp_path / "sim")

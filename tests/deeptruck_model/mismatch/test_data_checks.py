@@ -1,0 +1,105 @@
+"""The data before the truck: what is set aside, and faults of sensors that are no physics."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter1d
+
+from deeptruck_model.mismatch import data_checks
+from deeptruck_model.mismatch.kinematics import derivative
+from deeptruck_model.recordings import Recording
+from deeptruck_model.signals import TruckInterface
+
+DT, N = 0.1, 3000
+INTERFACE = TruckInterface("test", fuel=False)
+
+
+def drive(
+    seed: int, *, bias: float = 0.0, scale: float = 1.0, late: int = 0, noise: float = 0.02
+) -> Recording:
+    """An honest drive whose sensors then have faults; `scale` is that of the speed."""
+    rng = np.random.default_rng(seed)
+    a = gaussian_filter1d(rng.normal(0.0, 1.0, N), 15.0) * 3.0
+    a -= a.mean()
+    speed = 20.0 + np.cumsum(a) * DT
+    channels = {
+        "speed": scale * speed + rng.normal(0.0, 0.003, N),
+        "acceleration": np.roll(a, late) + bias + rng.normal(0.0, noise, N),
+        "engine_command": np.full(N, 500.0),
+        "brake_command": np.zeros(N),
+        "grade": np.zeros(N),
+    }
+    return Recording(f"drive-{seed}", DT, channels, INTERFACE)
+
+
+def test_impossible_samples_go_by_rule_and_are_counted() -> None:
+    r = drive(0)
+    r.channels["speed"][100] = 70.0
+    r.channels["speed"][200] += 5.0
+    r.channels["brake_command"][300:310] = -1.0
+    r.channels["grade"][400:420] = np.nan
+    before = {name: x.copy() for name, x in r.channels.items()}
+    (cleaned,), rejected = data_checks.clean([r])
+    count = {item.rule: item.samples for item in rejected}
+    assert count["speed outside -1 .. 60 m/s"] == 1
+    assert count["brake_command outside 0 .. 200 percent"] == 10
+    assert count["grade missing or invalid"] == 20
+    assert count["speed jumps by more than 12 m/s^2"] >= 2
+    assert np.isnan(cleaned.channels["speed"][[100, 200]]).all()
+    assert np.isnan(cleaned.channels["brake_command"][300:310]).all()
+    for name, x in before.items():  # the caller's own arrays are untouched
+        np.testing.assert_array_equal(x, r.channels[name])
+
+
+def test_good_data_loses_nothing() -> None:
+    (cleaned,), rejected = data_checks.clean([drive(1)])
+    assert rejected == [] and np.isfinite(cleaned.y).all()
+
+
+@pytest.mark.parametrize("shift", [0, 1, -1])
+def test_a_derived_acceleration_is_no_second_sensor(shift: int) -> None:
+    r = drive(2)
+    assert data_checks.acceleration_is_measured([r])
+    r.channels["acceleration"] = np.roll(derivative(r.channels["speed"], DT), shift)
+    assert not data_checks.acceleration_is_measured([r])
+    r.channels["acceleration"] = np.full(N, np.nan)
+    assert not data_checks.acceleration_is_measured([r])
+
+
+def test_honest_sensors_are_not_accused() -> None:
+    for seed in range(0, 24, 3):
+        assert data_checks.sensor_faults([drive(seed + k) for k in range(3)]) == []
+
+
+@pytest.mark.parametrize(
+    ("fault", "effect", "size", "tolerance"),
+    [
+        ({"bias": 0.15}, "acceleration_bias", 0.15, 0.01),
+        ({"bias": -0.1}, "acceleration_bias", -0.1, 0.01),
+        ({"scale": 1.06}, "speed_scale", 1.06, 0.01),
+        ({"late": 8}, "clock_offset", 0.8, 0.1),
+    ],
+)
+def test_each_fault_is_called_by_its_name_and_size(
+    fault: dict[str, float], effect: str, size: float, tolerance: float
+) -> None:
+    found = {f.effect: f for f in data_checks.sensor_faults([drive(k, **fault) for k in range(3)])}
+    assert found[effect].value == pytest.approx(size, abs=tolerance)
+    assert abs(found[effect].value - size) < 5 * max(found[effect].se, tolerance / 5)
+    assert effect == "clock_offset" or set(found) == {effect}
+
+
+@pytest.mark.parametrize(("fault", "channel"), [({"scale": 1.06}, "speed"), ({"late": 8}, "acceleration")])
+def test_a_fault_that_was_found_is_mended(fault: dict[str, float], channel: str) -> None:
+    bad, good = drive(5, **fault), drive(5)
+    mended = data_checks.mended(bad, data_checks.sensor_faults([bad]))
+    inner = slice(50, -50)
+    left = np.std((mended.channels[channel] - good.channels[channel])[inner])
+    assert left < 0.4 * np.std((bad.channels[channel] - good.channels[channel])[inner])
+
+
+def test_without_an_accelerometer_nothing_is_said() -> None:
+    r = drive(6)
+    r.channels["acceleration"] = np.full(N, np.nan)
+    assert data_checks.sensor_faults([r]) == []

@@ -1,0 +1,165 @@
+"""One formula computed twice: stacked rows and step by step must be the same numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from deeptruck_model.mismatch import expression as ex
+from deeptruck_model.mismatch.evidence import Evidence, Stretch
+from deeptruck_model.mismatch.mechanisms import LIBRARY, build
+
+DT, SIZES = 0.19, (300, 200)  # no time constant is a whole number of steps, where rounding would decide
+
+
+def synthetic() -> Evidence:
+    """Two drives with every signal a mechanism may ask for; rich enough that no column is zero throughout."""
+    rng = np.random.default_rng(0)
+    n = sum(SIZES)
+    t = np.concatenate([np.arange(size) * DT for size in SIZES])
+    wave = np.sin(t / 7.0) + 0.5 * np.sin(t / 2.3 + 1.0)
+    speed = np.maximum(13.0 + 9.0 * wave, 0.0)
+    engine = np.maximum(0.6 * wave, -0.2)
+    brake = np.maximum(-1.5 * wave - 0.4, 0.0)
+    signals = {
+        "speed": speed,
+        "acceleration": engine - brake,
+        "simulated": engine - brake + rng.normal(0.0, 0.01, n),
+        "time": t, "elapsed": t,
+        "distance": np.concatenate([np.cumsum(part) * DT for part in np.split(speed, [SIZES[0]])]),
+        "engine": engine, "brake": brake, "drag": 2e-4 * speed**2, "rolling": np.full(n, 0.06),
+        "engine_command": 1500.0 * engine, "brake_command": 40.0 * brake,
+        "grade": 0.02 * np.sin(t / 11.0), "elevation": 300.0 + 10.0 * np.sin(t / 11.0),
+        "gear": np.clip(np.round(speed / 2.0), 1, 12),
+        "engine_speed": 130.0 + 40.0 * np.sin(t / 3.0),
+        "engine_torque": 1500.0 * engine, "modelled_torque": 1500.0 * engine,
+        "gap": 30.0 + 25.0 * np.sin(t / 5.0), "leader_speed": speed, "ambient_temperature": 10.0 + 0.05 * t,
+        "fuel_rate": np.maximum(8.0 * engine, 0.5), "latitude": 50.0 + 1e-4 * t, "longitude": 8.0 + 1e-4 * t,
+        "sensitivity:mass": brake + 2e-4 * speed**2 - engine,
+    }  # fmt: skip
+    signals["ratio"] = np.clip(signals["engine_speed"] / np.maximum(speed, 0.5), 0.0, 150.0)
+    stretches = (
+        Stretch("a", 0, SIZES[0], 0.0, False),
+        Stretch("b", SIZES[0], n, 0.0, True),
+    )
+    return Evidence(
+        DT, stretches, rng.normal(0.0, 0.05, n), signals["simulated"], np.zeros(n), np.ones(n, dtype=bool),
+        signals, {}, 2e4, lambda name, amount: np.full(n, 0.01),
+    )  # fmt: skip
+
+
+EVIDENCE = synthetic()
+
+
+def streamed(expressions: list[ex.Expression], e: Evidence = EVIDENCE) -> np.ndarray:
+    """Values (len(expressions), n) as a running simulation computes them, one drive after the other."""
+    out = np.zeros((len(expressions), len(e)))
+    for s in e.stretches:
+        stream = ex.Stream(expressions)
+        memory = stream.begin(2)
+        for k in range(s.start, s.stop):
+            now = {name: np.full(2, x[k]) for name, x in e.signals.items()}
+            values, memory = stream.step(memory, now, e.dt)
+            for i, value in enumerate(values):
+                pair = np.broadcast_to(value, 2)
+                assert pair[0] == pair[1]
+                out[i, k] = pair[0]
+    return out
+
+
+SPEED, BRAKE = ex.Signal("speed"), ex.Signal("brake")
+NODES = {
+    "constant": ex.lift(3.0),
+    "signal": SPEED,
+    "missing signal": ex.Signal("nothing", missing=7.0),
+    "arithmetic": (2.0 + SPEED * 3.0 - 1.0) / (1.0 + BRAKE) ** 2 - (1.0 - BRAKE) + 4.0 / (SPEED + 1.0),
+    "comparison": (SPEED < 12.0) + (BRAKE > 0.2) * 2.0,
+    "functions": ex.maximum(SPEED, 10.0) + ex.minimum(BRAKE, 0.3) + ex.exp(-BRAKE) + ex.absolute(BRAKE - 1.0),
+    "tanh": ex.Apply("tanh", (BRAKE,)),
+    "lag": ex.Lag((SPEED,), 3.0),
+    "cold lag": ex.Lag((SPEED,), 3.0, cold=True),
+    "rising lag": ex.RisingLag((SPEED,), 2.0),
+    "since": ex.Since((BRAKE > 0.5,)),
+    "change": ex.Change((SPEED,)),
+    "slosh": ex.Slosh((ex.Signal("simulated"),), 0.4, 0.1),
+    "tent": ex.Tent((SPEED,), 12.0, 4.0),
+    "memories of memories": ex.Lag((ex.Lag((SPEED * BRAKE,), 5.0, cold=True) - SPEED,), 1.0) * BRAKE,
+}
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_every_node_is_the_same_both_ways(name: str) -> None:
+    rows = NODES[name].rows(EVIDENCE)
+    assert rows.shape == (len(EVIDENCE),)
+    assert streamed([NODES[name]])[0] == pytest.approx(rows, rel=1e-9, abs=1e-9)
+
+
+def test_unknown_samples_count_as_missing_both_ways() -> None:
+    x = ex.Signal("gap", missing=500.0)
+    holes = EVIDENCE.signals["gap"].copy()
+    holes[100:200] = np.nan
+    e = Evidence(**{**EVIDENCE.__dict__, "signals": EVIDENCE.signals | {"gap": holes}})
+    assert x.rows(e)[150] == 500.0
+    assert streamed([x], e)[0] == pytest.approx(x.rows(e))
+
+
+def test_since_counts_from_never() -> None:
+    event = ex.Since((SPEED > 1e3,), never=42.0)
+    assert (event.rows(EVIDENCE) == 42.0).all() and (streamed([event]) == 42.0).all()
+
+
+def test_slosh_is_a_damped_oscillator_that_takes_no_momentum() -> None:
+    n = 6000
+    kick = np.zeros(n)
+    kick[10:15] = 1.0
+    whole = (Stretch("a", 0, n, 0.0, False),)
+    e = Evidence(0.02, whole, kick, kick, kick, kick == 0, {"simulated": kick}, {}, 1.0, lambda a, b: kick)
+    force = ex.Slosh((ex.Signal("simulated"),), 0.5, 0.1).rows(e)
+    after = force[200:]
+    crossings = np.flatnonzero(np.diff(np.sign(after)) > 0)
+    assert np.diff(crossings[:4]).mean() * e.dt == pytest.approx(1 / (0.5 * np.sqrt(1 - 0.1**2)), rel=0.02)
+    assert abs(after[-500:]).max() < 0.01 * abs(after).max()
+    assert force.sum() * e.dt == pytest.approx(0.0, abs=0.05 * kick.sum() * e.dt)
+
+
+def test_in_recording_marks_its_rows_and_says_elsewhere_in_a_simulation() -> None:
+    x = ex.InRecording(1, from_s=19.0, elsewhere=0.25)
+    rows = x.rows(EVIDENCE)
+    assert np.flatnonzero(rows).tolist() == list(range(SIZES[0] + 100, sum(SIZES)))
+    assert (streamed([x]) == 0.25).all()
+
+
+def parts(x: ex.Expression) -> Iterator[ex.Expression]:
+    yield x
+    for inner in x.inputs:
+        yield from parts(inner)
+
+
+@pytest.mark.parametrize("effect", LIBRARY)
+def test_every_mechanism_is_the_same_both_ways(effect: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As fitted and as simulated; where a column belongs to one recording, as if this were elsewhere."""
+    monkeypatch.setattr(
+        ex.InRecording, "over", lambda self, values, e: np.full(len(e), float(self.elsewhere))
+    )
+    settings = list(LIBRARY[effect].settings(EVIDENCE))
+    assert settings, "a mechanism without a shape on rich data can never be named"
+    columns = [c.expression for s in settings for c in build(LIBRARY[effect], s)[:5]]
+    apart = [x for x in columns if not isinstance(x, ex.Rerun)]
+    assert not any(isinstance(p, ex.Rerun) for x in apart for p in parts(x)), "a command path is no force"
+    if apart:
+        rows = np.stack([x.rows(EVIDENCE) for x in apart])
+        scale = np.maximum(np.abs(rows).max(axis=1, keepdims=True), 1.0)
+        assert (np.abs(streamed(apart) - rows) <= 1e-7 * scale).all()
+
+
+@pytest.mark.parametrize("effect", LIBRARY)
+def test_every_mechanism_says_what_it_is(effect: str) -> None:
+    m = LIBRARY[effect]
+    assert m.effect == effect and m.kind in ("missing_physics", "measurement_fault")
+    assert all((m.equation, m.says, m.source, m.told_by, m.needs, m.depends_on))
+    for s in m.settings(EVIDENCE):
+        for column in build(m, s):
+            assert column.sd > 0 and column.name and column.unit and column.sign in (0, 1)
+        break
