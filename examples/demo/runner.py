@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
@@ -18,7 +19,7 @@ from examples.demo.steps import Step
 
 POLL_S = 0.2
 ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
-BACKGROUND = 10  # niceness
+BACKGROUND, AHEAD = 10, -10  # niceness
 FAREWELL_S = 20.0  # an interrupted node graph ends in order
 
 
@@ -126,8 +127,8 @@ class Runner:
                 env=self._environment(step),
                 start_new_session=True,  # Ctrl-C reaches the demo alone, which passes it on
             )
-        if not step.real_time:
-            os.setpriority(os.PRIO_PROCESS, process.pid, BACKGROUND)
+        with contextlib.suppress(PermissionError):  # only root may go ahead of others
+            os.setpriority(os.PRIO_PROCESS, process.pid, AHEAD if step.real_time else BACKGROUND)
         while process.poll() is None:
             p.says = last_line(raw)
             if self._stop:
