@@ -50,7 +50,10 @@ def main(
     with Display() as display:
         runner = Runner(out, steps, display.show)
         runner.forget(again or [])
-        runner.run()
+        try:
+            runner.run()
+        except KeyboardInterrupt:
+            raise StepError("interrupted; run again to go on from here") from None
     written = page.write(out, list(runner.progress.values()), time.monotonic() - began)
     print(f"{time.monotonic() - began:.0f} s; open {os.path.relpath(written)}")
 
@@ -75,8 +78,6 @@ def _guarded() -> None:
         sys.exit(_complain(str(error), 2))
     except StepError as error:
         sys.exit(_complain(str(error), 1))
-    except KeyboardInterrupt:
-        sys.exit(_complain("interrupted; run again to go on from here", 130))
 
 
 def _complain(text: str, code: int) -> int:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -125,3 +127,19 @@ def test_the_real_truck_is_left_out_where_its_table_is_absent(
     monkeypatch.setenv("DEEPTRUCK_REAL_DATA", str(tmp_path))
     assert real_data() is None
     assert "real" not in {step.name for step in plan(tmp_path, Settings(), real_data())}
+
+
+def test_an_interrupted_step_is_ended_and_done_again(tmp_path: Path) -> None:
+    code = "import os, time; print(os.getpid(), flush=True); time.sleep(60)"
+    step = Step("long", "", (sys.executable, "-c", code))
+
+    def interrupt(progress: object) -> None:
+        if (tmp_path / "logs" / "long.raw").exists() and last_line(tmp_path / "logs" / "long.raw"):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        Runner(tmp_path, [step], interrupt).run()
+    pid = int((tmp_path / "logs" / "long.log").read_text().splitlines()[0])
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
+    assert json.loads((tmp_path / "logs" / "long.json").read_text())["done"] is None

@@ -40,6 +40,7 @@ class Following:
         if not judged.any():
             raise InputError(f"'{self.title}' ended within {SETTLED_S:g} s; look at its log")
         error = np.abs(self.channels["gap"] - self.target_gap)[judged]
+        jerk = np.gradient(self.channels["acceleration"], self.time)
         seconds = error / np.maximum(self.channels["speed"][judged], 1.0)
         return {
             "mean time gap error, s": float(np.nanmean(seconds)),
@@ -47,6 +48,7 @@ class Following:
             "largest gap error, m": float(np.nanmax(error)),
             "smallest gap, m": float(np.nanmin(self.channels["gap"])),
             "hardest braking, m/s²": float(-np.nanmin(self.channels["acceleration"])),
+            "rms jerk, m/s³": float(np.sqrt(np.nanmean(jerk[judged] ** 2))),
         }
 
 
