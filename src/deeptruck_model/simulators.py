@@ -38,7 +38,7 @@ class Simulator(Protocol):
     def dt(self) -> float: ...
 
     def reset(self, y0: Array) -> Any:
-        """State at the observable initial condition y0 (batch, n_y); the internal state is the default one."""
+        """State at the observable initial condition y0 (batch, n_y), with the default internal state."""
         ...
 
     def step(self, state: Any, u: Array, w: Array) -> tuple[Any, Array]:
@@ -53,7 +53,7 @@ class Simulator(Protocol):
         ...
 
     def inside(self, state: Any) -> dict[str, Array]:
-        """What can be seen inside, each (batch,): gear, engine_speed, engine_torque ...; {} for a deep truck."""
+        """What can be seen inside, each (batch,): gear, engine_speed ...; {} for a deep truck."""
         ...
 
     def parameters(self) -> dict[str, float]:
@@ -71,19 +71,22 @@ class Simulator(Protocol):
 
 @dataclass(frozen=True)
 class Run:
-    """A simulated run: y (batch, T, n_y) with y[:, 0] the initial condition, and the inside signals (batch, T)."""
+    """A simulated run: y (batch, T, n_y) with y[:, 0] the initial condition; inside signals (batch, T)."""
 
     y: Array
     inside: dict[str, Array]
 
 
 def free_run(simulator: Simulator, u: Array, w: Array, y0: Array) -> Run:
-    """Deployment form: the simulator is fed its own response. u (batch, T, n_u), w (batch, T, n_w), y0 (batch, n_y)."""
+    """Deployment form: the simulator is fed its own response.
+
+    u (batch, T, n_u), w (batch, T, n_w), y0 (batch, n_y).
+    """
     return _run(simulator, u, w, y0, None)
 
 
 def forced_run(simulator: Simulator, u: Array, w: Array, y: Array) -> Run:
-    """Training form: at every step the recorded response y (batch, T, n_y) is fed instead of the simulated one."""
+    """Training form: at every step the recorded response y (batch, T, n_y) is fed, not the simulated one."""
     return _run(simulator, u, w, y[:, 0], y)
 
 
@@ -120,12 +123,12 @@ def load(path: str | Path) -> Simulator:
 
 
 def read_manifest(path: Path) -> dict[str, Any]:
-    """The manifest of a simulator directory. Raises InputError where it is missing, damaged or of unknown kind."""
+    """The manifest of a simulator directory. Raises InputError where it is missing, damaged or unknown."""
     try:
         manifest: dict[str, Any] = json.loads((path / MANIFEST).read_text())
     except (FileNotFoundError, NotADirectoryError):
         raise InputError(
-            f"{path} is not a simulator directory: it has no {MANIFEST}; make one with 'deeptruck-model train'"
+            f"{path} is not a simulator directory: it has no {MANIFEST}; 'deeptruck-model train' makes one"
         ) from None
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise InputError(
