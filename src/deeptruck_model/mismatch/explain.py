@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.free_model import FreeModel, free_model
@@ -14,17 +15,19 @@ from deeptruck_model.mismatch.search import TEMPER, Model, Search
 
 Array = NDArray[np.float64]
 
-ENOUGH = 12.0  # nats a name must gain: the price of the search, and of noise not quite as modelled
-ENOUGH_FREE = 25.0  # nats the free model must gain on what is left before 'unknown' is said
+ENOUGH = 15.0  # nats a name must gain: the price of the search, and of noise not quite as modelled
+ENOUGH_FREE = 40.0  # nats the free model must gain on what is left before 'unknown' is said
 WIDENED = 4  # of the best names are given more freedom of form before the first is chosen
 MOST = 4  # effects at once
-FREE_R2 = 0.03  # and the share of held-out variance it must explain
+FREE_R2 = 0.06  # and the share of held-out variance it must explain
 GROUP = 9.0  # nats within which two names count as not told apart
 EXPLAINS = 0.6  # share of what is explainable that a name must explain, else it is only the nearest relative
 PRACTICAL_FORCE = 0.004  # m/s^2 rms over all time, or ...
 PRACTICAL_WHEN_ACTING = 0.02  # m/s^2 rms over the tenth of the time when it acts most
 BESIDE = 0.2  # a further name must gain this share of the others' gain: a form not quite right invites more
 BENT = 0.15  # share of the main cause's gain that a parameter beside it must have
+SLOW_S = 8.0  # smoothing of a slow force where it has no knots of its own
+PRACTICAL_DELAY_S = 0.15  # beyond what sensor filters make late
 LEARNABLE = 0.05  # m/s^2 rms; a well-trained simulator's own error is smaller
 PARAMETER_PRACTICAL = 0.025  # relative
 
@@ -102,23 +105,31 @@ def _grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], 
 
 
 def _price(search: Search, model: Model) -> float:
-    """Nats the last name of a model would gain from the simulator's own error alone.
-
-    Not for a driver that the simulator cannot see and a force beyond what is imperfectly learned: it cannot
-    have been absorbed, so finding it on the simulator's own recordings too only says that it was missing
-    there as well.
-    """
+    """Nats the last name of a model would gain from the simulator's own error alone."""
     if not model.named:
         return 0.0
-    mechanism = model.named[-1].mechanism
-    force = model.named[-1].columns @ model.coefficients(mechanism.effect)
-    if mechanism.hidden and float(np.sqrt(np.mean(force[search.e.valid] ** 2))) > LEARNABLE:
+    last = model.named[-1]
+    force = last.columns @ model.coefficients(last.mechanism.effect)
+    if _beyond_learning(search.e, last, force):
         return 0.0
-    return search.e.tolerance.get(mechanism.effect, 0.0)
+    return search.e.tolerance.get(last.mechanism.effect, 0.0)
 
 
 def _practical(search: Search, model: Model, shape: Shape) -> bool:
-    return _large_enough(search.e, shape.columns @ model.coefficients(shape.mechanism.effect))
+    b = model.coefficients(shape.mechanism.effect)
+    times = [value * part.factor for part, value in zip(shape.parts, b, strict=True) if part.name == "delay"]
+    if times and abs(sum(times)) < PRACTICAL_DELAY_S:
+        return False
+    force = shape.columns @ b
+    return _beyond_learning(search.e, shape, force) or _large_enough(search.e, force)
+
+
+def _beyond_learning(e: Evidence, shape: Shape, force: Array) -> bool:
+    """Whether the force has a driver that the simulator cannot see and is larger than what is imperfectly learned.
+
+    It cannot have been absorbed, so meeting it on the simulator's own recordings too only says that it was missing there.
+    """
+    return shape.mechanism.hidden and float(np.sqrt(np.mean(force[e.valid] ** 2))) > LEARNABLE
 
 
 def _large_enough(e: Evidence, force: Array) -> bool:
@@ -179,10 +190,26 @@ def _mechanism(search: Search, model: Model, shape: Shape) -> Cause:
         gain,
         0.0,
         float(1.0 / odds),
-        shape.columns @ model.coefficients(shape.mechanism.effect),
+        _force(search, model, shape),
         shape,
         tuple(rivals),
     )
+
+
+def _force(search: Search, model: Model, shape: Shape) -> Array:
+    """What a mechanism adds, (n,). A profile whose knots did not reach every recording goes on as a smooth residual."""
+    e = search.e
+    force = shape.columns @ model.coefficients(shape.mechanism.effect)
+    if shape.mechanism.effect != "road_grade":
+        return force
+    left = np.where(e.valid, e.residual - search.prediction(model) + force, 0.0)
+    weight = e.valid / search.series.relative**2
+    width = SLOW_S / e.dt
+    smooth = gaussian_filter1d(left * weight, width) / np.maximum(gaussian_filter1d(weight, width), 1e-3)
+    reached = np.zeros(len(e), dtype=bool)
+    for i in np.unique(e.record[np.abs(shape.columns).max(axis=1) > 0]):
+        reached |= e.record == i
+    return np.where(reached, force, smooth)
 
 
 def _parameters(search: Search, model: Model) -> list[Cause]:
@@ -211,7 +238,7 @@ def _parameter(
 ) -> Cause | None:
     """A parameter that must move; None where it hardly moves or hardly matters."""
     value = search.e.total_change(name, model.change(name))
-    enough = (ENOUGH if model.named else ENOUGH / 2) + search.e.tolerance.get(f"parameter:{name}", 0.0)
+    enough = ENOUGH + search.e.tolerance.get(f"parameter:{name}", 0.0)
     force = search.e.sensitivity[name] * value  # of the simulator as given, to first order
     if abs(value) < PARAMETER_PRACTICAL or not _large_enough(search.e, force) or gain < enough:
         return None

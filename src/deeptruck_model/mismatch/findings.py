@@ -10,7 +10,8 @@ import numpy as np
 from deeptruck_model.mismatch.data_checks import SensorFault
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.explain import GROUP, Cause, Explanation
-from deeptruck_model.mismatch.mechanisms import LIBRARY
+from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape
+from deeptruck_model.mismatch.search import Model
 
 NAMES = {
     "mass": ("kg", "the mass differs from the simulator's"),
@@ -107,15 +108,7 @@ def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> dict[str,
     shape = cause.shape
     assert shape is not None
     m = shape.mechanism
-    values = explanation.model.coefficients(m.effect)
-    sd = np.sqrt(np.diag(explanation.model.covariance(m.effect)))
-    order = np.argsort(-np.abs(values / np.maximum(sd, 1e-12)))[:TELLING_PARAMETERS]
-    parameters: dict[str, Any] = {}
-    for i in sorted(order.tolist()):
-        part = shape.parts[i]
-        factor = part.factor * (e.mass if part.per_mass else 1.0)
-        ci = sorted([float((values[i] - 1.96 * sd[i]) * factor), float((values[i] + 1.96 * sd[i]) * factor)])
-        parameters[part.name] = {"value": float(values[i] * factor), "unit": part.unit, "ci95": ci}
+    parameters = _sizes(shape, explanation.model, e.mass)
     for name, value in shape.settings.items():
         if isinstance(value, float) and name in SETTING_UNITS:
             parameters[name] = {"value": value, "unit": SETTING_UNITS[name], "ci95": None}
@@ -125,6 +118,22 @@ def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> dict[str,
         "parameters": parameters,
         "would_be_told_by": m.told_by,
         "depends_on": list(m.depends_on),
+    }
+
+
+def _sizes(shape: Shape, model: Model, mass: float) -> dict[str, Any]:
+    """The most telling parameters by name. Columns of one name, from a widened shape, add up to one size."""
+    values, covariance = model.coefficients(shape.mechanism.effect), model.covariance(shape.mechanism.effect)
+    factors = np.array([part.factor * (mass if part.per_mass else 1.0) for part in shape.parts])
+    sizes: dict[str, tuple[float, float, str]] = {}
+    for part in shape.parts:
+        g = np.where([other.name == part.name for other in shape.parts], factors, 0.0)
+        sizes[part.name] = (float(g @ values), float(np.sqrt(max(g @ covariance @ g, 0.0))), part.unit)
+    telling = sorted(sizes, key=lambda n: -abs(sizes[n][0]) / max(sizes[n][1], 1e-12))[:TELLING_PARAMETERS]
+    return {
+        name: {"value": value, "unit": unit, "ci95": [value - 1.96 * sd, value + 1.96 * sd]}
+        for name, (value, sd, unit) in sizes.items()
+        if name in telling
     }
 
 

@@ -73,20 +73,19 @@ class Fit:
 def fit(series: Series, X: Array, prior: Prior, start: Fit | None = None) -> Fit:
     """Posterior mode and Laplace evidence. Coefficients that break their sign are set to zero.
 
-    X (n, k) may have k = 0. `start` gives the noise model to begin with.
+    X (n, k) may have k = 0. `start` gives the noise to begin with; white noise otherwise.
     """
     use = series.usable()
-    ar = start.ar if start is not None else np.zeros(ORDER)
+    ar, sigma = (start.ar, start.sigma) if start else (np.zeros(ORDER), _spread(series.y[use]))
     b = prior.mean.copy()
-    sigma = start.sigma if start is not None else max(_spread(series.y[use]), FLOOR)
     weight = np.ones(len(series.y))
     active = np.ones(X.shape[1], dtype=bool)
-    for turn in range(4 if start is None else 2):
-        if turn or start is None:
+    rel = series.relative[use]
+    for turn in range(2 if start else 4):
+        if turn:
             ar = _autoregression(series.y - X @ b, use, weight / series.relative**2)
         yw, Xw = whiten(series.y, ar)[use], whiten(X, ar)[use]
-        rel = series.relative[use]
-        for _inner in range(2):
+        for _ in range(2):
             b, active = _solve(yw, Xw, weight[use] / (rel * sigma) ** 2, prior)
             e = (yw - Xw @ b) / rel
             w = (TAIL + 1) / (TAIL + (e / sigma) ** 2)

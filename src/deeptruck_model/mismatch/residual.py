@@ -23,6 +23,7 @@ Mask = NDArray[np.bool_]
 
 PARAMETERS = ("mass", "drag_area", "rolling_resistance", "torque_gain", "brake_gain")
 MOVING = 1.0  # m/s; below it standstill logic and wheel sensors rule, not longitudinal dynamics
+UNRECORDED_BRAKING = -0.5  # m/s^2; where braking is not recorded, slowing harder than this tells nothing
 SETTLE_S = 6.0  # the simulator's unknown inner state at the start needs this long to be forgotten
 JITTER_RUNS = 6
 STEP = 0.04  # relative step of a parameter for its sensitivity
@@ -60,6 +61,9 @@ def prepare(recording: Recording, measured_acceleration: bool) -> Prepared:
     observed = observed_acceleration(speed, accelerometer, dt)
     filled |= {"speed": smooth, "acceleration": observed}
     dead = _widen(bad, round(0.3 / dt), round(2.0 / dt)) | (smooth < MOVING)
+    if recording.interface.brake_unit is None:
+        slowing = gaussian_filter1d(observed, max(1.0, 1.0 / dt)) < UNRECORDED_BRAKING
+        dead |= _widen(slowing, round(2.0 / dt), round(3.0 / dt))
     dead[: round(SETTLE_S / dt)] = True
     dead[len(dead) - round(1.0 / dt) :] = True
     whole = replace(recording, channels=filled)

@@ -8,14 +8,15 @@ charges for every coefficient.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.mechanisms import LIBRARY, Mechanism, Shape, merge, shapes
+from deeptruck_model.mismatch.expression import Rerun
+from deeptruck_model.mismatch.mechanisms import LIBRARY, Mechanism, Shape, gated, gates, merge, shapes
 from deeptruck_model.mismatch.noise import Fit, Prior, Series, fit, whiten
 
 Array = NDArray[np.float64]
@@ -24,12 +25,15 @@ Mask = NDArray[np.bool_]
 TEMPER = 3.0  # evidence is this much too sure, the noise model being approximate; priors are charged likewise
 HELD = 0.01
 FREE = {"mass": 0.3, "drag_area": 0.3, "rolling_resistance": 0.4, "torque_gain": 0.15, "brake_gain": 0.25}
+# Filters of ordinary speed sensors and message periods make every response a little late (s); that is no finding.
+LATE_S = 0.15
+SENSOR_LAG = Prior(np.array([0.03, 0.03]), np.array([0.06, 0.06]), np.zeros(2))
 SCREENED = 2  # shapes of each mechanism that are fitted in full
 MORE_SHAPES = 2  # further shapes a mechanism may be widened by
 WORTH_A_SHAPE = 4.0  # nats a further shape of the same mechanism must gain
 MOST_COLUMNS = 8  # profiles with more columns are wide enough as they are
-FITTED = 10  # mechanisms that are fitted in full in each round
-SECOND_SHAPES = 8  # among the first of these, more than one shape of a mechanism
+FITTED = 8  # mechanisms that are fitted in full in each round
+SECOND_SHAPES = 6  # among the first of these, more than one shape of a mechanism
 LEADING = 4  # mechanisms also tried without freeing the parameters
 
 
@@ -71,6 +75,8 @@ class Search:
     def __init__(self, evidence: Evidence, *, exclude: Iterable[str] = (), only: Mask | None = None) -> None:
         self.e = evidence
         self.parameters = tuple(evidence.sensitivity)
+        late = [-evidence.difference(evidence.simulated), evidence.rerun("delay_all", LATE_S) / LATE_S]
+        self._late = np.stack(late, axis=1)
         self.series: Series = evidence.series(1e9, only)
         first = fit(self.series, *self._design((), frozenset(self.parameters))[:2])
         self.series = evidence.series(first.sigma, only)
@@ -78,6 +84,7 @@ class Search:
             m for name, m in LIBRARY.items() if name not in set(exclude) and evidence.has(*m.needs)
         ]
         self._shapes: dict[str, list[Shape]] = {}
+        self._memo: tuple[Model, tuple[Array, Array, Array, Array]] | None = None
         self._models: dict[tuple[object, ...], Model] = {}
 
     def shapes(self, mechanism: Mechanism) -> list[Shape]:
@@ -112,26 +119,35 @@ class Search:
         return max((best, grown, everything), key=lambda m: m.score)
 
     def screen(self, base: Model) -> list[tuple[float, Shape]]:
-        """Approximate gain of every shape on top of `base`, best first, with the noise model of `base`."""
-        X, prior, _ = self._design(base.named, frozenset(self.parameters))
-        use = self.series.usable()
-        rel = self.series.relative[use] * base.fit.sigma
-        z = base.fit.innovations[use]
-        weight = np.sqrt(6.0 / (5.0 + z**2)) / rel
-        Xw = whiten(X, base.fit.ar)[use] * weight[:, None]
-        yw = whiten(self.series.y - X @ _padded(base, prior), base.fit.ar)[use] * weight
-        H0 = np.linalg.inv(Xw.T @ Xw + np.diag(1 / prior.sd**2)).astype(np.float64)
+        """Approximate gain of the best shapes of every mechanism on top of `base`, best first."""
         out = []
         for mechanism in self.library:
-            if mechanism.effect in base.effects:
-                continue
-            scored = []
-            for s in self.shapes(mechanism):
-                C = whiten(s.columns, base.fit.ar)[use] * weight[:, None]
-                scored.append((_approximate_gain(C, yw, Xw, H0, s) - TEMPER * np.log(s.trials), s))
-            scored.sort(key=lambda item: -item[0])
-            out += scored[:SCREENED]
+            if mechanism.effect not in base.effects:
+                out += self.screen_shapes(base, self.shapes(mechanism))[:SCREENED]
         return sorted(out, key=lambda item: -item[0])
+
+    def screen_shapes(self, base: Model, options: Sequence[Shape]) -> list[tuple[float, Shape]]:
+        """Approximate gain of each shape on top of `base` under its noise, best first."""
+        yw, Xw, H0, weight = self._whitened(base)
+        use = self.series.usable()
+        scored = []
+        for s in options:
+            C = whiten(s.columns, base.fit.ar)[use] * weight[:, None]
+            scored.append((_approximate_gain(C, yw, Xw, H0, s) - TEMPER * float(np.log(s.trials)), s))
+        return sorted(scored, key=lambda item: -item[0])
+
+    def _whitened(self, base: Model) -> tuple[Array, Array, Array, Array]:
+        """Residual and columns of `base` in units of its noise, its inverse precision, and the weights."""
+        if self._memo is None or self._memo[0] is not base:
+            X, prior, _ = self._design(base.named, frozenset(self.parameters))
+            use = self.series.usable()
+            z = base.fit.innovations[use]
+            weight = np.sqrt(6.0 / (5.0 + z**2)) / (self.series.relative[use] * base.fit.sigma)
+            Xw = whiten(X, base.fit.ar)[use] * weight[:, None]
+            yw = whiten(self.series.y - X @ base.fit.b, base.fit.ar)[use] * weight
+            H0 = np.linalg.inv(Xw.T @ Xw + np.diag(1 / prior.sd**2))
+            self._memo = (base, (yw, Xw, H0, weight))
+        return self._memo[1]
 
     def candidates(self, base: Model) -> list[Model]:
         """Every mechanism added to `base`, fitted in full with its parameters free and held, best first."""
@@ -152,7 +168,11 @@ class Search:
         return sorted(best.values(), key=lambda m: -m.score)
 
     def enriched(self, model: Model) -> Model:
-        """The same explanation with its last mechanism widened by more of its shapes while that pays."""
+        """The same explanation with its last mechanism given more freedom where that pays.
+
+        First it may be confined to a regime of driving, then widened by more of its shapes.
+        """
+        model = self._confined(model)
         for _ in range(MORE_SHAPES):
             *others, last = model.named
             taken = [str(part) for part in last.settings.get("parts", [last.settings])]
@@ -166,6 +186,19 @@ class Search:
                 break
             model = best
         return model
+
+    def _confined(self, model: Model) -> Model:
+        *others, last = model.named
+        if last.columns.shape[1] > MOST_COLUMNS or any(isinstance(c.expression, Rerun) for c in last.parts):
+            return model
+        regimes = gates(self.e)
+        base = self.model(tuple(others), model.free, model.fit)
+        options = [gated(last, g, self.e, len(regimes)) for g in regimes]
+        scored = self.screen_shapes(base, options)
+        best = max(
+            (self.model((*others, s), model.free, model.fit) for _, s in scored[:2]), key=lambda m: m.score
+        )
+        return best if best.score > model.score + WORTH_A_SHAPE else model
 
     def prediction(self, model: Model) -> Array:
         """What a model says the residual is, (n,)."""
@@ -188,20 +221,19 @@ class Search:
         self, named: tuple[Shape, ...], free: frozenset[str]
     ) -> tuple[Array, Prior, tuple[tuple[str, slice], ...]]:
         blocks = [n.columns for n in named] + [self.e.sensitivity[p][:, None] for p in self.parameters]
-        names = [n.mechanism.effect for n in named] + [f"parameter:{p}" for p in self.parameters]
+        blocks.append(self._late)
+        names = (
+            [n.mechanism.effect for n in named] + [f"parameter:{p}" for p in self.parameters] + ["sensor lag"]
+        )
         sd = np.array([FREE[p] if p in free else HELD for p in self.parameters])
         as_given = np.array([1.0 / (1.0 + self.e.moved.get(p, 0.0)) - 1.0 for p in self.parameters])
-        prior = Prior.join(*(n.prior for n in named), Prior(as_given, sd, np.zeros(len(sd))))
+        prior = Prior.join(*(n.prior for n in named), Prior(as_given, sd, np.zeros(len(sd))), SENSOR_LAG)
         layout, at = [], 0
         for name, block in zip(names, blocks, strict=True):
             layout.append((name, slice(at, at + block.shape[1])))
             at += block.shape[1]
-        X = np.concatenate(blocks, axis=1) if blocks else np.zeros((len(self.e), 0))
+        X = np.concatenate(blocks, axis=1)
         return X, prior, tuple(layout)
-
-
-def _padded(base: Model, prior: Prior) -> Array:
-    return base.fit.b if len(base.fit.b) == len(prior.mean) else np.zeros(len(prior.mean))
 
 
 def _approximate_gain(C: Array, y: Array, X: Array, H0: Array, s: Shape) -> float:

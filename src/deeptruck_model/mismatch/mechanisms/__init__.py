@@ -1,7 +1,16 @@
 """The library: every mechanism the tool can name."""
 
 from deeptruck_model.mismatch.mechanisms import air_and_tyres, brakes, commands, driveline, engine, load, road
-from deeptruck_model.mismatch.mechanisms.base import Column, Mechanism, Shape, build, merge, shapes
+from deeptruck_model.mismatch.mechanisms.base import (
+    Column,
+    Mechanism,
+    Shape,
+    build,
+    gated,
+    gates,
+    merge,
+    shapes,
+)
 
 LIBRARY: dict[str, Mechanism] = {
     m.effect: m
@@ -9,4 +18,4 @@ LIBRARY: dict[str, Mechanism] = {
     for m in room.MECHANISMS
 }
 
-__all__ = ["LIBRARY", "Column", "Mechanism", "Shape", "build", "merge", "shapes"]
+__all__ = ["LIBRARY", "Column", "Mechanism", "Shape", "build", "gated", "gates", "merge", "shapes"]

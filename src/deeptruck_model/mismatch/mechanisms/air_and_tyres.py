@@ -13,27 +13,27 @@ from deeptruck_model.mismatch.mechanisms.base import (
     Column,
     Mechanism,
     Settings,
+    durations,
     from_then_on,
+    share_out,
     step_settings,
 )
 
 MOST_KNOTS = 80
+AROUND_M_S = (0.0, 6.0, -6.0)
 
 
 def _headwind_settings(e: Evidence) -> Iterator[Settings]:
+    """One wind throughout, one for each recording, or a slowly turning one; linear around calm or around a wind."""
     for wind in (-12.0, -8.0, -4.0, 4.0, 8.0, 12.0):
         yield {"wind_m_s": wind}
     names = [s.name for s in e.stretches]
-    if 1 < len(names) <= MOST_KNOTS:
-        yield {"recordings": names}
-    total = len(e) * e.dt
-    for knot_s in (60.0, 240.0):
-        step = max(knot_s, total / MOST_KNOTS)
-        yield {
-            "recordings": names,
-            "knots": [int((s.stop - s.start) * e.dt / step) + 1 for s in e.stretches],
-            "knot_s": step,
-        }
+    for around in AROUND_M_S:
+        if 1 < len(names) <= MOST_KNOTS:
+            yield {"recordings": names, "around_m_s": around}
+        for knot_s in (60.0, 240.0):
+            knots = share_out(durations(e), knot_s, MOST_KNOTS)
+            yield {"recordings": names, "around_m_s": around, "knots": knots, "knot_s": knot_s}
 
 
 def _headwind(s: Settings) -> list[Column]:
@@ -42,17 +42,13 @@ def _headwind(s: Settings) -> list[Column]:
         air = SPEED + s["wind_m_s"]
         change = air * absolute(air) - SPEED**2
         return [Column(-(per_square * change), 0.3, "wind", "m/s", s["wind_m_s"], mean=1.0)]
-    linear = -(per_square * SPEED * 2.0)
+    linear = -(per_square * (SPEED * 2.0 + s["around_m_s"]))
+    names = s["recordings"]
     if "knots" not in s:
+        mean = 1.0 / len(names)  # in a simulation blows the mean of the recorded winds
         return [
-            Column(
-                linear * InRecording(i, elsewhere=1.0 / len(s["recordings"])),
-                6.0,
-                f"wind[{name}]",
-                "m/s",
-                sign=0,
-            )
-            for i, name in enumerate(s["recordings"])
+            Column(linear * InRecording(i, elsewhere=mean), 6.0, f"wind[{name}]", "m/s", sign=0)
+            for i, name in enumerate(names)
         ]
     return [
         Column(
@@ -62,8 +58,8 @@ def _headwind(s: Settings) -> list[Column]:
             "m/s",
             sign=0,
         )
-        for i, (name, count) in enumerate(zip(s["recordings"], s["knots"], strict=True))
-        for k in range(count + 1)
+        for i, (name, count) in enumerate(zip(names, s["knots"], strict=True))
+        for k in range(count)
     ]
 
 

@@ -9,7 +9,7 @@ by evidence, coefficients are fitted.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -86,7 +86,38 @@ class Shape:
 
 def build(mechanism: Mechanism, settings: Settings) -> list[Column]:
     """The columns of a shape; several settings under "parts" give columns side by side."""
-    return [c for part in settings.get("parts", [settings]) for c in mechanism.build(part)]
+    if "parts" in settings:
+        return [c for part in settings["parts"] for c in build(mechanism, part)]
+    columns = mechanism.build(settings)
+    if "gate" not in settings:
+        return columns
+    signal, side, at = settings["gate"]
+    x = Signal(signal)
+    gate = x > at if side == "above" else x < at
+    return [replace(c, expression=c.expression * gate) for c in columns]
+
+
+def gates(e: Evidence) -> list[tuple[str, str, float]]:
+    """Regimes to which an effect may be confined: (signal, above or below, value)."""
+    out = []
+    for name in ("speed", "ratio", "grade", "engine"):
+        if e.has(name):
+            for q in (0.3, 0.5, 0.7):
+                at = float(np.nanquantile(e[name][e.valid], q))
+                out += [(name, "above", at), (name, "below", at)]
+    return out
+
+
+def gated(shape: Shape, gate: tuple[str, str, float], e: Evidence, trials: int) -> Shape:
+    """The shape confined to a regime, for an effect that acts only uphill, only at speed."""
+    signal, side, at = gate
+    x = np.nan_to_num(e[signal])
+    inside = x > at if side == "above" else x < at
+    settings = shape.settings | {"gate": list(gate)}
+    parts = tuple(build(shape.mechanism, settings))
+    return Shape(
+        shape.mechanism, settings, parts, shape.columns * inside[:, None], shape.prior, shape.trials * trials
+    )
 
 
 def merge(first: Shape, other: Shape) -> Shape:
@@ -164,10 +195,28 @@ def from_then_on(s: Settings) -> Expression:
     return later
 
 
+def share_out(lengths: list[float], spacing: float, most: int) -> list[int]:
+    """Knots for each recording at `spacing`, until `most` are used up; later recordings get none.
+
+    A log of many hours would otherwise have knots too far apart to show anything anywhere.
+    """
+    out, left = [], most
+    for length in lengths:
+        count = int(length / spacing) + 2
+        count = count if count <= left else (left if left == most else 0)
+        out.append(count)
+        left -= count
+    return out
+
+
+def durations(e: Evidence) -> list[float]:
+    """Length of each recording in s."""
+    return [(s.stop - s.start) * e.dt for s in e.stretches]
+
+
 def episode_settings(e: Evidence, knot_s: float = 60.0, most: int = 80) -> Settings:
     """Knots in time, afresh in every recording, for something that comes and goes."""
-    step = max(knot_s, len(e) * e.dt / most)
-    return {"knots": [int((s.stop - s.start) * e.dt / step) + 1 for s in e.stretches], "knot_s": step}
+    return {"knots": share_out(durations(e), knot_s, most), "knot_s": knot_s}
 
 
 def episodes(s: Settings) -> Iterator[tuple[str, Expression]]:

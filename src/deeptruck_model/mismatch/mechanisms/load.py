@@ -38,8 +38,8 @@ def _payload(s: Settings) -> list[Column]:
 
 
 def _slosh_settings(e: Evidence) -> Iterator[Settings]:
-    for frequency_hz in (0.25, 0.4, 0.6, 0.9):
-        for damping in (0.05, 0.2):
+    for frequency_hz in (0.2, 0.3, 0.4, 0.55):
+        for damping in (0.04, 0.12):
             yield {"frequency_hz": frequency_hz, "damping": damping}
 
 
@@ -70,5 +70,6 @@ MECHANISMS = (
         "brake to a stop, and wait at constant speed afterwards",
         _slosh_settings,
         _slosh,
+        prior=0.3,
     ),
 )

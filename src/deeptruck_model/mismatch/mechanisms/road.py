@@ -8,18 +8,15 @@ import numpy as np
 
 from deeptruck_model.mismatch.evidence import GRAVITY, Evidence
 from deeptruck_model.mismatch.expression import InRecording, Tent
-from deeptruck_model.mismatch.mechanisms.base import DISTANCE, Column, Mechanism, Settings
+from deeptruck_model.mismatch.mechanisms.base import DISTANCE, Column, Mechanism, Settings, share_out
 
 MOST_KNOTS = 80
 
 
 def _settings(e: Evidence) -> Iterator[Settings]:
     lengths = [float(np.ptp(e["distance"][s.rows])) for s in e.stretches]
-    for spacing in (100.0, 250.0, 600.0):
-        knot_m = max(spacing, sum(lengths) / MOST_KNOTS)
-        yield {"knot_m": knot_m, "knots": [int(length / knot_m) + 2 for length in lengths]}
-        if knot_m > spacing:
-            return
+    for knot_m in (100.0, 250.0, 600.0):
+        yield {"knot_m": knot_m, "knots": share_out(lengths, knot_m, MOST_KNOTS)}
 
 
 def _profile(s: Settings) -> Iterator[tuple[str, InRecording, Tent]]:
