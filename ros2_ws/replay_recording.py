@@ -26,13 +26,18 @@ def main(
         list[str] | None, typer.Option(help="Only this topic; may be given more than once.")
     ] = None,
     record: Annotated[Path | None, typer.Option(help="Record what is played.")] = None,
+    monitor: Annotated[
+        str, typer.Option(help="Simulator to compare the played truck with: /mismatch/residual.")
+    ] = "",
     run_folders: Annotated[Path, typer.Option("--runs", help="Where the folder of this run goes.")] = Path(
         "runs"
     ),
 ) -> None:
     """Play a bag back onto its topics, with /clock, in recorded time or faster."""
     given = {"replay": {"bag": str(bag.absolute()), "speed": speed, "start_s": start, "topics": topic or []}}
-    runs.guarded("replay_recording", lambda: runs.replay(runs.Common(record, runs=run_folders), given))
+    runs.guarded(
+        "replay_recording", lambda: runs.replay(runs.Common(record, runs=run_folders, monitor=monitor), given)
+    )
 
 
 if __name__ == "__main__":

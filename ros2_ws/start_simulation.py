@@ -41,6 +41,9 @@ def main(
     lockstep: Annotated[bool, typer.Option("--lockstep", help="As fast as it goes, repeatable.")] = False,
     rate: Annotated[float, typer.Option(help="Publishing rate in real time, Hz.")] = 10.0,
     seed: Annotated[int, typer.Option(help="Of the radar's errors.")] = 0,
+    monitor: Annotated[
+        str, typer.Option(help="Simulator to compare the truck with while it drives: /mismatch/residual.")
+    ] = "",
     parameters: Annotated[Path | None, typer.Option(help="Parameter file; wins over the options.")] = None,
     run_folders: Annotated[Path, typer.Option("--runs", help="Where the folder of this run goes.")] = Path(
         "runs"
@@ -52,7 +55,7 @@ def main(
         "controller": {"target_time_gap": time_gap},
         "truck_sim": {"rate_hz": rate, "initial_speed": initial_speed, "road": road, "duration_s": duration},
     }
-    common = runs.Common(record, overwrite, parameters, run_folders)
+    common = runs.Common(record, overwrite, parameters, run_folders, monitor)
     runs.guarded(
         "start_simulation",
         lambda: runs.simulate(common, given, policy=policy, simulator=simulator, lockstep=lockstep),

@@ -51,6 +51,9 @@ def main(
     ] = False,
     duration: Annotated[float, typer.Option(help="s; 0: until Ctrl-C.")] = 0.0,
     seed: Annotated[int, typer.Option(help="Of the radar's errors.")] = 0,
+    monitor: Annotated[
+        str, typer.Option(help="Simulator to compare the truck with while it drives: /mismatch/residual.")
+    ] = "",
     parameters: Annotated[Path | None, typer.Option(help="Parameter file; wins over the options.")] = None,
     run_folders: Annotated[Path, typer.Option("--runs", help="Where the folder of this run goes.")] = Path(
         "runs"
@@ -68,7 +71,7 @@ def main(
     if leader is not None or emulator:
         profile = {"profile": leader or "constant:speed=20", "initial_gap": initial_gap, "seed": seed}
         given["leader"] = {**profile, **runs.RADARS[radar]}
-    common = runs.Common(record, overwrite, parameters, run_folders)
+    common = runs.Common(record, overwrite, parameters, run_folders, monitor)
     runs.guarded(
         "start_vehicle",
         lambda: runs.drive_vehicle(

@@ -3,7 +3,7 @@
 from setuptools import setup
 
 PACKAGE = "deeptruck_nodes"
-NODES = ("truck_sim", "leader", "controller", "can_bridge", "recorder", "replay")
+NODES = ("truck_sim", "leader", "controller", "can_bridge", "mismatch_monitor", "recorder", "replay")
 
 setup(
     name=PACKAGE,

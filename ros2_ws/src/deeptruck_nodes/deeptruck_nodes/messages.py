@@ -47,6 +47,13 @@ def accel(stamp: int, acceleration: float) -> AccelStamped:
     return message
 
 
+def accelerations(stamp: int, x: float, y: float, z: float) -> AccelStamped:
+    """Three accelerations that belong together, m/s^2; see the topic for what each is."""
+    message = accel(stamp, x)
+    message.accel.linear.y, message.accel.linear.z = float(y), float(z)
+    return message
+
+
 def scalars(stamp: int, names: Sequence[str], values: Mapping[str, float]) -> JointState:
     """A stamped, named vector; a name without a value is NaN."""
     message = JointState(name=list(names))

@@ -32,12 +32,14 @@ RADARS: dict[str, dict[str, float]] = {
 
 @dataclass(frozen=True)
 class Common:
-    """What every run takes: where to record (None: nowhere), own parameters, where the run folders go."""
+    """What every run takes: where to record (None: nowhere), own parameters, where the run folders go,
+    and the simulator to compare the truck with (empty: none)."""
 
     record: Path | None = None
     overwrite: bool = False
     parameters: Path | None = None
     runs: Path = Path("runs")
+    monitor: str = ""
 
 
 def describe(simulator: str) -> tuple[TruckInterface, float]:
@@ -56,6 +58,7 @@ def simulate(common: Common, given: Sections, *, policy: str, simulator: str, lo
     sections = _merged(
         {
             "recorder": _recorder(common, interface),
+            **_monitor(common, interface),
             "leader": {},
             "controller": _controller(policy, interface),
             "truck_sim": {"simulator": _absolute(simulator, "truck:")},
@@ -89,7 +92,7 @@ def drive_vehicle(
     bridge = parameters.checked("can_bridge", given["can_bridge"])
     interface = vehicle.interface(vehicle.load(bridge["vehicle"]))
     load_policy(policy, interface)
-    sections: Sections = {"recorder": _recorder(common, interface)}
+    sections: Sections = {"recorder": _recorder(common, interface), **_monitor(common, interface)}
     if "leader" in given:
         sections["leader"] = {}
     sections |= {"controller": _controller(policy, interface), "can_bridge": {}}
@@ -114,7 +117,9 @@ def _emulator(bridge: Mapping[str, Any], speed: float, grade: str) -> Program:
 
 def replay(common: Common, given: Sections) -> int:
     """A bag back onto its topics; one whose recorder was killed is repaired first. Returns the exit code."""
-    sections = _merged({"recorder": _recorder(common, None), "replay": {}}, given, common)
+    sections = _merged(
+        {"recorder": _recorder(common, None), **_monitor(common, None), "replay": {}}, given, common
+    )
     bag = Path(checked(sections, "replay")["bag"])
     if bag.is_dir() and (mended := repair(bag)):
         print(mended, flush=True)
@@ -133,6 +138,27 @@ def _recorder(common: Common, interface: TruckInterface | None) -> dict[str, Any
         return {}
     text = json.dumps(interface.to_dict()) if interface else ""
     return {"bag": str(common.record.absolute()), "interface": text}
+
+
+def _monitor(common: Common, truck: TruckInterface | None) -> Sections:
+    """The monitor's parameters where one was asked for. Raises InputError where it needs other commands."""
+    if not common.monitor:
+        return {}
+    if truck is not None:
+        _same_commands(common.monitor, describe(common.monitor)[0], truck)
+    return {"mismatch_monitor": {"simulator": _absolute(common.monitor, "truck:")}}
+
+
+def _same_commands(monitor: str, own: TruckInterface, truck: TruckInterface) -> None:
+    for name in own.u:
+        here = truck.unit(name) if name in truck.u else "not there"
+        if here != own.unit(name):
+            raise InputError(
+                f"{monitor} takes {name} in {own.unit(name)}, on this truck it is {here}; "
+                "choose another simulator for --monitor"
+            )
+    if own.grade and not truck.grade:
+        raise InputError(f"{monitor} needs grade, which this truck does not tell; choose another simulator")
 
 
 def _controller(policy: str, interface: TruckInterface) -> dict[str, Any]:

@@ -1,7 +1,6 @@
 """Every topic once: name, type, quality of service, rate, who publishes and who listens.
 
 Nodes, supervisor, layouts and docs/topics.md take them from here; tests hold the last two to it.
-Topics under MISMATCH are reserved for a monitor that compares the running truck with a simulator.
 """
 
 from __future__ import annotations
@@ -51,7 +50,7 @@ class Topic:
 
 
 TWIST = Topic(
-    "/truck/twist", TwistStamped, SOURCES, ("leader", "controller", "recorder"),
+    "/truck/twist", TwistStamped, SOURCES, ("leader", "controller", "mismatch_monitor", "recorder"),
     "rate_hz", "twist.linear.x = speed, m/s",
 )  # fmt: skip
 ACCEL = Topic(
@@ -64,12 +63,13 @@ STATUS = Topic(
     ("fuel_rate", "gear", "engine_speed", "engine_torque"),
 )  # fmt: skip
 COMMAND = Topic(
-    "/truck/command", JointState, ("controller", "replay"), ("truck_sim", "can_bridge", "recorder"),
+    "/truck/command", JointState, ("controller", "replay"),
+    ("truck_sim", "can_bridge", "mismatch_monitor", "recorder"),
     "every radar sample", "the truck interface's units",
     ("engine_command", "brake_command"),
 )  # fmt: skip
 ROAD = Topic(
-    "/road", JointState, SOURCES, ("controller", "recorder"),
+    "/road", JointState, SOURCES, ("controller", "mismatch_monitor", "recorder"),
     "simulator step", "grade as rise/run, elevation in m",
     ("grade", "elevation"),
 )  # fmt: skip
@@ -86,19 +86,24 @@ LEADER_STATE = Topic(
     "every /truck/twist", "the leader itself, without radar errors: for scoring only",
     ("true_gap", "true_leader_speed"),
 )  # fmt: skip
+MISMATCH_RESIDUAL = Topic(
+    "/mismatch/residual", AccelStamped, ("mismatch_monitor", "replay"), ("recorder",),
+    "simulator step",
+    "truck minus simulator, m/s^2: accel.linear.x now, .y over 5 s, .z what the simulator is unsure of",
+)  # fmt: skip
 DIAGNOSTICS = Topic(
     "/diagnostics", DiagnosticArray,
-    ("truck_sim", "can_bridge", "leader", "controller", "recorder", "replay"), ("recorder",),
+    ("truck_sim", "can_bridge", "leader", "controller", "mismatch_monitor", "recorder", "replay"),
+    ("recorder",),
     "1 Hz a node", "health, refusals, internal states",
 )  # fmt: skip
 CLOCK = Topic("/clock", Clock, ("truck_sim", "replay"), (), "every step", "lock-step and replay only")
 
-MISMATCH = "/mismatch"
-
 TOPICS: dict[str, Topic] = {
     topic.name: topic
     for topic in (
-        TWIST, ACCEL, STATUS, COMMAND, ROAD, RADAR_RANGE, RADAR_TWIST, LEADER_STATE, DIAGNOSTICS, CLOCK,
+        TWIST, ACCEL, STATUS, COMMAND, ROAD, RADAR_RANGE, RADAR_TWIST, LEADER_STATE, MISMATCH_RESIDUAL,
+        DIAGNOSTICS, CLOCK,
     )
 }  # fmt: skip
 

@@ -1,0 +1,60 @@
+"""The monitor on the wire: silent beside the truck it knows, a warning beside another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from deeptruck_nodes import runs
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.signals import TruckInterface
+
+TRUCK = ("--simulator", "truck:trucksim", "--policy", "baseline:acc", "--lockstep", "--duration", 80)
+LEADER = ("--leader", "sine:speed=18,amplitude=2,period=30", "--road", "sine:grade=0.01,length=900")
+
+
+def heard(bag: Path, topic: str) -> list[Any]:
+    """The messages of a topic as Foxglove reads them."""
+    (file,) = bag.glob("*.mcap")
+    with file.open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        return [message for *_, message in reader.iter_decoded_messages(topics=[topic])]
+
+
+@pytest.mark.parametrize("mass", [20000.0, 14000.0])
+def test_beside_a_simulated_truck(start: Callable[..., Any], tmp_path: Path, mass: float) -> None:
+    (tmp_path / "other.yaml").write_text(f"mass: {mass}\n")
+    monitor = f"truck:trucksim:{tmp_path / 'other.yaml'}"
+    run = start("start_simulation.py", *TRUCK, *LEADER, "--monitor", monitor, "--record", tmp_path / "bag")
+    assert run.finish()[::2] == (0, "")
+    residuals = [m.accel.linear for m in heard(tmp_path / "bag", "/mismatch/residual")]
+    assert len(residuals) > 700  # of 800 steps; the first seconds are NaN, the last may still be on their way
+    smoothed = np.array([r.y for r in residuals])
+    statuses = [s for m in heard(tmp_path / "bag", "/diagnostics") for s in m.status]
+    levels = {s.level if isinstance(s.level, int) else s.level[0] for s in statuses if "mismatch" in s.name}
+    if mass == 20000.0:
+        assert np.nanmax(np.abs(smoothed)) < 1e-3 and levels == {0}
+    else:
+        assert np.nanmax(np.abs(smoothed)) > 0.1 and levels == {0, 1}
+        warnings = [s for s in statuses if "not as simulated" in s.message]
+        values = {v.key: v.value for v in warnings[-1].values}
+        assert float(values["end_s"]) > float(values["start_s"]) > 1.0 and float(values["mean_force_n"]) != 0
+
+
+@pytest.mark.parametrize(
+    ("truck", "says"),
+    [
+        (TruckInterface("a", "percent"), "engine_command in N m, on this truck it is percent"),
+        (TruckInterface("b", "N m", None), "brake_command in percent, on this truck it is not there"),
+        (TruckInterface("c", grade=False), "needs grade"),
+    ],
+)
+def test_a_simulator_of_another_kind_is_refused(truck: TruckInterface, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        runs._monitor(runs.Common(monitor="truck:trucksim"), truck)
