@@ -36,7 +36,7 @@ def test_the_core_is_a_few_hundred_lines():
 
 def test_every_line_and_branch_of_the_core_is_tested(tmp_path):
     report = tmp_path / "coverage.json"
-    names = ("test_motion.py", "test_hearing.py", "test_promise.py")
+    names = ("test_motion.py", "test_hearing.py", "test_limits.py", "test_promise.py")
     command = [sys.executable, "-m", "pytest", "-q", "-o", "addopts=", "--import-mode=importlib"]
     command += ["-p", "no:cacheprovider", "-p", "no:xdist", f"--cov={FOLDER}", "--cov-branch"]
     command += [f"--cov-report=json:{report}", *(str(HERE / name) for name in names)]
