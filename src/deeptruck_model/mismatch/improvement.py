@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 SETTLE_S = 6.0  # forced along the recording before each free window
 BOOTSTRAPS = 1000
+LEAST = 1e-3  # m/s; errors this small are as good as none, and none can be no improvement
 EXOGENOUS = ("gap", "leader_speed", "ambient_temperature", "elevation", "gear", "engine_speed")
 
 
@@ -140,5 +141,5 @@ def _interval(old: Errors, new: Errors, seed: int) -> list[float]:
     gains = []
     for _ in range(BOOTSTRAPS):
         pick = np.concatenate([groups[i] for i in rng.integers(0, len(groups), len(groups))])
-        gains.append(1.0 - np.sqrt(b[pick].mean() / max(a[pick].mean(), 1e-12)))
+        gains.append(1.0 - np.sqrt((b[pick].mean() + LEAST**2) / (a[pick].mean() + LEAST**2)))
     return [float(x) for x in np.quantile(gains, [0.025, 0.975])]

@@ -1,0 +1,111 @@
+"""The console script on real bags: files, exit codes, one clear line for bad input."""
+
+from __future__ import annotations
+
+import importlib.resources
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+
+from deeptruck_model import cli, driving_cycles, mismatch, simulators, trucks
+from deeptruck_model.recordings import write_bag
+
+SCRIPT = Path(sys.executable).with_name("deeptruck-model")
+TRUCK = trucks.load("trucksim")
+MASS = TRUCK.parameters()["mass"]
+
+
+def call(*arguments: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [str(SCRIPT), *map(str, arguments)], capture_output=True, text=True, timeout=250, check=False
+    )
+
+
+@pytest.fixture
+def here(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., tuple[int, str, str]]:
+    """The script without a process of its own: (exit code, output, errors)."""
+
+    def _call(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["deeptruck-model", *map(str, arguments)])
+        with pytest.raises(SystemExit) as caught:
+            cli.main()
+        return (int(caught.value.code or 0), *capsys.readouterr())
+
+    return _call
+
+
+def bag(folder: Path, name: str, seed: int, seconds: float = 180.0) -> Path:
+    heavy = TRUCK.with_parameters({"mass": 1.25 * MASS})
+    recording = driving_cycles.drive(heavy, seconds=seconds, seed=seed)
+    rng = np.random.default_rng(seed)
+    recording.channels["speed"] += rng.normal(0.0, 0.002, len(recording))
+    return write_bag(folder / name, [recording], interface=recording.interface)
+
+
+def test_from_bags_to_a_corrected_simulator(tmp_path: Path) -> None:
+    bags = [bag(tmp_path, name, seed) for seed, name in enumerate("abcd")]
+    out = tmp_path / "found"
+    done = call(
+        "mismatch",
+        "--simulator",
+        "truck:trucksim",
+        "--recordings",
+        *bags[:3],
+        "--held-out",
+        bags[3],
+        "--out",
+        out,
+    )
+    assert done.returncode == 0 and "Traceback" not in done.stderr
+    assert done.stdout.startswith(f"parameter_error: see {out / 'report.html'}") and "  mass: " in done.stdout
+    said = json.loads((out / "verdict.json").read_text())
+    schema = importlib.resources.files(mismatch).joinpath("verdict.schema.json").read_text()
+    jsonschema.validate(said, json.loads(schema))
+    assert said["fit"]["held_out"] == ["d"] and said["fit"]["validated"]
+    assert {"verdict.json", "report.html", "profiles.csv", "simulator"} <= {p.name for p in out.iterdir()}
+    assert not [p for p in tmp_path.iterdir() if p.name.startswith(".")]
+    applied = call("apply", out, "--out", tmp_path / "better")
+    assert applied.returncode == 0
+    corrected = simulators.load(tmp_path / "better")
+    assert corrected.parameters()["mass"] == pytest.approx(1.25 * MASS, rel=0.03)
+    again = call("apply", out, "--out", tmp_path / "better")
+    assert again.returncode == 2 and "exists already" in again.stderr
+
+
+def test_too_little_is_a_verdict_and_nothing_to_apply(
+    here: Callable[..., tuple[int, str, str]], tmp_path: Path
+) -> None:
+    short, out = bag(tmp_path, "short", 9, 20.0), tmp_path / "found"
+    code, said, _ = here("mismatch", "--simulator", "truck:trucksim", "--recordings", short, "--out", out)
+    assert code == 0 and said.startswith("undetermined")
+    code, _, errors = here("apply", out, "--out", tmp_path / "sim")
+    assert code == 2 and "no passed validation" in errors and not (tmp_path / "sim").exists()
+
+
+@pytest.mark.parametrize(
+    ("simulator", "recording", "says"),
+    [
+        ("truck:no_such", "short", "no_such"),
+        ("nowhere", "short", "is not a simulator directory"),
+        ("truck:trucksim", "nowhere", "nowhere"),
+        ("truck:volvo", "short", "engine_command in N m, the simulator in percent"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(
+    here: Callable[..., tuple[int, str, str]], tmp_path: Path, simulator: str, recording: str, says: str
+) -> None:
+    bag(tmp_path, "short", 9, 20.0)
+    out = tmp_path / "found"
+    code, said, errors = here(
+        "mismatch", "--simulator", simulator, "--recordings", tmp_path / recording, "--out", out
+    )
+    assert code == 2 and says in errors and "Traceback" not in errors
+    assert errors.strip().count("\n") == 0 and not said and not out.exists()

@@ -1,0 +1,80 @@
+"""Held-out errors of free runs: nothing on the truck itself, and an interval that says what a change did."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from deeptruck_model import driving_cycles, trucks
+from deeptruck_model.mismatch import improvement
+from deeptruck_model.mismatch.correct import CorrectedTruck, Term
+from deeptruck_model.mismatch.improvement import Errors, compare, free_windows
+from deeptruck_model.mismatch.residual import Prepared, prepare
+
+TRUCK = trucks.load("trucksim")
+MASS = TRUCK.parameters()["mass"]
+
+
+@pytest.fixture(scope="module")
+def prepared() -> list[Prepared]:
+    return [prepare(driving_cycles.drive(TRUCK, seconds=150.0 + 30 * k, seed=k), False) for k in range(3)]
+
+
+def test_the_truck_itself_has_no_error(prepared: list[Prepared]) -> None:
+    errors = free_windows(TRUCK, prepared, 30.0)
+    assert errors.speed.shape == errors.acceleration.shape == (len(errors.start), 300)
+    assert len(errors.start) >= 6 and set(errors.recording) <= {0, 1, 2}
+    assert np.sqrt(np.mean(errors.speed**2)) < 0.3
+    assert np.median(np.abs(errors.speed)) < 0.01
+
+
+def test_windows_do_not_overlap_and_lie_on_valid_driving(prepared: list[Prepared]) -> None:
+    blind = prepared[0].valid.copy()
+    blind[:700] = False
+    part = Prepared(**{**prepared[0].__dict__, "valid": blind})
+    errors = free_windows(TRUCK, [part], 20.0)
+    assert errors.start.min() > 600 and (np.diff(errors.start) >= 200).all()
+    assert len(free_windows(TRUCK, prepared, 500.0).start) == 0
+
+
+def test_a_better_simulator_has_an_interval_above_zero_and_a_worse_one_below(
+    prepared: list[Prepared],
+) -> None:
+    wrong = TRUCK.with_parameters({"mass": 1.3 * MASS})
+    before, right = (free_windows(s, prepared, 30.0) for s in (wrong, TRUCK))
+    said = compare({"before": before, "parameters_only": before, "after": right})
+    assert said["after"]["speed_rmse"] < said["before"]["speed_rmse"]
+    assert 0.3 < said["improvement_ci95"][0] <= said["improvement_ci95"][1] <= 1.0
+    assert said["improvement_over_parameters_ci95"] == said["improvement_ci95"]
+    worse = compare({"before": right, "parameters_only": right, "after": before})
+    assert worse["improvement_ci95"][1] < 0.0
+
+
+def test_equal_simulators_have_not_improved(prepared: list[Prepared]) -> None:
+    errors = free_windows(TRUCK, prepared, 30.0)
+    assert compare({"before": errors, "parameters_only": errors, "after": errors})["improvement_ci95"] == [
+        0,
+        0,
+    ]
+
+
+def test_few_recordings_are_resampled_by_window() -> None:
+    rng = np.random.default_rng(0)
+
+    def some(scale: float) -> Errors:
+        e = scale * rng.normal(size=(8, 50))
+        return Errors(e, e, np.repeat([0, 1], 4), np.arange(8))
+
+    low, high = improvement._interval(some(1.0), some(0.5), 0)
+    assert 0.3 < low < 0.5 < high < 0.65
+
+
+def test_a_corrected_truck_hears_what_was_recorded_beside_the_protocol(prepared: list[Prepared]) -> None:
+    near = prepared[0].recording
+    channels = near.channels | {"gap": np.full(len(near), 8.0)}
+    beside = Prepared(
+        **{**prepared[0].__dict__, "recording": type(near)(**{**near.__dict__, "channels": channels})}
+    )
+    drafting = CorrectedTruck(TRUCK, [Term("drafting", {"length_m": 20.0}, (0.4,))], {}, None, False)
+    alone, behind = (free_windows(drafting, [p], 30.0).speed for p in (prepared[0], beside))
+    assert np.abs(alone).max() < 1.0 and (behind[:, -1] > alone[:, -1]).any()

@@ -1,0 +1,59 @@
+"""Stretches of time and regimes of driving: found where the force was put."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from deeptruck_model.mismatch import locate
+from deeptruck_model.mismatch.evidence import Evidence, Stretch
+from deeptruck_model.mismatch.explain import Cause
+
+N, DT, MASS = 1500, 0.2, 2e4
+
+
+@pytest.fixture
+def evidence() -> Evidence:
+    t = np.arange(N) * DT
+    speed = 14.0 + 8.0 * np.sin(t / 9.0)
+    zero = np.zeros(N)
+    signals = {"speed": speed, "engine": 0.3 * np.cos(t / 4.0), "brake": zero, "simulated": zero}
+    stretches = (Stretch("a", 0, 900, 10.0, False), Stretch("b", 900, N, 0.0, True))
+    valid = np.ones(N, dtype=bool)
+    return Evidence(DT, stretches, zero, zero, zero, valid, signals, {}, MASS, lambda name, amount: zero)
+
+
+def cause(force: np.ndarray) -> Cause:
+    return Cause("missing_physics", "dragging_brake", 50.0, 1.0, 0.9, force)
+
+
+def test_a_stretch_is_found_with_its_time_force_and_finding(evidence: Evidence) -> None:
+    one, two = np.zeros(N), np.zeros(N)
+    one[1000:1100], two[400:450] = -0.2, 0.1
+    first, second = locate.segments(evidence, (cause(two), cause(one)))
+    assert (first.recording, first.finding, second.recording, second.finding) == ("b", 1, "a", 0)
+    assert (first.start_s, first.end_s) == pytest.approx((20.0, 40.0), abs=0.5)
+    assert (second.start_s, second.end_s) == pytest.approx((90.0, 100.0), abs=0.5)  # since the bag's begin
+    assert first.mean_force_n == pytest.approx(-0.2 * MASS, rel=0.05)
+
+
+def test_near_stretches_are_one_and_blinks_are_none(evidence: Evidence) -> None:
+    force = np.zeros(N)
+    force[100:130] = force[135:170] = 0.2
+    force[600] = 0.2
+    (only,) = locate.segments(evidence, (cause(force),))
+    assert (only.start_s, only.end_s) == pytest.approx((30.0, 44.0), abs=0.5)
+    assert locate.segments(evidence, (cause(np.zeros(N)),)) == []
+
+
+def test_a_regime_is_described_by_what_drives_the_error(evidence: Evidence) -> None:
+    fast = evidence["speed"] > 18.0
+    rng = np.random.default_rng(0)
+    found = locate.regimes(evidence, 0.3 * fast + rng.normal(0.0, 0.01, N))
+    assert sum(r.share_of_error for r in found) > 0.9
+    assert sum(r.share_of_time for r in found) < 1.3 * fast.mean()
+    assert "speed" in found[0].where and "m/s" in found[0].where
+
+
+def test_an_error_that_is_everywhere_has_no_regime(evidence: Evidence) -> None:
+    assert locate.regimes(evidence, np.ones(N)) == []
