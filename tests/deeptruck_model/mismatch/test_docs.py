@@ -1,0 +1,64 @@
+"""docs/mismatch.md: its table is the library, its case runs and ends as told."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+import sys
+from pathlib import Path
+
+import pytest
+
+from deeptruck_model import cli
+from deeptruck_model.mismatch import effects_table
+from deeptruck_model.mismatch.mechanisms import LIBRARY
+
+PAGE = Path(__file__).parents[3] / "docs" / "mismatch.md"
+PROMISED = (
+    "brake_fade", "brake_lag", "dragging_brake", "headwind", "drafting", "drag_area", "road_grade",
+    "rolling_resistance_speed", "rolling_resistance_warmup", "road_surface", "payload_change",
+    "turbo_lag", "torque_derate", "torque_limit", "engine_brake", "engine_friction",
+    "accessory_load", "driveline_loss", "shift_interruption", "torque_converter_slip", "wheel_slip",
+    "rotating_inertia", "load_slosh", "command_delay", "command_rate_limit", "driveline_backlash",
+    "clock_offset", "speed_scale", "acceleration_bias", "grade_bias", "mass", "rolling_resistance",
+    "torque_gain", "brake_gain", "unknown",
+)  # fmt: skip
+
+
+def test_the_table_is_the_library() -> None:
+    inside = PAGE.read_text().partition(effects_table.BEGIN)[2].partition(effects_table.END)[0]
+    assert inside.strip() == effects_table.table(), "run: python -m deeptruck_model.mismatch.effects_table"
+
+
+@pytest.mark.parametrize("effect", PROMISED)
+def test_every_promised_effect_has_a_row(effect: str) -> None:
+    assert f"| `{effect}`" in effects_table.table()
+
+
+def test_the_table_is_put_between_the_marks(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(f"before\n{effects_table.BEGIN}\nstale row\n{effects_table.END}\nafter\n")
+    assert effects_table.put_into(page) and not effects_table.put_into(page)
+    text = page.read_text()
+    assert text.startswith("before\n") and text.endswith("\nafter\n") and "stale row" not in text
+    assert text.count("\n| `") >= len(LIBRARY)
+
+
+def test_the_case_ends_as_the_page_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = PAGE.read_text().partition("## A case to repeat")[2].partition("\n## ")[0]
+    (snippet,) = re.findall(r"^```python\n(.*?)^```", text, re.S | re.M)
+    exec(compile(snippet, str(PAGE), "exec"), {})
+    (commands,) = re.findall(r"^```bash\n(.*?)^```", text, re.S | re.M)
+    for line in commands.splitlines():
+        monkeypatch.setattr(sys, "argv", shlex.split(line))
+        with pytest.raises(SystemExit) as caught:
+            cli.main()
+        assert not caught.value.code
+    said = json.loads(Path("found/verdict.json").read_text())
+    assert [f["effect"] for f in said["findings"]] == ["brake_lag"]
+    assert 0.5 < said["findings"][0]["parameters"]["time_constant"]["value"] < 0.8
+    before, tuned, after = (said["fit"][w]["speed_rmse"] for w in ("before", "parameters_only", "after"))
+    assert 0.1 < before < 0.2 and tuned > before and after < 0.01
+    assert Path("better/simulator.json").exists()
