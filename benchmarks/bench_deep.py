@@ -28,7 +28,8 @@ SCALE = np.array([800, 20, 0.02, 0.7, 8, 6], np.float32)
 
 
 def network(members: int, code: int = 0) -> TruckNetwork:
-    return TruckNetwork(Shape(2, 1, 3, members=members, code=code), Scales(MEAN, SCALE), 0.1, tuple(range(members)))
+    shape = Shape(2, 1, 3, members=members, code=code)
+    return TruckNetwork(shape, Scales(MEAN, SCALE), 0.1, tuple(range(members)))
 
 
 def seconds(work: Callable[[], object], repeats: int) -> np.ndarray:
@@ -97,7 +98,8 @@ def main() -> None:
     lstm, ours = one_step()
     run, products = free_run()
     rows = [
-        f"| gradient of {SEEDS} seeds (K {STEPS}, M {SEQUENCES}) | {1e3 * eager:.0f} ms eager, one after another | "
+        f"| gradient of {SEEDS} seeds (K {STEPS}, M {SEQUENCES}) | "
+        f"{1e3 * eager:.0f} ms eager, one after another | "
         f"{1e3 * compiled:.0f} ms | {eager / compiled:.1f}x faster | 8x |",
         f"| step at batch 1, p50 | {1e6 * lstm[0]:.1f} us nn.LSTM alone | {1e6 * ours[0]:.1f} us | "
         f"{lstm[0] / ours[0]:.1f}x faster | |",
@@ -106,10 +108,12 @@ def main() -> None:
         f"| free run, batch 1024, 400 steps | {products:.3f} s its matrix products | {run:.3f} s | "
         f"{run / products:.2f}x their time | 2x |",
     ]
-    table = "\n".join(["| what | reference | deep truck | ratio | wanted |", "| --- | --- | --- | --- | --- |", *rows])
+    head = ["| what | reference | deep truck | ratio | wanted |", "| --- | --- | --- | --- | --- |"]
+    table = "\n".join([*head, *rows])
     print(table)
     RESULTS.parent.mkdir(parents=True, exist_ok=True)
-    RESULTS.write_text(f"# Speed of the deep truck\n\n`python benchmarks/bench_deep.py`, CPU time of one thread.\n\n{table}\n")
+    title = "# Speed of the deep truck\n\n`python benchmarks/bench_deep.py`, CPU time of one thread.\n\n"
+    RESULTS.write_text(f"{title}{table}\n")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,8 @@
-"""Recordings a deep truck keeps beside its weights: driving it was not fitted to, as a measure of its own error.
+"""Recordings a deep truck keeps beside its weights: driving it was not fitted to, as a measure of its own
+error.
 
-Whoever compares the truck with new recordings must know which differences are only what was learned imperfectly.
+Whoever compares the truck with new recordings must know which differences are only what was learned
+imperfectly.
 """
 
 from __future__ import annotations
@@ -8,8 +10,10 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
@@ -17,13 +21,17 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
 
+Array = NDArray[Any]
+
 FILE = "reference.safetensors"
 MOST_S = 3600.0  # of driving: enough to know an error by, small enough to carry along
 
 
 def save(recordings: Sequence[Recording], folder: Path) -> None:
     """Write at most MOST_S of the recordings, float32, into `folder`."""
-    tensors, heads, seconds = {}, [], 0.0
+    tensors: dict[str, Array] = {}
+    heads: list[dict[str, object]] = []
+    seconds = 0.0
     for i, r in enumerate(recordings):
         if seconds >= MOST_S:
             break
@@ -35,14 +43,15 @@ def save(recordings: Sequence[Recording], folder: Path) -> None:
 
 
 def load(folder: Path) -> tuple[Recording, ...]:
-    """The recordings kept in `folder`; none where it has no such file. Raises InputError for a damaged one."""
+    """The recordings kept in `folder`; none where it has no such file. Raises InputError for a damaged
+    one."""
     path = folder / FILE
     if not path.exists():
         return ()
     try:
         with safe_open(path, framework="numpy") as file:
             heads = json.loads(file.metadata()["recordings"])
-            channels: list[dict[str, np.ndarray]] = [{} for _ in heads]  # type: ignore[type-arg]
+            channels: list[dict[str, Array]] = [{} for _ in heads]
             for key in file.keys():  # noqa: SIM118 - the file is no mapping
                 index, name = key.split("/", 1)
                 channels[int(index)][name] = file.get_tensor(key).astype(np.float64)

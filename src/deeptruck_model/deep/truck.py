@@ -43,7 +43,8 @@ class Prediction(NamedTuple):
 class DeepTruck:
     """The ensemble mean of `network.shape.members` models, each running on its own response.
 
-    `details` is what the manifest holds besides: config, seeds, data hash, calibration. `reference` are recordings it
+    `details` is what the manifest holds besides: config, seeds, data hash, calibration. `reference` are
+    recordings it
     was not fitted to, by which its own error is known.
     """
 

@@ -12,10 +12,14 @@ from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.free_model import FreeModel, free_model
 from deeptruck_model.mismatch.mechanisms import Shape
 from deeptruck_model.mismatch.search import TEMPER, Model, Search
+from deeptruck_model.mismatch.slow_force import slow_force
 
 Array = NDArray[np.float64]
 
 ENOUGH = 15.0  # nats a name must gain: the price of the search, and of noise not quite as modelled
+ENOUGH_LEARNED = (
+    40.0  # the same for a simulator that was itself learned, whose own error is never quite known
+)
 ENOUGH_FREE = 40.0  # nats the free model must gain on what is left before 'unknown' is said
 WIDENED = 4  # of the best names are given more freedom of form before the first is chosen
 MOST = 4  # effects at once
@@ -27,6 +31,7 @@ PRACTICAL_WHEN_ACTING = 0.02  # m/s^2 rms over the tenth of the time when it act
 BESIDE = 0.2  # a further name must gain this share of the others' gain: a form not quite right invites more
 BENT = 0.15  # share of the main cause's gain that a parameter beside it must have
 SLOW_S = 8.0  # smoothing of a slow force where it has no knots of its own
+SLOW_NAMES = {"road_grade", "road_surface", "headwind", "payload_change"}
 PRACTICAL_DELAY_S = 0.15  # beyond what sensor filters make late
 LEARNABLE = 0.05  # m/s^2 rms; a well-trained simulator's own error is smaller
 PARAMETER_PRACTICAL = 0.025  # relative
@@ -45,6 +50,7 @@ class Cause:
     shape: Shape | None = None
     rivals: tuple[tuple[str, float], ...] = ()  # other names and by how many nats they are worse
     nearest: str | None = None
+    needed: dict[str, float] | None = None  # for a slow force: the size each possible name would need
 
 
 @dataclass(frozen=True)
@@ -66,7 +72,7 @@ def first_guess(search: Search) -> Model:
     """Parameters alone, or with the one best mechanism: enough to see how far the parameters are off."""
     base = search.background(())
     best = max(search.candidates(base), key=lambda m: m.score, default=base)
-    return best if best.score > base.score + ENOUGH + _price(search, best) else base
+    return best if best.score > base.score + _enough(search) + _price(search, best) else base
 
 
 def explain(search: Search) -> Explanation:
@@ -78,6 +84,7 @@ def explain(search: Search) -> Explanation:
     left = free_model(e, e.residual - search.prediction(model), search.series.relative)
     left_gain = search.gain_of(model, left.prediction) if left.r2 > 0 else 0.0
     causes = _causes(search, model, null, left, left_gain)
+    causes = _with_slow_force(search, model, left, causes)
     return Explanation(tuple(causes), model, parameters_only, null, left, left_gain, ranking)
 
 
@@ -92,16 +99,22 @@ def _grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], 
         candidates = [m for m in candidates if _practical(search, m, m.named[-1])]
         candidates = [search.enriched(m) for m in candidates[:WIDENED] if m.score > base.score + ENOUGH / 2]
         best = max(candidates, key=lambda m: m.score - _price(search, m), default=base)
-        if best.score < base.score + _price(search, best) + ENOUGH + BESIDE * (base.score - bare.score):
+        if best.score < base.score + _price(search, best) + _enough(search) + BESIDE * (
+            base.score - bare.score
+        ):
             break
         base = search.background(best.named)
     while len(base.named) > 1:
         without = [search.background(tuple(n for n in base.named if n is not shape)) for shape in base.named]
         weakest = max(without, key=lambda m: m.score)
-        if weakest.score < base.score - ENOUGH - BESIDE * (base.score - bare.score):
+        if weakest.score < base.score - _enough(search) - BESIDE * (base.score - bare.score):
             break
         base = weakest
     return base, ranking
+
+
+def _enough(search: Search) -> float:
+    return ENOUGH_LEARNED if search.e.own_error > 0 else ENOUGH
 
 
 def _price(search: Search, model: Model) -> float:
@@ -118,17 +131,25 @@ def _price(search: Search, model: Model) -> float:
 def _practical(search: Search, model: Model, shape: Shape) -> bool:
     b = model.coefficients(shape.mechanism.effect)
     times = [value * part.factor for part, value in zip(shape.parts, b, strict=True) if part.name == "delay"]
-    if times and abs(sum(times)) < PRACTICAL_DELAY_S:
-        return False
+    if times:
+        return abs(sum(times)) > PRACTICAL_DELAY_S
     force = shape.columns @ b
     return _beyond_learning(search.e, shape, force) or _large_enough(search.e, force)
 
 
 def _beyond_learning(e: Evidence, shape: Shape, force: Array) -> bool:
-    """Whether the force has a driver that the simulator cannot see and is larger than what is imperfectly learned.
+    """Whether the force has a driver that the simulator cannot see and is larger than what is imperfectly
+    learned.
 
-    It cannot have been absorbed, so meeting it on the simulator's own recordings too only says that it was missing there.
+    It cannot have been absorbed, so meeting it on the simulator's own recordings too only says that it was
+    missing there.
     """
+    if shape.columns.shape[1] < 3 and shape.mechanism.effect in (
+        "headwind",
+        "accessory_load",
+        "dragging_brake",
+    ):
+        return False  # always the same at the same speed, so it would have been learned
     return shape.mechanism.hidden and float(np.sqrt(np.mean(force[e.valid] ** 2))) > LEARNABLE
 
 
@@ -170,6 +191,40 @@ def _causes(search: Search, model: Model, null: Model, left: FreeModel, left_gai
     return causes
 
 
+def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list[Cause]) -> list[Cause]:
+    """Add a slow force that only its size tells from noise, unless a name already stands for one."""
+    e = search.e
+    if any(c.effect in SLOW_NAMES for c in causes):
+        return causes
+    residual = e.residual - search.prediction(model) - left.prediction
+    sigma = float(1.4826 * np.median(np.abs(residual[e.valid])))
+    found = slow_force(e, residual, 1.0 / search.series.relative**2, sigma)
+    if found is None:
+        return causes
+    possible = [n for n in found.possible if n != "road_grade" or not e.has("grade")]
+    effect = possible[0] if possible else "unknown"
+    if "road_grade" in possible:
+        effect = "road_grade"  # where slope is not recorded it is there, and the other two only may be
+    share = float(np.sum(found.force[e.valid] ** 2) / np.sum(residual[e.valid] ** 2))
+    rivals = tuple((n, 0.0) for n in possible if n != effect)
+    cause = Cause(
+        "missing_physics",
+        effect,
+        0.0,
+        min(share, 1.0),
+        round(1.0 / (1.0 + 0.5 * len(rivals)), 2),
+        found.force,
+        rivals=rivals,
+        needed=found.needed,
+    )
+    rest = [
+        replace(c, share=c.share * (1 - cause.share))
+        for c in causes
+        if c.effect != "unknown" or effect != "unknown"
+    ]
+    return sorted([*rest, cause], key=lambda c: -c.share)
+
+
 def _mechanism(search: Search, model: Model, shape: Shape) -> Cause:
     """One named effect with the names that would do nearly as well in its place."""
     others = tuple(n for n in model.named if n is not shape)
@@ -197,7 +252,8 @@ def _mechanism(search: Search, model: Model, shape: Shape) -> Cause:
 
 
 def _force(search: Search, model: Model, shape: Shape) -> Array:
-    """What a mechanism adds, (n,). A profile whose knots did not reach every recording goes on as a smooth residual."""
+    """What a mechanism adds, (n,). A profile whose knots did not reach every recording goes on as a smooth
+    residual."""
     e = search.e
     force = shape.columns @ model.coefficients(shape.mechanism.effect)
     if shape.mechanism.effect != "road_grade":
@@ -238,7 +294,7 @@ def _parameter(
 ) -> Cause | None:
     """A parameter that must move; None where it hardly moves or hardly matters."""
     value = search.e.total_change(name, model.change(name))
-    enough = ENOUGH + search.e.tolerance.get(f"parameter:{name}", 0.0)
+    enough = _enough(search) + search.e.tolerance.get(f"parameter:{name}", 0.0)
     force = search.e.sensitivity[name] * value  # of the simulator as given, to first order
     if abs(value) < PARAMETER_PRACTICAL or not _large_enough(search.e, force) or gain < enough:
         return None

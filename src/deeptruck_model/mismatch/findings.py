@@ -74,7 +74,9 @@ def from_sensor(fault: SensorFault) -> Finding:
 def from_cause(cause: Cause, e: Evidence, explanation: Explanation, own: dict[str, float]) -> Finding:
     """A cause in words and numbers. `own` holds the simulator's parameters (SI) where it has them."""
     group = [name for name, worse in cause.rivals if worse < GROUP and name != cause.effect]
-    if cause.effect == "unknown":
+    if cause.needed is not None:
+        words = _slow(cause)
+    elif cause.effect == "unknown":
         words = _unknown(cause, explanation)
     elif cause.shape is None:
         words = _parameter(cause, e, explanation, own)
@@ -149,6 +151,29 @@ def _parameter(cause: Cause, e: Evidence, explanation: Explanation, own: dict[st
         "parameters": {cause.effect: {"value": base * (1 + change), "unit": unit, "ci95": ci}},
         "would_be_told_by": TOLD_BY[cause.effect],
         "depends_on": [cause.effect],
+    }
+
+
+def _slow(cause: Cause) -> dict[str, Any]:
+    """A slow force, and what size it would need under each name: sizes decide here, not the fit."""
+    needed = cause.needed or {}
+    rms = float(np.sqrt(np.mean(cause.force**2)))
+    sizes = (
+        f"as a slope {100 * needed['road_grade']:.1f} %, as wind {needed['headwind']:.0f} m/s, "
+        f"as a change of engine force {100 * needed['torque_derate']:.0f} %"
+    )
+    m = LIBRARY.get(cause.effect)
+    what = m.says if m else "a slow force that no signal predicts"
+    return {
+        "says": f"{what}: {rms:.3f} m/s^2 rms; it would be {sizes}",
+        "equation": m.equation if m else "F = f(t)",
+        "parameters": {
+            f"rms_as_{n}": {"value": v, "unit": u, "ci95": None}
+            for (n, v), u in zip(needed.items(), ("ratio", "m/s", "1"), strict=True)
+        },
+        "would_be_told_by": m.told_by if m else "drive the same stretch in both directions",
+        "depends_on": list(m.depends_on) if m else ["time"],
+        "decided_by": "physically possible size, not the fit",
     }
 
 

@@ -25,6 +25,7 @@ from deeptruck_model.simulators import Simulator
 Array = NDArray[np.float64]
 
 LEAST_S = 120.0
+UNKNOWN = 0.04  # m/s^2 rms, for a learned simulator that keeps no recordings: that of one trained on an hour
 PREDICTABLE = 0.02  # held-out r2 from which the own error is taken off
 SAFETY = 1.5  # the price is this much of what the search gains on the truck's own recordings
 

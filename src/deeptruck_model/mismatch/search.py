@@ -25,7 +25,8 @@ Mask = NDArray[np.bool_]
 TEMPER = 3.0  # evidence is this much too sure, the noise model being approximate; priors are charged likewise
 HELD = 0.01
 FREE = {"mass": 0.3, "drag_area": 0.3, "rolling_resistance": 0.4, "torque_gain": 0.15, "brake_gain": 0.25}
-# Filters of ordinary speed sensors and message periods make every response a little late (s); that is no finding.
+# Filters of ordinary speed sensors and message periods make every response a little late (s); that is no
+# finding.
 LATE_S = 0.15
 SENSOR_LAG = Prior(np.array([0.03, 0.03]), np.array([0.06, 0.06]), np.zeros(2))
 SCREENED = 2  # shapes of each mechanism that are fitted in full
@@ -145,7 +146,7 @@ class Search:
             weight = np.sqrt(6.0 / (5.0 + z**2)) / (self.series.relative[use] * base.fit.sigma)
             Xw = whiten(X, base.fit.ar)[use] * weight[:, None]
             yw = whiten(self.series.y - X @ base.fit.b, base.fit.ar)[use] * weight
-            H0 = np.linalg.inv(Xw.T @ Xw + np.diag(1 / prior.sd**2))
+            H0: Array = np.linalg.inv(Xw.T @ Xw + np.diag(1 / prior.sd**2)).astype(np.float64)
             self._memo = (base, (yw, Xw, H0, weight))
         return self._memo[1]
 

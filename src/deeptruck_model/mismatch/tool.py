@@ -160,6 +160,8 @@ def _explained(
     if itself is not None:
         say("learning the simulator's own error from the recordings it keeps")
         evidence = own_error.allow_for(evidence, itself)
+    elif not own:
+        evidence = replace(evidence, own_error=own_error.UNKNOWN)
     search = Search(evidence, exclude=exclude)
     guess = first_guess(search)
     change = {p: guess.change(p) for p in search.parameters if p in own}

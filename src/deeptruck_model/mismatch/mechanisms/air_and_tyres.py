@@ -24,7 +24,8 @@ AROUND_M_S = (0.0, 6.0, -6.0)
 
 
 def _headwind_settings(e: Evidence) -> Iterator[Settings]:
-    """One wind throughout, one for each recording, or a slowly turning one; linear around calm or around a wind."""
+    """One wind throughout, one for each recording, or a slowly turning one; linear around calm or around a
+    wind."""
     for wind in (-12.0, -8.0, -4.0, 4.0, 8.0, 12.0):
         yield {"wind_m_s": wind}
     names = [s.name for s in e.stretches]
