@@ -1,4 +1,5 @@
-"""Speed of the deep truck: gradients of 30 seeds, one inference step, a batched free run. Ratios within one run.
+"""Speed of the deep truck: gradients of 30 seeds, one inference step, a batched free run. Ratios within
+one run.
 
 Times are CPU times of the one thread, so that other work on the machine does not count.
 """
@@ -43,7 +44,8 @@ def seconds(work: Callable[[], object], repeats: int) -> np.ndarray:
 
 
 def gradients() -> tuple[float, float]:
-    """Median seconds of one gradient of 30 seeds: eager torch, one seed after another, and the compiled kernel."""
+    """Median seconds of one gradient of 30 seeds: eager torch, one seed after another, and the compiled
+    kernel."""
     rng = np.random.default_rng(0)
     x = rng.standard_normal((SEEDS, STEPS, SEQUENCES, 3)).astype(np.float32)
     y = (rng.standard_normal((SEEDS, STEPS + 1, SEQUENCES, 3)) * SCALE[3:] + MEAN[3:]).astype(np.float32)
@@ -63,7 +65,8 @@ def gradients() -> tuple[float, float]:
 
 
 def one_step() -> tuple[np.ndarray, np.ndarray]:
-    """p50 and p99 seconds of a step at batch 1: nn.LSTM of length 1 alone, and DeepTruck.step with its decoder."""
+    """p50 and p99 seconds of a step at batch 1: nn.LSTM of length 1 alone, and DeepTruck.step with its
+    decoder."""
     lstm, x = torch.nn.LSTM(6, 64), torch.randn(1, 1, 6)
     state = (torch.zeros(1, 1, 64), torch.zeros(1, 1, 64))
     truck = DeepTruck(network(1, code=12), TruckInterface("bench"))
