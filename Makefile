@@ -2,7 +2,7 @@
 PYTHON ?= python3
 VENV ?= .venv
 OUT ?= demo
-# Where there is no GPU: make demo TORCH_INDEX=https://download.pytorch.org/whl/cpu saves gigabytes.
+# Where there is no GPU: TORCH_INDEX=URL of the CPU package index that PyTorch's installation page names saves gigabytes.
 TORCH_INDEX ?=
 # Beside a sourced ROS 2 Jazzy: make test EXTRAS=dev leaves the rclpy wheels out.
 EXTRAS ?= ros,dev
