@@ -18,7 +18,7 @@ $(STAMP): pyproject.toml constraints.txt
 	  { echo "deeptruck needs Python 3.11 or 3.12: make $(MAKECMDGOALS) PYTHON=python3.12"; exit 2; }
 	@echo "setting up $(VENV), some minutes the first time"
 	@$(PYTHON) -m venv $(VENV)
-	@$(BIN)/pip install -q --disable-pip-version-check $(INDEX) -c constraints.txt -e '.[$(EXTRAS)]'
+	@$(BIN)/pip install -q --no-compile --disable-pip-version-check $(INDEX) -c constraints.txt -e '.[$(EXTRAS)]'
 	@touch $@
 
 setup: $(STAMP)

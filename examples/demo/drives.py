@@ -35,7 +35,7 @@ class Headwind:
 def cycle_drives(out: Path, hours: float) -> None:
     """Bags `cycle` and `test`, from different seeds, so that the test drive is another road and traffic."""
     truck = trucks.load("trucksim")
-    for name, length, seed in (("cycle", hours, 1), ("test", max(0.1, hours / 6), 2)):
+    for name, length, seed in (("cycle", hours, 1), ("test", max(0.1, hours / 2), 2)):
         drive = driving_cycles.drive(truck, hours=length, seed=seed, name=name)
         write_bag(out / name, [drive], interface=truck.interface)
 
