@@ -163,6 +163,9 @@ def _large_enough(e: Evidence, force: Array) -> bool:
 
 def _causes(search: Search, model: Model, null: Model, left: FreeModel, left_gain: float) -> list[Cause]:
     named = [_mechanism(search, model, shape) for shape in model.named]
+    named = [
+        c for c in named if not c.rivals or c.rivals[0][1] > -ENOUGH
+    ]  # a name that another beats is no name
     tuned = _parameters(search, model)
     if named or tuned:  # a form that is not quite right bends the parameters a little; that is no finding
         most = max(c.gain for c in named + tuned)
@@ -279,7 +282,9 @@ def _parameters(search: Search, model: Model) -> list[Cause]:
         options = [
             search.model(model.named, grown.free | {p}, model.fit) for p in sorted(model.free - grown.free)
         ]
-        options.sort(key=lambda m: -m.score)
+        options = sorted((m for m in options if m.free > grown.free), key=lambda m: -m.score)
+        if not options:
+            break
         name = next(iter(options[0].free - grown.free))
         others = [(next(iter(m.free - grown.free)), options[0].score - m.score) for m in options[1:]]
         cause = _parameter(search, model, name, options[0].score - grown.score, others)

@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 TEMPER = 3.0  # evidence is this much too sure, the noise model being approximate; priors are charged likewise
+POSSIBLE = (-0.7, 2.0)  # relative change of a parameter from the simulator's
 HELD = 0.01
 FREE = {"mass": 0.3, "drag_area": 0.3, "rolling_resistance": 0.4, "torque_gain": 0.15, "brake_gain": 0.25}
 # Filters of ordinary speed sensors and message periods make every response a little late (s); that is no
@@ -101,8 +102,15 @@ class Search:
             X, prior, layout = self._design(named, free)
             found = fit(self.series, X, prior, start)
             cost = TEMPER * sum(np.log(n.trials) - np.log(n.mechanism.chance(self.e)) for n in named)
-            self._models[key] = Model(named, free, found, found.evidence - float(cost), layout)
+            model = Model(named, free, found, found.evidence - float(cost), layout)
+            beyond = {p for p in free if not self._possible(p, model)}
+            self._models[key] = self.model(named, free - beyond, start) if beyond else model
         return self._models[key]
+
+    def _possible(self, parameter: str, model: Model) -> bool:
+        """Whether a parameter stays within what a truck can have; negative rolling resistance is something else."""
+        low, high = POSSIBLE
+        return low < self.e.total_change(parameter, model.change(parameter)) < high
 
     def background(self, named: tuple[Shape, ...]) -> Model:
         """The best model with these mechanisms and any set of free parameters that a greedy search finds."""
@@ -140,7 +148,7 @@ class Search:
     def _whitened(self, base: Model) -> tuple[Array, Array, Array, Array]:
         """Residual and columns of `base` in units of its noise, its inverse precision, and the weights."""
         if self._memo is None or self._memo[0] is not base:
-            X, prior, _ = self._design(base.named, frozenset(self.parameters))
+            X, prior, _ = self._design(base.named, base.free)
             use = self.series.usable()
             z = base.fit.innovations[use]
             weight = np.sqrt(6.0 / (5.0 + z**2)) / (self.series.relative[use] * base.fit.sigma)

@@ -36,6 +36,7 @@ LEAST_S = 60.0
 EXCLUDE = (
     "DEEPTRUCK_MISMATCH_EXCLUDE"  # comma-separated effects to leave out of the library: for examinations
 )
+RETUNE_RANGE = (-0.6, 1.0)  # no truck is further off; what asks for more is no parameter error
 RETUNE = 0.05  # beyond this relative change parameters are set in the simulator, and all is linearised again
 
 
@@ -167,7 +168,7 @@ def _explained(
     change = {p: guess.change(p) for p in search.parameters if p in own}
     if any(abs(c) > RETUNE for c in change.values()):
         say("searching around the refitted parameters")
-        moved = {p: c for p, c in change.items() if abs(c) > 0.005}
+        moved = {p: float(np.clip(c, *RETUNE_RANGE)) for p, c in change.items() if abs(c) > 0.005}
         tuned = simulator.with_parameters({p: own[p] * (1 + c) for p, c in moved.items()})
         evidence = gather(tuned, prepared, flags, seed=seed, moved=moved)
         search = Search(evidence, exclude=exclude)

@@ -21,6 +21,7 @@ from deeptruck_model.mismatch.mechanisms.base import (
 
 MOST_KNOTS = 80
 AROUND_M_S = (0.0, 6.0, -6.0)
+STEADY_M_S, GUST_M_S = 7.0, 3.0  # prior sd of a drive's mean wind and of its slow changes
 
 
 def _headwind_settings(e: Evidence) -> Iterator[Settings]:
@@ -32,8 +33,9 @@ def _headwind_settings(e: Evidence) -> Iterator[Settings]:
     for around in AROUND_M_S:
         if 1 < len(names) <= MOST_KNOTS:
             yield {"recordings": names, "around_m_s": around}
-        for knot_s in (60.0, 240.0):
-            knots = share_out(durations(e), knot_s, MOST_KNOTS)
+    for knot_s in (15.0, 60.0):
+        knots = share_out(durations(e), knot_s, MOST_KNOTS)
+        for around in AROUND_M_S:
             yield {"recordings": names, "around_m_s": around, "knots": knots, "knot_s": knot_s}
 
 
@@ -45,23 +47,20 @@ def _headwind(s: Settings) -> list[Column]:
         return [Column(-(per_square * change), 0.3, "wind", "m/s", s["wind_m_s"], mean=1.0)]
     linear = -(per_square * (SPEED * 2.0 + s["around_m_s"]))
     names = s["recordings"]
-    if "knots" not in s:
-        mean = 1.0 / len(names)  # in a simulation blows the mean of the recorded winds
-        return [
-            Column(linear * InRecording(i, elsewhere=mean), 6.0, f"wind[{name}]", "m/s", sign=0)
-            for i, name in enumerate(names)
-        ]
-    return [
-        Column(
-            linear * InRecording(i) * Tent((ELAPSED,), k * s["knot_s"], s["knot_s"]),
-            6.0,
-            f"wind[{name}, {k}]",
-            "m/s",
-            sign=0,
-        )
-        for i, (name, count) in enumerate(zip(names, s["knots"], strict=True))
+    mean = 1.0 / len(names)  # in a simulation blows the mean of the recorded winds
+    steady = [
+        Column(linear * InRecording(i, elsewhere=mean), STEADY_M_S, f"wind[{name}]", "m/s", sign=0)
+        for i, name in enumerate(names)
+    ]
+    return steady + [
+        Column(linear * InRecording(i) * _tent(k, s["knot_s"]), GUST_M_S, f"wind[{name}, {k}]", "m/s", sign=0)
+        for i, (name, count) in enumerate(zip(names, s.get("knots", []), strict=False))
         for k in range(count)
     ]
+
+
+def _tent(k: int, knot_s: float) -> Tent:
+    return Tent((ELAPSED,), k * knot_s, knot_s)
 
 
 def _drafting_settings(e: Evidence) -> Iterator[Settings]:

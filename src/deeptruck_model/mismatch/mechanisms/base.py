@@ -27,6 +27,7 @@ DRAG, ROLLING = Signal("drag"), Signal("rolling")
 ELAPSED, DISTANCE, SIMULATED = Signal("elapsed"), Signal("distance"), Signal("simulated")
 ENGINE_COMMAND, BRAKE_COMMAND = Signal("engine_command"), Signal("brake_command")
 ENGINE_SPEED, RATIO, GEAR = Signal("engine_speed"), Signal("ratio"), Signal("gear")
+MANY_SHAPES = 20  # something that comes and goes as it likes can stand in for much else; it pays for that
 PULL = maximum(ENGINE, 0.0)
 
 
@@ -216,7 +217,7 @@ def durations(e: Evidence) -> list[float]:
 
 def episode_settings(e: Evidence, knot_s: float = 60.0, most: int = 80) -> Settings:
     """Knots in time, afresh in every recording, for something that comes and goes."""
-    return {"knots": share_out(durations(e), knot_s, most), "knot_s": knot_s}
+    return {"knots": share_out(durations(e), knot_s, most), "knot_s": knot_s, "trials": MANY_SHAPES}
 
 
 def episodes(s: Settings) -> Iterator[tuple[str, Expression]]:

@@ -65,6 +65,6 @@ MECHANISMS = (
         _settings,
         _surface,
         hidden=True,
-        prior=0.4,
+        prior=0.05,  # without a second pass it is any drag that comes and goes
     ),
 )
