@@ -108,7 +108,7 @@ class Search:
         return self._models[key]
 
     def _possible(self, parameter: str, model: Model) -> bool:
-        """Whether a parameter stays within what a truck can have; negative rolling resistance is something else."""
+        """Whether a parameter stays within what a truck can have: no rolling resistance is negative."""
         low, high = POSSIBLE
         return low < self.e.total_change(parameter, model.change(parameter)) < high
 
