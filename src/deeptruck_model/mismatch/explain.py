@@ -29,6 +29,7 @@ EXPLAINS = 0.6  # share of what is explainable that a name must explain, else it
 PRACTICAL_FORCE = 0.004  # m/s^2 rms over all time, or ...
 PRACTICAL_WHEN_ACTING = 0.02  # m/s^2 rms over the tenth of the time when it acts most
 BESIDE = 0.2  # a further name must gain this share of the others' gain: a form not quite right invites more
+TRIFLE = 0.03  # a cause with a smaller share of what is explained is as likely a bend in the form of another
 BENT = 0.15  # share of the main cause's gain that a parameter beside it must have
 SLOW_S = 8.0  # smoothing of a slow force where it has no knots of its own
 SLOW_NAMES = {"road_grade", "road_surface", "headwind", "payload_change"}
@@ -182,7 +183,7 @@ def _causes(search: Search, model: Model, null: Model, left: FreeModel, left_gai
     total = explained + max(left_gain, 0.0)
     weight = sum(max(c.gain, 0.0) for c in causes) or 1.0
     causes = [replace(c, share=max(c.gain, 0.0) / weight * explained / total) for c in causes]
-    causes.sort(key=lambda c: -c.gain)
+    causes = sorted((c for c in causes if c.share > TRIFLE), key=lambda c: -c.gain)
     if unknown:
         rest = Cause("missing_physics", "unknown", left_gain, left_gain / total, 0.9, left.prediction)
         if causes and explained / total < EXPLAINS and causes[0].kind == "missing_physics":

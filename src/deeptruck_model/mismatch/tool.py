@@ -84,7 +84,8 @@ def _find(
     measured = data_checks.acceleration_is_measured(drives)
     faults = data_checks.sensor_faults(drives) if measured else []
     prepared = [prepare(data_checks.mended(r, faults), measured) for r in drives]
-    reason = _unusable(prepared)
+    fitted = [p for p, out in zip(prepared, flags, strict=True) if not out]
+    reason = _unusable(fitted, rejected)
     data: dict[str, Any] = {
         "rejected": [{"rule": r.rule, "samples": r.samples} for r in rejected],
         "coverage": "coverage.png",
@@ -302,10 +303,14 @@ def _with_held_out(
     return pieces, flags, [note]
 
 
-def _unusable(prepared: Sequence[Prepared]) -> str | None:
-    """Why nothing can be said, or None."""
+def _unusable(prepared: Sequence[Prepared], rejected: Sequence[data_checks.Rejection]) -> str | None:
+    """Why nothing can be said from the recordings that are not held out, or None."""
     seconds = sum(float(p.valid.sum()) * p.dt for p in prepared)
     if seconds < LEAST_S:
+        if rejected:
+            most = rejected[0]
+            why = f"{most.rule} ({most.samples} samples)"
+            return f"only {seconds:.0f} s of usable driving; most was set aside because: {why}"
         return f"only {seconds:.0f} s of usable driving: record at least several minutes above walking pace"
     speed = np.concatenate([p.y[p.valid, 1] for p in prepared])
     if np.std(speed) < 0.3:

@@ -53,7 +53,10 @@ class BagSource:
                 AnyReader([self.path], default_typestore=get_typestore(Stores.ROS2_JAZZY))
             )
         except Exception as error:  # rosbags raises whatever a damaged byte leads it to
-            raise InputError(f"{self.path} cannot be read as a bag: {_one_line(error)}") from None
+            raise InputError(
+                f"{self.path} cannot be read as a bag ({_one_line(error)}); a table or CAN log needs "
+                "'deeptruck-model import', a cut-off bag 'deeptruck-model repair'"
+            ) from None
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -57,6 +57,8 @@ def import_table(table: str | Path, columns: Mapping[str, Any] | str | Path, out
     """
     table, out = Path(table), Path(out)
     sealed = out.with_name(out.name + ".sealed.csv")
+    if not out.parent.is_dir() and out.parent.exists():
+        raise InputError(f"{out.parent} is a file, so nothing can be written under it; choose another --out")
     for target in (out, sealed):
         if target.exists():
             raise InputError(f"{target} exists already; choose another name or remove it")
