@@ -44,6 +44,8 @@ def mismatch(
     print(f"{found.verdict['verdict']}: see {out / 'report.html'}")
     for f in found.verdict["findings"]:
         print(f"  {f['effect']}: {f['says']}")
+    for caveat in found.verdict["caveats"]:
+        print(f"  note: {caveat}")
 
 
 def apply(
