@@ -195,7 +195,8 @@ def test_the_table_and_the_csv(tmp_path):
     assert "  84 " in speed
     assert "km/h" in speed
     can_logs.write_csv(found, tmp_path / "out.csv")
-    rows = list(csv.DictReader((tmp_path / "out.csv").open()))
+    with (tmp_path / "out.csv").open() as file:
+        rows = list(csv.DictReader(file))
     assert [r["value"] for r in rows if r["signal"] == "EEC1.EngineSpeed"] == ["1200.0"] * 20
     with pytest.raises(InputError, match="cannot write"):
         can_logs.write_csv(found, tmp_path / "gone" / "out.csv")

@@ -97,6 +97,7 @@ def test_directory_is_complete(drive, small, tmp_path):
         "coverage.json",
         "metrics.json",
         "MODEL_CARD.md",
+        "reference.safetensors",
         "tensorboard",
     }
     card = (tmp_path / "sim" / "MODEL_CARD.md").read_text()
