@@ -137,7 +137,8 @@ def test_retuning_without_the_effect_fits_better_and_the_oracle_fits_best(tmp_pa
     tuned = wrong.with_parameters(retune(wrong, {"mass": wrong.parameters()["mass"]}, recordings))
     error = [np.std(residual(s, u, w, y)) for s in (wrong, tuned)]
     assert error[1] < error[0]
-    extra = np.load(case.folder / "sealed" / "drives.npz")["extra"]
+    with np.load(case.folder / "sealed" / "drives.npz") as sealed:
+        extra = sealed["extra"]
     before = open_loop(simulator, u, w, y).rmse()["speed_rmse"]
     oracle = open_loop(nominal, u, w, y, extra[: len(recordings)]).rmse()["speed_rmse"]
     assert oracle < 0.7 * before
