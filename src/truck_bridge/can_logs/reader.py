@@ -33,7 +33,8 @@ def read(path: Path) -> Iterator[Frame]:
     Raises InputError where the file is missing, of an unknown kind, damaged, or holds no such frame.
     """
     if not path.is_file():
-        raise InputError(f"{path} does not exist")
+        what = "is no file" if path.exists() else "does not exist"
+        raise InputError(f"{path} {what}; give a CAN log: candump text, ASC, BLF, TRC or MF4")
     frames = _read_text(path) if path.suffix.lower() in TEXT else _read_by_library(path)
     count = 0
     for count, frame in enumerate(frames, 1):  # noqa: B007 - counts what was yielded
@@ -77,7 +78,10 @@ def _read_by_library(path: Path) -> Iterator[Frame]:
         raise
     except Exception as error:  # each of python-can's readers fails in its own way on a damaged file
         text = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(f"{path} cannot be read as a CAN log: {text}") from None
+        raise InputError(
+            f"{path} cannot be read as a CAN log ({text}); "
+            "known are candump text (.log), ASC, BLF, TRC and MF4"
+        ) from None
 
 
 def need_asammdf() -> None:

@@ -85,7 +85,8 @@ def held_out_errors(case: Case, truth: Mapping[str, Any]) -> dict[str, Mapping[s
     ('tool')."""
     simulator = simulators.load(case.simulator)
     fit, held = _recordings(case, case.fit), _recordings(case, case.held_out)
-    sealed = np.load(case.folder / "sealed" / "drives.npz")
+    with np.load(case.folder / "sealed" / "drives.npz") as archive:
+        sealed = {name: archive[name] for name in ("extra", "grade")}
     rows = slice(len(case.fit), None)
     blind = "grade" not in held[0].channels
     oracle = simulator if truth["simulator"] == "deep" else _true_truck(simulator, truth, blind)
