@@ -17,16 +17,21 @@ Array = NDArray[np.float64]
 
 BUSY_S = (63.0, 64.5)  # the radar sees another vehicle
 SETTLED_S = 5.0
+TRUTH = {
+    "speed": {"topic": "/truck/twist", "field": "twist.linear.x"},
+    "gap": {"topic": "/leader/state", "field": "position[name=true_gap]"},
+}
 LOST = "lost: "  # of the bridge's diagnostics
 
 
 @dataclass(frozen=True)
 class Following:
-    """Channels (n,) over time since the run's first speed, s."""
+    """Channels (n,) over time since the run's first speed, s; `true_gap` is without the radar's errors."""
 
     title: str
     time: Array
     channels: dict[str, Array]
+    true_gap: Array
     time_gap: float = 2.0
 
     @property
@@ -35,18 +40,18 @@ class Following:
         return self.time_gap * self.channels["speed"]
 
     def figures(self) -> dict[str, float]:
-        """Errors after the start, without the time in which the radar sees another vehicle."""
-        judged = (self.time > SETTLED_S) & ((self.time < BUSY_S[0]) | (self.time > BUSY_S[1]))
+        """Errors after the start, whatever the radar saw."""
+        judged = self.time > SETTLED_S
         if not judged.any():
             raise InputError(f"'{self.title}' ended within {SETTLED_S:g} s; look at its log")
-        error = np.abs(self.channels["gap"] - self.target_gap)[judged]
+        error = np.abs(self.true_gap - self.target_gap)[judged]
         jerk = np.gradient(self.channels["acceleration"], self.time)
         seconds = error / np.maximum(self.channels["speed"][judged], 1.0)
         return {
             "mean time gap error, s": float(np.nanmean(seconds)),
             "largest time gap error, s": float(np.nanmax(seconds)),
             "largest gap error, m": float(np.nanmax(error)),
-            "smallest gap, m": float(np.nanmin(self.channels["gap"])),
+            "smallest gap, m": float(np.nanmin(self.true_gap)),
             "hardest braking, m/s²": float(-np.nanmin(self.channels["acceleration"])),
             "rms jerk, m/s³": float(np.sqrt(np.nanmean(jerk[judged] ** 2))),
         }
@@ -57,7 +62,11 @@ def load(bag: Path, title: str) -> Following:
     recording = max(read(bag), key=len)
     need = ("speed", "acceleration", "leader_speed", "gap", *recording.interface.u)
     recording.columns(need)
-    return Following(title, recording.time - recording.start_s, recording.channels)
+    truth = max(read(bag, topic_map=TRUTH, interface=recording.interface), key=len)
+    if len(truth) != len(recording):
+        raise InputError(f"{bag}: the leader's state is not there for the whole run")
+    time = recording.time - recording.start_s
+    return Following(title, time, recording.channels, truth.channels["gap"])
 
 
 def losses(bag: Path) -> list[str]:
