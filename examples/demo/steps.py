@@ -22,11 +22,11 @@ class Settings:
     """driven data the deep truck learns from, besides what the node graph records"""
     graph_s: float = 300.0
     """driven in the node graph, lock-step"""
-    updates: int = 9000
+    updates: int = 8000
     """of the deep truck; 0 leaves the choice to the trainer"""
-    iterations: int = 100
+    iterations: int = 60
     """of the policy"""
-    follow_s: float = 80.0
+    follow_s: float = 70.0
     """of following, in simulation and over CAN; the radar jumps at 63 s"""
     mismatch_s: float = 600.0
     """of each of the recordings that the mismatch tool gets"""
