@@ -101,6 +101,21 @@ def test_only_a_resumable_step_keeps_what_it_had_made(
         run(plain)
 
 
+def test_a_doubtful_result_is_tried_once_more(tmp_path: Path, run: Callable[..., dict[str, str]]) -> None:
+    made = tmp_path / "made"
+    command = (
+        sys.executable,
+        "-c",
+        f"open({str(tmp_path / 'runs')!r}, 'a').write('x'); open({str(made)!r}, 'x')",
+    )
+
+    def doubts() -> list[str]:
+        return ["handed back"] if len((tmp_path / "runs").read_text()) == 1 else []
+
+    assert run(Step("can", "", command, (), ("made",), doubts=doubts)) == {"can": "done"}
+    assert (tmp_path / "runs").read_text() == "xx"
+
+
 def test_progress_bars_leave_their_last_state(tmp_path: Path) -> None:
     log = tmp_path / "log"
     log.write_bytes(b"begun\n\x1b[?25l\rtraining 1/9\r\x1b[2Ktraining \x1b[31m9/9\x1b[0m\n\n")

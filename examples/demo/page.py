@@ -79,8 +79,8 @@ def _following(out: Path) -> dict[str, Any]:
     picture = _save(figures.following_figure(runs), out, "following.png")
     measured = [run.figures() for run in runs]
     warnings = [
-        f"Over CAN the bridge handed control back: {reason}. The figures of that run mean nothing. Where the "
-        "machine was busy, repeat it: python demo.py --again can"
+        f"Over CAN the bridge handed control back ({reason}), twice: the figures of that run mean nothing. "
+        "Where the machine was busy, repeat it: python demo.py --again can"
         for reason in following.losses(out / "following" / "can")
     ]
     rows = [(name, [m[name] for m in measured]) for name in measured[0]]

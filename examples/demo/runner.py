@@ -98,6 +98,9 @@ class Runner:
         mark.write_text(json.dumps({**identity, "done": None, "seconds": 0.0}))
         p.begun = time.monotonic()
         self._execute(step, p)
+        if step.doubts is not None and step.doubts():
+            self._remove(step)
+            self._execute(step, p)
         p.seconds, p.state = time.monotonic() - p.begun, "done"
         mark.write_text(json.dumps({**identity, "done": time.time(), "seconds": p.seconds}))
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from deeptruck_model.errors import InputError
+from examples.demo import following
 
 ROOT = Path(__file__).parents[2]
 REAL_TABLE = Path("vt_heavy_truck") / "veh002_all.csv"
@@ -44,7 +45,7 @@ class Step:
     """One command. `makes` are paths below the demo's folder, removed before the command runs anew.
 
     A step that is `resumable` goes on by itself after a kill, so what it had made is kept. Others make way
-    for one that runs in `real_time`.
+    for one that runs in `real_time`. What has `doubts` about its result is tried once more.
     """
 
     name: str
@@ -54,6 +55,7 @@ class Step:
     makes: tuple[str, ...] = ()
     resumable: bool = False
     real_time: bool = False
+    doubts: Callable[[], Sequence[str]] | None = None
 
     @property
     def typed(self) -> str:
@@ -149,7 +151,7 @@ def _follow(out: Path, s: Settings) -> Sequence[Step]:
         Step("policy", "learn to follow on the deep truck", train, ("train",), ("policy",), True),
         Step(
             "can", "the same policy over CAN, real time", vehicle, ("policy",), ("following/can",),
-            real_time=True,
+            real_time=True, doubts=lambda: following.losses(out / "following" / "can"),
         ),
         Step("simulate", "follow in the node graph", simulate, ("policy",), ("following/simulation",)),
     )  # fmt: skip
