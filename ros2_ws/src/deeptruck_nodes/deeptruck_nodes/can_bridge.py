@@ -63,7 +63,10 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         self._published_at = time.monotonic()
         self._bridge.arm(time.monotonic())
         self._thread = threading.Thread(
-            target=self._bridge.run, args=(self._stop, self._on_signals), daemon=True
+            target=self._bridge.run,
+            args=(self._stop, self._on_signals),
+            kwargs={"priority": self.p["priority"]},
+            daemon=True,
         )
         self._thread.start()
         return TransitionCallbackReturn.SUCCESS

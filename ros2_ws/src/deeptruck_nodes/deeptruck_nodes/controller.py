@@ -20,7 +20,11 @@ from deeptruck_nodes.topics import COMMAND, RADAR_RANGE, RADAR_TWIST, ROAD, TWIS
 
 
 class Controller(DeeptruckNode):
-    """The policy acts every `dt` of stamps; in between its command is repeated. Stale inputs: silence."""
+    """The policy acts every `dt` of stamps; in between its command is repeated. Stale inputs: silence.
+
+    In real time the command is also repeated every `repeat_every_s`: the bridge takes it as a heartbeat,
+    which must not depend on the radar's own rate.
+    """
 
     def __init__(self) -> None:
         super().__init__("controller")
@@ -30,7 +34,8 @@ class Controller(DeeptruckNode):
         self._samples = Alignment(self.lockstep, self.p["uses_grade"], self.p["lose_lead_after_s"])
         self._period = round(self._guard.dt * SECOND)
         self._acts_from = 0
-        self._held = (0.0, 0.0)
+        self._sent_at = -math.inf  # monotonic, s
+        self._held = (math.nan, math.nan)
         self._heard = {"radar": -math.inf, "speed": -math.inf}  # monotonic, s
         self._counts = {"shield_acted": 0, "baseline_drove": 0}
         self._command = self.publish_on(COMMAND)
@@ -40,11 +45,26 @@ class Controller(DeeptruckNode):
         self.listen_to(TWIST, self._on_twist)
 
     def tick(self) -> float:
+        return IDLE if self.lockstep else self._repeat()
+
+    def _repeat(self) -> float:
+        """Send the newest command again while it may still be obeyed; returns when the next is due."""
         silent = [name for name in self._heard if self._is_stale(name)]
-        if silent and not self.lockstep:
+        if silent:
             says = f"no {' and '.join(silent)}: no command is sent"
             self.diagnose(self.now(), "error", says, self._counts)
-        return IDLE
+            return IDLE
+        wait = self._sent_at + self.p["repeat_every_s"] - time.monotonic()
+        if wait > 0.0:
+            return float(wait)
+        if math.isfinite(sum(self._held)):
+            self._send(self.now())
+        return float(self.p["repeat_every_s"])
+
+    def _send(self, stamp: int) -> None:
+        self._sent_at = time.monotonic()
+        values = dict(zip(COMMAND.fields, self._held, strict=True))
+        self._command.publish(messages.scalars(stamp, COMMAND.fields, values))
 
     def _is_stale(self, name: str) -> bool:
         return time.monotonic() - self._heard[name] > self.p["stale_after_s"]
@@ -73,8 +93,7 @@ class Controller(DeeptruckNode):
         if observation.stamp >= self._acts_from:
             self._acts_from = observation.stamp + self._period * 9 // 10  # stamps may jitter
             self._held = self._act(observation)
-        values = dict(zip(COMMAND.fields, self._held, strict=True))
-        self._command.publish(messages.scalars(observation.stamp, COMMAND.fields, values))
+        self._send(observation.stamp)
         level, says = ("ok", "following") if observation.lead else ("warn", "nothing to follow: no command")
         self.diagnose(observation.stamp, level, says, {**self._counts, "gap_m": observation.gap})
 

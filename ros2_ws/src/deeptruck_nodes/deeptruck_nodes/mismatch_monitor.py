@@ -18,6 +18,8 @@ from deeptruck_nodes.topics import COMMAND, MISMATCH_RESIDUAL, ROAD, TWIST
 class MismatchMonitor(DeeptruckNode):
     """One residual for every step of the simulator, stamped with the truck's speed that ended it."""
 
+    lingers_on = True
+
     def __init__(self) -> None:
         super().__init__("mismatch_monitor")
         limits = {name: self.p[name] for name in ("window_s", "threshold", "hold_s")}
@@ -29,6 +31,7 @@ class MismatchMonitor(DeeptruckNode):
         self.listen_to(ROAD, self._on_road)
 
     def _on_twist(self, message: TwistStamped) -> None:
+        self.heard += 1
         self._tell(self._monitor.hear_speed(self._seconds(message), message.twist.linear.x))
 
     def _on_command(self, message: JointState) -> None:

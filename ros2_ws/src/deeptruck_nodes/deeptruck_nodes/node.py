@@ -23,17 +23,25 @@ from deeptruck_nodes.messages import SECOND
 from deeptruck_nodes.topics import CONTROL_QOS, DIAGNOSTICS, Topic, expected_subscribers
 
 IDLE = 0.1  # s; the longest a node sleeps before it looks at its stop flag
+LINGER = 5.0  # s; the longest a node keeps listening for what was sent before the end
 
 
 class DeeptruckNode(Node):
-    """Base of the nodes. A subclass overrides `begin`, `tick` and `close` as needed."""
+    """Base of the nodes. A subclass overrides `begin`, `tick` and `close` as needed.
+
+    One that sets `lingers_on` and counts what it hears in `heard` takes what is still on its way at the end.
+    """
+
+    lingers_on = False
 
     def __init__(self, name: str) -> None:
         super().__init__(name, automatically_declare_parameters_from_overrides=True, enable_rosout=False)
         self.p: dict[str, Any] = parameters.declare(self)
         self.lockstep: bool = self.p["lockstep"]
         self.finished = False
-        self._diagnosed = -1
+        self.heard = 0
+        self._counted = self._diagnosed = -1
+        self._stopping: float | None = None
         self._outgoing: list[tuple[Topic, Publisher]] = []
         self._diagnostics = self.publish_on(DIAGNOSTICS)
 
@@ -62,8 +70,10 @@ class DeeptruckNode(Node):
         return IDLE
 
     def lingers(self) -> bool:
-        """After a stop: whether to keep handling messages a little longer."""
-        return False
+        """After a stop: whether to keep handling messages, because they still come."""
+        self._stopping = self._stopping or time.monotonic()
+        came, self._counted = self.heard > self._counted, self.heard
+        return self.lingers_on and came and time.monotonic() - self._stopping < LINGER
 
     def close(self) -> None:
         """Leave in order: called once, while messages can still be sent."""

@@ -19,11 +19,12 @@ from deeptruck_nodes.topics import RECORD_QOS, RECORDED, TOPICS
 
 INTERFACE_KEY = "deeptruck.interface"
 BURST = 500  # messages of one topic taken before the others get their turn
-LINGER = 5.0  # s; the longest the recorder keeps listening for what was sent before the end
 
 
 class Recorder(DeeptruckNode):
     """Logs by time of arrival; in lock-step by the messages' own stamps: equal runs then give equal bags."""
+
+    lingers_on = True
 
     def __init__(self) -> None:
         super().__init__("recorder")
@@ -34,9 +35,7 @@ class Recorder(DeeptruckNode):
         self._opened: CrashSafeWriter | None = None
         self._subscribed: dict[str, Subscription] = {}
         self._undiscovered = list(self.p["topics"] or RECORDED)
-        self._count = self._lost = 0
-        self._counted = -1
-        self._stopping: float | None = None
+        self._lost = 0
         self._find_topics()
 
     def begin(self) -> None:
@@ -81,7 +80,7 @@ class Recorder(DeeptruckNode):
     def _write(self, topic: str, type_name: str, cdr: bytes) -> None:
         stamp = header_stamp(cdr) if self.lockstep else time.time_ns()
         self._writer.write(topic, type_name, cdr, stamp)
-        self._count += 1
+        self.heard += 1
 
     def _on_lost(self, event: object) -> None:
         self._lost += event.total_count_change  # type: ignore[attr-defined]
@@ -92,19 +91,13 @@ class Recorder(DeeptruckNode):
         self._writer.flush()
         if not self.lockstep:  # what it counts depends on timing: no part of a run that repeats itself
             level, says = ("warn", "messages were lost") if self._lost else ("ok", "recording")
-            self.diagnose(self.now(), level, says, {"messages": self._count, "lost": self._lost})
+            self.diagnose(self.now(), level, says, {"messages": self.heard, "lost": self._lost})
         return IDLE
-
-    def lingers(self) -> bool:
-        """After a stop: keep listening while messages still come."""
-        self._stopping = self._stopping or time.monotonic()
-        came, self._counted = self._count > self._counted, self._count
-        return came and time.monotonic() - self._stopping < LINGER
 
     def close(self) -> None:
         if self._opened is not None:
             self._opened.close()
-            print(f"recorded {self._count} messages in {self.p['bag']}, {self._lost} lost", flush=True)
+            print(f"recorded {self.heard} messages in {self.p['bag']}, {self._lost} lost", flush=True)
 
 
 def message_class(type_name: str) -> type:

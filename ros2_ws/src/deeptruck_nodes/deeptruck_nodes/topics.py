@@ -65,7 +65,7 @@ STATUS = Topic(
 COMMAND = Topic(
     "/truck/command", JointState, ("controller", "replay"),
     ("truck_sim", "can_bridge", "mismatch_monitor", "recorder"),
-    "every radar sample", "the truck interface's units",
+    "every radar sample; in real time at least every 50 ms", "the truck interface's units",
     ("engine_command", "brake_command"),
 )  # fmt: skip
 ROAD = Topic(

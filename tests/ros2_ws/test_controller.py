@@ -1,0 +1,31 @@
+"""The controller's command is a heartbeat: steady between radar samples, silent soon after they stop."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+STALE_AFTER, REPEAT_EVERY, LATE = 0.3, 0.05, 0.3  # s; the last is what a busy machine may add
+
+
+def test_the_command_is_repeated_only_while_radar_and_speed_are_fresh(domain: int, tmp_path: Path) -> None:
+    environment = {**os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_LOG_DIR": str(tmp_path)}
+    argv = [sys.executable, "-m", "deeptruck_nodes.controller"]
+    controller = subprocess.Popen(argv, env=environment, stderr=subprocess.PIPE, text=True)
+    try:
+        fed = subprocess.run(
+            [sys.executable, HERE / "feed_controller.py"],
+            env=environment, timeout=60, check=True, capture_output=True, text=True,
+        )  # fmt: skip
+    finally:
+        controller.terminate()
+        _, errors = controller.communicate(timeout=20)
+    assert controller.returncode == 0, errors
+    heard = json.loads(fed.stdout)
+    samples = 2.0 / 0.2
+    assert len(heard["came"]) > 2 * samples  # four times as many on an idle machine
+    assert max(heard["came"]) < heard["fed"] + STALE_AFTER + REPEAT_EVERY + LATE
