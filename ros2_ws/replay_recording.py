@@ -9,6 +9,8 @@ from typing import Annotated
 import typer
 from deeptruck_nodes import runs
 
+from deeptruck_model import console
+
 EXAMPLES = """
 Examples:\n
   python ros2_ws/replay_recording.py drive\n
@@ -35,12 +37,10 @@ def main(
 ) -> None:
     """Play a bag back onto its topics, with /clock, in recorded time or faster."""
     given = {"replay": {"bag": str(bag.absolute()), "speed": speed, "start_s": start, "topics": topic or []}}
-    runs.guarded(
-        "replay_recording", lambda: runs.replay(runs.Common(record, runs=run_folders, monitor=monitor), given)
-    )
+    raise typer.Exit(runs.replay(runs.Common(record, runs=run_folders, monitor=monitor), given))
 
 
 if __name__ == "__main__":
     app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
     app.command(epilog=EXAMPLES)(main)
-    app()
+    console.run(app, "replay_recording")

@@ -9,6 +9,8 @@ from typing import Annotated, Literal
 import typer
 from deeptruck_nodes import runs
 
+from deeptruck_model import console
+
 EXAMPLES = """
 Examples:\n
   python ros2_ws/start_simulation.py --simulator truck:trucksim --policy baseline:acc --record drive\n
@@ -56,13 +58,10 @@ def main(
         "truck_sim": {"rate_hz": rate, "initial_speed": initial_speed, "road": road, "duration_s": duration},
     }
     common = runs.Common(record, overwrite, parameters, run_folders, monitor)
-    runs.guarded(
-        "start_simulation",
-        lambda: runs.simulate(common, given, policy=policy, simulator=simulator, lockstep=lockstep),
-    )
+    raise typer.Exit(runs.simulate(common, given, policy=policy, simulator=simulator, lockstep=lockstep))
 
 
 if __name__ == "__main__":
     app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
     app.command(epilog=EXAMPLES)(main)
-    app()
+    console.run(app, "start_simulation")

@@ -9,6 +9,8 @@ from typing import Annotated, Any, Literal
 import typer
 from deeptruck_nodes import runs
 
+from deeptruck_model import console
+
 EXAMPLES = """
 Examples:\n
   python ros2_ws/start_vehicle.py --vehicle trucksim --policy baseline:acc --emulator --engage\n
@@ -72,9 +74,8 @@ def main(
         profile = {"profile": leader or "constant:speed=20", "initial_gap": initial_gap, "seed": seed}
         given["leader"] = {**profile, **runs.RADARS[radar]}
     common = runs.Common(record, overwrite, parameters, run_folders, monitor)
-    runs.guarded(
-        "start_vehicle",
-        lambda: runs.drive_vehicle(
+    raise typer.Exit(
+        runs.drive_vehicle(
             common,
             given,
             policy=policy,
@@ -82,11 +83,11 @@ def main(
             speed=initial_speed,
             grade=grade,
             duration=duration,
-        ),
+        )
     )
 
 
 if __name__ == "__main__":
     app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
     app.command(epilog=EXAMPLES)(main)
-    app()
+    console.run(app, "start_vehicle")

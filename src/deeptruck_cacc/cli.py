@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -11,6 +10,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from deeptruck_model import console
 from deeptruck_model.errors import InputError
 
 app = typer.Typer(
@@ -53,7 +53,7 @@ def train(
         bool, typer.Option("--resume", help="Go on where a killed run of the same command stopped.")
     ] = False,
 ) -> None:
-    """Train a policy. About a minute of one core with the default trainer.
+    """Train a policy. About three minutes of one core with the default trainer.
 
     Example: deeptruck-cacc train --simulator simulators/mytruck --out policies/mytruck
     """
@@ -64,7 +64,7 @@ def train(
     config = _config(trainer, seed, seeds, iterations, scene, memory)
     truck = simulators.load(simulator)
     with _progress() as bar:
-        task = bar.add_task("training", total=None, says="")
+        task = bar.add_task("training", total=None, says="", visible=False)  # bad input shows no bar
         policy = training.train(
             truck,
             out,
@@ -72,7 +72,9 @@ def train(
             config=config,
             resume=resume,
             source=simulator,
-            tell=lambda done, total, says: bar.update(task, completed=done, total=total, says=says),
+            tell=lambda done, total, says: bar.update(
+                task, completed=done, total=total, says=says, visible=True
+            ),
         )
     typer.echo(f"{out}: seed {policy.card['seed']}, validation {policy.card['validation']['score']:.3f}")
 
@@ -165,15 +167,5 @@ def _progress() -> Progress:
 
 
 def main() -> None:
-    """Entry point: bad input is one line on stderr and exit code 2, never a traceback."""
-    try:
-        app()
-    except InputError as error:
-        print(f"deeptruck-cacc: {error}", file=sys.stderr)
-        sys.exit(2)
-    except OSError as error:
-        print(f"deeptruck-cacc: {error.filename or ''}: {error.strerror or error}", file=sys.stderr)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        print("deeptruck-cacc: interrupted; --resume goes on from the last checkpoint", file=sys.stderr)
-        sys.exit(130)
+    """Entry point."""
+    console.run(app, "deeptruck-cacc", interrupted="interrupted; --resume goes on from the last checkpoint")

@@ -7,8 +7,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer.exceptions import TyperException
 
 from truck_bridge.errors import InputError
+
+INTERRUPTED = 130
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -92,10 +95,16 @@ def replay(
 def main() -> None:
     """Entry point: bad input is one line on stderr and exit code 2, never a traceback."""
     try:
-        app()
+        code = app(
+            prog_name="truck-bridge", standalone_mode=False
+        )  # which lets errors out instead of drawing them
     except InputError as error:
         print(f"truck-bridge: {error}", file=sys.stderr)
         sys.exit(2)
-    except KeyboardInterrupt:
+    except TyperException as error:
+        says = error.format_message().rstrip(".") or "say which command"
+        print(f"truck-bridge: {says}; --help shows what it takes", file=sys.stderr)
+        sys.exit(2)
+    if code == INTERRUPTED:  # typer makes an exit code of Ctrl-C
         print("truck-bridge: interrupted", file=sys.stderr)
-        sys.exit(130)
+    sys.exit(code if isinstance(code, int) else 0)

@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from deeptruck_model.errors import InputError
+from deeptruck_model import console
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -35,16 +35,9 @@ def spread(arguments: list[str]) -> list[str]:
 
 
 def main() -> None:
-    """Entry point: bad input is one line on stderr and exit code 2, never a traceback."""
+    """Entry point."""
     from deeptruck_model.cli import data, deep, mismatch
 
     for module in (data, deep, mismatch):
         module.register(app)
-    try:
-        app(spread(sys.argv[1:]))
-    except InputError as error:
-        print(f"deeptruck-model: {error}", file=sys.stderr)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        print("deeptruck-model: interrupted", file=sys.stderr)
-        sys.exit(130)
+    console.run(app, "deeptruck-model", spread(sys.argv[1:]))

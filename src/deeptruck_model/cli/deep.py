@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 Bags = Annotated[list[Path], typer.Argument(metavar="BAG...", help="Bags (folders) of one truck.")]
 
 
+FEW_MINUTES = 10.0
+
+
 class Mode(StrEnum):
     """Training recipes."""
 
@@ -49,7 +52,11 @@ def train(
     from deeptruck_model.deep import train as train_truck
 
     arguments = Arguments(seed=seed, mode=mode.value, updates=budget, members=members)
-    truck = train_truck(_read(bags), out, arguments, resumes=resume)
+    recordings = _read(bags)
+    minutes = sum(len(recording) * recording.dt for recording in recordings) / 60
+    if minutes < FEW_MINUTES:
+        typer.echo(f"note: {minutes:.1f} min of driving are little; the tutorial trains on an hour", err=True)
+    truck = train_truck(recordings, out, arguments, resumes=resume)
     typer.echo(f"{out}: trained in {truck.details['training']['seconds']:.0f} s; see {out / 'MODEL_CARD.md'}")
 
 
@@ -68,6 +75,8 @@ def evaluate(
     from deeptruck_model import simulators
     from deeptruck_model.deep import evaluate as evaluate_simulator
 
+    if (out / "metrics.json").exists():
+        typer.echo(f"note: the evaluation that was in {out} is replaced", err=True)
     metrics = evaluate_simulator(simulators.load(simulator), _read(bags), out, trials, horizon, seed)
     typer.echo(f"{metrics['trials']} free runs of {metrics['horizon_s']:.0f} s")
     for name, values in metrics.items():

@@ -154,6 +154,8 @@ def _measured(channel: str, time: Array, values: Array, notes: list[str]) -> Ser
     """The channel's samples; where most rows leave it blank, it was sampled only in the others."""
     valid = ~np.isnan(values)
     if 2 * valid.sum() >= len(values):
+        if not valid.all():
+            notes.append(f"{channel} is invalid in {(~valid).sum()} rows of {len(values)}")
         return Series(time, values)
     notes.append(f"{channel} taken as sampled in the {valid.sum()} rows of {len(values)} that have it")
     return Series(time[valid], values[valid])

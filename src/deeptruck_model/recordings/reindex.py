@@ -72,7 +72,8 @@ def repair(path: str | Path) -> str | None:
     except OSError as error:
         raise InputError(f"cannot repair {path}: {error.strerror}") from None
     lost = "nothing was lost" if whole else f"{size - found.end} bytes behind the last whole chunk dropped"
-    return f"{path} was not finished: kept {sum(found.counts.values())} messages, {lost}"
+    kept = sum(found.counts.values())
+    return f"{path} was not finished: kept {kept or 'no'} messages, {lost}"
 
 
 def _only_mcap(path: Path) -> Path:

@@ -116,6 +116,9 @@ def read_table(
 
 
 def _read_csv(path: Path, delimiter: str, encoding: str, skip_rows: int, ragged: list[int]) -> pa.Table:
+    if "16" not in encoding and "32" not in encoding and _is_binary(path):
+        raise InputError(f"{path} is no text table but binary; export it as CSV or Parquet")
+
     def skip(row: csv.InvalidRow) -> str:
         ragged.append(row.actual_columns)
         return "skip"
@@ -130,6 +133,11 @@ def _read_csv(path: Path, delimiter: str, encoding: str, skip_rows: int, ragged:
             null_values=[""],
         ),
     )
+
+
+def _is_binary(path: Path) -> bool:
+    with path.open("rb") as file:
+        return b"\0" in file.read(4096)
 
 
 def _header(path: Path, delimiter: str, encoding: str, skip_rows: int) -> list[str]:

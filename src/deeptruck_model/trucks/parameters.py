@@ -132,7 +132,7 @@ RECORD = np.dtype(
 
 def near(name: str, known: list[str]) -> str:
     """The end of an error message: what the writer may have meant."""
-    guesses = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+    guesses = difflib.get_close_matches(name, known, n=3, cutoff=0.6)
     return f"did you mean {' or '.join(guesses)}?" if guesses else f"known: {', '.join(known)}"
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -219,12 +219,3 @@ def _run(
         )
     finally:
         lock.release()
-
-
-def guarded(script: str, action: Callable[[], int]) -> None:
-    """Exit with the run's code; bad input is one line and exit code 2."""
-    try:
-        sys.exit(action())
-    except InputError as error:
-        print(f"{script}: {error}", file=sys.stderr)
-        sys.exit(2)

@@ -1,0 +1,44 @@
+"""How every console script ends: bad input is one line and exit code 2, never a traceback or a box."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+import typer
+from typer.exceptions import TyperException
+
+from deeptruck_model.errors import InputError
+
+INTERRUPTED = 130
+
+
+def run(
+    app: typer.Typer, program: str, arguments: Sequence[str] | None = None, interrupted: str = "interrupted"
+) -> None:
+    """Run the commands of `app` on `arguments` (default: the command line) and exit.
+
+    Exit codes: 0; 2 for bad input; 130 after Ctrl-C, with `interrupted` as the last word; 1 for a defect.
+    """
+    try:
+        # as a function, typer lets its errors out instead of drawing them over five lines
+        code = app(arguments, prog_name=program, standalone_mode=False)
+    except (InputError, TyperException) as error:
+        sys.exit(_last_words(program, _line(error), 2))
+    except OSError as error:
+        sys.exit(_last_words(program, f"{error.filename or ''}: {error.strerror or error}", 2))
+    if code == INTERRUPTED:  # typer makes an exit code of Ctrl-C
+        _last_words(program, interrupted, code)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _line(error: InputError | TyperException) -> str:
+    if isinstance(error, InputError):
+        return str(error)
+    says = error.format_message().rstrip(".")
+    return f"{says or 'say which command'}; --help shows what it takes"  # without one, the help came first
+
+
+def _last_words(program: str, text: str, code: int) -> int:
+    print(f"{program}: {text}", file=sys.stderr)
+    return code

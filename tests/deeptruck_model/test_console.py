@@ -1,0 +1,48 @@
+from __future__ import annotations
+
+import pytest
+import typer
+
+from deeptruck_model import console
+from deeptruck_model.errors import InputError
+
+
+def outcome(
+    capsys: pytest.CaptureFixture[str], raised: BaseException | None, *arguments: str
+) -> tuple[int, str]:
+    """Exit code and stderr of a program whose one command raises."""
+    app = typer.Typer(add_completion=False)
+
+    @app.command()
+    def main(size: int) -> None:
+        if raised is not None:
+            raise raised
+
+    with pytest.raises(SystemExit) as ended:
+        console.run(app, "tool", arguments, interrupted="interrupted; go on with --resume")
+    return int(ended.value.code or 0), capsys.readouterr().err.removeprefix("\n")  # of the line with ^C
+
+
+@pytest.mark.parametrize(
+    ("raised", "code", "says"),
+    [
+        (None, 0, ""),
+        (typer.Exit(1), 1, ""),
+        (InputError("no such truck; try volvo"), 2, "tool: no such truck; try volvo\n"),
+        (PermissionError(13, "Permission denied", "/x"), 2, "tool: /x: Permission denied\n"),
+        (KeyboardInterrupt(), 130, "tool: interrupted; go on with --resume\n"),
+    ],
+)
+def test_how_a_command_ends(
+    capsys: pytest.CaptureFixture[str], raised: BaseException | None, code: int, says: str
+) -> None:
+    assert outcome(capsys, raised, "3") == (code, says)
+
+
+@pytest.mark.parametrize("arguments", [(), ("a",), ("3", "--nope")])
+def test_a_wrong_command_line_is_one_line(
+    capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...]
+) -> None:
+    code, says = outcome(capsys, None, *arguments)
+    assert code == 2 and says.startswith("tool: ") and says.endswith("--help shows what it takes\n")
+    assert says.count("\n") == 1
