@@ -53,7 +53,7 @@ def train(
         bool, typer.Option("--resume", help="Go on where a killed run of the same command stopped.")
     ] = False,
 ) -> None:
-    """Train a policy. About three minutes of one core with the default trainer.
+    """Train a policy. About a minute of one core with the default trainer.
 
     Example: deeptruck-cacc train --simulator simulators/mytruck --out policies/mytruck
     """
