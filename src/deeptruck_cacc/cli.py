@@ -168,4 +168,8 @@ def _progress() -> Progress:
 
 def main() -> None:
     """Entry point."""
-    console.run(app, "deeptruck-cacc", interrupted="interrupted; --resume goes on from the last checkpoint")
+    console.run(
+        app,
+        "deeptruck-cacc",
+        interrupted="interrupted; --resume goes on from the last checkpoint, where there is one",
+    )

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from deeptruck_model.errors import InputError
+
 if TYPE_CHECKING:
     from deeptruck_model.recordings import Recording
 
@@ -31,6 +33,9 @@ def train(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on where a killed run of the same command stopped.")
     ] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace a simulator that is there.")
+    ] = False,
     mode: Annotated[
         Mode, typer.Option(help="paper: training form and Adagrad, as published.")
     ] = Mode.default,
@@ -50,7 +55,10 @@ def train(
     """
     from deeptruck_model.deep import Arguments
     from deeptruck_model.deep import train as train_truck
+    from deeptruck_model.simulators import MANIFEST
 
+    if (out / MANIFEST).exists() and not (resume or overwrite):
+        raise InputError(f"{out} exists already; choose another --out, or add --overwrite")
     arguments = Arguments(seed=seed, mode=mode.value, updates=budget, members=members)
     recordings = _read(bags)
     minutes = sum(len(recording) * recording.dt for recording in recordings) / 60

@@ -69,6 +69,7 @@ def scenario_figure(runs: Trials) -> Figure:
     axes = figure.subplots(1, panels)
     axes[0].hist(runs.measured[:, 0, SPEED], bins=20, color="tab:blue")
     axes[0].set(xlabel="initial speed [m/s]", ylabel="trials")
+    axes[0].set_title(f"what {len(runs.measured)} trials visited")
     _density(axes[1], runs.time, runs.measured[..., SPEED], "speed [m/s]")
     if panels == 3:
         _density(axes[2], runs.time, 100 * runs.w[..., 0], "grade [%]")
@@ -78,7 +79,8 @@ def scenario_figure(runs: Trials) -> Figure:
 def _density(axis: Any, time: np.ndarray[Any, Any], values: np.ndarray[Any, Any], label: str) -> None:
     times = np.broadcast_to(time, values.shape)
     known = np.isfinite(values)
-    axis.hist2d(times[known], values[known], bins=(min(40, len(time)), 25), cmap="Blues")
+    *_, mesh = axis.hist2d(times[known], values[known], bins=(min(40, len(time)), 25), cmap="Blues")
+    axis.figure.colorbar(mesh, ax=axis, label="samples")
     axis.set(xlabel="time [s]", ylabel=label)
 
 

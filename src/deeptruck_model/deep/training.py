@@ -127,6 +127,9 @@ def train(
 
     if resumes and _finished(out, identity):
         return checkpoint.load_directory(out, read_manifest(out))
+    working = out.with_name(f"{out.name}.partial")
+    if resumes and (out / MANIFEST).exists() and not working.exists():
+        raise InputError(f"{out} was trained on other data or with other arguments; train with --overwrite")
 
     # model
     seeds = tuple(arguments.seed + m for m in range(arguments.members))
@@ -149,7 +152,6 @@ def train(
     best = Best(network)
 
     # loop
-    working = out.with_name(f"{out.name}.partial")
     done = resume.load(working, identity, network, optimizer, best) if resumes else 0
     if not done:
         shutil.rmtree(working, ignore_errors=True)

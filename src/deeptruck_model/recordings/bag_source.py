@@ -43,6 +43,8 @@ class BagSource:
     def __enter__(self) -> BagSource:
         if not self.path.exists():
             raise InputError(f"{self.path} does not exist")
+        if self.path.is_dir() and not any(self.path.iterdir()):
+            raise InputError(f"{self.path} is empty: it holds no bag")
         if self.path.is_dir() and not (self.path / "metadata.yaml").exists():
             raise InputError(
                 f"{self.path} is not a finished bag (it has no metadata.yaml); "

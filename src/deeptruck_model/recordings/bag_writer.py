@@ -63,8 +63,11 @@ def write_bag(
                 for topic, message, stamp in _messages(recording, start_s, epoch_ns):
                     writer.write(topic, _TYPES[topic], message, stamp)
         unfinished.rename(path)
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}") from None
+    except (OSError, InputError) as error:
+        why = getattr(error.__context__ or error, "strerror", None) or str(error)
+        raise InputError(
+            f"cannot write {path}: {why}; nothing was written, make room or choose another"
+        ) from None
     finally:
         shutil.rmtree(unfinished, ignore_errors=True)
     return path

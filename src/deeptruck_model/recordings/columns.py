@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -108,6 +109,10 @@ def _column(channel: str, entry: Any, notes: list[str]) -> Column:
     if channel == "fuel_rate" and "density" not in entry and convert != conversion(channel, str(unit), 1.0):
         notes.append(f"fuel_rate by volume with diesel's {DIESEL_DENSITY} g/cm^3, as no density is given")
     scale, offset = number(entry, "scale", 1.0, channel), number(entry, "offset", 0.0, channel)
+    if scale == 0.0 or not math.isfinite(scale) or not math.isfinite(offset):
+        raise InputError(
+            f"channel '{channel}': scale {scale:g} and offset {offset:g} leave no values; mend them"
+        )
     return Column(str(entry["column"]), convert, scale, offset)
 
 

@@ -89,4 +89,7 @@ def _span(found: Coverage, name: str) -> str:
     present = [r["channels"][name] for r in found.recordings if name in r["channels"]]
     lows = [c["min"] for c in present if c["min"] is not None]
     highs = [c["max"] for c in present if c["max"] is not None]
-    return f"{min(lows):.4g} to {max(highs):.4g} {present[0]['unit']}" if lows else "no valid sample"
+    if not lows:
+        return "no valid sample"
+    unit = present[0]["unit"]
+    return f"{min(lows):.4g} to {max(highs):.4g}" + ("" if unit == "1" else f" {unit}")

@@ -57,10 +57,12 @@ class Coverage:
         folder = Path(folder)
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            _replace(folder / "coverage.json", json.dumps(self.to_dict(), indent=1, allow_nan=False).encode())
             _replace(folder / "coverage.png", draw(self))
+            _replace(folder / "coverage.json", json.dumps(self.to_dict(), indent=1, allow_nan=False).encode())
         except OSError as error:
-            raise InputError(f"cannot write {folder}: {error.strerror}") from None
+            raise InputError(
+                f"cannot write {folder}: {error.strerror}; make room or choose another --out"
+            ) from None
 
 
 def coverage(recordings: Sequence[Recording]) -> Coverage:
@@ -125,5 +127,8 @@ def _range(recording: Recording, name: str) -> dict[str, Any]:
 
 def _replace(path: Path, content: bytes) -> None:
     unfinished = path.with_name(f".{path.name}.tmp")
-    unfinished.write_bytes(content)
-    unfinished.replace(path)
+    try:
+        unfinished.write_bytes(content)
+        unfinished.replace(path)
+    finally:
+        unfinished.unlink(missing_ok=True)

@@ -125,7 +125,7 @@ class CrashSafeWriter:
         except OSError as error:
             self._broken = True
             raise InputError(
-                f"cannot write {self.path}: {error.strerror}; what was written before is kept, "
+                f"cannot write {self.path}: {error.strerror}; make room; what was written before is kept, "
                 "'deeptruck-model repair' makes a bag of it"
             ) from None
 

@@ -152,7 +152,7 @@ def _interface(
         if unit is None and f"{channel}_command" in present:
             raise InputError(
                 f"'{name}' does not say in which unit its {channel}_command is: give its unit in a topic map "
-                f"({', '.join(units)}) or pass an interface"
+                f"({', '.join(units)}), or import it anew with 'deeptruck-model import'"
             )
     return TruckInterface(
         name,

@@ -23,6 +23,8 @@ from deeptruck_model.recordings.table_file import TextTable, read_table
 from deeptruck_model.recordings.topic_map import load_yaml
 from deeptruck_model.signals import CHANNELS, TruckInterface
 
+SHORTEST_S, LONGEST_S = 2e-4, 30.0  # between rows; beyond, a unit was mistaken
+
 Array = NDArray[np.float64]
 
 CAN_SUFFIXES = (".log", ".asc", ".blf", ".mf4", ".candump", ".trc")
@@ -130,6 +132,11 @@ def _time(table: TextTable, meaning: Columns) -> Array:
             f"{table.path}: {missing.sum()} rows have no time in '{meaning.time_column}', first line {line}"
         )
     steps = np.diff(time)
+    if not SHORTEST_S <= abs(float(np.median(steps))) <= LONGEST_S:
+        raise InputError(
+            f"{table.path}: rows are {np.median(steps):g} s apart; a unit of time other than "
+            f"'{meaning.time_unit}' is likely (between {SHORTEST_S:g} and {LONGEST_S:g} s is usual)"
+        )
     if (steps <= 0).any():
         at = int(np.argmax(steps <= 0))
         what = "comes twice" if steps[at] == 0 else f"goes back by {-steps[at]:g} s"

@@ -70,8 +70,14 @@ def repair(path: str | Path) -> str | None:
         if path.is_dir():
             _describe(path, file, found)
     except OSError as error:
-        raise InputError(f"cannot repair {path}: {error.strerror}") from None
-    lost = "nothing was lost" if whole else f"{size - found.end} bytes behind the last whole chunk dropped"
+        raise InputError(
+            f"cannot repair {path}: {error.strerror}; nothing was lost, make room and repair it again"
+        ) from None
+    lost = (
+        "nothing was lost"
+        if whole
+        else f"{max(size - found.end, 0)} bytes behind the last whole chunk dropped"
+    )
     kept = sum(found.counts.values())
     return f"{path} was not finished: kept {kept or 'no'} messages, {lost}"
 

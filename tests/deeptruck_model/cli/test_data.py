@@ -82,3 +82,29 @@ def test_bad_input_is_one_line_and_code_2(
     said = capsys.readouterr()
     assert said.err.startswith("deeptruck-model: ") and said.err.count("\n") == 1
     assert {p.name for p in workplace.iterdir()} == {"drive.csv", "columns.yaml"}
+
+
+@pytest.mark.parametrize(
+    ("columns", "says"),
+    [
+        ("time: {column: t, unit: ms}\nchannels:\n  speed: {column: v, unit: m/s}\n", "unit of time"),
+        ("time: {column: t, unit: h}\nchannels:\n  speed: {column: v, unit: m/s}\n", "unit of time"),
+        ("time: {rate_hz: 10}\nchannels:\n  speed: {column: v, unit: m/s, scale: 0}\n", "leave no values"),
+        (
+            "time: {rate_hz: 10}\nchannels:\n  speed: {column: v, unit: m/s, offset: .nan}\n",
+            "leave no values",
+        ),
+    ],
+)
+def test_a_unit_or_scale_that_cannot_be_meant(
+    workplace: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    columns: str,
+    says: str,
+) -> None:
+    rows = "".join(f"{k / 10:.1f},{5 + k % 3}\n" for k in range(100))
+    (workplace / "drive.csv").write_text(f"t,v\n{rows}")
+    (workplace / "columns.yaml").write_text(columns)
+    assert run(monkeypatch, "import", "drive.csv", "--columns", "columns.yaml", "--out", "bag") == 2
+    assert says in capsys.readouterr().err and not (workplace / "bag").exists()
