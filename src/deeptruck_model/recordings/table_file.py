@@ -42,9 +42,8 @@ class TextTable:
         if name.strip() in self.columns:
             return self.columns[name.strip()]
         near = difflib.get_close_matches(name, self.columns, n=3, cutoff=0.5) or list(self.columns)[:12]
-        raise InputError(
-            f"{self.path} has no column '{name}'; there is, among {len(self.columns)}: {', '.join(near)}"
-        )
+        more = f", and {len(self.columns) - len(near)} more" if len(self.columns) > len(near) else ""
+        raise InputError(f"{self.path} has no column '{name}'; there is: {', '.join(near)}{more}")
 
     def numbers(self, name: str) -> tuple[Array, int]:
         """A column as float64 (n,), NaN for empty and non-numeric cells, and the number of the latter.
