@@ -60,3 +60,7 @@ class CommandPath:
         step = amount * self._dt
         out = u if memory is None else memory + np.clip(u - memory, -step, step)
         return out, out
+
+    def _climb(self, u: Array, amount: float, memory: Any) -> tuple[Array, Any]:
+        out = u if memory is None else np.minimum(u, memory + amount * self._dt)
+        return out, out

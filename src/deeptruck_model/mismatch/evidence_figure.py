@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from deeptruck_model.mismatch.drawing import BLUE, GREEN, GREY, INK, ORANGE, SKY, figure, tidy, words
-from deeptruck_model.mismatch.explain import ENOUGH, GROUP
+from deeptruck_model.mismatch.explain import ENOUGH
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.explain import Explanation
@@ -32,7 +32,7 @@ def ranking(x: Explanation) -> Figure:
     Parameters alone may gain far more than what matters between names, so long bars are cut at the edge.
     """
     first = next((c for c in x.causes if c.shape is not None), None)
-    group = {n for n, worse in first.rivals if worse < GROUP} if first else set()
+    group = set(first.not_told_from) if first else set()
     bars: list[tuple[str, float, str]] = []
     tuned = x.parameters_only.score - x.null.score
     stated = {c.effect for c in x.causes if c.shape is not None}

@@ -16,15 +16,19 @@ from deeptruck_model.mismatch.slow_force import slow_force
 
 Array = NDArray[np.float64]
 
-ENOUGH = 15.0  # nats a name must gain: the price of the search, and of noise not quite as modelled
+ENOUGH = 20.0  # nats a name must gain: the price of the search, and of noise not quite as modelled
 ENOUGH_LEARNED = (
     40.0  # the same for a simulator that was itself learned, whose own error is never quite known
 )
 ENOUGH_FREE = 40.0  # nats the free model must gain on what is left before 'unknown' is said
 WIDENED = 4  # of the best names are given more freedom of form before the first is chosen
 MOST = 4  # effects at once
+EXCHANGES = 3
+WORTH_AN_EXCHANGE = 3.0  # nats
+INSTEAD = 4  # mechanisms tried in place of each parameter
 FREE_R2 = 0.06  # and the share of held-out variance it must explain
-GROUP = 9.0  # nats within which two names count as not told apart
+GROUP = 9.0  # nats within which two names count as not told apart, or ...
+GROUP_SHARE = 0.12  # of the gain: no form is quite right, and the larger an effect the more nats that costs
 EXPLAINS = 0.6  # share of what is explainable that a name must explain, else it is only the nearest relative
 PRACTICAL_FORCE = 0.004  # m/s^2 rms over all time, or ...
 PRACTICAL_WHEN_ACTING = 0.02  # m/s^2 rms over the tenth of the time when it acts most
@@ -52,6 +56,12 @@ class Cause:
     rivals: tuple[tuple[str, float], ...] = ()  # other names and by how many nats they are worse
     nearest: str | None = None
     needed: dict[str, float] | None = None  # for a slow force: the size each possible name would need
+
+    @property
+    def not_told_from(self) -> list[str]:
+        """Names that do nearly as well."""
+        near = max(GROUP, GROUP_SHARE * self.gain)
+        return [name for name, worse in self.rivals if worse < near and name != self.effect]
 
 
 @dataclass(frozen=True)
@@ -111,7 +121,29 @@ def _grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], 
         if weakest.score < base.score - _enough(search) - BESIDE * (base.score - bare.score):
             break
         base = weakest
-    return base, ranking
+    return _exchanged(search, base), ranking
+
+
+def _exchanged(search: Search, model: Model) -> Model:
+    """Each mechanism in turn gives way to one that does better beside the others: the first was chosen
+    alone."""
+    for _ in range(EXCHANGES):
+        before = model
+        for shape in model.named:
+            others = tuple(n for n in model.named if n is not shape)
+            options = [
+                search.enriched(m)
+                for m in search.candidates(search.background(others))[:WIDENED]
+                if _practical(search, m, m.named[-1])
+            ]
+            best = max(options, key=lambda m: m.score - _price(search, m), default=model)
+            better = search.background(best.named)
+            if better.score > model.score + WORTH_AN_EXCHANGE:
+                model = better
+                break
+        if model is before:
+            break
+    return model
 
 
 def _enough(search: Search) -> float:
@@ -288,11 +320,23 @@ def _parameters(search: Search, model: Model) -> list[Cause]:
             break
         name = next(iter(options[0].free - grown.free))
         others = [(next(iter(m.free - grown.free)), options[0].score - m.score) for m in options[1:]]
+        others += [(m.effects[-1], options[0].score - m.score) for m in _instead(search, grown)]
         cause = _parameter(search, model, name, options[0].score - grown.score, others)
         if cause is not None:
             out.append(cause)
         grown = options[0]
     return out
+
+
+def _instead(search: Search, model: Model) -> list[Model]:
+    """The best mechanisms in place of one more parameter: what grows with speed may be drag or tyres."""
+    best: dict[str, Shape] = {}
+    for _, shape in search.screen(model):
+        best.setdefault(shape.mechanism.effect, shape)
+    tried = [
+        search.model((*model.named, shape), model.free, model.fit) for shape in list(best.values())[:INSTEAD]
+    ]
+    return sorted(tried, key=lambda m: -m.score)
 
 
 def _parameter(
@@ -305,4 +349,5 @@ def _parameter(
     if abs(value) < PARAMETER_PRACTICAL or not _large_enough(search.e, force) or gain < enough:
         return None
     odds = 1.0 + sum(np.exp(-max(w, 0.0) / TEMPER) for _, w in others) + np.exp(-gain / TEMPER)
-    return Cause("parameter_error", name, gain, 0.0, float(1.0 / odds), force, None, tuple(others))
+    rivals = tuple(sorted(others, key=lambda item: item[1]))
+    return Cause("parameter_error", name, gain, 0.0, float(1.0 / odds), force, None, rivals)

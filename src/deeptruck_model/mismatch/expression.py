@@ -132,10 +132,11 @@ class Constant(Leaf):
 
 @dataclass(frozen=True, eq=False)
 class Signal(Leaf):
-    """A named signal; where it is not known it counts as `missing`."""
+    """A named signal; where it is not known it counts as `missing`, in a simulation as `simulated`."""
 
     name: str
     missing: float = 0.0
+    simulated: float | None = None
 
     def over(self, values: Sequence[Array], e: Evidence) -> Array:
         x = e.signals.get(self.name)
@@ -146,7 +147,8 @@ class Signal(Leaf):
     ) -> tuple[Array, Any]:
         x = now.get(self.name)
         if x is None:
-            return np.float64(self.missing), memory  # type: ignore[return-value]
+            absent = self.missing if self.simulated is None else self.simulated
+            return np.float64(absent), memory  # type: ignore[return-value]
         return np.where(np.isfinite(x), x, self.missing), memory
 
 
@@ -321,6 +323,26 @@ class Tent(Expression):
         self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
     ) -> tuple[Array, Any]:
         return np.maximum(1.0 - np.abs(values[0] - self.knot) / self.width, 0.0), memory
+
+
+@dataclass(frozen=True, eq=False)
+class Knot(Expression):
+    """A Tent in one recording (in all where `index` is negative); a simulation is left with `elsewhere`."""
+
+    inputs: tuple[Expression, ...]
+    index: int
+    knot: float
+    width: float
+    elsewhere: float
+
+    def over(self, values: Sequence[Array], e: Evidence) -> Array:
+        tent = np.maximum(1.0 - np.abs(values[0] - self.knot) / self.width, 0.0)
+        return np.where((self.index < 0) | (e.record == self.index), tent, 0.0)
+
+    def advance(
+        self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
+    ) -> tuple[Array, Any]:
+        return np.float64(self.elsewhere), memory  # type: ignore[return-value]
 
 
 @dataclass(frozen=True, eq=False)

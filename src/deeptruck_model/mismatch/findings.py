@@ -9,7 +9,7 @@ import numpy as np
 
 from deeptruck_model.mismatch.data_checks import SensorFault
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.explain import GROUP, Cause, Explanation
+from deeptruck_model.mismatch.explain import Cause, Explanation
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape
 from deeptruck_model.mismatch.search import Model
 
@@ -35,7 +35,6 @@ SETTING_UNITS = {
     "cold_s": "s",
     "window_s": "s",
     "length_m": "m",
-    "knot_m": "m",
     "frequency_hz": "Hz",
     "damping": "1",
     "after_s": "s",
@@ -73,7 +72,6 @@ def from_sensor(fault: SensorFault) -> Finding:
 
 def from_cause(cause: Cause, e: Evidence, explanation: Explanation, own: dict[str, float]) -> Finding:
     """A cause in words and numbers. `own` holds the simulator's parameters (SI) where it has them."""
-    group = [name for name, worse in cause.rivals if worse < GROUP and name != cause.effect]
     if cause.needed is not None:
         words = _slow(cause)
     elif cause.effect == "unknown":
@@ -88,7 +86,7 @@ def from_cause(cause: Cause, e: Evidence, explanation: Explanation, own: dict[st
             "effect": cause.effect,
             **words,
             "probability": round(cause.probability, 3),
-            "cannot_be_told_from": group,
+            "cannot_be_told_from": cause.not_told_from,
             "share_of_explainable_error": round(cause.share, 3),
             "evidence_nats": round(cause.gain, 1),
             "rivals": [{"effect": n, "worse_by_nats": round(w, 1)} for n, w in cause.rivals[:8]],

@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 PERIOD_S = 1.0
 LEVELS = 40
+RATIO_STEP = 0.05  # relative; gears are farther apart
 FOLDS = 6
 CLIP = (
     6.0  # residuals beyond this many robust sds are clipped: the free model is about structure, not outliers
@@ -43,8 +44,6 @@ def features(e: Evidence) -> dict[str, Array]:
     for name in (
         "grade",
         "gear",
-        "ratio",
-        "engine_speed",
         "gap",
         "ambient_temperature",
         "elevation",
@@ -52,6 +51,11 @@ def features(e: Evidence) -> dict[str, Array]:
     ):
         if e.has(name):
             out[name] = e[name]
+    if e.has("ratio"):
+        # engine speed and speed are not sampled at one moment, so that their ratio tells the acceleration
+        coarse = np.log(np.maximum(np.nan_to_num(e["ratio"]), 1e-3)) / RATIO_STEP
+        out["ratio"] = np.exp(np.round(coarse) * RATIO_STEP)
+        out["engine_speed"] = out["ratio"] * e["speed"]
     for name in ("engine_command", "brake_command"):
         if e.has(name):
             out[name] = e[name]

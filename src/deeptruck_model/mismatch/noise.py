@@ -26,13 +26,15 @@ class Series:
     """The observed residual y (n,), which samples count, and how uncertain each one is beside the others.
 
     `starts` (n,) is True at the first sample of each contiguous stretch; `relative` >= 1 widens the
-    innovations where the simulator disagrees with itself.
+    innovations where the simulator disagrees with itself. `slow` bounds slow noise: the autoregression's
+    coefficients add up to no more than 1 - sigma * slow.
     """
 
     y: Array
     valid: Mask
     starts: Mask
     relative: Array
+    slow: float = 0.0
 
     def usable(self) -> Mask:
         """Samples whose ORDER predecessors are valid and of the same stretch."""
@@ -83,7 +85,8 @@ def fit(series: Series, X: Array, prior: Prior, start: Fit | None = None) -> Fit
     rel = series.relative[use]
     for turn in range(2 if start else 4):
         if turn:
-            ar = _autoregression(series.y - X @ b, use, weight / series.relative**2)
+            top = max(1.0 - sigma * series.slow, 0.0)
+            ar = _autoregression(series.y - X @ b, use, weight / series.relative**2, top)
         yw, Xw = whiten(series.y, ar)[use], whiten(X, ar)[use]
         for _ in range(2):
             b, active = _solve(yw, Xw, weight[use] / (rel * sigma) ** 2, prior)
@@ -149,20 +152,22 @@ def _solve(y: Array, X: Array, weight: Array, prior: Prior) -> tuple[Array, Mask
     return b, active
 
 
-def _autoregression(n: Array, use: Mask, weight: Array) -> Array:
+def _autoregression(n: Array, use: Mask, weight: Array, top: float) -> Array:
     """Coefficients (ORDER,) by weighted least squares, shrunk inside the stable region.
 
     Differentiated speed noise alone would make slow errors look impossible; no simulator is that good. So the
     sum of the coefficients is kept from going below zero: slow noise is at least as strong as white noise.
+    Nor may it go above `top`: what changes as slowly and strongly as that is no noise but a force.
     """
     lags = np.stack([np.roll(n, k) for k in range(1, ORDER + 1)], axis=1)[use]
     w = weight[use][:, None]
     H = (lags * w).T @ lags
     H += np.eye(ORDER) * (1e-9 + 1e-6 * np.trace(H) / ORDER)
     ar = np.linalg.solve(H, (lags * w).T @ n[use]).astype(np.float64)
-    if ar.sum() < 0.0:
+    beyond = ar.sum() - float(np.clip(ar.sum(), 0.0, top))
+    if beyond:
         step = np.linalg.solve(H, np.ones(ORDER))
-        ar -= step * (ar.sum() / step.sum())
+        ar -= step * (beyond / step.sum())
     largest = np.abs(np.roots(np.concatenate([[1.0], -ar]))).max(initial=0.0)
     shrink = min(1.0, 0.98 / largest) if largest > 0 else 1.0
     return ar * shrink ** np.arange(1, ORDER + 1)

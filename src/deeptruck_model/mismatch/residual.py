@@ -13,6 +13,7 @@ from scipy.ndimage import gaussian_filter1d
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import components
 from deeptruck_model.mismatch.evidence import BLOCK_LEARNED_S, BLOCK_S, Evidence, Stretch
+from deeptruck_model.mismatch.gears import other_gear
 from deeptruck_model.mismatch.kinematics import noise_of, observed_acceleration
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import ACCELERATION, SPEED
@@ -88,6 +89,7 @@ def gather(
     grid = _Grid(prepared, held_out, block)
     simulated = grid.stack([r.y[0, :, ACCELERATION] for r in runs])
     observed = grid.stack([p.observed for p in prepared])
+    other = other_gear(prepared, runs)
     signals, mass = components.signals(simulator, prepared, runs, grid)
     evidence = Evidence(
         dt=dt * block,
@@ -95,7 +97,8 @@ def gather(
         residual=observed - simulated,
         simulated=simulated,
         disagreement=_disagreement(simulator, prepared, grid, seed),
-        valid=grid.valid(),
+        valid=grid.valid() & ~grid.any(other),
+        other_gear=int(sum(o.sum() for o in other)),
         signals=signals | {"simulated": simulated},
         sensitivity={},
         mass=mass,
@@ -128,6 +131,10 @@ class _Grid:
     def last(self, parts: Sequence[Array]) -> Array:
         """Last native sample of each block, for gears and other labels."""
         return np.concatenate([self._blocks(p)[:, -1] for p in parts])
+
+    def any(self, parts: Sequence[Mask]) -> Mask:
+        """Blocks with a marked sample."""
+        return np.concatenate([self._blocks(p).any(axis=1) for p in parts])
 
     def valid(self) -> Mask:
         return np.concatenate([self._blocks(p.valid).all(axis=1) for p in self.prepared])
@@ -211,7 +218,7 @@ def _sensitivity(
 def _rerunner(
     simulator: Simulator, prepared: Sequence[Prepared], grid: _Grid, simulated: Array
 ) -> Callable[[str, float], Array]:
-    @lru_cache(maxsize=64)
+    @lru_cache(maxsize=256)
     def rerun(name: str, amount: float) -> Array:
         us = [_changed(p, name, amount) for p in prepared]
         return _accelerations(simulator, prepared, grid, us) - simulated
@@ -231,6 +238,8 @@ def _changed(p: Prepared, name: str, amount: float) -> Array:
             out[:, i] = np.interp(t - amount / p.dt, t, p.u[:, i])
         elif what == "rate":
             out[:, i] = _limit_rate(p.u[:, i], amount * p.dt)
+        elif what == "climb":
+            out[:, i] = _limit_rate(p.u[:, i], amount * p.dt, only_up=True)
         elif what == "lag":
             out[:, i] = _lag(p.u[:, i], float(np.exp(-p.dt / amount)))
         elif what in ("rise", "fall"):
@@ -255,11 +264,11 @@ def _lag(x: Array, keep: float) -> Array:
     return out
 
 
-def _limit_rate(x: Array, step: float) -> Array:
-    out = x.copy()
-    for k in range(1, len(x)):
-        out[k] = out[k - 1] + min(max(x[k] - out[k - 1], -step), step)
-    return out
+def _limit_rate(x: Array, step: float, only_up: bool = False) -> Array:
+    out, down = x.tolist(), -np.inf if only_up else -step
+    for k in range(1, len(out)):
+        out[k] = out[k - 1] + min(max(out[k] - out[k - 1], down), step)
+    return np.array(out)
 
 
 def _fill(x: Array) -> Array:

@@ -16,7 +16,16 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.expression import Rerun
-from deeptruck_model.mismatch.mechanisms import LIBRARY, Mechanism, Shape, gated, gates, merge, shapes
+from deeptruck_model.mismatch.mechanisms import (
+    LIBRARY,
+    Mechanism,
+    Shape,
+    comes_and_goes,
+    gated,
+    gates,
+    merge,
+    shapes,
+)
 from deeptruck_model.mismatch.noise import Fit, Prior, Series, fit, whiten
 
 Array = NDArray[np.float64]
@@ -130,9 +139,12 @@ class Search:
     def screen(self, base: Model) -> list[tuple[float, Shape]]:
         """Approximate gain of the best shapes of every mechanism on top of `base`, best first."""
         out = []
+        taken = any(comes_and_goes(n) for n in base.named)
         for mechanism in self.library:
             if mechanism.effect not in base.effects:
-                out += self.screen_shapes(base, self.shapes(mechanism))[:SCREENED]
+                # two forces that come and go as they like cannot be told from one
+                options = [s for s in self.shapes(mechanism) if not (taken and comes_and_goes(s))]
+                out += self.screen_shapes(base, options)[:SCREENED]
         return sorted(out, key=lambda item: -item[0])
 
     def screen_shapes(self, base: Model, options: Sequence[Shape]) -> list[tuple[float, Shape]]:
@@ -181,6 +193,8 @@ class Search:
 
         First it may be confined to a regime of driving, then widened by more of its shapes.
         """
+        if comes_and_goes(model.named[-1]):
+            return model
         model = self._confined(model)
         for _ in range(MORE_SHAPES):
             *others, last = model.named

@@ -99,6 +99,9 @@ def _find(
     say("driving the simulator along the recordings")
     exclude = [name for name in os.environ.get(EXCLUDE, "").split(",") if name]
     evidence, explanation = _explained(simulator, prepared, flags, seed, exclude, say)
+    if evidence.other_gear:
+        rule = "the simulator drives in another gear than was recorded"
+        data["rejected"].append({"rule": rule, "samples": evidence.other_gear})
     own = simulator.parameters()
     found = [findings.from_sensor(f) for f in faults]
     found += [findings.from_cause(c, evidence, explanation, own) for c in explanation.causes]

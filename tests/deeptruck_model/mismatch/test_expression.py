@@ -131,6 +131,15 @@ def test_in_recording_marks_its_rows_and_says_elsewhere_in_a_simulation() -> Non
     assert (streamed([x]) == 0.25).all()
 
 
+def test_a_knot_is_a_tent_in_its_recording_and_its_mean_in_a_simulation() -> None:
+    here, shared = (ex.Knot((ex.Signal("elapsed"),), i, 20.0, 5.0, 0.125) for i in (1, -1))
+    elapsed = EVIDENCE["elapsed"]
+    tent = np.maximum(1.0 - np.abs(elapsed - 20.0) / 5.0, 0.0)
+    assert np.array_equal(here.rows(EVIDENCE), np.where(EVIDENCE.record == 1, tent, 0.0))
+    assert np.array_equal(shared.rows(EVIDENCE), tent)
+    assert (streamed([here, shared]) == 0.125).all()
+
+
 def parts(x: ex.Expression) -> Iterator[ex.Expression]:
     yield x
     for inner in x.inputs:
@@ -140,9 +149,8 @@ def parts(x: ex.Expression) -> Iterator[ex.Expression]:
 @pytest.mark.parametrize("effect", LIBRARY)
 def test_every_mechanism_is_the_same_both_ways(effect: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """As fitted and as simulated; where a column belongs to one recording, as if this were elsewhere."""
-    monkeypatch.setattr(
-        ex.InRecording, "over", lambda self, values, e: np.full(len(e), float(self.elsewhere))
-    )
+    for part in (ex.InRecording, ex.Knot):
+        monkeypatch.setattr(part, "over", lambda self, values, e: np.full(len(e), float(self.elsewhere)))
     settings = list(LIBRARY[effect].settings(EVIDENCE))
     assert settings, "a mechanism without a shape on rich data can never be named"
     columns = [c.expression for s in settings for c in build(LIBRARY[effect], s)[:5]]

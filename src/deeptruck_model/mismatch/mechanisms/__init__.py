@@ -6,6 +6,7 @@ from deeptruck_model.mismatch.mechanisms.base import (
     Mechanism,
     Shape,
     build,
+    comes_and_goes,
     gated,
     gates,
     merge,
@@ -18,4 +19,15 @@ LIBRARY: dict[str, Mechanism] = {
     for m in room.MECHANISMS
 }
 
-__all__ = ["LIBRARY", "Column", "Mechanism", "Shape", "build", "gated", "gates", "merge", "shapes"]
+__all__ = [
+    "LIBRARY",
+    "Column",
+    "Mechanism",
+    "Shape",
+    "build",
+    "comes_and_goes",
+    "gated",
+    "gates",
+    "merge",
+    "shapes",
+]

@@ -4,24 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.expression import InRecording, Signal, Tent, absolute, exp, maximum
+from deeptruck_model.mismatch.expression import Expression, InRecording, Signal, absolute, exp, maximum
 from deeptruck_model.mismatch.mechanisms.base import (
     DRAG,
     ELAPSED,
+    MOST_KNOTS,
     SPEED,
     Column,
     Mechanism,
     Settings,
-    durations,
+    each_recording,
     from_then_on,
-    share_out,
+    in_each,
+    slow_columns,
+    slow_settings,
     step_settings,
 )
 
-MOST_KNOTS = 80
 AROUND_M_S = (0.0, 6.0, -6.0)
-STEADY_M_S, GUST_M_S = 7.0, 3.0  # prior sd of a drive's mean wind and of its slow changes
+NOBODY_M = 1e4  # a gap behind nobody
+STEADY_M_S, GUST_M_S = 7.0, 5.0  # prior sd of a drive's mean wind, and the largest of its slow changes
+PER_SQUARE = DRAG / maximum(SPEED, 1.0) ** 2
 
 
 def _headwind_settings(e: Evidence) -> Iterator[Settings]:
@@ -33,43 +39,41 @@ def _headwind_settings(e: Evidence) -> Iterator[Settings]:
     for around in AROUND_M_S:
         if 1 < len(names) <= MOST_KNOTS:
             yield {"recordings": names, "around_m_s": around}
-    for knot_s in (15.0, 60.0):
-        knots = share_out(durations(e), knot_s, MOST_KNOTS)
-        for around in AROUND_M_S:
-            yield {"recordings": names, "around_m_s": around, "knots": knots, "knot_s": knot_s}
+    for around in AROUND_M_S:
+        for slow in slow_settings(e, _per_wind(around), GUST_M_S):
+            yield slow | {"recordings": names, "around_m_s": around}
+
+
+def _per_wind(around_m_s: float) -> Expression:
+    """The force of 1 m/s more wind than that, m/s^2."""
+    return -(PER_SQUARE * (SPEED * 2.0 + around_m_s))
 
 
 def _headwind(s: Settings) -> list[Column]:
-    per_square = DRAG / maximum(SPEED, 1.0) ** 2
     if "wind_m_s" in s:
         air = SPEED + s["wind_m_s"]
         change = air * absolute(air) - SPEED**2
-        return [Column(-(per_square * change), 0.3, "wind", "m/s", s["wind_m_s"], mean=1.0)]
-    linear = -(per_square * (SPEED * 2.0 + s["around_m_s"]))
+        return [Column(-(PER_SQUARE * change), 0.3, "wind", "m/s", s["wind_m_s"], mean=1.0)]
+    linear = _per_wind(s["around_m_s"])
     names = s["recordings"]
     mean = 1.0 / len(names)  # in a simulation blows the mean of the recorded winds
     steady = [
         Column(linear * InRecording(i, elsewhere=mean), STEADY_M_S, f"wind[{name}]", "m/s", sign=0)
         for i, name in enumerate(names)
     ]
-    return steady + [
-        Column(linear * InRecording(i) * _tent(k, s["knot_s"]), GUST_M_S, f"wind[{name}, {k}]", "m/s", sign=0)
-        for i, (name, count) in enumerate(zip(names, s.get("knots", []), strict=False))
-        for k in range(count)
-    ]
-
-
-def _tent(k: int, knot_s: float) -> Tent:
-    return Tent((ELAPSED,), k * knot_s, knot_s)
+    return steady + (slow_columns(s, linear, "wind", "m/s", sign=0, steady=False) if "knots" in s else [])
 
 
 def _drafting_settings(e: Evidence) -> Iterator[Settings]:
+    """A simulation without a vehicle ahead follows at the gap that was recorded."""
+    gap = e["gap"][e.valid]
+    usual = float(np.nanmedian(gap)) if np.isfinite(gap).any() else NOBODY_M
     for length_m in (8.0, 20.0, 50.0):
-        yield {"length_m": length_m}
+        yield {"length_m": length_m, "usual_m": usual}
 
 
 def _drafting(s: Settings) -> list[Column]:
-    near = exp(-(Signal("gap", missing=1e4) / s["length_m"]))
+    near = exp(-(Signal("gap", missing=NOBODY_M, simulated=s.get("usual_m", NOBODY_M)) / s["length_m"]))
     return [Column(DRAG * near, 0.4, "share_of_drag")]
 
 
@@ -77,32 +81,43 @@ def _drag_area_settings(e: Evidence) -> Iterator[Settings]:
     """A constant difference is a parameter error; missing physics is drag area that changes."""
     yield from step_settings(e)
     if len(e.stretches) > 2:
-        yield {"each": [s.name for s in e.stretches]}
+        yield each_recording(e)
+    yield from slow_settings(e, -DRAG, 0.5)
 
 
 def _drag_area(s: Settings) -> list[Column]:
+    if "knots" in s:
+        return slow_columns(s, -DRAG, "change", "1", sign=0)
     if "each" in s:
-        return [
-            Column(-(DRAG * InRecording(i)), 0.2, f"change[{name}]", sign=0)
-            for i, name in enumerate(s["each"])
-        ]
+        return [Column(-(DRAG * here), 0.2, f"change[{name}]", sign=0) for name, here in in_each(s)]
     return [Column(-(DRAG * from_then_on(s)), 0.3, "change", sign=0)]
 
 
-def _no_settings(e: Evidence) -> Iterator[Settings]:
-    yield {}
+def _rolling_settings(e: Evidence) -> Iterator[Settings]:
+    yield {"order": 1}
+    yield {"order": 2}
 
 
 def _rolling_speed(s: Settings) -> list[Column]:
+    if s["order"] == 2:
+        return [Column(-((SPEED / 20.0) ** 2), 0.03, "square", "N s^2/m^2", 1 / 400.0, per_mass=True)]
     return [Column(-(SPEED / 20.0), 0.03, "slope", "N s/m", 1 / 20.0, per_mass=True)]
 
 
 def _warm_up_settings(e: Evidence) -> Iterator[Settings]:
-    for tau_s in (200.0, 600.0, 1500.0):
+    """Every drive may start as cold as the others, or as cold as it happens to be."""
+    for tau_s in (60.0, 200.0, 600.0, 1500.0):
         yield {"tau_s": tau_s}
+        if 1 < len(e.stretches) <= MOST_KNOTS:
+            yield {"tau_s": tau_s} | each_recording(e)
 
 
 def _warm_up(s: Settings) -> list[Column]:
+    if "each" in s:
+        return [
+            Column(-(exp(-(ELAPSED / s["tau_s"])) * here), 0.05, f"cold_force[{name}]", "N", per_mass=True)
+            for name, here in in_each(s)
+        ]
     return [Column(-exp(-(ELAPSED / s["tau_s"])), 0.03, "cold_force", "N", per_mass=True)]
 
 
@@ -146,13 +161,13 @@ MECHANISMS = (
     ),
     Mechanism(
         "rolling_resistance_speed",
-        "F = -k v",
+        "F = -(k1 v + k2 v^2)",
         "rolling resistance grows with speed",
         ("speed",),
         ("speed",),
         "SAE J2452",
         "coast down from high speed on a calm day, both ways",
-        _no_settings,
+        _rolling_settings,
         _rolling_speed,
     ),
     Mechanism(

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.expression import Expression, InRecording, Signal, Tent, maximum
+from deeptruck_model.mismatch.expression import Expression, InRecording, Knot, Signal, maximum
 from deeptruck_model.mismatch.noise import Prior
 
 Array = NDArray[np.float64]
@@ -28,6 +28,10 @@ ELAPSED, DISTANCE, SIMULATED = Signal("elapsed"), Signal("distance"), Signal("si
 ENGINE_COMMAND, BRAKE_COMMAND = Signal("engine_command"), Signal("brake_command")
 ENGINE_SPEED, RATIO, GEAR = Signal("engine_speed"), Signal("ratio"), Signal("gear")
 MANY_SHAPES = 20  # something that comes and goes as it likes can stand in for much else; it pays for that
+SLOW_KNOT_S = (20.0, 40.0)  # shortest and longest distance of the finer knots
+COARSER = 3.0
+SLOW_SIZES = (0.025, 0.1)  # m/s^2 sd of a force that comes and goes
+MOST_KNOTS = 80
 PULL = maximum(ENGINE, 0.0)
 
 
@@ -96,6 +100,11 @@ def build(mechanism: Mechanism, settings: Settings) -> list[Column]:
     x = Signal(signal)
     gate = x > at if side == "above" else x < at
     return [replace(c, expression=c.expression * gate) for c in columns]
+
+
+def comes_and_goes(shape: Shape) -> bool:
+    """Whether a shape has knots in time or along the road, and so can follow any slow force."""
+    return any("knots" in part for part in shape.settings.get("parts", [shape.settings]))
 
 
 def gates(e: Evidence) -> list[tuple[str, str, float]]:
@@ -215,16 +224,79 @@ def durations(e: Evidence) -> list[float]:
     return [(s.stop - s.start) * e.dt for s in e.stretches]
 
 
-def episode_settings(e: Evidence, knot_s: float = 60.0, most: int = 80) -> Settings:
-    """Knots in time, afresh in every recording, for something that comes and goes."""
-    return {"knots": share_out(durations(e), knot_s, most), "knot_s": knot_s, "trials": MANY_SHAPES}
+def slow_settings(
+    e: Evidence, carrier: Expression, largest: float, along: str = "elapsed", *, quick: bool = True
+) -> Iterator[Settings]:
+    """Knots in time or distance, afresh in every recording, for a force that comes and goes on a carrier.
+
+    Every name gets the same knots and the same sizes of force, up to the `largest` sd of its coefficient that
+    is physically possible: between two of them only how the force varies with the carrier decides. What lies
+    along the road may be the same for all recordings, where they start at one place. What is not `quick`
+    cannot change from one of the finer knots to the next.
+    """
+    moving = e.valid & (e["speed"] > 1.0)
+    typical = float(np.sqrt(np.mean(np.square(carrier.rows(e)[moving])))) if moving.any() else 0.0
+    if typical <= 0.0:
+        return
+    pace = float(np.mean(e["speed"][moving])) if along == "distance" else 1.0
+    lengths = [float(np.ptp(e[along][s.rows])) for s in e.stretches]
+    spare = max(MOST_KNOTS - 2 * len(lengths), 1)
+    fine_s = float(np.clip(len(e) * e.dt / spare, *SLOW_KNOT_S))
+    for knot_s in (fine_s, COARSER * fine_s) if quick else (COARSER * fine_s,):
+        knots = share_out(lengths, knot_s * pace, MOST_KNOTS)
+        slow = profile_settings(e, along, knots, knot_s * pace)
+        for sd in sorted({min(size / typical, largest) for size in SLOW_SIZES}):
+            yield slow | {"sd": sd}
+            if along == "distance" and len(lengths) > 1:
+                longest = min(int(max(lengths) / (knot_s * pace)) + 2, MOST_KNOTS)
+                yield slow | {"sd": sd, "knots": [longest], "shared": True, "mean": 1.0 / longest}
 
 
-def episodes(s: Settings) -> Iterator[tuple[str, Expression]]:
-    """A name and a tent in time for every knot of `episode_settings`."""
-    for i, count in enumerate(s["knots"]):
-        for k in range(count + 1):
-            yield (
-                f"[{i}, {k * s['knot_s']:.0f} s]",
-                InRecording(i) * Tent((ELAPSED,), k * s["knot_s"], s["knot_s"]),
-            )
+def profile_settings(e: Evidence, along: str, knots: list[int], knot: float) -> Settings:
+    """Knots as slow_columns takes them; a simulation is left with the mean over those that are not held
+    out."""
+    fitted = sum(k for k, s in zip(knots, e.stretches, strict=True) if not s.held_out)
+    return {
+        "along": along,
+        "knots": knots,
+        "knot": knot,
+        "trials": MANY_SHAPES,
+        "mean": 1.0 / max(fitted or sum(knots), 1),
+    }
+
+
+def each_recording(e: Evidence) -> Settings:
+    """A coefficient for every recording; a simulation is left with the mean over those that are not held
+    out."""
+    fitted = sum(not s.held_out for s in e.stretches)
+    return {"each": [s.name for s in e.stretches], "mean": 1.0 / max(fitted, 1)}
+
+
+def in_each(s: Settings) -> Iterator[tuple[str, Expression]]:
+    """The name of every recording of `each_recording`, and what is one in it alone."""
+    for i, name in enumerate(s["each"]):
+        yield name, InRecording(i, elsewhere=s["mean"])
+
+
+def slow_columns(
+    s: Settings, carrier: Expression, name: str, unit: str, *, sign: int, steady: bool = True, **told: Any
+) -> list[Column]:
+    """A coefficient for every knot of `slow_settings`, beside one that holds always where `steady`.
+
+    A simulation of another drive is left with the mean over the knots. `told` goes on to Column.
+    """
+    along = (Signal(s["along"]),)
+    always = [Column(carrier, 2.0 * s["sd"], name, unit, sign=sign, **told)] if steady else []
+    unit_of_knots = "s" if s["along"] == "elapsed" else "m"
+    return always + [
+        Column(
+            carrier * Knot(along, -1 if "shared" in s else i, k * s["knot"], s["knot"], s["mean"]),
+            s["sd"],
+            f"{name}[{i}, {k * s['knot']:.0f} {unit_of_knots}]",
+            unit,
+            sign=sign,
+            **told,
+        )
+        for i, count in enumerate(s["knots"])
+        for k in range(count)
+    ]

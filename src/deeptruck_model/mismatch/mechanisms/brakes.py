@@ -14,9 +14,9 @@ from deeptruck_model.mismatch.mechanisms.base import (
     Column,
     Mechanism,
     Settings,
-    episode_settings,
-    episodes,
     from_then_on,
+    slow_columns,
+    slow_settings,
     step_settings,
 )
 
@@ -53,12 +53,12 @@ def _dragging_settings(e: Evidence) -> Iterator[Settings]:
         yield {"decay_s": decay_s, "braking": threshold}
     for at in step_settings(e):
         yield {"decay_s": None} | at
-    yield {"decay_s": None} | episode_settings(e)
+    yield from slow_settings(e, lift(-1.0), 0.1)
 
 
 def _dragging(s: Settings) -> list[Column]:
     if "knots" in s:
-        return [Column(-here, 0.1, f"force{at}", "N", per_mass=True) for at, here in episodes(s)]
+        return slow_columns(s, lift(-1.0), "force", "N", sign=1, per_mass=True)
     if "first" in s:
         return [Column(-from_then_on(s), 0.08, "force", "N", per_mass=True)]
     if s["decay_s"] is None:

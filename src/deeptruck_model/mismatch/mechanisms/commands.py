@@ -10,8 +10,8 @@ from deeptruck_model.mismatch.evidence import GRAVITY, Evidence
 from deeptruck_model.mismatch.expression import Rerun, lift
 from deeptruck_model.mismatch.mechanisms.base import Column, Mechanism, Settings
 
-DELAYS_S = (0.1, 0.2, 0.35, 0.5, 0.8)
-FULL_RANGE_S = (0.5, 1.0, 2.0, 4.0, 8.0)
+DELAYS_S = (0.1, 0.2, 0.35, 0.5, 0.8, 1.2)
+FULL_RANGE_S = (0.4, 0.6, 0.9, 1.4, 2.0, 3.0, 4.5, 7.0)
 
 
 def _delay_settings(e: Evidence) -> Iterator[Settings]:
@@ -26,27 +26,31 @@ def _delay(s: Settings) -> list[Column]:
 
 
 def _rate_settings(e: Evidence) -> Iterator[Settings]:
-    """One command or both, by how long the full range takes."""
+    """One command or both, by how long the full range takes; one may be slewed only as it grows."""
     spans = {}
     for which in ("engine", "brake"):
         if e.has(f"{which}_command"):
             spans[which] = float(np.ptp(e[f"{which}_command"][e.valid]))
     for some in ([w] for w in spans):
-        yield from ({"rates": {w: spans[w] / s for w in some}} for s in FULL_RANGE_S if spans[some[0]] > 0)
+        for how in ("rate", "climb"):
+            for s in FULL_RANGE_S if spans[some[0]] > 0 else ():
+                yield {"how": how, "rates": {w: spans[w] / s for w in some}}
     if len(spans) == 2 and min(spans.values()) > 0:
-        yield from ({"rates": {w: span / s for w, span in spans.items()}} for s in FULL_RANGE_S)
+        yield from (
+            {"how": "rate", "rates": {w: span / s for w, span in spans.items()}} for s in FULL_RANGE_S
+        )
 
 
 def _rate(s: Settings) -> list[Column]:
     return [
-        Column(Rerun(f"rate_{which}", rate), 0.3, f"share_{which}", mean=1.0)
+        Column(Rerun(f"{s['how']}_{which}", rate), 0.3, f"share_{which}", mean=1.0)
         for which, rate in s["rates"].items()
     ]
 
 
 def _clock_settings(e: Evidence) -> Iterator[Settings]:
     """Early commands only a clock can make; late ones look like a delay."""
-    for tau_s in (*(-d for d in DELAYS_S), -1.2, *DELAYS_S, 1.2):
+    for tau_s in (*(-d for d in DELAYS_S), *DELAYS_S):
         yield {"which": "all", "tau_s": tau_s}
 
 

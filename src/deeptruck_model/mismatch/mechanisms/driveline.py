@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.expression import Change, Lag, Since, absolute, exp, maximum, minimum
+from deeptruck_model.mismatch.expression import Change, Lag, Since, absolute, exp, lift, maximum, minimum
 from deeptruck_model.mismatch.mechanisms.base import (
     BRAKE,
     ENGINE,
@@ -59,11 +59,24 @@ def _shift(s: Settings) -> list[Column]:
 
 
 def _converter_settings(e: Evidence) -> Iterator[Settings]:
-    for scale_m_s in (2.0, 4.0):
+    """By speed, or by how much faster the engine turns than it would with the converter locked."""
+    for scale_m_s in (2.0, 4.0, 8.0):
         yield {"scale_m_s": scale_m_s}
+    if e.has("ratio", "gear"):
+        ratio, gear = e["ratio"], np.round(np.nan_to_num(e["gear"]))
+        locked = {
+            g: quantile(e, ratio, (gear == g) & (e["speed"] > 1.0), 0.1)
+            for g in np.unique(gear[e.valid]).tolist()
+            if g > 0
+        }
+        yield {"locked": {f"{g:.0f}": r for g, r in locked.items() if np.isfinite(r)}}
 
 
 def _converter(s: Settings) -> list[Column]:
+    if "locked" in s:
+        own = sum(((absolute(GEAR - float(g)) < 0.5) * r for g, r in s["locked"].items()), lift(0.0))
+        slip = maximum(1.0 - own / maximum(RATIO, 0.01), 0.0)
+        return [Column(-(PULL * slip), 1.0, "share_per_slip", sign=0)]
     return [Column(-(PULL * exp(-(SPEED / s["scale_m_s"]))), 0.5, "share", sign=0)]
 
 
@@ -83,24 +96,30 @@ def _slip(s: Settings) -> list[Column]:
 
 
 def _inertia_settings(e: Evidence) -> Iterator[Settings]:
-    yield {"reference": lever_reference(e)}
+    for share in (0.001, 0.002, 0.004, 0.008, 0.016, 0.03, 0.06, 0.12):
+        yield {"reference": lever_reference(e), "share": share}
 
 
 def _inertia(s: Settings) -> list[Column]:
-    lever = minimum(RATIO / s["reference"], 8.0)
-    return [Column(-(SIMULATED * lever**2), 0.05, "share_of_mass")]
+    """F = -J r^2 a with a the acceleration that is left: -a0 x / (1 + x), x the share of the mass."""
+    lever = minimum(RATIO / s["reference"], 20.0)  # first gear over top gear; beyond, the clutch slips
+    share = (lever**2) * s["share"]
+    return [Column(-(SIMULATED * (share / (share + 1.0))), 0.3, "share_of_mass", "1", s["share"], mean=1.0)]
 
 
 def _backlash_settings(e: Evidence) -> Iterator[Settings]:
     size = quantile(e, np.abs(e["engine"]), np.abs(e["engine"]) > 0.0, 0.8)
-    for window_s in (0.3, 0.7):
+    for window_s in (0.3, 0.7, 1.2):
         if np.isfinite(size):
             yield {"window_s": window_s, "size": max(size, 0.05)}
+        yield {"window_s": window_s, "size": None}
 
 
 def _backlash(s: Settings) -> list[Column]:
     change = Change((ENGINE > 0.03,))
     up, down = Since((change > 0.1,)) < s["window_s"], Since((change < -0.1,)) < s["window_s"]
+    if s["size"] is None:
+        return [Column(-(up * ENGINE), 0.6, "tip_in_share"), Column(-(down * ENGINE), 0.6, "tip_out_share")]
     return [Column(-(up * s["size"]), 0.5, "tip_in"), Column(down * s["size"], 0.5, "tip_out")]
 
 
@@ -148,7 +167,7 @@ MECHANISMS = (
         "full torque and full brake at low speed on the same surface",
         _slip_settings,
         _slip,
-        prior=0.5,
+        prior=0.2,
     ),
     Mechanism(
         "rotating_inertia",

@@ -22,23 +22,27 @@ from deeptruck_model.mismatch.mechanisms.base import (
     ENGINE,
     ENGINE_COMMAND,
     ENGINE_SPEED,
+    MOST_KNOTS,
     PULL,
     RATIO,
     SPEED,
     Column,
     Mechanism,
     Settings,
-    episode_settings,
-    episodes,
+    each_recording,
+    in_each,
     lever_reference,
     quantile,
+    slow_columns,
+    slow_settings,
 )
 
 OMEGA = 150.0  # rad/s, a diesel's working speed
 
 
 def _turbo_settings(e: Evidence) -> Iterator[Settings]:
-    """All of the torque may lag, or only what is above what the engine gives without boost."""
+    """All of the torque may lag, or what is above what the engine gives without boost, or more so at low
+    revolutions."""
     pull = np.maximum(e["engine"], 0.0)
     reference = lever_reference(e)
     known = "ratio" in e.signals
@@ -48,12 +52,17 @@ def _turbo_settings(e: Evidence) -> Iterator[Settings]:
         yield {"tau_s": tau_s, "aspirated": 0.0, "reference": reference if known else None}
         if np.isfinite(full):
             yield {"tau_s": tau_s, "aspirated": 0.4 * full, "reference": reference if known else None}
+        if known and e.has("engine_speed"):
+            yield {"tau_s": tau_s, "aspirated": 0.0, "reference": reference, "slow_when_slow": True}
 
 
 def _turbo(s: Settings) -> list[Column]:
     lever = RATIO / s["reference"] if s["reference"] else lift(1.0)
     boosted = maximum(PULL / maximum(lever, 0.05) - s["aspirated"], 0.0)
-    return [Column((RisingLag((boosted,), s["tau_s"]) - boosted) * lever, 0.7, "share")]
+    late = (RisingLag((boosted,), s["tau_s"]) - boosted) * lever
+    if "slow_when_slow" in s:  # little exhaust spins the turbine up slowly
+        late = late * minimum(OMEGA / maximum(ENGINE_SPEED, 50.0), 2.0)
+    return [Column(late, 0.7, "share")]
 
 
 def _derate_settings(e: Evidence) -> Iterator[Settings]:
@@ -66,9 +75,12 @@ def _derate_settings(e: Evidence) -> Iterator[Settings]:
         yield {"by": "elevation"}
     if e.has("ambient_temperature"):
         yield {"by": "ambient_temperature"}
+    yield from slow_settings(e, -PULL, 0.5, quick=False)
 
 
 def _derate(s: Settings) -> list[Column]:
+    if "knots" in s:
+        return slow_columns(s, -PULL, "loss", "1", sign=1)
     if s["by"] == "load":
         load = minimum(Lag((PULL * SPEED / s["full"],), s["soak_s"], cold=True), 1.5)
         return [Column(-(PULL * load), 0.3, "loss_at_full_load")]
@@ -139,8 +151,10 @@ def _friction_settings(e: Evidence) -> Iterator[Settings]:
     reference = lever_reference(e)
     for order in (0, 1):
         yield {"reference": reference, "order": order, "cold_s": None}
-    for cold_s in (200.0, 600.0, 1500.0):
+    for cold_s in (60.0, 200.0, 600.0, 1500.0):
         yield {"reference": reference, "order": 0, "cold_s": cold_s}
+        if 1 < len(e.stretches) <= MOST_KNOTS:
+            yield {"reference": reference, "order": 0, "cold_s": cold_s} | each_recording(e)
 
 
 def _friction(s: Settings) -> list[Column]:
@@ -149,21 +163,25 @@ def _friction(s: Settings) -> list[Column]:
         drive = drive * ENGINE_SPEED / OMEGA
     if s["cold_s"] is not None:
         drive = drive * exp(-(ELAPSED / s["cold_s"]))
+    if "each" in s:  # every drive starts as cold as it happens to be
+        return [
+            Column(-(drive * here), 0.05, f"force[{name}]", "N", per_mass=True) for name, here in in_each(s)
+        ]
     return [Column(-drive, 0.03, "force", "N", per_mass=True)]
+
+
+PER_POWER = -(1.0 / maximum(SPEED, 3.0))
 
 
 def _accessory_settings(e: Evidence) -> Iterator[Settings]:
     yield {}
-    yield episode_settings(e)
+    yield from slow_settings(e, PER_POWER, 2.0)
 
 
 def _accessories(s: Settings) -> list[Column]:
-    per_power = 1.0 / maximum(SPEED, 3.0)
     if "knots" in s:
-        return [
-            Column(-(per_power * here), 0.5, f"power{at}", "W", per_mass=True) for at, here in episodes(s)
-        ]
-    return [Column(-per_power, 0.5, "power", "W", per_mass=True)]
+        return slow_columns(s, PER_POWER, "power", "W", sign=1, per_mass=True)
+    return [Column(PER_POWER, 0.5, "power", "W", per_mass=True)]
 
 
 MECHANISMS = (

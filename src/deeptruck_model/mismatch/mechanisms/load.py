@@ -7,8 +7,16 @@ from collections.abc import Iterator
 import numpy as np
 
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.expression import InRecording, Signal, Slosh
-from deeptruck_model.mismatch.mechanisms.base import SIMULATED, Column, Mechanism, Settings, from_then_on
+from deeptruck_model.mismatch.expression import Signal, Slosh
+from deeptruck_model.mismatch.mechanisms.base import (
+    SIMULATED,
+    Column,
+    Mechanism,
+    Settings,
+    each_recording,
+    from_then_on,
+    in_each,
+)
 
 MASS = Signal("sensitivity:mass")
 
@@ -25,14 +33,14 @@ def _payload_settings(e: Evidence) -> Iterator[Settings]:
         first, after = int(record[p]), float(elapsed[p])
         yield {"first": first, "after_s": after, "count": len(e.stretches), "trials": len(points)}
     if 2 < len(e.stretches) <= 40:
-        yield {"each": [s.name for s in e.stretches]}
+        yield each_recording(e)
 
 
 def _payload(s: Settings) -> list[Column]:
     if "each" in s:
         return [
-            Column(MASS * InRecording(i), 0.3, f"change[{name}]", "kg", per_mass=True, sign=0)
-            for i, name in enumerate(s["each"])
+            Column(MASS * here, 0.3, f"change[{name}]", "kg", per_mass=True, sign=0)
+            for name, here in in_each(s)
         ]
     return [Column(MASS * from_then_on(s), 0.4, "change", "kg", per_mass=True, sign=0)]
 

@@ -7,37 +7,48 @@ from collections.abc import Iterator
 import numpy as np
 
 from deeptruck_model.mismatch.evidence import GRAVITY, Evidence
-from deeptruck_model.mismatch.expression import InRecording, Tent
-from deeptruck_model.mismatch.mechanisms.base import DISTANCE, Column, Mechanism, Settings, share_out
+from deeptruck_model.mismatch.expression import lift
+from deeptruck_model.mismatch.mechanisms.base import (
+    MOST_KNOTS,
+    Column,
+    Mechanism,
+    Settings,
+    profile_settings,
+    share_out,
+    slow_columns,
+    slow_settings,
+)
 
-MOST_KNOTS = 80
+FINE_M, HILLY = 100.0, 0.02  # knots of a hilly road, and the sd of its slope
+ROUGH = 0.1  # m/s^2: soft ground
+SLOPE, SURFACE = lift(-GRAVITY), lift(-1.0)
 
 
-def _settings(e: Evidence) -> Iterator[Settings]:
+def _grade_settings(e: Evidence) -> Iterator[Settings]:
+    """Slopes of a plain come as slowly as wind does; those of hills are finer and larger than anything
+    else."""
+    yield from slow_settings(e, SLOPE, HILLY, "distance")
+    yield from _fine(e, HILLY)
+
+
+def _fine(e: Evidence, sd: float) -> Iterator[Settings]:
     lengths = [float(np.ptp(e["distance"][s.rows])) for s in e.stretches]
-    for knot_m in (100.0, 250.0, 600.0):
-        yield {"knot_m": knot_m, "knots": share_out(lengths, knot_m, MOST_KNOTS)}
-
-
-def _profile(s: Settings) -> Iterator[tuple[str, InRecording, Tent]]:
-    for i, count in enumerate(s["knots"]):
-        for k in range(count):
-            yield (
-                f"[{i}, {k * s['knot_m']:.0f} m]",
-                InRecording(i),
-                Tent((DISTANCE,), k * s["knot_m"], s["knot_m"]),
-            )
+    for knot in (FINE_M, 2.5 * FINE_M):
+        knots = share_out(lengths, knot, MOST_KNOTS)
+        yield profile_settings(e, "distance", knots, knot) | {"sd": sd}
 
 
 def _grade(s: Settings) -> list[Column]:
-    return [
-        Column(-(here * tent) * GRAVITY, 0.02, f"grade{at}", "ratio", sign=0)
-        for at, here, tent in _profile(s)
-    ]
+    return slow_columns(s, SLOPE, "grade", "ratio", sign=0, steady=False)
+
+
+def _surface_settings(e: Evidence) -> Iterator[Settings]:
+    yield from slow_settings(e, SURFACE, ROUGH, "distance")
+    yield from _fine(e, ROUGH)
 
 
 def _surface(s: Settings) -> list[Column]:
-    return [Column(-(here * tent), 0.04, f"force{at}", "N", per_mass=True) for at, here, tent in _profile(s)]
+    return slow_columns(s, SURFACE, "force", "N", sign=1, per_mass=True)
 
 
 MECHANISMS = (
@@ -49,7 +60,7 @@ MECHANISMS = (
         ("distance along the road",),
         "definition of grade",
         "drive the same stretch in both directions",
-        _settings,
+        _grade_settings,
         _grade,
         hidden=True,
         unlikely_with="grade",
@@ -62,7 +73,7 @@ MECHANISMS = (
         ("distance along the road",),
         "rolling resistance of road textures: MIRIAM project",
         "drive the same stretch in both directions",
-        _settings,
+        _surface_settings,
         _surface,
         hidden=True,
         prior=0.05,  # without a second pass it is any drag that comes and goes

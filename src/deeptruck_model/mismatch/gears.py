@@ -1,0 +1,69 @@
+"""Where a physics truck drives in another gear than the recorded one: its force there says nothing.
+
+A gearbox remembers: the same truck, a little faster or slower on the way, may hold the next gear for minutes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
+
+from deeptruck_model.signals import SPEED
+from deeptruck_model.simulators import Run
+
+if TYPE_CHECKING:
+    from deeptruck_model.mismatch.residual import Prepared
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+NEAR_S = 0.5  # around a different gear, while the engine changes its speed
+APART = 0.18  # of the logarithms of engine speeds; neighbouring gears are 0.2 to 0.4 apart
+MOVING = 2.0  # m/s
+MOST = 0.6  # share of the time beyond which the two do not number, or build, their gears alike
+
+
+def other_gear(prepared: Sequence[Prepared], runs: Sequence[Run]) -> list[Mask]:
+    """Native samples (n,) of each recording where the simulator's gear is another one.
+
+    By the recorded gear, else by the recorded engine speed; all False where neither tells.
+    """
+    apart = _by_label(prepared, runs) if "gear" in runs[0].inside else None
+    if apart is None and "engine_speed" in runs[0].inside:
+        apart = [_by_engine_speed(p, run) for p, run in zip(prepared, runs, strict=True)]
+    if apart is None or np.concatenate(apart).mean() > MOST:
+        return [np.zeros(len(p.recording), dtype=bool) for p in prepared]
+    near = np.ones(2 * round(NEAR_S / prepared[0].dt) + 1, dtype=bool)
+    return [binary_dilation(a, near) if a.any() else a for a in apart]
+
+
+def _by_label(prepared: Sequence[Prepared], runs: Sequence[Run]) -> list[Mask] | None:
+    """Gears may be numbered differently: each recorded one stands for the simulated one it mostly meets."""
+    if not all("gear" in p.recording.channels for p in prepared):
+        return None
+    recorded = [np.round(p.recording.channels["gear"]) for p in prepared]
+    simulated = [np.round(run.inside["gear"][0]) for run in runs]
+    r, s = np.concatenate(recorded), np.concatenate(simulated)
+    meets = {g: _mode(s[r == g]) for g in np.unique(r[np.isfinite(r)])}
+    return [
+        np.array([g in meets and meets[g] != k for g, k in zip(rec, sim, strict=True)])
+        for rec, sim in zip(recorded, simulated, strict=True)
+    ]
+
+
+def _mode(x: Array) -> float:
+    values, counts = np.unique(x, return_counts=True)
+    return float(values[np.argmax(counts)])
+
+
+def _by_engine_speed(p: Prepared, run: Run) -> Mask:
+    if "engine_speed" not in p.recording.channels:
+        return np.zeros(len(p.recording), dtype=bool)
+    recorded, simulated = p.recording.channels["engine_speed"], run.inside["engine_speed"][0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        apart = np.abs(np.log(recorded / simulated)) > APART
+    return apart & (p.y[:, SPEED] > MOVING) & np.isfinite(recorded)
