@@ -61,6 +61,10 @@ class CommandPath:
         out = u if memory is None else memory + np.clip(u - memory, -step, step)
         return out, out
 
+    def _drop(self, u: Array, amount: float, memory: Any) -> tuple[Array, Any]:
+        out = u if memory is None else np.maximum(u, memory - amount * self._dt)
+        return out, out
+
     def _climb(self, u: Array, amount: float, memory: Any) -> tuple[Array, Any]:
         out = u if memory is None else np.minimum(u, memory + amount * self._dt)
         return out, out

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from deeptruck_model.mismatch import intermittent
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.free_model import FreeModel, free_model
 from deeptruck_model.mismatch.mechanisms import Shape
@@ -121,7 +122,18 @@ def _grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], 
         if weakest.score < base.score - _enough(search) - BESIDE * (base.score - bare.score):
             break
         base = weakest
-    return _exchanged(search, base), ranking
+    base = _exchanged(search, base)
+    return _now_and_then(search, base), ranking
+
+
+def _now_and_then(search: Search, base: Model) -> Model:
+    """Add a mechanism that acts in a few windows alone, where one explains them."""
+    spans = intermittent.windows(search.e, base) if search.e.own_error == 0 else []
+    if not spans:
+        return base
+    tried = [m for m in intermittent.candidates(search, base, spans) if _practical(search, m, m.named[-1])]
+    best = max(tried, key=lambda m: m.score, default=base)
+    return best if best.score > base.score + ENOUGH else base
 
 
 def _exchanged(search: Search, model: Model) -> Model:
@@ -266,8 +278,13 @@ def _mechanism(search: Search, model: Model, shape: Shape) -> Cause:
     others = tuple(n for n in model.named if n is not shape)
     base = search.background(others)
     gain = model.score - base.score
-    tried = [m for m in search.candidates(base) if m.effects[-1] != shape.mechanism.effect]
-    tried = [search.enriched(m) for m in tried[: WIDENED - 1]] + tried[WIDENED - 1 :]
+    if "when" in shape.settings:
+        spans = [(int(i), first, last) for i, first, last in shape.settings["when"]]
+        tried = intermittent.candidates(search, base, spans)
+    else:
+        tried = search.candidates(base)
+        tried = [search.enriched(m) for m in tried[:WIDENED]] + tried[WIDENED:]
+    tried = [m for m in tried if m.effects[-1] != shape.mechanism.effect]
     rivals = [(m.effects[-1], model.score - m.score) for m in tried]
     for p in search.parameters:
         if p not in base.free:

@@ -363,6 +363,25 @@ class InRecording(Leaf):
 
 
 @dataclass(frozen=True, eq=False)
+class During(Expression):
+    """The input within spans (recording, from and to in s), zero elsewhere and in a simulation."""
+
+    inputs: tuple[Expression, ...]
+    spans: Sequence[Sequence[float]]
+
+    def over(self, values: Sequence[Array], e: Evidence) -> Array:
+        inside = np.zeros(len(e), dtype=bool)
+        for i, first, last in self.spans:
+            inside |= (e.record == i) & (e["elapsed"] >= first) & (e["elapsed"] <= last)
+        return np.where(inside, values[0], 0.0)
+
+    def advance(
+        self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
+    ) -> tuple[Array, Any]:
+        return np.zeros_like(values[0]), memory
+
+
+@dataclass(frozen=True, eq=False)
 class Rerun(Leaf):
     """Change of the simulated acceleration when commands take another path; simulated by CommandPath."""
 

@@ -237,9 +237,11 @@ def _changed(p: Prepared, name: str, amount: float) -> Array:
             t = np.arange(len(out))
             out[:, i] = np.interp(t - amount / p.dt, t, p.u[:, i])
         elif what == "rate":
-            out[:, i] = _limit_rate(p.u[:, i], amount * p.dt)
+            out[:, i] = _limit_rate(p.u[:, i], amount * p.dt, amount * p.dt)
         elif what == "climb":
-            out[:, i] = _limit_rate(p.u[:, i], amount * p.dt, only_up=True)
+            out[:, i] = _limit_rate(p.u[:, i], amount * p.dt, np.inf)
+        elif what == "drop":
+            out[:, i] = _limit_rate(p.u[:, i], np.inf, amount * p.dt)
         elif what == "lag":
             out[:, i] = _lag(p.u[:, i], float(np.exp(-p.dt / amount)))
         elif what in ("rise", "fall"):
@@ -264,10 +266,10 @@ def _lag(x: Array, keep: float) -> Array:
     return out
 
 
-def _limit_rate(x: Array, step: float, only_up: bool = False) -> Array:
-    out, down = x.tolist(), -np.inf if only_up else -step
+def _limit_rate(x: Array, up: float, down: float) -> Array:
+    out = x.tolist()
     for k in range(1, len(out)):
-        out[k] = out[k - 1] + min(max(out[k] - out[k - 1], down), step)
+        out[k] = out[k - 1] + min(max(out[k] - out[k - 1], -down), up)
     return np.array(out)
 
 

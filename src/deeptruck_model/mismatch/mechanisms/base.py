@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.expression import Expression, InRecording, Knot, Signal, maximum
+from deeptruck_model.mismatch.expression import During, Expression, InRecording, Knot, Signal, maximum
 from deeptruck_model.mismatch.noise import Prior
 
 Array = NDArray[np.float64]
@@ -94,6 +94,8 @@ def build(mechanism: Mechanism, settings: Settings) -> list[Column]:
     if "parts" in settings:
         return [c for part in settings["parts"] for c in build(mechanism, part)]
     columns = mechanism.build(settings)
+    if "when" in settings:
+        columns = [replace(c, expression=During((c.expression,), settings["when"])) for c in columns]
     if "gate" not in settings:
         return columns
     signal, side, at = settings["gate"]

@@ -10,7 +10,7 @@ from deeptruck_model.mismatch.evidence import GRAVITY, Evidence
 from deeptruck_model.mismatch.expression import Rerun, lift
 from deeptruck_model.mismatch.mechanisms.base import Column, Mechanism, Settings
 
-DELAYS_S = (0.1, 0.2, 0.35, 0.5, 0.8, 1.2)
+DELAYS_S = (0.1, 0.2, 0.3, 0.4, 0.5, 0.65, 0.8, 1.0, 1.25)
 FULL_RANGE_S = (0.4, 0.6, 0.9, 1.4, 2.0, 3.0, 4.5, 7.0)
 
 
@@ -26,13 +26,13 @@ def _delay(s: Settings) -> list[Column]:
 
 
 def _rate_settings(e: Evidence) -> Iterator[Settings]:
-    """One command or both, by how long the full range takes; one may be slewed only as it grows."""
+    """One command or both, by how long the full range takes; one may be slewed only up or only down."""
     spans = {}
     for which in ("engine", "brake"):
         if e.has(f"{which}_command"):
             spans[which] = float(np.ptp(e[f"{which}_command"][e.valid]))
     for some in ([w] for w in spans):
-        for how in ("rate", "climb"):
+        for how in ("rate", "climb", "drop"):
             for s in FULL_RANGE_S if spans[some[0]] > 0 else ():
                 yield {"how": how, "rates": {w: spans[w] / s for w in some}}
     if len(spans) == 2 and min(spans.values()) > 0:

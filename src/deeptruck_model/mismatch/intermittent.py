@@ -1,0 +1,90 @@
+"""What is missing only now and then: first where, then what.
+
+A valve that sticks twice an hour is lost among hours in which it does not. So short windows are sought in
+which the simulator is plainly wrong, and mechanisms are fitted as if they acted in those windows alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.mechanisms import Shape, build, comes_and_goes
+from deeptruck_model.mismatch.search import TEMPER, Model, Search
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Span = tuple[int, float, float]  # recording, from and to in s since its start
+
+LENGTHS_S = (0.6, 2.0, 6.0)
+PLAIN = 6.5  # sd by which the mean over a window must be off
+LARGEST = 6.0  # a single sample counts as no more than this
+AROUND_S = 1.5
+MOST = 0.06  # share of the time; beyond, it is no exception
+PER_WINDOW = 6.0  # nats: the price of having looked for it
+FITTED = 6
+
+
+def windows(e: Evidence, model: Model) -> list[Span]:
+    """Spans in which the innovations of a model are off together; none where they are no exception."""
+    z = np.clip(np.nan_to_num(model.fit.innovations), -LARGEST, LARGEST)
+    known = np.isfinite(model.fit.innovations)
+    off = np.zeros(len(e), dtype=bool)
+    for length_s in LENGTHS_S:
+        width = max(2, round(length_s / e.dt))
+        kernel = np.ones(width)
+        count = np.maximum(np.convolve(known, kernel, mode="same"), 1.0)
+        off |= (np.abs(np.convolve(z, kernel, mode="same")) > PLAIN * np.sqrt(count)) & (count >= width / 2)
+    near = np.convolve(off, np.ones(2 * round(AROUND_S / e.dt) + 1), mode="same") > 0.5
+    if not off.any() or near[e.valid].mean() > MOST:
+        return []
+    return _spans(e, near)
+
+
+def _spans(e: Evidence, inside: Mask) -> list[Span]:
+    out: list[Span] = []
+    for i, s in enumerate(e.stretches):
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], inside[s.rows].astype(int), [0]])))
+        elapsed = e["elapsed"][s.rows]
+        for first, last in zip(edges[::2], edges[1::2], strict=True):
+            out.append((i, float(elapsed[first]), float(elapsed[last - 1])))
+    return out
+
+
+def during(shape: Shape, spans: list[Span], e: Evidence) -> Shape:
+    """The shape confined to the spans."""
+    record, elapsed = e.record, e["elapsed"]
+    inside = np.zeros(len(e))
+    for i, first, last in spans:
+        inside[(record == i) & (elapsed >= first) & (elapsed <= last)] = 1.0
+    settings = shape.settings | {"when": [list(span) for span in spans]}
+    parts = tuple(build(shape.mechanism, settings))
+    trials = shape.trials * float(np.exp(PER_WINDOW / TEMPER * len(spans)))
+    return replace(
+        shape, settings=settings, parts=parts, columns=shape.columns * inside[:, None], trials=trials
+    )
+
+
+def candidates(search: Search, base: Model, spans: list[Span]) -> list[Model]:
+    """Every mechanism as if it acted in the spans alone, added to `base` and fitted, best first."""
+    best: dict[str, Model] = {}
+    options = [
+        during(s, spans, search.e)
+        for mechanism in search.library
+        if mechanism.effect not in base.effects
+        for s in search.shapes(mechanism)
+        if not comes_and_goes(s) and "each" not in s.settings
+    ]
+    seen = [s for s in options if np.abs(s.columns[search.e.valid]).max(initial=0.0) > 1e-6]
+    for _, shape in search.screen_shapes(base, seen):
+        effect = shape.mechanism.effect
+        if effect in best or len(best) < FITTED:
+            model = search.model((*base.named, shape), base.free, base.fit)
+            if effect not in best or model.score > best[effect].score:
+                best[effect] = model
+        if len(best) == FITTED:
+            break
+    return sorted(best.values(), key=lambda m: -m.score)
