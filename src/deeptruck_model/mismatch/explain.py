@@ -38,7 +38,10 @@ TRIFLE = 0.03  # a cause with a smaller share of what is explained is as likely 
 BENT = 0.15  # share of the main cause's gain that a parameter beside it must have
 SLOW_S = 8.0  # smoothing of a slow force where it has no knots of its own
 SLOW_NAMES = {"road_grade", "road_surface", "headwind", "payload_change"}
-PRACTICAL_DELAY_S = 0.15  # beyond what sensor filters make late
+PRACTICAL_S = {
+    "delay": 0.15,
+    "time_constant": 0.1,
+}  # beyond what sensor filters and message periods make late
 LEARNABLE = 0.05  # m/s^2 rms; a well-trained simulator's own error is smaller
 PARAMETER_PRACTICAL = 0.025  # relative
 
@@ -175,9 +178,10 @@ def _price(search: Search, model: Model) -> float:
 
 def _practical(search: Search, model: Model, shape: Shape) -> bool:
     b = model.coefficients(shape.mechanism.effect)
-    times = [value * part.factor for part, value in zip(shape.parts, b, strict=True) if part.name == "delay"]
-    if times:
-        return abs(sum(times)) > PRACTICAL_DELAY_S
+    for name, enough in PRACTICAL_S.items():
+        times = [value * part.factor for part, value in zip(shape.parts, b, strict=True) if part.name == name]
+        if times and abs(sum(times)) < enough:
+            return False
     force = shape.columns @ b
     return _beyond_learning(search.e, shape, force) or _large_enough(search.e, force)
 
