@@ -12,8 +12,9 @@ from deeptruck_model.mismatch import intermittent
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.free_model import FreeModel, free_model
 from deeptruck_model.mismatch.mechanisms import Shape
+from deeptruck_model.mismatch.plain_truck import plain_truck
 from deeptruck_model.mismatch.search import TEMPER, Model, Search
-from deeptruck_model.mismatch.slow_force import slow_force
+from deeptruck_model.mismatch.slow_force import SlowForce, slow_force
 
 Array = NDArray[np.float64]
 
@@ -249,8 +250,10 @@ def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list
     if any(c.effect in SLOW_NAMES for c in causes):
         return causes
     residual = e.residual - search.prediction(model) - left.prediction
-    sigma = float(1.4826 * np.median(np.abs(residual[e.valid])))
-    found = slow_force(e, residual, 1.0 / search.series.relative**2, sigma)
+    found = _beside_a_learned_truck(e) if e.own_error > 0 else None
+    if found is None:
+        sigma = float(1.4826 * np.median(np.abs(residual[e.valid])))
+        found = slow_force(e, residual, 1.0 / search.series.relative**2, sigma)
     if found is None:
         return causes
     possible = [n for n in found.possible if n != "road_grade" or not e.has("grade")]
@@ -275,6 +278,16 @@ def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list
         if c.effect != "unknown" or effect != "unknown"
     ]
     return sorted([*rest, cause], key=lambda c: -c.share)
+
+
+def _beside_a_learned_truck(e: Evidence) -> SlowForce | None:
+    """A slow force that a learned truck follows and a line through the recordings does not."""
+    line = plain_truck(e)
+    if line is None:
+        return None
+    known = np.isfinite(line.left)
+    sigma = float(1.4826 * np.median(np.abs(line.left[known])))
+    return slow_force(e, np.where(known, line.left, 0.0), known.astype(float), sigma, line.doubt)
 
 
 def _mechanism(search: Search, model: Model, shape: Shape) -> Cause:

@@ -45,10 +45,11 @@ class SlowForce:
         return sorted(fits, key=lambda name: self.needed[name] / LARGEST[name])
 
 
-def slow_force(e: Evidence, left: Array, weight: Array, sigma: float) -> SlowForce | None:
+def slow_force(e: Evidence, left: Array, weight: Array, sigma: float, doubt: float = 0.0) -> SlowForce | None:
     """The slow part of `left` (n,), what named mechanisms and signals left over; None where it is small.
 
-    `weight` (n,) is the weight of each sample, `sigma` the sd of one sample's noise.
+    `weight` (n,) is the weight of each sample, `sigma` the sd of one sample's noise, `doubt` the rms of what
+    `left` may hold for another reason.
     """
     if e.valid.sum() * e.dt < LEAST_S:
         return None
@@ -59,7 +60,7 @@ def slow_force(e: Evidence, left: Array, weight: Array, sigma: float) -> SlowFor
     known = e.valid & (amount > 0.2 * float(np.median(amount[e.valid])))
     centred = smooth - float(np.mean(smooth[known]))
     rms = float(np.sqrt(np.mean(centred[known] ** 2)))
-    if rms < max(NOTABLE, NOISE * sigma / np.sqrt(2.0 * np.sqrt(np.pi) * width)):
+    if rms < max(float(np.hypot(NOTABLE, doubt)), NOISE * sigma / np.sqrt(2.0 * np.sqrt(np.pi) * width)):
         return None
     speed, pull = np.maximum(e["speed"], 3.0), np.maximum(e["engine"], 0.0)
     per_wind = 2.0 * e["drag"] / speed
