@@ -11,6 +11,12 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
+def lagged(dt: float, tau_s: float) -> tuple[float, float]:
+    """Shares of a distance to the command that are left at the end of a step, and in its mean."""
+    end = float(np.exp(-dt / tau_s))
+    return end, tau_s / dt * (1.0 - end)
+
+
 class CommandPath:
     """A chain of (path name, amount, share): each moves the command by `share` of what the full path does."""
 
@@ -42,19 +48,18 @@ class CommandPath:
         return (1 - part) * queue[whole] + part * queue[max(whole - 1, 0)], queue
 
     def _lag(self, u: Array, amount: float, memory: Any) -> tuple[Array, Any]:
-        keep = np.exp(-self._dt / amount)
-        out = u if memory is None else keep * memory + (1 - keep) * u
-        return out, out
+        """The mean over the step of what follows a command held over the step, and where it ends."""
+        held = u if memory is None else memory
+        end, mean = lagged(self._dt, amount)
+        return u + mean * (held - u), u + end * (held - u)
 
     def _rise(self, u: Array, amount: float, memory: Any) -> tuple[Array, Any]:
-        late, _ = self._lag(u, amount, memory)
-        out = np.minimum(u, late)
-        return out, out
+        mean, end = self._lag(u, amount, memory)
+        return np.minimum(u, mean), np.minimum(u, end)
 
     def _fall(self, u: Array, amount: float, memory: Any) -> tuple[Array, Any]:
-        late, _ = self._lag(u, amount, memory)
-        out = np.maximum(u, late)
-        return out, out
+        mean, end = self._lag(u, amount, memory)
+        return np.maximum(u, mean), np.maximum(u, end)
 
     def _rate(self, u: Array, amount: float, memory: Any) -> tuple[Array, Any]:
         step = amount * self._dt

@@ -9,9 +9,11 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
+from scipy.signal import lfilter
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import components
+from deeptruck_model.mismatch.command_path import lagged
 from deeptruck_model.mismatch.evidence import BLOCK_LEARNED_S, BLOCK_S, Evidence, Stretch
 from deeptruck_model.mismatch.gears import other_gear
 from deeptruck_model.mismatch.kinematics import noise_of, observed_acceleration
@@ -243,26 +245,26 @@ def _changed(p: Prepared, name: str, amount: float) -> Array:
         elif what == "drop":
             out[:, i] = _limit_rate(p.u[:, i], np.inf, amount * p.dt)
         elif what == "lag":
-            out[:, i] = _lag(p.u[:, i], float(np.exp(-p.dt / amount)))
+            out[:, i] = _lag(p.u[:, i], *lagged(p.dt, amount))
         elif what in ("rise", "fall"):
-            out[:, i] = _one_sided_lag(p.u[:, i], float(np.exp(-p.dt / amount)), what == "rise")
+            out[:, i] = _one_sided_lag(p.u[:, i], *lagged(p.dt, amount), what == "rise")
     return out
 
 
-def _one_sided_lag(x: Array, keep: float, rising: bool) -> Array:
+def _one_sided_lag(x: Array, end: float, mean: float, rising: bool) -> Array:
     """A lag in one direction only: shoes that come late, or that let go late."""
-    out, held = x.tolist(), float(x[0])
+    out, held, side = x.tolist(), float(x[0]), min if rising else max
     for k, value in enumerate(out):
-        late = keep * held + (1 - keep) * value
-        held = min(value, late) if rising else max(value, late)
-        out[k] = held
+        out[k] = side(value, value + mean * (held - value))
+        held = side(value, value + end * (held - value))
     return np.array(out)
 
 
-def _lag(x: Array, keep: float) -> Array:
-    from scipy.signal import lfilter
-
-    out: Array = lfilter([1 - keep], [1, -keep], x, zi=keep * x[:1])[0]
+def _lag(x: Array, end: float, mean: float) -> Array:
+    """The mean over each step of a first-order lag behind commands held over the steps."""
+    after = lfilter([1 - end], [1, -end], x, zi=end * x[:1])[0]
+    before = np.concatenate([x[:1], after[:-1]])
+    out: Array = x + mean * (before - x)
     return out
 
 
