@@ -76,9 +76,10 @@ class Model:
         return float(np.sqrt(self.covariance(f"parameter:{parameter}")[0, 0]))
 
     def covariance(self, name: str) -> Array:
-        """Posterior covariance of the coefficients of an effect."""
+        """Posterior covariance of the coefficients of an effect, as much wider as evidence is too sure."""
         part = dict(self.layout)[name]
-        return self.fit.covariance[part, part]
+        out: Array = TEMPER * self.fit.covariance[part, part]
+        return out
 
 
 class Search:
