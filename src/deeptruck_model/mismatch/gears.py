@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
+from scipy.ndimage import binary_dilation, binary_opening
 
 from deeptruck_model.signals import SPEED
 from deeptruck_model.simulators import Run
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+LASTING_S = 1.5  # a shift that comes a little sooner or later is part of what may be missing
 NEAR_S = 0.5  # around a different gear, while the engine changes its speed
 APART = 0.18  # of the logarithms of engine speeds; neighbouring gears are 0.2 to 0.4 apart
 MOVING = 2.0  # m/s
@@ -37,7 +38,10 @@ def other_gear(prepared: Sequence[Prepared], runs: Sequence[Run]) -> list[Mask]:
         apart = [_by_engine_speed(p, run) for p, run in zip(prepared, runs, strict=True)]
     if apart is None or np.concatenate(apart).mean() > MOST:
         return [np.zeros(len(p.recording), dtype=bool) for p in prepared]
-    near = np.ones(2 * round(NEAR_S / prepared[0].dt) + 1, dtype=bool)
+    dt = prepared[0].dt
+    lasting = np.ones(round(LASTING_S / dt) + 1, dtype=bool)
+    apart = [binary_opening(a, lasting) if a.any() else a for a in apart]
+    near = np.ones(2 * round(NEAR_S / dt) + 1, dtype=bool)
     return [binary_dilation(a, near) if a.any() else a for a in apart]
 
 

@@ -18,7 +18,7 @@ Mask = NDArray[np.bool_]
 
 ORDER = 5  # of the autoregression
 TAIL = 5.0  # degrees of freedom of the innovations
-FLOOR = 1e-3  # m/s^2; no simulator is better: data without noise must not make its rounding significant
+FLOOR = 0.01  # m/s^2 in 0.2 s; no simulator is better: data without noise must not make its form significant
 
 
 @dataclass(frozen=True)

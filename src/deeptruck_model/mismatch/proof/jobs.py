@@ -45,7 +45,8 @@ def run_jobs(
         console=Console(stderr=True),
     )
     context = multiprocessing.get_context("spawn")  # threads of numba and BLAS do not survive a fork
-    with bar, ProcessPoolExecutor(max_workers=jobs, mp_context=context, max_tasks_per_child=25) as pool:
+    # no max_tasks_per_child: with it the executor of Python 3.11 and 3.12 can wait for ever
+    with bar, ProcessPoolExecutor(max_workers=jobs, mp_context=context) as pool:
         task = bar.add_task("cases", total=len(wanted))
         waiting = {pool.submit(_examine, out, job, with_rivals, keep): k for k, job in enumerate(wanted)}
         for future in as_completed(waiting):
