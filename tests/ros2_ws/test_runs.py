@@ -10,6 +10,8 @@ from typing import Any
 import pytest
 from deeptruck_nodes import leaders, runs
 
+from deeptruck_model.errors import InputError
+
 SCRIPTS = Path(__file__).parents[2] / "ros2_ws"
 
 
@@ -28,14 +30,30 @@ def refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Callable[...,
     """The one line a script says about bad input; it must have written nothing."""
 
     def _refused(name: str, **options: Any) -> str:
-        with pytest.raises(SystemExit) as caught:
+        with pytest.raises(InputError) as caught:
             script(name)(record=tmp_path / "bag", run_folders=tmp_path / "runs", **options)
         out, errors = capsys.readouterr()
-        assert caught.value.code == 2 and errors.count("\n") == 1 and not out
+        assert "\n" not in str(caught.value) and not out and not errors
         assert not (tmp_path / "bag").exists() and not (tmp_path / "runs").exists()
-        return errors
+        return str(caught.value)
 
     return _refused
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("start_simulation", ("--simulator", "truck:trucksim", "--policy", "nowhere")),
+        ("start_vehicle", ("--vehicle", "tank", "--policy", "baseline:acc")),
+        ("replay_recording", ("nowhere",)),
+        ("start_simulation", ("--policy", "baseline:acc")),
+    ],
+)
+def test_bad_input_ends_a_script_with_one_line_and_2(
+    start: Callable[..., Any], name: str, options: tuple[str, ...]
+) -> None:
+    code, out, errors = start(f"{name}.py", *options).finish()
+    assert code == 2 and not out and errors.count("\n") == 1 and errors.startswith(f"{name}: ")
 
 
 @pytest.mark.parametrize(
