@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter1d
 from deeptruck_model.mismatch import intermittent
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.free_model import FreeModel, free_model
-from deeptruck_model.mismatch.mechanisms import Shape
+from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes
 from deeptruck_model.mismatch.plain_truck import plain_truck
 from deeptruck_model.mismatch.search import TEMPER, Model, Search
 from deeptruck_model.mismatch.slow_force import SlowForce, slow_force
@@ -32,7 +32,8 @@ FREE_R2 = 0.06  # and the share of held-out variance it must explain
 GROUP = 9.0  # nats within which two names count as not told apart, or ...
 GROUP_SHARE = 0.12  # of the gain: no form is quite right, and the larger an effect the more nats that costs
 EXPLAINS = 0.6  # share of what is explainable that a name must explain, else it is only the nearest relative
-PRACTICAL_FORCE = 0.004  # m/s^2 rms over all time, or ...
+PRACTICAL_FORCE = 0.012  # m/s^2 rms over all time, what a slope sensor 0.1 % off makes, or ...
+IMPOSSIBLE = 4.0  # prior sd; priors say what is physically possible
 PRACTICAL_WHEN_ACTING = 0.02  # m/s^2 rms over the tenth of the time when it acts most
 BESIDE = 0.2  # a further name must gain this share of the others' gain: a form not quite right invites more
 TRIFLE = 0.03  # a cause with a smaller share of what is explained is as likely a bend in the form of another
@@ -183,6 +184,8 @@ def _practical(search: Search, model: Model, shape: Shape) -> bool:
         times = [value * part.factor for part, value in zip(shape.parts, b, strict=True) if part.name == name]
         if times and abs(sum(times)) < enough:
             return False
+    if not comes_and_goes(shape) and (np.abs(b - shape.prior.mean) > IMPOSSIBLE * shape.prior.sd).any():
+        return False
     force = shape.columns @ b
     return _beyond_learning(search.e, shape, force) or _large_enough(search.e, force)
 

@@ -28,8 +28,8 @@ MOVING = 2.0  # m/s
 MOST = 0.6  # share of the time beyond which the two do not number, or build, their gears alike
 
 
-def other_gear(prepared: Sequence[Prepared], runs: Sequence[Run]) -> list[Mask]:
-    """Native samples (n,) of each recording where the simulator's gear is another one.
+def other_gear(prepared: Sequence[Prepared], runs: Sequence[Run]) -> tuple[list[Mask], list[Mask]]:
+    """Native samples (n,) of each recording where the simulator's gear is another one; for long, and at all.
 
     By the recorded gear, else by the recorded engine speed; all False where neither tells.
     """
@@ -37,12 +37,13 @@ def other_gear(prepared: Sequence[Prepared], runs: Sequence[Run]) -> list[Mask]:
     if apart is None and "engine_speed" in runs[0].inside:
         apart = [_by_engine_speed(p, run) for p, run in zip(prepared, runs, strict=True)]
     if apart is None or np.concatenate(apart).mean() > MOST:
-        return [np.zeros(len(p.recording), dtype=bool) for p in prepared]
+        nowhere = [np.zeros(len(p.recording), dtype=bool) for p in prepared]
+        return nowhere, nowhere
     dt = prepared[0].dt
     lasting = np.ones(round(LASTING_S / dt) + 1, dtype=bool)
-    apart = [binary_opening(a, lasting) if a.any() else a for a in apart]
+    for_long = [binary_opening(a, lasting) if a.any() else a for a in apart]
     near = np.ones(2 * round(NEAR_S / dt) + 1, dtype=bool)
-    return [binary_dilation(a, near) if a.any() else a for a in apart]
+    return [binary_dilation(a, near) if a.any() else a for a in for_long], apart
 
 
 def _by_label(prepared: Sequence[Prepared], runs: Sequence[Run]) -> list[Mask] | None:

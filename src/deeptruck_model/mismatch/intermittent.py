@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.mechanisms import Shape, build, comes_and_goes
-from deeptruck_model.mismatch.search import TEMPER, Model, Search
+from deeptruck_model.mismatch.search import ONE_SIZE, TEMPER, Model, Search
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -38,10 +38,18 @@ def windows(e: Evidence, model: Model) -> list[Span]:
         kernel = np.ones(width)
         count = np.maximum(np.convolve(known, kernel, mode="same"), 1.0)
         off |= (np.abs(np.convolve(z, kernel, mode="same")) > PLAIN * np.sqrt(count)) & (count >= width / 2)
+    off &= ~_near_other_gear(e)
     near = np.convolve(off, np.ones(2 * round(AROUND_S / e.dt) + 1), mode="same") > 0.5
     if not off.any() or near[e.valid].mean() > MOST:
         return []
     return _spans(e, near)
+
+
+def _near_other_gear(e: Evidence) -> Mask:
+    """A shift that comes a little sooner or later is off too, and nothing that sticks."""
+    apart = e.signals.get("gear apart", np.zeros(len(e))) > 0
+    near: Mask = np.convolve(apart, np.ones(2 * round(2 * AROUND_S / e.dt) + 1), mode="same") > 0.5
+    return near
 
 
 def _spans(e: Evidence, inside: Mask) -> list[Span]:
@@ -74,7 +82,7 @@ def candidates(search: Search, base: Model, spans: list[Span]) -> list[Model]:
     options = [
         during(s, spans, search.e)
         for mechanism in search.library
-        if mechanism.effect not in base.effects
+        if mechanism.effect not in (*base.effects, *ONE_SIZE)
         for s in search.shapes(mechanism)
         if not comes_and_goes(s) and "each" not in s.settings
     ]

@@ -91,8 +91,9 @@ def gather(
     grid = _Grid(prepared, held_out, block)
     simulated = grid.stack([r.y[0, :, ACCELERATION] for r in runs])
     observed = grid.stack([p.observed for p in prepared])
-    other = other_gear(prepared, runs)
+    other, apart = other_gear(prepared, runs)
     signals, mass = components.signals(simulator, prepared, runs, grid)
+    signals["gear apart"] = grid.any(apart).astype(float)
     evidence = Evidence(
         dt=dt * block,
         stretches=grid.stretches,

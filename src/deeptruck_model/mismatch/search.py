@@ -42,7 +42,8 @@ SENSOR_LAG = Prior(np.array([0.03, 0.03]), np.array([0.06, 0.06]), np.zeros(2))
 SCREENED = 2  # shapes of each mechanism that are fitted in full
 MORE_SHAPES = 2  # further shapes a mechanism may be widened by
 WORTH_A_SHAPE = 4.0  # nats a further shape of the same mechanism must gain
-ONE_TIME = ("command_delay", "clock_offset")  # several delays side by side are any filter, and no delay
+# Several delays side by side are any filter, and no delay; a sensor is off always or not at all.
+ONE_SIZE = ("command_delay", "clock_offset", "grade_bias")
 MOST_COLUMNS = 8  # profiles with more columns are wide enough as they are
 FITTED = 8  # mechanisms that are fitted in full in each round
 SECOND_SHAPES = 6  # among the first of these, more than one shape of a mechanism
@@ -196,7 +197,7 @@ class Search:
         First it may be confined to a regime of driving, then widened by more of its shapes.
         """
         last = model.named[-1]
-        if comes_and_goes(last) or last.mechanism.effect in ONE_TIME:
+        if comes_and_goes(last) or last.mechanism.effect in ONE_SIZE:
             return model
         model = self._confined(model)
         for _ in range(MORE_SHAPES):

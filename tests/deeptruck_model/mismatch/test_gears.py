@@ -33,7 +33,7 @@ FASTER = np.where(np.arange(N) < 300, 150.0, 115.0)
 @pytest.mark.parametrize("recorded", [{"gear": GEAR + 1.0}, {"engine_speed": ENGINE_SPEED}])
 def test_where_the_simulator_shifts_later(recorded: dict[str, np.ndarray[Any, Any]]) -> None:
     """Gears numbered from another one on are the same gears."""
-    (marked,) = other_gear([drive(**recorded)], [run(LATER, FASTER)])
+    ((marked,), _) = other_gear([drive(**recorded)], [run(LATER, FASTER)])
     assert marked[250:300].all() and not marked[:244].any() and not marked[306:].any()
 
 
@@ -41,10 +41,10 @@ def test_where_the_simulator_shifts_later(recorded: dict[str, np.ndarray[Any, An
 def test_nothing_is_marked_where_gears_agree_or_nothing_tells(
     recorded: dict[str, np.ndarray[Any, Any]],
 ) -> None:
-    (marked,) = other_gear([drive(**recorded)], [run(GEAR, ENGINE_SPEED)])
+    ((marked,), _) = other_gear([drive(**recorded)], [run(GEAR, ENGINE_SPEED)])
     assert not marked.any()
 
 
 def test_a_truck_with_other_ratios_is_not_rejected_as_a_whole() -> None:
-    (marked,) = other_gear([drive(engine_speed=2.0 * ENGINE_SPEED)], [run(GEAR, ENGINE_SPEED)])
+    ((marked,), _) = other_gear([drive(engine_speed=2.0 * ENGINE_SPEED)], [run(GEAR, ENGINE_SPEED)])
     assert not marked.any()
