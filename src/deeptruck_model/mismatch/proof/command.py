@@ -61,7 +61,7 @@ def prove(
         for k in range(cases_per_level * (NULL_FACTOR if level == "nothing_missing" else 1))
     ]
     results = run_jobs(out / "cases", wanted, jobs=jobs)
-    command = f"deeptruck-model prove --cases-per-level {cases_per_level} --seed {seed}"
+    command = f"deeptruck-model prove --out proof --cases {cases_per_level} --seed {seed}"
     real = examine_concealed(out / "concealed") if data_folder() else []
     return write_page(results, out, command, real)
 
