@@ -23,7 +23,8 @@ class Controller(DeeptruckNode):
     """The policy acts every `dt` of stamps; in between its command is repeated. Stale inputs: silence.
 
     In real time the command is also repeated every `repeat_every_s`: the bridge takes it as a heartbeat,
-    which must not depend on the radar's own rate.
+    which must not depend on the radar's own rate. What counts is the age of the last whole observation: one
+    topic that goes on alone keeps no command alive.
     """
 
     def __init__(self) -> None:
@@ -34,7 +35,7 @@ class Controller(DeeptruckNode):
         self._samples = Alignment(self.lockstep, self.p["uses_grade"], self.p["lose_lead_after_s"])
         self._period = round(self._guard.dt * SECOND)
         self._acts_from = 0
-        self._sent_at = -math.inf  # monotonic, s
+        self._sent_at = self._observed_at = -math.inf  # monotonic, s
         self._held = (math.nan, math.nan)
         self._heard = {"radar": -math.inf, "speed": -math.inf}  # monotonic, s
         self._counts = {"shield_acted": 0, "baseline_drove": 0}
@@ -50,8 +51,8 @@ class Controller(DeeptruckNode):
     def _repeat(self) -> float:
         """Send the newest command again while it may still be obeyed; returns when the next is due."""
         silent = [name for name in self._heard if self._is_stale(name)]
-        if silent:
-            says = f"no {' and '.join(silent)}: no command is sent"
+        if silent or time.monotonic() - self._observed_at > self.p["stale_after_s"]:
+            says = f"no {' and '.join(silent) or 'whole observation'}: no command is sent"
             self.diagnose(self.now(), "error", says, self._counts)
             return IDLE
         wait = self._sent_at + self.p["repeat_every_s"] - time.monotonic()
@@ -90,6 +91,7 @@ class Controller(DeeptruckNode):
         observation = self._samples.put(name, stamp, value)
         if observation is None or (not self.lockstep and self._is_stale("speed")):
             return
+        self._observed_at = time.monotonic()
         if observation.stamp >= self._acts_from:
             self._acts_from = observation.stamp + self._period * 9 // 10  # stamps may jitter
             self._held = self._act(observation)
