@@ -34,7 +34,7 @@ def test_beside_a_simulated_truck(start: Callable[..., Any], tmp_path: Path, mas
     run = start("start_simulation.py", *TRUCK, *LEADER, "--monitor", monitor, "--record", tmp_path / "bag")
     assert run.finish()[::2] == (0, "")
     residuals = [m.accel.linear for m in heard(tmp_path / "bag", "/mismatch/residual")]
-    assert len(residuals) > 400  # of 800 steps; on a busy machine the truck outruns it and ends before it
+    assert len(residuals) > 780  # of 800 steps; some of the first may pass unheard
     smoothed = np.array([r.y for r in residuals])
     statuses = [s for m in heard(tmp_path / "bag", "/diagnostics") for s in m.status]
     levels = {s.level if isinstance(s.level, int) else s.level[0] for s in statuses if "mismatch" in s.name}

@@ -87,7 +87,7 @@ LEADER_STATE = Topic(
     ("true_gap", "true_leader_speed"),
 )  # fmt: skip
 MISMATCH_RESIDUAL = Topic(
-    "/mismatch/residual", AccelStamped, ("mismatch_monitor", "replay"), ("recorder",),
+    "/mismatch/residual", AccelStamped, ("mismatch_monitor", "replay"), ("truck_sim", "recorder"),
     "simulator step",
     "truck minus simulator, m/s^2: accel.linear.x now, .y over 5 s, .z what the simulator is unsure of",
 )  # fmt: skip

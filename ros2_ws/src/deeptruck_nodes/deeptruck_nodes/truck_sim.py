@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 
+from geometry_msgs.msg import AccelStamped
 from sensor_msgs.msg import JointState
 
 from deeptruck_model import simulators
@@ -13,8 +14,10 @@ from deeptruck_nodes import messages, roads
 from deeptruck_nodes.messages import SECOND
 from deeptruck_nodes.node import IDLE, DeeptruckNode, run
 from deeptruck_nodes.plant import Plant, ticks_a_step
-from deeptruck_nodes.topics import ACCEL, CLOCK, COMMAND, ROAD, STATUS, TWIST
+from deeptruck_nodes.topics import ACCEL, CLOCK, COMMAND, MISMATCH_RESIDUAL, ROAD, STATUS, TWIST
 
+AHEAD = 5 * SECOND  # of stamps, that a lock-step run may be ahead of its monitor
+MONITOR_PATIENCE_S = 10.0
 FIRST_STAMP = 1 * SECOND  # of a lock-step run; 0 means "no time yet" to ROS
 
 
@@ -37,7 +40,10 @@ class TruckSim(DeeptruckNode):
         self._twist, self._accel = self.publish_on(TWIST), self.publish_on(ACCEL)
         self._status, self._road = self.publish_on(STATUS), self.publish_on(ROAD)
         self._clock = self.publish_on(CLOCK) if self.lockstep else None
+        self._watched = 0  # stamp of the monitor's newest residual
+        self._waits_for_monitor = "mismatch_monitor" in self.p["peers"]
         self.listen_to(COMMAND, self._on_command)
+        self.listen_to(MISMATCH_RESIDUAL, self._on_residual)
 
     def begin(self) -> None:
         self._first_stamp = FIRST_STAMP if self.lockstep else self.now()
@@ -50,14 +56,24 @@ class TruckSim(DeeptruckNode):
     def _await_command(self) -> float:
         """Lock-step: the next step is taken when the command for this one is here."""
         if self._answered == self._stamp:
-            self._advance()
-            return 0.0 if self._answered == self._stamp else IDLE
+            if self._monitor_is_near():
+                self._advance()
+                return 0.0 if self._answered == self._stamp else IDLE
+            return IDLE
         patience = 20 * self.p["command_timeout_s"]
         if time.monotonic() - self._published_at > patience:
             raise InputError(
                 f"no command for the step at {self._seconds:.1f} s within {patience:g} s; ask the controller"
             )
         return IDLE
+
+    def _monitor_is_near(self) -> bool:
+        """A monitor that is slower than the truck is waited for, but not one that never says a thing."""
+        if self._stamp - max(self._watched, self._first_stamp) <= AHEAD:
+            return True
+        if time.monotonic() - self._published_at > MONITOR_PATIENCE_S:
+            self._waits_for_monitor = False
+        return not self._waits_for_monitor
 
     def _keep_time(self) -> float:
         due = self._started + (self._tick + 1) * self._period / SECOND
@@ -106,6 +122,9 @@ class TruckSim(DeeptruckNode):
         worst = {} if self.lockstep else {"worst_lateness_s": self._latest_by}
         values = {"time_s": self._seconds, "distance_m": self._plant.distance, **worst}
         self.diagnose(stamp, level, says, values)
+
+    def _on_residual(self, message: AccelStamped) -> None:
+        self._watched = messages.nanoseconds(message.header.stamp)
 
     def _on_command(self, message: JointState) -> None:
         values = messages.read_scalars(message)
