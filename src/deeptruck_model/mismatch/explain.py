@@ -19,9 +19,7 @@ from deeptruck_model.mismatch.slow_force import SlowForce, slow_force
 Array = NDArray[np.float64]
 
 ENOUGH = 20.0  # nats a name must gain: the price of the search, and of noise not quite as modelled
-ENOUGH_LEARNED = (
-    40.0  # the same for a simulator that was itself learned, whose own error is never quite known
-)
+ENOUGH_LEARNED = 40.0  # the same for a learned simulator, whose own error is never quite known
 ENOUGH_FREE = 40.0  # nats the free model must gain on what is left before 'unknown' is said
 WIDENED = 4  # of the best names are given more freedom of form before the first is chosen
 MOST = 4  # effects at once
@@ -40,10 +38,8 @@ TRIFLE = 0.03  # a cause with a smaller share of what is explained is as likely 
 BENT = 0.15  # share of the main cause's gain that a parameter beside it must have
 SLOW_S = 8.0  # smoothing of a slow force where it has no knots of its own
 SLOW_NAMES = {"road_grade", "road_surface", "headwind", "payload_change"}
-PRACTICAL_S = {
-    "delay": 0.15,
-    "time_constant": 0.1,
-}  # beyond what sensor filters and message periods make late
+# Beyond what sensor filters and message periods make late.
+PRACTICAL_S = {"delay": 0.15, "time_constant": 0.1}
 LEARNABLE = 0.05  # m/s^2 rms; a well-trained simulator's own error is smaller
 PARAMETER_PRACTICAL = 0.025  # relative
 

@@ -113,12 +113,19 @@ def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> dict[str,
         if isinstance(value, float) and name in SETTING_UNITS:
             parameters[name] = {"value": value, "unit": SETTING_UNITS[name], "ci95": None}
     return {
-        "says": f"{m.says}: {_strength(cause, e)}",
+        "says": f"{m.says}: {_strength(cause, e)}{_now_and_then(shape)}",
         "equation": m.equation,
         "parameters": parameters,
         "would_be_told_by": m.told_by,
         "depends_on": list(m.depends_on),
     }
+
+
+def _now_and_then(shape: Shape) -> str:
+    """That an effect was seen in a few windows alone, where it was."""
+    spans = shape.settings.get("when", [])
+    seconds = sum(last - first for _, first, last in spans)
+    return f"; seen now and then alone, {len(spans)} times for {seconds:.0f} s together" if spans else ""
 
 
 def _sizes(shape: Shape, model: Model, mass: float) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import numpy as np
 from deeptruck_model.mismatch import intermittent
 from deeptruck_model.mismatch.evidence import Evidence, Stretch
 from deeptruck_model.mismatch.explain import explain
+from deeptruck_model.mismatch.findings import from_cause
 from deeptruck_model.mismatch.search import Search
 
 N, DT, SIGMA = 6000, 0.2, 0.03
@@ -58,9 +59,11 @@ def test_the_windows_are_where_the_brake_sticks() -> None:
 
 
 def test_what_sticks_now_and_then_is_named_and_acts_nowhere_else() -> None:
-    found = explain(Search(replace(EVIDENCE, residual=EVIDENCE.residual - 0.25 * STUCK)))
+    stuck = replace(EVIDENCE, residual=EVIDENCE.residual - 0.25 * STUCK)
+    found = explain(Search(stuck))
     assert found.causes and found.causes[0].shape is not None and "when" in found.causes[0].shape.settings
     names = {found.causes[0].effect, *found.causes[0].not_told_from}
     assert "dragging_brake" in names
+    assert "seen now and then alone" in from_cause(found.causes[0], stuck, found, {}).data["says"]
     near = np.convolve(STUCK, np.ones(61), mode="same") > 0
     assert np.abs(found.causes[0].force[~near]).max() < 1e-9
