@@ -6,7 +6,7 @@ For the node that wraps it:
     bus = can.Bus(interface="loopback", channel="demo")
     bridge = Bridge(vehicle, bus)             # silent
     bridge.arm(now)                           # lifecycle 'active': claims the address, hears, sends no demand
-    bridge.command(engine, brake, now)        # each control step, interface units; the heartbeat
+    bridge.command(engine, brake, now, engaged=bridge.engaged)     # each control step; the heartbeat
     why_not = bridge.engage(now, person=True, lead_vehicle=True)      # () when granted
     signals = bridge.poll(now)                # every 5 ms or faster, or let `run` do it in a thread
     bridge.release(now); bridge.disarm(now)   # hand back in order; lifecycle 'inactive': silent
@@ -36,7 +36,7 @@ _BUS_OFF, _RESTARTED = 0x40, 0x100  # SocketCAN error classes
 
 @dataclass(frozen=True)
 class Status:
-    """What the node publishes in /diagnostics. `engaged` is the bit that goes back to the controller."""
+    """What the node publishes in /diagnostics."""
 
     state: str
     engaged: bool
@@ -95,11 +95,11 @@ class Bridge:
             self.safety.disarm()
             self._claim.stop()
 
-    def command(self, engine: float, brake: float, now: float, engaged: bool = True) -> bool:
+    def command(self, engine: float, brake: float, now: float, *, engaged: bool) -> bool:
         """Engine and brake command in the truck interface's units; also the controller's heartbeat.
 
-        `engaged` is what the controller believes. False when the command was refused: NaN, or outside the
-        envelope; control then fades.
+        `engaged` is the bit the controller was told last; a controller that does not know is lost, and control
+        fades. False when the command was refused, NaN or outside the envelope; control then fades too.
         """
         with self._lock:
             return self.safety.command(self.vehicle.demands(engine, brake), engaged, now)
@@ -120,13 +120,19 @@ class Bridge:
             self.safety.fade(now, reason)
 
     @property
+    def engaged(self) -> bool:
+        """The bit that goes back to the controller, which returns it with each command."""
+        with self._lock:
+            return self.safety.state is State.ENGAGED
+
+    @property
     def status(self) -> Status:
         """State, warning, counters."""
         with self._lock:
             safety = self.safety
             return Status(
                 safety.state.value,
-                safety.controls_allowed,
+                safety.state is State.ENGAGED,
                 safety.state is not State.SILENT,
                 safety.linked,
                 safety.reason,

@@ -1,6 +1,7 @@
-"""Run by test_controller: a truck and a radar at 5 Hz, of which the named topics fall silent after 2 s.
+"""Run by test_controller: a truck and a radar at 5 Hz, of which the named topics fall silent after 2 s, and a
+bridge that says from TOLD[0] to TOLD[1] that it is engaged and is then heard no more.
 
-Prints when commands came.
+Prints when commands came, and the engaged bit each of them bore.
 """
 
 import json
@@ -9,22 +10,25 @@ import time
 
 import rclpy
 from deeptruck_nodes import messages
-from deeptruck_nodes.topics import COMMAND, CONTROL_QOS, RADAR_RANGE, RADAR_TWIST, ROAD, TWIST
+from deeptruck_nodes.topics import COMMAND, CONTROL_QOS, ENGAGED, RADAR_RANGE, RADAR_TWIST, ROAD, TWIST
 from sensor_msgs.msg import JointState
 
 DRIVES, LISTENS, PERIOD = 2.0, 4.0, 0.2  # s
+TOLD, TELL_EVERY = (0.5, 1.3), 0.05  # s
 
 rclpy.init()
 node = rclpy.create_node("leader")
 out = {
     t.name: node.create_publisher(t.message, t.name, CONTROL_QOS)
-    for t in (TWIST, ROAD, RADAR_RANGE, RADAR_TWIST)
+    for t in (TWIST, ROAD, RADAR_RANGE, RADAR_TWIST, ENGAGED)
 }
 came: list[float] = []
+bits: list[float] = []
 
 
 def on_command(message: JointState) -> None:
     assert all(value == value for value in message.position)
+    bits.append(message.position[COMMAND.fields.index("engaged")])
     came.append(time.monotonic() - begun)
 
 
@@ -33,6 +37,7 @@ while not all(publisher.get_subscription_count() for publisher in out.values()):
     rclpy.spin_once(node, timeout_sec=0.1)
 begun = fed = time.monotonic()
 due = begun
+tell = begun + TOLD[0]
 while (now := time.monotonic()) < begun + LISTENS:
     if now >= due:
         stamp, due = time.time_ns(), due + PERIOD
@@ -47,5 +52,8 @@ while (now := time.monotonic()) < begun + LISTENS:
         for name, message in sample.items():
             if driving or name not in sys.argv[1:]:
                 out[name].publish(message)
+    if tell <= now < begun + TOLD[1]:
+        tell += TELL_EVERY
+        out[ENGAGED.name].publish(messages.scalars(time.time_ns(), ENGAGED.fields, {"engaged": 1.0}))
     rclpy.spin_once(node, timeout_sec=0.01)
-print(json.dumps({"fed": fed, "came": came}))
+print(json.dumps({"fed": fed, "came": came, "bits": bits, "told": TOLD}))

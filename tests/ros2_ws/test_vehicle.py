@@ -65,6 +65,51 @@ def test_closed_loop_over_can(start: Callable[..., Any], domain: int, tmp_path: 
     assert pieces[0].interface.name == "trucksim" and np.nanmax(np.abs(speed - 20)) < 2
 
 
+def torque_demands(bus: can.BusABC, seconds: float) -> list[tuple[float, bool]]:
+    """TSC1 frames of the bridge to the engine in that time: when, s, and whether they demand anything."""
+    until, found = time.monotonic() + seconds, []
+    while (left := until - time.monotonic()) > 0:
+        frame = bus.recv(left)
+        if frame is not None and frame.arbitration_id == 0x0C000000 | BRIDGE:
+            found.append((time.monotonic(), frame.data[0] & 3 != 0))
+    return found
+
+
+def test_a_controller_that_never_hears_that_it_drives_drives_no_further(domain: int, tmp_path: Path) -> None:
+    channel = f"test-{domain}"
+    environment = {**os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_LOG_DIR": str(tmp_path)}
+    ros = ["--ros-args", "-p", f"channel:={channel}", "-p", "engage:=true"]
+    truck = [
+        "-m",
+        "truck_bridge.ecu_emulator",
+        "--vehicle",
+        "trucksim",
+        "--channel",
+        channel,
+        "--speed",
+        "20",
+    ]
+    deaf = str(Path(__file__).with_name("deaf_controller.py"))
+    bus = open_bus("loopback", channel)
+    processes = []
+    try:
+        for argv in (truck, ["-m", "deeptruck_nodes.can_bridge", *ros], [deaf, "90"]):
+            command = [sys.executable, *argv]
+            processes.append(subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL))
+        engaged = time.monotonic() + 60.0  # a first start on a machine compiles the truck
+        while not (driven := torque_demands(bus, 0.5)) and time.monotonic() < engaged:
+            pass
+        driven += torque_demands(bus, 3.0)
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
+        bus.shutdown()
+    demanding = [at for at, demands in driven if demands]
+    assert demanding[-1] - demanding[0] < 1.5  # 0.15 s, and the fade
+    assert [demands for _, demands in driven][-4:] == [False] * 4
+
+
 def test_the_bridge_is_silent_until_a_person_engages(domain: int, tmp_path: Path) -> None:
     channel = f"test-{domain}"
     argv = [sys.executable, "-m", "deeptruck_nodes.can_bridge", "--ros-args", "-p", f"channel:={channel}"]

@@ -45,7 +45,7 @@ def main() -> None:
                 case "quit":
                     stop.set()
         if not muted:
-            bridge.command(engine, brake, now)
+            bridge.command(engine, brake, now, engaged=bridge.engaged)
         if not engaged and bridge.engage(now, person=True, lead_vehicle=True) == ():
             engaged = True
             print("engaged", flush=True)

@@ -45,7 +45,7 @@ class World:
             self.now += STEP
             self.truck.step(self.now)
             if engine is not None and round(self.now / STEP) % 4 == 0:
-                self.bridge.command(engine, brake, self.now)
+                self.bridge.command(engine, brake, self.now, engaged=self.bridge.engaged)
             self.signals = self.bridge.poll(self.now)
             while (message := self.ear.recv(0)) is not None:
                 self.heard.append((self.now, message))
@@ -273,7 +273,7 @@ def test_real_processes_drive_and_the_driver_takes_over():
             deadline = time.monotonic() + 30
             while time.monotonic() < deadline and not driven:
                 now = time.monotonic()
-                bridge.command(40.0, 0.0, now)
+                bridge.command(40.0, 0.0, now, engaged=bridge.engaged)
                 engaged = engaged or bridge.engage(now, person=True, lead_vehicle=True) == ()
                 driven = engaged and "driver" in bridge.status.reason
                 time.sleep(0.02)

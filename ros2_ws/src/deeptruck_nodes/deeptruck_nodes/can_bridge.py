@@ -14,13 +14,14 @@ from std_srvs.srv import Trigger
 from deeptruck_nodes import messages, vehicle
 from deeptruck_nodes.messages import nanoseconds
 from deeptruck_nodes.node import DeeptruckNode, run
-from deeptruck_nodes.topics import ACCEL, COMMAND, RADAR_RANGE, ROAD, STATUS, TWIST
+from deeptruck_nodes.topics import ACCEL, COMMAND, ENGAGED, RADAR_RANGE, ROAD, STATUS, TWIST
 from truck_bridge.bridge import Bridge
 from truck_bridge.bus import open_bus
 
 SILENCE = 0.3  # s without a speed on the bus; then NaN is published, so that nobody waits for it
 LEAD_FOR = 0.5  # s that a radar echo counts as a vehicle ahead
 ASK_EVERY = 0.2  # s between attempts to engage
+TELL_EVERY = 0.05  # s between two engaged bits to the controller; a change is told at once
 
 
 class CanBridge(DeeptruckNode, LifecycleNodeMixin):
@@ -39,11 +40,13 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
         self._signals: dict[str, float] = {}
-        self._published_at = self._lead_at = self._asked_at = -math.inf
+        self._published_at = self._lead_at = self._asked_at = self._told_at = -math.inf
+        self._told = False
         self._wanted: bool = self.p["engage"]
         self._why_not: tuple[str, ...] = ()
         self._twist, self._accel = self.publish_on(TWIST), self.publish_on(ACCEL)
         self._status, self._road = self.publish_on(STATUS), self.publish_on(ROAD)
+        self._engaged = self.publish_on(ENGAGED)
         self.listen_to(COMMAND, self._on_command)
         self.listen_to(RADAR_RANGE, self._on_range)
         self.create_service(Trigger, "~/engage", self._on_engage)
@@ -96,7 +99,15 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
             self._publish(self.now(), self._signals)
         if self._wanted and now - self._asked_at > ASK_EVERY:
             self._ask(now)
+        self._tell(now)
         return 0.005
+
+    def _tell(self, now: float) -> None:
+        """The engaged bit, back to the controller: its half of the heartbeat."""
+        engaged = self._bridge.engaged
+        if engaged != self._told or now - self._told_at > TELL_EVERY:
+            self._told, self._told_at = engaged, now
+            self._engaged.publish(messages.scalars(self.now(), ENGAGED.fields, {"engaged": engaged}))
 
     def _publish(self, stamp: int, signals: dict[str, float]) -> None:
         self._accel.publish(messages.accel(stamp, signals.get("acceleration", math.nan)))
@@ -129,9 +140,8 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
 
     def _on_command(self, message: JointState) -> None:
         values = messages.read_scalars(message)
-        self._bridge.command(
-            values.get("engine_command", math.nan), values.get("brake_command", math.nan), time.monotonic()
-        )
+        engine, brake = (values.get(name, math.nan) for name in COMMAND.fields[:2])
+        self._bridge.command(engine, brake, time.monotonic(), engaged=values.get("engaged") == 1.0)
 
     def _on_range(self, message: Range) -> None:
         if math.isfinite(message.range) and nanoseconds(message.header.stamp):

@@ -16,7 +16,7 @@ from deeptruck_nodes import messages
 from deeptruck_nodes.messages import SECOND, nanoseconds
 from deeptruck_nodes.node import IDLE, DeeptruckNode, run
 from deeptruck_nodes.observation import Alignment, Observation
-from deeptruck_nodes.topics import COMMAND, RADAR_RANGE, RADAR_TWIST, ROAD, TWIST
+from deeptruck_nodes.topics import COMMAND, ENGAGED, RADAR_RANGE, RADAR_TWIST, ROAD, TWIST
 
 
 class Controller(DeeptruckNode):
@@ -24,7 +24,8 @@ class Controller(DeeptruckNode):
 
     In real time the command is also repeated every `repeat_every_s`: the bridge takes it as a heartbeat,
     which must not depend on the radar's own rate. What counts is the age of the last whole observation: one
-    topic that goes on alone keeps no command alive.
+    topic that goes on alone keeps no command alive. With each command goes the engaged bit as the bridge told
+    it last; before a simulator, which tells nothing, it stays 0.
     """
 
     def __init__(self) -> None:
@@ -37,6 +38,7 @@ class Controller(DeeptruckNode):
         self._acts_from = 0
         self._sent_at = self._observed_at = -math.inf  # monotonic, s
         self._held = (math.nan, math.nan)
+        self._told, self._told_at = False, -math.inf  # the bridge's engaged bit; monotonic, s
         self._heard = {"radar": -math.inf, "speed": -math.inf}  # monotonic, s
         self._counts = {"shield_acted": 0, "baseline_drove": 0}
         self._command = self.publish_on(COMMAND)
@@ -44,6 +46,7 @@ class Controller(DeeptruckNode):
         self.listen_to(RADAR_RANGE, self._on_range)
         self.listen_to(RADAR_TWIST, self._on_radar_twist)
         self.listen_to(TWIST, self._on_twist)
+        self.listen_to(ENGAGED, self._on_engaged)
 
     def tick(self) -> float:
         return IDLE if self.lockstep else self._repeat()
@@ -51,7 +54,7 @@ class Controller(DeeptruckNode):
     def _repeat(self) -> float:
         """Send the newest command again while it may still be obeyed; returns when the next is due."""
         silent = [name for name in self._heard if self._is_stale(name)]
-        if silent or time.monotonic() - self._observed_at > self.p["stale_after_s"]:
+        if silent or self._is_old(self._observed_at):
             says = f"no {' and '.join(silent) or 'whole observation'}: no command is sent"
             self.diagnose(self.now(), "error", says, self._counts)
             return IDLE
@@ -64,11 +67,26 @@ class Controller(DeeptruckNode):
 
     def _send(self, stamp: int) -> None:
         self._sent_at = time.monotonic()
-        values = dict(zip(COMMAND.fields, self._held, strict=True))
+        engaged = self._told and not self._is_old(self._told_at)
+        values = dict(zip(COMMAND.fields, (*self._held, float(engaged)), strict=True))
         self._command.publish(messages.scalars(stamp, COMMAND.fields, values))
 
     def _is_stale(self, name: str) -> bool:
-        return time.monotonic() - self._heard[name] > self.p["stale_after_s"]
+        return self._is_old(self._heard[name])
+
+    def _is_old(self, at: float) -> bool:
+        return time.monotonic() - at > self.p["stale_after_s"]
+
+    def _on_engaged(self, message: JointState) -> None:
+        """What the bridge says of itself; a change is answered at once, as the bridge waits for it."""
+        engaged = messages.read_scalars(message).get("engaged") == 1.0
+        changed, self._told, self._told_at = engaged != self._told, engaged, time.monotonic()
+        if not changed:
+            return
+        if engaged:
+            self._guard.reset()  # what was summed up while nobody obeyed means nothing
+        if not self._is_old(self._observed_at) and math.isfinite(sum(self._held)):
+            self._send(self.now())
 
     def _on_road(self, message: JointState) -> None:
         grade = messages.read_scalars(message).get("grade", math.nan)

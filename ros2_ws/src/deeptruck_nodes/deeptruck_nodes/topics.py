@@ -65,8 +65,14 @@ STATUS = Topic(
 COMMAND = Topic(
     "/truck/command", JointState, ("controller", "replay"),
     ("truck_sim", "can_bridge", "mismatch_monitor", "recorder"),
-    "every radar sample; in real time at least every 50 ms", "the truck interface's units",
-    ("engine_command", "brake_command"),
+    "every radar sample; in real time at least every 50 ms",
+    "the truck interface's units; engaged 1: the controller was told that it drives",
+    ("engine_command", "brake_command", "engaged"),
+)  # fmt: skip
+ENGAGED = Topic(
+    "/truck/engaged", JointState, ("can_bridge", "replay"), ("controller", "recorder"),
+    "every 50 ms and on change", "1: the bridge passes commands on",
+    ("engaged",),
 )  # fmt: skip
 ROAD = Topic(
     "/road", JointState, SOURCES, ("controller", "mismatch_monitor", "recorder"),
@@ -102,8 +108,8 @@ CLOCK = Topic("/clock", Clock, ("truck_sim", "replay"), (), "every step", "lock-
 TOPICS: dict[str, Topic] = {
     topic.name: topic
     for topic in (
-        TWIST, ACCEL, STATUS, COMMAND, ROAD, RADAR_RANGE, RADAR_TWIST, LEADER_STATE, MISMATCH_RESIDUAL,
-        DIAGNOSTICS, CLOCK,
+        TWIST, ACCEL, STATUS, COMMAND, ENGAGED, ROAD, RADAR_RANGE, RADAR_TWIST, LEADER_STATE,
+        MISMATCH_RESIDUAL, DIAGNOSTICS, CLOCK,
     )
 }  # fmt: skip
 
