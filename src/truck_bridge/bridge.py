@@ -98,8 +98,8 @@ class Bridge:
     def command(self, engine: float, brake: float, now: float, *, engaged: bool) -> bool:
         """Engine and brake command in the truck interface's units; also the controller's heartbeat.
 
-        `engaged` is the bit the controller was told last; a controller that does not know is lost, and control
-        fades. False when the command was refused, NaN or outside the envelope; control then fades too.
+        `engaged` is the bit the controller was told last; one that does not know it for long is lost, and
+        control fades. False when the command was refused, NaN or outside the envelope; control then fades.
         """
         with self._lock:
             return self.safety.command(self.vehicle.demands(engine, brake), engaged, now)

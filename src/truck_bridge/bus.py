@@ -44,6 +44,7 @@ class LoopbackBus(can.BusABC):
         port = self._take_slot(first, channel)
         self._peers = [("127.0.0.1", first + k) for k in range(SLOTS) if first + k != port]
         self._echo: list[can.Message] = []
+        self._name = "_".join(str(channel).split())  # one word: text logs part their columns by spaces
         self.channel_info = f"loopback channel {channel} (127.0.0.1:{port})"
         self._can_protocol = can.CanProtocol.CAN_20
         super().__init__(channel=channel, **kwargs)
@@ -102,7 +103,7 @@ class LoopbackBus(can.BusABC):
             is_error_frame=bool(identifier & _ERROR),
             dlc=dlc,
             data=None if identifier & _REMOTE else data[:dlc],
-            channel=self.channel_info,
+            channel=self._name,
         )
 
     def fileno(self) -> int:

@@ -1,4 +1,4 @@
-"""`truck-bridge`: look into CAN logs, record a bus, play a log back."""
+"""`truck-bridge`: look into CAN logs, check them, record a bus, play a log back."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ INTERRUPTED = 130
 app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    help="J1939 logs and buses of a truck: decode, record, replay.",
+    help="J1939 logs and buses of a truck: decode, check, record, replay, convert.",
 )
 
 Interface = Annotated[
@@ -32,11 +32,27 @@ Examples:
 
   truck-bridge decode drive.blf --vehicle my_truck.yaml --out signals.csv
 """
-_RECORD = """Write a bus to a log (.log, .asc, .blf; .mf4 with asammdf) until Ctrl-C or --duration.
+_CHECK = """Would the bridge believe this truck? A recorded drive through the safety core's checks of what it
+hears, as if control had been engaged all the time. Exit code 1 where anything was refused or lost.
 
 Example:
 
+  truck-bridge check drive.log --vehicle my_truck.yaml
+"""
+_RECORD = """Write a bus to a new log (.log, .asc, .blf, .trc; .mcap is a rosbag; .mf4 with asammdf) until
+Ctrl-C or --duration.
+
+Examples:
+
   truck-bridge record drive.log --interface socketcan --channel can0
+
+  truck-bridge record drive.mcap --interface socketcan --channel can0
+"""
+_CONVERT = """Write a log in another form, which the new name's suffix says.
+
+Example:
+
+  truck-bridge convert drive.log drive.mcap
 """
 _REPLAY = """Play a log onto a bus with its own timing. Commands (TSC1, XBR, proprietary) stay off unless
 --commands.
@@ -63,6 +79,29 @@ def decode(
         can_logs.write_csv(decoded, out)
     for line in can_logs.table(decoded):
         print(line)
+
+
+@app.command(help=_CHECK)
+def check(
+    log: Path,
+    vehicle: Annotated[str, typer.Option(help="trucksim, freightliner, volvo or a YAML file")],
+) -> None:
+    """See _CHECK."""
+    from truck_bridge import vehicles
+    from truck_bridge.can_logs import checking
+
+    found = checking.check(log, vehicles.load(vehicle))
+    for line in checking.lines(found):
+        print(line)
+    raise typer.Exit(0 if found.clean else 1)
+
+
+@app.command(help=_CONVERT)
+def convert(log: Path, out: Path) -> None:
+    """See _CONVERT."""
+    from truck_bridge import can_logs
+
+    print(f"{can_logs.convert(log, out)} frames in {out}")
 
 
 @app.command(help=_RECORD)

@@ -28,6 +28,7 @@ class Signals:
             self._carriers.setdefault(carrier.message, []).append(entry)
         self._sources = set(vehicle.addresses.values())
         self._values: dict[str, tuple[float, float, float]] = {}  # value, time, lifetime
+        self._speakers: dict[str, int] = {}  # who said a channel's last valid value
         self._less = {carrier.less: 0.0 for carrier in CARRIERS if carrier.less}
         self._speeds: tuple[float, float] | None = None
 
@@ -44,10 +45,20 @@ class Signals:
         for carrier, convert in self._carriers.get(decoded.name, ()):
             less = self._less[carrier.less] if carrier.less else 0.0
             value = convert(decoded.values[carrier.signal] - less)
+            if self._is_idle_talk(carrier.channel, value, decoded.source):
+                continue
             period = self._codec[carrier.message].period_s or 0.0
             self._values[carrier.channel] = (value, now, max(FRESH_S, 3 * period))
             if carrier.channel == "speed":
                 self._differentiate(value, now, period)
+
+    def _is_idle_talk(self, channel: str, value: float, source: int) -> bool:
+        """Several controllers send the same message, each with its own signals: who has never said a channel
+        validly does not make it invalid.
+        """
+        if not math.isnan(value):
+            return self._speakers.setdefault(channel, source) != source
+        return self._speakers.get(channel, source) != source
 
     def _differentiate(self, speed: float, now: float, period: float) -> None:
         """Acceleration as the mean over one message period, which is the definition behind y."""

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import can
 import numpy as np
@@ -17,9 +18,13 @@ from deeptruck_model import simulators
 from truck_bridge import vehicles
 from truck_bridge.bridge import Bridge
 from truck_bridge.ecu_emulator import EcuEmulator
+from truck_bridge.errors import InputError
 from truck_bridge.j1939.address_claim import name as j1939_name
 
 STEP = 0.005
+SIGNED = str(Path(__file__).with_name("signed_truck.yaml"))  # counts and signs two of its messages
+RESEARCH = str(Path(__file__).with_name("research_truck.yaml"))
+POSITION = "VP: {from: engine, period: 5.0, timeout: 20.0, signals: {latitude: Latitude}}"
 
 
 class World:
@@ -82,17 +87,17 @@ def world(request):
         one.close()
 
 
-@pytest.fixture(params=vehicles.NAMES)
+@pytest.fixture(params=[*vehicles.NAMES, SIGNED], ids=[*vehicles.NAMES, "signed_truck"])
 def name(request):
     return request.param
 
 
 def in_units(name, percent):
-    return percent * (19.5 if name == "trucksim" else 1.0)
+    return percent * (19.5 if vehicles.load(name).interface["engine_unit"] == "N m" else 1.0)
 
 
 def braking(name, deceleration):
-    return deceleration if name == "volvo" else 12.0 * deceleration
+    return deceleration * (1.0 if vehicles.load(name).interface["brake_unit"] == "m/s^2" else 12.0)
 
 
 def test_silent_until_armed_then_only_the_claim(world, name):
@@ -189,6 +194,39 @@ def test_an_address_lost_is_silence_and_stays_so(world):
     assert "no bus or no address" in w.bridge.engage(w.now, person=True, lead_vehicle=True)
 
 
+def test_a_signed_message_bent_on_its_way_is_refused_whatever_the_bit(world):
+    w = world(SIGNED).engage(500.0)
+    w.run(2.0, engine=500.0)
+    said = [bytes(m.data) for _, m in w.heard if m.arbitration_id & 0x03FFFFFF == 0xFEBF0B]
+    assert [data[7] & 15 for data in said] == [k % 16 for k in range(len(said))]
+    assert w.bridge.status.refusals == {}
+    bent = int.from_bytes(said[-1], "little")
+    for bit in range(64):
+        data = (bent ^ 1 << bit).to_bytes(8, "little")
+        w.bridge.safety.rx_hook(0x18FEBF0B, data, w.now)
+    assert w.bridge.status.refusals["EBC2 checksum"] == 64
+
+
+def test_two_controllers_that_send_the_same_message_do_not_silence_each_other(world):
+    w = world(RESEARCH).run(0.5)
+    ccvs1 = {m.arbitration_id & 0xFF for _, m in w.heard if m.arbitration_id & 0x03FFFF00 == 0xFEF100}
+    assert ccvs1 == {0x00, 0x31}
+    silent_on_speed = w.vehicle.codec["CCVS1"].encode({"BrakeSwitch": 0.0})
+    w.trucks.send(can.Message(arbitration_id=0x18FEF131, data=silent_on_speed))
+    w.signals = w.bridge.poll(w.now)
+    assert w.signals["speed"] == pytest.approx(15.0, abs=0.5)
+    w.trucks.send(can.Message(arbitration_id=0x18FEF100, data=silent_on_speed))
+    assert math.isnan(w.bridge.poll(w.now)["speed"])
+
+
+def test_the_emulator_says_what_it_cannot_speak(tmp_path):
+    text = Path(SIGNED).read_text().replace("receive:", "receive:\n  " + POSITION)
+    path = tmp_path / "mine.yaml"
+    path.write_text(text.replace("signed_truck.dbc", str(Path(SIGNED).with_suffix(".dbc"))))
+    with pytest.raises(InputError, match="does not speak VP"):
+        EcuEmulator(vehicles.load(path), None)
+
+
 def test_a_lost_bus_is_reopened_silently(world):
     w = world("trucksim")
     spare = w.open()
@@ -234,7 +272,7 @@ def test_the_closed_loop_is_that_of_the_truck_itself(world, name):
         return in_units(name, min(wanted, 100.0)), braking(name, min(0.08 * braked, 3.0))
 
     targets = [15.0 + 2.0 * math.sin(0.15 * k / 10) for k in range(400)]
-    truck = simulators.load(f"truck:{name}")
+    truck = simulators.load(vehicles.load(name).truck)
     y = np.array([[0.0, 15.0, 0.0]])[:, : len(truck.interface.y)]
     state, direct, integral = truck.reset(y), [], 5.0
     for target in targets:

@@ -53,6 +53,23 @@ def test_what_is_replayed_can_be_recorded_and_commands_stay_off(monkeypatch, cap
     assert "6 frames sent" in capsys.readouterr().out
 
 
+def test_check_says_what_was_refused_and_exits_with_1(monkeypatch, capsys, log):
+    assert run(monkeypatch, "check", log, "--vehicle", "volvo") == 1
+    out = capsys.readouterr().out
+    assert "6 frames" in out
+    assert "never engaged because" in out
+
+
+def test_convert_makes_a_rosbag_and_overwrites_nothing(monkeypatch, capsys, log):
+    bag = log.with_suffix(".mcap")
+    assert run(monkeypatch, "convert", log, bag) == 0
+    assert capsys.readouterr().out == f"6 frames in {bag}\n"
+    assert run(monkeypatch, "decode", bag, "--vehicle", "volvo") == 0
+    assert "6 frames" in capsys.readouterr().out
+    assert run(monkeypatch, "convert", log, bag) == 2
+    assert "exists already" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
@@ -61,6 +78,8 @@ def test_what_is_replayed_can_be_recorded_and_commands_stay_off(monkeypatch, cap
         (["decode", "LOG", "--vehicle", "volvo", "--out", "/proc/no/out.csv"], "cannot write"),
         (["replay", "none.log", "--interface", "loopback", "--channel", "x"], "does not exist"),
         (["replay", "LOG", "--interface", "warp", "--channel", "x"], "cannot open CAN interface"),
+        (["check", "none.log", "--vehicle", "volvo"], "does not exist"),
+        (["convert", "LOG", "a.xyz"], "ends in .log"),
         (["record", "a.log", "--interface", "socketcan", "--channel", "none9"], "cannot open CAN interface"),
     ],
 )

@@ -27,7 +27,7 @@ def test_the_layers_name_tests_that_exist():
     assert missing == []
 
 
-@pytest.mark.parametrize("command", ["decode", "record", "replay"])
+@pytest.mark.parametrize("command", ["decode", "check", "record", "replay", "convert"])
 def test_the_commands_exist(command):
     text = (ROOT / "docs" / "can_bridge.md").read_text()
     assert f"truck-bridge {command} " in text

@@ -103,6 +103,11 @@ def put(*keys):
     return change
 
 
+def twice(key, message, signals, sender="engine"):
+    spec = {"message": message, "from": sender, "period": 0.1, "timeout": 0.3, "signals": signals}
+    return put("receive", key, spec)
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [
@@ -126,6 +131,10 @@ def put(*keys):
         (put("receive", "EEC1", "signals", "x", "Speed"), "EEC1 has no signal 'Speed'"),
         (put("receive", "EEC1", "from", "moon"), "no address for 'moon'"),
         (put("receive", "EEC1", 5), "must be a mapping"),
+        (put("receive", "EEC1", "message", "EEC9"), "no message 'EEC9'"),
+        (put("receive", "EEC1", "check", "xbr"), "byte 8 of EEC1 holds EngineDemandPercentTorque"),
+        (twice("speedo", "CCVS1", {"other": "WheelBasedVehicleSpeed"}), "'0xFEF100' is named twice"),
+        (twice("cab", "CCVS1", {"speed": "WheelBasedVehicleSpeed"}, "brake"), "'speed' is named twice"),
         (put("driver", "horn", 1), "signal 'horn' is not received"),
         (put("forbidden", "rain", 1), "signal 'rain' is not received"),
         (put("engage", "speed", 3), "must be a list"),

@@ -1,8 +1,22 @@
-"""CAN logs in and out: read, decode, import as channels, record, replay."""
+"""CAN logs in and out: read, decode, check, import as channels, record, replay, convert."""
 
+from truck_bridge.can_logs.checking import Checked, check
 from truck_bridge.can_logs.decoding import Decoding, decode, table, write_csv
 from truck_bridge.can_logs.importing import import_can_log
-from truck_bridge.can_logs.live import record, replay
+from truck_bridge.can_logs.live import convert, record, replay
 from truck_bridge.can_logs.reader import Frame, read
 
-__all__ = ["Decoding", "Frame", "decode", "import_can_log", "read", "record", "replay", "table", "write_csv"]
+__all__ = [
+    "Checked",
+    "Decoding",
+    "Frame",
+    "check",
+    "convert",
+    "decode",
+    "import_can_log",
+    "read",
+    "record",
+    "replay",
+    "table",
+    "write_csv",
+]

@@ -1,40 +1,71 @@
-"""Logs from a bus and back onto one."""
+"""Logs from a bus, back onto one, and from one form into another."""
 
 from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import can
 
 from truck_bridge.bus import open_bus
-from truck_bridge.can_logs.reader import need_asammdf, read
+from truck_bridge.can_logs import rosbag
+from truck_bridge.can_logs.reader import Frame, need_asammdf, read
+from truck_bridge.can_logs.rosbag import RosbagWriter
 from truck_bridge.errors import InputError
 from truck_bridge.j1939.ids import ADDRESS_CLAIMED, Identifier
 
 COMMAND_PGNS = {0x0000, 0x0100, 0x0400, 0xEF00, ADDRESS_CLAIMED}  # TSC1, TC1, XBR, proprietary A; claims
+WRITABLE = (".log", ".asc", ".blf", ".mf4", ".trc", rosbag.WRITTEN)
 
 
 def record(path: Path, interface: str, channel: str, duration: float | None = None) -> int:
-    """Write a bus to a log until the duration or KeyboardInterrupt. Returns the number of frames."""
-    if path.suffix.lower() == ".mf4":
-        need_asammdf()
+    """Write a bus to a log until the duration or KeyboardInterrupt. Returns the number of frames.
+
+    Raises InputError where the bus cannot be opened, or the log exists, is of an unknown kind or cannot be
+    written; what a full disk had taken until then stays.
+    """
+    _check_new(path)
     bus = open_bus(interface, channel)
     count, end = 0, math.inf if duration is None else time.monotonic() + duration
     try:
-        with can.Logger(str(path)) as log:
+        with _writing(path) as write:
             while (left := end - time.monotonic()) > 0:
                 message = bus.recv(min(left, 0.2))
                 if message is not None:
-                    log.on_message_received(message)
+                    write(message)
                     count += 1
     except KeyboardInterrupt:
         pass
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot record to {path}: {error}") from None
+    except can.CanError as error:
+        raise InputError(f"the bus is gone ({error}); {count} frames are in {path}") from None
     finally:
         bus.shutdown()
+    return count
+
+
+def convert(source: Path, out: Path) -> int:
+    """Write a log in the form that the suffix of `out` names. Returns the number of frames.
+
+    Raises InputError as `read` and `record` do; then nothing is left behind.
+    """
+    _check_new(out)
+    frames, count = read(source), 0
+    first = next(frames)
+    draft = out.with_name(f".{out.name}")
+    draft.unlink(missing_ok=True)
+    try:
+        with _writing(draft, out) as write:
+            for frame in _all(first, frames):
+                write(_message(frame))
+                count += 1
+        draft.rename(out)
+    except BaseException:
+        draft.unlink(missing_ok=True)
+        raise
     return count
 
 
@@ -47,12 +78,58 @@ def replay(path: Path, interface: str, channel: str, *, commands: bool = False, 
     bus = open_bus(interface, channel)
     count, start = 0, time.monotonic()
     try:
-        for frame in (first, *frames):
+        for frame in _all(first, frames):
             if not commands and Identifier.of(frame.can_id).pgn in COMMAND_PGNS:
                 continue
             time.sleep(max(0.0, start + (frame.time - first.time) / speed - time.monotonic()))
-            bus.send(can.Message(arbitration_id=frame.can_id, data=frame.data, is_extended_id=True))
+            bus.send(_message(frame))
             count += 1
+    except can.CanError as error:
+        raise InputError(f"the bus is gone ({error}); {count} frames were sent") from None
     finally:
         bus.shutdown()
     return count
+
+
+def _all(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
+    """Reading begins before anything is opened, so that a bad log opens nothing."""
+    yield first
+    yield from rest
+
+
+def _message(frame: Frame) -> can.Message:
+    return can.Message(
+        timestamp=frame.time,
+        arbitration_id=frame.can_id,
+        data=frame.data,
+        is_extended_id=True,
+        channel="can0",
+    )
+
+
+def _check_new(path: Path) -> None:
+    """Raises InputError where a log cannot be begun under this name."""
+    if path.suffix.lower() not in WRITABLE:
+        raise InputError(f"{path}: a log's name ends in {', '.join(WRITABLE)}")
+    if path.exists():
+        raise InputError(f"{path} exists already; choose another name or remove it")
+    if not path.parent.is_dir():
+        raise InputError(f"{path.parent} is no folder; make it first")
+    if path.suffix.lower() == ".mf4":
+        need_asammdf()
+
+
+@contextmanager
+def _writing(path: Path, shown: Path | None = None) -> Iterator[Callable[[can.Message], None]]:
+    """A function that writes a frame. Raises InputError where the file cannot be written (any further)."""
+    try:
+        log: Any = RosbagWriter(path) if path.suffix.lower() == rosbag.WRITTEN else can.Logger(str(path))
+        try:
+            yield log.on_message_received
+        finally:
+            log.stop()
+    except InputError:
+        raise
+    except (OSError, ValueError) as error:
+        says = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"cannot write {shown or path}: {says}") from None

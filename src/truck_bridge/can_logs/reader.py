@@ -1,4 +1,6 @@
-"""Frames out of a log: candump in both text forms by our own reader, ASC, BLF, TRC and MF4 by python-can."""
+"""Frames out of a log: candump in both text forms by our own reader, ASC, BLF, TRC and MF4 by python-can,
+rosbags by rosbags.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +11,11 @@ from typing import NamedTuple
 
 import can
 
+from truck_bridge.can_logs import rosbag
 from truck_bridge.errors import InputError
 
 TEXT = (".log", ".candump", ".txt", "")
+KINDS = "candump text (.log), ASC, BLF, TRC, MF4, or a rosbag with raw frames"
 _CONSOLE = re.compile(
     r"^\s*\(([\d.]+)\)\s+(\S+)\s+([0-9A-Fa-f]{1,8})\s+\[(\d+)\]\s*((?:[0-9A-Fa-f]{2}\s*)*)$"
 )
@@ -32,10 +36,12 @@ def read(path: Path) -> Iterator[Frame]:
 
     Raises InputError where the file is missing, of an unknown kind, damaged, or holds no such frame.
     """
-    if not path.is_file():
-        what = "is no file" if path.exists() else "does not exist"
-        raise InputError(f"{path} {what}; give a CAN log: candump text, ASC, BLF, TRC or MF4")
-    frames = _read_text(path) if path.suffix.lower() in TEXT else _read_by_library(path)
+    if not path.exists():
+        raise InputError(f"{path} does not exist; give a CAN log: {KINDS}")
+    if path.is_dir() and not (path / "metadata.yaml").is_file():
+        raise InputError(f"{path} is a folder without a rosbag's metadata.yaml; give a CAN log: {KINDS}")
+    text = path.is_file() and path.suffix.lower() in TEXT
+    frames = _read_text(path) if text else _read_by_library(path)
     count = 0
     for count, frame in enumerate(frames, 1):  # noqa: B007 - counts what was yielded
         yield frame
@@ -70,18 +76,22 @@ def _read_by_library(path: Path) -> Iterator[Frame]:
     if path.suffix.lower() == ".mf4":
         need_asammdf()
     try:
-        with can.LogReader(path) as reader:
-            for message in reader:
-                if message.is_extended_id and not (message.is_error_frame or message.is_remote_frame):
-                    yield Frame(message.timestamp, message.arbitration_id, bytes(message.data)[:8])
+        for message in _messages(path):
+            if message.is_extended_id and not (message.is_error_frame or message.is_remote_frame):
+                yield Frame(message.timestamp, message.arbitration_id, bytes(message.data)[:8])
     except InputError:
         raise
     except Exception as error:  # each of python-can's readers fails in its own way on a damaged file
         text = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(
-            f"{path} cannot be read as a CAN log ({text}); "
-            "known are candump text (.log), ASC, BLF, TRC and MF4"
-        ) from None
+        raise InputError(f"{path} cannot be read as a CAN log ({text}); known are {KINDS}") from None
+
+
+def _messages(path: Path) -> Iterator[can.Message]:
+    if path.is_dir() or path.suffix.lower() in rosbag.SUFFIXES:
+        yield from rosbag.read(path)
+    else:
+        with can.LogReader(path) as reader:
+            yield from reader
 
 
 def need_asammdf() -> None:

@@ -134,7 +134,8 @@ def _build(data: dict[str, Any], codec: Codec) -> Vehicle:
     own = data["bridge"]["address"]
     sent = {key: _transmitted(key, value, data, codec, own) for key, value in data["transmit"].items()}
     heard = tuple(_heard(key, value, data, codec) for key, value in data["receive"].items())
-    known = {signal.name for message in heard for signal in message.signals}
+    _distinct("receive: message and sender", [f"0x{message.key:X}" for message in heard])
+    known = _distinct("receive: signal", [signal.name for message in heard for signal in message.signals])
     for key in ("driver", "forbidden"):
         for signal in set(data[key]) - known:
             raise InputError(f"{key}: signal '{signal}' is not received; known: {', '.join(sorted(known))}")
@@ -232,8 +233,13 @@ def _timing(spec: dict[str, float]) -> Timing:
     return Timing(**spec)  # type: ignore[arg-type]
 
 
-def _heard(message: str, spec: dict[str, Any], data: dict[str, Any], codec: Codec) -> Heard:
-    layout = codec[message]
+def _heard(key: str, spec: dict[str, Any], data: dict[str, Any], codec: Codec) -> Heard:
+    """One entry of `receive`: its name is the message's, unless it says `message` itself because two
+    controllers send the same one.
+    """
+    layout = codec[spec.get("message", key)]
+    if spec.get("check", checksums.NONE) != checksums.NONE:
+        _room_to_sign(key, layout)
     measured = []
     for name, source in spec["signals"].items():
         signal = _signal(layout, source)
@@ -241,8 +247,26 @@ def _heard(message: str, spec: dict[str, Any], data: dict[str, Any], codec: Code
         field = _field(signal, factor)
         low, high = spec.get("range", {}).get(name, (field.offset, field.offset + field.scale * field.last))
         measured.append(Measured(name, field, low, high))
-    key = layout.pgn << 8 | _address(data, spec["from"])
-    return Heard(message, key, spec["period"], spec["timeout"], tuple(measured), spec.get("check", "none"))
+    sender = layout.pgn << 8 | _address(data, spec["from"])
+    return Heard(key, sender, spec["period"], spec["timeout"], tuple(measured), spec.get("check", "none"))
+
+
+def _room_to_sign(key: str, layout: Layout) -> None:
+    """Counter and checksum sit in byte 8. Raises InputError where the DBC has something else there."""
+    for signal in layout.signals.values():
+        if signal.start + signal.bits > 56 and not signal.name.endswith(("Counter", "Checksum")):
+            raise InputError(
+                f"receive.{key}.check: byte 8 of {layout.name} holds {signal.name}, no counter and checksum; "
+                f"name a DBC of your truck's under dbc"
+            )
+
+
+def _distinct(what: str, names: list[str]) -> set[str]:
+    """The names as a set. Raises InputError where one comes twice: the later would silently win."""
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"{what} '{name}' is named twice")
+    return set(names)
 
 
 def _signal(layout: Layout, name: str) -> Signal:

@@ -63,6 +63,7 @@ TRANSMIT = {
     "limits": LIMITS,
 }
 RECEIVE = {
+    "message": Optional(str),
     "from": str,
     "period": SECONDS,
     "timeout": SECONDS,

@@ -1,0 +1,141 @@
+"""Raw CAN frames in a rosbag: can_msgs/msg/Frame, as ros2_socketcan and Foxglove have it.
+
+The common interfaces have no CAN frame. A bag carries the definition of its types, so nothing needs to be
+installed to read one of ours, and we read any: rosbag2 folders, lone .mcap and .db3 files, ROS 1 bags.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import can
+import numpy as np
+from mcap.exceptions import McapError
+from mcap.records import Channel, Message
+from mcap.stream_reader import StreamReader
+from mcap.writer import CompressionType, Writer
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from truck_bridge.errors import InputError
+
+SUFFIXES = (".mcap", ".db3", ".bag")
+WRITTEN = ".mcap"
+TYPE = "can_msgs/msg/Frame"
+TOPIC = "/from_can_bus"  # where ros2_socketcan publishes what it hears
+DEFINITION = """\
+std_msgs/Header header
+uint32 id
+bool is_rtr
+bool is_extended
+bool is_error
+uint8 dlc
+uint8[8] data
+"""
+FLUSH_S = 0.5  # what is older survives a kill -9
+SECOND = 1_000_000_000  # ns
+
+
+def _types() -> Any:
+    store = get_typestore(Stores.ROS2_JAZZY)
+    store.register(get_types_from_msg(DEFINITION, TYPE))
+    return store
+
+
+def read(path: Path) -> Iterator[can.Message]:
+    """The frames of all topics of the type, in order of time; of a recorder that was killed, what it wrote.
+
+    Raises InputError where there is no such topic.
+    """
+    try:
+        reader = AnyReader([path], default_typestore=_types())
+        reader.open()
+    except Exception:  # rosbags raises whatever a damaged byte leads it to
+        if path.suffix != WRITTEN:
+            raise
+        yield from _read_unfinished(path)
+        return
+    with closing(reader):
+        chosen = [connection for connection in reader.connections if connection.msgtype == TYPE]
+        if not chosen:
+            held = ", ".join(sorted({connection.msgtype for connection in reader.connections})) or "nothing"
+            raise InputError(f"{path} holds no {TYPE}, the type of raw CAN frames; it holds {held}")
+        for connection, stamp, raw in reader.messages(chosen):
+            yield _message(reader.deserialize(raw, connection.msgtype), stamp)
+
+
+def _read_unfinished(path: Path) -> Iterator[can.Message]:
+    """What stands in a file without its end."""
+    store, ours = _types(), set()
+    with path.open("rb") as stream:
+        try:
+            for record in StreamReader(stream).records:
+                if isinstance(record, Channel) and record.topic == TOPIC:
+                    ours.add(record.id)
+                elif isinstance(record, Message) and record.channel_id in ours:
+                    yield _message(store.deserialize_cdr(record.data, TYPE), record.log_time)
+        except McapError:
+            if not ours:
+                raise InputError(f"{path} is cut off before its first whole chunk, or no rosbag") from None
+
+
+def _message(frame: Any, stamp: int) -> can.Message:
+    own = frame.header.stamp.sec * SECOND + frame.header.stamp.nanosec
+    return can.Message(
+        timestamp=(own or stamp) / SECOND,
+        arbitration_id=frame.id & 0x1FFF_FFFF,
+        is_extended_id=bool(frame.is_extended),
+        is_remote_frame=bool(frame.is_rtr),
+        is_error_frame=bool(frame.is_error),
+        dlc=min(frame.dlc, 8),
+        data=None if frame.is_rtr else bytes(frame.data[: min(frame.dlc, 8)]),
+    )
+
+
+class RosbagWriter:
+    """A python-can listener that writes one .mcap file, as `ros2 bag play` and Foxglove open it."""
+
+    def __init__(self, path: Path) -> None:
+        self._store = _types()
+        self._stream = path.open("xb")
+        self._writer = Writer(self._stream, compression=CompressionType.NONE)
+        self._writer.start(profile="ros2", library="truck_bridge")
+        text, _ = self._store.generate_msgdef(TYPE, ros_version=2)
+        schema = self._writer.register_schema(TYPE, "ros2msg", text.encode())
+        self._channel = self._writer.register_channel(TOPIC, "cdr", schema, {"offered_qos_profiles": ""})
+        self._count, self._flushed = 0, time.monotonic()
+
+    def on_message_received(self, message: can.Message) -> None:
+        """Add one frame, at its own time."""
+        stamp = round(message.timestamp * SECOND)
+        cdr = self._store.serialize_cdr(self._frame(message, stamp), TYPE)
+        self._count += 1
+        self._writer.add_message(self._channel, stamp, cdr, stamp, self._count)
+        if time.monotonic() - self._flushed > FLUSH_S:
+            self._writer.flush()
+            self._stream.flush()
+            self._flushed = time.monotonic()
+
+    def _frame(self, message: can.Message, stamp: int) -> Any:
+        types = self._store.types
+        time_, header = types["builtin_interfaces/msg/Time"], types["std_msgs/msg/Header"]
+        return types[TYPE](
+            header=header(stamp=time_(sec=stamp // SECOND, nanosec=stamp % SECOND), frame_id="can"),
+            id=message.arbitration_id,
+            is_rtr=message.is_remote_frame,
+            is_extended=message.is_extended_id,
+            is_error=message.is_error_frame,
+            dlc=message.dlc,
+            data=np.frombuffer(bytes(message.data).ljust(8, b"\0"), dtype=np.uint8),
+        )
+
+    def stop(self) -> None:
+        """Finish the file."""
+        try:
+            self._writer.finish()
+        finally:
+            self._stream.close()

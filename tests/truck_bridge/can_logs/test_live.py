@@ -1,0 +1,119 @@
+"""Recording and converting: nothing half-written, nothing overwritten, one line for what cannot be."""
+
+from __future__ import annotations
+
+import os
+import resource
+import subprocess
+import sys
+import threading
+import time
+
+import can
+import pytest
+
+from truck_bridge import can_logs
+from truck_bridge.can_logs.live import WRITABLE
+from truck_bridge.errors import InputError
+
+LINE = "({:.6f}) can0 0CF00400#219B9BDD2F000F9B\n"
+HERE = [suffix for suffix in WRITABLE if suffix != ".mf4"]
+
+
+@pytest.fixture
+def log(tmp_path):
+    path = tmp_path / "drive.log"
+    path.write_text("".join(LINE.format(k / 100) for k in range(1, 51)))
+    return path
+
+
+@pytest.fixture
+def loud():
+    """A channel on which somebody speaks all the time."""
+    channel, stop = f"{os.getpid()}-loud", threading.Event()
+
+    def speak():
+        with can.Bus(interface="loopback", channel=channel) as bus:
+            while not stop.wait(0.002):
+                bus.send(can.Message(arbitration_id=0x0CF00400, data=bytes(8), is_extended_id=True))
+
+    thread = threading.Thread(target=speak)
+    thread.start()
+    yield channel
+    stop.set()
+    thread.join()
+
+
+@pytest.mark.parametrize("suffix", HERE)
+def test_convert_keeps_every_frame_and_its_distance_in_time(log, tmp_path, suffix):
+    out = tmp_path / f"out{suffix}"
+    assert can_logs.convert(log, out) == 50
+    before, after = list(can_logs.read(log)), list(can_logs.read(out))
+    assert [frame[1:] for frame in before] == [frame[1:] for frame in after]
+    for a, b in zip(before, after, strict=True):
+        assert b.time - after[0].time == pytest.approx(a.time - before[0].time, abs=2e-3)
+
+
+def test_a_damaged_log_leaves_nothing_behind(log, tmp_path):
+    log.write_text(log.read_text() + "rubbish\n")
+    with pytest.raises(InputError, match="line 51"):
+        can_logs.convert(log, tmp_path / "out.mcap")
+    assert [path.name for path in tmp_path.iterdir()] == ["drive.log"]
+
+
+@pytest.mark.parametrize("suffix", HERE)
+def test_record_writes_every_kind(loud, tmp_path, suffix):
+    path = tmp_path / f"drive{suffix}"
+    count = can_logs.record(path, "loopback", loud, 0.5)
+    assert count > 20
+    assert len(list(can_logs.read(path))) == count
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("drive.log", "exists already"),
+        ("a.xyz", "ends in .log"),
+        ("none/a.log", "is no folder"),
+        ("a", "ends in"),
+    ],
+)
+def test_what_cannot_be_written_is_said_before_the_bus_is_opened(log, tmp_path, name, says):
+    before = log.read_bytes()
+    for write in (
+        lambda path: can_logs.record(path, "socketcan", "none9"),
+        lambda path: can_logs.convert(log, path),
+    ):
+        with pytest.raises(InputError, match=says) as error:
+            write(tmp_path / name)
+        assert "\n" not in str(error.value)
+    assert log.read_bytes() == before
+
+
+@pytest.mark.parametrize("suffix", HERE)
+def test_a_full_disk_ends_a_recording_in_one_line(loud, tmp_path, suffix):
+    """A limit on the size of files stands for the disk: the write fails in the same place."""
+    argv = [sys.executable, "-c", "from truck_bridge.cli import main; main()", "record", f"drive{suffix}"]
+    run = subprocess.run(
+        [*argv, "--interface", "loopback", "--channel", loud, "--duration", "20"],
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (4000, 4000)),
+        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
+        cwd=tmp_path, timeout=60, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (run.returncode, run.stderr.count("\n")) == (2, 1), run.stderr
+    assert "cannot write drive" in run.stderr
+
+
+def test_ctrl_c_ends_a_recording_and_keeps_it(loud, tmp_path):
+    argv = [sys.executable, "-c", "from truck_bridge.cli import main; main()", "record", "drive.mcap"]
+    process = subprocess.Popen(
+        [*argv, "--interface", "loopback", "--channel", loud], cwd=tmp_path, stdout=subprocess.PIPE, text=True
+    )
+    deadline = time.monotonic() + 30
+    while not (tmp_path / "drive.mcap").exists() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    time.sleep(0.5)
+    process.send_signal(2)
+    out, _ = process.communicate(timeout=20)
+    assert process.returncode == 0
+    assert int(out.split()[0]) == len(list(can_logs.read(tmp_path / "drive.mcap"))) > 20
