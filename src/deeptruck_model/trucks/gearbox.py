@@ -111,6 +111,12 @@ def _change_by_clutch(s: Any, p: Any) -> float:
 
 
 @part
+def _left_behind(s: Any, p: Any) -> bool:
+    """Whether a gear turns faster than the engine can: its clutch slips and would never close."""
+    return s.clutch == SLIPPING and input_speed(s, p, s.gear) > p.governed_speed
+
+
+@part
 def choose_gear(s: Any, p: Any, h: float) -> float:
     """Advance the gearbox by h, set ratio and torque factor; returns the engine speed a change wants."""
     s.pedal = lag(s.pedal, abs(s.demand), PEDAL_LAG, h)
@@ -120,7 +126,7 @@ def choose_gear(s: Any, p: Any, h: float) -> float:
         s.shift_timer -= h
         if s.shift_timer < 1e-9:
             _finish_change(s, p)
-    elif s.clutch == LOCKED or (p.converter > 0.0 and s.clutch == OPEN):
+    elif s.clutch == LOCKED or (p.converter > 0.0 and s.clutch == OPEN) or _left_behind(s, p):
         gear = _next_gear(s, p)
         if gear != s.gear:
             _start_change(s, p, gear)

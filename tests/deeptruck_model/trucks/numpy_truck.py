@@ -94,8 +94,10 @@ class NumpyTruck:
         s["shift_timer"] = s["shift_timer"] - self.h * changing
         done = changing & (s["shift_timer"] < 1e-9)
         s["shift_timer"] = np.where(done, 0.0, s["shift_timer"])
-        free = ~changing & ((s["clutch"] == LOCKED) | (converter & (s["clutch"] == OPEN)))
-        slow = self._input_speed(s, s["gear"]) < p["declutch_speed"]
+        turning = self._input_speed(s, s["gear"])
+        behind = (s["clutch"] == SLIPPING) & (turning > p["governed_speed"])
+        free = ~changing & ((s["clutch"] == LOCKED) | (converter & (s["clutch"] == OPEN)) | behind)
+        slow = turning < p["declutch_speed"]
         loose = ~changing & ~free & (not converter) & ((s["clutch"] == OPEN) | slow)
         wanted = self._next_gear(s)
         start = free & (wanted != s["gear"])

@@ -129,6 +129,20 @@ def test_a_longer_step_agrees_with_the_short_one() -> None:
     np.testing.assert_allclose(coarse[:, 1], fine[:, 1], atol=1e-9)
 
 
+@pytest.mark.parametrize("name", ["trucksim", "volvo"])
+def test_downhill_no_gear_is_kept_that_turns_faster_than_the_engine_can(name: str) -> None:
+    truck, rng = trucks.load(name), np.random.default_rng(0)
+    u = np.zeros((64, 1200, 2))
+    u[:, :, 0] = np.repeat(rng.uniform(0.0, 300.0 if name == "trucksim" else 20.0, (64, 24)), 50, axis=1)
+    w = np.broadcast_to(-rng.uniform(0.03, 0.06, (64, 1, 1)), (64, 1200, 1)).copy()
+    run = truck.rollout(u, w, np.stack([np.zeros(64), rng.uniform(1.0, 6.0, 64), np.zeros(64)], axis=1))
+    p, gear = truck.parameters(), run.inside["gear"].astype(int)
+    ratios = np.array(truck.specification.ratios)
+    turning = ratios[gear - 1] * p["final_drive"] * run.y[:, :, 1] / p["wheel_radius"]
+    over = (turning > 1.05 * p["governed_speed"]) & (gear < len(ratios))
+    assert over.sum(axis=1).max() < 50  # 5 s
+
+
 def test_freightliner_feels_a_grade_it_does_not_report() -> None:
     truck = trucks.load("freightliner")
     assert truck.interface.w == ()
