@@ -8,7 +8,6 @@ docs/results/bridge.md. The bridge and the emulator run as processes of their ow
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import math
 import os
 import subprocess
@@ -26,16 +25,10 @@ import numpy as np
 from truck_bridge import j1939
 
 ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "tests" / "truck_bridge"))
+import fault_processes as processes  # noqa: E402
+
 FRAME = bytes.fromhex("219B9BDD2F000F9B")
-
-
-def _fault_processes():
-    path = ROOT / "tests" / "truck_bridge" / "fault_processes.py"
-    spec = importlib.util.spec_from_file_location("fault_processes", path)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
 
 
 def per_second(call: Callable[[], object], number: int = 20_000) -> float:
@@ -79,7 +72,7 @@ def bus_row(frames: int = 2000) -> tuple[str, str]:
     return "loopback bus, send to receive", f"p50 {p50:.2f} ms, p99 {p99:.2f} ms"
 
 
-def jitter_rows(processes, name: str, seconds: float) -> list[tuple[str, str]]:
+def jitter_rows(name: str, seconds: float) -> list[tuple[str, str]]:
     """Periods as the witness hears them."""
     with processes.scene(name) as stage:
         if not stage.engaged():
@@ -100,7 +93,7 @@ def jitter_rows(processes, name: str, seconds: float) -> list[tuple[str, str]]:
         return rows
 
 
-def override_row(processes, runs: int) -> tuple[str, str]:
+def override_row(runs: int) -> tuple[str, str]:
     """First frame that shows the driver's foot to the first frame that hands back, on the bus."""
     outcomes = [processes.play("driver brakes", "volvo") for _ in range(runs)]
     times = [1e3 * o.reaction_s for o in outcomes if not math.isnan(o.reaction_s)]
@@ -117,7 +110,6 @@ def main() -> None:
     parser.add_argument("--priority", type=int, default=0, help="SCHED_FIFO priority of bridge and witness")
     parser.add_argument("--load", action="store_true")
     options = parser.parse_args()
-    processes = _fault_processes()
     if options.priority:
         os.environ["BRIDGE_PRIORITY"] = str(options.priority)
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(options.priority))
@@ -128,8 +120,8 @@ def main() -> None:
     try:
         rows = [*codec_rows(), bus_row()]
         for name in ("trucksim", "volvo"):
-            rows += jitter_rows(processes, name, options.seconds)
-        rows.append(override_row(processes, options.overrides))
+            rows += jitter_rows(name, options.seconds)
+        rows.append(override_row(options.overrides))
     finally:
         for process in busy:
             process.kill()

@@ -78,6 +78,7 @@ class Bridge:
         self._counts = dict.fromkeys(vehicle.transmitted, 0)
         self._retry_at: float | None = None  # when to try a lost bus again
         self._sent = self._received = 0
+        self._now = -math.inf
         self._would_send: dict[int, bytes] = {}
 
     # -- the controller's side
@@ -152,6 +153,9 @@ class Bridge:
         fresh.
         """
         with self._lock:
+            if now < self._now:
+                self._rewind(now)
+            self._now = now
             self._hear(now)
             self.safety.tick(now)
             self._keep_link(now)
@@ -207,6 +211,16 @@ class Bridge:
             self.poll(time.monotonic())
             self.listen(0.005)
         self.disarm(time.monotonic())
+
+    def _rewind(self, now: float) -> None:
+        """The clock went back: nothing waits for times that are far away now, and no signal has an age."""
+        self._due = {
+            axis: min(due, now + self.vehicle.transmitted[axis].axis.period_s)
+            for axis, due in self._due.items()
+        }
+        if self._retry_at is not None:
+            self._retry_at = min(self._retry_at, now + RETRY_S)
+        self._signals = Signals(self.vehicle)
 
     def _hear(self, now: float) -> None:
         messages, self._inbox = self._inbox, []

@@ -1,4 +1,5 @@
 """Faults on real processes in real time: bridge and ECU emulator each a process, this one the witness.
+The nodes of the whole graph: `tests/ros2_ws/fault_nodes.py`.
 
 `python tests/truck_bridge/fault_processes.py --runs 50`. What is judged is what the witness heard on the bus.
 """
@@ -20,6 +21,7 @@ from pathlib import Path
 
 import can
 import numpy as np
+from fault_wire import FAULTS as WIRE_FAULTS
 
 from truck_bridge import vehicles
 from truck_bridge.j1939.address_claim import name as j1939_name
@@ -74,7 +76,7 @@ class Scene:
                 found.append((at, math.nan if back or value is None else value))
         return found
 
-    def engaged(self) -> bool:
+    def engaged(self, within: float = 30.0) -> bool:
         """Wait for the first demand."""
         engine = self.vehicle.transmitted["engine"].axis
         mask = (1 << 56) - 1
@@ -82,7 +84,7 @@ class Scene:
         def demanding(at: float, can_id: int, data: bytes) -> bool:
             return can_id == engine.can_id and int.from_bytes(data, "little") & mask != engine.release
 
-        return self.listen(30.0, demanding)
+        return self.listen(within, demanding)
 
 
 @contextmanager
@@ -133,7 +135,8 @@ def _first_fall(scene: Scene, since: float) -> float:
     return math.nan
 
 
-def _nothing_but_releases(scene: Scene, since: float) -> list[str]:
+def only_releases(scene: Scene, since: float) -> list[str]:
+    """Once handed back, nothing is demanded."""
     late = [demand for at, demand in scene.demands("engine") if at >= since and not math.isnan(demand)]
     return ["a demand left after control was lost"] if late else []
 
@@ -153,14 +156,14 @@ def driver_brakes(scene: Scene) -> tuple[list[str], float]:
     scene.listen(1.0)
     reaction = _first_release(scene, told)
     slow = [] if reaction <= 0.020 + SLACK else [f"first release after {reaction * 1e3:.0f} ms"]
-    return slow + _nothing_but_releases(scene, told + 0.020 + SLACK), reaction
+    return slow + only_releases(scene, told + 0.020 + SLACK), reaction
 
 
 def _faded(scene: Scene, since: float, within: float) -> tuple[list[str], float]:
     scene.listen(3.0)
     reaction = _first_fall(scene, since)
     broken = [] if reaction <= within + SLACK else [f"graded release began after {reaction * 1e3:.0f} ms"]
-    return broken + _nothing_but_releases(scene, since + within + 1.5), reaction
+    return broken + only_releases(scene, since + within + 1.5), reaction
 
 
 def controller_mute(scene: Scene) -> tuple[list[str], float]:
@@ -182,7 +185,7 @@ def bridge_stopped(scene: Scene) -> tuple[list[str], float]:
     woken = time.monotonic()
     os.kill(scene.bridge.pid, signal.SIGCONT)
     scene.listen(1.0)
-    return _nothing_but_releases(scene, woken), _first_release(scene, woken)
+    return only_releases(scene, woken), _first_release(scene, woken)
 
 
 def bridge_killed(scene: Scene) -> tuple[list[str], float]:
@@ -194,7 +197,49 @@ def bridge_killed(scene: Scene) -> tuple[list[str], float]:
     end = [codec.decode(i, d) for at, i, d in scene.heard if at > since + 0.6 and i & 0x3FFFFFF == 0xF00400]
     held = [e for e in end if e and e.values["EngineControllingAddress"] == scene.vehicle.address]
     broken = ["the engine obeyed a dead bridge"] if held or not end else []
-    return broken + _nothing_but_releases(scene, since + 0.02 + SLACK), math.nan
+    return broken + only_releases(scene, since + 0.02 + SLACK), math.nan
+
+
+def all_paused(scene: Scene) -> tuple[list[str], float]:
+    """Half a second in which neither bridge nor truck gets the processor."""
+    for process in (scene.bridge, scene.truck):
+        os.kill(process.pid, signal.SIGSTOP)
+    scene.listen(0.5)
+    woken = time.monotonic()
+    for process in (scene.truck, scene.bridge):
+        os.kill(process.pid, signal.SIGCONT)
+    scene.listen(1.0)
+    return only_releases(scene, woken), _first_release(scene, woken)
+
+
+def bad_wire(fault: str) -> Callable[[Scene], tuple[list[str], float]]:
+    """Every second frame to the bridge is harmed for 1.5 s. Judged: the limits, and what follows a loss."""
+
+    def begin(scene: Scene) -> tuple[list[str], float]:
+        since = time.monotonic()
+        scene.tell(f"wire {fault}")
+        scene.listen(1.5)
+        scene.tell("wire")
+        scene.listen(3.0)
+        reaction = _first_release(scene, since)
+        broken = [] if math.isnan(reaction) else only_releases(scene, since + reaction + 0.001)
+        return broken, reaction
+
+    return begin
+
+
+def clock_jumps(seconds: float) -> Callable[[Scene], tuple[list[str], float]]:
+    """The bridge's monotonic clock jumps, which no clock should do."""
+
+    def begin(scene: Scene) -> tuple[list[str], float]:
+        since = time.monotonic()
+        scene.tell(f"clock {seconds}")
+        scene.listen(1.5)
+        reaction = _first_release(scene, since)
+        slow = [] if reaction <= 0.1 else [f"first release after {reaction * 1e3:.0f} ms"]
+        return slow + only_releases(scene, since + 0.1), reaction
+
+    return begin
 
 
 def truck_killed(scene: Scene) -> tuple[list[str], float]:
@@ -240,7 +285,7 @@ def ended_in_order(scene: Scene) -> tuple[list[str], float]:
     scene.listen(1.5)
     releases = [d for at, d in scene.demands("engine") if at >= since and math.isnan(d)]
     broken = [] if len(releases) == 4 else [f"{len(releases)} release frames instead of 4"]
-    return broken + _nothing_but_releases(scene, since + 0.1), _first_release(scene, since)
+    return broken + only_releases(scene, since + 0.1), _first_release(scene, since)
 
 
 FAULTS: dict[str, Callable[[Scene], tuple[list[str], float]]] = {
@@ -249,6 +294,10 @@ FAULTS: dict[str, Callable[[Scene], tuple[list[str], float]]] = {
     "controller NaN": controller_nan,
     "SIGSTOP bridge": bridge_stopped,
     "kill -9 bridge": bridge_killed,
+    "all paused 0.5 s": all_paused,
+    **{f"wire: {fault}": bad_wire(fault) for fault in WIRE_FAULTS},
+    "clock 30 s on": clock_jumps(30.0),
+    "clock 30 s back": clock_jumps(-30.0),
     "kill -9 truck": truck_killed,
     "SIGSTOP truck": truck_stopped,
     "spoofed TSC1": spoofed,
@@ -312,6 +361,7 @@ def main() -> int:
     broken = sum(bool(o.broken) for o in outcomes)
     spoilt = sum(o.spoilt for o in outcomes)
     print(f"{len(outcomes)} runs in real time, {broken} with a broken invariant, {spoilt} spoilt by load")
+    print(f"load average {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
     return 1 if broken else 0
 
 

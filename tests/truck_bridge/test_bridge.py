@@ -227,6 +227,27 @@ def test_the_emulator_says_what_it_cannot_speak(tmp_path):
         EcuEmulator(vehicles.load(path), None)
 
 
+@pytest.mark.parametrize("jump", [-30.0, -0.05])
+def test_a_clock_that_goes_back_is_answered_with_release_frames_in_time(world, name, jump):
+    w = world(name).engage(in_units(name, 50))
+    w.run(2.0, engine=in_units(name, 50))
+    w.heard.clear()
+    since, true = w.now, w.bridge.poll
+    w.bridge.poll = lambda now: true(now + jump)
+    w.run(0.5)
+    assert [at - since <= 0.09 for at, d in w.demands("engine") if math.isnan(d)] == [True] * 4
+    assert not [d for _, d in w.demands("engine") if not math.isnan(d)]
+    assert w.bridge.status.losses == {"clock went back": 1}
+    assert w.bridge.status.address_claimed
+    assert w.signals["speed"] == pytest.approx(w.truck.speed, abs=0.5)  # heard anew
+
+
+def test_no_signal_survives_a_clock_that_goes_back(world):
+    w = world("trucksim").run(1.0)
+    assert w.signals["speed"] == pytest.approx(15.0, abs=0.5)
+    assert w.bridge.poll(w.now - 30.0) == {}
+
+
 def test_a_lost_bus_is_reopened_silently(world):
     w = world("trucksim")
     spare = w.open()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import sys
 from pathlib import Path
 
@@ -10,11 +9,8 @@ import pytest
 
 from truck_bridge.safety import Safety
 
-PATH = Path(__file__).with_name("fault_runs.py")
-SPEC = importlib.util.spec_from_file_location("fault_runs", PATH)
-fault_runs = importlib.util.module_from_spec(SPEC)
-sys.modules["fault_runs"] = fault_runs
-SPEC.loader.exec_module(fault_runs)
+sys.path.insert(0, str(Path(__file__).parent))  # the runs are scripts, and stand beside each other
+import fault_runs
 
 
 @pytest.mark.parametrize("fault", list(fault_runs.FAULTS))

@@ -30,19 +30,22 @@ class AddressClaim:
         self._address = address
         self._started: float | None = None
         self._pending: list[bool] = []  # claims (True) and cannot-claims (False) to send
+        self._held = False  # once unopposed it stays ours, whatever the clock does
         self.lost = False
 
     def start(self, now: float) -> None:
         """Announce the address; also after the bus was away."""
-        self._started, self.lost, self._pending = now, False, [True]
+        self._started, self._held, self.lost, self._pending = now, False, False, [True]
 
     def stop(self) -> None:
         """Give the address up without a word."""
-        self._started, self._pending = None, []
+        self._started, self._held, self._pending = None, False, []
 
     def claimed(self, now: float) -> bool:
         """Unopposed for 250 ms, and not lost since."""
-        return self._started is not None and not self.lost and now - self._started >= UNOPPOSED_S
+        if self._started is not None and now - self._started >= UNOPPOSED_S:
+            self._held = True
+        return self._held and not self.lost
 
     def hear(self, can_id: int, data: bytes) -> None:
         """Contention and requests. Our own NAME coming back is an echo and no conflict."""

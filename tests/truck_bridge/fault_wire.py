@@ -1,0 +1,92 @@
+"""What a bad wire does to arriving frames: lose, hold, repeat, swap or bend them; two buses that do so."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+
+import can
+import numpy as np
+
+from truck_bridge.bus import LoopbackBus
+
+FAULTS = ("drop", "delay", "repeat", "reorder", "corrupt")
+LONGEST_S = 0.6  # that a delayed frame is late
+Inbox = deque[tuple[float, can.Message]]  # when it may be taken, and the frame
+
+
+def arrive(message: can.Message, fault: str, rng: np.random.Generator, inbox: Inbox, now: float) -> None:
+    """A frame arrives, with the fault on every second one."""
+    late = 0.0
+    if fault and rng.random() < 0.5:
+        if fault == "drop":
+            return
+        if fault == "repeat":
+            inbox.append((now, message))
+        if fault == "delay":
+            late = float(rng.uniform(0.0, LONGEST_S))
+        if fault == "corrupt":
+            message = bent(message, int(rng.integers(64)))
+        if fault == "reorder" and inbox:
+            inbox.insert(int(rng.integers(len(inbox))), (now, message))
+            return
+    inbox.append((now + late, message))
+
+
+def bent(message: can.Message, bit: int) -> can.Message:
+    """The frame with one bit changed, as no CAN controller would deliver it."""
+    word = int.from_bytes(bytes(message.data).ljust(8, b"\0"), "little") ^ 1 << bit
+    return can.Message(arbitration_id=message.arbitration_id, data=word.to_bytes(8, "little"))
+
+
+def take(inbox: Inbox, now: float) -> can.Message | None:
+    """The first frame whose time has come."""
+    for number, (due, message) in enumerate(inbox):
+        if due <= now + 1e-9:
+            del inbox[number]
+            return message
+    return None
+
+
+class Wire(can.BusABC):
+    """An in-memory bus in simulated time."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._can_protocol = can.CanProtocol.CAN_20
+        self.channel_info = "wire"
+        self.rng = rng
+        self.peer: Wire | None = None
+        self.inbox: Inbox = deque()
+        self.sent: list[tuple[float, int, bytes]] = []
+        self.now = 0.0
+        self.fault = ""
+        self.down = False
+        super().__init__(channel="wire")
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        if self.down:
+            raise can.CanOperationError("unplugged")
+        self.sent.append((self.now, msg.arbitration_id, bytes(msg.data)))
+        assert self.peer is not None
+        arrive(msg, self.peer.fault, self.rng, self.peer.inbox, self.now)
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        if self.down:
+            raise can.CanOperationError("unplugged")
+        return take(self.inbox, self.now), False
+
+
+class BadLoopback(LoopbackBus):
+    """A loopback bus in real time; `fault` may change at any moment."""
+
+    fault = ""
+
+    def __init__(self, channel: str, seed: int = 0) -> None:
+        self._rng, self._held = np.random.default_rng(seed), deque()
+        super().__init__(channel)
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        message, _ = super()._recv_internal(0.0 if self._held else timeout)
+        if message is not None:
+            arrive(message, self.fault, self._rng, self._held, time.monotonic())
+        return take(self._held, time.monotonic()), False
