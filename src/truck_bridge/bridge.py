@@ -154,7 +154,7 @@ class Bridge:
         """
         with self._lock:
             if now < self._now:
-                self._rewind(now)
+                self._rewind(self._now - now)
             self._now = now
             self._hear(now)
             self.safety.tick(now)
@@ -212,14 +212,10 @@ class Bridge:
             self.listen(0.005)
         self.disarm(time.monotonic())
 
-    def _rewind(self, now: float) -> None:
-        """The clock went back: nothing waits for times that are far away now, and no signal has an age."""
-        self._due = {
-            axis: min(due, now + self.vehicle.transmitted[axis].axis.period_s)
-            for axis, due in self._due.items()
-        }
-        if self._retry_at is not None:
-            self._retry_at = min(self._retry_at, now + RETRY_S)
+    def _rewind(self, back: float) -> None:
+        """The clock went back: what waits for a time waits no longer for it, and no signal has an age."""
+        self._due = {axis: due - back for axis, due in self._due.items()}
+        self._retry_at = None if self._retry_at is None else self._retry_at - back
         self._signals = Signals(self.vehicle)
 
     def _hear(self, now: float) -> None:
