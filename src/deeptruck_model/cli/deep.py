@@ -26,6 +26,13 @@ class Mode(StrEnum):
     paper = "paper"
 
 
+class Kind(StrEnum):
+    """What the decoder gives."""
+
+    black = "black"
+    grey = "grey"
+
+
 def train(
     bags: Bags,
     out: Annotated[Path, typer.Option(help="Simulator directory to write.", metavar="SIM")],
@@ -39,6 +46,9 @@ def train(
     mode: Annotated[
         Mode, typer.Option(help="paper: training form and Adagrad, as published.")
     ] = Mode.default,
+    kind: Annotated[
+        Kind, typer.Option(help="grey: the decoder also gives gains by which the commands act.")
+    ] = Kind.black,
     budget: Annotated[
         int,
         typer.Option(
@@ -59,7 +69,7 @@ def train(
 
     if (out / MANIFEST).exists() and not (resume or overwrite):
         raise InputError(f"{out} exists already; choose another --out, or add --overwrite")
-    arguments = Arguments(seed=seed, mode=mode.value, updates=budget, members=members)
+    arguments = Arguments(seed=seed, mode=mode.value, kind=kind.value, updates=budget, members=members)
     recordings = _read(bags)
     minutes = sum(len(recording) * recording.dt for recording in recordings) / 60
     if minutes < FEW_MINUTES:

@@ -47,8 +47,8 @@ class Trials:
 
 
 def check(simulator: Simulator, recordings: Sequence[Recording]) -> None:
-    """Raises InputError where a recording lacks a signal of the simulator, or has it in another unit or
-    rate."""
+    """Raises InputError where a recording has a signal of the simulator in another unit or rate, or all lack
+    it."""
     for recording in recordings:
         if abs(recording.dt - simulator.dt) > 1e-6:
             raise InputError(
@@ -56,7 +56,7 @@ def check(simulator: Simulator, recordings: Sequence[Recording]) -> None:
                 f"the simulator steps {simulator.dt:g} s; evaluate on bags of the simulator's rate"
             )
         for name in (*simulator.interface.u, *simulator.interface.w):
-            if not has(recording, name):
+            if not any(has(other, name) for other in recordings):
                 raise InputError(f"'{recording.name}' has no {name}, which the simulator needs")
             theirs, ours = recording.interface.unit(name), simulator.interface.unit(name)
             if theirs not in (ours, "none"):

@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 
 from deeptruck_model import trucks
 from deeptruck_model.deep import classics, kernels, report
+from deeptruck_model.deep.compiled import FloatArray
 from deeptruck_model.deep.evaluation import Trials, statistics, trials
 from deeptruck_model.deep.network import Scales, TruckNetwork
 from deeptruck_model.deep.training import Arguments, train
@@ -151,7 +152,7 @@ def _trained(
 
 
 def _loss(
-    network: TruckNetwork, recording: Recording, scales: Scales, weight: kernels.FloatArray, form: str
+    network: TruckNetwork, recording: Recording, scales: Scales, weight: FloatArray, form: str
 ) -> np.ndarray[Any, Any]:
     sequences, steps = Sequences.of([recording], scales), 100
     starts = np.arange(0, len(recording) - steps, steps)

@@ -11,12 +11,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.deep.kernels import FloatArray, _cell, _constrain, _decode, code_width, compiled, encode
+from deeptruck_model.deep.compiled import FloatArray, cell, compiled
+from deeptruck_model.deep.heads import (
+    add_gains,
+    code_width,
+    constrain,
+    decode,
+    encode,
+    fill_factors,
+    multiply,
+)
 from deeptruck_model.deep.network import TruckNetwork
 
 Array = NDArray[np.float64]
 _ROWS = 64  # of the batch run together: their gates stay in the cache
-_BY_HAND = 2  # up to this batch a plain loop beats the overhead of BLAS
 
 
 def pack(network: TruckNetwork) -> tuple[FloatArray, ...]:
@@ -28,8 +36,9 @@ def pack(network: TruckNetwork) -> tuple[FloatArray, ...]:
     """
     n = {name: p.detach().numpy() for name, p in network.named_parameters()}
     gates = np.concatenate([n["input"], n["recurrent"], n["bias"][:, None]], axis=1)
-    outputs, signals = network.shape.responses - 1, network.shape.signals
-    output, output_bias = n["output"][..., :outputs], n["output_bias"][..., :outputs]
+    signals = network.shape.signals
+    kept = np.r_[: network.shape.responses - 1, network.shape.named : network.shape.outputs]
+    output, output_bias = n["output"][..., kept], n["output_bias"][..., kept]
     arrays = (gates, n["decoder"], n["decoder_bias"], output, output_bias)
     scales = (
         network.mean.numpy()[:signals],
@@ -58,31 +67,28 @@ def _normalise(packed: Any, u: Any, w: Any, y: Any, inputs: Any, z: Any) -> None
 @compiled
 def _advance(packed: Any, m: Any, dt: Any, z: Any, c: Any, h: Any, y: Any, work: Any) -> None:
     """One step of member m from z and c (batch, hidden): c, h and y (batch, n_y) become the next ones."""
-    gates, decoded, raw, bounded = work
-    outputs, first = raw.shape[1], packed[5].shape[0] - y.shape[1]
-    if z.shape[0] <= _BY_HAND:
-        for b in range(z.shape[0]):
-            gates[b] = np.float32(0.0)
-            for i in range(z.shape[1]):
-                for j in range(gates.shape[1]):
-                    gates[b, j] += z[b, i] * packed[0][m, i, j]
-    else:
-        np.dot(z, packed[0][m], gates)
-    _cell(gates, c, c, h, h)
-    _decode(h, packed[1][m], packed[2][m], packed[3][m], packed[4][m], decoded, raw)
+    gates, decoded, raw, bounded, factor = work
+    free, first = y.shape[1] - 1, packed[5].shape[0] - y.shape[1]
+    multiply(z, packed[0][m], gates)
+    cell(gates, c, c, h, h)
+    decode(h, packed[1][m], packed[2][m], packed[3][m], packed[4][m], decoded, raw)
     for b in range(z.shape[0]):
-        for o in range(outputs):
+        if len(factor):
+            fill_factors(z[b], np.float32(y[b, 1]), packed[5], packed[6], factor)
+            add_gains(raw[b], factor, free, free)
+        for o in range(free):
             raw[b, o] = raw[b, o] * packed[6][first + 2 * o] + packed[5][first + 2 * o]
-    _constrain(raw, y, dt, y, bounded)
+    constrain(raw, y, dt, y, bounded)
 
 
 @compiled
-def _workspace(packed: Any, batch: Any) -> Any:
+def _workspace(packed: Any, batch: Any, free: Any) -> Any:
     return (
         np.empty((batch, packed[0].shape[2]), np.float32),
         np.empty((batch, packed[1].shape[2]), np.float32),
         np.empty((batch, packed[3].shape[2]), np.float32),
         np.empty(batch, np.bool_),
+        np.empty(packed[3].shape[2] // free - 1, np.float32),
     )
 
 
@@ -92,7 +98,7 @@ def step(packed: Any, dt: Any, h: Any, c: Any, y: Any, u: Any, w: Any) -> Any:
     batch, n_y)."""
     members, batch, hidden = h.shape
     inputs = packed[0].shape[1] - hidden - 1
-    work = _workspace(packed, batch)
+    work = _workspace(packed, batch, y.shape[2] - 1)
     z = np.ones((batch, inputs + hidden + 1), np.float32)
     h, c, y = h.copy(), c.copy(), y.copy()
     mean = np.zeros((batch, y.shape[2]))
@@ -118,7 +124,7 @@ def run(packed: Any, dt: Any, u: Any, w: Any, y0: Any, recorded: Any, forced: An
     for first in range(0, batch, _ROWS):
         rows = slice(first, min(first + _ROWS, batch))
         size = rows.stop - rows.start
-        work = _workspace(packed, size)
+        work = _workspace(packed, size, responses - 1)
         h = np.empty((size, hidden), np.float32)
         z = np.ones((size, inputs + hidden + 1), np.float32)
         u_now, w_now = np.empty((size, u.shape[2])), np.empty((size, w.shape[2]))

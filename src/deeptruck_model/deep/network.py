@@ -24,6 +24,9 @@ from deeptruck_model.signals import ACCELERATION, FUEL, SPEED
 REST_SPEED = 0.1  # m/s
 REST_ACCELERATION = 0.05  # m/s^2
 
+# The engine command acts through the gear, which goes roughly with 1/speed: command * 10 / (3 + speed).
+LEVER_SPEED, LEVER_OFFSET = 10.0, 3.0  # m/s
+
 WEIGHTS = ("input", "recurrent", "bias", "decoder", "decoder_bias", "output", "output_bias")
 
 
@@ -44,6 +47,7 @@ class Shape:
     members: int = 1
     code: int = 0
     taught: int = 0
+    gains: bool = False
 
     @property
     def signals(self) -> int:
@@ -56,9 +60,19 @@ class Shape:
         return self.signals + self.code
 
     @property
-    def outputs(self) -> int:
-        """Columns of D: acceleration[, fuel rate][, taught signals]."""
+    def factors(self) -> int:
+        """What D multiplies by gains: u, w and the engine command over the speed; 0 without gains."""
+        return self.controls + self.conditions + 1 if self.gains else 0
+
+    @property
+    def named(self) -> int:
+        """Outputs of D that are signals: acceleration[, fuel rate][, taught signals]."""
         return self.responses - 1 + self.taught
+
+    @property
+    def outputs(self) -> int:
+        """Columns of D: the named signals, then `factors` gains for acceleration[, and fuel rate]."""
+        return self.named + (self.responses - 1) * self.factors
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON; Shape(**data) is the inverse."""
@@ -140,6 +154,7 @@ class TruckNetwork(nn.Module):
         h = torch.sigmoid(o) * torch.tanh(c)
         decoded = torch.tanh(self.decoder_bias[:, None] + torch.bmm(h, self.decoder))
         raw = self.output_bias[:, None] + torch.bmm(decoded, self.output)
+        raw = self._with_gains(raw, conditions, state.y)
         raw = raw * self.scale[self._columns] + self.mean[self._columns]
         responses = self.shape.responses - 1
         return State(h, c, self._constrain(raw[..., :responses], state.y), raw[..., responses:])
@@ -170,11 +185,22 @@ class TruckNetwork(nn.Module):
         centres = width * (0.5 + torch.arange(self.shape.code, dtype=speed.dtype))
         return torch.tanh((torch.log1p(speed) - centres) / width)
 
+    def _with_gains(self, raw: Tensor, conditions: Tensor, y: Tensor) -> Tensor:
+        """The named signals (.., named) of D's raw outputs; gains times factors are added to the response."""
+        free, named, factors = self.shape.responses - 1, self.shape.named, self.shape.factors
+        if not factors:
+            return raw
+        share = conditions / self.scale[: conditions.shape[-1]]
+        lever = share[..., :1] * (LEVER_SPEED / (LEVER_OFFSET + y[..., SPEED : SPEED + 1]))
+        factor = torch.cat([share, lever], dim=-1)[..., None, :]
+        gained = (raw[..., named:].reshape(*raw.shape[:-1], free, factors) * factor).sum(-1)
+        return torch.cat([raw[..., :free] + gained, raw[..., free:named]], dim=-1)
+
     @property
     def _columns(self) -> list[int]:
         """Where the outputs of D lie in [u, w, y, taught]: D leaves the speed to C."""
         first = self.shape.controls + self.shape.conditions
-        return [first + ACCELERATION, *range(first + FUEL, first + 1 + self.shape.outputs)]
+        return [first + ACCELERATION, *range(first + FUEL, first + 1 + self.shape.named)]
 
     def _constrain(self, raw: Tensor, y: Tensor) -> Tensor:
         """C: v' = v + a dt, never negative, at rest when it hardly moves; fuel never negative.

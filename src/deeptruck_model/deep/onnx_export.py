@@ -16,7 +16,7 @@ import numpy as np
 import onnx
 from onnx import ModelProto, numpy_helper, parser
 
-from deeptruck_model.deep.network import REST_ACCELERATION, REST_SPEED, WEIGHTS
+from deeptruck_model.deep.network import LEVER_OFFSET, LEVER_SPEED, REST_ACCELERATION, REST_SPEED, WEIGHTS
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.errors import InputError
 
@@ -64,7 +64,8 @@ deeptruck_step (
   decoded = Tanh (hidden_biased)
   out = MatMul (decoded, output)
   out_biased = Add (out, output_bias)
-  out_scaled = Mul (out_biased, out_scale)
+{named}
+  out_scaled = Mul (out_named, out_scale)
   raw = Add (out_scaled, out_mean)
   a = Slice (raw, zero_i, one_i, last_axis)
   gained = Mul (a, dt)
@@ -83,6 +84,22 @@ deeptruck_step (
   y_next = Concat <axis = 2> (a_next, v_next, rest)
   response = ReduceMean <keepdims = 0> (y_next, zero_i)
 }}
+"""
+
+_BLACK = "  out_named = Identity (out_biased)"
+_GREY = """
+  responses, gains_flat = Split <axis = 2> (out_biased, gain_split)
+  gains = Reshape (gains_flat, gain_shape)
+  share = Div (uw_all, share_scale)
+  command = Slice (share, zero_i, one_i, last_axis)
+  geared = Mul (command, lever_speed)
+  reach = Add (v, lever_offset)
+  lever = Div (geared, reach)
+  factors = Concat <axis = 2> (share, lever)
+  factors_each = Unsqueeze (factors, last_axis)
+  effects = Mul (gains, factors_each)
+  effect = ReduceSum <keepdims = 0> (effects, three_i)
+  out_named = Add (responses, effect)
 """
 
 
@@ -110,6 +127,7 @@ def build(truck: DeepTruck) -> ModelProto:
             n_w=shape.conditions,
             n_uw=shape.controls + shape.conditions,
             n_y=shape.responses,
+            named=_GREY if shape.gains else _BLACK,
         )
     )
     constants = _constants(truck)
@@ -124,8 +142,9 @@ def _constants(truck: DeepTruck) -> dict[str, np.ndarray[Any, Any]]:
     outputs, first = shape.responses - 1, shape.controls + shape.conditions
     columns = [first, *([first + 2] if outputs > 1 else [])]
     weights = {name: getattr(network, name).detach().numpy() for name in WEIGHTS}
-    weights["output"] = weights["output"][..., :outputs]
-    weights["output_bias"] = weights["output_bias"][..., :outputs]
+    kept = np.r_[:outputs, shape.named : shape.outputs]  # the taught signals stay behind
+    weights["output"] = weights["output"][..., kept]
+    weights["output_bias"] = weights["output_bias"][..., kept]
     for name in ("bias", "decoder_bias", "output_bias"):
         weights[name] = weights[name][:, None]
     mean, scale = network.mean.numpy(), network.scale.numpy()
@@ -137,8 +156,19 @@ def _constants(truck: DeepTruck) -> dict[str, np.ndarray[Any, Any]]:
         "rest_speed": REST_SPEED,
         "rest_acceleration": REST_ACCELERATION,
         "code_width": width,
+        "lever_speed": LEVER_SPEED,
+        "lever_offset": LEVER_OFFSET,
     }
-    integers = {"zero_i": 0, "one_i": 1, "two_i": 2, "last_axis": 2, "outputs_i": outputs}
+    integers = {
+        "zero_i": [0],
+        "one_i": [1],
+        "two_i": [2],
+        "three_i": [3],
+        "last_axis": [2],
+        "outputs_i": [outputs],
+        "gain_split": [outputs, outputs * shape.factors],
+        "gain_shape": [0, 0, outputs, shape.factors],
+    }
     arrays = {
         **weights,
         "mean": mean[: shape.signals],
@@ -146,7 +176,8 @@ def _constants(truck: DeepTruck) -> dict[str, np.ndarray[Any, Any]]:
         "code_centres": 0.5 + np.arange(shape.code),
         "out_mean": mean[columns],
         "out_scale": scale[columns],
+        "share_scale": scale[:first],
         **numbers,
     }
     constants: dict[str, Any] = {name: np.asarray(value, np.float32) for name, value in arrays.items()}
-    return constants | {name: np.array([value], np.int64) for name, value in integers.items()}
+    return constants | {name: np.array(value, np.int64) for name, value in integers.items()}

@@ -4,6 +4,7 @@ atomically."""
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +18,7 @@ from deeptruck_model.deep.network import WEIGHTS, TruckNetwork
 from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
-    from deeptruck_model.deep.training import Best
+    from deeptruck_model.deep.selection import Best
 
 FILE = "resume.safetensors"
 
@@ -34,15 +35,16 @@ def save(
     folder: Path,
     identity: dict[str, Any],
     network: TruckNetwork,
-    optimizer: torch.optim.Optimizer,
+    optimizers: Sequence[torch.optim.Optimizer],
     best: Best,
     done: int,
 ) -> None:
     """Write the whole state after `done` updates; the file before it stays until this one is complete."""
     tensors: dict[str, Tensor] = {f"weight.{n}": getattr(network, n).detach() for n in WEIGHTS}
     tensors |= {f"best.{n}": best.weights[n] for n in WEIGHTS}
-    for index, values in optimizer.state_dict()["state"].items():
-        tensors |= {f"optimizer.{index}.{key}": value for key, value in values.items()}
+    for which, optimizer in enumerate(optimizers):
+        for index, values in optimizer.state_dict()["state"].items():
+            tensors |= {f"optimizer.{which}.{index}.{key}": value for key, value in values.items()}
     metadata = {
         "identity": json.dumps(identity, sort_keys=True),
         "done": str(done),
@@ -62,7 +64,7 @@ def load(
     folder: Path,
     identity: dict[str, Any],
     network: TruckNetwork,
-    optimizer: torch.optim.Optimizer,
+    optimizers: Sequence[torch.optim.Optimizer],
     best: Best,
 ) -> int:
     """Restore what `save` wrote and return the updates done; 0 where there is nothing to go on from.
@@ -84,10 +86,11 @@ def load(
         getattr(network, name).data.copy_(tensors[f"weight.{name}"])
         best.weights[name].copy_(tensors[f"best.{name}"])
     best.scores = np.array(json.loads(metadata["scores"]))
-    state = optimizer.state_dict()
+    states = [optimizer.state_dict() for optimizer in optimizers]
     for key, value in tensors.items():
         if key.startswith("optimizer."):
-            _, index, entry = key.split(".", 2)
-            state["state"].setdefault(int(index), {})[entry] = value
-    optimizer.load_state_dict(state)
+            _, which, index, entry = key.split(".", 3)
+            states[int(which)]["state"].setdefault(int(index), {})[entry] = value
+    for optimizer, state in zip(optimizers, states, strict=True):
+        optimizer.load_state_dict(state)
     return int(metadata["done"])

@@ -14,28 +14,19 @@ import numpy as np
 import torch
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from torch import Tensor
 from torch.utils.tensorboard import SummaryWriter
 
 from deeptruck_model.deep import card, checkpoint, coverage, kernels, resume
-from deeptruck_model.deep.network import WEIGHTS, Shape, TruckNetwork
+from deeptruck_model.deep.compiled import FloatArray
+from deeptruck_model.deep.network import Shape, TruckNetwork
+from deeptruck_model.deep.optimizer import default_optimizers
+from deeptruck_model.deep.preparation import Prepared, prepare
+from deeptruck_model.deep.selection import Best, validate
 from deeptruck_model.deep.truck import DeepTruck
-from deeptruck_model.deep.windows import (
-    Sequences,
-    common_interface,
-    consistent,
-    cut,
-    loss_weights,
-    measure_scales,
-    teachable,
-    time_split,
-    unexplained,
-)
+from deeptruck_model.deep.windows import Sequences, loss_weights
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import Recording, data_hash
+from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import MANIFEST, read_manifest
-
-VALIDATION_RUNS = 64
 
 
 @dataclass(frozen=True)
@@ -71,6 +62,8 @@ class Arguments:
     """cost of a fuel error of one standard deviation"""
     teach: float = 0.3
     """the same for gear, engine speed and torque where recorded; D has to know them, no one else does"""
+    kind: Literal["black", "grey"] = "black"
+    """black: D gives the response; grey: and gains by which u, w and command/speed add to it"""
     code: int = 12
     """features that repeat the speed on a logarithmic scale, where gears are evenly spaced"""
     horizon_s: float = 40.0
@@ -84,12 +77,15 @@ class Arguments:
         return self.form or ("training" if self.mode == "paper" else "deployment")
 
 
+Observer = Callable[[int, TruckNetwork], None]
+
+
 def train(
     recordings: Sequence[Recording],
     out: Path,
     arguments: Arguments,
     resumes: bool = False,
-    observe: Callable[[int, TruckNetwork], None] | None = None,
+    observe: Observer | None = None,
 ) -> DeepTruck:
     """Train on `recordings`, write the simulator directory `out`, return it as read back from there.
 
@@ -101,38 +97,69 @@ def train(
     checkpoint.check_target(out)
     torch.set_num_threads(1)  # the matrices are small: a second thread only waits
 
-    # data
-    interface = common_interface(recordings)
-    pieces = [piece for recording in recordings for piece in cut(recording, interface)]
-    if not pieces:
-        raise InputError(
-            "no stretch of 3 s with valid inputs and speed in the recordings; see 'deeptruck-model coverage'"
-        )
-    if arguments.mode == "default":
-        pieces = [consistent(piece) for piece in pieces]
-    training, validation = time_split(pieces)
-    taught = teachable(training) if arguments.teach and arguments.mode == "default" else ()
-    scales = measure_scales(training, taught)
-    sequences, held_out = (Sequences.of(part, scales, taught) for part in (training, validation))
-    dt, samples = pieces[0].dt, sum(len(p) for p in training)
-    steps = min(arguments.steps, max(len(p) for p in training) - 1)
-    batches = max(1, samples // (steps * arguments.sequences))
-    updates = arguments.updates or (600 * batches if arguments.mode == "paper" else default_updates(samples))
-    identity = {
-        "arguments": asdict(arguments),
-        "data_hash": data_hash(pieces),
-        "steps": steps,
-        "updates": updates,
-    }
-
+    data = prepare(recordings, arguments)
+    identity = _identity(data, arguments)
     if resumes and _finished(out, identity):
         return checkpoint.load_directory(out, read_manifest(out))
     working = out.with_name(f"{out.name}.partial")
     if resumes and (out / MANIFEST).exists() and not working.exists():
         raise InputError(f"{out} was trained on other data or with other arguments; train with --overwrite")
 
-    # model
-    seeds = tuple(arguments.seed + m for m in range(arguments.members))
+    run = _begin(data, arguments, identity)
+    done = resume.load(working, identity, run.network, run.optimizers, run.best) if resumes else 0
+    if not done:
+        shutil.rmtree(working, ignore_errors=True)
+        resume.make(working)
+    _loop(run, working, done, observe)
+    if not np.isfinite(run.best.scores).all():
+        raise InputError(
+            "training diverged from the first round; look at the recordings with 'deeptruck-model coverage'"
+        )
+    run.best.restore(run.network)
+    truck = DeepTruck(
+        run.network, data.interface, coverage.measure(data.training), _details(run, time.monotonic() - began)
+    )
+    return card.publish(truck, data.training, data.validation, working, out)
+
+
+@dataclass(frozen=True)
+class _Run:
+    """A training run under way."""
+
+    data: Prepared
+    arguments: Arguments
+    identity: dict[str, Any]
+    network: TruckNetwork
+    weight: FloatArray
+    optimizers: list[torch.optim.Optimizer]
+    best: Best
+    seeds: tuple[int, ...]
+
+    @property
+    def steps(self) -> int:
+        return int(self.identity["steps"])
+
+    @property
+    def updates(self) -> int:
+        return int(self.identity["updates"])
+
+
+def _identity(data: Prepared, arguments: Arguments) -> dict[str, Any]:
+    """What a resumed run must have in common with the killed one."""
+    steps = data.steps(arguments.steps)
+    batches = max(1, data.samples // (steps * arguments.sequences))
+    chosen = 600 * batches if arguments.mode == "paper" else default_updates(data.samples)
+    return {
+        "arguments": asdict(arguments),
+        "data_hash": data.data_hash,
+        "steps": steps,
+        "updates": arguments.updates or chosen,
+    }
+
+
+def _begin(data: Prepared, arguments: Arguments, identity: dict[str, Any]) -> _Run:
+    """Network, loss weights and optimisers before the first update."""
+    interface, default = data.interface, arguments.mode == "default"
     shape = Shape(
         len(interface.u),
         len(interface.w),
@@ -140,75 +167,83 @@ def train(
         arguments.hidden,
         arguments.decoder,
         arguments.members,
-        arguments.code if arguments.mode == "default" else 0,
-        len(taught),
+        arguments.code if default else 0,
+        len(data.taught),
+        arguments.kind == "grey" and default,
     )
-    network = TruckNetwork(shape, scales, dt, seeds)
+    seeds = tuple(arguments.seed + m for m in range(arguments.members))
+    network = TruckNetwork(shape, data.scales, data.dt, seeds)
     weight = loss_weights(
-        scales, shape.responses, len(taught), arguments.speed_s, arguments.fuel, arguments.teach
+        data.scales, shape.responses, shape.taught, arguments.speed_s, arguments.fuel, arguments.teach
     )
-    judged = np.where(np.arange(len(weight)) < shape.responses, weight, np.float32(0.0))
-    optimizer = _optimizer(network, arguments)
-    best = Best(network)
+    return _Run(
+        data, arguments, identity, network, weight, _optimizers(network, arguments), Best(network), seeds
+    )
 
-    # loop
-    done = resume.load(working, identity, network, optimizer, best) if resumes else 0
-    if not done:
-        shutil.rmtree(working, ignore_errors=True)
-        resume.make(working)
-    per_round = math.ceil(updates / arguments.rounds)
+
+def _loop(run: _Run, working: Path, done: int, observe: Observer | None) -> None:
+    """Rounds of updates, each followed by a validation and a resume point."""
+    arguments, per_round = run.arguments, math.ceil(run.updates / run.arguments.rounds)
+    judged = np.where(np.arange(len(run.weight)) < run.network.shape.responses, run.weight, np.float32(0.0))
     board = SummaryWriter(str(working / "tensorboard"), purge_step=done)
     with Progress(
         TextColumn("training"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
         TextColumn("{task.fields[score]}"), console=Console(stderr=True),
     ) as progress:  # fmt: skip
-        task = progress.add_task("training", total=updates, completed=done, score="")
-        while done < updates:
-            batch_starts = _draw(sequences, seeds, done // per_round, per_round * arguments.sequences, steps)
-            for batch in range(min(per_round, updates - done)):
-                starts = batch_starts[:, batch * arguments.sequences : (batch + 1) * arguments.sequences]
-                x, target = sequences.gather(starts, steps)
-                losses = kernels.gradient(network, x, target, weight, arguments.feedback)
-                _guard(network, losses, arguments.clip)
-                for group in optimizer.param_groups:
-                    group["lr"] = _learning_rate(arguments, done, updates)
-                optimizer.step()
-                done += 1
-                progress.update(task, completed=done)
-            scores = validate(network, held_out, judged, round(arguments.horizon_s / dt))
-            best.keep(scores, network)
+        task = progress.add_task("training", total=run.updates, completed=done, score="")
+        while done < run.updates:
+            count = min(per_round, run.updates - done)
+            losses = _round(run, done, count, per_round, lambda: progress.advance(task))
+            done += count
+            horizon = round(arguments.horizon_s / run.data.dt)
+            scores = validate(run.network, run.data.held_out, judged, horizon)
+            run.best.keep(scores, run.network)
             board.add_scalar("loss/training", float(np.mean(losses)), done)
             board.add_scalar("loss/validation", float(np.mean(scores)), done)
-            board.add_scalar("learning_rate", optimizer.param_groups[0]["lr"], done)
-            progress.update(task, score=f"validation {np.mean(scores):.4f}, best {best.scores.mean():.4f}")
+            board.add_scalar("learning_rate", _learning_rate(arguments, done - 1, run.updates), done)
+            progress.update(task, score=f"validation {scores.mean():.4f}, best {run.best.scores.mean():.4f}")
             if observe is not None:
-                observe(done, network)
-            resume.save(working, identity, network, optimizer, best, done)
+                observe(done, run.network)
+            resume.save(working, run.identity, run.network, run.optimizers, run.best, done)
     board.close()
 
-    # save, then evaluate from disk
-    if not np.isfinite(best.scores).all():
-        raise InputError(
-            "training diverged from the first round; look at the recordings with 'deeptruck-model coverage'"
-        )
-    best.restore(network)
-    details = {
-        "config": asdict(arguments),
-        "seeds": list(seeds),
-        "data_hash": identity["data_hash"],
+
+def _round(
+    run: _Run, done: int, count: int, per_round: int, advance: Callable[[], None]
+) -> np.ndarray[Any, Any]:
+    """`count` updates; returns the losses (members,) of the last."""
+    arguments, sequences, batch = run.arguments, run.data.sequences, run.arguments.sequences
+    starts = _draw(sequences, run.seeds, done // per_round, per_round * batch, run.steps)
+    losses = np.full(len(run.seeds), np.nan)
+    for i in range(count):
+        x, target = sequences.gather(starts[:, i * batch : (i + 1) * batch], run.steps)
+        losses = kernels.gradient(run.network, x, target, run.weight, arguments.feedback)
+        _guard(run.network, losses, arguments.clip)
+        for optimizer in run.optimizers:
+            optimizer.param_groups[0]["lr"] = _learning_rate(arguments, done + i, run.updates)
+            optimizer.step()
+        advance()
+    return losses
+
+
+def _details(run: _Run, seconds: float) -> dict[str, Any]:
+    """What the manifest says of the training."""
+    data = run.data
+    return {
+        "config": asdict(run.arguments),
+        "seeds": list(run.seeds),
+        "data_hash": data.data_hash,
         "git_hash": card.git_hash(),
-        "taught": list(taught),
+        "taught": list(data.taught),
         "training": {
-            "updates": updates,
-            "unexplained": float(np.mean(np.concatenate([unexplained(r, interface) for r in recordings]))),
-            "steps": steps,
-            "hours": samples * dt / 3600,
-            "seconds": time.monotonic() - began,
-            "validation_loss": best.scores.tolist(),
+            "updates": run.updates,
+            "unexplained": data.unexplained,
+            "steps": run.steps,
+            "hours": data.samples * data.dt / 3600,
+            "seconds": seconds,
+            "validation_loss": run.best.scores.tolist(),
         },
     }
-    truck = DeepTruck(network, interface, coverage.measure(training), details)
-    return card.publish(truck, training, validation, working, out)
 
 
 def _finished(out: Path, identity: dict[str, Any]) -> bool:
@@ -226,41 +261,6 @@ def default_updates(samples: int) -> int:
     return int(np.clip(samples // 8, 6000, 18000))
 
 
-class Best:
-    """The weights of every member at its lowest validation loss."""
-
-    def __init__(self, network: TruckNetwork) -> None:
-        self.scores = np.full(network.shape.members, np.inf)
-        self.weights: dict[str, Tensor] = {n: getattr(network, n).detach().clone() for n in WEIGHTS}
-
-    def keep(self, scores: np.ndarray[Any, Any], network: TruckNetwork) -> None:
-        """Take over the members that improved."""
-        for m in np.flatnonzero(scores < self.scores):
-            self.scores[m] = scores[m]
-            for name in WEIGHTS:
-                self.weights[name][m] = getattr(network, name).detach()[m]
-
-    def restore(self, network: TruckNetwork) -> None:
-        """Put the kept weights back."""
-        for name in WEIGHTS:
-            getattr(network, name).data.copy_(self.weights[name])
-
-
-def validate(
-    network: TruckNetwork, held_out: Sequences, weight: kernels.FloatArray, steps: int
-) -> np.ndarray[Any, Any]:
-    """Loss of free runs of `steps` from evenly spaced starts in the held-out data, (members,); inf where
-    not finite."""
-    steps = min(steps, int(np.max(held_out.bounds[:, 1] - held_out.bounds[:, 0])) - 1)
-    candidates = np.sort(held_out.starts(steps, np.random.default_rng(0)))
-    if len(candidates) < VALIDATION_RUNS:
-        candidates = np.sort(held_out.draw(VALIDATION_RUNS, steps, np.random.default_rng(0)))
-    starts = candidates[np.linspace(0, len(candidates) - 1, VALIDATION_RUNS).astype(int)]
-    x, target = held_out.gather(np.repeat(starts[None], network.shape.members, axis=0), steps)
-    losses = kernels.loss(network, x, target, weight)
-    return np.where(np.isfinite(losses), losses, np.inf)
-
-
 def _draw(
     sequences: Sequences, seeds: tuple[int, ...], round_: int, count: int, steps: int
 ) -> np.ndarray[Any, Any]:
@@ -269,12 +269,11 @@ def _draw(
     return np.stack([sequences.draw(count, steps, np.random.default_rng([seed, round_])) for seed in seeds])
 
 
-def _optimizer(network: TruckNetwork, arguments: Arguments) -> torch.optim.Optimizer:
+def _optimizers(network: TruckNetwork, arguments: Arguments) -> list[torch.optim.Optimizer]:
+    rate = _learning_rate(arguments, 0, 1)
     if arguments.mode == "paper":
-        return torch.optim.Adagrad(network.parameters(), lr=arguments.learning_rate or 0.02)
-    return torch.optim.AdamW(
-        network.parameters(), lr=arguments.learning_rate or 6e-3, weight_decay=arguments.weight_decay
-    )
+        return [torch.optim.Adagrad(network.parameters(), lr=rate)]
+    return default_optimizers(network, rate, arguments.weight_decay)
 
 
 def _learning_rate(arguments: Arguments, done: int, updates: int) -> float:

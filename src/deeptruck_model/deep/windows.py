@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.deep.kernels import FloatArray
+from deeptruck_model.deep.compiled import FloatArray
 from deeptruck_model.deep.network import Scales
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
@@ -20,12 +20,13 @@ SHORTEST_S = 3.0  # a piece below this teaches nothing
 HELD_OUT = 0.15  # share of the data, always the later part, that selects the checkpoint
 SPLIT_FROM_S = 120.0  # pieces from this length on are split inside; shorter ones go whole to one side
 CONSISTENCY_S = 20.0
+LACKING = 0.1  # share of the driving that may be left out for the sake of an input that the rest has
 BRAKED, GRAVITY = -0.6, 9.81  # m/s^2; a laden truck coasts down at less
 
 
 def common_interface(recordings: Sequence[Recording]) -> TruckInterface:
-    """The channels that every recording has; fuel where any has it. Raises InputError where units or dt
-    differ."""
+    """The channels that (nearly) all of the driving has; fuel where any has it. Raises InputError where
+    units or dt differ."""
     if not recordings:
         raise InputError("no recording to train on: give at least one bag with a drive in it")
     first = recordings[0]
@@ -47,13 +48,18 @@ def common_interface(recordings: Sequence[Recording]) -> TruckInterface:
         )
     if not any(has(r, "engine_command") for r in recordings):
         raise InputError("no recording has an engine_command: map the engine's command or fuel rate to it")
-    braked = brakes and all(has(r, "brake_command") for r in recordings)
     return replace(
         first.interface,
-        brake_unit=brakes.pop() if braked else None,
-        grade=all(has(r, "grade") for r in recordings),
+        brake_unit=brakes.pop() if brakes and _nearly_all(recordings, "brake_command") else None,
+        grade=_nearly_all(recordings, "grade"),
         fuel=any(has(r, "fuel_rate") for r in recordings),
     )
+
+
+def _nearly_all(recordings: Sequence[Recording], channel: str) -> bool:
+    """Whether recordings without a channel are few enough to be left out, rather than the channel."""
+    lacking = sum(len(r) for r in recordings if not has(r, channel))
+    return lacking <= LACKING * sum(map(len, recordings))
 
 
 def has(recording: Recording, channel: str) -> bool:
@@ -69,15 +75,14 @@ def unexplained(recording: Recording, interface: TruckInterface) -> NDArray[np.b
     """
     if interface.brake_unit is not None or interface.engine_unit not in ("g/s", "cm^3/s"):
         return np.zeros(len(recording), bool)
-    grade = recording.channels["grade"] if interface.grade else 0.0
+    grade = recording.channels.get("grade", 0.0) if interface.grade else 0.0
     return np.asarray(recording.channels["acceleration"] + GRAVITY * grade < BRAKED)
 
 
 def cut(recording: Recording, interface: TruckInterface) -> list[Recording]:
     """The stretches with every input of `interface` valid and no row unexplained, from a valid speed on."""
-    channels = dict(recording.channels)
-    if interface.fuel and "fuel_rate" not in channels:
-        channels["fuel_rate"] = np.full(len(recording), np.nan)
+    missing = {name: np.full(len(recording), np.nan) for name in (*interface.u, *interface.w, *interface.y)}
+    channels = {**missing, **recording.channels}
     whole = replace(recording, interface=interface, channels=channels)
     speed = whole.channels["speed"]
     valid = np.isfinite(np.concatenate([whole.u, whole.w], axis=1)).all(axis=1)

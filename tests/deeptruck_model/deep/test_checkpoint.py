@@ -25,6 +25,13 @@ def test_manifest_says_what_the_truck_is(saved):
     assert manifest["config"]["mode"] == "default"
 
 
+def test_a_simulator_of_before_there_were_gains_loads(saved, truck):
+    shape = json.loads((saved / "simulator.json").read_text())["shape"]
+    del shape["gains"]
+    edit(saved, shape=shape)
+    assert simulators.load(saved).network.shape == truck.network.shape
+
+
 @pytest.mark.parametrize(
     ("damage", "says"),
     [

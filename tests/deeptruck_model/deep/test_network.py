@@ -11,13 +11,19 @@ rng = np.random.default_rng(0)
 
 
 def network(
-    controls: int, conditions: int, responses: int, dt: float = 0.1, code: int = 0, taught: int = 0
+    controls: int,
+    conditions: int,
+    responses: int,
+    dt: float = 0.1,
+    code: int = 0,
+    taught: int = 0,
+    gains: bool = False,
 ) -> TruckNetwork:
     means, widths = np.array([500, 10, 0.0, 0.1, 8, 3]), np.array([700, 15, 0.02, 0.8, 6, 2])
     columns = [*range(controls), *range(2, 2 + conditions), *range(3, 3 + responses), *range(taught)]
     scales = Scales(means[columns].astype(np.float32), widths[columns].astype(np.float32))
     return TruckNetwork(
-        Shape(controls, conditions, responses, 16, 8, members=2, code=code, taught=taught),
+        Shape(controls, conditions, responses, 16, 8, members=2, code=code, taught=taught, gains=gains),
         scales,
         dt,
         seeds=(3, 4),
@@ -42,9 +48,14 @@ def sequences(net: TruckNetwork, steps: int, batch: int) -> tuple[np.ndarray, np
 @pytest.mark.parametrize(
     ("interface", "form", "dt"),
     [
-        *product([(2, 1, 3), (1, 0, 2), (2, 1, 3, 0.1, 5, 2)], ["training", "deployment"], [0.1]),
+        *product(
+            [(2, 1, 3), (1, 0, 2), (2, 1, 3, 0.1, 5, 2), (2, 1, 3, 0.1, 5, 2, True)],
+            ["training", "deployment"],
+            [0.1],
+        ),
         ((2, 1, 3), "deployment", 1.0),
         ((1, 0, 2, 1.0, 5, 1), "deployment", 1.0),
+        ((1, 0, 2, 1.0, 5, 1, True), "deployment", 1.0),
     ],
 )
 def test_compiled_gradient_equals_autograd(interface, form, dt):

@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import onnxruntime
@@ -20,11 +21,11 @@ def run(session, truck, u, w, y0):
     return np.stack(responses, axis=1)
 
 
-@pytest.mark.parametrize("fuel", [True, False])
-def test_parity_with_the_truck(truck, drive, small, tmp_path, fuel):
-    if not fuel:
-        interface = TruckInterface("plain", brake_unit=None, grade=False, fuel=False)
-        truck = train([drive(120, interface=interface)], tmp_path / "sim", small)
+@pytest.mark.parametrize(("fuel", "kind"), [(True, "black"), (True, "grey"), (False, "grey")])
+def test_parity_with_the_truck(truck, drive, small, tmp_path, fuel, kind):
+    if kind == "grey":
+        interface = TruckInterface("own", fuel=fuel, **({} if fuel else {"brake_unit": None, "grade": False}))
+        truck = train([drive(120, interface=interface)], tmp_path / "sim", replace(small, kind=kind))
     recording = drive(120, seed=3, interface=truck.interface)
     starts = [0, 300, 700]
     u, w, y = (np.stack([a[s : s + 300] for s in starts]) for a in (recording.u, recording.w, recording.y))

@@ -32,6 +32,15 @@ def test_learns_a_truck(drive, small, tmp_path):
     assert speed_error(truck, test) < 0.1 * still
 
 
+def test_grey_learns_a_truck_too(drive, small, tmp_path):
+    truck = train([drive(1200)], tmp_path / "sim", replace(small, updates=300, kind="grey"))
+    assert truck.network.shape.gains
+    test = drive(600, seed=9)
+    runs = trials(truck, [test], 30, 20.0)
+    still = np.nanmean(np.abs(runs.measured[..., 1] - runs.measured[:, :1, 1]))
+    assert speed_error(truck, test) < 0.15 * still
+
+
 def test_paper_mode_learns(drive, small, tmp_path):
     untrained = train([drive(600)], tmp_path / "a", replace(small, mode="paper", updates=1, rounds=1))
     trained = train([drive(600)], tmp_path / "b", replace(small, mode="paper", updates=400))

@@ -84,6 +84,16 @@ def test_common_interface_is_what_all_have(drive):
     assert piece.y.shape == (100, 3) and np.isnan(piece.y[:, 2]).all()
 
 
+def test_a_short_stretch_without_grade_does_not_cost_the_grade(drive):
+    full, standing = drive(100), drive(8, seed=1)
+    standing.channels["grade"][:] = np.nan
+    interface = windows.common_interface([full, standing])
+    assert interface.grade
+    assert windows.cut(standing, interface) == []
+    del standing.channels["grade"]
+    assert windows.cut(standing, interface) == []
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [
