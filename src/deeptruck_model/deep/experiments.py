@@ -20,6 +20,7 @@ from deeptruck_model import trucks
 from deeptruck_model.deep import classics, kernels, report
 from deeptruck_model.deep.compiled import FloatArray
 from deeptruck_model.deep.evaluation import Trials, statistics, trials
+from deeptruck_model.deep.fitted_physics import physics
 from deeptruck_model.deep.network import Scales, TruckNetwork
 from deeptruck_model.deep.training import Arguments, train
 from deeptruck_model.deep.truck import DeepTruck
@@ -100,10 +101,13 @@ def field(out: Path, seeds: int = 4, updates: int = 0) -> dict[str, Any]:
 
 
 def beside_classics(out: Path, seeds: int = 1, updates: int = 0) -> dict[str, Any]:
-    """Deep truck, ARX, NARX and gradient boosting on the same splits of `trucksim`, 60 min of training."""
+    """Deep truck, ARX, NARX, gradient boosting and a fitted physics truck on the same splits of `trucksim`,
+    60 min of training."""
     drives, test = [_drive("trucksim", 60, TRAIN_SEED)], _drive("trucksim", 180, TEST_SEED)
     models: dict[str, Simulator] = {"deep truck": _trained(drives, _arguments(seeds, updates, "default"))}
-    models |= {name: fit(drives) for name, fit in classics.MODELS.items()}
+    models |= {
+        name: fit(drives) for name, fit in {**classics.MODELS, "fitted physics truck": physics}.items()
+    }
     metrics = {name: statistics(trials(model, [test])) for name, model in models.items()}
     _table(out, "Deep truck beside the classics: 1 h training, 3 h test, 90 x 40 s", list(metrics.items()))
     return _write(out, metrics)
