@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import rclpy
+from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.exceptions import InvalidParameterTypeException, ParameterException
 from rclpy.executors import SingleThreadedExecutor
@@ -23,6 +24,7 @@ from deeptruck_nodes.messages import SECOND
 from deeptruck_nodes.topics import CONTROL_QOS, DIAGNOSTICS, Topic, expected_subscribers
 
 IDLE = 0.1  # s; the longest a node sleeps before it looks at its stop flag
+HAND_OVER = 1.0  # s; the longest a node waits for a listener that is slow, or dead and not yet missed
 LINGER = 5.0  # s; the longest a node keeps listening for what was sent before the end
 
 
@@ -75,6 +77,12 @@ class DeeptruckNode(Node):
         came, self._counted = self.heard > self._counted, self.heard
         return self.lingers_on and came and time.monotonic() - self._stopping < LINGER
 
+    def hand_over(self) -> None:
+        """Wait until everyone has what was sent: a publisher that is gone repeats nothing."""
+        until = time.monotonic() + HAND_OVER
+        for _, publisher in self._outgoing:
+            publisher.wait_for_all_acked(Duration(seconds=max(0.0, until - time.monotonic())))
+
     def close(self) -> None:
         """Leave in order: called once, while messages can still be sent."""
 
@@ -111,6 +119,7 @@ def run(make: Callable[[], DeeptruckNode]) -> None:
             _spin(node, stop)
         finally:
             node.close()
+            node.hand_over()
             node.destroy_node()
     except InputError as error:
         sys.exit(_last_words(str(error)))
