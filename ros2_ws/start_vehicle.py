@@ -39,7 +39,9 @@ def main(
     radar: Annotated[
         Literal["clean", "noisy", "field"], typer.Option(help="Errors of the simulated radar.")
     ] = "noisy",
-    initial_speed: Annotated[float, typer.Option(help="Of the emulated truck, m/s.")] = 20.0,
+    initial_speed: Annotated[
+        float, typer.Option(help="Of the emulated truck, m/s.", min=0.0, max=50.0)
+    ] = 20.0,
     initial_gap: Annotated[float, typer.Option(help="m; 0: a time gap of 2 s.")] = 0.0,
     grade: Annotated[
         str, typer.Option(help="Of the emulated road: rise/run, or a CSV distance,grade.")
@@ -51,7 +53,7 @@ def main(
     no_load: Annotated[
         bool, typer.Option("--no-load", help="Send nothing; /diagnostics shows what would be sent.")
     ] = False,
-    duration: Annotated[float, typer.Option(help="s; 0: until Ctrl-C.")] = 0.0,
+    duration: Annotated[float, typer.Option(help="s; 0: until Ctrl-C.", min=0.0)] = 0.0,
     seed: Annotated[int, typer.Option(help="Of the radar's errors.")] = 0,
     monitor: Annotated[
         str, typer.Option(help="Simulator to compare the truck with while it drives: /mismatch/residual.")

@@ -109,7 +109,7 @@ def record(
     log: Path,
     interface: Interface,
     channel: Channel,
-    duration: Annotated[float | None, typer.Option(help="stop after so many seconds")] = None,
+    duration: Annotated[float | None, typer.Option(help="stop after so many seconds", min=0.0)] = None,
 ) -> None:
     """See _RECORD."""
     from truck_bridge import can_logs

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import math
 import signal
 import sys
 import threading
@@ -11,6 +12,7 @@ import time
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 
@@ -27,9 +29,19 @@ EXAMPLES = """examples:
 """
 
 
+FASTEST, STEEPEST = 50.0, 0.5  # m/s; rise/run
+
+
+class _Parser(argparse.ArgumentParser):
+    """Raises InputError instead of printing its usage."""
+
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{message}; --help shows what it takes")
+
+
 def parser() -> argparse.ArgumentParser:
     """The options."""
-    p = argparse.ArgumentParser(
+    p = _Parser(
         prog="python -m truck_bridge.ecu_emulator",
         description="A truck's controllers around a physics truck, on a CAN bus.",
         epilog=EXAMPLES,
@@ -42,7 +54,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--grade", default="0", help="slope (rise/run), or a CSV with columns distance,grade")
     p.add_argument("--speed", type=float, default=0.0, help="speed at the start, m/s")
     p.add_argument("--driver", default="", help="what the driver does: SECONDS:KEY=VALUE,...")
-    p.add_argument("--duration", type=float, help="stop after so many seconds")
+    p.add_argument("--duration", type=float, default=math.inf, help="stop after so many seconds")
     return p
 
 
@@ -50,9 +62,13 @@ def road(text: str) -> Callable[[float], float]:
     """Slope over distance, from a number or a CSV file. Raises InputError where it is neither."""
     try:
         slope = float(text)
-        return lambda distance: slope
     except ValueError:
-        pass
+        return _road_of_file(text)
+    _within(f"--grade {text}", slope, -STEEPEST, STEEPEST)
+    return lambda distance: slope
+
+
+def _road_of_file(text: str) -> Callable[[float], float]:
     try:
         with Path(text).open(newline="") as file:
             rows = [(float(row["distance"]), float(row["grade"])) for row in csv.DictReader(file)]
@@ -62,8 +78,17 @@ def road(text: str) -> Callable[[float], float]:
         raise InputError(f"{text}: needs numeric columns distance and grade ({error})") from None
     if not rows:
         raise InputError(f"{text} holds no rows")
+    for _, slope in rows:
+        _within(f"{text}: grade", slope, -STEEPEST, STEEPEST)
     distance, grade = np.array(rows).T
+    if not np.all(np.diff(distance) > 0):
+        raise InputError(f"{text}: distance must be numbers that grow from row to row")
     return lambda at: float(np.interp(at, distance, grade))
+
+
+def _within(what: str, value: float, low: float, high: float) -> None:
+    if not low <= value <= high:
+        raise InputError(f"{what} must be a number from {low:g} to {high:g}, not {value:g}")
 
 
 def script(text: str) -> list[tuple[float, str, float]]:
@@ -88,26 +113,28 @@ def run(arguments: argparse.Namespace) -> None:
 
     vehicle = vehicles.load(arguments.vehicle)
     actions, slope = script(arguments.driver), road(arguments.grade)
+    _within("--speed", arguments.speed, 0.0, FASTEST)
+    _within("--duration", arguments.duration, 0.0, math.inf)
     truck = load(arguments.truck or vehicle.truck)
     bus = open_bus(arguments.interface, arguments.channel)
+    with bus:
+        _drive(arguments, EcuEmulator(vehicle, bus, truck=truck, grade=slope, speed=arguments.speed), actions)
+
+
+def _drive(
+    arguments: argparse.Namespace, emulator: EcuEmulator, actions: list[tuple[float, str, float]]
+) -> None:
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
-    emulator = EcuEmulator(vehicle, bus, truck=truck, grade=slope, speed=arguments.speed)
-    print(f"ECU emulator: {vehicle.name} on {arguments.interface} {arguments.channel}", flush=True)
+    print(f"ECU emulator: {emulator.vehicle.name} on {arguments.interface} {arguments.channel}", flush=True)
     start = time.monotonic()
-    try:
-        while not stop.is_set():
-            now = time.monotonic()
-            while actions and now - start >= actions[0][0]:
-                _, key, value = actions.pop(0)
-                setattr(emulator.driver, key, value)
-            emulator.step(now)
-            if arguments.duration is not None and now - start >= arguments.duration:
-                break
-            stop.wait(0.002)
-    finally:
-        bus.shutdown()
+    while not stop.is_set() and (now := time.monotonic()) - start <= arguments.duration:
+        while actions and now - start >= actions[0][0]:
+            _, key, value = actions.pop(0)
+            setattr(emulator.driver, key, value)
+        emulator.step(now)
+        stop.wait(0.002)
 
 
 def main() -> None:

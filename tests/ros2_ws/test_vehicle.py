@@ -54,8 +54,9 @@ def test_closed_loop_over_can(start: Callable[..., Any], domain: int, tmp_path: 
         assert driving.count(TSC1) >= 20  # 20 ms for the engine alone
         time.sleep(5.0)  # something to record
         run.process.send_signal(signal.SIGINT)
-        code, _, errors = run.finish()
+        code, said, errors = run.finish()
         assert (code, errors) == (0, "")
+        assert "can_bridge: engaged\n" in said  # to whoever sits before it
         sent_by_bridge(bus, 0.2)
         assert sent_by_bridge(bus, 0.3) == []
     finally:

@@ -60,12 +60,19 @@ def test_what_python_can_writes_is_read_back(tmp_path, suffix):
     assert np.diff([f.time for f in frames]) == pytest.approx(0.02, abs=2e-3)
 
 
+@pytest.mark.parametrize("cut", [5, 15, 25, 50])
+def test_a_last_line_that_was_cut_off_is_left_out(tmp_path, cut):
+    frames = list(can_logs.read(written(tmp_path, CONSOLE + CONSOLE[:cut])))
+    assert [(f.can_id, f.data) for f in frames] == [(0x0CF00400, FRAME)]
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
         ("", "holds no extended CAN frame"),
         ("(1.0) can0 123#01\n", "holds no extended CAN frame"),
         (CONSOLE + "rubbish\n", "line 2: not a line of candump"),
+        (CONSOLE + "rubbish\n" + CONSOLE, "line 2: not a line of candump"),
         (CONSOLE.replace("[8]", "[7]"), "line 1"),
         (CONSOLE[:50] + "\n", "line 1"),
         (LOGGED.replace("#21", "#2"), "line 1"),

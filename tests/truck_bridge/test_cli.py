@@ -80,6 +80,8 @@ def test_convert_makes_a_rosbag_and_overwrites_nothing(monkeypatch, capsys, log)
         (["replay", "LOG", "--interface", "warp", "--channel", "x"], "cannot open CAN interface"),
         (["check", "none.log", "--vehicle", "volvo"], "does not exist"),
         (["convert", "LOG", "a.xyz"], "ends in .log"),
+        (["record", "a.log", "--interface", "loopback", "--channel", "x", "--duration", "-1"], "--duration"),
+        (["record", "a.log", "--interface", "loopback", "--channel", "x", "--duration", "nan"], "--duration"),
         (["record", "a.log", "--interface", "socketcan", "--channel", "none9"], "cannot open CAN interface"),
     ],
 )

@@ -55,6 +55,8 @@ def _read_text(path: Path) -> Iterator[Frame]:
             if not line.strip() or line.startswith("#") or _OTHER.match(line):
                 continue
             frame = _parse(line)
+            if frame is None and number > 1 and not line.endswith("\n"):
+                return  # the recorder was killed in the middle of it
             if frame is None:
                 raise InputError(f"{path}, line {number}: not a line of candump: {line.strip()[:60]!r}")
             if frame.can_id > 0x7FF:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import threading
 import time
@@ -21,6 +22,7 @@ from truck_bridge.bus import open_bus
 SILENCE = 0.3  # s without a speed on the bus; then NaN is published, so that nobody waits for it
 LEAD_FOR = 0.5  # s that a radar echo counts as a vehicle ahead
 ASK_EVERY = 0.2  # s between attempts to engage
+SAY_EVERY = 5.0  # s between two lines that say why control cannot be given yet
 TELL_EVERY = 0.05  # s between two engaged bits to the controller; a change is told at once
 
 
@@ -42,6 +44,7 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         self._signals: dict[str, float] = {}
         self._published_at = self._lead_at = self._asked_at = self._told_at = -math.inf
         self._told = False
+        self._say_at = math.inf  # when to say what stands against engaging
         self._wanted: bool = self.p["engage"]
         self._why_not: tuple[str, ...] = ()
         self._twist, self._accel = self.publish_on(TWIST), self.publish_on(ACCEL)
@@ -64,6 +67,7 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         self._stop.clear()
         self._published_at = time.monotonic()
+        self._say_at = self._published_at + SAY_EVERY
         self._bridge.arm(time.monotonic())
         self._thread = threading.Thread(
             target=self._bridge.run,
@@ -105,6 +109,8 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
     def _tell(self, now: float) -> None:
         """The engaged bit, back to the controller: its half of the heartbeat."""
         engaged = self._bridge.engaged
+        if engaged != self._told:
+            _say("engaged" if engaged else self._bridge.status.warning)
         if engaged != self._told or now - self._told_at > TELL_EVERY:
             self._told, self._told_at = engaged, now
             self._engaged.publish(messages.scalars(self.now(), ENGAGED.fields, {"engaged": engaged}))
@@ -151,6 +157,9 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         self._asked_at = now
         self._why_not = self._bridge.engage(now, person=True, lead_vehicle=now - self._lead_at < LEAD_FOR)
         self._wanted = bool(self._why_not)
+        if self._why_not and now > self._say_at:
+            self._say_at = now + SAY_EVERY
+            _say(f"not engaged: {'; '.join(self._why_not)}")
 
     def _on_engage(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._ask(time.monotonic())
@@ -163,6 +172,12 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         self._bridge.release(time.monotonic(), "released by service")
         response.success, response.message = True, "released"
         return response
+
+
+def _say(text: str) -> None:
+    """To whoever sits before the terminal; a full disk under the log ends nothing."""
+    with contextlib.suppress(OSError):
+        print(text, flush=True)
 
 
 def main() -> None:

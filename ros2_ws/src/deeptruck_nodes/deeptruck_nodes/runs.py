@@ -20,6 +20,7 @@ from deeptruck_nodes import environment, leaders, parameters, roads, vehicle
 from deeptruck_nodes.plant import ticks_a_step
 from deeptruck_nodes.supervisor import Program, Supervisor, node
 from truck_bridge.bus import open_bus
+from truck_bridge.emulator_cli import road as road_of_emulator
 
 Sections = dict[str, dict[str, Any]]
 
@@ -101,6 +102,7 @@ def drive_vehicle(
         leaders.parse(checked(sections, "leader")["profile"])
     bus = checked(sections, "can_bridge")
     with vehicle.bridge_errors():
+        road_of_emulator(grade)
         open_bus(bus["interface"], bus["channel"]).shutdown()
     others = (_emulator(bus, speed, grade),) if emulate else ()
     return _run("vehicle", common, sections, others=others, duration=duration)
@@ -211,7 +213,7 @@ def _run(
     try:
         file = folder / "parameters.yaml"
         parameters.write_file(file, sections)
-        nodes = [node(name, file, ends_run=name == ends) for name in sections]
+        nodes = [node(name, file, ends_run=name == ends, speaks=name == "can_bridge") for name in sections]
         programs = [*nodes[:1], *others, *nodes[1:]]
         print(f"logs in {os.path.relpath(folder)}, ROS domain {domain}", flush=True)
         return Supervisor(folder, programs, environment.ros_environment(folder, domain), lock.descriptor).run(

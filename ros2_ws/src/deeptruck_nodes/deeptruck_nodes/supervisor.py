@@ -21,12 +21,16 @@ _PR_SET_PDEATHSIG = 1
 
 @dataclass(frozen=True)
 class Program:
-    """One process of a run. One with `ends_run` ends it by exiting with 0; any other exit is a failure."""
+    """One process of a run. One with `ends_run` ends it by exiting with 0; any other exit is a failure.
+
+    What one with `speaks` prints goes to the terminal as well as to its log.
+    """
 
     name: str
     argv: Sequence[str]
     ends_run: bool = False
     says_ready: bool = True  # through its lifeline; otherwise it counts as ready at once
+    speaks: bool = False
 
 
 @dataclass
@@ -35,6 +39,19 @@ class _Child:
     process: subprocess.Popen[bytes]
     log: Path
     lifeline: LifelineHolder = field(default_factory=LifelineHolder)
+    repeated: int = 0  # bytes of the log that went to the terminal
+
+    def repeat(self) -> None:
+        """Whole new lines of the log, to the terminal."""
+        if not self.program.speaks or self.log.stat().st_size == self.repeated:
+            return
+        with self.log.open("rb") as log:
+            log.seek(self.repeated)
+            new = log.read()
+        lines = new[: new.rfind(b"\n") + 1]
+        self.repeated += len(lines)
+        for line in lines.decode(errors="replace").splitlines():
+            print(f"{self.program.name}: {line}", flush=True)
 
     def is_ready(self) -> bool:
         return not self.program.says_ready or self.lifeline.poll()
@@ -114,6 +131,8 @@ class Supervisor:
     def _watch(self, duration: float) -> int:
         begun = time.monotonic()
         while (code := self._verdict()) is None:
+            for child in self._children:
+                child.repeat()
             if duration and time.monotonic() - begun >= duration:
                 return 0
             time.sleep(POLL)
@@ -164,10 +183,10 @@ def _die_with_parent() -> None:
 _LIBC = ctypes.CDLL(None)
 
 
-def node(name: str, parameters: Path, ends_run: bool = False) -> Program:
+def node(name: str, parameters: Path, *, ends_run: bool = False, speaks: bool = False) -> Program:
     """The program of one of our nodes, with a parameter file."""
     argv = (sys.executable, "-m", f"deeptruck_nodes.{name}", "--ros-args", "--params-file", str(parameters))
-    return Program(name, argv, ends_run)
+    return Program(name, argv, ends_run, speaks=speaks)
 
 
 def _complain(text: str, code: int = 1) -> int:
