@@ -24,6 +24,7 @@ IMPORT_NAMES = {
     "scikit-learn": "sklearn",
     "pillow": "PIL",
     "mcap-ros2-support": "mcap_ros2",
+    "can-j1939": "j1939",
 }
 USED_BY_OTHERS = {"tensorboard": "torch.utils.tensorboard"}  # dependencies that a dependency imports for us
 OPTIONAL = {"asammdf"}  # said to be missing where a user wants it

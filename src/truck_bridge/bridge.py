@@ -236,7 +236,7 @@ class Bridge:
                 self._received += 1
                 data = bytes(message.data)
                 self.safety.rx_hook(message.arbitration_id, data, now)
-                self._claim.hear(message.arbitration_id, data)
+                self._claim.hear(message.arbitration_id, data, now)
                 self._signals.hear(message.arbitration_id, data, now)
 
     def _keep_link(self, now: float) -> None:
@@ -245,7 +245,7 @@ class Bridge:
             return
         if self._retry_at is not None and now >= self._retry_at:
             self._retry(now)
-        for can_id, data in self._claim.due():
+        for can_id, data in self._claim.due(now):
             if self.safety.tx_hook(can_id, data, now):
                 self._send(can_id, data, now)
         self.safety.link(self._claim.claimed(now))

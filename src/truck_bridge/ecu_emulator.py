@@ -138,11 +138,11 @@ class EcuEmulator:
             for receiver in self.receivers.values():
                 receiver.hear(message.arbitration_id, data, now)
             for claim in self._claims.values():
-                claim.hear(message.arbitration_id, data)
+                claim.hear(message.arbitration_id, data, now)
 
     def _speak(self, now: float) -> None:
         for claim in self._claims.values():
-            for can_id, data in claim.due():
+            for can_id, data in claim.due(now):
                 self._send(can_id, data)
         for sender in self._senders:
             if now < sender.due:

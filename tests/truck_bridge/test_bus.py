@@ -153,3 +153,16 @@ def test_a_bus_that_cannot_be_opened_is_one_line(interface, channel):
     with pytest.raises(InputError, match="cannot open CAN interface") as error:
         open_bus(interface, channel)
     assert "\n" not in str(error.value)
+
+
+def test_multicast_works_between_two_buses_of_one_machine():
+    try:
+        a, b = (open_bus("udp_multicast", "239.74.163.9", hop_limit=0) for _ in range(2))
+    except InputError as error:
+        assert "msgpack" not in str(error)
+        pytest.skip(f"no multicast route here: {error}")
+    with a, b:
+        a.send(can.Message(arbitration_id=0x0CF00400, data=bytes(8)))
+        heard = b.recv(2.0)
+    assert heard is not None
+    assert heard.arbitration_id == 0x0CF00400

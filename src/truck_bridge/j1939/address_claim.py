@@ -4,6 +4,8 @@ argument.
 
 from __future__ import annotations
 
+import math
+
 from truck_bridge.j1939 import ids
 from truck_bridge.j1939.ids import Identifier
 
@@ -30,6 +32,7 @@ class AddressClaim:
         self._address = address
         self._started: float | None = None
         self._pending: list[bool] = []  # claims (True) and cannot-claims (False) to send
+        self._spoke_at = -math.inf  # when we claimed last, and a bus may echo it
         self._held = False  # once unopposed it stays ours, whatever the clock does
         self.lost = False
 
@@ -47,25 +50,23 @@ class AddressClaim:
             self._held = True
         return self._held and not self.lost
 
-    def hear(self, can_id: int, data: bytes) -> None:
-        """Contention and requests. Our own NAME coming back is an echo and no conflict."""
+    def hear(self, can_id: int, data: bytes, now: float) -> None:
+        """Contention and requests. Our own NAME just after we sent it is an echo, later a twin, who wins."""
         if self._started is None:
             return
         identifier = Identifier.of(can_id)
-        if (
-            identifier.pgn == ids.ADDRESS_CLAIMED
-            and identifier.source == self._address
-            and data != self._name
-        ):
-            self.lost = self.lost or int.from_bytes(data, "little") < int.from_bytes(self._name, "little")
+        echo = data == self._name and now - self._spoke_at <= UNOPPOSED_S
+        if identifier.pgn == ids.ADDRESS_CLAIMED and identifier.source == self._address and not echo:
+            self.lost = self.lost or int.from_bytes(data, "little") <= int.from_bytes(self._name, "little")
             self._pending.append(not self.lost)
         asked = identifier.destination in (self._address, ids.GLOBAL)
         if identifier.pgn == ids.REQUEST and asked and data[:3] == _REQUEST_FOR_CLAIM:
             self._pending.append(not self.lost)
 
-    def due(self) -> list[tuple[int, bytes]]:
+    def due(self, now: float) -> list[tuple[int, bytes]]:
         """Identifier and data of the frames to send now."""
         pending, self._pending = self._pending, []
+        self._spoke_at = now if pending else self._spoke_at
         sources = (self._address if claim else ids.NULL for claim in pending)
         return [
             (Identifier(6, ids.ADDRESS_CLAIMED, ids.GLOBAL, source).can_id, self._name) for source in sources

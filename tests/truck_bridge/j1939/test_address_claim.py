@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import time
+
+import can
+import j1939
 import pytest
 
 from truck_bridge.j1939.address_claim import AddressClaim, name
@@ -28,58 +32,58 @@ def test_the_name_holds_its_fields():
 
 @pytest.mark.parametrize(("now", "claimed"), [(10.0, False), (10.249, False), (10.2501, True), (99.0, True)])
 def test_claimed_after_250_ms_unopposed(claim, now, claimed):
-    assert claim.due() == [(CLAIM, OURS)]
-    assert claim.due() == []
+    assert claim.due(10.0) == [(CLAIM, OURS)]
+    assert claim.due(10.0) == []
     assert claim.claimed(now) == claimed
 
 
 def test_not_started_is_not_claimed_and_hears_nothing():
     claim = AddressClaim(OURS, 0x2A)
-    claim.hear(CLAIM, name(1))
+    claim.hear(CLAIM, name(1), 10.1)
     assert not claim.claimed(99.0)
-    assert claim.due() == []
+    assert claim.due(10.0) == []
 
 
 def test_a_lower_name_wins_and_we_fall_silent(claim):
-    claim.due()
-    claim.hear(CLAIM, name(999))
+    claim.due(10.0)
+    claim.hear(CLAIM, name(999), 10.1)
     assert claim.lost
     assert not claim.claimed(99.0)
-    assert claim.due() == [(CANNOT, OURS)]
+    assert claim.due(10.0) == [(CANNOT, OURS)]
 
 
 def test_a_higher_name_is_answered_and_we_stay(claim):
-    claim.due()
-    claim.hear(CLAIM, name(1001))
+    claim.due(10.0)
+    claim.hear(CLAIM, name(1001), 10.1)
     assert claim.claimed(11.0)
-    assert claim.due() == [(CLAIM, OURS)]
+    assert claim.due(10.0) == [(CLAIM, OURS)]
 
 
 def test_our_own_echo_and_other_addresses_are_no_conflict(claim):
-    claim.due()
-    claim.hear(CLAIM, OURS)
-    claim.hear(0x18EEFF2B, name(1))
+    claim.due(10.0)
+    claim.hear(CLAIM, OURS, 10.1)
+    claim.hear(0x18EEFF2B, name(1), 10.1)
     assert claim.claimed(11.0)
-    assert claim.due() == []
+    assert claim.due(10.0) == []
 
 
 @pytest.mark.parametrize(
     ("can_id", "answered"), [(0x18EAFF00, True), (0x18EA2A00, True), (0x18EA2B00, False)]
 )
 def test_a_request_is_answered(claim, can_id, answered):
-    claim.due()
-    claim.hear(can_id, bytes([0x00, 0xEE, 0x00]))
-    assert claim.due() == ([(CLAIM, OURS)] if answered else [])
-    claim.hear(can_id, bytes([0xEB, 0xFE, 0x00]))
-    assert claim.due() == []
+    claim.due(10.0)
+    claim.hear(can_id, bytes([0x00, 0xEE, 0x00]), 10.1)
+    assert claim.due(10.0) == ([(CLAIM, OURS)] if answered else [])
+    claim.hear(can_id, bytes([0xEB, 0xFE, 0x00]), 10.1)
+    assert claim.due(10.0) == []
 
 
 def test_a_lost_address_stays_lost_until_a_new_start(claim):
-    claim.hear(CLAIM, name(1))
-    claim.due()
-    claim.hear(0x18EAFF00, bytes([0x00, 0xEE, 0x00]))
-    assert claim.due() == [(CANNOT, OURS)]
-    claim.hear(CLAIM, name(2000))
+    claim.hear(CLAIM, name(1), 10.1)
+    claim.due(10.0)
+    claim.hear(0x18EAFF00, bytes([0x00, 0xEE, 0x00]), 10.1)
+    assert claim.due(10.0) == [(CANNOT, OURS)]
+    claim.hear(CLAIM, name(2000), 10.1)
     assert claim.lost
     claim.start(20.0)
     assert claim.claimed(20.3)
@@ -87,5 +91,61 @@ def test_a_lost_address_stays_lost_until_a_new_start(claim):
 
 def test_stop_gives_up_without_a_word(claim):
     claim.stop()
-    assert claim.due() == []
+    assert claim.due(10.0) == []
     assert not claim.claimed(99.0)
+
+
+def test_a_twin_with_our_own_name_is_no_echo(claim):
+    """Two runs with one vehicle file on one bus: who was there first gives way, as it may be in control."""
+    claim.due(10.0)
+    claim.hear(CLAIM, OURS, 10.25)
+    assert claim.claimed(10.3)
+    claim.hear(CLAIM, OURS, 10.26)
+    assert not claim.claimed(10.3)
+    assert claim.due(10.3) == [(CANNOT, OURS)]
+
+
+class Rival:
+    """can-j1939's own claim of the same address on the same bus, in real time."""
+
+    def __init__(self, channel, identity):
+        self.ecu = j1939.ElectronicControlUnit()
+        self.ecu.connect(interface="virtual", channel=channel)
+        its_name = j1939.Name(
+            arbitrary_address_capable=0, industry_group=1, function=0xFF, manufacturer_code=0x7FF,
+            identity_number=identity,
+        )  # fmt: skip
+        self.application = j1939.ControllerApplication(its_name, 0x2A)
+        self.ecu.add_ca(controller_application=self.application)
+        self.application.start()
+
+    @property
+    def has_it(self):
+        return self.application.state == j1939.ControllerApplication.State.NORMAL
+
+    def close(self):
+        self.application.stop()
+        self.ecu.disconnect()
+
+
+@pytest.mark.parametrize(("identity", "ours"), [(999, False), (1001, True)])
+@pytest.mark.parametrize("first", ["we", "they"])
+def test_another_implementation_agrees_who_has_the_address(identity, ours, first):
+    channel = object()
+    bus = can.Bus(interface="virtual", channel=channel)
+    rival = Rival(channel, identity) if first == "they" else None
+    claim, begun = AddressClaim(OURS, 0x2A), time.monotonic()
+    while (now := time.monotonic()) < begun + 1.5:
+        if claim._started is None and now > begun + (0.5 if first == "they" else 0.0):
+            claim.start(now)
+        if rival is None and now > begun + 0.5:
+            rival = Rival(channel, identity)
+        while (message := bus.recv(0)) is not None:
+            claim.hear(message.arbitration_id, bytes(message.data), now)
+        for can_id, data in claim.due(now):
+            bus.send(can.Message(arbitration_id=can_id, data=data))
+        time.sleep(0.002)
+    verdict = claim.claimed(now), rival.has_it
+    rival.close()
+    bus.shutdown()
+    assert verdict == (ours, not ours)
