@@ -18,8 +18,10 @@ XBR, EBC1, ETC1, ETC2, EEC1, EEC2, VDC2), California PATH's J1939 structures (`j
 ranges of TSC1, ERC1, EBC1, EBC2, ETC1, ETC2, EEC1-3, CCVS; XBR),
 [libJ1939](https://github.com/2kranki/libJ1939) (EBC5), PACCAR PEC017 page 48 (TSC1 counter and checksum),
 and the frames of a research truck's public recording, which decode to what such a truck does (EEC1-3,
-EBC1-2, CCVS1, ETC1-2, LFE1, AMB, TSC1). CVW, VDS and VP come from J1939-71 as the author knows it, without
-a second source at hand, as does the second half of EBC5: check those against your truck's documents first.
+EBC1-2, CCVS1, ETC1-2, LFE1, AMB, TSC1). VP: can-utils' `j1939_vehicle_position_cmn.h`; VDS: Axiomatic's
+manual of a J1939 inclinometer (UMAX0608XX-1000, page 23); CVW: a public `saej1939_71.h`; all of EBC5: a
+public decoder (Optio3's `ElectronicBrakeController5`). What J1939-71 itself says was not at hand: check
+against your truck's documents before its first run.
 PropA is a layout of our own, spoken by the ECU emulator; a real truck's proprietary keys come from its
 user, as a DBC named in the vehicle file.
 """
