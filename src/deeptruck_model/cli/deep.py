@@ -55,6 +55,9 @@ def train(
             help="Gradient updates; 0 chooses them from the amount of data (1-3 min of one core).", min=0
         ),
     ] = 0,
+    start: Annotated[
+        Path | None, typer.Option("--from", help="Deep truck of the same signals to adapt.", metavar="SIM")
+    ] = None,
     members: Annotated[
         int, typer.Option(help="Models in the ensemble; 3 or more give intervals.", min=1, max=100)
     ] = 1,
@@ -69,7 +72,14 @@ def train(
 
     if (out / MANIFEST).exists() and not (resume or overwrite):
         raise InputError(f"{out} exists already; choose another --out, or add --overwrite")
-    arguments = Arguments(seed=seed, mode=mode.value, kind=kind.value, updates=budget, members=members)
+    arguments = Arguments(
+        seed=seed,
+        mode=mode.value,
+        kind=kind.value,
+        updates=budget,
+        members=members,
+        start="" if start is None else str(start),
+    )
     recordings = _read(bags)
     minutes = sum(len(recording) * recording.dt for recording in recordings) / 60
     if minutes < FEW_MINUTES:

@@ -1,10 +1,11 @@
 """The deep truck: the paper's network, its training, evaluation and simulator directory."""
 
+from deeptruck_model.deep.arguments import Arguments
 from deeptruck_model.deep.checkpoint import load_directory
 from deeptruck_model.deep.evaluation import Trials, statistics, trials
 from deeptruck_model.deep.network import Shape, TruckNetwork
 from deeptruck_model.deep.report import evaluate
-from deeptruck_model.deep.training import Arguments, train
+from deeptruck_model.deep.training import train
 from deeptruck_model.deep.truck import DeepState, DeepTruck, Prediction, TorchTruck
 
 __all__ = [

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +18,14 @@ from matplotlib.figure import Figure
 
 from deeptruck_model import trucks
 from deeptruck_model.deep import classics, kernels, report
+from deeptruck_model.deep.arguments import Arguments
 from deeptruck_model.deep.compiled import FloatArray
 from deeptruck_model.deep.evaluation import Trials, statistics, trials
 from deeptruck_model.deep.fitted_physics import physics
+from deeptruck_model.deep.fleet import fleet
 from deeptruck_model.deep.look_alikes import LookAlikes
 from deeptruck_model.deep.network import Scales, TruckNetwork
-from deeptruck_model.deep.training import Arguments, train
+from deeptruck_model.deep.training import train
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.deep.windows import Sequences, loss_weights
 from deeptruck_model.driving_cycles import FREEWAY, YARD, CycleSettings, drive
@@ -33,6 +35,7 @@ from deeptruck_model.simulators import Simulator, free_run
 
 TRAIN_SEED, TEST_SEED, OTHER_SEED = 1, 3, 4
 LOOK_ALIKE_SEED, LOOK_ALIKE_H = 5, 12
+FLEET, FLEET_MINUTES, FLEET_SEED = 24, 20, 7  # trucks, of which `trucksim` is none
 FIELD = {"freightliner": (16, YARD), "volvo": (24, FREEWAY)}  # minutes and cycle of the paper's field data
 
 
@@ -120,14 +123,21 @@ def beside_classics(out: Path, seeds: int = 1, updates: int = 0) -> dict[str, An
     return _write(out, metrics)
 
 
-def minutes_of_data(out: Path, seeds: int = 3, updates: int = 0) -> dict[str, Any]:
-    """Error against minutes of training data, from scratch, on `trucksim`."""
-    whole, test = _drive("trucksim", 240, TRAIN_SEED), _drive("trucksim", 180, TEST_SEED)
-    metrics: dict[str, Any] = {}
-    for minutes in (5, 15, 60, 240):
-        truck = _trained([whole.piece(0, 600 * minutes)], _arguments(seeds, updates, "default"))
-        metrics[f"{minutes} min"] = statistics(trials(truck, [test]))
-    _table(out, "Minutes of data on `trucksim`, from scratch: 3 h test, 90 x 40 s", list(metrics.items()))
+def minutes_of_data(out: Path, seeds: int = 1, updates: int = 0) -> dict[str, Any]:
+    """Error against minutes of `trucksim`: from scratch, and adapted from a fleet of other trucks."""
+    whole, test = _drive("trucksim", 60, TRAIN_SEED), _drive("trucksim", 180, TEST_SEED)
+    arguments = _arguments(seeds, updates, "default")
+    with tempfile.TemporaryDirectory() as folder:
+        known = Path(folder) / "fleet"
+        truck = train(fleet(whole.interface, FLEET, FLEET_MINUTES, FLEET_SEED), known, arguments)
+        metrics = {"the fleet alone": statistics(trials(truck, [test]))}
+        for minutes in (5, 15, 60):
+            drives = [whole.piece(0, 600 * minutes)]
+            adapted = _trained(drives, replace(arguments, start=str(known)))
+            metrics[f"{minutes} min, adapted"] = statistics(trials(adapted, [test]))
+            metrics[f"{minutes} min, from scratch"] = statistics(trials(_trained(drives, arguments), [test]))
+    title = f"Minutes of data on `trucksim`, alone or after {FLEET} other trucks of {FLEET_MINUTES} min each"
+    _table(out, f"{title}: 3 h test, 90 x 40 s", list(metrics.items()))
     return _write(out, metrics)
 
 

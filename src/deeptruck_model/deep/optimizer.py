@@ -1,18 +1,25 @@
-"""How the weights move: Muon for the matrices, AdamW for the rest."""
+"""How the weights move: optimisers, learning rate, and a guard for gradients.
+
+Paper mode: Adagrad. Default mode: Muon for the matrices, AdamW for the rest.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
+from deeptruck_model.deep.arguments import Arguments
 from deeptruck_model.deep.network import TruckNetwork
 
 GATED = ("input", "recurrent")  # four matrices side by side
 MATRICES = (*GATED, "decoder")  # the few columns of `output` are as good as vectors
 MOMENTUM = 0.95
 ITERATIONS, A, B, C = 5, 3.4445, -4.7750, 2.0315  # Newton-Schulz, as published
+PAPER_RATE, RATE, ADAPTING_RATE = 0.02, 6e-3, 2e-3
 RMS = 0.2  # of a step; about that of Adam, so that both take one learning rate
 
 
@@ -56,3 +63,36 @@ def default_optimizers(network: TruckNetwork, lr: float, weight_decay: float) ->
     """Muon and AdamW, which share out the parameters."""
     rest = [p for name, p in network.named_parameters() if name not in MATRICES]
     return [Muon(network, lr), torch.optim.AdamW(rest, lr=lr, weight_decay=weight_decay)]
+
+
+def optimizers(network: TruckNetwork, arguments: Arguments) -> list[torch.optim.Optimizer]:
+    """Those of the arguments' mode; they share out the parameters."""
+    rate = learning_rate(arguments, 0, 1)
+    if arguments.mode == "paper":
+        return [torch.optim.Adagrad(network.parameters(), lr=rate)]
+    return default_optimizers(network, rate, arguments.weight_decay)
+
+
+def learning_rate(arguments: Arguments, done: int, updates: int) -> float:
+    """Paper: constant. Default: 200 steps of warm-up, then half a cosine down to a hundredth."""
+    if arguments.mode == "paper":
+        return arguments.learning_rate or PAPER_RATE
+    peak, warm = (
+        arguments.learning_rate or (ADAPTING_RATE if arguments.start else RATE),
+        min(200, updates // 10),
+    )
+    if done < warm:
+        return peak * (done + 1) / warm
+    phase = (done - warm) / max(1, updates - warm)
+    return peak * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * phase)))
+
+
+def guard(network: TruckNetwork, losses: np.ndarray[Any, Any], limit: float) -> None:
+    """Clip each member's gradient to `limit`; one that is not finite becomes zero."""
+    gradients = [p.grad for p in network.parameters() if p.grad is not None]
+    norm = torch.stack([g.flatten(1).square().sum(1) for g in gradients]).sum(0).sqrt()
+    finite = torch.isfinite(norm) & torch.as_tensor(np.isfinite(losses))
+    factor = torch.where(finite, (limit / norm).clamp(max=1.0), torch.zeros(()))
+    for g in gradients:
+        shaped = factor.reshape(-1, *([1] * (g.dim() - 1)))
+        g.copy_(torch.where(finite.reshape(shaped.shape), g * shaped, torch.zeros(())))

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
-from deeptruck_model.deep.network import Scales
+from deeptruck_model.deep import checkpoint
+from deeptruck_model.deep.arguments import Arguments
+from deeptruck_model.deep.network import Scales, TruckNetwork
 from deeptruck_model.deep.windows import (
     Sequences,
     common_interface,
@@ -22,9 +24,7 @@ from deeptruck_model.deep.windows import (
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, data_hash
 from deeptruck_model.signals import TruckInterface
-
-if TYPE_CHECKING:
-    from deeptruck_model.deep.training import Arguments
+from deeptruck_model.simulators import read_manifest
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,8 @@ class Prepared:
     sequences: Sequences
     held_out: Sequences
     data_hash: str
+    start: TruckNetwork | None
+    """the network to adapt, where there is one"""
     unexplained: float
     """share of the rows left out because the truck braked by something that is not recorded"""
 
@@ -69,7 +71,10 @@ def prepare(recordings: Sequence[Recording], arguments: Arguments) -> Prepared:
         pieces = [consistent(piece) for piece in pieces]
     training, validation = time_split(pieces)
     taught = teachable(training) if arguments.teach and arguments.mode == "default" else ()
-    scales = measure_scales(training, taught)
+    scales, start = measure_scales(training, taught), None
+    if arguments.start:
+        start, taught = _start(Path(arguments.start), interface, pieces[0].dt)
+        scales = Scales(start.mean.numpy(), start.scale.numpy(), start.top_speed)
     return Prepared(
         interface,
         training,
@@ -79,5 +84,19 @@ def prepare(recordings: Sequence[Recording], arguments: Arguments) -> Prepared:
         Sequences.of(training, scales, taught),
         Sequences.of(validation, scales, taught),
         data_hash(pieces),
+        start,
         float(np.mean(np.concatenate([unexplained(r, interface) for r in recordings]))),
     )
+
+
+def _start(path: Path, interface: TruckInterface, dt: float) -> tuple[TruckNetwork, tuple[str, ...]]:
+    """The network under `path` and what it was taught. Raises InputError where it is no deep truck, or of
+    other signals."""
+    manifest = read_manifest(path)
+    if manifest.get("kind") != "deep":
+        raise InputError(f"{path} is no deep truck; only one of those can be adapted")
+    truck = checkpoint.load_directory(path, manifest)
+    theirs, ours = replace(truck.interface, name=""), replace(interface, name="")
+    if theirs != ours or abs(truck.dt - dt) > 1e-6:
+        raise InputError(f"{path} has other signals, units or rate than the recordings; train from scratch")
+    return truck.network, tuple(truck.details.get("taught", ()))

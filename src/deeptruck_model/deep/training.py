@@ -6,9 +6,9 @@ import math
 import shutil
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import torch
@@ -17,9 +17,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from torch.utils.tensorboard import SummaryWriter
 
 from deeptruck_model.deep import card, checkpoint, coverage, kernels, resume
+from deeptruck_model.deep.arguments import ADAPTING_UPDATES, Arguments, default_updates
 from deeptruck_model.deep.compiled import FloatArray
-from deeptruck_model.deep.network import Shape, TruckNetwork
-from deeptruck_model.deep.optimizer import default_optimizers
+from deeptruck_model.deep.network import WEIGHTS, Scales, Shape, TruckNetwork
+from deeptruck_model.deep.optimizer import guard, learning_rate, optimizers
 from deeptruck_model.deep.preparation import Prepared, prepare
 from deeptruck_model.deep.selection import Best, validate
 from deeptruck_model.deep.truck import DeepTruck
@@ -27,55 +28,6 @@ from deeptruck_model.deep.windows import Sequences, loss_weights
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import MANIFEST, read_manifest
-
-
-@dataclass(frozen=True)
-class Arguments:
-    """What a training run depends on, besides the data."""
-
-    seed: int = 0
-    """member m starts from seed + m"""
-    mode: Literal["default", "paper"] = "default"
-    """default: deployment form, AdamW with a cosine; paper: training form, Adagrad"""
-    form: Literal["", "training", "deployment"] = ""
-    """which y is fed back while training; empty: the mode's own"""
-    members: int = 1
-    """models trained side by side; the truck is their mean, and their spread widens its intervals"""
-    updates: int = 0
-    """gradient steps; 0: chosen from the amount of data"""
-    steps: int = 100
-    """K, samples of one sequence; shortened where the recordings are shorter"""
-    sequences: int = 16
-    """M, sequences of one gradient"""
-    hidden: int = 64
-    """LSTM units of H"""
-    decoder: int = 32
-    """units of D"""
-    learning_rate: float = 0.0
-    """0: the mode's own"""
-    weight_decay: float = 1e-4
-    clip: float = 1.0
-    """largest norm of one member's gradient"""
-    speed_s: float = 5.0
-    """a speed error costs as much as the acceleration that brings it about in this time"""
-    fuel: float = 0.5
-    """cost of a fuel error of one standard deviation"""
-    teach: float = 0.3
-    """the same for gear, engine speed and torque where recorded; D has to know them, no one else does"""
-    kind: Literal["black", "grey"] = "black"
-    """black: D gives the response; grey: and gains by which u, w and command/speed add to it"""
-    code: int = 12
-    """features that repeat the speed on a logarithmic scale, where gears are evenly spaced"""
-    horizon_s: float = 40.0
-    """length of the free runs that select the checkpoint"""
-    rounds: int = 40
-    """validations, TensorBoard points and resume points of a run"""
-
-    @property
-    def feedback(self) -> str:
-        """'training' or 'deployment'."""
-        return self.form or ("training" if self.mode == "paper" else "deployment")
-
 
 Observer = Callable[[int, TruckNetwork], None]
 
@@ -149,6 +101,7 @@ def _identity(data: Prepared, arguments: Arguments) -> dict[str, Any]:
     steps = data.steps(arguments.steps)
     batches = max(1, data.samples // (steps * arguments.sequences))
     chosen = 600 * batches if arguments.mode == "paper" else default_updates(data.samples)
+    chosen = ADAPTING_UPDATES if data.start is not None else chosen
     return {
         "arguments": asdict(arguments),
         "data_hash": data.data_hash,
@@ -159,6 +112,29 @@ def _identity(data: Prepared, arguments: Arguments) -> dict[str, Any]:
 
 def _begin(data: Prepared, arguments: Arguments, identity: dict[str, Any]) -> _Run:
     """Network, loss weights and optimisers before the first update."""
+    seeds = tuple(arguments.seed + m for m in range(arguments.members))
+    network = _fresh(data, arguments, seeds) if data.start is None else _copies(data.start, seeds)
+    shape = network.shape
+    weight = loss_weights(
+        data.scales, shape.responses, shape.taught, arguments.speed_s, arguments.fuel, arguments.teach
+    )
+    return _Run(
+        data, arguments, identity, network, weight, optimizers(network, arguments), Best(network), seeds
+    )
+
+
+def _copies(start: TruckNetwork, seeds: tuple[int, ...]) -> TruckNetwork:
+    """A network whose members begin with the weights of those of `start`, in turn; the data order differs."""
+    scales = Scales(start.mean.numpy(), start.scale.numpy(), start.top_speed)
+    network = TruckNetwork(replace(start.shape, members=len(seeds)), scales, start.dt, seeds)
+    turn = [m % start.shape.members for m in range(len(seeds))]
+    for name in WEIGHTS:
+        getattr(network, name).data.copy_(getattr(start, name).detach()[turn])
+    return network
+
+
+def _fresh(data: Prepared, arguments: Arguments, seeds: tuple[int, ...]) -> TruckNetwork:
+    """A network with random weights."""
     interface, default = data.interface, arguments.mode == "default"
     shape = Shape(
         len(interface.u),
@@ -171,14 +147,7 @@ def _begin(data: Prepared, arguments: Arguments, identity: dict[str, Any]) -> _R
         len(data.taught),
         arguments.kind == "grey" and default,
     )
-    seeds = tuple(arguments.seed + m for m in range(arguments.members))
-    network = TruckNetwork(shape, data.scales, data.dt, seeds)
-    weight = loss_weights(
-        data.scales, shape.responses, shape.taught, arguments.speed_s, arguments.fuel, arguments.teach
-    )
-    return _Run(
-        data, arguments, identity, network, weight, _optimizers(network, arguments), Best(network), seeds
-    )
+    return TruckNetwork(shape, data.scales, data.dt, seeds)
 
 
 def _loop(run: _Run, working: Path, done: int, observe: Observer | None) -> None:
@@ -200,7 +169,7 @@ def _loop(run: _Run, working: Path, done: int, observe: Observer | None) -> None
             run.best.keep(scores, run.network)
             board.add_scalar("loss/training", float(np.mean(losses)), done)
             board.add_scalar("loss/validation", float(np.mean(scores)), done)
-            board.add_scalar("learning_rate", _learning_rate(arguments, done - 1, run.updates), done)
+            board.add_scalar("learning_rate", learning_rate(arguments, done - 1, run.updates), done)
             progress.update(task, score=f"validation {scores.mean():.4f}, best {run.best.scores.mean():.4f}")
             if observe is not None:
                 observe(done, run.network)
@@ -218,9 +187,9 @@ def _round(
     for i in range(count):
         x, target = sequences.gather(starts[:, i * batch : (i + 1) * batch], run.steps)
         losses = kernels.gradient(run.network, x, target, run.weight, arguments.feedback)
-        _guard(run.network, losses, arguments.clip)
+        guard(run.network, losses, arguments.clip)
         for optimizer in run.optimizers:
-            optimizer.param_groups[0]["lr"] = _learning_rate(arguments, done + i, run.updates)
+            optimizer.param_groups[0]["lr"] = learning_rate(arguments, done + i, run.updates)
             optimizer.step()
         advance()
     return losses
@@ -256,46 +225,9 @@ def _finished(out: Path, identity: dict[str, Any]) -> bool:
     return found == tuple(identity[key] for key in ("arguments", "data_hash", "steps", "updates"))
 
 
-def default_updates(samples: int) -> int:
-    """Gradient steps for an amount of data: 4 h at 10 Hz get 10,200, about a minute of one core.
-
-    Beyond, the training drive is learned better and better, and other drives no more.
-    """
-    return int(np.clip(samples // 12, 6000, 12000))
-
-
 def _draw(
     sequences: Sequences, seeds: tuple[int, ...], round_: int, count: int, steps: int
 ) -> np.ndarray[Any, Any]:
     """Starts of one round, (members, count). They depend on seed and round alone, so a resumed run draws
     the same."""
     return np.stack([sequences.draw(count, steps, np.random.default_rng([seed, round_])) for seed in seeds])
-
-
-def _optimizers(network: TruckNetwork, arguments: Arguments) -> list[torch.optim.Optimizer]:
-    rate = _learning_rate(arguments, 0, 1)
-    if arguments.mode == "paper":
-        return [torch.optim.Adagrad(network.parameters(), lr=rate)]
-    return default_optimizers(network, rate, arguments.weight_decay)
-
-
-def _learning_rate(arguments: Arguments, done: int, updates: int) -> float:
-    """Paper: constant. Default: 200 steps of warm-up, then half a cosine down to a hundredth."""
-    if arguments.mode == "paper":
-        return arguments.learning_rate or 0.02
-    peak, warm = arguments.learning_rate or 6e-3, min(200, updates // 10)
-    if done < warm:
-        return peak * (done + 1) / warm
-    phase = (done - warm) / max(1, updates - warm)
-    return peak * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * phase)))
-
-
-def _guard(network: TruckNetwork, losses: np.ndarray[Any, Any], limit: float) -> None:
-    """Clip each member's gradient to `limit`; one that is not finite becomes zero."""
-    gradients = [p.grad for p in network.parameters() if p.grad is not None]
-    norm = torch.stack([g.flatten(1).square().sum(1) for g in gradients]).sum(0).sqrt()
-    finite = torch.isfinite(norm) & torch.as_tensor(np.isfinite(losses))
-    factor = torch.where(finite, (limit / norm).clamp(max=1.0), torch.zeros(()))
-    for g in gradients:
-        shaped = factor.reshape(-1, *([1] * (g.dim() - 1)))
-        g.copy_(torch.where(finite.reshape(shaped.shape), g * shaped, torch.zeros(())))

@@ -40,6 +40,14 @@ def test_commands_from_bag_to_figures(drive, tmp_path):
     runner, bag, sim = CliRunner(), str(tmp_path / "bag"), str(tmp_path / "sim")
     trained = runner.invoke(app, ["train", bag, "--out", sim, "--seed", "3", "--budget", "20"])
     assert trained.exit_code == 0, trained.output
+    more = ["--budget", "20", "--kind", "grey"]
+    grey = runner.invoke(app, ["train", bag, "--out", str(tmp_path / "grey"), *more])
+    assert grey.exit_code == 0, grey.output
+    adapted = runner.invoke(
+        app, ["train", bag, "--out", str(tmp_path / "b"), "--budget", "5", "--from", str(tmp_path / "grey")]
+    )
+    assert adapted.exit_code == 0, adapted.output
+    assert json.loads((tmp_path / "b" / "simulator.json").read_text())["shape"]["gains"]
     evaluated = runner.invoke(app, ["evaluate", sim, bag, "--out", str(tmp_path / "out"), "--trials", "5"])
     assert evaluated.exit_code == 0, evaluated.output
     assert json.loads((tmp_path / "out" / "metrics.json").read_text())["trials"] == 5

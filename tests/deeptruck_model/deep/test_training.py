@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import torch
 
+from deeptruck_model import trucks
 from deeptruck_model.deep import resume, statistics, train, training, trials
 from deeptruck_model.deep.network import WEIGHTS
 from deeptruck_model.errors import InputError
@@ -39,6 +40,27 @@ def test_grey_learns_a_truck_too(drive, small, tmp_path):
     runs = trials(truck, [test], 30, 20.0)
     still = np.nanmean(np.abs(runs.measured[..., 1] - runs.measured[:, :1, 1]))
     assert speed_error(truck, test) < 0.15 * still
+
+
+def test_an_adapted_truck_knows_more_than_its_minute_of_data_tells(truck, drive, small, tmp_path):
+    truck.save(tmp_path / "known")
+    short, test = [drive(60, seed=5)], drive(600, seed=9)
+    alone = train(short, tmp_path / "alone", replace(small, updates=60))
+    adapted = train(
+        short, tmp_path / "adapted", replace(small, updates=60, start=str(tmp_path / "known"), members=3)
+    )
+    assert adapted.network.shape.members == 3 and adapted.network.shape.hidden == small.hidden
+    assert speed_error(adapted, test) < 0.7 * speed_error(alone, test)
+
+
+def test_only_a_deep_truck_of_the_same_signals_is_adapted(truck, drive, small, tmp_path):
+    truck.save(tmp_path / "known")
+    arguments = replace(small, start=str(tmp_path / "known"))
+    with pytest.raises(InputError, match="other signals"):
+        train([drive(60, interface=TruckInterface("x", brake_unit=None))], tmp_path / "sim", arguments)
+    trucks.load("volvo").save(tmp_path / "known")
+    with pytest.raises(InputError, match="no deep truck"):
+        train([drive(60)], tmp_path / "sim", arguments)
 
 
 def test_paper_mode_learns(drive, small, tmp_path):

@@ -1,0 +1,68 @@
+"""What a training run depends on, besides the data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+ADAPTING_UPDATES = 2000
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """What a training run depends on, besides the data."""
+
+    seed: int = 0
+    """member m starts from seed + m"""
+    mode: Literal["default", "paper"] = "default"
+    """default: deployment form, AdamW with a cosine; paper: training form, Adagrad"""
+    form: Literal["", "training", "deployment"] = ""
+    """which y is fed back while training; empty: the mode's own"""
+    members: int = 1
+    """models trained side by side; the truck is their mean, and their spread widens its intervals"""
+    updates: int = 0
+    """gradient steps; 0: chosen from the amount of data"""
+    steps: int = 100
+    """K, samples of one sequence; shortened where the recordings are shorter"""
+    sequences: int = 16
+    """M, sequences of one gradient"""
+    hidden: int = 64
+    """LSTM units of H"""
+    decoder: int = 32
+    """units of D"""
+    learning_rate: float = 0.0
+    """0: the mode's own"""
+    weight_decay: float = 1e-4
+    clip: float = 1.0
+    """largest norm of one member's gradient"""
+    speed_s: float = 5.0
+    """a speed error costs as much as the acceleration that brings it about in this time"""
+    fuel: float = 0.5
+    """cost of a fuel error of one standard deviation"""
+    teach: float = 0.3
+    """the same for gear, engine speed and torque where recorded; D has to know them, no one else does"""
+    kind: Literal["black", "grey"] = "black"
+    """black: D gives the response; grey: and gains by which u, w and command/speed add to it"""
+    code: int = 12
+    """features that repeat the speed on a logarithmic scale, where gears are evenly spaced"""
+    start: str = ""
+    """simulator directory of a deep truck to adapt, instead of random weights; its kind and sizes count"""
+    horizon_s: float = 40.0
+    """length of the free runs that select the checkpoint"""
+    rounds: int = 40
+    """validations, TensorBoard points and resume points of a run"""
+
+    @property
+    def feedback(self) -> str:
+        """'training' or 'deployment'."""
+        return self.form or ("training" if self.mode == "paper" else "deployment")
+
+
+def default_updates(samples: int) -> int:
+    """Gradient steps for an amount of data: 4 h at 10 Hz get 10,200, about a minute of one core.
+
+    Beyond, the training drive is learned better and better, and other drives no more.
+    """
+    return int(np.clip(samples // 12, 6000, 12000))
