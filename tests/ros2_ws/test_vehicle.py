@@ -13,6 +13,8 @@ from typing import Any
 
 import can
 import numpy as np
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
 
 from deeptruck_model import recordings
 from truck_bridge.bus import open_bus
@@ -61,9 +63,24 @@ def test_closed_loop_over_can(start: Callable[..., Any], domain: int, tmp_path: 
         assert sent_by_bridge(bus, 0.3) == []
     finally:
         bus.shutdown()
+    counted = diagnosed(tmp_path / "bag")
+    assert int(counted["refused: engagement"]) > 0  # asked before the truck was heard
+    assert counted["engaged"] == "True"
     pieces = recordings.read(tmp_path / "bag")
     speed = pieces[0].channels["speed"]
     assert pieces[0].interface.name == "trucksim" and np.nanmax(np.abs(speed - 20)) < 2
+
+
+def diagnosed(bag: Path) -> dict[str, str]:
+    """What the bridge published last in /diagnostics."""
+    last: dict[str, str] = {}
+    with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+        chosen = [connection for connection in reader.connections if connection.topic == "/diagnostics"]
+        for connection, _, data in reader.messages(chosen):
+            for status in reader.deserialize(data, connection.msgtype).status:  # type: ignore[attr-defined]
+                if status.hardware_id == "can_bridge":
+                    last = {value.key: value.value for value in status.values}
+    return last
 
 
 def torque_demands(bus: can.BusABC, seconds: float) -> list[tuple[float, bool]]:

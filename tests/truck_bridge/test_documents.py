@@ -19,8 +19,8 @@ def test_the_signal_table_is_that_of_the_dbc():
 
 def test_the_layers_name_tests_that_exist():
     text = (ROOT / "docs" / "can_bridge.md").read_text()
-    tests = "".join(path.read_text() for path in (ROOT / "tests").glob("*/test_*.py"))
-    files = {path.stem for path in (ROOT / "tests").glob("*/test_*.py")}
+    tests = "".join(path.read_text() for path in (ROOT / "tests").rglob("test_*.py"))
+    files = {path.stem for path in (ROOT / "tests").rglob("test_*.py")}
     named = set(re.findall(r"`(test_\w+)", text)) - files
     assert len(named) > 15
     missing = [name for name in named if f"def {name}" not in tests]
