@@ -67,10 +67,10 @@ def _normalise(packed: Any, u: Any, w: Any, y: Any, inputs: Any, z: Any) -> None
 @compiled
 def _advance(packed: Any, m: Any, dt: Any, z: Any, c: Any, h: Any, y: Any, work: Any) -> None:
     """One step of member m from z and c (batch, hidden): c, h and y (batch, n_y) become the next ones."""
-    gates, decoded, raw, bounded, factor = work
+    gates, tanh_c, decoded, raw, bounded, factor = work
     free, first = y.shape[1] - 1, packed[5].shape[0] - y.shape[1]
     multiply(z, packed[0][m], gates)
-    cell(gates, c, c, h, h)
+    cell(gates, c, c, tanh_c, h)
     decode(h, packed[1][m], packed[2][m], packed[3][m], packed[4][m], decoded, raw)
     for b in range(z.shape[0]):
         if len(factor):
@@ -85,6 +85,7 @@ def _advance(packed: Any, m: Any, dt: Any, z: Any, c: Any, h: Any, y: Any, work:
 def _workspace(packed: Any, batch: Any, free: Any) -> Any:
     return (
         np.empty((batch, packed[0].shape[2]), np.float32),
+        np.empty((batch, packed[1].shape[1]), np.float32),
         np.empty((batch, packed[1].shape[2]), np.float32),
         np.empty((batch, packed[3].shape[2]), np.float32),
         np.empty(batch, np.bool_),
