@@ -1,4 +1,4 @@
-"""`deeptruck-model train`, `evaluate` and `experiment`."""
+"""`deeptruck-model train`, `evaluate`, `export` and `experiment`."""
 
 from __future__ import annotations
 
@@ -113,6 +113,24 @@ def evaluate(
     typer.echo(f"figures and metrics.json in {out}")
 
 
+def export(
+    simulator: Annotated[str, typer.Argument(metavar="SIM", help="Simulator directory of a deep truck.")],
+    out: Annotated[Path, typer.Option(help="ONNX file to write.", metavar="FILE")],
+) -> None:
+    """One step of a deep truck as ONNX, for controllers and test rigs without Python.
+
+    Example: deeptruck-model export simulators/mytruck --out mytruck.onnx
+    """
+    from deeptruck_model import simulators
+    from deeptruck_model.deep import DeepTruck, onnx_export
+
+    truck = simulators.load(simulator)
+    if not isinstance(truck, DeepTruck):
+        raise InputError(f"{simulator} is no deep truck; only those are exported")
+    onnx_export.export(truck, out)
+    typer.echo(f"{out}: inputs h, c, y, u, w of one step of {truck.dt:g} s; see docs/deep_model.md")
+
+
 class Experiment(StrEnum):
     """The experiments of `deeptruck_model.deep.experiments`."""
 
@@ -154,4 +172,5 @@ def register(app: typer.Typer) -> None:
     """Add this room's commands to the console script."""
     app.command()(train)
     app.command()(evaluate)
+    app.command()(export)
     app.command()(experiment)

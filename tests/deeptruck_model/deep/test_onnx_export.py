@@ -4,8 +4,11 @@ from dataclasses import replace
 import numpy as np
 import onnxruntime
 import pytest
+from typer.testing import CliRunner
 
+from deeptruck_model.cli import app, deep
 from deeptruck_model.deep import onnx_export, train
+from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 
 
@@ -37,3 +40,14 @@ def test_parity_with_the_truck(truck, drive, small, tmp_path, fuel, kind):
     metadata = session.get_modelmeta().custom_metadata_map
     assert json.loads(metadata["interface"])["name"] == truck.interface.name
     assert float(metadata["dt"]) == truck.dt
+
+
+def test_the_command_exports_deep_trucks_only(truck, tmp_path):
+    deep.register(app)
+    truck.save(tmp_path / "sim")
+    runner, out = CliRunner(), str(tmp_path / "truck.onnx")
+    done = runner.invoke(app, ["export", str(tmp_path / "sim"), "--out", out])
+    assert done.exit_code == 0, done.output
+    assert onnxruntime.InferenceSession(out).get_inputs()[0].name == "h"
+    refused = runner.invoke(app, ["export", "truck:volvo", "--out", out])
+    assert isinstance(refused.exception, InputError) and "no deep truck" in str(refused.exception)
