@@ -25,13 +25,10 @@ from dataclasses import dataclass, field
 import can
 
 from truck_bridge.j1939.address_claim import AddressClaim, name
+from truck_bridge.link import Link
 from truck_bridge.safety import Safety, State
 from truck_bridge.signals_in import Signals
 from truck_bridge.vehicles import Transmitted, Vehicle
-
-RETRY_S = 1.0  # between attempts to bring a lost bus back
-BURST = 2000  # frames taken in one poll, so that a flood cannot starve the sender
-_BUS_OFF, _RESTARTED = 0x40, 0x100  # SocketCAN error classes
 
 
 @dataclass(frozen=True)
@@ -67,17 +64,12 @@ class Bridge:
     ) -> None:
         self.vehicle = vehicle
         self.safety = Safety(vehicle.table)
-        self._bus: can.BusABC | None = bus
+        self._link = Link(bus, AddressClaim(name(vehicle.identity), vehicle.address), reopen)
         self._no_load = no_load
-        self._reopen = reopen
-        self._claim = AddressClaim(name(vehicle.identity), vehicle.address)
         self._lock = threading.RLock()
-        self._inbox: list[can.Message] = []
         self._signals = Signals(vehicle)
         self._due: dict[str, float] = {}
         self._counts = dict.fromkeys(vehicle.transmitted, 0)
-        self._retry_at: float | None = None  # when to try a lost bus again
-        self._sent = self._received = 0
         self._now = -math.inf
         self._would_send: dict[int, bytes] = {}
 
@@ -87,14 +79,14 @@ class Bridge:
         """Claim the address and start to listen; no demand leaves before `engage`."""
         with self._lock:
             self.safety.arm(now)
-            self._claim.start(now)
+            self._link.start(now)
             self._due = {axis: now + message.phase_s for axis, message in self.vehicle.transmitted.items()}
 
     def disarm(self, now: float) -> None:
         """Silent at once. `release` first and poll for 0.2 s to hand back in order."""
         with self._lock:
             self.safety.disarm()
-            self._claim.stop()
+            self._link.stop()
 
     def command(self, engine: float, brake: float, now: float, *, engaged: bool) -> bool:
         """Engine and brake command in the truck interface's units; also the controller's heartbeat.
@@ -140,8 +132,8 @@ class Bridge:
                 safety.warning,
                 dict(safety.refusals),
                 dict(safety.losses),
-                self._sent,
-                self._received,
+                self._link.sent,
+                self._link.received,
                 self._no_load,
                 dict(self._would_send),
             )
@@ -175,16 +167,7 @@ class Bridge:
 
     def listen(self, timeout: float) -> None:
         """Wait for a frame or for the timeout, s; the frame is taken by the next poll."""
-        if self._bus is None:
-            time.sleep(max(timeout, 0.0))
-            return
-        try:
-            message = self._bus.recv(max(timeout, 0.0))
-        except (can.CanError, OSError, ValueError):
-            time.sleep(max(timeout, 0.0))
-            return
-        if message is not None:
-            self._inbox.append(message)
+        self._link.wait(timeout)
 
     def run(
         self,
@@ -215,59 +198,24 @@ class Bridge:
     def _rewind(self, back: float) -> None:
         """The clock went back: what waits for a time waits no longer for it, and no signal has an age."""
         self._due = {axis: due - back for axis, due in self._due.items()}
-        self._retry_at = None if self._retry_at is None else self._retry_at - back
+        self._link.rewind(back)
         self._signals = Signals(self.vehicle)
 
     def _hear(self, now: float) -> None:
-        messages, self._inbox = self._inbox, []
-        try:
-            while self._bus is not None and self._retry_at is None and len(messages) < BURST:
-                message = self._bus.recv(0)
-                if message is None:
-                    break
-                messages.append(message)
-        except (can.CanError, OSError, ValueError):
-            self._drop_bus(now)
-        for message in messages:
-            if message.is_error_frame:
-                if message.arbitration_id & _BUS_OFF:
-                    self._drop_bus(now)
-            elif message.is_extended_id and not message.is_remote_frame:
-                self._received += 1
-                data = bytes(message.data)
-                self.safety.rx_hook(message.arbitration_id, data, now)
-                self._claim.hear(message.arbitration_id, data, now)
-                self._signals.hear(message.arbitration_id, data, now)
+        for can_id, data in self._link.hear(now):
+            self.safety.rx_hook(can_id, data, now)
+            self._signals.hear(can_id, data, now)
+        if self._link.lost:
+            self.safety.link(False)
 
     def _keep_link(self, now: float) -> None:
-        """The link is the bus and the address; a bus that comes back claims anew and re-engages nothing."""
+        """A bus that comes back claims the address anew and re-engages nothing."""
         if self.safety.state is State.SILENT:
             return
-        if self._retry_at is not None and now >= self._retry_at:
-            self._retry(now)
-        for can_id, data in self._claim.due(now):
+        for can_id, data in self._link.claims(now):
             if self.safety.tx_hook(can_id, data, now):
                 self._send(can_id, data, now)
-        self.safety.link(self._claim.claimed(now))
-
-    def _retry(self, now: float) -> None:
-        self._retry_at = now + RETRY_S
-        if self._reopen is not None:
-            try:
-                if self._bus is not None:
-                    self._bus.shutdown()
-                self._bus = self._reopen()
-            except (can.CanError, OSError, ValueError):
-                self._bus = None
-                return
-        self._retry_at = None
-        self._claim.start(now)
-
-    def _drop_bus(self, now: float) -> None:
-        """Nothing is heard or sent until the next try."""
-        self._claim.stop()
-        self.safety.link(False)
-        self._retry_at = now + RETRY_S
+        self.safety.link(self._link.up(now))
 
     def _transmit(self, axis: str, message: Transmitted, now: float) -> None:
         period = message.axis.period_s
@@ -283,11 +231,5 @@ class Bridge:
     def _send(self, can_id: int, data: bytes, now: float) -> None:
         if self._no_load:
             self._would_send[can_id] = data
-            return
-        if self._bus is None:
-            return
-        try:
-            self._bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=True))
-            self._sent += 1
-        except (can.CanError, OSError, ValueError):
-            self._drop_bus(now)
+        elif not self._link.send(can_id, data, now):
+            self.safety.link(False)
