@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -114,7 +115,11 @@ def record(
     """See _RECORD."""
     from truck_bridge import can_logs
 
-    print(f"{can_logs.record(log, interface, channel, duration)} frames in {log}")
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends like Ctrl-C
+    try:
+        print(f"{can_logs.record(log, interface, channel, duration)} frames in {log}")
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 @app.command(help=_REPLAY)

@@ -125,7 +125,7 @@ def _writing(path: Path, shown: Path | None = None) -> Iterator[Callable[[can.Me
     try:
         log: Any = RosbagWriter(path) if path.suffix.lower() == rosbag.WRITTEN else can.Logger(str(path))
         try:
-            yield log.on_message_received
+            yield _flushing(log)
         finally:
             log.stop()
     except InputError:
@@ -133,3 +133,17 @@ def _writing(path: Path, shown: Path | None = None) -> Iterator[Callable[[can.Me
     except (OSError, ValueError) as error:
         says = getattr(error, "strerror", None) or str(error)
         raise InputError(f"cannot write {shown or path}: {says}") from None
+
+
+def _flushing(log: Any) -> Callable[[can.Message], None]:
+    """What is older than half a second survives a kill, where the form can be read without its end."""
+    flushed, file = time.monotonic(), getattr(log, "file", None)
+
+    def write(message: can.Message) -> None:
+        nonlocal flushed
+        log.on_message_received(message)
+        if file is not None and time.monotonic() - flushed > rosbag.FLUSH_S:
+            file.flush()
+            flushed = time.monotonic()
+
+    return write

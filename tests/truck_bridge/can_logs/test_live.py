@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import resource
+import signal
 import subprocess
 import sys
 import threading
@@ -105,16 +106,18 @@ def test_a_full_disk_ends_a_recording_in_one_line(loud, tmp_path, suffix):
     assert "cannot write drive" in run.stderr
 
 
-def test_ctrl_c_ends_a_recording_and_keeps_it(loud, tmp_path):
-    argv = [sys.executable, "-c", "from truck_bridge.cli import main; main()", "record", "drive.mcap"]
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("name", ["drive.log", "drive.mcap"])
+def test_an_end_by_signal_keeps_the_recording(loud, tmp_path, name, number):
+    argv = [sys.executable, "-c", "from truck_bridge.cli import main; main()", "record", name]
     process = subprocess.Popen(
         [*argv, "--interface", "loopback", "--channel", loud], cwd=tmp_path, stdout=subprocess.PIPE, text=True
     )
     deadline = time.monotonic() + 30
-    while not (tmp_path / "drive.mcap").exists() and time.monotonic() < deadline:
+    while not (tmp_path / name).exists() and time.monotonic() < deadline:
         time.sleep(0.02)
     time.sleep(0.5)
-    process.send_signal(2)
+    process.send_signal(number)
     out, _ = process.communicate(timeout=20)
     assert process.returncode == 0
-    assert int(out.split()[0]) == len(list(can_logs.read(tmp_path / "drive.mcap"))) > 20
+    assert int(out.split()[0]) == len(list(can_logs.read(tmp_path / name))) > 20

@@ -116,8 +116,9 @@ def test_a_folder_that_is_no_bag_is_one_line(tmp_path):
         list(can_logs.read(tmp_path))
 
 
-def test_a_recorder_that_was_killed_leaves_what_it_had(tmp_path):
-    path, channel = tmp_path / "drive.mcap", f"{os.getpid()}-killed"
+@pytest.mark.parametrize("name", ["drive.mcap", "drive.log", "drive.asc"])
+def test_a_recorder_that_was_killed_leaves_what_it_had(tmp_path, name):
+    path, channel = tmp_path / name, f"{os.getpid()}-killed"
     argv = [sys.executable, "-c", "from truck_bridge.cli import main; main()", "record", str(path)]
     process = subprocess.Popen([*argv, "--interface", "loopback", "--channel", channel])
     sent = 0
