@@ -11,6 +11,15 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
+SOFT_S = 0.4  # a shaped command comes to its target with this time constant
+FASTER_DOWN = 2.0  # and takes torque away so much faster than it adds it
+
+
+def eased(dt: float) -> float:
+    """Share of the distance to its target that a shaped command moves in a step, if no rate limits it."""
+    return float(1.0 - np.exp(-dt / SOFT_S))
+
+
 def lagged(dt: float, tau_s: float) -> tuple[float, float]:
     """Shares of a distance to the command that are left at the end of a step, and in its mean."""
     end = float(np.exp(-dt / tau_s))
@@ -65,6 +74,15 @@ class CommandPath:
         step = amount * self._dt
         out = u if memory is None else memory + np.clip(u - memory, -step, step)
         return out, out
+
+    def _soft(self, u: Array, amount: float, memory: Any, faster: float = 1.0) -> tuple[Array, Any]:
+        step = amount * self._dt
+        near = (u - (u if memory is None else memory)) * eased(self._dt)
+        out = (u if memory is None else memory) + np.clip(near, -faster * step, step)
+        return out, out
+
+    def _shaped(self, u: Array, amount: float, memory: Any) -> tuple[Array, Any]:
+        return self._soft(u, amount, memory, FASTER_DOWN)
 
     def _drop(self, u: Array, amount: float, memory: Any) -> tuple[Array, Any]:
         out = u if memory is None else np.maximum(u, memory - amount * self._dt)

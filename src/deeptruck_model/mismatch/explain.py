@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter1d
 from deeptruck_model.mismatch import intermittent
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.free_model import FreeModel, free_model
-from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes
+from deeptruck_model.mismatch.mechanisms import UNNAMED, Shape, comes_and_goes
 from deeptruck_model.mismatch.plain_truck import plain_truck
 from deeptruck_model.mismatch.search import TEMPER, Model, Search
 from deeptruck_model.mismatch.slow_force import SlowForce, slow_force
@@ -36,6 +36,7 @@ PRACTICAL_WHEN_ACTING = 0.02  # m/s^2 rms over the tenth of the time when it act
 BESIDE = 0.2  # a further name must gain this share of the others' gain: a form not quite right invites more
 TRIFLE = 0.03  # a cause with a smaller share of what is explained is as likely a bend in the form of another
 BENT = 0.15  # share of the main cause's gain that a parameter beside it must have
+BEFORE_PARAMETERS = 0.25  # of the largest share, below which physics is told after parameters
 SLOW_S = 8.0  # smoothing of a slow force where it has no knots of its own
 SLOW_NAMES = {"road_grade", "road_surface", "headwind", "payload_change"}
 # Beyond what sensor filters and message periods make late.
@@ -58,6 +59,13 @@ class Cause:
     rivals: tuple[tuple[str, float], ...] = ()  # other names and by how many nats they are worse
     nearest: str | None = None
     needed: dict[str, float] | None = None  # for a slow force: the size each possible name would need
+    lawless: bool = False  # an unknown force that comes and goes, and not one that the signals predict
+
+    @property
+    def predictable(self) -> bool:
+        """Whether it is unknown, but the signals predict it: it has a shape over them, and perhaps a
+        formula."""
+        return self.effect == "unknown" and not self.lawless and self.needed is None
 
     @property
     def not_told_from(self) -> list[str]:
@@ -231,7 +239,7 @@ def _causes(search: Search, model: Model, null: Model, left: FreeModel, left_gai
     total = explained + max(left_gain, 0.0)
     weight = sum(max(c.gain, 0.0) for c in causes) or 1.0
     causes = [replace(c, share=max(c.gain, 0.0) / weight * explained / total) for c in causes]
-    causes = sorted((c for c in causes if c.share > TRIFLE), key=lambda c: -c.gain)
+    causes = [c for c in causes if c.share > TRIFLE]
     if unknown:
         rest = Cause("missing_physics", "unknown", left_gain, left_gain / total, 0.9, left.prediction)
         if causes and explained / total < EXPLAINS and causes[0].kind == "missing_physics":
@@ -239,14 +247,23 @@ def _causes(search: Search, model: Model, null: Model, left: FreeModel, left_gai
             causes = [rest, *[c for c in causes if c.kind != "missing_physics"]]
         else:
             causes.append(rest)
-            causes.sort(key=lambda c: -c.share)
-    return causes
+    return _in_order(causes)
+
+
+def _in_order(causes: list[Cause]) -> list[Cause]:
+    """By share, but what was left out before parameters: these moved to make up for it."""
+    most = max((c.share for c in causes), default=0.0)
+
+    def rank(c: Cause) -> tuple[bool, float]:
+        return c.kind == "parameter_error" or c.share < BEFORE_PARAMETERS * most, -c.share
+
+    return sorted(causes, key=rank)
 
 
 def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list[Cause]) -> list[Cause]:
     """Add a slow force that only its size tells from noise, unless a name already stands for one."""
     e = search.e
-    if any(c.effect in SLOW_NAMES for c in causes):
+    if any(c.effect in SLOW_NAMES or c.lawless for c in causes):
         return causes
     residual = e.residual - search.prediction(model) - left.prediction
     found = _beside_a_learned_truck(e) if e.own_error > 0 else None
@@ -255,7 +272,8 @@ def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list
         found = slow_force(e, residual, 1.0 / search.series.relative**2, sigma)
     if found is None:
         return causes
-    possible = [n for n in found.possible if n != "road_grade" or not e.has("grade")]
+    known = {m.effect for m in search.library}
+    possible = [n for n in found.possible if n in known and (n != "road_grade" or not e.has("grade"))]
     effect = possible[0] if possible else "unknown"
     if "road_grade" in possible:
         effect = "road_grade"  # where slope is not recorded it is there, and the other two only may be
@@ -276,7 +294,7 @@ def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list
         for c in causes
         if c.effect != "unknown" or effect != "unknown"
     ]
-    return sorted([*rest, cause], key=lambda c: -c.share)
+    return _in_order([*rest, cause])
 
 
 def _beside_a_learned_truck(e: Evidence) -> SlowForce | None:
@@ -308,6 +326,13 @@ def _mechanism(search: Search, model: Model, shape: Shape) -> Cause:
             rivals.append((p, model.score - alone.score))
     rivals = sorted(((n, float(worse)) for n, worse in rivals), key=lambda item: item[1])
     odds = 1.0 + sum(np.exp(-worse / TEMPER) for _, worse in rivals) + np.exp(-gain / TEMPER)
+    lawless = _lawless(search, model, shape, gain)
+    if lawless is not None:
+        force = lawless.named[-1].columns @ lawless.coefficients(UNNAMED.effect)
+        more = gain + lawless.score - model.score
+        return Cause(
+            "missing_physics", "unknown", more, 0.0, 0.9, force, nearest=shape.mechanism.effect, lawless=True
+        )
     return Cause(
         shape.mechanism.kind,
         shape.mechanism.effect,
@@ -318,6 +343,22 @@ def _mechanism(search: Search, model: Model, shape: Shape) -> Cause:
         shape,
         tuple(rivals),
     )
+
+
+def _lawless(search: Search, model: Model, shape: Shape, gain: float) -> Model | None:
+    """The same model with an unnamed force in place of one that comes and goes, where that is far better.
+
+    A name for such a force says how it acts, with speed squared or with the pull; one that acts otherwise is
+    told by this alone.
+    """
+    if not comes_and_goes(shape) or search.e.own_error > 0:
+        return None  # a learned truck follows slow forces in part, so that none of them acts as it should
+    others = tuple(n for n in model.named if n is not shape)
+    base = search.model(others, model.free, model.fit)
+    scored = search.screen_shapes(base, search.shapes(UNNAMED))[:2]
+    options = [search.enriched(search.model((*others, s), model.free, model.fit)) for _, s in scored]
+    best = max(options, key=lambda m: m.score, default=model)
+    return best if best.score > model.score + max(ENOUGH, GROUP_SHARE * gain) else None
 
 
 def _force(search: Search, model: Model, shape: Shape) -> Array:

@@ -81,7 +81,7 @@ def _where_and_what(m: Mismatch) -> dict[str, Picture]:
         "How much better each name, tried alone beside free simulator parameters, predicts the data. "
         "1 nat is a factor of e in odds.",
     )
-    unnamed = next((f for f in m.findings if f.data["effect"] == "unknown"), None)
+    unnamed = next((f for f in m.findings if f.cause is not None and f.cause.predictable), None)
     shape = regime_figure.shape(m.evidence, m.explanation, unnamed.data["equation"]) if unnamed else None
     if shape is not None:
         out["unknown"] = Picture(

@@ -10,7 +10,7 @@ import numpy as np
 from deeptruck_model.mismatch.data_checks import SensorFault
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.explain import Cause, Explanation
-from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape
+from deeptruck_model.mismatch.mechanisms import LIBRARY, UNNAMED, Shape
 from deeptruck_model.mismatch.search import Model
 
 NAMES = {
@@ -74,6 +74,8 @@ def from_cause(cause: Cause, e: Evidence, explanation: Explanation, own: dict[st
     """A cause in words and numbers. `own` holds the simulator's parameters (SI) where it has them."""
     if cause.needed is not None:
         words = _slow(cause)
+    elif cause.lawless:
+        words = _comes_and_goes(cause, e)
     elif cause.effect == "unknown":
         words = _unknown(cause, explanation)
     elif cause.shape is None:
@@ -113,12 +115,33 @@ def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> dict[str,
         if isinstance(value, float) and name in SETTING_UNITS:
             parameters[name] = {"value": value, "unit": SETTING_UNITS[name], "ci95": None}
     return {
-        "says": f"{m.says}: {_strength(cause, e)}{_now_and_then(shape)}",
+        "says": f"{m.says}: {_strength(cause, e)}{_now_and_then(shape)}{_confined(shape, e.mass)}",
         "equation": m.equation,
         "parameters": parameters,
         "would_be_told_by": m.told_by,
-        "depends_on": list(m.depends_on),
+        "depends_on": [*m.depends_on, *[gate[0] for gate in _gates(shape) if gate[0] not in m.depends_on]],
     }
+
+
+def _gates(shape: Shape) -> list[tuple[str, str, float]]:
+    """The regime to which all of a shape is confined: signal, side and border; at most one."""
+    parts = [part.get("gate") for part in shape.settings.get("parts", [shape.settings])]
+    same = "gate" not in shape.settings and parts[0] is not None and all(p == parts[0] for p in parts)
+    gate = shape.settings.get("gate") or (parts[0] if same else None)
+    return [tuple(gate)] if gate else []
+
+
+def _confined(shape: Shape, mass: float) -> str:
+    """In which regime alone an effect acts, where it does."""
+    for signal, side, at in _gates(shape):
+        border = {
+            "speed": f"the speed is {side} {at:.1f} m/s",
+            "grade": f"the grade is {side} {100 * at:.1f} %",
+            "ratio": f"the engine turns {side} {at:.1f} rad per metre",
+            "engine": f"the engine's force is {side} {at * mass:.0f} N",
+        }[signal]
+        return f"; it shows only where {border}"
+    return ""
 
 
 def _now_and_then(shape: Shape) -> str:
@@ -179,6 +202,19 @@ def _slow(cause: Cause) -> dict[str, Any]:
         "would_be_told_by": m.told_by if m else "drive the same stretch in both directions",
         "depends_on": list(m.depends_on) if m else ["time"],
         "decided_by": "physically possible size, not the fit",
+    }
+
+
+def _comes_and_goes(cause: Cause, e: Evidence) -> dict[str, Any]:
+    """An unknown force that no signal predicts and that acts like none of the known ones."""
+    return {
+        "says": f"{UNNAMED.says}: {_strength(cause, e)}; nearest name: {cause.nearest}, "
+        "which does not explain how it acts",
+        "equation": UNNAMED.equation,
+        "parameters": {},
+        "would_be_told_by": UNNAMED.told_by,
+        "depends_on": list(UNNAMED.depends_on),
+        "nearest": cause.nearest,
     }
 
 

@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import components
-from deeptruck_model.mismatch.command_path import lagged
+from deeptruck_model.mismatch.command_path import FASTER_DOWN, eased, lagged
 from deeptruck_model.mismatch.evidence import BLOCK_LEARNED_S, BLOCK_S, Evidence, Stretch
 from deeptruck_model.mismatch.gears import other_gear
 from deeptruck_model.mismatch.kinematics import noise_of, observed_acceleration
@@ -241,6 +241,9 @@ def _changed(p: Prepared, name: str, amount: float) -> Array:
             out[:, i] = np.interp(t - amount / p.dt, t, p.u[:, i])
         elif what == "rate":
             out[:, i] = _limit_rate(p.u[:, i], amount * p.dt, amount * p.dt)
+        elif what in ("soft", "shaped"):
+            down = amount * (FASTER_DOWN if what == "shaped" else 1.0)
+            out[:, i] = _limit_rate(p.u[:, i], amount * p.dt, down * p.dt, eased(p.dt))
         elif what == "climb":
             out[:, i] = _limit_rate(p.u[:, i], amount * p.dt, np.inf)
         elif what == "drop":
@@ -269,10 +272,11 @@ def _lag(x: Array, end: float, mean: float) -> Array:
     return out
 
 
-def _limit_rate(x: Array, up: float, down: float) -> Array:
+def _limit_rate(x: Array, up: float, down: float, share: float = 1.0) -> Array:
+    """What follows x by `share` of the distance in each step, and by no more than `up` and `down`."""
     out = x.tolist()
     for k in range(1, len(out)):
-        out[k] = out[k - 1] + min(max(out[k] - out[k - 1], -down), up)
+        out[k] = out[k - 1] + min(max(share * (out[k] - out[k - 1]), -down), up)
     return np.array(out)
 
 

@@ -21,12 +21,11 @@ from deeptruck_model.mismatch.mechanisms import (
     Mechanism,
     Shape,
     comes_and_goes,
-    gated,
-    gates,
     merge,
     shapes,
 )
 from deeptruck_model.mismatch.noise import Fit, Prior, Series, fit, whiten
+from deeptruck_model.mismatch.regimes import Gate, Products, Regimes, gated
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -45,8 +44,12 @@ WORTH_A_SHAPE = 4.0  # nats a further shape of the same mechanism must gain
 # Several delays side by side are any filter, and no delay; a sensor is off always or not at all.
 ONE_SIZE = ("command_delay", "clock_offset", "grade_bias")
 MOST_COLUMNS = 8  # profiles with more columns are wide enough as they are
+FEW_COLUMNS = 3  # of shapes that are confined to a regime before they are fitted
+CONFINED = 3  # so many shapes of each mechanism
+OWN_REGIME = 0.15  # share of what a mechanism does that must lie in its regime: no slip of a locked converter
+WORTH_A_REGIME = 6.0  # nats
 FITTED = 8  # mechanisms that are fitted in full in each round
-SECOND_SHAPES = 6  # among the first of these, more than one shape of a mechanism
+SECOND_SHAPES = 9  # among the first of these, more than one shape of a mechanism
 LEADING = 4  # mechanisms also tried without freeing the parameters
 
 
@@ -97,8 +100,9 @@ class Search:
         self.library = [
             m for name, m in LIBRARY.items() if name not in set(exclude) and evidence.has(*m.needs)
         ]
+        self.regimes = Regimes.of(evidence, self.series.usable())
         self._shapes: dict[str, list[Shape]] = {}
-        self._memo: tuple[Model, tuple[Array, Array, Array, Array]] | None = None
+        self._memo: tuple[Model, Fit, tuple[Array, Array, Array, Array]] | None = None
         self._models: dict[tuple[object, ...], Model] = {}
 
     def shapes(self, mechanism: Mechanism) -> list[Shape]:
@@ -107,16 +111,21 @@ class Search:
             self._shapes[mechanism.effect] = shapes(mechanism, self.e)
         return self._shapes[mechanism.effect]
 
-    def model(self, named: tuple[Shape, ...], free: frozenset[str], start: Fit | None = None) -> Model:
-        """Fit one explanation."""
+    def model(
+        self, named: tuple[Shape, ...], free: frozenset[str], start: Fit | None = None, *, again: bool = False
+    ) -> Model:
+        """Fit one explanation, from the noise of `start`. Fitted `again` from another start, the better one
+        stays: noise that swallows a force and a force that leaves little noise are both optima."""
         key = (tuple((n.mechanism.effect, id(n)) for n in named), free)
-        if key not in self._models:
+        known = self._models.get(key)
+        if known is None or again:
             X, prior, layout = self._design(named, free)
             found = fit(self.series, X, prior, start)
             cost = TEMPER * sum(np.log(n.trials) - np.log(n.mechanism.chance(self.e)) for n in named)
             model = Model(named, free, found, found.evidence - float(cost), layout)
             beyond = {p for p in free if not self._possible(p, model)}
-            self._models[key] = self.model(named, free - beyond, start) if beyond else model
+            model = self.model(named, free - beyond, start, again=again) if beyond else model
+            self._models[key] = model if known is None or model.score > known.score else known
         return self._models[key]
 
     def _possible(self, parameter: str, model: Model) -> bool:
@@ -139,51 +148,90 @@ class Search:
             grown = step
         return max((best, grown, everything), key=lambda m: m.score)
 
-    def screen(self, base: Model) -> list[tuple[float, Shape]]:
-        """Approximate gain of the best shapes of every mechanism on top of `base`, best first."""
+    def screen(self, base: Model, noise: Model | None = None) -> list[tuple[float, Shape]]:
+        """Approximate gain of the best shapes of every mechanism on top of `base`, best first; the noise is
+        that of `noise`, or of `base`."""
         out = []
         taken = any(comes_and_goes(n) for n in base.named)
         for mechanism in self.library:
             if mechanism.effect not in base.effects:
-                # two forces that come and go as they like cannot be told from one
-                options = [s for s in self.shapes(mechanism) if not (taken and comes_and_goes(s))]
-                out += self.screen_shapes(base, options)[:SCREENED]
+                scored = self.screen_shapes(base, self.shapes(mechanism), noise)
+                laws = [item for item in scored if not comes_and_goes(item[1])]
+                out += laws[:SCREENED] + self._screen_confined(base, laws, noise)
+                if not taken:  # two forces that come and go as they like cannot be told from one
+                    out += [item for item in scored if comes_and_goes(item[1])][:1]
         return sorted(out, key=lambda item: -item[0])
 
-    def screen_shapes(self, base: Model, options: Sequence[Shape]) -> list[tuple[float, Shape]]:
-        """Approximate gain of each shape on top of `base` under its noise, best first."""
-        yw, Xw, H0, weight = self._whitened(base)
+    def _screen_confined(
+        self, base: Model, laws: list[tuple[float, Shape]], noise: Model | None
+    ) -> list[tuple[float, Shape]]:
+        """The best law of a mechanism that gains clearly more where it acts in one regime alone; or none."""
+        few = [s for _, s in laws if s.columns.shape[1] <= FEW_COLUMNS][:CONFINED]
+        few = [s for s in few if s.mechanism.effect not in ONE_SIZE]
+        regimes = [r for s in few for r in self.screen_regimes(base, s, noise)[:1]]
+        better = [r for r in regimes if r[0] > laws[0][0] + WORTH_A_REGIME]
+        return sorted(better, key=lambda item: -item[0])[:1]
+
+    def screen_shapes(
+        self, base: Model, options: Sequence[Shape], noise: Model | None = None
+    ) -> list[tuple[float, Shape]]:
+        """Approximate gain of each shape on top of `base`, best first."""
+        noise = noise or base
+        yw, Xw, H0, weight = self._whitened(base, noise)
         use = self.series.usable()
         scored = []
         for s in options:
-            C = whiten(s.columns, base.fit.ar)[use] * weight[:, None]
-            scored.append((_approximate_gain(C, yw, Xw, H0, s) - TEMPER * float(np.log(s.trials)), s))
+            C = whiten(s.columns, noise.fit.ar)[use] * weight[:, None]
+            products = Products(C.T @ C, C.T @ yw, Xw.T @ C)
+            gain = _approximate_gain(products, Xw.T @ yw, H0, s)
+            scored.append((gain - TEMPER * float(np.log(s.trials)), s))
         return sorted(scored, key=lambda item: -item[0])
 
-    def _whitened(self, base: Model) -> tuple[Array, Array, Array, Array]:
-        """Residual and columns of `base` in units of its noise, its inverse precision, and the weights."""
-        if self._memo is None or self._memo[0] is not base:
+    def screen_regimes(
+        self, base: Model, shape: Shape, noise: Model | None = None
+    ) -> list[tuple[float, Shape]]:
+        """Approximate gain of a shape confined to one side of each border, best first; the best alone are
+        made. The noise is that of `noise`, or of `base`."""
+        if any(isinstance(c.expression, Rerun) for c in shape.parts) or "gate" in shape.settings:
+            return []
+        noise = noise or base
+        yw, Xw, H0, weight = self._whitened(base, noise)
+        C = whiten(shape.columns, noise.fit.ar)[self.series.usable()] * weight[:, None]
+        Xty = Xw.T @ yw
+        least = OWN_REGIME * float(np.sum(C**2))
+        scored: list[tuple[float, Gate]] = [
+            (_approximate_gain(products, Xty, H0, shape), gate)
+            for gate, products in self.regimes.products(C, yw, Xw)
+            if np.trace(products.CtC) > least
+        ]
+        scored = sorted(scored, key=lambda item: -item[0])[:SCREENED]
+        made = [(gain, gated(shape, gate, self.e, self.regimes.count)) for gain, gate in scored]
+        return [(gain - TEMPER * float(np.log(s.trials)), s) for gain, s in made]
+
+    def _whitened(self, base: Model, noise: Model | None = None) -> tuple[Array, Array, Array, Array]:
+        """Residual and columns of `base` in units of the noise, its inverse precision, and the weights."""
+        fit = (noise or base).fit
+        if self._memo is None or self._memo[0] is not base or self._memo[1] is not fit:
             X, prior, _ = self._design(base.named, base.free)
             use = self.series.usable()
-            z = base.fit.innovations[use]
-            weight = np.sqrt(6.0 / (5.0 + z**2)) / (self.series.relative[use] * base.fit.sigma)
-            Xw = whiten(X, base.fit.ar)[use] * weight[:, None]
-            yw = whiten(self.series.y - X @ base.fit.b, base.fit.ar)[use] * weight
+            z = fit.innovations[use]
+            weight = np.sqrt(6.0 / (5.0 + z**2)) / (self.series.relative[use] * fit.sigma)
+            Xw = whiten(X, fit.ar)[use] * weight[:, None]
+            yw = whiten(self.series.y - X @ base.fit.b, fit.ar)[use] * weight
             H0: Array = np.linalg.inv(Xw.T @ Xw + np.diag(1 / prior.sd**2)).astype(np.float64)
-            self._memo = (base, (yw, Xw, H0, weight))
-        return self._memo[1]
+            self._memo = (base, fit, (yw, Xw, H0, weight))
+        return self._memo[2]
 
     def candidates(self, base: Model) -> list[Model]:
-        """Every mechanism added to `base`, fitted in full with its parameters free and held, best first."""
-        everything = frozenset(self.parameters)
-        best: dict[str, Model] = {}
-        for rank, (_, shape) in enumerate(self.screen(base)):
-            effect = shape.mechanism.effect
-            if (effect not in best and len(best) >= FITTED) or (effect in best and rank >= SECOND_SHAPES):
-                continue
-            model = self.model((*base.named, shape), everything, base.fit)
-            if effect not in best or model.score > best[effect].score:
-                best[effect] = model
+        """Every mechanism added to `base`, fitted in full with its parameters free and held, best first.
+
+        The noise beside `base` alone holds what is missing, and so hides some of the names for it; they are
+        looked for again under the noise beside the best of the first.
+        """
+        best = self._fitted(base, self.screen(base), {})
+        if best:
+            leader = max(best.values(), key=lambda m: m.score)
+            best = self._fitted(base, self.screen(base, leader), best, leader)
         leading = sorted(best.values(), key=lambda m: -m.score)
         for model in leading[:LEADING]:
             held = self.model(model.named, base.free, base.fit)
@@ -191,15 +239,41 @@ class Search:
                 best[model.effects[-1]] = held
         return sorted(best.values(), key=lambda m: -m.score)
 
+    def _fitted(
+        self,
+        base: Model,
+        screened: list[tuple[float, Shape]],
+        best: dict[str, Model],
+        leader: Model | None = None,
+    ) -> dict[str, Model]:
+        """The best model of each of the first FITTED effects that were screened, and of those in `best`; from
+        the noise of the leader where there is one."""
+        everything = frozenset(self.parameters)
+        best, seen = dict(best), set[str]()
+        for rank, (_, shape) in enumerate(screened):
+            effect = shape.mechanism.effect
+            if effect not in seen and len(seen) >= FITTED:
+                continue
+            if effect in seen and rank >= SECOND_SHAPES and not comes_and_goes(shape):
+                continue
+            seen.add(effect)
+            named, start = (*base.named, shape), (leader or base).fit
+            model = self.model(named, everything, start, again=leader is not None)
+            if effect not in best or model.score > best[effect].score:
+                best[effect] = model
+        return best
+
     def enriched(self, model: Model) -> Model:
         """The same explanation with its last mechanism given more freedom where that pays.
 
         First it may be confined to a regime of driving, then widened by more of its shapes.
         """
         last = model.named[-1]
-        if comes_and_goes(last) or last.mechanism.effect in ONE_SIZE:
+        if last.mechanism.effect in ONE_SIZE:
             return model
         model = self._confined(model)
+        if comes_and_goes(last):
+            return model
         for _ in range(MORE_SHAPES):
             *others, last = model.named
             taken = [str(part) for part in last.settings.get("parts", [last.settings])]
@@ -216,16 +290,16 @@ class Search:
 
     def _confined(self, model: Model) -> Model:
         *others, last = model.named
-        if last.columns.shape[1] > MOST_COLUMNS or any(isinstance(c.expression, Rerun) for c in last.parts):
-            return model
-        regimes = gates(self.e)
         base = self.model(tuple(others), model.free, model.fit)
-        options = [gated(last, g, self.e, len(regimes)) for g in regimes]
-        scored = self.screen_shapes(base, options)
-        best = max(
-            (self.model((*others, s), model.free, model.fit) for _, s in scored[:2]), key=lambda m: m.score
-        )
+        confined = [s for _, s in self.screen_regimes(base, self._everywhere(last), model)]
+        options = [self.model((*others, s), model.free, model.fit) for s in confined]
+        best = max(options, key=lambda m: m.score, default=model)
         return best if best.score > model.score + WORTH_A_SHAPE else model
+
+    def _everywhere(self, shape: Shape) -> Shape:
+        """The shape that was confined to a regime, without it: its border was chosen under other noise."""
+        plain = {k: v for k, v in shape.settings.items() if k != "gate"}
+        return next((s for s in self.shapes(shape.mechanism) if s.settings == plain), shape)
 
     def prediction(self, model: Model) -> Array:
         """What a model says the residual is, (n,)."""
@@ -263,18 +337,17 @@ class Search:
         return X, prior, tuple(layout)
 
 
-def _approximate_gain(C: Array, y: Array, X: Array, H0: Array, s: Shape) -> float:
-    """Evidence gained by adding columns C to X, all whitened and weighted; signs respected one by one."""
-    XtC = X.T @ C
-    A = C.T @ C - XtC.T @ H0 @ XtC
-    g = C.T @ y - XtC.T @ (H0 @ (X.T @ y))
+def _approximate_gain(products: Products, Xty: Array, H0: Array, s: Shape) -> float:
+    """Evidence gained by more columns, all whitened and weighted; signs respected one by one."""
+    XtC = products.XtC
+    A = products.CtC - XtC.T @ H0 @ XtC
+    at_zero = products.Cty - XtC.T @ (H0 @ Xty)
     P = 1 / s.prior.sd**2
+    m = s.prior.mean
     H = A + np.diag(P)
-    g = g - A @ s.prior.mean
+    g = at_zero - A @ m
     step = np.linalg.solve(H, g)
-    if (s.prior.sign > 0).any() and ((step + s.prior.mean) * s.prior.sign < 0).all():
+    if (s.prior.sign > 0).any() and ((step + m) * s.prior.sign < 0).all():
         return -10.0
     gain = 0.5 * float(g @ step) - 0.5 * float(np.linalg.slogdet(H)[1] - np.log(P).sum())
-    # moving by the prior mean itself changes the likelihood too
-    m = s.prior.mean
-    return gain + float((C.T @ y - XtC.T @ (H0 @ (X.T @ y))) @ m - 0.5 * m @ A @ m)
+    return gain + float(at_zero @ m - 0.5 * m @ A @ m)  # moving by the prior mean itself counts too

@@ -52,7 +52,7 @@ def tracks(m: Mismatch) -> list[Track]:
     e = m.evidence
     moved = left_over.retuned(e)
     force = e.residual + moved
-    unnamed = any(c.effect == "unknown" for c in m.explanation.causes)
+    unnamed = any(c.predictable for c in m.explanation.causes)
     stated = moved + (left_over.with_unnamed if unnamed else left_over.explained)(e, m.explanation)
     offset = sum(f.cause is None for f in m.findings)
     spans = [(s.start, s.stop, s.finding + offset, s.energy) for s in m.segments]

@@ -7,7 +7,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,20 +17,26 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch import data_checks, findings, formula, identifiability, locate, own_error
-from deeptruck_model.mismatch.correct import CorrectedTruck, Term
+from deeptruck_model.mismatch import (
+    correction,
+    data_checks,
+    findings,
+    formula,
+    identifiability,
+    locate,
+    own_error,
+)
+from deeptruck_model.mismatch.correct import CorrectedTruck
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.explain import Explanation, explain, first_guess
-from deeptruck_model.mismatch.improvement import Errors, compare, free_windows
+from deeptruck_model.mismatch.improvement import Errors
 from deeptruck_model.mismatch.residual import PARAMETERS, Prepared, gather, prepare
-from deeptruck_model.mismatch.search import Model, Search
-from deeptruck_model.mismatch.share import Shares
+from deeptruck_model.mismatch.search import Search
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]
 
-HORIZON_S = 40.0
 HELD_OUT_SHARE = 0.3
 LEAST_S = 60.0
 EXCLUDE = (
@@ -107,7 +113,7 @@ def _find(
     found += [findings.from_cause(c, evidence, explanation, own) for c in explanation.causes]
     found = identifiability.with_manoeuvres(found)
     for f in found:
-        if f.data["effect"] == "unknown":
+        if f.cause is not None and f.cause.predictable:
             f.data.update(formula.describe(evidence, explanation))
     say("locating it")
     shown = tuple(f.cause for f in found if f.cause is not None)
@@ -118,15 +124,10 @@ def _find(
         evidence, sum((c.force for c in shown), start=np.zeros(len(evidence))) if shown else total
     )
     say("correcting the simulator and driving it free")
-    before, tuned, corrected = _corrected(simulator, evidence, explanation)
-    errors = _errors(before, tuned, corrected, [p for p, out in zip(prepared, flags, strict=True) if out])
-    fit = _fit(errors, [p.recording.name for p, out in zip(prepared, flags, strict=True) if out])
-    validated = bool(corrected.terms or corrected.moved) and fit.get("improvement_ci95", [0.0])[0] > 0.0
-    corrected = CorrectedTruck(
-        corrected.original, corrected.terms, corrected.moved, corrected.shares, validated
-    )
-    fit["validated"] = validated
-    if shown and not validated:
+    tuned, corrected = correction.correct(simulator, evidence, explanation, fitted)
+    held = [p for p, out in zip(prepared, flags, strict=True) if out]
+    errors, corrected, fit = correction.shown(simulator, tuned, corrected, held)
+    if shown and not corrected.validated:
         caveats.append(
             "the corrected simulator does not predict the held-out recordings better: nothing may be applied"
         )
@@ -180,55 +181,11 @@ def _explained(
     return evidence, explanation
 
 
-def _corrected(
-    simulator: Simulator, e: Evidence, x: Explanation
-) -> tuple[Simulator, CorrectedTruck, CorrectedTruck]:
-    """Before, parameters only and after, with everything fitted on the recordings that are not held out."""
-    fitted = Search(e, only=~e.held_out)
-    model = fitted.model(x.model.named, x.model.free)
-    alone = fitted.model((), frozenset(fitted.parameters))
-    shares = None if simulator.parameters() else Shares.of(e)
-
-    def change(which: Model, free: Iterable[str]) -> dict[str, float]:
-        return {p: e.total_change(p, which.change(p)) for p in free}
-
-    stated = {c.effect for c in x.causes}
-    terms = [
-        Term(s.mechanism.effect, s.settings, tuple(model.coefficients(s.mechanism.effect).tolist()))
-        for s in model.named
-        if s.mechanism.kind == "missing_physics" and s.mechanism.effect in stated
-    ]
-    tuned = CorrectedTruck(simulator, [], change(alone, fitted.parameters), shares, False)
-    after = CorrectedTruck(simulator, terms, change(model, x.model.free), shares, False)
-    return simulator, tuned, after
-
-
-def _errors(
-    before: Simulator, tuned: Simulator, after: Simulator, prepared: Sequence[Prepared]
-) -> dict[str, Errors]:
-    shortest = min((len(p.recording) * p.dt for p in prepared), default=0.0)
-    horizon = min(HORIZON_S, max(10.0, shortest - 10.0))
-    named = {"before": before, "parameters_only": tuned, "after": after}
-    return {name: free_windows(simulator, prepared, horizon) for name, simulator in named.items()}
-
-
-def _fit(errors: dict[str, Errors], names: Sequence[str]) -> dict[str, Any]:
-    windows = errors["before"].speed
-    out: dict[str, Any] = {"held_out": list(names), "horizon_s": HORIZON_S, "windows": len(windows)}
-    if len(windows):
-        out |= compare(errors)
-    return out
-
-
 def _overall(found: Sequence[findings.Finding]) -> str:
     if not found:
         return "nothing_missing"
-    kinds = [str(f.data["kind"]) for f in found]
-    for kind in ("missing_physics", "measurement_fault", "parameter_error"):
-        if kind in kinds:
-            best = max((f for f in found), key=lambda f: f.data["share_of_explainable_error"])
-            return str(best.data["kind"]) if best.data["share_of_explainable_error"] > 0 else kind
-    return "undetermined"
+    explaining = [f for f in found if f.data["share_of_explainable_error"] > 0]
+    return str((explaining or found)[0].data["kind"])
 
 
 def _verdict(

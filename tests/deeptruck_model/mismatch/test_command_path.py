@@ -16,6 +16,7 @@ PATHS = [
     (f"{what}_{which}", amount)
     for what, amounts in {
         "delay": (0.1, 0.25, 0.8), "lag": (0.15, 1.0), "rise": (0.3,), "fall": (0.3,), "rate": (200.0, 30.0),
+        "soft": (200.0, 30.0), "shaped": (200.0, 30.0),
     }.items()
     for which in ("all", "engine", "brake")
     for amount in amounts

@@ -7,11 +7,10 @@ from deeptruck_model.mismatch.mechanisms.base import (
     Shape,
     build,
     comes_and_goes,
-    gated,
-    gates,
     merge,
     shapes,
 )
+from deeptruck_model.mismatch.mechanisms.unnamed import UNNAMED
 
 LIBRARY: dict[str, Mechanism] = {
     m.effect: m
@@ -21,13 +20,12 @@ LIBRARY: dict[str, Mechanism] = {
 
 __all__ = [
     "LIBRARY",
+    "UNNAMED",
     "Column",
     "Mechanism",
     "Shape",
     "build",
     "comes_and_goes",
-    "gated",
-    "gates",
     "merge",
     "shapes",
 ]

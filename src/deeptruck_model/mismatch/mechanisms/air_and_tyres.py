@@ -27,12 +27,13 @@ from deeptruck_model.mismatch.mechanisms.base import (
 AROUND_M_S = (0.0, 6.0, -6.0)
 NOBODY_M = 1e4  # a gap behind nobody
 STEADY_M_S, GUST_M_S = 7.0, 5.0  # prior sd of a drive's mean wind, and the largest of its slow changes
+SIDE = 0.4  # sd of the drag that wind from the side adds, SAE J1252: 5 to 10 % a degree of yaw
 PER_SQUARE = DRAG / maximum(SPEED, 1.0) ** 2
 
 
 def _headwind_settings(e: Evidence) -> Iterator[Settings]:
     """One wind throughout, one for each recording, or a slowly turning one; linear around calm or around a
-    wind."""
+    wind. What blows from the side acts as more drag area."""
     for wind in (-12.0, -8.0, -4.0, 4.0, 8.0, 12.0):
         yield {"wind_m_s": wind}
     names = [s.name for s in e.stretches]
@@ -42,6 +43,8 @@ def _headwind_settings(e: Evidence) -> Iterator[Settings]:
     for around in AROUND_M_S:
         for slow in slow_settings(e, _per_wind(around), GUST_M_S):
             yield slow | {"recordings": names, "around_m_s": around}
+    for slow in slow_settings(e, -DRAG, SIDE):
+        yield slow | {"recordings": names, "around_m_s": 0.0, "side": True}
 
 
 def _per_wind(around_m_s: float) -> Expression:
@@ -61,6 +64,8 @@ def _headwind(s: Settings) -> list[Column]:
         Column(linear * InRecording(i, elsewhere=mean), STEADY_M_S, f"wind[{name}]", "m/s", sign=0)
         for i, name in enumerate(names)
     ]
+    if "side" in s:
+        return steady + slow_columns(s, -DRAG, "more_drag", "1", sign=1, steady=False)
     return steady + (slow_columns(s, linear, "wind", "m/s", sign=0, steady=False) if "knots" in s else [])
 
 

@@ -92,44 +92,22 @@ class Shape:
 def build(mechanism: Mechanism, settings: Settings) -> list[Column]:
     """The columns of a shape; several settings under "parts" give columns side by side."""
     if "parts" in settings:
-        return [c for part in settings["parts"] for c in build(mechanism, part)]
-    columns = mechanism.build(settings)
+        columns = [c for part in settings["parts"] for c in build(mechanism, part)]
+    else:
+        columns = mechanism.build(settings)
     if "when" in settings:
         columns = [replace(c, expression=During((c.expression,), settings["when"])) for c in columns]
     if "gate" not in settings:
         return columns
     signal, side, at = settings["gate"]
-    x = Signal(signal)
-    gate = x > at if side == "above" else x < at
+    above = Signal(signal) > at
+    gate = above if side == "above" else 1.0 - above
     return [replace(c, expression=c.expression * gate) for c in columns]
 
 
 def comes_and_goes(shape: Shape) -> bool:
     """Whether a shape has knots in time or along the road, and so can follow any slow force."""
     return any("knots" in part for part in shape.settings.get("parts", [shape.settings]))
-
-
-def gates(e: Evidence) -> list[tuple[str, str, float]]:
-    """Regimes to which an effect may be confined: (signal, above or below, value)."""
-    out = []
-    for name in ("speed", "ratio", "grade", "engine"):
-        if e.has(name):
-            for q in (0.3, 0.5, 0.7):
-                at = float(np.nanquantile(e[name][e.valid], q))
-                out += [(name, "above", at), (name, "below", at)]
-    return out
-
-
-def gated(shape: Shape, gate: tuple[str, str, float], e: Evidence, trials: int) -> Shape:
-    """The shape confined to a regime, for an effect that acts only uphill, only at speed."""
-    signal, side, at = gate
-    x = np.nan_to_num(e[signal])
-    inside = x > at if side == "above" else x < at
-    settings = shape.settings | {"gate": list(gate)}
-    parts = tuple(build(shape.mechanism, settings))
-    return Shape(
-        shape.mechanism, settings, parts, shape.columns * inside[:, None], shape.prior, shape.trials * trials
-    )
 
 
 def merge(first: Shape, other: Shape) -> Shape:

@@ -26,13 +26,15 @@ def _delay(s: Settings) -> list[Column]:
 
 
 def _rate_settings(e: Evidence) -> Iterator[Settings]:
-    """One command or both, by how long the full range takes; one may be slewed only up or only down."""
+    """One command or both, by how long the full range takes; one may be slewed only up or only down. Torque
+    is often shaped: eased into its target, and taken away faster than it is added."""
     spans = {}
     for which in ("engine", "brake"):
         if e.has(f"{which}_command"):
             spans[which] = float(np.ptp(e[f"{which}_command"][e.valid]))
     for some in ([w] for w in spans):
-        for how in ("rate", "climb", "drop"):
+        shaped = ("soft", "shaped") if some == ["engine"] else ()
+        for how in ("rate", "climb", "drop", *shaped):
             for s in FULL_RANGE_S if spans[some[0]] > 0 else ():
                 yield {"how": how, "rates": {w: spans[w] / s for w in some}}
     if len(spans) == 2 and min(spans.values()) > 0:

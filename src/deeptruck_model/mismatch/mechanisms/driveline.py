@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 
 import numpy as np
 
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.expression import Change, Lag, Since, absolute, exp, lift, maximum, minimum
+from deeptruck_model.mismatch.expression import (
+    Change,
+    Expression,
+    Lag,
+    Since,
+    absolute,
+    exp,
+    lift,
+    maximum,
+    minimum,
+)
 from deeptruck_model.mismatch.mechanisms.base import (
     BRAKE,
     ENGINE,
@@ -21,6 +32,8 @@ from deeptruck_model.mismatch.mechanisms.base import (
     Settings,
     lever_reference,
     quantile,
+    slow_columns,
+    slow_settings,
 )
 
 
@@ -49,13 +62,20 @@ def _shift_settings(e: Evidence) -> Iterator[Settings]:
         return
     for window_s in (0.4, 0.8, 1.4, 2.2):
         yield {"window_s": window_s}
+    yield {"until_s": [0.3, 0.6, 1.0, 1.5, 2.2]}
 
 
 def _shift(s: Settings) -> list[Column]:
-    shifting = absolute(Change((GEAR,))) > 0.5
-    after = Since((shifting,)) < s["window_s"]
+    """A share of the pull missing throughout a window, or as much as each part of it tells."""
+    since = Since((absolute(Change((GEAR,))) > 0.5,))
     force = maximum(Lag((PULL,), 1.5), PULL)
-    return [Column(-(force * after), 0.6, "share")]
+    if "window_s" in s:
+        return [Column(-(force * (since < s["window_s"])), 0.6, "share")]
+    ends = [0.0, *s["until_s"]]
+    return [
+        Column(-(force * (since < last) * (1.0 - (since < first))), 0.6, f"share_{first:g}_to_{last:g}_s")
+        for first, last in itertools.pairwise(ends)
+    ]
 
 
 def _converter_settings(e: Evidence) -> Iterator[Settings]:
@@ -86,9 +106,18 @@ def _slip_settings(e: Evidence) -> Iterator[Settings]:
         brake = quantile(e, e["brake"], e["brake"] > 0.1, q)
         if np.isfinite(pull) or np.isfinite(brake):
             yield {"pull": pull if np.isfinite(pull) else 1e3, "brake": brake if np.isfinite(brake) else 1e3}
+    grip = quantile(e, e["engine"], e["engine"] > 0.05, 0.6)
+    if np.isfinite(grip):  # the road is slippery here and there
+        yield from ({**slow, "pull": grip} for slow in slow_settings(e, _beyond(grip), 1.0))
+
+
+def _beyond(grip: float) -> Expression:
+    return -maximum(PULL - grip, 0.0)
 
 
 def _slip(s: Settings) -> list[Column]:
+    if "knots" in s:
+        return slow_columns(s, _beyond(s["pull"]), "traction_share", "1", sign=1)
     return [
         Column(-maximum(PULL - s["pull"], 0.0), 0.5, "traction_share"),
         Column(maximum(BRAKE - s["brake"], 0.0), 0.5, "brake_share"),

@@ -12,6 +12,7 @@ from deeptruck_model.mismatch.expression import (
     Lag,
     RisingLag,
     Signal,
+    Since,
     exp,
     lift,
     maximum,
@@ -123,11 +124,12 @@ def _engine_brake_settings(e: Evidence) -> Iterator[Settings]:
         yield base | {"by": "demand", "full": full, "order": 0, "geared": False}
         if e.has("ratio", "engine_speed"):
             yield from (base | {"by": "demand", "full": full, "order": k, "geared": True} for k in (0, 1, 2))
-    if e.has("ratio", "engine_speed"):
-        yield base | {"by": "engine_speed", "order": 1}
-        yield base | {"by": "engine_speed", "order": 2}
-    yield base | {"by": "speed"}
-    yield base | {"by": "nothing"}
+    for after_s in (0.0, 0.7):  # valves and vanes take a moment
+        if e.has("ratio", "engine_speed"):
+            yield base | {"by": "engine_speed", "order": 1, "after_s": after_s}
+            yield base | {"by": "engine_speed", "order": 2, "after_s": after_s}
+        yield base | {"by": "speed", "after_s": after_s}
+        yield base | {"by": "nothing", "after_s": after_s}
 
 
 def _engine_brake(s: Settings) -> list[Column]:
@@ -136,6 +138,8 @@ def _engine_brake(s: Settings) -> list[Column]:
             Column(minimum(ENGINE_COMMAND, 0.0) / s["full"], 0.3, "force_at_full_demand", "N", per_mass=True)
         ]
     coast = (s["small"] + 1e-9 > ENGINE_COMMAND) * (ENGINE < 0.05)
+    if s.get("after_s"):
+        coast = coast * (Since((1.0 - coast,)) > s["after_s"])
     if s["by"] == "engine_speed":
         drive = coast * (RATIO / s["reference"]) * (ENGINE_SPEED / OMEGA)
         parts = [Column(-drive, 0.1, "force_at_150_rad_s", "N", per_mass=True)]

@@ -1,0 +1,106 @@
+"""From an explanation to a corrected simulator: which terms and parameters go in, and what that improves.
+
+Everything is fitted, and chosen, without the held-out recordings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from deeptruck_model.mismatch.correct import CorrectedTruck, Term
+from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.explain import Explanation
+from deeptruck_model.mismatch.improvement import Errors, compare, free_windows
+from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes
+from deeptruck_model.mismatch.residual import Prepared
+from deeptruck_model.mismatch.search import Model, Search
+from deeptruck_model.mismatch.share import Shares
+from deeptruck_model.simulators import Simulator
+
+HORIZON_S = 40.0
+
+
+def correct(
+    simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequence[Prepared]
+) -> tuple[CorrectedTruck, CorrectedTruck]:
+    """The simulator with its parameters re-tuned alone, and with all that was found.
+
+    What comes and goes is of no use on another drive but for its mean, and a parameter that nobody states as
+    wrong may only have been bent. So they go in where free runs along `prepared`, the recordings that are not
+    held out, are the better for it.
+    """
+    search = Search(e, only=~e.held_out)
+    shares = None if simulator.parameters() else Shares.of(e)
+    alone = search.model((), frozenset(search.parameters))
+    tuned = CorrectedTruck(simulator, [], _change(e, alone, search.parameters), shares, False)
+    options = _options(simulator, e, x, search, shares)
+    if len(options) == 1:
+        return tuned, options[0]
+    errors = [_rmse(option, prepared) for option in options]
+    return tuned, options[int(np.argmin(errors))]
+
+
+def _options(
+    simulator: Simulator, e: Evidence, x: Explanation, search: Search, shares: Shares | None
+) -> list[CorrectedTruck]:
+    """With and without what comes and goes, with all moved parameters and with the stated ones alone."""
+    stated = {c.effect for c in x.causes}
+    named = [s for s in x.model.named if s.mechanism.kind == "missing_physics"]
+    named = [s for s in named if s.mechanism.effect in stated]
+    laws = [s for s in named if not comes_and_goes(s)]
+    free = {x.model.free, frozenset(c.effect for c in x.causes if c.kind == "parameter_error")}
+    out = []
+    for parameters in sorted(free, key=lambda f: -len(f)):
+        model = search.model(x.model.named, frozenset(parameters & x.model.free))
+        change = _change(e, model, parameters & x.model.free)
+        for shapes in (named, laws) if len(laws) < len(named) else (named,):
+            out.append(CorrectedTruck(simulator, _terms(shapes, model), change, shares, False))
+    return out
+
+
+def _terms(shapes: Sequence[Shape], model: Model) -> list[Term]:
+    return [
+        Term(s.mechanism.effect, s.settings, tuple(model.coefficients(s.mechanism.effect).tolist()))
+        for s in shapes
+    ]
+
+
+def _change(e: Evidence, model: Model, free: Iterable[str]) -> dict[str, float]:
+    return {p: e.total_change(p, model.change(p)) for p in free}
+
+
+def _rmse(simulator: Simulator, prepared: Sequence[Prepared]) -> float:
+    errors = free_windows(simulator, prepared, _horizon(prepared))
+    return errors.rmse()["speed_rmse"] if len(errors.speed) else 0.0
+
+
+def _horizon(prepared: Sequence[Prepared]) -> float:
+    shortest = min((len(p.recording) * p.dt for p in prepared), default=0.0)
+    return min(HORIZON_S, max(10.0, shortest - 10.0))
+
+
+def shown(
+    simulator: Simulator, tuned: CorrectedTruck, after: CorrectedTruck, held_out: Sequence[Prepared]
+) -> tuple[dict[str, Errors], CorrectedTruck, dict[str, Any]]:
+    """Errors of free runs on the held-out recordings, the corrected simulator marked as validated or not, and
+    `fit` of verdict.json."""
+    named: dict[str, Simulator] = {"before": simulator, "parameters_only": tuned, "after": after}
+    errors = {name: free_windows(s, held_out, _horizon(held_out)) for name, s in named.items()}
+    windows = errors["before"].speed
+    fit: dict[str, Any] = {
+        "held_out": [p.recording.name for p in held_out],
+        "horizon_s": HORIZON_S,
+        "windows": len(windows),
+    }
+    if len(windows):
+        fit |= compare(errors)
+    better = fit.get("improvement_ci95", [0.0])[0] > 0.0
+    fit["validated"] = bool(after.terms or after.moved) and better
+    after = CorrectedTruck(after.original, after.terms, after.moved, after.shares, fit["validated"])
+    return errors, after, fit
+
+
+__all__ = ["HORIZON_S", "correct", "shown"]

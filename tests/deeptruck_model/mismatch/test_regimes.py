@@ -1,0 +1,67 @@
+"""What acts in one regime alone is found there, by its own name; and sums over bins are the real gains."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.explain import explain
+from deeptruck_model.mismatch.expression import Stream
+from deeptruck_model.mismatch.findings import from_cause
+from deeptruck_model.mismatch.mechanisms import LIBRARY, build
+from deeptruck_model.mismatch.regimes import gated
+from deeptruck_model.mismatch.search import Search
+
+
+@pytest.fixture(scope="module")
+def fast_only(nothing_missing: Evidence) -> Evidence:
+    """A driveline that loses 12 % of its force, above 19 m/s alone."""
+    lost = 0.12 * np.abs(nothing_missing["engine"]) * (nothing_missing["speed"] > 19.0)
+    return replace(nothing_missing, residual=nothing_missing.residual - lost)
+
+
+def test_the_sums_over_bins_are_those_of_the_confined_columns(nothing_missing: Evidence) -> None:
+    use = np.arange(len(nothing_missing)) % 3 > 0
+    regimes = Search(nothing_missing).regimes.of(nothing_missing, use)
+    C, y, X = (np.random.default_rng(k).normal(size=(use.sum(), n)) for k, n in ((0, 2), (1, 1), (2, 3)))
+    seen = 0
+    for (signal, side, at), p in regimes.products(C, y[:, 0], X):
+        x = nothing_missing[signal][use]
+        inside = (x > at if side == "above" else x <= at)[:, None]
+        assert pytest.approx((C * inside).T @ C) == p.CtC
+        assert pytest.approx((C * inside).T @ y[:, 0]) == p.Cty
+        assert pytest.approx(X.T @ (C * inside)) == p.XtC
+        seen += 1
+    assert seen == regimes.count == 2 * 9 * 2  # nine borders of speed and of engine, two sides
+
+
+def test_it_is_named_and_its_regime_is_said(fast_only: Evidence) -> None:
+    # without gears these act alike in a narrow range of speed
+    others = ["torque_converter_slip", "torque_derate"]
+    found = explain(Search(fast_only, exclude=others))
+    assert found.causes and found.causes[0].effect == "driveline_loss"
+    data = from_cause(found.causes[0], fast_only, found, {}).data
+    assert "shows only where the speed is above 19." in data["says"]
+    assert "speed" in data["depends_on"]
+    assert np.abs(found.causes[0].force[fast_only["speed"] < 18.0]).max() < 1e-9
+
+
+def test_nothing_missing_has_no_regime_either(nothing_missing: Evidence) -> None:
+    assert explain(Search(nothing_missing)).causes == ()
+
+
+@pytest.mark.parametrize("side", ["above", "below"])
+def test_a_confined_shape_acts_alike_in_a_simulation(nothing_missing: Evidence, side: str) -> None:
+    e = nothing_missing
+    shape = gated(Search(e).shapes(LIBRARY["driveline_loss"])[0], ("speed", side, 19.0), e, 36)
+    stream = Stream([c.expression for c in build(shape.mechanism, shape.settings)])
+    memory, out = stream.begin(1), []
+    for k in range(600):
+        now = {name: x[k : k + 1] for name, x in e.signals.items()}
+        values, memory = stream.step(memory, now, e.dt)
+        out.append(np.broadcast_to(values[0], 1)[0])
+    assert np.array(out) == pytest.approx(shape.columns[:600, 0])
+    assert 0 < np.count_nonzero(out) < 600
