@@ -64,6 +64,7 @@ def error_statistics(out: Path, seeds: int = 1, updates: int = 0, mode: str = "d
                 metrics["same_physics_look_alikes"],
             ),
         ],
+        _budget(truck),
     )
     return _write(out, metrics)
 
@@ -99,14 +100,15 @@ def learning_curves(out: Path, seeds: int = 30, updates: int = 0) -> dict[str, A
 def field(out: Path, seeds: int = 4, updates: int = 0) -> dict[str, Any]:
     """The two field configurations with the paper's budgets: 85/15 by time, ten simulations of 15 s."""
     metrics: dict[str, Any] = {}
+    note = ""
     for name, (minutes, cycle) in FIELD.items():
         whole = _drive(name, minutes, TRAIN_SEED, cycle)
         edge = round(0.85 * len(whole))
         truck = _trained([whole.piece(0, edge)], _arguments(seeds, updates, "default"))
-        held_out = whole.piece(edge, len(whole))
+        held_out, note = whole.piece(edge, len(whole)), _budget(truck)
         metrics[name] = report.evaluate(truck, [held_out], out / name, count=10, horizon_s=15.0)
     rows = [(f"{name}, {FIELD[name][0]} min", m) for name, m in metrics.items()]
-    _table(out, "Field configurations on the reference trucks: ten runs of 15 s", rows)
+    _table(out, "Field configurations on the reference trucks: ten runs of 15 s", rows, note)
     return _write(out, metrics)
 
 
@@ -114,12 +116,14 @@ def beside_classics(out: Path, seeds: int = 1, updates: int = 0) -> dict[str, An
     """Deep truck, ARX, NARX, gradient boosting and a fitted physics truck on the same splits of `trucksim`,
     60 min of training."""
     drives, test = [_drive("trucksim", 60, TRAIN_SEED)], _drive("trucksim", 180, TEST_SEED)
-    models: dict[str, Simulator] = {"deep truck": _trained(drives, _arguments(seeds, updates, "default"))}
+    truck = _trained(drives, _arguments(seeds, updates, "default"))
+    models: dict[str, Simulator] = {"deep truck": truck}
     models |= {
         name: fit(drives) for name, fit in {**classics.MODELS, "fitted physics truck": physics}.items()
     }
     metrics = {name: statistics(trials(model, [test])) for name, model in models.items()}
-    _table(out, "Deep truck beside the classics: 1 h training, 3 h test, 90 x 40 s", list(metrics.items()))
+    title = "Deep truck beside the classics: 1 h training, 3 h test, 90 x 40 s"
+    _table(out, title, list(metrics.items()), _budget(truck))
     return _write(out, metrics)
 
 
@@ -134,10 +138,12 @@ def minutes_of_data(out: Path, seeds: int = 1, updates: int = 0) -> dict[str, An
         for minutes in (5, 15, 60):
             drives = [whole.piece(0, 600 * minutes)]
             adapted = _trained(drives, replace(arguments, start=str(known)))
+            scratch = _trained(drives, arguments)
             metrics[f"{minutes} min, adapted"] = statistics(trials(adapted, [test]))
-            metrics[f"{minutes} min, from scratch"] = statistics(trials(_trained(drives, arguments), [test]))
+            metrics[f"{minutes} min, from scratch"] = statistics(trials(scratch, [test]))
     title = f"Minutes of data on `trucksim`, alone or after {FLEET} other trucks of {FLEET_MINUTES} min each"
-    _table(out, f"{title}: 3 h test, 90 x 40 s", list(metrics.items()))
+    note = f"The fleet: {_budget(truck)} Adapted: {_budget(adapted)} From scratch: {_budget(scratch)}"
+    _table(out, f"{title}: 3 h test, 90 x 40 s", list(metrics.items()), note)
     return _write(out, metrics)
 
 
@@ -206,10 +212,17 @@ def _sample_run(truck: DeepTruck, test: Recording, path: Path) -> None:
     figure.savefig(path, dpi=120)
 
 
-def _table(out: Path, title: str, rows: list[tuple[str, dict[str, Any]]]) -> None:
+def _budget(truck: DeepTruck) -> str:
+    """What the training took, for the reader of a table."""
+    config, training = truck.details["config"], truck.details["training"]
+    return f"{config['members']} seed(s), {training['updates']} updates each, mode {config['mode']}."
+
+
+def _table(out: Path, title: str, rows: list[tuple[str, dict[str, Any]]], note: str = "") -> None:
     lines = [
         f"# {title}",
         "",
+        *([note, ""] if note else []),
         "| | speed: sd at end | mean abs | within 1.5 m/s | acceleration: mean abs | fuel rate: mean abs |",
         "| --- | --- | --- | --- | --- | --- |",
     ]
