@@ -6,10 +6,9 @@ settings were chosen on validation drives (seed 2), the test drives below are on
 
 from __future__ import annotations
 
-import json
 import tempfile
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,8 @@ from deeptruck_model import trucks
 from deeptruck_model.deep import classics, kernels, report
 from deeptruck_model.deep.arguments import Arguments
 from deeptruck_model.deep.compiled import FloatArray
-from deeptruck_model.deep.evaluation import Trials, statistics, trials
+from deeptruck_model.deep.evaluation import statistics, trials
+from deeptruck_model.deep.experiment_files import budget, sample_run, table, write
 from deeptruck_model.deep.fitted_physics import physics
 from deeptruck_model.deep.fleet import fleet
 from deeptruck_model.deep.look_alikes import LookAlikes
@@ -30,8 +30,7 @@ from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.deep.windows import Sequences, loss_weights
 from deeptruck_model.driving_cycles import FREEWAY, YARD, CycleSettings, drive
 from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import SPEED
-from deeptruck_model.simulators import Simulator, free_run
+from deeptruck_model.simulators import Simulator
 
 TRAIN_SEED, TEST_SEED, OTHER_SEED = 1, 3, 4
 LOOK_ALIKE_SEED, LOOK_ALIKE_H = 5, 12
@@ -51,8 +50,8 @@ def error_statistics(out: Path, seeds: int = 1, updates: int = 0, mode: str = "d
         "same_physics_unknown_state": statistics(trials(trucks.load("trucksim"), [test])),
         "same_physics_look_alikes": statistics(trials(_look_alikes(), [test])),
     }
-    _sample_run(truck, test, out / "sample_run.png")
-    _table(
+    sample_run(truck, test, out / "sample_run.png")
+    table(
         out,
         f"Open-loop errors on `trucksim`, mode {mode}: 4 h training, 3 h test, 90 x 40 s",
         [
@@ -64,9 +63,9 @@ def error_statistics(out: Path, seeds: int = 1, updates: int = 0, mode: str = "d
                 metrics["same_physics_look_alikes"],
             ),
         ],
-        _budget(truck),
+        budget(truck),
     )
-    return _write(out, metrics)
+    return write(out, metrics)
 
 
 def learning_curves(out: Path, seeds: int = 30, updates: int = 0) -> dict[str, Any]:
@@ -94,7 +93,7 @@ def learning_curves(out: Path, seeds: int = 30, updates: int = 0) -> dict[str, A
     out.mkdir(parents=True, exist_ok=True)
     figure.savefig(out / "learning_curves.png", dpi=120)
     curves = {"updates": at, "training": [o[1].tolist() for o in observed]}
-    return _write(out, {**curves, "deployment": [o[2].tolist() for o in observed]})
+    return write(out, {**curves, "deployment": [o[2].tolist() for o in observed]})
 
 
 def field(out: Path, seeds: int = 4, updates: int = 0) -> dict[str, Any]:
@@ -105,11 +104,11 @@ def field(out: Path, seeds: int = 4, updates: int = 0) -> dict[str, Any]:
         whole = _drive(name, minutes, TRAIN_SEED, cycle)
         edge = round(0.85 * len(whole))
         truck = _trained([whole.piece(0, edge)], _arguments(seeds, updates, "default"))
-        held_out, note = whole.piece(edge, len(whole)), _budget(truck)
+        held_out, note = whole.piece(edge, len(whole)), budget(truck)
         metrics[name] = report.evaluate(truck, [held_out], out / name, count=10, horizon_s=15.0)
     rows = [(f"{name}, {FIELD[name][0]} min", m) for name, m in metrics.items()]
-    _table(out, "Field configurations on the reference trucks: ten runs of 15 s", rows, note)
-    return _write(out, metrics)
+    table(out, "Field configurations on the reference trucks: ten runs of 15 s", rows, note)
+    return write(out, metrics)
 
 
 def beside_classics(out: Path, seeds: int = 1, updates: int = 0) -> dict[str, Any]:
@@ -123,8 +122,8 @@ def beside_classics(out: Path, seeds: int = 1, updates: int = 0) -> dict[str, An
     }
     metrics = {name: statistics(trials(model, [test])) for name, model in models.items()}
     title = "Deep truck beside the classics: 1 h training, 3 h test, 90 x 40 s"
-    _table(out, title, list(metrics.items()), _budget(truck))
-    return _write(out, metrics)
+    table(out, title, list(metrics.items()), budget(truck))
+    return write(out, metrics)
 
 
 def minutes_of_data(out: Path, seeds: int = 1, updates: int = 0) -> dict[str, Any]:
@@ -142,9 +141,9 @@ def minutes_of_data(out: Path, seeds: int = 1, updates: int = 0) -> dict[str, An
             metrics[f"{minutes} min, adapted"] = statistics(trials(adapted, [test]))
             metrics[f"{minutes} min, from scratch"] = statistics(trials(scratch, [test]))
     title = f"Minutes of data on `trucksim`, alone or after {FLEET} other trucks of {FLEET_MINUTES} min each"
-    note = f"The fleet: {_budget(truck)} Adapted: {_budget(adapted)} From scratch: {_budget(scratch)}"
-    _table(out, f"{title}: 3 h test, 90 x 40 s", list(metrics.items()), note)
-    return _write(out, metrics)
+    note = f"The fleet: {budget(truck)} Adapted: {budget(adapted)} From scratch: {budget(scratch)}"
+    table(out, f"{title}: 3 h test, 90 x 40 s", list(metrics.items()), note)
+    return write(out, metrics)
 
 
 EXPERIMENTS: dict[str, Callable[..., dict[str, Any]]] = {
@@ -190,55 +189,3 @@ def _loss(
     starts = np.arange(0, len(recording) - steps, steps)
     x, target = sequences.gather(np.repeat(starts[None], network.shape.members, axis=0), steps)
     return kernels.loss(network, x, target, weight, form)
-
-
-def _sample_run(truck: DeepTruck, test: Recording, path: Path) -> None:
-    """One run of 200 s, initialised once, and its error."""
-    piece = test.piece(3000, 5001)
-    modelled = free_run(truck, piece.u[None], piece.w[None], piece.y[:1]).y
-    runs = Trials(piece.u[None], piece.w[None], piece.y[None], modelled, truck.dt, truck.interface.y)
-    figure = Figure(figsize=(9, 7), layout="constrained")
-    axes = figure.subplots(len(runs.channels), 2, sharex=True)
-    for j, name in enumerate(runs.channels):
-        axes[j, 0].plot(runs.time, runs.measured[0, :, j], "k", lw=1, label="truck")
-        axes[j, 0].plot(runs.time, runs.modelled[0, :, j], "tab:red", lw=1, label="model")
-        axes[j, 1].plot(runs.time, runs.error[0, :, j], "tab:blue", lw=1)
-        axes[j, 0].set_ylabel(name)
-        axes[j, 1].set_ylabel("error")
-    axes[0, 0].legend()
-    axes[0, 0].set_title(f"largest speed error {np.abs(runs.error[0, :, SPEED]).max():.2f} m/s")
-    for axis in axes[-1]:
-        axis.set_xlabel("time [s]")
-    figure.savefig(path, dpi=120)
-
-
-def _budget(truck: DeepTruck) -> str:
-    """What the training took, for the reader of a table."""
-    config, training = truck.details["config"], truck.details["training"]
-    return f"{config['members']} seed(s), {training['updates']} updates each, mode {config['mode']}."
-
-
-def _table(out: Path, title: str, rows: list[tuple[str, dict[str, Any]]], note: str = "") -> None:
-    lines = [
-        f"# {title}",
-        "",
-        *([note, ""] if note else []),
-        "| | speed: sd at end | mean abs | within 1.5 m/s | acceleration: mean abs | fuel rate: mean abs |",
-        "| --- | --- | --- | --- | --- | --- |",
-    ]
-    for name, m in rows:
-        within = 100 * m["speed"]["trials_within_1.5"]
-        fuel = f"{m['fuel_rate']['mean_abs']:.3f}" if "fuel_rate" in m else ""
-        lines.append(
-            f"| {name} | {m['speed']['sd_at_end']:.3f} | {m['speed']['mean_abs']:.3f} "
-            f"| {within:.1f} % | {m['acceleration']['mean_abs']:.4f} | {fuel} |"
-        )
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "README.md").write_text("\n".join(lines) + "\n")
-
-
-def _write(out: Path, metrics: dict[str, Any]) -> dict[str, Any]:
-    out.mkdir(parents=True, exist_ok=True)
-    content = {**metrics, "arguments": asdict(Arguments())}
-    (out / "metrics.json").write_text(json.dumps(content, indent=1) + "\n")
-    return metrics
