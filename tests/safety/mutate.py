@@ -1,9 +1,12 @@
-"""Mutation test of the safety core: `python tests/safety/mutate.py [--sample N --seed S] [--jobs N]`.
+"""Mutation test of the safety core: `python tests/safety/mutate.py [--jobs N]`.
 
 Every operator, comparison, boundary, constant, condition and statement of the core is changed, one at a
 time, and the core's tests run against it in a forked process. A mutant that no test notices is a survivor.
 Survivors that change nothing a truck could notice are listed in docs/can_bridge.md with the reason, and here
 in ALIKE. Exit code 1 when any other survives.
+
+A whole run writes docs/results/bridge_mutation.md with a digest of the core; CI refuses a core that differs
+from it, and runs a sample (`--sample N`) that the digest draws.
 """
 
 from __future__ import annotations
@@ -11,6 +14,7 @@ from __future__ import annotations
 import argparse
 import ast
 import copy
+import hashlib
 import importlib.abc
 import importlib.machinery
 import io
@@ -25,13 +29,15 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 SOURCE = HERE.parents[1] / "src" / "truck_bridge" / "safety"
+PROMISE = ("frames", "engagement", "handing_back", "losing", "arming")
 TESTS = {  # for each module, the tests most likely to notice first
-    "core": ("promise", "exact_times", "limits", "hearing"),
-    "hearing": ("hearing", "promise", "limits"),
-    "motion": ("motion", "limits", "promise"),
-    "checks": ("hearing", "promise", "limits"),
-    "tables": ("limits", "promise", "hearing"),
+    "core": (*PROMISE, "exact_times", "limits", "hearing"),
+    "hearing": ("hearing", *PROMISE, "limits"),
+    "motion": ("motion", "limits", *PROMISE),
+    "checks": ("hearing", *PROMISE, "limits"),
+    "tables": ("limits", *PROMISE, "hearing"),
 }
+RESULT = HERE.parents[1] / "docs" / "results" / "bridge_mutation.md"
 SECONDS = 90  # a mutant that runs longer hangs, and is noticed
 
 # Survivors that are alike to the original: module, the changed line, what it becomes.
@@ -290,7 +296,7 @@ def _run_tests(module: str) -> int:
     import pytest
 
     options = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-p", "no:cov", "-o", "addopts="]
-    options += ["--import-mode=importlib", "--no-header", "--tb=no"]
+    options += ["--import-mode=importlib", "--no-header", "--tb=no", f"--confcutdir={HERE}"]
     with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
         for test in TESTS[module]:
             code = int(pytest.main([*options, str(HERE / f"test_{test}.py")]))
@@ -299,18 +305,43 @@ def _run_tests(module: str) -> int:
     return 0
 
 
+def digest() -> str:
+    """Of the core's source."""
+    sources = [path.read_bytes() for path in sorted(SOURCE.glob("*.py"))]
+    return hashlib.sha256(b"".join(sources)).hexdigest()
+
+
+def _write(count: int, survivors: list[Mutant]) -> None:
+    listed = [f"- {m.module}.py:{m.line}: `{m.before}` as `{m.after}`" for m in survivors] or ["None."]
+    alike = [f"- {module}.py: `{before}` as `{after}`" for module, before, after in sorted(ALIKE)]
+    lines = [
+        "# Mutation of the safety core: measured",
+        "",
+        f"`python tests/safety/mutate.py`: {count} mutants, {count - len(survivors)} noticed.",
+        f"Core (SHA-256 of its files): `{digest()}`.",
+        "",
+        "## Survivors",
+        "",
+        *listed,
+        "",
+        "## Alike to the original, and therefore not run",
+        "",
+        *alike,
+    ]
+    RESULT.write_text("\n".join(lines) + "\n")
+
+
 def main() -> int:
     """Run all mutants, or a sample."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--sample", type=int, help="only so many mutants, drawn by --seed")
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--sample", type=int, help="only so many mutants, drawn by the digest")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--module", choices=list(TESTS))
     options = parser.parse_args()
     found = [m for name in TESTS if options.module in (None, name) for m in mutants(name)]
     found = [m for m in found if (m.module, m.before, m.after) not in ALIKE]
     if options.sample is not None:
-        found = random.Random(options.seed).sample(found, min(options.sample, len(found)))
+        found = random.Random(digest()).sample(found, min(options.sample, len(found)))
     import cantools  # noqa: F401 - loaded once, before the forks
     import pytest  # noqa: F401
 
@@ -321,6 +352,8 @@ def main() -> int:
         print(f"survived: {mutant.module}.py:{mutant.line}\n  {mutant.before}\n  {mutant.after}")
     print(f"{len(found)} mutants, {len(found) - len(survivors)} noticed, {len(survivors)} survived")
     print(f"{len(ALIKE)} more are alike to the original and not run")
+    if options.sample is None and options.module is None:
+        _write(len(found), survivors)
     return 1 if survivors else 0
 
 
