@@ -1,0 +1,215 @@
+"""A vehicle file, checked and turned into a Vehicle with the safety core's tables."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from importlib import resources
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from truck_bridge import j1939
+from truck_bridge.errors import InputError
+from truck_bridge.j1939 import checksums, ids
+from truck_bridge.j1939.codec import Codec, Layout, Signal
+from truck_bridge.safety import Axis, Driveline, Field, Heard, Limits, Measured, Table, Timing
+from truck_bridge.units import to_si
+from truck_bridge.vehicles.schema import VEHICLE, check
+from truck_bridge.vehicles.vehicle import Transmitted, Vehicle
+
+NAMES = ("trucksim", "freightliner", "volvo")
+
+
+def load(name: str | Path) -> Vehicle:
+    """A vehicle of the package by name, or a YAML file of the user's own.
+
+    Raises InputError naming the file, the key and what is wrong with it.
+    """
+    text, where = _text(str(name))
+    try:
+        data = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        line = getattr(getattr(error, "problem_mark", None), "line", 0) + 1
+        raise InputError(f"{where}, line {line}: not YAML; {getattr(error, 'problem', error)}") from None
+    check(data, VEHICLE, where)
+    extra = tuple((Path(where).parent / dbc).resolve() for dbc in data.get("dbc", []))
+    try:
+        return _build(data, j1939.load(*extra))
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+
+
+def _text(name: str) -> tuple[str, str]:
+    if name in NAMES:
+        return resources.files(__package__).joinpath(f"{name}.yaml").read_text(), f"{name}.yaml"
+    try:
+        return Path(name).read_text(), name
+    except OSError:
+        raise InputError(
+            f"no vehicle '{name}'; known: {', '.join(NAMES)}, or the path of a YAML file"
+        ) from None
+
+
+def _build(data: dict[str, Any], codec: Codec) -> Vehicle:
+    own = data["bridge"]["address"]
+    sent = {key: _transmitted(key, value, data, codec, own) for key, value in data["transmit"].items()}
+    heard = tuple(_heard(key, value, data, codec) for key, value in data["receive"].items())
+    _distinct("receive: message and sender", [f"0x{message.key:X}" for message in heard])
+    known = _distinct("receive: signal", [signal.name for message in heard for signal in message.signals])
+    for key in ("driver", "forbidden"):
+        for signal in set(data[key]) - known:
+            raise InputError(f"{key}: signal '{signal}' is not received; known: {', '.join(sorted(known))}")
+    table = Table(
+        address=own,
+        axes=tuple(message.axis for message in sent.values()),
+        heard=heard,
+        always=_claims(own),
+        friends=tuple(data["addresses"].values()),
+        override=tuple((name, float(value)) for name, value in data["driver"].items()),
+        forbidden=tuple((name, float(value)) for name, value in data["forbidden"].items()),
+        driveline=_driveline(data.get("driveline")),
+        timing=_timing(data.get("timing", {})),
+        engage_speed=_pair("engage.speed", data["engage"]["speed"]),
+        needs_lead=data["engage"]["needs_lead"],
+    )
+    return Vehicle(
+        data["name"],
+        data.get("truck", f"truck:{data['name']}"),
+        {"name": data["name"], **data["interface"]},
+        codec,
+        data["addresses"],
+        own,
+        data["bridge"]["identity"],
+        {"engine": 1.0, "retarder": 1.0, **data["reference_torque"]},
+        {command: _pair(f"command.{command}", values) for command, values in data["command"].items()},
+        sent,
+        table,
+    )
+
+
+def _claims(own: int) -> tuple[int, ...]:
+    claim = ids.Identifier(6, ids.ADDRESS_CLAIMED, ids.GLOBAL, own)
+    cannot = ids.Identifier(6, ids.ADDRESS_CLAIMED, ids.GLOBAL, ids.NULL)
+    return claim.can_id, cannot.can_id
+
+
+def _transmitted(key: str, spec: dict[str, Any], data: dict[str, Any], codec: Codec, own: int) -> Transmitted:
+    layout = codec[spec["message"]]
+    for name in (spec["demand"], *spec["active"], *spec["release"]):
+        _signal(layout, name)
+    signal = layout.signals[spec["demand"]]
+    word = int.from_bytes(layout.encode(spec["active"]), "little") & ~(signal.mask << signal.start)
+    release = int.from_bytes(layout.encode(spec["release"]), "little")
+    axis = Axis(
+        key,
+        layout.can_id(own, _address(data, spec["to"])),
+        spec["period"],
+        _field(signal, 1.0),
+        word & (1 << 56) - 1,
+        release & (1 << 56) - 1,
+        spec["check"],
+        _limits(key, spec["limits"]),
+        idle_at_rest=spec.get("idle_at_rest", False),
+        start_from=spec.get("start_from", ""),
+    )
+    return Transmitted(axis, layout, spec["demand"], spec["active"], spec["release"], spec["phase"])
+
+
+def _limits(key: str, spec: dict[str, Any]) -> Limits:
+    speed, low, high = (tuple(map(float, spec[name])) for name in ("speed", "low", "high"))
+    if not len(speed) == len(low) == len(high) > 1:
+        raise InputError(
+            f"transmit.{key}.limits: speed, low and high need the same number of points, two or more"
+        )
+    if any(b <= a for a, b in pairwise(speed)):
+        raise InputError(f"transmit.{key}.limits.speed must grow from point to point")
+    if max(low) > 0 or min(high) < 0:
+        raise InputError(f"transmit.{key}.limits: the envelope must hold 0, the demand that asks for nothing")
+    steepest = max(
+        abs(y1 - y0) / (x1 - x0)
+        for values in (low, high)
+        for x0, x1, y0, y1 in zip(speed, speed[1:], values, values[1:], strict=False)
+    )
+    slowest = min(spec["rate"] * Timing.handover_scale, spec["fade"])
+    if steepest * 12.0 > slowest:
+        raise InputError(
+            f"transmit.{key}.limits: at 12 m/s^2 the envelope moves {steepest * 12:g} a second, faster"
+            f" than the {slowest:g} a demand may follow; make it flatter or rate and fade larger"
+        )
+    return Limits(speed, low, high, spec["rate"], spec["fade"], spec["jerk"])
+
+
+def _pair(key: str, values: list[float]) -> tuple[float, float]:
+    if len(values) != 2 or values[0] > values[1]:
+        raise InputError(f"{key} needs two numbers, the lower first, not {values}")
+    return values[0], values[1]
+
+
+def _timing(spec: dict[str, float]) -> Timing:
+    known = [field.name for field in fields(Timing)]
+    for key in spec:
+        if key not in known:
+            raise InputError(f"timing: unknown key '{key}'; known: {', '.join(known)}")
+    return Timing(**spec)  # type: ignore[arg-type]
+
+
+def _heard(key: str, spec: dict[str, Any], data: dict[str, Any], codec: Codec) -> Heard:
+    """One entry of `receive`: its name is the message's, unless it says `message` itself because two
+    controllers send the same one.
+    """
+    layout = codec[spec.get("message", key)]
+    if spec.get("check", checksums.NONE) != checksums.NONE:
+        _room_to_sign(key, layout)
+    measured = []
+    for name, source in spec["signals"].items():
+        signal = _signal(layout, source)
+        factor, _ = to_si(signal.unit)
+        field = _field(signal, factor)
+        low, high = spec.get("range", {}).get(name, (field.offset, field.offset + field.scale * field.last))
+        measured.append(Measured(name, field, low, high))
+    sender = layout.pgn << 8 | _address(data, spec["from"])
+    return Heard(key, sender, spec["period"], spec["timeout"], tuple(measured), spec.get("check", "none"))
+
+
+def _room_to_sign(key: str, layout: Layout) -> None:
+    """Counter and checksum sit in byte 8. Raises InputError where the DBC has something else there."""
+    for signal in layout.signals.values():
+        if signal.start + signal.bits > 56 and not signal.name.endswith(("Counter", "Checksum")):
+            raise InputError(
+                f"receive.{key}.check: byte 8 of {layout.name} holds {signal.name}, no counter and checksum; "
+                f"name a DBC of your truck's under dbc"
+            )
+
+
+def _distinct(what: str, names: list[str]) -> set[str]:
+    """The names as a set. Raises InputError where one comes twice: the later would silently win."""
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"{what} '{name}' is named twice")
+    return set(names)
+
+
+def _signal(layout: Layout, name: str) -> Signal:
+    if name not in layout.signals:
+        raise InputError(f"{layout.name} has no signal '{name}'; known: {', '.join(layout.signals)}")
+    return layout.signals[name]
+
+
+def _field(signal: Signal, factor: float) -> Field:
+    return Field(signal.start, signal.bits, signal.scale * factor, signal.offset * factor, signal.last)
+
+
+def _address(data: dict[str, Any], who: str) -> int:
+    try:
+        address: int = data["addresses"][who]
+        return address
+    except KeyError:
+        raise InputError(f"no address for '{who}'; known: {', '.join(data['addresses'])}") from None
+
+
+def _driveline(spec: dict[str, Any] | None) -> Driveline | None:
+    if spec is None:
+        return None
+    return Driveline(spec["rolling_radius"] / spec["final_drive"], spec["tolerance"])

@@ -1,0 +1,87 @@
+"""One truck as the bridge and the ECU emulator know it: what it speaks and obeys, and the core's tables."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from truck_bridge.j1939 import checksums
+from truck_bridge.j1939.codec import Codec, Layout
+from truck_bridge.safety import Axis, Table
+
+
+@dataclass(frozen=True)
+class Transmitted:
+    """One command message: how its frame is built, and when it goes out."""
+
+    axis: Axis
+    layout: Layout
+    demand: str
+    active: dict[str, float]
+    release: dict[str, float]
+    phase_s: float
+
+    def frame(self, demand: float, count: int) -> bytes:
+        """Eight bytes for a demand, or the frame that hands back for NaN."""
+        if math.isnan(demand):
+            data = self.layout.encode(self.release)
+        else:
+            data = self.layout.encode({**self.active, self.demand: demand})
+        return checksums.sign(self.axis.check, self.axis.can_id, data, count)
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """One truck as the bridge and the ECU emulator know it."""
+
+    name: str
+    truck: str  # what the emulator drives, for deeptruck_model.simulators.load
+    interface: dict[str, Any]  # name, engine_unit, brake_unit, grade, fuel
+    codec: Codec
+    addresses: dict[str, int]
+    address: int  # of the bridge
+    identity: int
+    reference_torque: dict[str, float]
+    envelope: dict[str, tuple[float, float]]  # engine and brake commands, interface units, that are sane
+    transmitted: dict[str, Transmitted]  # by axis: engine, retarder, brake
+    table: Table
+
+    def demands(self, engine: float, brake: float) -> dict[str, float]:
+        """Demands by axis from the truck interface's engine and brake command.
+
+        An engine command below zero goes to the retarder where there is one. Inside the sane envelope a
+        demand saturates at what the actuator has; a command outside it, or NaN, becomes NaN, which the core
+        refuses.
+        """
+        found = {"engine": engine * self._percent, "brake": self._brake_sign * brake}
+        if "retarder" in self.transmitted:
+            found["engine"] = max(engine, 0.0) * self._percent
+            found["retarder"] = min(engine, 0.0) * self._percent * self._retarder_gain
+        for axis, message in self.transmitted.items():
+            limits = message.axis.limits
+            found[axis] = min(max(found[axis], min(limits.low)), max(limits.high))
+        sane = self._sane("engine", engine), self._sane("brake", brake)
+        return found if all(sane) else dict.fromkeys(found, math.nan)
+
+    def commands(self, demands: dict[str, float]) -> tuple[float, float]:
+        """Inverse of `demands`: engine and brake command in the truck's interface."""
+        engine = demands["engine"] + demands.get("retarder", 0.0) / self._retarder_gain
+        return engine / self._percent, self._brake_sign * demands["brake"]
+
+    @property
+    def _percent(self) -> float:
+        """Percent of the reference torque for one unit of engine command."""
+        return 100 / self.reference_torque["engine"] if self.interface["engine_unit"] == "N m" else 1.0
+
+    @property
+    def _retarder_gain(self) -> float:
+        return self.reference_torque["engine"] / self.reference_torque["retarder"]
+
+    @property
+    def _brake_sign(self) -> float:
+        return -1.0 if self.transmitted["brake"].layout.name == "XBR" else 1.0  # XBR asks for an acceleration
+
+    def _sane(self, command: str, value: float) -> bool:
+        low, high = self.envelope[command]
+        return low <= value <= high
