@@ -65,7 +65,6 @@ def test_closed_loop_over_can(start: Callable[..., Any], domain: int, tmp_path: 
         bus.shutdown()
     counted = diagnosed(tmp_path / "bag")
     assert int(counted["refused: engagement"]) > 0  # asked before the truck was heard
-    assert counted["engaged"] == "True"
     pieces = recordings.read(tmp_path / "bag")
     speed = pieces[0].channels["speed"]
     assert pieces[0].interface.name == "trucksim" and np.nanmax(np.abs(speed - 20)) < 2
