@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from deeptruck_model.mismatch.drawing import BLUE, GREEN, GREY, INK, ORANGE, SKY, figure, tidy, words
-from deeptruck_model.mismatch.explain import ENOUGH
+from deeptruck_model.mismatch.worth_saying import ENOUGH
 
 if TYPE_CHECKING:
-    from deeptruck_model.mismatch.explain import Explanation
+    from deeptruck_model.mismatch.causes import Explanation
 
 MOST_NAMES = 14
 PALE = "#cccccc"

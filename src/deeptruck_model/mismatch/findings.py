@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from deeptruck_model.mismatch.causes import Cause, Explanation
 from deeptruck_model.mismatch.data_checks import SensorFault
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.explain import Cause, Explanation
 from deeptruck_model.mismatch.mechanisms import LIBRARY, UNNAMED, Shape
 from deeptruck_model.mismatch.search import Model
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from pyoperon.sklearn import SymbolicRegressor
 from sympy.printing.str import StrPrinter
 
+from deeptruck_model.mismatch.causes import Explanation
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.explain import Explanation
 from deeptruck_model.mismatch.left_over import drivers, unexplained
 
 Array = NDArray[np.float64]

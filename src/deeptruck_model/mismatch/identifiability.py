@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from deeptruck_model.mismatch.causes import Explanation
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.explain import ENOUGH, PRACTICAL_FORCE, Explanation
 from deeptruck_model.mismatch.findings import TOLD_BY, Finding
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.search import FREE
+from deeptruck_model.mismatch.worth_saying import ENOUGH, PRACTICAL_FORCE
 
 
 def with_manoeuvres(found: Sequence[Finding]) -> list[Finding]:

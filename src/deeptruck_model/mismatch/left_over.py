@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.mismatch.causes import Explanation
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.explain import Explanation
 from deeptruck_model.mismatch.free_model import features
 
 Array = NDArray[np.float64]

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from sklearn.tree import DecisionTreeRegressor
 
+from deeptruck_model.mismatch.causes import Cause
 from deeptruck_model.mismatch.evidence import Evidence, Stretch
-from deeptruck_model.mismatch.explain import Cause
 from deeptruck_model.mismatch.free_model import features
 
 Array = NDArray[np.float64]

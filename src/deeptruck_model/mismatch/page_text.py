@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from deeptruck_model.mismatch.drawing import colour, words
-from deeptruck_model.mismatch.explain import ENOUGH
 from deeptruck_model.mismatch.mechanisms import LIBRARY
+from deeptruck_model.mismatch.worth_saying import ENOUGH
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.tool import Mismatch

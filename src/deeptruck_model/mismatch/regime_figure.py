@@ -15,8 +15,8 @@ from deeptruck_model.mismatch.drawing import BLUE, GREY, figure, label, tidy
 from deeptruck_model.mismatch.free_model import features
 
 if TYPE_CHECKING:
+    from deeptruck_model.mismatch.causes import Explanation
     from deeptruck_model.mismatch.evidence import Evidence
-    from deeptruck_model.mismatch.explain import Explanation
 
 Array = NDArray[np.float64]
 

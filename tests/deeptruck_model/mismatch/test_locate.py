@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from deeptruck_model.mismatch import locate
+from deeptruck_model.mismatch.causes import Cause
 from deeptruck_model.mismatch.evidence import Evidence, Stretch
-from deeptruck_model.mismatch.explain import Cause
 
 N, DT, MASS = 1500, 0.2, 2e4
 

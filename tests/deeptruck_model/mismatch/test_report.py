@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 
 from deeptruck_model.mismatch import findings, formula, page_text, report
+from deeptruck_model.mismatch.causes import Cause, Explanation
 from deeptruck_model.mismatch.data_checks import SensorFault
 from deeptruck_model.mismatch.evidence import Evidence, Stretch
-from deeptruck_model.mismatch.explain import Cause, Explanation
 from deeptruck_model.mismatch.free_model import FreeModel
 from deeptruck_model.mismatch.improvement import Errors
 from deeptruck_model.mismatch.locate import Regime, Segment

@@ -19,7 +19,7 @@ import pytest
 
 from deeptruck_model import driving_cycles, mismatch, simulators, trucks
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.tool import _plain
+from deeptruck_model.mismatch import output
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
 
@@ -68,7 +68,7 @@ def drives(
 
 def verdict(found: mismatch.Mismatch) -> dict[str, Any]:
     """The verdict as a program reads it; every one of them must keep to the schema."""
-    plain: dict[str, Any] = json.loads(json.dumps(_plain(found.verdict), allow_nan=False))
+    plain: dict[str, Any] = json.loads(json.dumps(output.plain(found.verdict), allow_nan=False))
     jsonschema.validate(plain, SCHEMA)
     return plain
 

@@ -1,0 +1,61 @@
+"""What an explanation is made of: causes, each a mechanism, a parameter or what has no name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.free_model import FreeModel
+from deeptruck_model.mismatch.mechanisms import Shape
+from deeptruck_model.mismatch.search import Model
+
+Array = NDArray[np.float64]
+
+GROUP = 9.0  # nats within which two names count as not told apart, or ...
+GROUP_SHARE = 0.12  # of the gain: no form is quite right, and the larger an effect the more nats that costs
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One accepted cause: a mechanism (with its shape), a parameter, or what no name explains (`unknown`)."""
+
+    kind: str
+    effect: str
+    gain: float
+    share: float
+    probability: float
+    force: Array  # specific force it adds to the simulator, (n,), m/s^2
+    shape: Shape | None = None
+    rivals: tuple[tuple[str, float], ...] = ()  # other names and by how many nats they are worse
+    nearest: str | None = None
+    needed: dict[str, float] | None = None  # for a slow force: the size each possible name would need
+    lawless: bool = False  # an unknown force that comes and goes, and not one that the signals predict
+
+    @property
+    def predictable(self) -> bool:
+        """Whether it is unknown, but the signals predict it: it has a shape over them, and perhaps a
+        formula."""
+        return self.effect == "unknown" and not self.lawless and self.needed is None
+
+    @property
+    def not_told_from(self) -> list[str]:
+        """Names that do nearly as well."""
+        near = max(GROUP, GROUP_SHARE * self.gain)
+        return [name for name, worse in self.rivals if worse < near and name != self.effect]
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Everything found on one body of evidence."""
+
+    causes: tuple[Cause, ...]
+    model: Model
+    parameters_only: Model
+    null: Model
+    left_over: FreeModel
+    left_over_gain: float
+    ranking: tuple[
+        tuple[str, float], ...
+    ]  # every name tried beside the first cause, with its gain over parameters alone

@@ -1,0 +1,78 @@
+"""From nothing to a model: mechanisms are added, dropped and exchanged while the evidence asks for it."""
+
+from __future__ import annotations
+
+from deeptruck_model.mismatch import intermittent
+from deeptruck_model.mismatch.search import Model, Search
+from deeptruck_model.mismatch.worth_saying import ENOUGH, enough, practical, price
+
+WIDENED = 4  # of the best names are given more freedom of form before the first is chosen
+MOST = 4  # effects at once
+EXCHANGES = 3
+WORTH_AN_EXCHANGE = 3.0  # nats
+BESIDE = 0.2  # a further name must gain this share of the others' gain: a form not quite right invites more
+
+
+def first_guess(search: Search) -> Model:
+    """Parameters alone, or with the one best mechanism: enough to see how far the parameters are off."""
+    base = search.background(())
+    best = max(search.candidates(base), key=lambda m: m.score, default=base)
+    return best if best.score > base.score + enough(search) + price(search, best) else base
+
+
+def grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], ...]]:
+    """Add the best mechanism while it is worth it; then drop those that no longer are."""
+    ranking: tuple[tuple[str, float], ...] = ()
+    bare = search.model((), frozenset()) if search.e.own_error > 0 else base
+    while len(base.named) < MOST:
+        candidates = search.candidates(base)
+        if not ranking:
+            ranking = tuple((m.effects[-1], m.score - base.score) for m in candidates)
+        candidates = [m for m in candidates if practical(search, m, m.named[-1])]
+        candidates = [search.enriched(m) for m in candidates[:WIDENED] if m.score > base.score + ENOUGH / 2]
+        best = max(candidates, key=lambda m: m.score - price(search, m), default=base)
+        if best.score < base.score + price(search, best) + enough(search) + BESIDE * (
+            base.score - bare.score
+        ):
+            break
+        base = search.background(best.named)
+    while len(base.named) > 1:
+        without = [search.background(tuple(n for n in base.named if n is not shape)) for shape in base.named]
+        weakest = max(without, key=lambda m: m.score)
+        if weakest.score < base.score - enough(search) - BESIDE * (base.score - bare.score):
+            break
+        base = weakest
+    base = _exchanged(search, base)
+    return _now_and_then(search, base), ranking
+
+
+def _now_and_then(search: Search, base: Model) -> Model:
+    """Add a mechanism that acts in a few windows alone, where one explains them."""
+    spans = intermittent.windows(search.e, base) if search.e.own_error == 0 else []
+    if not spans:
+        return base
+    tried = [m for m in intermittent.candidates(search, base, spans) if practical(search, m, m.named[-1])]
+    best = max(tried, key=lambda m: m.score, default=base)
+    return best if best.score > base.score + ENOUGH else base
+
+
+def _exchanged(search: Search, model: Model) -> Model:
+    """Each mechanism in turn gives way to one that does better beside the others: the first was chosen
+    alone."""
+    for _ in range(EXCHANGES):
+        before = model
+        for shape in model.named:
+            others = tuple(n for n in model.named if n is not shape)
+            options = [
+                search.enriched(m)
+                for m in search.candidates(search.background(others))[:WIDENED]
+                if practical(search, m, m.named[-1])
+            ]
+            best = max(options, key=lambda m: m.score - price(search, m), default=model)
+            better = search.background(best.named)
+            if better.score > model.score + WORTH_AN_EXCHANGE:
+                model = better
+                break
+        if model is before:
+            break
+    return model

@@ -1,0 +1,89 @@
+"""Whether recordings and simulator belong together, what is held out, and whether there is enough."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch import data_checks
+from deeptruck_model.mismatch.residual import Prepared
+from deeptruck_model.recordings import Recording
+from deeptruck_model.simulators import Simulator
+
+HELD_OUT_SHARE = 0.3
+LEAST_S = 60.0
+
+
+def same_signals(simulator: Simulator, recordings: Sequence[Recording]) -> None:
+    if not recordings:
+        raise InputError("there is no recording to compare with; give at least one bag with data in it")
+    need = {*simulator.interface.u, *simulator.interface.w}
+    for r in recordings:
+        missing = sorted(name for name in need if name not in r.channels)
+        if missing:
+            raise InputError(
+                f"recording '{r.name}' lacks {', '.join(missing)}, which the simulator needs; "
+                "record it or use another simulator"
+            )
+        for name in ("engine_command", "brake_command"):
+            here, there = r.interface.unit(name), simulator.interface.unit(name)
+            if name in need and here != there:
+                raise InputError(
+                    f"recording '{r.name}' has {name} in {here}, the simulator in {there}; "
+                    "import it with the simulator's unit"
+                )
+        if abs(r.dt - simulator.dt) > 1e-6:
+            raise InputError(
+                f"recording '{r.name}' is at {1 / r.dt:g} Hz, the simulator at {1 / simulator.dt:g} Hz; "
+                "resample or retrain"
+            )
+
+
+def with_held_out(
+    fit: list[Recording], held: list[Recording], dt: float
+) -> tuple[list[Recording], list[bool], list[str]]:
+    """Recordings and which of them are held out; where none was given, the last part is set aside."""
+    if held:
+        return fit + held, [False] * len(fit) + [True] * len(held), []
+    if len(fit) >= 4:
+        count = max(1, round(HELD_OUT_SHARE * len(fit)))
+        return (
+            fit,
+            [False] * (len(fit) - count) + [True] * count,
+            [f"no held-out recordings were given: the last {count} were set aside"],
+        )
+    pieces, flags = [], []
+    for r in fit:
+        cut = int(len(r) * (1 - HELD_OUT_SHARE))
+        if (len(r) - cut) * dt < LEAST_S:
+            pieces.append(r)
+            flags.append(False)
+            continue
+        pieces += [replace(r.piece(0, cut)), replace(r.piece(cut, len(r)))]
+        flags += [False, True]
+    note = (
+        "few recordings and none held out: the last 30 % of each was set aside, "
+        "so what is claimed holds for the same drives only"
+    )
+    return pieces, flags, [note]
+
+
+def unusable(prepared: Sequence[Prepared], rejected: Sequence[data_checks.Rejection]) -> str | None:
+    """Why nothing can be said from the recordings that are not held out, or None."""
+    seconds = sum(float(p.valid.sum()) * p.dt for p in prepared)
+    if seconds < LEAST_S:
+        if rejected:
+            most = rejected[0]
+            why = f"{most.rule} ({most.samples} samples)"
+            return f"only {seconds:.0f} s of usable driving; most was set aside because: {why}"
+        return f"only {seconds:.0f} s of usable driving: record at least several minutes above walking pace"
+    speed = np.concatenate([p.y[p.valid, 1] for p in prepared])
+    if np.std(speed) < 0.3:
+        return (
+            "the speed is constant throughout, so no force can be told from another: "
+            "accelerate, brake and coast between 5 and 25 m/s"
+        )
+    return None

@@ -1,0 +1,112 @@
+"""What a run leaves behind: verdict, profiles, pictures and the corrected simulator, all or nothing."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from deeptruck_model.errors import InputError
+
+if TYPE_CHECKING:
+    from deeptruck_model.mismatch.tool import Mismatch
+
+
+def write(mismatch: Mismatch, out: Path) -> None:
+    """Write verdict.json, profiles.csv, figures, report.html and simulator/ under `out`, all or nothing."""
+    from deeptruck_model.mismatch import report
+
+    out.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
+    except OSError as error:
+        raise InputError(f"cannot write to {out.parent}: {error.strerror}; choose another --out") from None
+    try:
+        (temporary / "verdict.json").write_text(json.dumps(plain(mismatch.verdict), indent=1))
+        if mismatch.evidence is not None:
+            _write_profiles(mismatch, temporary / "profiles.csv")
+        if mismatch.corrected is not None:
+            mismatch.corrected.save(temporary / "simulator")
+        report.write(mismatch, temporary)
+        _replace(temporary, out)
+    except OSError as error:
+        raise InputError(
+            f"cannot write to {out}: {error.strerror}; free some space or choose another --out"
+        ) from None
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _replace(temporary: Path, out: Path) -> None:
+    """Put the new results where older ones of this tool stood; anything else there stays and is an error."""
+    if out.exists():
+        if any(out.iterdir()) and not (out / "verdict.json").exists():
+            raise InputError(f"{out} exists and holds other files; choose an empty or new --out")
+        shutil.rmtree(out)
+    temporary.chmod(0o755)
+    temporary.rename(out)
+
+
+def _write_profiles(m: Mismatch, path: Path) -> None:
+    """The force of each finding along time and distance, one row a second, as specific force and as slope."""
+    e = m.evidence
+    assert e is not None
+    every = max(1, round(1.0 / e.dt))
+    with path.open("w", newline="") as file:
+        rows = csv.writer(file)
+        rows.writerow(["recording", "time_s", "distance_m", "name", "value"])
+        for f in m.findings:
+            if f.cause is None:
+                continue
+            for s in e.stretches:
+                for k in range(s.start, s.stop - every + 1, every):
+                    force = float(f.cause.force[k : k + every].mean())
+                    value = -force / 9.80665 if f.cause.effect == "road_grade" else force * e.mass
+                    rows.writerow(
+                        [
+                            s.name,
+                            f"{e['time'][k]:.2f}",
+                            f"{e['distance'][k]:.1f}",
+                            f.cause.effect,
+                            f"{value:.6g}",
+                        ]
+                    )
+
+
+def plain(x: Any) -> Any:
+    """JSON data without NaN, infinities and numpy types."""
+    if isinstance(x, dict):
+        return {str(k): plain(v) for k, v in x.items()}
+    if isinstance(x, (list, tuple)):
+        return [plain(v) for v in x]
+    if isinstance(x, (bool, np.bool_)):
+        return bool(x)
+    if isinstance(x, (int, np.integer)):
+        return int(x)
+    if isinstance(x, (float, np.floating)):
+        return float(x) if np.isfinite(x) else None
+    return x
+
+
+def apply(directory: Path, out: Path) -> None:
+    """Copy the corrected simulator of a run to `out`. Raises InputError without a passed validation."""
+    try:
+        verdict = json.loads((directory / "verdict.json").read_text())
+    except (OSError, json.JSONDecodeError):
+        raise InputError(
+            f"{directory} holds no readable verdict.json; "
+            f"run 'deeptruck-model mismatch --out {directory}' first"
+        ) from None
+    if not verdict.get("fit", {}).get("validated"):
+        raise InputError(
+            f"{directory} has no passed validation (held-out error did not improve), so it is not applied; "
+            "record more"
+        )
+    if out.exists():
+        raise InputError(f"{out} exists already; choose a new --out")
+    shutil.copytree(directory / "simulator", out)

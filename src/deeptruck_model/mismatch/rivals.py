@@ -1,0 +1,140 @@
+"""Each name beside those that would do nearly as well in its place."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from deeptruck_model.mismatch import intermittent
+from deeptruck_model.mismatch.causes import GROUP_SHARE, Cause
+from deeptruck_model.mismatch.growing import WIDENED
+from deeptruck_model.mismatch.mechanisms import UNNAMED, Shape, comes_and_goes
+from deeptruck_model.mismatch.search import TEMPER, Model, Search
+from deeptruck_model.mismatch.worth_saying import ENOUGH, enough, large_enough
+
+Array = NDArray[np.float64]
+
+INSTEAD = 4  # mechanisms tried in place of each parameter
+SLOW_S = 8.0  # smoothing of a slow force where it has no knots of its own
+PARAMETER_PRACTICAL = 0.025  # relative
+
+
+def named_cause(search: Search, model: Model, shape: Shape) -> Cause:
+    """One named effect with the names that would do nearly as well in its place."""
+    others = tuple(n for n in model.named if n is not shape)
+    base = search.background(others)
+    gain = model.score - base.score
+    if "when" in shape.settings:
+        spans = [(int(i), first, last) for i, first, last in shape.settings["when"]]
+        tried = intermittent.candidates(search, base, spans)
+    else:
+        tried = search.candidates(base)
+        tried = [search.enriched(m) for m in tried[:WIDENED]] + tried[WIDENED:]
+    tried = [m for m in tried if m.effects[-1] != shape.mechanism.effect]
+    rivals = [(m.effects[-1], model.score - m.score) for m in tried]
+    for p in search.parameters:
+        if p not in base.free:
+            alone = search.model(others, base.free | {p})
+            rivals.append((p, model.score - alone.score))
+    rivals = sorted(((n, float(worse)) for n, worse in rivals), key=lambda item: item[1])
+    odds = 1.0 + sum(np.exp(-worse / TEMPER) for _, worse in rivals) + np.exp(-gain / TEMPER)
+    lawless = _lawless(search, model, shape, gain)
+    if lawless is not None:
+        force = lawless.named[-1].columns @ lawless.coefficients(UNNAMED.effect)
+        more = gain + lawless.score - model.score
+        return Cause(
+            "missing_physics", "unknown", more, 0.0, 0.9, force, nearest=shape.mechanism.effect, lawless=True
+        )
+    return Cause(
+        shape.mechanism.kind,
+        shape.mechanism.effect,
+        gain,
+        0.0,
+        float(1.0 / odds),
+        _force(search, model, shape),
+        shape,
+        tuple(rivals),
+    )
+
+
+def _lawless(search: Search, model: Model, shape: Shape, gain: float) -> Model | None:
+    """The same model with an unnamed force in place of one that comes and goes, where that is far better.
+
+    A name for such a force says how it acts, with speed squared or with the pull; one that acts otherwise is
+    told by this alone.
+    """
+    if not comes_and_goes(shape) or search.e.own_error > 0:
+        return None  # a learned truck follows slow forces in part, so that none of them acts as it should
+    others = tuple(n for n in model.named if n is not shape)
+    base = search.model(others, model.free, model.fit)
+    scored = search.screen_shapes(base, search.shapes(UNNAMED))[:2]
+    options = [search.enriched(search.model((*others, s), model.free, model.fit)) for _, s in scored]
+    best = max(options, key=lambda m: m.score, default=model)
+    return best if best.score > model.score + max(ENOUGH, GROUP_SHARE * gain) else None
+
+
+def _force(search: Search, model: Model, shape: Shape) -> Array:
+    """What a mechanism adds, (n,). A profile whose knots did not reach every recording goes on as a smooth
+    residual."""
+    e = search.e
+    force = shape.columns @ model.coefficients(shape.mechanism.effect)
+    if shape.mechanism.effect != "road_grade":
+        return force
+    left = np.where(e.valid, e.residual - search.prediction(model) + force, 0.0)
+    weight = e.valid / search.series.relative**2
+    width = SLOW_S / e.dt
+    smooth = gaussian_filter1d(left * weight, width) / np.maximum(gaussian_filter1d(weight, width), 1e-3)
+    reached = np.zeros(len(e), dtype=bool)
+    for i in np.unique(e.record[np.abs(shape.columns).max(axis=1) > 0]):
+        reached |= e.record == i
+    return np.where(reached, force, smooth)
+
+
+def tuned_causes(search: Search, model: Model) -> list[Cause]:
+    """The free parameters in the order in which each helps most, and what each adds to those before it.
+
+    Judged one by one at the end they would hide behind each other: mass can be mimicked by three gains
+    together.
+    """
+    grown, out = search.model(model.named, frozenset()), []
+    while grown.free < model.free:
+        options = [
+            search.model(model.named, grown.free | {p}, model.fit) for p in sorted(model.free - grown.free)
+        ]
+        options = sorted((m for m in options if m.free > grown.free), key=lambda m: -m.score)
+        if not options:
+            break
+        name = next(iter(options[0].free - grown.free))
+        others = [(next(iter(m.free - grown.free)), options[0].score - m.score) for m in options[1:]]
+        others += [(m.effects[-1], options[0].score - m.score) for m in _instead(search, grown)]
+        cause = _parameter(search, model, name, options[0].score - grown.score, others)
+        if cause is not None:
+            out.append(cause)
+        grown = options[0]
+    return out
+
+
+def _instead(search: Search, model: Model) -> list[Model]:
+    """The best mechanisms in place of one more parameter: what grows with speed may be drag or tyres."""
+    best: dict[str, Shape] = {}
+    for _, shape in search.screen(model):
+        best.setdefault(shape.mechanism.effect, shape)
+    tried = [
+        search.model((*model.named, shape), model.free, model.fit) for shape in list(best.values())[:INSTEAD]
+    ]
+    return sorted(tried, key=lambda m: -m.score)
+
+
+def _parameter(
+    search: Search, model: Model, name: str, gain: float, others: list[tuple[str, float]]
+) -> Cause | None:
+    """A parameter that must move; None where it hardly moves or hardly matters."""
+    value = search.e.total_change(name, model.change(name))
+    least = enough(search) + search.e.tolerance.get(f"parameter:{name}", 0.0)
+    force = search.e.sensitivity[name] * value  # of the simulator as given, to first order
+    if abs(value) < PARAMETER_PRACTICAL or not large_enough(search.e, force) or gain < least:
+        return None
+    odds = 1.0 + sum(np.exp(-max(w, 0.0) / TEMPER) for _, w in others) + np.exp(-gain / TEMPER)
+    rivals = tuple(sorted(others, key=lambda item: item[1]))
+    return Cause("parameter_error", name, gain, 0.0, float(1.0 / odds), force, None, rivals)

@@ -1,0 +1,72 @@
+"""What is large enough and sure enough to be said at all."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes
+from deeptruck_model.mismatch.search import Model, Search
+
+Array = NDArray[np.float64]
+
+ENOUGH = 20.0  # nats a name must gain: the price of the search, and of noise not quite as modelled
+ENOUGH_LEARNED = 40.0  # the same for a learned simulator, whose own error is never quite known
+PRACTICAL_FORCE = 0.012  # m/s^2 rms over all time, what a slope sensor 0.1 % off makes, or ...
+PRACTICAL_WHEN_ACTING = 0.02  # m/s^2 rms over the tenth of the time when it acts most
+IMPOSSIBLE = 4.0  # prior sd; priors say what is physically possible
+# Beyond what sensor filters and message periods make late.
+PRACTICAL_S = {"delay": 0.15, "time_constant": 0.1}
+LEARNABLE = 0.05  # m/s^2 rms; a well-trained simulator's own error is smaller
+
+
+def enough(search: Search) -> float:
+    return ENOUGH_LEARNED if search.e.own_error > 0 else ENOUGH
+
+
+def price(search: Search, model: Model) -> float:
+    """Nats the last name of a model would gain from the simulator's own error alone."""
+    if not model.named:
+        return 0.0
+    last = model.named[-1]
+    force = last.columns @ model.coefficients(last.mechanism.effect)
+    if beyond_learning(search.e, last, force):
+        return 0.0
+    return search.e.tolerance.get(last.mechanism.effect, 0.0)
+
+
+def practical(search: Search, model: Model, shape: Shape) -> bool:
+    b = model.coefficients(shape.mechanism.effect)
+    for name, enough in PRACTICAL_S.items():
+        times = [value * part.factor for part, value in zip(shape.parts, b, strict=True) if part.name == name]
+        if times and abs(sum(times)) < enough:
+            return False
+    if not comes_and_goes(shape) and (np.abs(b - shape.prior.mean) > IMPOSSIBLE * shape.prior.sd).any():
+        return False
+    force = shape.columns @ b
+    return beyond_learning(search.e, shape, force) or large_enough(search.e, force)
+
+
+def beyond_learning(e: Evidence, shape: Shape, force: Array) -> bool:
+    """Whether the force has a driver that the simulator cannot see and is larger than what is imperfectly
+    learned.
+
+    It cannot have been absorbed, so meeting it on the simulator's own recordings too only says that it was
+    missing there.
+    """
+    if shape.columns.shape[1] < 3 and shape.mechanism.effect in (
+        "headwind",
+        "accessory_load",
+        "dragging_brake",
+    ):
+        return False  # always the same at the same speed, so it would have been learned
+    return shape.mechanism.hidden and float(np.sqrt(np.mean(force[e.valid] ** 2))) > LEARNABLE
+
+
+def large_enough(e: Evidence, force: Array) -> bool:
+    """Whether a force matters on the road and stands out of what the simulator itself learned imperfectly."""
+    acting = np.sort(np.abs(force[e.valid]))
+    rms = float(np.sqrt(np.mean(acting**2)))
+    top = float(np.sqrt(np.mean(acting[-max(1, len(acting) // 10) :] ** 2)))
+    return rms > max(PRACTICAL_FORCE, e.own_error) or top > max(PRACTICAL_WHEN_ACTING, 2.0 * e.own_error)

@@ -1,0 +1,54 @@
+"""A force that comes and goes as no known one does is unknown; one that acts as a wind does is a wind."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deeptruck_model.mismatch.causes import Explanation
+from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.explain import explain
+from deeptruck_model.mismatch.findings import from_cause
+from deeptruck_model.mismatch.search import Search
+
+ROADS = ("road_grade", "road_surface")
+
+
+def swell(e: Evidence) -> np.ndarray:
+    """Something that comes and goes within minutes, rms 1."""
+    return np.sqrt(2.0) * np.sin(2.0 * np.pi * np.arange(len(e)) * e.dt / 170.0)
+
+
+@pytest.fixture(scope="module")
+def pushed(nothing_missing: Evidence) -> Explanation:
+    """A force of either sign that does not care about speed, on a truck that drives from 3 to 24 m/s."""
+    speed = 13.5 + 10.5 * np.sin(np.arange(len(nothing_missing)) * nothing_missing.dt / 40.0)
+    signals = nothing_missing.signals | {"speed": speed, "drag": 1e-4 * speed**2}
+    e = replace(
+        nothing_missing,
+        signals=signals,
+        residual=nothing_missing.residual + 0.08 * swell(nothing_missing),
+    )
+    return explain(Search(e, exclude=ROADS))
+
+
+def test_a_push_that_does_not_care_about_speed_is_no_wind(pushed: Explanation) -> None:
+    assert [c.effect for c in pushed.causes] == ["unknown"]
+    cause = pushed.causes[0]
+    assert cause.lawless and not cause.predictable and cause.nearest is not None
+
+
+def test_it_is_told_with_the_nearest_name(pushed: Explanation, nothing_missing: Evidence) -> None:
+    data = from_cause(pushed.causes[0], nothing_missing, pushed, {}).data
+    assert pushed.causes[0].nearest in data["says"] and data["nearest"] == pushed.causes[0].nearest
+    assert np.corrcoef(pushed.causes[0].force, swell(nothing_missing))[0, 1] > 0.9
+
+
+def test_a_wind_is_a_wind(nothing_missing: Evidence) -> None:
+    e = nothing_missing
+    gusts = -4.0 * swell(e) * 2.0 * e["drag"] / e["speed"]
+    found = explain(Search(replace(e, residual=e.residual + gusts), exclude=ROADS))
+    assert found.causes and found.causes[0].effect != "unknown"
+    assert "headwind" in {found.causes[0].effect, *found.causes[0].not_told_from}
