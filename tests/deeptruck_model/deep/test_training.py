@@ -34,12 +34,12 @@ def test_learns_a_truck(drive, small, tmp_path):
 
 
 def test_grey_learns_a_truck_too(drive, small, tmp_path):
-    truck = train([drive(1200)], tmp_path / "sim", replace(small, updates=300, kind="grey"))
+    truck = train([drive(600)], tmp_path / "sim", replace(small, kind="grey"))
     assert truck.network.shape.gains
-    test = drive(600, seed=9)
+    test = drive(300, seed=9)
     runs = trials(truck, [test], 30, 20.0)
     still = np.nanmean(np.abs(runs.measured[..., 1] - runs.measured[:, :1, 1]))
-    assert speed_error(truck, test) < 0.15 * still
+    assert speed_error(truck, test) < 0.2 * still
 
 
 def test_an_adapted_truck_knows_more_than_its_minute_of_data_tells(truck, drive, small, tmp_path):
