@@ -52,7 +52,7 @@ def train(
     budget: Annotated[
         int,
         typer.Option(
-            help="Gradient updates; 0 chooses them from the amount of data (1-3 min of one core).", min=0
+            help="Gradient updates; 0 chooses them from the amount of data (up to 2 min of one core).", min=0
         ),
     ] = 0,
     start: Annotated[

@@ -65,4 +65,4 @@ def default_updates(samples: int) -> int:
 
     Beyond, the training drive is learned better and better, and other drives no more.
     """
-    return int(np.clip(samples // 12, 6000, 12000))
+    return int(np.clip(samples // 12, 1500, 12000))
