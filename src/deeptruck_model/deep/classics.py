@@ -23,6 +23,7 @@ from deeptruck_model.signals import SPEED, TruckInterface
 from deeptruck_model.simulators import Array, Simulator
 
 LAGS = 5
+LARGEST = 100.0  # m/s^2, cm^3/s: a polynomial that runs away stays a number
 
 
 class History(NamedTuple):
@@ -57,7 +58,7 @@ class Regression:
         newest = np.concatenate([u, w, state.y], axis=1)[:, None]
         rows = np.concatenate([state.rows[:, 1:], newest], axis=1) if state.rows.shape[1] else newest
         rows = np.repeat(rows, LAGS, axis=1) if rows.shape[1] == 1 else rows
-        free = self._predict(rows.reshape(len(rows), -1))
+        free = np.clip(self._predict(rows.reshape(len(rows), -1)), -LARGEST, LARGEST)
         speed = np.maximum(state.y[:, SPEED] + free[:, 0] * self.dt, 0.0)
         y = np.column_stack([(speed - state.y[:, SPEED]) / self.dt, speed, np.maximum(free[:, 1:], 0.0)])
         return History(rows, y), y

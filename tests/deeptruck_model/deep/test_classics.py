@@ -21,3 +21,10 @@ def test_learns_a_linear_truck(drive, name):
     assert isinstance(model, Simulator)
     metrics = statistics(trials(model, recordings[1:], 10, 10.0))
     assert metrics["speed"]["rmse_at_end"] < 0.2
+
+
+def test_a_model_that_runs_away_stays_a_number(drive):
+    recording = drive(60)
+    wild = classics.Regression(recording.interface, recording.dt, lambda rows: rows[:, -3:-1] ** 2 + 1e3)
+    runs = trials(wild, [recording], 3, 20.0)
+    assert np.isfinite(runs.modelled).all() and statistics(runs)["speed"]["mean_abs"] > 100
