@@ -14,7 +14,7 @@ from deeptruck_model.mismatch.search import Model
 Array = NDArray[np.float64]
 
 GROUP = 9.0  # nats within which two names count as not told apart, or ...
-GROUP_SHARE = 0.12  # of the gain: no form is quite right, and the larger an effect the more nats that costs
+GROUP_SHARE = 0.15  # of the gain: no form is quite right, and the larger an effect the more nats that costs
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,8 @@ from deeptruck_model.mismatch.mechanisms.base import (
     slow_settings,
 )
 
+LEAST_GRIP = 0.35  # m/s^2: ice, 0.1, under the driven axle of a truck, 0.35 of its weight
+
 
 def _loss_settings(e: Evidence) -> Iterator[Settings]:
     yield {"by": "torque"}
@@ -102,13 +104,13 @@ def _converter(s: Settings) -> list[Column]:
 
 def _slip_settings(e: Evidence) -> Iterator[Settings]:
     for q in (0.8, 0.92, 0.97):
-        pull = quantile(e, e["engine"], e["engine"] > 0.05, q)
+        pull = max(quantile(e, e["engine"], e["engine"] > 0.05, q), LEAST_GRIP)
         brake = quantile(e, e["brake"], e["brake"] > 0.1, q)
         if np.isfinite(pull) or np.isfinite(brake):
             yield {"pull": pull if np.isfinite(pull) else 1e3, "brake": brake if np.isfinite(brake) else 1e3}
-    grip = quantile(e, e["engine"], e["engine"] > 0.05, 0.6)
+    grip = max(quantile(e, e["engine"], e["engine"] > 0.05, 0.6), LEAST_GRIP)
     if np.isfinite(grip):  # the road is slippery here and there
-        yield from ({**slow, "pull": grip} for slow in slow_settings(e, _beyond(grip), 1.0))
+        yield from ({**slow, "pull": grip} for slow in slow_settings(e, _beyond(grip), 1.0, quick=False))
 
 
 def _beyond(grip: float) -> Expression:
@@ -117,7 +119,7 @@ def _beyond(grip: float) -> Expression:
 
 def _slip(s: Settings) -> list[Column]:
     if "knots" in s:
-        return slow_columns(s, _beyond(s["pull"]), "traction_share", "1", sign=1)
+        return slow_columns(s, _beyond(s["pull"]), "traction_share", "1", sign=1, steady=False)
     return [
         Column(-maximum(PULL - s["pull"], 0.0), 0.5, "traction_share"),
         Column(maximum(BRAKE - s["brake"], 0.0), 0.5, "brake_share"),
