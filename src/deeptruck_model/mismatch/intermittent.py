@@ -84,7 +84,7 @@ def candidates(search: Search, base: Model, spans: list[Span]) -> list[Model]:
         for mechanism in search.library
         if mechanism.effect not in (*base.effects, *ONE_SIZE)
         for s in search.shapes(mechanism)
-        if not comes_and_goes(s) and "each" not in s.settings
+        if not comes_and_goes(s) and not {"each", "recordings"} & set(s.settings)
     ]
     seen = [s for s in options if np.abs(s.columns[search.e.valid]).max(initial=0.0) > 1e-6]
     for _, shape in search.screen_shapes(base, seen):

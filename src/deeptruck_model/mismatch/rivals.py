@@ -37,7 +37,7 @@ def named_cause(search: Search, model: Model, shape: Shape) -> Cause:
         if p not in base.free:
             alone = search.model(others, base.free | {p})
             rivals.append((p, model.score - alone.score))
-    rivals = sorted(((n, float(worse)) for n, worse in rivals), key=lambda item: item[1])
+    rivals = _nearest_of_each_name(rivals)
     odds = 1.0 + sum(np.exp(-worse / TEMPER) for _, worse in rivals) + np.exp(-gain / TEMPER)
     lawless = _lawless(search, model, shape, gain)
     if lawless is not None:
@@ -56,6 +56,14 @@ def named_cause(search: Search, model: Model, shape: Shape) -> Cause:
         shape,
         tuple(rivals),
     )
+
+
+def _nearest_of_each_name(rivals: list[tuple[str, float]]) -> list[tuple[str, float]]:
+    """Best first; a drag area that changes and a wrong one bear the same name."""
+    nearest: dict[str, float] = {}
+    for name, worse in sorted(rivals, key=lambda item: item[1]):
+        nearest.setdefault(name, float(worse))
+    return list(nearest.items())
 
 
 def _lawless(search: Search, model: Model, shape: Shape, gain: float) -> Model | None:

@@ -52,3 +52,5 @@ def test_a_wind_is_a_wind(nothing_missing: Evidence) -> None:
     found = explain(Search(replace(e, residual=e.residual + gusts), exclude=ROADS))
     assert found.causes and found.causes[0].effect != "unknown"
     assert "headwind" in {found.causes[0].effect, *found.causes[0].not_told_from}
+    names = [name for name, _ in found.causes[0].rivals]
+    assert len(names) == len(set(names))
