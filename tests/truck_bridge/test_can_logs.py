@@ -11,8 +11,9 @@ import can
 import numpy as np
 import pytest
 
+from deeptruck_model.recordings import import_table
 from truck_bridge import can_logs
-from truck_bridge.can_logs import import_can_log
+from truck_bridge.can_logs import convert, import_can_log
 from truck_bridge.errors import InputError
 from truck_bridge.j1939 import load
 
@@ -148,6 +149,18 @@ def test_import_gives_si_channels_and_the_interface(tmp_path):
     for name, value in expected.items():
         assert channels[name][1] == pytest.approx(value, rel=1e-6), name
     assert "acceleration" not in channels
+
+
+def test_raw_frames_in_a_rosbag_import_as_the_log_does(tmp_path):
+    log = drive(tmp_path, pedal=12.0)
+    convert(log, tmp_path / "drive.mcap")
+    recordings = [
+        import_table(source, {"reference_torque": 2000}, tmp_path / f"bag{source.suffix}").recordings[0]
+        for source in (log, tmp_path / "drive.mcap")
+    ]
+    assert {*recordings[0].channels} == {*recordings[1].channels} > {"speed", "engine_torque"}
+    for name, values in recordings[0].channels.items():
+        assert recordings[1].channels[name] == pytest.approx(values, abs=1e-6, nan_ok=True), name
 
 
 def test_what_is_not_available_is_left_out(tmp_path):

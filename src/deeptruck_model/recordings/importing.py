@@ -27,7 +27,7 @@ SHORTEST_S, LONGEST_S = 2e-4, 30.0  # between rows; beyond, a unit was mistaken
 
 Array = NDArray[np.float64]
 
-CAN_SUFFIXES = (".log", ".asc", ".blf", ".mf4", ".candump", ".trc")
+CAN_SUFFIXES = (".log", ".asc", ".blf", ".mf4", ".candump", ".trc", ".mcap")
 IMPORTERS = "deeptruck.importers"
 
 CanLog = tuple[dict[str, tuple[Array, Array]], dict[str, Any]]
