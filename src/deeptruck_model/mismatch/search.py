@@ -32,6 +32,7 @@ Mask = NDArray[np.bool_]
 
 TEMPER = 3.0  # evidence is this much too sure, the noise model being approximate; priors are charged likewise
 POSSIBLE = (-0.7, 2.0)  # relative change of a parameter from the simulator's
+RETUNE_RANGE = (-0.6, 1.0)  # no truck is further off; what asks for more is no parameter error
 HELD = 0.01
 FREE = {"mass": 0.3, "drag_area": 0.3, "rolling_resistance": 0.4, "torque_gain": 0.15, "brake_gain": 0.25}
 # Filters of ordinary speed sensors and message periods make every response a little late (s); that is no

@@ -29,7 +29,7 @@ from deeptruck_model.mismatch.improvement import Errors
 from deeptruck_model.mismatch.inputs import same_signals, unusable, with_held_out
 from deeptruck_model.mismatch.output import apply, write
 from deeptruck_model.mismatch.residual import PARAMETERS, Prepared, gather, prepare
-from deeptruck_model.mismatch.search import Search
+from deeptruck_model.mismatch.search import RETUNE_RANGE, Search
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
 
@@ -40,7 +40,6 @@ EXCLUDE = (
 )
 NOT_BETTER = "the corrected simulator does not predict the held-out recordings better: nothing may be applied"
 OTHER_GEAR = "the simulator drives in another gear than was recorded"
-RETUNE_RANGE = (-0.6, 1.0)  # no truck is further off; what asks for more is no parameter error
 RETUNE = 0.05  # beyond this relative change parameters are set in the simulator, and all is linearised again
 
 

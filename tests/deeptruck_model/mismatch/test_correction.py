@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -68,3 +69,11 @@ def test_what_was_not_stated_never_goes_in(
     _, after = correction.correct(TRUCK, nothing_missing, SimpleNamespace(causes=(cause,), model=model), [])
     assert [t.effect for t in after.terms] == ["driveline_loss"] and not after.moved
     assert options == []  # there was nothing to choose
+
+
+def test_no_parameter_goes_where_no_truck_is(nothing_missing: Evidence) -> None:
+    stronger = 1.6 * nothing_missing.sensitivity["brake_gain"]  # brakes 2.6 times as strong
+    e = replace(nothing_missing, residual=nothing_missing.residual + stronger)
+    model = Search(e).model((), frozenset())
+    tuned, after = correction.correct(TRUCK, e, SimpleNamespace(causes=(), model=model), [])
+    assert tuned.moved["brake_gain"] == 1.0 and not after.moved
