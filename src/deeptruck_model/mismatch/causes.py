@@ -31,6 +31,8 @@ class Cause:
     rivals: tuple[tuple[str, float], ...] = ()  # other names and by how many nats they are worse
     nearest: str | None = None
     needed: dict[str, float] | None = None  # for a slow force: the size each possible name would need
+    alternatives: tuple[tuple[str, Model], ...] = ()  # whole explanations with rivals in its place
+    whole: Model | None = None  # the explanation these stand beside, where it is not the final one
     lawless: bool = False  # an unknown force that comes and goes, and not one that the signals predict
 
     @property

@@ -43,6 +43,12 @@ def correct(
     return tuned, options[int(np.argmin(errors))]
 
 
+def corrected(simulator: Simulator, e: Evidence, model: Model) -> CorrectedTruck:
+    """The simulator with one whole explanation in it, parameters and all; of a physics truck."""
+    shapes = [s for s in model.named if s.mechanism.kind == "missing_physics"]
+    return CorrectedTruck(simulator, _terms(shapes, model), _change(e, model, model.free), None, False)
+
+
 def _options(
     simulator: Simulator, e: Evidence, x: Explanation, search: Search, shares: Shares | None
 ) -> list[CorrectedTruck]:
@@ -103,4 +109,4 @@ def shown(
     return errors, after, fit
 
 
-__all__ = ["HORIZON_S", "correct", "shown"]
+__all__ = ["HORIZON_S", "correct", "corrected", "shown"]

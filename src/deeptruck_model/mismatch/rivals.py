@@ -15,6 +15,7 @@ from deeptruck_model.mismatch.worth_saying import ENOUGH, enough, large_enough
 
 Array = NDArray[np.float64]
 
+ALTERNATIVES = 3  # rivals whose whole explanation is kept, to be driven against each other
 INSTEAD = 4  # mechanisms tried in place of each parameter
 SLOW_S = 8.0  # smoothing of a slow force where it has no knots of its own
 PARAMETER_PRACTICAL = 0.025  # relative
@@ -32,12 +33,10 @@ def named_cause(search: Search, model: Model, shape: Shape) -> Cause:
         tried = search.candidates(base)
         tried = [search.enriched(m) for m in tried[:WIDENED]] + tried[WIDENED:]
     tried = [m for m in tried if m.effects[-1] != shape.mechanism.effect]
-    rivals = [(m.effects[-1], model.score - m.score) for m in tried]
-    for p in search.parameters:
-        if p not in base.free:
-            alone = search.model(others, base.free | {p})
-            rivals.append((p, model.score - alone.score))
-    rivals = _nearest_of_each_name(rivals)
+    instead = [(m.effects[-1], m) for m in tried]
+    instead += [(p, search.model(others, base.free | {p})) for p in search.parameters if p not in base.free]
+    instead = _best_of_each_name(instead)
+    rivals = [(name, model.score - m.score) for name, m in instead]
     odds = 1.0 + sum(np.exp(-worse / TEMPER) for _, worse in rivals) + np.exp(-gain / TEMPER)
     lawless = _lawless(search, model, shape, gain)
     if lawless is not None:
@@ -55,15 +54,16 @@ def named_cause(search: Search, model: Model, shape: Shape) -> Cause:
         _force(search, model, shape),
         shape,
         tuple(rivals),
+        alternatives=tuple(instead[:ALTERNATIVES]),
     )
 
 
-def _nearest_of_each_name(rivals: list[tuple[str, float]]) -> list[tuple[str, float]]:
+def _best_of_each_name(models: list[tuple[str, Model]]) -> list[tuple[str, Model]]:
     """Best first; a drag area that changes and a wrong one bear the same name."""
-    nearest: dict[str, float] = {}
-    for name, worse in sorted(rivals, key=lambda item: item[1]):
-        nearest.setdefault(name, float(worse))
-    return list(nearest.items())
+    best: dict[str, Model] = {}
+    for name, model in sorted(models, key=lambda item: -item[1].score):
+        best.setdefault(name, model)
+    return list(best.items())
 
 
 def _lawless(search: Search, model: Model, shape: Shape, gain: float) -> Model | None:
@@ -113,10 +113,9 @@ def tuned_causes(search: Search, model: Model) -> list[Cause]:
         options = sorted((m for m in options if m.free > grown.free), key=lambda m: -m.score)
         if not options:
             break
-        name = next(iter(options[0].free - grown.free))
-        others = [(next(iter(m.free - grown.free)), options[0].score - m.score) for m in options[1:]]
-        others += [(m.effects[-1], options[0].score - m.score) for m in _instead(search, grown)]
-        cause = _parameter(search, model, name, options[0].score - grown.score, others)
+        others = [(next(iter(m.free - grown.free)), m) for m in options[1:]]
+        others += [(m.effects[-1], m) for m in _instead(search, grown)]
+        cause = _parameter(search, model, grown, options[0], _best_of_each_name(others))
         if cause is not None:
             out.append(cause)
         grown = options[0]
@@ -135,14 +134,26 @@ def _instead(search: Search, model: Model) -> list[Model]:
 
 
 def _parameter(
-    search: Search, model: Model, name: str, gain: float, others: list[tuple[str, float]]
+    search: Search, model: Model, before: Model, after: Model, others: list[tuple[str, Model]]
 ) -> Cause | None:
-    """A parameter that must move; None where it hardly moves or hardly matters."""
+    """The parameter that `after` frees beyond `before`; None where it hardly moves or hardly matters."""
+    name, gain = next(iter(after.free - before.free)), after.score - before.score
     value = search.e.total_change(name, model.change(name))
     least = enough(search) + search.e.tolerance.get(f"parameter:{name}", 0.0)
     force = search.e.sensitivity[name] * value  # of the simulator as given, to first order
     if abs(value) < PARAMETER_PRACTICAL or not large_enough(search.e, force) or gain < least:
         return None
-    odds = 1.0 + sum(np.exp(-max(w, 0.0) / TEMPER) for _, w in others) + np.exp(-gain / TEMPER)
-    rivals = tuple(sorted(others, key=lambda item: item[1]))
-    return Cause("parameter_error", name, gain, 0.0, float(1.0 / odds), force, None, rivals)
+    rivals = tuple((n, after.score - m.score) for n, m in others)
+    odds = 1.0 + sum(np.exp(-max(w, 0.0) / TEMPER) for _, w in rivals) + np.exp(-gain / TEMPER)
+    return Cause(
+        "parameter_error",
+        name,
+        gain,
+        0.0,
+        float(1.0 / odds),
+        force,
+        None,
+        rivals,
+        alternatives=tuple(others[:ALTERNATIVES]),
+        whole=after,
+    )

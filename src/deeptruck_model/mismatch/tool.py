@@ -18,6 +18,7 @@ from deeptruck_model.mismatch import (
     formula,
     identifiability,
     locate,
+    manoeuvres,
     own_error,
 )
 from deeptruck_model.mismatch.causes import Explanation
@@ -162,7 +163,7 @@ def _findings(simulator: Simulator, c: _Checked, e: Evidence, x: Explanation) ->
     own = simulator.parameters()
     found = [findings.from_sensor(f) for f in c.faults]
     found += [findings.from_cause(cause, e, x, own) for cause in x.causes]
-    found = identifiability.with_manoeuvres(found)
+    found = [manoeuvres.checked(f, simulator, e, x.model) for f in identifiability.with_manoeuvres(found)]
     for f in found:
         if f.cause is not None and f.cause.predictable:
             f.data.update(formula.describe(e, x))

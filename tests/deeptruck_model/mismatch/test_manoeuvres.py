@@ -1,0 +1,83 @@
+"""A manoeuvre is said to tell two explanations apart where the truck driven under each of them differs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deeptruck_model import trucks
+from deeptruck_model.mismatch.causes import Cause
+from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.findings import Finding
+from deeptruck_model.mismatch.manoeuvres import MANOEUVRES, checked, separation
+from deeptruck_model.mismatch.mechanisms import LIBRARY, comes_and_goes
+from deeptruck_model.mismatch.search import Model, Search
+
+TRUCK = trucks.load("trucksim")
+
+
+@pytest.fixture(scope="module")
+def lossy(nothing_missing: Evidence) -> Evidence:
+    """A driveline that loses an eighth, on a truck whose commands are N m and percent."""
+    signals = nothing_missing.signals | {"engine_command": 3000.0 * nothing_missing["engine"]}
+    signals["brake_command"] = 40.0 * (nothing_missing["brake"] > 0.0)
+    lost = 0.125 * np.abs(nothing_missing["engine"])
+    return replace(nothing_missing, signals=signals, residual=nothing_missing.residual - lost)
+
+
+@pytest.fixture(scope="module")
+def models(lossy: Evidence) -> dict[str, Model]:
+    search = Search(lossy)
+    gusts = next(s for s in search.shapes(LIBRARY["headwind"]) if comes_and_goes(s))
+    return {
+        "loss": search.model((search.shapes(LIBRARY["driveline_loss"])[0],), frozenset()),
+        "gain": search.model((), frozenset({"torque_gain"})),
+        "nothing": search.model((), frozenset()),
+        "gusts": search.model((gusts,), frozenset()),
+    }
+
+
+def finding(e: Evidence, model: Model, rival: str, other: Model) -> Finding:
+    shape = model.named[0]
+    cause = Cause(
+        "missing_physics", shape.mechanism.effect, 90.0, 1.0, 0.9, np.zeros(len(e)), shape,
+        ((rival, 3.0),), alternatives=((rival, other),),
+    )  # fmt: skip
+    return Finding({"would_be_told_by": "coast", "cannot_be_told_from": [rival]}, cause)
+
+
+def test_one_explanation_is_not_told_from_itself(lossy: Evidence, models: dict[str, Model]) -> None:
+    assert separation(TRUCK, lossy, models["loss"], models["loss"]).telling == 0.0
+    alike = checked(finding(lossy, models["loss"], "twin", models["loss"]), TRUCK, lossy, models["loss"])
+    assert f"nothing of {len(MANOEUVRES)} manoeuvres tells it from twin" in alike.data["would_be_told_by"]
+
+
+def test_a_lost_eighth_of_the_pull_shows_in_a_pull(lossy: Evidence, models: dict[str, Model]) -> None:
+    s = separation(TRUCK, lossy, models["loss"], models["nothing"])
+    assert "pull" in s.words and s.telling > 5.0 and s.apart > 1.0
+
+
+def test_it_is_said_which_manoeuvre_tells(lossy: Evidence, models: dict[str, Model]) -> None:
+    found = finding(lossy, models["loss"], "nothing", models["nothing"])
+    words = checked(found, TRUCK, lossy, models["loss"]).data["would_be_told_by"]
+    assert words.startswith("coast; simulated on a flat road, ") and "tells it from nothing" in words
+
+
+def test_what_comes_and_goes_is_not_simulated(lossy: Evidence, models: dict[str, Model]) -> None:
+    found = finding(lossy, models["gusts"], "torque_gain", models["gain"])
+    assert checked(found, TRUCK, lossy, models["gusts"]) is found
+
+
+def test_a_parameter_is_driven_against_the_law_in_its_place(
+    lossy: Evidence, models: dict[str, Model]
+) -> None:
+    cause = Cause(
+        "parameter_error", "torque_gain", 90.0, 1.0, 0.9, np.zeros(len(lossy)), None,
+        (("driveline_loss", 3.0),), alternatives=(("driveline_loss", models["loss"]),), whole=models["gain"],
+    )  # fmt: skip
+    found = Finding({"would_be_told_by": "pull", "cannot_be_told_from": ["driveline_loss"]}, cause)
+    words = checked(found, TRUCK, lossy, models["nothing"]).data["would_be_told_by"]
+    s = separation(TRUCK, lossy, models["gain"], models["loss"])
+    assert s.telling > 0.0 and (s.words in words) == (s.telling >= 1.0)
