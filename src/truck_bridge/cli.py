@@ -75,6 +75,8 @@ def decode(
     """See _DECODE."""
     from truck_bridge import can_logs, vehicles
 
+    if out is not None and out.exists():
+        raise InputError(f"{out} exists already; choose another name or remove it")
     decoded = can_logs.decode(log, vehicles.load(vehicle).codec)
     if out is not None:
         can_logs.write_csv(decoded, out)
@@ -128,7 +130,7 @@ def replay(
     interface: Interface,
     channel: Channel,
     commands: Annotated[bool, typer.Option(help="send command messages too; never on a truck")] = False,
-    speed: Annotated[float, typer.Option(help="times faster than recorded", min=0.01)] = 1.0,
+    speed: Annotated[float, typer.Option(help="times faster than recorded", min=0.01, max=1000.0)] = 1.0,
 ) -> None:
     """See _REPLAY."""
     from truck_bridge import can_logs

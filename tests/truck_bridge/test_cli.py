@@ -31,7 +31,11 @@ def test_decode_prints_the_table_and_writes_the_csv(monkeypatch, capsys, log, tm
     out = tmp_path / "out.csv"
     assert run(monkeypatch, "decode", log, "--vehicle", "volvo", "--out", out) == 0
     assert "EEC1.EngineSpeed" in capsys.readouterr().out
-    assert out.read_text().startswith("time,source,signal,value,unit\n")
+    before = out.read_text()
+    assert before.startswith("time,source,signal,value,unit\n")
+    assert run(monkeypatch, "decode", log, "--vehicle", "trucksim", "--out", out) == 2
+    assert "exists already" in capsys.readouterr().err
+    assert out.read_text() == before
 
 
 def test_what_is_replayed_can_be_recorded_and_commands_stay_off(monkeypatch, capsys, log, tmp_path):
@@ -70,6 +74,15 @@ def test_convert_makes_a_rosbag_and_overwrites_nothing(monkeypatch, capsys, log)
     assert "exists already" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("suffix", [".log", ".mcap", ".blf"])
+def test_a_silent_bus_is_no_recording(monkeypatch, capsys, tmp_path, suffix):
+    out, channel = tmp_path / f"silent{suffix}", f"{os.getpid()}-silent"
+    options = ("--interface", "loopback", "--channel", channel, "--duration", "0.3")
+    assert run(monkeypatch, "record", out, *options) == 2
+    assert f"nothing was heard on loopback {channel}" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
@@ -79,6 +92,7 @@ def test_convert_makes_a_rosbag_and_overwrites_nothing(monkeypatch, capsys, log)
         (["replay", "none.log", "--interface", "loopback", "--channel", "x"], "does not exist"),
         (["replay", "LOG", "--interface", "warp", "--channel", "x"], "cannot open CAN interface"),
         (["check", "none.log", "--vehicle", "volvo"], "does not exist"),
+        (["replay", "LOG", "--interface", "loopback", "--channel", "x", "--speed", "inf"], "--speed"),
         (["convert", "LOG", "a.xyz"], "ends in .log"),
         (["record", "a.log", "--interface", "loopback", "--channel", "x", "--duration", "-1"], "--duration"),
         (["record", "a.log", "--interface", "loopback", "--channel", "x", "--duration", "nan"], "--duration"),

@@ -25,8 +25,8 @@ WRITABLE = (".log", ".asc", ".blf", ".mf4", ".trc", rosbag.WRITTEN)
 def record(path: Path, interface: str, channel: str, duration: float | None = None) -> int:
     """Write a bus to a log until the duration or KeyboardInterrupt. Returns the number of frames.
 
-    Raises InputError where the bus cannot be opened, or the log exists, is of an unknown kind or cannot be
-    written; what a full disk had taken until then stays.
+    Raises InputError where the bus cannot be opened or is silent, or the log exists, is of an unknown kind or
+    cannot be written; what a full disk had taken until then stays.
     """
     _check_new(path)
     bus = open_bus(interface, channel)
@@ -44,6 +44,11 @@ def record(path: Path, interface: str, channel: str, duration: float | None = No
         raise InputError(f"the bus is gone ({error}); {count} frames are in {path}") from None
     finally:
         bus.shutdown()
+    if count == 0:
+        path.unlink(missing_ok=True)
+        raise InputError(
+            f"nothing was heard on {interface} {channel}; is it the right channel, does anyone speak?"
+        )
     return count
 
 

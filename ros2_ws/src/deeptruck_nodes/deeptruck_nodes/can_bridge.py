@@ -44,6 +44,8 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         self._signals: dict[str, float] = {}
         self._published_at = self._lead_at = self._asked_at = self._told_at = -math.inf
         self._told = False
+        self._armed_at = self._counted_at = math.nan  # monotonic, s
+        self._in_control = 0.0  # s
         self._say_at = math.inf  # when to say what stands against engaging
         self._wanted: bool = self.p["engage"]
         self._why_not: tuple[str, ...] = ()
@@ -68,7 +70,8 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         self._stop.clear()
         self._published_at = time.monotonic()
         self._say_at = self._published_at + SAY_EVERY
-        self._bridge.arm(time.monotonic())
+        self._armed_at = self._counted_at = time.monotonic()
+        self._bridge.arm(self._armed_at)
         self._thread = threading.Thread(
             target=self._bridge.run,
             args=(self._stop, self._on_signals),
@@ -89,7 +92,13 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
     def close(self) -> None:
         if self._thread is not None:
             self.trigger_deactivate()
+            if self.p["engage"]:
+                _say(self._how_it_went(time.monotonic() - self._armed_at))
         self._bus.shutdown()
+
+    def _how_it_went(self, seconds: float) -> str:
+        losses = ", ".join(f"{name} ({count})" for name, count in self._bridge.status.losses.items())
+        return f"in control {self._in_control:.0f} s of {seconds:.0f} s" + (losses and f"; lost: {losses}")
 
     def _on_signals(self, signals: dict[str, float], now: float) -> None:
         self._signals = signals  # in the bridge's thread; replaced as a whole
@@ -109,6 +118,8 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
     def _tell(self, now: float) -> None:
         """The engaged bit, back to the controller: its half of the heartbeat."""
         engaged = self._bridge.engaged
+        self._in_control += (now - self._counted_at) * engaged
+        self._counted_at = now
         if engaged != self._told:
             _say("engaged" if engaged else self._bridge.status.warning)
         if engaged != self._told or now - self._told_at > TELL_EVERY:

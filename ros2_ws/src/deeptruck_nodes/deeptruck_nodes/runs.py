@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from deeptruck_cacc import load_policy
 from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
@@ -104,8 +106,19 @@ def drive_vehicle(
     with vehicle.bridge_errors():
         road_of_emulator(grade)
         open_bus(bus["interface"], bus["channel"]).shutdown()
+    if emulate:
+        _compile(str(vehicle.load(bus["vehicle"]).truck))
     others = (_emulator(bus, speed, grade),) if emulate else ()
     return _run("vehicle", common, sections, others=others, duration=duration)
+
+
+def _compile(truck: str) -> None:
+    """Drive a truck one step: on a new machine it is compiled for that, and a run would wait on a silent
+    bus."""
+    simulator = simulators.load(truck)
+    i = simulator.interface
+    state = simulator.reset(np.zeros((1, len(i.y))))
+    simulator.step(state, np.zeros((1, len(i.u))), np.zeros((1, len(i.w))))
 
 
 def _emulator(bridge: Mapping[str, Any], speed: float, grade: str) -> Program:

@@ -160,6 +160,7 @@ class Supervisor:
             for number, patience in PATIENCE:
                 if self._ended(child, number, patience):
                     break
+            child.repeat()
             child.lifeline.close()
 
     def _ended(self, child: _Child, number: signal.Signals, patience: float) -> bool:
