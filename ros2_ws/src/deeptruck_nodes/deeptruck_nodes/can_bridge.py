@@ -97,7 +97,8 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         self._bus.shutdown()
 
     def _how_it_went(self, seconds: float) -> str:
-        losses = ", ".join(f"{name} ({count})" for name, count in self._bridge.status.losses.items())
+        counts = {name: n for name, n in self._bridge.status.losses.items() if name != "stopped"}
+        losses = ", ".join(f"{name} ({n})" for name, n in counts.items())
         return f"in control {self._in_control:.0f} s of {seconds:.0f} s" + (losses and f"; lost: {losses}")
 
     def _on_signals(self, signals: dict[str, float], now: float) -> None:
