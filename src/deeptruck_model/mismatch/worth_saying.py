@@ -38,9 +38,9 @@ def price(search: Search, model: Model) -> float:
 
 def practical(search: Search, model: Model, shape: Shape) -> bool:
     b = model.coefficients(shape.mechanism.effect)
-    for name, enough in PRACTICAL_S.items():
+    for name, least in PRACTICAL_S.items():
         times = [value * part.factor for part, value in zip(shape.parts, b, strict=True) if part.name == name]
-        if times and abs(sum(times)) < enough:
+        if times and abs(sum(times)) < least:
             return False
     if not comes_and_goes(shape) and (np.abs(b - shape.prior.mean) > IMPOSSIBLE * shape.prior.sd).any():
         return False

@@ -71,6 +71,7 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         self._published_at = time.monotonic()
         self._say_at = self._published_at + SAY_EVERY
         self._armed_at = self._counted_at = time.monotonic()
+        self._in_control = 0.0
         self._bridge.arm(self._armed_at)
         self._thread = threading.Thread(
             target=self._bridge.run,
