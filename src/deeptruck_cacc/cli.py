@@ -38,7 +38,7 @@ def train(
     simulator: SimulatorPath,
     out: Annotated[Path, typer.Option(metavar="POLICY", help="Policy directory to write.")],
     trainer: Annotated[
-        Trainer, typer.Option(help="analytic: gradient through a deep truck; trpo: any simulator.")
+        Trainer, typer.Option(help="analytic: back through the simulator; trpo: the paper's.")
     ] = Trainer.analytic,
     seed: Annotated[int, typer.Option(help="First seed.", min=0)] = 0,
     seeds: Annotated[int, typer.Option(help="Seeds side by side (analytic).", min=1, max=100)] = 3,

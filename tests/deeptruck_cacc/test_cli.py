@@ -19,7 +19,6 @@ def run(monkeypatch, *arguments: str) -> int:
     ("arguments", "says"),
     [
         (["train", "--simulator", "nowhere", "--out", "{tmp}/p"], "simulator"),
-        (["train", "--simulator", "truck:trucksim", "--out", "{tmp}/p"], "trpo"),
         (["train", "--simulator", "truck:nosuch", "--out", "{tmp}/p"], "nosuch"),
         (["train", "--simulator", "truck:trucksim", "--out", "{tmp}/taken"], "choose another --out"),
         (

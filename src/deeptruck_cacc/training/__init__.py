@@ -10,12 +10,14 @@ __all__ = ["train"]
 def train(simulator: Any, out: Any, *, trainer: str = "analytic", **options: Any) -> Any:
     """Train a policy on a simulator with 'analytic' or 'trpo'; options go to that trainer's `train`.
 
-    Imported on use: torch and Stable-Baselines3 stay out of a controller's process.
+    The analytic trainer takes a deep truck's own gradient, and lends one to every other simulator. Imported
+    on use: torch and Stable-Baselines3 stay out of a controller's process.
     """
     if trainer == "analytic":
         from deeptruck_cacc.training import analytic
+        from deeptruck_cacc.training.lent_gradient import with_gradient
 
-        return analytic.train(simulator, out, **options)
+        return analytic.train(with_gradient(simulator), out, **options)
     if trainer == "trpo":
         from deeptruck_cacc.training import trpo
 
