@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_cacc.mpc import mpc
 from deeptruck_cacc.pedals import PedalMap
 from deeptruck_cacc.policy import Observation
 from deeptruck_cacc.scaling import FeatureMap, paper_signals
@@ -26,6 +27,7 @@ class Seen:
     gap: Array
     target_gap: Array
     leader_acceleration: Array
+    acceleration: Array
     integral: Array
 
     @property
@@ -67,7 +69,7 @@ def pi(seen: Seen) -> Array:
     return 0.12 * error + 0.5 * speed_error + 0.02 * seen.integral + 0.7 * seen.leader_acceleration
 
 
-LAWS: dict[str, Law] = {"acc": acc, "cacc": cacc, "idm": idm, "pi": pi}
+LAWS: dict[str, Law] = {"acc": acc, "cacc": cacc, "idm": idm, "pi": pi, "mpc": mpc}
 
 
 @dataclass
@@ -99,7 +101,7 @@ class Baseline:
         # The acceleration asked for one slow constant ago is what the slow ego rate should show now.
         correction = np.clip(correction + self.correction_per_s * self.dt * (wanted - rates[:, 1]), -1.0, 1.0)
         leader_speed, speed, gap, target_gap, grade = signals.T
-        seen = Seen(leader_speed, speed, gap, target_gap, rates[:, 0], memory[:, 0])
+        seen = Seen(leader_speed, speed, gap, target_gap, rates[:, 0], rates[:, 1], memory[:, 0])
         now = np.clip(self.law(seen), *self.comfort)
         wanted = wanted + self.dt / features.slow_s * (now - wanted)
         self._past = memory, correction, wanted

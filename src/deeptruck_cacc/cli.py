@@ -19,7 +19,7 @@ app = typer.Typer(
     help="Train a car-following policy on a truck simulator, and show how it drives.",
 )
 PolicyPath = Annotated[
-    str, typer.Argument(metavar="POLICY", help="Policy directory, or baseline:acc|cacc|idm|pi.")
+    str, typer.Argument(metavar="POLICY", help="Policy directory, or baseline:acc|cacc|idm|pi|mpc.")
 ]
 SimulatorPath = Annotated[
     str, typer.Option("--simulator", metavar="SIM", help="Simulator directory, or truck:NAME.")
