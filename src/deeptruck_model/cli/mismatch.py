@@ -70,6 +70,13 @@ def prove(
     simulator: Annotated[list[str] | None, typer.Option(help="physics, deep or both (default).")] = None,
     jobs: Annotated[int, typer.Option(help="Cases at once.")] = 2,
     seed: Annotated[int, typer.Option(help="First seed; those below 100000 are for development.")] = 100000,
+    forms: Annotated[
+        str,
+        typer.Option(
+            help="Laws to hide: 'second', which the tool's authors have not seen; 'first', those of its"
+            " development (the seeds of older scoreboards)."
+        ),
+    ] = "second",
 ) -> None:
     """Examine the mismatch tool on hidden effects, sealed before it starts; resumes where it stopped.
 
@@ -78,7 +85,7 @@ def prove(
     from deeptruck_model.mismatch.proof.command import prove as run
     from deeptruck_model.mismatch.proof.plans import LEVELS
 
-    run(out, tuple(level or LEVELS), cases, jobs, seed, tuple(simulator or ("physics", "deep")))
+    run(out, tuple(level or LEVELS), cases, jobs, seed, tuple(simulator or ("physics", "deep")), forms=forms)
     print(f"scoreboard in {out / 'proof.md'}")
 
 

@@ -61,13 +61,14 @@ def make_case(
     effect: str | None = None,
     simulator: str = "physics",
     minutes: float = 4.0,
+    forms: str = "first",
 ) -> Case:
     """Write one case into the new folder `out`: six recordings to fit and two held out, the simulator, and
-    the sealed truth. The same arguments give the same case. Raises InputError for an unknown level or
-    effect."""
+    the sealed truth. The same arguments give the same case. Raises InputError for an unknown level,
+    effect or forms."""
     if out.exists():
         raise InputError(f"{out} exists already; choose another folder or remove it")
-    built = build_case(level, seed, effect, simulator, minutes)
+    built = build_case(level, seed, effect, simulator, minutes, forms)
     plan = built.plan
     interface = _interface(plan)
     measured = measure(built)

@@ -1,6 +1,7 @@
 """`prove` and, for the tool's author, `python -m deeptruck_model.mismatch.proof.command one|batch|list`.
 
-Development seeds are 0 to 9999; the report uses seeds from 100000, run once.
+Development seeds are 0 to 9999; the report uses seeds from 100000, run once. Likewise the forms: the
+commands here hide the first, which the tool's authors know, and `prove` the second, which they do not.
 """
 
 from __future__ import annotations
@@ -17,8 +18,9 @@ from rich.table import Table
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.proof.cases import Case, make_case
 from deeptruck_model.mismatch.proof.concealed import data_folder, examine_concealed
-from deeptruck_model.mismatch.proof.effects import EFFECTS
+from deeptruck_model.mismatch.proof.effects import of_forms
 from deeptruck_model.mismatch.proof.examination import examine, judge
+from deeptruck_model.mismatch.proof.hidden import FORMS
 from deeptruck_model.mismatch.proof.jobs import Job, run_jobs
 from deeptruck_model.mismatch.proof.page import write_page
 from deeptruck_model.mismatch.proof.plans import LEVELS
@@ -28,6 +30,7 @@ from deeptruck_model.mismatch.proof.tool import ToolRun
 REPORT_SEED = 100_000
 NULL_FACTOR = 5  # nulls need numbers: a false alarm in fifty cannot be seen in forty
 SIMULATORS = ("physics", "deep")
+FORMS_HELP = "first (those of the tool's development) or second (from other sources, unseen by its authors)"
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
 
@@ -40,28 +43,31 @@ def prove(
     seed: int = REPORT_SEED,
     simulators: Sequence[str] = ("physics", "deep"),
     resume: bool = True,
+    forms: str = "second",
 ) -> dict[str, Any]:
     """Examine the tool and write proof.md, scoreboard.json and figures into `out`; returns the scoreboard.
 
     One folder a case; a scored case is skipped when `resume`, else `out` must not exist. Level
-    nothing_missing gets NULL_FACTOR times the cases. Raises InputError for unknown levels or simulators,
-    or an `out` in use."""
+    nothing_missing gets NULL_FACTOR times the cases. `forms` are the laws that are hidden, one of FORMS.
+    Raises InputError for unknown levels, simulators or forms, or an `out` in use."""
     unknown = [name for name in levels if name not in LEVELS]
     unknown += [s for s in simulators if s not in SIMULATORS]
+    unknown += [forms] if forms not in FORMS else []
     if unknown:
         raise InputError(
-            f"unknown {', '.join(unknown)}; levels: {', '.join(LEVELS)}; simulators: physics, deep"
+            f"unknown {', '.join(unknown)}; levels: {', '.join(LEVELS)}; simulators: physics, deep;"
+            f" forms: {', '.join(FORMS)}"
         )
     if out.exists() and not resume:
         raise InputError(f"{out} exists already; resume it, choose another folder or remove it")
     wanted = [
-        Job(level, seed + k, None, simulator)
+        Job(level, seed + k, None, simulator, forms=forms)
         for simulator in simulators
         for level in levels
         for k in range(cases_per_level * (NULL_FACTOR if level == "nothing_missing" else 1))
     ]
     results = run_jobs(out / "cases", wanted, jobs=jobs)
-    command = f"deeptruck-model prove --out proof --cases {cases_per_level} --seed {seed}"
+    command = f"deeptruck-model prove --out proof --cases {cases_per_level} --seed {seed} --forms {forms}"
     real = examine_concealed(out / "concealed") if data_folder() else []
     return write_page(results, out, command, real)
 
@@ -76,15 +82,16 @@ def one(
     minutes: Annotated[float, typer.Option(help="Length of each recording.")] = 4.0,
     rivals: Annotated[bool, typer.Option(help="Compare held-out errors with rivals and oracle.")] = True,
     generate_only: Annotated[bool, typer.Option(help="Do not run the tool.")] = False,
+    forms: Annotated[str, typer.Option(help=FORMS_HELP)] = "first",
 ) -> None:
     """Make one case, run the tool on it, open the truth and score."""
     if generate_only:
-        case = make_case(out, level, seed, effect, simulator, minutes)
+        case = make_case(out, level, seed, effect, simulator, minutes, forms)
         print(f"sealed {case.sha256}\nsimulator {case.simulator}")
         print(f"recordings {' '.join(map(str, case.paths(case.fit)))}")
         print(f"held out {' '.join(map(str, case.paths(case.held_out)))}")
         return
-    result = examine(out, level, seed, effect, simulator, minutes, with_rivals=rivals, keep=True)
+    result = examine(out, level, seed, effect, simulator, minutes, forms, with_rivals=rivals, keep=True)
     print(json.dumps(result, indent=1))
 
 
@@ -110,9 +117,10 @@ def batch(
     jobs: Annotated[int, typer.Option(help="Cases at a time.")] = 1,
     rivals: Annotated[bool, typer.Option(help="Compare held-out errors with rivals and oracle.")] = False,
     keep: Annotated[bool, typer.Option(help="Keep recordings of every case.")] = True,
+    forms: Annotated[str, typer.Option(help=FORMS_HELP)] = "first",
 ) -> None:
     """Run many development cases and print a line for each and a table."""
-    wanted = [Job(name, seed + k, effect, simulator) for name in level for k in range(cases)]
+    wanted = [Job(name, seed + k, effect, simulator, forms=forms) for name in level for k in range(cases)]
     results = run_jobs(out, wanted, jobs=jobs, with_rivals=rivals, keep=keep)
     print_results(results)
 
@@ -127,10 +135,10 @@ def concealed(
 
 
 @app.command("list")
-def list_effects() -> None:
+def list_effects(forms: Annotated[str, typer.Option(help=FORMS_HELP)] = "first") -> None:
     """Keys, names and sources of the hidden effects."""
     table = Table("key", "name", "kind", "source")
-    for effect in EFFECTS.values():
+    for effect in of_forms(forms):
         table.add_row(effect.key, effect.name, effect.kind, effect.source)
     Console().print(table)
 

@@ -41,13 +41,18 @@ class Built:
 
 
 def build_case(
-    level: str, seed: int, effect: str | None = None, simulator: str = "physics", minutes: float = 4.0
+    level: str,
+    seed: int,
+    effect: str | None = None,
+    simulator: str = "physics",
+    minutes: float = 4.0,
+    forms: str = "first",
 ) -> Built:
     """Draw truck, roads and sizes until the effects matter in these drives (at most `ATTEMPTS` times), and
     drive."""
     best: Built | None = None
     for attempt in range(ATTEMPTS):
-        built = build(draw_plan(level, seed, effect, simulator, minutes, attempt))
+        built = build(draw_plan(level, seed, effect, simulator, minutes, attempt, forms))
         if best is None or built.nats_left > best.nats_left:
             best = built
         if matters(built):
@@ -75,7 +80,7 @@ def _setting(plan: Plan, nominal: PhysicsTruck, roads: Roads, leader_m: Array, n
         len(plan.scenarios),
         n * DT,
         DT,
-        plan.seed,
+        plan.effect_seed,
         roads.start_m,
         roads.direction,
         roads.route,

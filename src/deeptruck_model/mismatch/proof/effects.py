@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from deeptruck_model.mismatch.proof import (  # noqa: F401  importing registers the effects
+    alternatives,
     effects_air,
     effects_brakes,
     effects_commands,
@@ -17,18 +18,29 @@ from deeptruck_model.mismatch.proof import (  # noqa: F401  importing registers 
 from deeptruck_model.mismatch.proof.hidden import EFFECTS, Effect
 
 
-def named() -> list[Effect]:
+def of_forms(forms: str | None = None) -> list[Effect]:
+    """The effects of these forms, all for None. What has no second form (a wrong parameter has no law at
+    all) is the same effect in both."""
+    if forms is None:
+        return list(EFFECTS.values())
+    own = [e for e in EFFECTS.values() if e.forms == forms]
+    has = {(e.kind, e.name) for e in own}
+    rest = [e for e in EFFECTS.values() if e.forms == "first" and (e.kind, e.name) not in has]
+    return own if forms == "first" else [*own, *rest]
+
+
+def named(forms: str | None = None) -> list[Effect]:
     """Missing physics that has a name in the house's list."""
-    return [e for e in EFFECTS.values() if e.kind == "missing_physics" and e.name != "unknown"]
+    return [e for e in of_forms(forms) if e.kind == "missing_physics" and e.name != "unknown"]
 
 
-def unknown() -> list[Effect]:
+def unknown(forms: str | None = None) -> list[Effect]:
     """Missing physics that has none."""
-    return [e for e in EFFECTS.values() if e.name == "unknown"]
+    return [e for e in of_forms(forms) if e.name == "unknown"]
 
 
-def of_kind(kind: str) -> list[Effect]:
-    return [e for e in EFFECTS.values() if e.kind == kind]
+def of_kind(kind: str, forms: str | None = None) -> list[Effect]:
+    return [e for e in of_forms(forms) if e.kind == kind]
 
 
-__all__ = ["EFFECTS", "Effect", "named", "of_kind", "unknown"]
+__all__ = ["EFFECTS", "Effect", "named", "of_forms", "of_kind", "unknown"]

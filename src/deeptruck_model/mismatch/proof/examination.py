@@ -28,6 +28,7 @@ def examine(
     effect: str | None = None,
     simulator: str = "physics",
     minutes: float = 4.0,
+    forms: str = "first",
     *,
     with_rivals: bool = True,
     keep: bool = False,
@@ -39,12 +40,13 @@ def examine(
         result: dict[str, Any] = json.loads(done.read_text())
         return result
     shutil.rmtree(folder, ignore_errors=True)
-    case = make_case(folder, level, seed, effect, simulator, minutes)
+    case = make_case(folder, level, seed, effect, simulator, minutes, forms)
     run = run_tool(case, folder / "found")
     result = {
         "level": level,
         "seed": seed,
         "simulator": simulator,
+        "forms": forms,
         "sha256": case.sha256,
         **judge(case, run, with_rivals=with_rivals),
     }

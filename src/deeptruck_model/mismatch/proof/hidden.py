@@ -23,6 +23,7 @@ Fault = Callable[[dict[str, Array], float, np.random.Generator], None]
 
 GRAVITY = 9.81
 SCENARIOS = ("highway", "suburban", "hills", "descent")
+FORMS = ("first", "second")  # laws of one name: those of effects_*.py, and those in alternatives/
 
 
 @dataclass(frozen=True)
@@ -62,9 +63,10 @@ class Planted:
 
 @dataclass(frozen=True)
 class Effect:
-    """`name` is the right answer, `key` tells effects of one name apart, `ranges` are (low, high) by name,
-    drawn uniformly. `accepts` are names that recordings alone cannot tell from it, counted right only
-    inside a stated group. `needs` are scenarios in which it acts, `trucks` the trucks that can have it."""
+    """`name` is the right answer, `key` tells effects of one name apart, `forms` says which of FORMS its law
+    is of, `ranges` are (low, high) by name, drawn uniformly. `accepts` are names that recordings alone
+    cannot tell from it, counted right only inside a stated group. `needs` are scenarios in which it acts,
+    `trucks` the trucks that can have it."""
 
     key: str
     name: str
@@ -77,6 +79,7 @@ class Effect:
     accepts: tuple[str, ...] = ()
     leader: bool = False
     gateable: bool = False
+    forms: str = "first"
 
     def draw(self, rng: np.random.Generator, scale: float = 1.0) -> dict[str, float]:
         """Random sizes. `scale` moves the draw towards the upper end of the ranges (1: uniform)."""
@@ -129,7 +132,13 @@ class Hidden:
 
 
 def hidden(
-    key: str, *, source: str, ranges: Mapping[str, tuple[float, float]], name: str | None = None, **more: Any
+    key: str,
+    *,
+    source: str,
+    ranges: Mapping[str, tuple[float, float]],
+    name: str | None = None,
+    gateable: bool = True,
+    **more: Any,
 ) -> Callable[[type[Hidden]], type[Hidden]]:
     """Register a Hidden class as the effect `key` (its name too, unless given)."""
 
@@ -137,7 +146,8 @@ def hidden(
         def build(setting: Setting, values: SimpleNamespace) -> Planted:
             return Planted(forces=(cls(setting, values),), conceal=cls.conceal)
 
-        register(Effect(key, name or key, "missing_physics", source, ranges, build, gateable=True, **more))
+        kind: Kind = "missing_physics"
+        register(Effect(key, name or key, kind, source, ranges, build, gateable=gateable, **more))
         return cls
 
     return add

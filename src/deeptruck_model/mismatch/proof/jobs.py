@@ -23,11 +23,13 @@ class Job:
     effect: str | None = None
     simulator: str = "physics"
     minutes: float = 4.0
+    forms: str = "first"
 
     @property
     def folder(self) -> str:
         chosen = f"-{self.effect}" if self.effect else ""
-        return f"{self.simulator}-{self.level}{chosen}-{self.seed}"
+        forms = "" if self.forms == "first" else f"-{self.forms}"
+        return f"{self.simulator}-{self.level}{chosen}{forms}-{self.seed}"
 
 
 def run_jobs(
@@ -69,6 +71,7 @@ def _examine(out: Path, job: Job, with_rivals: bool, keep: bool) -> dict[str, An
             job.effect,
             job.simulator,
             job.minutes,
+            job.forms,
             with_rivals=with_rivals,
             keep=keep,
         )
@@ -77,5 +80,6 @@ def _examine(out: Path, job: Job, with_rivals: bool, keep: bool) -> dict[str, An
             "level": job.level,
             "seed": job.seed,
             "simulator": job.simulator,
+            "forms": job.forms,
             "broken": traceback.format_exc(),
         }

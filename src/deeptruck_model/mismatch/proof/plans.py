@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import zlib
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.proof import trucks
-from deeptruck_model.mismatch.proof.effects import EFFECTS, Effect, named, of_kind, unknown
+from deeptruck_model.mismatch.proof.choice import choose_effects, mark
+from deeptruck_model.mismatch.proof.effects import Effect
 from deeptruck_model.mismatch.proof.gates import CONDITIONS
-from deeptruck_model.mismatch.proof.hidden import SCENARIOS
+from deeptruck_model.mismatch.proof.hidden import FORMS, SCENARIOS
 
 LEVELS = (
     "plain",
@@ -62,20 +62,34 @@ class Plan:
     styles: list[str] = field(default_factory=list)
     headway_s: float = 1.8
     attempt: int = 0
+    forms: str = "first"
 
     def rng(self, salt: int) -> np.random.Generator:
-        return np.random.default_rng([self.seed, zlib.crc32(self.level.encode()), salt, self.attempt])
+        return np.random.default_rng([self.seed, mark(self.level, self.forms), salt, self.attempt])
+
+    @property
+    def effect_seed(self) -> int:
+        """Of the effects' own random series; with the first forms one seed has the same at every level."""
+        return self.seed if self.forms == "first" else self.seed + mark(self.level, self.forms)
 
 
 def draw_plan(
-    level: str, seed: int, effect: str | None, simulator: str, minutes: float, attempt: int = 0
+    level: str,
+    seed: int,
+    effect: str | None,
+    simulator: str,
+    minutes: float,
+    attempt: int = 0,
+    forms: str = "first",
 ) -> Plan:
     """Draw a case. `effect` is a key or a name; None lets the seed choose, cycling through all that suit.
     A later `attempt` draws truck, roads and drivers anew, for the same effects."""
     if level not in LEVELS:
         raise InputError(f"there is no level '{level}'; levels: {', '.join(LEVELS)}")
-    chosen, excluded = _choose_effects(level, seed, effect, np.random.default_rng([seed, 1]))
-    rng = np.random.default_rng([seed, zlib.crc32(level.encode()), 0, attempt])
+    if forms not in FORMS:
+        raise InputError(f"there are no {forms} forms; forms: {', '.join(FORMS)}")
+    chosen, excluded = choose_effects(level, seed, effect, forms)
+    rng = np.random.default_rng([seed, mark(level, forms), 0, attempt])
     suited = [t for t in POOL if all(t in e.trucks for e in chosen)]
     truck = suited[rng.integers(len(suited))]
     member = np.random.default_rng([77, POOL.index(truck), int(rng.integers(DEEP_TRUCKS))])
@@ -103,66 +117,8 @@ def draw_plan(
         styles=_styles(level, chosen, FIT + HELD_OUT, rng),
         headway_s=float(rng.uniform(0.7, 1.1) if any(e.leader for e in chosen) else rng.uniform(1.4, 2.2)),
         attempt=attempt,
+        forms=forms,
     )
-
-
-def suitable(level: str) -> list[Effect]:
-    """Effects a level may plant, in a fixed order."""
-    if level == "confounded":
-        return [e for e in named() if e.gateable and e.key not in ("payload_change", "road_surface")]
-    if level == "rare":
-        return [e for e in named() if e.gateable or e.key.startswith("command")]
-    if level == "measurement_fault":
-        return of_kind("measurement_fault")
-    if level == "parameter_error":
-        return of_kind("parameter_error")
-    if level == "nothing_missing":
-        return []
-    return named()
-
-
-def _leave_one_out() -> list[Effect]:
-    """Named effects that no parameter or fault of the measurement imitates: leaving out their name is
-    fair."""
-    other = {e.name for e in EFFECTS.values() if e.kind != "missing_physics"}
-    return [e for e in named() if not other & set(e.accepts) and e.name not in other]
-
-
-def _choose_effects(
-    level: str, seed: int, effect: str | None, rng: np.random.Generator
-) -> tuple[tuple[Effect, ...], tuple[str, ...]]:
-    if level == "nothing_missing":
-        return (), ()
-    if effect is not None:
-        found = EFFECTS.get(effect) or next((e for e in EFFECTS.values() if e.name == effect), None)
-        if found is None:
-            raise InputError(f"there is no hidden effect '{effect}'; effects: {', '.join(sorted(EFFECTS))}")
-        leave_out = level == "not_in_library" and found.name != "unknown"
-        return (found,), ((found.name, *found.accepts) if leave_out else ())
-    if level == "not_in_library":
-        candidates = unknown() if seed % 2 == 0 else _leave_one_out()
-        one = candidates[(seed // 2) % len(candidates)]
-        return (one,), (() if seed % 2 == 0 else (one.name, *one.accepts))
-    candidates = suitable(level)
-    first = candidates[seed % len(candidates)]
-    if level != "several":
-        return (first,), ()
-    return _companions(first, candidates, 2 + int(rng.random() < 0.35), rng), ()
-
-
-def _companions(
-    first: Effect, candidates: list[Effect], count: int, rng: np.random.Generator
-) -> tuple[Effect, ...]:
-    chosen = [first]
-    for k in rng.permutation(len(candidates)):
-        other = candidates[k]
-        clash = any(
-            other.name == e.name or other.name in e.accepts or e.name in other.accepts for e in chosen
-        )
-        together = set(other.trucks).intersection(*(e.trucks for e in chosen))
-        if len(chosen) < count and not clash and together and other.key != "road_grade":
-            chosen.append(other)
-    return tuple(chosen)
 
 
 def _believe(level: str, values: dict[str, float], rng: np.random.Generator) -> dict[str, float]:
@@ -195,7 +151,7 @@ def _condition(chosen: tuple[Effect, ...], rng: np.random.Generator) -> str:
     needs = {n for e in chosen for n in e.needs}
     possible = [c for c in CONDITIONS if not (c.startswith("above") and needs <= {"suburban", "descent"})]
     possible = [c for c in possible if not (c == "below 11 m/s" and "suburban" not in needs)]
-    if any(e.key in ("brake_fade", "brake_lag", "dragging_brake", "engine_brake") for e in chosen):
+    if any(e.name in ("brake_fade", "brake_lag", "dragging_brake", "engine_brake") for e in chosen):
         possible = [c for c in possible if c not in ("uphill", "half load or more")] or ["above 17 m/s"]
     return str(possible[rng.integers(len(possible))])
 

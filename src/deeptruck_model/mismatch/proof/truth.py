@@ -21,6 +21,7 @@ def describe(built: Built, names: tuple[str, ...], believed: dict[str, float]) -
         "schema": 1,
         "level": plan.level,
         "seed": plan.seed,
+        "forms": plan.forms,
         "simulator": plan.simulator,
         "truck": plan.truck,
         "minutes": plan.minutes,
@@ -61,6 +62,7 @@ def _effect(
         "key": effect.key,
         "name": "unknown" if leave_out else effect.name,
         "kind": effect.kind,
+        "forms": effect.forms,
         "accepts": [] if leave_out else list(effect.accepts),
         "comparable": {} if leave_out else sizes_of_one_meaning,
         "sizes": sizes,
@@ -80,8 +82,10 @@ def comparable(effect: Effect, sizes: dict[str, float], built: Built) -> dict[st
         "speed_scale": ("scale", 1.0 + sizes.get("scale", 0.0) * sign, "1"),
         "acceleration_bias": ("bias", sizes.get("bias", 0.0) * sign, "m/s^2"),
         "grade_bias": ("bias", sizes.get("bias", 0.0) * sign, "1"),
+        "pitching_inclinometer": ("bias", sizes.get("bias", 0.0) * sign, "1"),
         "payload_change": ("mass", payload_share(sizes) * mass, "kg"),
         "rotating_inertia": ("engine_inertia", sizes.get("engine_kgm2", 0.0), "kg m^2"),
+        "damped_flywheel": ("engine_inertia", sizes.get("inertia", 0.0), "kg m^2"),
         "drag_area": ("drag_area", sizes.get("gain", 0.0) * built.truck.drag_area, "m^2"),
     }
     if effect.kind == "parameter_error":

@@ -34,7 +34,7 @@ def of_tool(name):
 
 
 def test_nothing_reached_from_the_proof_belongs_to_the_tool():
-    proof = sorted((ROOT / "mismatch" / "proof").glob("*.py"))
+    proof = sorted((ROOT / "mismatch" / "proof").rglob("*.py"))
     assert len(proof) > 15
     waiting = {name for path in proof for name in imports(path, lazy=True)}
     reached = set()
@@ -57,4 +57,4 @@ def test_the_tool_does_not_import_the_proof():
 def test_the_proof_starts_the_tool_as_another_process_only():
     text = (ROOT / "mismatch" / "proof" / "tool.py").read_text()
     assert "subprocess.run" in text
-    assert "find_mismatch" not in "".join(p.read_text() for p in (ROOT / "mismatch" / "proof").glob("*.py"))
+    assert "find_mismatch" not in "".join(p.read_text() for p in (ROOT / "mismatch" / "proof").rglob("*.py"))
