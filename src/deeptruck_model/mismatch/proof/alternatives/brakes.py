@@ -20,7 +20,7 @@ from deeptruck_model.trucks import View
         "per_100k": (0.20, 0.38),
         "per_force": (0.10, 0.25),  # elastic stretch at full application
         "steepness": (1.2, 2.2),
-        "share": (0.45, 0.75),  # of the brake force that is out of adjustment
+        "share": (0.35, 0.65),  # of the brake force that is out of adjustment
     },
     needs=("descent",),
 )

@@ -42,7 +42,7 @@ class BoostFeedsItself(Hidden):
     forms="second",
     source="Derates of engine protection come as a step, over a ramp, and stay until well below the limit;"
     " heat soak of the charge air in slow driving, steps and limits are chosen here",
-    ranges={"step": (0.20, 0.40), "limit": (0.28, 0.50), "band": (0.12, 0.3), "soak_s": (18.0, 45.0)},
+    ranges={"step": (0.20, 0.38), "limit": (0.17, 0.33), "band": (0.12, 0.3), "soak_s": (18.0, 45.0)},
     needs=("hills", "suburban"),
     accepts=("torque_gain",),
 )
@@ -72,7 +72,7 @@ class StagedProtection(Hidden):
     forms="second",
     source="Speed limitation function, UN Regulation No. 89: fuelling taken back near the set speed, with a"
     " droop and a stabilised overshoot; droop and rates are chosen here",
-    ranges={"set_mps": (18.5, 22.0), "droop_mps": (0.5, 2.0), "reset_s": (4.0, 12.0)},
+    ranges={"set_mps": (20.5, 24.0), "droop_mps": (0.5, 2.0), "reset_s": (4.0, 12.0)},
     needs=("highway",),
 )
 class RoadSpeedLimiter(Hidden):

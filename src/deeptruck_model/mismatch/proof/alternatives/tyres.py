@@ -44,7 +44,7 @@ class OnTheRoad(Hidden):
     source="The Pneumatic Tire, ed. Gent and Walter, NHTSA DOT HS 810 561 (2006): rolling loss turns up"
     " steeply towards the speed of the standing wave, earlier for soft or overloaded tyres; the exponential"
     " and its numbers are chosen here",
-    ranges={"loss": (0.007, 0.014), "critical_mps": (21.5, 24.5), "width_mps": (1.5, 3.2)},
+    ranges={"loss": (0.006, 0.011), "critical_mps": (21.5, 24.5), "width_mps": (1.5, 3.2)},
     needs=("highway",),
     accepts=("drag_area",),
 )
