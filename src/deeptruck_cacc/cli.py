@@ -41,7 +41,7 @@ def train(
         Trainer, typer.Option(help="analytic: back through the simulator; trpo: the paper's.")
     ] = Trainer.analytic,
     seed: Annotated[int, typer.Option(help="First seed.", min=0)] = 0,
-    seeds: Annotated[int, typer.Option(help="Seeds side by side (analytic).", min=1, max=100)] = 3,
+    seeds: Annotated[int, typer.Option(help="Seeds side by side; 0: 3, or 1 with trpo.", min=0, max=100)] = 0,
     iterations: Annotated[int, typer.Option(help="Updates; 0 is the trainer's default.", min=0)] = 0,
     scene: Annotated[
         str, typer.Option(help="Training scenes: paper, graded, moving, wide; empty is the default.")
@@ -138,7 +138,7 @@ def _config(
     trainer: Trainer, seed: int, seeds: int, iterations: int, scene: str, memory: bool | None
 ) -> object:
     chosen: dict[str, object] = {"seed": seed}
-    if trainer is Trainer.analytic:
+    if seeds:
         chosen["seeds"] = seeds
     if iterations:
         chosen["iterations"] = iterations
@@ -150,8 +150,13 @@ def _config(
         from deeptruck_cacc.training.analytic import AnalyticConfig
 
         return AnalyticConfig(**chosen)  # type: ignore[arg-type]
+    if seeds > 1:
+        from deeptruck_cacc.training.trpo_seeds import TrpoSeedsConfig
+
+        return TrpoSeedsConfig(**chosen)  # type: ignore[arg-type]
     from deeptruck_cacc.training.trpo import TrpoConfig
 
+    chosen.pop("seeds", None)
     return TrpoConfig(**chosen)  # type: ignore[arg-type]
 
 

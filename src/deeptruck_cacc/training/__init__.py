@@ -10,7 +10,7 @@ __all__ = ["train"]
 def train(simulator: Any, out: Any, *, trainer: str = "analytic", **options: Any) -> Any:
     """Train a policy on a simulator with 'analytic' or 'trpo'; options go to that trainer's `train`.
 
-    The analytic trainer takes a deep truck's own gradient, and lends one to every other simulator. Imported
+    With a TrpoSeedsConfig, 'trpo' trains many seeds in one batch. The analytic trainer takes a deep truck's own gradient, and lends one to every other simulator. Imported
     on use: torch and Stable-Baselines3 stay out of a controller's process.
     """
     if trainer == "analytic":
@@ -19,9 +19,10 @@ def train(simulator: Any, out: Any, *, trainer: str = "analytic", **options: Any
 
         return analytic.train(with_gradient(simulator), out, **options)
     if trainer == "trpo":
-        from deeptruck_cacc.training import trpo
+        from deeptruck_cacc.training import trpo, trpo_seeds
 
-        return trpo.train(simulator, out, **options)
+        batched = isinstance(options.get("config"), trpo_seeds.TrpoSeedsConfig)
+        return (trpo_seeds if batched else trpo).train(simulator, out, **options)
     from deeptruck_model.errors import InputError
 
     raise InputError(f"there is no trainer '{trainer}'; known: analytic, trpo")

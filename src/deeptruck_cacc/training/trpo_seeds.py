@@ -1,0 +1,261 @@
+"""TRPO for many seeds at once: all their trucks in one batch, all their networks in one stack.
+
+The setting is that of trpo.py (and of sb3-contrib's defaults), but curvature and value are learned from a
+random share of the states, as the TRPO paper does for the curvature: neighbours a tenth of a second apart say
+much the same. A seed's result does not depend on the seeds beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from deeptruck_cacc import scenes
+from deeptruck_cacc.environment import CaccEnv
+from deeptruck_cacc.policy import MlpPolicy
+from deeptruck_cacc.reward import Reward
+from deeptruck_cacc.scaling import FeatureMap, paper_signals
+from deeptruck_cacc.scenes import Scene
+from deeptruck_cacc.training import progress, validation
+from deeptruck_cacc.training.natural_gradient import Gaussian, improve
+from deeptruck_cacc.training.stacked import StackedMlp
+from deeptruck_cacc.training.trpo import TrpoConfig
+from deeptruck_model.errors import InputError
+from deeptruck_model.simulators import Simulator
+
+REACH = 50.0  # features are clipped here, as in faces.py
+HIDDEN = (25, 25, 25)
+
+
+@dataclass(frozen=True)
+class TrpoSeedsConfig(TrpoConfig):
+    """Settings of a run; `seed` is the first of `seeds`."""
+
+    seeds: int = 10
+    """policies trained side by side"""
+    curvature_share: float = 0.1
+    """share of the states on which the curvature is estimated"""
+    value_share: float = 0.25
+    """share of the states, drawn anew for each pass, from which the value is learned"""
+    value_rate: float = 1e-3
+    """Adam's step for the value networks"""
+    value_batch: int = 200
+    """states of one of its updates, for each seed"""
+    value_passes: int = 10
+    """as sb3-contrib's"""
+
+
+@dataclass(frozen=True)
+class _Paths:
+    """A batch of paths, each (seeds, environments * (path + 1), ...) or (seeds, environments, path)."""
+
+    seen: Tensor
+    actions: Tensor
+    rewards: Tensor
+
+
+def train(
+    simulator: Simulator,
+    out: str | Path,
+    config: TrpoSeedsConfig = TrpoSeedsConfig(),
+    *,
+    reward: Reward = Reward(),
+    resume: bool = False,
+    source: str = "",
+    tell: Callable[[int, int, str], None] = lambda done, total, says: None,
+) -> MlpPolicy:
+    """Train every seed, keep each at its best validation in `out`/seeds/K and the best of them in `out`.
+
+    Each iteration begins with fresh paths and its own random numbers, so a resumed run equals an unbroken
+    one. Raises InputError for an unknown scene or a foreign checkpoint.
+    """
+    if config.scene not in scenes.DRAWERS:
+        raise InputError(f"there is no scene '{config.scene}'; known: {', '.join(scenes.DRAWERS)}")
+    return _Run(simulator, Path(out), config, reward, source).train(resume, tell)
+
+
+class _Run:
+    def __init__(
+        self, simulator: Simulator, out: Path, config: TrpoSeedsConfig, reward: Reward, source: str
+    ) -> None:
+        self.out, self.config, self.source = out, config, source
+        self.env = CaccEnv(simulator, config.seeds * config.environments, config.path, reward=reward)
+        self.features = FeatureMap.default(memory=config.memory, dt=simulator.dt)
+        width = len(self.features.names)
+        self.actor, self.critic = StackedMlp((width, *HIDDEN, 2)), StackedMlp((width, *HIDDEN, 1))
+        self.seeds = [config.seed + k for k in range(config.seeds)]
+        generators = [torch.Generator().manual_seed(seed) for seed in self.seeds]
+        mean = self.actor.fresh(generators, 0.01)
+        self.policy = Gaussian(self.actor, mean, torch.full((config.seeds, 2), config.log_std))
+        self.value = self.critic.fresh(generators, 1.0)
+        self.adam = torch.optim.Adam([self.value], lr=config.value_rate)
+        self.best, self.best_score = mean.clone(), [float("inf")] * config.seeds
+        self.exam = validation.exam(config.seed, simulator.dt)
+
+    def train(self, resume: bool, tell: Callable[[int, int, str], None]) -> MlpPolicy:
+        config, start = self.config, self._restore() if resume else 0
+        logs = [progress.Log(self.out / "seeds" / str(seed), start) for seed in self.seeds]
+        for i in range(start, config.iterations):
+            returns = self.iterate(i)
+            rows: list[dict[str, Any]] = [
+                {"return_mean": float(r.mean()), "return_min": float(r.min()), "return_max": float(r.max())}
+                for r in returns
+            ]
+            if (i + 1) % config.validate_every == 0 or i + 1 == config.iterations:
+                for row, score in zip(rows, self._validate(), strict=True):
+                    row["validation"] = score
+                self._checkpoint(i + 1)
+            for log, row in zip(logs, rows, strict=True):
+                log.write(i, row)
+            tell(i + 1, config.iterations, f"return {returns.mean():.1f} best {min(self.best_score):.3f}")
+        for log in logs:
+            log.close()
+        return self._save()
+
+    def iterate(self, iteration: int) -> NDArray[np.float64]:
+        """One batch of paths and one update of every seed; returns (seeds, environments)."""
+        config = self.config
+        rngs = [np.random.default_rng([seed, iteration]) for seed in self.seeds]
+        paths = self._drive(rngs)
+        values = self.critic.forward(self.value, paths.seen)[0]
+        values = values.view(config.seeds, config.environments, config.path + 1)
+        advantages = advantage(paths.rewards, values, config.gamma, config.gae_lambda)
+        targets = (advantages + values[..., :-1]).flatten(1)
+        flat = advantages.flatten(1)
+        flat = (flat - flat.mean(dim=1, keepdim=True)) / (flat.std(dim=1, keepdim=True) + 1e-8)
+        seen = paths.seen.unflatten(1, (config.environments, -1))[:, :, :-1].flatten(1, 2)
+        some = _draw(rngs, seen.shape[1], config.curvature_share)
+        self.policy = improve(self.policy, seen, paths.actions, flat, some, config.target_kl)
+        self._learn_value(seen, targets, rngs)
+        return paths.rewards.sum(dim=2).double().numpy()
+
+    def _drive(self, rngs: list[np.random.Generator]) -> _Paths:
+        """One path in every environment of every seed."""
+        c, env = self.config, self.env
+        draw = scenes.DRAWERS[c.scene]
+        scene = side_by_side([draw(rng, c.environments, c.path, env.dt) for rng in rngs])
+        noise = np.stack([rng.standard_normal((c.path, c.environments, 2)) for rng in rngs], axis=1)
+        spread = self.policy.log_std.exp()[:, None] * torch.from_numpy(noise).float()
+        observation, memory = env.reset(scene), self.features.start(c.seeds * c.environments)
+        seen, actions, rewards = [], [], []
+        for k in range(c.path + 1):
+            features, memory = self.features(paper_signals(observation), memory)
+            now = torch.from_numpy(np.clip(features, -REACH, REACH)).float()
+            seen.append(now.view(c.seeds, c.environments, -1))
+            if k == c.path:
+                break
+            action = self.actor.forward(self.policy.mean, seen[-1])[0] + spread[k]
+            observation, paid, _ = env.step(env.scale.commands(action.flatten(0, 1).double().numpy()))
+            actions.append(action)
+            rewards.append(torch.from_numpy(paid).float().view(c.seeds, c.environments))
+        flat = torch.stack(seen, dim=2).flatten(1, 2)
+        return _Paths(flat, torch.stack(actions, dim=2).flatten(1, 2), torch.stack(rewards, dim=2))
+
+    def _learn_value(self, seen: Tensor, targets: Tensor, rngs: list[np.random.Generator]) -> None:
+        """Adam on the squared error of the value, over shuffled pieces of the batch."""
+        c, count = self.config, seen.shape[1]
+        rows = torch.arange(c.seeds)[:, None]
+        for _ in range(c.value_passes):
+            some = _draw(rngs, count, c.value_share)
+            for piece in torch.split(some, c.value_batch, dim=1):
+                value, inputs = self.critic.forward(self.value, seen[rows, piece])
+                error = value - targets[rows, piece][..., None]
+                self.value.grad = self.critic.pull(self.value, inputs, 2 * error / piece.shape[1])
+                self.adam.step()
+
+    def _validate(self) -> list[float]:
+        """Score of each seed's mean policy; keeps the best weights so far."""
+        scores = [
+            validation.score(self.env.simulator, self._policy(k, self.policy.mean, {}), self.exam)
+            for k in range(self.config.seeds)
+        ]
+        for k, score in enumerate(scores):
+            if score < self.best_score[k]:
+                self.best_score[k], self.best[k] = score, self.policy.mean[k]
+        return scores
+
+    def _policy(self, k: int, parameters: Tensor, card: dict[str, Any]) -> MlpPolicy:
+        layers = [
+            (weight[k].T.double().numpy(), bias[k, 0].double().numpy())
+            for weight, bias in self.actor.layers(parameters)
+        ]
+        env = self.env
+        reach = scenes.DRAWERS[self.config.scene](np.random.default_rng(0), 2000, env.steps, env.dt)
+        coverage = scenes.reach(reach)
+        return MlpPolicy(layers, self.features, env.scale, env.simulator.interface, coverage, card)
+
+    def _checkpoint(self, done: int) -> None:
+        tensors = {"mean": self.policy.mean, "log_std": self.policy.log_std, "value": self.value}
+        tensors |= {"best": self.best} | progress.adam_tensors(self.adam)
+        facts = {"done": done, "config": asdict(self.config), "best_score": self.best_score}
+        progress.save_checkpoint(self.out, tensors, facts)
+
+    def _restore(self) -> int:
+        """Continue from the checkpoint, if there is one; the number of iterations already done."""
+        found = progress.load_checkpoint(self.out, asdict(self.config))
+        if found is None:
+            return 0
+        tensors, facts = found
+        if "log_std" not in tensors:
+            raise InputError("the checkpoint is of another trainer; train without --resume")
+        self.policy = Gaussian(self.actor, tensors["mean"], tensors["log_std"])
+        self.value.copy_(tensors["value"])
+        self.best, self.best_score = tensors["best"], facts["best_score"]
+        progress.restore_adam(self.adam, tensors)
+        return int(facts["done"])
+
+    def _save(self) -> MlpPolicy:
+        """Every seed at its best under seeds/, and the best of them in `out`."""
+        policies = [self._policy(k, self.best, self._card(k)) for k in range(self.config.seeds)]
+        for seed, policy in zip(self.seeds, policies, strict=True):
+            policy.save(self.out / "seeds" / str(seed))
+        winner = policies[int(np.argmin(self.best_score))]
+        winner.save(self.out)
+        return winner
+
+    def _card(self, k: int) -> dict[str, Any]:
+        return {
+            "trainer": "trpo",
+            "seed": self.seeds[k],
+            "config": asdict(self.config),
+            "reward": asdict(self.env.reward),
+            "simulator": self.source,
+            "simulator_sha256": progress.simulator_hash(self.source),
+            "git": progress.git_hash(),
+            "validation": {"scenes": "paper and moving, fresh", "score": self.best_score[k]},
+        }
+
+
+def _draw(rngs: list[np.random.Generator], count: int, share: float) -> Tensor:
+    """Some of `count` states of every seed in random order, (seeds, n)."""
+    some = [rng.choice(count, max(1, round(share * count)), replace=False) for rng in rngs]
+    return torch.from_numpy(np.stack(some))
+
+
+def advantage(rewards: Tensor, values: Tensor, gamma: float, gae_lambda: float) -> Tensor:
+    """Generalised advantage (..., T) of rewards (..., T) and values (..., T + 1) of paths that are cut, not
+    ended.
+    """
+    errors = rewards + gamma * values[..., 1:] - values[..., :-1]
+    out = torch.empty_like(errors)
+    after = torch.zeros_like(errors[..., 0])
+    for k in range(errors.shape[-1] - 1, -1, -1):
+        after = errors[..., k] + gamma * gae_lambda * after
+        out[..., k] = after
+    return out
+
+
+def side_by_side(parts: list[Scene]) -> Scene:
+    """Scenes of equal length as one; what one of them has, all of them must have."""
+    columns: dict[str, Any] = {}
+    for name in (f.name for f in fields(Scene)):
+        rows = [getattr(part, name) for part in parts]
+        columns[name] = None if rows[0] is None else np.concatenate(rows)
+    return Scene(**columns)
