@@ -21,6 +21,9 @@ def mismatch(
     held_out: Annotated[list[Path] | None, typer.Option(help="Recordings used only to judge.")] = None,
     more: Annotated[list[Path] | None, typer.Argument(hidden=True)] = None,
     seed: Annotated[int, typer.Option(help="Seed of the input noise the simulator is tried with.")] = 0,
+    with_unnamed: Annotated[
+        bool, typer.Option(help="Correct what has no name too, by laws of the recorded signals.")
+    ] = False,
 ) -> None:
     """Find what a simulator leaves out when recordings differ from it.
 
@@ -38,7 +41,7 @@ def mismatch(
         rate = 1.0 / truck.dt
         fit = [r for bag in recordings for r in rec.read(bag, rate_hz=rate)]
         held = [r for bag in held_out or [] for r in rec.read(bag, rate_hz=rate)]
-        found = find_mismatch(truck, fit, held, seed=seed, say=status.update)
+        found = find_mismatch(truck, fit, held, seed=seed, with_unnamed=with_unnamed, say=status.update)
         status.update("writing the report")
         write(found, out)
     print(f"{found.verdict['verdict']}: see {out / 'report.html'}")

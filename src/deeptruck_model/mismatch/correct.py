@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.command_path import CommandPath
 from deeptruck_model.mismatch.expression import Expression, Rerun, Signal, Stream, maximum
-from deeptruck_model.mismatch.mechanisms import LIBRARY, build
+from deeptruck_model.mismatch.mechanisms import KNOWN, build
 from deeptruck_model.mismatch.share import Shares
 from deeptruck_model.signals import ACCELERATION, SPEED, TruckInterface
 from deeptruck_model.simulators import MANIFEST, Run, Simulator
@@ -79,7 +79,7 @@ class CorrectedTruck:
         weighted = [(SENSITIVITY[name], change) for name, change in moved.items() if name not in own]
         paths = []
         for term in self.terms:
-            for column, b in zip(build(LIBRARY[term.effect], term.settings), term.coefficients, strict=True):
+            for column, b in zip(build(KNOWN[term.effect], term.settings), term.coefficients, strict=True):
                 if isinstance(column.expression, Rerun):
                     paths.append((column.expression.path, column.expression.amount, b))
                 elif b != 0.0:
@@ -225,7 +225,7 @@ def load_directory(path: Path, manifest: dict[str, Any]) -> CorrectedTruck:
     """A corrected truck from its directory. Raises InputError where this library cannot read it."""
     try:
         terms = [Term(t["effect"], t["settings"], tuple(t["coefficients"])) for t in manifest["terms"]]
-        unknown = [t.effect for t in terms if t.effect not in LIBRARY]
+        unknown = [t.effect for t in terms if t.effect not in KNOWN]
         if unknown:
             raise InputError(f"{path} has terms this version does not know: {', '.join(unknown)}")
         shares = Shares.from_dict(manifest["shares"]) if manifest.get("shares") else None

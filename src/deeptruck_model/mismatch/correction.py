@@ -6,6 +6,7 @@ Everything is fitted, and chosen, without the held-out recordings.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,10 +24,18 @@ from deeptruck_model.simulators import Simulator
 HORIZON_S = 40.0
 
 
-def correct(
-    simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequence[Prepared]
-) -> tuple[CorrectedTruck, CorrectedTruck]:
-    """The simulator with its parameters re-tuned alone, and with all that was found.
+@dataclass(frozen=True)
+class Corrections:
+    """The simulator with its parameters re-tuned alone, with all that was found and has a name, and with laws
+    for what has none beside (None where there are none)."""
+
+    tuned: CorrectedTruck
+    named: CorrectedTruck
+    unnamed: CorrectedTruck | None
+
+
+def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequence[Prepared]) -> Corrections:
+    """Corrected simulators, without and with what has no name.
 
     What comes and goes is of no use on another drive but for its mean, and a parameter that nobody states as
     wrong may only have been bent. So they go in where free runs along `prepared`, the recordings that are not
@@ -37,10 +46,21 @@ def correct(
     alone = search.model((), frozenset(search.parameters))
     tuned = CorrectedTruck(simulator, [], _change(e, alone, search.parameters), shares, False)
     options = _options(simulator, e, x, search, shares)
-    if len(options) == 1:
-        return tuned, options[0]
-    errors = [_rmse(option, prepared) for option in options]
-    return tuned, options[int(np.argmin(errors))]
+    unnamed = _with_laws(simulator, e, x, search, shares)
+    errors = [_rmse(option, prepared) for option in options] if len(options) > 1 else [0.0]
+    return Corrections(tuned, options[int(np.argmin(errors))], unnamed)
+
+
+def _with_laws(
+    simulator: Simulator, e: Evidence, x: Explanation, search: Search, shares: Shares | None
+) -> CorrectedTruck | None:
+    """All names and all laws beside them, with every parameter as it was moved."""
+    if x.lawful is None:
+        return None
+    shapes = [s for s in x.lawful.named if s.mechanism.kind == "missing_physics"]
+    model = search.model(x.lawful.named, x.lawful.free)
+    change = _change(e, model, model.free)
+    return CorrectedTruck(simulator, _terms(shapes, model), change, shares, False)
 
 
 def corrected(simulator: Simulator, e: Evidence, model: Model) -> CorrectedTruck:
@@ -89,11 +109,15 @@ def _horizon(prepared: Sequence[Prepared]) -> float:
 
 
 def shown(
-    simulator: Simulator, tuned: CorrectedTruck, after: CorrectedTruck, held_out: Sequence[Prepared]
+    simulator: Simulator, made: Corrections, held_out: Sequence[Prepared], with_unnamed: bool
 ) -> tuple[dict[str, Errors], CorrectedTruck, dict[str, Any]]:
     """Errors of free runs on the held-out recordings, the corrected simulator marked as validated or not, and
-    `fit` of verdict.json."""
-    named: dict[str, Simulator] = {"before": simulator, "parameters_only": tuned, "after": after}
+    `fit` of verdict.json. `with_unnamed` corrects by the laws without a name too, where there are any.
+    """
+    after = (made.unnamed if with_unnamed else None) or made.named
+    named: dict[str, Simulator] = {"before": simulator, "parameters_only": made.tuned, "after": after}
+    if made.unnamed is not None:
+        named["free_model"] = made.unnamed
     errors = {name: free_windows(s, held_out, _horizon(held_out)) for name, s in named.items()}
     windows = errors["before"].speed
     fit: dict[str, Any] = {

@@ -8,7 +8,8 @@ import numpy as np
 
 from deeptruck_model.mismatch.causes import Cause, Explanation
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.free_model import FreeModel, free_model
+from deeptruck_model.mismatch.free_law import LeftOver, left_over
+from deeptruck_model.mismatch.free_model import FreeModel
 from deeptruck_model.mismatch.growing import grow
 from deeptruck_model.mismatch.mechanisms import comes_and_goes
 from deeptruck_model.mismatch.plain_truck import plain_truck
@@ -18,8 +19,9 @@ from deeptruck_model.mismatch.slow_force import SlowForce, slow_force
 from deeptruck_model.mismatch.worth_saying import ENOUGH, large_enough
 
 ENOUGH_FREE = 40.0  # nats the free model must gain on what is left before 'unknown' is said
-FREE_R2 = 0.06  # and the share of held-out variance it must explain
-EXPLAINS = 0.6  # share of what is explainable that a name must explain, else it is only the nearest relative
+BEND = 0.3  # share of a name's gain that laws beside it must have: no form is quite right
+BEND_OF_PARAMETERS = 0.06  # the same where parameters alone were found: these enter as they are
+EXPLAINS = 0.55  # share of what is explainable that a name must explain, else it is only the nearest relative
 TRIFLE = 0.03  # a cause with a smaller share of what is explained is as likely a bend in the form of another
 BENT = 0.15  # share of the main cause's gain that a parameter beside it must have
 BEFORE_PARAMETERS = 0.25  # of the largest share, below which physics is told after parameters
@@ -28,47 +30,54 @@ SLOW_NAMES = {"road_grade", "road_surface", "headwind", "payload_change"}
 
 def explain(search: Search) -> Explanation:
     """Search, prune, group, and weigh what was found against the free model."""
-    e = search.e
     null = search.model((), frozenset())
     parameters_only = search.background(())
     model, ranking = grow(search, parameters_only)
-    left = free_model(e, e.residual - search.prediction(model), search.series.relative)
-    left_gain = search.gain_of(model, left.prediction) if left.r2 > 0 else 0.0
-    causes = _causes(search, model, null, left, left_gain)
-    causes = _with_slow_force(search, model, left, causes)
-    return Explanation(tuple(causes), model, parameters_only, null, left, left_gain, ranking)
+    left = left_over(search, model)
+    causes = _causes(search, model, null, left)
+    causes = _with_slow_force(search, model, left.free, causes)
+    return Explanation(
+        tuple(causes), model, parameters_only, null, left.free, left.gain, left.lawful, ranking
+    )
 
 
-def _causes(search: Search, model: Model, null: Model, left: FreeModel, left_gain: float) -> list[Cause]:
+def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[Cause]:
     named = [named_cause(search, model, shape) for shape in model.named]
     named = [
         c for c in named if not c.rivals or c.rivals[0][1] > -ENOUGH
     ]  # a name that another beats is no name
-    tuned = tuned_causes(search, model)
+    explained = max(model.score - null.score, 1e-9)
+    names = sum(c.gain for c in named)
+    unknown = _worth_calling_unknown(search.e, left, explained, names)
+    tuned = tuned_causes(search, left.lawful if unknown and left.lawful else model)
     if named or tuned:  # a form that is not quite right bends the parameters a little; that is no finding
-        most = max(c.gain for c in named + tuned)
+        most = max([c.gain for c in named + tuned] + ([left.gain] if unknown else []))
         tuned = [c for c in tuned if c.gain > BENT * most]
     causes = named + tuned
-    explained = max(model.score - null.score, 1e-9)
-    price = search.e.tolerance.get("unknown", 0.0)
-    unknown = (
-        left_gain > ENOUGH_FREE + price
-        and large_enough(search.e, left.prediction)
-        and left_gain > 0.15 * explained
-        and left.r2 > FREE_R2
-    )
-    total = explained + max(left_gain, 0.0)
+    total = explained + max(left.gain, 0.0)
     weight = sum(max(c.gain, 0.0) for c in causes) or 1.0
     causes = [replace(c, share=max(c.gain, 0.0) / weight * explained / total) for c in causes]
     causes = [c for c in causes if c.share > TRIFLE]
-    if unknown:
-        rest = Cause("missing_physics", "unknown", left_gain, left_gain / total, 0.9, left.prediction)
-        if causes and explained / total < EXPLAINS and causes[0].kind == "missing_physics":
-            rest = replace(rest, nearest=causes[0].effect)
-            causes = [rest, *[c for c in causes if c.kind != "missing_physics"]]
-        else:
-            causes.append(rest)
-    return _in_order(causes)
+    if not unknown:
+        return _in_order(causes)
+    rest = Cause("missing_physics", "unknown", left.gain, left.gain / total, 0.9, left.free.prediction)
+    physics = [c for c in causes if c.kind == "missing_physics"]
+    if physics and names < EXPLAINS * (names + left.gain):
+        rest = replace(rest, nearest=max(physics, key=lambda c: c.gain).effect)
+        return [rest, *_in_order([c for c in causes if c not in physics])]
+    return _in_order([*causes, rest])
+
+
+def _worth_calling_unknown(e: Evidence, left: LeftOver, explained: float, names: float) -> bool:
+    """Whether what is left over is a finding, and not the bend in a form that is not quite right.
+
+    `explained` are the nats of all that was found, `names` those of missing physics with a name.
+    """
+    return (
+        left.gain > ENOUGH_FREE + e.tolerance.get("unknown", 0.0)
+        and large_enough(e, left.free.prediction)
+        and left.gain > (BEND * names if names else BEND_OF_PARAMETERS * explained)
+    )
 
 
 def _in_order(causes: list[Cause]) -> list[Cause]:

@@ -326,6 +326,23 @@ class Tent(Expression):
 
 
 @dataclass(frozen=True, eq=False)
+class Interpolated(Expression):
+    """A function of the input by straight lines between points (`at`, `values`), level beyond them."""
+
+    inputs: tuple[Expression, ...]
+    at: tuple[float, ...]
+    values: tuple[float, ...]
+
+    def over(self, values: Sequence[Array], e: Evidence) -> Array:
+        return np.interp(values[0], self.at, self.values)
+
+    def advance(
+        self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
+    ) -> tuple[Array, Any]:
+        return np.interp(values[0], self.at, self.values), memory
+
+
+@dataclass(frozen=True, eq=False)
 class Knot(Expression):
     """A Tent in one recording (in all where `index` is negative); a simulation is left with `elsewhere`."""
 

@@ -10,7 +10,8 @@ import numpy as np
 from deeptruck_model.mismatch.causes import Cause, Explanation
 from deeptruck_model.mismatch.data_checks import SensorFault
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.mechanisms import LIBRARY, UNNAMED, Shape
+from deeptruck_model.mismatch.expression import Rerun
+from deeptruck_model.mismatch.mechanisms import LIBRARY, UNNAMED, Column, Shape
 from deeptruck_model.mismatch.search import Model
 
 NAMES = {
@@ -110,7 +111,7 @@ def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> dict[str,
     shape = cause.shape
     assert shape is not None
     m = shape.mechanism
-    parameters = _sizes(shape, explanation.model, e.mass)
+    parameters = _sizes(shape, explanation.model, e)
     for name, value in shape.settings.items():
         if isinstance(value, float) and name in SETTING_UNITS:
             parameters[name] = {"value": value, "unit": SETTING_UNITS[name], "ci95": None}
@@ -151,20 +152,33 @@ def _now_and_then(shape: Shape) -> str:
     return f"; seen now and then alone, {len(spans)} times for {seconds:.0f} s together" if spans else ""
 
 
-def _sizes(shape: Shape, model: Model, mass: float) -> dict[str, Any]:
-    """The most telling parameters by name. Columns of one name, from a widened shape, add up to one size."""
+def _sizes(shape: Shape, model: Model, e: Evidence) -> dict[str, Any]:
+    """The most telling parameters by name. Columns of one name, from a widened shape, add up to one size.
+
+    When within a sample a command came nobody knows, so that no delay is known better than that.
+    """
+    mass = e.mass
     values, covariance = model.coefficients(shape.mechanism.effect), model.covariance(shape.mechanism.effect)
     factors = np.array([part.factor * (mass if part.per_mass else 1.0) for part in shape.parts])
     sizes: dict[str, tuple[float, float, str]] = {}
     for part in shape.parts:
         g = np.where([other.name == part.name for other in shape.parts], factors, 0.0)
-        sizes[part.name] = (float(g @ values), float(np.sqrt(max(g @ covariance @ g, 0.0))), part.unit)
+        sizes[part.name] = (
+            float(g @ values),
+            float(np.sqrt(max(g @ covariance @ g, 0.0) + _timing(part, e))),
+            part.unit,
+        )
     telling = sorted(sizes, key=lambda n: -abs(sizes[n][0]) / max(sizes[n][1], 1e-12))[:TELLING_PARAMETERS]
     return {
         name: {"value": value, "unit": unit, "ci95": [value - 1.96 * sd, value + 1.96 * sd]}
         for name, (value, sd, unit) in sizes.items()
         if name in telling
     }
+
+
+def _timing(part: Column, e: Evidence) -> float:
+    """Variance (s^2) of a time for not knowing where within a quarter of a row either way a command came."""
+    return (e.dt / 4) ** 2 / 3 if part.unit == "s" and isinstance(part.expression, Rerun) else 0.0
 
 
 def _parameter(cause: Cause, e: Evidence, explanation: Explanation, own: dict[str, float]) -> dict[str, Any]:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from deeptruck_model.mismatch import intermittent
+from deeptruck_model.mismatch.mechanisms import Shape, shape
 from deeptruck_model.mismatch.search import Model, Search
 from deeptruck_model.mismatch.worth_saying import ENOUGH, enough, practical, price
 
 WIDENED = 4  # of the best names are given more freedom of form before the first is chosen
 MOST = 4  # effects at once
 EXCHANGES = 3
+DELAYS = ("command_delay", "clock_offset")
+SETTLING = 2  # times
 WORTH_AN_EXCHANGE = 3.0  # nats
 BESIDE = 0.2  # a further name must gain this share of the others' gain: a form not quite right invites more
 
@@ -37,13 +40,32 @@ def grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], .
             break
         base = search.background(best.named)
     while len(base.named) > 1:
-        without = [search.background(tuple(n for n in base.named if n is not shape)) for shape in base.named]
+        without = [search.background(tuple(n for n in base.named if n is not s)) for s in base.named]
         weakest = max(without, key=lambda m: m.score)
         if weakest.score < base.score - enough(search) - BESIDE * (base.score - bare.score):
             break
         base = weakest
-    base = _exchanged(search, base)
+    base = _settled(search, _exchanged(search, base))
     return _now_and_then(search, base), ranking
+
+
+def _settled(search: Search, model: Model) -> Model:
+    """Delays are linear about the amounts that were tried; they are fitted again about what that gave."""
+    for _ in range(SETTLING):
+        moved = tuple(_about_its_size(search, model, s) for s in model.named)
+        settled = search.model(moved, model.free, model.fit)
+        if settled.score < model.score:
+            return model
+        model = settled
+    return model
+
+
+def _about_its_size(search: Search, model: Model, s: Shape) -> Shape:
+    """A shape of one delay at the delay it was fitted to; any other as it is."""
+    if s.mechanism.effect not in DELAYS or "tau_s" not in s.settings:
+        return s
+    tau_s = s.settings["tau_s"] * float(model.coefficients(s.mechanism.effect)[0])
+    return shape(s.mechanism, s.settings | {"tau_s": round(tau_s, 3)}, search.e)
 
 
 def _now_and_then(search: Search, base: Model) -> Model:
@@ -61,8 +83,8 @@ def _exchanged(search: Search, model: Model) -> Model:
     alone."""
     for _ in range(EXCHANGES):
         before = model
-        for shape in model.named:
-            others = tuple(n for n in model.named if n is not shape)
+        for given in model.named:
+            others = tuple(n for n in model.named if n is not given)
             options = [
                 search.enriched(m)
                 for m in search.candidates(search.background(others))[:WIDENED]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch.causes import Explanation
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.free_model import features
+from deeptruck_model.mismatch.mechanisms import law_signal
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -71,5 +72,6 @@ def averaged(
     rows = np.arange(len(e) // per * per).reshape(-1, per)
     rows = rows[e.valid[rows].all(axis=1)]
     signals = features(e)
-    columns = {name: np.nan_to_num(signals[name])[rows].mean(axis=1) for name in names}
+    known = {n: np.nan_to_num(signals[n]) if n in signals else law_signal(n).rows(e) for n in names}
+    columns = {n: x[rows].mean(axis=1) for n, x in known.items()}
     return force[rows].mean(axis=1), columns, rows[:, 0]

@@ -12,12 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln
+from scipy.stats import t as student_t
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 ORDER = 5  # of the autoregression
 TAIL = 5.0  # degrees of freedom of the innovations
+LEAST_DRIVES = 4  # to tell how much they disagree
 FLOOR = 0.01  # m/s^2 in 0.2 s; no simulator is better: data without noise must not make its form significant
 
 
@@ -59,12 +61,14 @@ class Prior:
 class Fit:
     """Posterior of the coefficients (k,), covariance (k, k), log evidence in nats, and the noise found.
 
+    `between` (k,) is the sd of the coefficients as far as recordings disagree; zero where they are too few.
     `innovations` (n,) is in units of sigma and NaN where a sample does not count; `pointwise` (n,) its log
     density.
     """
 
     b: Array
     covariance: Array
+    between: Array
     evidence: float
     sigma: float
     ar: Array
@@ -121,9 +125,29 @@ def _finish(
     evidence += float(np.log(2.0) * np.count_nonzero(prior.sign[active]))  # half-normal priors
     covariance = np.zeros((len(b), len(b)))
     covariance[np.ix_(active, active)] = np.linalg.inv(H)
+    between = np.zeros(len(b))
+    between[active] = _between(
+        Xa * (w * scaled * rel * sigma)[:, None], series.starts, use, covariance[active][:, active]
+    )
     innovations, pointwise = np.full(len(series.y), np.nan), np.zeros(len(series.y))
     innovations[use], pointwise[use] = scaled, point
-    return Fit(b, covariance, evidence, sigma, ar, innovations, pointwise)
+    return Fit(b, covariance, between, evidence, sigma, ar, innovations, pointwise)
+
+
+def _between(gradient: Array, starts: Mask, use: Mask, covariance: Array) -> Array:
+    """Sd of the coefficients from the gradients of the log likelihood (m, k), summed over each recording.
+
+    Where a form is not quite right every drive asks for another size of it, which no noise within a drive
+    tells: the cluster-robust variance of Liang and Zeger, widened by Student's t for few recordings.
+    """
+    drive = np.cumsum(starts)[use]
+    count = len(np.unique(drive))
+    if count < LEAST_DRIVES:
+        return np.zeros(len(covariance))
+    score = np.stack([gradient[drive == k].sum(axis=0) for k in np.unique(drive)]) @ covariance
+    wider = count / (count - 1) * (student_t.ppf(0.975, count - 1) / 1.96) ** 2
+    out: Array = np.sqrt(wider * np.sum(score**2, axis=0))
+    return out
 
 
 def whiten(x: Array, ar: Array) -> Array:

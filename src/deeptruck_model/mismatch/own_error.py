@@ -16,6 +16,7 @@ from scipy.ndimage import uniform_filter1d
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.free_law import left_over
 from deeptruck_model.mismatch.free_model import free_model, transfer
 from deeptruck_model.mismatch.residual import Prepared, gather, prepare
 from deeptruck_model.mismatch.search import Search
@@ -70,8 +71,7 @@ def _prices(own: Evidence, ratio: float) -> dict[str, float]:
     for p in search.parameters:
         held = search.model((), base.free - {p})
         prices[f"parameter:{p}"] = base.score - held.score if p in base.free else 0.0
-    left = free_model(own, own.residual - search.prediction(base), search.series.relative)
-    prices["unknown"] = search.gain_of(base, left.prediction)
+    prices["unknown"] = left_over(search, base).gain
     scale = SAFETY * max(ratio, 0.5)
     return {name: max(price, 0.0) * scale for name, price in prices.items()}
 

@@ -81,9 +81,13 @@ class Model:
         return float(np.sqrt(self.covariance(f"parameter:{parameter}")[0, 0]))
 
     def covariance(self, name: str) -> Array:
-        """Posterior covariance of the coefficients of an effect, as much wider as evidence is too sure."""
+        """Posterior covariance of the coefficients of an effect, as much wider as evidence is too sure, or as
+        recordings disagree, whichever is the more."""
         part = dict(self.layout)[name]
-        out: Array = TEMPER * self.fit.covariance[part, part]
+        own = TEMPER * self.fit.covariance[part, part]
+        sd = np.sqrt(np.diag(own))
+        wider = np.maximum(self.fit.between[part] / np.maximum(sd, 1e-12), 1.0)
+        out: Array = own * np.outer(wider, wider)
         return out
 
 

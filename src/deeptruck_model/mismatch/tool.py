@@ -64,14 +64,17 @@ def find_mismatch(
     held_out: Sequence[Recording] = (),
     *,
     seed: int = 0,
+    with_unnamed: bool = False,
     say: Callable[[str], None] = lambda step: None,
 ) -> Mismatch:
     """Compare a simulator with recordings. On data that is merely poor the verdict is `undetermined`.
 
+    `with_unnamed` puts what has no name into the corrected simulator too, as laws of the recorded signals.
+
     Raises InputError where simulator and recordings do not belong together.
     """
     with threadpool_limits(1):
-        return _find(simulator, recordings, held_out, seed, say)
+        return _find(simulator, recordings, held_out, seed, with_unnamed, say)
 
 
 @dataclass(frozen=True)
@@ -112,6 +115,7 @@ def _find(
     recordings: Sequence[Recording],
     held_out: Sequence[Recording],
     seed: int,
+    with_unnamed: bool,
     say: Callable[[str], None],
 ) -> Mismatch:
     say("checking the data")
@@ -128,8 +132,8 @@ def _find(
     force = sum((cause.force for cause in causes), start=np.zeros(len(e)))
     regimes = locate.regimes(e, force if causes else e.residual)
     say("correcting the simulator and driving it free")
-    tuned, corrected = correction.correct(simulator, e, x, c.part(held_out=False))
-    errors, corrected, fit = correction.shown(simulator, tuned, corrected, c.part(held_out=True))
+    made = correction.correct(simulator, e, x, c.part(held_out=False))
+    errors, corrected, fit = correction.shown(simulator, made, c.part(held_out=True), with_unnamed)
     verdict = {
         "schema": 1,
         "verdict": _overall(found),

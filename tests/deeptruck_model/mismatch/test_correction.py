@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from deeptruck_model import trucks
+from deeptruck_model import simulators, trucks
 from deeptruck_model.mismatch import correction
 from deeptruck_model.mismatch.causes import Cause
+from deeptruck_model.mismatch.correct import CorrectedTruck, Term
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape, comes_and_goes
-from deeptruck_model.mismatch.search import Search
+from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape, comes_and_goes, laws
+from deeptruck_model.mismatch.search import Model, Search
 
 TRUCK = trucks.load("trucksim")
 
@@ -23,6 +26,10 @@ def law_and_gusts(e: Evidence) -> tuple[Shape, Shape]:
     law = search.shapes(LIBRARY["driveline_loss"])[0]
     gusts = next(s for s in search.shapes(LIBRARY["headwind"]) if comes_and_goes(s))
     return law, gusts
+
+
+def explanation(causes: tuple[Cause, ...], model: Model, lawful: Model | None = None) -> Any:
+    return SimpleNamespace(causes=causes, model=model, lawful=lawful)
 
 
 @pytest.fixture
@@ -52,7 +59,9 @@ def test_of_all_that_was_found_the_part_goes_in_that_drives_best(
             ("parameter_error", "brake_gain", None),
         )
     )
-    tuned, after = correction.correct(TRUCK, e, SimpleNamespace(causes=causes, model=model), [])
+    made = correction.correct(TRUCK, e, explanation(causes, model), [])
+    tuned, after = made.tuned, made.named
+    assert made.unnamed is None
     assert set(tuned.moved) == {"torque_gain", "brake_gain"} and not tuned.terms
     laws, everything = {"driveline_loss"}, {"driveline_loss", "headwind"}
     moved, stated = {"torque_gain", "brake_gain"}, {"brake_gain"}
@@ -66,7 +75,7 @@ def test_what_was_not_stated_never_goes_in(
     law, gusts = law_and_gusts(nothing_missing)
     model = Search(nothing_missing).model((law, gusts), frozenset())
     cause = Cause("missing_physics", "driveline_loss", 90.0, 1.0, 0.9, np.zeros(len(nothing_missing)), law)
-    _, after = correction.correct(TRUCK, nothing_missing, SimpleNamespace(causes=(cause,), model=model), [])
+    after = correction.correct(TRUCK, nothing_missing, explanation((cause,), model), []).named
     assert [t.effect for t in after.terms] == ["driveline_loss"] and not after.moved
     assert options == []  # there was nothing to choose
 
@@ -75,5 +84,28 @@ def test_no_parameter_goes_where_no_truck_is(nothing_missing: Evidence) -> None:
     stronger = 1.6 * nothing_missing.sensitivity["brake_gain"]  # brakes 2.6 times as strong
     e = replace(nothing_missing, residual=nothing_missing.residual + stronger)
     model = Search(e).model((), frozenset())
-    tuned, after = correction.correct(TRUCK, e, SimpleNamespace(causes=(), model=model), [])
-    assert tuned.moved["brake_gain"] == 1.0 and not after.moved
+    made = correction.correct(TRUCK, e, explanation((), model), [])
+    assert made.tuned.moved["brake_gain"] == 1.0 and not made.named.moved
+
+
+def test_laws_without_a_name_go_in_beside_the_names_and_only_when_asked(nothing_missing: Evidence) -> None:
+    e = nothing_missing
+    law = next(s for s in laws(e) if s.settings.get("of") == "speed" and s.settings["carrier"] == "engine")
+    search = Search(e)
+    lawful = search.model((law,), frozenset())
+    made = correction.correct(TRUCK, e, explanation((), search.model((), frozenset()), lawful), [])
+    assert made.unnamed is not None and not made.named.terms
+    assert [t.effect for t in made.unnamed.terms] == ["unknown"]
+    _, unasked, fit = correction.shown(TRUCK, made, [], with_unnamed=False)
+    _, asked, _ = correction.shown(TRUCK, made, [], with_unnamed=True)
+    assert not unasked.terms and [t.effect for t in asked.terms] == ["unknown"]
+    assert fit["windows"] == 0
+
+
+def test_a_truck_with_laws_can_be_kept(nothing_missing: Evidence, tmp_path: Path) -> None:
+    law = next(s for s in laws(nothing_missing) if s.settings.get("follower") == "brake")
+    term = Term("unknown", law.settings, tuple(np.linspace(0.0, 0.1, law.columns.shape[1]).tolist()))
+    truck = CorrectedTruck(TRUCK, [term], {}, None, True)
+    truck.save(tmp_path / "kept")
+    again = simulators.load(tmp_path / "kept")
+    assert isinstance(again, CorrectedTruck) and again.terms == truck.terms

@@ -85,6 +85,7 @@ NODES = {
     "change": ex.Change((SPEED,)),
     "slosh": ex.Slosh((ex.Signal("simulated"),), 0.4, 0.1),
     "tent": ex.Tent((SPEED,), 12.0, 4.0),
+    "interpolated": ex.Interpolated((SPEED,), (5.0, 12.0, 30.0), (0.0, 1.0, -2.0)),
     "memories of memories": ex.Lag((ex.Lag((SPEED * BRAKE,), 5.0, cold=True) - SPEED,), 1.0) * BRAKE,
 }
 

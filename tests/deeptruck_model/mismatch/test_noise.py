@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from deeptruck_model.mismatch.noise import FLOOR, ORDER, Prior, Series, fit, whiten
+from deeptruck_model.mismatch.noise import FLOOR, ORDER, Fit, Prior, Series, fit, whiten
 
 N, COLOUR = 4000, np.array([0.6, 0.2])
 
@@ -103,3 +103,18 @@ def test_without_noise_rounding_is_not_significant() -> None:
 def test_priors_join_side_by_side() -> None:
     joined = Prior.join(prior(1, sign=1.0), prior(2, sd=0.5))
     assert joined.sd.tolist() == [1.0, 0.5, 0.5] and joined.sign.tolist() == [1.0, 0.0, 0.0]
+
+
+def test_recordings_that_disagree_widen_the_interval() -> None:
+    X, drives = columns(11, 1), 8
+    each = np.repeat(np.linspace(0.1, 0.5, drives), N // drives)
+    starts = np.arange(N) % (N // drives) == 0
+
+    def found(size: np.ndarray | float, parts: np.ndarray) -> Fit:
+        y = size * X[:, 0] + noise(12)
+        return fit(Series(y, np.ones(N, dtype=bool), parts, np.ones(N)), X, prior(1))
+
+    apart, alike = found(each, starts), found(0.3, starts)
+    assert apart.between[0] > 2.0 * alike.between[0]
+    assert abs(apart.b[0] - 0.3) < 1.96 * apart.between[0]
+    assert found(each, np.arange(N) % (N // 2) == 0).between[0] == 0.0  # two drives cannot tell

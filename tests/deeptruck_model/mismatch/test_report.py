@@ -106,8 +106,9 @@ def model(named, e: Evidence, b, free, score: float) -> Model:
     layout = tuple((n, slice(int(a), int(z))) for n, a, z in zip(names, ends[:-1], ends[1:], strict=True))
     size = int(ends[-1])
     fit = Fit(
-        np.resize(b, size), np.eye(size) * 1e-4, score, 0.02, np.zeros(5), np.zeros(len(e)), np.zeros(len(e))
-    )
+        np.resize(b, size), np.eye(size) * 1e-4, np.zeros(size), score, 0.02, np.zeros(5),
+        np.zeros(len(e)), np.zeros(len(e)),
+    )  # fmt: skip
     return Model(tuple(named), frozenset(free), fit, score, layout)
 
 
@@ -180,7 +181,7 @@ def explanation(kind: str, e: Evidence) -> tuple[Explanation, list[Cause]]:
     )
     x = Explanation(
         tuple(causes), full, model([], e, np.zeros(1), free, 810.0), model([], e, np.zeros(1), set(), 700.0),
-        left, 60.0 if kind == "unknown" else 0.0,
+        left, 60.0 if kind == "unknown" else 0.0, None,
         ranking if causes else (("headwind", 0.1), ("turbo_lag", -2.0)),
     )  # fmt: skip
     return x, causes

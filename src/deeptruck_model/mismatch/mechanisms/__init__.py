@@ -8,8 +8,10 @@ from deeptruck_model.mismatch.mechanisms.base import (
     build,
     comes_and_goes,
     merge,
+    shape,
     shapes,
 )
+from deeptruck_model.mismatch.mechanisms.laws import LAW, law_signal, laws, leans_on
 from deeptruck_model.mismatch.mechanisms.unnamed import UNNAMED
 
 LIBRARY: dict[str, Mechanism] = {
@@ -18,7 +20,10 @@ LIBRARY: dict[str, Mechanism] = {
     for m in room.MECHANISMS
 }
 
+KNOWN = LIBRARY | {LAW.effect: LAW}  # all that can be simulated
+
 __all__ = [
+    "KNOWN",
     "LIBRARY",
     "UNNAMED",
     "Column",
@@ -26,6 +31,10 @@ __all__ = [
     "Shape",
     "build",
     "comes_and_goes",
+    "law_signal",
+    "laws",
+    "leans_on",
     "merge",
+    "shape",
     "shapes",
 ]

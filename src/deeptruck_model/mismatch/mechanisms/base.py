@@ -131,20 +131,16 @@ def merge(first: Shape, other: Shape) -> Shape:
 
 def shapes(mechanism: Mechanism, e: Evidence) -> list[Shape]:
     """Every shape of a mechanism on this evidence that is not zero throughout."""
-    out = []
-    for settings in mechanism.settings(e):
-        parts = build(mechanism, settings)
-        columns = np.stack([p.expression.rows(e) for p in parts], axis=1)
-        seen = np.abs(columns[e.valid]).max(axis=0, initial=0.0) > 1e-6
-        if not seen.any():
-            continue
-        prior = Prior(
-            *(np.array([getattr(p, f) for p in parts], dtype=float) for f in ("mean", "sd", "sign"))
-        )
-        out.append(
-            Shape(mechanism, settings, tuple(parts), columns, prior, float(settings.get("trials", 1.0)))
-        )
-    return out
+    made = [shape(mechanism, settings, e) for settings in mechanism.settings(e)]
+    return [s for s in made if np.abs(s.columns[e.valid]).max(initial=0.0) > 1e-6]
+
+
+def shape(mechanism: Mechanism, settings: Settings, e: Evidence) -> Shape:
+    """One shape of a mechanism on this evidence."""
+    parts = build(mechanism, settings)
+    columns = np.stack([p.expression.rows(e) for p in parts], axis=1)
+    prior = Prior(*(np.array([getattr(p, f) for p in parts], dtype=float) for f in ("mean", "sd", "sign")))
+    return Shape(mechanism, settings, tuple(parts), columns, prior, float(settings.get("trials", 1.0)))
 
 
 def lever_reference(e: Evidence) -> float:

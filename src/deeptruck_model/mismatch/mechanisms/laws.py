@@ -1,0 +1,155 @@
+"""Laws without a name: how a force may follow the recorded signals, whatever the physics.
+
+A law is a carrier (the pull, the brake force, the square of speed ...) times any function of one variable, or
+a slow or swinging follower of one of the forces. What is left beside a named mechanism is tried on all of
+them, so that a name is only as good as the share it explains of what any law does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.expression import (
+    Change,
+    Expression,
+    Interpolated,
+    Lag,
+    Signal,
+    Since,
+    Slosh,
+    absolute,
+    lift,
+    maximum,
+    minimum,
+)
+from deeptruck_model.mismatch.mechanisms.base import (
+    BRAKE,
+    ELAPSED,
+    ENGINE,
+    GEAR,
+    PULL,
+    SIMULATED,
+    SPEED,
+    Column,
+    Mechanism,
+    Settings,
+    Shape,
+    shapes,
+)
+
+KNOTS = 5  # of a function of one variable
+LEAST_CARRIER = 0.01  # rms
+NEVER_S = 120.0  # what happened longer ago no longer matters
+ACTING = 0.1  # m/s^2: a force that is on
+CARRIERS: dict[str, tuple[Expression, float]] = {  # with the sd of the function it is multiplied by
+    "force": (lift(1.0), 0.1),
+    "engine": (PULL, 0.3),
+    "overrun": (minimum(ENGINE, 0.0), 0.3),
+    "brake": (BRAKE, 0.3),
+    "coasting": ((ENGINE < 0.05) * (BRAKE < 0.05), 0.1),
+    "speed squared": ((SPEED / 20.0) ** 2, 0.3),
+    "simulated": (SIMULATED, 0.3),
+}
+FORCES = {"engine": ENGINE, "brake": BRAKE, "simulated": SIMULATED}
+LAGS_S, ORDERS = (0.2, 0.5, 1.2, 3.0), (1, 3)
+SWINGS_HZ = (0.15, 0.25, 0.4, 0.6, 0.9, 1.3, 1.8)
+
+
+RECORDED = ("ratio", "grade", "engine_command", "brake_command", "engine_speed", "gap", "ambient_temperature")
+EVENTS = {
+    "braking": BRAKE > ACTING,
+    "the brake was off": BRAKE < ACTING / 2,
+    "pulling": PULL > ACTING,
+    "the engine was idle": PULL < ACTING / 5,
+    "standing": SPEED < 0.5,
+    "a shift": absolute(Change((GEAR,))) > 0.5,
+}
+POWERS = {"engine power": PULL * SPEED, "braking power": BRAKE * SPEED}
+# What a law may be a function of, by the name people are told.
+VARIABLES: dict[str, Expression] = (
+    {"speed": SPEED, "engine": PULL, "brake": BRAKE, "elapsed": ELAPSED}
+    | {name: Signal(name) for name in RECORDED}
+    | {
+        f"{n} over {t:.0f} s": Lag((x,), t, cold=True)
+        for n, x in POWERS.items()
+        for t in (3.0, 20.0, 100.0, 600.0)
+    }
+    | {"speed over 60 s": Lag((SPEED,), 60.0), "speed over 300 s": Lag((SPEED,), 300.0, cold=True)}
+    | {f"time since {name}": minimum(Since((x,)), NEVER_S) for name, x in EVENTS.items()}
+)
+NEEDS = {"time since a shift": "gear"} | {name: name for name in RECORDED}
+
+
+def _settings(e: Evidence) -> Iterator[Settings]:
+    """Every carrier with every variable, and every follower."""
+    rms = {name: float(np.sqrt(np.mean(x.rows(e)[e.valid] ** 2))) for name, (x, _) in CARRIERS.items()}
+    known = {of: x for of, x in VARIABLES.items() if of not in NEEDS or e.has(NEEDS[of])}
+    for of, x in known.items():
+        at = np.unique(np.quantile(x.rows(e)[e.valid], np.linspace(0.0, 1.0, KNOTS)))
+        for carrier in CARRIERS if len(at) > 2 else ():
+            if rms[carrier] > LEAST_CARRIER:
+                yield {"carrier": carrier, "of": of, "at": at.tolist()}
+    for name, force in FORCES.items():
+        if float(np.std(force.rows(e)[e.valid])) > LEAST_CARRIER:
+            yield from ({"follower": name, "how": how} for how in ("late", "late up or down", "swinging"))
+
+
+def _columns(s: Settings) -> list[Column]:
+    if "of" in s:
+        carrier, sd = CARRIERS[s["carrier"]]
+        x, at = VARIABLES[s["of"]], s["at"]
+        hats = [Interpolated((x,), tuple(at), tuple(row)) for row in np.eye(len(at)).tolist()]
+        return [
+            Column(carrier * hat, sd, f"{s['carrier']} at {v:.3g}", sign=0)
+            for v, hat in zip(at, hats, strict=True)
+        ]
+    force = FORCES[s["follower"]]
+    if s["how"] == "swinging":
+        parts: list[Expression] = [Slosh((force,), f, 0.1) for f in SWINGS_HZ]
+    else:
+        late = [_late(force, tau, order) - force for tau in LAGS_S for order in ORDERS]
+        split = [minimum(x, 0.0) for x in late[::2]] + [maximum(x, 0.0) for x in late[::2]]
+        parts = late if s["how"] == "late" else split
+    return [Column(x, 0.4, f"{s['how']} {i}", sign=0) for i, x in enumerate(parts)]
+
+
+LAW = Mechanism(
+    "unknown",
+    "F = c f(x)",
+    "a force follows the recorded signals as no known one does",
+    (),
+    (),
+    "",
+    "vary one signal alone, with everything else held",
+    _settings,
+    _columns,
+)
+
+
+def laws(e: Evidence) -> list[Shape]:
+    """Every law on this evidence; each pays for having been picked among them."""
+    found = shapes(LAW, e)
+    return [replace(s, trials=float(len(found))) for s in found]
+
+
+def leans_on(settings: Settings) -> tuple[str, ...]:
+    """The signals of a law by name, the most telling first."""
+    if "follower" in settings:
+        return (settings["follower"],)
+    carrier = settings["carrier"]
+    return (settings["of"], *([carrier] if carrier in ("engine", "brake", "simulated") else []))
+
+
+def law_signal(name: str) -> Expression:
+    """What is behind a name of `leans_on`."""
+    return VARIABLES.get(name) or FORCES[name]
+
+
+def _late(force: Expression, tau_s: float, order: int) -> Expression:
+    for _ in range(order):
+        force = Lag((force,), tau_s / order)
+    return force

@@ -1,0 +1,59 @@
+"""What no name explains is found as laws of the signals, and nothing is found in noise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.explain import ENOUGH_FREE, explain
+from deeptruck_model.mismatch.expression import Slosh
+from deeptruck_model.mismatch.free_law import left_over
+from deeptruck_model.mismatch.mechanisms import LIBRARY, law_signal, laws, leans_on
+from deeptruck_model.mismatch.search import Search
+
+
+def swing(e: Evidence) -> np.ndarray:
+    """A trailer that swings at 0.9 Hz on its hitch: too fast for a second's mean."""
+    return 0.25 * Slosh((law_signal("simulated"),), 0.9, 0.1).rows(e)
+
+
+def band(e: Evidence) -> np.ndarray:
+    """Torque that is lost within a band of speed."""
+    return -0.5 * e["engine"] * np.exp(-(((e["speed"] - 18.0) / 2.0) ** 2))
+
+
+def test_in_noise_there_is_no_law(nothing_missing: Evidence) -> None:
+    search = Search(nothing_missing)
+    found = left_over(search, search.background(()))
+    assert found.gain < ENOUGH_FREE / 2
+    assert explain(search).causes == ()
+
+
+@pytest.mark.parametrize(("force", "of"), [(swing, "simulated"), (band, "speed")])
+def test_a_force_without_a_name_is_told_by_what_it_follows(
+    force: Callable[[Evidence], np.ndarray], of: str, nothing_missing: Evidence
+) -> None:
+    e = replace(nothing_missing, residual=nothing_missing.residual + force(nothing_missing))
+    search = Search(e, exclude=LIBRARY)
+    found = left_over(search, search.background(()))
+    assert found.lawful is not None and found.gain > 2 * ENOUGH_FREE
+    assert next(iter(found.free.importance)) == of
+    assert np.corrcoef(found.free.prediction, force(e))[0, 1] > 0.8
+    assert [c.effect for c in explain(search).causes] == ["unknown"]
+
+
+def test_a_law_is_its_carrier_shared_out_among_knots(nothing_missing: Evidence) -> None:
+    shared = [s for s in laws(nothing_missing) if s.settings.get("carrier") == "brake"]
+    assert shared
+    for s in shared:
+        np.testing.assert_allclose(s.columns.sum(axis=1), nothing_missing["brake"], atol=1e-12)
+        assert leans_on(s.settings) == (s.settings["of"], "brake")
+
+
+def test_laws_of_signals_that_were_not_recorded_are_not_tried(nothing_missing: Evidence) -> None:
+    used = {s.settings.get("of") for s in laws(nothing_missing)}
+    assert "speed" in used and not used & {"ratio", "gap", "time since a shift"}
