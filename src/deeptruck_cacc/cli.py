@@ -125,6 +125,34 @@ def export(
     typer.echo(f"{out}: written")
 
 
+@app.command()
+def pays(
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for pays.md, pays.png, pays.json, work/.")],
+    effect: Annotated[
+        list[str] | None, typer.Option(help="Effect; repeat for several. Default: all of them.")
+    ] = None,
+    recipe: Annotated[
+        list[str] | None, typer.Option(help="default, trusting or gentle; repeat. Default: all.")
+    ] = None,
+    seeds: Annotated[int, typer.Option(help="Policies of each simulator.", min=1)] = 3,
+    iterations: Annotated[int, typer.Option(help="Updates of each training.", min=1)] = 90,
+) -> None:
+    """Does correcting the simulator pay? Train on the old and the corrected one, drive the true truck.
+
+    About an hour of one core; a killed run goes on where it stopped.
+
+    Example: deeptruck-cacc pays --out results/pays --effect payload --recipe trusting
+    """
+    from deeptruck_cacc import pays as experiment
+
+    effort = experiment.Effort(seeds=seeds, iterations=iterations)
+    say = Console(stderr=True)
+    experiment.pays(
+        out, effect or tuple(experiment.CASES), recipe or tuple(experiment.RECIPES), effort, tell=say.print
+    )
+    typer.echo(f"{out}: pays.md, pays.png and pays.json")
+
+
 def check_target(out: Path) -> None:
     """Refuse to write a policy over something else."""
     ours = ("policy.json", "checkpoint", "learning_curve.jsonl")
