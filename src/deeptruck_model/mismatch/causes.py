@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 GROUP = 9.0  # nats within which two names count as not told apart, or ...
 GROUP_SHARE = 0.15  # of the gain: no form is quite right, and the larger an effect the more nats that costs
 
+GROUP_SHARE_RARE = 0.3  # the same for what was seen in a few windows: any event looks much like another there
+
 
 @dataclass(frozen=True)
 class Cause:
@@ -44,7 +46,8 @@ class Cause:
     @property
     def not_told_from(self) -> list[str]:
         """Names that do nearly as well."""
-        near = max(GROUP, GROUP_SHARE * self.gain)
+        rare = self.shape is not None and "when" in self.shape.settings
+        near = max(GROUP, (GROUP_SHARE_RARE if rare else GROUP_SHARE) * self.gain)
         return [name for name, worse in self.rivals if worse < near and name != self.effect]
 
 

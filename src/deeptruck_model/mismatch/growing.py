@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from deeptruck_model.mismatch import intermittent
 from deeptruck_model.mismatch.mechanisms import Shape, shape
 from deeptruck_model.mismatch.search import Model, Search
@@ -13,7 +15,8 @@ EXCHANGES = 3
 DELAYS = ("command_delay", "clock_offset")
 SETTLING = 2  # times
 WORTH_AN_EXCHANGE = 3.0  # nats
-BESIDE = 0.2  # a further name must gain this share of the others' gain: a form not quite right invites more
+BESIDE = 0.2  # a further name must gain this share of the others' gain: a form not quite right invites more,
+APART = 0.04  # or this share, where it acts when the others do not
 
 
 def first_guess(search: Search) -> Model:
@@ -34,15 +37,16 @@ def grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], .
         candidates = [m for m in candidates if practical(search, m, m.named[-1])]
         candidates = [search.enriched(m) for m in candidates[:WIDENED] if m.score > base.score + ENOUGH / 2]
         best = max(candidates, key=lambda m: m.score - price(search, m), default=base)
-        if best.score < base.score + price(search, best) + enough(search) + BESIDE * (
-            base.score - bare.score
-        ):
+        least = enough(search) + price(search, best) + _beside(search, best) * (base.score - bare.score)
+        if best.score < base.score + least:
             break
         base = search.background(best.named)
     while len(base.named) > 1:
         without = [search.background(tuple(n for n in base.named if n is not s)) for s in base.named]
         weakest = max(without, key=lambda m: m.score)
-        if weakest.score < base.score - enough(search) - BESIDE * (base.score - bare.score):
+        gone = next(s for s in base.named if all(s is not n for n in weakest.named))
+        share = _beside(search, search.background((*weakest.named, gone)))
+        if weakest.score < base.score - enough(search) - share * (base.score - bare.score):
             break
         base = weakest
     base = _settled(search, _exchanged(search, base))
@@ -66,6 +70,20 @@ def _about_its_size(search: Search, model: Model, s: Shape) -> Shape:
         return s
     tau_s = s.settings["tau_s"] * float(model.coefficients(s.mechanism.effect)[0])
     return shape(s.mechanism, s.settings | {"tau_s": round(tau_s, 3)}, search.e)
+
+
+def _beside(search: Search, model: Model) -> float:
+    """The share of the others' gain that the last name of a model must gain.
+
+    What a form leaves wrong lies where it acts, so that a force that acts elsewhere is one of its own.
+    """
+    forces = [s.columns @ model.coefficients(s.mechanism.effect) for s in model.named]
+    if len(forces) < 2:
+        return BESIDE
+    last, others = np.abs(forces[-1]), np.abs(sum(forces[:-1], start=np.zeros(len(search.e))))
+    sizes = float(np.sqrt(np.sum(last**2) * np.sum(others**2)))
+    together = float(last @ others) / max(sizes, 1e-12)
+    return APART + (BESIDE - APART) * together
 
 
 def _now_and_then(search: Search, base: Model) -> Model:

@@ -1,0 +1,46 @@
+"""One formula, computed over stacked recordings for the search and step by step inside a simulator.
+
+An Expression is a small tree over named signals. `rows(e)` evaluates it over an Evidence, (n,). `Stream`
+evaluates several along a running simulation, batched; the nodes with memory keep their state there.
+"""
+
+from deeptruck_model.mismatch.expression.memory import Change, Lag, RisingLag, Since, Slosh
+from deeptruck_model.mismatch.expression.nodes import (
+    Apply,
+    Constant,
+    Expression,
+    Leaf,
+    Signal,
+    absolute,
+    exp,
+    lift,
+    maximum,
+    minimum,
+)
+from deeptruck_model.mismatch.expression.places import During, InRecording, Interpolated, Knot, Rerun, Tent
+from deeptruck_model.mismatch.expression.stream import Stream
+
+__all__ = [
+    "Apply",
+    "Change",
+    "Constant",
+    "During",
+    "Expression",
+    "InRecording",
+    "Interpolated",
+    "Knot",
+    "Lag",
+    "Leaf",
+    "Rerun",
+    "RisingLag",
+    "Signal",
+    "Since",
+    "Slosh",
+    "Stream",
+    "Tent",
+    "absolute",
+    "exp",
+    "lift",
+    "maximum",
+    "minimum",
+]

@@ -1,0 +1,166 @@
+"""Arithmetic on named signals: what every formula is built from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.evidence import Evidence
+
+Array = NDArray[np.float64]
+Number = float | int
+
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "add": np.add,
+    "mul": np.multiply,
+    "div": np.divide,
+    "max": np.maximum,
+    "min": np.minimum,
+    "exp": np.exp,
+    "abs": np.abs,
+    "tanh": np.tanh,
+    "less": lambda a, b: np.less(a, b).astype(float),
+    "pow": np.power,
+}
+
+
+class Expression:
+    """Arithmetic on signals. Subclasses give `inputs`, `rows` and `advance`."""
+
+    inputs: tuple[Expression, ...]
+
+    def rows(self, e: Evidence) -> Array:
+        """Values over stacked recordings, (n,); memory starts afresh with each recording."""
+        return np.nan_to_num(self.over([x.rows(e) for x in self.inputs], e), posinf=1e9, neginf=-1e9)
+
+    def over(self, values: Sequence[Array], e: Evidence) -> Array:
+        """Values over stacked recordings, from the values of the inputs."""
+        raise NotImplementedError
+
+    def begin(self, batch: int) -> Any:
+        """Memory at the start of a simulation."""
+        return None
+
+    def advance(
+        self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
+    ) -> tuple[Array, Any]:
+        """One step: the value (batch,) and the new memory."""
+        raise NotImplementedError
+
+    def __add__(self, other: Expression | Number) -> Expression:
+        return Apply("add", (self, lift(other)))
+
+    def __sub__(self, other: Expression | Number) -> Expression:
+        return Apply("add", (self, -lift(other)))
+
+    def __rsub__(self, other: Expression | Number) -> Expression:
+        return Apply("add", (lift(other), -self))
+
+    def __mul__(self, other: Expression | Number) -> Expression:
+        return Apply("mul", (self, lift(other)))
+
+    def __truediv__(self, other: Expression | Number) -> Expression:
+        return Apply("div", (self, lift(other)))
+
+    def __rtruediv__(self, other: Expression | Number) -> Expression:
+        return Apply("div", (lift(other), self))
+
+    def __pow__(self, power: Number) -> Expression:
+        return Apply("pow", (self, lift(power)))
+
+    def __neg__(self) -> Expression:
+        return Apply("mul", (self, lift(-1.0)))
+
+    def __lt__(self, other: Expression | Number) -> Expression:
+        return Apply("less", (self, lift(other)))
+
+    def __gt__(self, other: Expression | Number) -> Expression:
+        return Apply("less", (lift(other), self))
+
+    __radd__ = __add__
+    __rmul__ = __mul__
+
+
+class Leaf(Expression):
+    """An expression without inputs."""
+
+    inputs = ()
+
+
+def lift(x: Expression | Number) -> Expression:
+    """A number as an expression."""
+    return x if isinstance(x, Expression) else Constant(float(x))
+
+
+def maximum(a: Expression | Number, b: Expression | Number) -> Expression:
+    return Apply("max", (lift(a), lift(b)))
+
+
+def minimum(a: Expression | Number, b: Expression | Number) -> Expression:
+    return Apply("min", (lift(a), lift(b)))
+
+
+def exp(a: Expression) -> Expression:
+    return Apply("exp", (a,))
+
+
+def absolute(a: Expression) -> Expression:
+    return Apply("abs", (a,))
+
+
+@dataclass(frozen=True, eq=False)
+class Constant(Leaf):
+    value: float
+
+    def over(self, values: Sequence[Array], e: Evidence) -> Array:
+        return np.full(len(e), self.value)
+
+    def advance(
+        self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
+    ) -> tuple[Array, Any]:
+        return np.float64(self.value), memory  # type: ignore[return-value]
+
+
+@dataclass(frozen=True, eq=False)
+class Signal(Leaf):
+    """A named signal; where it is not known it counts as `missing`, in a simulation as `simulated`."""
+
+    name: str
+    missing: float = 0.0
+    simulated: float | None = None
+
+    def over(self, values: Sequence[Array], e: Evidence) -> Array:
+        x = e.signals.get(self.name)
+        return np.full(len(e), self.missing) if x is None else np.where(np.isfinite(x), x, self.missing)
+
+    def advance(
+        self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
+    ) -> tuple[Array, Any]:
+        x = now.get(self.name)
+        if x is None:
+            absent = self.missing if self.simulated is None else self.simulated
+            return np.float64(absent), memory  # type: ignore[return-value]
+        return np.where(np.isfinite(x), x, self.missing), memory
+
+
+@dataclass(frozen=True, eq=False)
+class Apply(Expression):
+    """An elementwise function of its inputs."""
+
+    function: str
+    inputs: tuple[Expression, ...]
+
+    def over(self, values: Sequence[Array], e: Evidence) -> Array:
+        with np.errstate(all="ignore"):
+            out: Array = FUNCTIONS[self.function](*values)
+        return out
+
+    def advance(
+        self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
+    ) -> tuple[Array, Any]:
+        with np.errstate(all="ignore"):
+            return FUNCTIONS[self.function](*values), memory
