@@ -153,6 +153,31 @@ def pays(
     typer.echo(f"{out}: pays.md, pays.png and pays.json")
 
 
+@app.command()
+def sweep(
+    simulator: SimulatorPath,
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="Folder for the policies, sweep.md and sweep.json.")
+    ],
+    set_: Annotated[
+        list[str], typer.Option("--set", metavar="NAME=A,B", help="Values of a setting; repeat for a grid.")
+    ],
+    trainer: Annotated[Trainer, typer.Option(help="analytic or trpo.")] = Trainer.analytic,
+    workers: Annotated[int, typer.Option(help="Processes side by side.", min=1)] = 1,
+    ray: Annotated[bool, typer.Option("--ray", help="On a Ray cluster (RAY_ADDRESS); extra 'ray'.")] = False,
+) -> None:
+    """Train a grid of settings and seeds, and rank them by validation. A killed sweep goes on.
+
+    Example: deeptruck-cacc sweep --simulator SIM --out rates --set learning_rate=0.003,0.006 --workers 2
+    """
+    from deeptruck_cacc import sweep as sweeping
+
+    grid = sweeping.read_grid(set_)
+    say = Console(stderr=True).print
+    sweeping.sweep(simulator, out, grid, trainer=trainer.value, workers=workers, ray=ray, tell=say)
+    typer.echo((out / "sweep.md").read_text())
+
+
 def check_target(out: Path) -> None:
     """Refuse to write a policy over something else."""
     ours = ("policy.json", "checkpoint", "learning_curve.jsonl")

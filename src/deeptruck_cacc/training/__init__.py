@@ -10,8 +10,9 @@ __all__ = ["train"]
 def train(simulator: Any, out: Any, *, trainer: str = "analytic", **options: Any) -> Any:
     """Train a policy on a simulator with 'analytic' or 'trpo'; options go to that trainer's `train`.
 
-    With a TrpoSeedsConfig, 'trpo' trains many seeds in one batch. The analytic trainer takes a deep truck's own gradient, and lends one to every other simulator. Imported
-    on use: torch and Stable-Baselines3 stay out of a controller's process.
+    The analytic trainer takes a deep truck's own gradient, and lends one to every other simulator; with a
+    TrpoSeedsConfig, 'trpo' trains many seeds in one batch. Imported on use: torch and Stable-Baselines3 stay
+    out of a controller's process.
     """
     if trainer == "analytic":
         from deeptruck_cacc.training import analytic
