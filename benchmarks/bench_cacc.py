@@ -1,4 +1,4 @@
-"""Steps a second of the batched environment beside the same environment in DummyVecEnv, in one run.
+"""Steps a second of the batched environment beside DummyVecEnv, and ten TRPO seeds beside one after another.
 
 python benchmarks/bench_cacc.py [--simulator truck:trucksim] [--seconds 3]
 """
@@ -6,15 +6,20 @@ python benchmarks/bench_cacc.py [--simulator truck:trucksim] [--seconds 3]
 from __future__ import annotations
 
 import argparse
+import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from deeptruck_cacc.faces import CaccGymEnv, CaccSb3VecEnv
+from deeptruck_cacc.training import trpo, trpo_seeds
 from deeptruck_model import simulators
+from deeptruck_model.simulators import Simulator
 
 
 def rate(env: Any, seconds: float) -> float:
@@ -31,6 +36,24 @@ def rate(env: Any, seconds: float) -> float:
     return count * env.num_envs / (time.perf_counter() - began)
 
 
+def trpo_seconds(truck: Simulator, iterations: int) -> dict[str, float]:
+    """CPU seconds of an iteration of the paper's setting: one seed by sb3-contrib, ten in one batch."""
+    return {
+        "sb3-contrib, one seed": seconds(trpo.train, truck, trpo.TrpoConfig(iterations=iterations)),
+        "ten seeds in one batch": seconds(
+            trpo_seeds.train, truck, trpo_seeds.TrpoSeedsConfig(iterations=iterations)
+        ),
+    }
+
+
+def seconds(train: Callable[..., Any], truck: Simulator, config: Any) -> float:
+    """Median CPU seconds between iterations: other programs on the machine do not count."""
+    stamps: list[float] = []
+    with tempfile.TemporaryDirectory() as out:
+        train(truck, out, config, tell=lambda *_: stamps.append(time.process_time()))
+    return float(np.median(np.diff(stamps)))
+
+
 def main() -> None:
     """Print the table and write docs/results/bench_cacc.md."""
     parser = argparse.ArgumentParser(
@@ -38,7 +61,9 @@ def main() -> None:
     )
     parser.add_argument("--simulator", default="truck:trucksim")
     parser.add_argument("--seconds", type=float, default=3.0)
+    parser.add_argument("--iterations", type=int, default=8)
     args = parser.parse_args()
+    torch.set_num_threads(1)
     truck = simulators.load(args.simulator)
     base = rate(DummyVecEnv([lambda: CaccGymEnv(truck) for _ in range(25)]), args.seconds)
     rows = {"DummyVecEnv 25": base}
@@ -47,6 +72,14 @@ def main() -> None:
     lines = [f"# The batched environment over {args.simulator}", "", "`python benchmarks/bench_cacc.py`", ""]
     lines += ["| environment | steps/s | times DummyVecEnv |", "|---|---|---|"]
     lines += [f"| {name} | {value:,.0f} | {value / base:.1f} |" for name, value in rows.items()]
+    cost = trpo_seconds(truck, args.iterations)
+    one, ten = cost.values()
+    lines += ["", "TRPO, batches of 20,000 steps:", "", "| trainer | CPU s an iteration |", "|---|---|"]
+    lines += [f"| {name} | {value:.2f} |" for name, value in cost.items()]
+    lines += [
+        "",
+        f"Ten seeds one after another would take {10 * one:.1f} s: {10 * one / ten:.1f} times as long.",
+    ]
     out = Path(__file__).parents[1] / "docs" / "results" / "bench_cacc.md"
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text("\n".join(lines) + "\n")
