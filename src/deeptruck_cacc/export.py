@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
 from deeptruck_cacc.policy import MlpPolicy
-from deeptruck_cacc.scaling import OBSERVED
+from deeptruck_cacc.scaling import OBSERVED, ActionScale, FeatureMap
 
 Array = NDArray[np.float64]
 
@@ -45,9 +45,9 @@ class _Graph:
 def export_onnx(policy: MlpPolicy, path: str | Path) -> None:
     """Write `policy` as ONNX (opset 17, float32), whole or not at all.
 
-    Inputs, each (batch, 1): the five signals of OBSERVED; and, for a policy with memory, memory (batch, 3),
-    which starts as [0, NaN, NaN]. Outputs (batch, 1): engine_command, brake_command; and memory_next
-    (batch, 3).
+    Inputs, each (batch, 1): the five signals of OBSERVED; and, for a policy with memory, memory (batch,
+    3 or 5), which starts as [0, NaN, NaN(, 0, 0)]. Outputs (batch, 1): engine_command, brake_command; and
+    memory_next like memory.
     """
     g = _Graph()
     leader, speed, gap, time_gap, grade = OBSERVED
@@ -55,26 +55,60 @@ def export_onnx(policy: MlpPolicy, path: str | Path) -> None:
     signals = g.add("Concat", leader, speed, gap, target, grade, axis=1)
     f = policy.features
     features = g.add("Add", g.add("MatMul", signals, g.constant(f.matrix.T)), g.constant(f.offset))
+    integral_and_slow = ""
     if f.memory:
-        features = _remember(g, policy, signals, features)
-    _command(g, policy, _network(g, policy, features))
+        features, integral_and_slow = _recall(g, f, signals, features)
+    action = g.clip(_network(g, policy, features), -1.0, 1.0)
+    if f.memory:
+        _remember(g, f, integral_and_slow, action)
+    _command(g, policy.scale, action)
     _write(g, policy, Path(path))
 
 
-def _remember(g: _Graph, policy: MlpPolicy, signals: str, features: str) -> str:
-    """FeatureMap's memory: features with the three slow ones behind them."""
-    f = policy.features
+def _recall(g: _Graph, f: FeatureMap, signals: str, features: str) -> tuple[str, str]:
+    """FeatureMap with memory: all features, and the first three columns of the next memory."""
     speeds, old = g.columns(signals, 0, 2), g.columns("memory", 1, 3)
     slow = g.add("Where", g.add("IsNaN", old), speeds, old)
     error = g.add("Sub", g.columns(signals, 2, 3), g.columns(signals, 3, 4))
+    if f.power:
+        ratio = g.add("Div", error, g.constant(f.knee_m))
+        error = g.add("Div", error, g.add("Add", g.add("Mul", ratio, ratio), g.constant(1.0)))
     error = g.clip(error, -f.integral_clip_m, f.integral_clip_m)
     integral = g.add("Add", g.columns("memory", 0, 1), g.add("Mul", error, g.constant(f.dt)))
     integral = g.clip(integral, -f.integral_limit, f.integral_limit)
     rates = g.add("Div", g.add("Sub", speeds, slow), g.constant(f.slow_s))
     after = g.add("Add", slow, g.add("Mul", rates, g.constant(f.dt)))
-    g.add("Concat", integral, after, output="memory_next", axis=1)
-    scaled = g.add("Div", integral, g.constant(5.0)), g.add("Div", rates, g.constant(0.5))
-    return g.add("Concat", features, *scaled, axis=1)
+    parts = [features, g.add("Div", integral, g.constant(5.0)), g.add("Div", rates, g.constant(0.5))]
+    if f.power:
+        parts += [*_power(g, f, signals, g.columns(rates, 1, 2)), g.columns("memory", 3, 5)]
+    return g.add("Concat", *parts, axis=1), g.add("Concat", integral, after, axis=1)
+
+
+def _remember(g: _Graph, f: FeatureMap, integral_and_slow: str, action: str) -> None:
+    """FeatureMap.remember."""
+    parts = [integral_and_slow]
+    if f.power:
+        slow = g.columns("memory", 3, 5)
+        change = g.add("Mul", g.add("Sub", action, slow), g.constant(f.dt / f.slow_s))
+        parts.append(g.add("Add", slow, change))
+    g.add("Concat", *parts, output="memory_next", axis=1)
+
+
+def _power(g: _Graph, f: FeatureMap, signals: str, rate: str) -> list[str]:
+    """FeatureMap._power, column by column."""
+    leader, speed, gap, target, grade = (g.columns(signals, k, k + 1) for k in range(5))
+    moving = g.add("Max", speed, g.constant(1.0))
+    time_gap = g.clip(g.add("Div", target, moving), 1.0, 6.0)
+    hold = g.add("Div", g.add("Sub", leader, speed), time_gap)
+    error = g.add("Sub", gap, target)
+    closing = g.add("Div", error, g.add("Mul", time_gap, g.constant(f.closing_s)))
+    wanted = g.clip(g.add("Add", hold, closing), -2.0, 1.0)
+    slope = g.add("Mul", grade, g.constant(9.81))
+    weight = g.add("Mul", speed, g.constant(1 / 8.0))
+    late = g.add("Tanh", g.add("Mul", g.add("Div", error, moving), g.constant(1 / 0.3)))
+    halves = [g.add("Mul", x, g.constant(2.0)) for x in (hold, wanted)]
+    powers = [g.add("Mul", g.add("Add", x, slope), weight) for x in (wanted, rate)]
+    return [halves[0], late, halves[1], *powers]
 
 
 def _network(g: _Graph, policy: MlpPolicy, features: str) -> str:
@@ -85,14 +119,16 @@ def _network(g: _Graph, policy: MlpPolicy, features: str) -> str:
     return hidden
 
 
-def _command(g: _Graph, policy: MlpPolicy, mean: str) -> None:
+def _command(g: _Graph, s: ActionScale, action: str) -> None:
     """ActionScale."""
-    s = policy.scale
-    action = g.clip(mean, -1.0, 1.0)
-    half = (s.engine_high - s.engine_low) / 2
-    engine = g.add("Mul", g.columns(action, 0, 1), g.constant(half))
-    g.add("Add", engine, g.constant(s.engine_low + half), output="engine_command")
+    half = g.constant(0.5)
+    engine = g.add("Add", g.add("Mul", g.columns(action, 0, 1), half), half)
     brake = g.add("Relu", g.columns(action, 1, 2))
+    if s.exclusive:
+        rest = g.add("Sub", engine, brake)
+        engine, brake = g.add("Relu", rest), g.add("Relu", g.add("Neg", rest))
+    scaled = g.add("Mul", engine, g.constant(s.engine_high - s.engine_low))
+    g.add("Add", scaled, g.constant(s.engine_low), output="engine_command")
     g.add("Mul", brake, g.constant(s.brake_high), output="brake_command")
 
 
@@ -103,8 +139,8 @@ def _write(g: _Graph, policy: MlpPolicy, path: Path) -> None:
     inputs = [port(name, 1) for name in OBSERVED]
     outputs = [port("engine_command", 1), port("brake_command", 1)]
     if policy.features.memory:
-        inputs.append(port("memory", 3))
-        outputs.append(port("memory_next", 3))
+        inputs.append(port("memory", policy.features.remembered))
+        outputs.append(port("memory_next", policy.features.remembered))
     graph = helper.make_graph(g.nodes, "deeptruck_cacc", inputs, outputs, g.constants)
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
     units = {name: policy.interface.unit(name) for name in policy.interface.u}

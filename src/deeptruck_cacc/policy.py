@@ -80,8 +80,10 @@ class MlpPolicy:
         signals = paper_signals(observation)
         if self._memory is None or len(self._memory) != len(signals):
             self._memory = self.features.start(len(signals))
-        hidden, self._memory = self.features(signals, self._memory)
-        commands = self.scale.commands(self.mean(hidden))
+        seen, memory = self.features(signals, self._memory)
+        action = self.mean(seen)
+        self._memory = self.features.remember(memory, action)
+        commands = self.scale.commands(action)
         return commands[:, 0], commands[:, 1]
 
     def mean(self, features: Array) -> Array:

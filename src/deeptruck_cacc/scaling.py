@@ -44,6 +44,17 @@ def paper_signals(observation: Mapping[str, Any]) -> Array:
     return np.stack([np.atleast_1d(column) for column in columns], axis=-1)
 
 
+POWER = (
+    "holding_acceleration",
+    "time_gap_error",
+    "wanted_acceleration",
+    "wanted_power",
+    "power",
+    "engine_action",
+    "brake_action",
+)
+
+
 @dataclass(frozen=True)
 class FeatureMap:
     """x = matrix @ signals + offset, and, with `memory`, three slow features of the past.
@@ -52,6 +63,11 @@ class FeatureMap:
     in the slow speeds means 'not started'. The features are the scaled integral and the two speeds' rates
     of change, which the paper's memoryless policy cannot know: they remove steady error and see a leader
     that brakes.
+
+    With `power` as well, five features say what following takes (see _power), and memory (batch, 5) and
+    features end with the slow actions: beside the power that came of them they tell load and wind. The gap
+    error then counts less in the integral the further it lies beyond `knee_m`, so that closing a gap does
+    not wind it up.
     """
 
     matrix: Array
@@ -61,21 +77,30 @@ class FeatureMap:
     integral_clip_m: float = 2.0
     integral_limit: float = 30.0
     slow_s: float = 0.5
+    power: bool = False
+    knee_m: float = 1.0
+    closing_s: float = 2.0  # a time-gap error is wanted gone in about this time
 
     @classmethod
-    def default(cls, *, memory: bool = True, dt: float = 0.1) -> FeatureMap:
-        """The map described at the top of this module."""
-        return cls(_MATRIX.copy(), _OFFSET.copy(), memory, dt)
+    def default(cls, *, memory: bool = True, dt: float = 0.1, power: bool = False) -> FeatureMap:
+        """The map described at the top of this module. `power` needs memory."""
+        return cls(_MATRIX.copy(), _OFFSET.copy(), memory, dt, power=power and memory)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the features, in column order."""
         paper = ("speed_error", "speed", "gap_error", "target_gap", "grade")
-        return (*paper, "gap_error_integral", "leader_acceleration", "acceleration") if self.memory else paper
+        slow = ("gap_error_integral", "leader_acceleration", "acceleration") if self.memory else ()
+        return (*paper, *slow, *(POWER if self.power else ()))
+
+    @property
+    def remembered(self) -> int:
+        """Columns of memory."""
+        return 5 if self.power else 3 if self.memory else 0
 
     def start(self, batch: int) -> Array:
-        """Memory before the first observation, (batch, 3); (batch, 0) without memory."""
-        return np.tile([0.0, np.nan, np.nan], (batch, 1)) if self.memory else np.zeros((batch, 0))
+        """Memory before the first observation, (batch, remembered)."""
+        return np.tile([0.0, np.nan, np.nan, 0.0, 0.0][: self.remembered], (batch, 1))
 
     def __call__(self, signals: Array, memory: Array) -> tuple[Array, Array]:
         """Features (batch, n) and the next memory, from signals (batch, 5) and memory."""
@@ -83,13 +108,38 @@ class FeatureMap:
         if not self.memory:
             return features, memory
         speeds = signals[:, :2]
-        slow = np.where(np.isnan(memory[:, 1:]), speeds, memory[:, 1:])
-        error = np.clip(signals[:, 2] - signals[:, 3], -self.integral_clip_m, self.integral_clip_m)
+        slow = np.where(np.isnan(memory[:, 1:3]), speeds, memory[:, 1:3])
+        error = signals[:, 2] - signals[:, 3]
+        if self.power:
+            error = error / (1 + (error / self.knee_m) ** 2)
+        error = np.clip(error, -self.integral_clip_m, self.integral_clip_m)
         integral = np.clip(memory[:, 0] + self.dt * error, -self.integral_limit, self.integral_limit)
         rates = (speeds - slow) / self.slow_s
         slow = slow + self.dt * rates
-        extra = np.column_stack([integral / 5.0, rates / 0.5])
-        return np.hstack([features, extra]), np.column_stack([integral, slow])
+        parts = [features, integral[:, None] / 5.0, rates / 0.5]
+        if self.power:
+            parts += [self._power(signals, rates[:, 1]), memory[:, 3:]]
+        return np.hstack(parts), np.column_stack([integral, slow, memory[:, 3:]])
+
+    def remember(self, memory: Array, action: Array) -> Array:
+        """Memory after an action (batch, 2): the slow actions have moved."""
+        slow = memory[:, 3:]
+        change = np.clip(action, -1.0, 1.0)[:, : slow.shape[1]] - slow
+        return np.hstack([memory[:, :3], slow + self.dt / self.slow_s * change])
+
+    def _power(self, signals: Array, rate: Array) -> Array:
+        """What following takes, (batch, 5), from signals and the truck's slow acceleration (batch,).
+
+        Accelerations (in 0.5 m/s^2) that hold the gap error, and that also close it; the time-gap error (s),
+        fine near zero; and power (in 8 W/kg), wanted and delivered: an engine command is nearly a power.
+        """
+        leader, speed, gap, target, grade = signals.T
+        moving = np.maximum(speed, 1.0)
+        time_gap = np.clip(target / moving, 1.0, 6.0)
+        hold, late = (leader - speed) / time_gap, (gap - target) / moving
+        wanted = np.clip(hold + late * moving / (time_gap * self.closing_s), -2.0, 1.0)
+        power = (np.stack([wanted, rate]) + 9.81 * grade) * speed / 8.0
+        return np.column_stack([hold / 0.5, np.tanh(late / 0.3), wanted / 0.5, *power])
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for policy.json."""
@@ -113,11 +163,15 @@ _BRAKE_REACH = {"percent": 100.0, "m/s^2": 6.0, "bar": 8.0, None: 0.0}
 
 @dataclass(frozen=True)
 class ActionScale:
-    """From actions in [-1, 1] to commands in the interface's units: the engine's range, brake above zero."""
+    """From actions in [-1, 1] to commands in the interface's units: the engine's range, brake above zero.
+
+    Where `exclusive`, what engine and brake have in common is taken from both, so that never both act.
+    """
 
     engine_low: float
     engine_high: float
     brake_high: float
+    exclusive: bool = False
 
     @classmethod
     def of(cls, simulator: Any) -> ActionScale:
@@ -132,8 +186,11 @@ class ActionScale:
     def commands(self, action: Array) -> Array:
         """Commands (batch, 2) from actions (batch, 2), which are clipped to [-1, 1]."""
         action = np.clip(action, -1.0, 1.0)
-        engine = self.engine_low + (action[:, 0] + 1) / 2 * (self.engine_high - self.engine_low)
-        return np.column_stack([engine, np.maximum(action[:, 1], 0.0) * self.brake_high])
+        engine, brake = (action[:, 0] + 1) / 2, np.maximum(action[:, 1], 0.0)
+        if self.exclusive:
+            engine, brake = np.maximum(engine - brake, 0.0), np.maximum(brake - engine, 0.0)
+        reach = self.engine_high - self.engine_low
+        return np.column_stack([self.engine_low + engine * reach, brake * self.brake_high])
 
     @property
     def limits(self) -> tuple[tuple[float, float], tuple[float, float]]:

@@ -92,8 +92,9 @@ def rolling_road(
 def wide(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
     """Training mix past the paper: wider errors, moving leaders, hills, and trucks that are not as simulated.
 
-    A third of the rollouts is the paper's own scene; of the others each leader drives sines, steps or
-    brakes hard. The hidden slope (+-1 %) and the command gains (1/1.7..1.7) stand for what the simulator
+    A third of the rollouts is the paper's own scene, a tenth closes a wide gap; of the others each leader
+    drives sines, steps or brakes hard. Half have a radar that is noisy by up to 0.2 m and 0.1 m/s (sd).
+    The hidden slope (+-1 %) and the command gains (1/1.7..1.7) stand for what the simulator
     does not know: payload, wind, a grade sensor's bias, a weaker engine.
     """
     scene = moving(rng, batch, steps, dt)
@@ -101,6 +102,12 @@ def wide(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
     time_gap = np.where(off, rng.uniform(1.2, 5.0, batch), scene.time_gap)
     speed = scene.leader_speed + rng.uniform(-1, 1, batch) * np.where(off, 3.0, 1.39)
     gap = speed * time_gap + rng.uniform(-1, 1, batch) * np.where(off, 0.8 * speed, 1.39)
+    closing = rng.random(batch) < 0.1
+    time_gap = np.where(closing, rng.uniform(1.3, 2.0, batch), time_gap)
+    speed = np.where(closing, scene.leader_speed + rng.uniform(1.0, 3.0, batch), speed)
+    gap = np.where(closing, speed * (time_gap + rng.uniform(0.5, 1.2, batch)), gap)
+    calm |= closing
+    noise = rng.uniform(0.0, 1.0, (batch, 1)) * (rng.random((batch, 1)) < 0.5)
     kind = rng.random((batch, 1))
     sines = scene.leader_acceleration * rng.uniform(0.0, 1.5, (batch, 1))
     pull = np.where(kind < 0.5, sines, _ramps(rng, batch, steps, dt))
@@ -112,6 +119,8 @@ def wide(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
         gap=np.maximum(gap, 8.0),
         leader_acceleration=np.where(calm[:, None], 0.0, pull),
         grade=np.where(calm[:, None], 0.0, scene.grade),
+        seen_gap_offset=0.2 * noise * rng.normal(size=(batch, steps)),
+        seen_speed_offset=0.1 * noise * rng.normal(size=(batch, steps)),
         hidden_grade=np.tile(rng.uniform(-0.01, 0.01, (batch, 1)), (1, steps)),
         command_gain=np.exp(rng.uniform(-1, 1, (batch, 2)) * np.log(1.7)),
     )

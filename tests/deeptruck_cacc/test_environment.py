@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import gymnasium
 import numpy as np
 import pytest
@@ -64,6 +66,43 @@ def test_observation_map_is_invertible_and_actions_round_trip(toy):
     scale = ActionScale.of(toy)
     commands = np.array([[700.0, 0.0], [0.0, 35.0]])
     np.testing.assert_allclose(scale.commands(scale.actions(commands)), commands)
+
+
+def test_exclusive_pedals_never_act_together_and_leave_the_rest(toy):
+    scale = replace(ActionScale.of(toy), exclusive=True)
+    commands = np.array([[700.0, 0.0], [0.0, 35.0]])
+    np.testing.assert_allclose(scale.commands(scale.actions(commands)), commands)
+    both = scale.commands(np.array([[0.2, 0.1], [-0.8, 0.5], [0.0, 0.5]]))
+    np.testing.assert_allclose(both, [[1000.0, 0.0], [0.0, 40.0], [0.0, 0.0]], atol=1e-9)
+
+
+def test_power_features_say_what_following_takes():
+    features = FeatureMap.default(power=True)
+    assert features.names[8:] == (
+        "holding_acceleration",
+        "time_gap_error",
+        "wanted_acceleration",
+        "wanted_power",
+        "power",
+        "engine_action",
+        "brake_action",
+    )
+    signals = np.array([[18.0, 17.0, 51.0 + 3.4, 51.0, 0.01]])  # 1 m/s slower, 0.2 s late, Tg 3 s, uphill
+    x, memory = features(signals, features.start(1))
+    wanted = 1 / 3 + 3.4 / (3 * 2.0)
+    slope = 9.81 * 0.01
+    expected = [2 / 3, np.tanh(2 / 3), 2 * wanted, (wanted + slope) * 17 / 8, slope * 17 / 8, 0.0, 0.0]
+    np.testing.assert_allclose(x[0, 8:], expected)
+    memory = features.remember(memory, np.array([[0.5, -3.0]]))
+    np.testing.assert_allclose(memory[0, 3:], [0.1, -0.2])
+    assert features.remember(memory[:, :3], np.ones((1, 2))).shape == (1, 3)  # a policy without power
+
+
+def test_a_wide_gap_does_not_wind_up_the_integral():
+    features = FeatureMap.default(power=True)
+    for error, share in ((0.1, 1 / 1.01), (20.0, 1 / 401)):
+        signals = np.array([[18.0, 18.0, 54.0 + error, 54.0, 0.0]])
+        assert features(signals, features.start(1))[1][0, 0] == pytest.approx(0.1 * error * share)
 
 
 def test_target_gap_is_speed_times_time_gap():

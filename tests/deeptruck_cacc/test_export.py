@@ -16,14 +16,14 @@ from deeptruck_model.signals import TruckInterface
 onnxruntime.set_default_logger_severity(3)
 
 
-@pytest.mark.parametrize("memory", [True, False])
-def test_onnx_drives_like_the_policy(tmp_path, memory):
+@pytest.mark.parametrize(("memory", "power"), [(True, True), (True, False), (False, False)])
+def test_onnx_drives_like_the_policy(tmp_path, memory, power):
     rng = np.random.default_rng(1)
-    features = FeatureMap.default(memory=memory)
+    features = FeatureMap.default(memory=memory, power=power)
     sizes = [len(features.names), 25, 25, 25, 2]
     layers = [(rng.normal(0, 0.4, (b, a)), rng.normal(0, 0.3, b)) for a, b in pairwise(sizes)]
     truck = TruckInterface("volvo", "percent", "m/s^2")
-    policy = MlpPolicy(layers, features, ActionScale(10.0, 90.0, 6.0), truck)
+    policy = MlpPolicy(layers, features, ActionScale(10.0, 90.0, 6.0, exclusive=power), truck)
     export_onnx(policy, tmp_path / "p.onnx")
     session = onnxruntime.InferenceSession(tmp_path / "p.onnx")
     state = {"memory": features.start(50).astype(np.float32)} if memory else {}

@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -19,18 +20,19 @@ from deeptruck_model.signals import TruckInterface
 SEEN = {"leader_speed": 20.0, "speed": 19.0, "gap": 40.0, "target_time_gap": 2.0, "grade": 0.01}
 
 
-def random_policy(memory: bool = True) -> MlpPolicy:
+def random_policy(memory: bool = True, power: bool = False) -> MlpPolicy:
     rng = np.random.default_rng(0)
-    features = FeatureMap.default(memory=memory)
+    features = FeatureMap.default(memory=memory, power=power)
     sizes = [len(features.names), 25, 25, 25, 2]
     layers = [(rng.normal(0, 0.4, (b, a)), rng.normal(0, 0.1, b)) for a, b in pairwise(sizes)]
     truck = TruckInterface("toy")
-    return MlpPolicy(layers, features, ActionScale.of(truck), truck, {"speed": (7.0, 24.0)}, {"seed": 0})
+    scale = replace(ActionScale.of(truck), exclusive=power)
+    return MlpPolicy(layers, features, scale, truck, {"speed": (7.0, 24.0)}, {"seed": 0})
 
 
-@pytest.mark.parametrize("memory", [True, False])
-def test_a_saved_policy_acts_the_same(tmp_path, memory):
-    policy = random_policy(memory)
+@pytest.mark.parametrize(("memory", "power"), [(True, True), (True, False), (False, False)])
+def test_a_saved_policy_acts_the_same(tmp_path, memory, power):
+    policy = random_policy(memory, power)
     policy.save(tmp_path / "p")
     loaded = load_policy(tmp_path / "p")
     assert isinstance(loaded, Policy)

@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from deeptruck_cacc import load_policy, scenes
+from deeptruck_cacc.pedals import PedalMap
 from deeptruck_cacc.reward import Reward
 from deeptruck_cacc.rollouts import roll_out
 from deeptruck_cacc.scaling import ActionScale, FeatureMap
@@ -57,9 +58,11 @@ def test_the_card_says_what_was_done(trained):
     assert any((out / "tensorboard").iterdir())
 
 
-def test_torch_and_numpy_agree_on_policy_and_road(toy):
+@pytest.mark.parametrize("power", [True, False])
+def test_torch_and_numpy_agree_on_policy_and_road(toy, power):
     scene = scenes.wide(np.random.default_rng(5), 6, 60, toy.dt)
-    batch = SeedBatch([0, 1], FeatureMap.default(), ActionScale.of(toy))
+    scale = replace(ActionScale.of(toy), exclusive=power)
+    batch = SeedBatch([0, 1], FeatureMap.default(power=power), scale)
     with torch.no_grad():
         for p in batch.parameters():
             p.add_(0.3 * torch.randn_like(p))
@@ -71,6 +74,20 @@ def test_torch_and_numpy_agree_on_policy_and_road(toy):
         np.testing.assert_allclose(
             window.speed_error[:, rows].numpy(), trace["speed_error"][:, rows], atol=2e-4
         )
+
+
+def test_every_seed_starts_as_a_follower(toy):
+    scene = scenes.moving(np.random.default_rng(5), 50, 400, toy.dt)
+    scale = replace(ActionScale.of(toy), exclusive=True)
+    batch = SeedBatch([0, 1], FeatureMap.default(power=True), scale)
+
+    def worst(seed: int) -> float:
+        trace = roll_out(toy, batch.policy(seed, toy.interface, {}, {}), scene)
+        return float(np.abs(trace["time_gap_error"][100:]).max())
+
+    untaught = [worst(0), worst(1)]
+    batch.start_as_follower(PedalMap.calibrate(toy))
+    assert max(worst(0), worst(1)) < 0.6 < 0.3 * min(untaught)
 
 
 def test_same_seed_same_policy(toy, tmp_path):
@@ -124,9 +141,31 @@ def test_a_physics_truck_has_no_gradient_of_its_own(toy, tmp_path):
         train(toy, tmp_path / "p", trainer="magic")
 
 
+def test_the_radar_of_a_scene_reaches_the_policy_in_training(toy):
+    scene = scenes.moving(np.random.default_rng(5), 4, 30, toy.dt)
+    batch = SeedBatch([0], FeatureMap.default(power=True), ActionScale.of(toy))
+    batch.start_as_follower(PedalMap.calibrate(toy))
+    road = Road(toy, Reward())
+
+    def gaps(scene: scenes.Scene) -> torch.Tensor:
+        with torch.no_grad():
+            return road.drive(scene, batch, road.start(scene, batch), 30)[1].time_gap_error
+
+    clear, far = gaps(scene), gaps(replace(scene, seen_gap_offset=np.full((4, 30), 5.0)))
+    assert (far[-1] < clear[-1]).all()  # a leader that seems further is approached
+
+
+def test_a_time_gap_error_costs_more_than_a_moving_leaders_speed(toy):
+    road, steady = Road(toy, Reward()), torch.full((10, 1), 15.0)
+    right, late = torch.zeros(10, 1), torch.full((10, 1), 15.0 * 0.2)
+    assert float(road._tracking(right, steady, steady).sum()) == 0.0
+    swinging = 15.0 + torch.linspace(-1.0, 1.0, 10)[:, None]
+    assert road._tracking(right, steady, swinging).mean() < 0.1 * road._tracking(late, steady, steady).mean()
+
+
 def test_scores_count_only_what_the_task_allows():
     scene = validation.exam(0, 0.1)
     zero = np.zeros((400, scene.batch))
     speed = zero + 0.3
     got = validation.scores(scene, 0.1, zero, speed, np.zeros(scene.batch))
-    np.testing.assert_allclose(got, np.repeat([0.3, 0.0], 16))
+    np.testing.assert_allclose(got, np.repeat([0.3, 0.0, 0.3], [16, 16, 8]))

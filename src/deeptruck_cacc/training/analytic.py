@@ -8,7 +8,7 @@ on.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ import torch
 from torch import Tensor
 
 from deeptruck_cacc import scenes
+from deeptruck_cacc.pedals import PedalMap
 from deeptruck_cacc.policy import MlpPolicy
 from deeptruck_cacc.reward import Reward
 from deeptruck_cacc.scaling import ActionScale, FeatureMap
@@ -51,7 +52,7 @@ class AnalyticConfig:
     scene: str = "wide"
     """training scenes"""
     memory: bool = True
-    """give the policy the slow features (see FeatureMap); False is the paper's memoryless policy"""
+    """slow features (see FeatureMap) and never both pedals; False is the paper's memoryless policy"""
     validate_every: int = 15
     """iterations between validations"""
 
@@ -85,9 +86,10 @@ class _Run:
     ) -> None:
         self.simulator, self.out, self.config, self.source = simulator, out, config, source
         self.road, self.reward = Road(simulator, reward), reward
-        features = FeatureMap.default(memory=config.memory, dt=simulator.dt)
-        seeds = [config.seed + k for k in range(config.seeds)]
-        self.policy = SeedBatch(seeds, features, ActionScale.of(simulator))
+        features = FeatureMap.default(memory=config.memory, dt=simulator.dt, power=config.memory)
+        scale = replace(ActionScale.of(simulator), exclusive=config.memory)
+        self.policy = SeedBatch([config.seed + k for k in range(config.seeds)], features, scale)
+        self.policy.start_as_follower(PedalMap.calibrate(simulator))
         self.adam = torch.optim.Adam(self.policy.parameters(), lr=config.learning_rate, betas=(0.9, 0.98))
         self.best = {name: t.detach().clone() for name, t in self.policy.state_dict().items()}
         self.best_score = [float("inf")] * config.seeds

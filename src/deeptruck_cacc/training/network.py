@@ -10,6 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from deeptruck_cacc.pedals import PedalMap
 from deeptruck_cacc.policy import MlpPolicy
 from deeptruck_cacc.scaling import ActionScale, FeatureMap
 from deeptruck_model.signals import TruckInterface
@@ -58,6 +59,28 @@ class SeedBatch(torch.nn.Module):
         self.matrix = torch.tensor(features.matrix, dtype=torch.float32)
         self.offset = torch.tensor(features.offset, dtype=torch.float32)
 
+    @torch.no_grad()
+    def start_as_follower(self, pedals: PedalMap) -> None:
+        """Begin as what a textbook would write down, so that no seed must find following by chance.
+
+        The first unit of each layer carries the wanted power to the engine, the second the wanted
+        acceleration to the brake, both as the pedal map has them between 8 and 24 m/s.
+        """
+        if not self.features.power:
+            return
+        usual = (pedals.speed >= 8.0) & (pedals.speed <= 24.0)
+        speed, coast = pedals.speed[usual], pedals.coast[usual]
+        power = float(((pedals.full[usual] - coast) * speed).mean())
+        braking = float((coast - pedals.brake[usual]).mean())
+        for unit, name in enumerate(("wanted_power", "wanted_acceleration")):
+            for k, weight in enumerate(self.weights[:-1]):
+                weight[:, unit] = 0.0
+                weight[:, unit, unit if k else self.features.names.index(name)] = 1.0 if k else 0.3
+        self.weights[-1][:, 0, 0] = 2 * 8.0 / power / 0.3
+        self.weights[-1][:, 1, 1] = -0.5 / braking / 0.3
+        self.biases[-1][:, :, 0] = 2 * float((-coast * speed).mean()) / power - 1.0
+        self.biases[-1][:, :, 1] = float(coast.mean()) / braking
+
     def start(self, rows: int) -> Tensor:
         """Memory before the first observation, (rows, memory)."""
         return torch.tensor(self.features.start(rows), dtype=torch.float32)
@@ -71,7 +94,11 @@ class SeedBatch(torch.nn.Module):
             hidden = torch.baddbmm(bias, hidden, weight.transpose(1, 2))
             hidden = hidden if k == last else torch.tanh(hidden)
         mean = hidden.reshape(-1, 2)
-        return _ClipInward.apply(mean, -1.0, 1.0), memory  # type: ignore[no-untyped-call]
+        action: Tensor = _ClipInward.apply(mean, -1.0, 1.0)  # type: ignore[no-untyped-call]
+        f, slow = self.features, memory[:, 3:]
+        if f.power:
+            memory = torch.cat([memory[:, :3], slow + f.dt / f.slow_s * (action - slow)], dim=1)
+        return action, memory
 
     def observe(self, signals: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
         """FeatureMap in torch."""
@@ -80,19 +107,37 @@ class SeedBatch(torch.nn.Module):
         if not f.memory:
             return features, memory
         speeds = signals[:, :2]
-        slow = torch.where(memory[:, 1:].isnan(), speeds, memory[:, 1:])
-        error = (signals[:, 2] - signals[:, 3]).clamp(-f.integral_clip_m, f.integral_clip_m)
+        slow = torch.where(memory[:, 1:3].isnan(), speeds, memory[:, 1:3])
+        error = signals[:, 2] - signals[:, 3]
+        if f.power:
+            error = error / (1 + (error / f.knee_m) ** 2)
+        error = error.clamp(-f.integral_clip_m, f.integral_clip_m)
         integral = (memory[:, 0] + f.dt * error).clamp(-f.integral_limit, f.integral_limit)
         rates = (speeds - slow) / f.slow_s
-        memory = torch.cat([integral[:, None], slow + f.dt * rates], dim=1)
-        return torch.cat([features, integral[:, None] / 5.0, rates / 0.5], dim=1), memory
+        parts = [features, integral[:, None] / 5.0, rates / 0.5]
+        if f.power:
+            parts += [self._power(signals, rates[:, 1]), memory[:, 3:]]
+        memory = torch.cat([integral[:, None], slow + f.dt * rates, memory[:, 3:]], dim=1)
+        return torch.cat(parts, dim=1), memory
+
+    def _power(self, signals: Tensor, rate: Tensor) -> Tensor:
+        """FeatureMap._power in torch."""
+        leader, speed, gap, target, grade = signals.unbind(dim=1)
+        moving = speed.clamp(min=1.0)
+        time_gap = (target / moving).clamp(1.0, 6.0)
+        hold, late = (leader - speed) / time_gap, (gap - target) / moving
+        wanted = (hold + late * moving / (time_gap * self.features.closing_s)).clamp(-2.0, 1.0)
+        powers = [(x + 9.81 * grade) * speed / 8.0 for x in (wanted, rate)]
+        return torch.stack([hold / 0.5, torch.tanh(late / 0.3), wanted / 0.5, *powers], dim=1)
 
     def commands(self, action: Tensor) -> Tensor:
         """ActionScale in torch, for actions within [-1, 1]; the brake's dead half leads its gradient back."""
-        s = self.scale
-        engine = s.engine_low + (action[:, 0] + 1) / 2 * (s.engine_high - s.engine_low)
+        s, engine = self.scale, (action[:, 0] + 1) / 2
         brake: Tensor = _ClipInward.apply(action[:, 1], 0.0, 1.0)  # type: ignore[no-untyped-call]
-        return torch.stack([engine, brake * s.brake_high], dim=1)
+        if s.exclusive:
+            engine, brake = (engine - brake).clamp(min=0.0), (brake - engine).clamp(min=0.0)
+        reach = s.engine_high - s.engine_low
+        return torch.stack([s.engine_low + engine * reach, brake * s.brake_high], dim=1)
 
     def policy(
         self,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from deeptruck_cacc.reward import Reward
+from deeptruck_cacc.reward import Reward, shaped_square
 from deeptruck_cacc.scenes import Scene
 from deeptruck_cacc.training.network import SeedBatch
 from deeptruck_model.signals import SPEED
@@ -35,7 +35,7 @@ class Window(NamedTuple):
     time_gap_error: Tensor
     speed_error: Tensor
     crashed: Tensor
-    wasted: Tensor  # mean of engine times brake
+    wasted: Tensor  # mean of engine times brake, and a little of the jerk: what nobody wants to sit in
 
 
 @dataclass
@@ -44,6 +44,9 @@ class Road:
 
     simulator: Simulator
     reward: Reward
+    speed_share: float = 0.2  # of the reward's alpha_v: a moving leader's speed is not what is wanted
+    alpha_time_gap: float = 0.2  # on the time-gap error in 0.1 s, as it is judged, linear beyond 0.3 s
+    alpha_sharp: float = 0.2  # on the same, linear from 0.03 s on, so that the last bit goes as well
     alpha_rate: float = 0.3  # on the change of action a step, squared: keeps the pedals quiet
     alpha_both: float = 1.0  # on engine times brake: neither pedal is worth anything against the other
     margin_m: float = 4.0  # the crash penalty cannot be differentiated; a hinge this far above d_safety can
@@ -51,6 +54,7 @@ class Road:
     def __post_init__(self) -> None:
         self.module = self.simulator.torch_module()  # type: ignore[attr-defined]
         self.dt = self.simulator.dt
+        self.paid = replace(self.reward, alpha_v=self.speed_share * self.reward.alpha_v)
         interface = self.simulator.interface
         self.has_grade, self.n_u, self.n_y = bool(interface.w), len(interface.u), len(interface.y)
 
@@ -65,11 +69,13 @@ class Road:
     def drive(self, scene: Scene, policy: SeedBatch, state: Traffic, steps: int) -> tuple[Traffic, Window]:
         """`steps` steps from `state`; gradients reach the policy through every one of them."""
         leader, seen, felt, time_gap, gain = self._given(scene)
+        gap_noise, speed_noise = self._radar(scene)
         low, high = (torch.tensor(x) for x in policy.scale.limits)
         first, truck, speed, gap, memory, action = state
         gaps, speeds, actions = [], [], [action]
         for k in range(first, first + steps):
-            signals = torch.stack([leader[k], speed, gap, speed * time_gap, seen[k]], dim=1)
+            radar = leader[k] + speed_noise[k], speed, gap + gap_noise[k]
+            signals = torch.stack([*radar, speed * time_gap, seen[k]], dim=1)
             action, memory = policy(signals, memory)
             commands = (policy.commands(action) * gain).clamp(low, high)
             truck, y = self.module(truck, commands[:, : self.n_u], felt[k])
@@ -96,6 +102,13 @@ class Road:
         gain = np.ones((scene.batch, 2)) if scene.command_gain is None else scene.command_gain
         return tuple(_tensor(x) for x in (np.array(speeds), seen, w, scene.time_gap, gain))
 
+    def _radar(self, scene: Scene) -> tuple[Tensor, Tensor]:
+        """What the radar adds to gap and leader speed, each (T, rows)."""
+        nothing = np.zeros((scene.steps, scene.batch))
+        offsets = scene.seen_gap_offset, scene.seen_speed_offset
+        gap, speed = (_tensor(nothing if x is None else x.T) for x in offsets)
+        return gap, speed
+
     def _judge(
         self, policy: SeedBatch, gap: Tensor, speed: Tensor, leader: Tensor, time_gap: Tensor, action: Tensor
     ) -> Window:
@@ -104,16 +117,23 @@ class Road:
         commands = policy.commands(action[1:].flatten(0, 1)).view(*gap.shape, 2)
         scale = policy.scale
         engine, brake = commands[..., 0] / scale.engine_high, commands[..., 1] / max(scale.brake_high, 1e-12)
-        cost = self.reward.tracking(gap_error, speed_error) + self.reward.effort(engine, brake)
+        cost = self._tracking(gap_error, speed, leader) + self.paid.effort(engine, brake)
         hinge = (self.reward.d_safety + self.margin_m - gap).clamp(min=0.0, max=10.0)
         change = (action[1:] - action[:-1])[1:].square().sum(dim=2)
         total = (cost + hinge + self.alpha_both * engine * brake).mean(dim=0)
+        jerk = speed.diff(n=2, dim=0) / self.dt**2
         total = total + self.alpha_rate * change.mean(dim=0)
         time_gap_error = (gap_error / speed.clamp(min=1.0)).detach()
         crashed = (gap.detach() <= self.reward.d_safety).any(dim=0)
-        return Window(
-            total, time_gap_error, speed_error.detach(), crashed, (engine * brake).detach().mean(dim=0)
-        )
+        wasted = (engine * brake).mean(dim=0) + 0.02 * jerk.square().mean(dim=0).sqrt()
+        return Window(total, time_gap_error, speed_error.detach(), crashed, wasted.detach())
+
+    def _tracking(self, gap_error: Tensor, speed: Tensor, leader: Tensor) -> Tensor:
+        """The reward's tracking terms and the time-gap error, (steps, rows)."""
+        late = gap_error / speed.clamp(min=3.0) / 0.1
+        cost: Tensor = self.paid.tracking(gap_error, leader - speed)
+        cost = cost + self.alpha_time_gap * shaped_square(late, 3.0)
+        return cost + self.alpha_sharp * shaped_square(late, 0.3)
 
 
 def detach(state: Any) -> Any:

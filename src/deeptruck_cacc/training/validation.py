@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_cacc import scenes
+from deeptruck_cacc.hard_scenes import gap_closing
 from deeptruck_cacc.policy import Policy
 from deeptruck_cacc.rollouts import roll_out
 from deeptruck_cacc.scenes import Scene
@@ -19,21 +20,23 @@ SETTLED_S, STEADY_S = 10.0, 25.0  # the paper's times for the time gap and for t
 
 
 def exam(seed: int, dt: float, *, copies: int = 1) -> Scene:
-    """32 paths of 40 s, the same rows `copies` times.
+    """40 paths of 40 s, the same rows `copies` times.
 
-    Half are the paper's, half moving leaders on hills; half of each with command gains that no one sees.
+    16 are the paper's, 16 moving leaders on hills, 8 close a gap; half of each with command gains that no
+    one sees.
     """
     rng = np.random.default_rng([seed, 2**31])
-    halves = [draw(rng, 16, round(40.0 / dt), dt) for draw in (scenes.paper, scenes.moving)]
-    gain = np.exp(rng.uniform(-1, 1, (32, 2)) * np.log(1.5))
+    drawn = ((scenes.paper, 16), (scenes.moving, 16), (gap_closing, 8))
+    parts = [draw(rng, count, round(40.0 / dt), dt) for draw, count in drawn]
+    gain = np.exp(rng.uniform(-1, 1, (40, 2)) * np.log(1.5))
     gain[::2] = 1.0
 
     def join(name: str) -> NDArray[Any]:
-        return np.concatenate([np.concatenate([getattr(half, name) for half in halves])] * copies)
+        return np.concatenate([np.concatenate([getattr(part, name) for part in parts])] * copies)
 
     names = ("leader_speed", "speed", "gap", "time_gap", "leader_acceleration", "grade")
     rows = {name: join(name) for name in names}
-    return replace(halves[0], **rows, command_gain=np.concatenate([gain] * copies))
+    return replace(parts[0], **rows, command_gain=np.concatenate([gain] * copies))
 
 
 def scores(scene: Scene, dt: float, time_gap_error: Array, speed_error: Array, crashed: Array) -> Array:
