@@ -26,6 +26,8 @@ def test_evaluate_writes_metrics_and_figures(toy, cacc, tmp_path):
     for name in results["sets"]:
         assert (tmp_path / "e" / f"{name}.png").stat().st_size > 10_000
     row = results["sets"]["paper"]
+    closing = results["sets"]["gap_closing"]
+    assert 0 < closing["closed_s_paper_bounds_median"] <= closing["closed_s_paper_bounds"]
     assert row["crashes"] == 0 and row["time_gap_error_after_10s"]["worst_abs"] < 0.2
     assert table(results).row_count == 4
 
@@ -43,6 +45,18 @@ def test_error_statistics_of_known_numbers():
     band = metrics.over_time(values)
     np.testing.assert_allclose(band["sd"], [1.0, 0.5])
     np.testing.assert_allclose(band["max"], [1.0, 0.5])
+
+
+def test_a_summary_counts_only_where_the_truck_had_the_power(toy, cacc):
+    trace = roll_out(toy, cacc, hard_scenes.moving(np.random.default_rng(0), 4, 300, toy.dt))
+    trace.signals["time_gap_error"] = np.zeros((300, 4))
+    trace["time_gap_error"][150, 1:3] = 0.3, 0.2
+    reach = np.ones((300, 4), bool)
+    reach[150, 1] = False
+    row = metrics.summary(trace, reach)
+    assert row["time_gap_error_after_10s"]["worst_abs"] == 0.3
+    assert row["time_gap_worst_within_reach"] == 0.2 and row["rollouts_within_0.1_s"] == 3
+    assert row["time_gap_p99_within_reach"] == 0.0
 
 
 def test_settling_time_is_the_last_time_outside():
@@ -92,6 +106,17 @@ def test_a_linear_follower_amplifies_as_its_transfer_function_says(toy):
     row = platoon.string_stability(toy, Proportional(), trucks=2)
     omega = 2 * np.pi * np.array(row["frequency_hz"])
     np.testing.assert_allclose(row["worst_speed_amplification"], 0.5 / np.hypot(0.5, omega), rtol=0.08)
+
+
+def test_what_the_radar_adds_is_no_amplification(toy, cacc):
+    clear, noisy = (platoon.string_stability(toy, cacc, trucks=2, v2v=v2v) for v2v in (True, False))
+    slow = slice(0, 6)  # above, a truck passes on less than the noise makes it do
+    np.testing.assert_allclose(
+        noisy["worst_speed_amplification"][slow], clear["worst_speed_amplification"][slow], atol=0.05
+    )
+    rows = np.sin(np.outer(2 * np.pi * platoon.FREQUENCIES, 0.1 * np.arange(2000)))
+    np.testing.assert_allclose(platoon._coefficient(np.vstack([rows, 3 * rows]), 0.1), 2.0, rtol=0.05)
+    np.testing.assert_allclose(platoon._coefficient(np.vstack([rows, -rows]), 0.1), 0.0, atol=1e-9)
 
 
 def test_recorded_leaders_where_the_data_is_present():

@@ -16,6 +16,7 @@ from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]
 FREQUENCIES = np.geomspace(0.01, 0.5, 12)
+NOISES = 8  # draws of radar noise
 
 
 def drive(
@@ -61,12 +62,14 @@ def string_stability(
 
     The leader's speed is a sine of `amplitude` m/s about `speed`; the response is read by its Fourier
     coefficient over whole periods in the second half of the run. Gap errors start with truck 1, so theirs
-    compares 2..n.
+    compares 2..n. Without V2V each frequency is driven NOISES times and the coefficients are averaged: what
+    a truck makes of its own radar's noise is no amplification of the truck before it.
     """
     dt, steps = simulator.dt, round(200.0 / simulator.dt)
     t = dt * np.arange(steps)
-    omega = 2 * np.pi * FREQUENCIES[:, None]
-    scene = settled(len(FREQUENCIES), steps, speed, time_gap)
+    frequencies = np.tile(FREQUENCIES, 1 if v2v else NOISES)
+    omega = 2 * np.pi * frequencies[:, None]
+    scene = settled(len(frequencies), steps, speed, time_gap)
     pull = np.diff(amplitude * np.sin(omega * np.append(t, t[-1] + dt)), axis=1) / dt
     scene = replace(scene, leader_acceleration=pull)
     traces = drive(simulator, policy, scene, trucks, None if v2v else np.random.default_rng(0))
@@ -91,11 +94,12 @@ def _gap_error(trace: Trace) -> Array:
 
 
 def _coefficient(signals: Array, dt: float) -> Array:
-    """Amplitude of row i at FREQUENCIES[i], (n,), over whole periods at the end of (n, T)."""
-    amplitudes = []
-    for frequency, row in zip(FREQUENCIES, signals, strict=True):
+    """Amplitude at FREQUENCIES of (k * n, T), k runs one below the other, over whole periods at the end."""
+    runs = len(signals) // len(FREQUENCIES)
+    coefficients = []
+    for frequency, row in zip(np.tile(FREQUENCIES, runs), signals, strict=True):
         whole = max(np.floor(0.5 * len(row) * dt * frequency), 1.0) / frequency
         tail = row[-round(whole / dt) :]
         t = dt * np.arange(len(tail))
-        amplitudes.append(2 * abs(np.mean((tail - tail.mean()) * np.exp(-2j * np.pi * frequency * t))))
-    return np.array(amplitudes)
+        coefficients.append(2 * np.mean((tail - tail.mean()) * np.exp(-2j * np.pi * frequency * t)))
+    return np.abs(np.reshape(coefficients, (runs, -1)).mean(axis=0))

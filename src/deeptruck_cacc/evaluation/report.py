@@ -103,7 +103,7 @@ def evaluate_seeds(policy: str | Path, simulator: str, out: str | Path, **option
 def _worst(rows: list[Any]) -> Any:
     """Entry by entry, the number furthest from zero of several summaries (least gap, ttc, return)."""
     if isinstance(rows[0], dict):
-        low = ("min_gap_m", "min_ttc_s", "mean_return", "share_within_reach")
+        low = ("min_gap_m", "min_ttc_s", "mean_return", "share_within_reach", "rollouts_within_0.1_s")
         return {
             key: min(row[key] for row in rows) if key in low else _worst([row.get(key) for row in rows])
             for key in rows[0]
@@ -161,9 +161,8 @@ def _row(name: str, trace: Trace, pedals: PedalMap) -> dict[str, Any]:
     if name == "gap_closing":
         for label, bounds in (("paper", (0.35, 0.2)), ("reach", (0.1, 0.1))):
             times = metrics.settling_time(trace, *bounds)
-            row[f"closed_s_{label}_bounds"] = (
-                round(float(times.max()), 3) if np.isfinite(times.max()) else None
-            )
+            for key, time in (("", times.max()), ("_median", np.median(times))):
+                row[f"closed_s_{label}_bounds{key}"] = round(float(time), 3) if np.isfinite(time) else None
     return row
 
 
