@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.free_model import FreeModel, free_model
-from deeptruck_model.mismatch.mechanisms import law_signal, laws, leans_on, merge
+from deeptruck_model.mismatch.mechanisms import LATE_SENSOR, law_signal, laws, leans_on, merge, shapes
 from deeptruck_model.mismatch.search import Model, Search
 
 Array = NDArray[np.float64]
@@ -22,6 +22,7 @@ MOST = 4  # laws side by side
 TRIED = 3  # of the best by approximate gain are fitted in full
 WORTH = 10.0  # nats a further law must gain beyond the price of its freedom
 PRIOR_SD = 0.3
+TREES_R2 = 0.06  # share of held-out variance below which trees have found nothing
 
 
 @dataclass(frozen=True)
@@ -39,11 +40,20 @@ def left_over(search: Search, model: Model) -> LeftOver:
     e = search.e
     left = e.residual - search.prediction(model)
     trees = free_model(e, left, search.series.relative)
-    gain = search.gain_of(model, trees.prediction) if trees.r2 > 0 else 0.0
-    grown = _grown(search, model)
-    if grown.score - model.score <= max(gain, WORTH):
+    gain = search.gain_of(model, trees.prediction) if trees.r2 > TREES_R2 else 0.0
+    known = _beside_a_late_sensor(search, model)
+    grown = _grown(search, known)
+    if grown.score - known.score <= max(gain, WORTH):
         return LeftOver(trees, gain, None)
-    return LeftOver(_as_free_model(e, left, grown, trees), grown.score - model.score, grown)
+    return LeftOver(_as_free_model(e, left, grown, trees), grown.score - known.score, grown)
+
+
+def _beside_a_late_sensor(search: Search, model: Model) -> Model:
+    """The model with whatever filter the sensor has: lags of all forces together are no physics."""
+    sensor = shapes(LATE_SENSOR, search.e)
+    if not sensor:
+        return model
+    return max(model, search.model((*model.named, *sensor), model.free, model.fit), key=lambda m: m.score)
 
 
 def _grown(search: Search, model: Model) -> Model:

@@ -11,7 +11,7 @@ from deeptruck_model.mismatch.mechanisms.base import (
     shape,
     shapes,
 )
-from deeptruck_model.mismatch.mechanisms.laws import LAW, law_signal, laws, leans_on
+from deeptruck_model.mismatch.mechanisms.laws import LATE_SENSOR, LAW, law_signal, laws, leans_on
 from deeptruck_model.mismatch.mechanisms.unnamed import UNNAMED
 
 LIBRARY: dict[str, Mechanism] = {
@@ -24,6 +24,7 @@ KNOWN = LIBRARY | {LAW.effect: LAW}  # all that can be simulated
 
 __all__ = [
     "KNOWN",
+    "LATE_SENSOR",
     "LIBRARY",
     "UNNAMED",
     "Column",

@@ -95,7 +95,9 @@ def _settings(e: Evidence) -> Iterator[Settings]:
                 yield {"carrier": carrier, "of": of, "at": at.tolist()}
     for name, force in FORCES.items():
         if float(np.std(force.rows(e)[e.valid])) > LEAST_CARRIER:
-            yield from ({"follower": name, "how": how} for how in ("late", "late up or down", "swinging"))
+            for how in ("late", "late up or down", "swinging"):
+                if name != "simulated" or how == "swinging":  # what answers late throughout is the sensor
+                    yield {"follower": name, "how": how}
 
 
 def _columns(s: Settings) -> list[Column]:
@@ -127,6 +129,20 @@ LAW = Mechanism(
     "vary one signal alone, with everything else held",
     _settings,
     _columns,
+)
+
+
+LATE_SENSOR = Mechanism(
+    "late sensor",
+    "a(t) -> a filtered",
+    "the sensor's filter makes every response late",
+    (),
+    (),
+    "",
+    "",
+    lambda e: iter([{"follower": "simulated", "how": "late"}]),
+    _columns,
+    kind="measurement_fault",
 )
 
 
