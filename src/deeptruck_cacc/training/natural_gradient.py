@@ -1,4 +1,7 @@
-"""One trust-region step for a stack of Gaussian policies: natural gradient and line search, seed by seed."""
+"""One trust-region step for a stack of Gaussian policies: natural gradient and line search, seed by seed.
+
+The divergence is the mean over states and actions, as in sb3-contrib, where textbooks add the actions up.
+"""
 
 from __future__ import annotations
 
@@ -57,12 +60,13 @@ def improve(
 def _curvature(policy: Gaussian, seen: Tensor) -> Callable[[Tensor], Tensor]:
     """Damped Fisher matrix times a vector (seeds, size + actions)."""
     net, inputs = policy.net, policy.net.forward(policy.mean, seen)[1]
-    weight = (-2 * policy.log_std).exp()[:, None] / seen.shape[1]
+    actions = policy.log_std.shape[1]
+    weight = (-2 * policy.log_std).exp()[:, None] / seen.shape[1] / actions
 
     def times(vector: Tensor) -> Tensor:
         pushed = net.push(policy.mean, inputs, vector[:, : net.size])
         back = net.pull(policy.mean, inputs, pushed * weight)
-        return torch.cat([back, 2 * vector[:, net.size :]], dim=1) + DAMPING * vector
+        return torch.cat([back, 2 / actions * vector[:, net.size :]], dim=1) + DAMPING * vector
 
     return times
 
@@ -106,4 +110,4 @@ def _judge(
     log_ratio = (((actions - mean) / sd) ** 2 - ((actions - moved) / new_sd) ** 2) / 2 - wider
     ratio = log_ratio.sum(dim=2).exp()
     kl = wider + (sd**2 + (moved - mean) ** 2) / (2 * new_sd**2) - 0.5
-    return (ratio * advantages).mean(dim=1) - advantages.mean(dim=1), kl.sum(dim=2).mean(dim=1)
+    return (ratio * advantages).mean(dim=1) - advantages.mean(dim=1), kl.mean(dim=(1, 2))
