@@ -9,6 +9,7 @@ import pytest
 
 from deeptruck_cacc import cli, scenes
 from deeptruck_cacc.pays import CASES, Case, Effort, experiment, pays, report
+from deeptruck_cacc.pays.belief import believed
 from deeptruck_cacc.pays.effects import LateEngine, SlowBrake, UnsensedRoad, downhill
 from deeptruck_cacc.pedals import PedalMap
 from deeptruck_cacc.rollouts import Trace
@@ -93,6 +94,31 @@ def test_one_case_from_drives_to_page(tmp_path, monkeypatch):
     stamp = drives.stat().st_mtime_ns
     assert pays(tmp_path, ["payload"], ["trusting"], TINY)["payload"] == results
     assert drives.stat().st_mtime_ns == stamp  # a second run goes on from the first
+
+
+def test_a_shield_learns_the_fade_from_a_simulator_that_has_it():
+    case = CASES["brake_fade"]
+    bold, wary = (believed(truck, hot=True) for truck in (case.old, case.truck))
+    heat = np.array([3000.0])
+    assert bold.braking_when(heat) > 0.9 * bold.braking
+    assert wary.braking_when(heat) < 0.7 * wary.braking
+    assert wary.needed_gap(np.array([15.0]), np.array([15.0]), heat, 0.1) > 1.5 * bold.needed_gap(
+        np.array([15.0]), np.array([15.0]), heat, 0.1
+    )
+
+
+def test_what_was_done_with_the_same_effort_is_not_done_again(tmp_path):
+    done = []
+
+    def do():
+        done.append(1)
+        return [{"moving": {"e": len(done)}}]
+
+    assert [experiment._once(tmp_path / "x" / "e.json", e, do)[0]["moving"]["e"] for e in (TINY, TINY)] == [
+        1,
+        1,
+    ]
+    assert experiment._once(tmp_path / "x" / "e.json", Effort(), do)[0]["moving"]["e"] == 2
 
 
 def test_without_a_correction_the_old_simulator_stands(tmp_path):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_cacc import scenes
-from deeptruck_cacc.hard_scenes import HARD
+from deeptruck_cacc.hard_scenes import HARD, settled
 from deeptruck_cacc.scenes import Drawer, Scene
 from deeptruck_model import trucks
 from deeptruck_model.driving_cycles import CycleSettings, RoadSettings, SpeedSettings
@@ -71,12 +71,24 @@ def downhill(draw: Drawer) -> Drawer:
 
 # The trainer finds its scenes by name.
 scenes.DRAWERS.update(wide_downhill=downhill(scenes.wide), moving_downhill=downhill(scenes.moving))
-STOP = "stop"  # driven behind the shield: bare policies close up to a leader that stands
+
+
+def hot_stop(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
+    """Five minutes down a slope of 5 % behind a steady leader, which then brakes at -6 m/s2 to a stand."""
+    scene = settled(batch, steps, rng.uniform(12.0, 18.0, batch), 2.5)
+    braking = np.arange(steps) * dt >= 300.0 + rng.uniform(0.0, 10.0, (batch, 1))
+    return replace(
+        scene, grade=np.full((batch, steps), -0.05), leader_acceleration=np.where(braking, -6.0, 0.0)
+    )
+
+
 TESTS: dict[str, tuple[Drawer, float]] = {
     "moving": HARD["moving"],
     "moving_downhill": (downhill(scenes.moving), 300.0),
-    STOP: HARD["stop"],
+    "stop": HARD["stop"],
+    "hot_stop": (hot_stop, 340.0),
 }
+STOPS = ("stop", "hot_stop")  # driven behind the shield: bare policies close up to a leader that stands
 
 
 @dataclass(frozen=True)
@@ -128,19 +140,20 @@ def _cases() -> dict[str, Case]:
         ),
         "brake_fade": Case(
             "brakes that lose 0.3 % a kelvin above 80 °C",
-            hot, cold, "trucksim without fade", ("moving_downhill",), _DESCENTS, 0.015, "_downhill", 12,
+            hot, cold, "trucksim without fade", ("moving_downhill", "hot_stop"),
+            _DESCENTS, 0.015, "_downhill", 12,
         ),
         "payload": Case(
             "36 t instead of 20 t",
-            plain.with_parameters({"mass": 36e3}), plain, "trucksim", ("moving", STOP),
+            plain.with_parameters({"mass": 36e3}), plain, "trucksim", ("moving", "stop"),
         ),
         "brake_lag": Case(
             "brakes that answer 0.8 s later",
-            _with(plain, filters=(SlowBrake(),)), plain, "trucksim", ("moving", STOP),
+            _with(plain, filters=(SlowBrake(),)), plain, "trucksim", ("moving", "stop"),
         ),
         "command_delay": Case(
             "an engine that gets its commands 0.6 s late",
-            _with(plain, filters=(LateEngine(),)), plain, "trucksim", ("moving", STOP),
+            _with(plain, filters=(LateEngine(),)), plain, "trucksim", ("moving", "stop"),
         ),
     }  # fmt: skip
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +15,15 @@ from numpy.typing import NDArray
 from deeptruck_cacc.evaluation import metrics
 from deeptruck_cacc.guard import guard
 from deeptruck_cacc.pays import report
-from deeptruck_cacc.pays.effects import CASES, STOP, TESTS, Case
+from deeptruck_cacc.pays.belief import believed
+from deeptruck_cacc.pays.effects import CASES, STOPS, TESTS, Case
 from deeptruck_cacc.pedals import PedalMap
 from deeptruck_cacc.policy import Policy, load_policy
 from deeptruck_cacc.reward import Reward
 from deeptruck_cacc.rollouts import Trace, roll_out
+from deeptruck_cacc.scenes import Scene
 from deeptruck_cacc.training import analytic
 from deeptruck_cacc.training.lent_gradient import with_gradient
-from deeptruck_cacc.truck_limits import measure
 from deeptruck_model import driving_cycles, mismatch, recordings, simulators
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
@@ -95,17 +97,25 @@ def _case(
 ) -> dict[str, Any]:
     tell(f"{name}: finding what is missing")
     found = correct(case, work / "cases" / name)
-    row: dict[str, Any] = {"says": case.says, **found, "recipes": {}}
+    row: dict[str, Any] = {"says": case.says, **found, "recipes": {r: {} for r in recipes}}
     for recipe in recipes:
-        row["recipes"][recipe] = {}
         for kind, (folder, simulator) in _simulators(name, case, work).items():
-            tell(f"{name}: training on the {kind} simulator, {recipe}")
-            home = work / "policies" / folder / recipe.replace(" ", "_")
-            policies = _policies(simulator, home, case, recipe, effort)
-            tell(f"{name}: driving the true truck, {recipe}, policies of the {kind} simulator")
-            exams = [_exam(case, policy, simulator, effort.rollouts) for policy in policies]
-            row["recipes"][recipe][kind] = exams
+            tell(f"{name}: the {kind} simulator, {recipe}")
+            home = work / "policies" / folder / recipe
+            kept = work / "exams" / f"{name}-{kind}-{recipe}.json"
+            do = partial(_exams, case, simulator, home, recipe, effort)
+            row["recipes"][recipe][kind] = _once(kept, effort, do)
     return row
+
+
+def _once(path: Path, effort: Effort, do: Callable[[], list[dict[str, Any]]]) -> list[dict[str, Any]]:
+    """What `do` gives, or gave when it was last done with the same effort."""
+    if path.exists() and (kept := json.loads(path.read_text()))["effort"] == asdict(effort):
+        return list(kept["exams"])
+    exams = do()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps({"effort": asdict(effort), "exams": exams}))
+    return exams
 
 
 def correct(case: Case, folder: Path) -> dict[str, Any]:
@@ -183,15 +193,20 @@ def _policies(simulator: Simulator, home: Path, case: Case, name: str, effort: E
     return [load_policy(home / "seeds" / str(k)) for k in range(effort.seeds)]
 
 
-def _exam(case: Case, policy: Policy, simulator: Simulator, rollouts: int) -> dict[str, Any]:
-    """Drive the true truck; the shield, too, believes the simulator the policy comes from."""
-    pedals, rows = PedalMap.calibrate(case.truck), {}
-    for name in case.tests:
-        draw, seconds = TESTS[name]
-        scene = draw(np.random.default_rng(2000), rollouts, round(seconds / case.truck.dt), case.truck.dt)
-        driver = guard(policy, measure(simulator)) if name == STOP else policy
-        rows[name] = measured(roll_out(case.truck, driver, scene), pedals)
+def _exams(case: Case, simulator: Simulator, home: Path, recipe: str, effort: Effort) -> list[dict[str, Any]]:
+    """Train on the simulator and drive the true truck; the shield, too, believes the simulator."""
+    pedals, rows = PedalMap.calibrate(case.truck), []
+    shields = {name: believed(simulator, hot=name == "hot_stop") for name in case.tests if name in STOPS}
+    for policy in _policies(simulator, home, case, recipe, effort):
+        drivers = {name: guard(policy, shields[name]) if name in shields else policy for name in case.tests}
+        runs = {name: roll_out(case.truck, d, _scene(case, name, effort)) for name, d in drivers.items()}
+        rows.append({name: measured(trace, pedals) for name, trace in runs.items()})
     return rows
+
+
+def _scene(case: Case, name: str, effort: Effort) -> Scene:
+    draw, seconds = TESTS[name]
+    return draw(np.random.default_rng(2000), effort.rollouts, round(seconds / case.truck.dt), case.truck.dt)
 
 
 def measured(trace: Trace, pedals: PedalMap) -> dict[str, float]:

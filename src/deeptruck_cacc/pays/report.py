@@ -9,7 +9,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 
-from deeptruck_cacc.pays.effects import STOP
+from deeptruck_cacc.pays.effects import STOPS
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
@@ -46,7 +46,7 @@ def page(results: dict[str, Any]) -> str:
         if all(kind in kinds for kind in KINDS)
     ]
     followed = [_followed(*case) for case in cases]
-    stopped = [_stopped(*case) for case in cases if STOP in case[2]["old"][0]]
+    stopped = [_stopped(*case) for case in cases if _stop(case[2])]
     return "\n".join(
         [*_table(FOUND, found), "", *_table(FOLLOWED, followed), "", *_table(STOPPED, stopped), ""]
     )
@@ -73,15 +73,28 @@ def _followed(name: str, recipe: str, kinds: Kinds) -> list[str]:
 
 
 def _stopped(name: str, recipe: str, kinds: Kinds) -> list[str]:
-    below = [sum(int(seed[STOP]["below_safety"]) for seed in kinds[kind]) for kind in KINDS]
-    runs = sum(int(seed[STOP]["rollouts"]) for seed in kinds["old"])
+    scene = _stop(kinds)
+    below = [sum(int(seed[scene]["below_safety"]) for seed in kinds[kind]) for kind in KINDS]
+    runs = sum(int(seed[scene]["rollouts"]) for seed in kinds["old"])
     counts = f"{', '.join(map(str, below))} of {runs}"
     says = "yes" if below[1] < below[0] else "no" if below[1] > below[0] else "no difference"
-    return [name, recipe, counts, _least(kinds), says, _three(kinds, STOP, "brake_share", "{:.1f}", 100.0)]
+    return [
+        name,
+        recipe,
+        counts,
+        _least(kinds, scene),
+        says,
+        _three(kinds, scene, "brake_share", "{:.1f}", 100.0),
+    ]
 
 
-def _least(kinds: Kinds) -> str:
-    return ", ".join(f"{min(values(kinds[kind], STOP, 'min_gap_m')):.1f}" for kind in KINDS)
+def _stop(kinds: Kinds) -> str:
+    """The case's scene with a stop, or nothing."""
+    return next((scene for scene in kinds["old"][0] if scene in STOPS), "")
+
+
+def _least(kinds: Kinds, scene: str) -> str:
+    return ", ".join(f"{min(values(kinds[kind], scene, 'min_gap_m')):.1f}" for kind in KINDS)
 
 
 def _three(kinds: Kinds, scene: str, key: str, form: str, factor: float = 1.0) -> str:
