@@ -20,7 +20,7 @@ Mask = NDArray[np.bool_]
 ORDER = 5  # of the autoregression
 TAIL = 5.0  # degrees of freedom of the innovations
 LEAST_DRIVES = 4  # to tell how much they disagree
-ROWS = 1024
+ROWS = 1024  # whitened at once, so that they stay in the cache
 FLOOR = 0.01  # m/s^2 in 0.2 s; no simulator is better: data without noise must not make its form significant
 
 

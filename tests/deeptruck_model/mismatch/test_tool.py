@@ -19,7 +19,7 @@ import pytest
 
 from deeptruck_model import driving_cycles, mismatch, simulators, trucks
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch import output
+from deeptruck_model.mismatch import output, tool
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
 
@@ -237,3 +237,15 @@ def test_apply_takes_over_what_was_validated_once(tmp_path: Path) -> None:
     assert simulators.load(tmp_path / "sim").parameters()["mass"] == pytest.approx(1.1 * MASS)
     with pytest.raises(InputError, match="exists already"):
         mismatch.apply(found, tmp_path / "sim")
+
+
+@pytest.mark.parametrize(
+    ("free", "asked", "told"), [(0.2, False, True), (0.48, False, False), (0.2, True, False)]
+)
+def test_that_the_unnamed_would_help_is_told_to_whoever_did_not_ask(
+    free: float, asked: bool, told: bool
+) -> None:
+    fit = {"validated": True, "after": {"speed_rmse": 0.5}, "free_model": {"speed_rmse": free}}
+    caveats = tool._on_the_correction(fit, True, asked)
+    assert any("--with-unnamed" in c and "0.2 m/s instead of 0.5" in c for c in caveats) == told
+    assert tool._on_the_correction({"validated": False}, True, asked) == [tool.NOT_BETTER]
