@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.free_model import FreeModel, free_model
 from deeptruck_model.mismatch.mechanisms import LATE_SENSOR, law_signal, laws, leans_on, merge, shapes
+from deeptruck_model.mismatch.screening import screen_shapes
 from deeptruck_model.mismatch.search import Model, Search
 
 Array = NDArray[np.float64]
@@ -61,7 +62,7 @@ def _grown(search: Search, model: Model) -> Model:
     options, best = laws(search.e), model
     for _ in range(MOST):
         taken = best.named[-1] if len(best.named) > len(model.named) else None
-        tried = [s for _, s in search.screen_shapes(best, options)[:TRIED]]
+        tried = [s for _, s in screen_shapes(search, best, options)[:TRIED]]
         wider = [merge(taken, s) if taken is not None else s for s in tried]
         models = [search.model((*model.named, s), model.free, best.fit) for s in wider]
         step = max(models, key=lambda m: m.score, default=best)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from deeptruck_model.mismatch import intermittent
+from deeptruck_model.mismatch.candidates import candidates, enriched
 from deeptruck_model.mismatch.mechanisms import Shape, shape
 from deeptruck_model.mismatch.search import Model, Search
 from deeptruck_model.mismatch.worth_saying import ENOUGH, enough, practical, price
@@ -22,7 +23,7 @@ APART = 0.04  # or this share, where it acts when the others do not
 def first_guess(search: Search) -> Model:
     """Parameters alone, or with the one best mechanism: enough to see how far the parameters are off."""
     base = search.background(())
-    best = max(search.candidates(base), key=lambda m: m.score, default=base)
+    best = max(candidates(search, base), key=lambda m: m.score, default=base)
     return best if best.score > base.score + enough(search) + price(search, best) else base
 
 
@@ -31,12 +32,12 @@ def grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], .
     ranking: tuple[tuple[str, float], ...] = ()
     bare = search.model((), frozenset()) if search.e.own_error > 0 else base
     while len(base.named) < MOST:
-        candidates = search.candidates(base)
+        options = candidates(search, base)
         if not ranking:
-            ranking = tuple((m.effects[-1], m.score - base.score) for m in candidates)
-        candidates = [m for m in candidates if practical(search, m, m.named[-1])]
-        candidates = [search.enriched(m) for m in candidates[:WIDENED] if m.score > base.score + ENOUGH / 2]
-        best = max(candidates, key=lambda m: m.score - price(search, m), default=base)
+            ranking = tuple((m.effects[-1], m.score - base.score) for m in options)
+        options = [m for m in options if practical(search, m, m.named[-1])]
+        options = [enriched(search, m) for m in options[:WIDENED] if m.score > base.score + ENOUGH / 2]
+        best = max(options, key=lambda m: m.score - price(search, m), default=base)
         least = enough(search) + price(search, best) + _beside(search, best) * (base.score - bare.score)
         if best.score < base.score + least:
             break
@@ -104,8 +105,8 @@ def _exchanged(search: Search, model: Model) -> Model:
         for given in model.named:
             others = tuple(n for n in model.named if n is not given)
             options = [
-                search.enriched(m)
-                for m in search.candidates(search.background(others))[:WIDENED]
+                enriched(search, m)
+                for m in candidates(search, search.background(others))[:WIDENED]
                 if practical(search, m, m.named[-1])
             ]
             best = max(options, key=lambda m: m.score - price(search, m), default=model)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.mechanisms import Shape, build, comes_and_goes
+from deeptruck_model.mismatch.screening import screen_shapes
 from deeptruck_model.mismatch.search import ONE_SIZE, TEMPER, Model, Search
 
 Array = NDArray[np.float64]
@@ -87,7 +88,7 @@ def candidates(search: Search, base: Model, spans: list[Span]) -> list[Model]:
         if not comes_and_goes(s) and not {"each", "recordings"} & set(s.settings)
     ]
     seen = [s for s in options if np.abs(s.columns[search.e.valid]).max(initial=0.0) > 1e-6]
-    for _, shape in search.screen_shapes(base, seen):
+    for _, shape in screen_shapes(search, base, seen):
         effect = shape.mechanism.effect
         if effect in best or len(best) < FITTED:
             model = search.model((*base.named, shape), base.free, base.fit)

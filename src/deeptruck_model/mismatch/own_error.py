@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch.candidates import candidates
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.free_law import left_over
 from deeptruck_model.mismatch.free_model import free_model, transfer
@@ -67,7 +68,7 @@ def _prices(own: Evidence, ratio: float) -> dict[str, float]:
     """Nats that each name gains on the simulator's own recordings, scaled to the amount of new data."""
     search = Search(own)
     base = search.background(())
-    prices = {m.effects[-1]: m.score - base.score for m in search.candidates(base)}
+    prices = {m.effects[-1]: m.score - base.score for m in candidates(search, base)}
     for p in search.parameters:
         held = search.model((), base.free - {p})
         prices[f"parameter:{p}"] = base.score - held.score if p in base.free else 0.0

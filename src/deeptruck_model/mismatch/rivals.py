@@ -7,9 +7,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from deeptruck_model.mismatch import intermittent
+from deeptruck_model.mismatch.candidates import candidates, enriched
 from deeptruck_model.mismatch.causes import GROUP_SHARE, Cause
 from deeptruck_model.mismatch.growing import WIDENED
 from deeptruck_model.mismatch.mechanisms import UNNAMED, Shape, comes_and_goes
+from deeptruck_model.mismatch.screening import screen, screen_shapes
 from deeptruck_model.mismatch.search import TEMPER, Model, Search
 from deeptruck_model.mismatch.worth_saying import ENOUGH, enough, large_enough
 
@@ -30,8 +32,8 @@ def named_cause(search: Search, model: Model, shape: Shape) -> Cause:
         spans = [(int(i), first, last) for i, first, last in shape.settings["when"]]
         tried = intermittent.candidates(search, base, spans)
     else:
-        tried = search.candidates(base)
-        tried = [search.enriched(m) for m in tried[:WIDENED]] + tried[WIDENED:]
+        tried = candidates(search, base)
+        tried = [enriched(search, m) for m in tried[:WIDENED]] + tried[WIDENED:]
     tried = [m for m in tried if m.effects[-1] != shape.mechanism.effect]
     instead = [(m.effects[-1], m) for m in tried]
     instead += [(p, search.model(others, base.free | {p})) for p in search.parameters if p not in base.free]
@@ -76,8 +78,8 @@ def _lawless(search: Search, model: Model, shape: Shape, gain: float) -> Model |
         return None  # a learned truck follows slow forces in part, so that none of them acts as it should
     others = tuple(n for n in model.named if n is not shape)
     base = search.model(others, model.free, model.fit)
-    scored = search.screen_shapes(base, search.shapes(UNNAMED))[:2]
-    options = [search.enriched(search.model((*others, s), model.free, model.fit)) for _, s in scored]
+    scored = screen_shapes(search, base, search.shapes(UNNAMED))[:2]
+    options = [enriched(search, search.model((*others, s), model.free, model.fit)) for _, s in scored]
     best = max(options, key=lambda m: m.score, default=model)
     return best if best.score > model.score + max(ENOUGH, GROUP_SHARE * gain) else None
 
@@ -125,7 +127,7 @@ def tuned_causes(search: Search, model: Model) -> list[Cause]:
 def _instead(search: Search, model: Model) -> list[Model]:
     """The best mechanisms in place of one more parameter: what grows with speed may be drag or tyres."""
     best: dict[str, Shape] = {}
-    for _, shape in search.screen(model):
+    for _, shape in screen(search, model):
         best.setdefault(shape.mechanism.effect, shape)
     tried = [
         search.model((*model.named, shape), model.free, model.fit) for shape in list(best.values())[:INSTEAD]

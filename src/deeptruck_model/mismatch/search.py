@@ -8,24 +8,21 @@ charges for every coefficient.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.expression import Rerun
 from deeptruck_model.mismatch.mechanisms import (
     LIBRARY,
     Mechanism,
     Shape,
-    comes_and_goes,
-    merge,
     shapes,
 )
 from deeptruck_model.mismatch.noise import Fit, Prior, Series, fit, whiten
-from deeptruck_model.mismatch.regimes import Gate, Products, Regimes, gated
+from deeptruck_model.mismatch.regimes import Regimes
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -39,19 +36,8 @@ FREE = {"mass": 0.3, "drag_area": 0.3, "rolling_resistance": 0.4, "torque_gain":
 # finding.
 LATE_S = 0.15
 SENSOR_LAG = Prior(np.array([0.03, 0.03]), np.array([0.06, 0.06]), np.zeros(2))
-SCREENED = 2  # shapes of each mechanism that are fitted in full
-MORE_SHAPES = 2  # further shapes a mechanism may be widened by
-WORTH_A_SHAPE = 4.0  # nats a further shape of the same mechanism must gain
 # Several delays side by side are any filter, and no delay; a sensor is off always or not at all.
 ONE_SIZE = ("command_delay", "clock_offset", "grade_bias")
-MOST_COLUMNS = 8  # profiles with more columns are wide enough as they are
-FEW_COLUMNS = 3  # of shapes that are confined to a regime before they are fitted
-CONFINED = 3  # so many shapes of each mechanism
-OWN_REGIME = 0.15  # share of what a mechanism does that must lie in its regime: no slip of a locked converter
-WORTH_A_REGIME = 6.0  # nats
-FITTED = 8  # mechanisms that are fitted in full in each round
-SECOND_SHAPES = 9  # among the first of these, more than one shape of a mechanism
-LEADING = 4  # mechanisms also tried without freeing the parameters
 
 
 @dataclass(frozen=True)
@@ -153,67 +139,7 @@ class Search:
             grown = step
         return max((best, grown, everything), key=lambda m: m.score)
 
-    def screen(self, base: Model, noise: Model | None = None) -> list[tuple[float, Shape]]:
-        """Approximate gain of the best shapes of every mechanism on top of `base`, best first; the noise is
-        that of `noise`, or of `base`."""
-        out = []
-        taken = any(comes_and_goes(n) for n in base.named)
-        for mechanism in self.library:
-            if mechanism.effect not in base.effects:
-                scored = self.screen_shapes(base, self.shapes(mechanism), noise)
-                laws = [item for item in scored if not comes_and_goes(item[1])]
-                out += laws[:SCREENED] + self._screen_confined(base, laws, noise)
-                if not taken:  # two forces that come and go as they like cannot be told from one
-                    out += [item for item in scored if comes_and_goes(item[1])][:1]
-        return sorted(out, key=lambda item: -item[0])
-
-    def _screen_confined(
-        self, base: Model, laws: list[tuple[float, Shape]], noise: Model | None
-    ) -> list[tuple[float, Shape]]:
-        """The best law of a mechanism that gains clearly more where it acts in one regime alone; or none."""
-        few = [s for _, s in laws if s.columns.shape[1] <= FEW_COLUMNS][:CONFINED]
-        few = [s for s in few if s.mechanism.effect not in ONE_SIZE]
-        regimes = [r for s in few for r in self.screen_regimes(base, s, noise)[:1]]
-        better = [r for r in regimes if r[0] > laws[0][0] + WORTH_A_REGIME]
-        return sorted(better, key=lambda item: -item[0])[:1]
-
-    def screen_shapes(
-        self, base: Model, options: Sequence[Shape], noise: Model | None = None
-    ) -> list[tuple[float, Shape]]:
-        """Approximate gain of each shape on top of `base`, best first."""
-        noise = noise or base
-        yw, Xw, H0, weight = self._whitened(base, noise)
-        use = self.series.usable()
-        scored = []
-        for s in options:
-            C = whiten(s.columns, noise.fit.ar)[use] * weight[:, None]
-            products = Products(C.T @ C, C.T @ yw, Xw.T @ C)
-            gain = _approximate_gain(products, Xw.T @ yw, H0, s)
-            scored.append((gain - TEMPER * float(np.log(s.trials)), s))
-        return sorted(scored, key=lambda item: -item[0])
-
-    def screen_regimes(
-        self, base: Model, shape: Shape, noise: Model | None = None
-    ) -> list[tuple[float, Shape]]:
-        """Approximate gain of a shape confined to one side of each border, best first; the best alone are
-        made. The noise is that of `noise`, or of `base`."""
-        if any(isinstance(c.expression, Rerun) for c in shape.parts) or "gate" in shape.settings:
-            return []
-        noise = noise or base
-        yw, Xw, H0, weight = self._whitened(base, noise)
-        C = whiten(shape.columns, noise.fit.ar)[self.series.usable()] * weight[:, None]
-        Xty = Xw.T @ yw
-        least = OWN_REGIME * float(np.sum(C**2))
-        scored: list[tuple[float, Gate]] = [
-            (_approximate_gain(products, Xty, H0, shape), gate)
-            for gate, products in self.regimes.products(C, yw, Xw)
-            if np.trace(products.CtC) > least
-        ]
-        scored = sorted(scored, key=lambda item: -item[0])[:SCREENED]
-        made = [(gain, gated(shape, gate, self.e, self.regimes.count)) for gain, gate in scored]
-        return [(gain - TEMPER * float(np.log(s.trials)), s) for gain, s in made]
-
-    def _whitened(self, base: Model, noise: Model | None = None) -> tuple[Array, Array, Array, Array]:
+    def whitened(self, base: Model, noise: Model | None = None) -> tuple[Array, Array, Array, Array]:
         """Residual and columns of `base` in units of the noise, its inverse precision, and the weights."""
         fit = (noise or base).fit
         if self._memo is None or self._memo[0] is not base or self._memo[1] is not fit:
@@ -226,85 +152,6 @@ class Search:
             H0: Array = np.linalg.inv(Xw.T @ Xw + np.diag(1 / prior.sd**2)).astype(np.float64)
             self._memo = (base, fit, (yw, Xw, H0, weight))
         return self._memo[2]
-
-    def candidates(self, base: Model) -> list[Model]:
-        """Every mechanism added to `base`, fitted in full with its parameters free and held, best first.
-
-        The noise beside `base` alone holds what is missing, and so hides some of the names for it; they are
-        looked for again under the noise beside the best of the first.
-        """
-        best = self._fitted(base, self.screen(base), {})
-        if best:
-            leader = max(best.values(), key=lambda m: m.score)
-            best = self._fitted(base, self.screen(base, leader), best, leader)
-        leading = sorted(best.values(), key=lambda m: -m.score)
-        for model in leading[:LEADING]:
-            held = self.model(model.named, base.free, base.fit)
-            if held.score > model.score:
-                best[model.effects[-1]] = held
-        return sorted(best.values(), key=lambda m: -m.score)
-
-    def _fitted(
-        self,
-        base: Model,
-        screened: list[tuple[float, Shape]],
-        best: dict[str, Model],
-        leader: Model | None = None,
-    ) -> dict[str, Model]:
-        """The best model of each of the first FITTED effects that were screened, and of those in `best`; from
-        the noise of the leader where there is one."""
-        everything = frozenset(self.parameters)
-        best, seen = dict(best), set[str]()
-        for rank, (_, shape) in enumerate(screened):
-            effect = shape.mechanism.effect
-            if effect not in seen and len(seen) >= FITTED:
-                continue
-            if effect in seen and rank >= SECOND_SHAPES and not comes_and_goes(shape):
-                continue
-            seen.add(effect)
-            named, start = (*base.named, shape), (leader or base).fit
-            model = self.model(named, everything, start, again=leader is not None)
-            if effect not in best or model.score > best[effect].score:
-                best[effect] = model
-        return best
-
-    def enriched(self, model: Model) -> Model:
-        """The same explanation with its last mechanism given more freedom where that pays.
-
-        First it may be confined to a regime of driving, then widened by more of its shapes.
-        """
-        last = model.named[-1]
-        if last.mechanism.effect in ONE_SIZE:
-            return model
-        model = self._confined(model)
-        if comes_and_goes(last):
-            return model
-        for _ in range(MORE_SHAPES):
-            *others, last = model.named
-            taken = [str(part) for part in last.settings.get("parts", [last.settings])]
-            options = [
-                self.model((*others, merge(last, s)), model.free, model.fit)
-                for s in self.shapes(last.mechanism)
-                if str(s.settings) not in taken and s.columns.shape[1] <= MOST_COLUMNS
-            ]
-            best = max(options, key=lambda m: m.score, default=model)
-            if best.score < model.score + WORTH_A_SHAPE:
-                break
-            model = best
-        return model
-
-    def _confined(self, model: Model) -> Model:
-        *others, last = model.named
-        base = self.model(tuple(others), model.free, model.fit)
-        confined = [s for _, s in self.screen_regimes(base, self._everywhere(last), model)]
-        options = [self.model((*others, s), model.free, model.fit) for s in confined]
-        best = max(options, key=lambda m: m.score, default=model)
-        return best if best.score > model.score + WORTH_A_SHAPE else model
-
-    def _everywhere(self, shape: Shape) -> Shape:
-        """The shape that was confined to a regime, without it: its border was chosen under other noise."""
-        plain = {k: v for k, v in shape.settings.items() if k != "gate"}
-        return next((s for s in self.shapes(shape.mechanism) if s.settings == plain), shape)
 
     def prediction(self, model: Model) -> Array:
         """What a model says the residual is, (n,)."""
@@ -340,19 +187,3 @@ class Search:
             at += block.shape[1]
         X = np.concatenate(blocks, axis=1)
         return X, prior, tuple(layout)
-
-
-def _approximate_gain(products: Products, Xty: Array, H0: Array, s: Shape) -> float:
-    """Evidence gained by more columns, all whitened and weighted; signs respected one by one."""
-    XtC = products.XtC
-    A = products.CtC - XtC.T @ H0 @ XtC
-    at_zero = products.Cty - XtC.T @ (H0 @ Xty)
-    P = 1 / s.prior.sd**2
-    m = s.prior.mean
-    H = A + np.diag(P)
-    g = at_zero - A @ m
-    step = np.linalg.solve(H, g)
-    if (s.prior.sign > 0).any() and ((step + m) * s.prior.sign < 0).all():
-        return -10.0
-    gain = 0.5 * float(g @ step) - 0.5 * float(np.linalg.slogdet(H)[1] - np.log(P).sum())
-    return gain + float(at_zero @ m - 0.5 * m @ A @ m)  # moving by the prior mean itself counts too
