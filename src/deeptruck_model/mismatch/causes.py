@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.free_model import FreeModel
 from deeptruck_model.mismatch.mechanisms import Shape
+from deeptruck_model.mismatch.road_lock import RoadLock
 from deeptruck_model.mismatch.search import Model
 
 Array = NDArray[np.float64]
@@ -35,6 +36,7 @@ class Cause:
     needed: dict[str, float] | None = None  # for a slow force: the size each possible name would need
     alternatives: tuple[tuple[str, Model], ...] = ()  # whole explanations with rivals in its place
     whole: Model | None = None  # the explanation these stand beside, where it is not the final one
+    road: RoadLock | None = None  # where the force came again on the same stretch of road
     lawless: bool = False  # an unknown force that comes and goes, and not one that the signals predict
 
     @property

@@ -14,6 +14,7 @@ from deeptruck_model.mismatch.growing import grow
 from deeptruck_model.mismatch.mechanisms import comes_and_goes
 from deeptruck_model.mismatch.plain_truck import plain_truck
 from deeptruck_model.mismatch.rivals import named_cause, tuned_causes
+from deeptruck_model.mismatch.road_lock import road_lock
 from deeptruck_model.mismatch.search import Model, Search
 from deeptruck_model.mismatch.slow_force import SlowForce, slow_force
 from deeptruck_model.mismatch.worth_saying import ENOUGH, large_enough
@@ -107,6 +108,11 @@ def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list
     effect = possible[0] if possible else "unknown"
     if "road_grade" in possible:
         effect = "road_grade"  # where slope is not recorded it is there, and the other two only may be
+    road = road_lock(e, found.force)
+    if effect == "road_grade" and road is not None and road.other_way_km > 0:
+        possible = [
+            "road_grade"
+        ]  # no wind and no gain turns its sign where a stretch is driven the other way
     share = float(np.sum(found.force[e.valid] ** 2) / np.sum(residual[e.valid] ** 2))
     rivals = tuple((n, 0.0) for n in possible if n != effect)
     cause = Cause(
@@ -118,6 +124,7 @@ def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list
         found.force,
         rivals=rivals,
         needed=found.needed,
+        road=road,
     )
     rest = [
         replace(c, share=c.share * (1 - cause.share))

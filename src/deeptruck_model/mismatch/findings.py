@@ -12,6 +12,7 @@ from deeptruck_model.mismatch.data_checks import SensorFault
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.expression import Rerun
 from deeptruck_model.mismatch.mechanisms import LIBRARY, UNNAMED, Column, Shape
+from deeptruck_model.mismatch.road_lock import RoadLock
 from deeptruck_model.mismatch.search import Model
 
 NAMES = {
@@ -207,7 +208,7 @@ def _slow(cause: Cause) -> dict[str, Any]:
     m = LIBRARY.get(cause.effect)
     what = m.says if m else "a slow force that no signal predicts"
     return {
-        "says": f"{what}: {rms:.3f} m/s^2 rms; it would be {sizes}",
+        "says": f"{what}: {rms:.3f} m/s^2 rms; it would be {sizes}{_again(cause.road)}",
         "equation": m.equation if m else "F = f(t)",
         "parameters": {
             f"rms_as_{n}": {"value": v, "unit": u, "ci95": None}
@@ -215,8 +216,29 @@ def _slow(cause: Cause) -> dict[str, Any]:
         },
         "would_be_told_by": m.told_by if m else "drive the same stretch in both directions",
         "depends_on": list(m.depends_on) if m else ["time"],
-        "decided_by": "physically possible size, not the fit",
+        **_decided(cause),
     }
+
+
+def _decided(cause: Cause) -> dict[str, Any]:
+    """What gave a slow force its name: that it came again with the road, or its size alone."""
+    road = cause.road
+    if road is None:
+        return {"decided_by": "physically possible size, not the fit"}
+    numbers = {name: round(value, 3) for name, value in vars(road).items()}
+    return {"decided_by": "it comes again where the same road is driven again", "road": numbers}
+
+
+def _again(road: RoadLock | None) -> str:
+    """On how much road a force came again, where it did."""
+    if road is None:
+        return ""
+    other = f" and on {road.other_way_km:.0f} km driven the other way with its sign turned"
+    return (
+        f"; it comes again on {road.same_way_km:.0f} km driven again the same way"
+        f"{other if road.other_way_km > 0 else ''} (agreement {road.agreement:.2f}, "
+        f"by chance less than {road.by_chance:.2f} in 99 % of windows)"
+    )
 
 
 def _comes_and_goes(cause: Cause, e: Evidence) -> dict[str, Any]:
