@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from deeptruck_model.mismatch.causes import Explanation
-from deeptruck_model.mismatch.correct import CorrectedTruck, Term
+from deeptruck_model.mismatch.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.improvement import Errors, compare, free_windows
 from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes

@@ -11,9 +11,9 @@ from deeptruck_model.mismatch.causes import Cause, Explanation
 from deeptruck_model.mismatch.data_checks import SensorFault
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.expression import Rerun
-from deeptruck_model.mismatch.mechanisms import LIBRARY, UNNAMED, Column, Shape
-from deeptruck_model.mismatch.road_lock import RoadLock
+from deeptruck_model.mismatch.mechanisms import LIBRARY, Column, Shape
 from deeptruck_model.mismatch.search import Model
+from deeptruck_model.mismatch.unnamed_words import comes_and_goes, slow, strength, unknown
 
 NAMES = {
     "mass": ("kg", "the mass differs from the simulator's"),
@@ -75,11 +75,11 @@ def from_sensor(fault: SensorFault) -> Finding:
 def from_cause(cause: Cause, e: Evidence, explanation: Explanation, own: dict[str, float]) -> Finding:
     """A cause in words and numbers. `own` holds the simulator's parameters (SI) where it has them."""
     if cause.needed is not None:
-        words = _slow(cause)
+        words = slow(cause)
     elif cause.lawless:
-        words = _comes_and_goes(cause, e)
+        words = comes_and_goes(cause, e)
     elif cause.effect == "unknown":
-        words = _unknown(cause, explanation)
+        words = unknown(cause, explanation)
     elif cause.shape is None:
         words = _parameter(cause, e, explanation, own)
     else:
@@ -99,15 +99,6 @@ def from_cause(cause: Cause, e: Evidence, explanation: Explanation, own: dict[st
     )
 
 
-def _strength(cause: Cause, e: Evidence) -> str:
-    """How strong a force is where it acts, in N, and for how much of the time."""
-    size = np.abs(cause.force[e.valid])
-    acting = size > 0.3 * float(np.quantile(size, 0.995)) + 1e-9
-    newton = float(np.mean(cause.force[e.valid][acting]) * e.mass) if acting.any() else 0.0
-    share = float(np.mean(acting)) * 100
-    return f"{newton:+.0f} N on average while it acts, {share:.0f} % of the time"
-
-
 def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> dict[str, Any]:
     shape = cause.shape
     assert shape is not None
@@ -117,7 +108,7 @@ def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> dict[str,
         if isinstance(value, float) and name in SETTING_UNITS:
             parameters[name] = {"value": value, "unit": SETTING_UNITS[name], "ci95": None}
     return {
-        "says": f"{m.says}: {_strength(cause, e)}{_now_and_then(shape)}{_confined(shape, e.mass)}",
+        "says": f"{m.says}: {strength(cause, e)}{_now_and_then(shape)}{_confined(shape, e.mass)}",
         "equation": m.equation,
         "parameters": parameters,
         "would_be_told_by": m.told_by,
@@ -194,80 +185,6 @@ def _parameter(cause: Cause, e: Evidence, explanation: Explanation, own: dict[st
         "parameters": {cause.effect: {"value": base * (1 + change), "unit": unit, "ci95": ci}},
         "would_be_told_by": TOLD_BY[cause.effect],
         "depends_on": [cause.effect],
-    }
-
-
-def _slow(cause: Cause) -> dict[str, Any]:
-    """A slow force, and what size it would need under each name: sizes decide here, not the fit."""
-    needed = cause.needed or {}
-    rms = float(np.sqrt(np.mean(cause.force**2)))
-    sizes = (
-        f"as a slope {100 * needed['road_grade']:.1f} %, as wind {needed['headwind']:.0f} m/s, "
-        f"as a change of engine force {100 * needed['torque_derate']:.0f} %"
-    )
-    m = LIBRARY.get(cause.effect)
-    what = m.says if m else "a slow force that no signal predicts"
-    return {
-        "says": f"{what}: {rms:.3f} m/s^2 rms; it would be {sizes}{_again(cause.road)}",
-        "equation": m.equation if m else "F = f(t)",
-        "parameters": {
-            f"rms_as_{n}": {"value": v, "unit": u, "ci95": None}
-            for (n, v), u in zip(needed.items(), ("ratio", "m/s", "1"), strict=True)
-        },
-        "would_be_told_by": m.told_by if m else "drive the same stretch in both directions",
-        "depends_on": list(m.depends_on) if m else ["time"],
-        **_decided(cause),
-    }
-
-
-def _decided(cause: Cause) -> dict[str, Any]:
-    """What gave a slow force its name: that it came again with the road, or its size alone."""
-    road = cause.road
-    if road is None:
-        return {"decided_by": "physically possible size, not the fit"}
-    numbers = {name: round(value, 3) for name, value in vars(road).items()}
-    return {"decided_by": "it comes again where the same road is driven again", "road": numbers}
-
-
-def _again(road: RoadLock | None) -> str:
-    """On how much road a force came again, where it did."""
-    if road is None:
-        return ""
-    other = f" and on {road.other_way_km:.0f} km driven the other way with its sign turned"
-    return (
-        f"; it comes again on {road.same_way_km:.0f} km driven again the same way"
-        f"{other if road.other_way_km > 0 else ''} (agreement {road.agreement:.2f}, "
-        f"by chance less than {road.by_chance:.2f} in 99 % of windows)"
-    )
-
-
-def _comes_and_goes(cause: Cause, e: Evidence) -> dict[str, Any]:
-    """An unknown force that no signal predicts and that acts like none of the known ones."""
-    return {
-        "says": f"{UNNAMED.says}: {_strength(cause, e)}; nearest name: {cause.nearest}, "
-        "which does not explain how it acts",
-        "equation": UNNAMED.equation,
-        "parameters": {},
-        "would_be_told_by": UNNAMED.told_by,
-        "depends_on": list(UNNAMED.depends_on),
-        "nearest": cause.nearest,
-    }
-
-
-def _unknown(cause: Cause, explanation: Explanation) -> dict[str, Any]:
-    left = explanation.left_over
-    drivers = [name for name, share in left.importance.items() if share > 0.1][:4]
-    near = f"; nearest name: {cause.nearest}, which does not explain it" if cause.nearest else ""
-    return {
-        "says": "a force that no mechanism of the library explains; it varies with "
-        f"{', '.join(drivers) or 'nothing recorded'}{near}",
-        "equation": "F = f(" + ", ".join(drivers) + ")",
-        "parameters": {"held_out_r2": {"value": left.r2, "unit": "1", "ci95": None}},
-        "would_be_told_by": "vary "
-        + (drivers[0] if drivers else "one signal")
-        + " alone, with everything else held",
-        "depends_on": drivers,
-        **({"nearest": cause.nearest} if cause.nearest else {}),
     }
 
 

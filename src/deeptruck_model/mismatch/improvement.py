@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.correct import CorrectedTruck
+from deeptruck_model.mismatch.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.residual import Prepared
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Simulator

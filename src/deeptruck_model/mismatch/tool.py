@@ -22,7 +22,7 @@ from deeptruck_model.mismatch import (
     own_error,
 )
 from deeptruck_model.mismatch.causes import Explanation
-from deeptruck_model.mismatch.correct import CorrectedTruck
+from deeptruck_model.mismatch.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.explain import explain
 from deeptruck_model.mismatch.growing import first_guess

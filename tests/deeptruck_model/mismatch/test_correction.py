@@ -13,7 +13,7 @@ import pytest
 from deeptruck_model import simulators, trucks
 from deeptruck_model.mismatch import correction
 from deeptruck_model.mismatch.causes import Cause
-from deeptruck_model.mismatch.correct import CorrectedTruck, Term
+from deeptruck_model.mismatch.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape, comes_and_goes, laws
 from deeptruck_model.mismatch.search import Model, Search

@@ -7,7 +7,7 @@ import pytest
 
 from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.mismatch import improvement
-from deeptruck_model.mismatch.correct import CorrectedTruck, Term
+from deeptruck_model.mismatch.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.improvement import Errors, compare, free_windows
 from deeptruck_model.mismatch.residual import Prepared, prepare
 

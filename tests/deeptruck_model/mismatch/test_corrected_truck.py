@@ -10,7 +10,7 @@ import pytest
 
 from deeptruck_model import simulators, trucks
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.correct import CorrectedTruck, Term
+from deeptruck_model.mismatch.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.share import Shares
 from deeptruck_model.signals import SPEED
 

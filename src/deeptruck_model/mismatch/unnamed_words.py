@@ -1,0 +1,95 @@
+"""What a finding says of a force that has no name, or whose name its size alone gave."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from deeptruck_model.mismatch.causes import Cause, Explanation
+from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.mechanisms import LIBRARY, UNNAMED
+from deeptruck_model.mismatch.road_lock import RoadLock
+
+
+def strength(cause: Cause, e: Evidence) -> str:
+    """How strong a force is where it acts, in N, and for how much of the time."""
+    size = np.abs(cause.force[e.valid])
+    acting = size > 0.3 * float(np.quantile(size, 0.995)) + 1e-9
+    newton = float(np.mean(cause.force[e.valid][acting]) * e.mass) if acting.any() else 0.0
+    share = float(np.mean(acting)) * 100
+    return f"{newton:+.0f} N on average while it acts, {share:.0f} % of the time"
+
+
+def slow(cause: Cause) -> dict[str, Any]:
+    """A slow force, and what size it would need under each name: sizes decide here, not the fit."""
+    needed = cause.needed or {}
+    rms = float(np.sqrt(np.mean(cause.force**2)))
+    sizes = (
+        f"as a slope {100 * needed['road_grade']:.1f} %, as wind {needed['headwind']:.0f} m/s, "
+        f"as a change of engine force {100 * needed['torque_derate']:.0f} %"
+    )
+    m = LIBRARY.get(cause.effect)
+    what = m.says if m else "a slow force that no signal predicts"
+    return {
+        "says": f"{what}: {rms:.3f} m/s^2 rms; it would be {sizes}{_again(cause.road)}",
+        "equation": m.equation if m else "F = f(t)",
+        "parameters": {
+            f"rms_as_{n}": {"value": v, "unit": u, "ci95": None}
+            for (n, v), u in zip(needed.items(), ("ratio", "m/s", "1"), strict=True)
+        },
+        "would_be_told_by": m.told_by if m else "drive the same stretch in both directions",
+        "depends_on": list(m.depends_on) if m else ["time"],
+        **_decided(cause),
+    }
+
+
+def _decided(cause: Cause) -> dict[str, Any]:
+    """What gave a slow force its name: that it came again with the road, or its size alone."""
+    road = cause.road
+    if road is None:
+        return {"decided_by": "physically possible size, not the fit"}
+    numbers = {name: round(value, 3) for name, value in vars(road).items()}
+    return {"decided_by": "it comes again where the same road is driven again", "road": numbers}
+
+
+def _again(road: RoadLock | None) -> str:
+    """On how much road a force came again, where it did."""
+    if road is None:
+        return ""
+    other = f" and on {road.other_way_km:.0f} km driven the other way with its sign turned"
+    return (
+        f"; it comes again on {road.same_way_km:.0f} km driven again the same way"
+        f"{other if road.other_way_km > 0 else ''} (agreement {road.agreement:.2f}, "
+        f"by chance less than {road.by_chance:.2f} in 99 % of windows)"
+    )
+
+
+def comes_and_goes(cause: Cause, e: Evidence) -> dict[str, Any]:
+    """An unknown force that no signal predicts and that acts like none of the known ones."""
+    return {
+        "says": f"{UNNAMED.says}: {strength(cause, e)}; nearest name: {cause.nearest}, "
+        "which does not explain how it acts",
+        "equation": UNNAMED.equation,
+        "parameters": {},
+        "would_be_told_by": UNNAMED.told_by,
+        "depends_on": list(UNNAMED.depends_on),
+        "nearest": cause.nearest,
+    }
+
+
+def unknown(cause: Cause, explanation: Explanation) -> dict[str, Any]:
+    left = explanation.left_over
+    drivers = [name for name, share in left.importance.items() if share > 0.1][:4]
+    near = f"; nearest name: {cause.nearest}, which does not explain it" if cause.nearest else ""
+    return {
+        "says": "a force that no mechanism of the library explains; it varies with "
+        f"{', '.join(drivers) or 'nothing recorded'}{near}",
+        "equation": "F = f(" + ", ".join(drivers) + ")",
+        "parameters": {"held_out_r2": {"value": left.r2, "unit": "1", "ci95": None}},
+        "would_be_told_by": "vary "
+        + (drivers[0] if drivers else "one signal")
+        + " alone, with everything else held",
+        "depends_on": drivers,
+        **({"nearest": cause.nearest} if cause.nearest else {}),
+    }
