@@ -99,11 +99,12 @@ def _drag_area(s: Settings) -> list[Column]:
 
 
 def _rolling_settings(e: Evidence) -> Iterator[Settings]:
-    yield {"order": 1}
-    yield {"order": 2}
+    yield from ({"order": order} for order in (1, 2, 4))
 
 
 def _rolling_speed(s: Settings) -> list[Column]:
+    if s["order"] == 4:
+        return [Column(-((SPEED / 20.0) ** 4), 0.03, "fourth_power", "N s^4/m^4", 20.0**-4, per_mass=True)]
     if s["order"] == 2:
         return [Column(-((SPEED / 20.0) ** 2), 0.03, "square", "N s^2/m^2", 1 / 400.0, per_mass=True)]
     return [Column(-(SPEED / 20.0), 0.03, "slope", "N s/m", 1 / 20.0, per_mass=True)]
@@ -166,11 +167,11 @@ MECHANISMS = (
     ),
     Mechanism(
         "rolling_resistance_speed",
-        "F = -(k1 v + k2 v^2)",
+        "F = -(k1 v + k2 v^2 + k4 v^4)",
         "rolling resistance grows with speed",
         ("speed",),
         ("speed",),
-        "SAE J2452",
+        "SAE J2452; Mitschke, Dynamik der Kraftfahrzeuge",
         "coast down from high speed on a calm day, both ways",
         _rolling_settings,
         _rolling_speed,
