@@ -64,9 +64,13 @@ def test_a_truck_with_a_gradient_keeps_it(toy):
     assert with_gradient(toy) is toy
 
 
-def test_training_on_a_physics_truck_holds_the_gap(trucksim, tmp_path):
-    config = analytic.AnalyticConfig(seeds=1, rollouts=12, iterations=40, window=100)
-    policy = train(trucksim, tmp_path / "p", config=config)
+def test_training_on_a_physics_truck_gets_better_and_holds_the_gap(trucksim, tmp_path):
+    scores = []
+    for iterations in (1, 20):
+        config = analytic.AnalyticConfig(seeds=1, rollouts=12, iterations=iterations, window=80)
+        policy = train(trucksim, tmp_path / str(iterations), config=config)
+        scores.append(policy.card["validation"]["score"])
+    assert scores[1] < 0.85 * scores[0]
     trace = roll_out(trucksim, policy, scenes.paper(np.random.default_rng(1), 30, 400, trucksim.dt))
     assert np.abs(trace["time_gap_error"][250:]).max() < 0.2
     assert not trace["crash"].any()
