@@ -40,14 +40,15 @@ def evaluate(
     seed: int = 1000,
     shield: bool = False,
     full: bool = False,
+    draw: bool = True,
 ) -> dict[str, Any]:
     """Drive a policy and write `out`/metrics.json and figures; the metrics are returned as well.
 
     Always: the paper's set, a moving leader on hills, and the two field runs. `full` adds the scenes of
     hard_scenes.HARD, heavier and lighter trucks where the simulator has a mass, recorded leaders where the
     data is present, every baseline (on a pedal map calibrated on this simulator) and platoons. `shield`
-    puts the guard in between, with a promise measured on the simulator. Raises InputError for an `out` that
-    is a file.
+    puts the guard in between, with a promise measured on the simulator. `draw` False leaves the scenes'
+    figures out. Raises InputError for an `out` that is a file.
     """
     out = Path(out)
     if out.exists() and not out.is_dir():
@@ -60,7 +61,7 @@ def evaluate(
         driver = guards.guard(driver, truck_limits.measure(truck))
     pedals = PedalMap.calibrate(truck)
     sets = {name: _drive(driver, *case) for name, case in _cases(truck, rollouts, seed, full)}
-    for name, trace in sets.items():
+    for name, trace in sets.items() if draw else ():
         _draw(name, trace, out)
     results: dict[str, Any] = {
         "schema": 1,

@@ -1,0 +1,123 @@
+"""How policies follow: drive a truck, learn its deep truck, train ten seeds on that, measure them on both.
+
+python benchmarks/bench_following.py [--truck trucksim] [--seeds 10] [--work runs/following]
+
+What is done in --work is kept. Settings were chosen on other scenes than those measured here (--seed).
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from deeptruck_cacc import load_policy, training
+from deeptruck_cacc.evaluation import evaluate, evaluate_seeds, platoon
+from deeptruck_cacc.training.analytic import AnalyticConfig
+from deeptruck_model import deep, driving_cycles, simulators, trucks
+
+FIGURES = ("learning_curve.png", "paper.png", "moving.png", "gap_closing.png")
+ROWS = {  # what is said: (scene, path into its metrics)
+    "paper's set: time gap after 10 s, worst (s)": ("paper", "time_gap_error_after_10s", "worst_abs"),
+    "its mean (s)": ("paper", "time_gap_error_after_10s", "mean_shift"),
+    "speed after 25 s, worst (m/s)": ("paper", "speed_error_after_25s", "worst_abs"),
+    "moving leader and hills, where power suffices: worst (s)": ("moving", "time_gap_worst_within_reach"),
+    "99 % of the time within (s)": ("moving", "time_gap_p99_within_reach"),
+    "scenes of 100 within 0.1 s throughout": ("moving", "rollouts_within_0.1_s"),
+    "gap closing to 0.35 s and 0.2 m/s: worst (s)": ("gap_closing", "closed_s_paper_bounds"),
+    "to 0.1 s and 0.1 m/s: worst (s)": ("gap_closing", "closed_s_reach_bounds"),
+    "its median (s)": ("gap_closing", "closed_s_reach_bounds_median"),
+    "jerk behind a moving leader, rms (m/s^3)": ("moving", "jerk_rms"),
+    "crashes": ("moving", "crashes"),
+}
+
+
+def main() -> None:
+    """Print the tables and write them to docs/results/following/TRUCK.md."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--truck", default="trucksim")
+    parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--seed", type=int, default=1000, help="of the scenes")
+    parser.add_argument("--work", type=Path, default=Path("runs/following"))
+    args = parser.parse_args()
+    work = args.work / args.truck
+    learn(args.truck, args.seeds, work)
+    simulator = {"deep": str(work / "simulator"), "truck": f"truck:{args.truck}"}
+    results = {
+        name: evaluate_seeds(work / "policy", path, work / name, seed=args.seed, draw=False)
+        for name, path in simulator.items()
+    }
+    evaluate(str(work / "policy"), simulator["truck"], work / "chosen", seed=args.seed)
+    lines = [
+        f"# Following with {args.truck}",
+        "",
+        f"`python benchmarks/bench_following.py --truck {args.truck}`",
+    ]
+    lines += ["", f"{args.seeds} seeds, 100 scenes each; worst over seeds (median of the seeds).", ""]
+    lines += [*table(results), "", *string(args.truck, work / "policy")]
+    out = Path(__file__).parents[1] / "docs" / "results" / "following"
+    out.mkdir(parents=True, exist_ok=True)
+    (out / f"{args.truck}.md").write_text("\n".join(lines) + "\n")
+    keep_figures(work, args.truck, out)
+    print("\n".join(lines))
+
+
+def learn(truck: str, seeds: int, work: Path) -> None:
+    """Four hours of driving, a deep truck, and the policies, each unless it is there."""
+    if not (work / "simulator" / "simulator.json").exists():
+        drive = driving_cycles.drive(trucks.load(truck), hours=4.0, seed=1, name="cycle")
+        deep.train([drive], work / "simulator", deep.Arguments())
+    if not (work / "policy" / "policy.json").exists():
+        began = time.process_time()
+        source = str(work / "simulator")
+        config = AnalyticConfig(seeds=seeds)
+        training.train(simulators.load(source), work / "policy", config=config, source=source)
+        print(f"trained in {time.process_time() - began:.0f} CPU s")
+
+
+def table(results: dict[str, Any]) -> list[str]:
+    """Worst and median over the seeds, on the deep truck and on the truck itself."""
+    lines = ["| | deep truck | the truck itself, zero-shot |", "|---|---|---|"]
+    for says, path in ROWS.items():
+        cells = [_cell(result, path) for result in results.values()]
+        lines.append(f"| {says} | {' | '.join(cells)} |")
+    return lines
+
+
+def _cell(result: dict[str, Any], path: tuple[str, ...]) -> str:
+    def find(sets: Any) -> Any:
+        for key in path:
+            sets = sets[key]
+        return sets
+
+    each = [find(sets) for sets in result["seeds"].values()]
+    middle = np.median([np.inf if x is None else x for x in each])
+    worst = find(result["sets"])
+    return f"{'never' if worst is None else f'{worst:.3g}'} ({middle:.3g})"
+
+
+def string(truck: str, policy: Path) -> list[str]:
+    """Amplification along eight trucks at 1.5 s, of the chosen seed, by the leader's amplitude."""
+    simulator, driver = simulators.load(f"truck:{truck}"), load_policy(policy)
+    lines = ["| eight trucks at 1.5 s, chosen seed | 0.2 m/s | 0.5 m/s | 1 m/s |", "|---|---|---|---|"]
+    for v2v in (True, False):
+        rows = [platoon.string_stability(simulator, driver, amplitude=a, v2v=v2v) for a in (0.2, 0.5, 1.0)]
+        cells = [f"{max(row['worst_speed_amplification']):.3f}" for row in rows]
+        lines.append(f"| speed, {'V2V' if v2v else 'radar with noise'} | {' | '.join(cells)} |")
+    return lines
+
+
+def keep_figures(work: Path, truck: str, out: Path) -> None:
+    """The chosen seed's figures on the truck itself, beside the table."""
+    for name in FIGURES:
+        shutil.copy(work / "chosen" / name, out / f"{truck}_{name}")
+
+
+if __name__ == "__main__":
+    main()

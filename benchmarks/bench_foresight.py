@@ -1,0 +1,137 @@
+"""How well any controller could follow: one that knows the truck itself, the road and the leader's future.
+
+python benchmarks/bench_foresight.py [--truck trucksim] [--rollouts 40] [--seed 1000]
+
+At every step it tries SAMPLES changes of its plan on the physics truck, gear changes and all, and keeps the
+best. No controller can know so much; what is beyond it is beyond every policy.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_cacc import scenes
+from deeptruck_cacc.environment import CaccEnv
+from deeptruck_cacc.evaluation import metrics
+from deeptruck_cacc.pedals import PedalMap
+from deeptruck_cacc.scaling import ActionScale
+from deeptruck_cacc.scenes import Scene
+from deeptruck_model import simulators, trucks
+from deeptruck_model.trucks.truck import TruckState
+
+Array = NDArray[np.float64]
+SAMPLES, HORIZON, KNOT = 64, 30, 5  # plans tried at once; steps of a plan; steps for which a pedal is held
+ATTEMPTS = (0.3, 0.08)  # spread of the changes tried, first and then about the best of them
+HELD = (0.0, 0.15, 0.3, 0.5, 0.75, 1.0)  # pedals also tried throughout
+
+
+class Foresight:
+    """Plans of one signed pedal (batch, HORIZON): engine above zero, brake below."""
+
+    def __init__(self, truck: trucks.PhysicsTruck, scene: Scene) -> None:
+        self.truck, self.scene, self.scale = truck, scene, ActionScale.of(truck)
+        pull = np.pad(np.cumsum(scene.leader_acceleration, axis=1) * truck.dt, ((0, 0), (1, HORIZON)), "edge")
+        pull[:, 0] = 0.0
+        self.leader = np.maximum(scene.leader_speed[:, None] + pull, 0.0)
+        self.grade = np.pad(scene.grade, ((0, 0), (0, HORIZON)), "edge")
+        self.plan = np.full((scene.batch, HORIZON), 0.2)
+        self.rng = np.random.default_rng(0)
+
+    def command(self, k: int, state: TruckState, speed: Array, gap: Array) -> Array:
+        """Commands (batch, 2) at step k; the plan moves on by one step."""
+        for spread in ATTEMPTS:
+            plans = self._tried(spread)
+            cost = self._cost(k, plans, state, speed, gap)
+            self.plan = plans[np.arange(len(plans)), cost.argmin(axis=1)]
+        now = self.plan[:, 0]
+        self.plan = np.hstack([self.plan[:, 1:], self.plan[:, -1:]])
+        return self.pedals(now)
+
+    def pedals(self, signed: Array) -> Array:
+        """Commands (n, 2) of signed pedals (n,)."""
+        s, engine, brake = self.scale, np.clip(signed, 0, 1), np.clip(-signed, 0, 1)
+        reach = s.engine_high - s.engine_low
+        return np.column_stack([s.engine_low + engine * reach, brake * s.brake_high])
+
+    def _tried(self, spread: float) -> Array:
+        """Plans (batch, SAMPLES, HORIZON): the present one, some near it, others, and held pedals."""
+        knots = self.rng.normal(0, spread, (len(self.plan), SAMPLES, HORIZON // KNOT))
+        knots[:, 0] = 0.0
+        knots[:, 1 : SAMPLES // 4] *= 0.2
+        plans = np.clip(self.plan[:, None] + np.repeat(knots, KNOT, axis=2), -1, 1)
+        plans[:, -len(HELD) :] = np.array(HELD)[:, None]
+        return plans
+
+    def _cost(self, k: int, plans: Array, state: TruckState, speed: Array, gap: Array) -> Array:
+        """Time-gap errors above 0.05 s weigh by their fourth power, (batch, SAMPLES)."""
+
+        def each(x: NDArray) -> NDArray:
+            return np.repeat(x, SAMPLES, axis=0)
+
+        state, speed, gap = TruckState(each(state.records)), each(speed), each(gap)
+        time_gap, flat = each(self.scene.time_gap), plans.reshape(-1, HORIZON)
+        cost = 0.02 * np.square(np.diff(flat, axis=1)).sum(axis=1)
+        for h in range(HORIZON):
+            state, y = self.truck.step(state, self.pedals(flat[:, h]), each(self.grade[:, k + h])[:, None])
+            gap = gap + (each(self.leader[:, k + h]) - speed) * self.truck.dt
+            speed = y[:, 1]
+            error = (gap / np.maximum(speed, 1.0) - time_gap) / 0.05
+            cost += error**4 + error**2
+        return cost.reshape(len(plans), SAMPLES)
+
+
+def drive(truck: trucks.PhysicsTruck, scene: Scene) -> Array:
+    """Time-gap errors (T, batch) of foresight."""
+    env, driver = CaccEnv(truck, scene.batch, scene.steps), Foresight(truck, scene)
+    env.reset(scene)
+    errors = []
+    for k in range(scene.steps):
+        env.step(driver.command(k, env._state, env.speed, env.gap))
+        errors.append(env.time_gap_error)
+    return np.array(errors)
+
+
+def main() -> None:
+    """Print the table and write docs/results/bench_foresight.md."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--truck", default="trucksim")
+    parser.add_argument("--rollouts", type=int, default=40)
+    parser.add_argument("--seed", type=int, default=1000)
+    args = parser.parse_args()
+    truck = simulators.load(f"truck:{args.truck}")
+    scene = scenes.moving(np.random.default_rng(args.seed), 100, 800, truck.dt)
+    names = ("leader_speed", "speed", "gap", "time_gap", "leader_acceleration", "grade")
+    scene = replace(scene, **{name: getattr(scene, name)[: args.rollouts] for name in names})
+    reach = metrics.within_reach(scene, PedalMap.calibrate(truck), truck.dt)[100:]
+    size = np.abs(drive(truck, scene))[100:]
+    worst = np.sort(np.where(reach, size, 0.0).max(axis=0))
+    lines = [
+        "# A controller that knows everything",
+        "",
+        f"`python benchmarks/bench_foresight.py --truck {args.truck} --rollouts {args.rollouts}`",
+        "",
+        f"The first {args.rollouts} scenes of the moving leader on hills, where power suffices, after 10 s:",
+        "",
+        "| | time-gap error (s) |",
+        "|---|---|",
+        f"| mean | {size[reach].mean():.4f} |",
+        f"| 99 % of the time within | {np.quantile(size[reach], 0.99):.3f} |",
+        f"| worst of a scene, median | {np.median(worst):.3f} |",
+        f"| worst of all but three scenes | {worst[-4]:.3f} |",
+        f"| worst of all | {worst[-1]:.3f} |",
+        f"| scenes within 0.1 s throughout | {int((worst <= 0.1).sum())} of {len(worst)} |",
+    ]
+    out = Path(__file__).parents[1] / "docs" / "results" / "bench_foresight.md"
+    out.write_text("\n".join(lines) + "\n")
+    print("\n".join(lines))
+
+
+if __name__ == "__main__":
+    main()
