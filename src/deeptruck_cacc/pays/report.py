@@ -16,11 +16,11 @@ import matplotlib.pyplot as plt
 
 KINDS = ("old", "corrected", "true")
 COLOURS = {"old": "tab:red", "corrected": "tab:blue", "true": "0.45"}
-CLEARLY = 0.9  # a ratio of medians above this is no difference worth a word
+CLEARLY, WORTH_S = 0.9, 0.005  # a ratio of medians above, or seconds below, are no difference worth a word
 FOUND = ("effect", "the truck has", "the tool found", "free-run speed error: old, re-tuned, corrected (m/s)")
 FOLLOWED = (
-    *("effect", "recipe", "time-gap error, rms (s)", "its mean (s)", "it pays", "speed, rms (m/s)"),
-    *("jerk, rms (m/s³)", "brake (%)"),
+    *("effect", "recipe", "time-gap error, rms (s)", "it pays", "its mean (s)", "it pays"),
+    *("speed, rms (m/s)", "jerk, rms (m/s³)", "brake (%)"),
 )
 STOPPED = ("effect", "recipe", "runs that end below 2 m", "least gap (m)", "it pays", "brake (%)")
 UNITS = {"time_gap_rms_s": "time-gap error, rms (s)", "min_gap_m": "least gap (m)"}
@@ -64,10 +64,9 @@ def _found(name: str, row: dict[str, Any]) -> list[str]:
 
 def _followed(name: str, recipe: str, kinds: Kinds) -> list[str]:
     scene = next(iter(kinds["old"][0]))
-    cells = [
-        _three(kinds, scene, *what) for what in (("time_gap_rms_s", "{:.3f}"), ("time_gap_mean_s", "{:+.3f}"))
-    ]
-    cells.append(paid(kinds, scene, "time_gap_rms_s"))
+    cells: list[str] = []
+    for key, form in (("time_gap_rms_s", "{:.3f}"), ("time_gap_mean_s", "{:+.3f}")):
+        cells += [_three(kinds, scene, key, form), paid(kinds, scene, key)]
     cells += [_three(kinds, scene, *what) for what in (("speed_rms", "{:.2f}"), ("jerk_rms", "{:.2f}"))]
     return [name, recipe, *cells, _three(kinds, scene, "brake_share", "{:.1f}", 100.0)]
 
@@ -78,14 +77,8 @@ def _stopped(name: str, recipe: str, kinds: Kinds) -> list[str]:
     runs = sum(int(seed[scene]["rollouts"]) for seed in kinds["old"])
     counts = f"{', '.join(map(str, below))} of {runs}"
     says = "yes" if below[1] < below[0] else "no" if below[1] > below[0] else "no difference"
-    return [
-        name,
-        recipe,
-        counts,
-        _least(kinds, scene),
-        says,
-        _three(kinds, scene, "brake_share", "{:.1f}", 100.0),
-    ]
+    brake = _three(kinds, scene, "brake_share", "{:.1f}", 100.0)
+    return [name, recipe, counts, _least(kinds, scene), says, brake]
 
 
 def _stop(kinds: Kinds) -> str:
@@ -112,9 +105,9 @@ def paid(kinds: Kinds, scene: str, key: str) -> str:
     'yes' where every seed beats every seed of the old simulator, 'no' where every seed is worse; 'unclear'
     where the medians differ and the seeds overlap.
     """
-    old, corrected = (values(kinds[kind], scene, key) for kind in ("old", "corrected"))
+    old, corrected = (np.abs(values(kinds[kind], scene, key)) for kind in ("old", "corrected"))
     ratio = float(np.median(corrected) / np.median(old))
-    if CLEARLY < ratio < 1 / CLEARLY:
+    if CLEARLY < ratio < 1 / CLEARLY or abs(np.median(corrected) - np.median(old)) < WORTH_S:
         word = "no difference"
     elif max(corrected) < min(old):
         word = "yes"
@@ -141,7 +134,7 @@ def _draw(results: dict[str, Any], path: Path) -> None:
     ):
         axes[i, 0].set_ylabel(label, fontsize="small")
     figure.suptitle(
-        "Trained on each simulator, driven on the true truck; a dot is a seed, the line joins medians",
+        "Trained on each simulator, driven on the true truck; dots are seeds (x: mean error), lines medians",
         fontsize=10,
     )
     figure.savefig(path, dpi=110)
@@ -161,12 +154,15 @@ def _panel(axis: Any, kinds: Kinds, scene: int, key: str) -> None:
     """Dots for every kind in the case's first (following) or second (stop) scene; empty where it has none."""
     shown = [kind for kind in KINDS if kinds.get(kind) and len(kinds[kind][0]) > scene]
     if not shown:
-        axis.axis("off")
+        axis.set(xticks=[], yticks=[], frame_on=False)
         return
     name = list(kinds[shown[0]][0])[scene]
     columns = [values(kinds[kind], name, key) for kind in shown]
     for x, (kind, column) in enumerate(zip(shown, columns, strict=True)):
         axis.plot([x] * len(column), column, "o", ms=5, color=COLOURS[kind], alpha=0.7)
+        if key == "time_gap_rms_s":
+            shift = np.abs(values(kinds[kind], name, "time_gap_mean_s"))
+            axis.plot([x + 0.2] * len(column), shift, "x", ms=4, color=COLOURS[kind], alpha=0.7)
     axis.plot(range(len(shown)), [np.median(column) for column in columns], "k-", lw=0.8)
     axis.set_xticks(range(len(shown)), shown, fontsize="small")
     axis.set_xlim(-0.5, len(shown) - 0.5)
