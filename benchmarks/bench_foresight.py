@@ -1,9 +1,9 @@
-"""How well any controller could follow: one that knows the truck itself, the road and the leader's future.
+"""How well one could follow who knows the truck itself, the road and the leader's future.
 
 python benchmarks/bench_foresight.py [--truck trucksim] [--rollouts 40] [--seed 1000]
 
 At every step it tries SAMPLES changes of its plan on the physics truck, gear changes and all, and keeps the
-best. No controller can know so much; what is beyond it is beyond every policy.
+best. Its plans end after HORIZON steps, so it is a yardstick and no bound: it too can be caught by a hill.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def main() -> None:
     size = np.abs(drive(truck, scene))[100:]
     worst = np.sort(np.where(reach, size, 0.0).max(axis=0))
     lines = [
-        "# A controller that knows everything",
+        "# A controller that tries its next 3 s on the truck itself",
         "",
         f"`python benchmarks/bench_foresight.py --truck {args.truck} --rollouts {args.rollouts}`",
         "",
@@ -124,7 +124,6 @@ def main() -> None:
         f"| mean | {size[reach].mean():.4f} |",
         f"| 99 % of the time within | {np.quantile(size[reach], 0.99):.3f} |",
         f"| worst of a scene, median | {np.median(worst):.3f} |",
-        f"| worst of all but three scenes | {worst[-4]:.3f} |",
         f"| worst of all | {worst[-1]:.3f} |",
         f"| scenes within 0.1 s throughout | {int((worst <= 0.1).sum())} of {len(worst)} |",
     ]
