@@ -37,6 +37,7 @@ class Cause:
     alternatives: tuple[tuple[str, Model], ...] = ()  # whole explanations with rivals in its place
     whole: Model | None = None  # the explanation these stand beside, where it is not the final one
     road: RoadLock | None = None  # where the force came again on the same stretch of road
+    other_form: bool = False  # it acts by its own signals, but otherwise than the library's form
     lawless: bool = False  # an unknown force that comes and goes, and not one that the signals predict
 
     @property
@@ -50,7 +51,8 @@ class Cause:
         """Names that do nearly as well."""
         rare = self.shape is not None and "when" in self.shape.settings
         near = max(GROUP, (GROUP_SHARE_RARE if rare else GROUP_SHARE) * self.gain)
-        return [name for name, worse in self.rivals if worse < near and name != self.effect]
+        names = [name for name, worse in self.rivals if worse < near and name != self.effect]
+        return [*names, *(["unknown"] if self.other_form else [])]
 
 
 @dataclass(frozen=True)

@@ -47,6 +47,8 @@ def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequenc
     tuned = CorrectedTruck(simulator, [], _change(e, alone, search.parameters), shares, False)
     options = _options(simulator, e, x, search, shares)
     unnamed = _with_laws(simulator, e, x, search, shares)
+    if unnamed is not None and any(c.other_form for c in x.causes):
+        options.append(unnamed)  # these laws are the form of a name
     errors = [_rmse(option, prepared) for option in options] if len(options) > 1 else [0.0]
     return Corrections(tuned, options[int(np.argmin(errors))], unnamed)
 

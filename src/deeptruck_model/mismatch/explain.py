@@ -26,6 +26,7 @@ EXPLAINS = 0.55  # share of what is explainable that a name must explain, else i
 TRIFLE = 0.03  # a cause with a smaller share of what is explained is as likely a bend in the form of another
 BENT = 0.15  # share of the main cause's gain that a parameter beside it must have
 BEFORE_PARAMETERS = 0.25  # of the largest share, below which physics is told after parameters
+ANOTHER_FORM = 0.3  # the same where the rest acts by the name's own signals
 SLOW_NAMES = {"road_grade", "road_surface", "headwind", "payload_change"}
 
 
@@ -63,8 +64,12 @@ def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[C
         return _in_order(causes)
     rest = Cause("missing_physics", "unknown", left.gain, left.gain / total, 0.9, left.free.prediction)
     physics = [c for c in causes if c.kind == "missing_physics"]
+    main = max(physics, key=lambda c: c.gain, default=rest)
+    if names > ANOTHER_FORM * (names + left.gain) and main.shape and left.is_form_of(main.shape, search.e):
+        whole = replace(main, share=main.share + rest.share, force=main.force + rest.force, other_form=True)
+        return _in_order([whole, *[c for c in causes if c is not main]])
     if physics and names < EXPLAINS * (names + left.gain):
-        rest = replace(rest, nearest=max(physics, key=lambda c: c.gain).effect)
+        rest = replace(rest, nearest=main.effect)
         return [rest, *_in_order([c for c in causes if c not in physics])]
     return _in_order([*causes, rest])
 

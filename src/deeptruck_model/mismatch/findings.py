@@ -41,6 +41,7 @@ SETTING_UNITS = {
     "damping": "1",
     "after_s": "s",
 }
+OTHER_FORM = "; it acts otherwise than in the form that is known here, and may be something else"
 TELLING_PARAMETERS = 12  # a profile along the road has hundreds; people get the ones that matter
 
 
@@ -108,7 +109,8 @@ def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> dict[str,
         if isinstance(value, float) and name in SETTING_UNITS:
             parameters[name] = {"value": value, "unit": SETTING_UNITS[name], "ci95": None}
     return {
-        "says": f"{m.says}: {strength(cause, e)}{_now_and_then(shape)}{_confined(shape, e.mass)}",
+        "says": f"{m.says}: {strength(cause, e)}{_now_and_then(shape)}{_confined(shape, e.mass)}"
+        f"{OTHER_FORM if cause.other_form else ''}",
         "equation": m.equation,
         "parameters": parameters,
         "would_be_told_by": m.told_by,

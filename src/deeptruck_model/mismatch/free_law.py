@@ -13,7 +13,17 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.free_model import FreeModel, free_model
-from deeptruck_model.mismatch.mechanisms import LATE_SENSOR, law_signal, laws, leans_on, merge, shapes
+from deeptruck_model.mismatch.mechanisms import (
+    LATE_SENSOR,
+    Settings,
+    Shape,
+    acts_by,
+    law_signal,
+    laws,
+    leans_on,
+    merge,
+    shapes,
+)
 from deeptruck_model.mismatch.screening import screen_shapes
 from deeptruck_model.mismatch.search import Model, Search
 
@@ -23,6 +33,9 @@ MOST = 4  # laws side by side
 TRIED = 3  # of the best by approximate gain are fitted in full
 WORTH = 10.0  # nats a further law must gain beyond the price of its freedom
 PRIOR_SD = 0.3
+ALIKE = {"engine_command": "engine", "brake_command": "brake", "drag": "speed"}
+MOSTLY = 0.6  # of the squared force
+ANYWHERE = frozenset({"speed", "elapsed", "ratio", "gear", "engine_speed"})  # where a form may differ
 TREES_R2 = 0.06  # share of held-out variance below which trees have found nothing
 
 
@@ -34,6 +47,16 @@ class LeftOver:
     free: FreeModel
     gain: float
     lawful: Model | None
+
+    def is_form_of(self, name: Shape, e: Evidence) -> bool:
+        """Whether the laws mostly act by the signals that a named shape acts by: then they are another form
+        of it rather than something else."""
+        if self.lawful is None:
+            return False
+        own = _plain(frozenset[str]().union(*(part.expression.signals() for part in name.parts)))
+        sizes = [(_acts_by(settings), size) for settings, size in _parts(e, self.lawful)]
+        within = sum(size for signals, size in sizes if signals & own and signals <= own | ANYWHERE)
+        return within > MOSTLY * sum(size for _, size in sizes)
 
 
 def left_over(search: Search, model: Model) -> LeftOver:
@@ -75,20 +98,34 @@ def _grown(search: Search, model: Model) -> Model:
 def _as_free_model(e: Evidence, left: Array, grown: Model, trees: FreeModel) -> FreeModel:
     """The laws of a model as one prediction; a signal is as important as the forces that lean on it."""
     law = grown.named[-1]
-    forces = law.columns * grown.coefficients(law.mechanism.effect)
-    parts = law.settings.get("parts", [law.settings])
-    ends = np.cumsum([len(law.mechanism.build(part)) for part in parts])
+    force = law.columns @ grown.coefficients(law.mechanism.effect)
     weight: dict[str, float] = {}
-    for part, force in zip(parts, np.split(forces, ends[:-1], axis=1), strict=True):
-        size = float(np.sum(force.sum(axis=1)[e.valid] ** 2))
-        for rank, name in enumerate(leans_on(part)):
+    for settings, size in _parts(e, grown):
+        for rank, name in enumerate(leans_on(settings)):
             weight[name] = weight.get(name, 0.0) + size / (1 + rank)
     total = sum(weight.values()) or 1.0
     importance = {n: w / total for n, w in sorted(weight.items(), key=lambda item: -item[1])}
     known = trees.features | {n: law_signal(n).rows(e) for n in importance}
-    return FreeModel(
-        forces.sum(axis=1), _crossed_r2(e, left, law.columns, grown.fit.sigma), importance, known
-    )
+    return FreeModel(force, _crossed_r2(e, left, law.columns, grown.fit.sigma), importance, known)
+
+
+def _parts(e: Evidence, grown: Model) -> list[tuple[Settings, float]]:
+    """Each law of a model, and the sum of its squared force."""
+    law = grown.named[-1]
+    forces = law.columns * grown.coefficients(law.mechanism.effect)
+    parts = law.settings.get("parts", [law.settings])
+    ends = np.cumsum([len(law.mechanism.build(part)) for part in parts])
+    each = np.split(forces, ends[:-1], axis=1)
+    return [(p, float(np.sum(f.sum(axis=1)[e.valid] ** 2))) for p, f in zip(parts, each, strict=True)]
+
+
+def _acts_by(settings: Settings) -> frozenset[str]:
+    return _plain(acts_by(settings))
+
+
+def _plain(signals: frozenset[str]) -> frozenset[str]:
+    """A command and its force are one; drag is speed's."""
+    return frozenset(ALIKE.get(name, name) for name in signals)
 
 
 def _crossed_r2(e: Evidence, left: Array, columns: Array, sigma: float) -> float:

@@ -172,3 +172,11 @@ def test_every_mechanism_says_what_it_is(effect: str) -> None:
         for column in build(m, s):
             assert column.sd > 0 and column.name and column.unit and column.sign in (0, 1)
         break
+
+
+def test_a_formula_knows_its_signals() -> None:
+    force = ex.Lag((ex.Signal("brake") * ex.maximum(SPEED, 1.0),), 3.0) * ex.During((ex.Signal("gap"),), [])
+    assert force.signals() == {"brake", "speed", "gap"}
+    assert ex.lift(1.0).signals() == frozenset()
+    assert ex.Rerun("delay_all", 0.3).signals() == {"engine", "brake"}
+    assert ex.Rerun("lag_brake", 0.3).signals() == {"brake"}

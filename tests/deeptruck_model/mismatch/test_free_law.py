@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from deeptruck_model.mismatch.causes import Cause
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.explain import ENOUGH_FREE, explain
 from deeptruck_model.mismatch.expression import Slosh
@@ -57,3 +58,19 @@ def test_a_law_is_its_carrier_shared_out_among_knots(nothing_missing: Evidence) 
 def test_laws_of_signals_that_were_not_recorded_are_not_tried(nothing_missing: Evidence) -> None:
     used = {s.settings.get("of") for s in laws(nothing_missing)}
     assert "speed" in used and not used & {"ratio", "gap", "time since a shift"}
+
+
+def test_a_law_of_a_names_own_signals_is_another_form_of_it(nothing_missing: Evidence) -> None:
+    e = replace(nothing_missing, residual=nothing_missing.residual + band(nothing_missing))
+    search = Search(e, exclude=LIBRARY)
+    found = left_over(search, search.background(()))
+    everything = Search(e)
+    loss, fade = (everything.shapes(LIBRARY[name])[0] for name in ("driveline_loss", "brake_fade"))
+    assert found.is_form_of(loss, e) and not found.is_form_of(fade, e)
+    assert not left_over(Search(nothing_missing), Search(nothing_missing).background(())).is_form_of(loss, e)
+
+
+def test_a_name_of_another_form_may_also_be_something_else(nothing_missing: Evidence) -> None:
+    cause = Cause("missing_physics", "driveline_loss", 90.0, 0.5, 0.9, np.zeros(1), rivals=(("mass", 5.0),))
+    assert cause.not_told_from == ["mass"]
+    assert replace(cause, other_form=True).not_told_from == ["mass", "unknown"]

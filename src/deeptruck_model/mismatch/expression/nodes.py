@@ -41,6 +41,10 @@ class Expression:
         """Values over stacked recordings, from the values of the inputs."""
         raise NotImplementedError
 
+    def signals(self) -> frozenset[str]:
+        """Names of all signals it is made of."""
+        return frozenset[str]().union(*(x.signals() for x in self.inputs))
+
     def begin(self, batch: int) -> Any:
         """Memory at the start of a simulation."""
         return None
@@ -132,6 +136,9 @@ class Signal(Leaf):
     name: str
     missing: float = 0.0
     simulated: float | None = None
+
+    def signals(self) -> frozenset[str]:
+        return frozenset({self.name})
 
     def over(self, values: Sequence[Array], e: Evidence) -> Array:
         x = e.signals.get(self.name)

@@ -112,6 +112,10 @@ class Rerun(Leaf):
     path: str
     amount: float
 
+    def signals(self) -> frozenset[str]:
+        which = self.path.split("_")[1]
+        return frozenset({"engine", "brake"} if which == "all" else {which})
+
     def over(self, values: Sequence[Array], e: Evidence) -> Array:
         return e.rerun(self.path, self.amount)
 

@@ -4,6 +4,7 @@ from deeptruck_model.mismatch.mechanisms import air_and_tyres, brakes, commands,
 from deeptruck_model.mismatch.mechanisms.base import (
     Column,
     Mechanism,
+    Settings,
     Shape,
     build,
     comes_and_goes,
@@ -11,7 +12,7 @@ from deeptruck_model.mismatch.mechanisms.base import (
     shape,
     shapes,
 )
-from deeptruck_model.mismatch.mechanisms.laws import LATE_SENSOR, LAW, law_signal, laws, leans_on
+from deeptruck_model.mismatch.mechanisms.laws import LATE_SENSOR, LAW, acts_by, law_signal, laws, leans_on
 from deeptruck_model.mismatch.mechanisms.unnamed import UNNAMED
 
 LIBRARY: dict[str, Mechanism] = {
@@ -29,7 +30,9 @@ __all__ = [
     "UNNAMED",
     "Column",
     "Mechanism",
+    "Settings",
     "Shape",
+    "acts_by",
     "build",
     "comes_and_goes",
     "law_signal",

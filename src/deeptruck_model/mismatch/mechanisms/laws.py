@@ -54,6 +54,9 @@ CARRIERS: dict[str, tuple[Expression, float]] = {  # with the sd of the function
     "speed squared": ((SPEED / 20.0) ** 2, 0.3),
     "simulated": (SIMULATED, 0.3),
 }
+CARRIED_BY: dict[str, frozenset[str]] = {  # coasting is known by both forces and is the engine's
+    name: frozenset({"engine"}) if name == "coasting" else x.signals() for name, (x, _) in CARRIERS.items()
+}
 FORCES = {"engine": ENGINE, "brake": BRAKE, "simulated": SIMULATED}
 LAGS_S, ORDERS = (0.2, 0.5, 1.2, 3.0), (1, 3)
 SWINGS_HZ = (0.15, 0.25, 0.4, 0.6, 0.9, 1.3, 1.8)
@@ -158,6 +161,13 @@ def leans_on(settings: Settings) -> tuple[str, ...]:
         return (settings["follower"],)
     carrier = settings["carrier"]
     return (settings["of"], *([carrier] if carrier in ("engine", "brake", "simulated") else []))
+
+
+def acts_by(settings: Settings) -> frozenset[str]:
+    """The signals that a law is made of."""
+    if "follower" in settings:
+        return frozenset({settings["follower"]})
+    return CARRIED_BY[settings["carrier"]] | VARIABLES[settings["of"]].signals()
 
 
 def law_signal(name: str) -> Expression:
