@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -124,7 +125,8 @@ def _draw(results: dict[str, Any], path: Path) -> None:
         len(recipes) + 1, len(results), figsize=size, squeeze=False, layout="constrained"
     )
     for axis, (name, row) in zip(axes.T, results.items(), strict=True):
-        axis[0].set_title(f"{name.replace('_', ' ')}\n{row['says']}", fontsize="small", wrap=True)
+        says = textwrap.fill(row["says"], 28)
+        axis[0].set_title(f"{name.replace('_', ' ')}\n{says}", fontsize="small")
         kinds = [row["recipes"].get(recipe, {}) for recipe in recipes]
         for i, of_recipe in enumerate(kinds):
             _panel(axis[i], of_recipe, 0, "time_gap_rms_s")
