@@ -73,11 +73,12 @@ def left_over(search: Search, model: Model) -> LeftOver:
 
 
 def _beside_a_late_sensor(search: Search, model: Model) -> Model:
-    """The model with whatever filter the sensor has: lags of all forces together are no physics."""
-    sensor = shapes(LATE_SENSOR, search.e)
-    if not sensor:
-        return model
-    return max(model, search.model((*model.named, *sensor), model.free, model.fit), key=lambda m: m.score)
+    """The model with whatever filters the sensors have: lags of all forces together, or of the slope, are no
+    physics."""
+    each = shapes(LATE_SENSOR, search.e)
+    options = [*each, *([merge(each[0], each[1])] if len(each) > 1 else [])]
+    models = [search.model((*model.named, s), model.free, model.fit) for s in options]
+    return max([model, *models], key=lambda m: m.score)
 
 
 def _grown(search: Search, model: Model) -> Model:

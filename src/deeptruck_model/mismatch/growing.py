@@ -13,6 +13,7 @@ from deeptruck_model.mismatch.worth_saying import ENOUGH, enough, practical, pri
 WIDENED = 4  # of the best names are given more freedom of form before the first is chosen
 MOST = 4  # effects at once
 EXCHANGES = 3
+ENOUGH_RARE = 45.0  # nats for what is seen in a few windows alone, which were chosen for being off
 DELAYS = ("command_delay", "clock_offset")
 SETTLING = 2  # times
 WORTH_AN_EXCHANGE = 3.0  # nats
@@ -94,7 +95,7 @@ def _now_and_then(search: Search, base: Model) -> Model:
         return base
     tried = [m for m in intermittent.candidates(search, base, spans) if practical(search, m, m.named[-1])]
     best = max(tried, key=lambda m: m.score, default=base)
-    return best if best.score > base.score + ENOUGH else base
+    return best if best.score > base.score + ENOUGH_RARE else base
 
 
 def _exchanged(search: Search, model: Model) -> Model:

@@ -74,3 +74,12 @@ def test_a_name_of_another_form_may_also_be_something_else(nothing_missing: Evid
     cause = Cause("missing_physics", "driveline_loss", 90.0, 0.5, 0.9, np.zeros(1), rivals=(("mass", 5.0),))
     assert cause.not_told_from == ["mass"]
     assert replace(cause, other_form=True).not_told_from == ["mass", "unknown"]
+
+
+def test_a_slope_that_is_told_late_is_no_law(nothing_missing: Evidence) -> None:
+    e = nothing_missing
+    grade = 0.03 * np.sin(np.arange(len(e)) * e.dt / 9.0)
+    told = replace(e, signals=e.signals | {"grade": e.lag(grade, 2.0)})
+    late = replace(told, residual=e.residual - 9.81 * (grade - told["grade"]))
+    search = Search(late, exclude=LIBRARY)
+    assert left_over(search, search.background(())).gain < ENOUGH_FREE / 2

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.evidence import GRAVITY, Evidence
 from deeptruck_model.mismatch.expression import (
     Change,
     Expression,
@@ -58,6 +58,7 @@ CARRIED_BY: dict[str, frozenset[str]] = {  # coasting is known by both forces an
     name: frozenset({"engine"}) if name == "coasting" else x.signals() for name, (x, _) in CARRIERS.items()
 }
 FORCES = {"engine": ENGINE, "brake": BRAKE, "simulated": SIMULATED}
+SENSED = FORCES | {"slope": Signal("grade") * -GRAVITY}  # what a sensor may tell late
 LAGS_S, ORDERS = (0.2, 0.5, 1.2, 3.0), (1, 3)
 SWINGS_HZ = (0.15, 0.25, 0.4, 0.6, 0.9, 1.3, 1.8)
 
@@ -112,7 +113,7 @@ def _columns(s: Settings) -> list[Column]:
             Column(carrier * hat, sd, f"{s['carrier']} at {v:.3g}", sign=0)
             for v, hat in zip(at, hats, strict=True)
         ]
-    force = FORCES[s["follower"]]
+    force = SENSED[s["follower"]]
     if s["how"] == "swinging":
         parts: list[Expression] = [Slosh((force,), f, 0.1) for f in SWINGS_HZ]
     else:
@@ -138,12 +139,16 @@ LAW = Mechanism(
 LATE_SENSOR = Mechanism(
     "late sensor",
     "a(t) -> a filtered",
-    "the sensor's filter makes every response late",
+    "filters make the response, or the slope, late",
     (),
     (),
     "",
     "",
-    lambda e: iter([{"follower": "simulated", "how": "late"}]),
+    lambda e: (
+        {"follower": name, "how": "late"}
+        for name in ("simulated", "slope")
+        if name != "slope" or e.has("grade")
+    ),
     _columns,
     kind="measurement_fault",
 )
