@@ -64,7 +64,7 @@ def left_over(search: Search, model: Model) -> LeftOver:
     e = search.e
     left = e.residual - search.prediction(model)
     trees = free_model(e, left, search.series.relative)
-    gain = search.gain_of(model, trees.prediction) if trees.r2 > TREES_R2 else 0.0
+    gain = max(search.gain_of(model, trees.prediction), 0.0) if trees.r2 > TREES_R2 else 0.0
     known = _beside_a_late_sensor(search, model)
     grown = _grown(search, known)
     if grown.score - known.score <= max(gain, WORTH):

@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 
 from deeptruck_model.mismatch.causes import Cause
-from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.evidence import GRAVITY, Evidence
 from deeptruck_model.mismatch.explain import ENOUGH_FREE, explain
 from deeptruck_model.mismatch.expression import Slosh
 from deeptruck_model.mismatch.free_law import left_over
@@ -78,8 +79,15 @@ def test_a_name_of_another_form_may_also_be_something_else(nothing_missing: Evid
 
 def test_a_slope_that_is_told_late_is_no_law(nothing_missing: Evidence) -> None:
     e = nothing_missing
-    grade = 0.03 * np.sin(np.arange(len(e)) * e.dt / 9.0)
-    told = replace(e, signals=e.signals | {"grade": e.lag(grade, 2.0)})
-    late = replace(told, residual=e.residual - 9.81 * (grade - told["grade"]))
+    bumps = gaussian_filter1d(np.random.default_rng(3).normal(size=len(e)), 5.0 / e.dt)
+    grade = 0.03 * bumps / bumps.std()
+    told = e.lag(grade, 2.0)
+    simulated = e.simulated - GRAVITY * told
+    late = replace(
+        e,
+        simulated=simulated,
+        signals=e.signals | {"grade": told, "simulated": simulated},
+        residual=e.residual - GRAVITY * (grade - told),
+    )
     search = Search(late, exclude=LIBRARY)
     assert left_over(search, search.background(())).gain < ENOUGH_FREE / 2
