@@ -50,12 +50,28 @@ def test_the_card_says_what_was_done(trained):
     _, out, policy = trained
     card = json.loads((out / "policy.json").read_text())["card"]
     assert card["trainer"] == "analytic" and card["config"]["iterations"] == 40
+    assert card["config"]["learning_rate"] == analytic.FOLLOWER_RATE
     assert card["validation"]["score"] == min(
         json.loads((out / "seeds" / s / "policy.json").read_text())["card"]["validation"]["score"]
         for s in "01"
     )
     assert set(policy.coverage) == {"leader_speed", "speed", "gap", "target_time_gap", "grade"}
     assert any((out / "tensorboard").iterdir())
+
+
+def test_the_best_of_all_validations_is_kept_and_the_last_iteration_is_validated(trained):
+    _, out, policy = trained
+    curve = [json.loads(line) for line in (out / "learning_curve.jsonl").read_text().splitlines()]
+    assert "validation" in curve[-1]
+    best = np.min([line["validation"] for line in curve if "validation" in line], axis=0)
+    assert policy.card["validation"]["score"] == best.min()
+
+
+def test_random_weights_learn_at_their_own_rate_unless_told(toy, tmp_path):
+    config = replace(QUICK, iterations=1, memory=False)
+    assert train(toy, tmp_path / "a", config=config).card["config"]["learning_rate"] == analytic.RANDOM_RATE
+    told = replace(config, learning_rate=2e-3)
+    assert train(toy, tmp_path / "b", config=told).card["config"]["learning_rate"] == 2e-3
 
 
 @pytest.mark.parametrize("power", [True, False])

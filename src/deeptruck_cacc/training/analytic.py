@@ -28,6 +28,9 @@ from deeptruck_cacc.training.road import Road, Traffic, detach
 from deeptruck_model.errors import InputError
 from deeptruck_model.simulators import Simulator
 
+# From random weights much must change; a start that already follows is only thrown off by such steps.
+FOLLOWER_RATE, RANDOM_RATE = 1e-3, 6e-3
+
 
 @dataclass(frozen=True)
 class AnalyticConfig:
@@ -45,8 +48,8 @@ class AnalyticConfig:
     """steps a gradient reaches back"""
     windows: int = 2
     """windows of a path before a fresh scene"""
-    learning_rate: float = 6e-3
-    """Adam, falling to a fiftieth along a cosine"""
+    learning_rate: float = 0.0
+    """Adam, falling to a fiftieth along a cosine; 0: FOLLOWER_RATE with memory, RANDOM_RATE without"""
     clip: float = 1.0
     """largest gradient norm of one seed"""
     scene: str = "wide"
@@ -77,6 +80,8 @@ def train(
         raise InputError("the analytic trainer needs a deep truck; use --trainer trpo for a physics truck")
     if config.scene not in scenes.DRAWERS:
         raise InputError(f"there is no scene '{config.scene}'; known: {', '.join(scenes.DRAWERS)}")
+    rate = config.learning_rate or (FOLLOWER_RATE if config.memory else RANDOM_RATE)
+    config = replace(config, learning_rate=rate)
     return _Run(simulator, Path(out), config, reward, source).train(resume, tell)
 
 
