@@ -44,6 +44,7 @@ UNNAMED = (
     "what has no name is not in the corrected simulator; with it (--with-unnamed) the speed error of "
     "held-out free runs is {free:.3g} m/s instead of {after:.3g} m/s"
 )
+WEAK = 60.0  # nats; a stronger cause is told also where no held-out drive shows it
 HELPS = 0.9  # of the error, below which what has no name is worth asking for
 OTHER_GEAR = "the simulator drives in another gear than was recorded"
 RETUNE = 0.05  # beyond this relative change parameters are set in the simulator, and all is linearised again
@@ -130,15 +131,14 @@ def _find(
     say("driving the simulator along the recordings")
     exclude = [name for name in os.environ.get(EXCLUDE, "").split(",") if name]
     e, x = _explained(simulator, c.prepared, c.held_out, seed, exclude, say)
-    found = _findings(simulator, c, e, x)
+    say("correcting the simulator and driving it free")
+    x, (errors, corrected, fit) = _corrected(simulator, c, e, x, with_unnamed)
     say("locating it")
+    found = _findings(simulator, c, e, x)
     causes = tuple(f.cause for f in found if f.cause is not None)
     segments = locate.segments(e, causes)
     force = sum((cause.force for cause in causes), start=np.zeros(len(e)))
     regimes = locate.regimes(e, force if causes else e.residual)
-    say("correcting the simulator and driving it free")
-    made = correction.correct(simulator, e, x, c.part(held_out=False))
-    errors, corrected, fit = correction.shown(simulator, made, c.part(held_out=True), with_unnamed)
     verdict = {
         "schema": 1,
         "verdict": _overall(found),
@@ -150,6 +150,26 @@ def _find(
         "caveats": [*c.caveats, *_on_the_correction(fit, bool(causes), with_unnamed)],
     }
     return Mismatch(verdict, e, x, tuple(found), tuple(segments), errors, corrected, c.prepared)
+
+
+def _corrected(
+    simulator: Simulator, c: _Checked, e: Evidence, x: Explanation, with_unnamed: bool
+) -> tuple[Explanation, tuple[dict[str, Errors], CorrectedTruck, dict[str, Any]]]:
+    """The correction, driven; and the explanation, without causes where they are weak and drive no better."""
+    fitted, held_out = c.part(held_out=False), c.part(held_out=True)
+    shown = correction.shown(simulator, correction.correct(simulator, e, x, fitted), held_out, with_unnamed)
+    if not _in_vain(x, shown[2]):
+        return x, shown
+    x = replace(x, causes=(), lawful=None)
+    return x, correction.shown(simulator, correction.correct(simulator, e, x, fitted), held_out, with_unnamed)
+
+
+def _in_vain(x: Explanation, fit: dict[str, Any]) -> bool:
+    """Whether little was found and the simulator corrected by it drives worse on recordings held out."""
+    weak = all(cause.gain < WEAK and cause.needed is None for cause in x.causes)
+    if not x.causes or not weak or "after" not in fit:
+        return False
+    return bool(fit["after"]["speed_rmse"] > fit["before"]["speed_rmse"])
 
 
 def _on_the_correction(fit: dict[str, Any], found: bool, with_unnamed: bool) -> list[str]:
