@@ -6,7 +6,7 @@ Everything is fitted, and chosen, without the held-out recordings.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,13 @@ from deeptruck_model.mismatch.share import Shares
 from deeptruck_model.simulators import Simulator
 
 HORIZON_S = 40.0
+NOT_BETTER = "the corrected simulator does not predict the held-out recordings better: nothing may be applied"
+UNNAMED = (
+    "what has no name is not in the corrected simulator; with it (--with-unnamed) the speed error of "
+    "held-out free runs is {free:.3g} m/s instead of {after:.3g} m/s"
+)
+WEAK = 60.0  # nats; a stronger cause is told also where no held-out drive shows it
+HELPS = 0.9  # of the error, below which what has no name is worth asking for
 
 
 @dataclass(frozen=True)
@@ -135,4 +142,37 @@ def shown(
     return errors, after, fit
 
 
-__all__ = ["HORIZON_S", "correct", "corrected", "shown"]
+def corrected_and_driven(
+    simulator: Simulator,
+    e: Evidence,
+    x: Explanation,
+    fitted: Sequence[Prepared],
+    held_out: Sequence[Prepared],
+    with_unnamed: bool,
+) -> tuple[Explanation, tuple[dict[str, Errors], CorrectedTruck, dict[str, Any]]]:
+    """The correction, driven; and the explanation, without causes where they are weak and drive no better."""
+    driven = shown(simulator, correct(simulator, e, x, fitted), held_out, with_unnamed)
+    if not in_vain(x, driven[2]):
+        return x, driven
+    x = replace(x, causes=(), lawful=None)
+    return x, shown(simulator, correct(simulator, e, x, fitted), held_out, with_unnamed)
+
+
+def in_vain(x: Explanation, fit: dict[str, Any]) -> bool:
+    """Whether little was found and the simulator corrected by it drives worse on recordings held out."""
+    weak = all(cause.gain < WEAK and cause.needed is None for cause in x.causes)
+    if not x.causes or not weak or "after" not in fit:
+        return False
+    return bool(fit["after"]["speed_rmse"] > fit["before"]["speed_rmse"])
+
+
+def caveats(fit: dict[str, Any], found: bool, with_unnamed: bool) -> list[str]:
+    """What to know before the corrected simulator is applied."""
+    out = [NOT_BETTER] if found and not fit["validated"] else []
+    free, after = fit.get("free_model"), fit.get("after")
+    if free and after and not with_unnamed and free["speed_rmse"] < HELPS * after["speed_rmse"]:
+        out.append(UNNAMED.format(after=after["speed_rmse"], free=free["speed_rmse"]))
+    return out
+
+
+__all__ = ["HORIZON_S", "caveats", "correct", "corrected", "corrected_and_driven", "in_vain", "shown"]

@@ -39,13 +39,6 @@ Array = NDArray[np.float64]
 EXCLUDE = (
     "DEEPTRUCK_MISMATCH_EXCLUDE"  # comma-separated effects to leave out of the library: for examinations
 )
-NOT_BETTER = "the corrected simulator does not predict the held-out recordings better: nothing may be applied"
-UNNAMED = (
-    "what has no name is not in the corrected simulator; with it (--with-unnamed) the speed error of "
-    "held-out free runs is {free:.3g} m/s instead of {after:.3g} m/s"
-)
-WEAK = 60.0  # nats; a stronger cause is told also where no held-out drive shows it
-HELPS = 0.9  # of the error, below which what has no name is worth asking for
 OTHER_GEAR = "the simulator drives in another gear than was recorded"
 RETUNE = 0.05  # beyond this relative change parameters are set in the simulator, and all is linearised again
 
@@ -132,7 +125,9 @@ def _find(
     exclude = [name for name in os.environ.get(EXCLUDE, "").split(",") if name]
     e, x = _explained(simulator, c.prepared, c.held_out, seed, exclude, say)
     say("correcting the simulator and driving it free")
-    x, (errors, corrected, fit) = _corrected(simulator, c, e, x, with_unnamed)
+    x, (errors, corrected, fit) = correction.corrected_and_driven(
+        simulator, e, x, c.part(held_out=False), c.part(held_out=True), with_unnamed
+    )
     say("locating it")
     found = _findings(simulator, c, e, x)
     causes = tuple(f.cause for f in found if f.cause is not None)
@@ -147,38 +142,9 @@ def _find(
         "regimes": [vars(r) for r in regimes],
         "fit": fit,
         "data": _data(c, e, x, found),
-        "caveats": [*c.caveats, *_on_the_correction(fit, bool(causes), with_unnamed)],
+        "caveats": [*c.caveats, *correction.caveats(fit, bool(causes), with_unnamed)],
     }
     return Mismatch(verdict, e, x, tuple(found), tuple(segments), errors, corrected, c.prepared)
-
-
-def _corrected(
-    simulator: Simulator, c: _Checked, e: Evidence, x: Explanation, with_unnamed: bool
-) -> tuple[Explanation, tuple[dict[str, Errors], CorrectedTruck, dict[str, Any]]]:
-    """The correction, driven; and the explanation, without causes where they are weak and drive no better."""
-    fitted, held_out = c.part(held_out=False), c.part(held_out=True)
-    shown = correction.shown(simulator, correction.correct(simulator, e, x, fitted), held_out, with_unnamed)
-    if not _in_vain(x, shown[2]):
-        return x, shown
-    x = replace(x, causes=(), lawful=None)
-    return x, correction.shown(simulator, correction.correct(simulator, e, x, fitted), held_out, with_unnamed)
-
-
-def _in_vain(x: Explanation, fit: dict[str, Any]) -> bool:
-    """Whether little was found and the simulator corrected by it drives worse on recordings held out."""
-    weak = all(cause.gain < WEAK and cause.needed is None for cause in x.causes)
-    if not x.causes or not weak or "after" not in fit:
-        return False
-    return bool(fit["after"]["speed_rmse"] > fit["before"]["speed_rmse"])
-
-
-def _on_the_correction(fit: dict[str, Any], found: bool, with_unnamed: bool) -> list[str]:
-    """What to know before the corrected simulator is applied."""
-    out = [NOT_BETTER] if found and not fit["validated"] else []
-    free, after = fit.get("free_model"), fit.get("after")
-    if free and after and not with_unnamed and free["speed_rmse"] < HELPS * after["speed_rmse"]:
-        out.append(UNNAMED.format(after=after["speed_rmse"], free=free["speed_rmse"]))
-    return out
 
 
 def _useless(c: _Checked) -> Mismatch:

@@ -109,3 +109,36 @@ def test_a_truck_with_laws_can_be_kept(nothing_missing: Evidence, tmp_path: Path
     truck.save(tmp_path / "kept")
     again = simulators.load(tmp_path / "kept")
     assert isinstance(again, CorrectedTruck) and again.terms == truck.terms
+
+
+@pytest.mark.parametrize(
+    ("free", "asked", "told"), [(0.2, False, True), (0.48, False, False), (0.2, True, False)]
+)
+def test_that_the_unnamed_would_help_is_told_to_whoever_did_not_ask(
+    free: float, asked: bool, told: bool
+) -> None:
+    fit = {"validated": True, "after": {"speed_rmse": 0.5}, "free_model": {"speed_rmse": free}}
+    caveats = correction.caveats(fit, True, asked)
+    assert any("--with-unnamed" in c and "0.2 m/s instead of 0.5" in c for c in caveats) == told
+    assert correction.caveats({"validated": False}, True, asked) == [correction.NOT_BETTER]
+
+
+@pytest.mark.parametrize(
+    ("gains", "after", "vain"),
+    [((50.0, 30.0), 0.2, True), ((50.0,), 0.05, False), ((50.0, 90.0), 0.2, False), ((), 0.2, False)],
+)
+def test_what_is_weak_and_drives_worse_is_not_told(
+    gains: tuple[float, ...], after: float, vain: bool
+) -> None:
+    causes = tuple(Cause("missing_physics", "headwind", g, 0.5, 0.9, np.zeros(1)) for g in gains)
+    fit = {"before": {"speed_rmse": 0.1}, "after": {"speed_rmse": after}}
+    explanation: Any = SimpleNamespace(causes=causes)
+    assert correction.in_vain(explanation, fit) == vain
+    assert not correction.in_vain(explanation, {})  # no held-out drive was long enough to tell
+
+
+def test_a_slow_force_is_told_by_its_size_and_not_by_a_drive() -> None:
+    slow = Cause("missing_physics", "road_grade", 0.0, 0.5, 0.9, np.zeros(1), needed={"road_grade": 0.01})
+    fit = {"before": {"speed_rmse": 0.1}, "after": {"speed_rmse": 0.2}}
+    explanation: Any = SimpleNamespace(causes=(slow,))
+    assert not correction.in_vain(explanation, fit)

@@ -11,7 +11,6 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import jsonschema
@@ -20,8 +19,7 @@ import pytest
 
 from deeptruck_model import driving_cycles, mismatch, simulators, trucks
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch import output, tool
-from deeptruck_model.mismatch.causes import Cause
+from deeptruck_model.mismatch import output
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
 
@@ -240,36 +238,3 @@ def test_apply_takes_over_what_was_validated_once(tmp_path: Path) -> None:
     assert simulators.load(tmp_path / "sim").parameters()["mass"] == pytest.approx(1.1 * MASS)
     with pytest.raises(InputError, match="exists already"):
         mismatch.apply(found, tmp_path / "sim")
-
-
-@pytest.mark.parametrize(
-    ("free", "asked", "told"), [(0.2, False, True), (0.48, False, False), (0.2, True, False)]
-)
-def test_that_the_unnamed_would_help_is_told_to_whoever_did_not_ask(
-    free: float, asked: bool, told: bool
-) -> None:
-    fit = {"validated": True, "after": {"speed_rmse": 0.5}, "free_model": {"speed_rmse": free}}
-    caveats = tool._on_the_correction(fit, True, asked)
-    assert any("--with-unnamed" in c and "0.2 m/s instead of 0.5" in c for c in caveats) == told
-    assert tool._on_the_correction({"validated": False}, True, asked) == [tool.NOT_BETTER]
-
-
-@pytest.mark.parametrize(
-    ("gains", "after", "vain"),
-    [((50.0, 30.0), 0.2, True), ((50.0,), 0.05, False), ((50.0, 90.0), 0.2, False), ((), 0.2, False)],
-)
-def test_what_is_weak_and_drives_worse_is_not_told(
-    gains: tuple[float, ...], after: float, vain: bool
-) -> None:
-    causes = tuple(Cause("missing_physics", "headwind", g, 0.5, 0.9, np.zeros(1)) for g in gains)
-    fit = {"before": {"speed_rmse": 0.1}, "after": {"speed_rmse": after}}
-    explanation: Any = SimpleNamespace(causes=causes)
-    assert tool._in_vain(explanation, fit) == vain
-    assert not tool._in_vain(explanation, {})  # no held-out drive was long enough to tell
-
-
-def test_a_slow_force_is_told_by_its_size_and_not_by_a_drive() -> None:
-    slow = Cause("missing_physics", "road_grade", 0.0, 0.5, 0.9, np.zeros(1), needed={"road_grade": 0.01})
-    fit = {"before": {"speed_rmse": 0.1}, "after": {"speed_rmse": 0.2}}
-    explanation: Any = SimpleNamespace(causes=(slow,))
-    assert not tool._in_vain(explanation, fit)
