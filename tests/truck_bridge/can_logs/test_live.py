@@ -110,9 +110,12 @@ def test_a_full_disk_ends_a_recording_in_one_line(loud, tmp_path, suffix):
 @pytest.mark.parametrize("name", ["drive.log", "drive.mcap"])
 def test_an_end_by_signal_keeps_the_recording(loud, tmp_path, name, number):
     argv = [sys.executable, "-c", "from truck_bridge.cli import main; main()", "record", name]
+    # a shell's background job ignores SIGINT, and so would what it starts
+    heeding = {"preexec_fn": lambda: signal.signal(number, signal.SIG_DFL)}
     process = subprocess.Popen(
-        [*argv, "--interface", "loopback", "--channel", loud], cwd=tmp_path, stdout=subprocess.PIPE, text=True
-    )
+        [*argv, "--interface", "loopback", "--channel", loud],
+        cwd=tmp_path, stdout=subprocess.PIPE, text=True, **heeding,
+    )  # fmt: skip
     deadline = time.monotonic() + 30
     while not (tmp_path / name).exists() and time.monotonic() < deadline:
         time.sleep(0.02)
