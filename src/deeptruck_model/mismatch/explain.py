@@ -115,9 +115,8 @@ def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list
         effect = "road_grade"  # where slope is not recorded it is there, and the other two only may be
     road = road_lock(e, found.force)
     if effect == "road_grade" and road is not None and road.other_way_km > 0:
-        possible = [
-            "road_grade"
-        ]  # no wind and no gain turns its sign where a stretch is driven the other way
+        # no wind and no gain turns its sign where a stretch is driven the other way
+        possible = ["road_grade"]
     share = float(np.sum(found.force[e.valid] ** 2) / np.sum(residual[e.valid] ** 2))
     rivals = tuple((n, 0.0) for n in possible if n != effect)
     cause = Cause(

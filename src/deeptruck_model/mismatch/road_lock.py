@@ -73,14 +73,19 @@ def road_lock(e: Evidence, force: Array) -> RoadLock | None:
     same, other = _best(windows, picked, a), _best(windows, picked, -a[:, ::-1])
     chance = np.concatenate([_best(windows, picked, -a), _best(windows, picked, a[:, ::-1])])
     limit = float(np.quantile(chance, CHANCE))
-    km = EVERY * STEP_M / 1000.0
-    found = (same > limit) | (other > limit)
-    if found.mean() < LEAST_SHARE or found.sum() * km < LEAST_WINDOWS * LENGTH_M / 1000.0:
+    same_km, other_km = _beyond_chance(same > limit), _beyond_chance(other > limit)
+    if not same_km and not other_km:
         return None
-    agreement = float(np.median(np.maximum(same, other)[found]))
-    return RoadLock(
-        round(km * int((same > limit).sum()), 1), round(km * int((other > limit).sum()), 1), agreement, limit
-    )
+    again = np.maximum(same if same_km else -1.0, other if other_km else -1.0)
+    return RoadLock(same_km, other_km, float(np.median(again[again > limit])), limit)
+
+
+def _beyond_chance(found: NDArray[np.bool_]) -> float:
+    """Kilometres of the windows that were found again, 0 where they are so few that chance alone finds
+    them."""
+    km = round(EVERY * STEP_M / 1000.0 * int(found.sum()), 1)
+    enough = found.mean() >= LEAST_SHARE and km >= LEAST_WINDOWS * LENGTH_M / 1000.0
+    return km if enough else 0.0
 
 
 def _best(windows: Windows, picked: Indices, force: Array) -> Array:

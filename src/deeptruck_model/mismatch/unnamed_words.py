@@ -57,10 +57,11 @@ def _again(road: RoadLock | None) -> str:
     """On how much road a force came again, where it did."""
     if road is None:
         return ""
-    other = f" and on {road.other_way_km:.0f} km driven the other way with its sign turned"
+    ways = [f"on {road.same_way_km:.0f} km driven again the same way"] if road.same_way_km > 0 else []
+    if road.other_way_km > 0:
+        ways.append(f"on {road.other_way_km:.0f} km driven the other way with its sign turned")
     return (
-        f"; it comes again on {road.same_way_km:.0f} km driven again the same way"
-        f"{other if road.other_way_km > 0 else ''} (agreement {road.agreement:.2f}, "
+        f"; it comes again {' and '.join(ways)} (agreement {road.agreement:.2f}, "
         f"by chance less than {road.by_chance:.2f} in 99 % of windows)"
     )
 
