@@ -72,12 +72,12 @@ def train(
 ) -> MlpPolicy:
     """Train, keep the best seed in `out` and every seed in `out`/seeds/K, and return the best.
 
-    `simulator` needs `torch_module()` (a deep truck has it). `tell(done, total, line)` is called each
-    iteration. Raises InputError for a simulator without gradients, an unknown scene, or a foreign
+    `simulator` needs `torch_module()`: a deep truck has it, `lent_gradient` lends it to any other. `tell(done,
+    total, line)` is called each iteration. Raises InputError for a simulator without gradients, an unknown scene, or a foreign
     checkpoint.
     """
     if not hasattr(simulator, "torch_module"):
-        raise InputError("the analytic trainer needs a deep truck; use --trainer trpo for a physics truck")
+        raise InputError("this simulator has no gradient; wrap it by lent_gradient.with_gradient")
     if config.scene not in scenes.DRAWERS:
         raise InputError(f"there is no scene '{config.scene}'; known: {', '.join(scenes.DRAWERS)}")
     rate = config.learning_rate or (FOLLOWER_RATE if config.memory else RANDOM_RATE)

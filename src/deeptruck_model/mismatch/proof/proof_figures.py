@@ -79,7 +79,7 @@ def draw_levels(results: Sequence[Score]) -> Any:
     axes.set_xlim(0.0, 1.0)
     axes.invert_yaxis()
     axes.set_xlabel("share of cases")
-    axes.legend(loc="lower left", fontsize=8)
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, fontsize=8, frameon=False)
     return figure
 
 
