@@ -72,9 +72,9 @@ def train(
 ) -> MlpPolicy:
     """Train, keep the best seed in `out` and every seed in `out`/seeds/K, and return the best.
 
-    `simulator` needs `torch_module()`: a deep truck has it, `lent_gradient` lends it to any other. `tell(done,
-    total, line)` is called each iteration. Raises InputError for a simulator without gradients, an unknown scene, or a foreign
-    checkpoint.
+    `simulator` needs `torch_module()`: a deep truck has it, `lent_gradient` lends it to any other.
+    `tell(done, total, line)` is called each iteration. Raises InputError for a simulator without gradients,
+    an unknown scene, or a foreign checkpoint.
     """
     if not hasattr(simulator, "torch_module"):
         raise InputError("this simulator has no gradient; wrap it by lent_gradient.with_gradient")
