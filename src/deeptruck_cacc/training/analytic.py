@@ -77,7 +77,7 @@ def train(
     an unknown scene, or a foreign checkpoint.
     """
     if not hasattr(simulator, "torch_module"):
-        raise InputError("this simulator has no gradient; wrap it by lent_gradient.with_gradient")
+        raise InputError("this simulator has no gradient; lend it one by training.lent_gradient.with_gradient")
     if config.scene not in scenes.DRAWERS:
         raise InputError(f"there is no scene '{config.scene}'; known: {', '.join(scenes.DRAWERS)}")
     rate = config.learning_rate or (FOLLOWER_RATE if config.memory else RANDOM_RATE)
