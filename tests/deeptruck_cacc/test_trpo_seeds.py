@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from deeptruck_cacc import load_policy, scenes
-from deeptruck_cacc.training import train, trpo_seeds
+from deeptruck_cacc.training import paths, train, trpo_seeds
 from deeptruck_cacc.training.natural_gradient import Gaussian, improve
 from deeptruck_cacc.training.stacked import StackedMlp
 from deeptruck_model.errors import InputError
@@ -63,9 +63,9 @@ def test_a_step_is_better_and_within_the_trust_region(net):
 
 def test_the_advantage_of_a_whole_path_is_its_discounted_return():
     rewards, values = torch.tensor([[1.0, 2.0, 4.0]]), torch.tensor([[0.5, 0.25, 0.125, 8.0]])
-    whole = trpo_seeds.advantage(rewards, values, 0.5, 1.0)
+    whole = paths.advantage(rewards, values, 0.5, 1.0)
     torch.testing.assert_close(whole, torch.tensor([[1 + 1 + 1 + 1 - 0.5, 2 + 2 + 2 - 0.25, 4 + 4 - 0.125]]))
-    near = trpo_seeds.advantage(rewards, values, 0.5, 0.0)
+    near = paths.advantage(rewards, values, 0.5, 0.0)
     torch.testing.assert_close(near[0, 0], torch.tensor(1 + 0.125 - 0.5))
 
 
@@ -112,7 +112,7 @@ def test_it_learns_the_identity_case(toy, tmp_path):
 def test_scenes_side_by_side_keep_their_rows():
     rng = np.random.default_rng(0)
     parts = [scenes.wide(rng, 3, 60, 0.1), scenes.wide(rng, 2, 60, 0.1)]
-    both = trpo_seeds.side_by_side(parts)
+    both = paths.side_by_side(parts)
     assert both.batch == 5 and both.seen is None
     np.testing.assert_array_equal(both.command_gain[3:], parts[1].command_gain)
     np.testing.assert_array_equal(both.leader_acceleration[:3], parts[0].leader_acceleration)

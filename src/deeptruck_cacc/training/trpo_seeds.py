@@ -8,7 +8,7 @@ much the same. A seed's result does not depend on the seeds beside it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,16 +21,14 @@ from deeptruck_cacc import scenes
 from deeptruck_cacc.environment import CaccEnv
 from deeptruck_cacc.policy import MlpPolicy
 from deeptruck_cacc.reward import Reward
-from deeptruck_cacc.scaling import FeatureMap, paper_signals
-from deeptruck_cacc.scenes import Scene
-from deeptruck_cacc.training import progress, validation
+from deeptruck_cacc.scaling import FeatureMap
+from deeptruck_cacc.training import paths, progress, validation
 from deeptruck_cacc.training.natural_gradient import Gaussian, improve
 from deeptruck_cacc.training.stacked import StackedMlp
 from deeptruck_cacc.training.trpo import TrpoConfig
 from deeptruck_model.errors import InputError
 from deeptruck_model.simulators import Simulator
 
-REACH = 50.0  # features are clipped here, as in faces.py
 HIDDEN = (25, 25, 25)
 
 
@@ -50,15 +48,6 @@ class TrpoSeedsConfig(TrpoConfig):
     """states of one of its updates, for each seed"""
     value_passes: int = 10
     """as sb3-contrib's"""
-
-
-@dataclass(frozen=True)
-class _Paths:
-    """A batch of paths, each (seeds, environments * (path + 1), ...) or (seeds, environments, path)."""
-
-    seen: Tensor
-    actions: Tensor
-    rewards: Tensor
 
 
 def train(
@@ -123,48 +112,35 @@ class _Run:
         """One batch of paths and one update of every seed; returns (seeds, environments)."""
         config = self.config
         rngs = [np.random.default_rng([seed, iteration]) for seed in self.seeds]
-        paths = self._drive(rngs)
-        values = self.critic.forward(self.value, paths.seen)[0]
-        values = values.view(config.seeds, config.environments, config.path + 1)
-        advantages = advantage(paths.rewards, values, config.gamma, config.gae_lambda)
+        seen, actions, rewards = self._drive(rngs)
+        values = self.critic.forward(self.value, seen.flatten(1, 2))[0].view(seen.shape[:3])
+        advantages = paths.advantage(rewards, values, config.gamma, config.gae_lambda)
         targets = (advantages + values[..., :-1]).flatten(1)
         flat = advantages.flatten(1)
         flat = (flat - flat.mean(dim=1, keepdim=True)) / (flat.std(dim=1, keepdim=True) + 1e-8)
-        seen = paths.seen.view(config.seeds, config.environments, config.path + 1, -1)
         seen = seen[:, :, :-1].flatten(1, 2)
-        some = _draw(rngs, seen.shape[1], config.curvature_share)
-        self.policy = improve(self.policy, seen, paths.actions, flat, some, config.target_kl)
+        some = paths.draw(rngs, seen.shape[1], config.curvature_share)
+        self.policy = improve(self.policy, seen, actions.flatten(1, 2), flat, some, config.target_kl)
         self._learn_value(seen, targets, rngs)
-        return paths.rewards.sum(dim=2).double().numpy()
+        return rewards.sum(dim=2).double().numpy()
 
-    def _drive(self, rngs: list[np.random.Generator]) -> _Paths:
+    def _drive(self, rngs: list[np.random.Generator]) -> paths.Paths:
         """One path in every environment of every seed."""
-        c, env = self.config, self.env
-        draw = scenes.DRAWERS[c.scene]
-        scene = side_by_side([draw(rng, c.environments, c.path, env.dt) for rng in rngs])
+        c, draw = self.config, scenes.DRAWERS[self.config.scene]
+        scene = [draw(rng, c.environments, c.path, self.env.dt) for rng in rngs]
         noise = np.stack([rng.standard_normal((c.path, c.environments, 2)) for rng in rngs], axis=1)
         spread = self.policy.log_std.exp()[:, None] * torch.from_numpy(noise).float()
-        observation, memory = env.reset(scene), self.features.start(c.seeds * c.environments)
-        seen, actions, rewards = [], [], []
-        for k in range(c.path + 1):
-            features, memory = self.features(paper_signals(observation), memory)
-            now = torch.from_numpy(np.clip(features, -REACH, REACH)).float()
-            seen.append(now.view(c.seeds, c.environments, -1))
-            if k == c.path:
-                break
-            action = self.actor.forward(self.policy.mean, seen[-1])[0] + spread[k]
-            observation, paid, _ = env.step(env.scale.commands(action.flatten(0, 1).double().numpy()))
-            actions.append(action)
-            rewards.append(torch.from_numpy(paid).float().view(c.seeds, c.environments))
-        flat = torch.stack(seen, dim=2).flatten(1, 2)
-        return _Paths(flat, torch.stack(actions, dim=2).flatten(1, 2), torch.stack(rewards, dim=2))
+        mean = self.policy.mean
+        return paths.drive(
+            self.env, scene, self.features, lambda k, seen: self.actor.forward(mean, seen)[0] + spread[k]
+        )
 
     def _learn_value(self, seen: Tensor, targets: Tensor, rngs: list[np.random.Generator]) -> None:
         """Adam on the squared error of the value, over shuffled pieces of the batch."""
         c, count = self.config, seen.shape[1]
         rows = torch.arange(c.seeds)[:, None]
         for _ in range(c.value_passes):
-            some = _draw(rngs, count, c.value_share)
+            some = paths.draw(rngs, count, c.value_share)
             for piece in torch.split(some, c.value_batch, dim=1):
                 value, inputs = self.critic.forward(self.value, seen[rows, piece])
                 error = value - targets[rows, piece][..., None]
@@ -232,31 +208,3 @@ class _Run:
             "git": progress.git_hash(),
             "validation": {"scenes": "paper and moving, fresh", "score": self.best_score[k]},
         }
-
-
-def _draw(rngs: list[np.random.Generator], count: int, share: float) -> Tensor:
-    """Some of `count` states of every seed in random order, (seeds, n)."""
-    some = [rng.choice(count, max(1, round(share * count)), replace=False) for rng in rngs]
-    return torch.from_numpy(np.stack(some))
-
-
-def advantage(rewards: Tensor, values: Tensor, gamma: float, gae_lambda: float) -> Tensor:
-    """Generalised advantage (..., T) of rewards (..., T) and values (..., T + 1) of paths that are cut, not
-    ended.
-    """
-    errors = rewards + gamma * values[..., 1:] - values[..., :-1]
-    out = torch.empty_like(errors)
-    after = torch.zeros_like(errors[..., 0])
-    for k in range(errors.shape[-1] - 1, -1, -1):
-        after = errors[..., k] + gamma * gae_lambda * after
-        out[..., k] = after
-    return out
-
-
-def side_by_side(parts: list[Scene]) -> Scene:
-    """Scenes of equal length as one; what one of them has, all of them must have."""
-    columns: dict[str, Any] = {}
-    for name in (f.name for f in fields(Scene)):
-        rows = [getattr(part, name) for part in parts]
-        columns[name] = None if rows[0] is None else np.concatenate(rows)
-    return Scene(**columns)
