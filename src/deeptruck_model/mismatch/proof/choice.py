@@ -16,7 +16,7 @@ def mark(level: str, forms: str) -> int:
 
 
 def suitable(level: str, forms: str = "first") -> list[Effect]:
-    """Effects a level may plant, in a fixed order; of the second forms each level has its own."""
+    """Effects a level may plant, in a fixed order; of later forms each level has its own."""
     if level == "nothing_missing":
         return []
     if level in ("measurement_fault", "parameter_error"):

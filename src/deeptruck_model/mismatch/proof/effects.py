@@ -14,13 +14,14 @@ from deeptruck_model.mismatch.proof import (  # noqa: F401  importing registers 
     effects_tyres,
     effects_unknown,
     effects_unknown_machine,
+    other_makers,
 )
 from deeptruck_model.mismatch.proof.hidden import EFFECTS, Effect
 
 
 def of_forms(forms: str | None = None) -> list[Effect]:
-    """The effects of these forms, all for None. What has no second form (a wrong parameter has no law at
-    all) is the same effect in both."""
+    """The effects of these forms, all for None. What has no such form (a wrong parameter has no law at
+    all) is the same effect in all."""
     if forms is None:
         return list(EFFECTS.values())
     own = [e for e in EFFECTS.values() if e.forms == forms]

@@ -23,7 +23,7 @@ Fault = Callable[[dict[str, Array], float, np.random.Generator], None]
 
 GRAVITY = 9.81
 SCENARIOS = ("highway", "suburban", "hills", "descent")
-FORMS = ("first", "second")  # laws of one name: those of effects_*.py, and those in alternatives/
+FORMS = ("first", "second", "third")  # laws of one name: in effects_*.py, alternatives/ and other_makers/
 
 
 @dataclass(frozen=True)

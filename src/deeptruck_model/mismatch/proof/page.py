@@ -115,8 +115,8 @@ def _by_effect(scored: Sequence[Score]) -> list[str]:
         rows = [r for r in scored if r["keys"] == [key]]
         if rows:
             first, group = mean(r["right_first"] for r in rows), mean(r["in_group"] for r in rows)
-            # the page is read by the tool's authors, who are to stay blind to the second forms
-            source = effect.source if effect.forms == "first" else "second form, in proof/alternatives"
+            # the page is read by the tool's authors, who are to stay blind to the later forms
+            source = effect.source if effect.forms == "first" else f"{effect.forms} form, not told here"
             out.append(f"| {key} | {len(rows)} | {_cell(first)} | {_cell(group)} | {source} |")
     return out
 

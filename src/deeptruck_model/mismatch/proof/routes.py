@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,11 +47,16 @@ def draw_profile(rng: np.random.Generator, amplitude: float) -> Array:
     return np.clip(amplitude * profile / profile.std(), -0.075, 0.075)
 
 
-def draw_roads(rng: np.random.Generator, scenarios: list[str], flat: bool) -> Roads:
+def draw_roads(
+    rng: np.random.Generator,
+    scenarios: list[str],
+    flat: bool,
+    profile: Callable[[np.random.Generator, float], Array] = draw_profile,
+) -> Roads:
     """One road for each scenario kind but two for the commonest; about a third of the drives go the other
-    way."""
+    way. `profile` draws a road's grade."""
     kinds = sorted(set(scenarios))
-    grade = np.stack([draw_profile(rng, 0.0 if flat else AMPLITUDE[kind] + 1e-9) for kind in kinds])
+    grade = np.stack([profile(rng, 0.0 if flat else AMPLITUDE[kind] + 1e-9) for kind in kinds])
     route = np.array([kinds.index(s) for s in scenarios])
     start = rng.uniform(8000.0, 12000.0, len(scenarios))
     direction = np.where(rng.random(len(scenarios)) < 0.35, -1.0, 1.0)

@@ -74,7 +74,8 @@ def test_second_forms_have_the_names_of_the_first_and_keys_of_their_own():
     assert all(e.forms == "second" for e in [*named("second"), *of_kind("measurement_fault", "second")])
     assert len({e.name for e in named("second")}) >= 16 and len(unknown("second")) >= 4
     assert {e.kind for e in of_forms("second") if e.forms == "first"} == {"parameter_error"}
-    assert len(of_forms("first")) + len(SECOND) == len(EFFECTS)
+    third = sum(e.forms == "third" for e in EFFECTS.values())
+    assert len(of_forms("first")) + len(SECOND) + third == len(EFFECTS)
 
 
 @pytest.mark.parametrize("key", [e.key for e in FORCES])
@@ -193,7 +194,7 @@ def test_a_name_finds_the_form_asked_for():
     assert draw_plan("noise", 0, "brake_fade", "physics", 1.0).effects[0].forms == "first"
     assert draw_plan("noise", 0, "brake_fade", "physics", 1.0, forms="second").effects[0].forms == "second"
     with pytest.raises(InputError, match="forms"):
-        draw_plan("noise", 0, None, "physics", 1.0, forms="third")
+        draw_plan("noise", 0, None, "physics", 1.0, forms="fourth")
 
 
 def test_the_sealed_truth_says_which_forms(tmp_path):
@@ -204,5 +205,5 @@ def test_the_sealed_truth_says_which_forms(tmp_path):
     assert again.sha256 == case.sha256
     assert "second" not in (tmp_path / "a" / "case.json").read_text()
     assert Job("noise", 1, forms="second").folder != Job("noise", 1).folder
-    with pytest.raises(InputError, match="third"):
-        prove(tmp_path / "p", forms="third")
+    with pytest.raises(InputError, match="fourth"):
+        prove(tmp_path / "p", forms="fourth")
