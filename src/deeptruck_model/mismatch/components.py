@@ -33,6 +33,8 @@ DIESEL_J_PER_CM3 = 35.8e3
 EFFICIENCY = 0.40  # of a diesel at the wheels' side of the clutch
 DRIVELINE = 0.93
 TYPICAL_MASS = 20000.0
+MOST_TURNS = 150.0  # rad/m: a crawler gear
+LOCKED_M_S = 2.5  # slower, a starting clutch may slip
 RECORDED = (
     "gear",
     "engine_speed",
@@ -171,9 +173,12 @@ def _ask(simulator: Simulator, p: Prepared) -> tuple[Array, list[Array]]:
 
 
 def _ratio(out: dict[str, Array]) -> None:
-    """Engine turns per metre (rad/m) and whether the driveline is closed, where engine speed is known."""
+    """Engine turns per metre (rad/m), where engine speed is known, and the lever they are without slip."""
     if "engine_speed" not in out:
         return
     speed = np.maximum(out["speed"], 0.5)
     ratio = out["engine_speed"] / speed
-    out["ratio"] = np.where(np.isfinite(ratio), np.clip(ratio, 0.0, 150.0), np.nan)
+    out["ratio"] = np.where(np.isfinite(ratio), np.clip(ratio, 0.0, MOST_TURNS), np.nan)
+    locked = out["ratio"][np.isfinite(ratio) & (out["speed"] > LOCKED_M_S)]
+    lowest = float(np.quantile(locked, 0.995)) if len(locked) else MOST_TURNS
+    out["lever"] = np.minimum(out["ratio"], lowest)

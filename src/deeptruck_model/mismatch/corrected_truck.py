@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.command_path import CommandPath
+from deeptruck_model.mismatch.components import MOST_TURNS
 from deeptruck_model.mismatch.expression import Expression, Rerun, Signal, Stream, maximum
 from deeptruck_model.mismatch.mechanisms import KNOWN, build
 from deeptruck_model.mismatch.share import Shares
@@ -69,12 +70,13 @@ class CorrectedTruck:
         moved: Mapping[str, float],
         shares: Shares | None,
         validated: bool,
+        lowest_gear: float = MOST_TURNS,
     ) -> None:
         own = base.parameters()
         inner = {name: own[name] * (1 + change) for name, change in moved.items() if name in own}
         self.original, self.terms, self.moved = base, tuple(terms), dict(moved)
         self.base = base.with_parameters(inner) if inner else base
-        self.shares, self.validated = shares, validated
+        self.shares, self.validated, self.lowest_gear = shares, validated, lowest_gear
         self._exogenous: dict[str, Array] = {}
         weighted = [(SENSITIVITY[name], change) for name, change in moved.items() if name not in own]
         paths = []
@@ -96,9 +98,26 @@ class CorrectedTruck:
     def dt(self) -> float:
         return self.base.dt
 
+    def _like(
+        self, *, moved: dict[str, float] | None = None, validated: bool | None = None
+    ) -> CorrectedTruck:
+        """The same with other changes of parameters, or marked as validated or not."""
+        return CorrectedTruck(
+            self.original,
+            self.terms,
+            self.moved if moved is None else moved,
+            self.shares,
+            self.validated if validated is None else validated,
+            self.lowest_gear,
+        )
+
+    def marked(self, validated: bool) -> CorrectedTruck:
+        """The same, marked as validated on held-out recordings or not."""
+        return self._like(validated=validated)
+
     def along(self, exogenous: Mapping[str, Array]) -> CorrectedTruck:
         """The same truck on a drive whose other channels (batch, T) are known."""
-        other = CorrectedTruck(self.original, self.terms, self.moved, self.shares, self.validated)
+        other = self._like()
         other._exogenous = dict(exogenous)
         return other
 
@@ -150,7 +169,7 @@ class CorrectedTruck:
         moved = self.moved | {k: v / own[k] - 1 for k, v in values.items() if own.get(k)}
         if set(values) - set(own):
             raise InputError(f"this simulator has no parameter {', '.join(sorted(set(values) - set(own)))}")
-        return CorrectedTruck(self.original, self.terms, moved, self.shares, self.validated)
+        return self._like(moved=moved)
 
     def rollout(self, u: Array, w: Array, y0: Array, recorded: Array | None) -> Run:
         """Free or forced run; see simulators.free_run. Faster than stepping only where nothing was added."""
@@ -187,6 +206,7 @@ class CorrectedTruck:
             ],
             "shares": self.shares.to_dict() if self.shares else None,
             "validated": self.validated,
+            "lowest_gear": self.lowest_gear,
         }
         (path / MANIFEST).write_text(json.dumps(manifest, indent=1))
 
@@ -212,10 +232,13 @@ class CorrectedTruck:
             now |= {name: inside[name] for name in ("gear", "engine_speed")}
         elif self.shares is not None:
             now |= self.shares.now(speed, u)
-        for name, x in self._exogenous.items():
-            now[name] = x[:, min(state.row, x.shape[1] - 1)]
         if "engine_speed" in now:
-            now["ratio"] = np.clip(now["engine_speed"] / np.maximum(speed, 0.5), 0.0, 150.0)
+            now["ratio"] = np.clip(now["engine_speed"] / np.maximum(speed, 0.5), 0.0, MOST_TURNS)
+        for name, x in self._exogenous.items():
+            # the simulator's own gear goes with the speed it drives at, the recorded one does not
+            now.setdefault(name, x[:, min(state.row, x.shape[1] - 1)])
+        if "ratio" in now:
+            now["lever"] = np.minimum(now["ratio"], self.lowest_gear)
         if "engine" in now:
             now["sensitivity:mass"] = now["brake"] + now["drag"] - now["engine"]
         return now
@@ -230,7 +253,10 @@ def load_directory(path: Path, manifest: dict[str, Any]) -> CorrectedTruck:
             raise InputError(f"{path} has terms this version does not know: {', '.join(unknown)}")
         shares = Shares.from_dict(manifest["shares"]) if manifest.get("shares") else None
         base = load_simulator(path / "base")
-        return CorrectedTruck(base, terms, manifest["parameters"], shares, bool(manifest["validated"]))
+        lowest = float(manifest.get("lowest_gear", MOST_TURNS))
+        return CorrectedTruck(
+            base, terms, manifest["parameters"], shares, bool(manifest["validated"]), lowest
+        )
     except (KeyError, TypeError, ValueError) as error:
         if isinstance(error, InputError):
             raise

@@ -70,6 +70,12 @@ class Evidence:
     def __len__(self) -> int:
         return len(self.residual)
 
+    @property
+    def lowest_gear(self) -> float:
+        """Turns of the engine per metre, rad/m, in the lowest gear driven; infinite where not known."""
+        lever = self.signals.get("lever", np.array([]))
+        return float(np.nanmax(lever)) if np.isfinite(lever).any() else float("inf")
+
     def total_change(self, parameter: str, further: float) -> float:
         """Relative change of a parameter from the simulator as given, after a further relative change."""
         return (1.0 + self.moved.get(parameter, 0.0)) * (1.0 + further) - 1.0

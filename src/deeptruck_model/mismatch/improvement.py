@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.mismatch.components import MOST_TURNS
 from deeptruck_model.mismatch.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.residual import Prepared
 from deeptruck_model.signals import ACCELERATION, SPEED
@@ -102,6 +103,9 @@ def _exogenous(prepared: Sequence[Prepared], used: Sequence[int], length: int) -
     for name in EXOGENOUS:
         if all(name in prepared[i].recording.channels for i in used):
             out[name] = np.stack([_padded(prepared[i].recording.channels[name], length) for i in used])
+    if "engine_speed" in out:
+        driven = np.stack([_padded(prepared[i].y[:, SPEED], length) for i in used])
+        out["ratio"] = np.clip(out["engine_speed"] / np.maximum(driven, 0.5), 0.0, MOST_TURNS)
     return out
 
 
