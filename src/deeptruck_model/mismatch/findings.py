@@ -6,14 +6,17 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.causes import Cause, Explanation
 from deeptruck_model.mismatch.data_checks import SensorFault
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.expression import Rerun
-from deeptruck_model.mismatch.mechanisms import LIBRARY, Column, Shape
+from deeptruck_model.mismatch.mechanisms import LIBRARY, OWN, Column, Shape
 from deeptruck_model.mismatch.search import Model
 from deeptruck_model.mismatch.unnamed_words import comes_and_goes, slow, strength, unknown
+
+Array = NDArray[np.float64]
 
 NAMES = {
     "mass": ("kg", "the mass differs from the simulator's"),
@@ -110,6 +113,7 @@ def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> dict[str,
             parameters[name] = {"value": value, "unit": SETTING_UNITS[name], "ci95": None}
     return {
         "says": f"{m.says}: {strength(cause, e)}{_now_and_then(shape)}{_confined(shape, e.mass)}"
+        f"{_curved(shape)}"
         f"{OTHER_FORM if cause.other_form else ''}",
         "equation": m.equation,
         "parameters": parameters,
@@ -139,6 +143,13 @@ def _confined(shape: Shape, mass: float) -> str:
     return ""
 
 
+def _curved(shape: Shape) -> str:
+    """Over what an effect runs in a curve of its own, where it does."""
+    parts = shape.settings.get("parts", [shape.settings])
+    over = [OWN[shape.mechanism.effect][part["own"]].by for part in parts if "own" in part]
+    return f"; in a curve of its own over {', '.join(dict.fromkeys(over))}" if over else ""
+
+
 def _now_and_then(shape: Shape) -> str:
     """That an effect was seen in a few windows alone, where it was."""
     spans = shape.settings.get("when", [])
@@ -151,17 +162,22 @@ def _sizes(shape: Shape, model: Model, e: Evidence) -> dict[str, Any]:
 
     When within a sample a command came nobody knows, so that no delay is known better than that.
     """
-    mass = e.mass
     values, covariance = model.coefficients(shape.mechanism.effect), model.covariance(shape.mechanism.effect)
-    factors = np.array([part.factor * (mass if part.per_mass else 1.0) for part in shape.parts])
-    sizes: dict[str, tuple[float, float, str]] = {}
-    for part in shape.parts:
-        g = np.where([other.name == part.name for other in shape.parts], factors, 0.0)
-        sizes[part.name] = (
+    weights: dict[str, Array] = {}
+    told: dict[str, Column] = {}
+    for k, part in enumerate(shape.parts):
+        for name, weight in part.course or ((part.name, 1.0),):
+            factor = weight * part.factor * (e.mass if part.per_mass else 1.0)
+            weights.setdefault(name, np.zeros(len(shape.parts)))[k] = factor
+            told[name] = part
+    sizes: dict[str, tuple[float, float, str]] = {
+        name: (
             float(g @ values),
-            float(np.sqrt(max(g @ covariance @ g, 0.0) + _timing(part, e))),
-            part.unit,
+            float(np.sqrt(max(float(g @ covariance @ g), 0.0) + _timing(told[name], e))),
+            told[name].unit,
         )
+        for name, g in weights.items()
+    }
     telling = sorted(sizes, key=lambda n: -abs(sizes[n][0]) / max(sizes[n][1], 1e-12))[:TELLING_PARAMETERS]
     return {
         name: {"value": value, "unit": unit, "ci95": [value - 1.96 * sd, value + 1.96 * sd]}

@@ -78,14 +78,17 @@ def during(shape: Shape, spans: list[Span], e: Evidence) -> Shape:
 
 
 def candidates(search: Search, base: Model, spans: list[Span]) -> list[Model]:
-    """Every mechanism as if it acted in the spans alone, added to `base` and fitted, best first."""
+    """Every mechanism as if it acted in the spans alone, added to `base` and fitted, best first.
+
+    What has a size of its own in every recording, or a curve of its own, is too free for a few windows.
+    """
     best: dict[str, Model] = {}
     options = [
         during(s, spans, search.e)
         for mechanism in search.library
         if mechanism.effect not in (*base.effects, *ONE_SIZE)
         for s in search.shapes(mechanism)
-        if not comes_and_goes(s) and not {"each", "recordings"} & set(s.settings)
+        if not comes_and_goes(s) and not {"each", "recordings", "own"} & set(s.settings)
     ]
     seen = [s for s in options if np.abs(s.columns[search.e.valid]).max(initial=0.0) > 1e-6]
     for _, shape in screen_shapes(search, base, seen):

@@ -10,6 +10,7 @@ import pytest
 from deeptruck_model.mismatch import expression as ex
 from deeptruck_model.mismatch.evidence import Evidence, Stretch
 from deeptruck_model.mismatch.mechanisms import LIBRARY, build
+from deeptruck_model.mismatch.mechanisms.base import every_settings
 
 DT, SIZES = 0.19, (300, 200)  # no time constant is a whole number of steps, where rounding would decide
 
@@ -40,6 +41,7 @@ def synthetic() -> Evidence:
         "sensitivity:mass": brake + 2e-4 * speed**2 - engine,
     }  # fmt: skip
     signals["ratio"] = np.clip(signals["engine_speed"] / np.maximum(speed, 0.5), 0.0, 150.0)
+    signals["lever"] = np.minimum(signals["ratio"], 30.0)
     stretches = (
         Stretch("a", 0, SIZES[0], 0.0, False),
         Stretch("b", SIZES[0], n, 0.0, True),
@@ -152,7 +154,7 @@ def test_every_mechanism_is_the_same_both_ways(effect: str, monkeypatch: pytest.
     """As fitted and as simulated; where a column belongs to one recording, as if this were elsewhere."""
     for part in (ex.InRecording, ex.Knot):
         monkeypatch.setattr(part, "over", lambda self, values, e: np.full(len(e), float(self.elsewhere)))
-    settings = list(LIBRARY[effect].settings(EVIDENCE))
+    settings = list(every_settings(LIBRARY[effect], EVIDENCE))
     assert settings, "a mechanism without a shape on rich data can never be named"
     columns = [c.expression for s in settings for c in build(LIBRARY[effect], s)[:5]]
     apart = [x for x in columns if not isinstance(x, ex.Rerun)]

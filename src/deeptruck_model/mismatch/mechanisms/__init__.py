@@ -8,11 +8,13 @@ from deeptruck_model.mismatch.mechanisms.base import (
     Shape,
     build,
     comes_and_goes,
+    held_steady,
     merge,
     shape,
     shapes,
 )
 from deeptruck_model.mismatch.mechanisms.laws import LATE_SENSOR, LAW, acts_by, law_signal, laws, leans_on
+from deeptruck_model.mismatch.mechanisms.own_forms import OWN
 from deeptruck_model.mismatch.mechanisms.unnamed import UNNAMED
 
 LIBRARY: dict[str, Mechanism] = {
@@ -27,6 +29,7 @@ __all__ = [
     "KNOWN",
     "LATE_SENSOR",
     "LIBRARY",
+    "OWN",
     "UNNAMED",
     "Column",
     "Mechanism",
@@ -35,6 +38,7 @@ __all__ = [
     "acts_by",
     "build",
     "comes_and_goes",
+    "held_steady",
     "law_signal",
     "laws",
     "leans_on",

@@ -9,19 +9,24 @@ import numpy as np
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.expression import Expression, InRecording, Signal, absolute, exp, maximum
 from deeptruck_model.mismatch.mechanisms.base import (
-    DRAG,
-    ELAPSED,
-    MOST_KNOTS,
-    SPEED,
     Column,
     Mechanism,
     Settings,
+)
+from deeptruck_model.mismatch.mechanisms.over_time import (
+    MOST_KNOTS,
     each_recording,
     from_then_on,
     in_each,
     slow_columns,
     slow_settings,
     step_settings,
+)
+from deeptruck_model.mismatch.mechanisms.symbols import (
+    DISTANCE,
+    DRAG,
+    ELAPSED,
+    SPEED,
 )
 
 AROUND_M_S = (0.0, 6.0, -6.0)
@@ -111,20 +116,23 @@ def _rolling_speed(s: Settings) -> list[Column]:
 
 
 def _warm_up_settings(e: Evidence) -> Iterator[Settings]:
-    """Every drive may start as cold as the others, or as cold as it happens to be."""
-    for tau_s in (60.0, 200.0, 600.0, 1500.0):
-        yield {"tau_s": tau_s}
+    """Every drive may start as cold as the others, or as cold as it happens to be; time warms, or turning."""
+    ways: list[Settings] = [{"tau_s": tau_s} for tau_s in (60.0, 200.0, 600.0, 1500.0)]
+    ways += [{"length_m": length_m} for length_m in (500.0, 2000.0, 6000.0)]
+    for way in ways:
+        yield way
         if 1 < len(e.stretches) <= MOST_KNOTS:
-            yield {"tau_s": tau_s} | each_recording(e)
+            yield way | each_recording(e)
 
 
 def _warm_up(s: Settings) -> list[Column]:
+    still_cold = exp(-(ELAPSED / s["tau_s"] if "tau_s" in s else DISTANCE / s["length_m"]))
     if "each" in s:
         return [
-            Column(-(exp(-(ELAPSED / s["tau_s"])) * here), 0.05, f"cold_force[{name}]", "N", per_mass=True)
+            Column(-(still_cold * here), 0.05, f"cold_force[{name}]", "N", per_mass=True)
             for name, here in in_each(s)
         ]
-    return [Column(-exp(-(ELAPSED / s["tau_s"])), 0.03, "cold_force", "N", per_mass=True)]
+    return [Column(-still_cold, 0.03, "cold_force", "N", per_mass=True)]
 
 
 MECHANISMS = (

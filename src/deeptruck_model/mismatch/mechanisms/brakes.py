@@ -9,15 +9,19 @@ import numpy as np
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.expression import Lag, Rerun, Since, exp, lift, maximum, minimum
 from deeptruck_model.mismatch.mechanisms.base import (
-    BRAKE,
-    SPEED,
     Column,
     Mechanism,
     Settings,
+)
+from deeptruck_model.mismatch.mechanisms.over_time import (
     from_then_on,
     slow_columns,
     slow_settings,
     step_settings,
+)
+from deeptruck_model.mismatch.mechanisms.symbols import (
+    BRAKE,
+    SPEED,
 )
 
 HEAT_CAPACITY = 12.5  # J/kg/K: about 500 kg of drums at 500 J/kg/K under 20 t

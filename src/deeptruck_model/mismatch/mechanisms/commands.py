@@ -8,7 +8,11 @@ import numpy as np
 
 from deeptruck_model.mismatch.evidence import GRAVITY, Evidence
 from deeptruck_model.mismatch.expression import Rerun, lift
-from deeptruck_model.mismatch.mechanisms.base import Column, Mechanism, Settings
+from deeptruck_model.mismatch.mechanisms.base import (
+    Column,
+    Mechanism,
+    Settings,
+)
 
 DELAYS_S = (0.1, 0.2, 0.3, 0.4, 0.5, 0.65, 0.8, 1.0, 1.25)
 FULL_RANGE_S = (0.4, 0.6, 0.9, 1.4, 2.0, 3.0, 4.5, 7.0)

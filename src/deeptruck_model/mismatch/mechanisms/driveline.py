@@ -20,20 +20,25 @@ from deeptruck_model.mismatch.expression import (
     minimum,
 )
 from deeptruck_model.mismatch.mechanisms.base import (
-    BRAKE,
-    ENGINE,
-    GEAR,
-    PULL,
-    RATIO,
-    SIMULATED,
-    SPEED,
     Column,
     Mechanism,
     Settings,
     lever_reference,
     quantile,
+)
+from deeptruck_model.mismatch.mechanisms.over_time import (
     slow_columns,
     slow_settings,
+)
+from deeptruck_model.mismatch.mechanisms.symbols import (
+    BRAKE,
+    ENGINE,
+    GEAR,
+    LEVER,
+    PULL,
+    RATIO,
+    SIMULATED,
+    SPEED,
 )
 
 LEAST_GRIP = 0.35  # m/s^2: ice, 0.1, under the driven axle of a truck, 0.35 of its weight
@@ -55,7 +60,7 @@ def _loss(s: Settings) -> list[Column]:
         return [Column(-absolute(ENGINE), 0.15, "share")]
     if s["by"] == "gear":
         return [Column(-(PULL * (absolute(GEAR - g) < 0.5)), 0.1, f"share_gear_{g:.0f}") for g in s["gears"]]
-    return [Column(-(PULL * maximum(RATIO / s["reference"] - 1.0, 0.0)), 0.1, "share_per_ratio")]
+    return [Column(-(PULL * maximum(LEVER / s["reference"] - 1.0, 0.0)), 0.1, "share_per_ratio")]
 
 
 def _shift_settings(e: Evidence) -> Iterator[Settings]:
@@ -133,7 +138,7 @@ def _inertia_settings(e: Evidence) -> Iterator[Settings]:
 
 def _inertia(s: Settings) -> list[Column]:
     """F = -J r^2 a with a the acceleration that is left: -a0 x / (1 + x), x the share of the mass."""
-    lever = minimum(RATIO / s["reference"], 20.0)  # first gear over top gear; beyond, the clutch slips
+    lever = minimum(LEVER / s["reference"], 20.0)  # first gear over top gear; beyond, the clutch slips
     share = (lever**2) * s["share"]
     return [Column(-(SIMULATED * (share / (share + 1.0))), 0.3, "share_of_mass", "1", s["share"], mean=1.0)]
 

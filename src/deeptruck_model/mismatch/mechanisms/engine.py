@@ -19,23 +19,27 @@ from deeptruck_model.mismatch.expression import (
     minimum,
 )
 from deeptruck_model.mismatch.mechanisms.base import (
+    Column,
+    Mechanism,
+    Settings,
+    lever_reference,
+    quantile,
+)
+from deeptruck_model.mismatch.mechanisms.over_time import (
+    MOST_KNOTS,
+    each_recording,
+    in_each,
+    slow_columns,
+    slow_settings,
+)
+from deeptruck_model.mismatch.mechanisms.symbols import (
     ELAPSED,
     ENGINE,
     ENGINE_COMMAND,
     ENGINE_SPEED,
-    MOST_KNOTS,
+    LEVER,
     PULL,
-    RATIO,
     SPEED,
-    Column,
-    Mechanism,
-    Settings,
-    each_recording,
-    in_each,
-    lever_reference,
-    quantile,
-    slow_columns,
-    slow_settings,
 )
 
 OMEGA = 150.0  # rad/s, a diesel's working speed
@@ -51,6 +55,7 @@ def _turbo_settings(e: Evidence) -> Iterator[Settings]:
     full = quantile(e, torque, pull > 0.02, 0.98)
     for tau_s in (0.4, 0.8, 1.6, 3.0):
         yield {"tau_s": tau_s, "aspirated": 0.0, "reference": reference if known else None}
+        yield {"tau_s": tau_s, "aspirated": 0.0, "reference": reference if known else None, "order": 2}
         if np.isfinite(full):
             yield {"tau_s": tau_s, "aspirated": 0.4 * full, "reference": reference if known else None}
         if known and e.has("engine_speed"):
@@ -58,9 +63,12 @@ def _turbo_settings(e: Evidence) -> Iterator[Settings]:
 
 
 def _turbo(s: Settings) -> list[Column]:
-    lever = RATIO / s["reference"] if s["reference"] else lift(1.0)
+    lever = LEVER / s["reference"] if s["reference"] else lift(1.0)
     boosted = maximum(PULL / maximum(lever, 0.05) - s["aspirated"], 0.0)
-    late = (RisingLag((boosted,), s["tau_s"]) - boosted) * lever
+    boost: Expression = boosted
+    for _ in range(s.get("order", 1)):  # a boost that feeds itself begins slowly
+        boost = RisingLag((boost,), s["tau_s"] / s.get("order", 1))
+    late = (boost - boosted) * lever
     if "slow_when_slow" in s:  # little exhaust spins the turbine up slowly
         late = late * minimum(OMEGA / maximum(ENGINE_SPEED, 50.0), 2.0)
     return [Column(late, 0.7, "share")]
@@ -108,7 +116,7 @@ def _limit(s: Settings) -> list[Column]:
     elif s["by"] == "power":
         over = maximum(PULL - s["top"] / maximum(SPEED, 1.0), 0.0)
     else:
-        lever = RATIO / s["reference"] if s["reference"] else 1.0
+        lever = LEVER / s["reference"] if s["reference"] else 1.0
         over = maximum(PULL - s["top"] * lever, 0.0) if s["reference"] else maximum(PULL - s["top"], 0.0)
     return [Column(-over, 0.5, "share")]
 
@@ -141,7 +149,7 @@ def _engine_brake(s: Settings) -> list[Column]:
     if s.get("after_s"):
         coast = coast * (Since((1.0 - coast,)) > s["after_s"])
     if s["by"] == "engine_speed":
-        drive = coast * (RATIO / s["reference"]) * (ENGINE_SPEED / OMEGA)
+        drive = coast * (LEVER / s["reference"]) * (ENGINE_SPEED / OMEGA)
         parts = [Column(-drive, 0.1, "force_at_150_rad_s", "N", per_mass=True)]
         if s["order"] == 2:
             parts.append(Column(-(drive * ENGINE_SPEED / OMEGA), 0.1, "force_square", "N", per_mass=True))
@@ -162,7 +170,7 @@ def _friction_settings(e: Evidence) -> Iterator[Settings]:
 
 
 def _friction(s: Settings) -> list[Column]:
-    drive = RATIO / s["reference"]
+    drive = LEVER / s["reference"]
     if s["order"] == 1:
         drive = drive * ENGINE_SPEED / OMEGA
     if s["cold_s"] is not None:

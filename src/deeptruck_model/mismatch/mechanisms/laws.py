@@ -27,6 +27,13 @@ from deeptruck_model.mismatch.expression import (
     minimum,
 )
 from deeptruck_model.mismatch.mechanisms.base import (
+    Column,
+    Mechanism,
+    Settings,
+    Shape,
+    shapes,
+)
+from deeptruck_model.mismatch.mechanisms.symbols import (
     BRAKE,
     ELAPSED,
     ENGINE,
@@ -34,11 +41,6 @@ from deeptruck_model.mismatch.mechanisms.base import (
     PULL,
     SIMULATED,
     SPEED,
-    Column,
-    Mechanism,
-    Settings,
-    Shape,
-    shapes,
 )
 
 KNOTS = 5  # of a function of one variable

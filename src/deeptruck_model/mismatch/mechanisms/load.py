@@ -9,13 +9,17 @@ import numpy as np
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.expression import Signal, Slosh
 from deeptruck_model.mismatch.mechanisms.base import (
-    SIMULATED,
     Column,
     Mechanism,
     Settings,
+)
+from deeptruck_model.mismatch.mechanisms.over_time import (
     each_recording,
     from_then_on,
     in_each,
+)
+from deeptruck_model.mismatch.mechanisms.symbols import (
+    SIMULATED,
 )
 
 MASS = Signal("sensitivity:mass")

@@ -9,10 +9,12 @@ import numpy as np
 from deeptruck_model.mismatch.evidence import GRAVITY, Evidence
 from deeptruck_model.mismatch.expression import lift
 from deeptruck_model.mismatch.mechanisms.base import (
-    MOST_KNOTS,
     Column,
     Mechanism,
     Settings,
+)
+from deeptruck_model.mismatch.mechanisms.over_time import (
+    MOST_KNOTS,
     profile_settings,
     share_out,
     slow_columns,

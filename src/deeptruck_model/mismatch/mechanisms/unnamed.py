@@ -6,7 +6,15 @@ from collections.abc import Iterator
 
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.expression import lift
-from deeptruck_model.mismatch.mechanisms.base import Column, Mechanism, Settings, slow_columns, slow_settings
+from deeptruck_model.mismatch.mechanisms.base import (
+    Column,
+    Mechanism,
+    Settings,
+)
+from deeptruck_model.mismatch.mechanisms.over_time import (
+    slow_columns,
+    slow_settings,
+)
 
 ANY, LARGEST = lift(1.0), 0.5  # m/s^2
 

@@ -1,0 +1,221 @@
+"""The forms a name may take on beside its textbook ones: any course of its own variables.
+
+Fade is a loss of brake force that grows with the heat soaked in; by which curve is another truck's matter.
+So every name also offers its carrier times a curve through a few knots that only rises, only falls, or runs
+as it likes, and names compete by what they act on and in which direction, not by one formula.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.expression import (
+    Change,
+    Expression,
+    Interpolated,
+    Lag,
+    RisingLag,
+    Signal,
+    Since,
+    absolute,
+    lift,
+    maximum,
+    minimum,
+)
+from deeptruck_model.mismatch.mechanisms.symbols import (
+    BRAKE,
+    DRAG,
+    ELAPSED,
+    ENGINE,
+    ENGINE_SPEED,
+    GEAR,
+    LEVER,
+    PULL,
+    SIMULATED,
+    SPEED,
+)
+
+PER_POWER = -(1.0 / maximum(SPEED, 3.0))
+COASTING = ENGINE < 0.02
+BRAKED = Since((BRAKE > 0.05,)) < Since(
+    (PULL > 0.05,)
+)  # the first touch of the brake may set a retarder going
+FORMS_PRICE = 3.0  # a form is one of so many shapes more that its name is looked for in
+EVEN = (0.02, 0.35, 0.65, 0.98)
+UPPER = (0.4, 0.7, 0.85, 0.93, 0.97, 0.995)
+ACTING = 0.1  # of the carrier's largest: where it says little no knot is worth having
+NEVER_S = 120.0
+LOCKED_M_S = 12.0  # faster, no truck's converter slips
+SIZE = 0.1  # m/s^2 sd of a force that is no share of another
+
+
+@dataclass(frozen=True)
+class Form:
+    """`carrier` times a curve of `of`. `trend` is how the curve may run; one that rises or falls without
+    `level` vanishes at its low end. `share`: the carrier is a force of which the curve is a share."""
+
+    carrier: Expression
+    of: Expression
+    by: str
+    trend: Literal["rising", "falling", "any"]
+    level: bool = False
+    share: bool = True
+    sd: float = 0.3
+    needs: tuple[str, ...] = ()
+    knots: tuple[float, ...] = EVEN  # quantiles of `of` where the carrier acts
+
+
+def _heated(power: Expression, over_s: float) -> Expression:
+    return Lag((power,), over_s, cold=True)
+
+
+SHIFTED = Since((absolute(Change((GEAR,))) > 0.5,))
+TORQUE = PULL / maximum(LEVER, 0.05)
+LATE = RisingLag((PULL,), 1.0) - PULL
+
+OWN: dict[str, tuple[Form, ...]] = {
+    "brake_fade": tuple(
+        Form(BRAKE, _heated(BRAKE * SPEED, t), f"braking power over {t:.0f} s", "rising")
+        for t in (20.0, 60.0, 200.0, 600.0)
+    ),
+    "dragging_brake": (
+        Form(
+            (BRAKE < 0.05) * -1.0,
+            minimum(Since((BRAKE > 0.1,)), NEVER_S),
+            "time since braking",
+            "falling",
+            share=False,
+        ),
+        *(
+            Form(
+                lift(-1.0), _heated(BRAKE * SPEED, t), f"braking power over {t:.0f} s", "rising", share=False
+            )
+            for t in (60.0, 200.0)
+        ),
+    ),
+    "drafting": (Form(DRAG, Signal("gap", missing=1e4, simulated=1e4), "gap", "falling", needs=("gap",)),),
+    "rolling_resistance_speed": (Form(lift(-1.0), SPEED, "speed", "rising", share=False),),
+    "rolling_resistance_warmup": (
+        Form(lift(-1.0), ELAPSED, "time since start", "falling", share=False),
+        Form(lift(-1.0), Lag((SPEED,), 300.0, cold=True), "speed over 300 s", "falling", share=False),
+    ),
+    "turbo_lag": (Form(LATE, ENGINE_SPEED, "engine speed", "falling", level=True, needs=("engine_speed",)),),
+    "torque_derate": (
+        *(
+            Form(PULL * -1.0, _heated(PULL * SPEED, t), f"engine power over {t:.0f} s", "rising")
+            for t in (20.0, 60.0, 200.0, 600.0)
+        ),
+        Form(
+            PULL * -1.0,
+            maximum(Signal("elevation") - 500.0, 0.0),
+            "metres above 500",
+            "rising",
+            needs=("elevation",),
+        ),
+        Form(
+            PULL * -1.0,
+            maximum(Signal("ambient_temperature") - 20.0, 0.0),
+            "kelvins above 20 degrees outside",
+            "rising",
+            needs=("ambient_temperature",),
+        ),
+    ),
+    "torque_limit": tuple(
+        Form(PULL * -1.0, of, by, "rising", sd=0.6, needs=needs, knots=UPPER)
+        for of, by, needs in (
+            (TORQUE, "torque", ("ratio",)),
+            (PULL, "engine force", ()),
+            (SPEED, "speed", ()),
+            (PULL * SPEED, "engine power", ()),
+            (ENGINE_SPEED, "engine speed", ("engine_speed",)),
+        )
+    ),
+    "engine_brake": tuple(
+        Form(-(when * lever), of, by, "rising", level=by != "time", share=False, needs=needs)
+        for when in (COASTING, COASTING * (BRAKE > 0.05), COASTING * BRAKED)
+        for lever, of, by, needs in (
+            (lift(1.0), SPEED, "speed", ()),
+            (LEVER, ENGINE_SPEED, "engine speed", ("ratio", "engine_speed")),
+            (LEVER, minimum(Since((1.0 - when,)), 6.0), "time", ("ratio",)),
+        )
+    ),
+    "accessory_load": (
+        *(
+            Form(PER_POWER, _heated(PULL * SPEED, t), f"engine power over {t:.0f} s", "rising", share=False)
+            for t in (60.0, 200.0)
+        ),
+        Form(
+            PER_POWER, minimum(Since((BRAKE > 0.1,)), NEVER_S), "time since braking", "falling", share=False
+        ),
+        Form(PER_POWER, ENGINE_SPEED, "engine speed", "rising", share=False, needs=("engine_speed",)),
+    ),
+    "engine_friction": (
+        Form(
+            LEVER * -1.0,
+            ENGINE_SPEED,
+            "engine speed",
+            "rising",
+            level=True,
+            share=False,
+            needs=("ratio", "engine_speed"),
+        ),
+        Form(LEVER * -1.0, ELAPSED, "time since start", "falling", share=False, needs=("ratio",)),
+    ),
+    "driveline_loss": (
+        Form(PULL * -1.0, LEVER, "ratio", "any", needs=("ratio",)),
+        Form(absolute(ENGINE) * -1.0, SPEED, "speed", "rising", level=True),
+        Form(
+            absolute(ENGINE) * -1.0,
+            ENGINE_SPEED,
+            "engine speed",
+            "rising",
+            level=True,
+            needs=("engine_speed",),
+        ),
+        Form(absolute(ENGINE) * -1.0, absolute(ENGINE), "engine force", "falling", level=True),
+    ),
+    "shift_interruption": (
+        Form(
+            maximum(Lag((PULL,), 1.5), PULL) * -1.0,
+            minimum(SHIFTED, 4.0),
+            "time since a shift",
+            "falling",
+            needs=("gear",),
+        ),
+    ),
+    "torque_converter_slip": (
+        Form(PULL * -1.0, minimum(SPEED, LOCKED_M_S), "speed", "falling"),
+        Form(PULL, minimum(SPEED, LOCKED_M_S), "speed", "falling"),
+    ),
+    "rotating_inertia": (Form(SIMULATED * -1.0, LEVER, "ratio", "rising", needs=("ratio",)),),
+}
+
+
+def forms(effect: str, e: Evidence) -> Iterator[dict[str, Any]]:
+    """Settings of every form of a name that these recordings can show."""
+    for k, form in enumerate(OWN.get(effect, ())):
+        if not e.has(*form.needs):
+            continue
+        carrier, x = np.abs(form.carrier.rows(e)), form.of.rows(e)
+        acts = e.valid & (carrier > ACTING * float(np.quantile(carrier[e.valid], 0.98))) & (carrier > 0)
+        if acts.sum() < 50:
+            continue
+        at = np.unique(np.quantile(x[acts], form.knots))
+        if len(at) > 2:
+            scale = float(np.sqrt(np.mean(carrier[acts] ** 2)))
+            yield {"own": k, "at": at.tolist(), "scale": 1.0 if form.share else scale, "trials": FORMS_PRICE}
+
+
+def curve(form: Form, at: list[float]) -> Iterator[tuple[Expression, list[float]]]:
+    """The pieces a curve is made of, none of which may be negative, and each one's values at the knots."""
+    values = np.eye(len(at)) if form.trend == "any" else np.triu(np.ones((len(at), len(at))))
+    if form.trend == "falling":
+        values = 1.0 - values + np.eye(len(at))
+    for row in values:
+        if form.trend == "any" or form.level or not row.all():
+            yield Interpolated((form.of,), tuple(at), tuple(row.tolist())), row.tolist()

@@ -1,0 +1,11 @@
+"""The signals that formulas are made of, by short names."""
+
+from deeptruck_model.mismatch.expression import Signal, maximum
+
+SPEED, ENGINE, BRAKE = Signal("speed"), Signal("engine"), Signal("brake")
+DRAG, ROLLING = Signal("drag"), Signal("rolling")
+ELAPSED, DISTANCE, SIMULATED = Signal("elapsed"), Signal("distance"), Signal("simulated")
+ENGINE_COMMAND, BRAKE_COMMAND = Signal("engine_command"), Signal("brake_command")
+ENGINE_SPEED, RATIO, GEAR = Signal("engine_speed"), Signal("ratio"), Signal("gear")
+LEVER = Signal("lever")  # turns per metre, but no more than the lowest gear gives: a clutch may slip
+PULL = maximum(ENGINE, 0.0)

@@ -1,0 +1,68 @@
+"""Names in forms that are not the textbook's: any curve of their own variables, and of these alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.growing import grow
+from deeptruck_model.mismatch.mechanisms import LIBRARY
+from deeptruck_model.mismatch.mechanisms.own_forms import OWN, Form, curve, forms
+from deeptruck_model.mismatch.search import Search
+
+AT = [1.0, 4.0, 6.0, 9.0]
+
+
+def test_every_form_belongs_to_a_name() -> None:
+    assert set(OWN) <= set(LIBRARY)
+
+
+@pytest.mark.parametrize("level", [False, True])
+@pytest.mark.parametrize("trend", ["rising", "falling", "any"])
+def test_no_curve_leaves_its_trend_whatever_its_sizes(
+    trend: str, level: bool, nothing_missing: Evidence
+) -> None:
+    speed = np.linspace(0.0, 12.0, len(nothing_missing))
+    e = replace(nothing_missing, signals=nothing_missing.signals | {"speed": speed})
+    form = replace(OWN["rolling_resistance_speed"][0], trend=trend, level=level)  # type: ignore[arg-type]
+    pieces = [x.rows(e) for x, _ in curve(form, AT)]
+    assert len(pieces) == (4 if level or trend == "any" else 3)
+    for sizes in np.random.default_rng(1).exponential(size=(20, len(pieces))):
+        y = sizes @ np.array(pieces)
+        steps = np.diff(y)
+        assert y.min() >= 0.0
+        assert trend != "rising" or (steps.min() >= -1e-12 and (level or y[0] == 0.0))
+        assert trend != "falling" or (steps.max() <= 1e-12 and (level or y[-1] == 0.0))
+
+
+def test_a_form_is_offered_where_its_variable_moves_and_its_carrier_acts(nothing_missing: Evidence) -> None:
+    e = nothing_missing
+    assert {s["own"] for s in forms("brake_fade", e)} == set(range(len(OWN["brake_fade"])))
+    still = replace(e, signals=e.signals | {"speed": np.full(len(e), 15.0)})
+    assert not list(forms("rolling_resistance_speed", still))
+    never = replace(e, signals=e.signals | {"brake": np.zeros(len(e))})
+    assert not list(forms("brake_fade", never))
+    assert not list(forms("rotating_inertia", e))  # the ratio is not known here
+
+
+def test_a_name_is_found_in_a_form_of_its_own(nothing_missing: Evidence) -> None:
+    """Tyres near their standing wave: no power of speed that the library knows."""
+    t = np.arange(len(nothing_missing)) * nothing_missing.dt
+    speed = 15.0 + 3.0 * np.sin(t / 31.0) + 4.0 * np.sin(t / 13.7) * np.sin(t / 97.0)
+    signals = nothing_missing.signals | {"speed": speed, "drag": 1e-4 * speed**2}
+    force = -0.06 * np.exp(np.minimum((speed - 18.0) / 0.8, 1.0))
+    e = replace(nothing_missing, signals=signals, residual=nothing_missing.residual + force)
+    search = Search(e)
+    model, _ = grow(search, search.background(()))
+    assert model.effects[0] == "rolling_resistance_speed"
+    assert np.corrcoef(search.prediction(model), force)[0, 1] > 0.95
+
+
+def test_forms_are_data_and_need_no_fit() -> None:
+    for each in OWN.values():
+        for form in each:
+            assert isinstance(form, Form) and form.by and form.sd > 0
+            assert list(form.knots) == sorted(form.knots)
