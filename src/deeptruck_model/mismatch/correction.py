@@ -15,13 +15,14 @@ from deeptruck_model.mismatch.causes import Explanation
 from deeptruck_model.mismatch.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.improvement import Errors, compare, free_windows
-from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes
+from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes, held_steady
 from deeptruck_model.mismatch.residual import Prepared
 from deeptruck_model.mismatch.search import RETUNE_RANGE, Model, Search
 from deeptruck_model.mismatch.share import Shares
 from deeptruck_model.simulators import Simulator
 
 HORIZON_S = 40.0
+FOLDS = 3  # of the recordings that are not held out, to choose what goes in
 NOT_BETTER = "the corrected simulator does not predict the held-out recordings better: nothing may be applied"
 UNNAMED = (
     "what has no name is not in the corrected simulator; with it (--with-unnamed) the speed error of "
@@ -41,58 +42,98 @@ class Corrections:
     unnamed: CorrectedTruck | None
 
 
+@dataclass(frozen=True)
+class _Recipe:
+    """What is fitted, and which of it goes into the simulator: mechanisms, and parameters by name."""
+
+    fitted: tuple[Shape, ...]
+    kept: tuple[Shape, ...]
+    free: frozenset[str]
+
+    def corrected(self, simulator: Simulator, search: Search, shares: Shares | None) -> CorrectedTruck:
+        model = search.model(self.fitted, self.free)
+        change = _change(search.e, model, self.free)
+        lever = search.e.lowest_gear
+        return CorrectedTruck(simulator, _terms(self.kept, model), change, shares, False, lever)
+
+
 def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequence[Prepared]) -> Corrections:
     """Corrected simulators, without and with what has no name.
 
     What comes and goes is of no use on another drive but for its mean, and a parameter that nobody states as
-    wrong may only have been bent. So they go in where free runs along `prepared`, the recordings that are not
-    held out, are the better for it.
+    wrong may only have been bent. So what goes in is what free runs ask for along `prepared`, the recordings
+    that are not held out, each by a fit to others of them.
     """
     search = Search(e, only=~e.held_out)
     shares = None if simulator.parameters() else Shares.of(e)
-    alone = search.model((), frozenset(search.parameters))
-    tuned = CorrectedTruck(simulator, [], _change(e, alone, search.parameters), shares, False)
-    options = _options(simulator, e, x, search, shares)
-    unnamed = _with_laws(simulator, e, x, search, shares)
+    alone = _Recipe((), (), frozenset(search.parameters))
+    recipes = _recipes(e, x)
+    if x.causes:
+        recipes.append(alone)
+    unnamed = _with_laws(x)
     if unnamed is not None and any(c.other_form for c in x.causes):
-        options.append(unnamed)  # these laws are the form of a name
-    errors = [_rmse(option, prepared) for option in options] if len(options) > 1 else [0.0]
-    return Corrections(tuned, options[int(np.argmin(errors))], unnamed)
+        recipes.append(unnamed)  # these laws are the form of a name
+    errors = _crossed(simulator, e, recipes, prepared, shares) if len(recipes) > 1 else [0.0]
+    best = recipes[int(np.argmin(errors))]
+    return Corrections(
+        alone.corrected(simulator, search, shares),
+        best.corrected(simulator, search, shares),
+        unnamed.corrected(simulator, search, shares) if unnamed is not None else None,
+    )
 
 
-def _with_laws(
-    simulator: Simulator, e: Evidence, x: Explanation, search: Search, shares: Shares | None
-) -> CorrectedTruck | None:
+def _crossed(
+    simulator: Simulator,
+    e: Evidence,
+    recipes: Sequence[_Recipe],
+    prepared: Sequence[Prepared],
+    shares: Shares | None,
+) -> list[float]:
+    """Error of each recipe in free runs along recordings it was not fitted to; along all, where they are
+    few."""
+    fitted = np.flatnonzero([not s.held_out for s in e.stretches])
+    folds = [fitted[k::FOLDS] for k in range(FOLDS)] if len(fitted) >= 2 * FOLDS else []
+    squares = np.zeros(len(recipes))
+    for left_out in folds or [np.array([], dtype=int)]:
+        search = Search(e, only=~e.held_out & ~np.isin(e.record, left_out))
+        drives = [p for k, p in zip(fitted, prepared, strict=True) if not folds or k in left_out]
+        for k, recipe in enumerate(recipes):
+            squares[k] += _mean_square(recipe.corrected(simulator, search, shares), drives)
+    return squares.tolist()
+
+
+def _with_laws(x: Explanation) -> _Recipe | None:
     """All names and all laws beside them, with every parameter as it was moved."""
     if x.lawful is None:
         return None
-    shapes = [s for s in x.lawful.named if s.mechanism.kind == "missing_physics"]
-    model = search.model(x.lawful.named, x.lawful.free)
-    change = _change(e, model, model.free)
-    return CorrectedTruck(simulator, _terms(shapes, model), change, shares, False)
+    return _Recipe(x.lawful.named, _physics(x.lawful.named), x.lawful.free)
+
+
+def _physics(shapes: Iterable[Shape]) -> tuple[Shape, ...]:
+    return tuple(s for s in shapes if s.mechanism.kind == "missing_physics")
 
 
 def corrected(simulator: Simulator, e: Evidence, model: Model) -> CorrectedTruck:
     """The simulator with one whole explanation in it, parameters and all; of a physics truck."""
-    shapes = [s for s in model.named if s.mechanism.kind == "missing_physics"]
-    return CorrectedTruck(simulator, _terms(shapes, model), _change(e, model, model.free), None, False)
+    change = _change(e, model, model.free)
+    terms = _terms(_physics(model.named), model)
+    return CorrectedTruck(simulator, terms, change, None, False, e.lowest_gear)
 
 
-def _options(
-    simulator: Simulator, e: Evidence, x: Explanation, search: Search, shares: Shares | None
-) -> list[CorrectedTruck]:
-    """With and without what comes and goes, with all moved parameters and with the stated ones alone."""
+def _recipes(e: Evidence, x: Explanation) -> list[_Recipe]:
+    """What comes and goes with its mean, held steady or left out, each with all moved parameters and with the
+    stated ones alone."""
     stated = {c.effect for c in x.causes}
-    named = [s for s in x.model.named if s.mechanism.kind == "missing_physics"]
-    named = [s for s in named if s.mechanism.effect in stated]
-    laws = [s for s in named if not comes_and_goes(s)]
-    free = {x.model.free, frozenset(c.effect for c in x.causes if c.kind == "parameter_error")}
+    told = [s for s in _physics(x.model.named) if s.mechanism.effect in stated]
+    lasting = [s for s in told if not comes_and_goes(s)]
+    parameters = frozenset(c.effect for c in x.causes if c.kind == "parameter_error")
     out = []
-    for parameters in sorted(free, key=lambda f: -len(f)):
-        model = search.model(x.model.named, frozenset(parameters & x.model.free))
-        change = _change(e, model, parameters & x.model.free)
-        for shapes in (named, laws) if len(laws) < len(named) else (named,):
-            out.append(CorrectedTruck(simulator, _terms(shapes, model), change, shares, False))
+    for free in sorted({x.model.free, parameters & x.model.free}, key=lambda f: -len(f)):
+        out.append(_Recipe(x.model.named, tuple(told), free))
+        if len(lasting) < len(told):
+            held = tuple(held_steady(s, e) for s in x.model.named)
+            keep = tuple(h for h, s in zip(held, x.model.named, strict=True) if any(s is t for t in told))
+            out += [_Recipe(x.model.named, tuple(lasting), free), _Recipe(held, keep, free)]
     return out
 
 
@@ -107,9 +148,9 @@ def _change(e: Evidence, model: Model, free: Iterable[str]) -> dict[str, float]:
     return {p: float(np.clip(e.total_change(p, model.change(p)), *RETUNE_RANGE)) for p in free}
 
 
-def _rmse(simulator: Simulator, prepared: Sequence[Prepared]) -> float:
+def _mean_square(simulator: Simulator, prepared: Sequence[Prepared]) -> float:
     errors = free_windows(simulator, prepared, _horizon(prepared))
-    return errors.rmse()["speed_rmse"] if len(errors.speed) else 0.0
+    return float(np.mean(errors.speed**2)) if len(errors.speed) else 0.0
 
 
 def _horizon(prepared: Sequence[Prepared]) -> float:
@@ -138,8 +179,7 @@ def shown(
         fit |= compare(errors)
     better = fit.get("improvement_ci95", [0.0])[0] > 0.0
     fit["validated"] = bool(after.terms or after.moved) and better
-    after = CorrectedTruck(after.original, after.terms, after.moved, after.shares, fit["validated"])
-    return errors, after, fit
+    return errors, after.marked(fit["validated"]), fit
 
 
 def corrected_and_driven(

@@ -14,11 +14,12 @@ from deeptruck_model import simulators, trucks
 from deeptruck_model.mismatch import correction
 from deeptruck_model.mismatch.causes import Cause
 from deeptruck_model.mismatch.corrected_truck import CorrectedTruck, Term
-from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape, comes_and_goes, laws
+from deeptruck_model.mismatch.evidence import Evidence, Stretch
+from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape, comes_and_goes, held_steady, laws
 from deeptruck_model.mismatch.search import Model, Search
 
 TRUCK = trucks.load("trucksim")
+ONE: Any = [None]  # the recording that is not held out; its errors are made up
 
 
 def law_and_gusts(e: Evidence) -> tuple[Shape, Shape]:
@@ -37,11 +38,11 @@ def options(nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch) -> list[
     """(terms, parameters) of every correction that is driven; the simplest one drives best."""
     driven: list[tuple[set[str], set[str]]] = []
 
-    def rmse(truck: correction.CorrectedTruck, prepared: object) -> float:
+    def mean_square(truck: correction.CorrectedTruck, prepared: object) -> float:
         driven.append(({t.effect for t in truck.terms}, set(truck.moved)))
         return float(len(truck.terms) + len(truck.moved))
 
-    monkeypatch.setattr(correction, "_rmse", rmse)
+    monkeypatch.setattr(correction, "_mean_square", mean_square)
     return driven
 
 
@@ -59,13 +60,15 @@ def test_of_all_that_was_found_the_part_goes_in_that_drives_best(
             ("parameter_error", "brake_gain", None),
         )
     )
-    made = correction.correct(TRUCK, e, explanation(causes, model), [])
+    made = correction.correct(TRUCK, e, explanation(causes, model), ONE)
     tuned, after = made.tuned, made.named
     assert made.unnamed is None
     assert set(tuned.moved) == {"torque_gain", "brake_gain"} and not tuned.terms
     laws, everything = {"driveline_loss"}, {"driveline_loss", "headwind"}
     moved, stated = {"torque_gain", "brake_gain"}, {"brake_gain"}
-    assert options == [(everything, moved), (laws, moved), (everything, stated), (laws, stated)]
+    each = [(everything, moved), (laws, moved), (everything, moved)]  # the last with gusts held steady
+    each += [(everything, stated), (laws, stated), (everything, stated), (set(), moved)]
+    assert options == each
     assert ({t.effect for t in after.terms}, set(after.moved)) == (laws, stated)
 
 
@@ -75,9 +78,38 @@ def test_what_was_not_stated_never_goes_in(
     law, gusts = law_and_gusts(nothing_missing)
     model = Search(nothing_missing).model((law, gusts), frozenset())
     cause = Cause("missing_physics", "driveline_loss", 90.0, 1.0, 0.9, np.zeros(len(nothing_missing)), law)
-    after = correction.correct(TRUCK, nothing_missing, explanation((cause,), model), []).named
+    after = correction.correct(TRUCK, nothing_missing, explanation((cause,), model), ONE).named
     assert [t.effect for t in after.terms] == ["driveline_loss"] and not after.moved
-    assert options == []  # there was nothing to choose
+    assert options == [({"driveline_loss"}, set()), (set(), {"torque_gain", "brake_gain"})]
+
+
+def test_what_comes_and_goes_can_be_held_steady(nothing_missing: Evidence) -> None:
+    law, gusts = law_and_gusts(nothing_missing)
+    held = held_steady(gusts, nothing_missing)
+    assert held_steady(law, nothing_missing) is law
+    assert held.columns.shape[1] < gusts.columns.shape[1] and not comes_and_goes(held)
+    assert held.mechanism is gusts.mechanism
+
+
+def test_each_correction_is_driven_where_it_was_not_fitted(
+    nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    e = nothing_missing
+    ends = np.linspace(0, len(e), 9).astype(int)
+    drives = [Stretch(f"d{k}", ends[k], ends[k + 1], 0.0, k > 5) for k in range(8)]
+    e = replace(e, stretches=tuple(drives))
+    seen: list[tuple[list[str], list[int]]] = []
+
+    def fitted(self: object, simulator: object, search: Search, shares: object) -> list[int]:
+        return np.unique(search.e.record[search.series.valid]).tolist()
+
+    monkeypatch.setattr(correction._Recipe, "corrected", fitted)
+    monkeypatch.setattr(correction, "_mean_square", lambda made, names: seen.append((names, made)) or 0.0)
+    prepared: Any = [f"d{k}" for k in range(6)]
+    correction._crossed(TRUCK, e, [correction._Recipe((), (), frozenset())], prepared, None)
+    assert sorted(name for names, _ in seen for name in names) == prepared
+    for names, on in seen:
+        assert not {f"d{k}" for k in on} & set(names) and len(on) == 4
 
 
 def test_no_parameter_goes_where_no_truck_is(nothing_missing: Evidence) -> None:
