@@ -108,7 +108,7 @@ def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list
         found = slow_force(e, residual, 1.0 / search.series.relative**2, sigma)
     if found is None:
         return causes
-    known = {m.effect for m in search.library}
+    known = {m.effect for m in search.library} - {c.effect for c in causes}
     possible = [n for n in found.possible if n in known and (n != "road_grade" or not e.has("grade"))]
     effect = possible[0] if possible else "unknown"
     if "road_grade" in possible:

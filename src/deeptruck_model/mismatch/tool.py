@@ -40,6 +40,7 @@ EXCLUDE = (
     "DEEPTRUCK_MISMATCH_EXCLUDE"  # comma-separated effects to leave out of the library: for examinations
 )
 OTHER_GEAR = "the simulator drives in another gear than was recorded"
+WORTH_MOVING = 20.0  # nats
 RETUNE = 0.05  # beyond this relative change parameters are set in the simulator, and all is linearised again
 
 
@@ -221,10 +222,22 @@ def _explained(
         say("searching around the refitted parameters")
         moved = {p: float(np.clip(c, *RETUNE_RANGE)) for p, c in change.items() if abs(c) > 0.005}
         tuned = simulator.with_parameters({p: own[p] * (1 + c) for p, c in moved.items()})
-        evidence = gather(tuned, prepared, flags, seed=seed, moved=moved)
-        search = Search(evidence, exclude=exclude)
+        anew = gather(tuned, prepared, flags, seed=seed, moved=moved)
+        search = _better(search, Search(anew, exclude=exclude), exclude)
+    evidence = search.e
     explanation = explain(search)
     return evidence, explanation
+
+
+def _better(given: Search, moved: Search, exclude: Sequence[str]) -> Search:
+    """The search around the moved parameters where it explains clearly more of what both may use.
+
+    Parameters can make up for a force they have nothing to do with, if they are moved far enough; and mass,
+    gains and drag all scaled alike change next to nothing.
+    """
+    both = given.e.valid & moved.e.valid
+    scores = [first_guess(Search(s.e, exclude=exclude, only=both)).score for s in (given, moved)]
+    return moved if scores[1] > scores[0] + WORTH_MOVING else given
 
 
 def _overall(found: Sequence[findings.Finding]) -> str:
