@@ -33,6 +33,13 @@ class Trainer(StrEnum):
     trpo = "trpo"
 
 
+class Engine(StrEnum):
+    """Where a sweep trains."""
+
+    processes = "processes"
+    ray = "ray"
+
+
 @app.command()
 def train(
     simulator: SimulatorPath,
@@ -164,17 +171,20 @@ def sweep(
     ],
     trainer: Annotated[Trainer, typer.Option(help="analytic or trpo.")] = Trainer.analytic,
     workers: Annotated[int, typer.Option(help="Processes side by side.", min=1)] = 1,
-    ray: Annotated[bool, typer.Option("--ray", help="On a Ray cluster (RAY_ADDRESS); extra 'ray'.")] = False,
+    engine: Annotated[
+        Engine, typer.Option(help="ray: on the cluster that RAY_ADDRESS names; extra 'ray'.")
+    ] = Engine.processes,
 ) -> None:
     """Train a grid of settings and seeds, and rank them by validation. A killed sweep goes on.
 
     Example: deeptruck-cacc sweep --simulator SIM --out rates --set learning_rate=0.003,0.006 --workers 2
     """
     from deeptruck_cacc import sweep as sweeping
+    from deeptruck_model.sweeps import read_grid
 
-    grid = sweeping.read_grid(set_)
+    grid, kind, where = read_grid(set_), trainer.value, engine.value
     say = Console(stderr=True).print
-    sweeping.sweep(simulator, out, grid, trainer=trainer.value, workers=workers, ray=ray, tell=say)
+    sweeping.sweep(simulator, out, grid, trainer=kind, workers=workers, engine=where, tell=say)
     typer.echo((out / "sweep.md").read_text())
 
 

@@ -1,4 +1,4 @@
-"""`deeptruck-model train`, `evaluate`, `export` and `experiment`."""
+"""`deeptruck-model train`, `sweep`, `evaluate`, `export` and `experiment`."""
 
 from __future__ import annotations
 
@@ -88,6 +88,41 @@ def train(
     typer.echo(f"{out}: trained in {truck.details['training']['seconds']:.0f} s; see {out / 'MODEL_CARD.md'}")
 
 
+class Engine(StrEnum):
+    """Where a sweep trains."""
+
+    processes = "processes"
+    ray = "ray"
+
+
+def sweep(
+    bags: Bags,
+    out: Annotated[Path, typer.Option(help="Folder for the trucks, sweep.md and sweep.json.", metavar="DIR")],
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="Values of a setting; repeat for a grid.", metavar="NAME=A,B"),
+    ] = None,
+    seeds: Annotated[int, typer.Option(help="Seeds of each combination.", min=1)] = 1,
+    workers: Annotated[int, typer.Option(help="Trucks trained side by side.", min=1)] = 1,
+    engine: Annotated[
+        Engine, typer.Option(help="ray: on the cluster that RAY_ADDRESS names; extra 'ray'.")
+    ] = Engine.processes,
+) -> None:
+    """Train a grid of settings and seeds, and rank them on held-out driving. A killed sweep goes on.
+
+    Example: deeptruck-model sweep drives/monday --out rates --set learning_rate=0.003,0.006 --seeds 5
+    """
+    from deeptruck_model import sweeps
+    from deeptruck_model.deep.sweep import sweep as train_all
+
+    def say(line: str) -> None:
+        typer.echo(line, err=True)
+
+    grid = sweeps.read_grid(set_ or [])
+    train_all(bags, out, grid, seeds=seeds, workers=workers, engine=engine.value, tell=say)
+    typer.echo((out / "sweep.md").read_text())
+
+
 def evaluate(
     simulator: Annotated[str, typer.Argument(metavar="SIM", help="Simulator directory, or truck:NAME.")],
     bags: Bags,
@@ -171,6 +206,7 @@ def _read(bags: list[Path]) -> list[Recording]:
 def register(app: typer.Typer) -> None:
     """Add this room's commands to the console script."""
     app.command()(train)
+    app.command()(sweep)
     app.command()(evaluate)
     app.command()(export)
     app.command()(experiment)

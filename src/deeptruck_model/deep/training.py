@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from threadpoolctl import threadpool_limits
 from torch.utils.tensorboard import SummaryWriter
 
 from deeptruck_model.deep import card, checkpoint, coverage, kernels, resume
@@ -32,6 +33,7 @@ from deeptruck_model.simulators import MANIFEST, read_manifest
 Observer = Callable[[int, TruckNetwork], None]
 
 
+@threadpool_limits.wrap(limits=1)  # the matrices are small: a second thread only waits, at full load
 def train(
     recordings: Sequence[Recording],
     out: Path,
@@ -47,7 +49,7 @@ def train(
     began = time.monotonic()
     out = out.resolve()
     checkpoint.check_target(out)
-    torch.set_num_threads(1)  # the matrices are small: a second thread only waits
+    torch.set_num_threads(1)
 
     data = prepare(recordings, arguments)
     identity = _identity(data, arguments)

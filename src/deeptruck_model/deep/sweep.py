@@ -1,0 +1,97 @@
+"""Deep trucks over a grid of settings and seeds, each a simulator directory of its own, and their ranking."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import redirect_stderr
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from deeptruck_model import recordings, sweeps
+from deeptruck_model.deep.arguments import Arguments
+from deeptruck_model.deep.training import train
+from deeptruck_model.errors import InputError
+
+RANKED_BY = "speed"  # its mean absolute error in held-out free runs, m/s, mean over the seeds
+SHOWN = ("speed", "acceleration")
+
+
+class Job(NamedTuple):
+    """One truck to train; plain values, as it travels to another process."""
+
+    bags: tuple[str, ...]
+    folder: str
+    settings: sweeps.Settings
+
+
+def sweep(
+    bags: Sequence[str | Path],
+    out: str | Path,
+    grid: Mapping[str, Sequence[Any]],
+    *,
+    seeds: int = 1,
+    workers: int = 1,
+    engine: str = "processes",
+    tell: Callable[[str], None] = lambda line: None,
+) -> list[dict[str, Any]]:
+    """Train every combination of `grid` (a setting of `Arguments`: values) with seeds 0 to `seeds` - 1; one
+    row for each combination, the best on held-out data first.
+
+    The trucks are `out`/SETTINGS/seed-N; `out` also gets sweep.json and sweep.md. What is finished is never
+    trained again, not after a worker was killed nor after the sweep was: then it goes on. The workers of a
+    Ray cluster must reach `bags` and `out`. Raises InputError for an unknown setting or value, or data that
+    cannot be trained on.
+    """
+    if "seed" in grid:
+        raise InputError("the seeds are counted by --seeds, not set")
+    out, paths = Path(out).resolve(), tuple(str(Path(bag).resolve()) for bag in bags)
+    chosen = list(sweeps.combinations(grid, Arguments, "the deep truck"))
+    jobs = [
+        Job(paths, str(out / sweeps.name(settings) / f"seed-{seed}"), {**settings, "seed": seed})
+        for seed in range(seeds)
+        for settings in chosen
+    ]
+    for number, folder in enumerate(sweeps.run(train_one, jobs, workers=workers, engine=engine), 1):
+        tell(f"{number} of {len(jobs)}: {folder}")
+    rows = sorted((_row(out, settings, seeds) for settings in chosen), key=_rank)
+    (out / "sweep.json").write_text(json.dumps(rows, indent=1) + "\n")
+    (out / "sweep.md").write_text(_table(rows))
+    return rows
+
+
+def train_one(job: Job) -> str:
+    """Train a job's truck, or what is left of it, in whichever process; returns its folder."""
+    drives = [drive for bag in job.bags for drive in recordings.read(bag)]
+    with redirect_stderr(io.StringIO()):  # progress bars of several workers would overwrite each other
+        train(drives, Path(job.folder), Arguments(**job.settings), resumes=True)
+    return job.folder
+
+
+def _row(out: Path, settings: sweeps.Settings, seeds: int) -> dict[str, Any]:
+    folders = [out / sweeps.name(settings) / f"seed-{seed}" for seed in range(seeds)]
+    metrics = [json.loads((folder / "metrics.json").read_text()) for folder in folders]
+    held_out = {name: [m[name]["mean_abs"] for m in metrics if name in m] for name in SHOWN}
+    best = folders[int(np.argmin(held_out[RANKED_BY]))]
+    return {"settings": settings, "held_out_mean_abs": held_out, "best": str(best)}
+
+
+def _rank(row: dict[str, Any]) -> float:
+    return float(np.mean(row["held_out_mean_abs"][RANKED_BY]))
+
+
+def _table(rows: Sequence[dict[str, Any]]) -> str:
+    """Held-out mean absolute errors, each as min / median / max over the seeds."""
+    head = "| settings | speed error, m/s: min / median / max | acceleration error, m/s² |"
+    lines = [head, "| --- | --- | --- |"]
+    for row in rows:
+        cells = [_spread(row["held_out_mean_abs"][name]) for name in SHOWN]
+        lines.append(f"| {sweeps.name(row['settings'])} | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def _spread(values: Sequence[float]) -> str:
+    return " / ".join(f"{x:.3f}" for x in np.quantile(values, (0.0, 0.5, 1.0))) if values else ""

@@ -1,0 +1,54 @@
+"""Jobs of test_sweeps.py, in a module of their own: other processes import it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from pathlib import Path
+
+from deeptruck_model.errors import InputError
+
+VICTIM, HALF = "seed-1", 30  # updates after which the victim waits to be killed
+
+
+def train(job) -> str:
+    """`sweep.train_one` that notes its process; the victim's first stops after half of its updates."""
+    from deeptruck_model.deep import resume, sweep  # seconds that the other jobs need not wait
+
+    folder = Path(job.folder)
+    processes = noted(folder)
+    processes.parent.mkdir(parents=True, exist_ok=True)
+    first = not processes.exists()
+    with processes.open("a") as file:
+        file.write(f"{os.getpid()}\n")
+    if first and folder.name == VICTIM:
+        resume.save = _waiting(resume.save, folder.with_suffix(".waits"))
+    return sweep.train_one(job)
+
+
+def noted(folder: Path) -> Path:
+    """Where the processes of a job are listed."""
+    return folder.with_suffix(".pids")
+
+
+def refuse(job: int) -> int:
+    """Raises InputError for job 1."""
+    if job == 1:
+        raise InputError("job 1 cannot be done")
+    return job
+
+
+def die(job: int) -> None:
+    """Kills its process, whatever the job."""
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def _waiting(save, sign: Path):
+    def saving(*state) -> None:
+        save(*state)
+        if state[-1] >= HALF:
+            sign.touch()
+            time.sleep(600)
+
+    return saving

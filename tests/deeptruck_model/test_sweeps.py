@@ -1,0 +1,151 @@
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+import threading
+import time
+from contextlib import nullcontext
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from deeptruck_model import sweeps
+from deeptruck_model.cli import app
+from deeptruck_model.cli import deep as commands
+from deeptruck_model.deep import Arguments, sweep
+from deeptruck_model.driving_cycles import drive
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import write_bag
+from deeptruck_model.trucks import load
+
+GRID = {"updates": [60], "hidden": [8], "decoder": [8], "rounds": [6]}
+SETTINGS = "updates=60,hidden=8,decoder=8,rounds=6"
+PATIENCE_S = 200
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("drives") / "bag"
+    recording = drive(load("trucksim"), seconds=240, seed=1)
+    write_bag(folder, [recording], interface=recording.interface)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def unbroken(bag, tmp_path_factory) -> Path:
+    """The sweep of two seeds in this process, undisturbed."""
+    out = tmp_path_factory.mktemp("unbroken")
+    sweep.sweep([bag], out, GRID, seeds=2)
+    return out
+
+
+@pytest.fixture
+def jobs(monkeypatch):
+    """The module of jobs, where other processes find it, too."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=os.pathsep)
+    import sweep_jobs
+
+    monkeypatch.setattr(sweep, "train_one", sweep_jobs.train)
+    return sweep_jobs
+
+
+def ranking(folder: Path) -> list[dict]:
+    return json.loads((folder / "sweep.json").read_text())
+
+
+def when_both(first: Path, second: Path, then) -> threading.Thread:
+    """A thread that calls `then` as soon as both files are there."""
+
+    def wait() -> None:
+        give_up = time.monotonic() + PATIENCE_S
+        while not (first.exists() and second.exists()) and time.monotonic() < give_up:
+            time.sleep(0.05)
+        then()
+
+    thread = threading.Thread(target=wait, daemon=True)
+    thread.start()
+    return thread
+
+
+@pytest.mark.parametrize("engine", sweeps.ENGINES)
+def test_a_killed_worker_loses_no_finished_seed(bag, unbroken, jobs, tmp_path, engine):
+    """Real Ray: seed 0 is done and seed 1 half done when the process of seed 1 is killed."""
+    finished, victim = (tmp_path / SETTINGS / f"seed-{n}" for n in (0, 1))
+
+    def kill() -> None:
+        os.kill(int(jobs.noted(victim).read_text()), signal.SIGKILL)
+
+    with sweeps._cluster(2) if engine == "ray" else nullcontext():
+        killer = when_both(finished / "simulator.json", victim.with_suffix(".waits"), kill)
+        rows = sweep.sweep([bag], tmp_path, GRID, seeds=2, workers=2, engine=engine)
+        killer.join()
+        with pytest.raises(InputError, match="job 1 cannot be done"):
+            list(sweeps.run(jobs.refuse, [0, 1], workers=2, engine=engine))
+    assert [len(jobs.noted(folder).read_text().split()) for folder in (finished, victim)] == [1, 2]
+    assert rows[0]["held_out_mean_abs"] == ranking(unbroken)[0]["held_out_mean_abs"]
+    for folder in (finished, victim):
+        twin = unbroken / folder.relative_to(tmp_path) / "model.safetensors"
+        assert (folder / "model.safetensors").read_bytes() == twin.read_bytes()
+
+
+def test_a_job_that_always_dies_ends_the_sweep(jobs):
+    with pytest.raises(InputError, match="killed 4 times"):
+        list(sweeps.run(jobs.die, [0, 1], workers=2))
+
+
+def test_ray_stays_on_this_machine_and_reports_to_nobody(monkeypatch):
+    asked = {}
+    ray = type(sys)("ray")
+    ray.is_initialized, ray.shutdown = (lambda: False), (lambda: None)
+    ray.init = lambda **settings: asked.update(settings)
+    monkeypatch.setitem(sys.modules, "ray", ray)
+    for name in ("RAY_USAGE_STATS_ENABLED", "RAY_ADDRESS"):
+        monkeypatch.delenv(name, raising=False)
+    with sweeps._cluster(3):
+        assert asked["_node_ip_address"] == "127.0.0.1" and asked["num_cpus"] == 3
+        assert os.environ["RAY_USAGE_STATS_ENABLED"] == "0"
+
+
+def test_a_sweep_goes_on_and_ranks(bag, unbroken, monkeypatch):
+    command = ["sweep", str(bag), "--out", str(unbroken), "--seeds", "2"]
+    for name, values in {**GRID, "rounds": [6, 3]}.items():
+        command += ["--set", f"{name}={','.join(map(str, values))}"]
+    before = (unbroken / SETTINGS / "seed-0" / "simulator.json").stat().st_mtime_ns
+    commands.register(app)
+    done = CliRunner().invoke(app, command)
+    assert done.exit_code == 0, done.output
+    rows = ranking(unbroken)
+    assert sorted(row["settings"]["rounds"] for row in rows) == [3, 6]
+    assert sum(rows[0]["held_out_mean_abs"]["speed"]) <= sum(rows[1]["held_out_mean_abs"]["speed"])
+    assert (unbroken / SETTINGS / "seed-0" / "simulator.json").stat().st_mtime_ns == before
+    assert (unbroken / "sweep.md").read_text() in done.output
+
+
+def test_without_ray_it_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(InputError, match="pip install"):
+        list(sweeps.run(str, [1], engine="ray"))
+
+
+def test_values_are_read_as_they_are_meant():
+    grid = sweeps.read_grid(["memory=true,false", "learning_rate=3e-3", "scene=wide,paper"])
+    assert grid == {"memory": [True, False], "learning_rate": [0.003], "scene": ["wide", "paper"]}
+
+
+@pytest.mark.parametrize(
+    ("option", "says"),
+    [
+        ("speed=3", "no setting 'speed'"),
+        ("updates", "write it as"),
+        ("updates=many", "updates=many"),
+        ("mode=fast", "mode=fast"),
+        ("hidden=true", "hidden=True"),
+    ],
+)
+def test_what_cannot_be_set_is_said(option, says):
+    with pytest.raises(InputError, match=says):
+        list(sweeps.combinations(sweeps.read_grid([option]), Arguments, "the deep truck"))
