@@ -16,9 +16,9 @@ from deeptruck_model.trucks import View
     " waves met at road plus wind; the mean wind rises and veers as a front passes; drag with yaw squared"
     " (SAE J1252 wind tunnel practice); polygon roads, sizes chosen here",
     ranges={
-        "after_mps": (7.0, 13.0),
+        "after_mps": (8.0, 14.0),
         "before": (0.1, 0.5),  # of the wind after the front
-        "turbulence": (0.10, 0.20),
+        "turbulence": (0.12, 0.24),
         "scale_m": (80.0, 250.0),
         "yaw_drag": (1.0, 2.2),  # 1/rad2
         "from_deg": (0.0, 360.0),
@@ -66,7 +66,7 @@ class PassingFront(Hidden):
     source="McAuliffe, Lammert, Lu, Shladover, Surcel and Kailas, Influences on Energy Savings of Heavy"
     " Trucks Using Cooperative Adaptive Cruise Control, SAE 2018-01-1181: the saving is largest at a gap"
     " and falls to both sides; its shape, and leaders of all sizes, are chosen here",
-    ranges={"saving": (0.40, 0.65), "best_m": (10.0, 20.0), "smallest": (0.35, 0.8), "fills_s": (1.0, 4.0)},
+    ranges={"saving": (0.45, 0.70), "best_m": (12.0, 22.0), "smallest": (0.35, 0.8), "fills_s": (1.0, 4.0)},
     needs=("highway",),
     leader=True,
     accepts=("drag_area", "headwind"),
@@ -98,10 +98,10 @@ class PocketBehindLeader(Hidden):
     " commercial vehicles: swap bodies changed between drives, curtains that bulge with speed; sizes"
     " chosen here",
     ranges={
-        "larger": (0.35, 0.7),
-        "smaller": (0.15, 0.35),
+        "larger": (0.45, 0.85),
+        "smaller": (0.2, 0.4),
         "bulge": (0.0, 0.3),
-        "share_of_drives": (0.4, 0.7),
+        "share_of_drives": (0.5, 0.75),
     },
     needs=("highway", "hills"),
     accepts=("headwind", "rolling_resistance_speed"),

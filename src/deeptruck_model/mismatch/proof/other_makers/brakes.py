@@ -16,9 +16,9 @@ from deeptruck_model.trucks import View
     " the half integral of its heat flow; friction falls in a straight line above an onset (Day, Braking of"
     " Road Vehicles, 2014, on fade); the share of brakes that carry the load is chosen here",
     ranges={
-        "effusivity": (3500.0, 7500.0),  # W s^0.5/K, of all rubbing surfaces of a 20 t truck
+        "effusivity": (3000.0, 6500.0),  # W s^0.5/K, of all rubbing surfaces of a 20 t truck
         "onset_k": (25.0, 60.0),
-        "per_k": (0.0020, 0.0045),
+        "per_k": (0.0028, 0.0055),
     },
     needs=("descent",),
 )

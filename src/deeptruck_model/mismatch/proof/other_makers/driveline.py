@@ -100,7 +100,7 @@ class LockupHunts(Hidden):
     source="An inertia behind an overrunning clutch, as freewheels in Dubbel, Taschenbuch"
     " für den Maschinenbau (2018): it is driven up and runs on by itself; a heavy rotor on the propeller"
     " shaft, sizes chosen here",
-    ranges={"share": (0.10, 0.24), "grips_s": (0.3, 0.9), "runs_s": (12.0, 40.0)},
+    ranges={"share": (0.14, 0.28), "grips_s": (0.3, 0.9), "runs_s": (12.0, 40.0)},
     needs=("suburban", "hills"),
     accepts=("mass", "payload_change"),
 )
@@ -125,31 +125,39 @@ class FreewheelingRotor(Hidden):
     name="driveline_backlash",
     forms="third",
     source="Kiencke and Nielsen, Automotive Control Systems (2005), driveline as two masses with shafts and"
-    " a dead zone: motion through the play and torsion of the shafts are integrated, so that torque"
-    " overshoots and swings; play and damping of a worn driveline, chosen here",
-    ranges={"play_rad": (0.6, 1.6), "hz": (1.2, 2.4), "damping": (0.04, 0.12)},
+    " a dead zone: motion through the play and torsion of the shafts are integrated; after the play the"
+    " engine gives torque back slowly, as controls do against the clonk (Lagerberg and Egardt, IEEE Trans."
+    " Control Syst. Technol. 15, 2007); sizes of a worn driveline, chosen here",
+    ranges={"play_rad": (0.9, 2.2), "hz": (1.0, 2.0), "damping": (0.04, 0.10), "gentle_s": (0.6, 1.6)},
     needs=("suburban", "hills"),
 )
 class TwoMassesAndPlay(Hidden):
     """play_rad at the flywheel; `way`, `rate` of the engine's mass against the wheels, m at the tread."""
 
     def start(self, batch: int) -> dict[str, Array]:
-        return {"way": np.zeros(batch), "rate": np.zeros(batch), "ratio": np.zeros(batch)}
+        return {
+            "way": np.zeros(batch),
+            "rate": np.zeros(batch),
+            "ratio": np.zeros(batch),
+            "given": np.ones(batch),
+        }
 
     def newtons(self, view: View, dt: float) -> Array:
         p, s, truck = self.p, self.s, self.truck
         ratio = np.maximum(view.ratio, 1.0)
         inertia = truck.engine_inertia * (ratio / truck.wheel_radius) ** 2
         stiffness, play = inertia * (2.0 * np.pi * p.hz) ** 2, 0.5 * p.play_rad * truck.wheel_radius / ratio
-        force = view.traction_force
+        s.given = np.minimum(s.given + dt / p.gentle_s, 1.0)
+        force = s.given * view.traction_force
         meshed = np.sign(force) * play + force / stiffness
         new = (np.abs(ratio - s.ratio) > 0.01) | (view.shifting > 0.0)  # a gear goes in without a jerk
         s.way, s.rate = np.where(new, meshed, s.way), np.where(new, 0.0, s.rate)
         s.ratio = ratio
         side, deep = np.sign(s.way), np.abs(s.way) - play
+        s.given = np.where((deep < 0.0) & ~new, 0.15, s.given)
         twist = stiffness * side * deep + 4.0 * np.pi * p.hz * p.damping * inertia * s.rate
         shaft = np.where(deep > 0.0, side * np.maximum(side * twist, 0.0), 0.0)
         s.rate = s.rate + dt * (force - shaft) / inertia
         s.way = s.way + dt * s.rate
         most = 0.12 * weight(view)
-        return np.clip(shaft - force, -most, most) * moving(view)
+        return np.clip(shaft - view.traction_force, -most, most) * moving(view)

@@ -41,9 +41,9 @@ class AtPlace(Hidden):
     forms="third",
     source="Mitschke and Wallentowitz, Dynamik der Kraftfahrzeuge (2014): rolling resistance coefficient as"
     " constant, linear and fourth power of speed over 100 km/h; sizes of soft cross-ply tyres, chosen here",
-    ranges={"linear": (0.0035, 0.0080), "fourth": (0.002, 0.006)},
+    ranges={"linear": (0.0035, 0.0080), "fourth": (0.006, 0.014)},
     needs=("highway", "hills"),
-    accepts=("drag_area",),
+    accepts=("drag_area", "rolling_resistance"),
 )
 class LinearAndFourthPower(Hidden):
     def newtons(self, view: View, dt: float) -> Array:

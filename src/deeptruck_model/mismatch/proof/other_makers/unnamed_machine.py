@@ -73,7 +73,7 @@ class Overboost(Hidden):
     source="Diesel-Engine Management (Bosch), on variable-speed governors: the pedal asks for an engine"
     " speed, and torque falls off along a droop as the engine nears it, where the simulator's pedal asks"
     " for torque; droop and range are chosen here",
-    ranges={"droop": (2.0, 5.0), "slowest": (80.0, 100.0), "fastest": (175.0, 215.0), "most": (0.10, 0.22)},
+    ranges={"droop": (3.0, 6.5), "slowest": (80.0, 100.0), "fastest": (175.0, 215.0), "most": (0.16, 0.30)},
     needs=("suburban", "hills", "highway"),
 )
 class AllSpeedGovernor(Hidden):
