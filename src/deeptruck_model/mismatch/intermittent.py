@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.mechanisms import Shape, build, comes_and_goes
+from deeptruck_model.mismatch.mechanisms import Mechanism, Shape, build, comes_and_goes, held_steady
 from deeptruck_model.mismatch.screening import screen_shapes
 from deeptruck_model.mismatch.search import ONE_SIZE, TEMPER, Model, Search
 
@@ -77,6 +77,14 @@ def during(shape: Shape, spans: list[Span], e: Evidence) -> Shape:
     )
 
 
+def _steady(search: Search, mechanism: Mechanism) -> list[Shape]:
+    """The shapes of a mechanism that few windows can show; of what only comes and goes, its mean."""
+    shapes = search.shapes(mechanism)
+    plain = [s for s in shapes if not {"each", "recordings", "own"} & set(s.settings)]
+    lasting = [s for s in plain if not comes_and_goes(s)]
+    return lasting or [held_steady(s, search.e) for s in plain[:1]]
+
+
 def candidates(search: Search, base: Model, spans: list[Span]) -> list[Model]:
     """Every mechanism as if it acted in the spans alone, added to `base` and fitted, best first.
 
@@ -87,8 +95,7 @@ def candidates(search: Search, base: Model, spans: list[Span]) -> list[Model]:
         during(s, spans, search.e)
         for mechanism in search.library
         if mechanism.effect not in (*base.effects, *ONE_SIZE)
-        for s in search.shapes(mechanism)
-        if not comes_and_goes(s) and not {"each", "recordings", "own"} & set(s.settings)
+        for s in _steady(search, mechanism)
     ]
     seen = [s for s in options if np.abs(s.columns[search.e.valid]).max(initial=0.0) > 1e-6]
     for _, shape in screen_shapes(search, base, seen):
