@@ -50,8 +50,8 @@ def _payload(s: Settings) -> list[Column]:
 
 
 def _slosh_settings(e: Evidence) -> Iterator[Settings]:
-    for frequency_hz in (0.2, 0.3, 0.4, 0.55):
-        for damping in (0.04, 0.12):
+    for frequency_hz in (0.15, 0.2, 0.3, 0.4, 0.55, 0.75):
+        for damping in (0.04, 0.12, 0.3):  # free surface to well baffled
             yield {"frequency_hz": frequency_hz, "damping": damping}
 
 
