@@ -108,9 +108,11 @@ def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list
         found = slow_force(e, residual, 1.0 / search.series.relative**2, sigma)
     if found is None:
         return causes
-    known = {m.effect for m in search.library} - {c.effect for c in causes}
+    known = {m.effect for m in search.library}
     possible = [n for n in found.possible if n in known and (n != "road_grade" or not e.has("grade"))]
     effect = possible[0] if possible else "unknown"
+    if any(c.effect == effect for c in causes):
+        return causes  # what is left of it is the bend of its form
     if "road_grade" in possible:
         effect = "road_grade"  # where slope is not recorded it is there, and the other two only may be
     road = road_lock(e, found.force)
