@@ -107,7 +107,8 @@ def _own_columns(effect: str, s: Settings) -> list[Column]:
             (form.carrier * (1.0 / s["scale"])) * piece,
             form.sd if form.share else SIZE,
             names[0],
-            "1" if form.share else "m/s^2",
+            "1" if form.share else "N",
+            per_mass=not form.share,
             course=tuple(zip(names, values, strict=True)),
         )
         for piece, values in curve(form, at)

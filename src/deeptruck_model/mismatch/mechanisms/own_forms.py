@@ -197,9 +197,12 @@ OWN: dict[str, tuple[Form, ...]] = {
 
 
 def forms(effect: str, e: Evidence) -> Iterator[dict[str, Any]]:
-    """Settings of every form of a name that these recordings can show."""
+    """Settings of every form of a name that these recordings can show.
+
+    None for a learned simulator: what it learned badly runs in curves too.
+    """
     for k, form in enumerate(OWN.get(effect, ())):
-        if not e.has(*form.needs):
+        if e.own_error > 0 or not e.has(*form.needs):
             continue
         carrier, x = np.abs(form.carrier.rows(e)), form.of.rows(e)
         acts = e.valid & (carrier > ACTING * float(np.quantile(carrier[e.valid], 0.98))) & (carrier > 0)
