@@ -46,8 +46,8 @@ def export_onnx(policy: MlpPolicy, path: str | Path) -> None:
     """Write `policy` as ONNX (opset 17, float32), whole or not at all.
 
     Inputs, each (batch, 1): the five signals of OBSERVED; and, for a policy with memory, memory (batch,
-    3 or 5), which starts as [0, NaN, NaN(, 0, 0)]. Outputs (batch, 1): engine_command, brake_command; and
-    memory_next like memory.
+    3 or 6), which starts as [0, NaN, NaN(, NaN, 0, 0)]. Outputs (batch, 1): engine_command, brake_command;
+    and memory_next like memory.
     """
     g = _Graph()
     leader, speed, gap, time_gap, grade = OBSERVED
@@ -66,7 +66,7 @@ def export_onnx(policy: MlpPolicy, path: str | Path) -> None:
 
 
 def _recall(g: _Graph, f: FeatureMap, signals: str, features: str) -> tuple[str, str]:
-    """FeatureMap with memory: all features, and the first three columns of the next memory."""
+    """FeatureMap with memory: all features, and the next memory without the slow actions."""
     speeds, old = g.columns(signals, 0, 2), g.columns("memory", 1, 3)
     slow = g.add("Where", g.add("IsNaN", old), speeds, old)
     error = g.add("Sub", g.columns(signals, 2, 3), g.columns(signals, 3, 4))
@@ -79,36 +79,44 @@ def _recall(g: _Graph, f: FeatureMap, signals: str, features: str) -> tuple[str,
     rates = g.add("Div", g.add("Sub", speeds, slow), g.constant(f.slow_s))
     after = g.add("Add", slow, g.add("Mul", rates, g.constant(f.dt)))
     parts = [features, g.add("Div", integral, g.constant(5.0)), g.add("Div", rates, g.constant(0.5))]
+    kept = [integral, after]
     if f.power:
-        parts += [*_power(g, f, signals, g.columns(rates, 1, 2)), g.columns("memory", 3, 5)]
-    return g.add("Concat", *parts, axis=1), g.add("Concat", integral, after, axis=1)
+        old = g.columns("memory", 3, 4)
+        ideal = g.add("Where", g.add("IsNaN", old), g.columns(signals, 0, 1), old)
+        told, pull = _power(g, f, signals, g.columns(rates, 1, 2), ideal)
+        parts += [*told, g.columns("memory", 4, 6)]
+        kept.append(g.add("Add", ideal, g.add("Mul", pull, g.constant(f.dt))))
+    return g.add("Concat", *parts, axis=1), g.add("Concat", *kept, axis=1)
 
 
 def _remember(g: _Graph, f: FeatureMap, integral_and_slow: str, action: str) -> None:
     """FeatureMap.remember."""
     parts = [integral_and_slow]
     if f.power:
-        slow = g.columns("memory", 3, 5)
+        slow = g.columns("memory", 4, 6)
         change = g.add("Mul", g.add("Sub", action, slow), g.constant(f.dt / f.slow_s))
         parts.append(g.add("Add", slow, change))
     g.add("Concat", *parts, output="memory_next", axis=1)
 
 
-def _power(g: _Graph, f: FeatureMap, signals: str, rate: str) -> list[str]:
-    """FeatureMap._power, column by column."""
+def _power(g: _Graph, f: FeatureMap, signals: str, rate: str, ideal: str) -> tuple[list[str], str]:
+    """FeatureMap._power, column by column, and the ideal follower's acceleration."""
     leader, speed, gap, target, grade = (g.columns(signals, k, k + 1) for k in range(5))
     moving = g.add("Max", speed, g.constant(1.0))
     time_gap = g.clip(g.add("Div", target, moving), 1.0, 6.0)
-    hold = g.add("Div", g.add("Sub", leader, speed), time_gap)
+    pull = g.add("Div", g.add("Sub", leader, ideal), time_gap)
+    behind, far = g.add("Sub", ideal, speed), g.add("Sub", gap, g.add("Mul", time_gap, ideal))
+    closing = g.add("Mul", time_gap, g.constant(f.closing_share))
+    closing = g.add("Add", closing, g.constant(f.closing_s))
+    errors = g.add("Add", g.add("Mul", behind, g.constant(2.0)), g.add("Div", far, closing))
+    wanted = g.clip(g.add("Add", pull, g.add("Div", errors, closing)), -2.0, 1.0)
     error = g.add("Sub", gap, target)
-    closing = g.add("Div", error, g.add("Mul", time_gap, g.constant(f.closing_s)))
-    wanted = g.clip(g.add("Add", hold, closing), -2.0, 1.0)
     slope = g.add("Mul", grade, g.constant(9.81))
     weight = g.add("Mul", speed, g.constant(1 / 8.0))
     late = g.add("Tanh", g.add("Mul", g.add("Div", error, moving), g.constant(1 / 0.3)))
-    halves = [g.add("Mul", x, g.constant(2.0)) for x in (hold, wanted)]
+    doubled = [g.add("Mul", x, g.constant(2.0)) for x in (pull, wanted)]
     powers = [g.add("Mul", g.add("Add", x, slope), weight) for x in (wanted, rate)]
-    return [halves[0], late, halves[1], *powers]
+    return [doubled[0], behind, g.add("Mul", far, g.constant(0.5)), late, doubled[1], *powers], pull
 
 
 def _network(g: _Graph, policy: MlpPolicy, features: str) -> str:

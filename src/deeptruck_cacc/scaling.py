@@ -45,7 +45,9 @@ def paper_signals(observation: Mapping[str, Any]) -> Array:
 
 
 POWER = (
-    "holding_acceleration",
+    "ideal_acceleration",
+    "ideal_speed_error",
+    "ideal_gap_error",
     "time_gap_error",
     "wanted_acceleration",
     "wanted_power",
@@ -64,10 +66,11 @@ class FeatureMap:
     of change, which the paper's memoryless policy cannot know: they remove steady error and see a leader
     that brakes.
 
-    With `power` as well, five features say what following takes (see _power), and memory (batch, 5) and
-    features end with the slow actions: beside the power that came of them they tell load and wind. The gap
-    error then counts less in the integral the further it lies beyond `knee_m`, so that closing a gap does
-    not wind it up.
+    With `power` as well, memory (batch, 6) also holds the speed of the ideal follower, v' = (v_leader - v) /
+    Tg from the leader's own speed on: of all that hold the time gap the one in which nothing is left to
+    decay with Tg. Seven features say what following it takes (see _power). Memory and features end with the
+    slow actions: beside the power that came of them they tell load and wind. The gap error then counts less
+    in the integral the further it lies beyond `knee_m`, so that closing a gap does not wind it up.
     """
 
     matrix: Array
@@ -79,7 +82,8 @@ class FeatureMap:
     slow_s: float = 0.5
     power: bool = False
     knee_m: float = 1.0
-    closing_s: float = 2.0  # a time-gap error is wanted gone in about this time
+    closing_s: float = 0.8  # errors from the ideal follower are wanted gone with this time constant
+    closing_share: float = 0.1  # and this much of the time gap: near a long one, haste in speed costs more
 
     @classmethod
     def default(cls, *, memory: bool = True, dt: float = 0.1, power: bool = False) -> FeatureMap:
@@ -96,11 +100,11 @@ class FeatureMap:
     @property
     def remembered(self) -> int:
         """Columns of memory."""
-        return 5 if self.power else 3 if self.memory else 0
+        return 6 if self.power else 3 if self.memory else 0
 
     def start(self, batch: int) -> Array:
         """Memory before the first observation, (batch, remembered)."""
-        return np.tile([0.0, np.nan, np.nan, 0.0, 0.0][: self.remembered], (batch, 1))
+        return np.tile([0.0, np.nan, np.nan, np.nan, 0.0, 0.0][: self.remembered], (batch, 1))
 
     def __call__(self, signals: Array, memory: Array) -> tuple[Array, Array]:
         """Features (batch, n) and the next memory, from signals (batch, 5) and memory."""
@@ -117,29 +121,41 @@ class FeatureMap:
         rates = (speeds - slow) / self.slow_s
         slow = slow + self.dt * rates
         parts = [features, integral[:, None] / 5.0, rates / 0.5]
+        kept = memory[:, 3:]
         if self.power:
-            parts += [self._power(signals, rates[:, 1]), memory[:, 3:]]
-        return np.hstack(parts), np.column_stack([integral, slow, memory[:, 3:]])
+            ideal = np.where(np.isnan(memory[:, 3]), signals[:, 0], memory[:, 3])
+            pull = (signals[:, 0] - ideal) / self._time_gap(signals)
+            parts += [self._power(signals, rates[:, 1], ideal, pull), memory[:, 4:]]
+            kept = np.column_stack([ideal + self.dt * pull, memory[:, 4:]])
+        return np.hstack(parts), np.column_stack([integral, slow, kept])
 
     def remember(self, memory: Array, action: Array) -> Array:
         """Memory after an action (batch, 2): the slow actions have moved."""
-        slow = memory[:, 3:]
+        slow = memory[:, 4:]
         change = np.clip(action, -1.0, 1.0)[:, : slow.shape[1]] - slow
-        return np.hstack([memory[:, :3], slow + self.dt / self.slow_s * change])
+        return np.hstack([memory[:, :4], slow + self.dt / self.slow_s * change])
 
-    def _power(self, signals: Array, rate: Array) -> Array:
-        """What following takes, (batch, 5), from signals and the truck's slow acceleration (batch,).
+    @staticmethod
+    def _time_gap(signals: Array) -> Array:
+        """Wanted time gap (batch,), s, as far as near standstill it can be told."""
+        return np.asarray(np.clip(signals[:, 3] / np.maximum(signals[:, 1], 1.0), 1.0, 6.0))
 
-        Accelerations (in 0.5 m/s^2) that hold the gap error, and that also close it; the time-gap error (s),
-        fine near zero; and power (in 8 W/kg), wanted and delivered: an engine command is nearly a power.
+    def _power(self, signals: Array, rate: Array, ideal: Array, pull: Array) -> Array:
+        """What following takes, (batch, 7), from signals, the truck's slow acceleration and the ideal
+        follower's speed and acceleration, each (batch,).
+
+        The ideal acceleration (in 0.5 m/s^2), speed error (m/s) and gap error (in 2 m); the time-gap error
+        (s), fine near zero; the acceleration that also takes the errors away; and power (in 8 W/kg), wanted
+        and delivered: an engine command is nearly a power.
         """
-        leader, speed, gap, target, grade = signals.T
-        moving = np.maximum(speed, 1.0)
-        time_gap = np.clip(target / moving, 1.0, 6.0)
-        hold, late = (leader - speed) / time_gap, (gap - target) / moving
-        wanted = np.clip(hold + late * moving / (time_gap * self.closing_s), -2.0, 1.0)
+        _, speed, gap, target, grade = signals.T
+        time_gap = self._time_gap(signals)
+        behind, far = ideal - speed, gap - time_gap * ideal
+        closing = self.closing_s + self.closing_share * time_gap
+        wanted = np.clip(pull + (2 * behind + far / closing) / closing, -2.0, 1.0)
+        late = np.tanh((gap - target) / np.maximum(speed, 1.0) / 0.3)
         power = (np.stack([wanted, rate]) + 9.81 * grade) * speed / 8.0
-        return np.column_stack([hold / 0.5, np.tanh(late / 0.3), wanted / 0.5, *power])
+        return np.column_stack([pull / 0.5, behind, far / 2.0, late, wanted / 0.5, *power])
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for policy.json."""

@@ -41,6 +41,17 @@ def test_a_saved_policy_acts_the_same(tmp_path, memory, power):
     assert loaded.coverage == policy.coverage and loaded.card == policy.card
 
 
+def test_the_ideal_follower_nears_the_leaders_speed_with_the_time_gap():
+    features = FeatureMap.default(power=True)
+    memory, column = features.start(1), features.names.index("ideal_speed_error")
+    for k in range(31):
+        leader = 15.0 if k == 0 else 18.0
+        seen, memory = features(np.array([[leader, 15.0, 45.0, 45.0, 0.0]]), memory)
+    assert seen[0, column] == pytest.approx(
+        3.0 * (1 - np.exp(-1)), abs=0.05
+    )  # 3 s later at a time gap of 3 s
+
+
 def test_reset_forgets_and_rows_do_not_mix():
     policy = random_policy()
     first = policy.act(SEEN)

@@ -26,7 +26,7 @@ QUICK_TRPO = trpo.TrpoConfig(iterations=4, environments=5, path=80, validate_eve
 def trained(tmp_path_factory, request):
     toy = request.getfixturevalue("shared_toy")
     out = tmp_path_factory.mktemp("trained") / "policy"
-    config = analytic.AnalyticConfig(seeds=2, rollouts=10, iterations=40, window=100)
+    config = analytic.AnalyticConfig(seeds=2, rollouts=10, iterations=40, window=100, learning_rate=1e-3)
     return toy, out, train(toy, out, config=config)
 
 
@@ -50,7 +50,6 @@ def test_the_card_says_what_was_done(trained):
     _, out, policy = trained
     card = json.loads((out / "policy.json").read_text())["card"]
     assert card["trainer"] == "analytic" and card["config"]["iterations"] == 40
-    assert card["config"]["learning_rate"] == analytic.FOLLOWER_RATE
     assert card["validation"]["score"] == min(
         json.loads((out / "seeds" / s / "policy.json").read_text())["card"]["validation"]["score"]
         for s in "01"
@@ -59,19 +58,31 @@ def test_the_card_says_what_was_done(trained):
     assert any((out / "tensorboard").iterdir())
 
 
-def test_the_best_of_all_validations_is_kept_and_the_last_iteration_is_validated(trained):
-    _, out, policy = trained
+def test_the_best_of_all_validations_is_kept_and_the_last_iteration_is_validated(toy, tmp_path):
+    out = tmp_path / "p"
+    policy = train(toy, out, config=replace(QUICK, memory=False))
     curve = [json.loads(line) for line in (out / "learning_curve.jsonl").read_text().splitlines()]
     assert "validation" in curve[-1]
     best = np.min([line["validation"] for line in curve if "validation" in line], axis=0)
     assert policy.card["validation"]["score"] == best.min()
 
 
+def test_a_start_that_follows_better_than_what_comes_of_it_is_kept(toy, tmp_path):
+    config = replace(QUICK, seeds=1, iterations=2, learning_rate=1.0)
+    train(toy, tmp_path / "p", config=config)
+    curve = [json.loads(line) for line in (tmp_path / "p" / "learning_curve.jsonl").read_text().splitlines()]
+    kept = json.loads((tmp_path / "p" / "policy.json").read_text())["card"]["validation"]["score"]
+    assert kept < 0.5 * curve[-1]["validation"][0]
+
+
 def test_random_weights_learn_at_their_own_rate_unless_told(toy, tmp_path):
-    config = replace(QUICK, iterations=1, memory=False)
-    assert train(toy, tmp_path / "a", config=config).card["config"]["learning_rate"] == analytic.RANDOM_RATE
-    told = replace(config, learning_rate=2e-3)
-    assert train(toy, tmp_path / "b", config=told).card["config"]["learning_rate"] == 2e-3
+    def rate(out: str, **settings) -> float:
+        config = replace(QUICK, iterations=1, **settings)
+        return train(toy, tmp_path / out, config=config).card["config"]["learning_rate"]
+
+    assert rate("a", memory=False) == analytic.RANDOM_RATE
+    assert rate("b") == analytic.FOLLOWER_RATE
+    assert rate("c", learning_rate=2e-3) == 2e-3
 
 
 @pytest.mark.parametrize("power", [True, False])
@@ -79,12 +90,10 @@ def test_torch_and_numpy_agree_on_policy_and_road(toy, power):
     scene = scenes.wide(np.random.default_rng(5), 6, 60, toy.dt)
     scale = replace(ActionScale.of(toy), exclusive=power)
     batch = SeedBatch([0, 1], FeatureMap.default(power=power), scale)
-    draw = torch.Generator().manual_seed(
-        0
-    )  # some draws differ by more than the bound, most likely by single precision
+    draw = torch.Generator().manual_seed(0)
     with torch.no_grad():
         for p in batch.parameters():
-            p.add_(0.3 * torch.randn(p.shape, generator=draw))
+            p.add_(0.1 * torch.randn(p.shape, generator=draw))  # wilder ones magnify single precision
         road = Road(toy, Reward())
         _, window = road.drive(scene, batch, road.start(scene, batch), 60)
     for seed, rows in ((0, slice(0, 3)), (1, slice(3, 6))):
@@ -93,6 +102,20 @@ def test_torch_and_numpy_agree_on_policy_and_road(toy, power):
         np.testing.assert_allclose(
             window.speed_error[:, rows].numpy(), trace["speed_error"][:, rows], atol=2e-4
         )
+
+
+def test_torch_and_numpy_agree_on_features():
+    features = FeatureMap.default(power=True)
+    batch = SeedBatch([0], features, ActionScale(0.0, 2000.0, 100.0))
+    rng, memory = np.random.default_rng(0), features.start(6)
+    same = torch.tensor(memory, dtype=torch.float32)
+    for _ in range(30):
+        signals = rng.normal([15, 15, 45, 45, 0], [3, 3, 10, 10, 0.02], (6, 5))
+        signals[0] = [15, 0.5, 3, 3, 0]
+        seen, memory = features(signals, memory)
+        told, same = batch.observe(torch.tensor(signals, dtype=torch.float32), same)
+        np.testing.assert_allclose(told, seen, atol=1e-4)
+        np.testing.assert_allclose(same, memory, atol=1e-4)
 
 
 def test_every_seed_starts_as_a_follower(toy):
@@ -107,6 +130,15 @@ def test_every_seed_starts_as_a_follower(toy):
     untaught = [worst(0), worst(1)]
     batch.start_as_follower(PedalMap.calibrate(toy))
     assert max(worst(0), worst(1)) < 0.6 < 0.3 * min(untaught)
+
+
+def test_a_follower_leaves_no_speed_error_that_decays_with_the_time_gap(toy):
+    scene = replace(scenes.paper(np.random.default_rng(5), 50, 200, toy.dt), time_gap=np.full(50, 5.0))
+    scene = replace(scene, gap=scene.speed * 5.0)
+    batch = SeedBatch([0], FeatureMap.default(power=True), replace(ActionScale.of(toy), exclusive=True))
+    batch.start_as_follower(PedalMap.calibrate(toy))
+    trace = roll_out(toy, batch.policy(0, toy.interface, {}, {}), scene)
+    assert np.abs(trace["speed_error"][150:]).max() < 0.05  # exp(-15/5) of 1.39 m/s is 0.07
 
 
 def test_same_seed_same_policy(toy, tmp_path):
@@ -174,12 +206,14 @@ def test_the_radar_of_a_scene_reaches_the_policy_in_training(toy):
     assert (far[-1] < clear[-1]).all()  # a leader that seems further is approached
 
 
-def test_a_time_gap_error_costs_more_than_a_moving_leaders_speed(toy):
-    road, steady = Road(toy, Reward()), torch.full((10, 1), 15.0)
-    right, late = torch.zeros(10, 1), torch.full((10, 1), 15.0 * 0.2)
-    assert float(road._tracking(right, steady, steady).sum()) == 0.0
-    swinging = 15.0 + torch.linspace(-1.0, 1.0, 10)[:, None]
-    assert road._tracking(right, steady, swinging).mean() < 0.1 * road._tracking(late, steady, steady).mean()
+def test_the_ideal_follower_behind_a_moving_leader_costs_nothing(toy):
+    scene = scenes.moving(np.random.default_rng(5), 8, 400, toy.dt)
+    road = Road(toy, Reward())
+    leader, ideal, *_, time_gap, _ = road._given(scene)
+    gap = time_gap * ideal[0] + torch.cumsum((leader - ideal)[:-1], dim=0) * toy.dt
+    ahead = ideal[1:]
+    assert road._tracking(gap - time_gap * ahead, ahead, ahead).max() < 1e-3
+    assert road._tracking(gap - time_gap * ahead + 0.1 * ahead, ahead, ahead).min() > 0.1
 
 
 def test_scores_count_only_what_the_task_allows():

@@ -29,7 +29,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.simulators import Simulator
 
 # From random weights much must change; a start that already follows is only thrown off by such steps.
-FOLLOWER_RATE, RANDOM_RATE = 1e-3, 6e-3
+FOLLOWER_RATE, RANDOM_RATE = 3e-4, 6e-3
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,9 @@ def train(
     an unknown scene, or a foreign checkpoint.
     """
     if not hasattr(simulator, "torch_module"):
-        raise InputError("this simulator has no gradient; lend it one by training.lent_gradient.with_gradient")
+        raise InputError(
+            "this simulator has no gradient; lend it one by training.lent_gradient.with_gradient"
+        )
     if config.scene not in scenes.DRAWERS:
         raise InputError(f"there is no scene '{config.scene}'; known: {', '.join(scenes.DRAWERS)}")
     rate = config.learning_rate or (FOLLOWER_RATE if config.memory else RANDOM_RATE)
@@ -105,6 +107,8 @@ class _Run:
         config, start = self.config, self._restore() if resume else 0
         log = progress.Log(self.out, start)
         state, scene, score = None, None, ""
+        if config.memory and not start:
+            self._validate()  # a start that already follows may be better than what comes of it
         for i in range(start, config.iterations):
             if state is None or scene is None or i % config.windows == 0:
                 scene = self._draw(i // config.windows)

@@ -15,6 +15,10 @@ from deeptruck_cacc.policy import MlpPolicy
 from deeptruck_cacc.scaling import ActionScale, FeatureMap
 from deeptruck_model.signals import TruckInterface
 
+# Scales at which a follower starts through the tanh of three layers; the brake's is small, so that it brakes
+# in proportion.
+PULL_SCALE, BRAKE_SCALE = 0.3, 0.1
+
 
 class _ClipInward(torch.autograd.Function):
     """Clip whose gradient still leads back from beyond a limit, so a released brake can be found again."""
@@ -72,12 +76,13 @@ class SeedBatch(torch.nn.Module):
         speed, coast = pedals.speed[usual], pedals.coast[usual]
         power = float(((pedals.full[usual] - coast) * speed).mean())
         braking = float((coast - pedals.brake[usual]).mean())
-        for unit, name in enumerate(("wanted_power", "wanted_acceleration")):
+        starts = (("wanted_power", PULL_SCALE), ("wanted_acceleration", BRAKE_SCALE))
+        for unit, (name, scale) in enumerate(starts):
             for k, weight in enumerate(self.weights[:-1]):
                 weight[:, unit] = 0.0
-                weight[:, unit, unit if k else self.features.names.index(name)] = 1.0 if k else 0.3
-        self.weights[-1][:, 0, 0] = 2 * 8.0 / power / 0.3
-        self.weights[-1][:, 1, 1] = -0.5 / braking / 0.3
+                weight[:, unit, unit if k else self.features.names.index(name)] = 1.0 if k else scale
+        self.weights[-1][:, 0, 0] = 2 * 8.0 / power / PULL_SCALE
+        self.weights[-1][:, 1, 1] = -0.5 / braking / BRAKE_SCALE
         self.biases[-1][:, :, 0] = 2 * float((-coast * speed).mean()) / power - 1.0
         self.biases[-1][:, :, 1] = float(coast.mean()) / braking
 
@@ -95,9 +100,9 @@ class SeedBatch(torch.nn.Module):
             hidden = hidden if k == last else torch.tanh(hidden)
         mean = hidden.reshape(-1, 2)
         action: Tensor = _ClipInward.apply(mean, -1.0, 1.0)  # type: ignore[no-untyped-call]
-        f, slow = self.features, memory[:, 3:]
+        f, slow = self.features, memory[:, 4:]
         if f.power:
-            memory = torch.cat([memory[:, :3], slow + f.dt / f.slow_s * (action - slow)], dim=1)
+            memory = torch.cat([memory[:, :4], slow + f.dt / f.slow_s * (action - slow)], dim=1)
         return action, memory
 
     def observe(self, signals: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
@@ -115,20 +120,25 @@ class SeedBatch(torch.nn.Module):
         integral = (memory[:, 0] + f.dt * error).clamp(-f.integral_limit, f.integral_limit)
         rates = (speeds - slow) / f.slow_s
         parts = [features, integral[:, None] / 5.0, rates / 0.5]
+        kept = [integral[:, None], slow + f.dt * rates]
         if f.power:
-            parts += [self._power(signals, rates[:, 1]), memory[:, 3:]]
-        memory = torch.cat([integral[:, None], slow + f.dt * rates, memory[:, 3:]], dim=1)
-        return torch.cat(parts, dim=1), memory
+            ideal = torch.where(memory[:, 3].isnan(), signals[:, 0], memory[:, 3])
+            told, pull = self._power(signals, rates[:, 1], ideal)
+            parts += [told, memory[:, 4:]]
+            kept += [(ideal + f.dt * pull)[:, None], memory[:, 4:]]
+        return torch.cat(parts, dim=1), torch.cat(kept, dim=1)
 
-    def _power(self, signals: Tensor, rate: Tensor) -> Tensor:
-        """FeatureMap._power in torch."""
+    def _power(self, signals: Tensor, rate: Tensor, ideal: Tensor) -> tuple[Tensor, Tensor]:
+        """FeatureMap._power in torch, and the ideal follower's acceleration (rows,)."""
         leader, speed, gap, target, grade = signals.unbind(dim=1)
         moving = speed.clamp(min=1.0)
         time_gap = (target / moving).clamp(1.0, 6.0)
-        hold, late = (leader - speed) / time_gap, (gap - target) / moving
-        wanted = (hold + late * moving / (time_gap * self.features.closing_s)).clamp(-2.0, 1.0)
+        pull, behind, far = (leader - ideal) / time_gap, ideal - speed, gap - time_gap * ideal
+        closing = self.features.closing_s + self.features.closing_share * time_gap
+        wanted = (pull + (2 * behind + far / closing) / closing).clamp(-2.0, 1.0)
         powers = [(x + 9.81 * grade) * speed / 8.0 for x in (wanted, rate)]
-        return torch.stack([hold / 0.5, torch.tanh(late / 0.3), wanted / 0.5, *powers], dim=1)
+        late = torch.tanh((gap - target) / moving / 0.3)
+        return torch.stack([pull / 0.5, behind, far / 2.0, late, wanted / 0.5, *powers], dim=1), pull
 
     def commands(self, action: Tensor) -> Tensor:
         """ActionScale in torch, for actions within [-1, 1]; the brake's dead half leads its gradient back."""

@@ -44,7 +44,7 @@ class Road:
 
     simulator: Simulator
     reward: Reward
-    speed_share: float = 0.2  # of the reward's alpha_v: a moving leader's speed is not what is wanted
+    speed_share: float = 1.0  # of the reward's alpha_v, paid for the distance from the ideal follower's speed
     alpha_time_gap: float = 0.2  # on the time-gap error in 0.1 s, as it is judged, linear beyond 0.3 s
     alpha_sharp: float = 0.2  # on the same, linear from 0.03 s on, so that the last bit goes as well
     alpha_rate: float = 0.3  # on the change of action a step, squared: keeps the pedals quiet
@@ -68,7 +68,7 @@ class Road:
 
     def drive(self, scene: Scene, policy: SeedBatch, state: Traffic, steps: int) -> tuple[Traffic, Window]:
         """`steps` steps from `state`; gradients reach the policy through every one of them."""
-        leader, seen, felt, time_gap, gain = self._given(scene)
+        leader, ideal, seen, felt, time_gap, gain = self._given(scene)
         gap_noise, speed_noise = self._radar(scene)
         low, high = (torch.tensor(x) for x in policy.scale.limits)
         first, truck, speed, gap, memory, action = state
@@ -84,23 +84,27 @@ class Road:
             speeds.append(speed)
             actions.append(action)
         after = Traffic(first + steps, truck, speed, gap, memory, action)
-        ahead = leader[first + 1 : first + steps + 1]
-        window = self._judge(
-            policy, torch.stack(gaps), torch.stack(speeds), ahead, time_gap, torch.stack(actions)
-        )
-        return after, window
+        ahead, wanted = (x[first + 1 : first + steps + 1] for x in (leader, ideal))
+        driven = torch.stack(gaps), torch.stack(speeds), torch.stack(actions)
+        return after, self._judge(policy, *driven, ahead, wanted, time_gap)
 
     def _given(self, scene: Scene) -> tuple[Tensor, ...]:
-        """Leader speed (T + 1, rows), seen grade (T, rows), felt w (T, rows, n_w), time gap, command gain."""
-        speeds = [scene.leader_speed]
+        """Leader's and ideal follower's speed (T + 1, rows), seen grade (T, rows), felt w (T, rows, n_w),
+        time gap, command gain.
+
+        Behind a moving leader, holding the time gap takes a speed other than the leader's; the ideal
+        follower's is asked for instead (see FeatureMap).
+        """
+        speeds, ideal = [scene.leader_speed], [scene.leader_speed]
         for pull in scene.leader_acceleration.T:
+            ideal.append(ideal[-1] + (speeds[-1] - ideal[-1]) * self.dt / scene.time_gap)
             speeds.append(np.maximum(speeds[-1] + pull * self.dt, 0.0))
         grade = scene.grade.T
         felt = grade if scene.hidden_grade is None else grade + scene.hidden_grade.T
         seen = grade if self.has_grade else np.zeros_like(grade)
         w = felt[..., None] if self.has_grade else np.zeros((*grade.shape, 0))
         gain = np.ones((scene.batch, 2)) if scene.command_gain is None else scene.command_gain
-        return tuple(_tensor(x) for x in (np.array(speeds), seen, w, scene.time_gap, gain))
+        return tuple(_tensor(x) for x in (np.array(speeds), np.array(ideal), seen, w, scene.time_gap, gain))
 
     def _radar(self, scene: Scene) -> tuple[Tensor, Tensor]:
         """What the radar adds to gap and leader speed, each (T, rows)."""
@@ -110,14 +114,22 @@ class Road:
         return gap, speed
 
     def _judge(
-        self, policy: SeedBatch, gap: Tensor, speed: Tensor, leader: Tensor, time_gap: Tensor, action: Tensor
+        self,
+        policy: SeedBatch,
+        gap: Tensor,
+        speed: Tensor,
+        action: Tensor,
+        leader: Tensor,
+        ideal: Tensor,
+        time_gap: Tensor,
     ) -> Window:
-        """Cost and errors of a window; gap, speed, leader (steps, rows), action (steps + 1, rows, 2)."""
+        """Cost and errors of a window; gap, speed, leader, ideal (steps, rows), action (steps + 1, rows,
+        2)."""
         gap_error, speed_error = gap - speed * time_gap, leader - speed
         commands = policy.commands(action[1:].flatten(0, 1)).view(*gap.shape, 2)
         scale = policy.scale
         engine, brake = commands[..., 0] / scale.engine_high, commands[..., 1] / max(scale.brake_high, 1e-12)
-        cost = self._tracking(gap_error, speed, leader) + self.paid.effort(engine, brake)
+        cost = self._tracking(gap_error, speed, ideal) + self.paid.effort(engine, brake)
         hinge = (self.reward.d_safety + self.margin_m - gap).clamp(min=0.0, max=10.0)
         change = (action[1:] - action[:-1])[1:].square().sum(dim=2)
         total = (cost + hinge + self.alpha_both * engine * brake).mean(dim=0)
@@ -128,10 +140,11 @@ class Road:
         wasted = (engine * brake).mean(dim=0) + 0.02 * jerk.square().mean(dim=0).sqrt()
         return Window(total, time_gap_error, speed_error.detach(), crashed, wasted.detach())
 
-    def _tracking(self, gap_error: Tensor, speed: Tensor, leader: Tensor) -> Tensor:
-        """The reward's tracking terms and the time-gap error, (steps, rows)."""
+    def _tracking(self, gap_error: Tensor, speed: Tensor, ideal: Tensor) -> Tensor:
+        """The reward's tracking terms, as the ideal follower's speed has them, and the time-gap error,
+        (steps, rows)."""
         late = gap_error / speed.clamp(min=3.0) / 0.1
-        cost: Tensor = self.paid.tracking(gap_error, leader - speed)
+        cost: Tensor = self.paid.tracking(gap_error, ideal - speed)
         cost = cost + self.alpha_time_gap * shaped_square(late, 3.0)
         return cost + self.alpha_sharp * shaped_square(late, 0.3)
 
