@@ -96,6 +96,12 @@ def drive(truck: trucks.PhysicsTruck, scene: Scene) -> Array:
     return np.array(errors)
 
 
+def rows(scene: Scene, chosen: NDArray[np.intp]) -> Scene:
+    """Some of the rollouts of a scene without radar faults."""
+    names = ("leader_speed", "speed", "gap", "time_gap", "leader_acceleration", "grade")
+    return replace(scene, **{name: getattr(scene, name)[chosen] for name in names})
+
+
 def main() -> None:
     """Print the table and write docs/results/bench_foresight.md."""
     parser = argparse.ArgumentParser(
@@ -107,8 +113,7 @@ def main() -> None:
     args = parser.parse_args()
     truck = simulators.load(f"truck:{args.truck}")
     scene = scenes.moving(np.random.default_rng(args.seed), 100, 800, truck.dt)
-    names = ("leader_speed", "speed", "gap", "time_gap", "leader_acceleration", "grade")
-    scene = replace(scene, **{name: getattr(scene, name)[: args.rollouts] for name in names})
+    scene = rows(scene, np.arange(args.rollouts))
     reach = metrics.within_reach(scene, PedalMap.calibrate(truck), truck.dt)[100:]
     size = np.abs(drive(truck, scene))[100:]
     worst = np.sort(np.where(reach, size, 0.0).max(axis=0))

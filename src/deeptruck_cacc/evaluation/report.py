@@ -60,7 +60,10 @@ def evaluate(
     if shield:
         driver = guards.guard(driver, truck_limits.measure(truck))
     pedals = PedalMap.calibrate(truck)
-    sets = {name: _drive(driver, *case) for name, case in _cases(truck, rollouts, seed, full)}
+    cases = dict(_cases(truck, rollouts, seed, full))
+    sets = {name: _drive(driver, *case) for name, case in cases.items()}
+    # What a heavier truck could have reached is asked of its own pedals.
+    own = {name: pedals if on is truck else PedalMap.calibrate(on) for name, (on, _) in cases.items()}
     for name, trace in sets.items() if draw else ():
         _draw(name, trace, out)
     results: dict[str, Any] = {
@@ -69,7 +72,7 @@ def evaluate(
         "simulator": str(simulator) if isinstance(simulator, str) else type(simulator).__name__,
         "seed": seed,
         "shield": shield,
-        "sets": {name: _row(name, trace, pedals) for name, trace in sets.items()},
+        "sets": {name: _row(name, trace, own[name]) for name, trace in sets.items()},
     }
     if isinstance(policy, str):
         _draw_learning(Path(policy), out)
