@@ -1,4 +1,4 @@
-"""`deeptruck-model train`, `sweep`, `evaluate`, `export` and `experiment`."""
+"""`deeptruck-model train`, `sweep`, `evaluate`, `calibrate`, `export` and `experiment`."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import typer
 from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
+    from deeptruck_model.deep import DeepTruck
     from deeptruck_model.recordings import Recording
 
 Bags = Annotated[list[Path], typer.Argument(metavar="BAG...", help="Bags (folders) of one truck.")]
@@ -144,8 +145,31 @@ def evaluate(
     typer.echo(f"{metrics['trials']} free runs of {metrics['horizon_s']:.0f} s")
     for name, values in metrics.items():
         if isinstance(values, dict):
-            typer.echo(f"{name:>13}: mean abs error {values['mean_abs']:.4f}, rmse {values['rmse']:.4f}")
+            held = (
+                f", {100 * values['inside_90']:.0f} % in the 90 % interval" if "inside_90" in values else ""
+            )
+            typer.echo(
+                f"{name:>13}: mean abs error {values['mean_abs']:.4f}, rmse {values['rmse']:.4f}{held}"
+            )
     typer.echo(f"figures and metrics.json in {out}")
+
+
+def calibrate(
+    simulator: Annotated[str, typer.Argument(metavar="SIM", help="Simulator directory of a deep truck.")],
+    bags: Bags,
+    out: Annotated[Path, typer.Option(help="Simulator directory to write.", metavar="SIM")],
+) -> None:
+    """Set the 90 % intervals by drives that the truck was not trained on; an hour or more is worth it.
+
+    Example: deeptruck-model calibrate simulators/mytruck drives/friday --out simulators/calibrated
+    """
+    from deeptruck_model.deep import uncertainty
+    from deeptruck_model.simulators import MANIFEST
+
+    if (out / MANIFEST).exists():
+        raise InputError(f"{out} exists already; choose another --out")
+    uncertainty.calibrated(_deep(simulator), _read(bags)).save(out)
+    typer.echo(f"{out}: intervals set; 'deeptruck-model evaluate' on a third drive says what they hold")
 
 
 def export(
@@ -156,12 +180,9 @@ def export(
 
     Example: deeptruck-model export simulators/mytruck --out mytruck.onnx
     """
-    from deeptruck_model import simulators
-    from deeptruck_model.deep import DeepTruck, onnx_export
+    from deeptruck_model.deep import onnx_export
 
-    truck = simulators.load(simulator)
-    if not isinstance(truck, DeepTruck):
-        raise InputError(f"{simulator} is no deep truck; only those are exported")
+    truck = _deep(simulator)
     onnx_export.export(truck, out)
     typer.echo(f"{out}: inputs h, c, y, u, w of one step of {truck.dt:g} s; see docs/deep_model.md")
 
@@ -197,6 +218,16 @@ def experiment(
     typer.echo(f"written: {out / name.value}")
 
 
+def _deep(simulator: str) -> DeepTruck:
+    from deeptruck_model import simulators
+    from deeptruck_model.deep import DeepTruck
+
+    truck = simulators.load(simulator)
+    if not isinstance(truck, DeepTruck):
+        raise InputError(f"{simulator} is no deep truck; train one with 'deeptruck-model train'")
+    return truck
+
+
 def _read(bags: list[Path]) -> list[Recording]:
     from deeptruck_model import recordings
 
@@ -208,5 +239,6 @@ def register(app: typer.Typer) -> None:
     app.command()(train)
     app.command()(sweep)
     app.command()(evaluate)
+    app.command()(calibrate)
     app.command()(export)
     app.command()(experiment)

@@ -132,6 +132,7 @@ def _channel(error: Array) -> dict[str, float | None]:
         "mean_at_end": float(last.mean()) if len(last) else None,
         "sd_at_end": float(last.std()) if len(last) else None,
         "rmse_at_end": float(np.sqrt((last**2).mean())) if len(last) else None,
+        "largest": float(np.nanmax(np.abs(error))),
     }
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -45,24 +46,85 @@ def budget(truck: DeepTruck) -> str:
     return f"{config['members']} seed(s), {training['updates']} updates each, mode {config['mode']}."
 
 
-def table(out: Path, title: str, rows: list[tuple[str, dict[str, Any]]], note: str = "") -> None:
+class Column(NamedTuple):
+    """One figure of `statistics` in a table."""
+
+    heading: str
+    channel: str
+    key: str
+    form: str = "{:.3f}"
+    more_is_better: bool = False
+
+
+FUEL = Column("fuel rate: mean abs", "fuel_rate", "mean_abs")
+LONG_RUNS = (
+    Column("speed: sd at end", "speed", "sd_at_end"),
+    Column("mean abs", "speed", "mean_abs"),
+    Column("within 1.5 m/s", "speed", "trials_within_1.5", "{:.1%}", more_is_better=True),
+    Column("acceleration: mean abs", "acceleration", "mean_abs", "{:.4f}"),
+    FUEL,
+)
+SHORT_RUNS = (
+    Column("speed: mean abs", "speed", "mean_abs"),
+    Column("bias at end", "speed", "mean_at_end"),
+    Column("largest", "speed", "largest"),
+    Column("acceleration: mean abs", "acceleration", "mean_abs", "{:.4f}"),
+    FUEL,
+)
+Row = tuple[str, dict[str, Any]]
+
+
+def table(
+    out: Path, title: str, rows: Sequence[Row], note: str = "", columns: Sequence[Column] = LONG_RUNS
+) -> None:
     """Write README.md under `out`: one row of `statistics` for each name."""
     lines = [
         f"# {title}",
         "",
         *([note, ""] if note else []),
-        "| | speed: sd at end | mean abs | within 1.5 m/s | acceleration: mean abs | fuel rate: mean abs |",
-        "| --- | --- | --- | --- | --- | --- |",
+        f"| | {' | '.join(column.heading for column in columns)} |",
+        "| --- |" + " --- |" * len(columns),
+        *(f"| {name} | {' | '.join(_cell(m, column) for column in columns)} |" for name, m in rows),
     ]
-    for name, m in rows:
-        within = 100 * m["speed"]["trials_within_1.5"]
-        fuel = f"{m['fuel_rate']['mean_abs']:.3f}" if "fuel_rate" in m else ""
-        lines.append(
-            f"| {name} | {m['speed']['sd_at_end']:.3f} | {m['speed']['mean_abs']:.3f} "
-            f"| {within:.1f} % | {m['acceleration']['mean_abs']:.4f} | {fuel} |"
-        )
     out.mkdir(parents=True, exist_ok=True)
     (out / "README.md").write_text("\n".join(lines) + "\n")
+
+
+def of_seeds(
+    members: Sequence[dict[str, Any]], what: str = "", columns: Sequence[Column] = LONG_RUNS
+) -> list[Row]:
+    """Rows for the best, median and worst of many seeds, each figure taken on its own."""
+    if len(members) < 2:
+        return [(f"{what}one seed", m) for m in members]
+    found: list[Row] = []
+    for name, share in (("best", 0.0), ("median", 0.5), ("worst", 1.0)):
+        row: dict[str, Any] = {}
+        for column in columns:
+            values = [m[column.channel][column.key] for m in members if column.channel in m]
+            values.sort(key=abs, reverse=column.more_is_better)
+            if values:
+                row.setdefault(column.channel, {})[column.key] = values[round(share * (len(values) - 1))]
+        found.append((f"{what}{name} of {len(members)} seeds", row))
+    return found
+
+
+def _cell(metrics: dict[str, Any], column: Column) -> str:
+    found = metrics.get(column.channel)
+    return "" if found is None else column.form.format(found[column.key]).replace("%", " %")
+
+
+def intervals(held: Mapping[str, Mapping[str, float]]) -> str:
+    """A small table: the share of test points, by channel, in intervals set in several ways."""
+    channels = list(next(iter(held.values())))
+    lines = [
+        f"| the mean's 90 % intervals hold | {' | '.join(LABELS[name] for name in channels)} |",
+        "| --- |" + " --- |" * len(channels),
+        *(
+            f"| {how} | {' | '.join(f'{100 * shares[name]:.1f} %' for name in channels)} |"
+            for how, shares in held.items()
+        ),
+    ]
+    return "\n".join(lines)
 
 
 def write(out: Path, metrics: dict[str, Any]) -> dict[str, Any]:

@@ -6,9 +6,7 @@ settings were chosen on validation drives (seed 2), the test drives below are on
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,61 +15,85 @@ from matplotlib.figure import Figure
 
 from deeptruck_model import trucks
 from deeptruck_model.deep import classics, kernels, report
-from deeptruck_model.deep.arguments import Arguments
 from deeptruck_model.deep.compiled import FloatArray
 from deeptruck_model.deep.evaluation import statistics, trials
-from deeptruck_model.deep.experiment_files import budget, sample_run, table, write
+from deeptruck_model.deep.experiment_files import (
+    SHORT_RUNS,
+    Row,
+    budget,
+    intervals,
+    of_seeds,
+    sample_run,
+    table,
+    write,
+)
+from deeptruck_model.deep.experiment_setup import (
+    LOOK_ALIKE_SEED,
+    OTHER_SEED,
+    TEST_SEED,
+    TRAIN_SEED,
+    VALIDATION_SEED,
+    chosen,
+    drive_of,
+    trained,
+)
 from deeptruck_model.deep.fitted_physics import physics
-from deeptruck_model.deep.fleet import fleet
 from deeptruck_model.deep.look_alikes import LookAlikes
+from deeptruck_model.deep.minutes import minutes_of_data
 from deeptruck_model.deep.network import Scales, TruckNetwork
-from deeptruck_model.deep.training import train
 from deeptruck_model.deep.truck import DeepTruck
+from deeptruck_model.deep.uncertainty import calibrated, inside
 from deeptruck_model.deep.windows import Sequences, loss_weights
-from deeptruck_model.driving_cycles import FREEWAY, YARD, CycleSettings, drive
+from deeptruck_model.driving_cycles import FREEWAY, YARD, drive
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
 
-TRAIN_SEED, TEST_SEED, OTHER_SEED = 1, 3, 4
-LOOK_ALIKE_SEED, LOOK_ALIKE_H = 5, 12
-FLEET, FLEET_MINUTES, FLEET_SEED = 24, 20, 7  # trucks, of which `trucksim` is none
+LOOK_ALIKE_H = 12
+INTERVAL_RUNS = 300
+FIELD_RUNS, FIELD_S = 10, 15.0
 FIELD = {"freightliner": (16, YARD), "volvo": (24, FREEWAY)}  # minutes and cycle of the paper's field data
 
 
 def error_statistics(out: Path, seeds: int = 1, updates: int = 0, mode: str = "default") -> dict[str, Any]:
     """Paper: 4 h of the simulation truck, 90 trials of 40 s on another 3 h; scenarios; a sample run of 200
     s."""
-    test = _drive("trucksim", 180, TEST_SEED)
-    truck = _trained([_drive("trucksim", 240, TRAIN_SEED)], _arguments(seeds, updates, mode))
+    test = drive_of("trucksim", 180, TEST_SEED)
+    truck = trained([drive_of("trucksim", 240, TRAIN_SEED)], chosen(seeds, updates, mode))
     members = [statistics(trials(single, [test])) for single in singles(truck)]
     metrics: dict[str, Any] = {
         "ensemble": report.evaluate(truck, [test], out),
         "seeds": members,
         "same_physics_unknown_state": statistics(trials(trucks.load("trucksim"), [test])),
         "same_physics_look_alikes": statistics(trials(_look_alikes(), [test])),
+        "intervals": _intervals(truck, test),
     }
     sample_run(truck, test, out / "sample_run.png")
-    table(
-        out,
-        f"Open-loop errors on `trucksim`, mode {mode}: 4 h training, 3 h test, 90 x 40 s",
-        [
-            *[(f"seed {s}", m) for s, m in zip(truck.details["seeds"], members, strict=True)],
-            ("mean of all seeds", metrics["ensemble"]),
-            ("the physics itself, settled at the start", metrics["same_physics_unknown_state"]),
-            (
-                f"the physics itself, from {LOOK_ALIKE_H} h of states that looked like the start",
-                metrics["same_physics_look_alikes"],
-            ),
-        ],
-        budget(truck),
-    )
+    alike = f"the physics itself, from {LOOK_ALIKE_H} h of states that looked like the start"
+    rows = [
+        *of_seeds(members),
+        ("mean of all seeds", metrics["ensemble"]),
+        ("the physics itself, settled at the start", metrics["same_physics_unknown_state"]),
+        (alike, metrics["same_physics_look_alikes"]),
+    ]
+    title = f"Open-loop errors on `trucksim`, mode {mode}: 4 h training, 3 h test, 90 x 40 s"
+    table(out, title, rows, f"{budget(truck)}\n\n{intervals(metrics['intervals'])}")
     return write(out, metrics)
+
+
+def _intervals(truck: DeepTruck, test: Recording) -> dict[str, dict[str, float]]:
+    """Share of the test points in the 90 % intervals of the mean, by what set them."""
+    runs = trials(truck, [test], INTERVAL_RUNS)
+    again = calibrated(truck, [drive_of("trucksim", 180, VALIDATION_SEED)])
+    return {
+        "as training leaves them": inside(truck, runs),
+        "as `calibrate` sets them by 3 h of other driving": inside(again, runs),
+    }
 
 
 def learning_curves(out: Path, seeds: int = 30, updates: int = 0) -> dict[str, Any]:
     """Paper mode: loss in training and deployment form against updates, each on a drive of its own."""
     observed: list[tuple[int, Any, Any]] = []
-    unseen = [_drive("trucksim", 60, TEST_SEED), _drive("trucksim", 60, OTHER_SEED)]
+    unseen = [drive_of("trucksim", 60, TEST_SEED), drive_of("trucksim", 60, OTHER_SEED)]
 
     def observe(done: int, network: TruckNetwork) -> None:
         scales = Scales(network.mean.numpy(), network.scale.numpy(), network.top_speed)
@@ -79,7 +101,7 @@ def learning_curves(out: Path, seeds: int = 30, updates: int = 0) -> dict[str, A
         forced = _loss(network, unseen[0], scales, weight, "training")
         observed.append((done, forced, _loss(network, unseen[1], scales, weight, "deployment")))
 
-    _trained([_drive("trucksim", 240, TRAIN_SEED)], _arguments(seeds, updates, "paper"), observe)
+    trained([drive_of("trucksim", 240, TRAIN_SEED)], chosen(seeds, updates, "paper"), observe)
     figure = Figure(figsize=(7, 4), layout="constrained")
     axis, at = figure.subplots(), [o[0] for o in observed]
     for column, (form, colour) in enumerate(
@@ -96,26 +118,30 @@ def learning_curves(out: Path, seeds: int = 30, updates: int = 0) -> dict[str, A
     return write(out, {**curves, "deployment": [o[2].tolist() for o in observed]})
 
 
-def field(out: Path, seeds: int = 4, updates: int = 0) -> dict[str, Any]:
+def field(out: Path, seeds: int = 5, updates: int = 0) -> dict[str, Any]:
     """The two field configurations with the paper's budgets: 85/15 by time, ten simulations of 15 s."""
     metrics: dict[str, Any] = {}
-    note = ""
+    rows: list[Row] = []
     for name, (minutes, cycle) in FIELD.items():
-        whole = _drive(name, minutes, TRAIN_SEED, cycle)
+        whole = drive_of(name, minutes, TRAIN_SEED, cycle)
         edge = round(0.85 * len(whole))
-        truck = _trained([whole.piece(0, edge)], _arguments(seeds, updates, "default"))
-        held_out, note = whole.piece(edge, len(whole)), budget(truck)
-        metrics[name] = report.evaluate(truck, [held_out], out / name, count=10, horizon_s=15.0)
-    rows = [(f"{name}, {FIELD[name][0]} min", m) for name, m in metrics.items()]
-    table(out, "Field configurations on the reference trucks: ten runs of 15 s", rows, note)
+        truck = trained([whole.piece(0, edge)], chosen(seeds, updates))
+        held_out = [whole.piece(edge, len(whole))]
+        metrics[name] = report.evaluate(truck, held_out, out / name, FIELD_RUNS, FIELD_S)
+        members = [statistics(trials(single, held_out, FIELD_RUNS, FIELD_S)) for single in singles(truck)]
+        metrics[name]["seeds"] = members
+        what = f"{name}, {minutes} min: "
+        rows += [(f"{what}mean of all seeds", metrics[name]), *of_seeds(members, what, SHORT_RUNS)]
+    title = "Field configurations on the reference trucks: ten runs of 15 s"
+    table(out, title, rows, budget(truck), SHORT_RUNS)
     return write(out, metrics)
 
 
 def beside_classics(out: Path, seeds: int = 1, updates: int = 0) -> dict[str, Any]:
     """Deep truck, ARX, NARX, gradient boosting and a fitted physics truck on the same splits of `trucksim`,
     60 min of training."""
-    drives, test = [_drive("trucksim", 60, TRAIN_SEED)], _drive("trucksim", 180, TEST_SEED)
-    truck = _trained(drives, _arguments(seeds, updates, "default"))
+    drives, test = [drive_of("trucksim", 60, TRAIN_SEED)], drive_of("trucksim", 180, TEST_SEED)
+    truck = trained(drives, chosen(seeds, updates))
     models: dict[str, Simulator] = {"deep truck": truck}
     models |= {
         name: fit(drives) for name, fit in {**classics.MODELS, "fitted physics truck": physics}.items()
@@ -123,26 +149,6 @@ def beside_classics(out: Path, seeds: int = 1, updates: int = 0) -> dict[str, An
     metrics = {name: statistics(trials(model, [test])) for name, model in models.items()}
     title = "Deep truck beside the classics: 1 h training, 3 h test, 90 x 40 s"
     table(out, title, list(metrics.items()), budget(truck))
-    return write(out, metrics)
-
-
-def minutes_of_data(out: Path, seeds: int = 1, updates: int = 0) -> dict[str, Any]:
-    """Error against minutes of `trucksim`: from scratch, and adapted from a fleet of other trucks."""
-    whole, test = _drive("trucksim", 60, TRAIN_SEED), _drive("trucksim", 180, TEST_SEED)
-    arguments = _arguments(seeds, updates, "default")
-    with tempfile.TemporaryDirectory() as folder:
-        known = Path(folder) / "fleet"
-        truck = train(fleet(whole.interface, FLEET, FLEET_MINUTES, FLEET_SEED), known, arguments)
-        metrics = {"the fleet alone": statistics(trials(truck, [test]))}
-        for minutes in (5, 15, 60):
-            drives = [whole.piece(0, 600 * minutes)]
-            adapted = _trained(drives, replace(arguments, start=str(known)))
-            scratch = _trained(drives, arguments)
-            metrics[f"{minutes} min, adapted"] = statistics(trials(adapted, [test]))
-            metrics[f"{minutes} min, from scratch"] = statistics(trials(scratch, [test]))
-    title = f"Minutes of data on `trucksim`, alone or after {FLEET} other trucks of {FLEET_MINUTES} min each"
-    note = f"The fleet: {budget(truck)} Adapted: {budget(adapted)} From scratch: {budget(scratch)}"
-    table(out, f"{title}: 3 h test, 90 x 40 s", list(metrics.items()), note)
     return write(out, metrics)
 
 
@@ -163,23 +169,6 @@ def _look_alikes() -> LookAlikes:
 def singles(truck: DeepTruck) -> list[DeepTruck]:
     """The members of an ensemble, each as a truck of its own."""
     return [DeepTruck(truck.network.member(m), truck.interface) for m in range(truck.network.shape.members)]
-
-
-def _arguments(seeds: int, updates: int, mode: Any) -> Arguments:
-    return Arguments(members=seeds, updates=updates, mode=mode)
-
-
-def _drive(name: str, minutes: float, seed: int, cycle: CycleSettings | None = None) -> Recording:
-    return drive(trucks.load(name), seconds=60 * minutes, seed=seed, settings=cycle)
-
-
-def _trained(
-    drives: list[Recording],
-    arguments: Arguments,
-    observe: Callable[[int, TruckNetwork], None] | None = None,
-) -> DeepTruck:
-    with tempfile.TemporaryDirectory() as folder:
-        return train(drives, Path(folder) / "truck", arguments, observe=observe)
 
 
 def _loss(

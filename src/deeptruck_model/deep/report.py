@@ -11,6 +11,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from deeptruck_model.deep.evaluation import HORIZON_S, TRIALS, Trials, against_time, statistics, trials
+from deeptruck_model.deep.truck import DeepTruck
+from deeptruck_model.deep.uncertainty import inside
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import CHANNELS, SPEED
@@ -30,6 +32,9 @@ def evaluate(
     """Open-loop error statistics of any simulator, written as metrics.json and PNG figures under `out`."""
     runs = trials(simulator, recordings, count, horizon_s, seed)
     metrics = {**statistics(runs), "seed": seed, "recordings": [r.name for r in recordings]}
+    if isinstance(simulator, DeepTruck) and simulator.details.get("calibration"):
+        for name, share in inside(simulator, runs).items():
+            metrics[name]["inside_90"] = share
     try:
         out.mkdir(parents=True, exist_ok=True)
         error_figure(runs).savefig(out / "error_statistics.png", dpi=120)

@@ -134,6 +134,12 @@ class DeepTruck:
             )
         return self
 
+    def with_details(self, details: Mapping[str, Any]) -> DeepTruck:
+        """The same truck with other entries in its manifest."""
+        return DeepTruck(
+            self.network, self.interface, self.coverage, {**self.details, **details}, self.reference
+        )
+
     def save(self, path: Path) -> None:
         """Write a simulator directory: simulator.json, model.safetensors, coverage.json."""
         from deeptruck_model.deep.checkpoint import save

@@ -5,25 +5,51 @@ import pytest
 from typer.testing import CliRunner
 
 from deeptruck_model.cli import app, deep
-from deeptruck_model.deep import experiments
+from deeptruck_model.deep import experiments, minutes
+from deeptruck_model.deep.experiment_files import SHORT_RUNS, of_seeds
+from deeptruck_model.deep.experiment_setup import drive_of
 from deeptruck_model.recordings import write_bag
 
 
 def test_field_experiment_writes_tables_and_figures(tmp_path):
-    metrics = experiments.field(tmp_path, seeds=1, updates=20)
+    metrics = experiments.field(tmp_path, seeds=2, updates=20)
     assert metrics["volvo"]["trials"] == 10 and metrics["freightliner"]["horizon_s"] == pytest.approx(15.0)
     assert (tmp_path / "volvo" / "error_statistics.png").stat().st_size > 10_000
-    assert "freightliner, 16 min" in (tmp_path / "README.md").read_text()
+    assert "freightliner, 16 min: worst of 2 seeds" in (tmp_path / "README.md").read_text()
     assert json.loads((tmp_path / "metrics.json").read_text())["volvo"]["trials"] == 10
 
 
 def test_learning_curves_hold_every_seed(tmp_path, monkeypatch):
-    drive = experiments._drive
-    monkeypatch.setattr(experiments, "_drive", lambda name, minutes, seed: drive(name, minutes / 20, seed))
+    drive = experiments.drive_of
+    monkeypatch.setattr(experiments, "drive_of", lambda name, minutes, seed: drive(name, minutes / 20, seed))
     curves = experiments.learning_curves(tmp_path, seeds=2, updates=40)
     assert np.shape(curves["training"]) == np.shape(curves["deployment"]) == (40, 2)
     assert np.isfinite(curves["deployment"]).all()
     assert (tmp_path / "learning_curves.png").exists()
+
+
+def test_rows_of_seeds_take_each_figure_on_its_own():
+    members = [
+        {"speed": {"mean_abs": a, "mean_at_end": b, "largest": 1.0}, "acceleration": {"mean_abs": 0.1}}
+        for a, b in ((0.1, -0.4), (0.2, 0.1), (0.3, 0.2))
+    ]
+    rows = dict(of_seeds(members, columns=SHORT_RUNS))
+    assert rows["best of 3 seeds"]["speed"] == {"mean_abs": 0.1, "mean_at_end": 0.1, "largest": 1.0}
+    assert rows["worst of 3 seeds"]["speed"] == {"mean_abs": 0.3, "mean_at_end": -0.4, "largest": 1.0}
+    assert "fuel_rate" not in rows["median of 3 seeds"]
+
+
+def test_minutes_of_data_are_drawn_for_every_truck(tmp_path, monkeypatch):
+    monkeypatch.setattr(minutes, "TRUCKS", ("freightliner", "volvo"))
+    monkeypatch.setattr(minutes, "MINUTES", (1, 2))
+    monkeypatch.setattr(minutes, "FLEET", 2)
+    monkeypatch.setattr(minutes, "FLEET_MINUTES", 2)
+    monkeypatch.setattr(minutes, "drive_of", lambda name, length, seed: drive_of(name, min(length, 4), seed))
+    metrics = minutes.minutes_of_data(tmp_path, updates=5)
+    assert list(metrics["volvo"]["adapted"]) == [0, 1, 2]
+    assert list(metrics["volvo"]["from scratch"]) == [1, 2]
+    assert "volvo: 2 min, adapted" in (tmp_path / "README.md").read_text()
+    assert (tmp_path / "minutes.png").stat().st_size > 10_000
 
 
 def test_singles_are_the_members(truck, drive):
@@ -48,6 +74,12 @@ def test_commands_from_bag_to_figures(drive, tmp_path):
     )
     assert adapted.exit_code == 0, adapted.output
     assert json.loads((tmp_path / "b" / "simulator.json").read_text())["shape"]["gains"]
+    calibrated = runner.invoke(app, ["calibrate", sim, bag, "--out", str(tmp_path / "calibrated")])
+    assert calibrated.exit_code == 0, calibrated.output
+    sim = str(tmp_path / "calibrated")
+    assert runner.invoke(app, ["calibrate", sim, bag, "--out", sim]).exit_code != 0
     evaluated = runner.invoke(app, ["evaluate", sim, bag, "--out", str(tmp_path / "out"), "--trials", "5"])
     assert evaluated.exit_code == 0, evaluated.output
-    assert json.loads((tmp_path / "out" / "metrics.json").read_text())["trials"] == 5
+    metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())
+    assert metrics["trials"] == 5 and 0 < metrics["speed"]["inside_90"] <= 1
+    assert "in the 90 % interval" in evaluated.output

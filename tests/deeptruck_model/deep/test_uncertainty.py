@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from deeptruck_model.deep import DeepTruck, train, trials
-from deeptruck_model.deep.uncertainty import _channel, half_width
+from deeptruck_model.deep.uncertainty import _channel, calibrated, half_width, inside
 from deeptruck_model.errors import InputError
 
 
@@ -39,6 +39,15 @@ def test_prediction_of_a_trained_truck(drive, small, tmp_path):
     spread = truck.spread(runs.u, runs.w, runs.modelled[:, 0])[..., 1]
     moving = runs.modelled[..., 1] > 1.0
     assert (spread[:, 0] == 0).all() and (spread[:, 5:][moving[:, 5:]] > 0).all()
+
+
+def test_other_drives_set_the_intervals_better_and_a_third_confirms_it(truck, drive):
+    again, runs = calibrated(truck, [drive(1800, seed=21)]), trials(truck, [drive(1800, seed=23)], 100)
+    assert again.details["calibration"]["recordings"] == ["toy21"]
+    own, other = (inside(t, runs) for t in (truck, again))
+    assert set(other) == {"acceleration", "speed", "fuel_rate"}
+    worst = [max(abs(share - 0.9) for share in shares.values()) for shares in (other, own)]
+    assert worst[0] < 0.07 and worst[0] < worst[1]
 
 
 def test_an_uncalibrated_truck_says_so(truck):
