@@ -1,0 +1,43 @@
+"""What the simulated acceleration is made of, and the lever the engine has."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from deeptruck_model.mismatch import components
+
+
+def test_a_slipping_clutch_is_no_lever() -> None:
+    """First gear turns 28 times a metre; at a launch the engine idles over a truck that hardly moves."""
+    speed = np.concatenate([[0.0, 0.2, 0.5], np.linspace(1.8, 20.0, 400)])
+    turns = np.where(speed < 6.0, 28.0, 7.0)
+    out = {"speed": speed, "engine_speed": np.maximum(turns * speed, 50.0)}
+    components._ratio(out)
+    assert out["ratio"][:3] == pytest.approx([100.0, 100.0, 100.0])
+    assert out["lever"][:3] == pytest.approx([28.0, 28.0, 28.0], rel=0.01)
+    assert (out["lever"] <= out["ratio"]).all()
+    assert out["lever"][speed > 8.0] == pytest.approx(7.0)
+
+
+def test_a_lever_is_unknown_where_the_engine_speed_is() -> None:
+    out = {"speed": np.full(4, 10.0), "engine_speed": np.array([100.0, np.nan, 100.0, 100.0])}
+    components._ratio(out)
+    assert np.isnan(out["lever"]).tolist() == [False, True, False, False]
+    nothing = {"speed": np.full(4, 10.0)}
+    components._ratio(nothing)
+    assert set(nothing) == {"speed"}
+
+
+def test_traction_is_taken_from_the_first_of_torque_command_and_fuel() -> None:
+    speed, one = np.full(3, 10.0), np.ones(3)
+    known = {"engine_torque": 3 * one, "engine_speed": 100 * one, "engine_command": 2 * one, "fuel_rate": one}
+    measured, factor = components._traction(known, speed)
+    assert measured == pytest.approx(30.0) and factor == components.DRIVELINE
+    del known["engine_torque"]
+    commanded, factor = components._traction(known, speed)
+    assert commanded == pytest.approx(20.0) and factor == 0.0
+    del known["engine_speed"]
+    burnt, factor = components._traction(known, speed)
+    assert burnt == pytest.approx(0.1) and factor > 1e4
+    assert components._traction({}, speed) == (None, 0.0)

@@ -1,0 +1,52 @@
+"""What a learned truck learned badly is known from the recordings it keeps, and is no missing physics."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from deeptruck_model.mismatch import own_error
+from deeptruck_model.mismatch.evidence import Evidence
+
+
+def flawed(e: Evidence) -> Evidence:
+    """The simulator brakes 30 % too little: that is how it was learned, and on every drive the same."""
+    return replace(e, residual=e.residual - 0.3 * e["brake"])
+
+
+def test_a_truck_that_keeps_nothing_has_no_known_error() -> None:
+    bare: Any = SimpleNamespace(reference=())
+    assert own_error.known(bare, measured_acceleration=False, seed=0) is None
+
+
+def test_the_predictable_part_of_its_error_is_taken_off(nothing_missing: Evidence) -> None:
+    own = flawed(nothing_missing)
+    left = own_error.allow_for(flawed(nothing_missing), own)
+    braking = nothing_missing["brake"] > 0.1
+    before = np.abs(own.residual[braking].mean())
+    assert np.abs(left.residual[braking].mean()) < 0.65 * before  # what boosting predicts across recordings
+    assert left.own_error > 0.0 and left.tolerance
+
+
+def test_what_a_perfect_truck_keeps_costs_little(nothing_missing: Evidence) -> None:
+    left = own_error.allow_for(nothing_missing, nothing_missing)
+    assert left.residual == pytest.approx(nothing_missing.residual)
+    assert max(left.tolerance.values()) < 20.0 and left.own_error < 0.03
+
+
+def test_more_new_driving_makes_the_same_flaw_dearer(nothing_missing: Evidence) -> None:
+    own = flawed(nothing_missing)
+    once, twice = own_error._prices(own, 1.0), own_error._prices(own, 2.0)
+    assert once["parameter:brake_gain"] > 0.0
+    assert {n: 2.0 * x for n, x in once.items()} == pytest.approx(twice)
+
+
+def test_a_rare_jolt_is_no_error_of_the_whole(nothing_missing: Evidence) -> None:
+    jolted = nothing_missing.residual.copy()
+    jolted[1000:1040] += 3.0
+    calm = own_error._slow_rms(nothing_missing)
+    assert own_error._slow_rms(replace(nothing_missing, residual=jolted)) < 1.3 * calm
