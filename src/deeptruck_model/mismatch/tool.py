@@ -30,7 +30,7 @@ from deeptruck_model.mismatch.improvement import Errors
 from deeptruck_model.mismatch.inputs import same_signals, unusable, with_held_out
 from deeptruck_model.mismatch.output import apply, write
 from deeptruck_model.mismatch.residual import PARAMETERS, Prepared, gather, prepare
-from deeptruck_model.mismatch.search import RETUNE_RANGE, Search
+from deeptruck_model.mismatch.search import RETUNE_RANGE, Model, Search
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
 
@@ -223,21 +223,22 @@ def _explained(
         moved = {p: float(np.clip(c, *RETUNE_RANGE)) for p, c in change.items() if abs(c) > 0.005}
         tuned = simulator.with_parameters({p: own[p] * (1 + c) for p, c in moved.items()})
         anew = gather(tuned, prepared, flags, seed=seed, moved=moved)
-        search = _better(search, Search(anew, exclude=exclude), exclude)
+        search = _better((search, guess), Search(anew, exclude=exclude))
     evidence = search.e
     explanation = explain(search)
     return evidence, explanation
 
 
-def _better(given: Search, moved: Search, exclude: Sequence[str]) -> Search:
+def _better(given: tuple[Search, Model], moved: Search) -> Search:
     """The search around the moved parameters where it explains clearly more of what both may use.
 
     Parameters can make up for a force they have nothing to do with, if they are moved far enough; and mass,
     gains and drag all scaled alike change next to nothing.
     """
-    both = given.e.valid & moved.e.valid
-    scores = [first_guess(Search(s.e, exclude=exclude, only=both)).score for s in (given, moved)]
-    return moved if scores[1] > scores[0] + WORTH_MOVING else given
+    both = given[0].e.valid & moved.e.valid
+    guesses = [given, (moved, first_guess(moved))]
+    scores = [Search(s.e, only=both).model(guess.named, guess.free).score for s, guess in guesses]
+    return moved if scores[1] > scores[0] + WORTH_MOVING else given[0]
 
 
 def _overall(found: Sequence[findings.Finding]) -> str:

@@ -35,7 +35,8 @@ class Expression:
 
     def rows(self, e: Evidence) -> Array:
         """Values over stacked recordings, (n,); memory starts afresh with each recording."""
-        return np.nan_to_num(self.over([x.rows(e) for x in self.inputs], e), posinf=1e9, neginf=-1e9)
+        out = self.over([x.rows(e) for x in self.inputs], e)
+        return out if np.isfinite(out).all() else np.nan_to_num(out, posinf=1e9, neginf=-1e9)
 
     def over(self, values: Sequence[Array], e: Evidence) -> Array:
         """Values over stacked recordings, from the values of the inputs."""
