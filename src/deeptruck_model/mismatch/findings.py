@@ -180,7 +180,7 @@ def _sizes(shape: Shape, model: Model, e: Evidence) -> dict[str, Any]:
     }
     telling = sorted(sizes, key=lambda n: -abs(sizes[n][0]) / max(sizes[n][1], 1e-12))[:TELLING_PARAMETERS]
     return {
-        name: {"value": value, "unit": unit, "ci95": [value - 1.96 * sd, value + 1.96 * sd]}
+        name: {"value": value, "unit": unit, "ci95": [value - 1.96 * sd, value + 1.96 * sd] if sd else None}
         for name, (value, sd, unit) in sizes.items()
         if name in telling
     }

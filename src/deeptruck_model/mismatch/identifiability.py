@@ -22,7 +22,8 @@ def with_manoeuvres(found: Sequence[Finding]) -> list[Finding]:
         group = f.data["cannot_be_told_from"]
         if group:
             rival = LIBRARY[group[0]].told_by if group[0] in LIBRARY else TOLD_BY.get(group[0], "")
-            f = Finding(f.data | {"would_be_told_by": f"{f.data['would_be_told_by']}; and {rival}"}, f.cause)
+            told = "; and ".join(filter(None, (f.data["would_be_told_by"], rival)))
+            f = Finding(f.data | {"would_be_told_by": told}, f.cause)
         out.append(f)
     return out
 

@@ -16,6 +16,7 @@ from deeptruck_model.mismatch.worth_saying import ENOUGH
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.tool import Mismatch
 
+FINER = "; nearest name|; in a curve of its own|; it acts otherwise"  # not for a headline
 LEAST_S = 20.0  # of driving under a condition, below which little can be seen there
 MANOEUVRES = (
     "drive at least two separate tours of ten minutes each: accelerate in steps of torque from 5 to 25 m/s, "
@@ -82,7 +83,7 @@ def sentence(v: dict[str, Any]) -> str:
     }[kind]
     others = len(findings) - 1
     more = f" (and {others} more finding{'s' if others > 1 else ''} below)" if others else ""
-    says = prose(main["says"]).partition("; nearest name")[0]
+    says = re.split(FINER, prose(main["says"]))[0]
     return f"{opening}: {says}{more}{_improves(v)}."
 
 
@@ -158,6 +159,8 @@ def _decided(name: str, rival: str, worse: float) -> str:
     if name in LIBRARY and rival in LIBRARY:
         prior = math.log(LIBRARY[name].prior / LIBRARY[rival].prior)
     data = worse - prior
+    if rival == "unknown":
+        return f"its signals, by which {words(name)} acts too; its form is another"
     if data > abs(prior):
         return f"against {words(rival)} the data, by {data:.1f} nats"
     if prior > 0:

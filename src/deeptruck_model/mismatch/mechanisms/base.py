@@ -101,7 +101,7 @@ def build(mechanism: Mechanism, settings: Settings) -> list[Column]:
 def _own_columns(effect: str, s: Settings) -> list[Column]:
     """The pieces of a curve of `own_forms`."""
     form, at = OWN[effect][s["own"]], s["at"]
-    names = [f"{form.by} {x:.3g}" for x in at]
+    names = [f"at {form.by} {x:.3g}" for x in at]
     return [
         Column(
             (form.carrier * (1.0 / s["scale"])) * piece,
