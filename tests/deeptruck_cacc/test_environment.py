@@ -79,7 +79,9 @@ def test_exclusive_pedals_never_act_together_and_leave_the_rest(toy):
 def test_power_features_say_what_following_takes():
     features = FeatureMap.default(power=True)
     assert features.names[8:] == (
-        "holding_acceleration",
+        "ideal_acceleration",
+        "ideal_speed_error",
+        "ideal_gap_error",
         "time_gap_error",
         "wanted_acceleration",
         "wanted_power",
@@ -87,14 +89,16 @@ def test_power_features_say_what_following_takes():
         "engine_action",
         "brake_action",
     )
-    signals = np.array([[18.0, 17.0, 51.0 + 3.4, 51.0, 0.01]])  # 1 m/s slower, 0.2 s late, Tg 3 s, uphill
+    signals = np.array([[17.2, 17.0, 52.0, 51.0, 0.01]])  # 0.2 m/s slower, 1 m too far, Tg 3 s, uphill
     x, memory = features(signals, features.start(1))
-    wanted = 1 / 3 + 3.4 / (3 * 2.0)
+    closing = 0.8 + 0.1 * 3.0  # the ideal follower has 17.2 m/s and 51.6 m
+    wanted = (2 * 0.2 + 0.4 / closing) / closing
     slope = 9.81 * 0.01
-    expected = [2 / 3, np.tanh(2 / 3), 2 * wanted, (wanted + slope) * 17 / 8, slope * 17 / 8, 0.0, 0.0]
-    np.testing.assert_allclose(x[0, 8:], expected)
+    powers = [(wanted + slope) * 17 / 8, slope * 17 / 8]
+    expected = [0.0, 0.2, 0.2, np.tanh(1 / 17 / 0.3), 2 * wanted, *powers, 0.0, 0.0]
+    np.testing.assert_allclose(x[0, 8:], expected, atol=1e-9)
     memory = features.remember(memory, np.array([[0.5, -3.0]]))
-    np.testing.assert_allclose(memory[0, 3:], [0.1, -0.2])
+    np.testing.assert_allclose(memory[0, 3:], [17.2, 0.1, -0.2])
     assert features.remember(memory[:, :3], np.ones((1, 2))).shape == (1, 3)  # a policy without power
 
 
