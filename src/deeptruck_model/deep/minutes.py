@@ -18,16 +18,17 @@ from deeptruck_model.deep.fleet import fleet
 from deeptruck_model.deep.training import train
 from deeptruck_model.recordings import Recording
 
-TRUCKS = ("trucksim", "volvo")
+TRUCKS = ("trucksim", "freightliner", "volvo")
 MINUTES = (5, 15, 60)
 FLEET, FLEET_MINUTES = 24, 20  # trucks, of which none is a reference truck
+TICKS = (0.2, 0.5, 1, 2)  # m/s
 SCRATCH, ADAPTED = "from scratch", "adapted"
 Curves = Mapping[str, Mapping[int, Mapping[str, Any]]]
 """statistics by SCRATCH or ADAPTED and minutes; 0 minutes are the fleet alone"""
 
 
 def minutes_of_data(out: Path, seeds: int = 1, updates: int = 0) -> dict[str, Any]:
-    """Two reference trucks: 90 x 40 s on 3 h of another drive, after 5, 15 and 60 min of their own."""
+    """The three reference trucks: 90 x 40 s on 3 h of another drive, after 5, 15 and 60 min of their own."""
     arguments = chosen(seeds, updates)
     metrics, note = {}, ""
     for name in TRUCKS:
@@ -60,7 +61,7 @@ def curves(whole: Recording, test: Sequence[Recording], arguments: Arguments) ->
             )
             found[SCRATCH][minutes] = statistics(trials(scratch, test))
             found[ADAPTED][minutes] = statistics(trials(adapted, test))
-    took = {"The fleet": truck, "adapted": adapted, f"{MINUTES[-1]} min from scratch": scratch}
+    took = {"The fleet": truck, "Adapted": adapted, f"{MINUTES[-1]} min from scratch": scratch}
     return found, " ".join(f"{what}: {budget(of)}" for what, of in took.items())
 
 
@@ -77,6 +78,7 @@ def draw(metrics: Mapping[str, Curves], path: Path) -> None:
             axis.plot(list(errors), list(errors.values()), "o-", color=colour, label=how)
         axis.set(xscale="log", yscale="log", xlabel="minutes of its own driving", title=name)
         axis.set_xticks(MINUTES, [str(m) for m in MINUTES], minor=False)
+        axis.set_yticks(TICKS, [str(tick) for tick in TICKS])
         axis.minorticks_off()
     panels[0].set_ylabel("mean absolute speed error in 40 s [m/s]")
     panels[-1].legend(fontsize="small")
