@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from deeptruck_model.mismatch.evidence import GRAVITY, Evidence
+from deeptruck_model.mismatch.levers import gears, lever, turns
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Run, Simulator, forced_run
 
@@ -33,8 +34,6 @@ DIESEL_J_PER_CM3 = 35.8e3
 EFFICIENCY = 0.40  # of a diesel at the wheels' side of the clutch
 DRIVELINE = 0.93
 TYPICAL_MASS = 20000.0
-MOST_TURNS = 150.0  # rad/m: a crawler gear
-LOCKED_M_S = 2.5  # slower, a starting clutch may slip
 RECORDED = (
     "gear",
     "engine_speed",
@@ -173,12 +172,13 @@ def _ask(simulator: Simulator, p: Prepared) -> tuple[Array, list[Array]]:
 
 
 def _ratio(out: dict[str, Array]) -> None:
-    """Engine turns per metre (rad/m), where engine speed is known, and the lever they are without slip."""
+    """Engine turns per metre (rad/m), where engine speed is known; the lever they are without slip and noise,
+    and the engine speed that goes with it."""
     if "engine_speed" not in out:
         return
-    speed = np.maximum(out["speed"], 0.5)
-    ratio = out["engine_speed"] / speed
-    out["ratio"] = np.where(np.isfinite(ratio), np.clip(ratio, 0.0, MOST_TURNS), np.nan)
-    locked = out["ratio"][np.isfinite(ratio) & (out["speed"] > LOCKED_M_S)]
-    lowest = float(np.quantile(locked, 0.995)) if len(locked) else MOST_TURNS
-    out["lever"] = np.minimum(out["ratio"], lowest)
+    ratio = out["ratio"] = turns(out["engine_speed"], out["speed"])
+    known = gears(ratio, out["speed"])
+    out["lever"] = lever(ratio, known)
+    out["engine_speed"] = np.where(
+        np.isin(out["lever"], known), out["lever"] * out["speed"], out["engine_speed"]
+    )

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.command_path import CommandPath
-from deeptruck_model.mismatch.components import MOST_TURNS
 from deeptruck_model.mismatch.expression import Expression, Rerun, Signal, Stream, maximum
+from deeptruck_model.mismatch.levers import lever, turns
 from deeptruck_model.mismatch.mechanisms import KNOWN, build
 from deeptruck_model.mismatch.share import Shares
 from deeptruck_model.signals import ACCELERATION, SPEED, TruckInterface
@@ -70,13 +70,13 @@ class CorrectedTruck:
         moved: Mapping[str, float],
         shares: Shares | None,
         validated: bool,
-        lowest_gear: float = MOST_TURNS,
+        gears: Sequence[float] = (),
     ) -> None:
         own = base.parameters()
         inner = {name: own[name] * (1 + change) for name, change in moved.items() if name in own}
         self.original, self.terms, self.moved = base, tuple(terms), dict(moved)
         self.base = base.with_parameters(inner) if inner else base
-        self.shares, self.validated, self.lowest_gear = shares, validated, lowest_gear
+        self.shares, self.validated, self.gears = shares, validated, tuple(gears)
         self._exogenous: dict[str, Array] = {}
         weighted = [(SENSITIVITY[name], change) for name, change in moved.items() if name not in own]
         paths = []
@@ -108,7 +108,7 @@ class CorrectedTruck:
             self.moved if moved is None else moved,
             self.shares,
             self.validated if validated is None else validated,
-            self.lowest_gear,
+            self.gears,
         )
 
     def marked(self, validated: bool) -> CorrectedTruck:
@@ -206,7 +206,7 @@ class CorrectedTruck:
             ],
             "shares": self.shares.to_dict() if self.shares else None,
             "validated": self.validated,
-            "lowest_gear": self.lowest_gear,
+            "gears": list(self.gears),
         }
         (path / MANIFEST).write_text(json.dumps(manifest, indent=1))
 
@@ -233,12 +233,12 @@ class CorrectedTruck:
         elif self.shares is not None:
             now |= self.shares.now(speed, u)
         if "engine_speed" in now:
-            now["ratio"] = np.clip(now["engine_speed"] / np.maximum(speed, 0.5), 0.0, MOST_TURNS)
+            now["ratio"] = turns(now["engine_speed"], speed)
         for name, x in self._exogenous.items():
             # the simulator's own gear goes with the speed it drives at, the recorded one does not
             now.setdefault(name, x[:, min(state.row, x.shape[1] - 1)])
         if "ratio" in now:
-            now["lever"] = np.minimum(now["ratio"], self.lowest_gear)
+            now["lever"] = lever(now["ratio"], self.gears)
         if "engine" in now:
             now["sensitivity:mass"] = now["brake"] + now["drag"] - now["engine"]
         return now
@@ -253,10 +253,8 @@ def load_directory(path: Path, manifest: dict[str, Any]) -> CorrectedTruck:
             raise InputError(f"{path} has terms this version does not know: {', '.join(unknown)}")
         shares = Shares.from_dict(manifest["shares"]) if manifest.get("shares") else None
         base = load_simulator(path / "base")
-        lowest = float(manifest.get("lowest_gear", MOST_TURNS))
-        return CorrectedTruck(
-            base, terms, manifest["parameters"], shares, bool(manifest["validated"]), lowest
-        )
+        gears, validated = manifest.get("gears", ()), bool(manifest["validated"])
+        return CorrectedTruck(base, terms, manifest["parameters"], shares, validated, gears)
     except (KeyError, TypeError, ValueError) as error:
         if isinstance(error, InputError):
             raise

@@ -53,8 +53,8 @@ class _Recipe:
     def corrected(self, simulator: Simulator, search: Search, shares: Shares | None) -> CorrectedTruck:
         model = search.model(self.fitted, self.free)
         change = _change(search.e, model, self.free)
-        lever = search.e.lowest_gear
-        return CorrectedTruck(simulator, _terms(self.kept, model), change, shares, False, lever)
+        gears = search.e.gears
+        return CorrectedTruck(simulator, _terms(self.kept, model), change, shares, False, gears)
 
 
 def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequence[Prepared]) -> Corrections:
@@ -117,7 +117,7 @@ def corrected(simulator: Simulator, e: Evidence, model: Model) -> CorrectedTruck
     """The simulator with one whole explanation in it, parameters and all; of a physics truck."""
     change = _change(e, model, model.free)
     terms = _terms(_physics(model.named), model)
-    return CorrectedTruck(simulator, terms, change, None, False, e.lowest_gear)
+    return CorrectedTruck(simulator, terms, change, None, False, e.gears)
 
 
 def _recipes(e: Evidence, x: Explanation) -> list[_Recipe]:

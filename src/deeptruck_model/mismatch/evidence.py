@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 from scipy.signal import lfilter
 
+from deeptruck_model.mismatch.levers import gears
 from deeptruck_model.mismatch.noise import Series
 
 Array = NDArray[np.float64]
@@ -71,10 +72,9 @@ class Evidence:
         return len(self.residual)
 
     @property
-    def lowest_gear(self) -> float:
-        """Turns of the engine per metre, rad/m, in the lowest gear driven; infinite where not known."""
-        lever = self.signals.get("lever", np.array([]))
-        return float(np.nanmax(lever)) if np.isfinite(lever).any() else float("inf")
+    def gears(self) -> tuple[float, ...]:
+        """Turns of the engine per metre, rad/m, in the gears that were driven; none where not known."""
+        return gears(self.signals["ratio"], self.signals["speed"]) if "ratio" in self.signals else ()
 
     def total_change(self, parameter: str, further: float) -> float:
         """Relative change of a parameter from the simulator as given, after a further relative change."""

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.components import MOST_TURNS
 from deeptruck_model.mismatch.corrected_truck import CorrectedTruck
+from deeptruck_model.mismatch.levers import turns
 from deeptruck_model.mismatch.residual import Prepared
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Simulator
@@ -105,7 +105,7 @@ def _exogenous(prepared: Sequence[Prepared], used: Sequence[int], length: int) -
             out[name] = np.stack([_padded(prepared[i].recording.channels[name], length) for i in used])
     if "engine_speed" in out:
         driven = np.stack([_padded(prepared[i].y[:, SPEED], length) for i in used])
-        out["ratio"] = np.clip(out["engine_speed"] / np.maximum(driven, 0.5), 0.0, MOST_TURNS)
+        out["ratio"] = turns(out["engine_speed"], driven)
     return out
 
 

@@ -144,7 +144,7 @@ def test_a_force_against_motion_does_not_push_a_standing_truck_back() -> None:
 def test_a_term_by_the_gear_goes_with_the_gear_that_is_simulated() -> None:
     """A slipping clutch is no lever, and the gear of a drive at another speed is not this truck's."""
     friction = Term("engine_friction", {"reference": 1.0, "order": 0, "cold_s": None}, (0.02,))
-    truck = CorrectedTruck(BASE, [friction], {}, None, False, 20.0)
+    truck = CorrectedTruck(BASE, [friction], {}, None, False, [20.0])
     u, w, y0 = inputs(20.0)
     y0[:, SPEED] = 0.3
     recorded = {"engine_speed": np.full((1, len(u[0])), 200.0), "ratio": np.full((1, len(u[0])), 150.0)}
@@ -164,11 +164,11 @@ def test_saved_and_loaded_it_is_the_same(tmp_path: Path, shares: Shares | None) 
         Term("brake_fade", FADE, (0.1,)),
         Term("command_delay", {"which": "all", "tau_s": 0.2}, (1.0,)),
     ]
-    truck = CorrectedTruck(BASE, terms, {"mass": 0.1}, shares, True, 28.0)
+    truck = CorrectedTruck(BASE, terms, {"mass": 0.1}, shares, True, [7.0, 28.0])
     truck.save(tmp_path / "sim")
     loaded = simulators.load(tmp_path / "sim")
     assert isinstance(loaded, CorrectedTruck) and loaded.validated and loaded.terms == truck.terms
-    assert loaded.lowest_gear == 28.0
+    assert loaded.gears == (7.0, 28.0)
     u, w, y0 = inputs(20.0)
     np.testing.assert_array_equal(
         simulators.free_run(loaded, u, w, y0).y, simulators.free_run(truck, u, w, y0).y
