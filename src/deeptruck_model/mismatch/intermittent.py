@@ -24,6 +24,7 @@ LENGTHS_S = (0.6, 2.0, 6.0)
 PLAIN = 6.5  # sd by which the mean over a window must be off
 LARGEST = 6.0  # a single sample counts as no more than this
 AROUND_S = 1.5
+CREEPING = 2.5  # m/s: slower, idling engines and slipping clutches turn on a hair of speed
 MOST = 0.06  # share of the time; beyond, it is no exception
 PER_WINDOW = 6.0  # nats: the price of having looked for it
 FITTED = 6
@@ -39,7 +40,7 @@ def windows(e: Evidence, model: Model) -> list[Span]:
         kernel = np.ones(width)
         count = np.maximum(np.convolve(known, kernel, mode="same"), 1.0)
         off |= (np.abs(np.convolve(z, kernel, mode="same")) > PLAIN * np.sqrt(count)) & (count >= width / 2)
-    off &= ~_near_other_gear(e)
+    off &= ~_near_other_gear(e) & (e["speed"] > CREEPING)
     near = np.convolve(off, np.ones(2 * round(AROUND_S / e.dt) + 1), mode="same") > 0.5
     if not off.any() or near[e.valid].mean() > MOST:
         return []

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.mechanisms.base import Shape, build
+from deeptruck_model.mismatch.mechanisms.base import GATE_S, Shape, build
 
 Array = NDArray[np.float64]
 Gate = tuple[str, str, float]  # signal, above or below, value
 
-SIGNALS = ("speed", "ratio", "grade", "engine")
+SIGNALS = ("speed", "lever", "grade", "engine")
 BINS = 10
 
 
@@ -45,7 +45,7 @@ class Regimes:
         for name in SIGNALS:
             if not e.has(name):
                 continue
-            x = np.nan_to_num(e[name])
+            x = e.lag(e[name], GATE_S)
             edges = np.unique(np.quantile(x[use], np.linspace(0.0, 1.0, BINS + 1)[1:-1]))
             bins = np.searchsorted(edges, x[use], side="left")
             borders[name] = edges
@@ -74,7 +74,7 @@ class Regimes:
 def gated(shape: Shape, gate: Gate, e: Evidence, trials: int) -> Shape:
     """The shape confined to one side of a border."""
     signal, side, at = gate
-    x = np.nan_to_num(e[signal])
+    x = e.lag(e[signal], GATE_S)
     inside = x > at if side == "above" else x <= at
     settings = shape.settings | {"gate": list(gate)}
     parts = tuple(build(shape.mechanism, settings))

@@ -13,6 +13,7 @@ from deeptruck_model.mismatch.explain import explain
 from deeptruck_model.mismatch.expression import Stream
 from deeptruck_model.mismatch.findings import from_cause
 from deeptruck_model.mismatch.mechanisms import LIBRARY, build
+from deeptruck_model.mismatch.mechanisms.base import GATE_S
 from deeptruck_model.mismatch.regimes import gated
 from deeptruck_model.mismatch.search import Search
 
@@ -30,7 +31,7 @@ def test_the_sums_over_bins_are_those_of_the_confined_columns(nothing_missing: E
     C, y, X = (np.random.default_rng(k).normal(size=(use.sum(), n)) for k, n in ((0, 2), (1, 1), (2, 3)))
     seen = 0
     for (signal, side, at), p in regimes.products(C, y[:, 0], X):
-        x = nothing_missing[signal][use]
+        x = nothing_missing.lag(nothing_missing[signal], GATE_S)[use]  # where it was for a moment
         inside = (x > at if side == "above" else x <= at)[:, None]
         assert pytest.approx((C * inside).T @ C) == p.CtC
         assert pytest.approx((C * inside).T @ y[:, 0]) == p.Cty
@@ -41,7 +42,7 @@ def test_the_sums_over_bins_are_those_of_the_confined_columns(nothing_missing: E
 
 def test_it_is_named_and_its_regime_is_said(fast_only: Evidence) -> None:
     # without gears these act alike in a narrow range of speed
-    others = ["torque_converter_slip", "torque_derate"]
+    others = ["torque_converter_slip", "torque_derate", "torque_limit"]
     found = explain(Search(fast_only, exclude=others))
     assert found.causes and found.causes[0].effect == "driveline_loss"
     data = from_cause(found.causes[0], fast_only, found, {}).data

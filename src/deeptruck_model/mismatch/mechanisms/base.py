@@ -17,12 +17,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.expression import During, Expression, Signal
+from deeptruck_model.mismatch.expression import During, Expression, Lag, Signal
 from deeptruck_model.mismatch.mechanisms.own_forms import OWN, SIZE, curve, forms
 from deeptruck_model.mismatch.noise import Prior
 
 Array = NDArray[np.float64]
 Settings = dict[str, Any]  # plain JSON values
+
+
+# A regime is where driving has been for a moment. The noise of a speed that just then stands at a border
+# would open and close it, and is in the acceleration too.
+GATE_S = 1.5
 
 
 @dataclass(frozen=True)
@@ -93,7 +98,7 @@ def build(mechanism: Mechanism, settings: Settings) -> list[Column]:
     if "gate" not in settings:
         return columns
     signal, side, at = settings["gate"]
-    above = Signal(signal) > at
+    above = Lag((Signal(signal),), GATE_S) > at
     gate = above if side == "above" else 1.0 - above
     return [replace(c, expression=c.expression * gate) for c in columns]
 
