@@ -143,7 +143,8 @@ def _parameter(
     value = search.e.total_change(name, model.change(name))
     least = enough(search) + search.e.tolerance.get(f"parameter:{name}", 0.0)
     force = search.e.sensitivity[name] * value  # of the simulator as given, to first order
-    if abs(value) < PARAMETER_PRACTICAL or not large_enough(search.e, force) or gain < least:
+    unsure = abs(value) < 1.96 * model.change_sd(name)
+    if unsure or abs(value) < PARAMETER_PRACTICAL or not large_enough(search.e, force) or gain < least:
         return None
     rivals = tuple((n, after.score - m.score) for n, m in others)
     odds = 1.0 + sum(np.exp(-max(w, 0.0) / TEMPER) for _, w in rivals) + np.exp(-gain / TEMPER)

@@ -28,7 +28,15 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 TEMPER = 3.0  # evidence is this much too sure, the noise model being approximate; priors are charged likewise
-POSSIBLE = (-0.7, 2.0)  # relative change of a parameter from the simulator's
+# Relative change of a parameter from the simulator's. All scaled down alike change next to nothing, and so
+# would make up for whatever is not scaled with them.
+POSSIBLE = {
+    "mass": (-0.6, 2.0),
+    "drag_area": (-0.6, 2.0),
+    "rolling_resistance": (-0.7, 2.0),
+    "torque_gain": (-0.35, 2.0),
+    "brake_gain": (-0.5, 2.0),
+}
 RETUNE_RANGE = (-0.6, 1.0)  # no truck is further off; what asks for more is no parameter error
 HELD = 0.01
 FREE = {"mass": 0.3, "drag_area": 0.3, "rolling_resistance": 0.4, "torque_gain": 0.15, "brake_gain": 0.25}
@@ -121,7 +129,7 @@ class Search:
 
     def _possible(self, parameter: str, model: Model) -> bool:
         """Whether a parameter stays within what a truck can have: no rolling resistance is negative."""
-        low, high = POSSIBLE
+        low, high = POSSIBLE[parameter]
         return low < self.e.total_change(parameter, model.change(parameter)) < high
 
     def background(self, named: tuple[Shape, ...]) -> Model:
