@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.free_model import FreeModel
-from deeptruck_model.mismatch.mechanisms import Shape
+from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes
 from deeptruck_model.mismatch.road_lock import RoadLock
 from deeptruck_model.mismatch.search import Model
 
@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 GROUP = 9.0  # nats within which two names count as not told apart, or ...
 GROUP_SHARE = 0.15  # of the gain: no form is quite right, and the larger an effect the more nats that costs
 
+GROUP_SHARE_SLOW = 0.25  # the same for what comes and goes as it likes
 GROUP_SHARE_RARE = 0.3  # the same for what was seen in a few windows: any event looks much like another there
 
 
@@ -49,10 +50,18 @@ class Cause:
     @property
     def not_told_from(self) -> list[str]:
         """Names that do nearly as well."""
-        rare = self.shape is not None and "when" in self.shape.settings
-        near = max(GROUP, (GROUP_SHARE_RARE if rare else GROUP_SHARE) * self.gain)
+        near = max(GROUP, _group_share(self.shape) * self.gain)
         names = [name for name, worse in self.rivals if worse < near and name != self.effect]
         return [*names, *(["unknown"] if self.other_form else [])]
+
+
+def _group_share(shape: Shape | None) -> float:
+    """Share of a gain within which other names are not told apart."""
+    if shape is None:
+        return GROUP_SHARE
+    if "when" in shape.settings:
+        return GROUP_SHARE_RARE
+    return GROUP_SHARE_SLOW if comes_and_goes(shape) else GROUP_SHARE
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ UNITS = {
     "simulated": "m/s²",
     "grade": "rise/run",
     "ratio": "rad/m",
+    "lever": "rad/m",
     "engine_speed": "rad/s",
     "gap": "m",
     "elapsed": "s",
@@ -41,6 +42,7 @@ WORDS = {
     "brake": "brakes' share of deceleration",
     "elapsed": "time since start",
     "ratio": "overall gear ratio",
+    "lever": "overall gear ratio",
 }
 
 

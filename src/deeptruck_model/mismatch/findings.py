@@ -136,7 +136,7 @@ def _confined(shape: Shape, mass: float) -> str:
         border = {
             "speed": f"the speed is {side} {at:.1f} m/s",
             "grade": f"the grade is {side} {100 * at:.1f} %",
-            "ratio": f"the engine turns {side} {at:.1f} rad per metre",
+            "lever": f"the engine turns {side} {at:.1f} rad per metre",
             "engine": f"the engine's force is {side} {at * mass:.0f} N",
         }[signal]
         return f"; it shows only where {border}"

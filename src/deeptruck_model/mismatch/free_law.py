@@ -35,7 +35,8 @@ WORTH = 10.0  # nats a further law must gain beyond the price of its freedom
 PRIOR_SD = 0.3
 ALIKE = {"engine_command": "engine", "brake_command": "brake", "drag": "speed"}
 MOSTLY = 0.6  # of the squared force
-ANYWHERE = frozenset({"speed", "elapsed", "ratio", "gear", "engine_speed"})  # where a form may differ
+# Where a form may differ from the one that is known.
+ANYWHERE = frozenset({"speed", "elapsed", "ratio", "lever", "gear", "engine_speed"})
 TREES_R2 = 0.06  # share of held-out variance below which trees have found nothing
 
 

@@ -6,13 +6,14 @@ import numpy as np
 
 from deeptruck_model.mismatch import intermittent
 from deeptruck_model.mismatch.candidates import candidates, enriched
-from deeptruck_model.mismatch.mechanisms import Shape, shape
+from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes, shape
 from deeptruck_model.mismatch.search import Model, Search
 from deeptruck_model.mismatch.worth_saying import ENOUGH, enough, practical, price
 
 WIDENED = 4  # of the best names are given more freedom of form before the first is chosen
 MOST = 4  # effects at once
 EXCHANGES = 3
+SLOW_PRICE = 25.0  # nats more for what comes and goes: so do the zeros of slope sensors
 ENOUGH_RARE = 45.0  # nats for what is seen in a few windows alone, which were chosen for being off
 DELAYS = ("command_delay", "clock_offset")
 SETTLING = 2  # times
@@ -40,6 +41,7 @@ def grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], .
         options = [enriched(search, m) for m in options[:WIDENED] if m.score > base.score + ENOUGH / 2]
         best = max(options, key=lambda m: m.score - price(search, m), default=base)
         least = enough(search) + price(search, best) + _beside(search, best) * (base.score - bare.score)
+        least += SLOW_PRICE * comes_and_goes(best.named[-1]) if best.named else 0.0
         if best.score < base.score + least:
             break
         base = search.background(best.named)

@@ -33,6 +33,7 @@ from deeptruck_model.mismatch.mechanisms.base import (
     Shape,
     shapes,
 )
+from deeptruck_model.mismatch.mechanisms.own_forms import apart
 from deeptruck_model.mismatch.mechanisms.symbols import (
     BRAKE,
     ELAPSED,
@@ -65,7 +66,7 @@ LAGS_S, ORDERS = (0.2, 0.5, 1.2, 3.0), (1, 3)
 SWINGS_HZ = (0.15, 0.25, 0.4, 0.6, 0.9, 1.3, 1.8)
 
 
-RECORDED = ("ratio", "grade", "engine_command", "brake_command", "engine_speed", "gap", "ambient_temperature")
+RECORDED = ("lever", "grade", "engine_command", "brake_command", "engine_speed", "gap", "ambient_temperature")
 EVENTS = {
     "braking": BRAKE > ACTING,
     "the brake was off": BRAKE < ACTING / 2,
@@ -95,10 +96,10 @@ def _settings(e: Evidence) -> Iterator[Settings]:
     rms = {name: float(np.sqrt(np.mean(x.rows(e)[e.valid] ** 2))) for name, (x, _) in CARRIERS.items()}
     known = {of: x for of, x in VARIABLES.items() if of not in NEEDS or e.has(NEEDS[of])}
     for of, x in known.items():
-        at = np.unique(np.quantile(x.rows(e)[e.valid], np.linspace(0.0, 1.0, KNOTS)))
+        at = apart(np.quantile(x.rows(e)[e.valid], np.linspace(0.0, 1.0, KNOTS)))
         for carrier in CARRIERS if len(at) > 2 else ():
             if rms[carrier] > LEAST_CARRIER:
-                yield {"carrier": carrier, "of": of, "at": at.tolist()}
+                yield {"carrier": carrier, "of": of, "at": at}
     for name, force in FORCES.items():
         if float(np.std(force.rows(e)[e.valid])) > LEAST_CARRIER:
             for how in ("late", "late up or down", "swinging"):

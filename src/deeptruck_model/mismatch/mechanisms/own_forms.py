@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.expression import (
@@ -45,10 +46,13 @@ COASTING = ENGINE < 0.02
 BRAKED = Since((BRAKE > 0.05,)) < Since(
     (PULL > 0.05,)
 )  # the first touch of the brake may set a retarder going
+Array = NDArray[np.float64]
+
 FORMS_PRICE = 3.0  # a form is one of so many shapes more that its name is looked for in
 EVEN = (0.02, 0.35, 0.65, 0.98)
 UPPER = (0.4, 0.7, 0.85, 0.93, 0.97, 0.995)
 ACTING = 0.1  # of the carrier's largest: where it says little no knot is worth having
+NEAREST = 0.04  # of the whole way, between knots
 NEVER_S = 120.0
 LOCKED_M_S = 12.0  # faster, no truck's converter slips
 SIZE = 0.1  # m/s^2 sd of a force that is no share of another
@@ -98,7 +102,10 @@ OWN: dict[str, tuple[Form, ...]] = {
             for t in (60.0, 200.0)
         ),
     ),
-    "drafting": (Form(DRAG, Signal("gap", missing=1e4, simulated=1e4), "gap", "falling", needs=("gap",)),),
+    "drafting": tuple(
+        Form(DRAG, Signal("gap", missing=1e4, simulated=1e4), "gap", trend, needs=("gap",))
+        for trend in ("falling", "any")
+    ),
     "rolling_resistance_speed": (Form(lift(-1.0), SPEED, "speed", "rising", share=False),),
     "rolling_resistance_warmup": (
         Form(lift(-1.0), ELAPSED, "time since start", "falling", share=False),
@@ -110,6 +117,8 @@ OWN: dict[str, tuple[Form, ...]] = {
             Form(PULL * -1.0, _heated(PULL * SPEED, t), f"engine power over {t:.0f} s", "rising")
             for t in (20.0, 60.0, 200.0, 600.0)
         ),
+        Form(PULL * -1.0, PULL * SPEED, "engine power", "rising", level=True),
+        Form(PULL * -1.0, ENGINE_SPEED, "engine speed", "rising", level=True, needs=("engine_speed",)),
         Form(
             PULL * -1.0,
             maximum(Signal("elevation") - 500.0, 0.0),
@@ -208,10 +217,19 @@ def forms(effect: str, e: Evidence) -> Iterator[dict[str, Any]]:
         acts = e.valid & (carrier > ACTING * float(np.quantile(carrier[e.valid], 0.98))) & (carrier > 0)
         if acts.sum() < 50:
             continue
-        at = np.unique(np.quantile(x[acts], form.knots))
+        at = apart(np.quantile(x[acts], form.knots))
         if len(at) > 2:
             scale = float(np.sqrt(np.mean(carrier[acts] ** 2)))
-            yield {"own": k, "at": at.tolist(), "scale": 1.0 if form.share else scale, "trials": FORMS_PRICE}
+            yield {"own": k, "at": at, "scale": 1.0 if form.share else scale, "trials": FORMS_PRICE}
+
+
+def apart(at: NDArray[np.floating[Any]]) -> list[float]:
+    """Ascending knots, without those too near the one before: between them a curve would follow noise."""
+    out = [float(at[0])]
+    for x in at[1:]:
+        if x - out[-1] > NEAREST * (at[-1] - at[0]):
+            out.append(float(x))
+    return out
 
 
 def curve(form: Form, at: list[float]) -> Iterator[tuple[Expression, list[float]]]:
