@@ -41,3 +41,13 @@ def test_traction_is_taken_from_the_first_of_torque_command_and_fuel() -> None:
     burnt, factor = components._traction(known, speed)
     assert burnt == pytest.approx(0.1) and factor > 1e4
     assert components._traction({}, speed) == (None, 0.0)
+
+
+def test_the_noise_of_two_sensors_moves_no_lever() -> None:
+    rng = np.random.default_rng(3)
+    speed = np.linspace(4.0, 20.0, 2000)
+    turns = np.where(speed < 9.0, 12.0, 6.0)
+    out = {"speed": speed * rng.normal(1.0, 0.01, 2000), "engine_speed": turns * speed}
+    components._ratio(out)
+    assert np.unique(out["lever"]) == pytest.approx([6.0, 12.0], rel=0.01)
+    assert out["engine_speed"] == pytest.approx(out["lever"] * out["speed"])

@@ -10,7 +10,7 @@ import pytest
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.growing import grow
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.mechanisms.own_forms import OWN, Form, curve, forms
+from deeptruck_model.mismatch.mechanisms.own_forms import OWN, Form, apart, curve, forms
 from deeptruck_model.mismatch.search import Search
 
 AT = [1.0, 4.0, 6.0, 9.0]
@@ -66,3 +66,9 @@ def test_forms_are_data_and_need_no_fit() -> None:
         for form in each:
             assert isinstance(form, Form) and form.by and form.sd > 0
             assert list(form.knots) == sorted(form.knots)
+
+
+def test_knots_stand_apart() -> None:
+    """A truck that cruises at one speed would have several knots within the noise of its sensor."""
+    assert apart(np.array([1.0, 21.98, 22.0, 22.02, 25.0])) == [1.0, 21.98, 25.0]
+    assert apart(np.array([5.0, 5.0, 5.0])) == [5.0]
