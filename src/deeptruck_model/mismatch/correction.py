@@ -67,9 +67,7 @@ def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequenc
     search = Search(e, only=~e.held_out)
     shares = None if simulator.parameters() else Shares.of(e)
     alone = _Recipe((), (), frozenset(search.parameters))
-    recipes = _recipes(e, x)
-    if x.causes:
-        recipes.append(alone)
+    recipes = [*_recipes(e, x), alone] if x.causes else [_Recipe((), (), frozenset())]
     unnamed = _with_laws(x)
     if unnamed is not None and any(c.other_form for c in x.causes):
         recipes.append(unnamed)  # these laws are the form of a name

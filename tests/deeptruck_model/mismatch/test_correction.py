@@ -120,6 +120,13 @@ def test_no_parameter_goes_where_no_truck_is(nothing_missing: Evidence) -> None:
     assert made.tuned.moved["brake_gain"] == 1.0 and not made.named.moved
 
 
+def test_where_nothing_is_missing_nothing_is_corrected(nothing_missing: Evidence) -> None:
+    model = Search(nothing_missing).model((), frozenset({"brake_gain"}))
+    made = correction.correct(TRUCK, nothing_missing, explanation((), model), ONE)
+    assert not made.named.terms and not made.named.moved
+    assert made.tuned.moved
+
+
 def test_laws_without_a_name_go_in_beside_the_names_and_only_when_asked(nothing_missing: Evidence) -> None:
     e = nothing_missing
     law = next(s for s in laws(e) if s.settings.get("of") == "speed" and s.settings["carrier"] == "engine")
