@@ -40,13 +40,16 @@ def named_cause(search: Search, model: Model, shape: Shape) -> Cause:
     instead = _best_of_each_name(instead)
     rivals = [(name, model.score - m.score) for name, m in instead]
     odds = 1.0 + sum(np.exp(-worse / TEMPER) for _, worse in rivals) + np.exp(-gain / TEMPER)
-    lawless = _lawless(search, model, shape, gain)
-    if lawless is not None:
+    lawless = _lawless(search, model, shape)
+    if lawless is not None and lawless.score > model.score + max(ENOUGH, GROUP_SHARE * gain):
         force = lawless.named[-1].columns @ lawless.coefficients(UNNAMED.effect)
         more = gain + lawless.score - model.score
         return Cause(
             "missing_physics", "unknown", more, 0.0, 0.9, force, nearest=shape.mechanism.effect, lawless=True
         )
+    if lawless is not None:  # perhaps something else comes and goes
+        unnamed = (UNNAMED.effect, max(model.score - lawless.score, 0.0))
+        rivals = sorted([*rivals, unnamed], key=lambda rival: rival[1])
     return Cause(
         shape.mechanism.kind,
         shape.mechanism.effect,
@@ -68,8 +71,8 @@ def _best_of_each_name(models: list[tuple[str, Model]]) -> list[tuple[str, Model
     return list(best.items())
 
 
-def _lawless(search: Search, model: Model, shape: Shape, gain: float) -> Model | None:
-    """The same model with an unnamed force in place of one that comes and goes, where that is far better.
+def _lawless(search: Search, model: Model, shape: Shape) -> Model | None:
+    """The same model with an unnamed force in place of one that comes and goes; None for a law.
 
     A name for such a force says how it acts, with speed squared or with the pull; one that acts otherwise is
     told by this alone.
@@ -80,8 +83,7 @@ def _lawless(search: Search, model: Model, shape: Shape, gain: float) -> Model |
     base = search.model(others, model.free, model.fit)
     scored = screen_shapes(search, base, search.shapes(UNNAMED))[:2]
     options = [enriched(search, search.model((*others, s), model.free, model.fit)) for _, s in scored]
-    best = max(options, key=lambda m: m.score, default=model)
-    return best if best.score > model.score + max(ENOUGH, GROUP_SHARE * gain) else None
+    return max(options, key=lambda m: m.score, default=None)
 
 
 def _force(search: Search, model: Model, shape: Shape) -> Array:
