@@ -80,10 +80,14 @@ def _drafting_settings(e: Evidence) -> Iterator[Settings]:
     usual = float(np.nanmedian(gap)) if np.isfinite(gap).any() else NOBODY_M
     for length_m in (8.0, 20.0, 50.0):
         yield {"length_m": length_m, "usual_m": usual}
+        if 1 < len(e.stretches) <= MOST_KNOTS:  # behind another vehicle on every drive
+            yield {"length_m": length_m, "usual_m": usual} | each_recording(e)
 
 
 def _drafting(s: Settings) -> list[Column]:
     near = exp(-(Signal("gap", missing=NOBODY_M, simulated=s.get("usual_m", NOBODY_M)) / s["length_m"]))
+    if "each" in s:
+        return [Column(DRAG * near * here, 0.4, f"share_of_drag[{name}]") for name, here in in_each(s)]
     return [Column(DRAG * near, 0.4, "share_of_drag")]
 
 

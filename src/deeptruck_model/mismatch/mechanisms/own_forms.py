@@ -54,6 +54,7 @@ UPPER = (0.4, 0.7, 0.85, 0.93, 0.97, 0.995)
 ACTING = 0.1  # of the carrier's largest: where it says little no knot is worth having
 NEAREST = 0.04  # of the whole way, between knots
 NEVER_S = 120.0
+ALONE_M = 150.0  # behind nobody
 LOCKED_M_S = 12.0  # faster, no truck's converter slips
 SIZE = 0.1  # m/s^2 sd of a force that is no share of another
 
@@ -103,7 +104,13 @@ OWN: dict[str, tuple[Form, ...]] = {
         ),
     ),
     "drafting": tuple(
-        Form(DRAG, Signal("gap", missing=1e4, simulated=1e4), "gap", trend, needs=("gap",))
+        Form(
+            DRAG,
+            minimum(Signal("gap", missing=ALONE_M, simulated=ALONE_M), ALONE_M),
+            "gap",
+            trend,
+            needs=("gap",),
+        )
         for trend in ("falling", "any")
     ),
     "rolling_resistance_speed": (Form(lift(-1.0), SPEED, "speed", "rising", share=False),),
@@ -218,7 +225,7 @@ def forms(effect: str, e: Evidence) -> Iterator[dict[str, Any]]:
         if acts.sum() < 50:
             continue
         at = apart(np.quantile(x[acts], form.knots))
-        if len(at) > 2:
+        if len(at) > 1:
             scale = float(np.sqrt(np.mean(carrier[acts] ** 2)))
             yield {"own": k, "at": at, "scale": 1.0 if form.share else scale, "trials": FORMS_PRICE}
 
