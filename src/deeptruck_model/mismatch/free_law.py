@@ -55,6 +55,8 @@ class LeftOver:
         if self.lawful is None:
             return False
         own = _plain(frozenset[str]().union(*(part.expression.signals() for part in name.parts)))
+        if "simulated" in own:  # what swings with the acceleration swings with the forces that make it
+            own |= {"engine", "brake"}
         sizes = [(_acts_by(settings), size) for settings, size in _parts(e, self.lawful)]
         within = sum(size for signals, size in sizes if signals & own and signals <= own | ANYWHERE)
         return within > MOSTLY * sum(size for _, size in sizes)

@@ -53,9 +53,15 @@ def _slosh_settings(e: Evidence) -> Iterator[Settings]:
     for frequency_hz in (0.15, 0.2, 0.3, 0.4, 0.55, 0.75):
         for damping in (0.04, 0.12, 0.3):  # free surface to well baffled
             yield {"frequency_hz": frequency_hz, "damping": damping}
+    yield {"modes_hz": [0.15, 0.25, 0.4, 0.6, 0.9, 1.3], "damping": 0.1}  # a bore that runs to and fro
 
 
 def _slosh(s: Settings) -> list[Column]:
+    if "modes_hz" in s:
+        return [
+            Column(Slosh((SIMULATED,), hz, s["damping"]), 0.2, f"mass_share_at_{hz:g}_Hz")
+            for hz in s["modes_hz"]
+        ]
     return [Column(Slosh((SIMULATED,), s["frequency_hz"], s["damping"]), 0.3, "mass_share")]
 
 
