@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from deeptruck_model.mismatch.answer import ANSWER
 from deeptruck_model.mismatch.evidence import GRAVITY, Evidence
+from deeptruck_model.mismatch.expression import Expression, Signal, maximum
 from deeptruck_model.mismatch.levers import gears, lever, turns
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Run, Simulator, forced_run
@@ -34,6 +36,17 @@ DIESEL_J_PER_CM3 = 35.8e3
 EFFICIENCY = 0.40  # of a diesel at the wheels' side of the clutch
 DRIVELINE = 0.93
 TYPICAL_MASS = 20000.0
+ENGINE, BRAKE, DRAG = Signal("engine"), Signal("brake"), Signal("drag")
+SENSITIVITY: dict[str, Expression] = {  # for simulators without parameters of their own
+    name: force * ANSWER
+    for name, force in {
+        "mass": BRAKE + DRAG - ENGINE,
+        "drag_area": -DRAG,
+        "rolling_resistance": -Signal("rolling"),
+        "torque_gain": maximum(ENGINE, 0.0),
+        "brake_gain": -BRAKE,
+    }.items()
+}
 RECORDED = (
     "gear",
     "engine_speed",
@@ -77,11 +90,7 @@ def signals(
 
 def sensitivity(e: Evidence, name: str) -> Array:
     """Change of acceleration for +100 % of a parameter, from the components (used where it cannot be run)."""
-    if name == "mass":
-        return -(e["engine"] - e["brake"] - e["drag"])
-    if name == "torque_gain":
-        return np.maximum(e["engine"], 0.0)
-    return {"drag_area": -e["drag"], "rolling_resistance": -e["rolling"], "brake_gain": -e["brake"]}[name]
+    return SENSITIVITY[name].rows(e)
 
 
 def _column(p: Prepared, name: str) -> Array:

@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch import answer
 from deeptruck_model.mismatch.command_path import CommandPath
-from deeptruck_model.mismatch.expression import Expression, Rerun, Signal, Stream, maximum
+from deeptruck_model.mismatch.components import SENSITIVITY
+from deeptruck_model.mismatch.expression import Rerun, Stream
 from deeptruck_model.mismatch.levers import lever, turns
 from deeptruck_model.mismatch.mechanisms import KNOWN, build
 from deeptruck_model.mismatch.share import Shares
@@ -22,15 +24,6 @@ from deeptruck_model.simulators import MANIFEST, Run, Simulator
 from deeptruck_model.simulators import load as load_simulator
 
 Array = NDArray[np.float64]
-
-ENGINE, BRAKE, DRAG = Signal("engine"), Signal("brake"), Signal("drag")
-SENSITIVITY: dict[str, Expression] = {  # for simulators without parameters of their own
-    "mass": BRAKE + DRAG - ENGINE,
-    "drag_area": -DRAG,
-    "rolling_resistance": -Signal("rolling"),
-    "torque_gain": maximum(ENGINE, 0.0),
-    "brake_gain": -BRAKE,
-}
 
 
 @dataclass(frozen=True)
@@ -47,7 +40,7 @@ class State:
     """State of a corrected truck: the base truck's, the mechanisms' memory, and where the drive stands."""
 
     base: Any
-    memory: list[Any]
+    memory: tuple[list[Any], list[Any]]  # of what brakes make up for, of the mechanisms
     path: Any
     speed: Array
     distance: Array
@@ -89,6 +82,7 @@ class CorrectedTruck:
         self._path = CommandPath(paths, base.interface.u, base.dt)
         self._stream = Stream([expression for expression, _ in weighted])
         self._weights = [b for _, b in weighted]
+        self._held = Stream([answer.held(self.interface)])
 
     @property
     def interface(self) -> TruckInterface:
@@ -125,7 +119,7 @@ class CorrectedTruck:
         batch = len(y0)
         return State(
             self.base.reset(y0),
-            self._stream.begin(batch),
+            (self._held.begin(batch), self._stream.begin(batch)),
             self._path.begin(),
             y0[:, SPEED].copy(),
             np.zeros(batch),
@@ -137,7 +131,11 @@ class CorrectedTruck:
         commands, path = self._path.step(state.path, u)
         inner, y = self.base.step(state.base, commands, w)
         now = self._now(inner, y, u, w, state)
-        values, memory = self._stream.step(state.memory, now, self.dt)
+        (left,), braked = self._held.step(state.memory[0], now, self.dt)
+        now["answer"] = now["answer"] * left
+        if "engine" in now:
+            now["sensitivity:mass"] = now["answer"] * (now["brake"] + now["drag"] - now["engine"])
+        values, memory = self._stream.step(state.memory[1], now, self.dt)
         extra = sum((b * v for b, v in zip(self._weights, values, strict=True)), start=np.zeros(len(y)))
         y = y.copy()
         speed = np.maximum(state.speed + (y[:, ACCELERATION] + extra) * self.dt, 0.0)
@@ -146,7 +144,7 @@ class CorrectedTruck:
         y[:, ACCELERATION], y[:, SPEED] = (speed - state.speed) / self.dt, speed
         after = State(
             self.base.force(inner, y),
-            memory,
+            (braked, memory),
             path,
             speed,
             state.distance + speed * self.dt,
@@ -239,8 +237,8 @@ class CorrectedTruck:
             now.setdefault(name, x[:, min(state.row, x.shape[1] - 1)])
         if "ratio" in now:
             now["lever"] = lever(now["ratio"], self.gears)
-        if "engine" in now:
-            now["sensitivity:mass"] = now["brake"] + now["drag"] - now["engine"]
+        turning = answer.free(inside)
+        now["answer"] = np.ones(len(y)) if turning is None else turning
         return now
 
 

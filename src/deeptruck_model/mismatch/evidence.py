@@ -18,6 +18,7 @@ Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
 GRAVITY = 9.80665
+LEAST_ANSWER = 0.5  # where brakes make up for a force its size is not known
 DOUBT = 2.0  # the jittered runs see only part of what a simulator can be wrong about
 DOUBT_ROWS = 5  # a doubtful sample also marks those it is whitened with
 SLOW_NOISE, SLOW_NOISE_S = 0.015, 10.0  # m/s^2 sd of the mean over so long that may still be noise
@@ -89,6 +90,12 @@ class Evidence:
             if name not in self.signals or np.isfinite(self.signals[name][self.valid]).mean() < 0.5:
                 return False
         return True
+
+    def newtons(self, acceleration: Array) -> Array:
+        """The forces that give these accelerations, (n,); too small where the brakes make up for them."""
+        answer = self.signals.get("answer", np.ones(len(self)))
+        out: Array = acceleration * self.mass / np.maximum(answer, LEAST_ANSWER)
+        return out
 
     @property
     def starts(self) -> Mask:

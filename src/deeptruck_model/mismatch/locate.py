@@ -80,7 +80,7 @@ def _segment(e: Evidence, force: Array, finding: int, s: Stretch, a: int, b: int
         float(at[0]),
         float(at[1]),
         finding,
-        float(part.mean() * e.mass),
+        float(e.newtons(force)[rows].mean()),
         rows.start,
         rows.stop,
         energy,

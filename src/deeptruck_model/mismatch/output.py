@@ -63,10 +63,11 @@ def _write_profiles(m: Mismatch, path: Path) -> None:
         for f in m.findings:
             if f.cause is None:
                 continue
+            force = e.newtons(f.cause.force)
+            force /= -9.80665 * e.mass if f.cause.effect == "road_grade" else 1.0
             for s in e.stretches:
                 for k in range(s.start, s.stop - every + 1, every):
-                    force = float(f.cause.force[k : k + every].mean())
-                    value = -force / 9.80665 if f.cause.effect == "road_grade" else force * e.mass
+                    value = float(force[k : k + every].mean())
                     rows.writerow(
                         [
                             s.name,

@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lfilter
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch import components
+from deeptruck_model.mismatch import answer, components
 from deeptruck_model.mismatch.command_path import FASTER_DOWN, eased, lagged
 from deeptruck_model.mismatch.evidence import BLOCK_LEARNED_S, BLOCK_S, Evidence, Stretch
 from deeptruck_model.mismatch.gears import other_gear
@@ -94,6 +94,7 @@ def gather(
     other, apart = other_gear(prepared, runs)
     signals, mass = components.signals(simulator, prepared, runs, grid)
     signals["gear apart"] = grid.any(apart).astype(float)
+    turning = _turning(runs, grid)
     evidence = Evidence(
         dt=dt * block,
         stretches=grid.stretches,
@@ -108,9 +109,19 @@ def gather(
         moved=dict(moved or {}),
         rerun=_rerunner(simulator, prepared, grid, simulated),
     )
+    evidence.signals["answer"] = answer.rows(simulator, evidence, turning)
     sensitivity = _sensitivity(simulator, prepared, grid, evidence)
+    evidence = replace(evidence, sensitivity=sensitivity)
     named = {f"sensitivity:{name}": column for name, column in sensitivity.items()}
-    return replace(evidence, sensitivity=sensitivity, signals=signals | named | {"simulated": simulated})
+    felt = {"answer": answer.rows(simulator, evidence, turning)}
+    return replace(evidence, signals=evidence.signals | named | felt)
+
+
+def _turning(runs: Sequence[Run], grid: _Grid) -> Array:
+    """What a force gives in each block without brakes, for a force per mass of one."""
+    each = [answer.free(run.inside) for run in runs]
+    known = [x[0] for x in each if x is not None]
+    return grid.stack(known) if len(known) == len(runs) else np.ones(grid.stretches[-1].stop)
 
 
 class _Grid:

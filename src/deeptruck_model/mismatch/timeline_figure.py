@@ -70,7 +70,7 @@ def _track(
     smooth = max(1, round(SMOOTH_S / e.dt))
 
     def newton(x: Array) -> Array:
-        out = uniform_filter1d(np.nan_to_num(x[s.rows]), smooth) * e.mass
+        out = uniform_filter1d(np.nan_to_num(e.newtons(x)[s.rows]), smooth)
         return np.where(e.valid[s.rows], out, np.nan)
 
     seconds = [(s.start_s + (a - s.start) * e.dt, s.start_s + (b - s.start) * e.dt, f) for a, b, f, _ in own]

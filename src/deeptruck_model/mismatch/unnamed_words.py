@@ -16,7 +16,7 @@ def strength(cause: Cause, e: Evidence) -> str:
     """How strong a force is where it acts, in N, and for how much of the time."""
     size = np.abs(cause.force[e.valid])
     acting = size > 0.3 * float(np.quantile(size, 0.995)) + 1e-9
-    newton = float(np.mean(cause.force[e.valid][acting]) * e.mass) if acting.any() else 0.0
+    newton = float(np.mean(e.newtons(cause.force)[e.valid][acting])) if acting.any() else 0.0
     share = float(np.mean(acting)) * 100
     return f"{newton:+.0f} N on average while it acts, {share:.0f} % of the time"
 

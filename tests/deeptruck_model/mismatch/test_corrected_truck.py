@@ -20,12 +20,12 @@ SHARES = Shares([0.0, 30.0], [1e-3, 1e-3], [0.02, 0.02], [20.0, 8.0], 2e-4, 0.06
 
 
 class Drag:
-    """A force of -0.05 m/s^2 on whatever has to be accelerated, from the truck's own hook."""
+    """A force of -0.05 N per kg of the truck, from its own hook."""
 
     def reset(self, batch: int) -> None: ...
 
     def force(self, view: trucks.View, dt: float) -> np.ndarray:
-        return np.where(view.speed > 0.05, -0.05 * view.effective_mass, 0.0)
+        return np.where(view.speed > 0.05, -0.05 * view.mass, 0.0)
 
 
 class BlackBox:
@@ -71,6 +71,19 @@ def test_a_known_term_acts_as_the_force_on_the_truck() -> None:
     corrected = simulators.free_run(CorrectedTruck(BASE, [STEADY], {}, None, False), u, w, y0).y[..., SPEED]
     assert np.abs(true - plain).max() > 2.0
     assert np.abs(corrected - true).max() < 0.03 * np.abs(true - plain).max()
+
+
+def test_brakes_that_hold_a_deceleration_make_up_for_a_term_too() -> None:
+    base = trucks.load("volvo")
+    u = np.zeros((1, 100, 2))
+    u[:, 30:, 1] = 0.7
+    y0, w = np.array([[0.0, 20.0, 0.0]]), np.zeros((1, 100, 1))
+    true = simulators.free_run(base.with_forces([Drag()]), u, w, y0).y[..., SPEED]
+    corrected = simulators.free_run(CorrectedTruck(base, [STEADY], {}, None, False), u, w, y0).y[..., SPEED]
+    without = simulators.free_run(base, u, w, y0).y[..., SPEED]
+    assert (without - true)[0, 29] == pytest.approx(0.05 * 2.9, rel=0.1)
+    assert (without - true)[0, 99] < 0.22  # and not 0.5
+    assert np.abs(corrected - true).max() < 0.03
 
 
 def test_stepping_keeps_speed_the_integral_of_acceleration_and_old_states_usable() -> None:

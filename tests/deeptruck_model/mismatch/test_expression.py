@@ -42,6 +42,8 @@ def synthetic() -> Evidence:
     }  # fmt: skip
     signals["ratio"] = np.clip(signals["engine_speed"] / np.maximum(speed, 0.5), 0.0, 150.0)
     signals["lever"] = np.minimum(signals["ratio"], 30.0)
+    signals["answer"] = 1.0 / (1.05 + 4e-4 * signals["lever"] ** 2)
+
     stretches = (
         Stretch("a", 0, SIZES[0], 0.0, False),
         Stretch("b", SIZES[0], n, 0.0, True),

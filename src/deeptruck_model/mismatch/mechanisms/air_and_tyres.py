@@ -109,9 +109,12 @@ def _drag_area(s: Settings) -> list[Column]:
 
 def _rolling_settings(e: Evidence) -> Iterator[Settings]:
     yield from ({"order": order} for order in (1, 2, 4))
+    yield {"orders": [1, 4]}  # Mitschke's polynomial
 
 
 def _rolling_speed(s: Settings) -> list[Column]:
+    if "orders" in s:
+        return [column for order in s["orders"] for column in _rolling_speed({"order": order})]
     if s["order"] == 4:
         return [Column(-((SPEED / 20.0) ** 4), 0.03, "fourth_power", "N s^4/m^4", 20.0**-4, per_mass=True)]
     if s["order"] == 2:

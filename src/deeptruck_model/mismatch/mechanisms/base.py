@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.mismatch.answer import ANSWER
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.expression import During, Expression, Lag, Signal
+from deeptruck_model.mismatch.expression import During, Expression, Lag, Rerun, Signal
 from deeptruck_model.mismatch.mechanisms.own_forms import OWN, SIZE, curve, forms
 from deeptruck_model.mismatch.noise import Prior
 
@@ -66,6 +67,7 @@ class Mechanism:
     kind: str = "missing_physics"
     hidden: bool = False
     prior: float = 1.0
+    force: bool = True  # its columns are forces per mass, and no errors of a sensor
     unlikely_with: str = ""  # a recorded signal that makes this a fifth as likely: it would show there
 
     def chance(self, e: Evidence) -> float:
@@ -95,12 +97,22 @@ def build(mechanism: Mechanism, settings: Settings) -> list[Column]:
         columns = mechanism.build(settings)
     if "when" in settings:
         columns = [replace(c, expression=During((c.expression,), settings["when"])) for c in columns]
-    if "gate" not in settings:
-        return columns
-    signal, side, at = settings["gate"]
-    above = Lag((Signal(signal),), GATE_S) > at
-    gate = above if side == "above" else 1.0 - above
-    return [replace(c, expression=c.expression * gate) for c in columns]
+    if "gate" in settings:
+        signal, side, at = settings["gate"]
+        above = Lag((Signal(signal),), GATE_S) > at
+        gate = above if side == "above" else 1.0 - above
+        columns = [replace(c, expression=c.expression * gate) for c in columns]
+    return [replace(c, expression=_felt(c.expression)) for c in columns] if mechanism.force else columns
+
+
+def _felt(force: Expression) -> Expression:
+    """The acceleration a force gives; what the simulator itself was asked for is one already."""
+    return force if _asked(force) else force * ANSWER
+
+
+def _asked(x: Expression) -> bool:
+    of_simulator = isinstance(x, Signal) and x.name.startswith("sensitivity:")
+    return of_simulator or isinstance(x, Rerun) or any(_asked(part) for part in x.inputs)
 
 
 def _own_columns(effect: str, s: Settings) -> list[Column]:

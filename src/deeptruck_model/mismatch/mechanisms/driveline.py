@@ -33,8 +33,10 @@ from deeptruck_model.mismatch.mechanisms.over_time import (
 from deeptruck_model.mismatch.mechanisms.symbols import (
     BRAKE,
     ENGINE,
+    ENGINE_SPEED,
     GEAR,
     LEVER,
+    OMEGA,
     PULL,
     RATIO,
     SIMULATED,
@@ -53,6 +55,8 @@ def _loss_settings(e: Evidence) -> Iterator[Settings]:
             yield {"by": "gear", "gears": used}
     if e.has("ratio"):
         yield {"by": "ratio", "reference": lever_reference(e)}
+    if e.has("ratio", "engine_speed"):
+        yield {"by": "input", "reference": lever_reference(e)}
 
 
 def _loss(s: Settings) -> list[Column]:
@@ -60,6 +64,13 @@ def _loss(s: Settings) -> list[Column]:
         return [Column(-absolute(ENGINE), 0.15, "share")]
     if s["by"] == "gear":
         return [Column(-(PULL * (absolute(GEAR - g) < 0.5)), 0.1, f"share_gear_{g:.0f}") for g in s["gears"]]
+    if s["by"] == "input":  # as regulation 2017/2400, annex VI, has it: drag at the input shaft, and a share
+        drag = -(LEVER / s["reference"])
+        return [
+            Column(drag, 0.05, "drag", "N", per_mass=True),
+            Column(drag * (ENGINE_SPEED / OMEGA), 0.05, "drag_per_speed", "N", per_mass=True),
+            Column(-PULL, 0.1, "share"),
+        ]
     return [Column(-(PULL * maximum(LEVER / s["reference"] - 1.0, 0.0)), 0.1, "share_per_ratio")]
 
 

@@ -38,11 +38,10 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
     ENGINE_COMMAND,
     ENGINE_SPEED,
     LEVER,
+    OMEGA,
     PULL,
     SPEED,
 )
-
-OMEGA = 150.0  # rad/s, a diesel's working speed
 
 
 def _turbo_settings(e: Evidence) -> Iterator[Settings]:
@@ -85,11 +84,20 @@ def _derate_settings(e: Evidence) -> Iterator[Settings]:
     if e.has("ambient_temperature"):
         yield {"by": "ambient_temperature"}
     yield from slow_settings(e, -PULL, 0.5, quick=False)
+    if np.isfinite(full):  # what throttles the flow (a filter, a leaking hose) costs the more, the more flows
+        loss = _throttled(full)
+        yield from ({**slow, "full": full} for slow in slow_settings(e, loss, 0.5, quick=False))
+
+
+def _throttled(full: float) -> Expression:
+    """Minus the pull, by the share of full power that is asked."""
+    return -(PULL * minimum(PULL * SPEED / full, 1.5))
 
 
 def _derate(s: Settings) -> list[Column]:
     if "knots" in s:
-        return slow_columns(s, -PULL, "loss", "1", sign=1)
+        carrier = _throttled(s["full"]) if "full" in s else -PULL
+        return slow_columns(s, carrier, "loss_at_full_power" if "full" in s else "loss", "1", sign=1)
     if s["by"] == "load":
         load = minimum(Lag((PULL * SPEED / s["full"],), s["soak_s"], cold=True), 1.5)
         return [Column(-(PULL * load), 0.3, "loss_at_full_load")]

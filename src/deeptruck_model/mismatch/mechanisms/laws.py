@@ -154,6 +154,7 @@ LATE_SENSOR = Mechanism(
     ),
     _columns,
     kind="measurement_fault",
+    force=False,
 )
 
 

@@ -17,6 +17,8 @@ from deeptruck_model.mismatch.mechanisms.over_time import (
     each_recording,
     from_then_on,
     in_each,
+    slow_columns,
+    slow_settings,
 )
 from deeptruck_model.mismatch.mechanisms.symbols import (
     SIMULATED,
@@ -38,6 +40,7 @@ def _payload_settings(e: Evidence) -> Iterator[Settings]:
         yield {"first": first, "after_s": after, "count": len(e.stretches), "trials": len(points)}
     if 2 < len(e.stretches) <= 40:
         yield each_recording(e)
+    yield from slow_settings(e, MASS, 0.5, quick=False)  # sprayed, spread or discharged on the way
 
 
 def _payload(s: Settings) -> list[Column]:
@@ -46,6 +49,8 @@ def _payload(s: Settings) -> list[Column]:
             Column(MASS * here, 0.3, f"change[{name}]", "kg", per_mass=True, sign=0)
             for name, here in in_each(s)
         ]
+    if "knots" in s:
+        return slow_columns(s, MASS, "change", "kg", sign=0, per_mass=True)
     return [Column(MASS * from_then_on(s), 0.4, "change", "kg", per_mass=True, sign=0)]
 
 

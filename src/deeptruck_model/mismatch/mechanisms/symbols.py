@@ -9,3 +9,4 @@ ENGINE_COMMAND, BRAKE_COMMAND = Signal("engine_command"), Signal("brake_command"
 ENGINE_SPEED, RATIO, GEAR = Signal("engine_speed"), Signal("ratio"), Signal("gear")
 LEVER = Signal("lever")  # turns per metre, but no more than the lowest gear gives: a clutch may slip
 PULL = maximum(ENGINE, 0.0)
+OMEGA = 150.0  # rad/s, a diesel's working speed

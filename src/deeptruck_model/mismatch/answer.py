@@ -1,0 +1,53 @@
+"""What acceleration a force on the truck gives: less than force per mass.
+
+Wheels and engine turn with the truck, the more the lower the gear; and brakes that hold a commanded
+deceleration make up within a second for whatever else slows or drives the truck.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.evidence import GRAVITY, Evidence
+from deeptruck_model.mismatch.expression import Expression, Lag, Signal, lift
+from deeptruck_model.signals import TruckInterface
+from deeptruck_model.simulators import Simulator
+
+Array = NDArray[np.float64]
+
+HELD_UNIT = "m/s^2"  # of a brake command that is a deceleration
+BRAKED = 0.05  # m/s^2: the brake switch
+HOLD_S, ORDER = 0.25, 3  # valves, and the controller that holds the deceleration: lags in a row
+RELEASED_S = 1.0  # for which such brakes still make up for a force after the pedal is let go
+
+ANSWER = Signal("answer", missing=1.0)
+
+
+def free(inside: Mapping[str, Array]) -> Array | None:
+    """Mass over mass with all that turns, where a simulator's inside tells it."""
+    return inside["mass"] / inside["effective_mass"] if "effective_mass" in inside else None
+
+
+def held(interface: TruckInterface) -> Expression:
+    """Share of a force that brakes leave: one where their command is no deceleration to be held."""
+    if interface.brake_unit != HELD_UNIT:
+        return lift(1.0)
+    braking = Signal("brake_command") > BRAKED
+    made_up: Expression = braking
+    for _ in range(ORDER):
+        made_up = Lag((made_up,), HOLD_S, cold=True)
+    return 1.0 - braking * made_up
+
+
+def rows(simulator: Simulator, e: Evidence, turning: Array) -> Array:
+    """Acceleration for a force per mass of one along the recordings, (n,); `turning` is what the brakes
+    leave alone. While they hold a deceleration, as the simulator answers more rolling resistance."""
+    out: Array = turning * held(simulator.interface).rows(e)
+    change, own = e.sensitivity.get("rolling_resistance"), simulator.parameters().get("rolling_resistance")
+    if simulator.interface.brake_unit != HELD_UNIT or change is None or not own:
+        return out
+    near = e.since(np.nan_to_num(e["brake_command"]) > BRAKED) < RELEASED_S
+    return np.where(near, np.clip(-change / (GRAVITY * own), -0.3, 1.0), out)

@@ -1,0 +1,73 @@
+"""What acceleration a force gives on the reference trucks, and that hidden forces come back in their size."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from deeptruck_model import driving_cycles, trucks
+from deeptruck_model.mismatch import answer, residual
+from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.expression.nodes import Constant
+from deeptruck_model.mismatch.search import Search
+from deeptruck_model.recordings import Recording
+
+
+class Pull:
+    """A steady force against motion, N."""
+
+    def __init__(self, newtons: float) -> None:
+        self.newtons = newtons
+
+    def reset(self, batch: int) -> None: ...
+
+    def force(self, view: trucks.View, dt: float) -> np.ndarray:
+        return np.where(view.speed > 0.5, -self.newtons, 0.0)
+
+
+def drives(truck: trucks.PhysicsTruck, count: int = 3) -> list[Recording]:
+    out = []
+    for k in range(count):
+        drive = driving_cycles.drive(truck, seconds=240, seed=k)
+        drive.channels["speed"] += np.random.default_rng(k).normal(0.0, 0.003, len(drive))
+        out.append(drive)
+    return out
+
+
+def evidence(truck: trucks.PhysicsTruck) -> Evidence:
+    prepared = [residual.prepare(d, True) for d in drives(truck)]
+    return residual.gather(truck, prepared, [False] * len(prepared))
+
+
+def test_rotating_masses_take_a_share_that_grows_with_the_turns_per_metre() -> None:
+    e = evidence(trucks.load("volvo"))
+    driving = e.valid & (e["brake_command"] == 0.0) & (e.since(e["brake_command"] > 0.0) > 2.0)
+    high, low = (e["answer"][driving & in_gear] for in_gear in (e["lever"] < 8.0, e["lever"] > 20.0))
+    assert 0.85 < np.median(high) < 0.97
+    assert np.quantile(low, 0.2) < np.median(high) - 0.03
+
+
+def test_brakes_that_hold_a_deceleration_make_up_for_other_forces() -> None:
+    e = evidence(trucks.load("volvo"))
+    braking = e["brake_command"] > 0.05
+    assert 0.02 < braking.mean() < 0.6
+    assert abs(np.median(e["answer"][e.valid & braking & (e.since(~braking) > 2.0)])) < 0.1
+    assert np.median(e["answer"][e.valid & ~braking]) > 0.8
+
+
+def test_a_simulator_that_shows_nothing_is_taken_at_force_per_mass() -> None:
+    truck = trucks.load("trucksim")
+    assert answer.free({"speed": np.ones(3)}) is None
+    assert isinstance(answer.held(truck.interface), Constant)
+
+
+@pytest.mark.parametrize("name", ["trucksim", "volvo"])
+def test_a_hidden_force_comes_back_in_newtons(name: str) -> None:
+    believed = trucks.load(name)
+    prepared = [residual.prepare(d, True) for d in drives(believed.with_forces([Pull(2000.0)]))]
+    e = residual.gather(believed, prepared, [False] * len(prepared))
+    search = Search(e)
+    mechanism = next(m for m in search.library if m.effect == "dragging_brake")
+    steady = next(s for s in search.shapes(mechanism) if s.settings.get("decay_s", 0.0) is None)
+    found = search.model((steady,), frozenset())
+    assert found.coefficients("dragging_brake")[0] * e.mass == pytest.approx(2000.0, rel=0.03)
