@@ -5,6 +5,7 @@ from __future__ import annotations
 from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes, merge
 from deeptruck_model.mismatch.screening import screen, screen_regimes
 from deeptruck_model.mismatch.search import ONE_SIZE, Model, Search
+from deeptruck_model.mismatch.worth_saying import slow_price
 
 MORE_SHAPES = 2  # further shapes a mechanism may be widened by
 WORTH_A_SHAPE = 4.0  # nats a further shape of the same mechanism must gain
@@ -20,16 +21,20 @@ def candidates(search: Search, base: Model) -> list[Model]:
     The noise beside `base` alone holds what is missing, and so hides some of the names for it; they are
     looked for again under the noise beside the best of the first.
     """
+
+    def worth(model: Model) -> float:
+        return model.score - slow_price(model, base)
+
     best = _fitted(search, base, screen(search, base), {})
     if best:
-        leader = max(best.values(), key=lambda m: m.score)
+        leader = max(best.values(), key=worth)
         best = _fitted(search, base, screen(search, base, leader), best, leader)
-    leading = sorted(best.values(), key=lambda m: -m.score)
+    leading = sorted(best.values(), key=worth, reverse=True)
     for model in leading[:LEADING]:
         held = search.model(model.named, base.free, base.fit)
         if held.score > model.score:
             best[model.effects[-1]] = held
-    return sorted(best.values(), key=lambda m: -m.score)
+    return sorted(best.values(), key=worth, reverse=True)
 
 
 def _fitted(
@@ -52,7 +57,8 @@ def _fitted(
         seen.add(effect)
         named, start = (*base.named, shape), (leader or base).fit
         model = search.model(named, everything, start, again=leader is not None)
-        if effect not in best or model.score > best[effect].score:
+        worth = model.score - slow_price(model, base)
+        if effect not in best or worth > best[effect].score - slow_price(best[effect], base):
             best[effect] = model
     return best
 

@@ -81,7 +81,7 @@ def signals(
                 [p.recording.channels.get(name, np.full(len(p.recording), np.nan)) for p in prepared]
             )
     if "traction_force" in runs[0].inside:
-        mass = _from_inside(out, runs, grid)
+        mass = _from_inside(out, simulator, runs, grid)
     else:
         mass = _from_questions(out, simulator, prepared, runs, grid)
     _ratio(out)
@@ -98,7 +98,7 @@ def _column(p: Prepared, name: str) -> Array:
     return p.u[:, interface.u.index(name)] if name in interface.u else p.w[:, interface.w.index(name)]
 
 
-def _from_inside(out: dict[str, Array], runs: Sequence[Run], grid: Any) -> float:
+def _from_inside(out: dict[str, Array], simulator: Simulator, runs: Sequence[Run], grid: Any) -> float:
     """Specific forces of a physics truck; also its gear and engine speed where the recording has none."""
 
     def inside(name: str) -> list[Array]:
@@ -111,6 +111,9 @@ def _from_inside(out: dict[str, Array], runs: Sequence[Run], grid: Any) -> float
     out.setdefault("gear", grid.last(inside("gear")))
     out.setdefault("engine_speed", grid.stack(inside("engine_speed")))
     out["modelled_torque"] = grid.stack(inside("engine_torque"))
+    radius = simulator.parameters().get("wheel_radius")
+    if radius and "ratio" in runs[0].inside:
+        out["gear lever"] = grid.stack(inside("ratio")) / radius
     return mass
 
 
@@ -187,7 +190,7 @@ def _ratio(out: dict[str, Array]) -> None:
         return
     ratio = out["ratio"] = turns(out["engine_speed"], out["speed"])
     known = gears(ratio, out["speed"])
-    out["lever"] = lever(ratio, known)
+    out["lever"] = lever(ratio, known, out.pop("gear lever", None))
     out["engine_speed"] = np.where(
         np.isin(out["lever"], known), out["lever"] * out["speed"], out["engine_speed"]
     )

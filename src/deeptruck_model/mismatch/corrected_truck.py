@@ -82,6 +82,7 @@ class CorrectedTruck:
         self._path = CommandPath(paths, base.interface.u, base.dt)
         self._stream = Stream([expression for expression, _ in weighted])
         self._weights = [b for _, b in weighted]
+        self._radius = own.get("wheel_radius")
         self._held = Stream([answer.held(self.interface)])
 
     @property
@@ -236,7 +237,8 @@ class CorrectedTruck:
             # the simulator's own gear goes with the speed it drives at, the recorded one does not
             now.setdefault(name, x[:, min(state.row, x.shape[1] - 1)])
         if "ratio" in now:
-            now["lever"] = lever(now["ratio"], self.gears)
+            in_gear = inside["ratio"] / self._radius if self._radius and "ratio" in inside else None
+            now["lever"] = lever(now["ratio"], self.gears, in_gear)
         turning = answer.free(inside)
         now["answer"] = np.ones(len(y)) if turning is None else turning
         return now

@@ -119,7 +119,11 @@ def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list
     if effect == "road_grade" and road is not None and road.other_way_km > 0:
         # no wind and no gain turns its sign where a stretch is driven the other way
         possible = ["road_grade"]
-    share = float(np.sum(found.force[e.valid] ** 2) / np.sum(residual[e.valid] ** 2))
+    slow = float(np.sum(found.force[e.valid] ** 2))
+    share = slow / (slow + sum(float(np.sum(c.force[e.valid] ** 2)) for c in causes)) if causes else 1.0
+    if share < BEND:
+        return causes  # what a form that is not quite right leaves over is slow too
+    share = min(share, slow / float(np.sum(residual[e.valid] ** 2)))
     rivals = tuple((n, 0.0) for n in possible if n != effect)
     cause = Cause(
         "missing_physics",

@@ -6,14 +6,13 @@ import numpy as np
 
 from deeptruck_model.mismatch import intermittent
 from deeptruck_model.mismatch.candidates import candidates, enriched
-from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes, shape
+from deeptruck_model.mismatch.mechanisms import Shape, shape
 from deeptruck_model.mismatch.search import Model, Search
-from deeptruck_model.mismatch.worth_saying import ENOUGH, enough, practical, price
+from deeptruck_model.mismatch.worth_saying import ENOUGH, enough, practical, price, slow_price
 
 WIDENED = 4  # of the best names are given more freedom of form before the first is chosen
 MOST = 4  # effects at once
 EXCHANGES = 3
-SLOW_PRICE = 25.0  # nats more for what comes and goes: so do the zeros of slope sensors
 ENOUGH_RARE = 45.0  # nats for what is seen in a few windows alone, which were chosen for being off
 DELAYS = ("command_delay", "clock_offset")
 SETTLING = 2  # times
@@ -39,9 +38,9 @@ def grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], .
             ranking = tuple((m.effects[-1], m.score - base.score) for m in options)
         options = [m for m in options if practical(search, m, m.named[-1])]
         options = [enriched(search, m) for m in options[:WIDENED] if m.score > base.score + ENOUGH / 2]
-        best = max(options, key=lambda m: m.score - price(search, m), default=base)
+        best = max(options, key=lambda m: m.score - price(search, m) - slow_price(m, base), default=base)
         least = enough(search) + price(search, best) + _beside(search, best) * (base.score - bare.score)
-        least += SLOW_PRICE * comes_and_goes(best.named[-1]) if best.named else 0.0
+        least += slow_price(best, base)
         if best.score < base.score + least:
             break
         base = search.background(best.named)
@@ -54,7 +53,7 @@ def grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], .
             break
         base = weakest
     base = _settled(search, _exchanged(search, base))
-    return _now_and_then(search, base), ranking
+    return _now_and_then(search, base, bare), ranking
 
 
 def _settled(search: Search, model: Model) -> Model:
@@ -90,14 +89,15 @@ def _beside(search: Search, model: Model) -> float:
     return APART + (BESIDE - APART) * together
 
 
-def _now_and_then(search: Search, base: Model) -> Model:
+def _now_and_then(search: Search, base: Model, bare: Model) -> Model:
     """Add a mechanism that acts in a few windows alone, where one explains them."""
     spans = intermittent.windows(search.e, base) if search.e.own_error == 0 else []
     if not spans:
         return base
     tried = [m for m in intermittent.candidates(search, base, spans) if practical(search, m, m.named[-1])]
     best = max(tried, key=lambda m: m.score, default=base)
-    return best if best.score > base.score + ENOUGH_RARE else base
+    least = ENOUGH_RARE + _beside(search, best) * (base.score - bare.score)
+    return best if best.score > base.score + least else base
 
 
 def _exchanged(search: Search, model: Model) -> Model:
@@ -107,14 +107,16 @@ def _exchanged(search: Search, model: Model) -> Model:
         before = model
         for given in model.named:
             others = tuple(n for n in model.named if n is not given)
+            base = search.background(others)
             options = [
                 enriched(search, m)
-                for m in candidates(search, search.background(others))[:WIDENED]
+                for m in candidates(search, base)[:WIDENED]
                 if practical(search, m, m.named[-1])
             ]
-            best = max(options, key=lambda m: m.score - price(search, m), default=model)
+            best = max(options, key=lambda m: m.score - price(search, m) - slow_price(m, base), default=model)
             better = search.background(best.named)
-            if better.score > model.score + WORTH_AN_EXCHANGE:
+            own = slow_price(search.model((*others, given), model.free, model.fit), base)
+            if better.score - slow_price(better, base) > model.score - own + WORTH_AN_EXCHANGE:
                 model = better
                 break
         if model is before:

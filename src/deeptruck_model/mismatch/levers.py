@@ -41,13 +41,15 @@ def gears(ratio: Array, speed: Array) -> tuple[float, ...]:
     return tuple(sorted(found))
 
 
-def lever(ratio: Array, known: Sequence[float]) -> Array:
-    """The gear's own turns per metre near one of the `known`, else the ratio, but never beyond the lowest."""
+def lever(ratio: Array, known: Sequence[float], in_gear: Array | None = None) -> Array:
+    """The gear's own turns per metre near one of the `known`. Elsewhere a clutch slips: what it would be
+    `in_gear`, where a simulator tells, or the ratio, but never beyond the lowest."""
     if not known:
         return ratio
     centres = np.log(np.asarray(known))
     x = np.log(np.maximum(np.nan_to_num(ratio, nan=0.1), 0.1))
     nearest = np.argmin(np.abs(x[:, None] - centres), axis=1)
     near = np.abs(x - centres[nearest]) < WIDTH
-    out: Array = np.where(near, np.asarray(known)[nearest], np.minimum(ratio, known[-1]))
+    slipping = np.minimum(ratio, known[-1]) if in_gear is None else in_gear
+    out: Array = np.where(near, np.asarray(known)[nearest], slipping)
     return out

@@ -13,7 +13,14 @@ from deeptruck_model.mismatch.growing import WIDENED
 from deeptruck_model.mismatch.mechanisms import UNNAMED, Shape, comes_and_goes
 from deeptruck_model.mismatch.screening import screen, screen_shapes
 from deeptruck_model.mismatch.search import TEMPER, Model, Search
-from deeptruck_model.mismatch.worth_saying import ENOUGH, enough, large_enough
+from deeptruck_model.mismatch.worth_saying import (
+    ENOUGH,
+    SLOW_PRICE,
+    SLOW_SHARE,
+    enough,
+    large_enough,
+    slow_price,
+)
 
 Array = NDArray[np.float64]
 
@@ -38,7 +45,9 @@ def named_cause(search: Search, model: Model, shape: Shape) -> Cause:
     instead = [(m.effects[-1], m) for m in tried]
     instead += [(p, search.model(others, base.free | {p})) for p in search.parameters if p not in base.free]
     instead = _best_of_each_name(instead)
-    rivals = [(name, model.score - m.score) for name, m in instead]
+    own = model.score - (max(SLOW_PRICE, SLOW_SHARE * gain) if comes_and_goes(shape) else 0.0)
+    paid = [(n, slow_price(m, base) if len(m.named) > len(others) else 0.0, m.score) for n, m in instead]
+    rivals = sorted(((n, own + paid_for - score) for n, paid_for, score in paid), key=lambda r: r[1])
     odds = 1.0 + sum(np.exp(-worse / TEMPER) for _, worse in rivals) + np.exp(-gain / TEMPER)
     lawless = _lawless(search, model, shape)
     if lawless is not None and lawless.score > model.score + max(ENOUGH, GROUP_SHARE * gain):

@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 
 ENOUGH = 20.0  # nats a name must gain: the price of the search, and of noise not quite as modelled
 ENOUGH_LEARNED = 40.0  # the same for a learned simulator, whose own error is never quite known
+SLOW_PRICE, SLOW_SHARE = 25.0, 0.1  # nats, and of the gain
 PRACTICAL_FORCE = 0.012  # m/s^2 rms over all time, what a slope sensor 0.1 % off makes, or ...
 PRACTICAL_WHEN_ACTING = 0.02  # m/s^2 rms over the tenth of the time when it acts most
 IMPOSSIBLE = 4.0  # prior sd; priors say what is physically possible
@@ -34,6 +35,14 @@ def price(search: Search, model: Model) -> float:
     if beyond_learning(search.e, last, force):
         return 0.0
     return search.e.tolerance.get(last.mechanism.effect, 0.0)
+
+
+def slow_price(model: Model, base: Model) -> float:
+    """Nats more that the last name of a model must gain beyond `base` where it comes and goes as it likes:
+    so do the zeros of slope sensors, and knots follow many a law that is not quite right here."""
+    if not model.named or not comes_and_goes(model.named[-1]):
+        return 0.0
+    return max(SLOW_PRICE, SLOW_SHARE * (model.score - base.score))
 
 
 def practical(search: Search, model: Model, shape: Shape) -> bool:
