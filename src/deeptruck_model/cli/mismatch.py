@@ -76,8 +76,8 @@ def prove(
     forms: Annotated[
         str,
         typer.Option(
-            help="Laws to hide: 'fourth', which the tool's authors have not seen; 'third', 'second', 'first', those"
-            " of its development (the seeds of older scoreboards)."
+            help="Laws to hide: 'fourth', which the tool's authors have not seen; 'third', 'second' or"
+            " 'first', those of its development (the seeds of older scoreboards)."
         ),
     ] = "fourth",
 ) -> None:

@@ -1,5 +1,5 @@
-"""What holds for every family of hidden laws: all names are there with sources, each law acts in its direction
-and size along real drives, leaves a standing truck alone, comes again with its seed, and is sealed."""
+"""What holds for every family of hidden laws: all names are there with sources, each law acts in its
+direction and size along real drives, leaves a standing truck alone, comes again, and is sealed."""
 
 import copy
 

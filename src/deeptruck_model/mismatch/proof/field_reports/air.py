@@ -128,7 +128,7 @@ class OutOfTheSlot(Hidden):
         samples = int(self.setting.duration_s / 0.5) + 4
         wander = 0.45 * ou_series(rng, (batch, samples), 0.5, self.p.steers_s)
         offset = np.abs(wander + rng.normal(0.0, 0.3, (batch, 1)))
-        self.hits = np.exp(-((offset / self.p.half_width_m) ** 2)) * rng.uniform(0.7, 1.0, (batch, 1))
+        self.hits = np.exp(-((offset / self.p.half_width_m) ** 2)) * rng.uniform(0.85, 1.0, (batch, 1))
 
     def newtons(self, view: View, dt: float) -> Array:
         at = min(int(view.time / self.setting.dt), self.setting.leader_m.shape[1] - 1)
@@ -145,7 +145,7 @@ class OutOfTheSlot(Hidden):
     " (supplier manuals of automatic trailer tails; EU Regulation 2019/1892 on rear devices); the simulator"
     " knows the truck with all of them out; worn actuators and sizes are chosen here",
     ranges={
-        "gain": (0.45, 0.85),
+        "gain": (0.5, 0.95),
         "out_mps": (20.0, 22.5),
         "below_mps": (3.0, 5.5),
         "after_s": (4.0, 15.0),

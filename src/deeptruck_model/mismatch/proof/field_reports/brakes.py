@@ -40,7 +40,7 @@ class LiningOnTheDynamometer(Hidden):
     def newtons(self, view: View, dt: float) -> Array:
         s, truck = self.s, self.truck
         left = 1.0 - self.p.severity * (1.0 - np.interp(s.memory, LINING_C, LINING))
-        lost = (self.share * (1.0 - left)).sum(axis=0)
+        lost = np.minimum((self.share * (1.0 - left)).sum(axis=0), 0.55)
         speed = np.maximum(view.speed, 0.0)
         power = self.share * left * view.brake_force * speed
         film = truck.brake_cooling + truck.brake_cooling_speed * speed
@@ -59,7 +59,7 @@ class LiningOnTheDynamometer(Hidden):
     " linings are burnished (SAE J880); rates and sizes are chosen here",
     ranges={
         "depth": (0.50, 0.80),
-        "onset_c": (95.0, 135.0),
+        "onset_c": (90.0, 120.0),
         "e_fold_k": (14.0, 28.0),
         "resin_s": (90.0, 200.0),  # of gas at the onset
     },
@@ -138,7 +138,7 @@ class ChamberStroke(Hidden):
     " cools (service manuals of slack adjusters and NTSB/HAR reports on misadjusted brakes): the drag comes"
     " minutes after the braking; growth of drums and forces are chosen here",
     ranges={
-        "per_k_n": (16.0, 34.0),  # of a 20 t truck
+        "per_k_n": (18.0, 38.0),  # of a 20 t truck
         "clearance_k": (10.0, 35.0),
         "cools_s": (70.0, 160.0),
         "wears_m": (2500.0, 8000.0),

@@ -16,12 +16,12 @@ from deeptruck_model.trucks import View
     " Emissions: Analysis of Engine Operation During a Tip-In, SAE 2006-01-1151): nothing more until the"
     " valve has shut, then fuel along a straight ramp that a faster engine makes steeper; the turbine runs"
     " on for seconds after; times are chosen here",
-    ranges={"shuts_s": (0.4, 1.2), "ramp": (0.06, 0.14), "without": (0.12, 0.24), "runs_on_s": (2.0, 5.0)},
+    ranges={"shuts_s": (0.4, 1.2), "full_s": (7.0, 17.0), "without": (0.12, 0.24), "runs_on_s": (2.0, 5.0)},
     needs=("suburban", "hills"),
     accepts=("command_rate_limit",),
 )
 class EgrValveThenRamp(Hidden):
-    """ramp: 1/s of peak torque at 1200 rpm."""
+    """full_s: from nothing to peak torque at 1200 rpm."""
 
     def start(self, batch: int) -> dict[str, Array]:
         return {"most": np.full(batch, self.p.without), "asks": np.zeros(batch)}
@@ -31,7 +31,7 @@ class EgrValveThenRamp(Hidden):
         asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
         short = asked > s.most
         s.asks = np.where(short, s.asks + dt, np.maximum(s.asks - 3.0 * dt, 0.0))
-        rate = p.ramp * np.clip(view.engine_speed / 125.7, 0.5, 1.7) ** 1.8
+        rate = np.clip(view.engine_speed / 125.7, 0.5, 1.7) ** 1.8 / p.full_s
         rises = dt * rate * (s.asks > p.shuts_s)
         falls = dt * (s.most - np.maximum(asked, p.without)) / p.runs_on_s
         s.most = np.maximum(np.where(short, s.most + rises, s.most - falls), p.without)
@@ -106,7 +106,7 @@ class HotIntake(Hidden):
         "at_rest_rpm": (1020.0, 1180.0),
         "rises_rpm": (120.0, 280.0),  # to 20 m/s
         "band_rpm": (120.0, 280.0),
-        "most": (0.4, 0.65),
+        "most": (0.3, 0.5),
     },
     needs=("suburban", "hills"),
 )
@@ -124,18 +124,18 @@ class ProgressiveShift(Hidden):
     forms="fourth",
     source="Multi-torque ratings (engine makers' data sheets): the higher torque is given in the top gears"
     " alone, to save weight in gearbox and axle; ratings and the blend at a change are chosen here",
-    ranges={"lower": (0.42, 0.62), "from_ratio": (1.05, 1.7), "blend_s": (0.3, 1.2)},
+    ranges={"cut": (0.45, 0.64), "from_ratio": (0.95, 1.35), "blend_s": (0.3, 1.2)},
     needs=("suburban", "hills"),
 )
 class FullTorqueInTopGears(Hidden):
     """from_ratio: of the gearbox; numerically higher ones are lower gears."""
 
     def start(self, batch: int) -> dict[str, Array]:
-        return {"rating": np.full(batch, self.p.lower)}
+        return {"rating": np.full(batch, 1.0 - self.p.cut)}
 
     def newtons(self, view: View, dt: float) -> Array:
         p, s = self.p, self.s
         low = view.ratio > p.from_ratio * self.truck.final_drive
-        s.rating += dt * (np.where(low, p.lower, 1.2) - s.rating) / p.blend_s
+        s.rating += dt * (np.where(low, 1.0 - p.cut, 1.2) - s.rating) / p.blend_s
         over = view.engine_torque - s.rating * self.truck.peak_torque
         return -wheel_force(self.setting, view, np.maximum(over, 0.0))

@@ -16,10 +16,10 @@ from deeptruck_model.trucks import View
     " fluid and the fan locks until it has been pumped out, the faster the engine turns; later it engages"
     " by the air's heat with hysteresis; torque with fan speed squared; sizes are chosen here",
     ranges={
-        "fan_nm": (150.0, 290.0),
-        "pumps_s": (18.0, 45.0),
+        "fan_nm": (260.0, 430.0),
+        "pumps_s": (25.0, 60.0),
         "heats_s": (25.0, 60.0),
-        "engages": (0.36, 0.5),
+        "engages": (0.30, 0.42),
     },
     needs=("hills", "highway", "suburban"),
     accepts=("engine_friction",),

@@ -47,7 +47,7 @@ def windows(rng: np.random.Generator, rows: int, mean_m: float, share: float) ->
     " Sayers and Karamihas, The Little Book of Profiling, 1998); dampers take power with roughness squared"
     " (Zaabar and Chatti, NCHRP Report 720, 2012, on fuel and roughness); a cap and sizes of patched roads"
     " are chosen here",
-    ranges={"loss": (0.0045, 0.0095), "spread": (0.5, 0.8), "alike_m": (200.0, 700.0)},
+    ranges={"loss": (0.0035, 0.0075), "spread": (0.5, 0.8), "alike_m": (200.0, 700.0)},
     accepts=("road_grade",),
 )
 class SectionsByRoughness(Mapped):

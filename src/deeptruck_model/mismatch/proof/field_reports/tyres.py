@@ -52,10 +52,10 @@ class CoastdownPolynomial(Hidden):
     " practice finds (SAE J1263 and 40 CFR 1066 on warm-up); a stretched exponential of the way (Kohlrausch)"
     " from the temperature of the night, with ISO 28580's temperature factor; sizes are chosen here",
     ranges={
-        "cold": (1.2, 2.4),  # of the known resistance, at -15 C
-        "way_m": (700.0, 2600.0),
+        "cold": (1.9, 3.4),  # of the known resistance, at -15 C
+        "way_m": (500.0, 1800.0),
         "stretch": (0.45, 0.75),
-        "night_c": (-15.0, 8.0),
+        "night_c": (-20.0, 0.0),
     },
 )
 class WarmedByTheWay(Hidden):
@@ -65,7 +65,7 @@ class WarmedByTheWay(Hidden):
         rng, batch = self.setting.rng(370), self.setting.batch
         night = self.p.night_c + rng.uniform(0.0, 10.0, batch)
         self.cold = self.p.cold * np.clip((25.0 - night) / 40.0, 0.15, 1.0)
-        self.before_m = self.p.way_m * rng.choice([0.0, 0.0, 0.7, 2.0], batch)
+        self.before_m = self.p.way_m * rng.choice([0.0, 0.0, 1.0, 4.0], batch)
 
     def newtons(self, view: View, dt: float) -> Array:
         way = (np.maximum(view.distance, 0.0) + self.before_m) / self.p.way_m
@@ -114,7 +114,7 @@ class OneWheelOnIce(Mapped):
     source="Slopes of a road map are straight between its points (ADASIS v2 and v3 slope profiles), and the"
     " road is not: heights between two points wander as a Brownian bridge, after the spectrum of long waves"
     " of ISO 8608 (waviness 2); spacings and sizes of an old map, chosen here",
-    ranges={"slope": (0.016, 0.030), "points_m": (250.0, 700.0), "smooth_m": (50.0, 110.0)},
+    ranges={"slope": (0.011, 0.021), "points_m": (250.0, 700.0), "smooth_m": (50.0, 110.0)},
     needs=("hills", "highway", "suburban"),
     accepts=("road_surface",),
 )

@@ -41,7 +41,7 @@ class StretchBrake(Hidden):
     source="Time-delayed controllers of electric trailer brakes (suppliers' installation guides; SAE J2663"
     " on electric brakes): the stop-lamp switch starts a ramp to a dialled level, however gently the driver"
     " brakes; ramps and levels are chosen here",
-    ranges={"level": (0.035, 0.075), "ramp_s": (1.5, 4.0), "lets_go_s": (0.2, 0.8)},
+    ranges={"level": (0.025, 0.055), "ramp_s": (1.5, 4.0), "lets_go_s": (0.2, 0.8)},
     needs=("suburban", "descent"),
 )
 class TimedTrailerBrakes(Hidden):
@@ -98,7 +98,7 @@ class PushedByASecondTractor(Hidden):
         "stiffness": (7.0, 12.0),  # 1/rad, of its load
         "share": (0.50, 0.75),  # of the weight, on the group with the lift axle
         "down_mps": (5.0, 9.0),
-        "up_load": (0.55, 0.8),
+        "up_load": (0.34, 0.55),
     },
     needs=("suburban", "hills", "highway"),
 )

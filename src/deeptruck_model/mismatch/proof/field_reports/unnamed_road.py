@@ -16,7 +16,7 @@ from deeptruck_model.trucks import View
     " of overtaking, Noger, Regardin and Szechenyi, J. Fluids Struct. 20, 2005): a bow wave holds, a wake"
     " draws on, longer for an overtaker than for oncoming traffic; rates, and sizes of a narrow road, are"
     " chosen here",
-    ranges={"holds": (0.6, 1.2), "draws": (0.4, 0.9), "every_s": (7.0, 16.0), "width_s": (1.0, 2.0)},
+    ranges={"holds": (1.0, 2.0), "draws": (0.7, 1.5), "every_s": (5.0, 12.0), "width_s": (1.0, 2.0)},
     needs=("highway", "hills"),
 )
 class TrucksThatPass(Hidden):
@@ -49,8 +49,8 @@ class TrucksThatPass(Hidden):
     " Plow Loads During Ice Removal Operations, SHRP-H-429; snow thrown with speed squared): the blade is"
     " lowered and lifted by the driver, and chatters on hard pack; sizes are chosen here",
     ranges={
-        "scrapes": (0.010, 0.020),  # of the weight
-        "throws": (0.006, 0.014),  # at 12 m/s
+        "scrapes": (0.006, 0.013),  # of the weight
+        "throws": (0.003, 0.008),  # at 12 m/s
         "down_s": (12.0, 35.0),
         "up_s": (8.0, 25.0),
         "chatters": (0.1, 0.35),

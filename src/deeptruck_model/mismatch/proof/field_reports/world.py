@@ -72,8 +72,8 @@ def draw_parameters(name: str, rng: np.random.Generator) -> dict[str, float]:
 
 def draw_profile(rng: np.random.Generator, amplitude: float) -> Array:
     """Grade of a road through hills of fractal heights (Voss, Fractals in Nature, 1988: spectrum with the
-    power -2.4 to -3.2 of the wave number down to earthworks of some hundred metres), which a designer has smoothed
-    and limited."""
+    power -2.4 to -3.2 of the wave number down to earthworks of some hundred metres), smoothed and limited
+    by a designer."""
     n = round(routes.LENGTH_M / routes.STEP_M)
     wave = np.fft.rfftfreq(n, routes.STEP_M)
     size = np.where(wave > 1.0 / 9000.0, np.maximum(wave, 1e-9) ** -rng.uniform(1.2, 1.6), 0.0)
@@ -88,22 +88,23 @@ def draw_pass(rng: np.random.Generator) -> Array:
     n = round(routes.LENGTH_M / routes.STEP_M)
     ends = np.cumsum(rng.uniform(250.0, 1100.0, 400))
     ramps = rng.uniform(-0.075, -0.042, 401)
-    ramps[rng.random(401) < 0.15] = -0.015
+    ramps[rng.random(401) < 0.15] = -0.028
     steps = ramps[np.searchsorted(ends, np.arange(n) * routes.STEP_M)]
     return np.convolve(steps, np.hanning(17) / np.hanning(17).sum(), mode="same")
 
 
 def draw_roads(rng: np.random.Generator, scenarios: list[str], flat: bool) -> routes.Roads:
-    """One road for a kind of drive, two where three or more drives share it; two in five are driven back."""
+    """One road for a kind of drive, two where five or more drives share it; two in five are driven back."""
     kinds = sorted(set(scenarios))
-    grades, rows = [], {}
+    grades: list[Array] = []
+    rows: dict[str, range] = {}
     for kind in kinds:
-        rows[kind] = range(len(grades), len(grades) + (2 if scenarios.count(kind) > 2 else 1))
+        rows[kind] = range(len(grades), len(grades) + (2 if scenarios.count(kind) > 4 else 1))
         for _ in rows[kind]:
             level = routes.AMPLITUDE[kind] * rng.uniform(0.8, 1.15)
             grades.append(draw_pass(rng) if kind == "descent" else draw_profile(rng, level))
     route = np.array([rng.choice(rows[kind]) for kind in scenarios])
-    start = rng.uniform(9000.0, 14000.0, len(scenarios))
+    start = rng.uniform(9000.0, 12500.0, len(scenarios))
     down = np.array([kind == "descent" for kind in scenarios])
     direction = np.where((rng.random(len(scenarios)) < 0.4) & ~down, -1.0, 1.0)
     start = np.where(direction < 0.0, start + 5000.0, start)
