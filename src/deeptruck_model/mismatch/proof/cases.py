@@ -12,13 +12,12 @@ import numpy as np
 import yaml
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.proof import trucks
+from deeptruck_model.mismatch.proof import makers, trucks
 from deeptruck_model.mismatch.proof.absorption import absorb
 from deeptruck_model.mismatch.proof.construction import DT, Built, build_case
 from deeptruck_model.mismatch.proof.hidden import Array, ou_series
-from deeptruck_model.mismatch.proof.other_makers import world
 from deeptruck_model.mismatch.proof.plans import Plan
-from deeptruck_model.mismatch.proof.sensors import Sensors, quantise
+from deeptruck_model.mismatch.proof.sensors import quantise
 from deeptruck_model.mismatch.proof.truth import describe
 from deeptruck_model.recordings import Recording, write_bag
 from deeptruck_model.signals import TruckInterface
@@ -95,13 +94,14 @@ def make_case(
 def measure(built: Built) -> list[dict[str, Array]]:
     """What the truck's sensors made of each drive: channels (n,), faults and decoys included."""
     plan, rng = built.plan, built.plan.rng(5)
-    sensors = Sensors.draw(rng) if plan.sensors else None
+    world = makers.of(plan.forms, plan.simulator)
+    sensors = world.draw_sensors(rng) if plan.sensors else None
     out = []
     decoy = draw_decoy(built) if plan.level == "decoy" else {}
     for k in range(len(plan.scenarios)):
         true = {name: values[k] for name, values in built.drives.channels.items()}
         true["elevation"] = true["elevation"] + 120.0
-        channels = world.of(plan.forms, plan.simulator).record(true, sensors, built.truck, DT, rng)
+        channels = world.record(true, sensors, built.truck, DT, rng)
         warm = built.truck.ambient_temperature + ou_series(rng, (1, len(true["speed"])), DT, 200.0)[0] * 0.2
         channels["ambient_temperature"] = quantise(warm, 1.0 / 32.0)
         if np.isfinite(built.leader_m[k]).all():

@@ -7,12 +7,11 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from deeptruck_model.mismatch.proof import trucks
+from deeptruck_model.mismatch.proof import makers, trucks
 from deeptruck_model.mismatch.proof.gates import CONDITIONS, Windows, draw_windows, gate
 from deeptruck_model.mismatch.proof.hidden import Array, Planted, Setting
-from deeptruck_model.mismatch.proof.other_makers import world
 from deeptruck_model.mismatch.proof.plans import Plan, draw_plan
-from deeptruck_model.mismatch.proof.routes import Roads, draw_roads
+from deeptruck_model.mismatch.proof.routes import Roads
 from deeptruck_model.mismatch.proof.world import Drives, leader_way, simulate
 from deeptruck_model.trucks import PhysicsTruck
 
@@ -64,11 +63,11 @@ def build_case(
 def build(plan: Plan) -> Built:
     """Drive what the plan says."""
     flat = not plan.grade and not any(e.key == "road_grade" for e in plan.effects)
-    makers = world.of(plan.forms, plan.simulator)
-    roads = draw_roads(plan.rng(1), plan.scenarios, flat, makers.draw_profile)
+    world = makers.of(plan.forms, plan.simulator)
+    roads = world.draw_roads(plan.rng(1), plan.scenarios, flat)
     n = round(plan.minutes * 60.0 / DT)
     profiles = plan.rng(2)
-    target = np.stack([makers.speed_profile(profiles, s, n, DT) for s in plan.scenarios])
+    target = np.stack([world.speed_profile(profiles, s, n, DT) for s in plan.scenarios])
     leader_m = leader_way(target, [s == "acc" for s in plan.styles], plan.headway_s, DT)
     nominal = trucks.make(plan.truck, plan.values)
     setting = _setting(plan, nominal, roads, leader_m, n)
@@ -102,11 +101,11 @@ def _drive(
     if plan.condition:
         planted = [gate(p, CONDITIONS[plan.condition]) for p in planted]
 
-    makers = world.of(plan.forms, plan.simulator)
+    world = makers.of(plan.forms, plan.simulator)
 
     def run(parts: list[Planted]) -> tuple[Drives, PhysicsTruck, Array]:
         truck = _plant(nominal, parts)
-        driver = makers.driver(setting.truck, np.array(plan.styles), target, plan.headway_s, DT, plan.rng(3))
+        driver = world.driver(setting.truck, np.array(plan.styles), target, plan.headway_s, DT, plan.rng(3))
         drives = simulate(truck, roads, driver, leader_m, DT)
         return drives, truck, drives.y[:, :, 0] - _without(nominal, drives)
 

@@ -14,6 +14,7 @@ from deeptruck_model.mismatch.proof import (  # noqa: F401  importing registers 
     effects_tyres,
     effects_unknown,
     effects_unknown_machine,
+    field_reports,
     other_makers,
 )
 from deeptruck_model.mismatch.proof.hidden import EFFECTS, Effect

@@ -23,7 +23,7 @@ Fault = Callable[[dict[str, Array], float, np.random.Generator], None]
 
 GRAVITY = 9.81
 SCENARIOS = ("highway", "suburban", "hills", "descent")
-FORMS = ("first", "second", "third")  # laws of one name: in effects_*.py, alternatives/ and other_makers/
+FORMS = ("first", "second", "third", "fourth")  # families of laws; see the package
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch.proof import makers
 from deeptruck_model.mismatch.proof.choice import choose_effects, mark
 from deeptruck_model.mismatch.proof.effects import Effect
 from deeptruck_model.mismatch.proof.gates import CONDITIONS
 from deeptruck_model.mismatch.proof.hidden import FORMS, SCENARIOS
-from deeptruck_model.mismatch.proof.other_makers import world
 
 LEVELS = (
     "plain",
@@ -93,7 +93,7 @@ def draw_plan(
     suited = [t for t in POOL if all(t in e.trucks for e in chosen)]
     truck = suited[rng.integers(len(suited))]
     member = np.random.default_rng([77, POOL.index(truck), int(rng.integers(DEEP_TRUCKS))])
-    values = world.of(forms, simulator).draw_parameters(truck, member if simulator == "deep" else rng)
+    values = makers.of(forms, simulator).draw_parameters(truck, member if simulator == "deep" else rng)
     needs_grade = any({"descent", "hills"} & set(e.needs) or e.name.startswith("grade") for e in chosen)
     grade = not any(e.key == "road_grade" for e in chosen) and (
         truck != "freightliner" or needs_grade or simulator == "deep" or rng.random() < 0.5

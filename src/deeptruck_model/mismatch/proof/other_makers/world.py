@@ -1,11 +1,7 @@
-"""The world of the third forms: trucks, roads, traffic, drivers and sensors of another make.
-
-A deep simulator keeps the older world, because it has learned from drives there: see `of`.
-"""
+"""The world of the third forms: trucks, roads, traffic, drivers and sensors of another make."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from types import SimpleNamespace
 
@@ -13,8 +9,9 @@ import numpy as np
 from scipy.signal import lfilter
 
 from deeptruck_model import trucks as pool
-from deeptruck_model.mismatch.proof import drivers, routes, sensors, trucks
+from deeptruck_model.mismatch.proof import drivers, routes, trucks
 from deeptruck_model.mismatch.proof.hidden import Array, ou_series
+from deeptruck_model.mismatch.proof.makers import World
 from deeptruck_model.mismatch.proof.sensors import KMH, LPH, RPM, Sensors, quantise
 
 LOADS = {"freightliner": (0.85, 1.1, 1.4), "trucksim": (0.7, 1.0, 1.5), "volvo": (0.6, 0.9, 1.3)}
@@ -173,23 +170,9 @@ def _missed(values: Array, rng: np.random.Generator) -> Array:
     return np.asarray(values[last])
 
 
-@dataclass(frozen=True)
-class World:
-    """Who makes trucks, roads, traffic, drivers and sensors."""
-
-    draw_parameters: Callable[[str, np.random.Generator], dict[str, float]]
-    draw_profile: Callable[[np.random.Generator, float], Array]
-    speed_profile: Callable[[np.random.Generator, str, int, float], Array]
-    driver: type[drivers.Driver]
-    record: Callable[..., dict[str, Array]]
+def draw_roads(rng: np.random.Generator, scenarios: list[str], flat: bool) -> routes.Roads:
+    """Roads as in the older world, of this world's profiles."""
+    return routes.draw_roads(rng, scenarios, flat, draw_profile)
 
 
-OLD = World(
-    trucks.draw_parameters, routes.draw_profile, drivers.speed_profile, drivers.Driver, sensors.record
-)
-NEW = World(draw_parameters, draw_profile, speed_profile, Intermittent, record)
-
-
-def of(forms: str, simulator: str) -> World:
-    """The world a case plays in."""
-    return NEW if forms == "third" and simulator == "physics" else OLD
+WORLD = World(draw_parameters, draw_roads, speed_profile, Intermittent, Sensors.draw, record)
