@@ -29,6 +29,8 @@ UNNAMED = (
     "held-out free runs is {free:.3g} m/s instead of {after:.3g} m/s"
 )
 WEAK = 60.0  # nats; a stronger cause is told also where no held-out drive shows it
+OF_RECORDINGS = frozenset({"when", "each", "recordings", "first"})  # settings
+NO_BETTER = 0.97  # of the error with other parameters alone
 HELPS = 0.9  # of the error, below which what has no name is worth asking for
 
 
@@ -197,11 +199,22 @@ def corrected_and_driven(
 
 
 def in_vain(x: Explanation, fit: dict[str, Any]) -> bool:
-    """Whether little was found and the simulator corrected by it drives worse on recordings held out."""
+    """Whether little was found and the simulator corrected by it drives worse on recordings held out; or no
+    better than one with other parameters, where laws were found, which other drives should obey too."""
     weak = all(cause.gain < WEAK and cause.needed is None for cause in x.causes)
     if not x.causes or not weak or "after" not in fit:
         return False
-    return bool(fit["after"]["speed_rmse"] > fit["before"]["speed_rmse"])
+    before, tuned, after = (fit[name]["speed_rmse"] for name in ("before", "parameters_only", "after"))
+    lawful = all(c.shape is not None and _lasting(c.shape) for c in x.causes)
+    return bool(after > before or (lawful and after > NO_BETTER * tuned))
+
+
+def _lasting(shape: Shape) -> bool:
+    """Whether it is a law, and neither bound to recordings nor to a while."""
+    parts = shape.settings.get("parts", [shape.settings])
+    return not any(
+        part.get("knots") or not OF_RECORDINGS.isdisjoint(part) for part in [shape.settings, *parts]
+    )
 
 
 def caveats(fit: dict[str, Any], found: bool, with_unnamed: bool) -> list[str]:

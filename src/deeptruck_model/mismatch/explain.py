@@ -19,7 +19,7 @@ from deeptruck_model.mismatch.search import Model, Search
 from deeptruck_model.mismatch.slow_force import SlowForce, slow_force
 from deeptruck_model.mismatch.worth_saying import ENOUGH, large_enough
 
-ENOUGH_FREE = 60.0  # nats the free model must gain on what is left before 'unknown' is said
+ENOUGH_FREE = 75.0  # nats the free model must gain on what is left before 'unknown' is said
 BEND = 0.3  # share of a name's gain that laws beside it must have: no form is quite right
 BEND_OF_PARAMETERS = 0.06  # the same where parameters alone were found: these enter as they are
 EXPLAINS = 0.55  # share of what is explainable that a name must explain, else it is only the nearest relative

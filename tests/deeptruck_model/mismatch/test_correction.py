@@ -170,14 +170,46 @@ def test_what_is_weak_and_drives_worse_is_not_told(
     gains: tuple[float, ...], after: float, vain: bool
 ) -> None:
     causes = tuple(Cause("missing_physics", "headwind", g, 0.5, 0.9, np.zeros(1)) for g in gains)
-    fit = {"before": {"speed_rmse": 0.1}, "after": {"speed_rmse": after}}
+    fit = {
+        "before": {"speed_rmse": 0.1},
+        "after": {"speed_rmse": after},
+        "parameters_only": {"speed_rmse": 0.05},
+    }
     explanation: Any = SimpleNamespace(causes=causes)
     assert correction.in_vain(explanation, fit) == vain
     assert not correction.in_vain(explanation, {})  # no held-out drive was long enough to tell
 
 
+@pytest.mark.parametrize(
+    ("settings", "after", "vain"),
+    [
+        ({}, 0.05, True),
+        ({}, 0.04, False),
+        ({"knots": [4]}, 0.05, False),
+        ({"when": [(0, 1.0, 9.0)]}, 0.05, False),
+    ],
+)
+def test_a_weak_law_must_drive_better_than_other_parameters(
+    settings: dict[str, Any], after: float, vain: bool
+) -> None:
+    """What comes and goes helps no other drive anyway."""
+    shape: Any = SimpleNamespace(settings=settings)
+    causes = (Cause("missing_physics", "load_slosh", 33.0, 0.5, 0.9, np.zeros(1), shape),)
+    fit = {
+        "before": {"speed_rmse": 0.1},
+        "after": {"speed_rmse": after},
+        "parameters_only": {"speed_rmse": 0.05},
+    }
+    explanation: Any = SimpleNamespace(causes=causes)
+    assert correction.in_vain(explanation, fit) == vain
+
+
 def test_a_slow_force_is_told_by_its_size_and_not_by_a_drive() -> None:
     slow = Cause("missing_physics", "road_grade", 0.0, 0.5, 0.9, np.zeros(1), needed={"road_grade": 0.01})
-    fit = {"before": {"speed_rmse": 0.1}, "after": {"speed_rmse": 0.2}}
+    fit = {
+        "before": {"speed_rmse": 0.1},
+        "after": {"speed_rmse": 0.2},
+        "parameters_only": {"speed_rmse": 0.1},
+    }
     explanation: Any = SimpleNamespace(causes=(slow,))
     assert not correction.in_vain(explanation, fit)

@@ -173,11 +173,11 @@ def _backlash(s: Settings) -> list[Column]:
 MECHANISMS = (
     Mechanism(
         "driveline_loss",
-        "F = -k |F_engine|, or k by gear",
+        "F = -k |F_engine|, or k by gear; F = -r (c0 + c1 w) - k F_engine",
         "the driveline loses a share of the torque it carries",
         ("engine",),
         ("engine torque", "gear"),
-        "gear mesh efficiency: SAE J1266",
+        "gear mesh efficiency: SAE J1266; Regulation (EU) 2017/2400, annex VI",
         "pull with the same torque in different gears, and coast in gear",
         _loss_settings,
         _loss,

@@ -218,7 +218,7 @@ MECHANISMS = (
     ),
     Mechanism(
         "torque_derate",
-        "F = -k L F_engine, L the load soaked in (or altitude, or outside heat)",
+        "F = -k L F_engine, L the load soaked in (or altitude, or outside heat, or power)",
         "the engine gives less than commanded under lasting load, height or heat",
         ("engine", "speed"),
         ("sustained load", "elevation", "ambient temperature"),

@@ -73,7 +73,7 @@ def _slosh(s: Settings) -> list[Column]:
 MECHANISMS = (
     Mechanism(
         "payload_change",
-        "m -> m + dm from one standstill or recording on",
+        "m -> m + dm from one standstill or recording on, or dm(t) as it is discharged on the way",
         "the truck's mass changed between or within the recordings",
         ("sensitivity:mass",),
         ("recording", "time"),
