@@ -38,7 +38,9 @@ class Foresight:
         pull = np.pad(np.cumsum(scene.leader_acceleration, axis=1) * truck.dt, ((0, 0), (1, HORIZON)), "edge")
         pull[:, 0] = 0.0
         self.leader = np.maximum(scene.leader_speed[:, None] + pull, 0.0)
-        self.grade = np.pad(scene.grade, ((0, 0), (0, HORIZON)), "edge")
+        # One column for each of the truck's road inputs: without grade among them it drives on the flat.
+        road = scene.grade[..., None][..., : len(truck.interface.w)]
+        self.grade = np.pad(road, ((0, 0), (0, HORIZON), (0, 0)), "edge")
         self.plan = np.full((scene.batch, HORIZON), 0.2)
         self.rng = np.random.default_rng(0)
 
@@ -77,7 +79,7 @@ class Foresight:
         time_gap, flat = each(self.scene.time_gap), plans.reshape(-1, HORIZON)
         cost = 0.02 * np.square(np.diff(flat, axis=1)).sum(axis=1)
         for h in range(HORIZON):
-            state, y = self.truck.step(state, self.pedals(flat[:, h]), each(self.grade[:, k + h])[:, None])
+            state, y = self.truck.step(state, self.pedals(flat[:, h]), each(self.grade[:, k + h]))
             gap = gap + (each(self.leader[:, k + h]) - speed) * self.truck.dt
             speed = y[:, 1]
             error = (gap / np.maximum(speed, 1.0) - time_gap) / 0.05

@@ -16,7 +16,6 @@ from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]
 FREQUENCIES = np.geomspace(0.01, 0.5, 12)
-NOISES = 8  # draws of radar noise
 
 
 def drive(
@@ -57,17 +56,19 @@ def string_stability(
     speed: float = 18.0,
     amplitude: float = 0.5,
     v2v: bool = True,
+    draws: int = 8,
 ) -> dict[str, Any]:
     """Amplification of speed and gap error from truck to truck at FREQUENCIES, the worst of the string.
 
     The leader's speed is a sine of `amplitude` m/s about `speed`; the response is read by its Fourier
     coefficient over whole periods in the second half of the run. Gap errors start with truck 1, so theirs
-    compares 2..n. Without V2V each frequency is driven NOISES times and the coefficients are averaged: what
-    a truck makes of its own radar's noise is no amplification of the truck before it.
+    compares 2..n. Without V2V each frequency is driven with `draws` of radar noise and the coefficients are
+    averaged: what a truck makes of its own radar's noise is no amplification of the truck before it. Eight
+    draws leave up to 0.01 of it beside an amplitude of 0.2 m/s, 64 a third of that.
     """
     dt, steps = simulator.dt, round(200.0 / simulator.dt)
     t = dt * np.arange(steps)
-    frequencies = np.tile(FREQUENCIES, 1 if v2v else NOISES)
+    frequencies = np.tile(FREQUENCIES, 1 if v2v else draws)
     omega = 2 * np.pi * frequencies[:, None]
     scene = settled(len(frequencies), steps, speed, time_gap)
     pull = np.diff(amplitude * np.sin(omega * np.append(t, t[-1] + dt)), axis=1) / dt
