@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from deeptruck_model.mismatch import components
+from deeptruck_model.mismatch.levers import lever
 
 
 def test_a_slipping_clutch_is_no_lever() -> None:
@@ -51,3 +52,9 @@ def test_the_noise_of_two_sensors_moves_no_lever() -> None:
     components._ratio(out)
     assert np.unique(out["lever"]) == pytest.approx([6.0, 12.0], rel=0.01)
     assert out["engine_speed"] == pytest.approx(out["lever"] * out["speed"])
+
+
+def test_a_simulator_tells_the_lever_of_a_slipping_clutch() -> None:
+    ratio, gears = np.array([12.0, 60.0, 30.0]), (12.0, 24.0)
+    assert lever(ratio, gears).tolist() == [12.0, 24.0, 24.0]
+    assert lever(ratio, gears, np.array([11.9, 48.0, 24.1])).tolist() == [12.0, 48.0, 24.1]

@@ -48,6 +48,17 @@ class LazyBrake:
         return np.stack([u[:, 0], self.arrived], axis=1)
 
 
+class Sprayed:
+    """A third of the mass runs out while the truck drives; every drive begins full."""
+
+    def reset(self, batch: int) -> None:
+        self.left = np.full(batch, 0.15)
+
+    def force(self, view: trucks.View, dt: float) -> np.ndarray:
+        self.left = np.maximum(self.left - dt * (view.speed > 1.0) * 0.3 / 200.0, -0.15)
+        return -self.left * view.mass * (view.acceleration + 9.81 * (view.grade + 0.006)) * (view.speed > 0.3)
+
+
 def sensed(r: Recording, seed: int, *, bias: float = 0.0) -> Recording:
     """What sensors at the truck would have recorded: an accelerometer of its own, J1939 steps of speed."""
     rng = np.random.default_rng(seed)
@@ -97,6 +108,11 @@ def test_a_wrong_mass_is_a_parameter_error_of_the_right_size() -> None:
     assert mass["unit"] == "kg" and mass["value"] == pytest.approx(1.2 * MASS, rel=0.03)
     assert mass["ci95"][0] < mass["value"] < mass["ci95"][1] and np.diff(mass["ci95"]) < 0.1 * MASS
     assert said["fit"]["validated"] and said["fit"]["improvement_ci95"][0] > 0.5
+
+
+def test_a_load_that_runs_out_on_the_way_is_named() -> None:
+    said = run(drives(TRUCK.with_forces([Sprayed()]), 4), [])
+    assert said["findings"][0]["effect"] == "payload_change"
 
 
 def test_a_drag_area_that_changed_on_the_way_is_named_and_the_fit_improves() -> None:

@@ -1,0 +1,22 @@
+"""What is large enough to be said, and what a form that follows anything must gain."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from deeptruck_model.mismatch import worth_saying
+
+
+def model(score: float, *settings: dict[str, Any]) -> Any:
+    return SimpleNamespace(score=score, named=tuple(SimpleNamespace(settings=s) for s in settings))
+
+
+@pytest.mark.parametrize(("gain", "paid"), [(80.0, 25.0), (1000.0, 100.0)])
+def test_what_comes_and_goes_pays_for_following_anything(gain: float, paid: float) -> None:
+    base = model(500.0)
+    assert worth_saying.slow_price(model(500.0 + gain, {"knots": [4, 4]}), base) == pytest.approx(paid)
+    assert worth_saying.slow_price(model(500.0 + gain, {"tau_s": 1.0}), base) == 0.0
+    assert worth_saying.slow_price(base, base) == 0.0
