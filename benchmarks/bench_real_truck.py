@@ -76,7 +76,7 @@ class Deep:
     @classmethod
     def trained(cls, recordings: list[Recording], **settings: Any) -> Deep:
         with tempfile.TemporaryDirectory() as folder:
-            return cls(train(recordings, Path(folder) / "truck", Arguments(members=SEEDS, **settings)))
+            return cls(train(recordings, Path(folder) / "truck", Arguments(**settings)))
 
     def speed(self, u: Array, w: Array, y0: Array) -> Array:
         return self.truck.rollout(u, w, y0, None).y[..., 1]
@@ -115,7 +115,8 @@ def main() -> None:
     share = np.concatenate([unexplained(r, interface) for r in second]).mean()
     rows = [row("least squares", LeastSquares(training), test)]
     for kind in ("black", "grey"):
-        rows.append(row(f"deep truck, {kind}, mean of {SEEDS} seeds", Deep.trained(first, kind=kind), test))
+        deep = Deep.trained(first, members=SEEDS, kind=kind)
+        rows.append(row(f"deep truck, {kind}, mean of {SEEDS} seeds", deep, test))
     text = TEXT.format(share=100 * share, rows="\n".join(rows))
     print(text)
     RESULTS.write_text(text)
