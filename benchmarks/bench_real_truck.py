@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from deeptruck_model.deep import Arguments, train
+from deeptruck_model.deep import Arguments, DeepTruck, train
 from deeptruck_model.deep.windows import common_interface, cut, unexplained
 from deeptruck_model.recordings import Recording, import_table
 
@@ -68,12 +68,15 @@ class LeastSquares:
 
 
 class Deep:
-    """Deep trucks of a kind, their mean."""
+    """Deep trucks, their mean."""
 
-    def __init__(self, recordings: list[Recording], **settings: Any) -> None:
+    def __init__(self, truck: DeepTruck) -> None:
+        self.truck = truck
+
+    @classmethod
+    def trained(cls, recordings: list[Recording], **settings: Any) -> Deep:
         with tempfile.TemporaryDirectory() as folder:
-            arguments = Arguments(members=SEEDS, **settings)
-            self.truck = train(recordings, Path(folder) / "truck", arguments)
+            return cls(train(recordings, Path(folder) / "truck", Arguments(**settings)))
 
     def speed(self, u: Array, w: Array, y0: Array) -> Array:
         return self.truck.rollout(u, w, y0, None).y[..., 1]
@@ -112,7 +115,8 @@ def main() -> None:
     share = np.concatenate([unexplained(r, interface) for r in second]).mean()
     rows = [row("least squares", LeastSquares(training), test)]
     for kind in ("black", "grey"):
-        rows.append(row(f"deep truck, {kind}, mean of {SEEDS} seeds", Deep(first, kind=kind), test))
+        deep = Deep.trained(first, members=SEEDS, kind=kind)
+        rows.append(row(f"deep truck, {kind}, mean of {SEEDS} seeds", deep, test))
     text = TEXT.format(share=100 * share, rows="\n".join(rows))
     print(text)
     RESULTS.write_text(text)

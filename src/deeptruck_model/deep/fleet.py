@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from deeptruck_model import trucks
-from deeptruck_model.driving_cycles import drive
+from deeptruck_model.driving_cycles import CycleSettings, drive
 from deeptruck_model.recordings import Recording
+from deeptruck_model.recordings.resample import derive_acceleration
+from deeptruck_model.recordings.units import DIESEL_DENSITY
 from deeptruck_model.signals import TruckInterface
 from deeptruck_model.trucks import PhysicsTruck
 
@@ -31,14 +33,29 @@ MASS = (8000.0, 38000.0)  # kg
 GEARS = (8, 14)
 
 
-def fleet(interface: TruckInterface, count: int, minutes: float, seed: int) -> list[Recording]:
+def fleet(
+    interface: TruckInterface, count: int, minutes: float, seed: int, cycle: CycleSettings | None = None
+) -> list[Recording]:
     """One drive of `minutes` by each of `count` random trucks that all have `interface`."""
     rng = np.random.default_rng(seed)
     made = [random_truck(interface, rng) for _ in range(count)]
     return [
-        drive(truck, seconds=60 * minutes, seed=1000 * seed + i, name=f"fleet-{i}")
+        drive(truck, seconds=60 * minutes, seed=1000 * seed + i, settings=cycle, name=f"fleet-{i}")
         for i, truck in enumerate(made)
     ]
+
+
+def by_fuel(recording: Recording, dt: float) -> Recording:
+    """The drive as a log without commands shows it, a row every `dt`: the fuel flow since the row before, in
+    g/s, stands in for the engine command, and no brake is recorded."""
+    every = round(dt / recording.dt)
+    rows = slice(every - 1, len(recording) // every * every, every)
+    channels = {name: recording.channels[name][rows] for name in ("speed", "grade", "engine_speed")}
+    fuel = recording.channels["fuel_rate"][: rows.stop].reshape(-1, every).mean(axis=1)
+    channels |= {"fuel_rate": fuel, "engine_command": DIESEL_DENSITY * fuel}
+    channels["acceleration"] = derive_acceleration(channels["speed"], dt)
+    interface = TruckInterface(recording.interface.name, "g/s", brake_unit=None)
+    return replace(recording, dt=dt, channels=channels, interface=interface)
 
 
 def random_truck(interface: TruckInterface, rng: np.random.Generator) -> PhysicsTruck:

@@ -1,0 +1,157 @@
+"""Minutes of a real truck, `veh002`: alone, and after a fleet of made-up trucks.
+
+The log and the test are those of bench_real_truck.py. Training, adapting and the size of the fleet are those
+of `deeptruck-model experiment minutes`; only how steep its roads are was taken from this truck's first half.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+from bench_real_truck import LOG, RESULTS, Deep, LeastSquares, halves, rms, windows
+from matplotlib.figure import Figure
+
+from deeptruck_model.deep import Arguments, train
+from deeptruck_model.deep.experiment_setup import FLEET_SEED
+from deeptruck_model.deep.fleet import by_fuel, fleet
+from deeptruck_model.deep.minutes import ADAPTED, FLEET, FLEET_MINUTES, MINUTES, SCRATCH
+from deeptruck_model.deep.windows import common_interface, cut
+from deeptruck_model.driving_cycles import CycleSettings, RoadSettings
+from deeptruck_model.recordings import Recording
+from deeptruck_model.signals import TruckInterface
+
+STRETCHES = 3  # of each number of minutes
+ROADS = CycleSettings(road=RoadSettings(limit=0.045))  # steeper than 99 % of the first half
+ALONE, LINEAR = "the fleet alone", "least squares"
+COLOURS = {LINEAR: "0.4", SCRATCH: "tab:blue", ADAPTED: "tab:red"}
+
+Errors = dict[tuple[str, int], list[list[float]]]
+"""By what was fitted and minutes, one list a stretch: rms and median after 15 s, then after 60 s."""
+
+
+def stretches(recordings: list[Recording], minutes: int) -> list[list[Recording]]:
+    """STRETCHES times `minutes` of driving, evenly spread over the recordings, gaps not counted."""
+    total, length = sum(map(len, recordings)), 60 * minutes
+    starts = np.linspace(0, total - length, STRETCHES).round().astype(int)
+    return [_between(recordings, int(start), int(start) + length) for start in starts]
+
+
+def _between(recordings: list[Recording], start: int, stop: int) -> list[Recording]:
+    """Samples start..stop of the recordings one after another."""
+    begins = np.cumsum([0, *map(len, recordings)])
+    pieces = [r.piece(max(0, start - b), max(0, stop - b)) for r, b in zip(recordings, begins, strict=False)]
+    return [p for p in pieces if len(p) > 3]
+
+
+def errors(model: LeastSquares | Deep, test: list[Recording]) -> list[float]:
+    """What the table says of a model."""
+    found = []
+    for seconds in (15, 60):
+        u, w, y = windows(test, seconds)
+        error = model.speed(u, w, y[:, 0])[:, -1] - y[:, -1, 1]
+        found += [rms(error), float(np.median(np.abs(error)))]
+    return found
+
+
+def measure(mine: list[Recording], test: list[Recording], folder: Path) -> Errors:
+    """Every way to know the truck, with every amount of its driving."""
+    known, found = folder / "fleet", Errors()
+    drives = fleet(TruckInterface("fleet"), FLEET, FLEET_MINUTES, FLEET_SEED, ROADS)
+    alone = Deep(train([by_fuel(drive, mine[0].dt) for drive in drives], known, Arguments()))
+    for key, model in chain([((ALONE, 0), alone)], fitted(mine, known)):
+        found.setdefault(key, []).append(errors(model, test))
+        print(*key, np.round(found[key][-1], 3), flush=True)
+    return found
+
+
+def fitted(mine: list[Recording], known: Path) -> Iterator[tuple[tuple[str, int], LeastSquares | Deep]]:
+    """One model after another, with what it is called in the table."""
+    ways: dict[str, Callable[[list[Recording]], LeastSquares | Deep]] = {
+        LINEAR: LeastSquares,
+        SCRATCH: Deep.trained,
+        ADAPTED: lambda part: Deep.trained(part, start=str(known)),
+    }
+    for minutes in MINUTES:
+        for part in stretches(mine, minutes):
+            for name, fit in ways.items():
+                yield (name, minutes), fit(part)
+
+
+def table(found: Errors) -> str:
+    """One row for each way and amount: the mean of the stretches, and what they lie between."""
+    rows = []
+    for (name, minutes), each in found.items():
+        low, mean, high = np.min(each, axis=0), np.mean(each, axis=0), np.max(each, axis=0)
+        cells = [_cell(*of) for of in zip(low, mean, high, strict=True)]
+        rows.append(f"| {f'{minutes} min, ' if minutes else ''}{name} | " + " | ".join(cells) + " |")
+    return "\n".join(rows)
+
+
+def _cell(low: float, mean: float, high: float) -> str:
+    if not np.isfinite(mean):
+        return "one ran away"
+    return f"{mean:.2f}" + (f" ({low:.2f} to {high:.2f})" if high > low else "")
+
+
+def draw(found: Errors, path: Path) -> None:
+    """rms of the speed error after 60 s against minutes; the bars span the stretches."""
+    figure = Figure(figsize=(6, 4), layout="constrained")
+    axis = figure.subplots()
+    for aside, (name, colour) in zip((0.94, 1.0, 1.06), COLOURS.items(), strict=True):
+        each = np.array([[e[2] for e in found[name, minutes]] for minutes in MINUTES])
+        mean = each.mean(axis=1)
+        span = [mean - each.min(axis=1), each.max(axis=1) - mean]
+        axis.errorbar(aside * np.array(MINUTES), mean, span, fmt="o-", color=colour, capsize=3, label=name)
+    axis.axhline(found[ALONE, 0][0][2], color="0.5", ls=":", label=ALONE)
+    axis.set(xscale="log", yscale="log", xlabel="minutes of its own driving", title="veh002")
+    axis.set(ylabel="speed error after 60 s, rms [m/s]")
+    axis.set_xticks(MINUTES, [str(m) for m in MINUTES])
+    axis.set_yticks((1, 2, 4, 8, 16), ("1", "2", "4", "8", "16"))
+    axis.minorticks_off()
+    axis.legend()
+    figure.savefig(path, dpi=120)
+
+
+def main() -> None:
+    """Print the table; write it and the figure."""
+    if not LOG.exists():
+        sys.exit(f"{LOG} is not here; docs/recordings.md says where to get it")
+    first, second = halves()
+    interface = common_interface(first)
+    mine, test = ([p for r in part for p in cut(r, interface)] for part in (first, second))
+    with tempfile.TemporaryDirectory() as folder:
+        found = measure(mine, test, Path(folder))
+    print(table(found))
+    RESULTS.with_name("real_truck_minutes.md").write_text(TEXT.format(rows=table(found), fleet=FLEET))
+    draw(found, RESULTS.with_name("real_truck_minutes.png"))
+
+
+TEXT = """# Minutes of a real truck: `veh002`
+
+`python benchmarks/bench_real_truck_minutes.py`. The truck and the free runs of [its own page](real_truck.md):
+the test is the second half of the log. 5, 15 and 60 min of the first half train, three times each, by
+stretches spread evenly over it; only what can be explained counts as a minute. The fleet are {fleet} made-up
+trucks that drove 20 min each, logged like this truck: 1 Hz, fuel rate as engine command, grade, no brake.
+Only how steep their roads are comes from the first half; no setting was chosen on this truck. Speed error at
+the end of the run, m/s: the mean of the three stretches, in brackets the lowest and the highest; where one
+ran away there is no mean. Deep trucks are of one seed each.
+
+| | 15 s: rms | median | 60 s: rms | median |
+| --- | ---: | ---: | ---: | ---: |
+{rows}
+
+![minutes of data](real_truck_minutes.png)
+"""
+
+
+if __name__ == "__main__":
+    main()
