@@ -149,18 +149,20 @@ def _apart(f: dict[str, Any]) -> str:
             return ""
         lead = f"{worse[nearest]:.0f} nats"
         return f"It is told from every other name; the next best, {words(nearest)}, is {lead} worse."
-    decided = "; ".join(_decided(f["effect"], rival, worse.get(rival, 0.0)) for rival in group)
+    decided = "; ".join(_decided(f["effect"], rival, worse.get(rival)) for rival in group)
     return f"It cannot be told from {', '.join(words(g) for g in group)}. What decided: {decided}."
 
 
-def _decided(name: str, rival: str, worse: float) -> str:
+def _decided(name: str, rival: str, worse: float | None) -> str:
     """How much of a lead comes from data and how much from what is plausible beforehand."""
-    prior = 0.0
+    if rival == "unknown" and worse is None:
+        return f"its signals, by which {words(name)} acts too; its form is another"
+    if rival == "unknown":
+        return f"against a force without a name that comes and goes likewise the data, by {worse:.1f} nats"
+    prior, worse = 0.0, worse or 0.0
     if name in LIBRARY and rival in LIBRARY:
         prior = math.log(LIBRARY[name].prior / LIBRARY[rival].prior)
     data = worse - prior
-    if rival == "unknown":
-        return f"its signals, by which {words(name)} acts too; its form is another"
     if data > abs(prior):
         return f"against {words(rival)} the data, by {data:.1f} nats"
     if prior > 0:
