@@ -32,22 +32,14 @@ PARAMETER_PRACTICAL = 0.025  # relative
 
 def named_cause(search: Search, model: Model, shape: Shape) -> Cause:
     """One named effect with the names that would do nearly as well in its place."""
-    others = tuple(n for n in model.named if n is not shape)
-    base = search.background(others)
+    base = search.background(tuple(n for n in model.named if n is not shape))
     gain = model.score - base.score
-    if "when" in shape.settings:
-        spans = [(int(i), first, last) for i, first, last in shape.settings["when"]]
-        tried = intermittent.candidates(search, base, spans)
-    else:
-        tried = candidates(search, base)
-        tried = [enriched(search, m) for m in tried[:WIDENED]] + tried[WIDENED:]
-    tried = [m for m in tried if m.effects[-1] != shape.mechanism.effect]
-    instead = [(m.effects[-1], m) for m in tried]
-    instead += [(p, search.model(others, base.free | {p})) for p in search.parameters if p not in base.free]
-    instead = _best_of_each_name(instead)
+    instead = _instead_of(search, base, shape)
     own = model.score - (max(SLOW_PRICE, SLOW_SHARE * gain) if comes_and_goes(shape) else 0.0)
-    paid = [(n, slow_price(m, base) if len(m.named) > len(others) else 0.0, m.score) for n, m in instead]
-    rivals = sorted(((n, own + paid_for - score) for n, paid_for, score in paid), key=lambda r: r[1])
+    paid = [
+        (n, m.score - (slow_price(m, base) if len(m.named) > len(base.named) else 0.0)) for n, m in instead
+    ]
+    rivals = sorted(((name, own - score) for name, score in paid), key=lambda rival: rival[1])
     odds = 1.0 + sum(np.exp(-worse / TEMPER) for _, worse in rivals) + np.exp(-gain / TEMPER)
     lawless = _lawless(search, model, shape)
     if lawless is not None and lawless.score > model.score + max(ENOUGH, GROUP_SHARE * gain):
@@ -70,6 +62,19 @@ def named_cause(search: Search, model: Model, shape: Shape) -> Cause:
         tuple(rivals),
         alternatives=tuple(instead[:ALTERNATIVES]),
     )
+
+
+def _instead_of(search: Search, base: Model, shape: Shape) -> list[tuple[str, Model]]:
+    """The best model with each other name, or one more parameter, in place of a shape; best first."""
+    if "when" in shape.settings:
+        spans = [(int(i), first, last) for i, first, last in shape.settings["when"]]
+        tried = intermittent.candidates(search, base, spans)
+    else:
+        tried = candidates(search, base)
+        tried = [enriched(search, m) for m in tried[:WIDENED]] + tried[WIDENED:]
+    instead = [(m.effects[-1], m) for m in tried if m.effects[-1] != shape.mechanism.effect]
+    bent = [p for p in search.parameters if p not in base.free]
+    return _best_of_each_name(instead + [(p, search.model(base.named, base.free | {p})) for p in bent])
 
 
 def _best_of_each_name(models: list[tuple[str, Model]]) -> list[tuple[str, Model]]:
