@@ -46,13 +46,15 @@ def fleet(
 
 
 def by_fuel(recording: Recording, dt: float) -> Recording:
-    """The drive as a log without commands shows it, a row every `dt`: the fuel flow since the row before, in
-    g/s, stands in for the engine command, and no brake is recorded."""
+    """The drive as a log without commands shows it, a row every `dt`, no brake recorded.
+
+    The fuel flow until the next row, in g/s, stands in for the engine command: NaN in the last.
+    """
     every = round(dt / recording.dt)
     rows = slice(every - 1, len(recording) // every * every, every)
     channels = {name: recording.channels[name][rows] for name in ("speed", "grade", "engine_speed")}
     fuel = recording.channels["fuel_rate"][: rows.stop].reshape(-1, every).mean(axis=1)
-    channels |= {"fuel_rate": fuel, "engine_command": DIESEL_DENSITY * fuel}
+    channels |= {"fuel_rate": fuel, "engine_command": DIESEL_DENSITY * np.append(fuel[1:], np.nan)}
     channels["acceleration"] = derive_acceleration(channels["speed"], dt)
     interface = TruckInterface(recording.interface.name, "g/s", brake_unit=None)
     return replace(recording, dt=dt, channels=channels, interface=interface)

@@ -22,18 +22,20 @@ _TOP = {
     *("time", "delimiter", "encoding", "skip_rows", "decimal", "split_at", "channels", "conceal"),
     *("name", "grade_window_m"),
 }
-_ENTRY = {"column", "unit", "density", "scale", "offset"}
+_ENTRY = {"column", "unit", "density", "scale", "offset", "late_s"}
+LATEST_S = 10.0  # later than this a column is not late but of another drive
 _SPLITS = {"speed_step": "speed", "elevation_step": "elevation"}
 
 
 @dataclass(frozen=True)
 class Column:
-    """One channel: the column it comes from and how it becomes canonical."""
+    """One channel: the column it comes from, how it becomes canonical, and how late it is stamped."""
 
     name: str
     convert: Conversion
     scale: float = 1.0
     offset: float = 0.0
+    late_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -113,7 +115,10 @@ def _column(channel: str, entry: Any, notes: list[str]) -> Column:
         raise InputError(
             f"channel '{channel}': scale {scale:g} and offset {offset:g} leave no values; mend them"
         )
-    return Column(str(entry["column"]), convert, scale, offset)
+    late_s = number(entry, "late_s", 0.0, channel)
+    if not abs(late_s) <= LATEST_S:
+        raise InputError(f"late_s of '{channel}' must be at most {LATEST_S:g} s either way, not {late_s:g}")
+    return Column(str(entry["column"]), convert, scale, offset, late_s)
 
 
 def _time(entry: Any) -> tuple[str | None, str | None, float | None]:

@@ -7,6 +7,7 @@ import io
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from importlib.metadata import entry_points
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.bag_writer import lay_out, write_bag
 from deeptruck_model.recordings.columns import DATE_UNITS, TIME_UNITS, Column, Columns, load_columns
 from deeptruck_model.recordings.grade import GRADE_WINDOW_M, grade_from_elevation
+from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, period
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.resample import Series, uniform
 from deeptruck_model.recordings.table_file import TextTable, read_table
@@ -99,9 +101,14 @@ def _recordings(path: Path, meaning: Columns) -> list[Recording]:
         for channel, step in meaning.split_at.items()
         for time_of in _jumps(time, values[channel], step)
     ]
+    series = {channel: _measured(channel, time, v, notes) for channel, v in values.items()}
+    for channel, column in meaning.channels.items():
+        if column.late_s:
+            series[channel] = _on_time(channel, series[channel], column.late_s, _stretches(time, cuts))
+            notes.append(f"{channel} is stamped {column.late_s:g} s late and was put back")
     name = meaning.name or path.stem
     recordings = uniform(
-        {channel: _measured(channel, time, v, notes) for channel, v in values.items()},
+        series,
         name=name,
         interface=_interface(name, meaning),
         rate_hz=np.inf,  # the table's own
@@ -172,6 +179,34 @@ def _jumps(time: Array, values: Array, step: float) -> Array:
     """Times of the samples that differ from the one before by more than `step`."""
     valid = ~np.isnan(values)
     return time[valid][1:][np.abs(np.diff(values[valid])) > step]
+
+
+def _stretches(time: Array, cuts: list[float]) -> Array:
+    """Where the contiguous stretches of a table begin, ascending; behind the last one infinity."""
+    gap = max(GAP_S, GAP_PERIODS * period(time))
+    behind_gaps = time[1:][np.diff(time) > gap]
+    return np.unique(np.concatenate([time[:1], behind_gaps, cuts, [np.inf]]))
+
+
+def _on_time(channel: str, series: Series, late_s: float, stretches: Array) -> Series:
+    """The series with its stamps set right.
+
+    A sample that would leave its stretch says nothing of the one beside it and is dropped; a NaN ends every
+    stretch, so that nothing is held on to where the next sample lies in another. Speed is the clock, which
+    has no tick behind a stretch's last row.
+    """
+    own = period(series.time)
+    stamps, values = [np.zeros(0)], [np.zeros(0)]
+    for begin, end in pairwise(stretches):
+        inside = (series.time >= begin) & (series.time < end)
+        if not inside.any():
+            continue
+        clock = channel == "speed"
+        moved = series.time[inside] - late_s
+        stays = (moved >= begin) & ((moved <= series.time[inside][-1]) if clock else (moved < end))
+        stamps += [moved[stays], *([] if clock else [np.minimum(moved[-1:] + own, end)])]
+        values += [series.values[inside][stays], *([] if clock else [np.array([np.nan])])]
+    return Series(np.concatenate(stamps), np.concatenate(values))
 
 
 def _interface(name: str, meaning: Columns) -> TruckInterface:

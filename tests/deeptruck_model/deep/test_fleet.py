@@ -40,6 +40,7 @@ def test_by_fuel_is_the_log_of_a_truck_without_commands():
     speed, fuel = drive.channels["speed"], drive.channels["fuel_rate"]
     assert log.channels["speed"][4] == speed[49]
     assert log.channels["fuel_rate"][4] == pytest.approx(fuel[40:50].mean())
-    assert log.channels["engine_command"][4] == pytest.approx(0.832 * fuel[40:50].mean())
+    assert log.channels["engine_command"][4] == pytest.approx(0.832 * fuel[50:60].mean())
+    assert np.isnan(log.channels["engine_command"][-1])
     assert log.channels["acceleration"][4] == pytest.approx(speed[49] - speed[39])
     assert np.isfinite(log.channels["engine_speed"]).all() and "brake_command" not in log.channels

@@ -12,7 +12,7 @@ import pytest
 from pyarrow import parquet
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import import_table, importing, read
+from deeptruck_model.recordings import Recording, import_table, importing, read
 from deeptruck_model.signals import CHANNELS, TruckInterface
 
 DATA = Path(os.environ.get("DEEPTRUCK_REAL_DATA", Path(__file__).parents[4] / "shared" / "data"))
@@ -211,6 +211,114 @@ def test_jumps_cut(tmp_path: Path) -> None:
     assert [set(r.channels["elevation"]) for r in pieces] == [{10}, {10}, {20}]
 
 
+LATE = ("engine_command", "elevation")
+
+
+def late(tmp_path: Path, table: dict[str, Any], late_s: float, **meaning: Any) -> list[Recording]:
+    """A table with `fuel` as command and as rate, and `h`; the command and `h` are late. Through a bag."""
+    channels = {
+        **SPEED,
+        "engine_command": {"column": "fuel", "unit": "g/s", "late_s": late_s},
+        "fuel_rate": {"column": "fuel", "unit": "g/s", "density": 1.0},
+        "elevation": {"column": "h", "unit": "m", "late_s": late_s},
+    }
+    columns = {"time": {"rate_hz": 1.0}, "grade_window_m": 50, "channels": channels, **meaning}
+    import_table(write_csv(tmp_path / "drive.csv", table), columns, tmp_path / "bag")
+    return read(tmp_path / "bag")
+
+
+def driven(count: int = 12) -> dict[str, Any]:
+    rng = np.random.default_rng(1)
+    return {"v": np.full(count, 9.0), "fuel": rng.uniform(1, 5, count), "h": rng.uniform(0, 3, count)}
+
+
+@pytest.mark.parametrize("late_s", [0.0, 1.0, 3.0, -1.0, -2.0])
+def test_a_late_column_is_put_back_by_whole_rows(tmp_path: Path, late_s: float) -> None:
+    table, rows = driven(), round(late_s)
+    (recording,) = late(tmp_path, table, late_s)
+    source = np.arange(12) + rows
+    there = (source >= 0) & (source < 12)
+    for channel, column in (("engine_command", "fuel"), ("elevation", "h")):
+        expected = np.where(there, table[column][source % 12], np.nan)
+        np.testing.assert_allclose(recording.channels[channel], expected, err_msg=channel)
+    np.testing.assert_allclose(recording.channels["fuel_rate"], table["fuel"])
+    np.testing.assert_array_equal(recording.channels["speed"], table["v"])
+    said = [note for note in recording.notes if "late" in note]
+    assert said == [f"{c} is stamped {late_s:g} s late and was put back" for c in LATE if late_s]
+
+
+def test_half_a_row_is_held_or_interpolated_as_ever(tmp_path: Path) -> None:
+    table = driven()
+    (recording,) = late(tmp_path, table, 0.5)
+    for channel, column in (("engine_command", "fuel"), ("elevation", "h")):
+        values = recording.channels[channel]
+        np.testing.assert_allclose(values[1:-1], ((table[column][:-1] + table[column][1:]) / 2)[1:])
+        assert np.isnan(values[[0, -1]]).all()
+
+
+@pytest.mark.parametrize("late_s", [1.0, 0.5, -0.5, -1.0])
+@pytest.mark.parametrize("clock", [False, True])
+def test_nothing_late_comes_from_another_piece(tmp_path: Path, late_s: float, clock: bool) -> None:
+    """Neither where the table is cut at a jump nor where its clock has a gap."""
+    table = driven()
+    jump = np.arange(12) >= 6
+    table["fuel"] = np.where(jump, 7.0, 2.0)
+    table["h"] = np.where(jump, 50.0, 10.0)
+    meaning: dict[str, Any] = {"split_at": {"elevation_step": 4.0}}
+    if clock:
+        table["t"] = np.arange(12.0) + 5.0 * jump
+        meaning = {"time": {"column": "t", "unit": "s"}}
+    pieces = late(tmp_path, table, late_s, **meaning)
+    assert [len(p) for p in pieces] == [6, 6]
+    ends = {1.0: [-1], 0.5: [0, -1], -0.5: [0], -1.0: [0]}[late_s]
+    for piece, fuel, height in zip(pieces, (2.0, 7.0), (10.0, 50.0), strict=True):
+        for channel, value in (("engine_command", fuel), ("elevation", height)):
+            values = piece.channels[channel]
+            assert np.isnan(values[ends]).all(), (channel, values)
+            assert set(values[1:-1]) == {value}, (channel, values)
+
+
+def test_a_late_speed_moves_the_clock(tmp_path: Path) -> None:
+    table = {"v": np.arange(3.0, 15.0), "T": np.arange(12.0)}
+    channels = {
+        "speed": {"column": "v", "unit": "m/s", "late_s": 2.0},
+        "ambient_temperature": {"column": "T", "unit": "degC"},
+    }
+    columns = {"time": {"rate_hz": 1.0}, "channels": channels}
+    import_table(write_csv(tmp_path / "drive.csv", table), columns, tmp_path / "bag")
+    (recording,) = read(tmp_path / "bag")
+    np.testing.assert_allclose(recording.channels["speed"], np.arange(5.0, 15.0))
+    np.testing.assert_allclose(recording.channels["ambient_temperature"], np.arange(10.0))
+
+
+@pytest.mark.parametrize("late_s", [1.0, 0.5, -0.5, -1.0])
+def test_a_late_speed_stays_in_its_piece(tmp_path: Path, late_s: float) -> None:
+    table = {"v": [5.0] * 6 + [20.0] * 6, "h": [5.0] * 6 + [20.0] * 6}
+    channels = {
+        "speed": {"column": "v", "unit": "m/s", "late_s": late_s},
+        "elevation": {"column": "h", "unit": "m"},
+    }
+    columns = {"time": {"rate_hz": 1.0}, "split_at": {"speed_step": 2.5}, "channels": channels}
+    import_table(write_csv(tmp_path / "drive.csv", table), columns, tmp_path / "bag")
+    pieces = read(tmp_path / "bag")
+    assert [len(p) for p in pieces] == [5, 5]
+    for piece, value in zip(pieces, (5.0, 20.0), strict=True):
+        assert set(piece.channels["speed"]) == {value}
+        height = piece.channels["elevation"]
+        assert set(height[~np.isnan(height)]) == {value}
+
+
+def test_a_late_column_that_most_rows_leave_blank(tmp_path: Path) -> None:
+    table = {"v": np.full(40, 9.0), "T": [k if k % 4 == 0 else "" for k in range(40)]}
+    channels = {**SPEED, "ambient_temperature": {"column": "T", "unit": "degC", "late_s": 1.0}}
+    columns = {"time": {"rate_hz": 1.0}, "channels": channels}
+    (recording,) = import_table(
+        write_csv(tmp_path / "drive.csv", table), columns, tmp_path / "bag"
+    ).recordings
+    np.testing.assert_allclose(recording.channels["ambient_temperature"][3:36], np.arange(4, 37))
+    assert np.isnan(recording.channels["ambient_temperature"][36:]).all()
+
+
 def hilly() -> dict[str, np.ndarray[Any, Any]]:
     return {"v": np.full(600, 20.0), "h": 100 + 0.02 * 20.0 * np.arange(600), "T": np.arange(600) / 30}
 
@@ -281,6 +389,22 @@ BAD: list[tuple[str, dict[str, Any], str]] = [
     ),
     ("v\n1\n2\n", {"time": {"rate_hz": 1}, "channels": {"speed": {"column": "v"}}}, "'speed' needs a unit"),
     ("v\n1\n2\n", {"time": {"rate_hz": 1}, "channels": {"speed": {"unit": "m/s"}}}, "'speed' needs a column"),
+    *(
+        (
+            "v\n1\n2\n",
+            {"time": {"rate_hz": 1}, "channels": {"speed": {"column": "v", "unit": "m/s", key: value}}},
+            match,
+        )
+        for key, value, match in (
+            ("late_s", "1 s", "late_s of 'speed' must be a number, not '1 s'"),
+            ("late_s", True, "late_s of 'speed' must be a number, not True"),
+            ("late_s", None, "late_s of 'speed' must be a number, not None"),
+            ("late_s", float("nan"), "late_s of 'speed' must be at most 10 s either way, not nan"),
+            ("late_s", float("-inf"), "late_s of 'speed' must be at most 10 s either way, not -inf"),
+            ("late_s", 10.5, "late_s of 'speed' must be at most 10 s either way, not 10.5"),
+            ("late", 1.0, "channel 'speed' has unknown keys: late; known: column, density, late_s"),
+        )
+    ),
     ("v\n1\n2\n", {"time": {"rate_hz": 1}, "channels": SPEED, "seperator": ";"}, "unknown keys: seperator"),
     ("v\n1\n2\n", {"time": {"rate_hz": 1}, "channels": SPEED, "delimiter": ";;"}, "one character"),
     ("v\n1\n2\n", {"time": {"rate_hz": 1}, "channels": SPEED, "skip_rows": -1}, "skip_rows"),
