@@ -33,6 +33,9 @@ class Trainer(StrEnum):
     trpo = "trpo"
 
 
+WIDE = 130  # columns: narrower, rich cuts the numbers off
+
+
 class Engine(StrEnum):
     """Where a sweep trains."""
 
@@ -59,6 +62,7 @@ def train(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on where a killed run of the same command stopped.")
     ] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a policy that is there.")] = False,
 ) -> None:
     """Train a policy. About a minute of one core with the default trainer.
 
@@ -68,6 +72,8 @@ def train(
     from deeptruck_model import simulators
 
     check_target(out)
+    if (out / "policy.json").exists() and not (resume or overwrite):
+        raise InputError(f"{out} holds a policy already; choose another --out, or add --overwrite")
     config = _config(trainer, seed, seeds, iterations, scene, memory)
     truck = simulators.load(simulator)
     with _progress() as bar:
@@ -109,7 +115,8 @@ def evaluate(
 
     drive = evaluation.evaluate_seeds if all_seeds else evaluation.evaluate
     metrics = drive(policy, simulator, out, rollouts=rollouts, seed=seed, shield=shield, full=full)
-    Console().print(evaluation.table(metrics))
+    seen = Console()
+    Console(width=max(seen.width, WIDE)).print(evaluation.table(metrics))
     typer.echo(f"{out}: metrics.json and figures")
 
 

@@ -26,7 +26,8 @@ def run(
     except (InputError, TyperException) as error:
         sys.exit(_last_words(program, _line(error), 2))
     except OSError as error:
-        sys.exit(_last_words(program, f"{error.filename or ''}: {error.strerror or error}", 2))
+        what = error.strerror or str(error)
+        sys.exit(_last_words(program, f"{error.filename}: {what}" if error.filename else what, 2))
     if code == INTERRUPTED:  # typer makes an exit code of Ctrl-C
         _last_words(program, interrupted, code)
     sys.exit(code if isinstance(code, int) else 0)

@@ -56,6 +56,8 @@ def test_train_evaluate_export_on_a_physics_truck(monkeypatch, tmp_path):
     arguments = ["--trainer", "trpo", "--iterations", "2", "--simulator", sim, "--out", out]
     assert run(monkeypatch, "train", *arguments) == 0
     assert load_policy(out).card["simulator"] == sim
+    assert run(monkeypatch, "train", *arguments) == 2  # a policy that is there is not replaced unasked
+    assert run(monkeypatch, "train", *arguments, "--overwrite") == 0
     assert run(monkeypatch, "export", out, "--out", str(tmp_path / "p.onnx")) == 0
     assert (tmp_path / "p.onnx").exists()
     evaluation = ["--simulator", sim, "--out", str(tmp_path / "e"), "--rollouts", "5", "--shield"]

@@ -7,7 +7,13 @@ from typing import Literal
 
 import numpy as np
 
+from deeptruck_model.errors import InputError
+
 ADAPTING_UPDATES = 2000
+LEAST = {
+    "members": 1, "updates": 0, "steps": 2, "sequences": 1, "hidden": 1, "decoder": 1, "learning_rate": 0,
+    "weight_decay": 0, "clip": 0, "speed_s": 0, "fuel": 0, "teach": 0, "horizon_s": 0, "rounds": 1,
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -53,6 +59,13 @@ class Arguments:
     """length of the free runs that select the checkpoint"""
     rounds: int = 40
     """validations, TensorBoard points and resume points of a run"""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for a value that no run can have."""
+        for name, least in LEAST.items():
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= least):
+                raise InputError(f"{name} is {value:g}; it must be at least {least:g}")
 
     @property
     def feedback(self) -> str:

@@ -17,6 +17,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from threadpoolctl import threadpool_limits
 from torch.utils.tensorboard import SummaryWriter
 
+from deeptruck_model import exclusive
 from deeptruck_model.deep import card, checkpoint, coverage, kernels, resume
 from deeptruck_model.deep.arguments import ADAPTING_UPDATES, Arguments, default_updates
 from deeptruck_model.deep.compiled import FloatArray
@@ -49,13 +50,14 @@ def train(
     began = time.monotonic()
     out = out.resolve()
     checkpoint.check_target(out)
+    working = out.with_name(f"{out.name}.partial")
+    exclusive.free(working)
     torch.set_num_threads(1)
 
     data = prepare(recordings, arguments)
     identity = _identity(data, arguments)
     if resumes and _finished(out, identity):
         return checkpoint.load_directory(out, read_manifest(out))
-    working = out.with_name(f"{out.name}.partial")
     if resumes and (out / MANIFEST).exists() and not working.exists():
         raise InputError(f"{out} was trained on other data or with other arguments; train with --overwrite")
 
@@ -64,7 +66,8 @@ def train(
     if not done:
         shutil.rmtree(working, ignore_errors=True)
         resume.make(working)
-    _loop(run, working, done, observe)
+    with exclusive.writing(working):
+        _loop(run, working, done, observe)
     if not np.isfinite(run.best.scores).all():
         raise InputError(
             "training diverged from the first round; look at the recordings with 'deeptruck-model coverage'"

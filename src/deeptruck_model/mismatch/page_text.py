@@ -81,6 +81,8 @@ def sentence(v: dict[str, Any]) -> str:
         "parameter_error": "No physics is missing, but a parameter of the simulator is off",
         "measurement_fault": "A sensor is at fault, not the truck model",
     }[kind]
+    if kind == "parameter_error" and any(f["kind"] == "missing_physics" for f in findings):
+        opening = "A parameter of the simulator is off, and it leaves something out"
     others = len(findings) - 1
     more = f" (and {others} more finding{'s' if others > 1 else ''} below)" if others else ""
     says = re.split(FINER, prose(main["says"]))[0]
