@@ -137,13 +137,6 @@ above 0.5 g/s and speed above 6 m/s throughout.
 Braking is not recorded. {share:.1f} % of the second half slows by more than 0.6 m/s² beyond the grade, which
 no input explains; those rows end a run. Softer braking stays in: it is part of every error above, and no
 model that sees fuel and grade alone can know of it.
-
-As a command, a row's fuel is 1 s late; the layout puts it back. With the stamps of the log the three gave,
-in the same order, 0.81, 0.75 and 0.72 m/s after 15 s and 1.33, 1.22 and 1.28 after 60 s (pulling 0.98, 1.04
-and 1.09): here it changes next to nothing. It was chosen on the first half alone. Fitted on that half's first
-70 %, on the rest 0.80, 0.61 and 0.57 after 15 s became 0.68, 0.55 and 0.47, and 1.29, 1.08 and 0.95 after
-60 s became 1.20, 1.03 and 0.95; in the nine runs that pull for 60 s, 1.53, 1.70 and 1.59 became 1.61, 1.83
-and 1.83.
 """
 
 
