@@ -25,6 +25,8 @@ from deeptruck_model.simulators import load as load_simulator
 
 Array = NDArray[np.float64]
 
+SCHEMA = 2  # 1: forces gave force per mass of acceleration; its coefficients mean something else
+
 
 @dataclass(frozen=True)
 class Term:
@@ -194,7 +196,7 @@ class CorrectedTruck:
         path.mkdir(parents=True, exist_ok=True)
         self.original.save(path / "base")
         manifest = {
-            "schema": 1,
+            "schema": SCHEMA,
             "kind": "corrected",
             "interface": self.interface.to_dict(),
             "dt": self.dt,
@@ -246,6 +248,11 @@ class CorrectedTruck:
 
 def load_directory(path: Path, manifest: dict[str, Any]) -> CorrectedTruck:
     """A corrected truck from its directory. Raises InputError where this library cannot read it."""
+    if manifest.get("schema") != SCHEMA:
+        raise InputError(
+            f"{path} was corrected by another version, whose forces have other sizes;"
+            " run the mismatch tool again"
+        )
     try:
         terms = [Term(t["effect"], t["settings"], tuple(t["coefficients"])) for t in manifest["terms"]]
         unknown = [t.effect for t in terms if t.effect not in KNOWN]
