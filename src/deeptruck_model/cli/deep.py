@@ -67,7 +67,7 @@ def train(
 
     Example: deeptruck-model train drives/monday drives/tuesday --out simulators/mytruck
     """
-    from deeptruck_model.deep import Arguments
+    from deeptruck_model.deep import Arguments, finished
     from deeptruck_model.deep import train as train_truck
     from deeptruck_model.simulators import MANIFEST
 
@@ -82,6 +82,9 @@ def train(
         start="" if start is None else str(start),
     )
     recordings = _read(bags)
+    if resume and finished(recordings, out, arguments):
+        typer.echo(f"{out}: finished before, with these recordings and arguments; nothing was left to do")
+        return
     minutes = sum(len(recording) * recording.dt for recording in recordings) / 60
     if minutes < FEW_MINUTES:
         typer.echo(f"note: {minutes:.1f} min of driving are little; the tutorial trains on an hour", err=True)

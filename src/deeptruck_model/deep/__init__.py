@@ -5,7 +5,7 @@ from deeptruck_model.deep.checkpoint import load_directory
 from deeptruck_model.deep.evaluation import Trials, statistics, trials
 from deeptruck_model.deep.network import Shape, TruckNetwork
 from deeptruck_model.deep.report import evaluate
-from deeptruck_model.deep.training import train
+from deeptruck_model.deep.training import finished, train
 from deeptruck_model.deep.truck import DeepState, DeepTruck, Prediction, TorchTruck
 
 __all__ = [
@@ -18,6 +18,7 @@ __all__ = [
     "Trials",
     "TruckNetwork",
     "evaluate",
+    "finished",
     "load_directory",
     "statistics",
     "train",

@@ -14,6 +14,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
+from deeptruck_model.deep.identity import differences
 from deeptruck_model.deep.network import WEIGHTS, TruckNetwork
 from deeptruck_model.errors import InputError
 
@@ -78,9 +79,11 @@ def load(
             metadata, tensors = file.metadata(), {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118
     except (OSError, SafetensorError) as error:
         raise InputError(f"{folder / FILE} is damaged ({error}); train again without --resume") from None
-    if metadata["identity"] != json.dumps(identity, sort_keys=True):
+    stored = json.loads(metadata["identity"])
+    if stored != json.loads(json.dumps(identity)):
         raise InputError(
-            f"{folder} is a run with other data or arguments; repeat those, or train without --resume"
+            f"{folder} is another run ({differences(stored, identity)}); repeat that one, or train without"
+            " --resume"
         )
     for name in WEIGHTS:
         getattr(network, name).data.copy_(tensors[f"weight.{name}"])

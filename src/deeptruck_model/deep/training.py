@@ -19,8 +19,9 @@ from torch.utils.tensorboard import SummaryWriter
 
 from deeptruck_model import exclusive
 from deeptruck_model.deep import card, checkpoint, coverage, kernels, resume
-from deeptruck_model.deep.arguments import ADAPTING_UPDATES, Arguments, default_updates
+from deeptruck_model.deep.arguments import Arguments
 from deeptruck_model.deep.compiled import FloatArray
+from deeptruck_model.deep.identity import differences, identity_in, identity_of
 from deeptruck_model.deep.network import WEIGHTS, Scales, Shape, TruckNetwork
 from deeptruck_model.deep.optimizer import guard, learning_rate, optimizers
 from deeptruck_model.deep.preparation import Prepared, prepare
@@ -29,7 +30,7 @@ from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.deep.windows import Sequences, loss_weights
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
-from deeptruck_model.simulators import MANIFEST, read_manifest
+from deeptruck_model.simulators import read_manifest
 
 Observer = Callable[[int, TruckNetwork], None]
 
@@ -55,11 +56,12 @@ def train(
     torch.set_num_threads(1)
 
     data = prepare(recordings, arguments)
-    identity = _identity(data, arguments)
-    if resumes and _finished(out, identity):
+    identity = identity_of(data, arguments)
+    there = identity_in(out)
+    if resumes and there == identity:
         return checkpoint.load_directory(out, read_manifest(out))
-    if resumes and (out / MANIFEST).exists() and not working.exists():
-        raise InputError(f"{out} was trained on other data or with other arguments; train with --overwrite")
+    if resumes and there is not None and not working.exists():
+        raise InputError(f"{out} is another run ({differences(there, identity)}); train with --overwrite")
 
     run = _begin(data, arguments, identity)
     done = resume.load(working, identity, run.network, run.optimizers, run.best) if resumes else 0
@@ -77,6 +79,12 @@ def train(
         run.network, data.interface, coverage.measure(data.training), _details(run, time.monotonic() - began)
     )
     return card.publish(truck, data.training, data.validation, working, out)
+
+
+def finished(recordings: Sequence[Recording], out: Path, arguments: Arguments) -> bool:
+    """Whether `out` already holds the truck that `train` would give. Raises InputError as `train` does for
+    the recordings."""
+    return identity_in(out) == identity_of(prepare(recordings, arguments), arguments)
 
 
 @dataclass(frozen=True)
@@ -99,20 +107,6 @@ class _Run:
     @property
     def updates(self) -> int:
         return int(self.identity["updates"])
-
-
-def _identity(data: Prepared, arguments: Arguments) -> dict[str, Any]:
-    """What a resumed run must have in common with the killed one."""
-    steps = data.steps(arguments.steps)
-    batches = max(1, data.samples // (steps * arguments.sequences))
-    chosen = 600 * batches if arguments.mode == "paper" else default_updates(data.samples)
-    chosen = ADAPTING_UPDATES if data.start is not None else chosen
-    return {
-        "arguments": asdict(arguments),
-        "data_hash": data.data_hash,
-        "steps": steps,
-        "updates": arguments.updates or chosen,
-    }
 
 
 def _begin(data: Prepared, arguments: Arguments, identity: dict[str, Any]) -> _Run:
@@ -218,16 +212,6 @@ def _details(run: _Run, seconds: float) -> dict[str, Any]:
             "validation_loss": run.best.scores.tolist(),
         },
     }
-
-
-def _finished(out: Path, identity: dict[str, Any]) -> bool:
-    """Whether `out` already holds the truck that this run would train."""
-    if not (out / MANIFEST).exists():
-        return False
-    manifest = read_manifest(out)
-    run = manifest.get("training", {})
-    found = (manifest.get("config"), manifest.get("data_hash"), run.get("steps"), run.get("updates"))
-    return found == tuple(identity[key] for key in ("arguments", "data_hash", "steps", "updates"))
 
 
 def _draw(

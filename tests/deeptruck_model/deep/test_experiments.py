@@ -66,6 +66,8 @@ def test_commands_from_bag_to_figures(drive, tmp_path):
     runner, bag, sim = CliRunner(), str(tmp_path / "bag"), str(tmp_path / "sim")
     trained = runner.invoke(app, ["train", bag, "--out", sim, "--seed", "3", "--budget", "20"])
     assert trained.exit_code == 0, trained.output
+    again = runner.invoke(app, ["train", bag, "--out", sim, "--seed", "3", "--budget", "20", "--resume"])
+    assert again.exit_code == 0 and "finished before" in again.output
     more = ["--budget", "20", "--kind", "grey"]
     grey = runner.invoke(app, ["train", bag, "--out", str(tmp_path / "grey"), *more])
     assert grey.exit_code == 0, grey.output

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from deeptruck_model import trucks
-from deeptruck_model.deep import resume, statistics, train, training, trials
+from deeptruck_model.deep import finished, resume, statistics, train, training, trials
 from deeptruck_model.deep.network import WEIGHTS
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
@@ -112,11 +112,24 @@ def test_resume_refuses_another_run(drive, small, tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         train([drive(60)], tmp_path / "sim", small)
     monkeypatch.undo()
-    with pytest.raises(InputError, match="other data or arguments"):
+    with pytest.raises(InputError, match=r"another run \(seed was 0, given 5\)"):
         train([drive(60)], tmp_path / "sim", replace(small, seed=5), resumes=True)
+    with pytest.raises(InputError, match=r"another run \(the recordings were others\)"):
+        train([drive(60, seed=1)], tmp_path / "sim", small, resumes=True)
     (tmp_path / "sim.partial" / resume.FILE).write_bytes(b"half")
     with pytest.raises(InputError, match="damaged"):
         train([drive(60)], tmp_path / "sim", small, resumes=True)
+
+
+def test_a_finished_run_is_only_gone_on_with_by_its_own_arguments(drive, small, tmp_path):
+    short, out = replace(small, updates=6), tmp_path / "sim"
+    assert not finished([drive(60)], out, short)
+    train([drive(60)], out, short)
+    assert finished([drive(60)], out, short) and not finished([drive(60, seed=1)], out, short)
+    with pytest.raises(InputError, match="budget was 6, given 7; the recordings were others"):
+        train([drive(60, seed=1)], out, replace(short, updates=7), resumes=True)
+    with pytest.raises(InputError, match=r"mode was default, given paper\)"):
+        train([drive(60)], out, replace(short, mode="paper"), resumes=True)
 
 
 def test_directory_is_complete(drive, small, tmp_path):
