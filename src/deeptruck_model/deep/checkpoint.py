@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 import torch
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file
+from safetensors.torch import save as to_bytes
 
 from deeptruck_model.deep import reference
 from deeptruck_model.deep.coverage import Coverage
@@ -36,7 +37,9 @@ def save(truck: DeepTruck, path: Path) -> None:
 def write(truck: DeepTruck, folder: Path) -> None:
     """Write the files of a deep truck into an existing folder; the manifest comes last."""
     network = truck.network
-    save_file({name: getattr(network, name).detach().contiguous() for name in WEIGHTS}, folder / WEIGHTS_FILE)
+    weights = {name: getattr(network, name).detach().contiguous() for name in WEIGHTS}
+    # not by save_file: that leaves files which nobody else may read
+    (folder / WEIGHTS_FILE).write_bytes(to_bytes(weights))
     if truck.reference:
         reference.save(truck.reference, folder)
     if truck.coverage is not None:

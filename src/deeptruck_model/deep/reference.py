@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
-from safetensors.numpy import save_file
+from safetensors.numpy import save as to_bytes
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
@@ -39,7 +39,8 @@ def save(recordings: Sequence[Recording], folder: Path) -> None:
         seconds += len(r) * r.dt
         heads.append({"name": r.name, "dt": r.dt, "start_s": r.start_s, "interface": r.interface.to_dict()})
         tensors |= {f"{i}/{name}": x.astype(np.float32) for name, x in r.channels.items()}
-    save_file(tensors, folder / FILE, metadata={"recordings": json.dumps(heads)})
+    # not by save_file: that leaves files which nobody else may read
+    (folder / FILE).write_bytes(to_bytes(tensors, metadata={"recordings": json.dumps(heads)}))
 
 
 def load(folder: Path) -> tuple[Recording, ...]:

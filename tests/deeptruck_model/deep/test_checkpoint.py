@@ -1,4 +1,5 @@
 import json
+import os
 
 import pytest
 
@@ -23,6 +24,17 @@ def test_manifest_says_what_the_truck_is(saved):
     assert manifest["units"]["brake_command"] == "percent"
     assert manifest["seeds"] == [0, 1] and len(manifest["data_hash"]) == 64
     assert manifest["config"]["mode"] == "default"
+
+
+def test_whoever_may_read_the_manifest_may_read_the_weights(truck, tmp_path):
+    before = os.umask(0o022)
+    try:
+        truck.save(tmp_path / "sim")
+    finally:
+        os.umask(before)
+    files = [p for p in (tmp_path / "sim").iterdir() if p.is_file()]
+    assert {p.stat().st_mode & 0o777 for p in files} == {0o644}
+    assert {"model.safetensors", "reference.safetensors"} <= {p.name for p in files}
 
 
 def test_a_simulator_of_before_there_were_gains_loads(saved, truck):
