@@ -16,9 +16,9 @@ import numpy as np
 import onnx
 from onnx import ModelProto, numpy_helper, parser
 
+from deeptruck_model import whole_file
 from deeptruck_model.deep.network import LEVER_OFFSET, LEVER_SPEED, REST_ACCELERATION, REST_SPEED, WEIGHTS
 from deeptruck_model.deep.truck import DeepTruck
-from deeptruck_model.errors import InputError
 
 _STEP = """
 <ir_version: 10, opset_import: ["" : 20]>
@@ -104,15 +104,12 @@ _GREY = """
 
 
 def export(truck: DeepTruck, path: Path) -> ModelProto:
-    """Write one step of `truck` to `path` (.onnx) and return the model; the interface is in its metadata."""
+    """Write one step of `truck` to `path` (.onnx) and return the model; the interface is in its metadata.
+
+    Raises InputError where the file cannot be written; then none is left.
+    """
     model = build(truck)
-    partial = path.with_name(f".{path.name}.tmp")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial.write_bytes(model.SerializeToString())
-        partial.replace(path)
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}") from None
+    whole_file.write(path, model.SerializeToString())
     return model
 
 

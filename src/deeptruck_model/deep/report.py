@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from deeptruck_model import whole_file
 from deeptruck_model.deep.evaluation import HORIZON_S, TRIALS, Trials, against_time, statistics, trials
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.deep.uncertainty import inside
@@ -40,11 +41,9 @@ def evaluate(
         error_figure(runs).savefig(out / "error_statistics.png", dpi=120)
         scenario_figure(runs).savefig(out / "scenarios.png", dpi=120)
         sample_figure(runs).savefig(out / "samples.png", dpi=120)
-        partial = out / ".metrics.json.tmp"
-        partial.write_text(json.dumps(metrics, indent=1) + "\n")
-        partial.replace(out / "metrics.json")
     except OSError as error:
         raise InputError(f"cannot write {out}: {error.strerror}") from None
+    whole_file.write(out / "metrics.json", f"{json.dumps(metrics, indent=1)}\n".encode())
     return metrics
 
 

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save as to_bytes
 from torch import Tensor
 
+from deeptruck_model import whole_file
 from deeptruck_model.deep.identity import differences
 from deeptruck_model.deep.network import WEIGHTS, TruckNetwork
 from deeptruck_model.errors import InputError
@@ -51,14 +52,8 @@ def save(
         "done": str(done),
         "scores": json.dumps(best.scores.tolist()),
     }
-    partial = folder / f"{FILE}.tmp"
-    try:
-        save_file({k: v.contiguous() for k, v in tensors.items()}, partial, metadata)
-        partial.replace(folder / FILE)
-    except (OSError, SafetensorError) as error:
-        raise InputError(
-            f"cannot write {folder / FILE} ({error}); make room and go on with --resume"
-        ) from None
+    content = to_bytes({k: v.contiguous() for k, v in tensors.items()}, metadata)
+    whole_file.write(folder / FILE, content, "make room and go on with --resume")
 
 
 def load(

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model import whole_file
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.recording import Recording
 
@@ -54,15 +55,9 @@ class Coverage:
         """Write coverage.json and coverage.png into a folder, made where missing."""
         from deeptruck_model.recordings.coverage_figure import draw
 
-        folder = Path(folder)
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            _replace(folder / "coverage.png", draw(self))
-            _replace(folder / "coverage.json", json.dumps(self.to_dict(), indent=1, allow_nan=False).encode())
-        except OSError as error:
-            raise InputError(
-                f"cannot write {folder}: {error.strerror}; make room or choose another --out"
-            ) from None
+        content = json.dumps(self.to_dict(), indent=1, allow_nan=False).encode()
+        whole_file.write(Path(folder) / "coverage.png", draw(self))
+        whole_file.write(Path(folder) / "coverage.json", content)
 
 
 def coverage(recordings: Sequence[Recording]) -> Coverage:
@@ -123,12 +118,3 @@ def _range(recording: Recording, name: str) -> dict[str, Any]:
         "mean": float(valid.mean()) if len(valid) else None,
         "nan_share": round(1.0 - len(valid) / len(values), 6),
     }
-
-
-def _replace(path: Path, content: bytes) -> None:
-    unfinished = path.with_name(f".{path.name}.tmp")
-    try:
-        unfinished.write_bytes(content)
-        unfinished.replace(path)
-    finally:
-        unfinished.unlink(missing_ok=True)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model import whole_file
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.bag_writer import lay_out, write_bag
 from deeptruck_model.recordings.columns import DATE_UNITS, TIME_UNITS, Column, Columns, load_columns
@@ -74,7 +75,7 @@ def import_table(table: str | Path, columns: Mapping[str, Any] | str | Path, out
     if meaning.conceal:
         recordings, content = _seal(recordings, meaning.conceal)
         digest = hashlib.sha256(content).hexdigest()
-        _write_new(sealed, content)
+        whole_file.write(sealed, content)
     try:
         write_bag(out, recordings, interface=recordings[0].interface)
     except BaseException:
@@ -246,17 +247,6 @@ def _seal(recordings: list[Recording], concealed: tuple[str, ...]) -> tuple[list
         notes = tuple(n for n in recording.notes if not any(name in n for name in concealed))
         bare.append(replace(recording, channels=shown, notes=notes))
     return bare, text.getvalue().encode()
-
-
-def _write_new(path: Path, content: bytes) -> None:
-    unfinished = path.with_name(f".{path.name}.tmp")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        unfinished.write_bytes(content)
-        unfinished.replace(path)
-    except OSError as error:
-        unfinished.unlink(missing_ok=True)
-        raise InputError(f"cannot write {path}: {error.strerror}") from None
 
 
 def _import_can_log(log: Path, columns: Mapping[str, Any] | str | Path, out: Path) -> Imported:
