@@ -18,6 +18,7 @@ Settings = dict[str, Any]
 Job = TypeVar("Job")
 Result = TypeVar("Result")
 ENGINES = ("processes", "ray")
+NO_OTHER_NAMES: Mapping[str, str] = {}
 RETRIES = 3  # of a job whose process was killed; more often than that, it is the job that kills it
 KILLED = f"a worker was killed {RETRIES + 1} times; is there memory for all that run side by side?"
 
@@ -110,10 +111,12 @@ def _value(text: str) -> Any:
         return text
 
 
-def combinations(grid: Mapping[str, Sequence[Any]], config: type, whose: str) -> Iterator[Settings]:
-    """Every choice of one value for each setting. Raises InputError for what the dataclass `config` has
-    not."""
-    hints = get_type_hints(config)
+def combinations(
+    grid: Mapping[str, Sequence[Any]], config: type, whose: str, called: Mapping[str, str] = NO_OTHER_NAMES
+) -> Iterator[Settings]:
+    """Every choice of one value for each setting. `called` gives the fields of the dataclass `config` that
+    have another name for users. Raises InputError for what `config` has not."""
+    hints = {called.get(field, field): hint for field, hint in get_type_hints(config).items()}
     for name, values in grid.items():
         if name not in hints:
             raise InputError(f"{whose} has no setting '{name}'; known: {', '.join(hints)}")

@@ -18,13 +18,14 @@ from deeptruck_model import sweeps
 from deeptruck_model.cli import app
 from deeptruck_model.cli import deep as commands
 from deeptruck_model.deep import Arguments, sweep
+from deeptruck_model.deep.arguments import OPTIONS
 from deeptruck_model.driving_cycles import drive
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import write_bag
 from deeptruck_model.trucks import load
 
-GRID = {"updates": [60], "hidden": [8], "decoder": [8], "rounds": [6]}
-SETTINGS = "updates=60,hidden=8,decoder=8,rounds=6"
+GRID = {"budget": [60], "hidden": [8], "decoder": [8], "rounds": [6]}
+SETTINGS = "budget=60,hidden=8,decoder=8,rounds=6"
 PATIENCE_S = 200
 
 
@@ -141,16 +142,22 @@ def test_values_are_read_as_they_are_meant():
     assert grid == {"memory": [True, False], "learning_rate": [0.003], "scene": ["wide", "paper"]}
 
 
+def test_settings_are_called_as_the_options_of_train_are():
+    arguments = sweep.arguments_of({"budget": 60, "from": "known", "hidden": 8})
+    assert arguments == Arguments(updates=60, start="known", hidden=8)
+
+
 @pytest.mark.parametrize(
     ("option", "says"),
     [
         ("speed=3", "no setting 'speed'"),
-        ("updates", "write it as"),
-        ("updates=many", "updates=many"),
+        ("budget", "write it as"),
+        ("budget=many", "budget=many"),
+        ("updates=60", "no setting 'updates'; known: .*budget"),
         ("mode=fast", "mode=fast"),
         ("hidden=true", "hidden=True"),
     ],
 )
 def test_what_cannot_be_set_is_said(option, says):
     with pytest.raises(InputError, match=says):
-        list(sweeps.combinations(sweeps.read_grid([option]), Arguments, "the deep truck"))
+        list(sweeps.combinations(sweeps.read_grid([option]), Arguments, "the deep truck", OPTIONS))

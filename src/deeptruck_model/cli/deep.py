@@ -104,7 +104,11 @@ def sweep(
     out: Annotated[Path, typer.Option(help="Folder for the trucks, sweep.md and sweep.json.", metavar="DIR")],
     set_: Annotated[
         list[str] | None,
-        typer.Option("--set", help="Values of a setting; repeat for a grid.", metavar="NAME=A,B"),
+        typer.Option(
+            "--set",
+            help="Values of a setting, such as budget or learning_rate; repeat for a grid.",
+            metavar="NAME=A,B",
+        ),
     ] = None,
     seeds: Annotated[int, typer.Option(help="Seeds of each combination.", min=1)] = 1,
     workers: Annotated[int, typer.Option(help="Trucks trained side by side.", min=1)] = 1,

@@ -10,6 +10,7 @@ import numpy as np
 from deeptruck_model.errors import InputError
 
 ADAPTING_UPDATES = 2000
+OPTIONS = {"updates": "budget", "start": "from"}  # what the command line calls these fields
 LEAST = {
     "members": 1, "updates": 0, "steps": 2, "sequences": 1, "hidden": 1, "decoder": 1, "learning_rate": 0,
     "weight_decay": 0, "clip": 0, "speed_s": 0, "fuel": 0, "teach": 0, "horizon_s": 0, "rounds": 1,

@@ -7,12 +7,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from deeptruck_model.deep.arguments import ADAPTING_UPDATES, Arguments, default_updates
+from deeptruck_model.deep.arguments import ADAPTING_UPDATES, OPTIONS, Arguments, default_updates
 from deeptruck_model.deep.preparation import Prepared
 from deeptruck_model.simulators import MANIFEST, read_manifest
 
 KEYS = ("arguments", "data_hash", "steps", "updates")
-OPTIONS = {"updates": "budget", "start": "from"}  # what the command line calls these arguments
 
 
 def identity_of(data: Prepared, arguments: Arguments) -> dict[str, Any]:

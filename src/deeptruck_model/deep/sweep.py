@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from deeptruck_model import recordings, sweeps
-from deeptruck_model.deep.arguments import Arguments
+from deeptruck_model.deep.arguments import OPTIONS, Arguments
 from deeptruck_model.deep.training import train
 from deeptruck_model.errors import InputError
 
@@ -38,8 +38,8 @@ def sweep(
     engine: str = "processes",
     tell: Callable[[str], None] = lambda line: None,
 ) -> list[dict[str, Any]]:
-    """Train every combination of `grid` (a setting of `Arguments`: values) with seeds 0 to `seeds` - 1; one
-    row for each combination, the best on held-out data first.
+    """Train every combination of `grid` (a setting, as the command line calls it: values) with seeds 0 to
+    `seeds` - 1; one row for each combination, the best on held-out data first.
 
     The trucks are `out`/SETTINGS/seed-N; `out` also gets sweep.json and sweep.md. What is finished is never
     trained again, not after a worker was killed nor after the sweep was: then it goes on. The workers of a
@@ -49,7 +49,7 @@ def sweep(
     if "seed" in grid:
         raise InputError("the seeds are counted by --seeds, not set")
     out, paths = Path(out).resolve(), tuple(str(Path(bag).resolve()) for bag in bags)
-    chosen = list(sweeps.combinations(grid, Arguments, "the deep truck"))
+    chosen = list(sweeps.combinations(grid, Arguments, "the deep truck", OPTIONS))
     jobs = [
         Job(paths, str(out / sweeps.name(settings) / f"seed-{seed}"), {**settings, "seed": seed})
         for seed in range(seeds)
@@ -67,8 +67,14 @@ def train_one(job: Job) -> str:
     """Train a job's truck, or what is left of it, in whichever process; returns its folder."""
     drives = [drive for bag in job.bags for drive in recordings.read(bag)]
     with redirect_stderr(io.StringIO()):  # progress bars of several workers would overwrite each other
-        train(drives, Path(job.folder), Arguments(**job.settings), resumes=True)
+        train(drives, Path(job.folder), arguments_of(job.settings), resumes=True)
     return job.folder
+
+
+def arguments_of(settings: sweeps.Settings) -> Arguments:
+    """`Arguments` of settings named as on the command line."""
+    fields = {option: field for field, option in OPTIONS.items()}
+    return Arguments(**{fields.get(name, name): value for name, value in settings.items()})
 
 
 def _row(out: Path, settings: sweeps.Settings, seeds: int) -> dict[str, Any]:
