@@ -31,6 +31,8 @@ SHORTEST_S, LONGEST_S = 2e-4, 30.0  # between rows; beyond, a unit was mistaken
 Array = NDArray[np.float64]
 
 CAN_SUFFIXES = (".log", ".asc", ".blf", ".mf4", ".candump", ".trc", ".mcap")
+BAG_SUFFIXES = (".db3", ".bag")
+USE_THE_BAG = "a bag is not imported but used as it is ('deeptruck-model coverage BAG')"
 IMPORTERS = "deeptruck.importers"
 
 CanLog = tuple[dict[str, tuple[Array, Array]], dict[str, Any]]
@@ -64,6 +66,8 @@ def import_table(table: str | Path, columns: Mapping[str, Any] | str | Path, out
     sealed = out.with_name(out.name + ".sealed.csv")
     if not out.parent.is_dir() and out.parent.exists():
         raise InputError(f"{out.parent} is a file, so nothing can be written under it; choose another --out")
+    if table.suffix.lower() in BAG_SUFFIXES or (table / "metadata.yaml").exists():
+        raise InputError(f"{table} is no table: {USE_THE_BAG}")
     for target in (out, sealed):
         if target.exists():
             raise InputError(f"{target} exists already; choose another name or remove it")
@@ -253,6 +257,11 @@ def _import_can_log(log: Path, columns: Mapping[str, Any] | str | Path, out: Pat
     if not log.is_file():
         raise InputError(f"{log} does not exist")
     meaning = load_yaml(Path(columns)) if isinstance(columns, str | Path) else dict(columns)
+    if "time" in meaning:
+        raise InputError(
+            f"{log} is read as a CAN log, for its suffix, but these columns describe a table (they have a "
+            f"'time'); {USE_THE_BAG}, and a table needs another suffix, such as .csv"
+        )
     try:
         channels, interface_data = _can_importer()(log, meaning)
     except ValueError as error:  # the other package's own error of one line

@@ -512,6 +512,21 @@ def test_can_logs_go_to_the_installed_importer(tmp_path: Path, monkeypatch: pyte
     np.testing.assert_allclose(torque[valid], 10 * speed[valid], atol=1e-9)
 
 
+def test_a_bag_is_not_imported(tmp_path: Path) -> None:
+    """Neither as a table nor, where its suffix is that of a CAN log, with the columns of one."""
+    bag = write_csv(tmp_path / "drive.csv", {"v": np.full(50, 5.0)})
+    meaning = {"time": {"rate_hz": 10}, "channels": SPEED}
+    import_table(bag, meaning, tmp_path / "bag")
+    (file,) = (tmp_path / "bag").glob("*.mcap")
+    for source, says in (
+        (tmp_path / "bag", "is no table: a bag is not"),
+        (file, "describe a table .* a bag is"),
+    ):
+        with pytest.raises(InputError, match=says) as error:
+            import_table(source, meaning, tmp_path / "out")
+        assert "\n" not in str(error.value) and not (tmp_path / "out").exists()
+
+
 def test_an_importers_complaint_is_the_users_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
