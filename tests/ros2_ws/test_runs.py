@@ -11,6 +11,7 @@ import pytest
 from deeptruck_nodes import leaders, runs
 
 from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import CrashSafeWriter
 
 SCRIPTS = Path(__file__).parents[2] / "ros2_ws"
 
@@ -97,7 +98,9 @@ def test_bad_vehicles(refused: Callable[..., str], options: dict[str, Any], says
 def test_bad_bags_to_replay(refused: Callable[..., str], tmp_path: Path) -> None:
     assert "does not exist" in refused("replay_recording", bag=tmp_path / "none")
     (tmp_path / "other").mkdir()
-    assert "0 MCAP files" in refused("replay_recording", bag=tmp_path / "other")
+    assert "holds no MCAP file" in refused("replay_recording", bag=tmp_path / "other")
+    CrashSafeWriter(tmp_path / "empty").close()
+    assert "holds no message; record while" in refused("replay_recording", bag=tmp_path / "empty")
 
 
 def test_own_parameters_win_over_the_options_and_name_only_nodes_of_the_run(

@@ -25,6 +25,10 @@ from deeptruck_model.recordings.mcap_chunks import Batch, indexed_chunks, read_c
 INTERFACE_KEY = "deeptruck.interface"
 NOTES_KEY = "deeptruck.notes"
 
+RECORD_AGAIN = (
+    "record while the truck's topics are published ('ros2 topic list' shows them): with --record of a start "
+    "script, or with 'ros2 bag record -a'"
+)
 _BATCH = 65536  # messages read one by one are handed on in batches of this many
 _DAMAGED = (McapError, CRCValidationError, AnyReaderError, Reader1Error, Reader2Error, EOFError)
 
@@ -32,7 +36,8 @@ _DAMAGED = (McapError, CRCValidationError, AnyReaderError, Reader1Error, Reader2
 class BagSource:
     """One bag, open: rosbag2 folder (MCAP or sqlite3), a lone .mcap or .db3 file, or a ROS 1 .bag.
 
-    Use as a context manager. Raises InputError where there is no bag or it is truncated or damaged.
+    Use as a context manager. Raises InputError where there is no bag, no message in it, or it is truncated
+    or damaged.
     """
 
     def __init__(self, path: Path) -> None:
@@ -44,7 +49,7 @@ class BagSource:
         if not self.path.exists():
             raise InputError(f"{self.path} does not exist")
         if self.path.is_dir() and not any(self.path.iterdir()):
-            raise InputError(f"{self.path} is empty: it holds no bag")
+            raise InputError(f"{self.path} is empty, it holds no bag; {RECORD_AGAIN}")
         if self.path.is_dir() and not (self.path / "metadata.yaml").exists():
             raise InputError(
                 f"{self.path} is not a finished bag (it has no metadata.yaml); "
@@ -59,6 +64,9 @@ class BagSource:
                 f"{self.path} cannot be read as a bag ({_one_line(error)}); a table or CAN log needs "
                 "'deeptruck-model import', a cut-off bag 'deeptruck-model repair'"
             ) from None
+        if not self._reader.message_count:
+            self._stack.close()
+            raise InputError(f"{self.path} is empty, it holds no message; {RECORD_AGAIN}")
         return self
 
     def __exit__(self, *_: object) -> None:

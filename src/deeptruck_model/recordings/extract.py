@@ -49,7 +49,10 @@ def read(
         resampler = Resampler(name, rate_hz=rate_hz)
         notes = [*_stored_notes(stored), *_feed(bag, sources, resampler)]
     if "speed" not in resampler.measured:
-        raise InputError(f"{path} is empty: no speed on {sources['speed'].topic}")
+        raise InputError(
+            f"{path} has no speed on {sources['speed'].topic}, only other messages; see with 'ros2 topic hz' "
+            "whether it is published, or name yours in a topic map"
+        )
     if interface is None:
         interface = _interface(name, stored, sources, resampler.measured)
     return resampler.finish(interface, notes)

@@ -86,7 +86,9 @@ def _only_mcap(path: Path) -> Path:
     if not path.exists():
         raise InputError(f"{path} does not exist")
     files = [path] if path.is_file() else sorted(path.glob("*.mcap"))
-    if len(files) != 1:
+    if not files:
+        raise InputError(f"{path} holds no MCAP file; give the folder that the recorder wrote")
+    if len(files) > 1:
         raise InputError(f"{path} holds {len(files)} MCAP files; repair needs exactly one")
     with files[0].open("rb") as stream:
         begin = stream.read(len(_MAGIC))

@@ -292,7 +292,16 @@ def test_a_command_of_unknown_unit_is_refused(tmp_path: Path) -> None:
 def test_a_bag_without_messages(tmp_path: Path) -> None:
     with Writer2(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         writer.add_connection("/truck/twist", "geometry_msgs/msg/TwistStamped", typestore=TYPES)
-    refused(tmp_path / "bag", "is empty: no speed")
+    refused(tmp_path / "bag", "is empty, it holds no message; record while .* 'ros2 bag record -a'")
+
+
+def test_a_bag_of_all_but_the_speed(tmp_path: Path) -> None:
+    brake = TYPES.types["std_msgs/msg/Float64"](1.0)
+    with Writer2(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        writer.add_connection("/truck/twist", "geometry_msgs/msg/TwistStamped", typestore=TYPES)
+        other = writer.add_connection("/brake", "std_msgs/msg/Float64", typestore=TYPES)
+        writer.write(other, 1, TYPES.serialize_cdr(brake, "std_msgs/msg/Float64"))
+    refused(tmp_path / "bag", "no speed on /truck/twist, only other messages; .*'ros2 topic hz'")
 
 
 def _cut(bag: Path) -> Path:
