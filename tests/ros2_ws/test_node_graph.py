@@ -46,7 +46,9 @@ def test_lockstep_repeats_itself_to_the_byte(start: Callable[..., Any], tmp_path
             "sine",
             runs=f"runs-{name}",
         )
-        assert run.finish()[::2] == (0, "")
+        code, out, errors = run.finish()
+        assert (code, errors) == (0, "")
+        assert out.splitlines()[-1] == f"ended: truck_sim is through; the bag is {tmp_path / name}"
         bags[name] = content(tmp_path / name)
     assert bags["one"] == bags["two"]
     with (tmp_path / "one" / "one_0.mcap").open("rb") as file:  # Foxglove's reader
@@ -89,6 +91,7 @@ def test_real_time_run_second_run_and_ctrl_c(
     run.process.send_signal(signal.SIGINT)
     code, out, errors = run.finish()
     assert (code, errors) == (0, "") and "stopping" in out
+    assert out.splitlines()[-1] == f"ended: you asked it to; the bag is {tmp_path / 'bag'}"
     assert all_gone(children)
     assert not {name for name in set(Path("/dev/shm").iterdir()) - before if "fast" in name.name}
     with BagSource(tmp_path / "bag") as bag:
@@ -120,8 +123,9 @@ def test_a_dead_node_ends_the_run_with_its_last_words(
     run.wait_until_ready()
     children = run.children
     os.kill(children["controller"], signal.SIGKILL)
-    code, _, errors = run.finish()
+    code, out, errors = run.finish()
     assert code == 1 and errors.startswith("controller ended (killed by SIGKILL)")
+    assert out.splitlines()[-1] == f"ended: controller failed; the bag is {tmp_path / 'bag'}"
     assert all_gone(children)
     assert content(tmp_path / "bag")  # the recorder still ended in order
 

@@ -121,6 +121,11 @@ def test_a_domain_out_of_range(refused: Callable[..., str], monkeypatch: pytest.
     )
 
 
+def test_the_last_line_of_a_run_says_why_and_where(tmp_path: Path) -> None:
+    assert "nothing was to be recorded" in runs.last_line("truck_sim is through", None)
+    assert runs.last_line("x", tmp_path / "bag") == f"ended: x; there is no bag {tmp_path / 'bag'}"
+
+
 def test_the_field_radar_jumps_when_the_paper_says() -> None:
     assert runs.RADARS["field"]["lane_change_at_s"] == 63.0
 

@@ -229,8 +229,18 @@ def _run(
         nodes = [node(name, file, ends_run=name == ends, speaks=name == "can_bridge") for name in sections]
         programs = [*nodes[:1], *others, *nodes[1:]]
         print(f"logs in {os.path.relpath(folder)}, ROS domain {domain}", flush=True)
-        return Supervisor(folder, programs, environment.ros_environment(folder, domain), lock.descriptor).run(
-            duration
+        supervisor = Supervisor(
+            folder, programs, environment.ros_environment(folder, domain), lock.descriptor
         )
+        code = supervisor.run(duration)
+        print(last_line(supervisor.why, common.record), flush=True)
+        return code
     finally:
         lock.release()
+
+
+def last_line(why: str, record: Path | None) -> str:
+    """What a run says at its end: why it ended, and where its bag is."""
+    if record is None:
+        return f"ended: {why}; nothing was to be recorded, --record BAG does"
+    return f"ended: {why}; " + (f"the bag is {record}" if record.exists() else f"there is no bag {record}")

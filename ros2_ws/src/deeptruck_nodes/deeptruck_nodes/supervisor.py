@@ -71,6 +71,8 @@ class Supervisor:
         self._environment, self._lock = dict(environment), lock
         self._children: list[_Child] = []
         self._asked = 0  # how often somebody asked for the end
+        self.why = "it never began"
+        """why the run ended, in a few words"""
 
     def run(self, duration: float = 0.0) -> int:
         """Run until a program ends the run, `duration` s (0: no limit) have passed, or SIGINT or SIGTERM.
@@ -118,6 +120,7 @@ class Supervisor:
                 return code
             if time.monotonic() - begun > READY_WITHIN:
                 names = ", ".join(child.program.name for child in waiting)
+                self.why = "not everything got ready"
                 return _complain(f"not ready after {READY_WITHIN:g} s: {names}; see {self._folder}")
             time.sleep(POLL)
         print(
@@ -134,6 +137,7 @@ class Supervisor:
             for child in self._children:
                 child.repeat()
             if duration and time.monotonic() - begun >= duration:
+                self.why = f"{duration:g} s have passed"
                 return 0
             time.sleep(POLL)
         return code
@@ -142,13 +146,16 @@ class Supervisor:
         """The exit code of the run if it is over, else None."""
         if self._asked:
             print("stopping", flush=True)
+            self.why = "you asked it to"
             return 0
         for child in self._children:
             code = child.process.poll()
             if code is None:
                 continue
             if code == 0 and child.program.ends_run:
+                self.why = f"{child.program.name} is through"
                 return 0
+            self.why = f"{child.program.name} failed"
             how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
             return _complain(
                 f"{child.program.name} ended ({how}): {child.last_words()}", 2 if code == 2 else 1
