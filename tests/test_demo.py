@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from deeptruck_model.errors import InputError
@@ -16,6 +17,7 @@ from deeptruck_model.errors import InputError
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))  # `examples` is no part of the installed packages
 
+from examples.demo.following import Following  # noqa: E402
 from examples.demo.runner import Runner, StepError, last_line  # noqa: E402
 from examples.demo.steps import Settings, Step, chosen, plan, real_data  # noqa: E402
 
@@ -114,6 +116,19 @@ def test_a_doubtful_result_is_tried_once_more(tmp_path: Path, run: Callable[...,
 
     assert run(Step("can", "", command, (), ("made",), doubts=doubts)) == {"can": "done"}
     assert (tmp_path / "runs").read_text() == "xx"
+
+
+@pytest.mark.parametrize("late", [0.0, 2.0])
+def test_another_vehicle_is_marked_when_the_radar_saw_it(late: float) -> None:
+    """Not when it was to come: on a busy machine, the bag begins later or earlier than the leader."""
+    time = 0.1 * np.arange(900)
+    true_gap = 40.0 + np.sin(time)
+    there = (time > 62.95 - late) & (time < 64.45 - late)
+    gap = true_gap + 40.0 * there + np.random.default_rng(0).normal(0.0, 0.1, 900)
+    gap[there.argmax() + 3] = np.nan
+    begin, end = Following("can", time, {"gap": gap}, true_gap).another_s or (0.0, 0.0)
+    assert (begin, end) == (pytest.approx(63.0 - late), pytest.approx(64.4 - late))
+    assert Following("can", time, {"gap": true_gap}, true_gap).another_s is None
 
 
 def test_progress_bars_leave_their_last_state(tmp_path: Path) -> None:

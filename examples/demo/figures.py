@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from deeptruck_model.recordings import Recording
-from examples.demo.following import BUSY_S, Following
+from examples.demo.following import Following
 
 BLUE, RED, GREY = "tab:blue", "tab:red", "0.45"
 
@@ -95,5 +95,6 @@ def _follow(axes: Any, run: Following) -> None:
     for axis in axes:
         axis.grid(alpha=0.3)
         axis.margins(x=0)
-        axis.axvspan(*BUSY_S, color="0.85", lw=0)
+        if run.another_s is not None:
+            axis.axvspan(*run.another_s, color="0.85", lw=0)
     axes[1].set_ylim(bottom=0)

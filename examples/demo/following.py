@@ -15,7 +15,7 @@ from deeptruck_model.recordings import read
 
 Array = NDArray[np.float64]
 
-BUSY_S = (63.0, 64.5)  # the radar sees another vehicle
+ANOTHER_M = 10.0  # what the radar says is that much off the leader only where it sees another vehicle
 SETTLED_S = 5.0
 TRUTH = {
     "speed": {"topic": "/truck/twist", "field": "twist.linear.x"},
@@ -38,6 +38,12 @@ class Following:
     def target_gap(self) -> Array:
         """m."""
         return self.time_gap * self.channels["speed"]
+
+    @property
+    def another_s(self) -> tuple[float, float] | None:
+        """From when until when the radar saw another vehicle than the leader, s; None where it never did."""
+        off = np.flatnonzero(np.abs(self.channels["gap"] - self.true_gap) > ANOTHER_M)
+        return (float(self.time[off[0]]), float(self.time[off[-1]])) if len(off) else None
 
     def figures(self) -> dict[str, float]:
         """Errors after the start, whatever the radar saw."""
