@@ -10,6 +10,7 @@ import numpy as np
 
 from deeptruck_cacc.evaluation import metrics
 from deeptruck_cacc.rollouts import Trace
+from deeptruck_model.signals import TruckInterface
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
@@ -41,8 +42,9 @@ def error_bands(trace: Trace, title: str, path: Path) -> None:
     _save(figure, path)
 
 
-def field_run(trace: Trace, title: str, path: Path, row: int = 0) -> None:
-    """One rollout as in the paper's field figures: speeds, time gap, commands, grade."""
+def field_run(trace: Trace, title: str, path: Path, interface: TruckInterface, row: int = 0) -> None:
+    """One rollout as in the paper's field figures: speeds, time gap, commands in the units of `interface`,
+    grade."""
     figure, axes = plt.subplots(4, 1, figsize=(7, 8), sharex=True, layout="constrained")
     t = trace.time
     axes[0].plot(t, trace["leader_speed"][:, row], "k", label="leader")
@@ -55,14 +57,14 @@ def field_run(trace: Trace, title: str, path: Path, row: int = 0) -> None:
     axes[2].plot(t, trace["engine_command"][:, row], "tab:green", label="engine command")
     brake = axes[2].twinx()
     brake.plot(t, trace["brake_command"][:, row], "tab:red", lw=0.8)
-    brake.set_ylabel("brake command", color="tab:red")
-    axes[2].set_ylabel("engine command", color="tab:green")
+    brake.set_ylabel(f"brake command ({interface.unit('brake_command')})", color="tab:red")
+    axes[2].set_ylabel(f"engine command ({interface.unit('engine_command')})", color="tab:green")
     axes[3].plot(t, 100 * trace.scene.grade[row], "0.4", label="grade (%)")
     axes[3].plot(t, trace["acceleration"][:, row], "tab:blue", lw=0.8, label="acceleration (m/s²)")
     axes[3].set_xlabel("time (s)")
     for axis in (axes[0], axes[1], axes[3]):
-        axis.legend(loc="upper right", ncols=2, fontsize="small")
-    axes[0].set_title(title, fontsize="medium")
+        _legend_above(axis, 2)
+    axes[0].set_title(title, fontsize="medium", loc="left")
     _save(figure, path)
 
 
@@ -73,16 +75,16 @@ def learning_curve(runs: list[list[dict[str, Any]]], path: Path) -> None:
     shortest = min(len(run) for run in runs)
     values = np.array([[np.atleast_1d(line[key]) for line in run[:shortest]] for run in runs])
     values = np.moveaxis(values, 1, 0).reshape(shortest, -1)  # (iteration, seed)
-    axis.fill_between(
-        range(shortest), values.min(axis=1), values.max(axis=1), color="tab:red", alpha=0.25, label="min, max"
-    )
-    axis.plot(range(shortest), values.mean(axis=1), "darkred", label=f"mean of {values.shape[1]} seeds")
+    if values.shape[1] > 1:
+        low, high = values.min(axis=1), values.max(axis=1)
+        axis.fill_between(range(shortest), low, high, color="tab:red", alpha=0.25, label="min, max")
+    axis.plot(range(shortest), values.mean(axis=1), "darkred", label=_mean_of(values.shape[1]))
     if key == "cost":
         axis.set_yscale("log")
     else:
         axis.set_yscale("symlog", linthresh=1.0)
     axis.set(xlabel="iteration", ylabel=key.replace("_", " "))
-    axis.legend()
+    _legend_above(axis, 2)
     _save(figure, path)
 
 
@@ -97,6 +99,16 @@ def amplification(rows: dict[str, dict[str, Any]], path: Path) -> None:
         axis.set(xlabel="frequency (Hz)", ylabel=f"worst amplification of {label}")
     axes[0].legend(fontsize="small")
     _save(figure, path)
+
+
+def _legend_above(axis: Any, columns: int) -> None:
+    """Over the axes, where no curve can run beneath it."""
+    place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.2}
+    axis.legend(ncols=columns, fontsize="small", frameon=False, **place)
+
+
+def _mean_of(seeds: int) -> str:
+    return "the only seed" if seeds == 1 else f"mean of {seeds} seeds"
 
 
 def _save(figure: Any, path: Path) -> None:

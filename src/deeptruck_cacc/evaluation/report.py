@@ -20,6 +20,7 @@ from deeptruck_cacc.rollouts import Trace, roll_out
 from deeptruck_cacc.scenes import Scene
 from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
+from deeptruck_model.signals import TruckInterface
 from deeptruck_model.simulators import Simulator
 
 COMPARED = ("paper", "moving", "steps", "stop", "gap_closing")
@@ -65,7 +66,7 @@ def evaluate(
     # What a heavier truck could have reached is asked of its own pedals.
     own = {name: pedals if on is truck else PedalMap.calibrate(on) for name, (on, _) in cases.items()}
     for name, trace in sets.items() if draw else ():
-        _draw(name, trace, out)
+        _draw(name, trace, truck.interface, out)
     results: dict[str, Any] = {
         "schema": 1,
         "policy": str(policy) if isinstance(policy, str) else type(policy).__name__,
@@ -170,9 +171,9 @@ def _row(name: str, trace: Trace, pedals: PedalMap) -> dict[str, Any]:
     return row
 
 
-def _draw(name: str, trace: Trace, out: Path) -> None:
+def _draw(name: str, trace: Trace, interface: TruckInterface, out: Path) -> None:
     if name in FIELD:
-        figures.field_run(trace, name.replace("_", " "), out / f"{name}.png")
+        figures.field_run(trace, name.replace("_", " "), out / f"{name}.png", interface)
     else:
         figures.error_bands(trace, f"{name}: {trace.scene.batch} rollouts", out / f"{name}.png")
 
