@@ -1,4 +1,4 @@
-"""The report's words: the sentence that comes first, findings, what was rejected, and what to record next."""
+"""The report's words: the sentence that comes first, findings, and what was rejected."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ import math
 import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from deeptruck_model.mismatch.drawing import colour, words
 from deeptruck_model.mismatch.mechanisms import LIBRARY
@@ -17,11 +15,16 @@ if TYPE_CHECKING:
     from deeptruck_model.mismatch.tool import Mismatch
 
 FINER = "; nearest name|; in a curve of its own|; it acts otherwise"  # not for a headline
-LEAST_S = 20.0  # of driving under a condition, below which little can be seen there
-MANOEUVRES = (
-    "drive at least two separate tours of ten minutes each: accelerate in steps of torque from 5 to 25 m/s, "
-    "coast down from high speed, brake in steps, climb and descend, and come back on the same road"
-)
+IDENTIFIER = re.compile(r"\b[a-z][a-z0-9]*(?:_[a-z0-9]+)+\b")
+SPOKEN = {  # names that are no words of their own once the underscores are gone
+    "rolling_resistance_speed": "rolling resistance that grows with speed",
+    "rolling_resistance_warmup": "rolling resistance of cold tyres",
+    "torque_derate": "derated torque",
+    "command_rate_limit": "limited rate of the commands",
+    "load_slosh": "sloshing load",
+    "speed_scale": "scale of the speed sensor",
+    "unknown": "unknown force",
+}
 
 
 def number(x: float, step: float | None = None) -> str:
@@ -55,9 +58,15 @@ def percent(x: float) -> str:
     return "below 1 %" if x < 0.01 else f"{100 * x:.0f} %"
 
 
+def spoken(name: str) -> str:
+    """An effect's or signal's name within a sentence."""
+    return SPOKEN.get(name, words(name))
+
+
 def prose(text: str) -> str:
-    """A finding's own words with signs as they are printed."""
-    text = re.sub(r"\bsimulated\b(?! acceleration)", "simulated acceleration", text.replace("_", " "))
+    """A finding's own words without identifiers, and with signs as they are printed."""
+    text = IDENTIFIER.sub(lambda found: spoken(found[0]), text)
+    text = re.sub(r"\bsimulated\b(?! acceleration| on)", "simulated acceleration", text.replace("_", " "))
     text = re.sub(r"\b\d+(\.\d+)?e[+-]\d+\b", lambda found: number(float(found[0])), text)
     return text.replace("+-", "±").replace("^2", "²").replace("^3", "³")
 
@@ -128,16 +137,16 @@ def _finding(k: int, f: dict[str, Any]) -> dict[str, Any]:
     if "formula_r2" in f:
         facts["predicted"] = f"{percent(max(f['formula_r2'], 0.0))} of its variance on held-out recordings"
     return {
-        "name": words(f["effect"]),
+        "name": spoken(f["effect"]),
         "kind": words(f["kind"]),
         "colour": colour(k),
         "says": opened(prose(f["says"])),
         "sizes": sizes,
         "equation": f["equation"],
         "facts": facts,
-        "depends_on": ", ".join(words(d) for d in f["depends_on"]),
+        "depends_on": ", ".join(spoken(d) for d in f["depends_on"]),
         "apart": _apart(f),
-        "told_by": f["would_be_told_by"],
+        "to_be_sure": opened(prose(f["would_be_told_by"])),
     }
 
 
@@ -150,15 +159,15 @@ def _apart(f: dict[str, Any]) -> str:
         if nearest is None:
             return ""
         lead = f"{worse[nearest]:.0f} nats"
-        return f"It is told from every other name; the next best, {words(nearest)}, is {lead} worse."
+        return f"It is told from every other name; the next best, {spoken(nearest)}, is {lead} worse."
     decided = "; ".join(_decided(f["effect"], rival, worse.get(rival)) for rival in group)
-    return f"It cannot be told from {', '.join(words(g) for g in group)}. What decided: {decided}."
+    return f"It cannot be told from {', '.join(spoken(g) for g in group)}. What decided: {decided}."
 
 
 def _decided(name: str, rival: str, worse: float | None) -> str:
     """How much of a lead comes from data and how much from what is plausible beforehand."""
     if rival == "unknown" and worse is None:
-        return f"its signals, by which {words(name)} acts too; its form is another"
+        return f"its signals, by which {spoken(name)} acts too; its form is another"
     if rival == "unknown":
         return f"against a force without a name that comes and goes likewise the data, by {worse:.1f} nats"
     prior, worse = 0.0, worse or 0.0
@@ -166,10 +175,12 @@ def _decided(name: str, rival: str, worse: float | None) -> str:
         prior = math.log(LIBRARY[name].prior / LIBRARY[rival].prior)
     data = worse - prior
     if data > abs(prior):
-        return f"against {words(rival)} the data, by {data:.1f} nats"
+        return f"against {spoken(rival)} the data, by {data:.1f} nats"
     if prior > 0:
-        return f"against {words(rival)} prior plausibility ({prior:.1f} of {worse:.1f} nats), hardly the data"
-    return f"against {words(rival)} hardly anything ({worse:.1f} nats)"
+        return (
+            f"against {spoken(rival)} prior plausibility ({prior:.1f} of {worse:.1f} nats), hardly the data"
+        )
+    return f"against {spoken(rival)} hardly anything ({worse:.1f} nats)"
 
 
 def rejected_names(m: Mismatch) -> tuple[list[dict[str, str]], list[str], dict[str, list[str]]]:
@@ -180,19 +191,19 @@ def rejected_names(m: Mismatch) -> tuple[list[dict[str, str]], list[str], dict[s
         return [], [], {}
     stated = {c.effect for c in m.explanation.causes if c.shape is not None}
     nearest = next((c.nearest for c in m.explanation.causes if c.nearest), None)
-    winner = next((words(s) for s in m.explanation.model.effects if s in stated), None)
+    winner = next((spoken(s) for s in m.explanation.model.effects if s in stated), None)
     gained = []
     for name, gain in m.explanation.ranking:
         if name in stated or gain < 1.0:
             continue
-        gained.append({"name": words(name), "gain": f"{gain:.1f}", "why": _why(name, gain, nearest, winner)})
+        gained.append({"name": spoken(name), "gain": f"{gain:.1f}", "why": _why(name, gain, nearest, winner)})
     untested: dict[str, list[str]] = {}
     for name, mechanism in LIBRARY.items():
         lacking = [n for n in mechanism.needs if not m.evidence.has(n)]
         if lacking:
-            untested.setdefault(" and ".join(words(n) for n in lacking), []).append(words(name))
+            untested.setdefault(" and ".join(spoken(n) for n in lacking), []).append(spoken(name))
     seen = stated | {n for n, g in m.explanation.ranking if g >= 1.0}
-    nothing = [words(n) for n, x in LIBRARY.items() if n not in seen and m.evidence.has(*x.needs)]
+    nothing = [spoken(n) for n, x in LIBRARY.items() if n not in seen and m.evidence.has(*x.needs)]
     return gained, nothing, untested
 
 
@@ -204,56 +215,6 @@ def _why(name: str, gain: float, nearest: str | None, winner: str | None) -> str
         return f"too little evidence: {ENOUGH:.0f} nats are needed"
     if winner is not None:
         return f"{winner} explains the same better"
-    return f"behind {words(nearest)}, which explains too little itself" if nearest else "of no practical size"
-
-
-def record_next(m: Mismatch, untested: dict[str, list[str]]) -> list[str]:
-    """What to drive and to record, most useful first."""
-    out = []
-    for f in m.findings:
-        group = f.data["cannot_be_told_from"]
-        if group:
-            names = ", ".join(words(g) for g in group)
-            out.append(f"To tell {words(f.data['effect'])} from {names}: {f.data['would_be_told_by']}.")
-        elif f.data["effect"] == "unknown":
-            out.append(f"To learn more about the unknown force: {prose(f.data['would_be_told_by'])}.")
-    fit = m.verdict["fit"]
-    if m.verdict["verdict"] == "undetermined":
-        out.append(f"To be able to say anything: {MANOEUVRES}.")
-    elif any(f.cause is not None for f in m.findings) and not fit.get("validated"):
-        where = (
-            m.verdict["regimes"][0]["where"] if m.verdict["regimes"] else "the conditions in which it acts"
-        )
-        out.append(
-            f"To be able to validate the correction: more separate drives, held out, with {prose(where)}."
-        )
-    elif m.verdict["verdict"] == "measurement_fault":
-        out.append(f"To find out which sensor is at fault: {m.findings[0].data['would_be_told_by']}.")
-    hardly = _hardly_driven(m)
-    if hardly and m.verdict["verdict"] != "undetermined":
-        out.append(f"Hardly driven, so effects there would not be seen: {', '.join(hardly)}.")
-    out += [f"To be able to test {', '.join(names)}: record {needs}." for needs, names in untested.items()]
-    return out
-
-
-def _hardly_driven(m: Mismatch) -> list[str]:
-    def seconds(name: str, low: float, high: float) -> float:
-        return sum(
-            float(np.sum((p.recording.channels[name] > low) & (p.recording.channels[name] < high))) * p.dt
-            for p in m.prepared
-            if name in p.recording.channels
-        )
-
-    conditions = {
-        "below 8 m/s": ("speed", 1.0, 8.0),
-        "above 20 m/s": ("speed", 20.0, 90.0),
-        "braking": ("brake_command", 1e-6, 1e9),
-        "uphill above 2 %": ("grade", 0.02, 1.0),
-        "downhill above 2 %": ("grade", -1.0, -0.02),
-    }
-    known = {name for p in m.prepared for name in p.recording.channels}
-    return [
-        text
-        for text, (name, low, high) in conditions.items()
-        if name in known and seconds(name, low, high) < LEAST_S
-    ]
+    return (
+        f"behind {spoken(nearest)}, which explains too little itself" if nearest else "of no practical size"
+    )

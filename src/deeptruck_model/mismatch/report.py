@@ -11,6 +11,7 @@ from jinja2 import Environment, StrictUndefined
 
 from deeptruck_model.mismatch import figures, page_text
 from deeptruck_model.mismatch.drawing import words
+from deeptruck_model.mismatch.record_next import record_next
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.tool import Mismatch
@@ -62,7 +63,7 @@ def _content(m: Mismatch, drawn: dict[str, figures.Picture]) -> dict[str, Any]:
         "samples": [
             {"rule": page_text.prose(r["rule"]), "samples": r["samples"]} for r in v["data"]["rejected"]
         ],
-        "next": page_text.record_next(m, untested),
+        "next": record_next(m, untested),
         "caveats": [page_text.opened(page_text.prose(c)) for c in v["caveats"]],
     }
 

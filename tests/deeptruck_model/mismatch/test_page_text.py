@@ -1,12 +1,13 @@
-"""What the page says of a group: what decided against each of its names."""
+"""What the page says of a group: what decided against each of its names; and in which words."""
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
 
-from deeptruck_model.mismatch import page_text
+from deeptruck_model.mismatch import findings, page_text
 
 
 @pytest.mark.parametrize(
@@ -25,3 +26,38 @@ def test_unknown_is_in_a_group_by_its_signals_or_as_a_force_that_comes_and_goes(
         "rivals": [{"effect": name, "worse_by_nats": worse} for name, worse in rivals.items()],
     }
     assert said in page_text._apart(finding)
+
+
+def test_no_name_of_the_program_is_in_a_sentence() -> None:
+    said = page_text.prose(
+        "simulated on a road, full pull from 3 m/s tells it from rolling_resistance_speed: 2.0 m/s apart; "
+        "nearest name: road_grade; +-2 m/s^2"
+    )
+    assert said == (
+        "simulated on a road, full pull from 3 m/s tells it from rolling resistance that grows with speed: "
+        "2.0 m/s apart; nearest name: road grade; ±2 m/s²"
+    )
+
+
+def test_every_special_word_is_for_a_name_that_there_is() -> None:
+    assert all(findings.known(name) for name in page_text.SPOKEN)
+
+
+def test_what_would_settle_it_is_in_words() -> None:
+    finding: dict[str, Any] = {
+        "effect": "rolling_resistance_warmup",
+        "kind": "missing_physics",
+        "says": "rolling_resistance_warmup",
+        "parameters": {},
+        "probability": 0.9,
+        "share_of_explainable_error": 0.0,
+        "equation": "F = 0",
+        "depends_on": [],
+        "cannot_be_told_from": ["rolling_resistance_speed", "unknown"],
+        "would_be_told_by": "coast down; nothing of 8 manoeuvres tells it from rolling_resistance_speed",
+    }
+    shown = page_text._finding(0, finding)
+    assert not re.search(
+        r"[a-z]_[a-z]", f"{shown['name']} {shown['says']} {shown['to_be_sure']} {shown['apart']}"
+    )
+    assert shown["to_be_sure"].endswith("tells it from rolling resistance that grows with speed")
