@@ -1,21 +1,16 @@
-"""`deeptruck-model train`, `sweep`, `evaluate`, `calibrate`, `export` and `experiment`."""
+"""`deeptruck-model train`, `sweep`, `export` and `experiment`."""
 
 from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+from deeptruck_model.cli.inputs import Bags, deep_truck, read
+from deeptruck_model.cli.judging import calibrate, evaluate
 from deeptruck_model.errors import InputError
-
-if TYPE_CHECKING:
-    from deeptruck_model.deep import DeepTruck
-    from deeptruck_model.recordings import Recording
-
-Bags = Annotated[list[Path], typer.Argument(metavar="BAG...", help="Bags (folders) of one truck.")]
-
 
 FEW_MINUTES = 10.0
 
@@ -81,7 +76,7 @@ def train(
         members=members,
         start="" if start is None else str(start),
     )
-    recordings = _read(bags)
+    recordings = read(bags)
     if resume and finished(recordings, out, arguments):
         typer.echo(f"{out}: finished before, with these recordings and arguments; nothing was left to do")
         return
@@ -131,54 +126,6 @@ def sweep(
     typer.echo((out / "sweep.md").read_text())
 
 
-def evaluate(
-    simulator: Annotated[str, typer.Argument(metavar="SIM", help="Simulator directory, or truck:NAME.")],
-    bags: Bags,
-    out: Annotated[Path, typer.Option(help="Folder for metrics.json and the figures.", metavar="DIR")],
-    trials: Annotated[int, typer.Option(help="Free runs.", min=1)] = 90,
-    horizon: Annotated[float, typer.Option(help="Length of a free run in s.", min=1.0)] = 40.0,
-    seed: Annotated[int, typer.Option(help="Seed of the starts.", min=0)] = 0,
-) -> None:
-    """Open-loop error statistics of a simulator on recordings: metrics.json and figures.
-
-    Example: deeptruck-model evaluate simulators/mytruck drives/friday --out evaluation
-    """
-    from deeptruck_model import simulators
-    from deeptruck_model.deep import evaluate as evaluate_simulator
-
-    if (out / "metrics.json").exists():
-        typer.echo(f"note: the evaluation that was in {out} is replaced", err=True)
-    metrics = evaluate_simulator(simulators.load(simulator), _read(bags), out, trials, horizon, seed)
-    typer.echo(f"{metrics['trials']} free runs of {metrics['horizon_s']:.0f} s")
-    for name, values in metrics.items():
-        if isinstance(values, dict):
-            held = (
-                f", {100 * values['inside_90']:.0f} % in the 90 % interval" if "inside_90" in values else ""
-            )
-            typer.echo(
-                f"{name:>13}: mean abs error {values['mean_abs']:.4f}, rmse {values['rmse']:.4f}{held}"
-            )
-    typer.echo(f"figures and metrics.json in {out}")
-
-
-def calibrate(
-    simulator: Annotated[str, typer.Argument(metavar="SIM", help="Simulator directory of a deep truck.")],
-    bags: Bags,
-    out: Annotated[Path, typer.Option(help="Simulator directory to write.", metavar="SIM")],
-) -> None:
-    """Set the 90 % intervals by drives that the truck was not trained on; an hour or more is worth it.
-
-    Example: deeptruck-model calibrate simulators/mytruck drives/friday --out simulators/calibrated
-    """
-    from deeptruck_model.deep import uncertainty
-    from deeptruck_model.simulators import MANIFEST
-
-    if (out / MANIFEST).exists():
-        raise InputError(f"{out} exists already; choose another --out")
-    uncertainty.calibrated(_deep(simulator), _read(bags)).save(out)
-    typer.echo(f"{out}: intervals set; 'deeptruck-model evaluate' on a third drive says what they hold")
-
-
 def export(
     simulator: Annotated[str, typer.Argument(metavar="SIM", help="Simulator directory of a deep truck.")],
     out: Annotated[Path, typer.Option(help="ONNX file to write.", metavar="FILE")],
@@ -189,7 +136,7 @@ def export(
     """
     from deeptruck_model.deep import onnx_export
 
-    truck = _deep(simulator)
+    truck = deep_truck(simulator)
     onnx_export.export(truck, out)
     typer.echo(f"{out}: inputs h, c, y, u, w of one step of {truck.dt:g} s; see docs/deep_model.md")
 
@@ -223,22 +170,6 @@ def experiment(
     given = {"seeds": seeds} if seeds else {}
     EXPERIMENTS[name.value](out / name.value, updates=budget, **given)
     typer.echo(f"written: {out / name.value}")
-
-
-def _deep(simulator: str) -> DeepTruck:
-    from deeptruck_model import simulators
-    from deeptruck_model.deep import DeepTruck
-
-    truck = simulators.load(simulator)
-    if not isinstance(truck, DeepTruck):
-        raise InputError(f"{simulator} is no deep truck; train one with 'deeptruck-model train'")
-    return truck
-
-
-def _read(bags: list[Path]) -> list[Recording]:
-    from deeptruck_model import recordings
-
-    return [recording for bag in bags for recording in recordings.read(bag)]
 
 
 def register(app: typer.Typer) -> None:

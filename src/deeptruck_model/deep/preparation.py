@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from deeptruck_model.deep import checkpoint
+from deeptruck_model.deep import checkpoint, familiar
 from deeptruck_model.deep.arguments import Arguments
 from deeptruck_model.deep.network import Scales, TruckNetwork
+from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.deep.windows import (
     Sequences,
     common_interface,
@@ -41,6 +42,8 @@ class Prepared:
     data_hash: str
     start: TruckNetwork | None
     """the network to adapt, where there is one"""
+    trained_on: tuple[str, ...]
+    """fingerprints of the recordings, and of those that trained `start`"""
     unexplained: float
     """share of the rows left out because the truck braked by something that is not recorded"""
 
@@ -72,8 +75,11 @@ def prepare(recordings: Sequence[Recording], arguments: Arguments) -> Prepared:
     training, validation = time_split(pieces)
     taught = teachable(training) if arguments.teach and arguments.mode == "default" else ()
     scales, start = measure_scales(training, taught), None
+    seen = tuple(familiar.fingerprint(r) for r in recordings)
     if arguments.start:
-        start, taught = _start(Path(arguments.start), interface, pieces[0].dt)
+        known = _start(Path(arguments.start), interface, pieces[0].dt)
+        start, taught = known.network, tuple(known.details.get("taught", ()))
+        seen += tuple(known.details.get(familiar.KEY, ()))
         scales = Scales(start.mean.numpy(), start.scale.numpy(), start.top_speed)
     return Prepared(
         interface,
@@ -85,13 +91,13 @@ def prepare(recordings: Sequence[Recording], arguments: Arguments) -> Prepared:
         Sequences.of(validation, scales, taught),
         data_hash(pieces),
         start,
+        tuple(dict.fromkeys(seen)),
         float(np.mean(np.concatenate([unexplained(r, interface) for r in recordings]))),
     )
 
 
-def _start(path: Path, interface: TruckInterface, dt: float) -> tuple[TruckNetwork, tuple[str, ...]]:
-    """The network under `path` and what it was taught. Raises InputError where it is no deep truck, or of
-    other signals."""
+def _start(path: Path, interface: TruckInterface, dt: float) -> DeepTruck:
+    """The truck under `path`, to adapt. Raises InputError where it is no deep truck, or of other signals."""
     manifest = read_manifest(path)
     if manifest.get("kind") != "deep":
         raise InputError(f"{path} is no deep truck; only one of those can be adapted")
@@ -99,4 +105,4 @@ def _start(path: Path, interface: TruckInterface, dt: float) -> tuple[TruckNetwo
     theirs, ours = replace(truck.interface, name=""), replace(interface, name="")
     if theirs != ours or abs(truck.dt - dt) > 1e-6:
         raise InputError(f"{path} has other signals, units or rate than the recordings; train from scratch")
-    return truck.network, tuple(truck.details.get("taught", ()))
+    return truck

@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 from torch.utils.tensorboard import SummaryWriter
 
 from deeptruck_model import exclusive
-from deeptruck_model.deep import card, checkpoint, coverage, kernels, resume
+from deeptruck_model.deep import card, checkpoint, coverage, familiar, kernels, resume
 from deeptruck_model.deep.arguments import Arguments
 from deeptruck_model.deep.compiled import FloatArray
 from deeptruck_model.deep.identity import differences, identity_in, identity_of
@@ -203,6 +203,7 @@ def _details(run: _Run, seconds: float) -> dict[str, Any]:
         "data_hash": data.data_hash,
         "git_hash": card.git_hash(),
         "taught": list(data.taught),
+        familiar.KEY: list(data.trained_on),
         "training": {
             "updates": run.updates,
             "unexplained": data.unexplained,

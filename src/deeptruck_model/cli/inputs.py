@@ -1,0 +1,34 @@
+"""What commands of the deep truck are given: bags, and a simulator directory."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from deeptruck_model.errors import InputError
+
+if TYPE_CHECKING:
+    from deeptruck_model.deep import DeepTruck
+    from deeptruck_model.recordings import Recording
+
+Bags = Annotated[list[Path], typer.Argument(metavar="BAG...", help="Bags (folders) of one truck.")]
+
+
+def deep_truck(simulator: str) -> DeepTruck:
+    """The deep truck in a simulator directory. Raises InputError for any other."""
+    from deeptruck_model import simulators
+    from deeptruck_model.deep import DeepTruck
+
+    truck = simulators.load(simulator)
+    if not isinstance(truck, DeepTruck):
+        raise InputError(f"{simulator} is no deep truck; train one with 'deeptruck-model train'")
+    return truck
+
+
+def read(bags: list[Path]) -> list[Recording]:
+    """The recordings of all bags, in their order. Raises InputError as `recordings.read` does."""
+    from deeptruck_model import recordings
+
+    return [recording for bag in bags for recording in recordings.read(bag)]

@@ -1,0 +1,75 @@
+"""`deeptruck-model evaluate` and `calibrate`: a simulator beside recordings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from deeptruck_model.cli.inputs import Bags, deep_truck, read
+from deeptruck_model.errors import InputError
+
+if TYPE_CHECKING:
+    from deeptruck_model.recordings import Recording
+    from deeptruck_model.simulators import Simulator
+
+
+def evaluate(
+    simulator: Annotated[str, typer.Argument(metavar="SIM", help="Simulator directory, or truck:NAME.")],
+    bags: Bags,
+    out: Annotated[Path, typer.Option(help="Folder for metrics.json and the figures.", metavar="DIR")],
+    trials: Annotated[int, typer.Option(help="Free runs.", min=1)] = 90,
+    horizon: Annotated[float, typer.Option(help="Length of a free run in s.", min=1.0)] = 40.0,
+    seed: Annotated[int, typer.Option(help="Seed of the starts.", min=0)] = 0,
+) -> None:
+    """Open-loop error statistics of a simulator on recordings: metrics.json and figures.
+
+    Example: deeptruck-model evaluate simulators/mytruck drives/friday --out evaluation
+    """
+    from deeptruck_model import simulators
+    from deeptruck_model.deep import evaluate as evaluate_simulator
+
+    if (out / "metrics.json").exists():
+        typer.echo(f"note: the evaluation that was in {out} is replaced", err=True)
+    truck, recordings = simulators.load(simulator), read(bags)
+    metrics = evaluate_simulator(truck, recordings, out, trials, horizon, seed)
+    typer.echo(f"{metrics['trials']} free runs of {metrics['horizon_s']:.0f} s")
+    for name, values in metrics.items():
+        if isinstance(values, dict):
+            held = (
+                f", {100 * values['inside_90']:.0f} % in the 90 % interval" if "inside_90" in values else ""
+            )
+            typer.echo(
+                f"{name:>13}: mean abs error {values['mean_abs']:.4f}, rmse {values['rmse']:.4f}{held}"
+            )
+    typer.echo(f"figures and metrics.json in {out}")
+    _warn(truck, recordings)
+
+
+def calibrate(
+    simulator: Annotated[str, typer.Argument(metavar="SIM", help="Simulator directory of a deep truck.")],
+    bags: Bags,
+    out: Annotated[Path, typer.Option(help="Simulator directory to write.", metavar="SIM")],
+) -> None:
+    """Set the 90 % intervals by drives that the truck was not trained on; an hour or more is worth it.
+
+    Example: deeptruck-model calibrate simulators/mytruck drives/friday --out simulators/calibrated
+    """
+    from deeptruck_model.deep import uncertainty
+    from deeptruck_model.simulators import MANIFEST
+
+    if (out / MANIFEST).exists():
+        raise InputError(f"{out} exists already; choose another --out")
+    truck, recordings = deep_truck(simulator), read(bags)
+    uncertainty.calibrated(truck, recordings).save(out)
+    typer.echo(f"{out}: intervals set; 'deeptruck-model evaluate' on a third drive says what they hold")
+    _warn(truck, recordings)
+
+
+def _warn(simulator: Simulator, recordings: list[Recording]) -> None:
+    """Say it where a deep truck is judged by what it was trained on."""
+    from deeptruck_model.deep import DeepTruck, familiar
+
+    if isinstance(simulator, DeepTruck) and (line := familiar.warning(simulator, recordings)):
+        typer.echo(f"warning: {line}", err=True)

@@ -1,0 +1,35 @@
+from dataclasses import replace
+
+import numpy as np
+
+from deeptruck_model.deep import DeepTruck, familiar, train
+
+
+def test_a_recording_is_known_by_another_name_but_not_changed(drive):
+    recording = drive(30)
+    renamed = replace(recording, name="copy", channels={"speed": recording.channels["speed"].copy()})
+    assert familiar.fingerprint(renamed) == familiar.fingerprint(recording)
+    assert familiar.fingerprint(recording.piece(0, 200)) != familiar.fingerprint(recording)
+    assert familiar.fingerprint(drive(30, seed=1)) != familiar.fingerprint(recording)
+
+
+def test_missing_samples_are_alike_whatever_their_bits(drive):
+    one, other = drive(30), drive(30)
+    one.channels["speed"][5] = np.nan
+    other.channels["speed"][5] = -np.nan
+    assert familiar.fingerprint(one) == familiar.fingerprint(other)
+
+
+def test_an_adapted_truck_was_trained_on_both(drive, small, tmp_path):
+    short = replace(small, updates=4, rounds=1)
+    train([drive(60)], tmp_path / "first", short)
+    truck = train([drive(60, seed=1)], tmp_path / "second", replace(short, start=str(tmp_path / "first")))
+    assert familiar.trained_on(truck, [drive(60, seed=k) for k in (0, 1, 2)]) == ["toy0", "toy1"]
+
+
+def test_many_are_counted_and_older_trucks_know_none(truck, drive):
+    drives = [drive(10, seed=k) for k in range(5)]
+    assert familiar.warning(truck, drives) == ""
+    known = truck.with_details({familiar.KEY: [familiar.fingerprint(r) for r in drives]})
+    assert "toy0, toy1, toy2 and 2 more" in familiar.warning(known, drives)
+    assert familiar.warning(DeepTruck(truck.network, truck.interface), drives) == ""
