@@ -11,6 +11,8 @@ BIN = $(VENV)/bin
 STAMP = $(VENV)/.installed
 INDEX = $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX))
 
+# What pip says of every package that a second, local index does not have; whatever else it says is shown.
+HARMLESS = ^WARNING: Location .* is ignored: it is neither a file nor a directory
 .PHONY: demo test lint bench clean setup
 
 $(STAMP): pyproject.toml constraints.txt
@@ -18,7 +20,8 @@ $(STAMP): pyproject.toml constraints.txt
 	  { echo "deeptruck needs Python 3.11 or 3.12: make $(MAKECMDGOALS) PYTHON=python3.12"; exit 2; }
 	@echo "setting up $(VENV), some minutes the first time"
 	@$(PYTHON) -m venv $(VENV)
-	@$(BIN)/pip install -q --no-compile --disable-pip-version-check $(INDEX) -c constraints.txt -e '.[$(EXTRAS)]'
+	@bash -c '$(BIN)/pip install -q --no-compile --disable-pip-version-check $(INDEX) -c constraints.txt \
+	  -e ".[$(EXTRAS)]" 2> >(grep -v "$(HARMLESS)" >&2)'
 	@touch $@
 
 setup: $(STAMP)
