@@ -27,6 +27,7 @@ from truck_bridge import j1939
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests" / "truck_bridge"))
 import fault_processes as processes  # noqa: E402
+import fault_scene  # noqa: E402
 
 FRAME = bytes.fromhex("219B9BDD2F000F9B")
 
@@ -74,7 +75,7 @@ def bus_row(frames: int = 2000) -> tuple[str, str]:
 
 def jitter_rows(name: str, seconds: float) -> list[tuple[str, str]]:
     """Periods as the witness hears them."""
-    with processes.scene(name) as stage:
+    with fault_scene.scene(name) as stage:
         if not stage.engaged():
             return [(f"{name}: periods", "did not engage")]
         stage.listen(0.5)

@@ -26,7 +26,7 @@ import numpy as np
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "truck_bridge"))
-from fault_processes import SLACK, Scene, limits_kept, only_releases  # noqa: E402
+from fault_scene import SLACK, Scene, limits_kept, only_releases  # noqa: E402
 
 from truck_bridge import vehicles  # noqa: E402
 

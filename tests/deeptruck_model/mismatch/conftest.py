@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from deeptruck_model.mismatch.evidence import Evidence, Stretch
+
+sys.path.append(str(Path(__file__).parent))  # found_mismatches.py and pages.py stand beside the tests
 
 N, DT, SIGMA = 6000, 0.2, 0.03
 rng = np.random.default_rng(5)

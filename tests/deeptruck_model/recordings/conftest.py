@@ -1,10 +1,15 @@
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import CHANNELS, TruckInterface
+
+sys.path.append(str(Path(__file__).parent))  # csv_tables.py stands beside the tests
 
 
 @pytest.fixture

@@ -1,0 +1,136 @@
+"""What cannot be imported: one line, and nothing is left behind."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from csv_tables import SPEED, write_csv
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import import_table
+
+BAD: list[tuple[str, dict[str, Any], str]] = [
+    ("v\n1\n2\n", {"channels": SPEED}, "needs 'time"),
+    ("v\n1\n2\n", {"time": {"rate_hz": 0}, "channels": SPEED}, "rate_hz of 'time' must be positive"),
+    ("v\n1\n2\n", {"time": {"rate_hz": 1}}, "needs 'channels' with at least 'speed"),
+    (
+        "v\n1\n2\n",
+        {"time": {"rate_hz": 1}, "channels": {"gap": {"column": "v", "unit": "m"}}},
+        "at least 'speed",
+    ),
+    (
+        "v\n1\n2\n",
+        {"time": {"rate_hz": 1}, "channels": {**SPEED, "mass": {"column": "v"}}},
+        "unknown channel 'mass'",
+    ),
+    ("w\n1\n2\n", {"time": {"rate_hz": 1}, "channels": SPEED}, "no column 'v'; there is: w"),
+    ("v\n1\n2\n", {"time": {"column": "t"}, "channels": SPEED}, "no column 't'"),
+    (
+        "v\n1\n2\n",
+        {"time": {"rate_hz": 1}, "channels": {"speed": {"column": "v", "unit": "rpm"}}},
+        "does not fit",
+    ),
+    ("v\n1\n2\n", {"time": {"rate_hz": 1}, "channels": {"speed": {"column": "v"}}}, "'speed' needs a unit"),
+    ("v\n1\n2\n", {"time": {"rate_hz": 1}, "channels": {"speed": {"unit": "m/s"}}}, "'speed' needs a column"),
+    *(
+        (
+            "v\n1\n2\n",
+            {"time": {"rate_hz": 1}, "channels": {"speed": {"column": "v", "unit": "m/s", key: value}}},
+            match,
+        )
+        for key, value, match in (
+            ("late_s", "1 s", "late_s of 'speed' must be a number, not '1 s'"),
+            ("late_s", True, "late_s of 'speed' must be a number, not True"),
+            ("late_s", None, "late_s of 'speed' must be a number, not None"),
+            ("late_s", float("nan"), "late_s of 'speed' must be at most 10 s either way, not nan"),
+            ("late_s", float("-inf"), "late_s of 'speed' must be at most 10 s either way, not -inf"),
+            ("late_s", 10.5, "late_s of 'speed' must be at most 10 s either way, not 10.5"),
+            ("late", 1.0, "channel 'speed' has unknown keys: late; known: column, density, late_s"),
+        )
+    ),
+    ("v\n1\n2\n", {"time": {"rate_hz": 1}, "channels": SPEED, "seperator": ";"}, "unknown keys: seperator"),
+    ("v\n1\n2\n", {"time": {"rate_hz": 1}, "channels": SPEED, "delimiter": ";;"}, "one character"),
+    ("v\n1\n2\n", {"time": {"rate_hz": 1}, "channels": SPEED, "skip_rows": -1}, "skip_rows"),
+    ("v\n1\n2\n", {"time": {"rate_hz": 1}, "channels": SPEED, "conceal": ["gap"]}, "conceal names 'gap'"),
+    (
+        "v\n1\n2\n",
+        {"time": {"rate_hz": 1}, "channels": SPEED, "conceal": ["speed"]},
+        "speed cannot be concealed",
+    ),
+    (
+        "v\n1\n2\n",
+        {"time": {"rate_hz": 1}, "channels": SPEED, "split_at": {"elevation_step": 4}},
+        "no column is named",
+    ),
+    (
+        "v\n1\n2\n",
+        {"time": {"rate_hz": 1}, "channels": SPEED, "split_at": {"speed_step": 0}},
+        "must be positive",
+    ),
+    (
+        "t,v\n0,1\n1,2\n",
+        {"time": {"column": "t", "unit": "days"}, "channels": SPEED},
+        "unit 'days' of 'time'",
+    ),
+    ("t,v\n0,1\n2,2\n1,3\n", {"time": {"column": "t"}, "channels": SPEED}, "time goes back by 1 s in line 4"),
+    ("t,v\n0,1\n1,2\n1,3\n", {"time": {"column": "t"}, "channels": SPEED}, "time comes twice in line 4"),
+    (
+        "t,v\n0,1\n,2\n1,3\n",
+        {"time": {"column": "t"}, "channels": SPEED},
+        "1 rows have no time in 't', first line 3",
+    ),
+    ("v\nx\ny\n", {"time": {"rate_hz": 1}, "channels": SPEED}, "column 'v' holds no numbers"),
+    ("v\n1\n", {"time": {"rate_hz": 1}, "channels": SPEED}, "has one row"),
+    ("v\n", {"time": {"rate_hz": 1}, "channels": SPEED}, "is empty"),
+    ("", {"time": {"rate_hz": 1}, "channels": SPEED}, "cannot be read|is empty"),
+    ("v\n100\n200\n", {"time": {"rate_hz": 1}, "channels": SPEED}, "is its unit right"),
+    ("v;µ\n1;2\n", {"time": {"rate_hz": 1}, "channels": SPEED, "encoding": "klingon"}, "cannot be read"),
+]
+
+
+@pytest.mark.parametrize(("text", "columns", "match"), BAD, ids=[match for _, _, match in BAD])
+def test_bad_input_is_one_line_and_leaves_nothing(
+    tmp_path: Path, text: str, columns: dict[str, Any], match: str
+) -> None:
+    (tmp_path / "drive.csv").write_text(text)
+    with pytest.raises(InputError, match=match) as caught:
+        import_table(tmp_path / "drive.csv", columns, tmp_path / "bag")
+    assert "\n" not in str(caught.value)
+    assert [p.name for p in tmp_path.iterdir()] == ["drive.csv"]
+
+
+def test_a_wrong_encoding_says_so(tmp_path: Path) -> None:
+    table = write_csv(tmp_path / "drive.csv", {"v °": [1, 2]}, encoding="latin-1")
+    with pytest.raises(InputError, match="is not in utf-8; set 'encoding'"):
+        import_table(table, {"time": {"rate_hz": 1}, "channels": SPEED}, tmp_path / "bag")
+
+
+def test_files_that_are_not_there(tmp_path: Path) -> None:
+    columns = {"time": {"rate_hz": 1}, "channels": SPEED}
+    for name in ("drive.csv", "drive.parquet", "drive.log"):
+        with pytest.raises(InputError, match="does not exist"):
+            import_table(tmp_path / name, columns, tmp_path / "bag")
+    table = write_csv(tmp_path / "drive.csv", {"v": [1, 2, 3]})
+    with pytest.raises(InputError, match=r"columns.yaml cannot be read"):
+        import_table(table, tmp_path / "columns.yaml", tmp_path / "bag")
+    (tmp_path / "bag").mkdir()
+    with pytest.raises(InputError, match="exists already"):
+        import_table(table, columns, tmp_path / "bag")
+
+
+def test_a_bag_is_not_imported(tmp_path: Path) -> None:
+    """Neither as a table nor, where its suffix is that of a CAN log, with the columns of one."""
+    bag = write_csv(tmp_path / "drive.csv", {"v": np.full(50, 5.0)})
+    meaning = {"time": {"rate_hz": 10}, "channels": SPEED}
+    import_table(bag, meaning, tmp_path / "bag")
+    (file,) = (tmp_path / "bag").glob("*.mcap")
+    for source, says in (
+        (tmp_path / "bag", "is no table: a bag is not"),
+        (file, "describe a table .* a bag is"),
+    ):
+        with pytest.raises(InputError, match=says) as error:
+            import_table(source, meaning, tmp_path / "out")
+        assert "\n" not in str(error.value) and not (tmp_path / "out").exists()

@@ -1,0 +1,181 @@
+"""What is done to a process, its clock or its wire, and what has to follow."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import time
+from collections.abc import Callable
+
+import numpy as np
+from fault_scene import SLACK, Scene, first_fall, first_release, only_releases
+from fault_wire import FAULTS as WIRE_FAULTS
+
+from truck_bridge.j1939.address_claim import name as j1939_name
+
+
+def driver_brakes(scene: Scene) -> tuple[list[str], float]:
+    pedal = scene.vehicle.codec["EBC1"].signals["BrakePedalPosition"]
+    switch = scene.vehicle.codec["CCVS1"].signals["BrakeSwitch"]
+
+    def pressed(at: float, can_id: int, data: bytes) -> bool:
+        word, key = int.from_bytes(data, "little"), can_id & 0x03FF_FFFF
+        by_pedal = key == 0xF0010B and pedal.value((word >> pedal.start) & pedal.mask) > 3
+        return by_pedal or (key == 0xFEF100 and (word >> switch.start) & switch.mask == 1)
+
+    if not scene.listen(20.0, pressed):
+        return ["the driver never braked"], math.nan
+    told = scene.heard[-1][0]
+    scene.listen(1.0)
+    reaction = first_release(scene, told)
+    slow = [] if reaction <= 0.020 + SLACK else [f"first release after {reaction * 1e3:.0f} ms"]
+    return slow + only_releases(scene, told + 0.020 + SLACK), reaction
+
+
+def _faded(scene: Scene, since: float, within: float) -> tuple[list[str], float]:
+    scene.listen(3.0)
+    reaction = first_fall(scene, since)
+    broken = [] if reaction <= within + SLACK else [f"graded release began after {reaction * 1e3:.0f} ms"]
+    return broken + only_releases(scene, since + within + 1.5), reaction
+
+
+def controller_mute(scene: Scene) -> tuple[list[str], float]:
+    since = time.monotonic()
+    scene.tell("mute")
+    return _faded(scene, since, 0.2)
+
+
+def controller_nan(scene: Scene) -> tuple[list[str], float]:
+    since = time.monotonic()
+    scene.tell("nan")
+    return _faded(scene, since, 0.1)
+
+
+def bridge_stopped(scene: Scene) -> tuple[list[str], float]:
+    """SIGSTOP for a second: the truck times out; on waking the bridge hands back and demands nothing."""
+    os.kill(scene.bridge.pid, signal.SIGSTOP)
+    scene.listen(1.0)
+    woken = time.monotonic()
+    os.kill(scene.bridge.pid, signal.SIGCONT)
+    scene.listen(1.0)
+    return only_releases(scene, woken), first_release(scene, woken)
+
+
+def bridge_killed(scene: Scene) -> tuple[list[str], float]:
+    """kill -9: nothing leaves; the engine's own time-out ends the demand."""
+    since = time.monotonic()
+    os.kill(scene.bridge.pid, signal.SIGKILL)
+    scene.listen(1.0)
+    codec = scene.vehicle.codec
+    end = [codec.decode(i, d) for at, i, d in scene.heard if at > since + 0.6 and i & 0x3FFFFFF == 0xF00400]
+    held = [e for e in end if e and e.values["EngineControllingAddress"] == scene.vehicle.address]
+    broken = ["the engine obeyed a dead bridge"] if held or not end else []
+    return broken + only_releases(scene, since + 0.02 + SLACK), math.nan
+
+
+def all_paused(scene: Scene) -> tuple[list[str], float]:
+    """Half a second in which neither bridge nor truck gets the processor."""
+    for process in (scene.bridge, scene.truck):
+        os.kill(process.pid, signal.SIGSTOP)
+    scene.listen(0.5)
+    woken = time.monotonic()
+    for process in (scene.truck, scene.bridge):
+        os.kill(process.pid, signal.SIGCONT)
+    scene.listen(1.0)
+    return only_releases(scene, woken), first_release(scene, woken)
+
+
+def bad_wire(fault: str) -> Callable[[Scene], tuple[list[str], float]]:
+    """Every second frame to the bridge is harmed for 1.5 s. Judged: the limits, and what follows a loss."""
+
+    def begin(scene: Scene) -> tuple[list[str], float]:
+        since = time.monotonic()
+        scene.tell(f"wire {fault}")
+        scene.listen(1.5)
+        scene.tell("wire")
+        scene.listen(3.0)
+        reaction = first_release(scene, since)
+        broken = [] if math.isnan(reaction) else only_releases(scene, since + reaction + 0.001)
+        return broken, reaction
+
+    return begin
+
+
+def clock_jumps(seconds: float) -> Callable[[Scene], tuple[list[str], float]]:
+    """The bridge's monotonic clock jumps, which no clock should do."""
+
+    def begin(scene: Scene) -> tuple[list[str], float]:
+        since = time.monotonic()
+        scene.tell(f"clock {seconds}")
+        scene.listen(1.5)
+        reaction = first_release(scene, since)
+        slow = [] if reaction <= 0.1 else [f"first release after {reaction * 1e3:.0f} ms"]
+        return slow + only_releases(scene, since + 0.1), reaction
+
+    return begin
+
+
+def truck_killed(scene: Scene) -> tuple[list[str], float]:
+    since = time.monotonic()
+    os.kill(scene.truck.pid, signal.SIGKILL)
+    return _faded(scene, since, 0.12)
+
+
+def truck_stopped(scene: Scene) -> tuple[list[str], float]:
+    since = time.monotonic()
+    os.kill(scene.truck.pid, signal.SIGSTOP)
+    return _faded(scene, since, 0.12)
+
+
+def spoofed(scene: Scene) -> tuple[list[str], float]:
+    engine = scene.vehicle.transmitted["engine"]
+    since = time.monotonic()
+    scene.send(engine.axis.can_id & ~0xFF | 0x77, engine.frame(90.0, 0))
+    return _faded(scene, since, 0.05)
+
+
+def flooded(scene: Scene) -> tuple[list[str], float]:
+    """Two thousand frames a second of other groups: control goes on or is handed back; limits hold."""
+    rng, end = np.random.default_rng(0), time.monotonic() + 1.0
+    while time.monotonic() < end:
+        for _ in range(10):
+            scene.send(0x18FF0000 | int(rng.integers(256)) << 8 | 0xF9, rng.bytes(8))
+        scene.listen(0.005)
+    return [], math.nan
+
+
+def address_taken(scene: Scene) -> tuple[list[str], float]:
+    since = time.monotonic()
+    scene.send(0x18EEFF00 | scene.vehicle.address, j1939_name(0))
+    scene.listen(1.0)
+    late = {can_id & 0xFF for at, can_id, _ in scene.heard if at > since + 0.02 + SLACK}
+    return (["it spoke after losing its address"] if scene.vehicle.address in late else []), math.nan
+
+
+def ended_in_order(scene: Scene) -> tuple[list[str], float]:
+    since = time.monotonic()
+    scene.tell("quit")
+    scene.listen(1.5)
+    releases = [d for at, d in scene.demands("engine") if at >= since and math.isnan(d)]
+    broken = [] if len(releases) == 4 else [f"{len(releases)} release frames instead of 4"]
+    return broken + only_releases(scene, since + 0.1), first_release(scene, since)
+
+
+FAULTS: dict[str, Callable[[Scene], tuple[list[str], float]]] = {
+    "driver brakes": driver_brakes,
+    "controller mute": controller_mute,
+    "controller NaN": controller_nan,
+    "SIGSTOP bridge": bridge_stopped,
+    "kill -9 bridge": bridge_killed,
+    "all paused 0.5 s": all_paused,
+    **{f"wire: {fault}": bad_wire(fault) for fault in WIRE_FAULTS},
+    "clock 30 s on": clock_jumps(30.0),
+    "clock 30 s back": clock_jumps(-30.0),
+    "kill -9 truck": truck_killed,
+    "SIGSTOP truck": truck_stopped,
+    "spoofed TSC1": spoofed,
+    "flood": flooded,
+    "address taken": address_taken,
+    "ended in order": ended_in_order,
+}

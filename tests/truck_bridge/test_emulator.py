@@ -1,0 +1,97 @@
+"""The ECU emulator as a process of its own, and what it refuses."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import can
+import pytest
+from bridge_world import SIGNED
+
+from truck_bridge import vehicles
+from truck_bridge.bridge import Bridge
+from truck_bridge.ecu_emulator import EcuEmulator
+from truck_bridge.errors import InputError
+
+POSITION = "VP: {from: engine, period: 5.0, timeout: 20.0, signals: {latitude: Latitude}}"
+
+
+def test_the_emulator_says_what_it_cannot_speak(tmp_path):
+    text = Path(SIGNED).read_text().replace("receive:", "receive:\n  " + POSITION)
+    path = tmp_path / "mine.yaml"
+    path.write_text(text.replace("signed_truck.dbc", str(Path(SIGNED).with_suffix(".dbc"))))
+    with pytest.raises(InputError, match="does not speak VP"):
+        EcuEmulator(vehicles.load(path), None)
+
+
+def test_real_processes_drive_and_the_driver_takes_over():
+    """Emulator in a process of its own, the bridge's thread here, a third bus as witness; in real time."""
+    channel = f"{os.getpid()}-real"
+    command = [sys.executable, "-m", "truck_bridge.ecu_emulator", "--vehicle", "volvo", "--channel", channel]
+    command += ["--speed", "15", "--driver", "3:brake_pedal=40", "--duration", "60"]
+    vehicle = vehicles.load("volvo")
+    witness, ours = (can.Bus(interface="loopback", channel=channel) for _ in range(2))
+    bridge, stop, signals = Bridge(vehicle, ours), threading.Event(), {}
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
+        thread = threading.Thread(target=bridge.run, args=(stop, lambda s, now: signals.update(s)))
+        try:
+            assert witness.recv(60) is not None  # the truck speaks
+            bridge.arm(time.monotonic())
+            thread.start()
+            engaged = driven = False
+            deadline = time.monotonic() + 30
+            while time.monotonic() < deadline and not driven:
+                now = time.monotonic()
+                bridge.command(40.0, 0.0, now, engaged=bridge.engaged)
+                engaged = engaged or bridge.engage(now, person=True, lead_vehicle=True) == ()
+                driven = engaged and "driver" in bridge.status.reason
+                time.sleep(0.02)
+        finally:
+            stop.set()
+            thread.join(10)
+            process.terminate()
+            assert process.wait(10) == 0, process.stderr.read()
+    assert driven
+    assert signals["speed"] > 1.0
+    frames = []
+    while (message := witness.recv(0)) is not None:
+        frames.append(message)
+    engine = [m for m in frames if m.arbitration_id == 0x0C00002A]
+    assert [m.data[0] & 3 for m in engine][-4:] == [0] * 4
+    assert any(m.data[0] & 3 == 2 for m in engine)
+    assert not thread.is_alive()
+    for bus in (witness, ours):
+        bus.shutdown()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--vehicle", "tram"], "no vehicle 'tram'"),
+        (["--vehicle", "volvo", "--grade", "hill.csv"], "No such file"),
+        (["--vehicle", "volvo", "--driver", "soon"], "SECONDS:KEY=VALUE"),
+        ([], "the following arguments are required: --vehicle"),
+        (["--vehicle", "volvo", "--speed", "fast"], "invalid float value: 'fast'"),
+        (["--vehicle", "volvo", "--speed", "nan"], "--speed must be a number from 0 to 50"),
+        (["--vehicle", "volvo", "--speed", "-3"], "--speed must be a number from 0 to 50"),
+        (["--vehicle", "volvo", "--grade", "nan"], "--grade nan must be a number from -0.5 to 0.5"),
+        (["--vehicle", "volvo", "--duration", "-1"], "--duration must be a number from 0"),
+        (["--vehicle", "volvo", "--truck", "truck:bus"], "bus"),
+        (["--vehicle", "volvo", "--interface", "socketcan", "--channel", "none9"], "cannot open CAN"),
+    ],
+)
+def test_the_emulator_refuses_bad_input_in_one_line(arguments, says, monkeypatch, capsys):
+    from truck_bridge import emulator_cli
+
+    monkeypatch.setattr(sys, "argv", ["ecu_emulator", *arguments])
+    with pytest.raises(SystemExit) as done:
+        emulator_cli.main()
+    assert done.value.code == 2
+    err = capsys.readouterr().err
+    assert says in err
+    assert err.count("\n") == 1
