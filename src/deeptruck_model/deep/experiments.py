@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from deeptruck_model import trucks
 from deeptruck_model.deep import classics, kernels, report
@@ -38,6 +37,7 @@ from deeptruck_model.deep.experiment_setup import (
     trained,
 )
 from deeptruck_model.deep.fitted_physics import physics
+from deeptruck_model.deep.learning_curves import learning_curves_page
 from deeptruck_model.deep.look_alikes import LookAlikes
 from deeptruck_model.deep.minutes import minutes_of_data
 from deeptruck_model.deep.network import Scales, TruckNetwork
@@ -102,20 +102,10 @@ def learning_curves(out: Path, seeds: int = 30, updates: int = 0) -> dict[str, A
         observed.append((done, forced, _loss(network, unseen[1], scales, weight, "deployment")))
 
     trained([drive_of("trucksim", 240, TRAIN_SEED)], chosen(seeds, updates, "paper"), observe)
-    figure = Figure(figsize=(7, 4), layout="constrained")
-    axis, at = figure.subplots(), [o[0] for o in observed]
-    for column, (form, colour) in enumerate(
-        (("training form", "tab:blue"), ("deployment form", "tab:red")), 1
-    ):
-        losses = np.array([o[column] for o in observed])
-        axis.fill_between(at, losses.min(1), losses.max(1), color=colour, alpha=0.25)
-        axis.plot(at, losses.mean(1), color=colour, label=f"{form}: mean, min and max of {seeds} seeds")
-    axis.set(xlabel="gradient updates", ylabel="loss on an unseen drive", yscale="log")
-    axis.legend()
-    out.mkdir(parents=True, exist_ok=True)
-    figure.savefig(out / "learning_curves.png", dpi=120)
-    curves = {"updates": at, "training": [o[1].tolist() for o in observed]}
-    return write(out, {**curves, "deployment": [o[2].tolist() for o in observed]})
+    curves = {"updates": [o[0] for o in observed], "training": [o[1].tolist() for o in observed]}
+    curves |= {"deployment": [o[2].tolist() for o in observed]}
+    learning_curves_page(out, curves)
+    return write(out, curves)
 
 
 def field(out: Path, seeds: int = 5, updates: int = 0) -> dict[str, Any]:

@@ -5,7 +5,7 @@ import pytest
 from typer.testing import CliRunner
 
 from deeptruck_model.cli import app, deep
-from deeptruck_model.deep import experiments, minutes
+from deeptruck_model.deep import experiments, learning_curves, minutes
 from deeptruck_model.deep.experiment_files import SHORT_RUNS, of_seeds
 from deeptruck_model.deep.experiment_setup import drive_of
 from deeptruck_model.recordings import write_bag
@@ -26,6 +26,16 @@ def test_learning_curves_hold_every_seed(tmp_path, monkeypatch):
     assert np.shape(curves["training"]) == np.shape(curves["deployment"]) == (40, 2)
     assert np.isfinite(curves["deployment"]).all()
     assert (tmp_path / "learning_curves.png").exists()
+    table = (tmp_path / "README.md").read_text()
+    assert "mean, min and max of 2 seeds" in table and "--seeds 2 --budget 40`" in table
+    first = f"{np.mean(curves['training'][0]):.4f} ({np.min(curves['training'][0]):.4f} to "
+    assert f"| 1 | {first}" in table
+
+
+def test_one_seed_has_no_spread():
+    curves = {"updates": [5, 10], "training": [[0.2], [0.1]], "deployment": [[0.5], [0.4]]}
+    table = learning_curves._table(curves)
+    assert "one seed" in table and "| 10 | 0.1000 | 0.40 |" in table
 
 
 def test_rows_of_seeds_take_each_figure_on_its_own():
