@@ -12,6 +12,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 from deeptruck_cacc.policy import MlpPolicy
 from deeptruck_cacc.scaling import OBSERVED, ActionScale, FeatureMap
+from deeptruck_model import whole_file
 
 Array = NDArray[np.float64]
 
@@ -47,7 +48,7 @@ def export_onnx(policy: MlpPolicy, path: str | Path) -> None:
 
     Inputs, each (batch, 1): the five signals of OBSERVED; and, for a policy with memory, memory (batch,
     3 or 6), which starts as [0, NaN, NaN(, NaN, 0, 0)]. Outputs (batch, 1): engine_command, brake_command;
-    and memory_next like memory.
+    and memory_next like memory. Raises InputError where the file cannot be written.
     """
     g = _Graph()
     leader, speed, gap, time_gap, grade = OBSERVED
@@ -155,7 +156,4 @@ def _write(g: _Graph, policy: MlpPolicy, path: Path) -> None:
     facts = {"dt": policy.dt, "units": units, "interface": policy.interface.to_dict(), "card": policy.card}
     helper.set_model_props(model, {"deeptruck": json.dumps(facts)})
     onnx.checker.check_model(model)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    draft = path.with_name(f".{path.name}")
-    onnx.save(model, draft)
-    draft.replace(path)
+    whole_file.write(path, model.SerializeToString())

@@ -14,7 +14,8 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 from safetensors import SafetensorError
-from safetensors.numpy import load_file, save_file
+from safetensors.numpy import load_file
+from safetensors.numpy import save as to_bytes
 
 from deeptruck_cacc.scaling import OBSERVED, ActionScale, FeatureMap, paper_signals
 from deeptruck_model.errors import InputError
@@ -104,7 +105,8 @@ class MlpPolicy:
             (folder / MANIFEST).write_text(json.dumps(self._manifest(), indent=2) + "\n")
             tensors = {f"{k}.weight": np.ascontiguousarray(w) for k, (w, _) in enumerate(self.layers)}
             tensors |= {f"{k}.bias": np.ascontiguousarray(b) for k, (_, b) in enumerate(self.layers)}
-            save_file(tensors, folder / WEIGHTS)
+            # not by save_file: that leaves files which nobody else may read
+            (folder / WEIGHTS).write_bytes(to_bytes(tensors))
             path.mkdir(exist_ok=True)
             for name in (WEIGHTS, MANIFEST):
                 shutil.move(folder / name, path / name)

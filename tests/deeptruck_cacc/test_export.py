@@ -11,6 +11,7 @@ import pytest
 from deeptruck_cacc import MlpPolicy
 from deeptruck_cacc.export import export_onnx
 from deeptruck_cacc.scaling import OBSERVED, ActionScale, FeatureMap
+from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 
 onnxruntime.set_default_logger_severity(3)
@@ -54,3 +55,5 @@ def test_the_file_says_what_its_numbers_mean(tmp_path):
     assert facts["units"] == {"engine_command": "N m", "brake_command": "percent"}
     assert facts["dt"] == 0.1 and facts["card"] == {"seed": 3}
     assert [p.name for p in tmp_path.iterdir()] == ["p.onnx"]
+    with pytest.raises(InputError, match="cannot write"):
+        export_onnx(policy, tmp_path / "p.onnx" / "below")

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -39,6 +40,16 @@ def test_a_saved_policy_acts_the_same(tmp_path, memory, power):
     for gap in (40.0, 39.0, 37.0):
         np.testing.assert_array_equal(policy.act({**SEEN, "gap": gap}), loaded.act({**SEEN, "gap": gap}))
     assert loaded.coverage == policy.coverage and loaded.card == policy.card
+
+
+def test_whoever_may_read_the_manifest_may_read_the_weights(tmp_path):
+    before = os.umask(0o022)
+    try:
+        random_policy().save(tmp_path / "p")
+    finally:
+        os.umask(before)
+    modes = {file.name: file.stat().st_mode & 0o777 for file in (tmp_path / "p").iterdir()}
+    assert modes == {MANIFEST: 0o644, WEIGHTS: 0o644}
 
 
 def test_the_ideal_follower_nears_the_leaders_speed_with_the_time_gap():

@@ -12,9 +12,11 @@ from typing import Any
 
 import torch
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file
+from safetensors.torch import save as to_bytes
 from torch import Tensor
 
+from deeptruck_model import whole_file
 from deeptruck_model.errors import InputError
 
 CHECKPOINT = "checkpoint"
@@ -22,12 +24,9 @@ CHECKPOINT = "checkpoint"
 
 def save_checkpoint(out: Path, tensors: dict[str, Tensor], facts: dict[str, Any]) -> None:
     """Tensors and plain facts in one file, so that a kill leaves either the old checkpoint or the new one."""
-    folder = out / CHECKPOINT
-    folder.mkdir(parents=True, exist_ok=True)
-    scratch = folder / "state.tmp"
     whole = {name: t.detach().contiguous() for name, t in tensors.items()}
-    save_file(whole, scratch, {"facts": json.dumps(facts)})
-    scratch.replace(folder / "state.safetensors")
+    content = to_bytes(whole, {"facts": json.dumps(facts)})
+    whole_file.write(out / CHECKPOINT / "state.safetensors", content, "make room and go on with --resume")
 
 
 def load_checkpoint(out: Path, config: dict[str, Any]) -> tuple[dict[str, Tensor], dict[str, Any]] | None:
