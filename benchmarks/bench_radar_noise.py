@@ -18,13 +18,14 @@ import numpy as np
 from deeptruck_cacc import load_policy, scenes
 from deeptruck_cacc.evaluation import metrics
 from deeptruck_cacc.guard import guard
-from deeptruck_cacc.hard_scenes import settled
+from deeptruck_cacc.hard_scenes import recorded, recorded_leaders, settled
 from deeptruck_cacc.pedals import PedalMap
 from deeptruck_cacc.policy import MlpPolicy, Policy
 from deeptruck_cacc.rollouts import Trace, roll_out
 from deeptruck_cacc.scaling import ActionScale
 from deeptruck_cacc.scenes import Scene
 from deeptruck_model import trucks
+from deeptruck_model.errors import InputError
 from deeptruck_model.simulators import Simulator
 
 matplotlib.use("Agg")
@@ -36,7 +37,8 @@ SETTLED_S = 20.0
 SAYS = """The chosen policy of each truck on the truck itself, and the same weights without the filter.
 Noise is white, standard deviations for each reading; 0.1 m and 0.05 m/s are the leader node's. Behind
 steady leaders 32 runs of 80 s, the first 20 s left out, commands as shares of their reach; behind the
-moving leader on hills the 100 scenes of [following](following/trucksim.md), where power suffices, after 10 s.
+moving leader on hills the 100 scenes of [following](following/trucksim.md), behind recorded cars
+(`DEEPTRUCK_REAL_DATA`) pieces of 80 s, where power suffices, after 10 s.
 
 ![both pedals behind a steady leader](radar_noise.png)"""
 COLUMNS = {  # of a table: how it is written
@@ -50,7 +52,7 @@ COLUMNS = {  # of a table: how it is written
 MOVING = {
     "worst (s)": "time_gap_worst_within_reach",
     "99 % within (s)": "time_gap_p99_within_reach",
-    "of 100 within 0.1 s": "rollouts_within_0.1_s",
+    "scenes within 0.1 s": "rollouts_within_0.1_s",
     "rms jerk (m/s³)": "jerk_rms",
     "fuel (l/100 km)": "fuel_l_per_100km",
 }
@@ -77,7 +79,8 @@ def main() -> None:
         bench_following.learn(name, 10, args.work / name)
         drivers, truck = both(args.work / name / "policy"), trucks.load(name)
         lines += [f"## {name}", "", *behind_steady_leaders(truck, drivers, args.seed), ""]
-        lines += [*behind_moving_leaders(truck, drivers, args.seed), ""]
+        for leader, scene in moving(args.seed, truck.dt).items():
+            lines += [*behind_moving_leaders(truck, drivers, leader, scene, args.seed), ""]
     (out / "radar_noise.md").write_text("\n".join(lines[:-1]) + "\n")
     draw(trucks.load(TRUCKS[0]), both(args.work / TRUCKS[0] / "policy"), args.seed, out / "radar_noise.png")
     print("\n".join(lines))
@@ -135,17 +138,27 @@ def pedals(trace: Trace, scale: ActionScale) -> list[float]:
     ]
 
 
-def behind_moving_leaders(truck: Simulator, drivers: dict[str, Policy], seed: int) -> list[str]:
-    """The moving leader on hills of bench_following.py, where power suffices, after 10 s."""
-    scene = scenes.moving(np.random.default_rng(seed), 100, 800, truck.dt)
+def moving(seed: int, dt: float) -> dict[str, Scene]:
+    """The moving leader of bench_following.py, and cars recorded under ACC where the data is there."""
+    found = {"a moving leader": scenes.moving(np.random.default_rng(seed), 100, 800, dt)}
+    try:
+        return found | {"cars under ACC": recorded(recorded_leaders("acc"), 2.0)}
+    except InputError:
+        return found
+
+
+def behind_moving_leaders(
+    truck: Simulator, drivers: dict[str, Policy], name: str, scene: Scene, seed: int
+) -> list[str]:
+    """As MOVING has it, where power suffices, after 10 s."""
     reach = metrics.within_reach(scene, PedalMap.calibrate(truck), truck.dt)
-    lines = [f"| behind a moving leader | noise (m, m/s) | {' | '.join(MOVING)} |"]
+    lines = [f"| behind {name} ({scene.batch} scenes) | noise (m, m/s) | {' | '.join(MOVING)} |"]
     lines += ["|---" * (len(MOVING) + 2) + "|"]
-    for name, driver in drivers.items():
+    for driver_name, driver in drivers.items():
         for noise in NOISE[:2]:
             row = metrics.summary(roll_out(truck, driver, noisy(scene, *noise, seed)), reach)
             cells = [f"{row[key]:.3g}" for key in MOVING.values()]
-            lines.append(f"| {name} | {noise[0]:g}, {noise[1]:g} | {' | '.join(cells)} |")
+            lines.append(f"| {driver_name} | {noise[0]:g}, {noise[1]:g} | {' | '.join(cells)} |")
     return lines
 
 
