@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -23,10 +25,21 @@ def train(simulator: Any, out: Any, *, trainer: str = "analytic", **options: Any
     """
     if trainer not in ("analytic", "trpo"):
         raise InputError(f"there is no trainer '{trainer}'; known: analytic, trpo")
-    Path(out).mkdir(parents=True, exist_ok=True)
-    # The matrices are small: a second thread only waits, at full load.
-    with exclusive.writing(Path(out)), threadpool_limits(1):
+    with _folder(Path(out)), threadpool_limits(1):  # small matrices: a second thread only waits, at full load
         return (_analytic if trainer == "analytic" else _trpo)(simulator, out, **options)
+
+
+@contextmanager
+def _folder(out: Path) -> Iterator[None]:
+    """The folder, there and held against other runs; wrong input leaves none behind."""
+    out.mkdir(parents=True, exist_ok=True)
+    with exclusive.writing(out):
+        try:
+            yield
+        except InputError:
+            with suppress(OSError):  # not empty: an earlier run's
+                out.rmdir()
+            raise
 
 
 def _analytic(simulator: Any, out: Any, **options: Any) -> Any:
