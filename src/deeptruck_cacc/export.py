@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
 from deeptruck_cacc.policy import MlpPolicy
+from deeptruck_cacc.radar_filter import RadarFilter
 from deeptruck_cacc.scaling import OBSERVED, ActionScale, FeatureMap
 from deeptruck_model import whole_file
 
@@ -47,23 +48,43 @@ def export_onnx(policy: MlpPolicy, path: str | Path) -> None:
     """Write `policy` as ONNX (opset 17, float32), whole or not at all.
 
     Inputs, each (batch, 1): the five signals of OBSERVED; and, for a policy with memory, memory (batch,
-    3 or 6), which starts as [0, NaN, NaN(, NaN, 0, 0)]. Outputs (batch, 1): engine_command, brake_command;
-    and memory_next like memory. Raises InputError where the file cannot be written.
+    3, 6 or 9), which starts as [0, NaN, NaN(, NaN, 0, 0(, NaN, NaN, NaN))]. Outputs (batch, 1):
+    engine_command, brake_command; and memory_next like memory. Raises InputError where the file cannot be
+    written.
     """
     g = _Graph()
     leader, speed, gap, time_gap, grade = OBSERVED
     target = g.add("Mul", speed, time_gap)
+    f, track = policy.features, ""
+    if f.radar:
+        leader, gap, track = _track(g, f.radar, leader, speed, gap)
     signals = g.add("Concat", leader, speed, gap, target, grade, axis=1)
-    f = policy.features
     features = g.add("Add", g.add("MatMul", signals, g.constant(f.matrix.T)), g.constant(f.offset))
     integral_and_slow = ""
     if f.memory:
         features, integral_and_slow = _recall(g, f, signals, features)
     action = g.clip(_network(g, policy, features), -1.0, 1.0)
     if f.memory:
-        _remember(g, f, integral_and_slow, action)
+        _remember(g, f, integral_and_slow, action, track)
     _command(g, policy.scale, action)
     _write(g, policy, Path(path))
+
+
+def _track(g: _Graph, radar: RadarFilter, leader: str, speed: str, gap: str) -> tuple[str, str, str]:
+    """RadarFilter: leader speed and gap as estimated, and the next track."""
+    seen, old = g.add("Concat", gap, leader, axis=1), g.columns("memory", 6, 9)
+    off = g.add("Abs", g.add("Sub", seen, g.columns(old, 0, 2)))
+    near = g.add("Less", off, g.constant(np.array([radar.lost_m, radar.lost_speed])))
+    kept = g.add("And", g.columns(near, 0, 1), g.columns(near, 1, 2))
+    still = g.add("Mul", leader, g.constant(0.0))
+    track = g.add("Where", kept, old, g.add("Concat", seen, still, axis=1))
+    error = g.add("Sub", seen, g.columns(track, 0, 2))
+    track = g.add("Add", track, g.add("MatMul", error, g.constant(np.transpose(radar.gain))))
+    gap, leader, pull = (g.columns(track, k, k + 1) for k in range(3))
+    dt = g.constant(radar.dt)
+    moved = g.add("Mul", g.add("Sub", leader, speed), dt), g.add("Mul", pull, dt)
+    after = g.add("Add", gap, moved[0]), g.add("Add", leader, moved[1]), pull
+    return leader, gap, g.add("Concat", *after, axis=1)
 
 
 def _recall(g: _Graph, f: FeatureMap, signals: str, features: str) -> tuple[str, str]:
@@ -90,13 +111,14 @@ def _recall(g: _Graph, f: FeatureMap, signals: str, features: str) -> tuple[str,
     return g.add("Concat", *parts, axis=1), g.add("Concat", *kept, axis=1)
 
 
-def _remember(g: _Graph, f: FeatureMap, integral_and_slow: str, action: str) -> None:
+def _remember(g: _Graph, f: FeatureMap, integral_and_slow: str, action: str, track: str) -> None:
     """FeatureMap.remember."""
     parts = [integral_and_slow]
     if f.power:
         slow = g.columns("memory", 4, 6)
         change = g.add("Mul", g.add("Sub", action, slow), g.constant(f.dt / f.slow_s))
         parts.append(g.add("Add", slow, change))
+    parts += [track] if f.radar else []
     g.add("Concat", *parts, output="memory_next", axis=1)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_cacc.radar_filter import RadarFilter
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 
@@ -71,6 +72,9 @@ class FeatureMap:
     decay with Tg. Seven features say what following it takes (see _power). Memory and features end with the
     slow actions: beside the power that came of them they tell load and wind. The gap error then counts less
     in the integral the further it lies beyond `knee_m`, so that closing a gap does not wind it up.
+
+    With `radar`, which needs `power`, all features are taken of what that filter makes of gap and leader
+    speed. Memory (batch, 9) ends with its track.
     """
 
     matrix: Array
@@ -84,11 +88,14 @@ class FeatureMap:
     knee_m: float = 1.0
     closing_s: float = 0.8  # errors from the ideal follower are wanted gone with this time constant
     closing_share: float = 0.1  # and this much of the time gap: near a long one, haste in speed costs more
+    radar: RadarFilter | None = None
 
     @classmethod
     def default(cls, *, memory: bool = True, dt: float = 0.1, power: bool = False) -> FeatureMap:
-        """The map described at the top of this module. `power` needs memory."""
-        return cls(_MATRIX.copy(), _OFFSET.copy(), memory, dt, power=power and memory)
+        """The map described at the top of this module. `power` needs memory and brings the radar's filter."""
+        power = power and memory
+        radar = RadarFilter.steady(dt) if power else None
+        return cls(_MATRIX.copy(), _OFFSET.copy(), memory, dt, power=power, radar=radar)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -100,14 +107,18 @@ class FeatureMap:
     @property
     def remembered(self) -> int:
         """Columns of memory."""
-        return 6 if self.power else 3 if self.memory else 0
+        return 9 if self.radar else 6 if self.power else 3 if self.memory else 0
 
     def start(self, batch: int) -> Array:
         """Memory before the first observation, (batch, remembered)."""
-        return np.tile([0.0, np.nan, np.nan, np.nan, 0.0, 0.0][: self.remembered], (batch, 1))
+        still = [0.0, np.nan, np.nan, np.nan, 0.0, 0.0, np.nan, np.nan, np.nan]
+        return np.tile(still[: self.remembered], (batch, 1))
 
     def __call__(self, signals: Array, memory: Array) -> tuple[Array, Array]:
         """Features (batch, n) and the next memory, from signals (batch, 5) and memory."""
+        track = memory[:, 6:]
+        if self.radar:
+            signals, track = self.radar(signals, track)
         features = signals @ self.matrix.T + self.offset
         if not self.memory:
             return features, memory
@@ -125,15 +136,15 @@ class FeatureMap:
         if self.power:
             ideal = np.where(np.isnan(memory[:, 3]), signals[:, 0], memory[:, 3])
             pull = (signals[:, 0] - ideal) / self._time_gap(signals)
-            parts += [self._power(signals, rates[:, 1], ideal, pull), memory[:, 4:]]
-            kept = np.column_stack([ideal + self.dt * pull, memory[:, 4:]])
+            parts += [self._power(signals, rates[:, 1], ideal, pull), memory[:, 4:6]]
+            kept = np.column_stack([ideal + self.dt * pull, memory[:, 4:6], track])
         return np.hstack(parts), np.column_stack([integral, slow, kept])
 
     def remember(self, memory: Array, action: Array) -> Array:
         """Memory after an action (batch, 2): the slow actions have moved."""
-        slow = memory[:, 4:]
+        slow = memory[:, 4:6]
         change = np.clip(action, -1.0, 1.0)[:, : slow.shape[1]] - slow
-        return np.hstack([memory[:, :4], slow + self.dt / self.slow_s * change])
+        return np.hstack([memory[:, :4], slow + self.dt / self.slow_s * change, memory[:, 6:]])
 
     @staticmethod
     def _time_gap(signals: Array) -> Array:
@@ -164,7 +175,9 @@ class FeatureMap:
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> FeatureMap:
         """Inverse of to_dict."""
-        return cls(**{**data, "matrix": np.array(data["matrix"]), "offset": np.array(data["offset"])})
+        arrays = {name: np.array(data[name]) for name in ("matrix", "offset")}
+        radar = data.get("radar")  # policies of before it have none
+        return cls(**{**data, **arrays, "radar": radar and RadarFilter.from_dict(radar)})
 
 
 # Reach of a heavy truck's commands, for simulators that do not state their own `command_range`.

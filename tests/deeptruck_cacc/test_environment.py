@@ -98,7 +98,7 @@ def test_power_features_say_what_following_takes():
     expected = [0.0, 0.2, 0.2, np.tanh(1 / 17 / 0.3), 2 * wanted, *powers, 0.0, 0.0]
     np.testing.assert_allclose(x[0, 8:], expected, atol=1e-9)
     memory = features.remember(memory, np.array([[0.5, -3.0]]))
-    np.testing.assert_allclose(memory[0, 3:], [17.2, 0.1, -0.2])
+    np.testing.assert_allclose(memory[0, 3:6], [17.2, 0.1, -0.2])
     assert features.remember(memory[:, :3], np.ones((1, 2))).shape == (1, 3)  # a policy without power
 
 

@@ -28,9 +28,12 @@ def test_onnx_drives_like_the_policy(tmp_path, memory, power):
     export_onnx(policy, tmp_path / "p.onnx")
     session = onnxruntime.InferenceSession(tmp_path / "p.onnx")
     state = {"memory": features.start(50).astype(np.float32)} if memory else {}
-    for _ in range(20):
-        values = [rng.uniform(5, 25, 50), rng.uniform(5, 25, 50), rng.uniform(10, 90, 50)]
-        values += [rng.uniform(1, 5, 50), rng.uniform(-0.05, 0.05, 50)]
+    for k in range(20):
+        if k % 5 == 0:  # another leader
+            speed, gap = rng.uniform(5, 25, 50), rng.uniform(10, 90, 50)
+            near = [rng.uniform(1, 5, 50), rng.uniform(-0.05, 0.05, 50)]
+        leader = speed + rng.normal(0, 0.05, 50)
+        values = [leader, speed + rng.normal(0, 0.2, 50), gap + rng.normal(0, 0.1, 50), *near]
         seen = dict(zip(OBSERVED, values, strict=True))
         got = session.run(None, {n: x[:, None].astype(np.float32) for n, x in seen.items()} | state)
         state = {"memory": got[2]} if memory else {}

@@ -15,6 +15,7 @@ from deeptruck_cacc.scaling import ActionScale, FeatureMap
 from deeptruck_cacc.training import analytic, train, trpo, validation
 from deeptruck_cacc.training.network import SeedBatch
 from deeptruck_cacc.training.road import Road
+from deeptruck_model import exclusive
 from deeptruck_model.errors import InputError
 
 torch.set_num_threads(1)
@@ -109,9 +110,12 @@ def test_torch_and_numpy_agree_on_features():
     batch = SeedBatch([0], features, ActionScale(0.0, 2000.0, 100.0))
     rng, memory = np.random.default_rng(0), features.start(6)
     same = torch.tensor(memory, dtype=torch.float32)
-    for _ in range(30):
-        signals = rng.normal([15, 15, 45, 45, 0], [3, 3, 10, 10, 0.02], (6, 5))
-        signals[0] = [15, 0.5, 3, 3, 0]
+    for k in range(30):
+        if k % 10 == 0:  # another leader
+            first = rng.normal([15, 15, 45, 45, 0], [3, 3, 10, 10, 0.02], (6, 5))
+            first[0] = [15, 0.5, 3, 3, 0]
+        signals = first + 0.02 * rng.normal(size=first.shape)
+        signals[:, 2] += 0.1 * (k % 10) * (first[:, 0] - first[:, 1])
         seen, memory = features(signals, memory)
         told, same = batch.observe(torch.tensor(signals, dtype=torch.float32), same)
         np.testing.assert_allclose(told, seen, atol=1e-4)
@@ -139,6 +143,18 @@ def test_a_follower_leaves_no_speed_error_that_decays_with_the_time_gap(toy):
     batch.start_as_follower(PedalMap.calibrate(toy))
     trace = roll_out(toy, batch.policy(0, toy.interface, {}, {}), scene)
     assert np.abs(trace["speed_error"][150:]).max() < 0.05  # exp(-15/5) of 1.39 m/s is 0.07
+
+
+def test_a_folder_that_another_run_trains_into_is_refused(toy, tmp_path):
+    (tmp_path / "p").mkdir()
+    for config in (QUICK, QUICK_TRPO):
+        trainer = "analytic" if config is QUICK else "trpo"
+        with (
+            exclusive.writing(tmp_path / "p"),
+            pytest.raises(InputError, match=f"another run is writing {tmp_path}"),
+        ):
+            train(toy, tmp_path / "p", trainer=trainer, config=config)
+    assert not any((tmp_path / "p").iterdir())
 
 
 def test_same_seed_same_policy(toy, tmp_path):

@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+from deeptruck_model import exclusive
+from deeptruck_model.errors import InputError
 
 __all__ = ["train"]
 
@@ -12,18 +20,37 @@ def train(simulator: Any, out: Any, *, trainer: str = "analytic", **options: Any
 
     The analytic trainer takes a deep truck's own gradient, and lends one to every other simulator; with a
     TrpoSeedsConfig, 'trpo' trains many seeds in one batch. Imported on use: torch and Stable-Baselines3 stay
-    out of a controller's process.
+    out of a controller's process. Raises InputError for an unknown trainer, and where another run trains
+    into `out`.
     """
-    if trainer == "analytic":
-        from deeptruck_cacc.training import analytic
-        from deeptruck_cacc.training.lent_gradient import with_gradient
+    if trainer not in ("analytic", "trpo"):
+        raise InputError(f"there is no trainer '{trainer}'; known: analytic, trpo")
+    with _folder(Path(out)), threadpool_limits(1):  # small matrices: a second thread only waits, at full load
+        return (_analytic if trainer == "analytic" else _trpo)(simulator, out, **options)
 
-        return analytic.train(with_gradient(simulator), out, **options)
-    if trainer == "trpo":
-        from deeptruck_cacc.training import trpo, trpo_seeds
 
-        batched = isinstance(options.get("config"), trpo_seeds.TrpoSeedsConfig)
-        return (trpo_seeds if batched else trpo).train(simulator, out, **options)
-    from deeptruck_model.errors import InputError
+@contextmanager
+def _folder(out: Path) -> Iterator[None]:
+    """The folder, there and held against other runs; wrong input leaves none behind."""
+    out.mkdir(parents=True, exist_ok=True)
+    with exclusive.writing(out):
+        try:
+            yield
+        except InputError:
+            with suppress(OSError):  # not empty: an earlier run's
+                out.rmdir()
+            raise
 
-    raise InputError(f"there is no trainer '{trainer}'; known: analytic, trpo")
+
+def _analytic(simulator: Any, out: Any, **options: Any) -> Any:
+    from deeptruck_cacc.training import analytic
+    from deeptruck_cacc.training.lent_gradient import with_gradient
+
+    return analytic.train(with_gradient(simulator), out, **options)
+
+
+def _trpo(simulator: Any, out: Any, **options: Any) -> Any:
+    from deeptruck_cacc.training import trpo, trpo_seeds
+
+    batched = isinstance(options.get("config"), trpo_seeds.TrpoSeedsConfig)
+    return (trpo_seeds if batched else trpo).train(simulator, out, **options)

@@ -12,6 +12,7 @@ from torch import Tensor
 
 from deeptruck_cacc.pedals import PedalMap
 from deeptruck_cacc.policy import MlpPolicy
+from deeptruck_cacc.radar_filter import RadarFilter
 from deeptruck_cacc.scaling import ActionScale, FeatureMap
 from deeptruck_model.signals import TruckInterface
 
@@ -100,14 +101,17 @@ class SeedBatch(torch.nn.Module):
             hidden = hidden if k == last else torch.tanh(hidden)
         mean = hidden.reshape(-1, 2)
         action: Tensor = _ClipInward.apply(mean, -1.0, 1.0)  # type: ignore[no-untyped-call]
-        f, slow = self.features, memory[:, 4:]
+        f, slow = self.features, memory[:, 4:6]
         if f.power:
-            memory = torch.cat([memory[:, :4], slow + f.dt / f.slow_s * (action - slow)], dim=1)
+            slow = slow + f.dt / f.slow_s * (action - slow)
+            memory = torch.cat([memory[:, :4], slow, memory[:, 6:]], dim=1)
         return action, memory
 
     def observe(self, signals: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
         """FeatureMap in torch."""
-        f = self.features
+        f, track = self.features, memory[:, 6:]
+        if f.radar:
+            signals, track = _filtered(f.radar, signals, track)
         features = signals @ self.matrix.T + self.offset
         if not f.memory:
             return features, memory
@@ -124,8 +128,8 @@ class SeedBatch(torch.nn.Module):
         if f.power:
             ideal = torch.where(memory[:, 3].isnan(), signals[:, 0], memory[:, 3])
             told, pull = self._power(signals, rates[:, 1], ideal)
-            parts += [told, memory[:, 4:]]
-            kept += [(ideal + f.dt * pull)[:, None], memory[:, 4:]]
+            parts += [told, memory[:, 4:6]]
+            kept += [(ideal + f.dt * pull)[:, None], memory[:, 4:6], track]
         return torch.cat(parts, dim=1), torch.cat(kept, dim=1)
 
     def _power(self, signals: Tensor, rate: Tensor, ideal: Tensor) -> tuple[Tensor, Tensor]:
@@ -164,3 +168,15 @@ class SeedBatch(torch.nn.Module):
         pairs = zip(self.weights, self.biases, strict=True)
         layers = [(array(weight[seed]), array(bias[seed, 0])) for weight, bias in pairs]
         return MlpPolicy(layers, self.features, self.scale, interface, coverage, card)
+
+
+def _filtered(radar: RadarFilter, signals: Tensor, track: Tensor) -> tuple[Tensor, Tensor]:
+    """RadarFilter in torch."""
+    seen = signals[:, [2, 0]]
+    off = (seen - track[:, :2]).abs()
+    kept = (off[:, :1] < radar.lost_m) & (off[:, 1:] < radar.lost_speed)
+    track = torch.where(kept, track, torch.cat([seen, torch.zeros_like(seen[:, :1])], dim=1))
+    gap, leader, pull = (track + (seen - track[:, :2]) @ torch.tensor(radar.gain).T).unbind(dim=1)
+    speed, target, grade = signals[:, [1, 3, 4]].unbind(dim=1)
+    expected = gap + radar.dt * (leader - speed), leader + radar.dt * pull, pull
+    return torch.stack([leader, speed, gap, target, grade], dim=1), torch.stack(expected, dim=1)

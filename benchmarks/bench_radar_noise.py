@@ -1,0 +1,183 @@
+"""What a radar's noise does to the pedals: the chosen policy of each truck with and without its filter.
+
+python benchmarks/bench_radar_noise.py [--work runs/following]
+
+Steady leaders, time gap 2 s, and the moving leader on hills. The policies are those of bench_following.py.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+import bench_following
+import matplotlib
+import numpy as np
+
+from deeptruck_cacc import load_policy, scenes
+from deeptruck_cacc.evaluation import metrics
+from deeptruck_cacc.guard import guard
+from deeptruck_cacc.hard_scenes import recorded, recorded_leaders, settled
+from deeptruck_cacc.pedals import PedalMap
+from deeptruck_cacc.policy import MlpPolicy, Policy
+from deeptruck_cacc.rollouts import Trace, roll_out
+from deeptruck_cacc.scaling import ActionScale
+from deeptruck_cacc.scenes import Scene
+from deeptruck_model import trucks
+from deeptruck_model.errors import InputError
+from deeptruck_model.simulators import Simulator
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+
+TRUCKS = ("trucksim", "volvo", "freightliner")
+NOISE = ((0.0, 0.0), (0.1, 0.05), (0.2, 0.1))  # m, m/s; the second is the leader node's
+SETTLED_S = 20.0
+SAYS = """The chosen policy of each truck on the truck itself, and the same weights without the filter.
+Noise is white, standard deviations for each reading; 0.1 m and 0.05 m/s are the leader node's. Behind
+steady leaders 32 runs of 80 s, the first 20 s left out, commands as shares of their reach; behind the
+moving leader on hills the 100 scenes of [following](following/trucksim.md), behind recorded cars
+(`DEEPTRUCK_REAL_DATA`) pieces of 80 s, where power suffices, after 10 s.
+
+![both pedals behind a steady leader](radar_noise.png)"""
+COLUMNS = {  # of a table: how it is written
+    "engine, sd (%)": ".1f",
+    "change a step (%)": ".1f",
+    "brake pulses a minute": ".1f",
+    "mean jerk (m/s³)": ".2f",
+    "fuel (l/100 km)": ".2f",
+    "time gap, worst (s)": ".3f",
+}
+MOVING = {
+    "worst (s)": "time_gap_worst_within_reach",
+    "99 % within (s)": "time_gap_p99_within_reach",
+    "scenes within 0.1 s": "rollouts_within_0.1_s",
+    "rms jerk (m/s³)": "jerk_rms",
+    "fuel (l/100 km)": "fuel_l_per_100km",
+}
+
+
+def main() -> None:
+    """Print the tables and write them to docs/results/radar_noise.md, with a figure beside them."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--work", type=Path, default=Path("runs/following"))
+    parser.add_argument("--seed", type=int, default=1000, help="of scenes and noise")
+    args = parser.parse_args()
+    out = Path(__file__).parents[1] / "docs" / "results"
+    lines = [
+        "# What a radar's noise does to the pedals",
+        "",
+        "`python benchmarks/bench_radar_noise.py`",
+        "",
+        SAYS,
+        "",
+    ]
+    for name in TRUCKS:
+        bench_following.learn(name, 10, args.work / name)
+        drivers, truck = both(args.work / name / "policy"), trucks.load(name)
+        lines += [f"## {name}", "", *behind_steady_leaders(truck, drivers, args.seed), ""]
+        for leader, scene in moving(args.seed, truck.dt).items():
+            lines += [*behind_moving_leaders(truck, drivers, leader, scene, args.seed), ""]
+    (out / "radar_noise.md").write_text("\n".join(lines[:-1]) + "\n")
+    draw(trucks.load(TRUCKS[0]), both(args.work / TRUCKS[0] / "policy"), args.seed, out / "radar_noise.png")
+    print("\n".join(lines))
+
+
+def both(path: Path) -> dict[str, Policy]:
+    """The chosen policy as it is, and the same weights without the filter."""
+    policy = load_policy(path)
+    assert isinstance(policy, MlpPolicy)
+    bare = replace(policy, features=replace(policy.features, radar=None))
+    return {"without the filter": bare, "with the filter": policy}
+
+
+def noisy(scene: Scene, range_sd: float, speed_sd: float, seed: int) -> Scene:
+    """The scene through a radar with white noise of these standard deviations (m, m/s)."""
+    rng, shape = np.random.default_rng(seed), scene.grade.shape
+    gap, speed = rng.normal(0.0, 1.0, (2, *shape))
+    return replace(scene, seen_gap_offset=range_sd * gap, seen_speed_offset=speed_sd * speed)
+
+
+def behind_steady_leaders(truck: Simulator, drivers: dict[str, Policy], seed: int) -> list[str]:
+    """As COLUMNS has it, for each driver and noise."""
+    scene = steady(seed, truck.dt)
+    lines = [f"| behind a steady leader | noise (m, m/s) | {' | '.join(COLUMNS)} |"]
+    lines += ["|---" * (len(COLUMNS) + 2) + "|"]
+    for name, driver in drivers.items():
+        for noise in NOISE:
+            trace = roll_out(truck, guard(driver, shield=False), noisy(scene, *noise, seed))
+            values = pedals(trace, ActionScale.of(truck))
+            cells = [format(x, kind) for x, kind in zip(values, COLUMNS.values(), strict=True)]
+            lines.append(f"| {name} | {noise[0]:g}, {noise[1]:g} | {' | '.join(cells)} |")
+    return lines
+
+
+def steady(seed: int, dt: float) -> Scene:
+    """32 leaders of 12 to 22 m/s for 80 s; both trucks at one speed, at a time gap of 2 s."""
+    return settled(32, round(80.0 / dt), np.random.default_rng(seed).uniform(12.0, 22.0, 32), 2.0)
+
+
+def pedals(trace: Trace, scale: ActionScale) -> list[float]:
+    """The numbers of COLUMNS. A pulse begins where the brake leaves 1 % of its reach."""
+    late = round(SETTLED_S / trace.dt)
+    engine = 100 * trace["engine_command"][late:] / scale.engine_high
+    braked = trace["brake_command"][late:] > 0.01 * scale.brake_high
+    minutes = braked.size * trace.dt / 60
+    pulses = np.count_nonzero(braked[1:] & ~braked[:-1]) / minutes
+    fuel = 1e5 * (trace["fuel"][late:] * 1e-3).sum() / trace["speed"][late:].sum()
+    return [
+        float(engine.std(axis=0).mean()),
+        float(np.abs(np.diff(engine, axis=0)).mean()),
+        float(pulses),
+        float(np.abs(trace["jerk"][late:]).mean()),
+        float(fuel),
+        float(np.abs(trace["time_gap_error"][late:]).max()),
+    ]
+
+
+def moving(seed: int, dt: float) -> dict[str, Scene]:
+    """The moving leader of bench_following.py, and cars recorded under ACC where the data is there."""
+    found = {"a moving leader": scenes.moving(np.random.default_rng(seed), 100, 800, dt)}
+    try:
+        return found | {"cars under ACC": recorded(recorded_leaders("acc"), 2.0)}
+    except InputError:
+        return found
+
+
+def behind_moving_leaders(
+    truck: Simulator, drivers: dict[str, Policy], name: str, scene: Scene, seed: int
+) -> list[str]:
+    """As MOVING has it, where power suffices, after 10 s."""
+    reach = metrics.within_reach(scene, PedalMap.calibrate(truck), truck.dt)
+    lines = [f"| behind {name} ({scene.batch} scenes) | noise (m, m/s) | {' | '.join(MOVING)} |"]
+    lines += ["|---" * (len(MOVING) + 2) + "|"]
+    for driver_name, driver in drivers.items():
+        for noise in NOISE[:2]:
+            row = metrics.summary(roll_out(truck, driver, noisy(scene, *noise, seed)), reach)
+            cells = [f"{row[key]:.3g}" for key in MOVING.values()]
+            lines.append(f"| {driver_name} | {noise[0]:g}, {noise[1]:g} | {' | '.join(cells)} |")
+    return lines
+
+
+def draw(truck: Simulator, drivers: dict[str, Policy], seed: int, path: Path) -> None:
+    """Both pedals over 20 s behind a steady leader, with the leader node's noise."""
+    scene, scale = noisy(steady(seed, truck.dt), *NOISE[1], seed), ActionScale.of(truck)
+    figure, axes = plt.subplots(len(drivers), 1, figsize=(8, 4), sharex=True, sharey=True)
+    for (name, driver), axis in zip(drivers.items(), axes, strict=True):
+        trace = roll_out(truck, guard(driver, shield=False), scene)
+        shown = slice(round(40.0 / trace.dt), round(60.0 / trace.dt))
+        for pedal, reach in (("engine", scale.engine_high), ("brake", scale.brake_high)):
+            axis.plot(trace.time[shown], 100 * trace[f"{pedal}_command"][shown, 0] / reach, label=pedal)
+        axis.set(title=name, ylabel="% of its reach")
+    axes[-1].legend(loc="upper right")
+    axes[-1].set_xlabel("time (s)")
+    figure.tight_layout()
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+if __name__ == "__main__":
+    main()
