@@ -29,6 +29,7 @@ MOVING = 1.0  # m/s; below it standstill logic and wheel sensors rule, not longi
 UNRECORDED_BRAKING = -0.5  # m/s^2; where braking is not recorded, slowing harder than this tells nothing
 SETTLE_S = 6.0  # the simulator's unknown inner state at the start needs this long to be forgotten
 JITTER_RUNS = 6
+SHIFT_S = 2.0  # around a shift, in which two runs open and close the clutch at different moments
 STEP = 0.04  # relative step of a parameter for its sensitivity
 
 
@@ -215,18 +216,37 @@ def _sensitivity(
 ) -> dict[str, Array]:
     """Change of the simulated acceleration for a 100 % change of each parameter, linearised."""
     own = simulator.parameters()
-    us = [p.u for p in prepared]
     out: dict[str, Array] = {}
     for name in PARAMETERS:
         if name in own and own[name] != 0.0:
-            low, high = (
-                _accelerations(simulator.with_parameters({name: own[name] * (1 + s)}), prepared, grid, us)
-                for s in (-STEP, STEP)
-            )
-            out[name] = (high - low) / (2 * STEP)
+            out[name] = _rerun_sensitivity(simulator, prepared, grid, evidence, name, own[name])
         else:
             out[name] = components.sensitivity(evidence, name)
     return {k: v for k, v in out.items() if np.abs(v[evidence.valid]).max(initial=0.0) > 1e-4}
+
+
+def _rerun_sensitivity(
+    simulator: Simulator, prepared: Sequence[Prepared], grid: _Grid, evidence: Evidence, name: str, value: float
+) -> Array:
+    """The slope between two reruns. Where these shift one may be a little sooner, and the shift is all that
+    they tell: there it is the slope of the components, as far off as before and after."""
+    low, high = (
+        [_forced(simulator.with_parameters({name: value * (1 + s)}), p, p.u) for p in prepared]
+        for s in (-STEP, STEP)
+    )
+    slope = grid.stack([(b.y - a.y)[0, :, ACCELERATION] for a, b in zip(low, high, strict=True)]) / (2 * STEP)
+    if "gear" not in low[0].inside:
+        return slope
+    dt = prepared[0].dt
+    apart = grid.any([_shifts(a, dt) | _shifts(b, dt) for a, b in zip(low, high, strict=True)])
+    known = np.nan_to_num(components.sensitivity(evidence, name))
+    return known + _fill(np.where(apart, np.nan, slope - known))
+
+
+def _shifts(run: Run, dt: float) -> Mask:
+    """Samples (n,) near a shift: the clutch opens before the gear changes."""
+    gear, near = run.inside["gear"][0], round(SHIFT_S / dt)
+    return _widen(np.diff(gear, prepend=gear[0]) != 0, near, near)
 
 
 def _rerunner(
