@@ -28,6 +28,7 @@ UNNAMED = (
     "what has no name is not in the corrected simulator; with it (--with-unnamed) the speed error of "
     "held-out free runs is {free:.3g} m/s instead of {after:.3g} m/s"
 )
+WEAK_LEARNED = 100.0
 WEAK = 60.0  # nats; a stronger cause is told also where no held-out drive shows it
 OF_RECORDINGS = frozenset({"when", "each", "recordings", "first"})  # settings
 NO_BETTER = 0.97  # of the error with other parameters alone
@@ -192,20 +193,21 @@ def corrected_and_driven(
 ) -> tuple[Explanation, tuple[dict[str, Errors], CorrectedTruck, dict[str, Any]]]:
     """The correction, driven; and the explanation, without causes where they are weak and drive no better."""
     driven = shown(simulator, correct(simulator, e, x, fitted), held_out, with_unnamed)
-    if not in_vain(x, driven[2]):
+    if not in_vain(x, driven[2], learned=e.own_error > 0):
         return x, driven
     x = replace(x, causes=(), lawful=None)
     return x, shown(simulator, correct(simulator, e, x, fitted), held_out, with_unnamed)
 
 
-def in_vain(x: Explanation, fit: dict[str, Any]) -> bool:
+def in_vain(x: Explanation, fit: dict[str, Any], *, learned: bool = False) -> bool:
     """Whether little was found and the simulator corrected by it drives worse on recordings held out; or no
-    better than one with other parameters, where laws were found, which other drives should obey too."""
-    weak = all(cause.gain < WEAK and cause.needed is None for cause in x.causes)
+    better than one with other parameters, where laws were found, which other drives should obey too, or where
+    it is a learned simulator, whose own error may be found."""
+    weak = all(c.gain < (WEAK_LEARNED if learned else WEAK) and c.needed is None for c in x.causes)
     if not x.causes or not weak or "after" not in fit:
         return False
     before, tuned, after = (fit[name]["speed_rmse"] for name in ("before", "parameters_only", "after"))
-    lawful = all(c.shape is not None and _lasting(c.shape) for c in x.causes)
+    lawful = learned or all(c.shape is not None and _lasting(c.shape) for c in x.causes)
     return bool(after > before or (lawful and after > NO_BETTER * tuned))
 
 

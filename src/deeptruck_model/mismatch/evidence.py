@@ -21,7 +21,7 @@ GRAVITY = 9.80665
 LEAST_ANSWER = 0.5  # where brakes make up for a force its size is not known
 DOUBT = 2.0  # the jittered runs see only part of what a simulator can be wrong about
 DOUBT_ROWS = 5  # a doubtful sample also marks those it is whitened with
-SLOW_NOISE, SLOW_NOISE_S = 0.015, 10.0  # m/s^2 sd of the mean over so long that may still be noise
+SLOW_NOISE, SLOW_NOISE_S = 0.015, 10.0  # m/s^2 sd of a physics truck's mean over so long that may be noise
 BLOCK_LEARNED_S = 1.0  # a learned simulator's timing is not good enough for more
 BLOCK_S = 0.2  # long enough to average sensor noise, short enough for a driveline
 
@@ -66,6 +66,8 @@ class Evidence:
         default_factory=dict
     )  # nats a name gains from the simulator's own error alone
     own_error: float = 0.0  # rms of what the simulator itself learned imperfectly, m/s^2
+    slow_noise: float = SLOW_NOISE  # m/s^2 sd of the mean over SLOW_NOISE_S that may still be noise
+    itself: Evidence | None = None  # a learned simulator along the recordings it keeps
     other_gear: int = 0  # samples left out because the simulator drives in another gear than the recorded one
     moved: dict[str, float] = field(default_factory=dict)  # relative changes the parameters have already had
 
@@ -116,7 +118,7 @@ class Evidence:
         """The regression target, with blocks where the simulator disagrees with itself given less weight."""
         relative = self.doubt(sigma)
         valid = self.valid if only is None else self.valid & only
-        slow = 0.0 if self.own_error > 0 else float(np.sqrt(self.dt / SLOW_NOISE_S)) / SLOW_NOISE
+        slow = float(np.sqrt(self.dt / SLOW_NOISE_S)) / self.slow_noise
         return Series(np.where(valid, self.residual, 0.0), valid, self.starts, relative, slow)
 
     def doubt(self, sigma: float) -> Array:

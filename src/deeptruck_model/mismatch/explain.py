@@ -17,9 +17,10 @@ from deeptruck_model.mismatch.rivals import named_cause, tuned_causes
 from deeptruck_model.mismatch.road_lock import road_lock
 from deeptruck_model.mismatch.search import Model, Search
 from deeptruck_model.mismatch.slow_force import SlowForce, slow_force
-from deeptruck_model.mismatch.worth_saying import ENOUGH, large_enough
+from deeptruck_model.mismatch.worth_saying import ENOUGH, large_enough, price
 
 ENOUGH_FREE = 75.0  # nats the free model must gain on what is left before 'unknown' is said
+OWN_ERRORS = 2.0  # times a learned simulator's own error, which is no less elsewhere, that it must be
 BEND = 0.3  # share of a name's gain that laws beside it must have: no form is quite right
 BEND_OF_PARAMETERS = 0.06  # the same where parameters alone were found: these enter as they are
 EXPLAINS = 0.55  # share of what is explainable that a name must explain, else it is only the nearest relative
@@ -35,12 +36,18 @@ def explain(search: Search) -> Explanation:
     null = search.model((), frozenset())
     parameters_only = search.background(())
     model, ranking = grow(search, parameters_only)
-    left = left_over(search, model)
+    left = _beyond_its_own(search, left_over(search, model))
     causes = _causes(search, model, null, left)
     causes = _with_slow_force(search, model, left.free, causes)
     return Explanation(
         tuple(causes), model, parameters_only, null, left.free, left.gain, left.lawful, ranking
     )
+
+
+def _beyond_its_own(search: Search, left: LeftOver) -> LeftOver:
+    """What is left over without the nats that a learned simulator's own error gives for it."""
+    own = price(search, left.lawful) if left.lawful else search.e.tolerance.get("unknown", 0.0)
+    return replace(left, gain=max(left.gain - own, 0.0)) if own > 0.0 else left
 
 
 def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[Cause]:
@@ -79,9 +86,11 @@ def _worth_calling_unknown(e: Evidence, left: LeftOver, explained: float, names:
 
     `explained` are the nats of all that was found, `names` those of missing physics with a name.
     """
+    force = left.free.prediction[e.valid]
     return (
-        left.gain > ENOUGH_FREE + e.tolerance.get("unknown", 0.0)
+        left.gain > ENOUGH_FREE
         and large_enough(e, left.free.prediction)
+        and float(np.sqrt(np.mean(force**2))) > OWN_ERRORS * e.own_error
         and left.gain > (BEND * names if names else BEND_OF_PARAMETERS * explained)
     )
 

@@ -40,7 +40,7 @@ class FreeModel:
 
 def features(e: Evidence) -> dict[str, Array]:
     """Signals and short memories of them, (n,) each."""
-    out = {name: e[name] for name in ("speed", "engine", "brake", "simulated")}
+    out = {name: e[name] for name in ("speed", "engine", "brake")}
     for name in (
         "grade",
         "gear",
@@ -62,7 +62,8 @@ def features(e: Evidence) -> dict[str, Array]:
             out[f"change of {name}"] = e[name] - e.lag(e[name], 1.0)
     pull, power = np.maximum(e["engine"], 0.0), e["brake"] * e["speed"]
     out["engine over 3 s"], out["engine over 60 s"] = e.lag(pull, 3.0), e.lag(pull, 60.0, "zero")
-    out["acceleration over 2 s"] = e.lag(e["simulated"], 2.0)
+    if e.own_error == 0.0:  # what a learned simulator learned badly is in its acceleration too
+        out["simulated"], out["acceleration over 2 s"] = e["simulated"], e.lag(e["simulated"], 2.0)
     if power.max(initial=0.0) > 0:
         out["braking power over 60 s"], out["braking power over 300 s"] = (
             e.lag(power, 60.0, "zero"),

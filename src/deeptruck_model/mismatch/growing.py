@@ -31,7 +31,7 @@ def first_guess(search: Search) -> Model:
 def grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], ...]]:
     """Add the best mechanism while it is worth it; then drop those that no longer are."""
     ranking: tuple[tuple[str, float], ...] = ()
-    bare = search.model((), frozenset()) if search.e.own_error > 0 else base
+    bare = base
     while len(base.named) < MOST:
         options = candidates(search, base)
         if not ranking:

@@ -16,7 +16,7 @@ from scipy.ndimage import uniform_filter1d
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.candidates import candidates
-from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.evidence import SLOW_NOISE, SLOW_NOISE_S, Evidence
 from deeptruck_model.mismatch.free_law import left_over
 from deeptruck_model.mismatch.free_model import free_model, transfer
 from deeptruck_model.mismatch.residual import Prepared, gather, prepare
@@ -45,7 +45,8 @@ def known(simulator: Simulator, measured_acceleration: bool, seed: int) -> Evide
 
 
 def allow_for(evidence: Evidence, own: Evidence) -> Evidence:
-    """The evidence less the predictable part of the simulator's own error, with the price of each name."""
+    """The evidence less the predictable part of the simulator's own error, and what is left of that."""
+    evidence, own = _as_retuned(evidence, own)
     doubt = Search(own).series.relative
     found = free_model(own, own.residual, doubt)
     if found.r2 > PREDICTABLE:
@@ -60,8 +61,28 @@ def allow_for(evidence: Evidence, own: Evidence) -> Evidence:
             evidence, residual=evidence.residual - slope * transfer(own, own.residual, doubt, evidence)
         )
         own = replace(own, residual=own.residual - slope * found.prediction)
+    own = replace(own, own_error=_slow_rms(own), slow_noise=_slow_noise(own))
     ratio = float(evidence.valid.sum()) / max(float(own.valid.sum()), 1.0)
-    return replace(evidence, tolerance=_prices(own, ratio), own_error=_slow_rms(own))
+    return replace(
+        evidence,
+        tolerance=_prices(own, ratio),
+        own_error=own.own_error,
+        slow_noise=own.slow_noise,
+        itself=own,
+    )
+
+
+def _as_retuned(evidence: Evidence, own: Evidence) -> tuple[Evidence, Evidence]:
+    """Both without what other masses and gains of the simulator would explain of its own recordings."""
+    search = Search(own)
+    base = search.background(())
+    common = [p for p in base.free if p in evidence.sensitivity]
+
+    def without(e: Evidence) -> Evidence:
+        total = sum((e.sensitivity[p] * base.change(p) for p in common), start=np.zeros(len(e)))
+        return replace(e, residual=e.residual - total)
+
+    return without(evidence), without(own)
 
 
 def _prices(own: Evidence, ratio: float) -> dict[str, float]:
@@ -75,6 +96,17 @@ def _prices(own: Evidence, ratio: float) -> dict[str, float]:
     prices["unknown"] = left_over(search, base).gain
     scale = SAFETY * max(ratio, 0.5)
     return {name: max(price, 0.0) * scale for name, price in prices.items()}
+
+
+def _slow_noise(own: Evidence) -> float:
+    """Sd (m/s^2) of the means over SLOW_NOISE_S of the simulator's own error, other driving allowed for."""
+    per = max(1, round(SLOW_NOISE_S / own.dt))
+    means = []
+    for s in own.stretches:
+        rows = np.arange(s.start, s.start + (s.stop - s.start) // per * per).reshape(-1, per)
+        means += own.residual[rows[own.valid[rows].all(axis=1)]].mean(axis=1).tolist()
+    spread = 1.4826 * float(np.median(np.abs(means))) if means else 0.0
+    return max(SLOW_NOISE, SAFETY * spread)
 
 
 def _slow_rms(own: Evidence) -> float:

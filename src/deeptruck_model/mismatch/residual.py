@@ -9,12 +9,11 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
-from scipy.signal import lfilter
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import answer, components
-from deeptruck_model.mismatch.command_path import FASTER_DOWN, eased, lagged
-from deeptruck_model.mismatch.evidence import BLOCK_LEARNED_S, BLOCK_S, Evidence, Stretch
+from deeptruck_model.mismatch.changed_commands import changed
+from deeptruck_model.mismatch.evidence import BLOCK_LEARNED_S, BLOCK_S, LEAST_ANSWER, Evidence, Stretch
 from deeptruck_model.mismatch.gears import other_gear
 from deeptruck_model.mismatch.kinematics import noise_of, observed_acceleration
 from deeptruck_model.recordings import Recording
@@ -29,6 +28,7 @@ MOVING = 1.0  # m/s; below it standstill logic and wheel sensors rule, not longi
 UNRECORDED_BRAKING = -0.5  # m/s^2; where braking is not recorded, slowing harder than this tells nothing
 SETTLE_S = 6.0  # the simulator's unknown inner state at the start needs this long to be forgotten
 JITTER_RUNS = 6
+SHIFT_S = 2.0  # around a shift, in which two runs open and close the clutch at different moments
 STEP = 0.04  # relative step of a parameter for its sensitivity
 
 
@@ -215,18 +215,39 @@ def _sensitivity(
 ) -> dict[str, Array]:
     """Change of the simulated acceleration for a 100 % change of each parameter, linearised."""
     own = simulator.parameters()
-    us = [p.u for p in prepared]
     out: dict[str, Array] = {}
     for name in PARAMETERS:
         if name in own and own[name] != 0.0:
-            low, high = (
-                _accelerations(simulator.with_parameters({name: own[name] * (1 + s)}), prepared, grid, us)
-                for s in (-STEP, STEP)
-            )
-            out[name] = (high - low) / (2 * STEP)
+            out[name] = _rerun_slope(simulator, prepared, grid, evidence, name)
         else:
             out[name] = components.sensitivity(evidence, name)
     return {k: v for k, v in out.items() if np.abs(v[evidence.valid]).max(initial=0.0) > 1e-4}
+
+
+def _rerun_slope(
+    simulator: Simulator, prepared: Sequence[Prepared], grid: _Grid, e: Evidence, name: str
+) -> Array:
+    """The slope between two reruns. Where these shift one may be a little sooner, and the shift is all that
+    they tell: there it is the slope of the components, as far off as before and after."""
+    value = simulator.parameters()[name]
+    low, high = (
+        [_forced(simulator.with_parameters({name: value * (1 + s)}), p, p.u) for p in prepared]
+        for s in (-STEP, STEP)
+    )
+    slope = grid.stack([(b.y - a.y)[0, :, ACCELERATION] for a, b in zip(low, high, strict=True)]) / (2 * STEP)
+    if "gear" not in low[0].inside:
+        return slope
+    dt = prepared[0].dt
+    apart = grid.any([_shifts(a, dt) | _shifts(b, dt) for a, b in zip(low, high, strict=True)])
+    apart &= e["answer"] > LEAST_ANSWER  # beyond, brakes answer and not the engine
+    known = np.nan_to_num(components.sensitivity(e, name))
+    return known + _fill(np.where(apart, np.nan, slope - known))
+
+
+def _shifts(run: Run, dt: float) -> Mask:
+    """Samples (n,) near a shift: the clutch opens before the gear changes."""
+    gear, near = run.inside["gear"][0], round(SHIFT_S / dt)
+    return _widen(np.diff(gear, prepend=gear[0]) != 0, near, near)
 
 
 def _rerunner(
@@ -234,61 +255,10 @@ def _rerunner(
 ) -> Callable[[str, float], Array]:
     @lru_cache(maxsize=256)
     def rerun(name: str, amount: float) -> Array:
-        us = [_changed(p, name, amount) for p in prepared]
+        us = [changed(p, name, amount) for p in prepared]
         return _accelerations(simulator, prepared, grid, us) - simulated
 
     return rerun
-
-
-def _changed(p: Prepared, name: str, amount: float) -> Array:
-    """The commands as another path had delivered them; `name` is WHAT_WHICH, e.g. delay_all, rate_brake."""
-    what, which = name.split("_")
-    out = p.u.copy()
-    for i, channel in enumerate(p.recording.interface.u):
-        if which != "all" and not channel.startswith(which):
-            continue
-        if what == "delay":
-            t = np.arange(len(out))
-            out[:, i] = np.interp(t - amount / p.dt, t, p.u[:, i])
-        elif what == "rate":
-            out[:, i] = _limit_rate(p.u[:, i], amount * p.dt, amount * p.dt)
-        elif what in ("soft", "shaped"):
-            down = amount * (FASTER_DOWN if what == "shaped" else 1.0)
-            out[:, i] = _limit_rate(p.u[:, i], amount * p.dt, down * p.dt, eased(p.dt))
-        elif what == "climb":
-            out[:, i] = _limit_rate(p.u[:, i], amount * p.dt, np.inf)
-        elif what == "drop":
-            out[:, i] = _limit_rate(p.u[:, i], np.inf, amount * p.dt)
-        elif what == "lag":
-            out[:, i] = _lag(p.u[:, i], *lagged(p.dt, amount))
-        elif what in ("rise", "fall"):
-            out[:, i] = _one_sided_lag(p.u[:, i], *lagged(p.dt, amount), what == "rise")
-    return out
-
-
-def _one_sided_lag(x: Array, end: float, mean: float, rising: bool) -> Array:
-    """A lag in one direction only: shoes that come late, or that let go late."""
-    out, held, side = x.tolist(), float(x[0]), min if rising else max
-    for k, value in enumerate(out):
-        out[k] = side(value, value + mean * (held - value))
-        held = side(value, value + end * (held - value))
-    return np.array(out)
-
-
-def _lag(x: Array, end: float, mean: float) -> Array:
-    """The mean over each step of a first-order lag behind commands held over the steps."""
-    after = lfilter([1 - end], [1, -end], x, zi=end * x[:1])[0]
-    before = np.concatenate([x[:1], after[:-1]])
-    out: Array = x + mean * (before - x)
-    return out
-
-
-def _limit_rate(x: Array, up: float, down: float, share: float = 1.0) -> Array:
-    """What follows x by `share` of the distance in each step, and by no more than `up` and `down`."""
-    out = x.tolist()
-    for k in range(1, len(out)):
-        out[k] = out[k - 1] + min(max(share * (out[k] - out[k - 1]), -down), up)
-    return np.array(out)
 
 
 def _fill(x: Array) -> Array:

@@ -19,6 +19,7 @@ from deeptruck_model.mismatch.worth_saying import (
     SLOW_SHARE,
     enough,
     large_enough,
+    practical,
     slow_price,
 )
 
@@ -65,13 +66,15 @@ def named_cause(search: Search, model: Model, shape: Shape) -> Cause:
 
 
 def _instead_of(search: Search, base: Model, shape: Shape) -> list[tuple[str, Model]]:
-    """The best model with each other name, or one more parameter, in place of a shape; best first."""
+    """The best model with each other possible name, or one more parameter, in place of a shape; best
+    first."""
     if "when" in shape.settings:
         spans = [(int(i), first, last) for i, first, last in shape.settings["when"]]
         tried = intermittent.candidates(search, base, spans)
     else:
         tried = candidates(search, base)
         tried = [enriched(search, m) for m in tried[:WIDENED]] + tried[WIDENED:]
+    tried = [m for m in tried if practical(search, m, m.named[-1])]
     instead = [(m.effects[-1], m) for m in tried if m.effects[-1] != shape.mechanism.effect]
     bent = [p for p in search.parameters if p not in base.free]
     return _best_of_each_name(instead + [(p, search.model(base.named, base.free | {p})) for p in bent])

@@ -9,7 +9,7 @@ charges for every coefficient.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,6 +100,7 @@ class Search:
             m for name, m in LIBRARY.items() if name not in set(exclude) and evidence.has(*m.needs)
         ]
         self.regimes = Regimes.of(evidence, self.series.usable())
+        self.own = Search(evidence.itself) if evidence.itself is not None else None
         self._shapes: dict[str, list[Shape]] = {}
         self._memo: tuple[Model, Fit, tuple[Array, Array, Array, Array]] | None = None
         self._models: dict[tuple[object, ...], Model] = {}
@@ -173,6 +174,12 @@ class Search:
         extra = Prior(np.array([0.7]), np.array([0.4]), np.array([1.0]))
         found = fit(self.series, np.column_stack([X, column]), Prior.join(prior, extra), model.fit)
         return found.evidence - model.fit.evidence
+
+    def gain_of_given(self, model: Model, force: Array) -> float:
+        """Nats gained by a force (n,) taken as it is."""
+        X, prior, _ = self.design(model)
+        found = fit(replace(self.series, y=self.series.y - force), X, prior, model.fit)
+        return found.evidence - self.model(model.named, model.free, model.fit).fit.evidence
 
     def design(self, model: Model) -> tuple[Array, Prior, tuple[tuple[str, slice], ...]]:
         """Columns (n, k), prior and layout of a model."""

@@ -214,7 +214,7 @@ def _explained(
         say("learning the simulator's own error from the recordings it keeps")
         evidence = own_error.allow_for(evidence, itself)
     elif not own:
-        evidence = replace(evidence, own_error=own_error.UNKNOWN)
+        evidence = replace(evidence, own_error=own_error.UNKNOWN, slow_noise=own_error.UNKNOWN)
     search = Search(evidence, exclude=exclude)
     guess = first_guess(search)
     change = {p: guess.change(p) for p in search.parameters if p in own}

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes
+from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes, shape
+from deeptruck_model.mismatch.noise import whiten
 from deeptruck_model.mismatch.search import Model, Search
 
 Array = NDArray[np.float64]
 
 ENOUGH = 20.0  # nats a name must gain: the price of the search, and of noise not quite as modelled
-ENOUGH_LEARNED = 40.0  # the same for a learned simulator, whose own error is never quite known
+ENOUGH_LEARNED = 50.0  # the same for a learned simulator, whose own error is never quite known
 SLOW_PRICE, SLOW_SHARE = 25.0, 0.1  # nats, and of the gain
 PRACTICAL_FORCE = 0.012  # m/s^2 rms over all time, what a slope sensor 0.1 % off makes, or ...
 PRACTICAL_WHEN_ACTING = 0.02  # m/s^2 rms over the tenth of the time when it acts most
 IMPOSSIBLE = 4.0  # prior sd; priors say what is physically possible
 # Beyond what sensor filters and message periods make late.
 PRACTICAL_S = {"delay": 0.15, "time_constant": 0.1}
+OTHER_DRIVING = 2.0  # times the own error that a learned simulator may have where it is driven otherwise
+OF_THESE = ("when", "first", "each", "recordings")  # settings that name recordings
 LEARNABLE = 0.05  # m/s^2 rms; a well-trained simulator's own error is smaller
 
 
@@ -28,13 +32,40 @@ def enough(search: Search) -> float:
 
 def price(search: Search, model: Model) -> float:
     """Nats the last name of a model would gain from the simulator's own error alone."""
-    if not model.named:
+    if not model.named or search.e.own_error == 0:
         return 0.0
     last = model.named[-1]
-    force = last.columns @ model.coefficients(last.mechanism.effect)
-    if beyond_learning(search.e, last, force):
+    b = model.coefficients(last.mechanism.effect)
+    if beyond_learning(search.e, last, last.columns @ b):
         return 0.0
-    return search.e.tolerance.get(last.mechanism.effect, 0.0)
+    own = _own_size(search, last)
+    if own is None:
+        return search.e.tolerance.get(last.mechanism.effect, 0.0)
+    base = search.model(model.named[:-1], model.free, model.fit)
+    return max(search.gain_of_given(base, last.columns @ _within(search, base, last, own)), 0.0)
+
+
+def _within(search: Search, base: Model, last: Shape, own: Array) -> Array:
+    """The coefficients of a shape that explain most without being larger than `own`, each (k,)."""
+    left, X, H0, weight = search.whitened(base)
+    columns = whiten(last.columns, base.fit.ar)[search.series.usable()] * weight[:, None]
+    columns = columns - X @ (H0 @ (X.T @ columns))
+    least = np.where(last.prior.sign > 0, 0.0, -own)
+    out: Array = lsq_linear(columns, left, (least, own + 1e-9)).x
+    return out
+
+
+def _own_size(search: Search, last: Shape) -> Array | None:
+    """How large the coefficients of a shape may be by the simulator's own error: as on the recordings it
+    keeps, other driving allowed for. None where it keeps none, or the shape belongs to these recordings."""
+    if search.own is None or any(key in last.settings for key in OF_THESE) or comes_and_goes(last):
+        return None
+    base = search.own.background(())
+    there = shape(last.mechanism, last.settings, search.own.e)
+    model = search.own.model((there,), base.free, base.fit)
+    name = last.mechanism.effect
+    sd: Array = np.sqrt(np.diag(model.covariance(name)))
+    return OTHER_DRIVING * np.abs(model.coefficients(name)) + sd
 
 
 def slow_price(model: Model, base: Model) -> float:

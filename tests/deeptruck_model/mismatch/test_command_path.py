@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from deeptruck_model.mismatch.changed_commands import changed
 from deeptruck_model.mismatch.command_path import CommandPath
-from deeptruck_model.mismatch.residual import Prepared, _changed
+from deeptruck_model.mismatch.residual import Prepared
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
 
@@ -50,8 +51,8 @@ def stepped(path: CommandPath, *drives: np.ndarray) -> np.ndarray:
 def test_step_by_step_as_in_the_rerun(name: str, amount: float) -> None:
     one, two = commands(0), commands(1)
     out = stepped(CommandPath([(name, amount, 1.0)], CHANNELS, DT), one, two)
-    assert out[0] == pytest.approx(_changed(prepared(one), name, amount), abs=1e-9)
-    assert out[1] == pytest.approx(_changed(prepared(two), name, amount), abs=1e-9)
+    assert out[0] == pytest.approx(changed(prepared(one), name, amount), abs=1e-9)
+    assert out[1] == pytest.approx(changed(prepared(two), name, amount), abs=1e-9)
     assert np.abs(out[0] - one).max() > 1.0
     untouched = {"all": [], "engine": [1], "brake": [0]}[name.split("_")[1]]
     assert (out[0][:, untouched] == one[:, untouched]).all()
@@ -66,8 +67,8 @@ def test_a_share_goes_part_of_the_way() -> None:
 def test_paths_follow_each_other() -> None:
     u = commands()
     both = stepped(CommandPath([("delay_all", 0.3, 1.0), ("lag_brake", 0.4, 1.0)], CHANNELS, DT), u)[0]
-    late = _changed(prepared(u), "delay_all", 0.3)
-    assert both == pytest.approx(_changed(prepared(late), "lag_brake", 0.4))
+    late = changed(prepared(u), "delay_all", 0.3)
+    assert both == pytest.approx(changed(prepared(late), "lag_brake", 0.4))
 
 
 def test_an_old_memory_stays_usable() -> None:

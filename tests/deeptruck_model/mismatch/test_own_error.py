@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from deeptruck_model.mismatch import own_error
-from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.evidence import SLOW_NOISE, Evidence
+from deeptruck_model.mismatch.search import Search
 
 
 def flawed(e: Evidence) -> Evidence:
@@ -50,3 +51,16 @@ def test_a_rare_jolt_is_no_error_of_the_whole(nothing_missing: Evidence) -> None
     jolted[1000:1040] += 3.0
     calm = own_error._slow_rms(nothing_missing)
     assert own_error._slow_rms(replace(nothing_missing, residual=jolted)) < 1.3 * calm
+
+
+def test_slow_noise_is_as_strong_as_the_trucks_own_drifts(nothing_missing: Evidence) -> None:
+    drift = 0.05 * np.sin(2 * np.pi * np.arange(len(nothing_missing)) * nothing_missing.dt / 90.0)
+    drifting = replace(nothing_missing, residual=nothing_missing.residual + drift)
+    quiet, restless = (own_error.allow_for(nothing_missing, own) for own in (nothing_missing, drifting))
+    assert quiet.slow_noise == SLOW_NOISE < 0.04 < restless.slow_noise < 0.1
+    assert restless.series(0.03).slow < quiet.series(0.03).slow
+
+
+def test_other_masses_and_gains_that_both_ask_for_are_no_finding(nothing_missing: Evidence) -> None:
+    left = own_error.allow_for(flawed(nothing_missing), flawed(nothing_missing))
+    assert left.itself is not None and "brake_gain" not in Search(left).background(()).free

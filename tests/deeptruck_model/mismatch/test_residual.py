@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -102,3 +104,13 @@ def test_quantum_is_the_step_of_a_channel() -> None:
 def test_less_than_a_block_is_refused(drives: list[Recording]) -> None:
     with pytest.raises(InputError, match="shorter than one block"):
         residual.gather(TRUCK, [residual.prepare(drives[0].piece(0, 1), False)], [False])
+
+
+def test_a_shift_that_comes_a_little_sooner_is_no_part_of_a_slope() -> None:
+    recording = driving_cycles.drive(TRUCK, seconds=600.0, seed=4)
+    channels = recording.channels | {"speed": np.round(recording.channels["speed"] * 921.6) / 921.6}
+    prepared = residual.prepare(replace(recording, channels=channels), False)
+    driven = residual.gather(TRUCK.with_parameters({"mass": 0.7 * MASS}), [prepared], [False])
+    slope = driven.sensitivity["rolling_resistance"][driven.valid]
+    assert driven["gear"].min() < driven["gear"].max()
+    assert np.abs(slope - np.median(slope)).max() < 0.5 * np.abs(np.median(slope))

@@ -98,9 +98,11 @@ def _settings(e: Evidence) -> Iterator[Settings]:
     for of, x in known.items():
         at = apart(np.quantile(x.rows(e)[e.valid], np.linspace(0.0, 1.0, KNOTS)))
         for carrier in CARRIERS if len(at) > 2 else ():
-            if rms[carrier] > LEAST_CARRIER:
+            if rms[carrier] > LEAST_CARRIER and not (carrier == "simulated" and e.own_error > 0):
                 yield {"carrier": carrier, "of": of, "at": at}
     for name, force in FORCES.items():
+        if name == "simulated" and e.own_error > 0:
+            continue  # what a learned simulator learned badly is in its acceleration too, and no law of it
         if float(np.std(force.rows(e)[e.valid])) > LEAST_CARRIER:
             for how in ("late", "late up or down", "swinging"):
                 if name != "simulated" or how == "swinging":  # what answers late throughout is the sensor

@@ -1,0 +1,55 @@
+"""What a learned truck does wrong on the recordings it keeps is no finding on others, in whatever name."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deeptruck_model.mismatch.candidates import candidates
+from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.free_law import left_over
+from deeptruck_model.mismatch.search import Model, Search
+from deeptruck_model.mismatch.worth_saying import price
+
+
+def with_limit(e: Evidence, share: float, seed: int) -> Evidence:
+    """The engine gives less than the simulator knows, the more it is asked for."""
+    noise = np.random.default_rng(seed).normal(0.0, 0.03, len(e))
+    return replace(e, residual=noise - share * np.maximum(e["engine"] - 0.3, 0.0))
+
+
+def learned(e: Evidence, own: Evidence) -> Search:
+    return Search(replace(e, own_error=0.01, itself=replace(own, own_error=0.01)))
+
+
+def best(search: Search) -> tuple[Model, float]:
+    base = search.background(())
+    model = candidates(search, base)[0]
+    return model, model.score - base.score
+
+
+def test_a_name_costs_what_the_truck_itself_does_wrong(nothing_missing: Evidence) -> None:
+    search = learned(with_limit(nothing_missing, 0.5, 1), with_limit(nothing_missing, 0.5, 2))
+    model, gain = best(search)
+    assert gain > 100.0 and price(search, model) > 0.8 * gain
+
+
+def test_it_costs_little_where_the_truck_was_right(nothing_missing: Evidence) -> None:
+    search = learned(with_limit(nothing_missing, 0.5, 1), with_limit(nothing_missing, 0.0, 2))
+    model, gain = best(search)
+    assert gain > 100.0 and price(search, model) < 0.5 * gain
+
+
+def test_nothing_is_to_be_paid_beside_a_physics_truck(nothing_missing: Evidence) -> None:
+    search = Search(with_limit(nothing_missing, 0.5, 1))
+    assert price(search, best(search)[0]) == 0.0
+
+
+@pytest.mark.parametrize(("share", "dear"), [(0.5, True), (0.0, False)])
+def test_laws_cost_the_same(nothing_missing: Evidence, share: float, dear: bool) -> None:
+    search = learned(with_limit(nothing_missing, 0.5, 1), with_limit(nothing_missing, share, 2))
+    left = left_over(search, search.background(()))
+    assert left.lawful is not None and left.gain > 100.0
+    assert (price(search, left.lawful) > 0.6 * left.gain) == dear
