@@ -28,8 +28,8 @@ UNNAMED = (
     "what has no name is not in the corrected simulator; with it (--with-unnamed) the speed error of "
     "held-out free runs is {free:.3g} m/s instead of {after:.3g} m/s"
 )
-WEAK_LEARNED = 100.0
 WEAK = 60.0  # nats; a stronger cause is told also where no held-out drive shows it
+WEAK_LEARNED, STRONG_LEARNED = 100.0, 300.0  # the same beside a learned simulator, and if it drives worse
 OF_RECORDINGS = frozenset({"when", "each", "recordings", "first"})  # settings
 NO_BETTER = 0.97  # of the error with other parameters alone
 HELPS = 0.9  # of the error, below which what has no name is worth asking for
@@ -203,10 +203,14 @@ def in_vain(x: Explanation, fit: dict[str, Any], *, learned: bool = False) -> bo
     """Whether little was found and the simulator corrected by it drives worse on recordings held out; or no
     better than one with other parameters, where laws were found, which other drives should obey too, or where
     it is a learned simulator, whose own error may be found."""
-    weak = all(c.gain < (WEAK_LEARNED if learned else WEAK) and c.needed is None for c in x.causes)
-    if not x.causes or not weak or "after" not in fit:
+    if not x.causes or any(c.needed is not None for c in x.causes) or "after" not in fit:
         return False
     before, tuned, after = (fit[name]["speed_rmse"] for name in ("before", "parameters_only", "after"))
+    most = max(c.gain for c in x.causes)
+    if learned and most < STRONG_LEARNED and after > before:
+        return True
+    if most >= (WEAK_LEARNED if learned else WEAK):
+        return False
     lawful = learned or all(c.shape is not None and _lasting(c.shape) for c in x.causes)
     return bool(after > before or (lawful and after > NO_BETTER * tuned))
 

@@ -119,6 +119,8 @@ def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list
         return causes
     known = {m.effect for m in search.library}
     possible = [n for n in found.possible if n in known and (n != "road_grade" or not e.has("grade"))]
+    if not possible and e.own_error > 0:
+        return causes  # larger than any it can be, it is the learned truck's own
     effect = possible[0] if possible else "unknown"
     if any(c.effect == effect for c in causes):
         return causes  # what is left of it is the bend of its form

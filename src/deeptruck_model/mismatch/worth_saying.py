@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes, shape
+from deeptruck_model.mismatch.mechanisms import Mechanism, Settings, Shape, comes_and_goes, shape
+from deeptruck_model.mismatch.mechanisms.over_time import each_recording
 from deeptruck_model.mismatch.noise import whiten
 from deeptruck_model.mismatch.search import Model, Search
 
@@ -22,7 +23,7 @@ IMPOSSIBLE = 4.0  # prior sd; priors say what is physically possible
 # Beyond what sensor filters and message periods make late.
 PRACTICAL_S = {"delay": 0.15, "time_constant": 0.1}
 OTHER_DRIVING = 2.0  # times the own error that a learned simulator may have where it is driven otherwise
-OF_THESE = ("when", "first", "each", "recordings")  # settings that name recordings
+ONCE = ("first", "each")  # settings by which a size belongs to a recording
 LEARNABLE = 0.05  # m/s^2 rms; a well-trained simulator's own error is smaller
 
 
@@ -36,7 +37,7 @@ def price(search: Search, model: Model) -> float:
         return 0.0
     last = model.named[-1]
     b = model.coefficients(last.mechanism.effect)
-    if beyond_learning(search.e, last, last.columns @ b):
+    if beyond_learning(search.e, last, last.columns @ b) and not _has(last, *ONCE):
         return 0.0
     own = _own_size(search, last)
     if own is None:
@@ -58,14 +59,39 @@ def _within(search: Search, base: Model, last: Shape, own: Array) -> Array:
 def _own_size(search: Search, last: Shape) -> Array | None:
     """How large the coefficients of a shape may be by the simulator's own error: as on the recordings it
     keeps, other driving allowed for. None where it keeps none, or the shape belongs to these recordings."""
-    if search.own is None or any(key in last.settings for key in OF_THESE) or comes_and_goes(last):
+    if search.own is None or _has(last, "when", "recordings") or comes_and_goes(last):
         return None
-    base = search.own.background(())
-    there = shape(last.mechanism, last.settings, search.own.e)
-    model = search.own.model((there,), base.free, base.fit)
+    if _has(last, *ONCE):
+        return _own_spread(search.own, last)
+    model = _on_its_own(search.own, last.mechanism, last.settings)
     name = last.mechanism.effect
     sd: Array = np.sqrt(np.diag(model.covariance(name)))
     return OTHER_DRIVING * np.abs(model.coefficients(name)) + sd
+
+
+def _own_spread(own: Search, last: Shape) -> Array:
+    """The same where a coefficient belongs to a recording: as these differ among those the truck keeps."""
+    sizes = []
+    gate = {key: value for key, value in last.settings.items() if key == "gate"}
+    for part in last.settings.get("parts", [last.settings]):
+        kept = {key: value for key, value in part.items() if key not in (*ONCE, "after_s", "count")}
+        model = _on_its_own(own, last.mechanism, kept | gate | each_recording(own.e))
+        b = model.coefficients(last.mechanism.effect)
+        sd = np.sqrt(np.diag(model.covariance(last.mechanism.effect)))
+        size = OTHER_DRIVING * float(np.sqrt(np.mean(b**2))) + float(np.mean(sd))
+        sizes += [size] * len(last.mechanism.build(part))
+    return np.array(sizes)
+
+
+def _on_its_own(own: Search, mechanism: Mechanism, settings: Settings) -> Model:
+    base = own.background(())
+    return own.model((shape(mechanism, settings, own.e),), base.free, base.fit)
+
+
+def _has(last: Shape, *keys: str) -> bool:
+    """Whether a setting of a shape, or of any of its parts, is one of these."""
+    each = [last.settings, *last.settings.get("parts", [])]
+    return any(key in part for part in each for key in keys)
 
 
 def slow_price(model: Model, base: Model) -> float:

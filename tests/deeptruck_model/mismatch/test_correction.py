@@ -213,3 +213,20 @@ def test_a_slow_force_is_told_by_its_size_and_not_by_a_drive() -> None:
     }
     explanation: Any = SimpleNamespace(causes=(slow,))
     assert not correction.in_vain(explanation, fit)
+
+
+@pytest.mark.parametrize(
+    ("gain", "after", "vain"),
+    [(200.0, 0.11, True), (200.0, 0.06, False), (80.0, 0.06, True), (400.0, 0.11, False)],
+)
+def test_beside_a_learned_simulator_more_must_be_shown(gain: float, after: float, vain: bool) -> None:
+    shape: Any = SimpleNamespace(settings={"knots": [4]})
+    causes = (Cause("missing_physics", "road_surface", gain, 0.5, 0.9, np.zeros(1), shape),)
+    fit = {
+        "before": {"speed_rmse": 0.1},
+        "after": {"speed_rmse": after},
+        "parameters_only": {"speed_rmse": 0.05},
+    }
+    explanation: Any = SimpleNamespace(causes=causes)
+    assert correction.in_vain(explanation, fit, learned=True) == vain
+    assert not correction.in_vain(explanation, fit | {"after": {"speed_rmse": 0.09}})

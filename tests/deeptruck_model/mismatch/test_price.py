@@ -53,3 +53,23 @@ def test_laws_cost_the_same(nothing_missing: Evidence, share: float, dear: bool)
     left = left_over(search, search.background(()))
     assert left.lawful is not None and left.gain > 100.0
     assert (price(search, left.lawful) > 0.6 * left.gain) == dear
+
+
+def test_masses_of_drives_cost_as_they_differ_among_those_it_keeps(nothing_missing: Evidence) -> None:
+    second = nothing_missing.record == 1
+
+    def laden(seed: int, share: float) -> Evidence:
+        noise = np.random.default_rng(seed).normal(0.0, 0.03, len(second))
+        inertia = -nothing_missing["simulated"]
+        signals = nothing_missing.signals | {"sensitivity:mass": inertia}
+        return replace(nothing_missing, signals=signals, residual=noise + share * second * inertia)
+
+    shares = []
+    for own in (laden(2, 0.0), laden(2, 0.1)):
+        search = learned(laden(1, 0.1), own)
+        base = search.background(())
+        payload = next(m for m in search.library if m.effect == "payload_change")
+        later = next(s for s in search.shapes(payload) if s.settings.get("first") == 1)
+        model = search.model((later,), base.free, base.fit)
+        shares.append(price(search, model) / (model.score - base.score))
+    assert shares[0] < 0.4 and shares[1] > 0.8
