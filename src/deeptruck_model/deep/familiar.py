@@ -27,10 +27,11 @@ def fingerprint(recording: Recording) -> str:
 def trained_on(truck: DeepTruck, recordings: Sequence[Recording]) -> list[str]:
     """Names of those recordings that trained `truck`, or the truck that it was adapted from.
 
-    Trucks of versions that did not store this know none.
+    Trucks of versions that did not store this know none; and one standstill is like another.
     """
     known = set(truck.details.get(KEY, ()))
-    return [r.name for r in recordings if fingerprint(r) in known]
+    moving = [r for r in recordings if np.any(r.channels["speed"] > 0.0)]
+    return [r.name for r in moving if fingerprint(r) in known]
 
 
 def warning(truck: DeepTruck, recordings: Sequence[Recording]) -> str:

@@ -66,6 +66,7 @@ def train(
     run = _begin(data, arguments, identity)
     done = resume.load(working, identity, run.network, run.optimizers, run.best) if resumes else 0
     if not done:
+        exclusive.free(working)  # another run may have begun while this one prepared its data
         shutil.rmtree(working, ignore_errors=True)
         resume.make(working)
     with exclusive.writing(working):

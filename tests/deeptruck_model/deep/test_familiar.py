@@ -33,3 +33,11 @@ def test_many_are_counted_and_older_trucks_know_none(truck, drive):
     known = truck.with_details({familiar.KEY: [familiar.fingerprint(r) for r in drives]})
     assert "toy0, toy1, toy2 and 2 more" in familiar.warning(known, drives)
     assert familiar.warning(DeepTruck(truck.network, truck.interface), drives) == ""
+
+
+def test_one_standstill_is_like_another_and_known_by_none(truck, drive):
+    recording = drive(10)
+    standing = replace(recording, channels=recording.channels | {"speed": np.zeros(len(recording))})
+    known = truck.with_details({familiar.KEY: [familiar.fingerprint(r) for r in (standing, recording)]})
+    assert familiar.trained_on(known, [standing]) == []
+    assert familiar.trained_on(known, [recording]) == [recording.name]

@@ -1,11 +1,12 @@
 import json
+from contextlib import ExitStack
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 
-from deeptruck_model import trucks
+from deeptruck_model import exclusive, trucks
 from deeptruck_model.deep import finished, resume, statistics, train, training, trials
 from deeptruck_model.deep.network import WEIGHTS
 from deeptruck_model.errors import InputError
@@ -214,3 +215,19 @@ def test_out_that_is_something_else_is_left_alone(drive, small, tmp_path):
     (tmp_path / "notes" / "x").write_text("x")
     with pytest.raises(InputError, match="not a simulator directory"):
         train([drive(30)], tmp_path / "notes", small)
+
+
+def test_a_run_that_began_while_this_one_prepared_is_left_alone(drive, small, tmp_path, monkeypatch):
+    partial, begin = tmp_path / "sim.partial", training._begin
+    with ExitStack() as other:
+
+        def overtaken(*everything):
+            partial.mkdir()
+            (partial / "other").touch()
+            other.enter_context(exclusive.writing(partial))
+            return begin(*everything)
+
+        monkeypatch.setattr(training, "_begin", overtaken)
+        with pytest.raises(InputError, match="another run is writing"):
+            train([drive(60)], tmp_path / "sim", small)
+    assert (partial / "other").exists()
