@@ -16,7 +16,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file
 from safetensors.torch import save as to_bytes
 
-from deeptruck_model.deep import reference
+from deeptruck_model.deep import driven, reference
 from deeptruck_model.deep.coverage import Coverage
 from deeptruck_model.deep.network import WEIGHTS, Scales, Shape, TruckNetwork
 from deeptruck_model.deep.truck import DeepTruck
@@ -42,6 +42,8 @@ def write(truck: DeepTruck, folder: Path) -> None:
     (folder / WEIGHTS_FILE).write_bytes(to_bytes(weights))
     if truck.reference:
         reference.save(truck.reference, folder)
+    if truck.driven is not None:
+        driven.save(truck.driven, folder)
     if truck.coverage is not None:
         (folder / COVERAGE_FILE).write_text(json.dumps(truck.coverage.to_dict()))
     manifest = {
@@ -95,7 +97,15 @@ def load_directory(path: Path, manifest: dict[str, Any]) -> DeepTruck:
     _fill(network, path / WEIGHTS_FILE)
     known = ("kind", "schema", "interface", "units", "dt", "shape", "scales")
     details = {key: value for key, value in manifest.items() if key not in known}
-    return DeepTruck(network, interface, _coverage(path / COVERAGE_FILE), details, reference.load(path))
+    columns = 1 + len(interface.u) + len(interface.w)
+    return DeepTruck(
+        network,
+        interface,
+        _coverage(path / COVERAGE_FILE),
+        details,
+        reference.load(path),
+        driven.load(path, columns),
+    )
 
 
 def _fill(network: TruckNetwork, path: Path) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from deeptruck_model.deep import checkpoint, familiar
 from deeptruck_model.deep.arguments import Arguments
+from deeptruck_model.deep.driven import Driven
 from deeptruck_model.deep.network import Scales, TruckNetwork
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.deep.windows import (
@@ -42,6 +43,8 @@ class Prepared:
     data_hash: str
     start: TruckNetwork | None
     """the network to adapt, where there is one"""
+    driven: Driven | None
+    """what that learned from"""
     trained_on: tuple[str, ...]
     """fingerprints of the recordings, and of those that trained `start`"""
     unexplained: float
@@ -74,11 +77,12 @@ def prepare(recordings: Sequence[Recording], arguments: Arguments) -> Prepared:
         pieces = [consistent(piece) for piece in pieces]
     training, validation = time_split(pieces)
     taught = teachable(training) if arguments.teach and arguments.mode == "default" else ()
-    scales, start = measure_scales(training, taught), None
+    scales, start, driven = measure_scales(training, taught), None, None
     seen = tuple(familiar.fingerprint(r) for r in recordings)
     if arguments.start:
         known = _start(Path(arguments.start), interface, pieces[0].dt)
         start, taught = known.network, tuple(known.details.get("taught", ()))
+        driven = known.driven
         seen += tuple(known.details.get(familiar.KEY, ()))
         scales = Scales(start.mean.numpy(), start.scale.numpy(), start.top_speed)
     return Prepared(
@@ -91,6 +95,7 @@ def prepare(recordings: Sequence[Recording], arguments: Arguments) -> Prepared:
         Sequences.of(validation, scales, taught),
         data_hash(pieces),
         start,
+        driven,
         tuple(dict.fromkeys(seen)),
         float(np.mean(np.concatenate([unexplained(r, interface) for r in recordings]))),
     )

@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 from torch.utils.tensorboard import SummaryWriter
 
 from deeptruck_model import exclusive
-from deeptruck_model.deep import card, checkpoint, coverage, familiar, kernels, resume
+from deeptruck_model.deep import card, checkpoint, coverage, driven, familiar, kernels, resume
 from deeptruck_model.deep.arguments import Arguments
 from deeptruck_model.deep.compiled import FloatArray
 from deeptruck_model.deep.identity import differences, identity_in, identity_of
@@ -77,7 +77,11 @@ def train(
         )
     run.best.restore(run.network)
     truck = DeepTruck(
-        run.network, data.interface, coverage.measure(data.training), _details(run, time.monotonic() - began)
+        run.network,
+        data.interface,
+        coverage.measure(data.training),
+        _details(run, time.monotonic() - began),
+        driven=driven.measure(data.training, data.driven),
     )
     return card.publish(truck, data.training, data.validation, working, out)
 

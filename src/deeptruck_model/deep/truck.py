@@ -14,6 +14,7 @@ from torch import Tensor
 
 from deeptruck_model.deep import inference
 from deeptruck_model.deep.coverage import Coverage
+from deeptruck_model.deep.driven import Driven
 from deeptruck_model.deep.network import State, TruckNetwork
 from deeptruck_model.deep.uncertainty import half_width
 from deeptruck_model.errors import InputError
@@ -44,8 +45,7 @@ class DeepTruck:
     """The ensemble mean of `network.shape.members` models, each running on its own response.
 
     `details` is what the manifest holds besides: config, seeds, data hash, calibration. `reference` are
-    recordings it
-    was not fitted to, by which its own error is known.
+    recordings it was not fitted to, by which its own error is known; `driven` is what it learned from.
     """
 
     def __init__(
@@ -55,9 +55,10 @@ class DeepTruck:
         coverage: Coverage | None = None,
         details: Mapping[str, Any] | None = None,
         reference: tuple[Recording, ...] = (),
+        driven: Driven | None = None,
     ) -> None:
         self.network, self.coverage = network.eval(), coverage
-        self.reference = reference
+        self.reference, self.driven = reference, driven
         self.details: dict[str, Any] = dict(details or {})
         self._interface = interface
         self._packed = inference.pack(network)
@@ -108,6 +109,21 @@ class DeepTruck:
         half = half_width(calibration, spread, self.dt)
         return Prediction(mean, mean - half, mean + half, self.covers(mean, w))
 
+    def believes(self, u: Array, w: Array, recorded: Array) -> dict[str, Array]:
+        """What the truck makes of the signals it was taught (gear, engine speed, torque: those its recordings
+        had) along forced runs: by name, (batch, T). u (batch, T, n_u), w (batch, T, n_w), recorded (batch, T,
+        n_y)."""
+        names: list[str] = self.details.get("taught", [])
+        y = np.concatenate([self._start(recorded[:, 0])[:, None], recorded[:, 1:]], axis=1)
+        commands, conditions, fed = (
+            torch.as_tensor(x, dtype=torch.float32) for x in (u[:, :-1], w[:, :-1], y)
+        )
+        with torch.no_grad():
+            both = self.network.unfold(commands, conditions, fed, form="training")
+        after = both[..., self.network.shape.responses :].mean(dim=0)
+        whole = torch.cat([after[:, :1], after], dim=1).double().numpy()
+        return {name: whole[..., i] for i, name in enumerate(names)}
+
     def spread(self, u: Array, w: Array, y0: Array) -> Array:
         """Standard deviation over the members of a free run, (batch, T, n_y); 0 for a single model."""
         return self._run(u, w, y0, None)[1]
@@ -137,7 +153,12 @@ class DeepTruck:
     def with_details(self, details: Mapping[str, Any]) -> DeepTruck:
         """The same truck with other entries in its manifest."""
         return DeepTruck(
-            self.network, self.interface, self.coverage, {**self.details, **details}, self.reference
+            self.network,
+            self.interface,
+            self.coverage,
+            {**self.details, **details},
+            self.reference,
+            self.driven,
         )
 
     def save(self, path: Path) -> None:

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from deeptruck_model.mismatch.command_path import FASTER_DOWN, eased, lagged
 
 if TYPE_CHECKING:
-    from deeptruck_model.mismatch.residual import Prepared
+    from deeptruck_model.mismatch.prepared import Prepared
 
 Array = NDArray[np.float64]
 

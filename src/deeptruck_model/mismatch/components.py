@@ -22,7 +22,7 @@ from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Run, Simulator, forced_run
 
 if TYPE_CHECKING:
-    from deeptruck_model.mismatch.residual import Prepared
+    from deeptruck_model.mismatch.prepared import Prepared
 
 Array = NDArray[np.float64]
 

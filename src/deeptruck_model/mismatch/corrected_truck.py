@@ -92,6 +92,11 @@ class CorrectedTruck:
         return self.base.interface
 
     @property
+    def driven(self) -> Any:
+        """What the truck beneath has learned from, where it is a learned one."""
+        return getattr(self.original, "driven", None)
+
+    @property
     def dt(self) -> float:
         return self.base.dt
 

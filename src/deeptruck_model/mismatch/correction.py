@@ -16,7 +16,7 @@ from deeptruck_model.mismatch.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.improvement import Errors, compare, free_windows
 from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes, held_steady
-from deeptruck_model.mismatch.residual import Prepared
+from deeptruck_model.mismatch.prepared import Prepared
 from deeptruck_model.mismatch.search import RETUNE_RANGE, Model, Search
 from deeptruck_model.mismatch.share import Shares
 from deeptruck_model.simulators import Simulator

@@ -15,7 +15,7 @@ from deeptruck_model.mismatch.drawing import BLUE, GREEN, GREY, INK, ORANGE, fig
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.improvement import Errors
-    from deeptruck_model.mismatch.residual import Prepared
+    from deeptruck_model.mismatch.prepared import Prepared
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -18,7 +18,7 @@ from deeptruck_model.recordings.coverage_figure import draw as draw_coverage
 from deeptruck_model.signals import SPEED
 
 if TYPE_CHECKING:
-    from deeptruck_model.mismatch.residual import Prepared
+    from deeptruck_model.mismatch.prepared import Prepared
     from deeptruck_model.mismatch.tool import Mismatch
 
 Array = NDArray[np.float64]

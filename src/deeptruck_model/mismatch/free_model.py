@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 from sklearn.ensemble import HistGradientBoostingRegressor
 from threadpoolctl import threadpool_limits
 
@@ -106,29 +105,6 @@ def free_model(e: Evidence, residual: Array, doubt: Array, seed: int = 0) -> Fre
     total = max(float(importance.clip(0).sum()), 1e-12)
     shares = {name: float(max(i, 0.0)) / total for name, i in zip(named, importance, strict=True)}
     return FreeModel(full, r2, dict(sorted(shares.items(), key=lambda kv: -kv[1])), named)
-
-
-def transfer(own: Evidence, residual: Array, doubt: Array, other: Evidence) -> Array:
-    """Fit the free model to `residual` (n,) of one body of evidence, predict it on another, (m,)."""
-    here, there = features(own), features(other)
-    shared = [name for name in here if name in there]
-    per = max(1, round(PERIOD_S / own.dt))
-    rows = np.arange(len(own) // per * per).reshape(-1, per)
-    rows = rows[own.valid[rows].all(axis=1)]
-    edges = {name: _edges(here[name][rows].mean(axis=1)) for name in shared}
-    X = np.stack([np.searchsorted(edges[n], here[n][rows].mean(axis=1)) for n in shared], axis=1).astype(
-        float
-    )
-    y = residual[rows].mean(axis=1)
-    scale = 1.4826 * np.median(np.abs(y - np.median(y))) + 1e-9
-    model = _model(0)
-    with threadpool_limits(1):
-        model.fit(
-            X, np.clip(y, -CLIP * scale, CLIP * scale), sample_weight=1.0 / (doubt[rows] ** 2).mean(axis=1)
-        )
-    out = model.predict(np.stack([np.searchsorted(edges[n], there[n]) for n in shared], axis=1).astype(float))
-    smooth: Array = uniform_filter1d(out, per)
-    return smooth
 
 
 def _model(seed: int) -> HistGradientBoostingRegressor:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.levers import turns
-from deeptruck_model.mismatch.residual import Prepared
+from deeptruck_model.mismatch.prepared import Prepared
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Simulator
 

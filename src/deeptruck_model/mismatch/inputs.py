@@ -9,7 +9,7 @@ import numpy as np
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import data_checks
-from deeptruck_model.mismatch.residual import Prepared
+from deeptruck_model.mismatch.prepared import Prepared
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
 

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch.components import TYPICAL_MASS
 from deeptruck_model.mismatch.evidence import DOUBT
 from deeptruck_model.mismatch.kinematics import noise_of
-from deeptruck_model.mismatch.residual import JITTER_RUNS, MOVING, SETTLE_S, quantum
+from deeptruck_model.mismatch.prepared import MOVING, SETTLE_S, quantum
+from deeptruck_model.mismatch.residual import JITTER_RUNS
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Simulator
 

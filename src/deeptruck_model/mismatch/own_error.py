@@ -1,8 +1,7 @@
 """A learned simulator's own error, known from recordings it was not fitted to and keeps with it.
 
-What a deep truck learned imperfectly looks like missing physics. Two defences: the part of its own error that
-its signals predict is taken off the residual, and whatever the search would gain on the truck's own
-recordings is the price that a finding on new recordings must exceed.
+What a deep truck learned imperfectly looks like missing physics. So whatever the search would gain on the
+truck's own recordings is the price that a finding on new recordings must exceed.
 """
 
 from __future__ import annotations
@@ -18,8 +17,8 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.candidates import candidates
 from deeptruck_model.mismatch.evidence import SLOW_NOISE, SLOW_NOISE_S, Evidence
 from deeptruck_model.mismatch.free_law import left_over
-from deeptruck_model.mismatch.free_model import free_model, transfer
-from deeptruck_model.mismatch.residual import Prepared, gather, prepare
+from deeptruck_model.mismatch.prepared import Prepared, learned, prepare
+from deeptruck_model.mismatch.residual import gather
 from deeptruck_model.mismatch.search import Search
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
@@ -28,7 +27,6 @@ Array = NDArray[np.float64]
 
 LEAST_S = 120.0
 UNKNOWN = 0.04  # m/s^2 rms, for a learned simulator that keeps no recordings: that of one trained on an hour
-PREDICTABLE = 0.02  # held-out r2 from which the own error is taken off
 SAFETY = 1.5  # the price is this much of what the search gains on the truck's own recordings
 
 
@@ -36,7 +34,7 @@ def known(simulator: Simulator, measured_acceleration: bool, seed: int) -> Evide
     """The simulator's own recordings as evidence; None where it keeps none that can be used."""
     kept: Sequence[Recording] = getattr(simulator, "reference", ())
     try:
-        prepared: list[Prepared] = [prepare(r, measured_acceleration) for r in kept]
+        prepared: list[Prepared] = [learned(simulator, prepare(r, measured_acceleration)) for r in kept]
         if sum(float(p.valid.sum()) * p.dt for p in prepared) < LEAST_S:
             return None
         return gather(simulator, prepared, [False] * len(prepared), seed=seed)
@@ -45,22 +43,7 @@ def known(simulator: Simulator, measured_acceleration: bool, seed: int) -> Evide
 
 
 def allow_for(evidence: Evidence, own: Evidence) -> Evidence:
-    """The evidence less the predictable part of the simulator's own error, and what is left of that."""
-    evidence, own = _as_retuned(evidence, own)
-    doubt = Search(own).series.relative
-    found = free_model(own, own.residual, doubt)
-    if found.r2 > PREDICTABLE:
-        use = own.valid & (found.prediction != 0.0)
-        slope = float(
-            found.prediction[use]
-            @ own.residual[use]
-            / max(float(found.prediction[use] @ found.prediction[use]), 1e-12)
-        )
-        slope = float(np.clip(slope, 0.0, 1.0))
-        evidence = replace(
-            evidence, residual=evidence.residual - slope * transfer(own, own.residual, doubt, evidence)
-        )
-        own = replace(own, residual=own.residual - slope * found.prediction)
+    """The evidence with what the simulator's own error makes of names, sizes and slow noise."""
     own = replace(own, own_error=_slow_rms(own), slow_noise=_slow_noise(own))
     ratio = float(evidence.valid.sum()) / max(float(own.valid.sum()), 1.0)
     return replace(
@@ -70,19 +53,6 @@ def allow_for(evidence: Evidence, own: Evidence) -> Evidence:
         slow_noise=own.slow_noise,
         itself=own,
     )
-
-
-def _as_retuned(evidence: Evidence, own: Evidence) -> tuple[Evidence, Evidence]:
-    """Both without what other masses and gains of the simulator would explain of its own recordings."""
-    search = Search(own)
-    base = search.background(())
-    common = [p for p in base.free if p in evidence.sensitivity]
-
-    def without(e: Evidence) -> Evidence:
-        total = sum((e.sensitivity[p] * base.change(p) for p in common), start=np.zeros(len(e)))
-        return replace(e, residual=e.residual - total)
-
-    return without(evidence), without(own)
 
 
 def _prices(own: Evidence, ratio: float) -> dict[str, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -14,9 +14,8 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import answer, components
 from deeptruck_model.mismatch.changed_commands import changed
 from deeptruck_model.mismatch.evidence import BLOCK_LEARNED_S, BLOCK_S, LEAST_ANSWER, Evidence, Stretch
-from deeptruck_model.mismatch.gears import other_gear
-from deeptruck_model.mismatch.kinematics import noise_of, observed_acceleration
-from deeptruck_model.recordings import Recording
+from deeptruck_model.mismatch.gears import believed, other_gear
+from deeptruck_model.mismatch.prepared import Prepared, fed, fill, quantum, widen
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Run, Simulator, forced_run
 
@@ -24,53 +23,9 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 PARAMETERS = ("mass", "drag_area", "rolling_resistance", "torque_gain", "brake_gain")
-MOVING = 1.0  # m/s; below it standstill logic and wheel sensors rule, not longitudinal dynamics
-UNRECORDED_BRAKING = -0.5  # m/s^2; where braking is not recorded, slowing harder than this tells nothing
-SETTLE_S = 6.0  # the simulator's unknown inner state at the start needs this long to be forgotten
 JITTER_RUNS = 6
 SHIFT_S = 2.0  # around a shift, in which two runs open and close the clutch at different moments
 STEP = 0.04  # relative step of a parameter for its sensitivity
-
-
-@dataclass(frozen=True)
-class Prepared:
-    """A recording made fit for a simulator: no NaN, speed smoothed as little as its noise demands."""
-
-    recording: Recording
-    u: Array
-    w: Array
-    y: Array
-    observed: Array  # acceleration, (n,)
-    valid: Mask
-    speed_noise: float
-    measured_acceleration: bool
-
-    @property
-    def dt(self) -> float:
-        return self.recording.dt
-
-
-def prepare(recording: Recording, measured_acceleration: bool) -> Prepared:
-    """Fill what is missing, mark it invalid for as long as it can disturb, and estimate acceleration."""
-    dt = recording.dt
-    needed = (*recording.interface.u, *recording.interface.w, "speed")
-    bad = ~np.isfinite(recording.columns(needed).sum(axis=1))
-    filled = {name: _fill(recording.channels[name]) for name in {*needed, *recording.interface.y}}
-    speed = filled["speed"]
-    noise = noise_of(recording.channels["speed"])
-    width = float(np.clip(noise / 0.02, 0.0, 3.0)) * 0.15 / dt if dt < 0.5 else 0.0
-    smooth = gaussian_filter1d(speed, width, mode="nearest") if width > 0.3 else speed
-    accelerometer = recording.channels["acceleration"] if measured_acceleration else None
-    observed = observed_acceleration(speed, accelerometer, dt)
-    filled |= {"speed": smooth, "acceleration": observed}
-    dead = _widen(bad, round(0.3 / dt), round(2.0 / dt)) | (smooth < MOVING)
-    if recording.interface.brake_unit is None:
-        slowing = gaussian_filter1d(observed, max(1.0, 1.0 / dt)) < UNRECORDED_BRAKING
-        dead |= _widen(slowing, round(2.0 / dt), round(3.0 / dt))
-    dead[: round(SETTLE_S / dt)] = True
-    dead[len(dead) - round(1.0 / dt) :] = True
-    whole = replace(recording, channels=filled)
-    return Prepared(recording, whole.u, whole.w, whole.y, observed, ~dead, noise, measured_acceleration)
 
 
 def gather(
@@ -91,7 +46,10 @@ def gather(
     grid = _Grid(prepared, held_out, block)
     simulated = grid.stack([r.y[0, :, ACCELERATION] for r in runs])
     observed = grid.stack([p.observed for p in prepared])
-    other, apart = other_gear(prepared, runs)
+    if simulator.parameters():
+        other, apart = other_gear(prepared, runs)
+    else:
+        other, apart = other_gear(prepared, believed(simulator, prepared), numbered_alike=True)
     signals, mass = components.signals(simulator, prepared, runs, grid)
     signals["gear apart"] = grid.any(apart).astype(float)
     turning = _turning(runs, grid)
@@ -162,20 +120,6 @@ def _forced(simulator: Simulator, p: Prepared, u: Array) -> Run:
     return forced_run(simulator, u[None], p.w[None], fed(simulator, p.y)[None])
 
 
-def fed(simulator: Simulator, y: Array) -> Array:
-    """What of the recorded response y (..., n_y) the simulator is fed.
-
-    A learned simulator that sees the acceleration it is to predict passes it on, and the mismatch with it; so
-    it is fed speed alone.
-    """
-    if simulator.parameters():
-        return y
-    out = np.full_like(y, np.nan)
-    out[..., SPEED] = y[..., SPEED]
-    out[..., 0, :] = y[..., 0, :]
-    return out
-
-
 def _accelerations(
     simulator: Simulator, prepared: Sequence[Prepared], grid: _Grid, us: Sequence[Array]
 ) -> Array:
@@ -199,15 +143,6 @@ def _disagreement(simulator: Simulator, prepared: Sequence[Prepared], grid: _Gri
         run = forced_run(simulator, u, np.repeat(p.w[None], k, axis=0), fed(simulator, y))
         parts.append(run.y[:, :, ACCELERATION].std(axis=0, ddof=1))
     return grid.stack(parts)
-
-
-def quantum(x: Array) -> float:
-    """The step a channel is quantised to: its smallest common difference, at most 2 % of its range."""
-    steps = np.abs(np.diff(x))
-    steps = steps[steps > 1e-12]
-    if len(steps) < 20:
-        return 0.0
-    return float(min(np.quantile(steps, 0.02), 0.02 * np.ptp(x)))
 
 
 def _sensitivity(
@@ -241,13 +176,13 @@ def _rerun_slope(
     apart = grid.any([_shifts(a, dt) | _shifts(b, dt) for a, b in zip(low, high, strict=True)])
     apart &= e["answer"] > LEAST_ANSWER  # beyond, brakes answer and not the engine
     known = np.nan_to_num(components.sensitivity(e, name))
-    return known + _fill(np.where(apart, np.nan, slope - known))
+    return known + fill(np.where(apart, np.nan, slope - known))
 
 
 def _shifts(run: Run, dt: float) -> Mask:
     """Samples (n,) near a shift: the clutch opens before the gear changes."""
     gear, near = run.inside["gear"][0], round(SHIFT_S / dt)
-    return _widen(np.diff(gear, prepend=gear[0]) != 0, near, near)
+    return widen(np.diff(gear, prepend=gear[0]) != 0, near, near)
 
 
 def _rerunner(
@@ -259,21 +194,3 @@ def _rerunner(
         return _accelerations(simulator, prepared, grid, us) - simulated
 
     return rerun
-
-
-def _fill(x: Array) -> Array:
-    ok = np.isfinite(x)
-    if ok.all():
-        return x
-    if not ok.any():
-        return np.zeros_like(x)
-    index = np.arange(len(x))
-    return np.interp(index, index[ok], x[ok])
-
-
-def _widen(bad: Mask, before: int, after: int) -> Mask:
-    if not bad.any():
-        return bad
-    kernel = np.ones(before + after + 1)
-    full = np.convolve(bad.astype(float), kernel)
-    return full[before : before + len(bad)] > 0.5

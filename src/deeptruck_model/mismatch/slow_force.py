@@ -53,14 +53,10 @@ def slow_force(e: Evidence, left: Array, weight: Array, sigma: float, doubt: flo
     """
     if e.valid.sum() * e.dt < LEAST_S:
         return None
-    width = WIDTH_S / e.dt
-    use = np.where(e.valid, weight, 0.0)
-    amount = gaussian_filter1d(use, width)
-    smooth = gaussian_filter1d(np.where(e.valid, left, 0.0) * use, width) / np.maximum(amount, 1e-3)
-    known = e.valid & (amount > 0.2 * float(np.median(amount[e.valid])))
-    centred = smooth - float(np.mean(smooth[known]))
+    centred, known = _slow_part(e, left, weight)
     rms = float(np.sqrt(np.mean(centred[known] ** 2)))
-    if rms < max(float(np.hypot(NOTABLE, doubt)), NOISE * sigma / np.sqrt(2.0 * np.sqrt(np.pi) * width)):
+    noise = NOISE * sigma / np.sqrt(2.0 * np.sqrt(np.pi) * WIDTH_S / e.dt)
+    if rms < max(float(np.hypot(NOTABLE, doubt)), noise):
         return None
     speed, pull = np.maximum(e["speed"], 3.0), np.maximum(e["engine"], 0.0)
     per_wind = 2.0 * e["drag"] / speed
@@ -70,6 +66,22 @@ def slow_force(e: Evidence, left: Array, weight: Array, sigma: float, doubt: flo
         "torque_derate": _size(centred, pull, known),
     }
     return SlowForce(centred, rms, needed)
+
+
+def slow_rms(e: Evidence, left: Array, weight: Array) -> float:
+    """Rms (m/s^2) of the slow part of `left` (n,), arguments as of slow_force."""
+    centred, known = _slow_part(e, left, weight)
+    return float(np.sqrt(np.mean(centred[known] ** 2)))
+
+
+def _slow_part(e: Evidence, left: Array, weight: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """The slow part without its mean, and where it is known, both (n,)."""
+    width = WIDTH_S / e.dt
+    use = np.where(e.valid, weight, 0.0)
+    amount = gaussian_filter1d(use, width)
+    smooth = gaussian_filter1d(np.where(e.valid, left, 0.0) * use, width) / np.maximum(amount, 1e-3)
+    known = e.valid & (amount > 0.2 * float(np.median(amount[e.valid])))
+    return smooth - float(np.mean(smooth[known])), known
 
 
 def _size(force: Array, per_unit: Array, known: NDArray[np.bool_]) -> float:

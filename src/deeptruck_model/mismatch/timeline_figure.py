@@ -19,7 +19,7 @@ from deeptruck_model.mismatch.drawing import BLUE, GREY, INK, SKY, VERMILION, co
 from deeptruck_model.mismatch.evidence import Evidence, Stretch
 
 if TYPE_CHECKING:
-    from deeptruck_model.mismatch.residual import Prepared
+    from deeptruck_model.mismatch.prepared import Prepared
     from deeptruck_model.mismatch.tool import Mismatch
 
 Array = NDArray[np.float64]

@@ -29,7 +29,8 @@ from deeptruck_model.mismatch.growing import first_guess
 from deeptruck_model.mismatch.improvement import Errors
 from deeptruck_model.mismatch.inputs import same_signals, unusable, with_held_out
 from deeptruck_model.mismatch.output import apply, write
-from deeptruck_model.mismatch.residual import PARAMETERS, Prepared, gather, prepare
+from deeptruck_model.mismatch.prepared import Prepared, learned, prepare
+from deeptruck_model.mismatch.residual import PARAMETERS, gather
 from deeptruck_model.mismatch.search import RETUNE_RANGE, Model, Search
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
@@ -40,6 +41,7 @@ EXCLUDE = (
     "DEEPTRUCK_MISMATCH_EXCLUDE"  # comma-separated effects to leave out of the library: for examinations
 )
 OTHER_GEAR = "the simulator drives in another gear than was recorded"
+STRANGE = "the simulator has learned from no driving at such speeds, commands and slopes"
 WORTH_MOVING = 20.0  # nats
 RETUNE = 0.05  # beyond this relative change parameters are set in the simulator, and all is linearised again
 
@@ -100,7 +102,11 @@ def _checked(
     drives, rejected = data_checks.clean(drives)
     measured = data_checks.acceleration_is_measured(drives)
     faults = data_checks.sensor_faults(drives) if measured else []
-    prepared = tuple(prepare(data_checks.mended(r, faults), measured) for r in drives)
+    whole = [prepare(data_checks.mended(r, faults), measured) for r in drives]
+    prepared = tuple(learned(simulator, p) for p in whole)
+    strange = sum(int((p.valid & ~q.valid).sum()) for p, q in zip(whole, prepared, strict=True))
+    if strange:
+        rejected = sorted([*rejected, data_checks.Rejection(STRANGE, strange)], key=lambda r: -r.samples)
     fitted = [p for p, out in zip(prepared, flags, strict=True) if not out]
     data = {
         "rejected": [{"rule": r.rule, "samples": r.samples} for r in rejected],

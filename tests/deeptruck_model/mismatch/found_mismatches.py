@@ -13,7 +13,7 @@ from deeptruck_model.mismatch.improvement import Errors
 from deeptruck_model.mismatch.locate import Regime, Segment
 from deeptruck_model.mismatch.mechanisms import LIBRARY, shapes
 from deeptruck_model.mismatch.noise import Fit
-from deeptruck_model.mismatch.residual import prepare
+from deeptruck_model.mismatch.prepared import prepare
 from deeptruck_model.mismatch.search import Model
 from deeptruck_model.mismatch.tool import Mismatch
 from deeptruck_model.recordings import Recording

@@ -7,7 +7,7 @@ import pytest
 
 from deeptruck_model.mismatch.changed_commands import changed
 from deeptruck_model.mismatch.command_path import CommandPath
-from deeptruck_model.mismatch.residual import Prepared
+from deeptruck_model.mismatch.prepared import Prepared
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
 

@@ -9,7 +9,7 @@ from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.mismatch import improvement
 from deeptruck_model.mismatch.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.improvement import Errors, compare, free_windows
-from deeptruck_model.mismatch.residual import Prepared, prepare
+from deeptruck_model.mismatch.prepared import Prepared, prepare
 
 TRUCK = trucks.load("trucksim")
 MASS = TRUCK.parameters()["mass"]

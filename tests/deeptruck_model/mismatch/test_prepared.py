@@ -1,0 +1,71 @@
+"""Recordings made fit to be compared."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from deeptruck_model import driving_cycles, trucks
+from deeptruck_model.deep import driven
+from deeptruck_model.mismatch import prepared
+from deeptruck_model.recordings import Recording
+
+TRUCK = trucks.load("trucksim")
+
+
+@pytest.fixture(scope="module")
+def drives() -> list[Recording]:
+    return [driving_cycles.drive(TRUCK, seconds=200.0, seed=k) for k in range(2)]
+
+
+def test_what_a_learned_simulator_is_fed() -> None:
+    y = np.ones((5, 2))
+    assert (prepared.fed(TRUCK, y) == 1.0).all()
+    learned: Any = SimpleNamespace(parameters=dict)
+    hidden = prepared.fed(learned, y)
+    assert np.isnan(hidden[1:, 0]).all() and (hidden[:, 1] == 1.0).all() and (hidden[0] == 1.0).all()
+
+
+def test_holes_are_filled_and_kept_out(drives: list[Recording]) -> None:
+    holes = drives[0].piece(0, len(drives[0]))
+    holes.channels["grade"] = holes.channels["grade"].copy()
+    holes.channels["grade"][800:805] = np.nan
+    p = prepared.prepare(holes, False)
+    assert np.isfinite(p.u).all() and np.isfinite(p.w).all() and np.isfinite(p.y).all()
+    assert not p.valid[797:825].any()
+    assert not p.valid[:60].any() and not p.valid[p.y[:, 1] < prepared.MOVING].any()
+    assert (drives[0].channels["grade"][800:805] == drives[0].w[800:805, 0]).all()
+
+
+def test_quantum_is_the_step_of_a_channel() -> None:
+    rng = np.random.default_rng(0)
+    x = np.round(np.cumsum(rng.normal(size=500)) / 0.5) * 0.5
+    assert prepared.quantum(x) == pytest.approx(0.5, rel=0.01)
+    assert prepared.quantum(np.zeros(500)) == 0.0
+
+
+class Learned:
+    """A simulator that has learned from driving without slopes."""
+
+    def __init__(self, drives: list[Recording]) -> None:
+        flat = [replace(r, channels=r.channels | {"grade": np.zeros(len(r))}) for r in drives]
+        self.driven = driven.measure(flat)
+
+    def parameters(self) -> dict[str, float]:
+        return {}
+
+
+def test_driving_that_was_never_learned_from_is_kept_out(drives: list[Recording]) -> None:
+    flat = np.zeros(len(drives[0]))
+    hilly = np.where(np.arange(len(flat)) > 1000, 0.05, 0.0)
+    simulator: Any = Learned(drives)
+    level, climbing = (
+        prepared.learned(simulator, prepared.prepare(replace(r, channels=r.channels | {"grade": g}), False))
+        for r, g in ((drives[0], flat), (drives[0], hilly))
+    )
+    assert level.valid.mean() > 0.7
+    assert (climbing.valid[:1001] == level.valid[:1001]).mean() > 0.99 and not climbing.valid[1010:].any()
