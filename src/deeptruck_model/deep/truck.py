@@ -162,7 +162,7 @@ class DeepTruck:
         )
 
     def save(self, path: Path) -> None:
-        """Write a simulator directory: simulator.json, model.safetensors, coverage.json."""
+        """Write a simulator directory: simulator.json, model.safetensors and what it learned from."""
         from deeptruck_model.deep.checkpoint import save
 
         save(self, path)

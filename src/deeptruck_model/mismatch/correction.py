@@ -29,7 +29,7 @@ UNNAMED = (
     "held-out free runs is {free:.3g} m/s instead of {after:.3g} m/s"
 )
 WEAK = 60.0  # nats; a stronger cause is told also where no held-out drive shows it
-WEAK_LEARNED, STRONG_LEARNED = 100.0, 300.0  # the same beside a learned simulator, and if it drives worse
+WEAK_LEARNED, STRONG_LEARNED = 60.0, 150.0  # the same beside a learned simulator, and if it drives worse
 OF_RECORDINGS = frozenset({"when", "each", "recordings", "first"})  # settings
 NO_BETTER = 0.97  # of the error with other parameters alone
 HELPS = 0.9  # of the error, below which what has no name is worth asking for

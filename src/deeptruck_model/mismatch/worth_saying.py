@@ -15,7 +15,7 @@ from deeptruck_model.mismatch.search import Model, Search
 Array = NDArray[np.float64]
 
 ENOUGH = 20.0  # nats a name must gain: the price of the search, and of noise not quite as modelled
-ENOUGH_LEARNED = 50.0  # the same for a learned simulator, whose own error is never quite known
+ENOUGH_LEARNED = 35.0  # the same for a learned simulator, whose own error is never quite known
 SLOW_PRICE, SLOW_SHARE = 25.0, 0.1  # nats, and of the gain
 PRACTICAL_FORCE = 0.012  # m/s^2 rms over all time, what a slope sensor 0.1 % off makes, or ...
 PRACTICAL_WHEN_ACTING = 0.02  # m/s^2 rms over the tenth of the time when it acts most

@@ -23,7 +23,7 @@ from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import MANIFEST
 
 HOURS = 4.0
-UPDATES = 1500
+UPDATES = 0  # as many as training chooses for so much driving
 CACHE = "DEEPTRUCK_PROOF_DEEP"  # environment variable: folder of trained trucks
 
 
@@ -66,7 +66,7 @@ def truck_seed(plan: Plan) -> int:
 
 
 def trained(plan: Plan, hours: float = HOURS, updates: int = UPDATES) -> Path:
-    """The simulator directory of the plan's truck; trained on the first call (a minute or two)."""
+    """The simulator directory of the plan's truck; trained on the first call (a minute)."""
     from deeptruck_model import deep
 
     path = cache_folder() / f"{plan.truck}-{truck_seed(plan):08x}-{updates}"
