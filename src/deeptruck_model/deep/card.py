@@ -80,11 +80,11 @@ def publish(
     (working / "metrics.json").write_text(json.dumps(metrics, indent=1) + "\n")
     (working / "MODEL_CARD.md").write_text(model_card(truck, training, metrics))
     reference.save(validation, working)
-    (working / resume.FILE).unlink(missing_ok=True)
     try:
         checkpoint.put(working, out)
     except OSError as error:
-        raise InputError(f"cannot write {out}: {error.strerror}; the trained truck is in {working}") from None
+        raise InputError(f"cannot write {out}: {error.strerror}; mend that and add --resume") from None
+    (out / resume.FILE).unlink(missing_ok=True)  # only now: without it nothing could be gone on with
     shutil.rmtree(working, ignore_errors=True)
     loaded = simulators.load(out)
     assert isinstance(loaded, DeepTruck)
