@@ -29,10 +29,10 @@ def script(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) 
 
 @pytest.fixture(scope="session")
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
-    """bag(name, seconds, seed=, truck=) -> a bag of a drive of a pool truck."""
+    """bag(name, seconds, seed=) -> a bag of a drive of `trucksim`."""
 
-    def _bag(name: str, seconds: float, seed: int = 0, truck: str = "trucksim") -> Path:
-        drive = driving_cycles.drive(trucks.load(truck), seconds=seconds, seed=seed, name=name)
+    def _bag(name: str, seconds: float, seed: int = 0) -> Path:
+        drive = driving_cycles.drive(trucks.load("trucksim"), seconds=seconds, seed=seed, name=name)
         return write_bag(tmp_path_factory.mktemp("bags") / name, [drive], interface=drive.interface)
 
     return _bag
