@@ -13,15 +13,18 @@ INDEX = $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX))
 
 # What pip says of every package that a second, local index does not have; whatever else it says is shown.
 HARMLESS = ^WARNING: Location .* is ignored: it is neither a file nor a directory
+# Of all that pip tells, what takes long: packages of a megabyte and more, and the end.
+SHOWN = s/^ *(Downloading|Using cached) (.*\/)?([A-Za-z0-9_.]+)-[0-9].* \(([0-9.]+ [MG]B)\).*/  \3, \4/p
+UNPACKED = s/^Installing collected packages:.*/  now unpacking them all, which takes a while without a sign/p
 .PHONY: demo test lint bench clean setup
 
 $(STAMP): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12))' || \
 	  { echo "deeptruck needs Python 3.11 or 3.12: make $(MAKECMDGOALS) PYTHON=python3.12"; exit 2; }
-	@echo "setting up $(VENV), some minutes the first time"
+	@echo "setting up $(VENV), some minutes the first time; large packages as they come:"
 	@$(PYTHON) -m venv $(VENV)
-	@bash -c '$(BIN)/pip install -q --no-compile --disable-pip-version-check $(INDEX) -c constraints.txt \
-	  -e ".[$(EXTRAS)]" 2> >(grep -v "$(HARMLESS)" >&2)'
+	@bash -o pipefail -c '$(BIN)/pip install --no-compile --disable-pip-version-check --progress-bar off $(INDEX) \
+	  -c constraints.txt -e ".[$(EXTRAS)]" 2> >(grep -v "$(HARMLESS)" >&2) | sed -unE "$(SHOWN);$(UNPACKED)"'
 	@touch $@
 
 setup: $(STAMP)

@@ -41,8 +41,8 @@ def main(
 ) -> None:
     """Run the demo, or go on with it."""
     began = time.monotonic()
-    out = out.absolute()
     _claim(out)
+    out = out.absolute()
     steps = chosen(plan(out, Settings.quick() if quick else Settings(), real_data()), only)
     if only is None and real_data() is None:
         print("no real recordings at hand (DEEPTRUCK_REAL_DATA): the real truck is left out", flush=True)
@@ -55,6 +55,8 @@ def main(
         except KeyboardInterrupt:
             raise StepError("interrupted; run again to go on from here") from None
     written = page.write(out, list(runner.progress.values()), time.monotonic() - began)
+    for remark in page.remarks(out, runner.progress):
+        print(remark)
     print(f"{time.monotonic() - began:.0f} s; open {os.path.relpath(written)}")
 
 

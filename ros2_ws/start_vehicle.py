@@ -20,48 +20,64 @@ Every parameter of every node: docs/nodes.md.
 """
 
 
+# The truck and its bus
+Vehicle = Annotated[str, typer.Option(help="trucksim, freightliner, volvo or a YAML file.")]
+Interface = Annotated[str, typer.Option(help="python-can interface: socketcan, udp_multicast, loopback, ...")]
+Channel = Annotated[str, typer.Option(help="Channel of the interface.")]
+Engage = Annotated[
+    bool, typer.Option("--engage", help="A person asks for control as soon as the conditions hold.")
+]
+NoLoad = Annotated[
+    bool, typer.Option("--no-load", help="Send nothing; /diagnostics shows what would be sent.")
+]
+# The emulated truck and its road
+Emulator = Annotated[
+    bool, typer.Option("--emulator", help="Put the ECU emulator and a simulated leader behind the bus.")
+]
+InitialSpeed = Annotated[float, typer.Option(help="Of the emulated truck, m/s.", min=0.0, max=50.0)]
+Grade = Annotated[str, typer.Option(help="Of the emulated road: rise/run, or a CSV distance,grade.")]
+# Who drives, and behind whom
+Policy = Annotated[str, typer.Option(help="Policy directory, or baseline:NAME.")]
+TimeGap = Annotated[float, typer.Option(help="To hold, s.")]
+Leader = Annotated[
+    str | None,
+    typer.Option(help="Simulated vehicle ahead, as in start_simulation.py; else the truck's radar."),
+]
+Radar = Annotated[Literal["clean", "noisy", "field"], typer.Option(help="Errors of the simulated radar.")]
+InitialGap = Annotated[float, typer.Option(help="m; 0: a time gap of 2 s.")]
+Seed = Annotated[int, typer.Option(help="Of the radar's errors.")]
+# The run
+Record = Annotated[Path | None, typer.Option(help="Bag to record; must not exist.")]
+Overwrite = Annotated[bool, typer.Option(help="Replace an existing bag.")]
+Duration = Annotated[float, typer.Option(help="s; 0: until Ctrl-C.", min=0.0)]
+Monitor = Annotated[
+    str, typer.Option(help="Simulator to compare the truck with while it drives: /mismatch/residual.")
+]
+Parameters = Annotated[Path | None, typer.Option(help="Parameter file; wins over the options.")]
+RunFolders = Annotated[Path, typer.Option("--runs", help="Where the folder of this run goes.")]
+
+
 def main(
-    vehicle: Annotated[str, typer.Option(help="trucksim, freightliner, volvo or a YAML file.")],
-    policy: Annotated[str, typer.Option(help="Policy directory, or baseline:NAME.")],
-    interface: Annotated[
-        str, typer.Option(help="python-can interface: socketcan, udp_multicast, loopback, ...")
-    ] = "loopback",
-    channel: Annotated[str, typer.Option(help="Channel of the interface.")] = "deeptruck",
-    record: Annotated[Path | None, typer.Option(help="Bag to record; must not exist.")] = None,
-    overwrite: Annotated[bool, typer.Option(help="Replace an existing bag.")] = False,
-    emulator: Annotated[
-        bool, typer.Option("--emulator", help="Put the ECU emulator and a simulated leader behind the bus.")
-    ] = False,
-    leader: Annotated[
-        str | None,
-        typer.Option(help="Simulated vehicle ahead, as in start_simulation.py; else the truck's radar."),
-    ] = None,
-    radar: Annotated[
-        Literal["clean", "noisy", "field"], typer.Option(help="Errors of the simulated radar.")
-    ] = "noisy",
-    initial_speed: Annotated[
-        float, typer.Option(help="Of the emulated truck, m/s.", min=0.0, max=50.0)
-    ] = 20.0,
-    initial_gap: Annotated[float, typer.Option(help="m; 0: a time gap of 2 s.")] = 0.0,
-    grade: Annotated[
-        str, typer.Option(help="Of the emulated road: rise/run, or a CSV distance,grade.")
-    ] = "0",
-    time_gap: Annotated[float, typer.Option(help="To hold, s.")] = 2.0,
-    engage: Annotated[
-        bool, typer.Option("--engage", help="A person asks for control as soon as the conditions hold.")
-    ] = False,
-    no_load: Annotated[
-        bool, typer.Option("--no-load", help="Send nothing; /diagnostics shows what would be sent.")
-    ] = False,
-    duration: Annotated[float, typer.Option(help="s; 0: until Ctrl-C.", min=0.0)] = 0.0,
-    seed: Annotated[int, typer.Option(help="Of the radar's errors.")] = 0,
-    monitor: Annotated[
-        str, typer.Option(help="Simulator to compare the truck with while it drives: /mismatch/residual.")
-    ] = "",
-    parameters: Annotated[Path | None, typer.Option(help="Parameter file; wins over the options.")] = None,
-    run_folders: Annotated[Path, typer.Option("--runs", help="Where the folder of this run goes.")] = Path(
-        "runs"
-    ),
+    vehicle: Vehicle,
+    policy: Policy,
+    interface: Interface = "loopback",
+    channel: Channel = "deeptruck",
+    record: Record = None,
+    overwrite: Overwrite = False,
+    emulator: Emulator = False,
+    leader: Leader = None,
+    radar: Radar = "noisy",
+    initial_speed: InitialSpeed = 20.0,
+    initial_gap: InitialGap = 0.0,
+    grade: Grade = "0",
+    time_gap: TimeGap = 2.0,
+    engage: Engage = False,
+    no_load: NoLoad = False,
+    duration: Duration = 0.0,
+    seed: Seed = 0,
+    monitor: Monitor = "",
+    parameters: Parameters = None,
+    run_folders: RunFolders = Path("runs"),
 ) -> None:
     """Drive a truck over CAN with the simulation's nodes. Ctrl-C hands control back and ends in order."""
     bridge = {

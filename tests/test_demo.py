@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -17,6 +18,7 @@ from deeptruck_model.errors import InputError
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))  # `examples` is no part of the installed packages
 
+from examples.demo import page  # noqa: E402
 from examples.demo.following import Following  # noqa: E402
 from examples.demo.runner import Runner, StepError, last_line  # noqa: E402
 from examples.demo.steps import Settings, Step, chosen, plan, real_data  # noqa: E402
@@ -30,10 +32,31 @@ def demo(*words: object) -> subprocess.CompletedProcess[str]:
 def test_the_smallest_piece_ends_in_a_page(tmp_path: Path) -> None:
     done = demo("--out", tmp_path / "demo", "--quick", "--only", "mismatch")
     assert done.returncode == 0, done.stderr
-    page = (tmp_path / "demo" / "index.html").read_text()
-    assert "Mismatch" in page and "Closed loop" not in page
+    text = (tmp_path / "demo" / "index.html").read_text()
+    assert "Mismatch" in text and "Closed loop" not in text
+    assert (
+        done.stdout.startswith("step 1 of 2, drive: running") and "step 2 of 2, mismatch: done" in done.stdout
+    )
+    headline = re.search("<h1>(.*?)</h1>", (tmp_path / "demo" / "mismatch" / "report.html").read_text())
+    assert headline is not None and f"<strong>{headline[1]}</strong>" in text
     for shown in ("mismatch/report.html", "logs/drive.log"):
-        assert f'"{shown}"' in page and (tmp_path / "demo" / shown).exists()
+        assert f'"{shown}"' in text and (tmp_path / "demo" / shown).exists()
+
+
+def test_commands_are_shown_without_absolute_paths() -> None:
+    step = Step(
+        "a", "", ("/bin/tool", str(Path.cwd() / "demo"), f"x:path={Path.cwd() / 'y'}", str(Path.cwd().parent))
+    )
+    assert step.typed == "tool demo x:path=y .."
+
+
+def test_intervals_that_hold_too_little_are_owned_up_to() -> None:
+    def said(*shares: float) -> str:
+        return page._intervals({"rows": [("speed", "m/s", {"inside_90": share}) for share in shares]})
+
+    assert said(0.55, 0.63).startswith("90 % intervals hold 55 to 63 % of the points: they are too narrow")
+    assert said(0.88, 0.91) == "90 % intervals hold 88 to 91 % of the points"
+    assert said() == ""
 
 
 def test_bad_input_is_one_line(tmp_path: Path) -> None:

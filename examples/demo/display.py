@@ -42,20 +42,23 @@ class Display:
         for p in progress:
             if p.state != "waiting" and self._told.get(p.step.name) != p.state:
                 self._told[p.step.name] = p.state
+                which = f"step {list(self._told).index(p.step.name) + 1} of {len(progress)}"
                 took = f" {p.seconds:.0f} s" if p.state == "done" else ""
-                print(f"{p.step.name}: {p.state}{took}  ({p.step.title})", flush=True)
+                print(f"{which}, {p.step.name}: {p.state}{took}  ({p.step.title})", flush=True)
 
 
 def _table(progress: Sequence[Progress]) -> Table:
     table = Table(box=None, show_header=False, padding=(0, 1))
     table.add_column(no_wrap=True)
+    table.add_column(no_wrap=True, justify="right", style="dim")
     table.add_column(no_wrap=True)
     table.add_column(no_wrap=True, justify="right")
     table.add_column(no_wrap=True, overflow="ellipsis", style="dim")
-    for p in progress:
+    for number, p in enumerate(progress, 1):
         seconds = time.monotonic() - p.begun if p.state == "running" and p.begun else p.seconds
         took = "kept" if p.state == "kept" else f"{seconds:.0f} s" if seconds else ""
-        table.add_row(SIGNS[p.state], p.step.title, took, _escaped(p.says) if p.state == "running" else "")
+        says = _escaped(p.says) if p.state == "running" else ""
+        table.add_row(SIGNS[p.state], f"{number}/{len(progress)}", p.step.title, took, says)
     return table
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from deeptruck_model.recordings import Recording
+from deeptruck_model.signals import printed
 from examples.demo.following import Following
 
 BLUE, RED, GREY = "tab:blue", "tab:red", "0.45"
@@ -19,16 +20,17 @@ def recording_figure(drive: Recording, shown_s: float = 900.0) -> Figure:
     """The first quarter of an hour of a drive, channel under channel."""
     piece = drive.piece(0, min(len(drive), round(shown_s / drive.dt)))
     minutes = (piece.time - piece.start_s) / 60
+    engine, brake = (printed(drive.interface.unit(name)) for name in ("engine_command", "brake_command"))
     rows = (
         ("speed", 1.0, "speed\n[m/s]"),
         ("acceleration", 1.0, "acceleration\n[m/s²]"),
-        ("engine_command", 1.0, f"engine command\n[{drive.interface.engine_unit}]"),
-        ("brake_command", 1.0, f"brake command\n[{drive.interface.brake_unit}]"),
+        ("engine_command", 1.0, f"engine command\n[{engine}]"),
+        ("brake_command", 1.0, f"brake command\n[{brake}]"),
         ("gear", 1.0, "gear"),
         ("grade", 100.0, "grade\n[%]"),
         ("fuel_rate", 1.0, "fuel rate\n[cm³/s]"),
     )
-    figure = Figure(figsize=(11, 9), layout="constrained")
+    figure = Figure(figsize=(11, 11), layout="constrained")  # so high that the labels do not touch
     axes = figure.subplots(len(rows), 1, sharex=True)
     for axis, (name, scale, label) in zip(axes, rows, strict=True):
         axis.plot(minutes, scale * piece.channels[name], lw=0.8, color=BLUE)

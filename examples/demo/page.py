@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from matplotlib.figure import Figure
 
+from deeptruck_model.mismatch import page_text, report, validation_words
 from deeptruck_model.recordings import read
 from examples.demo import figures, following
 from examples.demo.runner import Progress
 from examples.demo.steps import ROOT
 
+HELD_ENOUGH = 0.8  # of the points, by intervals that were to hold 90 %
 HERE = Path(__file__).parent
 
 
@@ -60,7 +62,8 @@ def _learning(out: Path) -> dict[str, Any]:
 
 
 def _open_loop(out: Path) -> dict[str, Any]:
-    return _errors(out / "open_loop")
+    errors = _errors(out / "open_loop")
+    return {**errors, "says": _intervals(errors)}
 
 
 def _errors(folder: Path) -> dict[str, Any]:
@@ -68,7 +71,34 @@ def _errors(folder: Path) -> dict[str, Any]:
     metrics: dict[str, Any] = json.loads((folder / "metrics.json").read_text())
     units = {"speed": "m/s", "acceleration": "m/s²", "fuel_rate": "cm³/s"}
     rows = [(name.replace("_", " "), unit, metrics[name]) for name, unit in units.items() if name in metrics]
-    return {"rows": rows, "trials": metrics["trials"], "horizon": metrics["horizon_s"]}
+    return {
+        "rows": rows,
+        "trials": metrics["trials"],
+        "horizon": metrics["horizon_s"],
+        "intervals": any("inside_90" in m for _, _, m in rows),
+    }
+
+
+def _intervals(errors: dict[str, Any]) -> str:
+    """What share of the points the 90 % intervals hold, and what that means; empty where there are none."""
+    shares = [100 * m["inside_90"] for _, _, m in errors["rows"] if "inside_90" in m]
+    if not shares:
+        return ""
+    says = f"90 % intervals hold {min(shares):.0f} to {max(shares):.0f} % of the points"
+    if min(shares) > 100 * HELD_ENOUGH:
+        return says
+    return f"{says}: they are too narrow here; 'deeptruck-model calibrate' sets them by more drives"
+
+
+def remarks(out: Path, progress: Mapping[str, Progress]) -> list[str]:
+    """What is to be known of the figures beside the page, a line each."""
+    judged = {"evaluate": ("the deep truck", _open_loop), "check": ("the real truck's model", _real)}
+    found = [
+        (name, _intervals(section(out)))
+        for step, (name, section) in judged.items()
+        if step in progress and progress[step].state in ("done", "kept")
+    ]
+    return [f"{name}: its {says}" for name, says in found if says]
 
 
 def _following(out: Path) -> dict[str, Any]:
@@ -90,9 +120,11 @@ def _following(out: Path) -> dict[str, Any]:
 def _mismatch(out: Path) -> dict[str, Any]:
     verdict: dict[str, Any] = json.loads((out / "mismatch" / "verdict.json").read_text())
     return {
-        "verdict": verdict["verdict"].replace("_", " "),
-        "says": [finding["says"] for finding in verdict["findings"]],
+        "sentence": page_text.sentence(verdict),
+        "says": [page_text.prose(finding["says"]) for finding in verdict["findings"]],
         "fit": verdict["fit"] if "before" in verdict["fit"] else None,
+        "validation": validation_words.said(verdict["fit"]),
+        "names": report.ROWS,
     }
 
 
@@ -100,7 +132,7 @@ def _real(out: Path) -> dict[str, Any]:
     training = json.loads((out / "real" / "simulator" / "simulator.json").read_text())["training"]
     errors = _errors(out / "real" / "open_loop")
     errors["rows"] = [row for row in errors["rows"] if row[0] != "fuel rate"]  # there it is the command
-    return {**errors, "hours": training["hours"]}
+    return {**errors, "hours": training["hours"], "says": _intervals(errors)}
 
 
 SECTIONS: tuple[tuple[str, tuple[str, ...], Callable[[Path], dict[str, Any]]], ...] = (

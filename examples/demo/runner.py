@@ -174,7 +174,7 @@ def last_line(log: Path) -> str:
 
 
 def _plain(output: bytes) -> list[str]:
-    """Lines as they stand at the end: no colours, and of a progress bar its last state."""
-    text = ESCAPES.sub("", output.decode(errors="replace"))
+    """Lines as they stand at the end: no colours, of a progress bar its last state, and paths from here."""
+    text = ESCAPES.sub("", output.decode(errors="replace")).replace(f"{Path.cwd()}/", "")
     lines = [line.rstrip("\r").rpartition("\r")[2].rstrip() for line in text.split("\n")]
     return [line for line in lines if line.strip()]

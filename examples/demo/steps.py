@@ -60,8 +60,13 @@ class Step:
     @property
     def typed(self) -> str:
         """The command as a user would type it here."""
-        words = [Path(self.command[0]).name, *self.command[1:]]
-        return " ".join(word.replace(f"{Path.cwd()}/", "") for word in words)
+        return " ".join([Path(self.command[0]).name, *map(_from_here, self.command[1:])])
+
+
+def _from_here(word: str) -> str:
+    """A word of a command without absolute paths, where they lie in this folder or near it."""
+    word = word.replace(f"{Path.cwd()}/", "")
+    return min(word, os.path.relpath(word), key=len) if Path(word).is_absolute() else word
 
 
 def real_data() -> Path | None:

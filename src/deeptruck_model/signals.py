@@ -44,6 +44,12 @@ CHANNELS: dict[str, Channel] = {
     )
 }
 
+
+def printed(unit: str) -> str:
+    """A unit as figures and pages show it: m/s² for m/s^2."""
+    return unit.replace("^2", "²").replace("^3", "³")
+
+
 ENGINE_UNITS = ("N m", "percent", "g/s", "cm^3/s")
 BRAKE_UNITS = ("percent", "m/s^2", "bar")
 

@@ -64,10 +64,9 @@ def train(
     """
     from deeptruck_model.deep import Arguments, finished
     from deeptruck_model.deep import train as train_truck
-    from deeptruck_model.simulators import MANIFEST
 
-    if (out / MANIFEST).exists() and not (resume or overwrite):
-        raise InputError(f"{out} exists already; choose another --out, or add --overwrite")
+    if not resume:
+        _refuse_to_lose(out, overwrite)
     arguments = Arguments(
         seed=seed,
         mode=mode.value,
@@ -85,6 +84,20 @@ def train(
         typer.echo(f"note: {minutes:.1f} min of driving are little; the tutorial trains on an hour", err=True)
     truck = train_truck(recordings, out, arguments, resumes=resume)
     typer.echo(f"{out}: trained in {truck.details['training']['seconds']:.0f} s; see {out / 'MODEL_CARD.md'}")
+
+
+def _refuse_to_lose(out: Path, overwrite: bool) -> None:
+    """Raises InputError where a training would replace a simulator unasked, or discard one under way."""
+    from deeptruck_model.deep import resume
+    from deeptruck_model.simulators import MANIFEST
+
+    if (out / MANIFEST).exists() and not overwrite:
+        raise InputError(f"{out} exists already; choose another --out, or add --overwrite")
+    if folder := resume.unfinished(out):
+        raise InputError(
+            f"{folder} is an unfinished training; add --resume to go on with it, or choose another --out or"
+            " remove that folder to begin anew"
+        )
 
 
 class Engine(StrEnum):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,6 +13,8 @@ from deeptruck_model.errors import InputError
 if TYPE_CHECKING:
     from deeptruck_model.recordings import Recording
     from deeptruck_model.simulators import Simulator
+
+TOO_NARROW = "intervals that it sets come out too narrow; calibrate with drives it has not seen"
 
 
 def evaluate(
@@ -44,7 +46,7 @@ def evaluate(
                 f"{name:>13}: mean abs error {values['mean_abs']:.4f}, rmse {values['rmse']:.4f}{held}"
             )
     typer.echo(f"figures and metrics.json in {out}")
-    _warn(truck, recordings)
+    _remarks(truck, recordings, metrics)
 
 
 def calibrate(
@@ -56,20 +58,23 @@ def calibrate(
 
     Example: deeptruck-model calibrate simulators/mytruck drives/friday --out simulators/calibrated
     """
-    from deeptruck_model.deep import uncertainty
+    from deeptruck_model.deep import card, familiar, uncertainty
     from deeptruck_model.simulators import MANIFEST
 
     if (out / MANIFEST).exists():
         raise InputError(f"{out} exists already; choose another --out")
     truck, recordings = deep_truck(simulator), read(bags)
-    uncertainty.calibrated(truck, recordings).save(out)
+    card.publish_calibrated(uncertainty.calibrated(truck, recordings), recordings, Path(simulator), out)
     typer.echo(f"{out}: intervals set; 'deeptruck-model evaluate' on a third drive says what they hold")
-    _warn(truck, recordings)
+    if line := familiar.warning(truck, recordings, TOO_NARROW):
+        typer.echo(f"warning: {line}", err=True)
 
 
-def _warn(simulator: Simulator, recordings: list[Recording]) -> None:
-    """Say it where a deep truck is judged by what it was trained on."""
-    from deeptruck_model.deep import DeepTruck, familiar
+def _remarks(simulator: Simulator, recordings: list[Recording], metrics: dict[str, Any]) -> None:
+    """Say what makes the figures worth less than they look."""
+    from deeptruck_model.deep import DeepTruck, familiar, remarks
 
     if isinstance(simulator, DeepTruck) and (line := familiar.warning(simulator, recordings)):
         typer.echo(f"warning: {line}", err=True)
+    for line in remarks.remarks(simulator, recordings, metrics):
+        typer.echo(f"note: {line}", err=True)

@@ -16,7 +16,7 @@ from deeptruck_model.deep.evaluation import Trials
 from deeptruck_model.deep.report import LABELS
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import CHANNELS, SPEED
+from deeptruck_model.signals import CHANNELS, SPEED, printed
 from deeptruck_model.simulators import free_run
 
 
@@ -31,8 +31,8 @@ def sample_run(truck: DeepTruck, test: Recording, path: Path) -> None:
         axes[j, 0].plot(runs.time, runs.measured[0, :, j], "k", lw=1, label="truck")
         axes[j, 0].plot(runs.time, runs.modelled[0, :, j], "tab:red", lw=1, label="model")
         axes[j, 1].plot(runs.time, runs.error[0, :, j], "tab:blue", lw=1)
-        axes[j, 0].set_ylabel(f"{LABELS[name]} [{CHANNELS[name].unit}]")
-        axes[j, 1].set_ylabel(f"error [{CHANNELS[name].unit}]")
+        axes[j, 0].set_ylabel(f"{LABELS[name]} [{printed(CHANNELS[name].unit)}]")
+        axes[j, 1].set_ylabel(f"error [{printed(CHANNELS[name].unit)}]")
     axes[1, 0].legend()
     axes[0, 0].set_title(f"largest speed error {np.abs(runs.error[0, :, SPEED]).max():.2f} m/s")
     for axis in axes[-1]:

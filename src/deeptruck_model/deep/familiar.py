@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 KEY = "trained_on"  # of the manifest
 SHOWN = 3  # names in a line
+OPTIMISTIC = "its errors there are optimistic"
 
 
 def fingerprint(recording: Recording) -> str:
@@ -34,10 +35,10 @@ def trained_on(truck: DeepTruck, recordings: Sequence[Recording]) -> list[str]:
     return [r.name for r in moving if fingerprint(r) in known]
 
 
-def warning(truck: DeepTruck, recordings: Sequence[Recording]) -> str:
-    """One line that says so; empty where the truck has seen none of them."""
+def warning(truck: DeepTruck, recordings: Sequence[Recording], so: str = OPTIMISTIC) -> str:
+    """One line that says so, and what follows; empty where the truck has seen none of them."""
     names = trained_on(truck, recordings)
     if not names:
         return ""
     more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-    return f"the truck was trained on {', '.join(names[:SHOWN])}{more}: its errors there are optimistic"
+    return f"the truck was trained on {', '.join(names[:SHOWN])}{more}: {so}"

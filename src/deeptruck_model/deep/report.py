@@ -16,7 +16,7 @@ from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.deep.uncertainty import inside
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import CHANNELS, SPEED
+from deeptruck_model.signals import CHANNELS, SPEED, printed
 from deeptruck_model.simulators import Simulator
 
 LABELS = {"acceleration": "acceleration", "speed": "speed", "fuel_rate": "fuel rate"}
@@ -59,7 +59,7 @@ def error_figure(runs: Trials) -> Figure:
         )  # fmt: skip
         axis.plot(runs.time, mean[:, j], color="tab:blue", label="mean")
         axis.axhline(0, color="0.6", lw=0.5)
-        axis.set_ylabel(f"{LABELS[name]} error\n[{CHANNELS[name].unit}]")
+        axis.set_ylabel(f"{LABELS[name]} error\n[{printed(CHANNELS[name].unit)}]")
     axes[0].legend(loc="upper left", ncols=2, fontsize="small")
     axes[0].set_title(f"open-loop error, {len(runs.measured)} trials")
     axes[-1].set_xlabel("time since the start of the simulation [s]")
@@ -101,7 +101,7 @@ def sample_figure(runs: Trials, shown: int = 4) -> Figure:
         for j, name in enumerate(runs.channels):
             axes[j, column].plot(runs.time, runs.measured[trial, :, j], color="k", lw=1, label="recorded")
             axes[j, column].plot(runs.time, runs.modelled[trial, :, j], color="tab:red", lw=1, label="model")
-            axes[j, 0].set_ylabel(f"{LABELS[name]}\n[{CHANNELS[name].unit}]")
+            axes[j, 0].set_ylabel(f"{LABELS[name]}\n[{printed(CHANNELS[name].unit)}]")
         axes[0, column].set_title(f"largest speed error {worst[trial]:.2f} m/s", fontsize="small")
         axes[-1, column].set_xlabel("time [s]")
     axes[0, 0].legend(fontsize="small")

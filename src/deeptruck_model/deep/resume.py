@@ -14,7 +14,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save as to_bytes
 from torch import Tensor
 
-from deeptruck_model import whole_file
+from deeptruck_model import exclusive, whole_file
 from deeptruck_model.deep.identity import differences
 from deeptruck_model.deep.network import WEIGHTS, TruckNetwork
 from deeptruck_model.errors import InputError
@@ -23,6 +23,21 @@ if TYPE_CHECKING:
     from deeptruck_model.deep.selection import Best
 
 FILE = "resume.safetensors"
+
+
+def folder_of(out: Path) -> Path:
+    """Where a training of the simulator directory `out` works until it is finished."""
+    return out.with_name(f"{out.name}.partial")
+
+
+def unfinished(out: Path) -> Path | None:
+    """The folder of a killed training of `out` that can be gone on with; None where there is none.
+
+    Raises InputError where another run is writing it.
+    """
+    folder = folder_of(out.resolve())
+    exclusive.free(folder)
+    return folder if (folder / FILE).exists() else None
 
 
 def make(folder: Path) -> None:
@@ -73,12 +88,12 @@ def load(
         with safe_open(folder / FILE, framework="pt") as file:
             metadata, tensors = file.metadata(), {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118
     except (OSError, SafetensorError) as error:
-        raise InputError(f"{folder / FILE} is damaged ({error}); train again without --resume") from None
+        raise InputError(f"{folder / FILE} is damaged ({error}); remove {folder} and train again") from None
     stored = json.loads(metadata["identity"])
     if stored != json.loads(json.dumps(identity)):
         raise InputError(
-            f"{folder} is another run ({differences(stored, identity)}); repeat that one, or train without"
-            " --resume"
+            f"{folder} is another run ({differences(stored, identity)}); repeat that one, or remove that"
+            " folder to begin anew"
         )
     for name in WEIGHTS:
         getattr(network, name).data.copy_(tensors[f"weight.{name}"])

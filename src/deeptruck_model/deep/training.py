@@ -46,12 +46,13 @@ def train(
     """Train on `recordings`, write the simulator directory `out`, return it as read back from there.
 
     `observe` is called with the updates done and the network after every round. Same data, arguments and
-    machine give the same weights, resumed after a kill or not. Raises InputError for data that cannot be
+    machine give the same weights, resumed after a kill or not; without `resumes` what a killed run left is
+    discarded. Raises InputError for data that cannot be
     trained on, an `out` that is something else, or a resume of another run."""
     began = time.monotonic()
     out = out.resolve()
     checkpoint.check_target(out)
-    working = out.with_name(f"{out.name}.partial")
+    working = resume.folder_of(out)
     exclusive.free(working)
     torch.set_num_threads(1)
 
@@ -72,6 +73,7 @@ def train(
     with exclusive.writing(working):
         _loop(run, working, done, observe)
     if not np.isfinite(run.best.scores).all():
+        shutil.rmtree(working)  # going on with it would only diverge again
         raise InputError(
             "training diverged from the first round; look at the recordings with 'deeptruck-model coverage'"
         )

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from deeptruck_model.mismatch.drawing import BLUE, GREEN, GREY, INK, ORANGE, SKY, figure, tidy, words
+from deeptruck_model.mismatch.page_text import spoken
 from deeptruck_model.mismatch.worth_saying import ENOUGH
 
 if TYPE_CHECKING:
@@ -39,7 +40,7 @@ def ranking(x: Explanation) -> Figure:
     moved = {c.effect for c in x.causes if c.kind == "parameter_error"}
     bars.append((_parameters(x), tuned, BLUE if moved else GREY))
     for name, gain in x.ranking[:MOST_NAMES]:
-        bars.append((words(name), gain, BLUE if name in stated else SKY if name in group else PALE))
+        bars.append((spoken(name), gain, BLUE if name in stated else SKY if name in group else PALE))
     bars.append(("anything that is left", x.left_over_gain, ORANGE))
     made = figure(10.0, 1.3 + 0.27 * len(bars))
     height = made.get_size_inches()[1]

@@ -78,7 +78,9 @@ def _where_and_what(m: Mismatch) -> dict[str, Picture]:
         )
     out["ranking"] = Picture(
         png(evidence_figure.ranking(m.explanation)),
-        "How much better each name, tried alone beside free simulator parameters, predicts the data. "
+        "How much better each name, tried alone beside all simulator parameters set free, predicts the data: "
+        "a first look. The findings weigh the names again, one in place of the other in the whole "
+        "explanation and beside the stated parameters alone, so these bars differ by other numbers. "
         "1 nat is a factor of e in odds.",
     )
     unnamed = next((f for f in m.findings if f.cause is not None and f.cause.predictable), None)

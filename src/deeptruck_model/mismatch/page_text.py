@@ -9,11 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 from deeptruck_model.mismatch.drawing import colour, words
 from deeptruck_model.mismatch.mechanisms import LIBRARY
+from deeptruck_model.mismatch.validation_words import worse_than_parameters
 from deeptruck_model.mismatch.worth_saying import ENOUGH
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.tool import Mismatch
 
+IN_PLACE = (  # the bars of the figure are another comparison, and have other numbers
+    "These nats are lost where the one is put in place of the other in the whole explanation; the figure of "
+    "names below tries each alone."
+)
 FINER = "; nearest name|; in a curve of its own|; it acts otherwise"  # not for a headline
 IDENTIFIER = re.compile(r"\b[a-z][a-z0-9]*(?:_[a-z0-9]+)+\b")
 SPOKEN = {  # names that are no words of their own once the underscores are gone
@@ -113,10 +118,12 @@ def _improves(v: dict[str, Any]) -> str:
         return "; no held-out drive is long enough to prove it"
     if not fit.get("validated"):
         return "; no correction proved better on held-out recordings, so none may be applied"
-    old, new = fit["before"]["speed_rmse"], fit["after"]["speed_rmse"]
+    old, new, tuned = (fit[s]["speed_rmse"] for s in ("before", "after", "parameters_only"))
+    beside = f", where refitted parameters alone reach {number(tuned)}" if worse_than_parameters(fit) else ""
     return (
-        f"; with it corrected, the speed error of {number(fit['horizon_s'])} s free runs on held-out "
-        f"recordings falls from {number(old)} to {number(new)} m/s"
+        f"; with {'it' if len(v['findings']) == 1 else 'them'} corrected, the speed error of "
+        f"{number(fit['horizon_s'])} s free runs on held-out recordings falls from {number(old)} to "
+        f"{number(new)} m/s{beside}"
     )
 
 
@@ -161,7 +168,8 @@ def _apart(f: dict[str, Any]) -> str:
         lead = f"{worse[nearest]:.0f} nats"
         return f"It is told from every other name; the next best, {spoken(nearest)}, is {lead} worse."
     decided = "; ".join(_decided(f["effect"], rival, worse.get(rival)) for rival in group)
-    return f"It cannot be told from {', '.join(spoken(g) for g in group)}. What decided: {decided}."
+    meant = f" {IN_PLACE}" if any(g in worse for g in group) else ""
+    return f"It cannot be told from {', '.join(spoken(g) for g in group)}. What decided: {decided}.{meant}"
 
 
 def _decided(name: str, rival: str, worse: float | None) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, StrictUndefined
 
-from deeptruck_model.mismatch import figures, page_text
+from deeptruck_model.mismatch import figures, page_text, validation_words
 from deeptruck_model.mismatch.drawing import words
 from deeptruck_model.mismatch.record_next import record_next
 
@@ -17,7 +17,12 @@ if TYPE_CHECKING:
     from deeptruck_model.mismatch.tool import Mismatch
 
 TEMPLATE = "report.html.jinja"
-SIMULATORS = ("before", "parameters_only", "after", "free_model")
+ROWS = {  # of the table before and after
+    "before": "before: as it was given",
+    "parameters_only": "parameters only: all refitted, nothing else",
+    "after": "after: corrected by the findings",
+    "free_model": "free model: corrected by laws without a name too",
+}
 
 
 def write(mismatch: Mismatch, out: Path) -> None:
@@ -95,21 +100,17 @@ def _fit(fit: dict[str, Any]) -> dict[str, Any] | None:
         return None
     rows = [
         {
-            "name": words(name),
+            "name": ROWS[name],
             "speed": page_text.number(fit[name]["speed_rmse"]),
             "acceleration": page_text.number(fit[name]["acceleration_rmse"]),
         }
-        for name in SIMULATORS
+        for name in ROWS
         if name in fit
     ]
-    low, high = fit["improvement_ci95"]
-    beside = fit.get("improvement_over_parameters_ci95")
     return {
         "rows": rows,
         "windows": fit["windows"],
         "horizon": page_text.number(fit["horizon_s"]),
-        "improvement": f"{100 * low:.0f} to {100 * high:.0f} %",
-        "over_parameters": f"{100 * beside[0]:.0f} to {100 * beside[1]:.0f} %" if beside else "",
-        "changed": high != low,
-        "validated": fit["validated"],
+        "held_out": ", ".join(fit["held_out"]),
+        "said": validation_words.said(fit),
     }

@@ -17,6 +17,7 @@ from scipy.ndimage import uniform_filter1d
 from deeptruck_model.mismatch import left_over
 from deeptruck_model.mismatch.drawing import BLUE, GREY, INK, SKY, VERMILION, colour, figure, tidy, words
 from deeptruck_model.mismatch.evidence import Evidence, Stretch
+from deeptruck_model.signals import printed
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.prepared import Prepared
@@ -29,6 +30,7 @@ MOST_RECORDINGS = 12
 POINTS = 1500  # a page is not wider
 SMOOTH_S = 1.0
 ROW_INCHES, HEAD_INCHES, WIDTH = 2.9, 0.5, 10.0
+GAP_INCHES = 0.14  # between panels: the tick labels at their edges do not touch
 PANELS = (1.0, 0.7, 1.0)  # speed and grade, commands, force
 
 
@@ -114,8 +116,8 @@ def timeline(m: Mismatch) -> tuple[Figure, list[float], int]:
 def _units(m: Mismatch) -> tuple[str, str]:
     interface = m.prepared[0].recording.interface
     return (
-        interface.unit("engine_command"),
-        interface.unit("brake_command") if "brake_command" in interface.u else "",
+        printed(interface.unit("engine_command")),
+        printed(interface.unit("brake_command")) if "brake_command" in interface.u else "",
     )
 
 
@@ -126,7 +128,7 @@ def _row(
     unit = (row - 0.55) / sum(heights)
     panels, at = [], top + 0.22
     for h in heights:
-        ax = made.add_axes((0.075, 1.0 - (at + h * unit) / total, 0.85, (h * unit - 0.06) / total))
+        ax = made.add_axes((0.075, 1.0 - (at + h * unit) / total, 0.85, (h * unit - GAP_INCHES) / total))
         at += h * unit
         tidy(ax)
         for a, b, finding in t.spans:

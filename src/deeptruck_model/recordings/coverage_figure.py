@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,11 +13,14 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from deeptruck_model.recordings import coverage_map as edges
+from deeptruck_model.signals import printed
 
 if TYPE_CHECKING:
     from deeptruck_model.recordings.coverage_map import Coverage
 
 Array = NDArray[np.float64]
+
+SHOWN_FROM = -5.0  # m/s^2, or lower where there was braking as hard
 
 
 def draw(found: Coverage) -> bytes:
@@ -26,39 +29,51 @@ def draw(found: Coverage) -> bytes:
     FigureCanvasAgg(figure)
     axes = figure.subplots(2, 2)
     with_grade, every = found.seconds[:, :, :-1], found.seconds
-    percent = 100 * edges.GRADE_EDGES
-    _map(
-        axes[0, 0],
-        every.sum(axis=2),
-        edges.SPEED_EDGES,
-        edges.ACCELERATION_EDGES,
-        "m/s",
-        "acceleration, m/s²",
-    )
-    _map(axes[0, 1], with_grade.sum(axis=1), edges.SPEED_EDGES, percent, "m/s", "grade, %")
-    _map(axes[1, 0], with_grade.sum(axis=0), edges.ACCELERATION_EDGES, percent, "m/s²", "grade, %")
+    speed, acceleration, grade = _axes(every.sum(axis=(0, 2)))
+    _map(axes[0, 0], every.sum(axis=2), speed, acceleration)
+    _map(axes[0, 1], with_grade.sum(axis=1), speed, grade)
+    _map(axes[1, 0], with_grade.sum(axis=0), acceleration, grade)
     _channels(axes[1, 1], found)
     pieces = len(found.recordings)
+    usual = every[:, edges.ACCELERATION_EDGES[:-1] >= SHOWN_FROM].sum(axis=2) > 0
     figure.suptitle(
         f"{found.duration_s / 3600:.2f} h in {pieces} recording{'s' if pieces != 1 else ''}, "
-        f"{100 * (every > 0).any(axis=2).mean():.0f} % of the speed-acceleration cells visited"
+        f"{100 * usual.mean():.0f} % of the speed-acceleration cells visited"
     )
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=110)
     return buffer.getvalue()
 
 
-def _map(ax: Axes, seconds: Array, x: Array, y: Array, x_unit: str, y_label: str) -> None:
-    ax.set_xlabel(("speed, " if x_unit == "m/s" else "acceleration, ") + x_unit)
-    ax.set_ylabel(y_label)
-    ax.set_xlim(x[0], x[-1])
-    ax.set_ylim(y[0], y[-1])
+class _Axis(NamedTuple):
+    """An axis of the maps: the edges of its cells, and from where it is drawn."""
+
+    label: str
+    edges: Array
+    shown_from: float
+
+
+def _axes(by_acceleration: Array) -> tuple[_Axis, _Axis, _Axis]:
+    """Speed, acceleration and grade; hard braking is drawn as far down as there was any."""
+    hardest = edges.ACCELERATION_EDGES[np.flatnonzero(by_acceleration)[0]] if by_acceleration.any() else 0.0
+    return (
+        _Axis("speed, m/s", edges.SPEED_EDGES, edges.SPEED_EDGES[0]),
+        _Axis("acceleration, m/s²", edges.ACCELERATION_EDGES, min(SHOWN_FROM, hardest)),
+        _Axis("grade, %", 100 * edges.GRADE_EDGES, 100 * edges.GRADE_EDGES[0]),
+    )
+
+
+def _map(ax: Axes, seconds: Array, x: _Axis, y: _Axis) -> None:
+    ax.set_xlabel(x.label)
+    ax.set_ylabel(y.label)
+    ax.set_xlim(x.shown_from, x.edges[-1])
+    ax.set_ylim(y.shown_from, y.edges[-1])
     if not seconds.any():
         ax.text(0.5, 0.5, "no grade recorded", transform=ax.transAxes, ha="center", va="center", color="0.4")
         return
     shown = np.where(seconds.T == 0.0, np.nan, seconds.T)
     norm = LogNorm(vmin=max(0.1, float(np.nanmin(shown))), vmax=max(1.0, float(np.nanmax(shown))))
-    mesh = ax.pcolormesh(x, y, shown, norm=norm, cmap="viridis")
+    mesh = ax.pcolormesh(x.edges, y.edges, shown, norm=norm, cmap="viridis")
     ax.figure.colorbar(mesh, ax=ax, label="time spent, s")
     ax.grid(alpha=0.2)
 
@@ -91,5 +106,5 @@ def _span(found: Coverage, name: str) -> str:
     highs = [c["max"] for c in present if c["max"] is not None]
     if not lows:
         return "no valid sample"
-    unit = present[0]["unit"]
+    unit = printed(present[0]["unit"])
     return f"{min(lows):.4g} to {max(highs):.4g}" + ("" if unit == "1" else f" {unit}")

@@ -18,7 +18,7 @@ from deeptruck_model.recordings.recording import Recording
 Array = NDArray[np.float64]
 
 SPEED_EDGES: Array = np.linspace(0.0, 40.0, 21)  # m/s
-ACCELERATION_EDGES: Array = np.linspace(-5.0, 3.0, 33)  # m/s^2
+ACCELERATION_EDGES: Array = np.linspace(-10.0, 3.0, 53)  # m/s^2; no tyre of a truck brakes harder
 GRADE_EDGES: Array = np.linspace(-0.10, 0.10, 21)  # ratio
 
 

@@ -109,7 +109,7 @@ def read_table(
     except (pa.ArrowException, UnicodeError, LookupError, OSError) as error:
         raise InputError(f"{path} cannot be read: {_why(error, encoding)}") from None
     if table.num_rows == 0:
-        raise InputError(f"{path} is empty: it has no rows below its header")
+        raise InputError(_no_rows(path, table.num_columns, len(ragged)))
     columns: dict[str, Any] = {}
     for name, column in zip(table.column_names, table.columns, strict=True):
         columns.setdefault(name.strip(), column)  # of equal names the first counts
@@ -133,6 +133,17 @@ def _read_csv(path: Path, delimiter: str, encoding: str, skip_rows: int, ragged:
             strings_can_be_null=True,
             null_values=[""],
         ),
+    )
+
+
+def _no_rows(path: Path, columns: int, ragged: int) -> str:
+    """Why a file that was read gave no row."""
+    if not ragged:
+        return f"{path} is empty: it has no rows below its header"
+    return (
+        f"{path} is no table as it is read: its header has {columns} cell{'s' if columns != 1 else ''}, and "
+        f"none of the {ragged} rows below has as many; set 'delimiter', or 'skip_rows' where the header "
+        "comes later"
     )
 
 

@@ -86,6 +86,11 @@ BAD: list[tuple[str, dict[str, Any], str]] = [
     ("v\n1\n", {"time": {"rate_hz": 1}, "channels": SPEED}, "has one row"),
     ("v\n", {"time": {"rate_hz": 1}, "channels": SPEED}, "is empty"),
     ("", {"time": {"rate_hz": 1}, "channels": SPEED}, "cannot be read|is empty"),
+    (
+        "Dear reader\nthis, then, is prose\nand, as such, no table\n",
+        {"time": {"rate_hz": 1}, "channels": SPEED},
+        "its header has 1 cell, and none of the 2 rows below has as many; set 'delimiter'",
+    ),
     ("v\n100\n200\n", {"time": {"rate_hz": 1}, "channels": SPEED}, "is its unit right"),
     ("v;µ\n1;2\n", {"time": {"rate_hz": 1}, "channels": SPEED, "encoding": "klingon"}, "cannot be read"),
 ]

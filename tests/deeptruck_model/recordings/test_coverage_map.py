@@ -58,7 +58,7 @@ def test_it_is_written_as_json_and_picture(tmp_path: Path, drive: Recording) -> 
         "mean": None,
         "nan_share": 1.0,
     }
-    assert np.array(data["occupancy"]["seconds"]).shape == (20, 32, 21)
+    assert np.array(data["occupancy"]["seconds"]).shape == (20, 52, 21)
     assert (tmp_path / "out" / "coverage.png").read_bytes().startswith(b"\x89PNG")
     assert len(list((tmp_path / "out").iterdir())) == 2
 

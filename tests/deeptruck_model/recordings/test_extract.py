@@ -1,63 +1,20 @@
 from __future__ import annotations
 
-import shutil
-from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from foreign_bags import TYPES, Message, S, bag_of, drive_messages, number, stamped, twist
 from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, read, write_bag
 from deeptruck_model.signals import TruckInterface
-
-TYPES = get_typestore(Stores.ROS2_JAZZY)
-Message = tuple[str, Any, int]  # topic, message, log time in ns
-S = 1_000_000_000
-
-
-def stamped(ns: int, types: Any = TYPES, **extra: int) -> Any:
-    time = types.types["builtin_interfaces/msg/Time"](ns // S, ns % S)
-    return types.types["std_msgs/msg/Header"](stamp=time, frame_id="map", **extra)
-
-
-def twist(speed: float, ns: int, types: Any = TYPES, **extra: int) -> Any:
-    zero = types.types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
-    moving = types.types["geometry_msgs/msg/Vector3"](speed, 0.0, 0.0)
-    make = types.types["geometry_msgs/msg/TwistStamped"]
-    return make(stamped(ns, types, **extra), types.types["geometry_msgs/msg/Twist"](moving, zero))
-
-
-def number(value: float) -> Any:
-    return TYPES.types["std_msgs/msg/Float64"](value)
-
-
-def bag_of(path: Path, messages: Iterable[Message], **options: Any) -> Path:
-    """A bag as others write them."""
-    compression = options.pop("compression", None)
-    storage = options.pop("storage", StoragePlugin.MCAP)
-    writer = Writer2(path, version=9, storage_plugin=storage)
-    if compression:
-        writer.set_compression(compression, CompressionFormat.ZSTD)
-    connections: dict[str, Any] = {}
-    with writer:
-        for topic, message, log_ns in messages:
-            kind = message.__msgtype__
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, kind, typestore=TYPES)
-            writer.write(connections[topic], log_ns, TYPES.serialize_cdr(message, kind))
-    return path
-
-
-def drive_messages(topic: str = "/truck/twist", count: int = 300) -> list[Message]:
-    return [(topic, twist(0.1 * k, S + k * S // 10), S + k * S // 10) for k in range(count)]
 
 
 def check(recordings: list[Recording], count: int = 300) -> None:
@@ -231,123 +188,3 @@ def test_long_bags_are_read_in_parts(tmp_path: Path, monkeypatch: pytest.MonkeyP
         assert parts.start_s == whole.start_s
         for name, values in whole.channels.items():
             np.testing.assert_array_equal(parts.channels[name], values)
-
-
-def refused(path: Path, match: str, **options: Any) -> None:
-    with pytest.raises(InputError, match=match) as caught:
-        read(path, **options)
-    assert "\n" not in str(caught.value)
-
-
-def test_time_going_back_is_refused(tmp_path: Path) -> None:
-    back = [
-        (t, twist(1.0, ns - 100 * S if k > 200 else ns), ns) for k, (t, _, ns) in enumerate(drive_messages())
-    ]
-    back = [("/truck/twist", m.__class__(m.header, m.twist), ns + 200 * S) for _, m, ns in back]
-    refused(bag_of(tmp_path / "bag", back), r"time goes back by \S+ s on /truck/twist")
-
-
-def test_what_is_missing_is_named(tmp_path: Path) -> None:
-    bag = bag_of(tmp_path / "bag", drive_messages("/other"))
-    refused(bag, "no topic /truck/twist for 'speed' .topics there: /other")
-    field = {"speed": {"topic": "/other", "field": "twist.speed"}}
-    refused(bag, "has no field 'twist.speed'", topic_map=field)
-    absent = {
-        "speed": {"topic": "/other", "field": "twist.linear.x"},
-        "gap": {"topic": "/no", "field": "data"},
-    }
-    refused(bag, "no topic /no for 'gap'", topic_map=absent)
-    refused(tmp_path / "nowhere", "does not exist")
-    refused(bag, "cannot be read", topic_map=tmp_path / "nowhere.yaml")
-
-
-@pytest.mark.parametrize(
-    ("topic_map", "match"),
-    [
-        ({"gap": {"topic": "/g", "field": "data"}}, "no 'speed'"),
-        ({"velocity": {"topic": "/g", "field": "data"}}, "unknown channel 'velocity'"),
-        ({"speed": {"topic": "/g"}}, "needs topic and field"),
-        ({"speed": "/g"}, "needs topic and field"),
-        ({"speed": {"topic": "/g", "field": "x", "unit": "rpm"}}, "unit 'rpm' does not fit"),
-        ({"speed": {"topic": "/g", "field": "x", "factor": 2}}, "unknown keys: factor"),
-        ({"speed": {"topic": "/g", "field": "x", "scale": "two"}}, "scale of 'speed' must be a number"),
-    ],
-)
-def test_bad_topic_maps(tmp_path: Path, topic_map: dict[str, Any], match: str) -> None:
-    refused(bag_of(tmp_path / "bag", drive_messages("/g", 3)), match, topic_map=topic_map)
-
-
-def test_a_command_of_unknown_unit_is_refused(tmp_path: Path) -> None:
-    make = TYPES.types["sensor_msgs/msg/JointState"]
-    none = np.zeros(0)
-    commands = [
-        ("/truck/command", make(stamped(ns), ["engine_command"], np.array([50.0]), none, none), ns)
-        for _, _, ns in drive_messages()
-    ]
-    bag = bag_of(tmp_path / "bag", [*drive_messages(), *commands])
-    refused(bag, "in which unit its engine_command is")
-    assert read(bag, interface=TruckInterface("mine"))[0].interface.name == "mine"
-
-
-def test_a_bag_without_messages(tmp_path: Path) -> None:
-    with Writer2(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        writer.add_connection("/truck/twist", "geometry_msgs/msg/TwistStamped", typestore=TYPES)
-    refused(tmp_path / "bag", "is empty, it holds no message; record while .* 'ros2 bag record -a'")
-
-
-def test_a_bag_of_all_but_the_speed(tmp_path: Path) -> None:
-    brake = TYPES.types["std_msgs/msg/Float64"](1.0)
-    with Writer2(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        writer.add_connection("/truck/twist", "geometry_msgs/msg/TwistStamped", typestore=TYPES)
-        other = writer.add_connection("/brake", "std_msgs/msg/Float64", typestore=TYPES)
-        writer.write(other, 1, TYPES.serialize_cdr(brake, "std_msgs/msg/Float64"))
-    refused(tmp_path / "bag", "no speed on /truck/twist, only other messages; .*'ros2 topic hz'")
-
-
-def _cut(bag: Path) -> Path:
-    (file,) = bag.glob("*.mcap")
-    file.write_bytes(file.read_bytes()[:-500])
-    return bag
-
-
-def _flip(bag: Path) -> Path:
-    (file,) = bag.glob("*.mcap")
-    data = bytearray(file.read_bytes())
-    data[3000] ^= 0xFF
-    file.write_bytes(data)
-    return bag
-
-
-def _no_metadata(bag: Path) -> Path:
-    (bag / "metadata.yaml").unlink()
-    return bag
-
-
-def _no_file(bag: Path) -> Path:
-    shutil.move(next(bag.glob("*.mcap")), bag.parent / "elsewhere")
-    return bag
-
-
-def _bad_yaml(bag: Path) -> Path:
-    (bag / "metadata.yaml").write_text("rosbag2_bagfile_information: [1, 2")
-    return bag
-
-
-def _empty_file(bag: Path) -> Path:
-    file = bag.parent / "empty.mcap"
-    file.touch()
-    return file
-
-
-def _text_file(bag: Path) -> Path:
-    file = bag.parent / "notes.txt"
-    file.write_text("no bag")
-    return file
-
-
-@pytest.mark.parametrize("damage", [_cut, _flip, _no_metadata, _no_file, _bad_yaml, _empty_file, _text_file])
-def test_damaged_bags_are_one_line(
-    tmp_path: Path, drive: Recording, interface: TruckInterface, damage: Callable[[Path], Path]
-) -> None:
-    bag = damage(write_bag(tmp_path / "bag", [drive], interface=interface))
-    refused(bag, "cannot be read as a bag|is damaged|not a finished bag")

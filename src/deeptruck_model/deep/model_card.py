@@ -1,0 +1,137 @@
+"""MODEL_CARD.md: what a deep truck was trained on, how far off it is, and where not to trust it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from deeptruck_model.deep.truck import DeepTruck
+from deeptruck_model.recordings import Recording
+from deeptruck_model.signals import printed
+
+FILE = "MODEL_CARD.md"
+CARD = """# Deep truck: {name}
+
+Trained for {updates} updates on {hours:.2f} h, mode {mode}, seeds {seeds}{adapted}.
+
+Recordings, with the later part that was held out: {recordings}.
+
+## Signals
+
+| channel | unit | role | trained from | to |
+| --- | --- | --- | --- | --- |
+{signals}
+
+Step {dt:g} s. Counts over speed x acceleration x grade are in `coverage.json`.
+
+## Held out
+
+{trials} free runs of {horizon:.0f} s on the later part of the recordings. That part selected the checkpoint:
+expect somewhat more on other drives.
+
+| channel | mean abs error | mean | sd at end | rmse at end |
+| --- | --- | --- | --- | --- |
+{errors}
+
+## Intervals
+
+{intervals}
+
+## Limits
+
+{limits}
+"""
+INTERVALS = re.compile(r"(?<=^## Intervals\n\n).*?(?=\n\n## |\Z)", re.M | re.S)
+BY_TRAINING = (
+    "The held-out part above sets the 90 % intervals; `deeptruck-model calibrate` sets them by other drives."
+)
+LISTED = 20  # recordings named in the card
+
+
+def with_intervals(source: Path, recordings: Sequence[Recording]) -> str:
+    """The card in `source`, which older versions wrote without that chapter, with what set the intervals."""
+    says = f"The 90 % intervals were set by `deeptruck-model calibrate` on {listed(recordings)}."
+    path = source / FILE
+    card = path.read_text() if path.exists() else f"# Deep truck: {source.name}\n"
+    if INTERVALS.search(card):
+        return INTERVALS.sub(lambda _: says, card)
+    return f"{card.rstrip()}\n\n## Intervals\n\n{says}\n"
+
+
+def listed(recordings: Sequence[Recording]) -> str:
+    """Names and lengths of recordings, pieces of one bag together."""
+    hours: dict[str, float] = {}
+    for r in recordings:
+        name = r.name.partition("#")[0]
+        hours[name] = hours.get(name, 0.0) + len(r) * r.dt / 3600
+    named = [f"{name} ({h:.2f} h)" for name, h in hours.items()]
+    more = f" and {len(named) - LISTED} more" if len(named) > LISTED else ""
+    return ", ".join(named[:LISTED]) + more
+
+
+def written(
+    truck: DeepTruck,
+    training: Sequence[Recording],
+    validation: Sequence[Recording],
+    metrics: dict[str, Any],
+) -> str:
+    """What the truck was trained on, how far off it is on held-out data, and where not to trust it."""
+    interface, run, config = truck.interface, truck.details["training"], truck.details["config"]
+    seeds = ", ".join(map(str, truck.details["seeds"]))
+    signals = [
+        f"| {name} | {printed(interface.unit(name))} | {role} | {low:.4g} | {high:.4g} |"
+        for role, names in (("input", interface.u), ("condition", interface.w), ("response", interface.y))
+        for name in names
+        for low, high in [_span(training, name)]
+    ]
+    errors = [
+        f"| {name} ({printed(interface.unit(name))}) | "
+        + " | ".join(_figure(metrics[name][key]) for key in ("mean_abs", "mean", "sd_at_end", "rmse_at_end"))
+        + " |"
+        for name in interface.y
+        if name in metrics
+    ]
+    return CARD.format(
+        name=interface.name,
+        updates=run["updates"],
+        hours=run["hours"],
+        mode=config["mode"],
+        seeds=seeds,
+        adapted=f", adapted from {config['start']}" if config["start"] else "",
+        recordings=listed([*training, *validation]),
+        intervals=BY_TRAINING,
+        signals="\n".join(signals),
+        dt=truck.dt,
+        trials=metrics["trials"],
+        horizon=metrics["horizon_s"],
+        errors="\n".join(errors),
+        limits="\n".join(f"- {limit}" for limit in _limits(truck)),
+    )
+
+
+def _figure(value: float | None) -> str:
+    return "not measured" if value is None else f"{value:.4f}"
+
+
+def _span(recordings: Sequence[Recording], name: str) -> tuple[float, float]:
+    values = np.concatenate([r.channels[name] for r in recordings])
+    return float(np.nanmin(values)), float(np.nanmax(values))
+
+
+def _limits(truck: DeepTruck) -> list[str]:
+    limits = ["It knows nothing outside the spans above; `DeepTruck.covers` tells where that is."]
+    limits.append(
+        "The internal state (gear, boost) is unknown at the start of a run and settles within seconds."
+    )
+    if truck.interface.brake_unit is None:
+        share = 100 * truck.details["training"]["unexplained"]
+        limits.append(f"Braking was not recorded: {share:.1f} % of the rows, slowed by it, are left out.")
+    if not truck.interface.grade:
+        limits.append("Grade was not recorded: the road acts as an unexplained force.")
+    if truck.details["training"]["hours"] < 1.0:
+        limits.append("Trained on less than an hour of driving.")
+    return limits

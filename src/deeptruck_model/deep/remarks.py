@@ -1,0 +1,64 @@
+"""What makes an evaluation worth less than it looks: overlapping runs, other driving, another truck."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from deeptruck_model.deep.truck import DeepTruck
+from deeptruck_model.recordings import Recording
+from deeptruck_model.simulators import Simulator
+
+OVERLAP = 2.0  # times the driving that the runs may be long together
+OUTSIDE = 0.1  # share of the samples
+HELD_ENOUGH = 0.75  # of the points, by intervals that were to hold 90 %
+
+
+def remarks(simulator: Simulator, recordings: Sequence[Recording], metrics: dict[str, Any]) -> list[str]:
+    """One line for each; none where the figures may be taken as they are."""
+    found = [_overlap(recordings, metrics)]
+    if isinstance(simulator, DeepTruck):
+        found += [_outside(simulator, recordings), _other(simulator, recordings, metrics)]
+    return [line for line in found if line]
+
+
+def _overlap(recordings: Sequence[Recording], metrics: dict[str, Any]) -> str:
+    driven, horizon = sum(len(r) * r.dt for r in recordings), metrics["horizon_s"]
+    if metrics["trials"] * horizon <= OVERLAP * driven:
+        return ""
+    return (
+        f"{metrics['trials']} runs of {horizon:.0f} s from {driven:.0f} s of driving overlap: they are worth "
+        f"about {max(1, round(driven / horizon))} independent ones"
+    )
+
+
+def _outside(truck: DeepTruck, recordings: Sequence[Recording]) -> str:
+    """Driving that the truck was not trained on."""
+    names = (*truck.interface.y, *truck.interface.w)
+    whole = [r.columns(names) for r in recordings if all(name in r.channels for name in names)]
+    samples = np.concatenate([x[np.isfinite(x).all(axis=1)] for x in [*whole, np.zeros((0, len(names)))]])
+    responses = len(truck.interface.y)
+    covered = truck.covers(samples[:, :responses], samples[:, responses:])
+    share = 1.0 - float(covered.mean()) if len(covered) else 0.0
+    if share <= OUTSIDE:
+        return ""
+    return (
+        f"{100 * share:.0f} % of the driving is outside the speeds, accelerations and grades of the truck's "
+        "training: there it guesses"
+    )
+
+
+def _other(truck: DeepTruck, recordings: Sequence[Recording], metrics: dict[str, Any]) -> str:
+    """Recordings that its own intervals do not hold: of another truck, or of this one with another load."""
+    held = [m["inside_90"] for m in metrics.values() if isinstance(m, dict) and "inside_90" in m]
+    if not held or min(held) >= HELD_ENOUGH:
+        return ""
+    others = dict.fromkeys(r.interface.name for r in recordings if r.interface.name != truck.interface.name)
+    named = f" (recorded on {', '.join(others)}, trained on {truck.interface.name})" if others else ""
+    return (
+        f"the 90 % intervals hold only {100 * min(held):.0f} % of the points of one channel: this is another "
+        f"truck or load than in training{named}, which 'mismatch' tells, or too few drives set them, which "
+        "'calibrate' mends"
+    )

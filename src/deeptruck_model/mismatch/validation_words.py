@@ -1,0 +1,77 @@
+"""What the held-out free runs say of the correction: beside the simulator as given, and beside other
+parameters.
+
+Only the first decides whether it may be applied; the second says what the names are worth beyond numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+LEAST_RESAMPLED = 3  # recordings; with fewer the interval is over the free runs
+ASKED = (
+    "Validation asks one thing: is the speed error of the corrected simulator surely smaller than that of "
+    "the simulator as it was given, on recordings it was not fitted to?"
+)
+BETTER = "So the findings are worth more than other parameters."
+WORSE = (
+    "So on these drives the findings predict worse than refitted parameters, whatever they explain: free "
+    "parameters can bend to make up for anything that is missing, and for sizes that the findings have not "
+    "quite right. On other driving, what they bent for may be another."
+)
+UNSTATED = (
+    "Refitted parameters alone do predict these drives better, though none of them is surely enough wrong to "
+    "be stated: more recordings may tell."
+)
+EQUAL = "So these drives do not tell which of the two predicts better."
+
+
+def said(fit: dict[str, Any]) -> list[str]:
+    """Sentences on the `fit` of verdict.json; none where there were no free runs."""
+    if "after" not in fit:
+        return []
+    if fit["before"] == fit["after"]:
+        more = [UNSTATED] if worse_than_parameters(fit) else []
+        return ["Nothing was changed, so before and after are the same.", *more]
+    return [ASKED, _passed(fit), *_beside_parameters(fit)]
+
+
+def worse_than_parameters(fit: dict[str, Any]) -> bool:
+    """Whether re-tuned parameters alone predict the held-out recordings surely better than the correction."""
+    beside = fit.get("improvement_over_parameters_ci95")
+    return beside is not None and bool(beside[1] < 0.0)
+
+
+def _passed(fit: dict[str, Any]) -> str:
+    gained = f"it is {_change(fit['improvement_ci95'])} (95 % interval over {_resampled(fit)})"
+    if fit["validated"]:
+        return f"Yes, {gained}: the correction passed validation and may be applied."
+    return f"No, {gained}: the correction did not pass validation and is not applied."
+
+
+def _beside_parameters(fit: dict[str, Any]) -> list[str]:
+    beside = fit.get("improvement_over_parameters_ci95")
+    if not beside:
+        return []
+    if beside[0] == beside[1] == 0.0:
+        return ["The correction is refitted parameters alone: they drove the fitted recordings best."]
+    end = BETTER if beside[0] > 0.0 else WORSE if worse_than_parameters(fit) else EQUAL
+    return [
+        "Beside the simulator with all its parameters refitted, the speed error of the corrected one is "
+        f"{_change(beside)}. {end}"
+    ]
+
+
+def _change(ci: Sequence[float]) -> str:
+    """The interval of a relative improvement in words: '3 to 74 % larger'."""
+    low, high = (round(100 * x) for x in ci)
+    if ci[0] >= 0.0:
+        return f"{low} to {high} % smaller"
+    if ci[1] <= 0.0:
+        return f"{-high} to {-low} % larger"
+    return f"between {-low} % larger and {high} % smaller"
+
+
+def _resampled(fit: dict[str, Any]) -> str:
+    return "recordings" if len(fit["held_out"]) >= LEAST_RESAMPLED else "the runs"

@@ -1,0 +1,38 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deeptruck_model import trucks
+from deeptruck_model.deep.remarks import remarks
+
+ENOUGH = {"trials": 3, "horizon_s": 40.0, "speed": {"inside_90": 0.88}}
+
+
+def test_like_driving_by_runs_apart_is_not_remarked_on(truck, drive):
+    assert remarks(truck, [drive(600, seed=4)], ENOUGH) == []
+
+
+@pytest.mark.parametrize("simulator", ["deep", "physics"])
+def test_runs_that_overlap(truck, drive, simulator):
+    judged = truck if simulator == "deep" else trucks.load("trucksim")
+    (line,) = remarks(judged, [drive(60), drive(60, seed=1)], {**ENOUGH, "trials": 90})
+    assert line.startswith("90 runs of 40 s from 120 s of driving overlap") and "about 3 indep" in line
+
+
+def test_driving_that_the_training_had_not(truck, drive):
+    recording = drive(200)
+    faster = replace(recording, channels=recording.channels | {"speed": recording.channels["speed"] + 60.0})
+    (line,) = remarks(truck, [recording, faster], ENOUGH)
+    assert line.startswith("50 % of the driving is outside")
+    unknown = replace(recording, channels=recording.channels | {"grade": np.full(len(recording), np.nan)})
+    assert remarks(truck, [unknown], ENOUGH) == []
+
+
+def test_another_truck_by_the_intervals_it_leaves(truck, drive):
+    recording = drive(200)
+    little = {**ENOUGH, "speed": {"inside_90": 0.4}}
+    (line,) = remarks(truck, [recording], little)
+    assert "hold only 40 % of the points" in line and "recorded on" not in line
+    other = replace(recording, interface=replace(recording.interface, name="other"))
+    assert "(recorded on other, trained on toy)" in remarks(truck, [other], little)[0]

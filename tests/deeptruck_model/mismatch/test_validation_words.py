@@ -1,0 +1,57 @@
+"""What is said of the held-out free runs follows from their errors, also where it does not please."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from found_mismatches import mismatch, verdict
+
+from deeptruck_model.mismatch import page_text, validation_words
+
+
+def fit(
+    gained: list[float], beside: list[float], *, held_out: int = 1, validated: bool = True
+) -> dict[str, Any]:
+    names = [f"d{k}" for k in range(held_out)]
+    errors = {name: {"speed_rmse": size} for name, size in (("before", 0.9), ("after", 0.1))}
+    intervals = {"improvement_ci95": gained, "improvement_over_parameters_ci95": beside}
+    return {"held_out": names, "validated": validated, **errors, **intervals}
+
+
+@pytest.mark.parametrize(
+    ("beside", "change", "end"),
+    [
+        ([0.1, 0.3], "is 10 to 30 % smaller", validation_words.BETTER),
+        ([-0.74, -0.03], "is 3 to 74 % larger", validation_words.WORSE),
+        ([-0.3, 0.81], "is between 30 % larger and 81 % smaller", validation_words.EQUAL),
+    ],
+)
+def test_beside_refitted_parameters(beside: list[float], change: str, end: str) -> None:
+    said = validation_words.said(fit([0.95, 0.96], beside))
+    assert said[1].startswith("Yes, it is 95 to 96 % smaller (95 % interval over the runs)")
+    assert change in said[2] and said[2].endswith(end)
+
+
+def test_a_correction_that_failed_is_not_applied() -> None:
+    said = validation_words.said(fit([-0.2, 0.1], [0.0, 0.0], held_out=3, validated=False))
+    assert said[1].startswith(
+        "No, it is between 20 % larger and 10 % smaller (95 % interval over recordings)"
+    )
+    assert "is not applied" in said[1] and "refitted parameters alone" in said[2]
+
+
+def test_what_was_not_changed_may_still_be_worse_than_refitted_parameters() -> None:
+    same = fit([0.0, 0.0], [-8.4, -3.6], validated=False)
+    same["after"] = same["before"]
+    assert validation_words.said(same)[1] == validation_words.UNSTATED
+    same["improvement_over_parameters_ci95"] = [-0.1, 0.1]
+    assert len(validation_words.said(same)) == 1
+    assert validation_words.said({"validated": False}) == []
+
+
+def test_the_first_sentence_owns_up() -> None:
+    v = verdict("missing_physics", mismatch("missing_physics").findings)
+    assert "where refitted parameters alone" not in page_text.sentence(v)
+    v["fit"] |= {"improvement_over_parameters_ci95": [-0.5, -0.1], "parameters_only": {"speed_rmse": 0.05}}
+    assert page_text.sentence(v).endswith("to 0.1 m/s, where refitted parameters alone reach 0.05.")
