@@ -19,6 +19,7 @@ from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes, held_stea
 from deeptruck_model.mismatch.prepared import Prepared
 from deeptruck_model.mismatch.search import RETUNE_RANGE, Model, Search
 from deeptruck_model.mismatch.share import Shares
+from deeptruck_model.mismatch.worth_saying import ENOUGH
 from deeptruck_model.simulators import Simulator
 
 HORIZON_S = 40.0
@@ -31,6 +32,7 @@ UNNAMED = (
 WEAK = 60.0  # nats; a stronger cause is told also where no held-out drive shows it
 WEAK_LEARNED, STRONG_LEARNED = 60.0, 150.0  # the same beside a learned simulator, and if it drives worse
 OF_RECORDINGS = frozenset({"when", "each", "recordings", "first"})  # settings
+CLEARLY = 0.6  # of the error as given, at which a parameter is told by few nats
 NO_BETTER = 0.97  # of the error with other parameters alone
 HELPS = 0.9  # of the error, below which what has no name is worth asking for
 
@@ -209,6 +211,8 @@ def in_vain(x: Explanation, fit: dict[str, Any], *, learned: bool = False) -> bo
     most = max(c.gain for c in x.causes)
     if learned and most < STRONG_LEARNED and after > before:
         return True
+    if most < ENOUGH and all(c.kind == "parameter_error" for c in x.causes):
+        return bool(after > CLEARLY * before)
     if most >= (WEAK_LEARNED if learned else WEAK):
         return False
     lawful = learned or all(c.shape is not None and _lasting(c.shape) for c in x.causes)

@@ -194,7 +194,7 @@ def _timing(part: Column, e: Evidence) -> float:
 def _parameter(cause: Cause, e: Evidence, explanation: Explanation, own: dict[str, float]) -> dict[str, Any]:
     unit, says = NAMES[cause.effect]
     change = e.total_change(cause.effect, explanation.model.change(cause.effect))
-    sd = explanation.model.change_sd(cause.effect)
+    sd = explanation.model.change_sd(cause.effect) * (1.0 + e.moved.get(cause.effect, 0.0))
     base, unit = (own[cause.effect], unit) if cause.effect in own else (1.0, "of the simulator's")
     ci = [base * (1 + change - 1.96 * sd), base * (1 + change + 1.96 * sd)]
     return {

@@ -16,7 +16,7 @@ from deeptruck_model.simulators import Simulator
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-MOVING = 1.0  # m/s; below it standstill logic and wheel sensors rule, not longitudinal dynamics
+MOVING = 1.5  # m/s; below it standstill logic and wheel sensors rule, not longitudinal dynamics
 UNRECORDED_BRAKING = -0.5  # m/s^2; where braking is not recorded, slowing harder than this tells nothing
 SETTLE_S = 6.0  # the simulator's unknown inner state at the start needs this long to be forgotten
 STRANGE_S = 1.0  # in which a learned simulator gets over driving that it never learned from

@@ -31,14 +31,15 @@ TEMPER = 3.0  # evidence is this much too sure, the noise model being approximat
 # Relative change of a parameter from the simulator's. All scaled down alike change next to nothing, and so
 # would make up for whatever is not scaled with them.
 POSSIBLE = {
-    "mass": (-0.6, 2.0),
+    "mass": (-0.8, 3.0),
     "drag_area": (-0.6, 2.0),
     "rolling_resistance": (-0.7, 2.0),
     "torque_gain": (-0.35, 2.0),
     "brake_gain": (-0.5, 2.0),
 }
-RETUNE_RANGE = (-0.6, 1.0)  # no truck is further off; what asks for more is no parameter error
-HELD = 0.01
+RETUNE_RANGE = (-0.7, 2.0)  # no truck is further off; what asks for more is no parameter error
+LARGEST_SLOPE = 0.75  # what four times the mass does
+HELD, PINNED = 0.01, 0.001
 FREE = {"mass": 0.3, "drag_area": 0.3, "rolling_resistance": 0.4, "torque_gain": 0.15, "brake_gain": 0.25}
 # Filters of ordinary speed sensors and message periods make every response a little late (s); that is no
 # finding.
@@ -85,17 +86,32 @@ class Model:
         return out
 
 
+def changed_by(parameter: str, slope: float) -> float:
+    """The relative change whose effect is the linear one of `slope`: forces act by one over the mass."""
+    return 1.0 / (1.0 - min(slope, LARGEST_SLOPE)) - 1.0 if parameter == "mass" else slope
+
+
 class Search:
     """Fits models on one body of evidence and remembers them."""
 
-    def __init__(self, evidence: Evidence, *, exclude: Iterable[str] = (), only: Mask | None = None) -> None:
+    def __init__(
+        self,
+        evidence: Evidence,
+        *,
+        exclude: Iterable[str] = (),
+        only: Mask | None = None,
+        sigma: float | None = None,
+    ) -> None:
+        """`only` of its rows (n,); `sigma`, m/s^2, is the noise by which rows are weighed, else measured."""
         self.e = evidence
         self.parameters = tuple(evidence.sensitivity)
         late = [-evidence.difference(evidence.simulated), evidence.rerun("delay_all", LATE_S) / LATE_S]
         self._late = np.stack(late, axis=1)
         self.series: Series = evidence.series(1e9, only)
-        first = fit(self.series, *self._design((), frozenset(self.parameters))[:2])
-        self.series = evidence.series(first.sigma, only)
+        if sigma is None:
+            sigma = fit(self.series, *self._design((), frozenset(self.parameters))[:2]).sigma
+        self.sigma = sigma
+        self.series = evidence.series(sigma, only)
         self.library = [
             m for name, m in LIBRARY.items() if name not in set(exclude) and evidence.has(*m.needs)
         ]
@@ -112,26 +128,35 @@ class Search:
         return self._shapes[mechanism.effect]
 
     def model(
-        self, named: tuple[Shape, ...], free: frozenset[str], start: Fit | None = None, *, again: bool = False
+        self,
+        named: tuple[Shape, ...],
+        free: frozenset[str],
+        start: Fit | None = None,
+        *,
+        again: bool = False,
+        pinned: str = "",
     ) -> Model:
         """Fit one explanation, from the noise of `start`. Fitted `again` from another start, the better one
-        stays: noise that swallows a force and a force that leaves little noise are both optima."""
-        key = (tuple((n.mechanism.effect, id(n)) for n in named), free)
+        stays: noise that swallows a force and a force that leaves little noise are both optima. Parameters
+        that are not free are held near what the simulator was given; the `pinned` one is just that."""
+        key = (tuple((n.mechanism.effect, id(n)) for n in named), free, pinned)
         known = self._models.get(key)
         if known is None or again:
-            X, prior, layout = self._design(named, free)
+            X, prior, layout = self._design(named, free, pinned)
             found = fit(self.series, X, prior, start)
             cost = TEMPER * sum(np.log(n.trials) - np.log(n.mechanism.chance(self.e)) for n in named)
             model = Model(named, free, found, found.evidence - float(cost), layout)
             beyond = {p for p in free if not self._possible(p, model)}
-            model = self.model(named, free - beyond, start, again=again) if beyond else model
+            if beyond:
+                model = self.model(named, free - beyond, start, again=again, pinned=pinned)
             self._models[key] = model if known is None or model.score > known.score else known
         return self._models[key]
 
     def _possible(self, parameter: str, model: Model) -> bool:
         """Whether a parameter stays within what a truck can have: no rolling resistance is negative."""
         low, high = POSSIBLE[parameter]
-        return low < self.e.total_change(parameter, model.change(parameter)) < high
+        change = changed_by(parameter, model.change(parameter))
+        return low < self.e.total_change(parameter, change) < high
 
     def background(self, named: tuple[Shape, ...]) -> Model:
         """The best model with these mechanisms and any set of free parameters that a greedy search finds."""
@@ -186,14 +211,14 @@ class Search:
         return self._design(model.named, model.free)
 
     def _design(
-        self, named: tuple[Shape, ...], free: frozenset[str]
+        self, named: tuple[Shape, ...], free: frozenset[str], pinned: str = ""
     ) -> tuple[Array, Prior, tuple[tuple[str, slice], ...]]:
         blocks = [n.columns for n in named] + [self.e.sensitivity[p][:, None] for p in self.parameters]
         blocks.append(self._late)
         names = (
             [n.mechanism.effect for n in named] + [f"parameter:{p}" for p in self.parameters] + ["sensor lag"]
         )
-        sd = np.array([FREE[p] if p in free else HELD for p in self.parameters])
+        sd = np.array([PINNED if p == pinned else FREE[p] if p in free else HELD for p in self.parameters])
         as_given = np.array([1.0 / (1.0 + self.e.moved.get(p, 0.0)) - 1.0 for p in self.parameters])
         prior = Prior.join(*(n.prior for n in named), Prior(as_given, sd, np.zeros(len(sd))), SENSOR_LAG)
         layout, at = [], 0

@@ -31,7 +31,7 @@ from deeptruck_model.mismatch.inputs import same_signals, unusable, with_held_ou
 from deeptruck_model.mismatch.output import apply, write
 from deeptruck_model.mismatch.prepared import Prepared, learned, prepare
 from deeptruck_model.mismatch.residual import PARAMETERS, gather
-from deeptruck_model.mismatch.search import RETUNE_RANGE, Model, Search
+from deeptruck_model.mismatch.search import RETUNE_RANGE, Model, Search, changed_by
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
 
@@ -43,7 +43,8 @@ EXCLUDE = (
 OTHER_GEAR = "the simulator drives in another gear than was recorded"
 STRANGE = "the simulator has learned from no driving at such speeds, commands and slopes"
 WORTH_MOVING = 20.0  # nats
-RETUNE = 0.05  # beyond this relative change parameters are set in the simulator, and all is linearised again
+# Beyond this relative change parameters are set in the simulator, and all is linearised again; and once more.
+RETUNE, SETTLED, RETUNES = 0.05, 0.02, 3
 
 
 @dataclass(frozen=True)
@@ -222,29 +223,37 @@ def _explained(
     elif not own:
         evidence = replace(evidence, own_error=own_error.UNKNOWN, slow_noise=own_error.UNKNOWN)
     search = Search(evidence, exclude=exclude)
-    guess = first_guess(search)
-    change = {p: guess.change(p) for p in search.parameters if p in own}
-    if any(abs(c) > RETUNE for c in change.values()):
+    for turn in range(RETUNES):
+        guess = first_guess(search)
+        change = {p: changed_by(p, guess.change(p)) for p in search.parameters if p in own}
+        if all(abs(c) <= (SETTLED if turn else RETUNE) for c in change.values()):
+            break
         say("searching around the refitted parameters")
-        moved = {p: float(np.clip(c, *RETUNE_RANGE)) for p, c in change.items() if abs(c) > 0.005}
+        total = {p: search.e.total_change(p, c) for p, c in change.items()}
+        moved = {p: float(np.clip(c, *RETUNE_RANGE)) for p, c in total.items() if abs(c) > 0.005}
         tuned = simulator.with_parameters({p: own[p] * (1 + c) for p, c in moved.items()})
-        anew = gather(tuned, prepared, flags, seed=seed, moved=moved)
-        search = _better((search, guess), Search(anew, exclude=exclude))
-    evidence = search.e
-    explanation = explain(search)
-    return evidence, explanation
+        anew = Search(gather(tuned, prepared, flags, seed=seed, moved=moved), exclude=exclude)
+        if not _better((search, guess), anew, 0.0 if turn else WORTH_MOVING):
+            break
+        search = anew
+    return search.e, explain(search)
 
 
-def _better(given: tuple[Search, Model], moved: Search) -> Search:
-    """The search around the moved parameters where it explains clearly more of what both may use.
+def _better(given: tuple[Search, Model], moved: Search, by: float) -> bool:
+    """Whether the search around the moved parameters explains more of what both may use, `by` nats.
 
     Parameters can make up for a force they have nothing to do with, if they are moved far enough; and mass,
     gains and drag all scaled alike change next to nothing.
     """
     both = given[0].e.valid & moved.e.valid
+    doubt = np.maximum(given[0].e.disagreement, moved.e.disagreement)  # rows weigh alike in both
+    sigma = max(given[0].sigma, moved.sigma)
     guesses = [given, (moved, first_guess(moved))]
-    scores = [Search(s.e, only=both).model(guess.named, guess.free).score for s, guess in guesses]
-    return moved if scores[1] > scores[0] + WORTH_MOVING else given[0]
+    scores = [
+        Search(replace(s.e, disagreement=doubt), only=both, sigma=sigma).model(guess.named, guess.free).score
+        for s, guess in guesses
+    ]
+    return bool(scores[1] > scores[0] + by)
 
 
 def _overall(found: Sequence[findings.Finding]) -> str:

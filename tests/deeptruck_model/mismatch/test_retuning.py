@@ -1,0 +1,48 @@
+"""Parameters that are far off: found where they are, and nothing is made up for them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deeptruck_model import driving_cycles, mismatch, trucks
+from deeptruck_model.mismatch.search import changed_by
+from deeptruck_model.recordings import Recording
+
+TRUCK = trucks.load("trucksim")
+MASS = TRUCK.parameters()["mass"]
+
+
+def drives(truck: trucks.PhysicsTruck, count: int = 4, seconds: float = 600.0) -> list[Recording]:
+    return [
+        _measured(driving_cycles.drive(truck, seconds=seconds, seed=10 + k, name=f"d{k}"), k)
+        for k in range(count)
+    ]
+
+
+def _measured(r: Recording, seed: int) -> Recording:
+    rng, n = np.random.default_rng(seed), len(r)
+    noise = {"acceleration": 0.05, "grade": 0.001}
+    out = {name: r.channels[name] + sd * rng.standard_normal(n) for name, sd in noise.items()}
+    out["speed"] = np.maximum(r.channels["speed"] + 0.02 * rng.standard_normal(n), 0.0)
+    return replace(r, channels=r.channels | out)
+
+
+@pytest.mark.parametrize("share", [0.7, 1.3, 1.8])
+def test_another_mass_is_a_mass_and_nothing_else(share: float) -> None:
+    heavy = TRUCK.with_parameters({"mass": share * MASS})
+    recorded = drives(heavy)
+    verdict = mismatch.find_mismatch(TRUCK, recorded[:3], recorded[3:]).verdict
+    (found,) = verdict["findings"]
+    assert verdict["verdict"] == "parameter_error" and found["effect"] == "mass"
+    assert found["parameters"]["mass"]["value"] == pytest.approx(share * MASS, rel=0.02)
+    assert verdict["fit"]["after"]["speed_rmse"] < 0.2 * verdict["fit"]["before"]["speed_rmse"]
+
+
+def test_forces_act_by_one_over_the_mass() -> None:
+    for share in (0.5, 0.8, 1.0, 1.5):
+        slope = 1.0 - 1.0 / share  # of the acceleration, which is all that a first look tells
+        assert changed_by("mass", slope) == pytest.approx(share - 1.0)
+        assert changed_by("drag_area", slope) == slope
