@@ -49,6 +49,8 @@ class Road:
     alpha_sharp: float = 0.2  # on the same, linear from 0.03 s on, so that the last bit goes as well
     alpha_rate: float = 0.3  # on the change of action a step, squared: keeps the pedals quiet
     alpha_both: float = 1.0  # on engine times brake: neither pedal is worth anything against the other
+    alpha_asked: float = 200.0  # on the same as asked of exclusive pedals: where both are, what the engine is
+    # asked for is taken from the brake, which is ten times stronger; that was a limit cycle of 1.3 Hz
     margin_m: float = 4.0  # the crash penalty cannot be differentiated; a hinge this far above d_safety can
 
     def __post_init__(self) -> None:
@@ -126,13 +128,15 @@ class Road:
         """Cost and errors of a window; gap, speed, leader, ideal (steps, rows), action (steps + 1, rows,
         2)."""
         gap_error, speed_error = gap - speed * time_gap, leader - speed
-        commands = policy.commands(action[1:].flatten(0, 1)).view(*gap.shape, 2)
-        scale = policy.scale
+        taken = action[1:].flatten(0, 1)
+        commands, scale = policy.commands(taken).view(*gap.shape, 2), policy.scale
+        asked = [pedal.view(gap.shape) for pedal in policy.asked(taken)]
         engine, brake = commands[..., 0] / scale.engine_high, commands[..., 1] / max(scale.brake_high, 1e-12)
         cost = self._tracking(gap_error, speed, ideal) + self.paid.effort(engine, brake)
         hinge = (self.reward.d_safety + self.margin_m - gap).clamp(min=0.0, max=10.0)
         change = (action[1:] - action[:-1])[1:].square().sum(dim=2)
-        total = (cost + hinge + self.alpha_both * engine * brake).mean(dim=0)
+        both = self.alpha_asked * asked[0] * asked[1] if scale.exclusive else self.alpha_both * engine * brake
+        total = (cost + hinge + both).mean(dim=0)
         jerk = speed.diff(n=2, dim=0) / self.dt**2
         total = total + self.alpha_rate * change.mean(dim=0)
         time_gap_error = (gap_error / speed.clamp(min=1.0)).detach()
