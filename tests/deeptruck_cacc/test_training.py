@@ -216,7 +216,7 @@ def test_a_killed_run_resumes_to_the_same_policy(toy, tmp_path, trainer, quick):
 def test_a_foreign_checkpoint_is_refused(toy, tmp_path):
     analytic.train(toy, tmp_path / "p", QUICK)
     other = replace(QUICK, rollouts=7)
-    with pytest.raises(InputError, match="another rollouts"):
+    with pytest.raises(InputError, match=r"another run \(rollouts was 6, given 7\).*--overwrite"):
         analytic.train(toy, tmp_path / "p", other, resume=True)
 
 
