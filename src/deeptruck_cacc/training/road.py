@@ -35,7 +35,9 @@ class Window(NamedTuple):
     time_gap_error: Tensor
     speed_error: Tensor
     crashed: Tensor
-    wasted: Tensor  # mean of engine times brake, and a little of the jerk: what nobody wants to sit in
+    wasted: (
+        Tensor  # mean of engine times brake as asked, and a little of the jerk: what nobody wants to sit in
+    )
 
 
 @dataclass
@@ -135,13 +137,15 @@ class Road:
         cost = self._tracking(gap_error, speed, ideal) + self.paid.effort(engine, brake)
         hinge = (self.reward.d_safety + self.margin_m - gap).clamp(min=0.0, max=10.0)
         change = (action[1:] - action[:-1])[1:].square().sum(dim=2)
-        both = self.alpha_asked * asked[0] * asked[1] if scale.exclusive else self.alpha_both * engine * brake
-        total = (cost + hinge + both).mean(dim=0)
+        both, weight = engine * brake, self.alpha_both
+        if scale.exclusive:
+            both, weight = asked[0] * asked[1], self.alpha_asked
+        total = (cost + hinge + weight * both).mean(dim=0)
         jerk = speed.diff(n=2, dim=0) / self.dt**2
         total = total + self.alpha_rate * change.mean(dim=0)
         time_gap_error = (gap_error / speed.clamp(min=1.0)).detach()
         crashed = (gap.detach() <= self.reward.d_safety).any(dim=0)
-        wasted = (engine * brake).mean(dim=0) + 0.02 * jerk.square().mean(dim=0).sqrt()
+        wasted = both.mean(dim=0) + 0.02 * jerk.square().mean(dim=0).sqrt()
         return Window(total, time_gap_error, speed_error.detach(), crashed, wasted.detach())
 
     def _tracking(self, gap_error: Tensor, speed: Tensor, ideal: Tensor) -> Tensor:
