@@ -19,6 +19,7 @@ ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))  # `examples` is no part of the installed packages
 
 from examples.demo import page  # noqa: E402
+from examples.demo.figures import following_figure  # noqa: E402
 from examples.demo.following import Following  # noqa: E402
 from examples.demo.runner import Runner, StepError, last_line  # noqa: E402
 from examples.demo.steps import Settings, Step, chosen, plan, real_data  # noqa: E402
@@ -149,9 +150,26 @@ def test_another_vehicle_is_marked_when_the_radar_saw_it(late: float) -> None:
     there = (time > 62.95 - late) & (time < 64.45 - late)
     gap = true_gap + 40.0 * there + np.random.default_rng(0).normal(0.0, 0.1, 900)
     gap[there.argmax() + 3] = np.nan
-    begin, end = Following("can", time, {"gap": gap}, true_gap).another_s or (0.0, 0.0)
+    begin, end = Following("can", time, {"gap": gap}, true_gap, true_gap).another_s or (0.0, 0.0)
     assert (begin, end) == (pytest.approx(63.0 - late), pytest.approx(64.4 - late))
-    assert Following("can", time, {"gap": true_gap}, true_gap).another_s is None
+    assert Following("can", time, {"gap": true_gap}, true_gap, true_gap).another_s is None
+
+
+def test_runs_side_by_side_have_the_time_of_one_leader() -> None:
+    """A bag may begin after its leader."""
+
+    def run(began_s: float) -> Following:
+        time = 0.1 * np.arange(300)
+        leader = 20.0 + np.clip(time + began_s - 15.0, 0.0, 3.0)
+        names = ("speed", "leader_speed", "gap", "acceleration", "engine_command", "brake_command")
+        channels = dict.fromkeys(names, np.full(300, 40.0)) | {"leader_speed": leader}
+        return Following("x", time, channels, np.full(300, 40.0), leader)
+
+    axes = following_figure([run(0.0), run(5.5)]).axes[:2]
+    first, second = (axis.lines[0] for axis in axes)
+    moves = [line.get_xdata()[np.argmax(line.get_ydata() > 20.5)] for line in (first, second)]
+    assert moves[0] == pytest.approx(moves[1], abs=0.11) and moves[0] == pytest.approx(15.5, abs=0.2)
+    assert second.get_xdata()[0] == pytest.approx(5.5, abs=0.11)
 
 
 def test_progress_bars_leave_their_last_state(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import printed
@@ -47,15 +48,19 @@ def learning_figure(simulator: Path, policy: Path) -> Figure:
     truck, follower = figure.subplots(1, 2)
     for name, points in truck_curves(simulator).items():
         truck.semilogy(*zip(*points, strict=True), label=name)
-    truck.set(xlabel="updates", ylabel="loss", title="deep truck")
+    truck.set(xlabel="updates", ylabel="loss")
     rows = [json.loads(line) for line in (policy / "learning_curve.jsonl").read_text().splitlines()]
     steps = np.array([row["iteration"] for row in rows])
     follower.semilogy(steps, [np.mean(row["cost"]) for row in rows], label="cost", lw=0.8)
     judged = [(row["iteration"], np.min(row["validation"])) for row in rows if "validation" in row]
     follower.semilogy(*zip(*judged, strict=True), "o-", label="validation, fresh scenes")
-    follower.set(xlabel="updates", ylabel="cost of a step", title="policy")
-    for axis in (truck, follower):
-        axis.legend()
+    follower.set(xlabel="updates", ylabel="cost of a step")
+    for axis, title in ((truck, "deep truck"), (follower, "policy")):
+        axis.set_title(title, loc="left")
+        axis.legend(
+            ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False
+        )  # no curve runs there
+        axis.xaxis.set_major_locator(MaxNLocator(integer=True))
         axis.grid(alpha=0.3)
     return figure
 
@@ -70,11 +75,15 @@ def truck_curves(simulator: Path) -> dict[str, list[tuple[int, float]]]:
 
 
 def following_figure(runs: list[Following]) -> Figure:
-    """The closed-loop runs side by side, one column each, on the same axes."""
+    """The closed-loop runs side by side, one column each, on the same axes.
+
+    Time is the first run's: a bag may begin before or after its leader, so the others are moved until their
+    leaders first change speed when its leader does.
+    """
     figure = Figure(figsize=(6.2 * len(runs), 9.5), layout="constrained")
     axes = figure.subplots(5, len(runs), sharex=True, sharey="row", squeeze=False)
     for column, run in enumerate(runs):
-        _follow(axes[:, column], run)
+        _follow(axes[:, column], run, _delay(runs[0], run))
         axes[0, column].set_title(run.title)
         axes[-1, column].set_xlabel("time [s]")
     labels = ("speed\n[m/s]", "gap\n[m]", "acceleration\n[m/s²]", "engine\n[N m]", "brake\n[%]")
@@ -85,8 +94,14 @@ def following_figure(runs: list[Following]) -> Figure:
     return figure
 
 
-def _follow(axes: Any, run: Following) -> None:
-    t, c = run.time, run.channels
+def _delay(first: Following, run: Following) -> float:
+    """By how much a run's leader moves earlier than the first one's, s."""
+    moves = first.leader_moves_s, run.leader_moves_s
+    return 0.0 if moves[0] is None or moves[1] is None else moves[0] - moves[1]
+
+
+def _follow(axes: Any, run: Following, delay: float) -> None:
+    t, c = run.time + delay, run.channels
     axes[0].plot(t, c["leader_speed"], color="k", lw=1, label="leader, by radar")
     axes[0].plot(t, c["speed"], color=RED, lw=1.2, label="truck")
     axes[1].plot(t, c["gap"], color="k", lw=1, label="by radar")
@@ -98,5 +113,5 @@ def _follow(axes: Any, run: Following) -> None:
         axis.grid(alpha=0.3)
         axis.margins(x=0)
         if run.another_s is not None:
-            axis.axvspan(*run.another_s, color="0.85", lw=0)
+            axis.axvspan(*(delay + s for s in run.another_s), color="0.85", lw=0)
     axes[1].set_ylim(bottom=0)

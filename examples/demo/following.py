@@ -17,21 +17,24 @@ Array = NDArray[np.float64]
 
 ANOTHER_M = 10.0  # what the radar says is that much off the leader only where it sees another vehicle
 SETTLED_S = 5.0
+MOVED = 0.01  # m/s
 TRUTH = {
     "speed": {"topic": "/truck/twist", "field": "twist.linear.x"},
     "gap": {"topic": "/leader/state", "field": "position[name=true_gap]"},
+    "leader_speed": {"topic": "/leader/state", "field": "position[name=true_leader_speed]"},
 }
 LOST = "lost: "  # of the bridge's diagnostics
 
 
 @dataclass(frozen=True)
 class Following:
-    """Channels (n,) over time since the run's first speed, s; `true_gap` is without the radar's errors."""
+    """Channels (n,) over time since the run's first speed, s; `true_` ones without the radar's errors."""
 
     title: str
     time: Array
     channels: dict[str, Array]
     true_gap: Array
+    true_leader_speed: Array
     time_gap: float = 2.0
 
     @property
@@ -44,6 +47,12 @@ class Following:
         """From when until when the radar saw another vehicle than the leader, s; None where it never did."""
         off = np.flatnonzero(np.abs(self.channels["gap"] - self.true_gap) > ANOTHER_M)
         return (float(self.time[off[0]]), float(self.time[off[-1]])) if len(off) else None
+
+    @property
+    def leader_moves_s(self) -> float | None:
+        """When the leader first left its initial speed, s; None where it never did."""
+        moved = np.flatnonzero(np.abs(self.true_leader_speed - self.true_leader_speed[0]) > MOVED)
+        return float(self.time[moved[0]]) if len(moved) else None
 
     def figures(self) -> dict[str, float]:
         """Errors after the start, whatever the radar saw."""
@@ -72,7 +81,7 @@ def load(bag: Path, title: str) -> Following:
     if len(truth) != len(recording):
         raise InputError(f"{bag}: the leader's state is not there for the whole run")
     time = recording.time - recording.start_s
-    return Following(title, time, recording.channels, truth.channels["gap"])
+    return Following(title, time, recording.channels, truth.channels["gap"], truth.channels["leader_speed"])
 
 
 def losses(bag: Path) -> list[str]:

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from deeptruck_cacc.training_bar import telling
 from deeptruck_model import console
 from deeptruck_model.errors import InputError
 
@@ -75,9 +75,13 @@ def train(
     if (out / "policy.json").exists() and not (resume or overwrite):
         raise InputError(f"{out} holds a policy already; choose another --out, or add --overwrite")
     config = _config(trainer, seed, seeds, iterations, scene, memory)
+    if resume and training.finished(out, trainer=trainer.value, config=config, source=simulator):
+        typer.echo(f"{out}: finished before, with this simulator and these arguments; nothing was left to do")
+        return
     truck = simulators.load(simulator)
-    with _progress() as bar:
-        task = bar.add_task("training", total=None, says="", visible=False)  # bad input shows no bar
+    if resume and not training.begun(out):
+        typer.echo(f"note: {out} holds nothing to go on from; training from the beginning", err=True)
+    with telling() as tell:
         policy = training.train(
             truck,
             out,
@@ -85,9 +89,7 @@ def train(
             config=config,
             resume=resume,
             source=simulator,
-            tell=lambda done, total, says: bar.update(
-                task, completed=done, total=total, says=says, visible=True
-            ),
+            tell=tell,
         )
     typer.echo(f"{out}: seed {policy.card['seed']}, validation {policy.card['validation']['score']:.3f}")
 
@@ -228,17 +230,6 @@ def _config(
 
     chosen.pop("seeds", None)
     return TrpoConfig(**chosen)  # type: ignore[arg-type]
-
-
-def _progress() -> Progress:
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        TextColumn("{task.fields[says]}"),
-        console=Console(stderr=True),
-    )
 
 
 def main() -> None:

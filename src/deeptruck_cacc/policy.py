@@ -7,7 +7,8 @@ import math
 import shutil
 import tempfile
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import MISSING, asdict, dataclass, field, fields
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -159,23 +160,50 @@ def _units(interface: TruckInterface) -> str:
     return ", ".join(f"{name} in {interface.unit(name)}" for name in interface.u)
 
 
+AGAIN = "train the policy again"
+TYPICAL = {"leader_speed": 20.0, "speed": 20.0, "gap": 40.0, "target_time_gap": 2.0, "grade": 0.0}
+
+
 def _load_directory(path: Path) -> MlpPolicy:
     manifest = read_manifest(path)
     try:
-        features = {k: v for k, v in manifest["features"].items() if k != "names"}
-        scale = {k: v for k, v in manifest["action"].items() if k != "units"}
-        policy = MlpPolicy(
-            _read_layers(path / WEIGHTS, len(manifest["hidden"]) + 1),
-            FeatureMap.from_dict(features),
-            ActionScale(**scale),
-            TruckInterface.from_dict(manifest["interface"]),
-            {name: (float(low), float(high)) for name, (low, high) in manifest["coverage"].items()},
-            manifest["card"],
+        hidden = list(manifest["hidden"])
+        policy = partial(
+            MlpPolicy,
+            features=FeatureMap.from_dict(_fields(manifest, "features", FeatureMap, "names")),
+            scale=ActionScale(**_fields(manifest, "action", ActionScale, "units")),
+            interface=TruckInterface.from_dict(manifest["interface"]),
+            coverage={name: (float(low), float(high)) for name, (low, high) in manifest["coverage"].items()},
+            card=dict(manifest["card"]),
         )
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path / MANIFEST} is damaged ({error}); train the policy again") from None
-    if policy.layers[0][0].shape[1] != len(policy.features.names) or len(policy.layers[-1][1]) != 2:
-        raise InputError(f"{path / WEIGHTS} does not fit {MANIFEST}; train the policy again")
+    except KeyError as error:
+        raise InputError(
+            f"{path / MANIFEST} lacks {error}: it is damaged or of another version; {AGAIN}"
+        ) from None
+    except (AttributeError, TypeError, ValueError) as error:
+        raise InputError(f"{path / MANIFEST} is damaged or of another version ({error}); {AGAIN}") from None
+    return _tried(policy(_read_layers(path / WEIGHTS, len(hidden) + 1)), path)
+
+
+def _fields(manifest: Mapping[str, Any], key: str, kind: type, beside: str) -> dict[str, Any]:
+    """What makes a `kind`, of which nothing without default may be missing. Raises KeyError for what is."""
+    found = {name: value for name, value in manifest[key].items() if name != beside}
+    for field_ in fields(kind):
+        if field_.default is MISSING and field_.name not in found:
+            raise KeyError(f"{key}.{field_.name}")
+    return found
+
+
+def _tried(policy: MlpPolicy, path: Path) -> MlpPolicy:
+    """The policy, if its parts fit one another and make commands."""
+    try:
+        fits = policy.layers[0][0].shape[1] == len(policy.features.names) and len(policy.layers[-1][1]) == 2
+        works = fits and np.isfinite(policy.act(TYPICAL)).all()
+    except (IndexError, TypeError, ValueError):
+        works = False
+    if not works:
+        raise InputError(f"{path / WEIGHTS} and {MANIFEST} do not fit one another; {AGAIN}")
+    policy.reset()
     return policy
 
 
@@ -189,9 +217,9 @@ def read_manifest(path: Path) -> dict[str, Any]:
             "or use 'baseline:acc'"
         ) from None
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path / MANIFEST} is damaged ({error}); train the policy again") from None
+        raise InputError(f"{path / MANIFEST} is damaged ({error}); {AGAIN}") from None
     if not isinstance(manifest, dict) or manifest.get("kind") != "mlp" or manifest.get("schema") != 1:
-        raise InputError(f"{path / MANIFEST} is of no known kind; expected kind 'mlp', schema 1")
+        raise InputError(f"{path / MANIFEST} is of no known kind; expected kind 'mlp', schema 1; {AGAIN}")
     return manifest
 
 
@@ -199,8 +227,12 @@ def _read_layers(path: Path, count: int) -> list[tuple[Array, Array]]:
     try:
         tensors = load_file(path)
         layers = [(tensors[f"{k}.weight"], tensors[f"{k}.bias"]) for k in range(count)]
-    except (FileNotFoundError, SafetensorError, KeyError) as error:
-        raise InputError(f"{path} is missing or damaged ({error}); train the policy again") from None
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing; {AGAIN}") from None
+    except KeyError as error:
+        raise InputError(f"{path} lacks {error}, which {MANIFEST} asks for; {AGAIN}") from None
+    except SafetensorError as error:
+        raise InputError(f"{path} is damaged ({error}); {AGAIN}") from None
     if not all(math.isfinite(float(np.sum(w)) + float(np.sum(b))) for w, b in layers):
-        raise InputError(f"{path} holds NaN or infinite weights; train the policy again")
+        raise InputError(f"{path} holds NaN or infinite weights; {AGAIN}")
     return [(w.astype(float), b.astype(float)) for w, b in layers]

@@ -8,7 +8,7 @@ import pytest
 
 from deeptruck_cacc import hard_scenes
 from deeptruck_cacc.baselines import baseline
-from deeptruck_cacc.evaluation import evaluate, metrics, platoon, table
+from deeptruck_cacc.evaluation import evaluate, metrics, platoon, report, table
 from deeptruck_cacc.pedals import PedalMap
 from deeptruck_cacc.rollouts import Trace, roll_out
 from deeptruck_model.errors import InputError
@@ -131,3 +131,10 @@ def test_recorded_leaders_where_the_data_is_present():
     np.testing.assert_allclose(scene.leader_speed, speeds[:, 0])
     with pytest.raises(InputError, match="known: human, acc"):
         hard_scenes.recorded_leaders("robot")
+
+
+def test_a_learning_curve_is_drawn_up_to_a_line_cut_short(tmp_path):
+    (tmp_path / "learning_curve.jsonl").write_text('{"cost": [1.0]}\n{"cost": [0.5]}\n{"cos')
+    report._draw_learning(tmp_path, tmp_path)
+    assert report._whole_lines(tmp_path / "learning_curve.jsonl") == [{"cost": [1.0]}, {"cost": [0.5]}]
+    assert (tmp_path / "learning_curve.png").exists()

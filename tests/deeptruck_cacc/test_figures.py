@@ -48,6 +48,11 @@ def test_a_learning_curve_counts_its_seeds(drawn, tmp_path, seeds, says):
     assert_legends_are_outside(figure)
 
 
+def test_a_short_learning_curve_has_no_half_iterations(drawn, tmp_path):
+    axis = drawn(figures.learning_curve, [[{"cost": 1.0}] * 4], tmp_path / "x.png").axes[0]
+    np.testing.assert_array_equal(axis.get_xticks() % 1.0, 0.0)
+
+
 def test_a_run_is_drawn_with_units_and_its_legends_outside(drawn, tmp_path):
     scene = long_following(np.random.default_rng(0), 1, 100, 0.1)
     names = ("leader_speed", "speed", "time_gap_error", "engine_command", "brake_command", "acceleration")

@@ -105,6 +105,37 @@ def test_torch_and_numpy_agree_on_policy_and_road(toy, power):
         )
 
 
+def test_asking_for_both_pedals_costs_although_only_one_acts(toy):
+    scene = scenes.moving(np.random.default_rng(5), 4, 30, toy.dt)
+    batch = SeedBatch([0], FeatureMap.default(power=True), replace(ActionScale.of(toy), exclusive=True))
+    with torch.no_grad():
+        for weight in batch.weights:
+            weight.zero_()
+        batch.biases[-1][:, :, 0], batch.biases[-1][:, :, 1] = (
+            -0.4,
+            0.1,
+        )  # 0.3 of the engine, 0.1 of the brake
+
+    def cost(alpha: float) -> torch.Tensor:
+        road = Road(toy, Reward(), alpha_asked=alpha)
+        return road.drive(scene, batch, road.start(scene, batch), 30)[1].cost.mean()
+
+    assert (cost(200.0) - cost(0.0)).item() == pytest.approx(200.0 * 0.3 * 0.1, rel=1e-4)
+    (cost(200.0) - cost(0.0)).backward()
+    engine, brake = batch.biases[-1].grad[0, 0]
+    assert engine > 0 and brake > 0  # a step down the gradient takes both back
+
+
+def test_a_trained_policy_does_not_ask_for_both_pedals(trained):
+    toy, out, _ = trained
+    policy, asked = load_policy(out), []
+    mean = policy.mean
+    policy.mean = lambda seen: asked.append(mean(seen)) or asked[-1]
+    roll_out(toy, policy, scenes.moving(np.random.default_rng(3), 20, 300, toy.dt))
+    engine, brake = (np.array(asked)[..., 0] + 1) / 2, np.array(asked)[..., 1]
+    assert ((engine > 0.03) & (brake > 0.03)).mean() < 0.001
+
+
 def test_torch_and_numpy_agree_on_features():
     features = FeatureMap.default(power=True)
     batch = SeedBatch([0], features, ActionScale(0.0, 2000.0, 100.0))
@@ -185,7 +216,7 @@ def test_a_killed_run_resumes_to_the_same_policy(toy, tmp_path, trainer, quick):
 def test_a_foreign_checkpoint_is_refused(toy, tmp_path):
     analytic.train(toy, tmp_path / "p", QUICK)
     other = replace(QUICK, rollouts=7)
-    with pytest.raises(InputError, match="another rollouts"):
+    with pytest.raises(InputError, match=r"another run \(rollouts was 6, given 7\).*--overwrite"):
         analytic.train(toy, tmp_path / "p", other, resume=True)
 
 

@@ -14,6 +14,7 @@ from deeptruck_model.signals import TruckInterface
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
+from matplotlib.ticker import MaxNLocator
 
 
 def error_bands(trace: Trace, title: str, path: Path) -> None:
@@ -84,6 +85,7 @@ def learning_curve(runs: list[list[dict[str, Any]]], path: Path) -> None:
     else:
         axis.set_yscale("symlog", linthresh=1.0)
     axis.set(xlabel="iteration", ylabel=key.replace("_", " "))
+    axis.xaxis.set_major_locator(MaxNLocator(integer=True))
     _legend_above(axis, 2)
     _save(figure, path)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -118,9 +119,18 @@ def _worst(rows: list[Any]) -> Any:
 
 def _draw_learning(policy: Path, out: Path) -> None:
     files = [policy / "learning_curve.jsonl", *sorted(policy.glob("seeds/*/learning_curve.jsonl"))]
-    runs = [[json.loads(line) for line in f.read_text().splitlines()] for f in files if f.exists()]
+    runs = [_whole_lines(f) for f in files if f.exists()]
     if runs and all(runs):
         figures.learning_curve(runs, out / "learning_curve.png")
+
+
+def _whole_lines(path: Path) -> list[dict[str, Any]]:
+    """What a learning curve holds, up to a line that a killed run or a full disk left unfinished."""
+    rows: list[dict[str, Any]] = []
+    with suppress(json.JSONDecodeError):
+        for line in path.read_text().splitlines():
+            rows.append(json.loads(line))
+    return rows
 
 
 def _write(results: dict[str, Any], out: Path) -> None:

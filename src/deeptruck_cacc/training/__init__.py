@@ -9,10 +9,12 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
+from deeptruck_cacc.training.identity import begun, identity_of
+from deeptruck_cacc.training.identity import finished as _finished
 from deeptruck_model import exclusive
 from deeptruck_model.errors import InputError
 
-__all__ = ["train"]
+__all__ = ["begun", "finished", "train"]
 
 
 def train(simulator: Any, out: Any, *, trainer: str = "analytic", **options: Any) -> Any:
@@ -27,6 +29,18 @@ def train(simulator: Any, out: Any, *, trainer: str = "analytic", **options: Any
         raise InputError(f"there is no trainer '{trainer}'; known: analytic, trpo")
     with _folder(Path(out)), threadpool_limits(1):  # small matrices: a second thread only waits, at full load
         return (_analytic if trainer == "analytic" else _trpo)(simulator, out, **options)
+
+
+def finished(out: Path, *, trainer: str, config: Any, source: str) -> bool:
+    """Whether `out` already holds what this training would give; `source` names its simulator.
+
+    Raises InputError where it holds another run's policy and nothing to go on from.
+    """
+    if trainer == "analytic":
+        from deeptruck_cacc.training.analytic import settled
+
+        config = settled(config)
+    return _finished(out, identity_of(trainer, config, source))
 
 
 @contextmanager

@@ -23,6 +23,7 @@ from deeptruck_cacc.reward import Reward
 from deeptruck_cacc.scaling import ActionScale, FeatureMap
 from deeptruck_cacc.scenes import Scene
 from deeptruck_cacc.training import progress, validation
+from deeptruck_cacc.training.identity import identity_of
 from deeptruck_cacc.training.network import SeedBatch
 from deeptruck_cacc.training.road import Road, Traffic, detach
 from deeptruck_model.errors import InputError
@@ -82,16 +83,21 @@ def train(
         )
     if config.scene not in scenes.DRAWERS:
         raise InputError(f"there is no scene '{config.scene}'; known: {', '.join(scenes.DRAWERS)}")
+    return _Run(simulator, Path(out), settled(config), reward, source).train(resume, tell)
+
+
+def settled(config: AnalyticConfig) -> AnalyticConfig:
+    """The config with the learning rate that is meant by 0."""
     rate = config.learning_rate or (FOLLOWER_RATE if config.memory else RANDOM_RATE)
-    config = replace(config, learning_rate=rate)
-    return _Run(simulator, Path(out), config, reward, source).train(resume, tell)
+    return replace(config, learning_rate=rate)
 
 
 class _Run:
     def __init__(
         self, simulator: Simulator, out: Path, config: AnalyticConfig, reward: Reward, source: str
     ) -> None:
-        self.simulator, self.out, self.config, self.source = simulator, out, config, source
+        self.simulator, self.out, self.config = simulator, out, config
+        self.identity = identity_of("analytic", config, source)
         self.road, self.reward = Road(simulator, reward), reward
         features = FeatureMap.default(memory=config.memory, dt=simulator.dt, power=config.memory)
         scale = replace(ActionScale.of(simulator), exclusive=config.memory)
@@ -176,17 +182,12 @@ class _Run:
         tensors: dict[str, Tensor] = {f"now.{name}": t for name, t in self.policy.state_dict().items()}
         tensors |= {f"best.{name}": t for name, t in self.best.items()}
         tensors |= progress.adam_tensors(self.adam)
-        facts = {
-            "done": done,
-            "config": asdict(self.config),
-            "best_score": self.best_score,
-            "seen": self.seen,
-        }
+        facts = {**self.identity, "done": done, "best_score": self.best_score, "seen": self.seen}
         progress.save_checkpoint(self.out, tensors, facts)
 
     def _restore(self) -> int:
         """Continue from the checkpoint, if there is one; the number of iterations already done."""
-        found = progress.load_checkpoint(self.out, asdict(self.config))
+        found = progress.load_checkpoint(self.out, self.identity)
         if found is None:
             return 0
         tensors, facts = found
@@ -210,12 +211,9 @@ class _Run:
 
     def _policy(self, k: int) -> MlpPolicy:
         card = {
-            "trainer": "analytic",
+            **self.identity,
             "seed": self.config.seed + k,
-            "config": asdict(self.config),
             "reward": asdict(self.reward),
-            "simulator": self.source,
-            "simulator_sha256": progress.simulator_hash(self.source),
             "git": progress.git_hash(),
             "validation": {"scenes": "paper and moving, fresh", "score": self.best_score[k]},
         }

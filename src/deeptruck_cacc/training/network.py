@@ -144,10 +144,15 @@ class SeedBatch(torch.nn.Module):
         late = torch.tanh((gap - target) / moving / 0.3)
         return torch.stack([pull / 0.5, behind, far / 2.0, late, wanted / 0.5, *powers], dim=1), pull
 
-    def commands(self, action: Tensor) -> Tensor:
-        """ActionScale in torch, for actions within [-1, 1]; the brake's dead half leads its gradient back."""
-        s, engine = self.scale, (action[:, 0] + 1) / 2
+    def asked(self, action: Tensor) -> tuple[Tensor, Tensor]:
+        """What an action asks of engine and brake, shares of their reach; the brake's dead half leads its
+        gradient back."""
         brake: Tensor = _ClipInward.apply(action[:, 1], 0.0, 1.0)  # type: ignore[no-untyped-call]
+        return (action[:, 0] + 1) / 2, brake
+
+    def commands(self, action: Tensor) -> Tensor:
+        """ActionScale in torch, for actions within [-1, 1]."""
+        s, (engine, brake) = self.scale, self.asked(action)
         if s.exclusive:
             engine, brake = (engine - brake).clamp(min=0.0), (brake - engine).clamp(min=0.0)
         reach = s.engine_high - s.engine_low

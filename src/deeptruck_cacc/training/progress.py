@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import subprocess
@@ -16,22 +15,21 @@ from safetensors.torch import load_file
 from safetensors.torch import save as to_bytes
 from torch import Tensor
 
+from deeptruck_cacc.training.identity import CHECKPOINT, differences, refuse_another
 from deeptruck_model import whole_file
 from deeptruck_model.errors import InputError
-
-CHECKPOINT = "checkpoint"
 
 
 def save_checkpoint(out: Path, tensors: dict[str, Tensor], facts: dict[str, Any]) -> None:
     """Tensors and plain facts in one file, so that a kill leaves either the old checkpoint or the new one."""
     whole = {name: t.detach().contiguous() for name, t in tensors.items()}
     content = to_bytes(whole, {"facts": json.dumps(facts)})
-    whole_file.write(out / CHECKPOINT / "state.safetensors", content, "make room and go on with --resume")
+    whole_file.write(out / CHECKPOINT, content, "make room and go on with --resume")
 
 
-def load_checkpoint(out: Path, config: dict[str, Any]) -> tuple[dict[str, Tensor], dict[str, Any]] | None:
+def load_checkpoint(out: Path, identity: dict[str, Any]) -> tuple[dict[str, Tensor], dict[str, Any]] | None:
     """The last checkpoint under `out`, or None. Raises InputError for a damaged or a foreign one."""
-    path = out / CHECKPOINT / "state.safetensors"
+    path = out / CHECKPOINT
     if not path.exists():
         return None
     try:
@@ -41,10 +39,10 @@ def load_checkpoint(out: Path, config: dict[str, Any]) -> tuple[dict[str, Tensor
             facts = json.loads(file.metadata()["facts"])
         tensors = load_file(path)
     except (SafetensorError, KeyError, TypeError, json.JSONDecodeError) as error:
-        raise InputError(f"{path} is damaged ({error}); train without --resume") from None
-    changed = [key for key, value in config.items() if facts["config"].get(key) != value]
-    if changed:
-        raise InputError(f"{path} was trained with another {', '.join(changed)}; train without --resume")
+        raise InputError(
+            f"{path} is damaged ({error}); begin anew with --overwrite in place of --resume"
+        ) from None
+    refuse_another(out, differences(facts, identity))
     return tensors, facts
 
 
@@ -65,17 +63,6 @@ def restore_adam(optimizer: torch.optim.Optimizer, tensors: dict[str, Tensor], p
             _, index, key = name.split(".")
             state.setdefault(int(index), {})[key] = tensor
     optimizer.load_state_dict({**optimizer.state_dict(), "state": state})
-
-
-def simulator_hash(path: str) -> str:
-    """SHA-256 over the files of a simulator directory, or over the name of a physics truck."""
-    digest = hashlib.sha256()
-    folder = Path(path)
-    if not folder.is_dir():
-        return hashlib.sha256(path.encode()).hexdigest()
-    for file in sorted(p for p in folder.iterdir() if p.is_file()):
-        digest.update(file.name.encode() + file.read_bytes())
-    return digest.hexdigest()
 
 
 def git_hash() -> str:

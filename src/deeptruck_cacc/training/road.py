@@ -35,7 +35,9 @@ class Window(NamedTuple):
     time_gap_error: Tensor
     speed_error: Tensor
     crashed: Tensor
-    wasted: Tensor  # mean of engine times brake, and a little of the jerk: what nobody wants to sit in
+    wasted: (
+        Tensor  # mean of engine times brake as asked, and a little of the jerk: what nobody wants to sit in
+    )
 
 
 @dataclass
@@ -49,6 +51,8 @@ class Road:
     alpha_sharp: float = 0.2  # on the same, linear from 0.03 s on, so that the last bit goes as well
     alpha_rate: float = 0.3  # on the change of action a step, squared: keeps the pedals quiet
     alpha_both: float = 1.0  # on engine times brake: neither pedal is worth anything against the other
+    alpha_asked: float = 200.0  # on the same as asked of exclusive pedals: where both are, what the engine is
+    # asked for is taken from the brake, which is ten times stronger; that was a limit cycle of 1.3 Hz
     margin_m: float = 4.0  # the crash penalty cannot be differentiated; a hinge this far above d_safety can
 
     def __post_init__(self) -> None:
@@ -126,18 +130,22 @@ class Road:
         """Cost and errors of a window; gap, speed, leader, ideal (steps, rows), action (steps + 1, rows,
         2)."""
         gap_error, speed_error = gap - speed * time_gap, leader - speed
-        commands = policy.commands(action[1:].flatten(0, 1)).view(*gap.shape, 2)
-        scale = policy.scale
+        taken = action[1:].flatten(0, 1)
+        commands, scale = policy.commands(taken).view(*gap.shape, 2), policy.scale
+        asked = [pedal.view(gap.shape) for pedal in policy.asked(taken)]
         engine, brake = commands[..., 0] / scale.engine_high, commands[..., 1] / max(scale.brake_high, 1e-12)
         cost = self._tracking(gap_error, speed, ideal) + self.paid.effort(engine, brake)
         hinge = (self.reward.d_safety + self.margin_m - gap).clamp(min=0.0, max=10.0)
         change = (action[1:] - action[:-1])[1:].square().sum(dim=2)
-        total = (cost + hinge + self.alpha_both * engine * brake).mean(dim=0)
+        both, weight = engine * brake, self.alpha_both
+        if scale.exclusive:
+            both, weight = asked[0] * asked[1], self.alpha_asked
+        total = (cost + hinge + weight * both).mean(dim=0)
         jerk = speed.diff(n=2, dim=0) / self.dt**2
         total = total + self.alpha_rate * change.mean(dim=0)
         time_gap_error = (gap_error / speed.clamp(min=1.0)).detach()
         crashed = (gap.detach() <= self.reward.d_safety).any(dim=0)
-        wasted = (engine * brake).mean(dim=0) + 0.02 * jerk.square().mean(dim=0).sqrt()
+        wasted = both.mean(dim=0) + 0.02 * jerk.square().mean(dim=0).sqrt()
         return Window(total, time_gap_error, speed_error.detach(), crashed, wasted.detach())
 
     def _tracking(self, gap_error: Tensor, speed: Tensor, ideal: Tensor) -> Tensor:

@@ -21,7 +21,7 @@ from deeptruck_cacc.faces import CaccSb3VecEnv
 from deeptruck_cacc.policy import MlpPolicy
 from deeptruck_cacc.reward import Reward
 from deeptruck_cacc.training import progress, validation
-from deeptruck_model.errors import InputError
+from deeptruck_cacc.training.identity import identity_of
 from deeptruck_model.simulators import Simulator
 
 
@@ -73,7 +73,8 @@ def train(
     exam = validation.exam(config.seed, simulator.dt)
     best: dict[str, Tensor] = {}
     best_score, start = float("inf"), 0
-    found = progress.load_checkpoint(out, asdict(config)) if resume else None
+    identity = identity_of("trpo", config, source)
+    found = progress.load_checkpoint(out, identity) if resume else None
     if found is not None:
         best, best_score, start = _restore(model, *found)
     log = progress.Log(out, start)
@@ -89,17 +90,14 @@ def train(
             values["validation"] = score
             if score < best_score or not best:
                 best_score, best = score, {n: t.clone() for n, t in model.policy.state_dict().items()}
-            _checkpoint(out, model, best, {"done": i + 1, "config": asdict(config), "best_score": best_score})
+            _checkpoint(out, model, best, {**identity, "done": i + 1, "best_score": best_score})
         log.write(i, values)
         tell(i + 1, config.iterations, f"return {returns.mean():.1f} best validation {best_score:.3f}")
     log.close()
     card = {
-        "trainer": "trpo",
+        **identity,
         "seed": config.seed,
-        "config": asdict(config),
         "reward": asdict(reward),
-        "simulator": source,
-        "simulator_sha256": progress.simulator_hash(source),
         "git": progress.git_hash(),
         "validation": {"scenes": "paper and moving, fresh", "score": best_score},
     }
@@ -169,8 +167,6 @@ def _checkpoint(out: Path, model: Any, best: dict[str, Tensor], facts: dict[str,
 def _restore(
     model: Any, tensors: dict[str, Tensor], facts: dict[str, Any]
 ) -> tuple[dict[str, Tensor], float, int]:
-    if not any(name.startswith("best.action_net") for name in tensors):
-        raise InputError("the checkpoint is of another trainer; train without --resume")
     model.policy.load_state_dict({n[4:]: t for n, t in tensors.items() if n.startswith("now.")})
     progress.restore_adam(model.policy.optimizer, tensors)
     model.num_timesteps = facts["done"] * facts["config"]["environments"] * facts["config"]["path"]

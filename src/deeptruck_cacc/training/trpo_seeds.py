@@ -23,6 +23,7 @@ from deeptruck_cacc.policy import MlpPolicy
 from deeptruck_cacc.reward import Reward
 from deeptruck_cacc.scaling import FeatureMap
 from deeptruck_cacc.training import paths, progress, validation
+from deeptruck_cacc.training.identity import identity_of
 from deeptruck_cacc.training.natural_gradient import Gaussian, improve
 from deeptruck_cacc.training.stacked import StackedMlp
 from deeptruck_cacc.training.trpo import TrpoConfig
@@ -74,7 +75,7 @@ class _Run:
     def __init__(
         self, simulator: Simulator, out: Path, config: TrpoSeedsConfig, reward: Reward, source: str
     ) -> None:
-        self.out, self.config, self.source = out, config, source
+        self.out, self.config, self.identity = out, config, identity_of("trpo", config, source)
         self.env = CaccEnv(simulator, config.seeds * config.environments, config.path, reward=reward)
         self.features = FeatureMap.default(memory=config.memory, dt=simulator.dt)
         width = len(self.features.names)
@@ -171,17 +172,15 @@ class _Run:
     def _checkpoint(self, done: int) -> None:
         tensors = {"mean": self.policy.mean, "log_std": self.policy.log_std, "value": self.value}
         tensors |= {"best": self.best} | progress.adam_tensors(self.adam)
-        facts = {"done": done, "config": asdict(self.config), "best_score": self.best_score}
+        facts = {**self.identity, "done": done, "best_score": self.best_score}
         progress.save_checkpoint(self.out, tensors, facts)
 
     def _restore(self) -> int:
         """Continue from the checkpoint, if there is one; the number of iterations already done."""
-        found = progress.load_checkpoint(self.out, asdict(self.config))
+        found = progress.load_checkpoint(self.out, self.identity)
         if found is None:
             return 0
         tensors, facts = found
-        if "log_std" not in tensors:
-            raise InputError("the checkpoint is of another trainer; train without --resume")
         self.policy = Gaussian(self.actor, tensors["mean"], tensors["log_std"])
         self.value.copy_(tensors["value"])
         self.best, self.best_score = tensors["best"], facts["best_score"]
@@ -199,12 +198,9 @@ class _Run:
 
     def _card(self, k: int) -> dict[str, Any]:
         return {
-            "trainer": "trpo",
+            **self.identity,
             "seed": self.seeds[k],
-            "config": asdict(self.config),
             "reward": asdict(self.env.reward),
-            "simulator": self.source,
-            "simulator_sha256": progress.simulator_hash(self.source),
             "git": progress.git_hash(),
             "validation": {"scenes": "paper and moving, fresh", "score": self.best_score[k]},
         }

@@ -30,7 +30,7 @@ UNNAMED = (
     "held-out free runs is {free:.3g} m/s instead of {after:.3g} m/s"
 )
 WEAK = 60.0  # nats; a stronger cause is told also where no held-out drive shows it
-WEAK_LEARNED, STRONG_LEARNED = 60.0, 150.0  # the same beside a learned simulator, and if it drives worse
+STRONG_LEARNED = 150.0  # nats; beside a learned simulator a stronger one is told also where drives are worse
 OF_RECORDINGS = frozenset({"when", "each", "recordings", "first"})  # settings
 CLEARLY = 0.6  # of the error as given, at which a parameter is told by few nats
 NO_BETTER = 0.97  # of the error with other parameters alone
@@ -213,7 +213,7 @@ def in_vain(x: Explanation, fit: dict[str, Any], *, learned: bool = False) -> bo
         return True
     if most < ENOUGH and all(c.kind == "parameter_error" for c in x.causes):
         return bool(after > CLEARLY * before)
-    if most >= (WEAK_LEARNED if learned else WEAK):
+    if most >= WEAK:
         return False
     lawful = learned or all(c.shape is not None and _lasting(c.shape) for c in x.causes)
     return bool(after > before or (lawful and after > NO_BETTER * tuned))

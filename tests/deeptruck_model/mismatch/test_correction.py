@@ -113,11 +113,11 @@ def test_each_correction_is_driven_where_it_was_not_fitted(
 
 
 def test_no_parameter_goes_where_no_truck_is(nothing_missing: Evidence) -> None:
-    stronger = 1.6 * nothing_missing.sensitivity["brake_gain"]  # brakes 2.6 times as strong
+    stronger = 2.6 * nothing_missing.sensitivity["brake_gain"]  # brakes 3.6 times as strong
     e = replace(nothing_missing, residual=nothing_missing.residual + stronger)
     model = Search(e).model((), frozenset())
     made = correction.correct(TRUCK, e, explanation((), model), [])
-    assert made.tuned.moved["brake_gain"] == 1.0 and not made.named.moved
+    assert abs(made.tuned.moved["brake_gain"]) < 0.2 and not made.named.moved
 
 
 def test_where_nothing_is_missing_nothing_is_corrected(nothing_missing: Evidence) -> None:
@@ -215,9 +215,20 @@ def test_a_slow_force_is_told_by_its_size_and_not_by_a_drive() -> None:
     assert not correction.in_vain(explanation, fit)
 
 
+@pytest.mark.parametrize(("after", "vain"), [(0.05, False), (0.08, True)])
+def test_a_parameter_of_few_nats_needs_drives_that_show_it(after: float, vain: bool) -> None:
+    causes = (Cause("parameter_error", "mass", 10.0, 0.5, 0.9, np.zeros(1)),)
+    fit = {
+        name: {"speed_rmse": x}
+        for name, x in {"before": 0.1, "after": after, "parameters_only": 0.05}.items()
+    }
+    explanation: Any = SimpleNamespace(causes=causes)
+    assert correction.in_vain(explanation, fit) == vain
+
+
 @pytest.mark.parametrize(
     ("gain", "after", "vain"),
-    [(200.0, 0.11, True), (200.0, 0.06, False), (80.0, 0.06, True), (400.0, 0.11, False)],
+    [(100.0, 0.11, True), (100.0, 0.06, False), (50.0, 0.06, True), (200.0, 0.11, False)],
 )
 def test_beside_a_learned_simulator_more_must_be_shown(gain: float, after: float, vain: bool) -> None:
     shape: Any = SimpleNamespace(settings={"knots": [4]})

@@ -1,0 +1,191 @@
+"""Does the brake pulse behind a leader that slows gently? Ten seeds of each truck, on the truck itself.
+
+python benchmarks/bench_gentle_braking.py [--work runs/following] [--before FOLDER] [--trucks trucksim]
+
+The policies are those of bench_following.py. --before has those of another version, in folders named alike.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import bench_following
+import matplotlib
+import numpy as np
+from bench_radar_noise import NOISE, noisy
+from numpy.typing import NDArray
+
+from deeptruck_cacc import load_policy
+from deeptruck_cacc.guard import guard
+from deeptruck_cacc.hard_scenes import settled
+from deeptruck_cacc.rollouts import Trace, roll_out
+from deeptruck_cacc.scaling import ActionScale
+from deeptruck_cacc.scenes import Scene
+from deeptruck_model import trucks
+from deeptruck_model.simulators import Simulator
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+
+Array = NDArray[np.float64]
+
+TRUCKS = ("trucksim", "volvo", "freightliner")
+LATE_S = (0.0, 0.1, 0.2)
+SETTLED_S, RUN_S = 5.0, 65.0  # a minute is judged, in which each leader slows once
+RECENT_S = 2.0
+COLUMNS = {  # of the table: how it is written, and which of the seeds is the worst
+    "brake pulses a minute": ".1f",
+    "throttle peaks after braking a minute": ".2f",
+    "hardest brake (%)": ".0f",
+    "rms jerk (m/s³)": ".2f",
+    "time gap, worst (s)": ".2f",
+}
+SAYS = """Ten seeds of each truck on the truck itself, mean and in brackets the worst of them. 32 leaders of
+17 to 23 m/s slow by 5 m/s at 0.4 to 0.8 m/s² and later pick up half of it; time gap 2 s, the leader node's
+radar noise, a minute of each run. One brake pulse a minute is what it takes. A pulse begins where the brake
+leaves 1 % of its reach, a throttle peak where the engine passes 80 % within 2 s of braking. Commands reach
+the truck *late*: a bus and its controllers take time that no policy saw in training. *Before* are ten seeds
+of the same training on the same deep trucks whose pedals could be asked for together.
+
+![both pedals behind a leader that slows, commands 0.1 s late, trucksim](gentle_braking.png)"""
+
+
+@dataclass
+class Late:
+    """A simulator to which commands come `steps` later."""
+
+    simulator: Simulator
+    steps: int
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.simulator, name)
+
+    def reset(self, y0: Array) -> Any:
+        """Nothing is on its way yet."""
+        self._sent: list[Array] = []
+        return self.simulator.reset(y0)
+
+    def step(self, state: Any, u: Array, w: Array) -> tuple[Any, Array]:
+        """A step under the oldest command that is still on its way."""
+        self._sent = [*(self._sent or [u] * self.steps), u]
+        return self.simulator.step(state, self._sent.pop(0), w)
+
+
+def main() -> None:
+    """Print the tables and write them to docs/results/gentle_braking.md, with a figure beside them."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--work", type=Path, default=Path("runs/following"))
+    parser.add_argument("--before", type=Path, help="the same of another version")
+    parser.add_argument("--trucks", nargs="+", default=TRUCKS)
+    parser.add_argument("--seed", type=int, default=1000, help="of scenes and noise")
+    args = parser.parse_args()
+    folders = {"before": args.before, "now": args.work} if args.before else {"now": args.work}
+    out = Path(__file__).parents[1] / "docs" / "results"
+    lines = [
+        "# Behind a leader that slows gently",
+        "",
+        "`python benchmarks/bench_gentle_braking.py`",
+        "",
+        SAYS,
+    ]
+    for name in args.trucks:
+        bench_following.learn(name, 10, args.work / name)
+        policies = {says: folder / name / "policy" for says, folder in folders.items()}
+        lines += ["", f"## {name}", "", *table(trucks.load(name), policies, args.seed)]
+    (out / "gentle_braking.md").write_text("\n".join(lines) + "\n")
+    first = args.trucks[0]
+    shown = {says: folder / first / "policy" for says, folder in folders.items()}
+    draw(trucks.load(first), shown, args.seed, out / "gentle_braking.png")
+    print("\n".join(lines))
+
+
+def table(truck: Simulator, policies: dict[str, Path], seed: int) -> list[str]:
+    """As COLUMNS has it, for each version and delay."""
+    lines = [f"| | late (s) | {' | '.join(COLUMNS)} |", "|---" * (len(COLUMNS) + 2) + "|"]
+    for says, path in policies.items():
+        for late in LATE_S:
+            rows = [pedals(drive(truck, folder, late, seed), truck) for folder in sorted(seeds(path))]
+            cells = [
+                f"{np.mean(column):{kind}} ({max(column):{kind}})"
+                for column, kind in zip(zip(*rows, strict=True), COLUMNS.values(), strict=True)
+            ]
+            lines.append(f"| {says} | {late:g} | {' | '.join(cells)} |")
+    return lines
+
+
+def seeds(path: Path) -> list[Path]:
+    """The folders of all seeds of a policy."""
+    return list((path / "seeds").iterdir())
+
+
+def drive(truck: Simulator, policy: Path, late_s: float, seed: int) -> Trace:
+    """A policy behind the leaders that slow, its commands late."""
+    scene = noisy(slowing(seed, truck.dt), *NOISE[1], seed)
+    behind = Late(truck, round(late_s / truck.dt))
+    return roll_out(behind, guard(load_policy(policy), shield=False), scene)
+
+
+def slowing(seed: int, dt: float) -> Scene:
+    """32 leaders that slow by 5 m/s at 0.4 to 0.8 m/s2 from 10 s on, and pick up half of it from 35 s on."""
+    rng, time = np.random.default_rng(seed), dt * np.arange(round(RUN_S / dt))
+    speed, rate = rng.uniform(17.0, 23.0, 32), rng.uniform(0.4, 0.8, (32, 1))
+    slows = (time >= 10.0) & (time < 10.0 + 5.0 / rate)
+    picks_up = (time >= 35.0) & (time < 35.0 + 2.5 / rate)
+    scene = settled(32, len(time), speed, 2.0)
+    return replace(scene, leader_acceleration=rate * (1.0 * picks_up - 1.0 * slows))
+
+
+def pedals(trace: Trace, truck: Simulator) -> list[float]:
+    """The numbers of COLUMNS."""
+    judged, scale = slice(round(SETTLED_S / trace.dt), None), ActionScale.of(truck)
+    engine = trace["engine_command"][judged] / scale.engine_high
+    brake = trace["brake_command"][judged] / scale.brake_high
+    minutes = engine.size * trace.dt / 60
+    peaks = (engine > 0.8) & recently(brake > 0.01, round(RECENT_S / trace.dt))
+    return [
+        beginnings(brake > 0.01) / minutes,
+        beginnings(peaks) / minutes,
+        100 * float(brake.max()),
+        float(np.sqrt((trace["jerk"][judged] ** 2).mean())),
+        float(np.abs(trace["time_gap_error"][judged]).max()),
+    ]
+
+
+def beginnings(flags: NDArray[np.bool_]) -> int:
+    """How often flags (T, batch) become true."""
+    return int(np.count_nonzero(flags[1:] & ~flags[:-1]))
+
+
+def recently(flags: NDArray[np.bool_], steps: int) -> NDArray[np.bool_]:
+    """Where flags (T, batch) were true in one of the last `steps` steps."""
+    total = np.cumsum(np.vstack([np.zeros((steps, flags.shape[1]), int), flags]), axis=0)
+    return np.asarray(total[steps:] - total[:-steps] > 0)
+
+
+def draw(truck: Simulator, policies: dict[str, Path], seed: int, path: Path) -> None:
+    """Both pedals and the acceleration of the chosen seeds behind one leader, commands 0.1 s late."""
+    figure, axes = plt.subplots(3, 1, figsize=(8, 6), sharex=True, layout="constrained")
+    rows = (("engine_command", "engine"), ("brake_command", "brake"), ("acceleration", "acceleration (m/s²)"))
+    scale = ActionScale.of(truck)
+    reach = {"engine_command": 0.01 * scale.engine_high, "brake_command": 0.01 * scale.brake_high}
+    for says, policy in policies.items():
+        trace = drive(truck, policy, 0.1, seed)
+        shown = slice(round(5.0 / trace.dt), round(30.0 / trace.dt))
+        for (signal, _), axis in zip(rows, axes, strict=True):
+            axis.plot(trace.time[shown], trace[signal][shown, 0] / reach.get(signal, 1.0), label=says, lw=1.2)
+    for (signal, label), axis in zip(rows, axes, strict=True):
+        axis.set_ylabel(f"{label} (% of its reach)" if signal in reach else label)
+        axis.grid(alpha=0.3)
+    axes[0].legend(ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False)
+    axes[-1].set_xlabel("time (s)")
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,83 @@
+"""Whether a training goes on with another: what both must have in common, and what differs if not."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from deeptruck_cacc.policy import MANIFEST, read_manifest
+from deeptruck_model.errors import InputError
+
+CHECKPOINT = Path("checkpoint") / "state.safetensors"
+
+
+def identity_of(trainer: str, config: Any, source: str) -> dict[str, Any]:
+    """What a resumed run must have in common with the killed one; part of its checkpoints and cards."""
+    return {
+        "trainer": trainer,
+        "config": asdict(config),
+        "simulator": source,
+        "simulator_sha256": simulator_hash(source),
+    }
+
+
+def differences(stored: Mapping[str, Any], given: Mapping[str, Any]) -> str:
+    """In words, what `given` has other than the `stored` identity: 'seeds was 3, given 5'; '' for nothing.
+
+    Checkpoints of earlier versions know nothing of trainer and simulator; theirs pass for the same.
+    """
+    if stored.get("trainer", given["trainer"]) != given["trainer"]:
+        return f"trainer was {stored['trainer']}, given {given['trainer']}"
+    old, new = stored.get("config", {}), json.loads(json.dumps(given["config"]))
+    found = [
+        f"{name} was {_value(old.get(name))}, given {_value(new.get(name))}"
+        for name in {**new, **old}
+        if old.get(name) != new.get(name)
+    ]
+    if stored.get("simulator_sha256", given["simulator_sha256"]) != given["simulator_sha256"]:
+        was, now = stored.get("simulator"), given["simulator"]
+        found.append(f"simulator was {was}, given {now}" if was != now else f"simulator {now} has changed")
+    return "; ".join(found)
+
+
+def refuse_another(out: Path, differs: str) -> None:
+    """Raises InputError where anything differs."""
+    if differs:
+        raise InputError(
+            f"{out} is another run ({differs}); repeat that one, choose another --out, or begin anew with"
+            " --overwrite in place of --resume"
+        )
+
+
+def finished(out: Path, given: Mapping[str, Any]) -> bool:
+    """Whether `out` holds what `given` would train. Raises InputError where it holds only another run's."""
+    if not (out / MANIFEST).exists():
+        return False
+    differs = differences(read_manifest(out).get("card", {}), given)
+    if not begun(out):  # otherwise a run that was to replace this policy may have been killed
+        refuse_another(out, differs)
+    return not differs
+
+
+def begun(out: Path) -> bool:
+    """Whether there is a checkpoint to go on from."""
+    return (out / CHECKPOINT).exists()
+
+
+def _value(value: Any) -> str:
+    return "not set" if value in ("", None) else str(value)
+
+
+def simulator_hash(path: str) -> str:
+    """SHA-256 over the files of a simulator directory, or over the name of a physics truck."""
+    digest = hashlib.sha256()
+    folder = Path(path)
+    if not path or not folder.is_dir():
+        return hashlib.sha256(path.encode()).hexdigest()
+    for file in sorted(p for p in folder.iterdir() if p.is_file()):
+        digest.update(file.name.encode() + file.read_bytes())
+    return digest.hexdigest()
