@@ -203,8 +203,8 @@ def corrected_and_driven(
 
 def in_vain(x: Explanation, fit: dict[str, Any], *, learned: bool = False) -> bool:
     """Whether little was found and the simulator corrected by it drives worse on recordings held out; or no
-    better than one with other parameters, where laws were found, which other drives should obey too, or where
-    it is a learned simulator, whose own error may be found."""
+    better than one with other parameters, where laws were found or parameters beside a name, which hold on
+    other drives too, or where it is a learned simulator, whose own error may be found."""
     if not x.causes or any(c.needed is not None for c in x.causes) or "after" not in fit:
         return False
     before, tuned, after = (fit[name]["speed_rmse"] for name in ("before", "parameters_only", "after"))
@@ -215,8 +215,9 @@ def in_vain(x: Explanation, fit: dict[str, Any], *, learned: bool = False) -> bo
         return bool(after > CLEARLY * before)
     if most >= WEAK:
         return False
-    lawful = learned or all(c.shape is not None and _lasting(c.shape) for c in x.causes)
-    return bool(after > before or (lawful and after > NO_BETTER * tuned))
+    names = [c.shape for c in x.causes if c.shape is not None]
+    lasting = any(_lasting(shape) for shape in names) or 0 < len(names) < len(x.causes)
+    return bool(after > before or ((learned or lasting) and after > NO_BETTER * tuned))
 
 
 def _lasting(shape: Shape) -> bool:
