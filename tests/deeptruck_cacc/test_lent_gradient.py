@@ -66,7 +66,7 @@ def test_a_truck_with_a_gradient_keeps_it(toy):
 
 def test_training_on_a_physics_truck_gets_better_and_holds_the_gap(trucksim, tmp_path):
     scores = []
-    for iterations in (1, 20):
+    for iterations in (1, 40):
         config = analytic.AnalyticConfig(seeds=1, rollouts=12, iterations=iterations, window=80)
         policy = train(trucksim, tmp_path / str(iterations), config=config)
         scores.append(policy.card["validation"]["score"])

@@ -68,6 +68,8 @@ def _write_profiles(m: Mismatch, path: Path) -> None:
             for s in e.stretches:
                 for k in range(s.start, s.stop - every + 1, every):
                     value = float(force[k : k + every].mean())
+                    if f.cause.needed is not None and value == 0.0:
+                        continue  # a slow force that is not known there
                     rows.writerow(
                         [
                             s.name,

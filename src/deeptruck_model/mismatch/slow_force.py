@@ -31,8 +31,8 @@ LEAST_S = 600.0
 
 @dataclass(frozen=True)
 class SlowForce:
-    """The force (n,) in m/s^2, its rms, and the size it would need as each possible name (see LARGEST for
-    units)."""
+    """The force (n,) in m/s^2, 0 where it is not known, its rms, and the size it would need as each possible
+    name (see LARGEST for units)."""
 
     force: Array
     rms: float
@@ -65,7 +65,7 @@ def slow_force(e: Evidence, left: Array, weight: Array, sigma: float, doubt: flo
         "headwind": _size(centred, per_wind, known),
         "torque_derate": _size(centred, pull, known),
     }
-    return SlowForce(centred, rms, needed)
+    return SlowForce(np.where(known, centred, 0.0), rms, needed)
 
 
 def slow_rms(e: Evidence, left: Array, weight: Array) -> float:

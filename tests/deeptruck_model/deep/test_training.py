@@ -140,6 +140,7 @@ def test_directory_is_complete(drive, small, tmp_path):
         "simulator.json",
         "model.safetensors",
         "coverage.json",
+        "driven.safetensors",
         "metrics.json",
         "MODEL_CARD.md",
         "reference.safetensors",

@@ -9,6 +9,7 @@ from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.mismatch import answer, residual
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.expression.nodes import Constant
+from deeptruck_model.mismatch.prepared import prepare
 from deeptruck_model.mismatch.search import Search
 from deeptruck_model.recordings import Recording
 
@@ -35,7 +36,7 @@ def drives(truck: trucks.PhysicsTruck, count: int = 3) -> list[Recording]:
 
 
 def evidence(truck: trucks.PhysicsTruck) -> Evidence:
-    prepared = [residual.prepare(d, True) for d in drives(truck)]
+    prepared = [prepare(d, True) for d in drives(truck)]
     return residual.gather(truck, prepared, [False] * len(prepared))
 
 
@@ -64,7 +65,7 @@ def test_a_simulator_that_shows_nothing_is_taken_at_force_per_mass() -> None:
 @pytest.mark.parametrize("name", ["trucksim", "volvo"])
 def test_a_hidden_force_comes_back_in_newtons(name: str) -> None:
     believed = trucks.load(name)
-    prepared = [residual.prepare(d, True) for d in drives(believed.with_forces([Pull(2000.0)]))]
+    prepared = [prepare(d, True) for d in drives(believed.with_forces([Pull(2000.0)]))]
     e = residual.gather(believed, prepared, [False] * len(prepared))
     search = Search(e)
     mechanism = next(m for m in search.library if m.effect == "dragging_brake")

@@ -54,3 +54,11 @@ def test_minutes_are_too_short() -> None:
         e.dt, e.stretches, e.residual, e.simulated, e.disagreement, few, e.signals, {}, e.mass, e.rerun
     )
     assert slow_force(short, 0.5 * SLOW, WEIGHT, SIGMA) is None
+
+
+def test_where_nothing_is_known_nothing_is_told() -> None:
+    weight = WEIGHT.copy()
+    weight[1000:1100] = 0.0  # braking, say
+    left = np.where(weight > 0.0, 0.3 * SLOW, 9.0)
+    road = slow_force(evidence(20.0, 0.07), left, weight, 0.01)
+    assert road is not None and not road.force[1030:1070].any() and road.force[:990].all()

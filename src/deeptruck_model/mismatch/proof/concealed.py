@@ -226,7 +226,9 @@ def _windows(profile: tuple[Array, Array], piece: Recording, simulator: simulato
     time = time - piece.start_s if since_bag else time
     sample = piece.dt * np.arange(len(piece))
     recovered = np.interp(sample, time, value)
-    outside = (sample < time.min() - piece.dt) | (sample > time.max() + piece.dt)
+    nearest = np.abs(time[np.clip(np.searchsorted(time, sample), 1, len(time) - 1)] - sample)
+    nearest = np.minimum(nearest, np.abs(time[np.clip(np.searchsorted(time, sample) - 1, 0, None)] - sample))
+    outside = nearest > max(1.0, piece.dt) + 0.01
     blind = conceal(piece)
     error = residual(simulator, *arrays([blind]))[0] if simulator.dt == piece.dt else np.zeros(len(piece))
     columns = np.stack(
@@ -234,7 +236,12 @@ def _windows(profile: tuple[Array, Array], piece: Recording, simulator: simulato
     )
     width = max(1, round(WINDOW_S / piece.dt))
     count = len(columns) // width
-    return np.asarray(columns[: count * width].reshape(count, width, 3).mean(axis=1))
+    windows = columns[: count * width].reshape(count, width, 3)
+    windows[np.isnan(windows[:, :, 0]).mean(axis=1) > 0.5] = np.nan  # told of less than half of it
+    told = np.isfinite(windows).all(axis=2)[..., None]
+    rows = told.sum(axis=1)
+    sums = np.where(told, windows, 0.0).sum(axis=1)
+    return np.where(rows > 0, sums / np.maximum(rows, 1), np.nan)
 
 
 def r2(x: Array, y: Array) -> float:
