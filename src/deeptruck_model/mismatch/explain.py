@@ -16,7 +16,7 @@ from deeptruck_model.mismatch.plain_truck import plain_truck
 from deeptruck_model.mismatch.rivals import named_cause, tuned_causes
 from deeptruck_model.mismatch.road_lock import road_lock
 from deeptruck_model.mismatch.search import Model, Search
-from deeptruck_model.mismatch.slow_force import SlowForce, slow_force, slow_rms
+from deeptruck_model.mismatch.slow_force import SlowForce, slow_force
 from deeptruck_model.mismatch.worth_saying import ENOUGH, large_enough, price
 
 ENOUGH_FREE = 75.0  # nats the free model must gain on what is left before 'unknown' is said
@@ -28,7 +28,6 @@ TRIFLE = 0.03  # a cause with a smaller share of what is explained is as likely 
 BENT = 0.15  # share of the main cause's gain that a parameter beside it must have
 BEFORE_PARAMETERS = 0.25  # of the largest share, below which physics is told after parameters
 ANOTHER_FORM = 0.3  # the same where the rest acts by the name's own signals
-OWN_LINE = 1.5  # times what a plain line leaves on a learned truck's own recordings is no finding
 SLOW_NAMES = {"road_grade", "road_surface", "headwind", "payload_change"}
 
 
@@ -162,21 +161,10 @@ def _follows_anything_slow(cause: Cause) -> bool:
 
 def _beside_a_learned_truck(e: Evidence) -> SlowForce | None:
     """A slow force that a learned truck follows and a line through the recordings does not."""
-    line = plain_truck(e)
+    # where slopes are recorded a learned truck has them as an input, and follows nothing in their place
+    line = None if e.has("grade") else plain_truck(e)
     if line is None:
         return None
     known = np.isfinite(line.left)
     sigma = float(1.4826 * np.median(np.abs(line.left[known])))
-    doubt = float(np.hypot(line.doubt, _on_its_own(e)))
-    return slow_force(e, np.where(known, line.left, 0.0), known.astype(float), sigma, doubt)
-
-
-def _on_its_own(e: Evidence) -> float:
-    """Rms (m/s^2) of what such a line leaves on the recordings the truck keeps. Where slopes are not recorded
-    they are in these as well, and say nothing of the line."""
-    own = e.itself if e.has("grade") else None
-    line = None if own is None else plain_truck(own)
-    if own is None or line is None:
-        return 0.0
-    known = np.isfinite(line.left)
-    return OWN_LINE * slow_rms(own, np.where(known, line.left, 0.0), known.astype(float))
+    return slow_force(e, np.where(known, line.left, 0.0), known.astype(float), sigma, line.doubt)

@@ -68,12 +68,6 @@ def slow_force(e: Evidence, left: Array, weight: Array, sigma: float, doubt: flo
     return SlowForce(np.where(known, centred, 0.0), rms, needed)
 
 
-def slow_rms(e: Evidence, left: Array, weight: Array) -> float:
-    """Rms (m/s^2) of the slow part of `left` (n,), arguments as of slow_force."""
-    centred, known = _slow_part(e, left, weight)
-    return float(np.sqrt(np.mean(centred[known] ** 2)))
-
-
 def _slow_part(e: Evidence, left: Array, weight: Array) -> tuple[Array, NDArray[np.bool_]]:
     """The slow part without its mean, and where it is known, both (n,)."""
     width = WIDTH_S / e.dt

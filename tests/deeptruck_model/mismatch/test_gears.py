@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.gears import other_gear
+from deeptruck_model.mismatch.gears import believed, other_gear
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
 
@@ -48,3 +48,47 @@ def test_nothing_is_marked_where_gears_agree_or_nothing_tells(
 def test_a_truck_with_other_ratios_is_not_rejected_as_a_whole() -> None:
     ((marked,), _) = other_gear([drive(engine_speed=2.0 * ENGINE_SPEED)], [run(GEAR, ENGINE_SPEED)])
     assert not marked.any()
+
+
+def test_gears_numbered_alike_are_compared_as_they_are() -> None:
+    """A truck that learned the recorded numbers may hold another gear than the recorded one throughout."""
+    ((marked,), _) = other_gear([drive(gear=GEAR + 1.0)], [run(GEAR, ENGINE_SPEED)], numbered_alike=True)
+    assert not marked.any()  # all of the time: then nothing tells
+    seldom = np.where(np.arange(N) < 300, GEAR, GEAR + 1.0)
+    ((marked,), _) = other_gear([drive(gear=seldom)], [run(GEAR, ENGINE_SPEED)], numbered_alike=True)
+    assert marked[300:].all() and not marked[:294].any()
+
+
+class Believer:
+    """Says of each row what it believes; `rows` is what it was asked with."""
+
+    def __init__(self) -> None:
+        self.rows = 0
+
+    def parameters(self) -> dict[str, float]:
+        return {}
+
+    def believes(self, u: Any, w: Any, y: Any) -> dict[str, Any]:
+        self.rows = len(u)
+        return {"gear": np.repeat(u[:, -1:, 0], u.shape[1], axis=1)}
+
+
+def test_recordings_of_any_length_are_asked_about_at_once() -> None:
+    parts = []
+    for length, gear in ((N, 5.0), (N // 2, 6.0)):
+        p = drive()
+        p.u, p.w, p.y = np.full((length, 2), gear), np.zeros((length, 1)), np.zeros((length, 3))
+        p.recording = [None] * length
+        parts.append(p)
+    truck: Any = Believer()
+    runs = believed(truck, parts)
+    assert truck.rows == 2
+    assert [r.inside["gear"].shape for r in runs] == [(1, N), (1, N // 2)]
+    assert [float(r.inside["gear"][0, 0]) for r in runs] == [5.0, 6.0]
+
+
+def test_a_simulator_that_was_taught_no_gears_believes_nothing() -> None:
+    p = drive()
+    p.u, p.w, p.y = np.zeros((N, 2)), np.zeros((N, 1)), np.zeros((N, 3))
+    truck: Any = SimpleNamespace(parameters=dict)
+    assert believed(truck, [p])[0].inside == {}

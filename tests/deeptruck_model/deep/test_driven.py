@@ -1,0 +1,78 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deeptruck_model.deep import driven
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import Recording
+from deeptruck_model.signals import TruckInterface
+
+INTERFACE = TruckInterface("truck", "N m")
+N = 300
+
+
+def cruise(speed: float, engine: float, seconds: float = 30.0) -> Recording:
+    n = round(10 * seconds)
+    channels = {
+        "speed": np.full(n, speed),
+        "acceleration": np.zeros(n),
+        "fuel_rate": np.ones(n),
+        "engine_command": np.full(n, engine),
+        "brake_command": np.zeros(n),
+        "grade": np.zeros(n),
+    }
+    return Recording("cruise", 0.1, channels, INTERFACE)
+
+
+def covered(what: driven.Driven, speed: float, engine: float, grade: float = 0.0) -> bool:
+    return bool(what.covers(np.array([speed]), np.array([[engine, 0.0]]), np.array([[grade]]))[0])
+
+
+def test_near_what_was_driven_is_known_and_far_is_not() -> None:
+    what = driven.measure([cruise(10.0, 1000.0)])
+    assert covered(what, 11.9, 1000.0) and not covered(what, 12.1, 1000.0)
+    assert covered(what, 10.0, 1090.0) and not covered(what, 10.0, 1110.0)
+    assert covered(what, 10.0, 1000.0, 0.009) and not covered(what, 10.0, 1000.0, 0.011)
+
+
+def test_a_moment_teaches_nothing() -> None:
+    what = driven.measure([cruise(10.0, 1000.0), cruise(20.0, 1000.0, seconds=1.0)])
+    assert covered(what, 10.0, 1000.0) and not covered(what, 20.0, 1000.0)
+
+
+def test_an_adapted_truck_knows_what_it_drove_before_as_well() -> None:
+    before = driven.measure([cruise(10.0, 1000.0)])
+    both = driven.measure([cruise(20.0, 800.0)], before)
+    assert covered(both, 10.0, 1000.0) and covered(both, 20.0, 800.0) and not covered(both, 15.0, 900.0)
+
+
+def test_samples_without_a_number_teach_nothing() -> None:
+    gap = cruise(10.0, 1000.0)
+    gap.channels["speed"][:] = np.nan
+    what = driven.measure([gap, cruise(20.0, 1000.0)])
+    assert np.isfinite(what.samples).all() and not covered(what, 10.0, 1000.0)
+
+
+def test_it_is_kept_as_it_is(tmp_path: Path) -> None:
+    what = driven.measure([cruise(10.0, 1000.0)])
+    driven.save(what, tmp_path)
+    back = driven.load(tmp_path, 4)
+    assert back is not None
+    np.testing.assert_array_equal(back.samples, what.samples)
+    np.testing.assert_array_equal(back.near, what.near)
+
+
+def test_none_is_kept_by_older_trucks(tmp_path: Path) -> None:
+    assert driven.load(tmp_path, 4) is None
+
+
+def test_damaged_or_of_other_signals_is_said(tmp_path: Path) -> None:
+    driven.save(driven.measure([cruise(10.0, 1000.0)]), tmp_path)
+    with pytest.raises(InputError, match="of other signals"):
+        driven.load(tmp_path, 3)
+    (tmp_path / driven.FILE).write_bytes(b"nothing of the kind")
+    with pytest.raises(InputError, match="damaged"):
+        driven.load(tmp_path, 4)
