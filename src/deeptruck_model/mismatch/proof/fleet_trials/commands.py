@@ -50,7 +50,8 @@ class SentOnChange:
 
     def _send(self, u: Array, now: Any, changed: Any) -> None:
         # what hurries comes in rows, and a row makes the link slow
-        self.busy = np.maximum(self.busy - 0.02, 0.0)
+        # slower than time, so that no message overtakes another
+        self.busy = np.maximum(self.busy - 0.01, 0.0)
         late = np.minimum(self.base + self.queue * self.busy[now], LONGEST - 2.0).astype(int)
         self.line[(self.steps + late) % LONGEST, now] = u[now]
         self.sent[now], self.since[now] = u[now], 0
