@@ -15,6 +15,7 @@ from deeptruck_model.mismatch.proof import (  # noqa: F401  importing registers 
     effects_unknown,
     effects_unknown_machine,
     field_reports,
+    fleet_trials,
     other_makers,
 )
 from deeptruck_model.mismatch.proof.hidden import EFFECTS, Effect

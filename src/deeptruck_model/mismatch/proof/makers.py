@@ -1,6 +1,6 @@
 """Who makes trucks, roads, traffic, drivers and sensors: a world for each family.
 
-The first and second forms share the old world; the third and fourth have each their own. A deep simulator
+The first and second forms share the old world; the third, fourth and fifth have each their own. A deep simulator
 always keeps the old one, because it has learned from drives there.
 """
 
@@ -46,6 +46,8 @@ def of(forms: str, simulator: str) -> World:
     """The world a case plays in."""
     # imported here, because these worlds are made of the class above
     from deeptruck_model.mismatch.proof.field_reports.world import WORLD as FOURTH
+    from deeptruck_model.mismatch.proof.fleet_trials.world import WORLD as FIFTH
     from deeptruck_model.mismatch.proof.other_makers.world import WORLD as THIRD
 
-    return {"third": THIRD, "fourth": FOURTH}.get(forms, OLD) if simulator == "physics" else OLD
+    own = {"third": THIRD, "fourth": FOURTH, "fifth": FIFTH}
+    return own.get(forms, OLD) if simulator == "physics" else OLD

@@ -47,7 +47,7 @@ NAMES = {
 }
 FAULTS = {"clock_offset", "speed_scale", "acceleration_bias", "grade_bias"}
 LATER = FORMS[1:]
-OWN_WORLD = ("third", "fourth")
+OWN_WORLD = ("third", "fourth", "fifth")
 MADE = [e for e in EFFECTS.values() if e.forms in LATER and e.kind == "missing_physics"]
 NO_FORCE = {"stator_freewheels"}  # a truck with other parameters
 FILTERS = [e.key for e in MADE if e.name.startswith("command") or e.key == "worn_linkage"]
@@ -60,6 +60,8 @@ HELPS = {
     "overboost",
     "pushed_by_a_second_tractor",
     "hydrostatic_front_axle",
+    "antilock_is_fooled",
+    "hole_in_the_blending",
 }
 BOTH_WAYS = {  # winds, bodies, slopes, masses and late brakes push and hold; so do governors and mode changes
     "headwind",
@@ -236,9 +238,9 @@ def test_a_name_finds_the_form_asked_for_and_the_sealed_truth_alone_says_it(form
 
 def test_unknown_forms_are_refused_in_one_line(tmp_path):
     with pytest.raises(InputError, match="forms"):
-        draw_plan("noise", 0, None, "physics", 1.0, forms="fifth")
-    with pytest.raises(InputError, match="fifth"):
-        prove(tmp_path / "p", forms="fifth")
+        draw_plan("noise", 0, None, "physics", 1.0, forms="sixth")
+    with pytest.raises(InputError, match="sixth"):
+        prove(tmp_path / "p", forms="sixth")
 
 
 def test_old_seeds_still_mean_what_they_meant():
@@ -249,7 +251,7 @@ def test_old_seeds_still_mean_what_they_meant():
 def test_worlds_are_others_for_physics_and_the_old_one_for_deep():
     worlds = {forms: makers.of(forms, "physics") for forms in FORMS}
     assert worlds["first"] is worlds["second"] is makers.OLD
-    assert len({id(world) for world in worlds.values()}) == 3
+    assert len({id(world) for world in worlds.values()}) == 4
     assert all(makers.of(forms, "deep") is makers.OLD for forms in FORMS)
 
 
