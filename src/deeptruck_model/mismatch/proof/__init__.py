@@ -7,5 +7,6 @@ of its own, world.py: trucks, roads, drivers, sensors; it has become one for dev
 (field_reports/) has laws after field reports, service practice and standards, unlike all three, and once more
 a world of its own; it too has served development since. The fifth (fleet_trials/) has laws as instrumented
 trucks of fleets show them, with other state variables and couplings, and a world of its own again; it is the
-default of `prove`, and whoever works on the tool leaves it unread. makers.py says which world a family plays in; a deep simulator's cases play in the first world with any family.
+default of `prove`, and whoever works on the tool leaves it unread. makers.py says which world a family plays
+in; a deep simulator's cases play in the first world with any family.
 """

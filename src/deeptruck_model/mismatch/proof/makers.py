@@ -1,7 +1,7 @@
 """Who makes trucks, roads, traffic, drivers and sensors: a world for each family.
 
-The first and second forms share the old world; the third, fourth and fifth have each their own. A deep simulator
-always keeps the old one, because it has learned from drives there.
+The first and second forms share the old world; the third, fourth and fifth have each their own. A deep
+simulator always keeps the old one, because it has learned from drives there.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Speeds of the fifth world: a driver of the Intelligent Driver Model among leaders, lights, sites, hairpins."""
+"""Speeds of the fifth world: the Intelligent Driver Model among leaders, lights, sites, hairpins."""
 
 from __future__ import annotations
 
@@ -26,11 +26,19 @@ class Kind:
 
 
 KINDS = {  # motorway with a site at 60 km/h; city; a rolling country road; a pass with hairpins
-    "highway": Kind((16.7, 22.3, 24.0, 25.2), (0.15, 0.3, 0.35, 0.2), 55.0, 30.0, 35.0, 6.0, 15.5, 0.0, (0.35, 0.6)),
-    "suburban": Kind((8.3, 11.0, 13.6, 16.0), (0.3, 0.2, 0.35, 0.15), 35.0, 18.0, 30.0, 8.0, 0.0, 330.0, (0.7, 1.1)),
-    "hills": Kind((13.0, 16.0, 18.5, 21.0), (0.2, 0.3, 0.3, 0.2), 32.0, 35.0, 30.0, 6.0, 7.0, 2600.0, (0.45, 0.8)),
-    "descent": Kind((7.0, 11.5, 14.0, 16.5), (0.3, 0.25, 0.25, 0.2), 24.0, 40.0, 30.0, 4.0, 4.5, 0.0, (0.4, 0.7)),
-}  # fmt: skip
+    "highway": Kind(
+        (16.7, 22.3, 24.0, 25.2), (0.15, 0.3, 0.35, 0.2), 55.0, 30.0, 35.0, 6.0, 15.5, 0.0, (0.35, 0.6)
+    ),
+    "suburban": Kind(
+        (8.3, 11.0, 13.6, 16.0), (0.3, 0.2, 0.35, 0.15), 35.0, 18.0, 30.0, 8.0, 0.0, 330.0, (0.7, 1.1)
+    ),
+    "hills": Kind(
+        (13.0, 16.0, 18.5, 21.0), (0.2, 0.3, 0.3, 0.2), 32.0, 35.0, 30.0, 6.0, 7.0, 2600.0, (0.45, 0.8)
+    ),
+    "descent": Kind(
+        (7.0, 11.5, 14.0, 16.5), (0.3, 0.25, 0.25, 0.2), 24.0, 40.0, 30.0, 4.0, 4.5, 0.0, (0.4, 0.7)
+    ),
+}
 
 
 @dataclass
