@@ -41,9 +41,9 @@ class Bends(ByPlace):
         "cut": (0.4, 0.8),
         "brakes": (0.015, 0.045),  # of the weight
         "calm": (0.55, 0.8),
-        "tightest": (0.008, 0.016),
+        "tightest": (0.0030, 0.0055),
     },
-    needs=("hills", "highway", "suburban"),
+    needs=("hills", "highway"),
 )
 class StabilityControlStepsIn(Bends):
     def prepare(self) -> None:
@@ -71,9 +71,9 @@ class StabilityControlStepsIn(Bends):
     " locks; Lanzer on 4WD wind-up, SAE 860241); stiffness and bends are chosen here",
     ranges={
         "most": (0.016, 0.032),  # of the weight
-        "per_rad": (2.0, 5.0),
+        "per_rad": (4.0, 10.0),
         "unwinds_m": (80.0, 260.0),
-        "tightest": (0.010, 0.022),
+        "tightest": (0.004, 0.009),
     },
     needs=("suburban", "hills"),
 )
