@@ -1,5 +1,6 @@
 """The fifth forms, where each has a way of its own; what holds for all is in test_families.py."""
 
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -87,7 +88,7 @@ def test_a_rope_does_not_push(alone, held):
     law = alone("tow_rope")
     held(law, 30.0)
     assert np.all(held(law, 5.0, acceleration=-1.0, speed=9.0) == 0.0)
-    assert np.all(held(law, 15.0) < -100.0)
+    assert min(held(law, 0.5)[0] for _ in range(30)) < -300.0
 
 
 def test_more_is_braked_on_the_way_down_than_on_the_way_up(alone, held):
@@ -121,7 +122,7 @@ def test_what_lies_on_the_road_lies_there_for_both_directions(alone, scene):
 def test_stretches_do_not_overlap_and_gusts_have_unit_mean():
     rng = np.random.default_rng(3)
     lie = stretches(rng, (50.0, 200.0), (100.0, 400.0))
-    assert all(a[1] <= b[0] + 1 for a, b in zip(lie, lie[1:], strict=False))
+    assert all(a[1] <= b[0] + 1 for a, b in pairwise(lie))
     assert max(last for _, last in lie) <= CELLS and 0.4 < CELL_M * sum(b - a for a, b in lie) / 62000.0 < 0.9
     gusts = arrivals(rng, (4, round(2000.0 / SAMPLE_S)), 6.0, 8.0)
     assert gusts.min() >= 0.0 and abs(gusts.mean() - 1.0) < 0.15

@@ -17,9 +17,9 @@ from deeptruck_model.trucks import View
     " critical speed the contact draws together in bands, which glaze; they stay until the disc has cooled"
     " and worn; rates and sizes are chosen here",
     ranges={
-        "depth": (0.40, 0.65),
+        "depth": (0.32, 0.58),
         "critical_mps": (6.0, 10.0),
-        "warm_k": (22.0, 45.0),
+        "warm_k": (28.0, 58.0),
         "grows_s": (5.0, 14.0),
         "heals_s": (60.0, 160.0),
     },
