@@ -83,6 +83,7 @@ BOTH_WAYS = {  # winds, bodies, slopes, masses and late brakes push and hold; so
     "hydraulic_launch_assist",
     "cylinders_rest",
     "trucks_that_pass",
+    "drum_on_a_belt",
 }
 CHANNEL = {"speed_scale": "speed", "grade_bias": "grade", "commands_from_another_clock": "brake_command"}
 

@@ -48,9 +48,9 @@ class SlidingOfTheTeeth(Hidden):
     " quickly upwards in thick oil and slowly downwards; torque returns as half a cosine; a worn gearbox"
     " brake, times are chosen here",
     ranges={
-        "per_step_s": (0.45, 1.0),
+        "per_step_s": (0.3, 0.7),
         "down": (1.3, 2.2),
-        "returns_s": (0.6, 1.6),
+        "returns_s": (0.5, 1.2),
         "worn": (0.5, 1.6),  # longer when the oil is warm
         "warms_s": (90.0, 240.0),
     },
@@ -69,7 +69,7 @@ class GearboxBrakeInColdOil(Hidden):
         changed = (steps != 0.0) & (s.gear > 0.0) & (view.speed > 1.0)
         up = 1.0 + p.worn * s.warm
         pace = np.where(steps > 0.0, up, p.down)
-        wait = np.minimum(p.per_step_s * np.sqrt(np.abs(steps)) * pace, 3.0)
+        wait = np.minimum(p.per_step_s * np.sqrt(np.abs(steps)) * pace, 1.8)
         s.dwell = np.where(changed, wait, s.dwell)
         s.since = np.where(changed, 0.0, s.since + dt * (1.0 - view.shifting))
         s.gear = view.gear.copy()
@@ -83,10 +83,11 @@ class GearboxBrakeInColdOil(Hidden):
     "glazed_lockup_clutch",
     name="torque_converter_slip",
     forms="fifth",
+    gateable=False,
     source="Lock-up linings glaze and slip above a torque, which heat lowers: the slip heats the lining, and"
     " more of it slips (Holgerson, Influence of Operating Conditions on Friction and Temperature"
     " Characteristics of a Wet Clutch Engagement, TriboTest 7, 2000); capacities are chosen here",
-    ranges={"holds": (0.30, 0.5), "left": (0.5, 0.75), "heats_j": (0.12e6, 0.5e6), "cools_s": (15.0, 45.0)},
+    ranges={"holds": (0.33, 0.52), "left": (0.5, 0.75), "heats_j": (0.12e6, 0.5e6), "cools_s": (15.0, 45.0)},
     needs=("suburban", "hills", "highway"),
     trucks=("freightliner",),
     accepts=("driveline_loss", "torque_limit"),

@@ -104,7 +104,7 @@ class AccelerationManagement(Hidden):
         over = s.gains - limit
         change = np.where(over > 0.0, p.winds * over, -s.cut / p.lets_out_s)
         share = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
-        s.cut = np.clip(s.cut + dt * change, 0.0, 0.75) * (share > 0.02)
+        s.cut = np.clip(s.cut + dt * change, 0.0, 0.6) * (share > 0.02)
         return -wheel_force(self.setting, view, np.minimum(s.cut, share) * self.truck.peak_torque)
 
 

@@ -40,7 +40,7 @@ class CamHysteresis(Hidden):
     source="Stop-start systems of delivery trucks (SAE J3049 and makers' manuals): some seconds after the"
     " truck has come to rest the engine stops, and the first second or two of every launch goes to the"
     " starter, more when the brake is let go late; times are chosen here",
-    ranges={"after_s": (0.8, 2.2), "cranks_s": (0.9, 2.4), "ramp_s": (0.4, 1.2), "odds": (0.75, 0.98)},
+    ranges={"after_s": (0.8, 2.2), "cranks_s": (0.8, 1.8), "ramp_s": (0.4, 1.2), "odds": (0.75, 0.98)},
     needs=("suburban",),
 )
 class EngineHasToRestart(Hidden):
@@ -66,8 +66,9 @@ class EngineHasToRestart(Hidden):
         s.stops = np.where(stands & (s.stood == 0.0), (s.stops + 1) % 64, s.stops)
         s.stood = np.where(stands, s.stood + dt, 0.0)
         willing = self.dice[np.arange(len(s.stops)), s.stops] < p.odds
-        s.off = np.where(stands & (s.stood > p.after_s) & willing, 1.0, s.off)
-        wakes = (s.off > 0.0) & (view.u[:, 0] > 0.01 * self.truck.full_command)
+        asked = view.u[:, 0] > 0.01 * self.truck.full_command
+        s.off = np.where(stands & (s.stood > p.after_s) & willing & ~asked, 1.0, s.off)
+        wakes = (s.off > 0.0) & asked
         s.since = np.where(wakes, 0.0, s.since + dt)
         s.off = np.where(wakes, 0.0, s.off)
         back = np.clip((s.since - p.cranks_s) / p.ramp_s, 0.0, 1.0)
