@@ -17,7 +17,7 @@ from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.improvement import Errors, compare, free_windows
 from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes, held_steady
 from deeptruck_model.mismatch.prepared import Prepared
-from deeptruck_model.mismatch.search import RETUNE_RANGE, Model, Search
+from deeptruck_model.mismatch.search import POSSIBLE, Model, Search
 from deeptruck_model.mismatch.share import Shares
 from deeptruck_model.mismatch.worth_saying import ENOUGH
 from deeptruck_model.simulators import Simulator
@@ -148,7 +148,7 @@ def _terms(shapes: Sequence[Shape], model: Model) -> list[Term]:
 
 
 def _change(e: Evidence, model: Model, free: Iterable[str]) -> dict[str, float]:
-    return {p: float(np.clip(e.total_change(p, model.change(p)), *RETUNE_RANGE)) for p in free}
+    return {p: float(np.clip(e.total_change(p, model.change(p)), *POSSIBLE[p])) for p in free}
 
 
 def _mean_square(simulator: Simulator, prepared: Sequence[Prepared]) -> float:

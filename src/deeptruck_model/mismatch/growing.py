@@ -14,7 +14,6 @@ WIDENED = 4  # of the best names are given more freedom of form before the first
 MOST = 4  # effects at once
 EXCHANGES = 3
 ENOUGH_RARE = 45.0  # nats for what is seen in a few windows alone, which were chosen for being off
-DELAYS = ("command_delay", "clock_offset")
 SETTLING = 2  # times
 WORTH_AN_EXCHANGE = 3.0  # nats
 BESIDE = 0.2  # a further name must gain this share of the others' gain: a form not quite right invites more,
@@ -68,11 +67,13 @@ def _settled(search: Search, model: Model) -> Model:
 
 
 def _about_its_size(search: Search, model: Model, s: Shape) -> Shape:
-    """A shape of one delay at the delay it was fitted to; any other as it is."""
-    if s.mechanism.effect not in DELAYS or "tau_s" not in s.settings:
+    """A shape of delays at the delays it was fitted to; any other as it is."""
+    lines = s.settings.get("lines")
+    if lines is None:
         return s
-    tau_s = s.settings["tau_s"] * float(model.coefficients(s.mechanism.effect)[0])
-    return shape(s.mechanism, s.settings | {"tau_s": round(tau_s, 3)}, search.e)
+    sizes = model.coefficients(s.mechanism.effect).tolist()
+    fitted = {which: round(tau_s * b, 3) for (which, tau_s), b in zip(lines.items(), sizes, strict=True)}
+    return shape(s.mechanism, s.settings | {"lines": fitted}, search.e)
 
 
 def _beside(search: Search, model: Model) -> float:

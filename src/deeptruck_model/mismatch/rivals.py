@@ -20,6 +20,7 @@ from deeptruck_model.mismatch.worth_saying import (
     enough,
     large_enough,
     practical,
+    price,
     slow_price,
 )
 
@@ -38,10 +39,8 @@ def named_cause(search: Search, model: Model, shape: Shape) -> Cause:
     gain = model.score - base.score
     instead = _instead_of(search, base, shape)
     own = model.score - (max(SLOW_PRICE, SLOW_SHARE * gain) if comes_and_goes(shape) else 0.0)
-    paid = [
-        (n, m.score - (slow_price(m, base) if len(m.named) > len(base.named) else 0.0)) for n, m in instead
-    ]
-    rivals = sorted(((name, own - score) for name, score in paid), key=lambda rival: rival[1])
+    own -= price(search, search.model((*base.named, shape), model.free, model.fit))
+    rivals = sorted(((n, own - _paid(search, base, m, own)) for n, m in instead), key=lambda rival: rival[1])
     odds = 1.0 + sum(np.exp(-worse / TEMPER) for _, worse in rivals) + np.exp(-gain / TEMPER)
     lawless = _lawless(search, model, shape)
     if lawless is not None and lawless.score > model.score + max(ENOUGH, GROUP_SHARE * gain):
@@ -64,6 +63,15 @@ def named_cause(search: Search, model: Model, shape: Shape) -> Cause:
         tuple(rivals),
         alternatives=tuple(instead[:ALTERNATIVES]),
     )
+
+
+def _paid(search: Search, base: Model, rival: Model, own: float) -> float:
+    """The score of a rival without what its last name has to gain at least. What a learned simulator's own
+    error gives takes long to know, and matters only where a rival does better than `own`."""
+    if len(rival.named) <= len(base.named):
+        return rival.score
+    score = rival.score - slow_price(rival, base)
+    return score - price(search, rival) if score > own else score
 
 
 def _instead_of(search: Search, base: Model, shape: Shape) -> list[tuple[str, Model]]:
@@ -175,10 +183,12 @@ def _parameter(
     least = enough(search) + search.e.tolerance.get(f"parameter:{name}", 0.0)
     force = search.e.sensitivity[name] * value  # of the simulator as given, to first order
     unsure = abs(value) < 1.96 * model.change_sd(name)
-    if gain < least and _clear_beside_as_given(search, model, before, after):
-        gain = least = FEW
-    if unsure or abs(value) < PARAMETER_PRACTICAL or not large_enough(search.e, force) or gain < least:
+    if unsure or abs(value) < PARAMETER_PRACTICAL:
         return None
+    if gain < least or not large_enough(search.e, force):
+        if not _clear_beside_as_given(search, model, before, after):
+            return None
+        gain = FEW
     rivals = tuple((n, after.score - m.score) for n, m in others)
     odds = 1.0 + sum(np.exp(-max(w, 0.0) / TEMPER) for _, w in rivals) + np.exp(-gain / TEMPER)
     return Cause(

@@ -33,11 +33,10 @@ TEMPER = 3.0  # evidence is this much too sure, the noise model being approximat
 POSSIBLE = {
     "mass": (-0.8, 3.0),
     "drag_area": (-0.6, 2.0),
-    "rolling_resistance": (-0.7, 2.0),
+    "rolling_resistance": (-0.85, 3.0),
     "torque_gain": (-0.35, 2.0),
     "brake_gain": (-0.5, 2.0),
 }
-RETUNE_RANGE = (-0.7, 2.0)  # no truck is further off; what asks for more is no parameter error
 LARGEST_SLOPE = 0.75  # what four times the mass does
 HELD, PINNED = 0.01, 0.001
 FREE = {"mass": 0.3, "drag_area": 0.3, "rolling_resistance": 0.4, "torque_gain": 0.15, "brake_gain": 0.25}

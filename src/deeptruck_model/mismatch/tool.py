@@ -31,7 +31,7 @@ from deeptruck_model.mismatch.inputs import same_signals, unusable, with_held_ou
 from deeptruck_model.mismatch.output import apply, write
 from deeptruck_model.mismatch.prepared import Prepared, learned, prepare
 from deeptruck_model.mismatch.residual import PARAMETERS, gather
-from deeptruck_model.mismatch.search import RETUNE_RANGE, Model, Search, changed_by
+from deeptruck_model.mismatch.search import POSSIBLE, Model, Search, changed_by
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
 
@@ -230,7 +230,7 @@ def _explained(
             break
         say("searching around the refitted parameters")
         total = {p: search.e.total_change(p, c) for p, c in change.items()}
-        moved = {p: float(np.clip(c, *RETUNE_RANGE)) for p, c in total.items() if abs(c) > 0.005}
+        moved = {p: float(np.clip(c, *POSSIBLE[p])) for p, c in total.items() if abs(c) > 0.005}
         tuned = simulator.with_parameters({p: own[p] * (1 + c) for p, c in moved.items()})
         anew = Search(gather(tuned, prepared, flags, seed=seed, moved=moved), exclude=exclude)
         if not _better((search, guess), anew, 0.0 if turn else WORTH_MOVING):

@@ -105,7 +105,8 @@ def slow_price(model: Model, base: Model) -> float:
 def practical(search: Search, model: Model, shape: Shape) -> bool:
     b = model.coefficients(shape.mechanism.effect)
     for name, least in PRACTICAL_S.items():
-        times = [value * part.factor for part, value in zip(shape.parts, b, strict=True) if part.name == name]
+        parts = [(p, value) for p, value in zip(shape.parts, b, strict=True) if p.name.startswith(name)]
+        times = [value * part.factor for part, value in parts]
         if times and abs(sum(times)) < least:
             return False
     if not comes_and_goes(shape) and (np.abs(b - shape.prior.mean) > IMPOSSIBLE * shape.prior.sd).any():

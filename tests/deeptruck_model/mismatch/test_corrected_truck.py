@@ -179,7 +179,7 @@ def test_saved_and_loaded_it_is_the_same(tmp_path: Path, shares: Shares | None) 
     terms = [
         STEADY,
         Term("brake_fade", FADE, (0.1,)),
-        Term("command_delay", {"which": "all", "tau_s": 0.2}, (1.0,)),
+        Term("command_delay", {"lines": {"all": 0.2}}, (1.0,)),
     ]
     truck = CorrectedTruck(BASE, terms, {"mass": 0.1}, shares, True, [7.0, 28.0])
     truck.save(tmp_path / "sim")

@@ -46,3 +46,14 @@ def test_forces_act_by_one_over_the_mass() -> None:
         slope = 1.0 - 1.0 / share  # of the acceleration, which is all that a first look tells
         assert changed_by("mass", slope) == pytest.approx(share - 1.0)
         assert changed_by("drag_area", slope) == slope
+
+
+@pytest.mark.parametrize(("name", "share"), [("drag_area", 0.9), ("rolling_resistance", 1.1)])
+def test_a_tenth_is_told_where_held_out_drives_show_it(name: str, share: float) -> None:
+    own = TRUCK.parameters()[name]
+    recorded = drives(TRUCK.with_parameters({name: share * own}))
+    verdict = mismatch.find_mismatch(TRUCK, recorded[:3], recorded[3:]).verdict
+    (found,) = verdict["findings"]
+    assert found["effect"] == name
+    assert found["parameters"][name]["value"] == pytest.approx(share * own, rel=0.03)
+    assert verdict["fit"]["after"]["speed_rmse"] < 0.5 * verdict["fit"]["before"]["speed_rmse"]

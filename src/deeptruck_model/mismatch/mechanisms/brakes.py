@@ -32,9 +32,12 @@ def _fade_settings(e: Evidence) -> Iterator[Settings]:
     for cooling_s in (40.0, 120.0, 400.0, 1200.0):
         for form, at in (("from", 0.0), ("from", 1.0), ("from", 2.5), ("up_to", 0.7)):
             yield {"cooling_s": cooling_s, "form": form, "at": at}
+    yield from slow_settings(e, BRAKE, 0.5)  # linings that fade once, or recover late
 
 
 def _fade(s: Settings) -> list[Column]:
+    if "knots" in s:
+        return slow_columns(s, BRAKE, "loss", "1", sign=1)
     heat = Lag((BRAKE * SPEED,), s["cooling_s"], cold=True) * (s["cooling_s"] / HEAT_CAPACITY / 100.0)
     effect = minimum(heat, s["at"]) if s["form"] == "up_to" else maximum(minimum(heat, 6.0) - s["at"], 0.0)
     return [Column(BRAKE * effect, 0.3, "fade", "1/K", 0.01)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 
 import numpy as np
@@ -15,18 +16,30 @@ from deeptruck_model.mismatch.mechanisms.base import (
 )
 
 DELAYS_S = (0.1, 0.2, 0.3, 0.4, 0.5, 0.65, 0.8, 1.0, 1.25)
+APART_S = (0.15, 0.3, 0.5, 0.8, 1.25)  # of engine and brake, where each has a line of its own
 FULL_RANGE_S = (0.4, 0.6, 0.9, 1.4, 2.0, 3.0, 4.5, 7.0)
 
 
 def _delay_settings(e: Evidence) -> Iterator[Settings]:
-    """Both commands or the engine's alone; a late brake alone is the brake's own dead time."""
+    """Both commands, the engine's alone, or each by its own; a late brake alone is the brake's own dead
+    time."""
     for which in ("all", "engine") if e.has("brake_command") else ("all",):
         for tau_s in DELAYS_S:
-            yield {"which": which, "tau_s": tau_s}
+            yield {"lines": {which: tau_s}}
+    if e.has("brake_command"):
+        for engine_s, brake_s in itertools.permutations(APART_S, 2):
+            yield {"lines": {"engine": engine_s, "brake": brake_s}}
 
 
 def _delay(s: Settings) -> list[Column]:
-    return [Column(Rerun(f"delay_{s['which']}", s["tau_s"]), 0.3, "delay", "s", s["tau_s"], mean=1.0)]
+    return [
+        Column(Rerun(f"delay_{which}", tau_s), 0.3, _delay_of(which), "s", tau_s, mean=1.0)
+        for which, tau_s in s["lines"].items()
+    ]
+
+
+def _delay_of(which: str) -> str:
+    return "delay" if which == "all" else f"delay_{which}"
 
 
 def _rate_settings(e: Evidence) -> Iterator[Settings]:
@@ -57,7 +70,7 @@ def _rate(s: Settings) -> list[Column]:
 def _clock_settings(e: Evidence) -> Iterator[Settings]:
     """Early commands only a clock can make; late ones look like a delay."""
     for tau_s in (*(-d for d in DELAYS_S), *DELAYS_S):
-        yield {"which": "all", "tau_s": tau_s}
+        yield {"lines": {"all": tau_s}}
 
 
 def _grade_settings(e: Evidence) -> Iterator[Settings]:

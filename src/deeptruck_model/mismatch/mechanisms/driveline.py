@@ -89,11 +89,14 @@ def _shift(s: Settings) -> list[Column]:
     force = maximum(Lag((PULL,), 1.5), PULL)
     if "window_s" in s:
         return [Column(-(force * (since < s["window_s"])), 0.6, "share")]
-    ends = [0.0, *s["until_s"]]
     return [
-        Column(-(force * (since < last) * (1.0 - (since < first))), 0.6, f"share_{first:g}_to_{last:g}_s")
-        for first, last in itertools.pairwise(ends)
+        Column(-(force * _between(since, first, last)), 0.6, f"share_{first:g}_to_{last:g}_s")
+        for first, last in itertools.pairwise([0.0, *s["until_s"]])
     ]
+
+
+def _between(since: Expression, first: float, last: float) -> Expression:
+    return (since < last) * (1.0 - (since < first))
 
 
 def _converter_settings(e: Evidence) -> Iterator[Settings]:
@@ -160,11 +163,19 @@ def _backlash_settings(e: Evidence) -> Iterator[Settings]:
         if np.isfinite(size):
             yield {"window_s": window_s, "size": max(size, 0.05)}
         yield {"window_s": window_s, "size": None}
+    yield {"until_s": [0.3, 0.7, 1.2, 2.0]}  # several plays, one after the other
 
 
 def _backlash(s: Settings) -> list[Column]:
     change = Change((ENGINE > 0.03,))
-    up, down = Since((change > 0.1,)) < s["window_s"], Since((change < -0.1,)) < s["window_s"]
+    since = {"tip_in": Since((change > 0.1,)), "tip_out": Since((change < -0.1,))}
+    if "until_s" in s:
+        return [
+            Column(-(ENGINE * _between(t, first, last)), 0.6, f"{side}_share_{first:g}_to_{last:g}_s")
+            for side, t in since.items()
+            for first, last in itertools.pairwise([0.0, *s["until_s"]])
+        ]
+    up, down = since["tip_in"] < s["window_s"], since["tip_out"] < s["window_s"]
     if s["size"] is None:
         return [Column(-(up * ENGINE), 0.6, "tip_in_share"), Column(-(down * ENGINE), 0.6, "tip_out_share")]
     return [Column(-(up * s["size"]), 0.5, "tip_in"), Column(down * s["size"], 0.5, "tip_out")]

@@ -194,11 +194,25 @@ PER_POWER = -(1.0 / maximum(SPEED, 3.0))
 
 
 def _accessory_settings(e: Evidence) -> Iterator[Settings]:
+    """A power, or a torque at the engine: a pump's is always the same, a fan's grows with speed squared."""
     yield {}
     yield from slow_settings(e, PER_POWER, 2.0)
+    if e.has("ratio", "engine_speed"):
+        reference = lever_reference(e)
+        for order in (0, 2):
+            torque = _at_the_engine(reference, order)
+            yield from ({**s, "reference": reference, "order": order} for s in slow_settings(e, torque, 0.3))
+
+
+def _at_the_engine(reference: float, order: int) -> Expression:
+    lever = LEVER / reference
+    return -(lever * (ENGINE_SPEED / OMEGA) ** order) if order else -lever
 
 
 def _accessories(s: Settings) -> list[Column]:
+    if "order" in s:
+        torque = _at_the_engine(s["reference"], s["order"])
+        return slow_columns(s, torque, "force", "N", sign=1, per_mass=True)
     if "knots" in s:
         return slow_columns(s, PER_POWER, "power", "W", sign=1, per_mass=True)
     return [Column(PER_POWER, 0.5, "power", "W", per_mass=True)]

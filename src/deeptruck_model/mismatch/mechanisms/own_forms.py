@@ -36,6 +36,7 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
     ENGINE_SPEED,
     GEAR,
     LEVER,
+    OMEGA,
     PULL,
     SIMULATED,
     SPEED,
@@ -81,6 +82,10 @@ def _heated(power: Expression, over_s: float) -> Expression:
 
 SHIFTED = Since((absolute(Change((GEAR,))) > 0.5,))
 TORQUE = PULL / maximum(LEVER, 0.05)
+STOOD = minimum(Since((SPEED < 0.5,)), 60.0)
+GEARED = ("ratio", "engine_speed")
+PUMP = LEVER * -1.0  # a pump takes a torque, a fan one with speed squared
+FAN = LEVER * (ENGINE_SPEED / OMEGA) ** 2 * -1.0
 LATE = RisingLag((PULL,), 1.0) - PULL
 
 OWN: dict[str, tuple[Form, ...]] = {
@@ -169,6 +174,22 @@ OWN: dict[str, tuple[Form, ...]] = {
             PER_POWER, minimum(Since((BRAKE > 0.1,)), NEVER_S), "time since braking", "falling", share=False
         ),
         Form(PER_POWER, ENGINE_SPEED, "engine speed", "rising", share=False, needs=("engine_speed",)),
+        *(
+            Form(
+                torque,
+                _heated(PULL * SPEED, 60.0),
+                "engine power over 60 s",
+                "rising",
+                share=False,
+                needs=GEARED,
+            )
+            for torque in (PUMP, FAN)
+        ),
+        *(
+            Form(torque, STOOD, "time since standing", "falling", share=False, needs=GEARED)
+            for torque in (PUMP, FAN)
+        ),
+        Form(PUMP, STOOD, "time since standing", "any", share=False, needs=GEARED),
     ),
     "engine_friction": (
         Form(
