@@ -84,7 +84,7 @@ def _grade_bias(s: Settings) -> list[Column]:
 MECHANISMS = (
     Mechanism(
         "command_delay",
-        "u(t) -> u(t - d)",
+        "u(t) -> u(t - d), engine and brake perhaps each by its own",
         "commands act later than the simulator thinks",
         ("engine_command",),
         ("command rate",),

@@ -278,10 +278,10 @@ MECHANISMS = (
     ),
     Mechanism(
         "accessory_load",
-        "F = -P / v",
+        "F = -P / v, or -T r (1, or w^2)",
         "something besides the wheels takes engine power",
         ("speed", "engine"),
-        ("speed",),
+        ("speed", "engine speed", "time since standing"),
         "fan, compressor and air conditioning loads: NREL heavy-vehicle accessory studies",
         "hold the same road load with the fan on and off",
         _accessory_settings,
