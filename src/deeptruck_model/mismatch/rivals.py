@@ -10,7 +10,7 @@ from deeptruck_model.mismatch import intermittent
 from deeptruck_model.mismatch.candidates import candidates, enriched
 from deeptruck_model.mismatch.causes import GROUP_SHARE, Cause
 from deeptruck_model.mismatch.growing import WIDENED
-from deeptruck_model.mismatch.mechanisms import UNNAMED, Shape, comes_and_goes
+from deeptruck_model.mismatch.mechanisms import LIBRARY, UNNAMED, Shape, comes_and_goes
 from deeptruck_model.mismatch.screening import screen, screen_shapes
 from deeptruck_model.mismatch.search import TEMPER, Model, Search
 from deeptruck_model.mismatch.worth_saying import (
@@ -173,6 +173,12 @@ def _clear_beside_as_given(search: Search, model: Model, before: Model, after: M
     return after.score - given.score > ENOUGH
 
 
+def _a_slope_sensors_zero(search: Search, before: Model, after: Model) -> bool:
+    """Whether that would do nearly as well: held-out drives have the same one, so that they show nothing."""
+    (zero,) = search.shapes(LIBRARY["grade_bias"])
+    return search.model((*before.named, zero), before.free, before.fit).score > after.score - ENOUGH
+
+
 def _parameter(
     search: Search, model: Model, before: Model, after: Model, others: list[tuple[str, Model]]
 ) -> Cause | None:
@@ -185,8 +191,11 @@ def _parameter(
     unsure = abs(value) < 1.96 * model.change_sd(name)
     if unsure or abs(value) < PARAMETER_PRACTICAL:
         return None
-    if gain < least or not large_enough(search.e, force):
+    large = large_enough(search.e, force)
+    if gain < least or not large:
         if not _clear_beside_as_given(search, model, before, after):
+            return None
+        if not large and _a_slope_sensors_zero(search, before, after):
             return None
         gain = FEW
     rivals = tuple((n, after.score - m.score) for n, m in others)
