@@ -23,6 +23,8 @@ from deeptruck_model.mismatch.worth_saying import ENOUGH
 from deeptruck_model.simulators import Simulator
 
 HORIZON_S = 40.0
+INTERVAL_S = 20.0  # of free runs whose improvement has an interval: twice as many as of HORIZON_S
+COMPARED = ("before", "parameters_only", "after")
 FOLDS = 3  # of the recordings that are not held out, to choose what goes in
 NOT_BETTER = "the corrected simulator does not predict the held-out recordings better: nothing may be applied"
 UNNAMED = (
@@ -72,7 +74,8 @@ def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequenc
     search = Search(e, only=~e.held_out)
     shares = None if simulator.parameters() else Shares.of(e)
     alone = _Recipe((), (), frozenset(search.parameters))
-    recipes = [*_recipes(e, x), alone] if x.causes else [_Recipe((), (), frozenset())]
+    nothing = _Recipe((), (), frozenset())
+    recipes = [nothing, *_recipes(e, x), alone] if x.causes else [nothing]
     unnamed = _with_laws(x)
     if unnamed is not None and any(c.other_form for c in x.causes):
         recipes.append(unnamed)  # these laws are the form of a name
@@ -124,14 +127,14 @@ def corrected(simulator: Simulator, e: Evidence, model: Model) -> CorrectedTruck
 
 
 def _recipes(e: Evidence, x: Explanation) -> list[_Recipe]:
-    """What comes and goes with its mean, held steady or left out, each with all moved parameters and with the
-    stated ones alone."""
+    """What comes and goes with its mean, held steady or left out, each with all moved parameters, with the
+    stated ones alone and with none."""
     stated = {c.effect for c in x.causes}
     told = [s for s in _physics(x.model.named) if s.mechanism.effect in stated]
     lasting = [s for s in told if not comes_and_goes(s)]
     parameters = frozenset(c.effect for c in x.causes if c.kind == "parameter_error")
     out = []
-    for free in sorted({x.model.free, parameters & x.model.free}, key=lambda f: -len(f)):
+    for free in sorted({x.model.free, parameters & x.model.free, frozenset()}, key=lambda f: -len(f)):
         out.append(_Recipe(x.model.named, tuple(told), free))
         if len(lasting) < len(told):
             held = tuple(held_steady(s, e) for s in x.model.named)
@@ -172,6 +175,8 @@ def shown(
     if made.unnamed is not None:
         named["free_model"] = made.unnamed
     errors = {name: free_windows(s, held_out, _horizon(held_out)) for name, s in named.items()}
+    short_s = min(INTERVAL_S, _horizon(held_out))
+    shorter = {name: free_windows(named[name], held_out, short_s) for name in COMPARED}
     windows = errors["before"].speed
     fit: dict[str, Any] = {
         "held_out": [p.recording.name for p in held_out],
@@ -179,10 +184,15 @@ def shown(
         "windows": len(windows),
     }
     if len(windows):
-        fit |= compare(errors)
-    better = fit.get("improvement_ci95", [0.0])[0] > 0.0
-    fit["validated"] = bool(after.terms or after.moved) and better
+        fit |= compare(errors, shorter) | {"improvement_horizon_s": short_s}
+    fit["validated"] = bool(after.terms or after.moved) and _better(fit)
     return errors, after.marked(fit["validated"]), fit
+
+
+def _better(fit: dict[str, Any]) -> bool:
+    """Surely so over the shorter free runs, and no worse over the long ones."""
+    sure = bool(fit.get("improvement_ci95", [0.0])[0] > 0.0)
+    return sure and bool(fit["after"]["speed_rmse"] <= fit["before"]["speed_rmse"])
 
 
 def corrected_and_driven(
@@ -202,9 +212,10 @@ def corrected_and_driven(
 
 
 def in_vain(x: Explanation, fit: dict[str, Any], *, learned: bool = False) -> bool:
-    """Whether little was found and the simulator corrected by it drives worse on recordings held out; or no
-    better than one with other parameters, where laws were found or parameters beside a name, which hold on
-    other drives too, or where it is a learned simulator, whose own error may be found."""
+    """Whether little was found, and corrected by it the simulator drives worse on recordings held out, or the
+    others best with nothing corrected; or no better than one with other parameters, where laws were found or
+    parameters beside a name, which hold on other drives too, or where it is a learned simulator, whose own
+    error may be found."""
     if not x.causes or any(c.needed is not None for c in x.causes) or "after" not in fit:
         return False
     before, tuned, after = (fit[name]["speed_rmse"] for name in ("before", "parameters_only", "after"))
@@ -217,7 +228,8 @@ def in_vain(x: Explanation, fit: dict[str, Any], *, learned: bool = False) -> bo
         return False
     names = [c.shape for c in x.causes if c.shape is not None]
     lasting = any(_lasting(shape) for shape in names) or 0 < len(names) < len(x.causes)
-    return bool(after > before or ((learned or lasting) and after > NO_BETTER * tuned))
+    left_out = after == before and not any("when" in shape.settings for shape in names)
+    return bool(left_out or after > before or ((learned or lasting) and after > NO_BETTER * tuned))
 
 
 def _lasting(shape: Shape) -> bool:

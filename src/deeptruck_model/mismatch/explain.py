@@ -76,9 +76,17 @@ def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[C
         whole = replace(main, share=main.share + rest.share, force=main.force + rest.force, other_form=True)
         return _in_order([whole, *[c for c in causes if c is not main]])
     if physics and names < EXPLAINS * (names + left.gain):
-        rest = replace(rest, nearest=main.effect)
+        rest = replace(rest, nearest=main.effect, rivals=_perhaps_the_same(main))
         return [rest, *_in_order([c for c in causes if c not in physics])]
     return _in_order([*causes, rest])
+
+
+def _perhaps_the_same(main: Cause) -> tuple[tuple[str, float], ...]:
+    """Names that may be all there is: what is finer than the knots of a force that comes and goes is left
+    over."""
+    if not _follows_anything_slow(main):
+        return ()
+    return tuple((name, 0.0) for name in (main.effect, *main.not_told_from) if name != "unknown")
 
 
 def _worth_calling_unknown(e: Evidence, left: LeftOver, explained: float, names: float) -> bool:

@@ -6,9 +6,16 @@ import numpy as np
 
 from deeptruck_model.mismatch import intermittent
 from deeptruck_model.mismatch.candidates import candidates, enriched
-from deeptruck_model.mismatch.mechanisms import Shape, shape
+from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes, shape
 from deeptruck_model.mismatch.search import Model, Search
-from deeptruck_model.mismatch.worth_saying import ENOUGH, enough, practical, price, slow_price
+from deeptruck_model.mismatch.worth_saying import (
+    ENOUGH,
+    SLOW_PRICE,
+    enough,
+    practical,
+    price,
+    slow_price,
+)
 
 WIDENED = 4  # of the best names are given more freedom of form before the first is chosen
 MOST = 4  # effects at once
@@ -52,7 +59,21 @@ def grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], .
             break
         base = weakest
     base = _settled(search, _exchanged(search, base))
-    return _now_and_then(search, base, bare), ranking
+    return max(_rare(search, base, bare), key=lambda m: m.score - _for_coming(m)), ranking
+
+
+def _rare(search: Search, base: Model, bare: Model) -> list[Model]:
+    """The model with what acts in a few windows alone, and the same without what comes and goes, whose knots
+    follow such windows too."""
+    lasting = tuple(s for s in base.named if not comes_and_goes(s))
+    found = _now_and_then(search, base, bare)
+    if found is not base or len(lasting) == len(base.named):
+        return [found]
+    return [base, _now_and_then(search, search.background(lasting), bare)]
+
+
+def _for_coming(model: Model) -> float:
+    return SLOW_PRICE if any(comes_and_goes(s) for s in model.named) else 0.0
 
 
 def _settled(search: Search, model: Model) -> Model:

@@ -125,10 +125,13 @@ def _padded(x: Array, length: int) -> Array:
     return np.concatenate([x, np.repeat(x[-1:], more, axis=0)]) if more else x
 
 
-def compare(errors: Mapping[str, Errors], seed: int = 0) -> dict[str, Any]:
-    """RMSE of each simulator, and bootstrap intervals over recordings of the relative improvement."""
+def compare(errors: Mapping[str, Errors], shorter: Mapping[str, Errors], seed: int = 0) -> dict[str, Any]:
+    """RMSE of each simulator, and bootstrap intervals over recordings of the relative improvement.
+
+    These are over free runs that are `shorter`: a few long ones differ so much that they tell little of the
+    next."""
     out: dict[str, Any] = {name: e.rmse() for name, e in errors.items()}
-    before, after, tuned = errors["before"], errors["after"], errors["parameters_only"]
+    before, after, tuned = shorter["before"], shorter["after"], shorter["parameters_only"]
     out["improvement_ci95"] = _interval(before, after, seed)
     out["improvement_over_parameters_ci95"] = _interval(tuned, after, seed)
     return out

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.mechanisms import Mechanism, Shape, build, comes_and_goes, held_steady
 from deeptruck_model.mismatch.screening import screen_shapes
-from deeptruck_model.mismatch.search import ONE_SIZE, TEMPER, Model, Search
+from deeptruck_model.mismatch.search import TEMPER, Model, Search
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -28,6 +28,7 @@ CREEPING = 2.5  # m/s: slower, idling engines and slipping clutches turn on a ha
 MOST = 0.06  # share of the time; beyond, it is no exception
 PER_WINDOW = 6.0  # nats: the price of having looked for it
 FITTED = 6
+ALWAYS = ("clock_offset", "grade_bias")  # a clock or a sensor is off always or not at all
 
 
 def windows(e: Evidence, model: Model) -> list[Span]:
@@ -95,7 +96,7 @@ def candidates(search: Search, base: Model, spans: list[Span]) -> list[Model]:
     options = [
         during(s, spans, search.e)
         for mechanism in search.library
-        if mechanism.effect not in (*base.effects, *ONE_SIZE)
+        if mechanism.effect not in (*base.effects, *ALWAYS)
         for s in _steady(search, mechanism)
     ]
     seen = [s for s in options if np.abs(s.columns[search.e.valid]).max(initial=0.0) > 1e-6]

@@ -74,4 +74,5 @@ def _change(ci: Sequence[float]) -> str:
 
 
 def _resampled(fit: dict[str, Any]) -> str:
-    return "recordings" if len(fit["held_out"]) >= LEAST_RESAMPLED else "the runs"
+    runs = f"free runs of {fit['improvement_horizon_s']:.0f} s"
+    return f"recordings, in {runs}" if len(fit["held_out"]) >= LEAST_RESAMPLED else runs

@@ -35,12 +35,13 @@ def explanation(causes: tuple[Cause, ...], model: Model, lawful: Model | None = 
 
 @pytest.fixture
 def options(nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch) -> list[tuple[set[str], set[str]]]:
-    """(terms, parameters) of every correction that is driven; the simplest one drives best."""
+    """(terms, parameters) of every correction that is driven; the one with the fewest terms drives best, and
+    with one parameter moved."""
     driven: list[tuple[set[str], set[str]]] = []
 
     def mean_square(truck: correction.CorrectedTruck, prepared: object) -> float:
         driven.append(({t.effect for t in truck.terms}, set(truck.moved)))
-        return float(len(truck.terms) + len(truck.moved))
+        return len(truck.terms) + abs(len(truck.moved) - 1.0) if truck.terms else 9.0
 
     monkeypatch.setattr(correction, "_mean_square", mean_square)
     return driven
@@ -66,10 +67,25 @@ def test_of_all_that_was_found_the_part_goes_in_that_drives_best(
     assert set(tuned.moved) == {"torque_gain", "brake_gain"} and not tuned.terms
     laws, everything = {"driveline_loss"}, {"driveline_loss", "headwind"}
     moved, stated = {"torque_gain", "brake_gain"}, {"brake_gain"}
-    each = [(everything, moved), (laws, moved), (everything, moved)]  # the last with gusts held steady
-    each += [(everything, stated), (laws, stated), (everything, stated), (set(), moved)]
-    assert options == each
+    nothing: set[str] = set()
+    each = [(nothing, nothing)]
+    for free in (moved, stated, nothing):  # at last of each three with gusts held steady
+        each += [(everything, free), (laws, free), (everything, free)]
+    assert options == [*each, (nothing, moved)]
     assert ({t.effect for t in after.terms}, set(after.moved)) == (laws, stated)
+
+
+def test_nothing_goes_in_where_the_truck_as_given_drives_best(
+    nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    e = nothing_missing
+    law, _ = law_and_gusts(e)
+    monkeypatch.setattr(correction, "_mean_square", lambda made, p: len(made.terms) + len(made.moved))
+    cause = Cause("missing_physics", "driveline_loss", 50.0, 1.0, 0.9, np.zeros(len(e)), law)
+    made = correction.correct(
+        TRUCK, e, explanation((cause,), Search(e).model((law,), frozenset({"torque_gain"}))), ONE
+    )
+    assert not made.named.terms and not made.named.moved and made.tuned.moved
 
 
 def test_what_was_not_stated_never_goes_in(
@@ -80,7 +96,12 @@ def test_what_was_not_stated_never_goes_in(
     cause = Cause("missing_physics", "driveline_loss", 90.0, 1.0, 0.9, np.zeros(len(nothing_missing)), law)
     after = correction.correct(TRUCK, nothing_missing, explanation((cause,), model), ONE).named
     assert [t.effect for t in after.terms] == ["driveline_loss"] and not after.moved
-    assert options == [({"driveline_loss"}, set()), (set(), {"torque_gain", "brake_gain"})]
+    nothing: set[str] = set()
+    assert options == [
+        (nothing, nothing),
+        ({"driveline_loss"}, nothing),
+        (nothing, {"torque_gain", "brake_gain"}),
+    ]
 
 
 def test_what_comes_and_goes_can_be_held_steady(nothing_missing: Evidence) -> None:

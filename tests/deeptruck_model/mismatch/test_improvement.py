@@ -42,20 +42,20 @@ def test_a_better_simulator_has_an_interval_above_zero_and_a_worse_one_below(
 ) -> None:
     wrong = TRUCK.with_parameters({"mass": 1.3 * MASS})
     before, right = (free_windows(s, prepared, 30.0) for s in (wrong, TRUCK))
-    said = compare({"before": before, "parameters_only": before, "after": right})
+    errors = {"before": before, "parameters_only": before, "after": right}
+    said = compare(errors, errors)
     assert said["after"]["speed_rmse"] < said["before"]["speed_rmse"]
     assert 0.3 < said["improvement_ci95"][0] <= said["improvement_ci95"][1] <= 1.0
     assert said["improvement_over_parameters_ci95"] == said["improvement_ci95"]
-    worse = compare({"before": right, "parameters_only": right, "after": before})
+    errors = {"before": right, "parameters_only": right, "after": before}
+    worse = compare(errors, errors)
     assert worse["improvement_ci95"][1] < 0.0
 
 
 def test_equal_simulators_have_not_improved(prepared: list[Prepared]) -> None:
-    errors = free_windows(TRUCK, prepared, 30.0)
-    assert compare({"before": errors, "parameters_only": errors, "after": errors})["improvement_ci95"] == [
-        0,
-        0,
-    ]
+    same = free_windows(TRUCK, prepared, 30.0)
+    errors = {"before": same, "parameters_only": same, "after": same}
+    assert compare(errors, errors)["improvement_ci95"] == [0, 0]
 
 
 def test_few_recordings_are_resampled_by_window() -> None:

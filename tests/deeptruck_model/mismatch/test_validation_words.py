@@ -16,7 +16,7 @@ def fit(
     names = [f"d{k}" for k in range(held_out)]
     errors = {name: {"speed_rmse": size} for name, size in (("before", 0.9), ("after", 0.1))}
     intervals = {"improvement_ci95": gained, "improvement_over_parameters_ci95": beside}
-    return {"held_out": names, "validated": validated, **errors, **intervals}
+    return {"held_out": names, "validated": validated, "improvement_horizon_s": 20.0, **errors, **intervals}
 
 
 @pytest.mark.parametrize(
@@ -29,14 +29,14 @@ def fit(
 )
 def test_beside_refitted_parameters(beside: list[float], change: str, end: str) -> None:
     said = validation_words.said(fit([0.95, 0.96], beside))
-    assert said[1].startswith("Yes, it is 95 to 96 % smaller (95 % interval over the runs)")
+    assert said[1].startswith("Yes, it is 95 to 96 % smaller (95 % interval over free runs of 20 s)")
     assert change in said[2] and said[2].endswith(end)
 
 
 def test_a_correction_that_failed_is_not_applied() -> None:
     said = validation_words.said(fit([-0.2, 0.1], [0.0, 0.0], held_out=3, validated=False))
     assert said[1].startswith(
-        "No, it is between 20 % larger and 10 % smaller (95 % interval over recordings)"
+        "No, it is between 20 % larger and 10 % smaller (95 % interval over recordings, in free runs of 20 s)"
     )
     assert "is not applied" in said[1] and "refitted parameters alone" in said[2]
 

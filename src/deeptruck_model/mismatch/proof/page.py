@@ -11,6 +11,7 @@ import numpy as np
 
 from deeptruck_model.mismatch.proof import scoreboard
 from deeptruck_model.mismatch.proof.effects import EFFECTS
+from deeptruck_model.mismatch.proof.hidden import FORMS
 from deeptruck_model.mismatch.proof.proof_figures import RIVALS, draw_all
 from deeptruck_model.mismatch.proof.scoreboard import Score, mean
 
@@ -115,8 +116,8 @@ def _by_effect(scored: Sequence[Score]) -> list[str]:
         rows = [r for r in scored if r["keys"] == [key]]
         if rows:
             first, group = mean(r["right_first"] for r in rows), mean(r["in_group"] for r in rows)
-            # the page is read by the tool's authors, who are to stay blind to the later forms
-            source = effect.source if effect.forms == "first" else f"{effect.forms} form, not told here"
+            # the page is read by the tool's authors, who are to stay blind to the newest forms
+            source = f"{effect.forms} form, not told here" if effect.forms == FORMS[-1] else effect.source
             out.append(f"| {key} | {len(rows)} | {_cell(first)} | {_cell(group)} | {source} |")
     return out
 
