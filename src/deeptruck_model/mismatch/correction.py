@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from deeptruck_model.mismatch.causes import Explanation
+from deeptruck_model.mismatch.causes import Cause, Explanation
 from deeptruck_model.mismatch.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.improvement import Errors, compare, free_windows
@@ -32,10 +32,13 @@ UNNAMED = (
     "held-out free runs is {free:.3g} m/s instead of {after:.3g} m/s"
 )
 WEAK = 60.0  # nats; a stronger cause is told also where no held-out drive shows it
+WEAK_COMING = (
+    120.0  # the same where it comes and goes: with a knot each half minute it follows a sensor's drift
+)
 STRONG_LEARNED = 150.0  # nats; beside a learned simulator a stronger one is told also where drives are worse
 OF_RECORDINGS = frozenset({"when", "each", "recordings", "first"})  # settings
 CLEARLY = 0.6  # of the error as given, at which a parameter is told by few nats
-NO_BETTER = 0.97  # of the error with other parameters alone
+NO_BETTER = 0.97  # of the error with other parameters alone, or as given
 HELPS = 0.9  # of the error, below which what has no name is worth asking for
 
 
@@ -224,12 +227,18 @@ def in_vain(x: Explanation, fit: dict[str, Any], *, learned: bool = False) -> bo
         return True
     if most < ENOUGH and all(c.kind == "parameter_error" for c in x.causes):
         return bool(after > CLEARLY * before)
+    if most < WEAK_COMING and all(_comes_and_goes(c) for c in x.causes) and after > NO_BETTER * before:
+        return True
     if most >= WEAK:
         return False
     names = [c.shape for c in x.causes if c.shape is not None]
     lasting = any(_lasting(shape) for shape in names) or 0 < len(names) < len(x.causes)
     left_out = after == before and not any("when" in shape.settings for shape in names)
     return bool(left_out or after > before or ((learned or lasting) and after > NO_BETTER * tuned))
+
+
+def _comes_and_goes(cause: Cause) -> bool:
+    return cause.lawless or (cause.shape is not None and comes_and_goes(cause.shape))
 
 
 def _lasting(shape: Shape) -> bool:

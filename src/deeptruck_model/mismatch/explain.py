@@ -22,6 +22,8 @@ from deeptruck_model.mismatch.worth_saying import ENOUGH, large_enough, price
 ENOUGH_FREE = 75.0  # nats the free model must gain on what is left before 'unknown' is said
 OWN_ERRORS = 2.0  # times a learned simulator's own error, which is no less elsewhere, that it must be
 BEND = 0.3  # share of a name's gain that laws beside it must have: no form is quite right
+DOUBT = 0.15  # the same beyond which no name is sure
+ENOUGH_TO_DOUBT = 40.0  # nats of it
 BEND_OF_PARAMETERS = 0.06  # the same where parameters alone were found: these enter as they are
 EXPLAINS = 0.55  # share of what is explainable that a name must explain, else it is only the nearest relative
 TRIFLE = 0.03  # a cause with a smaller share of what is explained is as likely a bend in the form of another
@@ -68,7 +70,7 @@ def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[C
     causes = [replace(c, share=max(c.gain, 0.0) / weight * explained / total) for c in causes]
     causes = [c for c in causes if c.share > TRIFLE]
     if not unknown:
-        return _in_order(causes)
+        return _in_order(_in_doubt(search.e, left, causes))
     rest = Cause("missing_physics", "unknown", left.gain, left.gain / total, 0.9, left.free.prediction)
     physics = [c for c in causes if c.kind == "missing_physics"]
     main = max(physics, key=lambda c: c.gain, default=rest)
@@ -79,6 +81,18 @@ def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[C
         rest = replace(rest, nearest=main.effect, rivals=_perhaps_the_same(main))
         return [rest, *_in_order([c for c in causes if c not in physics])]
     return _in_order([*causes, rest])
+
+
+def _in_doubt(e: Evidence, left: LeftOver, causes: list[Cause]) -> list[Cause]:
+    """The causes, of which the main name may be that of a relative where laws without a name explain clearly
+    more beside it."""
+    physics = [c for c in causes if c.kind == "missing_physics"]
+    doubtful = left.gain > max(ENOUGH_TO_DOUBT, DOUBT * sum(c.gain for c in physics))
+    if not physics or not doubtful or not large_enough(e, left.free.prediction):
+        return causes
+    main = max(physics, key=lambda c: c.gain)
+    doubted = replace(main, rivals=(*main.rivals, ("unknown", 0.0)))
+    return [doubted if c is main else c for c in causes]
 
 
 def _perhaps_the_same(main: Cause) -> tuple[tuple[str, float], ...]:

@@ -225,6 +225,17 @@ def test_a_weak_law_must_drive_better_than_other_parameters(
     assert correction.in_vain(explanation, fit) == vain
 
 
+@pytest.mark.parametrize(("after", "vain"), [(0.099, True), (0.09, False)])
+def test_what_comes_and_goes_must_help_other_drives_a_little(after: float, vain: bool) -> None:
+    shape: Any = SimpleNamespace(settings={"knots": [4]})
+    causes = (Cause("missing_physics", "dragging_brake", 84.0, 1.0, 0.9, np.zeros(1), shape),)
+    fit = {
+        name: {"speed_rmse": x} for name, x in {"before": 0.1, "after": after, "parameters_only": 0.1}.items()
+    }
+    explanation: Any = SimpleNamespace(causes=causes)
+    assert correction.in_vain(explanation, fit) == vain
+
+
 def test_a_slow_force_is_told_by_its_size_and_not_by_a_drive() -> None:
     slow = Cause("missing_physics", "road_grade", 0.0, 0.5, 0.9, np.zeros(1), needed={"road_grade": 0.01})
     fit = {
