@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 
 ALTERNATIVES = 3  # rivals whose whole explanation is kept, to be driven against each other
 INSTEAD = 4  # mechanisms tried in place of each parameter
+DEAD_TIME = "delay"  # of the brake: the same force as a delay of its command
 SLOW_S = 8.0  # smoothing of a slow force where it has no knots of its own
 PARAMETER_PRACTICAL = 0.025  # relative
 FEW = 0.5 * ENOUGH  # nats of a parameter that held-out drives must show
@@ -52,6 +53,8 @@ def named_cause(search: Search, model: Model, shape: Shape) -> Cause:
     if lawless is not None:  # perhaps something else comes and goes
         unnamed = (UNNAMED.effect, max(model.score - lawless.score, 0.0))
         rivals = sorted([*rivals, unnamed], key=lambda rival: rival[1])
+    if shape.settings.get("side") == DEAD_TIME and all(n != "command_delay" for n, _ in rivals):
+        rivals = [("command_delay", 0.0), *rivals]  # of the brake's command: it had a name already
     return Cause(
         shape.mechanism.kind,
         shape.mechanism.effect,
