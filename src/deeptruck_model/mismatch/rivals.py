@@ -53,8 +53,8 @@ def named_cause(search: Search, model: Model, shape: Shape) -> Cause:
     if lawless is not None:  # perhaps something else comes and goes
         unnamed = (UNNAMED.effect, max(model.score - lawless.score, 0.0))
         rivals = sorted([*rivals, unnamed], key=lambda rival: rival[1])
-    if shape.settings.get("side") == DEAD_TIME and all(n != "command_delay" for n, _ in rivals):
-        rivals = [("command_delay", 0.0), *rivals]  # of the brake's command: it had a name already
+    if shape.settings.get("side") == DEAD_TIME and any(m.effect == "command_delay" for m in search.library):
+        rivals = [("command_delay", 0.0), *((n, worse) for n, worse in rivals if n != "command_delay")]
     return Cause(
         shape.mechanism.kind,
         shape.mechanism.effect,

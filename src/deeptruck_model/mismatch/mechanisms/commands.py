@@ -17,17 +17,15 @@ from deeptruck_model.mismatch.mechanisms.base import (
 
 DELAYS_S = (0.1, 0.2, 0.3, 0.4, 0.5, 0.65, 0.8, 1.0, 1.25)
 APART_S = (0.15, 0.3, 0.5, 0.8, 1.25)  # of engine and brake, where each has a line of its own
-BRAKE_ALONE = 3.0  # trials: that is the dead time of `brake_lag` too, which is the likelier name
 FULL_RANGE_S = (0.4, 0.6, 0.9, 1.4, 2.0, 3.0, 4.5, 7.0)
 
 
 def _delay_settings(e: Evidence) -> Iterator[Settings]:
-    """Both commands, the engine's or the brake's alone, or each by its own."""
+    """Both commands, the engine's alone, or each by its own; a late brake alone is the brake's dead time."""
     for which in ("all", "engine") if e.has("brake_command") else ("all",):
         for tau_s in DELAYS_S:
             yield {"lines": {which: tau_s}}
     if e.has("brake_command"):
-        yield from ({"lines": {"brake": tau_s}, "trials": BRAKE_ALONE} for tau_s in DELAYS_S)
         for engine_s, brake_s in itertools.permutations(APART_S, 2):
             yield {"lines": {"engine": engine_s, "brake": brake_s}}
 
