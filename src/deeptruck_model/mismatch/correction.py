@@ -11,15 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from deeptruck_model.mismatch.causes import Cause, Explanation
+from deeptruck_model.mismatch.causes import Explanation
 from deeptruck_model.mismatch.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.held_out_drives import in_vain
 from deeptruck_model.mismatch.improvement import Errors, compare, free_windows
 from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes, held_steady
 from deeptruck_model.mismatch.prepared import Prepared
 from deeptruck_model.mismatch.search import POSSIBLE, Model, Search
 from deeptruck_model.mismatch.share import Shares
-from deeptruck_model.mismatch.worth_saying import ENOUGH
 from deeptruck_model.simulators import Simulator
 
 HORIZON_S = 40.0
@@ -31,14 +31,6 @@ UNNAMED = (
     "what has no name is not in the corrected simulator; with it (--with-unnamed) the speed error of "
     "held-out free runs is {free:.3g} m/s instead of {after:.3g} m/s"
 )
-WEAK = 60.0  # nats; a stronger cause is told also where no held-out drive shows it
-WEAK_COMING = (
-    120.0  # the same where it comes and goes: with a knot each half minute it follows a sensor's drift
-)
-STRONG_LEARNED = 150.0  # nats; beside a learned simulator a stronger one is told also where drives are worse
-OF_RECORDINGS = frozenset({"when", "each", "recordings", "first"})  # settings
-CLEARLY = 0.6  # of the error as given, at which a parameter is told by few nats
-NO_BETTER = 0.97  # of the error with other parameters alone, or as given
 HELPS = 0.9  # of the error, below which what has no name is worth asking for
 
 
@@ -214,41 +206,6 @@ def corrected_and_driven(
     return x, shown(simulator, correct(simulator, e, x, fitted), held_out, with_unnamed)
 
 
-def in_vain(x: Explanation, fit: dict[str, Any], *, learned: bool = False) -> bool:
-    """Whether little was found, and corrected by it the simulator drives worse on recordings held out, or the
-    others best with nothing corrected; or no better than one with other parameters, where laws were found or
-    parameters beside a name, which hold on other drives too, or where it is a learned simulator, whose own
-    error may be found."""
-    if not x.causes or any(c.needed is not None for c in x.causes) or "after" not in fit:
-        return False
-    before, tuned, after = (fit[name]["speed_rmse"] for name in ("before", "parameters_only", "after"))
-    most = max(c.gain for c in x.causes)
-    if learned and most < STRONG_LEARNED and after > before:
-        return True
-    if most < ENOUGH and all(c.kind == "parameter_error" for c in x.causes):
-        return bool(after > CLEARLY * before)
-    if most < WEAK_COMING and all(_comes_and_goes(c) for c in x.causes) and after > NO_BETTER * before:
-        return True
-    if most >= WEAK:
-        return False
-    names = [c.shape for c in x.causes if c.shape is not None]
-    lasting = any(_lasting(shape) for shape in names) or 0 < len(names) < len(x.causes)
-    left_out = after == before and not any("when" in shape.settings for shape in names)
-    return bool(left_out or after > before or ((learned or lasting) and after > NO_BETTER * tuned))
-
-
-def _comes_and_goes(cause: Cause) -> bool:
-    return cause.lawless or (cause.shape is not None and comes_and_goes(cause.shape))
-
-
-def _lasting(shape: Shape) -> bool:
-    """Whether it is a law, and neither bound to recordings nor to a while."""
-    parts = shape.settings.get("parts", [shape.settings])
-    return not any(
-        part.get("knots") or not OF_RECORDINGS.isdisjoint(part) for part in [shape.settings, *parts]
-    )
-
-
 def caveats(fit: dict[str, Any], found: bool, with_unnamed: bool) -> list[str]:
     """What to know before the corrected simulator is applied."""
     out = [NOT_BETTER] if found and not fit["validated"] else []
@@ -258,4 +215,4 @@ def caveats(fit: dict[str, Any], found: bool, with_unnamed: bool) -> list[str]:
     return out
 
 
-__all__ = ["HORIZON_S", "caveats", "correct", "corrected", "corrected_and_driven", "in_vain", "shown"]
+__all__ = ["HORIZON_S", "caveats", "correct", "corrected", "corrected_and_driven", "shown"]
