@@ -66,7 +66,8 @@ class Arguments:
         for name, least in LEAST.items():
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= least):
-                raise InputError(f"{name} is {value:g}; it must be at least {least:g}")
+                called = f"{OPTIONS[name]} ({name} in Python)" if name in OPTIONS else name
+                raise InputError(f"{called} is {value:g}; it must be at least {least:g}")
 
     @property
     def feedback(self) -> str:
