@@ -43,6 +43,22 @@ def publish(
 ) -> DeepTruck:
     """Complete `working` into a simulator directory, move it to `out`, and return the truck read back from
     there."""
+    try:
+        _complete(truck, training, validation, working)
+        checkpoint.put(working, out)
+    except OSError as error:
+        raise InputError(f"cannot write {out}: {error.strerror}; make room and go on with --resume") from None
+    (out / resume.FILE).unlink(missing_ok=True)  # only now: without it nothing could be gone on with
+    shutil.rmtree(working, ignore_errors=True)
+    loaded = simulators.load(out)
+    assert isinstance(loaded, DeepTruck)
+    return loaded
+
+
+def _complete(
+    truck: DeepTruck, training: Sequence[Recording], validation: Sequence[Recording], working: Path
+) -> None:
+    """Write all files of a simulator directory into `working`, and set the intervals of `truck`."""
     checkpoint.write(truck, working)
     again = simulators.load(working)
     assert isinstance(again, DeepTruck)
@@ -52,15 +68,6 @@ def publish(
     (working / model_card.FILE).write_text(model_card.written(truck, training, validation, metrics))
     reference.save(validation, working)
     checkpoint.write(truck, working, (METRICS_FILE, reference.FILE))
-    try:
-        checkpoint.put(working, out)
-    except OSError as error:
-        raise InputError(f"cannot write {out}: {error.strerror}; mend that and add --resume") from None
-    (out / resume.FILE).unlink(missing_ok=True)  # only now: without it nothing could be gone on with
-    shutil.rmtree(working, ignore_errors=True)
-    loaded = simulators.load(out)
-    assert isinstance(loaded, DeepTruck)
-    return loaded
 
 
 def lost_metrics(source: Path) -> str:
