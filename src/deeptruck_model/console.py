@@ -36,7 +36,7 @@ def run(
 def _line(error: InputError | TyperException) -> str:
     if isinstance(error, InputError):
         return str(error)
-    says = error.format_message().rstrip(".")
+    says = error.format_message().rstrip(".").replace(": Value error, ", ": ")  # the parser's own words
     return f"{says or 'say which command'}; --help shows what it takes"  # without one, the help came first
 
 

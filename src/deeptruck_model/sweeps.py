@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import socket
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -19,6 +20,7 @@ Job = TypeVar("Job")
 Result = TypeVar("Result")
 ENGINES = ("processes", "ray")
 NO_OTHER_NAMES: Mapping[str, str] = {}
+REACH_S = 5.0
 RETRIES = 3  # of a job whose process was killed; more often than that, it is the job that kills it
 KILLED = f"a worker was killed {RETRIES + 1} times; is there memory for all that run side by side?"
 
@@ -78,6 +80,8 @@ def _cluster(workers: int) -> Iterator[Any]:
     alone = not os.environ.get("RAY_ADDRESS")
     if alone:  # Ray's switch for 'this machine only': every port on the loopback address
         os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
+    else:
+        _reach(os.environ["RAY_ADDRESS"])
     try:
         import ray
     except ModuleNotFoundError:
@@ -93,14 +97,31 @@ def _cluster(workers: int) -> Iterator[Any]:
         ray.shutdown()
 
 
+def _reach(address: str) -> None:
+    """Raises InputError where nobody answers at RAY_ADDRESS; Ray itself would go on trying for ever."""
+    host, colon, port = address.rpartition("://")[2].rstrip("/").rpartition(":")
+    if not colon:  # 'auto' and the like: no address
+        return
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), timeout=REACH_S).close()
+    except (OSError, ValueError, OverflowError) as error:
+        raise InputError(
+            f"no Ray cluster answers at RAY_ADDRESS={address} ({error}); start it there, or correct "
+            "RAY_ADDRESS, or unset it to train on this machine"
+        ) from None
+
+
 def read_grid(options: Sequence[str]) -> dict[str, list[Any]]:
     """A grid from options such as 'learning_rate=0.003,0.006'; values as in JSON, else text."""
-    grid = {}
+    grid: dict[str, list[Any]] = {}
     for option in options:
         name, equals, values = option.partition("=")
         if not equals or not values:
             raise InputError(f"'{option}' is no setting; write it as learning_rate=0.003,0.006")
-        grid[name] = [_value(text) for text in values.split(",")]
+        known = grid.setdefault(name, [])  # given twice, all values count
+        for value in map(_value, values.split(",")):
+            if value not in known:
+                known.append(value)
     return grid
 
 
@@ -122,7 +143,7 @@ def combinations(
             raise InputError(f"{whose} has no setting '{name}'; known: {', '.join(hints)}")
         for value in values:
             if not _fits(value, hints[name]):
-                raise InputError(f"{whose} cannot have {name}={value}")
+                raise InputError(f"{whose} cannot have {name}={value}; {_allowed(hints[name])}")
     for values in product(*grid.values()):
         yield dict(zip(grid, values, strict=True))
 
@@ -131,6 +152,14 @@ def _fits(value: Any, hint: Any) -> bool:
     if get_args(hint):
         return value in get_args(hint)
     return type(value) is hint or (hint is float and type(value) is int)
+
+
+def _allowed(hint: Any) -> str:
+    """What a setting may be, in words."""
+    if get_args(hint):
+        return f"it is one of {', '.join(map(str, filter(None, get_args(hint))))}"
+    words = {int: "a whole number", float: "a number", bool: "true or false"}
+    return f"it is {words.get(hint, 'text')}"
 
 
 def name(settings: Settings) -> str:

@@ -1,13 +1,19 @@
-"""A file that is there as a whole or not at all."""
+"""Files that are there as a whole or not at all, alone or together."""
 
 from __future__ import annotations
 
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from deeptruck_model.errors import InputError
 
+ADVICE = "make room or choose another --out"
 
-def write(path: Path, content: bytes, advice: str = "make room or choose another --out") -> None:
+
+def write(path: Path, content: bytes, advice: str = ADVICE) -> None:
     """Write beside `path` and rename, folders made: a full disk or a kill leaves what was there before.
 
     Raises InputError with one line, which ends with `advice`, where that cannot be written.
@@ -21,6 +27,34 @@ def write(path: Path, content: bytes, advice: str = "make room or choose another
         raise InputError(f"cannot write {path}: {error.strerror}; {advice}") from None
     finally:
         _remove(unfinished)
+
+
+@contextmanager
+def together(folder: Path) -> Iterator[Path]:
+    """A draft folder whose files move into `folder` when the block ends well; else `folder` stays as it was.
+
+    Other files in `folder` are left alone. Raises InputError with one line where it cannot be written.
+    """
+    draft, new = folder / f".{os.getpid()}.tmp", not folder.exists()
+    try:
+        draft.mkdir(parents=True)
+        yield draft
+        for file in sorted(draft.iterdir()):
+            file.replace(folder / file.name)
+    except OSError as error:
+        raise InputError(f"cannot write {folder}: {error.strerror or error}; {ADVICE}") from None
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+        if new:
+            with suppress(OSError):  # it holds what was written
+                folder.rmdir()
+
+
+def check_folder(folder: Path) -> None:
+    """Raises InputError where files cannot be written into `folder`; called before long computing."""
+    with together(folder) as draft:
+        (draft / "file").write_bytes(b"")
+        (draft / "file").unlink()
 
 
 def _remove(path: Path) -> None:

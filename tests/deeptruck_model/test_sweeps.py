@@ -142,6 +142,27 @@ def test_values_are_read_as_they_are_meant():
     assert grid == {"memory": [True, False], "learning_rate": [0.003], "scene": ["wide", "paper"]}
 
 
+def test_a_setting_given_twice_has_all_its_values():
+    grid = sweeps.read_grid(["budget=100", "seed=1,1", "budget=200,100"])
+    assert grid == {"budget": [100, 200], "seed": [1]}
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1:9", "ray://127.0.0.1:9", "127.0.0.1:many"])
+def test_a_cluster_that_does_not_answer_is_given_up(address, monkeypatch):
+    monkeypatch.setenv("RAY_ADDRESS", address)
+    with pytest.raises(InputError, match=f"no Ray cluster answers at RAY_ADDRESS={address} "):
+        list(sweeps.run(str, [1], engine="ray"))
+
+
+def test_a_setting_that_diverges_is_ranked_last_and_the_others_go_on(bag, tmp_path):
+    grid = {**GRID, "budget": [12], "learning_rate": [1e20, 0.006]}
+    told = []
+    first, last = sweep.sweep([bag], tmp_path, grid, tell=told.append)
+    assert told[0].endswith("seed-0 diverged") and first["diverged"] == 0 and first["best"]
+    assert last["settings"]["learning_rate"] == 1e20 and last["diverged"] == 1 and last["best"] is None
+    assert "| 1 diverged |" in (tmp_path / "sweep.md").read_text()
+
+
 def test_settings_are_called_as_the_options_of_train_are():
     arguments = sweep.arguments_of({"budget": 60, "from": "known", "hidden": 8})
     assert arguments == Arguments(updates=60, start="known", hidden=8)
@@ -154,8 +175,8 @@ def test_settings_are_called_as_the_options_of_train_are():
         ("budget", "write it as"),
         ("budget=many", "budget=many"),
         ("updates=60", "no setting 'updates'; known: .*budget"),
-        ("mode=fast", "mode=fast"),
-        ("hidden=true", "hidden=True"),
+        ("mode=fast", "mode=fast; it is one of default, paper"),
+        ("hidden=true", "hidden=True; it is a whole number"),
     ],
 )
 def test_what_cannot_be_set_is_said(option, says):

@@ -38,3 +38,22 @@ def test_a_folder_that_is_a_file_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("x")
     with pytest.raises(InputError, match="cannot write"):
         whole_file.write(tmp_path / "file" / "below", b"x")
+
+
+def test_files_that_belong_together_come_together_or_not_at_all(tmp_path: Path, small_disk: None) -> None:
+    (tmp_path / "a").write_bytes(b"old")
+    with pytest.raises(InputError, match="make room"), whole_file.together(tmp_path) as draft:
+        (draft / "a").write_bytes(b"new")
+        (draft / "b").write_bytes(bytes(2000))
+    assert [p.name for p in tmp_path.iterdir()] == ["a"] and (tmp_path / "a").read_bytes() == b"old"
+    with whole_file.together(tmp_path) as draft:
+        (draft / "a").write_bytes(b"new")
+    assert [p.name for p in tmp_path.iterdir()] == ["a"] and (tmp_path / "a").read_bytes() == b"new"
+
+
+def test_a_folder_is_tried_and_left_as_it_was(tmp_path: Path) -> None:
+    whole_file.check_folder(tmp_path / "new")
+    assert not list(tmp_path.iterdir())
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(InputError, match="cannot write"):
+        whole_file.check_folder(tmp_path / "file")

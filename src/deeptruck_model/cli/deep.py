@@ -83,6 +83,8 @@ def train(
     if minutes < FEW_MINUTES:
         typer.echo(f"note: {minutes:.1f} min of driving are little; the tutorial trains on an hour", err=True)
     truck = train_truck(recordings, out, arguments, resumes=resume)
+    for line in truck.details["training"]["untaught"]:
+        typer.echo(f"note: {line}", err=True)
     typer.echo(f"{out}: trained in {truck.details['training']['seconds']:.0f} s; see {out / 'MODEL_CARD.md'}")
 
 
@@ -168,7 +170,7 @@ def experiment(
     name: Annotated[Experiment, typer.Argument(help="Which of the paper's experiments, or one past it.")],
     out: Annotated[
         Path, typer.Option(help="Folder; a subfolder of the experiment's name is written.")
-    ] = Path("docs/results"),
+    ] = Path("runs/experiments"),
     seeds: Annotated[
         int, typer.Option(help="Models trained; 0 takes the experiment's own number.", min=0)
     ] = 0,
@@ -178,8 +180,10 @@ def experiment(
 
     Example: deeptruck-model experiment error-statistics --seeds 30
     """
+    from deeptruck_model import whole_file
     from deeptruck_model.deep.experiments import EXPERIMENTS
 
+    whole_file.check_folder(out / name.value)
     given = {"seeds": seeds} if seeds else {}
     EXPERIMENTS[name.value](out / name.value, updates=budget, **given)
     typer.echo(f"written: {out / name.value}")

@@ -32,8 +32,7 @@ def evaluate(
     from deeptruck_model import simulators
     from deeptruck_model.deep import evaluate as evaluate_simulator
 
-    if (out / "metrics.json").exists():
-        typer.echo(f"note: the evaluation that was in {out} is replaced", err=True)
+    before = (out / "metrics.json").exists()
     truck, recordings = simulators.load(simulator), read(bags)
     metrics = evaluate_simulator(truck, recordings, out, trials, horizon, seed)
     typer.echo(f"{metrics['trials']} free runs of {metrics['horizon_s']:.0f} s")
@@ -46,7 +45,9 @@ def evaluate(
                 f"{name:>13}: mean abs error {values['mean_abs']:.4f}, rmse {values['rmse']:.4f}{held}"
             )
     typer.echo(f"figures and metrics.json in {out}")
-    _remarks(truck, recordings, metrics)
+    if before:
+        typer.echo(f"note: the evaluation that was in {out} is replaced", err=True)
+    _remarks(truck, recordings, metrics, horizon)
 
 
 def calibrate(
@@ -58,23 +59,30 @@ def calibrate(
 
     Example: deeptruck-model calibrate simulators/mytruck drives/friday --out simulators/calibrated
     """
-    from deeptruck_model.deep import card, familiar, uncertainty
+    from deeptruck_model.deep import card, familiar, remarks, uncertainty
     from deeptruck_model.simulators import MANIFEST
 
     if (out / MANIFEST).exists():
         raise InputError(f"{out} exists already; choose another --out")
     truck, recordings = deep_truck(simulator), read(bags)
-    card.publish_calibrated(uncertainty.calibrated(truck, recordings), recordings, Path(simulator), out)
+    familiar.refuse_twice(recordings)
+    calibrated = uncertainty.calibrated(truck, recordings)
+    card.publish_calibrated(calibrated, recordings, Path(simulator), out)
     typer.echo(f"{out}: intervals set; 'deeptruck-model evaluate' on a third drive says what they hold")
     if line := familiar.warning(truck, recordings, TOO_NARROW):
         typer.echo(f"warning: {line}", err=True)
+    for line in (remarks.few_runs(calibrated, recordings), card.lost_metrics(Path(simulator))):
+        if line:
+            typer.echo(f"note: {line}", err=True)
 
 
-def _remarks(simulator: Simulator, recordings: list[Recording], metrics: dict[str, Any]) -> None:
+def _remarks(
+    simulator: Simulator, recordings: list[Recording], metrics: dict[str, Any], horizon: float
+) -> None:
     """Say what makes the figures worth less than they look."""
     from deeptruck_model.deep import DeepTruck, familiar, remarks
 
     if isinstance(simulator, DeepTruck) and (line := familiar.warning(simulator, recordings)):
         typer.echo(f"warning: {line}", err=True)
-    for line in remarks.remarks(simulator, recordings, metrics):
+    for line in remarks.remarks(simulator, recordings, metrics, horizon):
         typer.echo(f"note: {line}", err=True)

@@ -15,6 +15,7 @@ LEAST = {
     "members": 1, "updates": 0, "steps": 2, "sequences": 1, "hidden": 1, "decoder": 1, "learning_rate": 0,
     "weight_decay": 0, "clip": 0, "speed_s": 0, "fuel": 0, "teach": 0, "horizon_s": 0, "rounds": 1,
 }  # fmt: skip
+FASTEST = 1e30  # beyond, the optimiser's own numbers overflow
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,10 @@ class Arguments:
         for name, least in LEAST.items():
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= least):
-                raise InputError(f"{name} is {value:g}; it must be at least {least:g}")
+                called = f"{OPTIONS[name]} ({name} in Python)" if name in OPTIONS else name
+                raise InputError(f"{called} is {value:g}; it must be at least {least:g}")
+        if self.learning_rate > FASTEST:
+            raise InputError(f"learning_rate is {self.learning_rate:g}; it must be at most {FASTEST:g}")
 
     @property
     def feedback(self) -> str:

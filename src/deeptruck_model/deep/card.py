@@ -15,7 +15,7 @@ from deeptruck_model.deep.uncertainty import calibrate
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 
-METRICS_FILE = "metrics.json"
+METRICS_FILE = checkpoint.METRICS_FILE
 
 
 def git_hash() -> str | None:
@@ -43,24 +43,39 @@ def publish(
 ) -> DeepTruck:
     """Complete `working` into a simulator directory, move it to `out`, and return the truck read back from
     there."""
-    checkpoint.write(truck, working)
-    again = simulators.load(working)
-    assert isinstance(again, DeepTruck)
-    truck.details["calibration"] = calibrate(again, validation)
-    checkpoint.write(truck, working)
-    metrics = evaluation.statistics(evaluation.trials(again, validation))
-    (working / METRICS_FILE).write_text(json.dumps(metrics, indent=1) + "\n")
-    (working / model_card.FILE).write_text(model_card.written(truck, training, validation, metrics))
-    reference.save(validation, working)
     try:
+        _complete(truck, training, validation, working)
         checkpoint.put(working, out)
     except OSError as error:
-        raise InputError(f"cannot write {out}: {error.strerror}; mend that and add --resume") from None
+        raise InputError(f"cannot write {out}: {error.strerror}; make room and go on with --resume") from None
     (out / resume.FILE).unlink(missing_ok=True)  # only now: without it nothing could be gone on with
     shutil.rmtree(working, ignore_errors=True)
     loaded = simulators.load(out)
     assert isinstance(loaded, DeepTruck)
     return loaded
+
+
+def _complete(
+    truck: DeepTruck, training: Sequence[Recording], validation: Sequence[Recording], working: Path
+) -> None:
+    """Write all files of a simulator directory into `working`, and set the intervals of `truck`."""
+    checkpoint.write(truck, working)
+    again = simulators.load(working)
+    assert isinstance(again, DeepTruck)
+    truck.details["calibration"] = calibrate(again, validation)
+    metrics = evaluation.statistics(evaluation.trials(again, validation))
+    (working / METRICS_FILE).write_text(json.dumps(metrics, indent=1) + "\n")
+    (working / model_card.FILE).write_text(model_card.written(truck, training, validation, metrics))
+    reference.save(validation, working)
+    checkpoint.write(truck, working, (METRICS_FILE, reference.FILE))
+
+
+def lost_metrics(source: Path) -> str:
+    """One line where a simulator has lost its metrics; else none. Trucks that never had any are not meant."""
+    if (source / METRICS_FILE).exists():
+        return ""
+    promised = METRICS_FILE in checkpoint.promised(simulators.read_manifest(source))
+    return f"{source} has lost its {METRICS_FILE}, so there is none beside the intervals" if promised else ""
 
 
 def publish_calibrated(truck: DeepTruck, recordings: Sequence[Recording], source: Path, out: Path) -> None:
@@ -69,7 +84,8 @@ def publish_calibrated(truck: DeepTruck, recordings: Sequence[Recording], source
     The errors in them stay right: only the intervals are others.
     """
     with checkpoint.replacing(out.resolve()) as folder:
-        checkpoint.write(truck, folder)
-        if (source / METRICS_FILE).exists():
-            shutil.copyfile(source / METRICS_FILE, folder / METRICS_FILE)
+        metrics = [METRICS_FILE] if (source / METRICS_FILE).exists() else []
+        for name in metrics:
+            shutil.copyfile(source / name, folder / name)
+        checkpoint.write(truck, folder, metrics)
         (folder / model_card.FILE).write_text(model_card.with_intervals(source, recordings))

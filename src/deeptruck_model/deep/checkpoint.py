@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file
 from safetensors.torch import save as to_bytes
 
+from deeptruck_model import whole_file
 from deeptruck_model.deep import driven, reference
 from deeptruck_model.deep.coverage import Coverage
 from deeptruck_model.deep.network import WEIGHTS, Scales, Shape, TruckNetwork
@@ -24,8 +25,13 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 from deeptruck_model.simulators import MANIFEST
 
-WEIGHTS_FILE, COVERAGE_FILE = "model.safetensors", "coverage.json"
+WEIGHTS_FILE, COVERAGE_FILE, METRICS_FILE = "model.safetensors", "coverage.json", "metrics.json"
 SCHEMA = 1
+KEPT = {  # what each file beside the weights is for; a truck that was saved without one promises less
+    COVERAGE_FILE: "which says what it was trained on",
+    driven.FILE: "which says what it learned from",
+    reference.FILE: "by which its own error is known",
+}
 
 
 def save(truck: DeepTruck, path: Path) -> None:
@@ -34,21 +40,27 @@ def save(truck: DeepTruck, path: Path) -> None:
         write(truck, folder)
 
 
-def write(truck: DeepTruck, folder: Path) -> None:
-    """Write the files of a deep truck into an existing folder; the manifest comes last."""
+def write(truck: DeepTruck, folder: Path, beside: Sequence[str] = ()) -> None:
+    """Write the files of a deep truck into an existing folder; the manifest comes last. It names them, and
+    those that were put there before (`beside`), so that one which gets lost is missed."""
     network = truck.network
     weights = {name: getattr(network, name).detach().contiguous() for name in WEIGHTS}
     # not by save_file: that leaves files which nobody else may read
     (folder / WEIGHTS_FILE).write_bytes(to_bytes(weights))
+    files = [*beside]
     if truck.reference:
         reference.save(truck.reference, folder)
+        files.append(reference.FILE)
     if truck.driven is not None:
         driven.save(truck.driven, folder)
+        files.append(driven.FILE)
     if truck.coverage is not None:
         (folder / COVERAGE_FILE).write_text(json.dumps(truck.coverage.to_dict()))
+        files.append(COVERAGE_FILE)
     manifest = {
         "kind": "deep",
         "schema": SCHEMA,
+        "files": sorted(set(files)),
         "interface": truck.interface.to_dict(),
         "units": {
             name: truck.interface.unit(name)
@@ -95,7 +107,8 @@ def load_directory(path: Path, manifest: dict[str, Any]) -> DeepTruck:
         )
     network = TruckNetwork(shape, scales, dt, seeds=tuple(range(shape.members)))
     _fill(network, path / WEIGHTS_FILE)
-    known = ("kind", "schema", "interface", "units", "dt", "shape", "scales")
+    _miss(path, manifest)
+    known = ("kind", "schema", "files", "interface", "units", "dt", "shape", "scales")
     details = {key: value for key, value in manifest.items() if key not in known}
     columns = 1 + len(interface.u) + len(interface.w)
     return DeepTruck(
@@ -126,6 +139,22 @@ def _fill(network: TruckNetwork, path: Path) -> None:
         parameter.data.copy_(weights[name])
 
 
+def promised(manifest: dict[str, Any]) -> list[str]:
+    """Files that a manifest says lie beside it. Older ones do not say, but what was trained
+    had COVERAGE_FILE."""
+    told = manifest.get("files")
+    if not isinstance(told, list):
+        told = [COVERAGE_FILE] if "training" in manifest else []
+    return [str(name) for name in told]
+
+
+def _miss(path: Path, manifest: dict[str, Any]) -> None:
+    """Raises InputError where a file is lost without which the truck would promise what it cannot keep."""
+    for name in promised(manifest):
+        if name in KEPT and not (path / name).exists():
+            raise InputError(f"{path} has lost {name}, {KEPT[name]}; restore that file, or train again")
+
+
 def _coverage(path: Path) -> Coverage | None:
     if not path.exists():
         return None
@@ -143,13 +172,10 @@ def replacing(path: Path) -> Iterator[Path]:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         folder.mkdir()
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}") from None
-    try:
         yield folder
         put(folder, path)
     except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}") from None
+        raise InputError(f"cannot write {path}: {error.strerror}; {whole_file.ADVICE}") from None
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 

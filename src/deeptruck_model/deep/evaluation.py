@@ -72,6 +72,8 @@ def trials(
 ) -> Trials:
     """`count` free runs of `horizon_s` (shorter where no stretch is that long) from random recorded
     starts."""
+    if not simulator.dt <= horizon_s < np.inf:
+        raise InputError(f"a horizon of {horizon_s:g} s is none; give seconds, such as {HORIZON_S:g}")
     check(simulator, recordings)
     pieces = [p for r in recordings for p in cut(r, simulator.interface)]
     if not pieces:

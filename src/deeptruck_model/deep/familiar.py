@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 
 if TYPE_CHECKING:
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 
 KEY = "trained_on"  # of the manifest
 SHOWN = 3  # names in a line
+BY_CHANCE_S = 10.0  # shorter pieces of a coarse sensor may be alike to the last digit
 OPTIMISTIC = "its errors there are optimistic"
 
 
@@ -23,6 +25,29 @@ def fingerprint(recording: Recording) -> str:
     known."""
     speed = np.ascontiguousarray(recording.channels["speed"], dtype="<f8")
     return hashlib.sha256(np.where(np.isnan(speed), np.nan, speed).tobytes()).hexdigest()
+
+
+def refuse_twice(recordings: Sequence[Recording]) -> None:
+    """Raises InputError where one drive is there twice, under whatever name: what one copy holds out the
+    other would train, and one drive would count as two."""
+    seen: dict[str, str] = {}
+    for r in recordings:
+        if len(r) * r.dt < BY_CHANCE_S or not np.any(r.channels["speed"] > 0.0):
+            continue
+        content = _content(r)
+        if content in seen:
+            again = f"as '{seen[content]}' and as '{r.name}'" if seen[content] != r.name else "twice"
+            raise InputError(f"the drive '{r.name}' is given {again}; give each drive once")
+        seen[content] = r.name
+
+
+def _content(recording: Recording) -> str:
+    """SHA-256 of all channels; unlike `data_hash`, whatever the recording is called."""
+    digest = hashlib.sha256()
+    for name, values in sorted(recording.channels.items()):
+        known = np.where(np.isnan(values), np.nan, values)  # one NaN, whatever its bits
+        digest.update(name.encode() + np.ascontiguousarray(known, dtype="<f8").tobytes())
+    return digest.hexdigest()
 
 
 def trained_on(truck: DeepTruck, recordings: Sequence[Recording]) -> list[str]:

@@ -127,9 +127,11 @@ def _limits(truck: DeepTruck) -> list[str]:
     limits.append(
         "The internal state (gear, boost) is unknown at the start of a run and settles within seconds."
     )
+    untaught = truck.details["training"].get("untaught", ())
+    limits += [f"{line[0].upper()}{line[1:]}." for line in untaught]
     if truck.interface.brake_unit is None:
         share = 100 * truck.details["training"]["unexplained"]
-        limits.append(f"Braking was not recorded: {share:.1f} % of the rows, slowed by it, are left out.")
+        limits.append(f"Of the rows {share:.1f} %, slowed by unrecorded braking, are left out.")
     if not truck.interface.grade:
         limits.append("Grade was not recorded: the road acts as an unexplained force.")
     if truck.details["training"]["hours"] < 1.0:

@@ -2,7 +2,7 @@
 
 Inputs h, c (members, batch, hidden), y (members, batch, n_y), u (batch, n_u), w (batch, n_w); outputs
 h_next, c_next, y_next and `response`, the mean over members. A run starts with h = c = 0 and y = y0 for
-every member.
+every member; h_next, c_next and y_next are what the next step is fed.
 """
 
 from __future__ import annotations
@@ -127,7 +127,8 @@ def build(truck: DeepTruck) -> ModelProto:
             named=_GREY if shape.gains else _BLACK,
         )
     )
-    constants = _constants(truck)
+    used = {name for node in model.graph.node for name in node.input}
+    constants = {name: array for name, array in _constants(truck).items() if name in used}
     model.graph.initializer.extend(numpy_helper.from_array(array, name) for name, array in constants.items())
     onnx.helper.set_model_props(model, {"interface": json.dumps(interface.to_dict()), "dt": str(truck.dt)})
     onnx.checker.check_model(model, full_check=True)

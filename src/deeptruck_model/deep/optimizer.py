@@ -73,14 +73,17 @@ def optimizers(network: TruckNetwork, arguments: Arguments) -> list[torch.optim.
     return default_optimizers(network, rate, arguments.weight_decay)
 
 
+def peak_rate(arguments: Arguments) -> float:
+    """The highest rate of a run: the one given, or the mode's own."""
+    own = PAPER_RATE if arguments.mode == "paper" else ADAPTING_RATE if arguments.start else RATE
+    return arguments.learning_rate or own
+
+
 def learning_rate(arguments: Arguments, done: int, updates: int) -> float:
     """Paper: constant. Default: 200 steps of warm-up, then half a cosine down to a hundredth."""
+    peak, warm = peak_rate(arguments), min(200, updates // 10)
     if arguments.mode == "paper":
-        return arguments.learning_rate or PAPER_RATE
-    peak, warm = (
-        arguments.learning_rate or (ADAPTING_RATE if arguments.start else RATE),
-        min(200, updates // 10),
-    )
+        return peak
     if done < warm:
         return peak * (done + 1) / warm
     phase = (done - warm) / max(1, updates - warm)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,10 @@ from deeptruck_model.deep.arguments import Arguments
 from deeptruck_model.deep.driven import Driven
 from deeptruck_model.deep.network import Scales, TruckNetwork
 from deeptruck_model.deep.truck import DeepTruck
+from deeptruck_model.deep.untaught import untaught
 from deeptruck_model.deep.windows import (
+    HELD_OUT,
+    SHORTEST_S,
     Sequences,
     common_interface,
     consistent,
@@ -25,7 +29,7 @@ from deeptruck_model.deep.windows import (
 )
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, data_hash
-from deeptruck_model.signals import TruckInterface
+from deeptruck_model.signals import CHANNELS, TruckInterface
 from deeptruck_model.simulators import read_manifest
 
 
@@ -49,6 +53,8 @@ class Prepared:
     """fingerprints of the recordings, and of those that trained `start`"""
     unexplained: float
     """share of the rows left out because the truck braked by something that is not recorded"""
+    untaught: tuple[str, ...]
+    """what the training pieces cannot teach, a line each"""
 
     @property
     def dt(self) -> float:
@@ -67,6 +73,7 @@ class Prepared:
 
 def prepare(recordings: Sequence[Recording], arguments: Arguments) -> Prepared:
     """Cut, mend and split the recordings. Raises InputError where nothing can be trained on."""
+    familiar.refuse_twice(recordings)
     interface = common_interface(recordings)
     pieces = [piece for recording in recordings for piece in cut(recording, interface)]
     if not pieces:
@@ -76,6 +83,7 @@ def prepare(recordings: Sequence[Recording], arguments: Arguments) -> Prepared:
     if arguments.mode == "default":
         pieces = [consistent(piece) for piece in pieces]
     training, validation = time_split(pieces)
+    _judgeable(validation, pieces, interface)
     taught = teachable(training) if arguments.teach and arguments.mode == "default" else ()
     scales, start, driven = measure_scales(training, taught), None, None
     seen = tuple(familiar.fingerprint(r) for r in recordings)
@@ -98,6 +106,21 @@ def prepare(recordings: Sequence[Recording], arguments: Arguments) -> Prepared:
         driven,
         tuple(dict.fromkeys(seen)),
         float(np.mean(np.concatenate([unexplained(r, interface) for r in recordings]))),
+        untaught(training, interface),
+    )
+
+
+def _judgeable(
+    validation: Sequence[Recording], pieces: Sequence[Recording], interface: TruckInterface
+) -> None:
+    """Raises InputError where nothing of what is held out can be run on: now, not after the training."""
+    if any(cut(piece, interface) for piece in validation):
+        return
+    dt, longest = pieces[0].dt, max(len(p) * p.dt for p in pieces)
+    least = math.ceil((SHORTEST_S + dt) / HELD_OUT)
+    raise InputError(
+        f"the longest stretch with valid inputs and speed is {longest:.0f} s, too short: its last "
+        f"{HELD_OUT:.0%} judge the truck and must last {SHORTEST_S:g} s; give {least} s or more without a gap"
     )
 
 
@@ -107,7 +130,24 @@ def _start(path: Path, interface: TruckInterface, dt: float) -> DeepTruck:
     if manifest.get("kind") != "deep":
         raise InputError(f"{path} is no deep truck; only one of those can be adapted")
     truck = checkpoint.load_directory(path, manifest)
-    theirs, ours = replace(truck.interface, name=""), replace(interface, name="")
-    if theirs != ours or abs(truck.dt - dt) > 1e-6:
-        raise InputError(f"{path} has other signals, units or rate than the recordings; train from scratch")
+    differ = _differences(truck.interface, interface)
+    if abs(truck.dt - dt) > 1e-6:
+        differ.append(f"steps of {truck.dt:g} s, given {dt:g} s")
+    if differ:
+        raise InputError(
+            f"{path} has other signals, units or rate than the recordings: {'; '.join(differ)}; train from "
+            "scratch, without --from"
+        )
     return truck
+
+
+def _differences(theirs: TruckInterface, ours: TruckInterface) -> list[str]:
+    """In words, signals that only one of two interfaces has, or that they have in other units."""
+    found = []
+    for name in CHANNELS:
+        had, has_it = (name in (*x.u, *x.w, *x.y) for x in (theirs, ours))
+        if had != has_it:
+            found.append(f"{name} is only in the {'truck' if had else 'recordings'}")
+        elif had and theirs.unit(name) != ours.unit(name):
+            found.append(f"{name} in {theirs.unit(name)}, given in {ours.unit(name)}")
+    return found

@@ -11,17 +11,37 @@ from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
 
+ENOUGH_S = 1800.0  # of driving to calibrate by
 OVERLAP = 2.0  # times the driving that the runs may be long together
 OUTSIDE = 0.1  # share of the samples
 HELD_ENOUGH = 0.75  # of the points, by intervals that were to hold 90 %
 
 
-def remarks(simulator: Simulator, recordings: Sequence[Recording], metrics: dict[str, Any]) -> list[str]:
-    """One line for each; none where the figures may be taken as they are."""
-    found = [_overlap(recordings, metrics)]
+def remarks(
+    simulator: Simulator, recordings: Sequence[Recording], metrics: dict[str, Any], horizon_s: float = 0.0
+) -> list[str]:
+    """One line for each; none where the figures may be taken as they are. `horizon_s` was asked for."""
+    found = [_shorter(metrics, horizon_s), _overlap(recordings, metrics)]
     if isinstance(simulator, DeepTruck):
         found += [_outside(simulator, recordings), _other(simulator, recordings, metrics)]
     return [line for line in found if line]
+
+
+def few_runs(truck: DeepTruck, recordings: Sequence[Recording]) -> str:
+    """One line where the recordings are too little driving to set intervals by; else none."""
+    driven, horizon = sum(len(r) * r.dt for r in recordings), truck.details["calibration"]["horizon_s"]
+    if driven >= ENOUGH_S:
+        return ""
+    return (
+        f"{driven / 60:.1f} min of driving are about {max(1, round(driven / horizon))} independent runs of "
+        f"{horizon:.0f} s: little to set intervals by; an hour or more is worth it"
+    )
+
+
+def _shorter(metrics: dict[str, Any], horizon_s: float) -> str:
+    if metrics["horizon_s"] > horizon_s - metrics.get("dt", 0.0):
+        return ""
+    return f"no stretch of the recordings is {horizon_s:g} s long: the runs are {metrics['horizon_s']:.1f} s"
 
 
 def _overlap(recordings: Sequence[Recording], metrics: dict[str, Any]) -> str:

@@ -14,7 +14,6 @@ from deeptruck_model import whole_file
 from deeptruck_model.deep.evaluation import HORIZON_S, TRIALS, Trials, against_time, statistics, trials
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.deep.uncertainty import inside
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import CHANNELS, SPEED, printed
 from deeptruck_model.simulators import Simulator
@@ -30,20 +29,19 @@ def evaluate(
     horizon_s: float = HORIZON_S,
     seed: int = 0,
 ) -> dict[str, Any]:
-    """Open-loop error statistics of any simulator, written as metrics.json and PNG figures under `out`."""
+    """Open-loop error statistics of any simulator, written as metrics.json and PNG figures under `out`: all
+    of them or, where the disk is full, none."""
+    whole_file.check_folder(out)
     runs = trials(simulator, recordings, count, horizon_s, seed)
     metrics = {**statistics(runs), "seed": seed, "recordings": [r.name for r in recordings]}
     if isinstance(simulator, DeepTruck) and simulator.details.get("calibration"):
         for name, share in inside(simulator, runs).items():
             metrics[name]["inside_90"] = share
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        error_figure(runs).savefig(out / "error_statistics.png", dpi=120)
-        scenario_figure(runs).savefig(out / "scenarios.png", dpi=120)
-        sample_figure(runs).savefig(out / "samples.png", dpi=120)
-    except OSError as error:
-        raise InputError(f"cannot write {out}: {error.strerror}") from None
-    whole_file.write(out / "metrics.json", f"{json.dumps(metrics, indent=1)}\n".encode())
+    with whole_file.together(out) as draft:
+        error_figure(runs).savefig(draft / "error_statistics.png", dpi=120)
+        scenario_figure(runs).savefig(draft / "scenarios.png", dpi=120)
+        sample_figure(runs).savefig(draft / "samples.png", dpi=120)
+        (draft / "metrics.json").write_text(f"{json.dumps(metrics, indent=1)}\n")
     return metrics
 
 
@@ -89,11 +87,12 @@ def _density(axis: Any, time: np.ndarray[Any, Any], values: np.ndarray[Any, Any]
 
 
 def sample_figure(runs: Trials, shown: int = 4) -> Figure:
-    """Measured and modelled responses of the median trial, its neighbours and the worst, by largest speed
-    error."""
+    """Measured and modelled responses of the best trial, the worst and evenly ranked ones between, by largest
+    speed error."""
     worst = np.nanmax(np.abs(runs.error[..., SPEED]), axis=1)
     order = np.argsort(worst)
-    chosen = order[np.linspace(0, len(order) - 1, min(shown, len(order))).astype(int)]
+    places = np.linspace(0, len(order) - 1, min(shown, len(order))).astype(int)
+    chosen = order[places]
     rows = len(runs.channels)
     figure = Figure(figsize=(3.4 * len(chosen), 1.9 * rows), layout="constrained")
     axes = figure.subplots(rows, len(chosen), sharex=True, squeeze=False)
@@ -102,7 +101,13 @@ def sample_figure(runs: Trials, shown: int = 4) -> Figure:
             axes[j, column].plot(runs.time, runs.measured[trial, :, j], color="k", lw=1, label="recorded")
             axes[j, column].plot(runs.time, runs.modelled[trial, :, j], color="tab:red", lw=1, label="model")
             axes[j, 0].set_ylabel(f"{LABELS[name]}\n[{printed(CHANNELS[name].unit)}]")
-        axes[0, column].set_title(f"largest speed error {worst[trial]:.2f} m/s", fontsize="small")
+        title = f"{_rank(int(places[column]), len(order))}\nlargest speed error {worst[trial]:.2f} m/s"
+        axes[0, column].set_title(title, fontsize="small")
         axes[-1, column].set_xlabel("time [s]")
     axes[0, 0].legend(fontsize="small")
     return figure
+
+
+def _rank(place: int, runs: int) -> str:
+    """What a run is among all when the best comes first."""
+    return {0: "best run", runs - 1: "worst run"}.get(place, f"run {place + 1} of {runs}, best first")

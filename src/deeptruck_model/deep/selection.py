@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import torch
 from torch import Tensor
 
 from deeptruck_model.deep import kernels
@@ -23,8 +24,9 @@ class Best:
         self.weights: dict[str, Tensor] = {n: getattr(network, n).detach().clone() for n in WEIGHTS}
 
     def keep(self, scores: np.ndarray[Any, Any], network: TruckNetwork) -> None:
-        """Take over the members that improved."""
-        for m in np.flatnonzero(scores < self.scores):
+        """Take over the members that improved. Weights may overflow where the responses, squeezed by tanh,
+        do not: such a member has diverged, whatever its score."""
+        for m in np.flatnonzero((scores < self.scores) & finite(network)):
             self.scores[m] = scores[m]
             for name in WEIGHTS:
                 self.weights[name][m] = getattr(network, name).detach()[m]
@@ -33,6 +35,12 @@ class Best:
         """Put the kept weights back."""
         for name in WEIGHTS:
             getattr(network, name).data.copy_(self.weights[name])
+
+
+def finite(network: TruckNetwork) -> np.ndarray[Any, Any]:
+    """True for members, (members,), all of whose weights are numbers."""
+    weights = [getattr(network, name).detach().flatten(1) for name in WEIGHTS]
+    return np.asarray(torch.isfinite(torch.cat(weights, dim=1)).all(dim=1).numpy())
 
 
 def validate(

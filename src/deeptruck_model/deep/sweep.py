@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stderr
 from pathlib import Path
@@ -11,10 +12,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from deeptruck_model import recordings, sweeps
+from deeptruck_model import recordings, sweeps, whole_file
 from deeptruck_model.deep.arguments import OPTIONS, Arguments
-from deeptruck_model.deep.training import train
+from deeptruck_model.deep.checkpoint import METRICS_FILE
+from deeptruck_model.deep.training import DivergedError, train
 from deeptruck_model.errors import InputError
+from deeptruck_model.simulators import MANIFEST
 
 RANKED_BY = "speed"  # its mean absolute error in held-out free runs, m/s, mean over the seeds
 SHOWN = ("speed", "acceleration")
@@ -55,19 +58,27 @@ def sweep(
         for seed in range(seeds)
         for settings in chosen
     ]
-    for number, folder in enumerate(sweeps.run(train_one, jobs, workers=workers, engine=engine), 1):
-        tell(f"{number} of {len(jobs)}: {folder}")
+    for job in jobs:
+        arguments_of(job.settings)  # raises InputError now, not after the trucks before it
+    whole_file.check_folder(out)
+    for number, line in enumerate(sweeps.run(train_one, jobs, workers=workers, engine=engine), 1):
+        tell(f"{number} of {len(jobs)}: {line}")
     rows = sorted((_row(out, settings, seeds) for settings in chosen), key=_rank)
-    (out / "sweep.json").write_text(json.dumps(rows, indent=1) + "\n")
-    (out / "sweep.md").write_text(_table(rows))
+    with whole_file.together(out) as draft:
+        (draft / "sweep.json").write_text(json.dumps(rows, indent=1) + "\n")
+        (draft / "sweep.md").write_text(_table(rows))
     return rows
 
 
 def train_one(job: Job) -> str:
-    """Train a job's truck, or what is left of it, in whichever process; returns its folder."""
+    """Train a job's truck, or what is left of it, in whichever process; returns its folder, and what became
+    of it where that is not a truck."""
     drives = [drive for bag in job.bags for drive in recordings.read(bag)]
     with redirect_stderr(io.StringIO()):  # progress bars of several workers would overwrite each other
-        train(drives, Path(job.folder), arguments_of(job.settings), resumes=True)
+        try:
+            train(drives, Path(job.folder), arguments_of(job.settings), resumes=True)
+        except DivergedError:  # that is this setting's result; the others are still worth having
+            return f"{job.folder} diverged"
     return job.folder
 
 
@@ -79,14 +90,30 @@ def arguments_of(settings: sweeps.Settings) -> Arguments:
 
 def _row(out: Path, settings: sweeps.Settings, seeds: int) -> dict[str, Any]:
     folders = [out / sweeps.name(settings) / f"seed-{seed}" for seed in range(seeds)]
-    metrics = [json.loads((folder / "metrics.json").read_text()) for folder in folders]
+    trained = [folder for folder in folders if (folder / MANIFEST).exists()]
+    metrics = [_metrics(folder) for folder in trained]
     held_out = {name: [m[name]["mean_abs"] for m in metrics if name in m] for name in SHOWN}
-    best = folders[int(np.argmin(held_out[RANKED_BY]))]
-    return {"settings": settings, "held_out_mean_abs": held_out, "best": str(best)}
+    best = str(trained[int(np.argmin(held_out[RANKED_BY]))]) if trained else None
+    diverged = len(folders) - len(trained)
+    return {"settings": settings, "held_out_mean_abs": held_out, "diverged": diverged, "best": best}
 
 
-def _rank(row: dict[str, Any]) -> float:
-    return float(np.mean(row["held_out_mean_abs"][RANKED_BY]))
+def _metrics(folder: Path) -> dict[str, Any]:
+    try:
+        found: dict[str, Any] = json.loads((folder / METRICS_FILE).read_text())
+    except (OSError, ValueError):
+        raise InputError(
+            f"{folder} has lost its {METRICS_FILE}, by which it is ranked; restore that file, or remove "
+            "that folder and sweep again"
+        ) from None
+    return found
+
+
+def _rank(row: dict[str, Any]) -> tuple[int, float]:
+    """Settings with seeds that diverged come behind those without."""
+    errors = row["held_out_mean_abs"][RANKED_BY]
+    mean = float(np.mean(errors)) if errors else math.inf
+    return row["diverged"], mean if math.isfinite(mean) else math.inf
 
 
 def _table(rows: Sequence[dict[str, Any]]) -> str:
@@ -95,6 +122,8 @@ def _table(rows: Sequence[dict[str, Any]]) -> str:
     lines = [head, "| --- | --- | --- |"]
     for row in rows:
         cells = [_spread(row["held_out_mean_abs"][name]) for name in SHOWN]
+        if row["diverged"]:
+            cells[0] = f"{cells[0]} {row['diverged']} diverged".lstrip()
         lines.append(f"| {sweeps.name(row['settings'])} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 

@@ -23,9 +23,9 @@ from deeptruck_model.deep.arguments import Arguments
 from deeptruck_model.deep.compiled import FloatArray
 from deeptruck_model.deep.identity import differences, identity_in, identity_of
 from deeptruck_model.deep.network import WEIGHTS, Scales, Shape, TruckNetwork
-from deeptruck_model.deep.optimizer import guard, learning_rate, optimizers
+from deeptruck_model.deep.optimizer import guard, learning_rate, optimizers, peak_rate
 from deeptruck_model.deep.preparation import Prepared, prepare
-from deeptruck_model.deep.selection import Best, validate
+from deeptruck_model.deep.selection import Best, finite, validate
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.deep.windows import Sequences, loss_weights
 from deeptruck_model.errors import InputError
@@ -33,6 +33,10 @@ from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import read_manifest
 
 Observer = Callable[[int, TruckNetwork], None]
+
+
+class DivergedError(InputError):
+    """A training of which no weights can be used."""
 
 
 @threadpool_limits.wrap(limits=1)  # the matrices are small: a second thread only waits, at full load
@@ -62,7 +66,10 @@ def train(
     if resumes and there == identity:
         return checkpoint.load_directory(out, read_manifest(out))
     if resumes and there is not None and not working.exists():
-        raise InputError(f"{out} is another run ({differences(there, identity)}); train with --overwrite")
+        raise InputError(
+            f"{out} is another run ({differences(there, identity)}); choose another --out, or "
+            "remove that folder"
+        )
 
     run = _begin(data, arguments, identity)
     done = resume.load(working, identity, run.network, run.optimizers, run.best) if resumes else 0
@@ -74,8 +81,9 @@ def train(
         _loop(run, working, done, observe)
     if not np.isfinite(run.best.scores).all():
         shutil.rmtree(working)  # going on with it would only diverge again
-        raise InputError(
-            "training diverged from the first round; look at the recordings with 'deeptruck-model coverage'"
+        raise DivergedError(
+            "training diverged: take a lower learning rate than "
+            f"{peak_rate(arguments):g}, or look at the recordings with 'deeptruck-model coverage'"
         )
     run.best.restore(run.network)
     truck = DeepTruck(
@@ -180,6 +188,8 @@ def _loop(run: _Run, working: Path, done: int, observe: Observer | None) -> None
             if observe is not None:
                 observe(done, run.network)
             resume.save(working, run.identity, run.network, run.optimizers, run.best, done)
+            if not finite(run.network).any():
+                break  # such weights never come back
     board.close()
 
 
@@ -214,6 +224,8 @@ def _details(run: _Run, seconds: float) -> dict[str, Any]:
         "training": {
             "updates": run.updates,
             "unexplained": data.unexplained,
+            "untaught": list(data.untaught),
+            "learning_rate": peak_rate(run.arguments),
             "steps": run.steps,
             "hours": data.samples * data.dt / 3600,
             "seconds": seconds,

@@ -21,6 +21,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.mcap_chunks import Batch, indexed_chunks, read_chunks
+from deeptruck_model.simulators import MANIFEST
 
 INTERFACE_KEY = "deeptruck.interface"
 NOTES_KEY = "deeptruck.notes"
@@ -50,6 +51,8 @@ class BagSource:
             raise InputError(f"{self.path} does not exist")
         if self.path.is_dir() and not any(self.path.iterdir()):
             raise InputError(f"{self.path} is empty, it holds no bag; {RECORD_AGAIN}")
+        if (self.path / MANIFEST).exists():
+            raise InputError(f"{self.path} is a simulator directory, not a bag; give a recording there")
         if self.path.is_dir() and not (self.path / "metadata.yaml").exists():
             raise InputError(
                 f"{self.path} is not a finished bag (it has no metadata.yaml); "

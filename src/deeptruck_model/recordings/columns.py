@@ -101,9 +101,10 @@ def _known(data: Mapping[str, Any], keys: set[str], where: str) -> None:
 def _column(channel: str, entry: Any, notes: list[str]) -> Column:
     if channel not in CHANNELS:
         raise InputError(f"unknown channel '{channel}' in COLUMNS; known: {', '.join(CHANNELS)}")
+    if isinstance(entry, Mapping):
+        _known(entry, _ENTRY, f"channel '{channel}'")  # first: a misspelt key is what makes another missing
     if not isinstance(entry, Mapping) or "column" not in entry:
         raise InputError(f"channel '{channel}' needs a column, as in {{column: v, unit: m/s}}")
-    _known(entry, _ENTRY, f"channel '{channel}'")
     unit = entry.get("unit")
     if unit is None and CHANNELS[channel].unit != "1":
         raise InputError(f"channel '{channel}' needs a unit, as in {{column: {entry['column']}, unit: ...}}")
@@ -122,6 +123,8 @@ def _column(channel: str, entry: Any, notes: list[str]) -> Column:
 
 
 def _time(entry: Any) -> tuple[str | None, str | None, float | None]:
+    if isinstance(entry, Mapping):
+        _known(entry, {"column", "unit", "rate_hz"}, "'time' of COLUMNS")
     if isinstance(entry, Mapping) and set(entry) == {"rate_hz"}:
         rate = number(entry, "rate_hz", 0.0, "time")
         if not rate > 0:

@@ -57,9 +57,9 @@ def _axes(by_acceleration: Array) -> tuple[_Axis, _Axis, _Axis]:
     """Speed, acceleration and grade; hard braking is drawn as far down as there was any."""
     hardest = edges.ACCELERATION_EDGES[np.flatnonzero(by_acceleration)[0]] if by_acceleration.any() else 0.0
     return (
-        _Axis("speed, m/s", edges.SPEED_EDGES, edges.SPEED_EDGES[0]),
-        _Axis("acceleration, m/s²", edges.ACCELERATION_EDGES, min(SHOWN_FROM, hardest)),
-        _Axis("grade, %", 100 * edges.GRADE_EDGES, 100 * edges.GRADE_EDGES[0]),
+        _Axis("speed [m/s]", edges.SPEED_EDGES, edges.SPEED_EDGES[0]),
+        _Axis("acceleration [m/s²]", edges.ACCELERATION_EDGES, min(SHOWN_FROM, hardest)),
+        _Axis("grade [%]", 100 * edges.GRADE_EDGES, 100 * edges.GRADE_EDGES[0]),
     )
 
 
@@ -92,7 +92,7 @@ def _channels(ax: Axes, found: Coverage) -> None:
         ax.vlines(borders, 0, len(names), color="white", lw=0.8)
     ax.set_yticks(rows[:-1] + 0.5, [f"{name}\n{_span(found, name)}" for name in names], fontsize=7)
     ax.invert_yaxis()
-    ax.set_xlabel("recorded time, min")
+    ax.set_xlabel("recorded time [min]")
 
 
 def _valid(recording: dict[str, Any], name: str) -> float:

@@ -60,3 +60,12 @@ def test_a_finished_simulator_is_replaced_when_asked_only(
     code, _, errors = script(*words)
     assert code == 2 and "exists already; choose another --out, or add --overwrite" in errors
     assert script(*words, "--overwrite")[0] == 0
+
+
+def test_what_is_no_bag_or_no_folder_is_one_line(script: Script, monday: Path, tmp_path: Path) -> None:
+    assert script("train", monday, "--out", tmp_path / "sim", "--budget", 4)[0] == 0
+    code, _, errors = script("train", tmp_path / "sim", "--out", tmp_path / "other")
+    assert code == 2 and "sim is a simulator directory, not a bag" in errors and "repair" not in errors
+    (tmp_path / "file").write_text("x")
+    code, _, errors = script("experiment", "classics", "--out", tmp_path / "file")
+    assert code == 2 and errors.count("\n") == 1 and "cannot write" in errors

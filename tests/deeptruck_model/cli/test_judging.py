@@ -85,3 +85,23 @@ def test_enough_of_the_same_driving_is_not_remarked_on(
     code, _, errors = script(*words)
     held = json.loads((tmp_path / "open_loop" / "metrics.json").read_text())
     assert code == 0 and "overlap" not in errors and "another truck" not in errors, held
+
+
+def test_only_an_evaluation_that_is_there_is_said_to_replace_another(
+    script: Script, simulator: Path, monday: Path, tmp_path: Path
+) -> None:
+    words = ("evaluate", simulator, monday, "--out", tmp_path / "open_loop", "--trials", 5, "--horizon")
+    assert "is replaced" not in script(*words, 20)[2]
+    code, _, errors = script(*words, "inf")
+    assert code == 2 and errors.count("\n") == 1 and "a horizon of inf s is none" in errors
+    code, _, errors = script(*words, 5000)
+    assert code == 0 and "is replaced" in errors and "is 5000 s long: the runs are 599.9 s" in errors
+
+
+def test_calibrating_says_what_is_little_and_what_got_lost(
+    script: Script, simulator: Path, bag: Callable[..., Path], tmp_path: Path
+) -> None:
+    (simulator / "metrics.json").unlink()
+    code, _, errors = script("calibrate", simulator, bag("few", 72.0, seed=5), "--out", tmp_path / "cal")
+    assert code == 0 and "note: 1.2 min of driving are about 2 independent runs" in errors
+    assert "sim has lost its metrics.json" in errors

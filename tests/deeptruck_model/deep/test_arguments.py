@@ -14,7 +14,8 @@ from deeptruck_model.errors import InputError
     ("wrong", "said"),
     [
         ({"learning_rate": -1.0}, "learning_rate is -1; it must be at least 0"),
-        ({"updates": -5}, "updates is -5; it must be at least 0"),
+        ({"updates": -5}, r"budget \(updates in Python\) is -5; it must be at least 0"),
+        ({"learning_rate": 1e31}, r"learning_rate is 1e\+31; it must be at most 1e\+30"),
         ({"members": 0}, "members is 0; it must be at least 1"),
         ({"clip": float("nan")}, "clip is nan"),
     ],

@@ -4,6 +4,7 @@ import os
 import pytest
 
 from deeptruck_model import simulators
+from deeptruck_model.deep import DeepTruck
 from deeptruck_model.errors import InputError
 
 
@@ -80,3 +81,29 @@ def test_saving_replaces_a_simulator_and_nothing_else(truck, saved, tmp_path):
     with pytest.raises(InputError, match="not a simulator directory"):
         truck.save(other)
     assert [p.name for p in other.iterdir()] == ["chapter1.txt"]
+
+
+@pytest.mark.parametrize("name", ["coverage.json", "driven.safetensors", "reference.safetensors"])
+def test_a_file_that_got_lost_is_missed(saved, name):
+    assert name in json.loads((saved / "simulator.json").read_text())["files"]
+    (saved / name).unlink()
+    with pytest.raises(InputError, match=f"has lost {name}.*; restore that file, or train again"):
+        simulators.load(saved)
+
+
+def test_what_an_older_simulator_never_had_is_not_missed(saved):
+    manifest = json.loads((saved / "simulator.json").read_text())
+    del manifest["files"]
+    (saved / "simulator.json").write_text(json.dumps(manifest))
+    for name in ("driven.safetensors", "reference.safetensors", "metrics.json"):
+        (saved / name).unlink(missing_ok=True)
+    older = simulators.load(saved)
+    assert older.driven is None and older.reference == ()
+    (saved / "coverage.json").unlink()  # whatever was trained had that one
+    with pytest.raises(InputError, match=r"has lost coverage\.json"):
+        simulators.load(saved)
+
+
+def test_a_truck_saved_without_them_loads_without_them(truck, tmp_path):
+    DeepTruck(truck.network, truck.interface).save(tmp_path / "bare")
+    assert simulators.load(tmp_path / "bare").coverage is None

@@ -1,10 +1,11 @@
+import errno
 import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from deeptruck_model.deep import evaluate, statistics, trials
+from deeptruck_model.deep import evaluate, report, statistics, trials
 from deeptruck_model.deep.evaluation import Trials, against_time
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
@@ -80,3 +81,28 @@ def test_short_recordings_shorten_the_horizon(truck, drive):
 def test_recordings_that_do_not_fit(truck, drive, change, says):
     with pytest.raises(InputError, match=says):
         trials(truck, [change(drive(60))])
+
+
+def test_samples_say_which_of_the_runs_they_are(truck, drive):
+    figure = report.sample_figure(trials(truck, [drive(120)], 31, 10.0))
+    titles = [axis.get_title().split("\n")[0] for axis in figure.axes[:4]]
+    assert titles == ["best run", "run 11 of 31, best first", "run 21 of 31, best first", "worst run"]
+
+
+@pytest.mark.parametrize("horizon", [float("inf"), float("nan"), 0.0])
+def test_a_horizon_that_is_none_is_refused(truck, drive, horizon):
+    with pytest.raises(InputError, match="is none; give seconds, such as 40"):
+        trials(truck, [drive(60)], 3, horizon)
+
+
+def test_a_full_disk_leaves_the_old_evaluation(truck, drive, tmp_path, monkeypatch):
+    evaluate(truck, [drive(60)], tmp_path, 3, 10.0)
+    before = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
+
+    def full(runs):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(report, "sample_figure", full)
+    with pytest.raises(InputError, match="No space left on device; make room"):
+        evaluate(truck, [drive(60)], tmp_path, 4, 10.0)
+    assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before

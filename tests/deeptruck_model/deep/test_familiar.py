@@ -1,8 +1,10 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from deeptruck_model.deep import DeepTruck, familiar, train
+from deeptruck_model.errors import InputError
 
 
 def test_a_recording_is_known_by_another_name_but_not_changed(drive):
@@ -41,3 +43,16 @@ def test_one_standstill_is_like_another_and_known_by_none(truck, drive):
     known = truck.with_details({familiar.KEY: [familiar.fingerprint(r) for r in (standing, recording)]})
     assert familiar.trained_on(known, [standing]) == []
     assert familiar.trained_on(known, [recording]) == [recording.name]
+
+
+def test_one_drive_under_two_names_is_refused(drive):
+    monday = drive(60)
+    familiar.refuse_twice([monday, drive(60, seed=1)])
+    with pytest.raises(InputError, match="given as 'toy0' and as 'copy'; give each drive once"):
+        familiar.refuse_twice([monday, replace(monday, name="copy")])
+    with pytest.raises(InputError, match="given twice"):
+        familiar.refuse_twice([monday, monday])
+
+
+def test_moments_that_are_alike_by_chance_are_not_one_drive(drive):
+    familiar.refuse_twice([drive(8), drive(8)])

@@ -42,6 +42,12 @@ def test_parity_with_the_truck(truck, drive, small, tmp_path, fuel, kind):
     assert float(metadata["dt"]) == truck.dt
 
 
+def test_nothing_lies_in_the_graph_unused(truck):
+    """onnxruntime warns of every such constant."""
+    graph = onnx_export.build(truck).graph
+    assert {i.name for i in graph.initializer} <= {name for node in graph.node for name in node.input}
+
+
 def test_the_command_exports_deep_trucks_only(truck, tmp_path):
     deep.register(app)
     truck.save(tmp_path / "sim")

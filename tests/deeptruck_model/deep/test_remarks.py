@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from deeptruck_model import trucks
-from deeptruck_model.deep.remarks import remarks
+from deeptruck_model.deep.remarks import few_runs, remarks
 
 ENOUGH = {"trials": 3, "horizon_s": 40.0, "speed": {"inside_90": 0.88}}
 
@@ -36,3 +36,15 @@ def test_another_truck_by_the_intervals_it_leaves(truck, drive):
     assert "hold only 40 % of the points" in line and "recorded on" not in line
     other = replace(recording, interface=replace(recording.interface, name="other"))
     assert "(recorded on other, trained on toy)" in remarks(truck, [other], little)[0]
+
+
+def test_runs_shorter_than_asked_for(truck, drive):
+    metrics = {**ENOUGH, "horizon_s": 39.9, "dt": 0.1}
+    (line,) = remarks(truck, [drive(600, seed=4)], metrics, 5000.0)
+    assert line == "no stretch of the recordings is 5000 s long: the runs are 39.9 s"
+    assert remarks(truck, [drive(600, seed=4)], {**metrics, "horizon_s": 40.0}, 40.04) == []
+
+
+def test_little_driving_to_calibrate_by(truck, drive):
+    assert few_runs(truck, [drive(72)]).startswith("1.2 min of driving are about 2 independent runs of 40 s")
+    assert few_runs(truck, [drive(60)] * 30) == ""

@@ -9,6 +9,7 @@ import torch
 from deeptruck_model import exclusive, trucks
 from deeptruck_model.deep import finished, resume, statistics, train, training, trials
 from deeptruck_model.deep.network import WEIGHTS
+from deeptruck_model.deep.training import DivergedError
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 
@@ -57,7 +58,7 @@ def test_an_adapted_truck_knows_more_than_its_minute_of_data_tells(truck, drive,
 def test_only_a_deep_truck_of_the_same_signals_is_adapted(truck, drive, small, tmp_path):
     truck.save(tmp_path / "known")
     arguments = replace(small, start=str(tmp_path / "known"))
-    with pytest.raises(InputError, match="other signals"):
+    with pytest.raises(InputError, match=r"other signals.*: brake_command is only in the truck; train"):
         train([drive(60, interface=TruckInterface("x", brake_unit=None))], tmp_path / "sim", arguments)
     trucks.load("volvo").save(tmp_path / "known")
     with pytest.raises(InputError, match="no deep truck"):
@@ -209,6 +210,29 @@ def test_unusable_data_is_one_clear_line(drive, small, tmp_path, spoil, says):
     with pytest.raises(InputError, match=says):
         train([recording], tmp_path / "sim", small)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_drive_too_short_to_hold_anything_out_is_refused_before_training(drive, small, tmp_path):
+    with pytest.raises(InputError, match=r"is 20 s, too short.* give 21 s or more"):
+        train([drive(20)], tmp_path / "sim", small)
+    assert not list(tmp_path.iterdir())
+    train([drive(21)], tmp_path / "sim", replace(small, updates=6))
+
+
+def test_a_drive_that_is_given_twice_is_refused(drive, small, tmp_path):
+    with pytest.raises(InputError, match="'toy0' is given twice"):
+        train([drive(60), drive(60)], tmp_path / "sim", small)
+
+
+def test_weights_that_overflow_are_a_divergence(drive, small, tmp_path):
+    """With responses squeezed by tanh the validation loss may be finite all the same."""
+    with pytest.raises(DivergedError, match=r"take a lower learning rate than 1e\+20"):
+        train([drive(60)], tmp_path / "sim", replace(small, learning_rate=1e20))
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_rate_that_was_used_is_recorded(truck):
+    assert truck.details["training"]["learning_rate"] == 6e-3
 
 
 def test_out_that_is_something_else_is_left_alone(drive, small, tmp_path):

@@ -52,6 +52,12 @@ BAD: list[tuple[str, dict[str, Any], str]] = [
         )
     ),
     ("v\n1\n2\n", {"time": {"rate_hz": 1}, "channels": SPEED, "seperator": ";"}, "unknown keys: seperator"),
+    ("v\n1\n2\n", {"time": {"colum": "t"}, "channels": SPEED}, "'time' of COLUMNS has unknown keys: colum"),
+    (
+        "v\n1\n2\n",
+        {"time": {"rate_hz": 1}, "channels": {"speed": {"colum": "v", "unit": "m/s"}}},
+        "channel 'speed' has unknown keys: colum",
+    ),
     ("v\n1\n2\n", {"time": {"rate_hz": 1}, "channels": SPEED, "delimiter": ";;"}, "one character"),
     ("v\n1\n2\n", {"time": {"rate_hz": 1}, "channels": SPEED, "skip_rows": -1}, "skip_rows"),
     ("v\n1\n2\n", {"time": {"rate_hz": 1}, "channels": SPEED, "conceal": ["gap"]}, "conceal names 'gap'"),
