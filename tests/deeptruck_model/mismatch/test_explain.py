@@ -1,0 +1,63 @@
+"""How sure a name is beside laws that have none, and what stands beside 'unknown'."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from deeptruck_model.mismatch import explain, growing
+from deeptruck_model.mismatch.causes import Cause
+from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape, comes_and_goes
+from deeptruck_model.mismatch.search import Search
+
+
+def cause(e: Evidence, gain: float = 200.0, shape: Shape | None = None) -> Cause:
+    rivals = (("headwind", 10.0), ("accessory_load", 150.0))
+    effect = shape.mechanism.effect if shape is not None else "torque_derate"
+    return Cause("missing_physics", effect, gain, 0.9, 0.9, np.zeros(len(e)), shape, rivals)
+
+
+@pytest.fixture(scope="module")
+def gusts(nothing_missing: Evidence) -> Shape:
+    shapes = Search(nothing_missing).shapes(LIBRARY["dragging_brake"])
+    return next(s for s in shapes if comes_and_goes(s))
+
+
+@pytest.mark.parametrize(
+    ("names", "left", "sure"), [(200.0, 60.0, False), (200.0, 20.0, True), (900.0, 60.0, True)]
+)
+def test_no_name_is_sure_beside_laws_that_explain_much_more(
+    nothing_missing: Evidence, names: float, left: float, sure: bool
+) -> None:
+    force = SimpleNamespace(prediction=np.full(len(nothing_missing), 0.05))
+    beside: Any = SimpleNamespace(gain=left, free=force)
+    (told,) = explain._in_doubt(nothing_missing, beside, [cause(nothing_missing, names)])
+    assert told.effect == "torque_derate" and ("unknown" not in told.not_told_from) == sure
+
+
+def test_a_parameter_is_not_doubted(nothing_missing: Evidence) -> None:
+    mass = Cause("parameter_error", "mass", 200.0, 0.9, 0.9, np.zeros(len(nothing_missing)))
+    beside: Any = SimpleNamespace(gain=100.0, free=SimpleNamespace(prediction=np.ones(len(nothing_missing))))
+    assert explain._in_doubt(nothing_missing, beside, [mass]) == [mass]
+
+
+def test_what_is_left_of_a_force_that_comes_and_goes_may_be_that_force(
+    nothing_missing: Evidence, gusts: Shape
+) -> None:
+    names = explain._perhaps_the_same(cause(nothing_missing, shape=gusts))
+    assert [n for n, _ in names] == ["dragging_brake", "headwind"]
+    assert explain._perhaps_the_same(cause(nothing_missing)) == ()
+
+
+def test_few_windows_are_sought_without_what_comes_and_goes_too(
+    nothing_missing: Evidence, gusts: Shape, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(growing, "_now_and_then", lambda search, base, bare: base)
+    search = Search(nothing_missing)
+    bare, coming = search.background(()), search.background((gusts,))
+    assert growing._rare(search, bare, bare) == [bare]
+    assert growing._rare(search, coming, bare) == [coming, bare]
