@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,8 +41,14 @@ class Prepared:
         return self.recording.dt
 
 
-def prepare(recording: Recording, measured_acceleration: bool) -> Prepared:
-    """Fill what is missing, mark it invalid for as long as it can disturb, and estimate acceleration."""
+def prepare(
+    recording: Recording, measured_acceleration: bool, response: Sequence[str] | None = None
+) -> Prepared:
+    """Fill what is missing, mark it invalid for as long as it can disturb, and estimate acceleration.
+
+    `response` are the columns of y that the simulator has, else those that were recorded; what it has and the
+    recording lacks, such as fuel, is NaN.
+    """
     dt = recording.dt
     needed = (*recording.interface.u, *recording.interface.w, "speed")
     bad = ~np.isfinite(recording.columns(needed).sum(axis=1))
@@ -60,7 +67,9 @@ def prepare(recording: Recording, measured_acceleration: bool) -> Prepared:
     dead[: round(SETTLE_S / dt)] = True
     dead[len(dead) - round(1.0 / dt) :] = True
     whole = replace(recording, channels=filled)
-    return Prepared(recording, whole.u, whole.w, whole.y, observed, ~dead, noise, measured_acceleration)
+    unknown = np.full(len(recording), np.nan)
+    y = np.stack([filled.get(n, unknown) for n in response or recording.interface.y], axis=1)
+    return Prepared(recording, whole.u, whole.w, y, observed, ~dead, noise, measured_acceleration)
 
 
 def learned(simulator: Simulator, p: Prepared) -> Prepared:

@@ -103,7 +103,8 @@ def _checked(
     drives, rejected = data_checks.clean(drives)
     measured = data_checks.acceleration_is_measured(drives)
     faults = data_checks.sensor_faults(drives) if measured else []
-    whole = [prepare(data_checks.mended(r, faults), measured) for r in drives]
+    response = simulator.interface.y
+    whole = [prepare(data_checks.mended(r, faults), measured, response) for r in drives]
     prepared = tuple(learned(simulator, p) for p in whole)
     strange = sum(int((p.valid & ~q.valid).sum()) for p, q in zip(whole, prepared, strict=True))
     if strange:

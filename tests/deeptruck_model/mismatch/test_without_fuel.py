@@ -1,0 +1,29 @@
+"""Logs without a fuel rate, and trucks without one, are compared all the same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from deeptruck_model import driving_cycles, mismatch, trucks
+from deeptruck_model.recordings import Recording
+
+TRUCK = trucks.load("trucksim")
+HEAVY = TRUCK.with_parameters({"mass": 1.2 * TRUCK.parameters()["mass"]})
+
+
+def without_fuel(r: Recording) -> Recording:
+    channels = {name: x for name, x in r.channels.items() if name != "fuel_rate"}
+    return replace(r, channels=channels, interface=replace(r.interface, fuel=False))
+
+
+def test_a_log_without_fuel_tells_the_mass_too() -> None:
+    drives = [driving_cycles.drive(HEAVY, seconds=200.0, seed=k, name=f"d{k}") for k in range(4)]
+    bare = [without_fuel(r) for r in drives]
+    found = mismatch.find_mismatch(TRUCK, bare[:3], bare[3:]).verdict
+    assert found["findings"][0]["effect"] == "mass" and found["fit"]["validated"]
+    value = found["findings"][0]["parameters"]
+    with_fuel = mismatch.find_mismatch(TRUCK, drives[:3], drives[3:]).verdict["findings"][0]["parameters"]
+    for name, told in value.items():
+        assert told["value"] == pytest.approx(with_fuel[name]["value"], rel=0.02)
