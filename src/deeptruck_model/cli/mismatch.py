@@ -20,7 +20,7 @@ def mismatch(
     out: Annotated[Path, typer.Option(help="Folder for verdict.json, report.html and simulator/.")],
     held_out: Annotated[list[Path] | None, typer.Option(help="Recordings used only to judge.")] = None,
     more: Annotated[list[Path] | None, typer.Argument(hidden=True)] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the input noise the simulator is tried with.")] = 0,
+    seed: Annotated[int, typer.Option(help="Of the input noise the simulator is tried with.", min=0)] = 0,
     with_unnamed: Annotated[
         bool, typer.Option(help="Correct what has no name too, by laws of the recorded signals.")
     ] = False,
@@ -34,7 +34,9 @@ def mismatch(
     from deeptruck_model import recordings as rec
     from deeptruck_model import simulators
     from deeptruck_model.mismatch import find_mismatch, write
+    from deeptruck_model.mismatch.output import check
 
+    replaced = check(out)
     console = Console(stderr=True)
     with console.status("reading") as status:
         truck = simulators.load(simulator)
@@ -45,6 +47,8 @@ def mismatch(
         status.update("writing the report")
         write(found, out)
     print(f"{found.verdict['verdict']}: see {out / 'report.html'}")
+    if replaced:
+        print(f"  note: the result that was in {out} is replaced")
     for f in found.verdict["findings"]:
         print(f"  {f['effect']}: {f['says']}")
     for caveat in found.verdict["caveats"]:

@@ -180,6 +180,8 @@ def shown(
     }
     if len(windows):
         fit |= compare(errors, shorter) | {"improvement_horizon_s": short_s}
+    if with_unnamed and made.unnamed is not None:
+        fit["with_unnamed"] = True
     fit["validated"] = bool(after.terms or after.moved) and _better(fit)
     return errors, after.marked(fit["validated"]), fit
 

@@ -45,7 +45,7 @@ def draw(m: Mismatch) -> dict[str, Picture]:
     out |= _errors(m)
     if any(f.data["kind"] == "measurement_fault" and f.cause is None for f in m.findings):
         out["sensors"] = Picture(
-            png(sensors([p for p in m.prepared if p.measured_acceleration])),
+            png(sensors([p for p in m.prepared if p.measured_acceleration], _speed_scale(m))),
             "Accelerometer against the derivative of speed, means over 1 s. Off the grey line a sensor is at "
             "fault: no truck model enters here.",
         )
@@ -111,11 +111,18 @@ def _errors(m: Mismatch) -> dict[str, Picture]:
     }
 
 
-def sensors(prepared: list[Prepared]) -> Figure:
-    """Accelerometer against differentiated speed, one point a second."""
+def _speed_scale(m: Mismatch) -> float:
+    """By what speeds were divided when they were mended; 1 where they were not."""
+    found = [f.data for f in m.findings if f.data["effect"] == "speed_scale" and f.cause is None]
+    return float(found[0]["parameters"]["value"]["value"]) if found else 1.0
+
+
+def sensors(prepared: list[Prepared], speed_scale: float = 1.0) -> Figure:
+    """Accelerometer against differentiated speed as it was recorded, one point a second."""
     made = figure(6.0, 4.4)
     ax = made.add_axes((0.12, 0.13, 0.84, 0.82))
-    a = np.concatenate([_each_second(p, derivative(p.y[:, SPEED], p.dt)) for p in prepared])
+    speeds = [_each_second(p, derivative(p.y[:, SPEED], p.dt)) for p in prepared]
+    a = speed_scale * np.concatenate(speeds)
     b = np.concatenate(
         [_each_second(p, np.nan_to_num(p.recording.channels["acceleration"])) for p in prepared]
     )

@@ -22,10 +22,10 @@ def same_signals(simulator: Simulator, recordings: Sequence[Recording]) -> None:
         raise InputError("there is no recording to compare with; give at least one bag with data in it")
     need = {*simulator.interface.u, *simulator.interface.w}
     for r in recordings:
-        missing = sorted(name for name in need if name not in r.channels)
+        missing = sorted(n for n in need if n not in r.channels or not np.isfinite(r.channels[n]).any())
         if missing:
             raise InputError(
-                f"recording '{r.name}' lacks {', '.join(missing)}, which the simulator needs; "
+                f"recording '{r.name}' has no valid {', '.join(missing)}, which the simulator needs; "
                 "record it or use another simulator"
             )
         for name in ("engine_command", "brake_command"):
@@ -40,6 +40,30 @@ def same_signals(simulator: Simulator, recordings: Sequence[Recording]) -> None:
                 f"recording '{r.name}' is at {1 / r.dt:g} Hz, the simulator at {1 / simulator.dt:g} Hz; "
                 "resample or retrain"
             )
+
+
+def each_once(
+    fit: Sequence[Recording], held: Sequence[Recording]
+) -> tuple[list[Recording], list[Recording], list[str]]:
+    """Recordings to fit and to hold out, each drive once under whatever name: what is in both is held out,
+    unless nothing would be left to fit."""
+    caveats: list[str] = []
+    if all(any(_same(r, h) for h in held) for r in fit):
+        held = ()
+        caveats = ["the held-out recordings are those to be fitted: other drives must judge"] if fit else []
+    chosen: list[Recording] = list(held)
+    kept: list[Recording] = []
+    for r in fit:
+        if any(_same(r, other) for other in [*chosen, *kept]):
+            caveats.append(f"recording '{r.name}' was given twice and is used once")
+        else:
+            kept.append(r)
+    return kept, chosen, caveats
+
+
+def _same(one: Recording, other: Recording) -> bool:
+    a, b = one.channels["speed"], other.channels["speed"]
+    return len(a) == len(b) and np.array_equal(a, b, equal_nan=True) and bool(np.nanmax(a, initial=0.0) > 0)
 
 
 def with_held_out(

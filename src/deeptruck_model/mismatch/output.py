@@ -11,10 +11,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from deeptruck_model import simulators, whole_file
 from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.tool import Mismatch
+
+
+def check(out: Path) -> bool:
+    """Whether `out` holds a result of this tool, which would be replaced. Raises InputError where nothing can
+    be written there; called before long computing."""
+    if out.exists() and not out.is_dir():
+        raise InputError(f"{out} is a file; choose another --out")
+    if out.exists() and any(out.iterdir()) and not (out / "verdict.json").exists():
+        raise InputError(f"{out} exists and holds other files; choose an empty or new --out")
+    whole_file.check_folder(out.parent)
+    return (out / "verdict.json").exists()
 
 
 def write(mismatch: Mismatch, out: Path) -> None:
@@ -44,9 +56,8 @@ def write(mismatch: Mismatch, out: Path) -> None:
 
 def _replace(temporary: Path, out: Path) -> None:
     """Put the new results where older ones of this tool stood; anything else there stays and is an error."""
+    check(out)
     if out.exists():
-        if any(out.iterdir()) and not (out / "verdict.json").exists():
-            raise InputError(f"{out} exists and holds other files; choose an empty or new --out")
         shutil.rmtree(out)
     temporary.chmod(0o755)
     temporary.rename(out)
@@ -105,6 +116,8 @@ def apply(directory: Path, out: Path) -> None:
             f"{directory} holds no readable verdict.json; "
             f"run 'deeptruck-model mismatch --out {directory}' first"
         ) from None
+    if not verdict.get("findings"):
+        raise InputError(f"in {directory} nothing was found that could be applied")
     if not verdict.get("fit", {}).get("validated"):
         raise InputError(
             f"{directory} has no passed validation (held-out error did not improve), so it is not applied; "
@@ -112,4 +125,5 @@ def apply(directory: Path, out: Path) -> None:
         )
     if out.exists():
         raise InputError(f"{out} exists already; choose a new --out")
+    simulators.load(directory / "simulator")  # one that lost a file is no use elsewhere either
     shutil.copytree(directory / "simulator", out)

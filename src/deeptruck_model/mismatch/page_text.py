@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 from deeptruck_model.mismatch.drawing import colour, words
 from deeptruck_model.mismatch.mechanisms import LIBRARY
+from deeptruck_model.mismatch.search import POSSIBLE
 from deeptruck_model.mismatch.validation_words import worse_than_parameters
 from deeptruck_model.mismatch.worth_saying import ENOUGH
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.tool import Mismatch
 
+HIDING_N = 600.0  # of a steady force: a third of what the tyres of a laden truck take
 IN_PLACE = (  # the bars of the figure are another comparison, and have other numbers
     "These nats are lost where the one is put in place of the other in the whole explanation; the figure of "
     "names below tries each alone."
@@ -88,7 +90,7 @@ def sentence(v: dict[str, Any]) -> str:
         reason = v["caveats"][-1] if v["caveats"] else "the recordings do not tell"
         return f"Nothing can be said yet: {prose(reason)}."
     if kind == "nothing_missing" or not findings:
-        return f"Nothing is missing: the simulator agrees with these recordings{_would_have_been_seen(v)}."
+        return f"{_nothing(v)}{_would_have_been_seen(v)}."
     main = max((f for f in findings if f["kind"] == kind), key=lambda f: f["share_of_explainable_error"])
     opening = {
         "missing_physics": "The simulator leaves something out",
@@ -97,17 +99,37 @@ def sentence(v: dict[str, Any]) -> str:
     }[kind]
     if kind == "parameter_error" and any(f["kind"] == "missing_physics" for f in findings):
         opening = "A parameter of the simulator is off, and it leaves something out"
+    elif kind == "parameter_error" and (alike := _physics(main["cannot_be_told_from"])):
+        names = " or ".join(spoken(n) for n in alike[:3])
+        opening = f"A parameter of the simulator is off, or {names}, which acts alike, is left out"
     others = len(findings) - 1
     more = f" (and {others} more finding{'s' if others > 1 else ''} below)" if others else ""
     says = re.split(FINER, prose(main["says"]))[0]
     return f"{opening}: {says}{more}{_improves(v)}."
 
 
-def _would_have_been_seen(v: dict[str, Any]) -> str:
+def _physics(names: Sequence[str]) -> list[str]:
+    """Those names that are missing physics and no parameter or sensor."""
+    mechanisms = [n for n in names if n in LIBRARY and LIBRARY[n].kind == "missing_physics"]
+    return [n for n in mechanisms if n not in POSSIBLE]
+
+
+def _nothing(v: dict[str, Any]) -> str:
+    """That nothing was found; where much could hide, no more than that."""
+    if _visible_n(v) > HIDING_N:
+        return "Nothing was found, but much could hide in what the simulator has learned imperfectly"
+    return "Nothing is missing: the simulator agrees with these recordings"
+
+
+def _visible_n(v: dict[str, Any]) -> float:
+    """The smallest steady force that would have been seen, N; 0 where that is not known."""
     steady = v["data"].get("smallest_visible", {}).get("steady force all the time", {})
-    if "newton" not in steady:
-        return ""
-    return f"; a steady force above {number(steady['newton'])} N would have been seen"
+    return float(steady.get("newton") or 0.0)
+
+
+def _would_have_been_seen(v: dict[str, Any]) -> str:
+    seen = _visible_n(v)
+    return f"; a steady force above {number(seen)} N would have been seen" if seen else ""
 
 
 def _improves(v: dict[str, Any]) -> str:
@@ -119,9 +141,10 @@ def _improves(v: dict[str, Any]) -> str:
     if not fit.get("validated"):
         return "; no correction proved better on held-out recordings, so none may be applied"
     old, new, tuned = (fit[s]["speed_rmse"] for s in ("before", "after", "parameters_only"))
+    laws = " and laws without a name" if fit.get("with_unnamed") else ""
     beside = f", where refitted parameters alone reach {number(tuned)}" if worse_than_parameters(fit) else ""
     return (
-        f"; with {'it' if len(v['findings']) == 1 else 'them'} corrected, the speed error of "
+        f"; with {'it' if len(v['findings']) == 1 else 'them'}{laws} corrected, the speed error of "
         f"{number(fit['horizon_s'])} s free runs on held-out recordings falls from {number(old)} to "
         f"{number(new)} m/s{beside}"
     )

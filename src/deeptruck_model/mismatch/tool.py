@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import (
     correction,
     data_checks,
@@ -27,7 +29,8 @@ from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.explain import explain
 from deeptruck_model.mismatch.growing import first_guess
 from deeptruck_model.mismatch.improvement import Errors
-from deeptruck_model.mismatch.inputs import same_signals, unusable, with_held_out
+from deeptruck_model.mismatch.inputs import each_once, same_signals, unusable, with_held_out
+from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.output import apply, write
 from deeptruck_model.mismatch.prepared import Prepared, learned, prepare
 from deeptruck_model.mismatch.residual import PARAMETERS, gather
@@ -40,6 +43,7 @@ Array = NDArray[np.float64]
 EXCLUDE = (
     "DEEPTRUCK_MISMATCH_EXCLUDE"  # comma-separated effects to leave out of the library: for examinations
 )
+NAMED = (*LIBRARY, *findings.NAMES, "acceleration_bias", "speed_scale", "unknown")
 OTHER_GEAR = "the simulator drives in another gear than was recorded"
 STRANGE = "the simulator has learned from no driving at such speeds, commands and slopes"
 WORTH_MOVING = 20.0  # nats
@@ -80,6 +84,17 @@ def find_mismatch(
         return _find(simulator, recordings, held_out, seed, with_unnamed, say)
 
 
+def _excluded() -> list[str]:
+    """Raises InputError for what is no effect: an examination would believe that it had been left out."""
+    names = [name.strip() for name in os.environ.get(EXCLUDE, "").split(",") if name.strip()]
+    wrong = [name for name in names if name not in NAMED]
+    if wrong:
+        near = difflib.get_close_matches(wrong[0], NAMED, 1)
+        hint = f"; did you mean {near[0]}?" if near else "; docs/mismatch.md lists them"
+        raise InputError(f"{EXCLUDE}: there is no effect '{wrong[0]}'{hint}")
+    return names
+
+
 @dataclass(frozen=True)
 class _Checked:
     """The recordings as they can be used, in the order in which they came, and what was wrong with them."""
@@ -99,7 +114,8 @@ def _checked(
     simulator: Simulator, recordings: Sequence[Recording], held_out: Sequence[Recording]
 ) -> _Checked:
     same_signals(simulator, [*recordings, *held_out])
-    drives, flags, caveats = with_held_out(list(recordings), list(held_out), simulator.dt)
+    fit, held, twice = each_once(recordings, held_out)
+    drives, flags, caveats = with_held_out(fit, held, simulator.dt)
     drives, rejected = data_checks.clean(drives)
     measured = data_checks.acceleration_is_measured(drives)
     faults = data_checks.sensor_faults(drives) if measured else []
@@ -115,7 +131,7 @@ def _checked(
         "coverage": "coverage.png",
     }
     useless = unusable(fitted, rejected)
-    return _Checked(prepared, tuple(flags), tuple(faults), data, tuple(caveats), useless)
+    return _Checked(prepared, tuple(flags), tuple(faults), data, (*twice, *caveats), useless)
 
 
 def _find(
@@ -131,7 +147,7 @@ def _find(
     if c.useless:
         return _useless(c)
     say("driving the simulator along the recordings")
-    exclude = [name for name in os.environ.get(EXCLUDE, "").split(",") if name]
+    exclude = _excluded()
     e, x = _explained(simulator, c.prepared, c.held_out, seed, exclude, say)
     say("correcting the simulator and driving it free")
     x, (errors, corrected, fit) = correction.corrected_and_driven(

@@ -6,6 +6,7 @@ Only the first decides whether it may be applied; the second says what the names
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,7 +15,7 @@ ASKED = (
     "Validation asks one thing: is the speed error of the corrected simulator surely smaller than that of "
     "the simulator as it was given, on recordings it was not fitted to?"
 )
-BETTER = "So the findings are worth more than other parameters."
+BETTER = "So {what} worth more than other parameters."
 WORSE = (
     "So on these drives the findings predict worse than refitted parameters, whatever they explain: free "
     "parameters can bend to make up for anything that is missing, and for sizes that the findings have not "
@@ -31,7 +32,7 @@ def said(fit: dict[str, Any]) -> list[str]:
     """Sentences on the `fit` of verdict.json; none where there were no free runs."""
     if "after" not in fit:
         return []
-    if fit["before"] == fit["after"]:
+    if all(math.isclose(fit["after"][k], x, rel_tol=1e-6) for k, x in fit["before"].items()):
         more = [UNSTATED] if worse_than_parameters(fit) else []
         return ["Nothing was changed, so before and after are the same.", *more]
     return [ASKED, _passed(fit), *_beside_parameters(fit)]
@@ -56,7 +57,9 @@ def _beside_parameters(fit: dict[str, Any]) -> list[str]:
         return []
     if beside[0] == beside[1] == 0.0:
         return ["The correction is refitted parameters alone: they drove the fitted recordings best."]
-    end = BETTER if beside[0] > 0.0 else WORSE if worse_than_parameters(fit) else EQUAL
+    what = "the findings and laws without a name are" if fit.get("with_unnamed") else "the findings are"
+    better = BETTER.format(what=what)
+    end = better if beside[0] > 0.0 else WORSE if worse_than_parameters(fit) else EQUAL
     return [
         "Beside the simulator with all its parameters refitted, the speed error of the corrected one is "
         f"{_change(beside)}. {end}"

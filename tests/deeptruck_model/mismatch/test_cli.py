@@ -87,7 +87,21 @@ def test_too_little_is_a_verdict_and_nothing_to_apply(
     code, said, _ = here("mismatch", "--simulator", "truck:trucksim", "--recordings", short, "--out", out)
     assert code == 0 and said.startswith("undetermined")
     code, _, errors = here("apply", out, "--out", tmp_path / "sim")
-    assert code == 2 and "no passed validation" in errors and not (tmp_path / "sim").exists()
+    assert code == 2 and "nothing was found" in errors and not (tmp_path / "sim").exists()
+    again = here("mismatch", "--simulator", "truck:trucksim", "--recordings", short, "--out", out)
+    assert again[0] == 0 and f"the result that was in {out} is replaced" in again[1]
+
+
+@pytest.mark.parametrize("inside", ["", "sub"])
+def test_a_file_is_no_folder_and_is_said_to_be_none_before_long_computing(
+    here: Callable[..., tuple[int, str, str]], tmp_path: Path, inside: str
+) -> None:
+    file = tmp_path / "file"
+    file.write_text("notes")
+    recordings = ("--recordings", tmp_path / "nowhere", "--out", file / inside)
+    code, said, errors = here("mismatch", "--simulator", "truck:trucksim", *recordings)
+    assert code == 2 and str(file) in errors and "choose another --out" in errors and not said
+    assert file.read_text() == "notes" and "Traceback" not in errors
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ def fit(
 @pytest.mark.parametrize(
     ("beside", "change", "end"),
     [
-        ([0.1, 0.3], "is 10 to 30 % smaller", validation_words.BETTER),
+        ([0.1, 0.3], "is 10 to 30 % smaller", validation_words.BETTER.format(what="the findings are")),
         ([-0.74, -0.03], "is 3 to 74 % larger", validation_words.WORSE),
         ([-0.3, 0.81], "is between 30 % larger and 81 % smaller", validation_words.EQUAL),
     ],

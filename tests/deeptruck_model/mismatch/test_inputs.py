@@ -1,0 +1,56 @@
+"""What is given twice, by mistake or as its own judge, and names that are none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deeptruck_model import driving_cycles, mismatch, trucks
+from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch.inputs import each_once, same_signals
+from deeptruck_model.recordings import Recording
+
+TRUCK = trucks.load("trucksim")
+
+
+@pytest.fixture(scope="module")
+def drives() -> list[Recording]:
+    return [driving_cycles.drive(TRUCK, seconds=60.0, seed=k, name=f"d{k}") for k in range(3)]
+
+
+def names(recordings: list[Recording]) -> list[str]:
+    return [r.name for r in recordings]
+
+
+def test_drives_that_differ_stay_as_they_are(drives: list[Recording]) -> None:
+    fit, held, said = each_once(drives[:2], drives[2:])
+    assert (names(fit), names(held), said) == (["d0", "d1"], ["d2"], [])
+
+
+def test_a_drive_that_is_fitted_and_held_out_is_held_out(drives: list[Recording]) -> None:
+    copy = replace(drives[1], name="copy")
+    fit, held, said = each_once([drives[0], drives[0], copy], [drives[1]])
+    assert (names(fit), names(held)) == (["d0"], ["d1"])
+    assert len(said) == 2 and "'copy' was given twice" in said[1]
+
+
+def test_drives_cannot_be_their_own_judges(drives: list[Recording]) -> None:
+    fit, held, said = each_once(drives[:2], drives[:2])
+    assert names(fit) == ["d0", "d1"] and held == [] and "other drives must judge" in said[0]
+
+
+def test_a_command_that_was_never_valid_is_lacking(drives: list[Recording]) -> None:
+    r = drives[0]
+    empty = replace(r, channels=r.channels | {"engine_command": np.full(len(r), np.nan)})
+    with pytest.raises(InputError, match="'d0' has no valid engine_command"):
+        same_signals(TRUCK, [empty])
+
+
+def test_an_effect_that_is_none_cannot_be_left_out(
+    drives: list[Recording], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("DEEPTRUCK_MISMATCH_EXCLUDE", "brake_fade,heawind")
+    with pytest.raises(InputError, match="no effect 'heawind'; did you mean headwind"):
+        mismatch.find_mismatch(TRUCK, drives[:2], drives[2:])
