@@ -91,7 +91,8 @@ def _in_doubt(e: Evidence, left: LeftOver, causes: list[Cause]) -> list[Cause]:
     if not physics or not doubtful or not large_enough(e, left.free.prediction):
         return causes
     main = max(physics, key=lambda c: c.gain)
-    doubted = replace(main, rivals=(*main.rivals, ("unknown", 0.0)))
+    others = [(name, worse) for name, worse in main.rivals if name != "unknown"]
+    doubted = replace(main, rivals=(*others, ("unknown", 0.0)))
     return [doubted if c is main else c for c in causes]
 
 

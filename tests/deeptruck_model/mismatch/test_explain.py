@@ -61,3 +61,14 @@ def test_few_windows_are_sought_without_what_comes_and_goes_too(
     bare, coming = search.background(()), search.background((gusts,))
     assert growing._rare(search, bare, bare) == [bare]
     assert growing._rare(search, coming, bare) == [coming, bare]
+
+
+def test_an_engine_brake_whose_stages_nobody_told_acts_where_the_engine_is_asked_for_nothing(
+    nothing_missing: Evidence,
+) -> None:
+    e = nothing_missing
+    stages = [s for s in Search(e).shapes(LIBRARY["engine_brake"]) if comes_and_goes(s)]
+    asked = e["engine_command"] > 0.1 * np.nanmax(e["engine_command"])
+    assert stages and asked.any()
+    for s in stages:
+        assert s.columns.shape[1] > 3 and np.abs(s.columns[asked]).max() < 1e-12

@@ -146,6 +146,13 @@ def _engine_brake_settings(e: Evidence) -> Iterator[Settings]:
             yield base | {"by": "engine_speed", "order": 2, "after_s": after_s}
         yield base | {"by": "speed", "after_s": after_s}
         yield base | {"by": "nothing", "after_s": after_s}
+    # its stage is chosen by hand, or by whatever else the simulator is not told
+    yield from (base | {"by": "stage"} | slow for slow in slow_settings(e, -_coasting(base["small"]), 0.3))
+
+
+def _coasting(small: float) -> Expression:
+    """One where the engine is asked for nothing and does not pull, else zero."""
+    return (small + 1e-9 > ENGINE_COMMAND) * (ENGINE < 0.05)
 
 
 def _engine_brake(s: Settings) -> list[Column]:
@@ -153,7 +160,9 @@ def _engine_brake(s: Settings) -> list[Column]:
         return [
             Column(minimum(ENGINE_COMMAND, 0.0) / s["full"], 0.3, "force_at_full_demand", "N", per_mass=True)
         ]
-    coast = (s["small"] + 1e-9 > ENGINE_COMMAND) * (ENGINE < 0.05)
+    coast = _coasting(s["small"])
+    if s["by"] == "stage":
+        return slow_columns(s, -coast, "force", "N", sign=1, per_mass=True)
     if s.get("after_s"):
         coast = coast * (Since((1.0 - coast,)) > s["after_s"])
     if s["by"] == "engine_speed":
@@ -255,7 +264,7 @@ MECHANISMS = (
     ),
     Mechanism(
         "engine_brake",
-        "F = -c n(w) r, with the engine command at or below zero",
+        "F = -c n(w) r, or -F0(t) by stages, with the engine command at or below zero",
         "the engine retards more on the overrun than the simulator knows",
         ("engine_command", "engine", "speed"),
         ("engine command", "engine speed"),
