@@ -27,6 +27,7 @@ INTERVAL_S = 20.0  # of free runs whose improvement has an interval: twice as ma
 COMPARED = ("before", "parameters_only", "after")
 FOLDS = 3  # of the recordings that are not held out, to choose what goes in
 NOT_BETTER = "the corrected simulator does not predict the held-out recordings better: nothing may be applied"
+NOT_DRIVEN = f"no held-out recording has {HORIZON_S:.0f} s without a gap, so nothing was judged: nothing may be applied"
 UNNAMED = (
     "what has no name is not in the corrected simulator; with it (--with-unnamed) the speed error of "
     "held-out free runs is {free:.3g} m/s instead of {after:.3g} m/s"
@@ -210,7 +211,8 @@ def corrected_and_driven(
 
 def caveats(fit: dict[str, Any], found: bool, with_unnamed: bool) -> list[str]:
     """What to know before the corrected simulator is applied."""
-    out = [NOT_BETTER] if found and not fit["validated"] else []
+    refused = NOT_BETTER if fit.get("windows") else NOT_DRIVEN
+    out = [refused] if found and not fit["validated"] else []
     free, after = fit.get("free_model"), fit.get("after")
     if free and after and not with_unnamed and free["speed_rmse"] < HELPS * after["speed_rmse"]:
         out.append(UNNAMED.format(after=after["speed_rmse"], free=free["speed_rmse"]))

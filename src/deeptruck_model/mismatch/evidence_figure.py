@@ -38,7 +38,7 @@ def ranking(x: Explanation) -> Figure:
     tuned = x.parameters_only.score - x.null.score
     stated = {c.effect for c in x.causes if c.shape is not None}
     moved = {c.effect for c in x.causes if c.kind == "parameter_error"}
-    bars.append((_parameters(x), tuned, BLUE if moved else GREY))
+    bars.append((_parameters(x), tuned, BLUE if moved == x.parameters_only.free and moved else GREY))
     for name, gain in x.ranking[:MOST_NAMES]:
         bars.append((spoken(name), gain, BLUE if name in stated else SKY if name in group else PALE))
     bars.append(("anything that is left", x.left_over_gain, ORANGE))
@@ -56,7 +56,7 @@ def ranking(x: Explanation) -> Figure:
 
 def _parameters(x: Explanation) -> str:
     free = ", ".join(words(p) for p in sorted(x.parameters_only.free)) or "none moves"
-    return f"parameters only ({free})" if len(free) < 30 else "parameters only (several)"
+    return f"parameters only ({free})" if len(free) < 22 else "parameters only (several)"
 
 
 def _bars(ax: Axes, bars: list[tuple[str, float, str]]) -> None:

@@ -137,7 +137,7 @@ def _improves(v: dict[str, Any]) -> str:
     if all(f["kind"] == "measurement_fault" for f in v["findings"]):
         return ""
     if "after" not in fit:
-        return "; no held-out drive is long enough to prove it"
+        return "; no held-out drive is long enough without a gap to prove it"
     if not fit.get("validated"):
         return "; no correction proved better on held-out recordings, so none may be applied"
     old, new, tuned = (fit[s]["speed_rmse"] for s in ("before", "after", "parameters_only"))

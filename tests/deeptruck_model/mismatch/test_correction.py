@@ -180,4 +180,5 @@ def test_that_the_unnamed_would_help_is_told_to_whoever_did_not_ask(
     fit = {"validated": True, "after": {"speed_rmse": 0.5}, "free_model": {"speed_rmse": free}}
     caveats = correction.caveats(fit, True, asked)
     assert any("--with-unnamed" in c and "0.2 m/s instead of 0.5" in c for c in caveats) == told
-    assert correction.caveats({"validated": False}, True, asked) == [correction.NOT_BETTER]
+    assert correction.caveats({"validated": False, "windows": 5}, True, asked) == [correction.NOT_BETTER]
+    assert correction.caveats({"validated": False, "windows": 0}, True, asked) == [correction.NOT_DRIVEN]

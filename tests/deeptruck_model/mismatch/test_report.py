@@ -131,7 +131,7 @@ def test_a_failed_validation_is_said_in_the_first_sentence():
 def test_without_free_runs_the_sentence_says_that_nothing_is_proved():
     v = verdict("missing_physics", mismatch("missing_physics").findings)
     v["fit"] = {"held_out": [], "horizon_s": 40.0, "windows": 0, "validated": False}
-    assert "no held-out drive is long enough to prove it" in page_text.sentence(v)
+    assert "no held-out drive is long enough without a gap to prove it" in page_text.sentence(v)
 
 
 def test_names_that_cannot_be_tested_are_told_with_the_signal_to_record(written):
