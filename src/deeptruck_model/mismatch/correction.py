@@ -27,7 +27,7 @@ INTERVAL_S = 20.0  # of free runs whose improvement has an interval: twice as ma
 COMPARED = ("before", "parameters_only", "after")
 FOLDS = 3  # of the recordings that are not held out, to choose what goes in
 NOT_BETTER = "the corrected simulator does not predict the held-out recordings better: nothing may be applied"
-NOT_DRIVEN = f"no held-out recording has {HORIZON_S:.0f} s without a gap, so nothing was judged: nothing may be applied"
+NOT_DRIVEN = f"no held-out recording has {HORIZON_S:.0f} s without a gap to judge by: nothing may be applied"
 UNNAMED = (
     "what has no name is not in the corrected simulator; with it (--with-unnamed) the speed error of "
     "held-out free runs is {free:.3g} m/s instead of {after:.3g} m/s"
