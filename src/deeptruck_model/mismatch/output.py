@@ -116,7 +116,7 @@ def apply(directory: Path, out: Path) -> None:
             f"{directory} holds no readable verdict.json; "
             f"run 'deeptruck-model mismatch --out {directory}' first"
         ) from None
-    if not verdict.get("findings"):
+    if verdict.get("verdict") in ("nothing_missing", "undetermined"):
         raise InputError(f"in {directory} nothing was found that could be applied")
     if not verdict.get("fit", {}).get("validated"):
         raise InputError(

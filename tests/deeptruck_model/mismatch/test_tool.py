@@ -178,7 +178,11 @@ def test_what_does_not_belong_together_is_refused_in_one_line() -> None:
     without = replace(r, channels={k: v for k, v in r.channels.items() if k != "brake_command"})
     other = replace(r, interface=TruckInterface("volvo", "N m", "m/s^2"))
     slow = replace(r, dt=1.0)
-    for bad, says in ((without, "lacks brake_command"), (other, "brake_command in m/s"), (slow, "1 Hz")):
+    for bad, says in (
+        (without, "has no valid brake_command"),
+        (other, "brake_command in m/s"),
+        (slow, "1 Hz"),
+    ):
         with pytest.raises(InputError, match=says) as caught:
             mismatch.find_mismatch(TRUCK, [bad])
         assert "\n" not in str(caught.value)
