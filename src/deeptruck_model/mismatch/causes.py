@@ -16,11 +16,8 @@ Array = NDArray[np.float64]
 
 GROUP = 9.0  # nats within which two names count as not told apart, or ...
 GROUP_SHARE = 0.15  # of the gain: no form is quite right, and the larger an effect the more nats that costs
-
 GROUP_SHARE_SLOW = 0.25  # the same for what comes and goes as it likes
-GROUP_SHARE_RARE = (
-    0.35  # the same for what was seen in a few windows: any event looks much like another there
-)
+GROUP_SHARE_RARE = 0.35  # the same for what was seen in a few windows: one event looks like another there
 
 
 @dataclass(frozen=True)

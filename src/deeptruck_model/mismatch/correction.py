@@ -171,8 +171,6 @@ def shown(
     if made.unnamed is not None:
         named["free_model"] = made.unnamed
     errors = {name: free_windows(s, held_out, _horizon(held_out)) for name, s in named.items()}
-    short_s = min(INTERVAL_S, _horizon(held_out))
-    shorter = {name: free_windows(named[name], held_out, short_s) for name in COMPARED}
     windows = errors["before"].speed
     fit: dict[str, Any] = {
         "held_out": [p.recording.name for p in held_out],
@@ -180,6 +178,8 @@ def shown(
         "windows": len(windows),
     }
     if len(windows):
+        short_s = min(INTERVAL_S, _horizon(held_out))
+        shorter = {name: free_windows(named[name], held_out, short_s) for name in COMPARED}
         fit |= compare(errors, shorter) | {"improvement_horizon_s": short_s}
     if with_unnamed and made.unnamed is not None:
         fit["with_unnamed"] = True

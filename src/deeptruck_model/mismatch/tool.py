@@ -142,12 +142,12 @@ def _find(
     with_unnamed: bool,
     say: Callable[[str], None],
 ) -> Mismatch:
+    exclude = _excluded()
     say("checking the data")
     c = _checked(simulator, recordings, held_out)
     if c.useless:
         return _useless(c)
     say("driving the simulator along the recordings")
-    exclude = _excluded()
     e, x = _explained(simulator, c.prepared, c.held_out, seed, exclude, say)
     say("correcting the simulator and driving it free")
     x, (errors, corrected, fit) = correction.corrected_and_driven(

@@ -12,6 +12,12 @@ from deeptruck_model.mismatch.causes import Cause
 from deeptruck_model.mismatch.held_out_drives import in_vain
 
 
+def errors(*, after: float, tuned: float) -> dict[str, Any]:
+    """`fit` of a verdict, of a simulator whose own error is 0.1 m/s."""
+    values = {"before": 0.1, "after": after, "parameters_only": tuned}
+    return {name: {"speed_rmse": value} for name, value in values.items()}
+
+
 @pytest.mark.parametrize(
     ("gains", "after", "vain"),
     [((50.0, 30.0), 0.2, True), ((50.0,), 0.05, False), ((50.0, 90.0), 0.2, False), ((), 0.2, False)],
@@ -20,11 +26,7 @@ def test_what_is_weak_and_drives_worse_is_not_told(
     gains: tuple[float, ...], after: float, vain: bool
 ) -> None:
     causes = tuple(Cause("missing_physics", "headwind", g, 0.5, 0.9, np.zeros(1)) for g in gains)
-    fit = {
-        "before": {"speed_rmse": 0.1},
-        "after": {"speed_rmse": after},
-        "parameters_only": {"speed_rmse": 0.05},
-    }
+    fit = errors(after=after, tuned=0.05)
     explanation: Any = SimpleNamespace(causes=causes)
     assert in_vain(explanation, fit) == vain
     assert not in_vain(explanation, {})  # no held-out drive was long enough to tell
@@ -45,11 +47,7 @@ def test_a_weak_law_must_drive_better_than_other_parameters(
     """What comes and goes helps no other drive anyway."""
     shape: Any = SimpleNamespace(settings=settings)
     causes = (Cause("missing_physics", "load_slosh", 33.0, 0.5, 0.9, np.zeros(1), shape),)
-    fit = {
-        "before": {"speed_rmse": 0.1},
-        "after": {"speed_rmse": after},
-        "parameters_only": {"speed_rmse": 0.05},
-    }
+    fit = errors(after=after, tuned=0.05)
     explanation: Any = SimpleNamespace(causes=causes)
     assert in_vain(explanation, fit) == vain
 
@@ -58,20 +56,14 @@ def test_a_weak_law_must_drive_better_than_other_parameters(
 def test_what_comes_and_goes_must_help_other_drives_a_little(after: float, vain: bool) -> None:
     shape: Any = SimpleNamespace(settings={"knots": [4]})
     causes = (Cause("missing_physics", "dragging_brake", 84.0, 1.0, 0.9, np.zeros(1), shape),)
-    fit = {
-        name: {"speed_rmse": x} for name, x in {"before": 0.1, "after": after, "parameters_only": 0.1}.items()
-    }
+    fit = errors(after=after, tuned=0.1)
     explanation: Any = SimpleNamespace(causes=causes)
     assert in_vain(explanation, fit) == vain
 
 
 def test_a_slow_force_is_told_by_its_size_and_not_by_a_drive() -> None:
     slow = Cause("missing_physics", "road_grade", 0.0, 0.5, 0.9, np.zeros(1), needed={"road_grade": 0.01})
-    fit = {
-        "before": {"speed_rmse": 0.1},
-        "after": {"speed_rmse": 0.2},
-        "parameters_only": {"speed_rmse": 0.1},
-    }
+    fit = errors(after=0.2, tuned=0.1)
     explanation: Any = SimpleNamespace(causes=(slow,))
     assert not in_vain(explanation, fit)
 
@@ -79,10 +71,7 @@ def test_a_slow_force_is_told_by_its_size_and_not_by_a_drive() -> None:
 @pytest.mark.parametrize(("after", "vain"), [(0.05, False), (0.08, True)])
 def test_a_parameter_of_few_nats_needs_drives_that_show_it(after: float, vain: bool) -> None:
     causes = (Cause("parameter_error", "mass", 10.0, 0.5, 0.9, np.zeros(1)),)
-    fit = {
-        name: {"speed_rmse": x}
-        for name, x in {"before": 0.1, "after": after, "parameters_only": 0.05}.items()
-    }
+    fit = errors(after=after, tuned=0.05)
     explanation: Any = SimpleNamespace(causes=causes)
     assert in_vain(explanation, fit) == vain
 
@@ -94,11 +83,7 @@ def test_a_parameter_of_few_nats_needs_drives_that_show_it(after: float, vain: b
 def test_beside_a_learned_simulator_more_must_be_shown(gain: float, after: float, vain: bool) -> None:
     shape: Any = SimpleNamespace(settings={"knots": [4]})
     causes = (Cause("missing_physics", "road_surface", gain, 0.5, 0.9, np.zeros(1), shape),)
-    fit = {
-        "before": {"speed_rmse": 0.1},
-        "after": {"speed_rmse": after},
-        "parameters_only": {"speed_rmse": 0.05},
-    }
+    fit = errors(after=after, tuned=0.05)
     explanation: Any = SimpleNamespace(causes=causes)
     assert in_vain(explanation, fit, learned=True) == vain
     assert not in_vain(explanation, fit | {"after": {"speed_rmse": 0.09}})
