@@ -18,6 +18,7 @@ from deeptruck_model.mismatch.components import SENSITIVITY
 from deeptruck_model.mismatch.expression import Rerun, Stream
 from deeptruck_model.mismatch.levers import lever, turns
 from deeptruck_model.mismatch.mechanisms import KNOWN, build
+from deeptruck_model.mismatch.prepared import heard
 from deeptruck_model.mismatch.share import Shares
 from deeptruck_model.signals import ACCELERATION, SPEED, TruckInterface
 from deeptruck_model.simulators import MANIFEST, Run, Simulator
@@ -151,7 +152,7 @@ class CorrectedTruck:
         speed = np.where(held, 0.0, speed)
         y[:, ACCELERATION], y[:, SPEED] = (speed - state.speed) / self.dt, speed
         after = State(
-            self.base.force(inner, y),
+            self._feed(inner, y),
             (braked, memory),
             path,
             speed,
@@ -162,7 +163,11 @@ class CorrectedTruck:
         return after, y
 
     def force(self, state: State, y: Array) -> State:
-        return replace(state, base=self.base.force(state.base, y), speed=y[:, SPEED].copy())
+        return replace(state, base=self._feed(state.base, y), speed=y[:, SPEED].copy())
+
+    def _feed(self, inner: Any, y: Array) -> Any:
+        """The base truck's state, told y (batch, n_y); as along the recordings its forces were fitted to."""
+        return self.base.force(inner, heard(self.base, y))
 
     def inside(self, state: State) -> dict[str, Array]:
         return self.base.inside(state.base)

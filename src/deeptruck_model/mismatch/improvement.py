@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.levers import turns
-from deeptruck_model.mismatch.prepared import Prepared
+from deeptruck_model.mismatch.prepared import Prepared, fed
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Simulator
 
@@ -87,13 +87,13 @@ def _run(
             free[row, s + 1 : s + horizon] = True
     if isinstance(simulator, CorrectedTruck):
         simulator = simulator.along(_exogenous(prepared, used, length))
-    state = simulator.reset(y[:, 0])
+    state, known = simulator.reset(y[:, 0]), fed(simulator, y)
     out = y.copy()
     for k in range(length - 1):
         state, response = simulator.step(state, u[:, k], w[:, k])
         out[:, k + 1] = response
         if not free[:, k + 1].all():
-            mixed = np.where(free[:, k + 1, None], response, y[:, k + 1])
+            mixed = np.where(free[:, k + 1, None], response, known[:, k + 1])
             state = simulator.force(state, mixed)
     return out
 

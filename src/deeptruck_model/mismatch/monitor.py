@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch.components import TYPICAL_MASS
 from deeptruck_model.mismatch.evidence import DOUBT
 from deeptruck_model.mismatch.kinematics import noise_of
-from deeptruck_model.mismatch.prepared import MOVING, SETTLE_S, quantum
+from deeptruck_model.mismatch.prepared import MOVING, SETTLE_S, heard, quantum
 from deeptruck_model.mismatch.residual import JITTER_RUNS
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Simulator
@@ -179,11 +179,7 @@ class Monitor:
         response = np.tile(self._response(acceleration, speed), (JITTER_RUNS + 1, 1))
         response[1:, SPEED] += self._rng.normal(0.0, max(noise[0], LEAST_NOISE), JITTER_RUNS)
         response[:, SPEED] = np.maximum(response[:, SPEED], 0.0)
-        if (
-            not self._simulator.parameters()
-        ):  # a learned truck fed the acceleration would pass the mismatch on
-            response[:, ACCELERATION] = math.nan
-        self._state = self._simulator.force(self._state, response)
+        self._state = self._simulator.force(self._state, heard(self._simulator, response))
         return np.asarray(y[:, ACCELERATION])
 
     def _noise(self) -> Array:

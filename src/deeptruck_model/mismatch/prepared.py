@@ -82,7 +82,14 @@ def learned(simulator: Simulator, p: Prepared) -> Prepared:
 
 
 def fed(simulator: Simulator, y: Array) -> Array:
-    """What of the recorded response y (..., n_y) the simulator is fed.
+    """What of a recorded drive y (..., T, n_y) the simulator is fed; it starts from all of it."""
+    out = heard(simulator, y).copy()
+    out[..., 0, :] = y[..., 0, :]
+    return out
+
+
+def heard(simulator: Simulator, y: Array) -> Array:
+    """What of responses y (..., n_y) that are not its own the simulator is fed.
 
     A learned simulator that sees the acceleration it is to predict passes it on, and the mismatch with it; so
     it is fed speed alone.
@@ -91,7 +98,6 @@ def fed(simulator: Simulator, y: Array) -> Array:
         return y
     out = np.full_like(y, np.nan)
     out[..., SPEED] = y[..., SPEED]
-    out[..., 0, :] = y[..., 0, :]
     return out
 
 

@@ -11,6 +11,7 @@ import pytest
 from deeptruck_model import simulators, trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.corrected_truck import CorrectedTruck, Term
+from deeptruck_model.mismatch.prepared import fed
 from deeptruck_model.mismatch.share import Shares
 from deeptruck_model.signals import ACCELERATION, SPEED
 
@@ -42,6 +43,35 @@ class BlackBox:
 
     def parameters(self) -> dict[str, float]:
         return {}
+
+
+Told = tuple[object, np.ndarray]  # a truck's state, and what it was last told
+
+
+class Tracker(BlackBox):
+    """Half of the acceleration it answers with is the one it was last told: so do learned trucks."""
+
+    def __init__(self, truck: trucks.PhysicsTruck) -> None:
+        super().__init__(truck)
+        self.reset, self.step, self.force = self._reset, self._step, self._told
+
+    def _reset(self, y0: np.ndarray) -> Told:
+        return self._truck.reset(y0), y0
+
+    def _step(
+        self, state: tuple[object, np.ndarray], u: np.ndarray, w: np.ndarray
+    ) -> tuple[object, np.ndarray]:
+        inner, told = state
+        inner, y = self._truck.step(inner, u, w)
+        acceleration = 0.5 * (y[:, ACCELERATION] + told[:, ACCELERATION])
+        y = y.copy()
+        y[:, SPEED] = told[:, SPEED] + self.dt * acceleration
+        y[:, ACCELERATION] = acceleration
+        return (self._truck.force(inner, y), y), y
+
+    def _told(self, state: Told, y: np.ndarray) -> Told:
+        heard = np.where(np.isnan(y), state[1], y)
+        return (self._truck.force(state[0], heard), heard)
 
 
 def inputs(seconds: float = 60.0, batch: int = 2) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -134,6 +164,17 @@ def test_parameters_a_black_box_has_not_act_as_forces() -> None:
         - simulators.free_run(box, u, w, y0).y[0, -1, SPEED]
     )
     assert gained == pytest.approx(0.2 * 1e-3 * u[0, :-1, 0].mean() * 3.0, rel=0.1)
+
+
+def test_a_learned_truck_is_not_told_the_acceleration_that_was_corrected() -> None:
+    """Its forces were fitted along recordings of which it heard the speed alone; told the acceleration too,
+    it would pass the correction on and have it twice."""
+    u, w, y0 = inputs(20.0, 1)
+    y0[:, SPEED] = 25.0
+    box = Tracker(BASE)
+    y = simulators.free_run(CorrectedTruck(box, [STEADY], {}, SHARES, False), u, w, y0).y
+    alone = simulators.forced_run(box, u, w, fed(box, y)).y
+    np.testing.assert_allclose((y - alone)[0, 1:, ACCELERATION], -0.05, atol=1e-9)
 
 
 def test_channels_beside_the_protocol_come_from_along() -> None:
