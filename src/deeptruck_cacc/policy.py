@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 Observation = Mapping[str, Any]
 
 MANIFEST, WEIGHTS = "policy.json", "policy.safetensors"
+GO_ON = "make room and go on with --resume"
 
 
 @runtime_checkable
@@ -97,8 +98,17 @@ class MlpPolicy:
         return hidden @ weight.T + bias
 
     def save(self, path: str | Path) -> None:
-        """Write a policy directory (policy.json, policy.safetensors), whole or not at all."""
+        """Write a policy directory (policy.json, policy.safetensors), whole or not at all.
+
+        Raises InputError where it cannot be written.
+        """
         path = Path(path)
+        try:
+            self._write(path)
+        except OSError as error:
+            raise InputError(f"cannot write {path}: {error.strerror}; {GO_ON}") from None
+
+    def _write(self, path: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as scratch:
             folder = Path(scratch) / "policy"
