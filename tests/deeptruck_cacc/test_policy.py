@@ -112,6 +112,17 @@ def without(*keys: str) -> Callable[[Path], None]:
     return damage
 
 
+def changed(part: str, name: str, value: object) -> Callable[[Path], None]:
+    """Damage: another value in the manifest."""
+
+    def damage(path: Path) -> None:
+        manifest = json.loads((path / MANIFEST).read_text())
+        manifest[part][name] = value
+        (path / MANIFEST).write_text(json.dumps(manifest))
+
+    return damage
+
+
 def halved(name: str) -> Callable[[Path], None]:
     """Damage: half of a file."""
     return lambda path: os.truncate(path / name, (path / name).stat().st_size // 2)
@@ -126,6 +137,11 @@ def halved(name: str) -> Callable[[Path], None]:
         (without("features", "matrix"), "p/policy.json lacks 'features.matrix'"),
         (without("action", "engine_low"), "p/policy.json lacks 'action.engine_low'"),
         (without("features", "power"), "do not fit one another"),
+        (changed("features", "dt", 0.0), "p/policy.json has an impossible features.dt: it is damaged"),
+        (changed("features", "slow_s", 0.0), "p/policy.json has an impossible features.slow_s"),
+        (changed("action", "brake_high", -100.0), "p/policy.json has an impossible action"),
+        (changed("action", "engine_high", "much"), "do not fit one another"),
+        (changed("coverage", "speed", [float("nan"), 24.0]), "p/policy.json has an impossible coverage"),
         (lambda p: (p / WEIGHTS).write_bytes(b"xx"), "p/policy.safetensors is damaged"),
         (halved(WEIGHTS), "p/policy.safetensors is damaged"),
         (lambda p: (p / WEIGHTS).unlink(), "p/policy.safetensors is missing"),
