@@ -145,6 +145,10 @@ def beside_foresight(truck: str, policy: Path, seed: int) -> list[str]:
 
     each = np.array([sizes(path) for path in sorted((policy / "seeds").iterdir())])
     hard = np.flatnonzero((each > 0.1).any(axis=(0, 1)))
+    if not len(hard):
+        return [
+            "Behind a moving leader no seed leaves 0.1 s where power suffices, so foresight was not asked."
+        ]
     best = np.where(
         reach[:, hard], np.abs(bench_foresight.drive(simulator, bench_foresight.rows(scene, hard))), 0.0
     )

@@ -170,7 +170,7 @@ def recently(flags: NDArray[np.bool_], steps: int) -> NDArray[np.bool_]:
 def draw(truck: Simulator, policies: dict[str, Path], seed: int, path: Path) -> None:
     """Both pedals and the acceleration of the chosen seeds behind one leader, commands 0.1 s late."""
     figure, axes = plt.subplots(3, 1, figsize=(8, 6), sharex=True, layout="constrained")
-    rows = (("engine_command", "engine"), ("brake_command", "brake"), ("acceleration", "acceleration (m/s²)"))
+    rows = (("engine_command", "engine"), ("brake_command", "brake"), ("acceleration", "acceleration [m/s²]"))
     scale = ActionScale.of(truck)
     reach = {"engine_command": 0.01 * scale.engine_high, "brake_command": 0.01 * scale.brake_high}
     for says, policy in policies.items():
@@ -179,10 +179,10 @@ def draw(truck: Simulator, policies: dict[str, Path], seed: int, path: Path) -> 
         for (signal, _), axis in zip(rows, axes, strict=True):
             axis.plot(trace.time[shown], trace[signal][shown, 0] / reach.get(signal, 1.0), label=says, lw=1.2)
     for (signal, label), axis in zip(rows, axes, strict=True):
-        axis.set_ylabel(f"{label} (% of its reach)" if signal in reach else label)
+        axis.set_ylabel(f"{label} [% of its reach]" if signal in reach else label)
         axis.grid(alpha=0.3)
     axes[0].legend(ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False)
-    axes[-1].set_xlabel("time (s)")
+    axes[-1].set_xlabel("time [s]")
     figure.savefig(path, dpi=110)
     plt.close(figure)
 

@@ -165,16 +165,18 @@ def behind_moving_leaders(
 def draw(truck: Simulator, drivers: dict[str, Policy], seed: int, path: Path) -> None:
     """Both pedals over 20 s behind a steady leader, with the leader node's noise."""
     scene, scale = noisy(steady(seed, truck.dt), *NOISE[1], seed), ActionScale.of(truck)
-    figure, axes = plt.subplots(len(drivers), 1, figsize=(8, 4), sharex=True, sharey=True)
+    figure, axes = plt.subplots(
+        len(drivers), 1, figsize=(8, 4), sharex=True, sharey=True, layout="constrained"
+    )
     for (name, driver), axis in zip(drivers.items(), axes, strict=True):
         trace = roll_out(truck, guard(driver, shield=False), scene)
         shown = slice(round(40.0 / trace.dt), round(60.0 / trace.dt))
         for pedal, reach in (("engine", scale.engine_high), ("brake", scale.brake_high)):
             axis.plot(trace.time[shown], 100 * trace[f"{pedal}_command"][shown, 0] / reach, label=pedal)
-        axis.set(title=name, ylabel="% of its reach")
-    axes[-1].legend(loc="upper right")
-    axes[-1].set_xlabel("time (s)")
-    figure.tight_layout()
+        axis.set_title(name, loc="left")
+        axis.set_ylabel("command [% of reach]")
+    axes[0].legend(ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False)
+    axes[-1].set_xlabel("time [s]")
     figure.savefig(path, dpi=110)
     plt.close(figure)
 

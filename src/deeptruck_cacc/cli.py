@@ -74,6 +74,10 @@ def train(
     check_target(out)
     if (out / "policy.json").exists() and not (resume or overwrite):
         raise InputError(f"{out} holds a policy already; choose another --out, or add --overwrite")
+    if training.begun(out) and not (resume or overwrite):
+        raise InputError(
+            f"{out} is an unfinished training; add --resume to go on with it, or --overwrite to begin anew"
+        )
     config = _config(trainer, seed, seeds, iterations, scene, memory)
     if resume and training.finished(out, trainer=trainer.value, config=config, source=simulator):
         typer.echo(f"{out}: finished before, with this simulator and these arguments; nothing was left to do")
@@ -137,6 +141,8 @@ def export(
     loaded = load_policy(policy)
     if not isinstance(loaded, MlpPolicy):
         raise InputError(f"{policy} is not a trained policy; only those have an ONNX form")
+    if out.exists() and out.suffix != ".onnx":
+        raise InputError(f"{out} exists and is no .onnx file; choose another --out")
     export_onnx(loaded, out)
     typer.echo(f"{out}: written")
 

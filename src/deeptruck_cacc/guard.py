@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from deeptruck_cacc.baselines import baseline
 from deeptruck_cacc.policy import MlpPolicy, Observation, Policy, load_policy
-from deeptruck_cacc.scaling import ActionScale
+from deeptruck_cacc.scaling import ActionScale, require
 from deeptruck_cacc.shield import Promise, Shield
 from deeptruck_cacc.truck_limits import known
 from deeptruck_model.signals import TruckInterface
@@ -95,7 +95,11 @@ class Guard:
         self._away = None
 
     def act(self, observation: Observation) -> tuple[Array, Array]:
-        """(engine_command, brake_command) in the interface's units, each (batch,)."""
+        """(engine_command, brake_command) in the interface's units, each (batch,).
+
+        Raises InputError for an observation that lacks a signal.
+        """
+        require(observation)
         seen = self._tracker(observation)
         # Near standstill a time gap is no distance: the truck then aims for `standstill_m`.
         least = self.standstill_m / np.maximum(seen["speed"], 0.5)

@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 Observation = Mapping[str, Any]
 
 MANIFEST, WEIGHTS = "policy.json", "policy.safetensors"
+GO_ON = "make room and go on with --resume"
 
 
 @runtime_checkable
@@ -97,8 +98,17 @@ class MlpPolicy:
         return hidden @ weight.T + bias
 
     def save(self, path: str | Path) -> None:
-        """Write a policy directory (policy.json, policy.safetensors), whole or not at all."""
+        """Write a policy directory (policy.json, policy.safetensors), whole or not at all.
+
+        Raises InputError where it cannot be written.
+        """
         path = Path(path)
+        try:
+            self._write(path)
+        except OSError as error:
+            raise InputError(f"cannot write {path}: {error.strerror}; {GO_ON}") from None
+
+    def _write(self, path: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as scratch:
             folder = Path(scratch) / "policy"
@@ -195,16 +205,31 @@ def _fields(manifest: Mapping[str, Any], key: str, kind: type, beside: str) -> d
 
 
 def _tried(policy: MlpPolicy, path: Path) -> MlpPolicy:
-    """The policy, if its parts fit one another and make commands."""
+    """The policy, if its numbers are possible and its parts fit one another and make commands."""
     try:
+        wrong = _impossible(policy)
         fits = policy.layers[0][0].shape[1] == len(policy.features.names) and len(policy.layers[-1][1]) == 2
-        works = fits and np.isfinite(policy.act(TYPICAL)).all()
+        works = bool(wrong) or (fits and np.isfinite(policy.act(TYPICAL)).all())
     except (IndexError, TypeError, ValueError):
-        works = False
+        works, wrong = False, []
+    if wrong:
+        raise InputError(f"{path / MANIFEST} has an impossible {wrong[0]}: it is damaged; {AGAIN}")
     if not works:
         raise InputError(f"{path / WEIGHTS} and {MANIFEST} do not fit one another; {AGAIN}")
     policy.reset()
     return policy
+
+
+def _impossible(policy: MlpPolicy) -> list[str]:
+    """Entries of the manifest whose numbers no policy can have."""
+    scale = policy.scale
+    possible = {
+        "features.dt": 0 < policy.dt < math.inf,
+        "features.slow_s": 0 < policy.features.slow_s < math.inf,
+        "action": scale.engine_low < scale.engine_high and scale.brake_high >= 0,
+        "coverage": all(low <= high for low, high in policy.coverage.values()),
+    }
+    return [name for name, fine in possible.items() if not fine]
 
 
 def read_manifest(path: Path) -> dict[str, Any]:

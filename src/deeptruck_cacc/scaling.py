@@ -30,15 +30,20 @@ _MATRIX = np.array(
 _OFFSET = np.array([0.0, -15 / 7.0, 0.0, -50 / 30.0, 0.0])
 
 
+def require(observation: Mapping[str, Any]) -> None:
+    """Raises InputError for an observation that lacks a signal; the grade may be absent."""
+    missing = [name for name in OBSERVED[:4] if name not in observation]
+    if missing:
+        raise InputError(f"observation lacks {', '.join(missing)}; a policy needs {', '.join(OBSERVED)}")
+
+
 def paper_signals(observation: Mapping[str, Any]) -> Array:
     """The paper's observation [v_leader, v_ego, gap, v_ego * Tg, grade], (batch, 5), from a dict of OBSERVED.
 
     Entries may be scalars or (batch,); grade may be absent or NaN (a truck without the sensor) and counts
     as 0.
     """
-    missing = [name for name in OBSERVED[:4] if name not in observation]
-    if missing:
-        raise InputError(f"observation lacks {', '.join(missing)}; a policy needs {', '.join(OBSERVED)}")
+    require(observation)
     leader_speed, speed, gap, time_gap = (np.asarray(observation[name], float) for name in OBSERVED[:4])
     grade = np.nan_to_num(np.asarray(observation.get("grade", 0.0), float))
     columns = np.broadcast_arrays(leader_speed, speed, gap, speed * time_gap, grade)

@@ -35,7 +35,11 @@ def sweep(
     if trainer not in TRAINERS:
         raise InputError(f"there is no trainer '{trainer}'; known: {', '.join(TRAINERS)}")
     out = Path(out).resolve()
-    chosen = sweeps.combinations(grid, _config(trainer), f"the {trainer} trainer")
+    if out.exists() and not out.is_dir():
+        raise InputError(f"{out} is a file; give a folder for the policies")
+    chosen = list(sweeps.combinations(grid, _config(trainer), f"the {trainer} trainer"))
+    for settings in chosen:
+        _config(trainer)(**settings)  # each is refused before the first is trained
     jobs = [(simulator, str(out / sweeps.name(settings)), trainer, settings) for settings in chosen]
     for done in sweeps.run(_train, jobs, workers=workers, engine=engine):
         tell(f"{done}: trained")

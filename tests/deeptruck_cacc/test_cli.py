@@ -136,3 +136,22 @@ def test_a_run_that_was_to_replace_a_policy_goes_on_after_a_kill(monkeypatch, ca
     assert checkpoint.exists()
     assert run(monkeypatch, *small, "--seed", "3", "--resume") == 0
     assert load_policy(tmp_path / "p").card["seed"] == 3
+
+
+def test_a_killed_training_is_not_begun_anew_unasked(monkeypatch, capsys, tmp_path, small):
+    run(monkeypatch, *small)
+    (tmp_path / "p" / "policy.json").unlink()  # as if killed before the end
+    capsys.readouterr()
+    assert run(monkeypatch, *small) == 2
+    assert "is an unfinished training; add --resume to go on with it" in capsys.readouterr().err
+    assert run(monkeypatch, *small, "--resume") == 0
+
+
+def test_an_export_replaces_nothing_but_an_onnx_file(monkeypatch, capsys, tmp_path, small):
+    run(monkeypatch, *small)
+    thesis, onnx = tmp_path / "thesis.tex", tmp_path / "p.onnx"
+    thesis.write_text("x")
+    assert run(monkeypatch, "export", str(tmp_path / "p"), "--out", str(thesis)) == 2
+    assert "thesis.tex exists and is no .onnx file" in capsys.readouterr().err and thesis.read_text() == "x"
+    for _ in range(2):
+        assert run(monkeypatch, "export", str(tmp_path / "p"), "--out", str(onnx)) == 0

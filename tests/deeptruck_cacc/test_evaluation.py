@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import json
 from dataclasses import replace
 
@@ -38,6 +39,21 @@ def test_a_file_in_the_way_is_refused(toy, cacc, tmp_path):
     (tmp_path / "e").write_text("x")
     with pytest.raises(InputError, match="is a file"):
         evaluate(cacc, toy, tmp_path / "e")
+
+
+def test_a_disk_that_fills_leaves_the_evaluation_that_was_there(toy, cacc, tmp_path, monkeypatch):
+    evaluate(cacc, toy, tmp_path / "e", rollouts=2)
+    before = {path.name: path.read_bytes() for path in (tmp_path / "e").iterdir()}
+    drawn = report.figures.field_run
+
+    def full(*arguments: object, **options: object) -> None:
+        drawn(*arguments, **options)
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(report.figures, "field_run", full)
+    with pytest.raises(InputError, match=f"cannot write {tmp_path}/e: No space left on device; make room"):
+        evaluate(cacc, toy, tmp_path / "e", rollouts=3)
+    assert {path.name: path.read_bytes() for path in (tmp_path / "e").iterdir()} == before
 
 
 def test_error_statistics_of_known_numbers():

@@ -60,5 +60,22 @@ def test_a_run_is_drawn_with_units_and_its_legends_outside(drawn, tmp_path):
     interface = TruckInterface("mine", engine_unit="percent", brake_unit="m/s^2")
     figure = drawn(figures.field_run, trace, "long following", tmp_path / "x.png", interface)
     labels = {axis.get_ylabel() for axis in figure.axes}
-    assert {"engine command (percent)", "brake command (m/s^2)"} <= labels
+    assert {"engine command [percent]", "brake command [m/s²]"} <= labels
+    assert_legends_are_outside(figure)
+
+
+def test_error_bands_name_their_units_and_keep_their_legend_outside(drawn, tmp_path):
+    scene = long_following(np.random.default_rng(0), 3, 100, 0.1)
+    names = ("gap", "time_gap_error", "speed_error")
+    trace = Trace(0.1, scene, {name: np.ones((100, 3)) for name in names})
+    figure = drawn(figures.error_bands, trace, "paper: 3 rollouts", tmp_path / "x.png")
+    assert [axis.get_ylabel() for axis in figure.axes] == ["time-gap error [s]", "speed error [m/s]"]
+    assert_legends_are_outside(figure)
+
+
+def test_amplification_says_which_controller_outside_the_curves(drawn, tmp_path):
+    row = {"frequency_hz": [0.01, 0.1], "worst_speed_amplification": [1.0, 0.5]}
+    row["worst_gap_error_amplification"] = [1.0, 0.2]
+    rows = dict.fromkeys(("policy, V2V", "policy, radar", "acc", "cacc"), row)
+    figure = drawn(figures.amplification, rows, tmp_path / "x.png")
     assert_legends_are_outside(figure)

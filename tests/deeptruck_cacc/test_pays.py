@@ -165,3 +165,9 @@ def test_unknown_names_are_refused(tmp_path, monkeypatch, capsys):
     with pytest.raises(SystemExit) as ended:
         cli.main()
     assert ended.value.code == 2 and "haste" in capsys.readouterr().err
+
+
+def test_a_file_in_the_way_is_refused(tmp_path):
+    (tmp_path / "f").write_text("x")
+    with pytest.raises(InputError, match="f is a file; give a folder"):
+        pays(tmp_path / "f")

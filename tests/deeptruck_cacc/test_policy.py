@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import json
 import os
 import subprocess
@@ -15,6 +16,7 @@ from safetensors.numpy import save_file
 
 from deeptruck_cacc import CaccEnv, MlpPolicy, Policy, load_policy, scenes
 from deeptruck_cacc.baselines import LAWS, baseline
+from deeptruck_cacc.guard import load_controller
 from deeptruck_cacc.pedals import PedalMap
 from deeptruck_cacc.policy import MANIFEST, WEIGHTS
 from deeptruck_cacc.scaling import ActionScale, FeatureMap
@@ -110,6 +112,17 @@ def without(*keys: str) -> Callable[[Path], None]:
     return damage
 
 
+def changed(part: str, name: str, value: object) -> Callable[[Path], None]:
+    """Damage: another value in the manifest."""
+
+    def damage(path: Path) -> None:
+        manifest = json.loads((path / MANIFEST).read_text())
+        manifest[part][name] = value
+        (path / MANIFEST).write_text(json.dumps(manifest))
+
+    return damage
+
+
 def halved(name: str) -> Callable[[Path], None]:
     """Damage: half of a file."""
     return lambda path: os.truncate(path / name, (path / name).stat().st_size // 2)
@@ -124,6 +137,11 @@ def halved(name: str) -> Callable[[Path], None]:
         (without("features", "matrix"), "p/policy.json lacks 'features.matrix'"),
         (without("action", "engine_low"), "p/policy.json lacks 'action.engine_low'"),
         (without("features", "power"), "do not fit one another"),
+        (changed("features", "dt", 0.0), "p/policy.json has an impossible features.dt: it is damaged"),
+        (changed("features", "slow_s", 0.0), "p/policy.json has an impossible features.slow_s"),
+        (changed("action", "brake_high", -100.0), "p/policy.json has an impossible action"),
+        (changed("action", "engine_high", "much"), "do not fit one another"),
+        (changed("coverage", "speed", [float("nan"), 24.0]), "p/policy.json has an impossible coverage"),
         (lambda p: (p / WEIGHTS).write_bytes(b"xx"), "p/policy.safetensors is damaged"),
         (halved(WEIGHTS), "p/policy.safetensors is damaged"),
         (lambda p: (p / WEIGHTS).unlink(), "p/policy.safetensors is missing"),
@@ -137,6 +155,26 @@ def test_a_damaged_directory_is_one_clear_line(tmp_path, damage, says):
         load_policy(tmp_path / "p")
     line = str(error.value)
     assert says in line and "\n" not in line and line.count("train") == 1
+
+
+def test_a_full_disk_is_one_line_and_leaves_the_policy_that_was_there(tmp_path, monkeypatch):
+    random_policy().save(tmp_path / "p")
+    before = (tmp_path / "p" / WEIGHTS).read_bytes()
+
+    def full(path: Path, content: bytes) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(InputError, match=f"cannot write {tmp_path}/p: No space left on device; make room"):
+        random_policy(power=True).save(tmp_path / "p")
+    assert [path.name for path in tmp_path.iterdir()] == ["p"]
+    assert (tmp_path / "p" / WEIGHTS).read_bytes() == before
+
+
+def test_an_observation_without_a_signal_says_which(tmp_path):
+    random_policy().save(tmp_path / "p")
+    with pytest.raises(InputError, match="observation lacks gap; a policy needs leader_speed"):
+        load_controller(tmp_path / "p").act({"leader_speed": 20.0, "speed": 20.0, "target_time_gap": 2.0})
 
 
 def test_a_policy_for_another_truck_is_refused(tmp_path):

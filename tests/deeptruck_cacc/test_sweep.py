@@ -6,6 +6,7 @@ import sys
 import pytest
 
 from deeptruck_cacc import cli, load_policy, sweep
+from deeptruck_model.errors import InputError
 
 TINY = {"iterations": [2], "rollouts": [2], "window": [20], "seeds": [2]}
 TRUCK = "truck:trucksim"
@@ -34,6 +35,11 @@ def test_another_process_gives_the_same(tmp_path):
         (["--set", "speed=3"], "no setting 'speed'"),
         (["--set", "memory"], "write it as"),
         (["--set", "iterations=many"], "cannot have iterations=many"),
+        (["--set", "learning_rate=0.003,-1"], "learning_rate is -1; it must be 0 to 1e+30"),
+        (["--set", "window=-5"], "window is -5; it must be at least 3"),
+        (["--set", "seeds=0"], "seeds is 0; it must be at least 1"),
+        (["--trainer", "trpo", "--set", "gamma=2"], "gamma is 2; it must be 0 to 1"),
+        (["--trainer", "trpo", "--set", "value_share=NaN"], "value_share is nan; it must be 0 to 1"),
     ],
 )
 def test_bad_settings_are_one_line(monkeypatch, capsys, tmp_path, options, says):
@@ -43,3 +49,9 @@ def test_bad_settings_are_one_line(monkeypatch, capsys, tmp_path, options, says)
         cli.main()
     assert ended.value.code == 2 and says in capsys.readouterr().err
     assert not (tmp_path / "s").exists()
+
+
+def test_a_file_in_the_way_is_refused(tmp_path):
+    (tmp_path / "s").write_text("x")
+    with pytest.raises(InputError, match="s is a file; give a folder"):
+        sweep.sweep(TRUCK, tmp_path / "s", TINY)

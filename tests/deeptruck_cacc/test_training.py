@@ -12,7 +12,7 @@ from deeptruck_cacc.pedals import PedalMap
 from deeptruck_cacc.reward import Reward
 from deeptruck_cacc.rollouts import roll_out
 from deeptruck_cacc.scaling import ActionScale, FeatureMap
-from deeptruck_cacc.training import analytic, train, trpo, validation
+from deeptruck_cacc.training import analytic, progress, train, trpo, validation
 from deeptruck_cacc.training.network import SeedBatch
 from deeptruck_cacc.training.road import Road
 from deeptruck_model import exclusive
@@ -269,3 +269,14 @@ def test_scores_count_only_what_the_task_allows():
     speed = zero + 0.3
     got = validation.scores(scene, 0.1, zero, speed, np.zeros(scene.batch))
     np.testing.assert_allclose(got, np.repeat([0.3, 0.0, 0.3], [16, 16, 8]))
+
+
+def test_a_learning_curve_that_cannot_be_written_says_how_to_go_on(tmp_path):
+    log = progress.Log(tmp_path, 0)
+    (tmp_path / "learning_curve.jsonl").unlink()
+    (tmp_path / "learning_curve.jsonl").mkdir()
+    with pytest.raises(
+        InputError, match=r"cannot write .*learning_curve.jsonl: .*; make room and go on with"
+    ):
+        log.write(0, {"cost": [1.0]})
+    log.close()

@@ -10,7 +10,7 @@ import numpy as np
 
 from deeptruck_cacc.evaluation import metrics
 from deeptruck_cacc.rollouts import Trace
-from deeptruck_model.signals import TruckInterface
+from deeptruck_model.signals import TruckInterface, printed
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
@@ -21,7 +21,7 @@ def error_bands(trace: Trace, title: str, path: Path) -> None:
     """Time-gap and speed error over time: min/max dashed, sd shaded, mean."""
     figure, axes = plt.subplots(2, 1, figsize=(7, 5), sharex=True, layout="constrained")
     for axis, name, label in zip(
-        axes, ("time_gap_error", "speed_error"), ("time-gap error (s)", "speed error (m/s)"), strict=True
+        axes, ("time_gap_error", "speed_error"), ("time-gap error [s]", "speed error [m/s]"), strict=True
     ):
         band = metrics.over_time(trace[name])
         axis.fill_between(
@@ -37,9 +37,9 @@ def error_bands(trace: Trace, title: str, path: Path) -> None:
         axis.plot(trace.time, band["max"], "k--", lw=0.8)
         axis.axhline(0.0, color="0.6", lw=0.5)
         axis.set_ylabel(label)
-    axes[0].legend(loc="upper right", ncols=3, fontsize="small")
-    axes[0].set_title(title, fontsize="medium")
-    axes[1].set_xlabel("time (s)")
+    _legend_above(axes[0], 3)
+    axes[0].set_title(title, fontsize="medium", loc="left")
+    axes[1].set_xlabel("time [s]")
     _save(figure, path)
 
 
@@ -50,19 +50,19 @@ def field_run(trace: Trace, title: str, path: Path, interface: TruckInterface, r
     t = trace.time
     axes[0].plot(t, trace["leader_speed"][:, row], "k", label="leader")
     axes[0].plot(t, trace["speed"][:, row], "tab:blue", label="truck")
-    axes[0].set_ylabel("speed (m/s)")
+    axes[0].set_ylabel("speed [m/s]")
     wanted = trace.scene.time_gap[row]
     axes[1].plot(t, trace["time_gap_error"][:, row] + wanted, "tab:blue", label="time gap")
     axes[1].axhline(wanted, color="k", lw=0.8, label="wanted")
-    axes[1].set_ylabel("time gap (s)")
+    axes[1].set_ylabel("time gap [s]")
     axes[2].plot(t, trace["engine_command"][:, row], "tab:green", label="engine command")
     brake = axes[2].twinx()
     brake.plot(t, trace["brake_command"][:, row], "tab:red", lw=0.8)
-    brake.set_ylabel(f"brake command ({interface.unit('brake_command')})", color="tab:red")
-    axes[2].set_ylabel(f"engine command ({interface.unit('engine_command')})", color="tab:green")
-    axes[3].plot(t, 100 * trace.scene.grade[row], "0.4", label="grade (%)")
-    axes[3].plot(t, trace["acceleration"][:, row], "tab:blue", lw=0.8, label="acceleration (m/s²)")
-    axes[3].set_xlabel("time (s)")
+    brake.set_ylabel(f"brake command [{printed(interface.unit('brake_command'))}]", color="tab:red")
+    axes[2].set_ylabel(f"engine command [{printed(interface.unit('engine_command'))}]", color="tab:green")
+    axes[3].plot(t, 100 * trace.scene.grade[row], "0.4", label="grade [%]")
+    axes[3].plot(t, trace["acceleration"][:, row], "tab:blue", lw=0.8, label="acceleration [m/s²]")
+    axes[3].set_xlabel("time [s]")
     for axis in (axes[0], axes[1], axes[3]):
         _legend_above(axis, 2)
     axes[0].set_title(title, fontsize="medium", loc="left")
@@ -92,14 +92,14 @@ def learning_curve(runs: list[list[dict[str, Any]]], path: Path) -> None:
 
 def amplification(rows: dict[str, dict[str, Any]], path: Path) -> None:
     """String stability: amplification of speed and gap error along a platoon, by frequency."""
-    figure, axes = plt.subplots(1, 2, figsize=(9, 3.8), sharex=True, layout="constrained")
+    figure, axes = plt.subplots(1, 2, figsize=(9, 4), sharex=True, layout="constrained")
     for name, row in rows.items():
         for axis, key in zip(axes, ("speed", "gap_error"), strict=True):
             axis.semilogx(row["frequency_hz"], row[f"worst_{key}_amplification"], ".-", label=name)
     for axis, label in zip(axes, ("speed", "gap error"), strict=True):
         axis.axhline(1.0, color="k", lw=0.8)
-        axis.set(xlabel="frequency (Hz)", ylabel=f"worst amplification of {label}")
-    axes[0].legend(fontsize="small")
+        axis.set(xlabel="frequency [Hz]", ylabel=f"worst amplification of {label}")
+    _legend_above(axes[1], len(rows))
     _save(figure, path)
 
 

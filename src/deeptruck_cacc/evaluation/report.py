@@ -19,7 +19,7 @@ from deeptruck_cacc.pedals import PedalMap
 from deeptruck_cacc.policy import Policy, load_policy
 from deeptruck_cacc.rollouts import Trace, roll_out
 from deeptruck_cacc.scenes import Scene
-from deeptruck_model import simulators
+from deeptruck_model import simulators, whole_file
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 from deeptruck_model.simulators import Simulator
@@ -50,11 +50,11 @@ def evaluate(
     hard_scenes.HARD, heavier and lighter trucks where the simulator has a mass, recorded leaders where the
     data is present, every baseline (on a pedal map calibrated on this simulator) and platoons. `shield`
     puts the guard in between, with a promise measured on the simulator. `draw` False leaves the scenes'
-    figures out. Raises InputError for an `out` that is a file.
+    figures out. `out` is written as a whole or not at all. Raises InputError for an `out` that is a file or
+    cannot be written.
     """
     out = Path(out)
-    if out.exists() and not out.is_dir():
-        raise InputError(f"{out} is a file; give a folder for the figures")
+    _check_folder(out)
     truck = simulators.load(simulator) if isinstance(simulator, str) else simulator
     driver = load_policy(policy, truck.interface) if isinstance(policy, str) else policy
     if abs(driver.dt - truck.dt) > 1e-9:
@@ -66,8 +66,6 @@ def evaluate(
     sets = {name: _drive(driver, *case) for name, case in cases.items()}
     # What a heavier truck could have reached is asked of its own pedals.
     own = {name: pedals if on is truck else PedalMap.calibrate(on) for name, (on, _) in cases.items()}
-    for name, trace in sets.items() if draw else ():
-        _draw(name, trace, truck.interface, out)
     results: dict[str, Any] = {
         "schema": 1,
         "policy": str(policy) if isinstance(policy, str) else type(policy).__name__,
@@ -76,12 +74,17 @@ def evaluate(
         "shield": shield,
         "sets": {name: _row(name, trace, own[name]) for name, trace in sets.items()},
     }
-    if isinstance(policy, str):
-        _draw_learning(Path(policy), out)
     if full:
         results["baselines"] = _baselines(truck, pedals, rollouts, seed)
-        results["platoon"] = _platoons(truck, driver, pedals, out)
-    _write(results, out)
+        results["platoon"] = _platoons(truck, driver, pedals)
+    with whole_file.together(out) as draft:
+        for name, trace in sets.items() if draw else ():
+            _draw(name, trace, truck.interface, draft)
+        if full:
+            figures.amplification(results["platoon"], draft / "string_stability.png")
+        if isinstance(policy, str):
+            _draw_learning(Path(policy), draft)
+        _write(results, draft)
     return results
 
 
@@ -101,9 +104,17 @@ def evaluate_seeds(policy: str | Path, simulator: str, out: str | Path, **option
     sets = {name: _worst([result["sets"][name] for result in each.values()]) for name in first["sets"]}
     results = {**first, "policy": f"{policy}, worst of {len(each)} seeds", "sets": sets}
     results["seeds"] = {name: result["sets"] for name, result in each.items()}
-    _draw_learning(Path(policy), Path(out))
-    _write(results, Path(out))
+    with whole_file.together(Path(out)) as draft:
+        _draw_learning(Path(policy), draft)
+        _write(results, draft)
     return results
+
+
+def _check_folder(out: Path) -> None:
+    """Before minutes of driving, whether what comes of it can be written."""
+    if out.exists() and not out.is_dir():
+        raise InputError(f"{out} is a file; give a folder for the figures")
+    whole_file.check_folder(out)
 
 
 def _worst(rows: list[Any]) -> Any:
@@ -134,10 +145,7 @@ def _whole_lines(path: Path) -> list[dict[str, Any]]:
 
 
 def _write(results: dict[str, Any], out: Path) -> None:
-    out.mkdir(parents=True, exist_ok=True)
-    draft = out / ".metrics.json"
-    draft.write_text(json.dumps(results, indent=1) + "\n")
-    draft.replace(out / "metrics.json")
+    (out / "metrics.json").write_text(json.dumps(results, indent=1) + "\n")
 
 
 def _cases(
@@ -197,14 +205,13 @@ def _baselines(truck: Simulator, pedals: PedalMap, rollouts: int, seed: int) -> 
     return table
 
 
-def _platoons(truck: Simulator, driver: Policy, pedals: PedalMap, out: Path) -> dict[str, Any]:
+def _platoons(truck: Simulator, driver: Policy, pedals: PedalMap) -> dict[str, Any]:
     rows = {
         f"policy, {'V2V' if v2v else 'radar'}": platoon.string_stability(truck, driver, v2v=v2v)
         for v2v in (True, False)
     }
     for law in ("acc", "cacc"):
         rows[law] = platoon.string_stability(truck, baseline(law, truck.interface, pedals, truck.dt))
-    figures.amplification(rows, out / "string_stability.png")
     return rows
 
 

@@ -78,13 +78,15 @@ def pays(
     """Run the cases and write `out`/pays.json, pays.md and pays.png; a killed run goes on where it stopped.
 
     Drives, verdicts, simulators and policies stay under `out`/work. Raises InputError for an unknown effect
-    or recipe.
+    or recipe, or an `out` that is a file.
     """
     unknown = [n for n in effects if n not in CASES] + [n for n in recipes if n not in RECIPES]
     if unknown:
         known = ", ".join([*CASES, *RECIPES])
         raise InputError(f"there is no effect or recipe '{unknown[0]}'; known: {known}")
     out = Path(out)
+    if out.exists() and not out.is_dir():
+        raise InputError(f"{out} is a file; give a folder")
     results: dict[str, Any] = {}
     for name in effects:
         results[name] = _case(name, CASES[name], out / "work", recipes, effort, tell)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from deeptruck_cacc.policy import MlpPolicy
 from deeptruck_cacc.reward import Reward
 from deeptruck_cacc.scaling import ActionScale, FeatureMap
 from deeptruck_cacc.scenes import Scene
-from deeptruck_cacc.training import progress, validation
+from deeptruck_cacc.training import limits, progress, validation
 from deeptruck_cacc.training.identity import identity_of
 from deeptruck_cacc.training.network import SeedBatch
 from deeptruck_cacc.training.road import Road, Traffic, detach
@@ -31,6 +32,10 @@ from deeptruck_model.simulators import Simulator
 
 # From random weights much must change; a start that already follows is only thrown off by such steps.
 FOLLOWER_RATE, RANDOM_RATE = 3e-4, 6e-3
+LIMITS = {
+    "seed": (0, inf), "seeds": (1, inf), "rollouts": (1, inf), "iterations": (0, inf), "window": (3, inf),
+    "windows": (1, inf), "learning_rate": (0, limits.MOST_RATE), "clip": (0, inf), "validate_every": (1, inf),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -59,6 +64,10 @@ class AnalyticConfig:
     """slow features (see FeatureMap) and never both pedals; False is the paper's memoryless policy"""
     validate_every: int = 15
     """iterations between validations"""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for a value that no run can have."""
+        limits.check(self, LIMITS)
 
 
 def train(

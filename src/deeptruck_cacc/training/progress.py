@@ -15,6 +15,7 @@ from safetensors.torch import load_file
 from safetensors.torch import save as to_bytes
 from torch import Tensor
 
+from deeptruck_cacc.policy import GO_ON
 from deeptruck_cacc.training.identity import CHECKPOINT, differences, refuse_another
 from deeptruck_model import whole_file
 from deeptruck_model.errors import InputError
@@ -24,7 +25,7 @@ def save_checkpoint(out: Path, tensors: dict[str, Tensor], facts: dict[str, Any]
     """Tensors and plain facts in one file, so that a kill leaves either the old checkpoint or the new one."""
     whole = {name: t.detach().contiguous() for name, t in tensors.items()}
     content = to_bytes(whole, {"facts": json.dumps(facts)})
-    whole_file.write(out / CHECKPOINT, content, "make room and go on with --resume")
+    whole_file.write(out / CHECKPOINT, content, GO_ON)
 
 
 def load_checkpoint(out: Path, identity: dict[str, Any]) -> tuple[dict[str, Tensor], dict[str, Any]] | None:
@@ -93,8 +94,11 @@ class Log:
 
     def write(self, iteration: int, values: dict[str, Any]) -> None:
         """One line and one point each; of a list (a value for each seed) the mean is charted."""
-        with self._path.open("a") as file:
-            file.write(json.dumps({"iteration": iteration, **values}) + "\n")
+        try:
+            with self._path.open("a") as file:
+                file.write(json.dumps({"iteration": iteration, **values}) + "\n")
+        except OSError as error:
+            raise InputError(f"cannot write {self._path}: {error.strerror}; {GO_ON}") from None
         for name, value in values.items():
             point = sum(value) / len(value) if isinstance(value, list) else value
             self._board.add_scalar(name, point, iteration)

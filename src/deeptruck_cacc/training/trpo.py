@@ -8,6 +8,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +21,14 @@ from deeptruck_cacc import scenes
 from deeptruck_cacc.faces import CaccSb3VecEnv
 from deeptruck_cacc.policy import MlpPolicy
 from deeptruck_cacc.reward import Reward
-from deeptruck_cacc.training import progress, validation
+from deeptruck_cacc.training import limits, progress, validation
 from deeptruck_cacc.training.identity import identity_of
 from deeptruck_model.simulators import Simulator
+
+LIMITS = {
+    "seed": (0, inf), "iterations": (1, inf), "environments": (1, inf), "path": (2, inf), "gamma": (0, 1),
+    "gae_lambda": (0, 1), "target_kl": (0, inf), "log_std": (-10, 10), "validate_every": (1, inf),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -51,6 +57,10 @@ class TrpoConfig:
     """the paper's policy has none"""
     validate_every: int = 10
     """iterations between validations and checkpoints"""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for a value that no run can have."""
+        limits.check(self, LIMITS)
 
 
 def train(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from deeptruck_cacc.environment import CaccEnv
 from deeptruck_cacc.policy import MlpPolicy
 from deeptruck_cacc.reward import Reward
 from deeptruck_cacc.scaling import FeatureMap
-from deeptruck_cacc.training import paths, progress, validation
+from deeptruck_cacc.training import limits, paths, progress, validation
 from deeptruck_cacc.training.identity import identity_of
 from deeptruck_cacc.training.natural_gradient import Gaussian, improve
 from deeptruck_cacc.training.stacked import StackedMlp
@@ -31,6 +32,10 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.simulators import Simulator
 
 HIDDEN = (25, 25, 25)
+LIMITS = {
+    "seeds": (1, inf), "curvature_share": (0, 1), "value_share": (0, 1), "value_rate": (0, limits.MOST_RATE),
+    "value_batch": (1, inf), "value_passes": (0, inf),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -49,6 +54,11 @@ class TrpoSeedsConfig(TrpoConfig):
     """states of one of its updates, for each seed"""
     value_passes: int = 10
     """as sb3-contrib's"""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for a value that no run can have."""
+        super().__post_init__()
+        limits.check(self, LIMITS)
 
 
 def train(
