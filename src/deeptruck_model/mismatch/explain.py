@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from deeptruck_model.mismatch.bursts import bursts
 from deeptruck_model.mismatch.causes import Cause, Explanation
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.free_law import LeftOver, left_over
@@ -41,6 +42,8 @@ def explain(search: Search) -> Explanation:
     left = _beyond_its_own(search, left_over(search, model))
     causes = _causes(search, model, null, left)
     causes = _with_slow_force(search, model, left.free, causes)
+    if all(c.kind != "missing_physics" for c in causes):
+        causes = _with_bursts(search, model, causes)
     return Explanation(
         tuple(causes), model, parameters_only, null, left.free, left.gain, left.lawful, ranking
     )
@@ -176,6 +179,16 @@ def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list
         if c.effect != "unknown" or effect != "unknown"
     ]
     return _in_order([*rest, cause])
+
+
+def _with_bursts(search: Search, model: Model, causes: list[Cause]) -> list[Cause]:
+    """Beside parameters, what acts in bursts as nothing does that has a name."""
+    found = bursts(search, model)
+    if found is None:
+        return causes
+    share = found.gain / (found.gain + sum(c.gain for c in causes))
+    rest = [replace(c, share=c.share * (1 - share)) for c in causes]
+    return _in_order([*rest, replace(found, share=share)])
 
 
 def _follows_anything_slow(cause: Cause) -> bool:

@@ -116,7 +116,9 @@ def _now_and_then(search: Search, base: Model, bare: Model) -> Model:
     spans = intermittent.windows(search.e, base) if search.e.own_error == 0 else []
     if not spans:
         return base
-    tried = [m for m in intermittent.candidates(search, base, spans) if practical(search, m, m.named[-1])]
+    narrow = intermittent.narrowed(search, base, spans)
+    tried = [m for where in (spans, narrow) for m in intermittent.candidates(search, base, where)]
+    tried = [m for m in tried if practical(search, m, m.named[-1])]
     best = max(tried, key=lambda m: m.score, default=base)
     least = ENOUGH_RARE + _beside(search, best) * (base.score - bare.score)
     return best if best.score > base.score + least else base

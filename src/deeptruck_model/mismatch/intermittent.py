@@ -12,7 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.mechanisms import Mechanism, Shape, build, comes_and_goes, held_steady
+from deeptruck_model.mismatch.mechanisms import (
+    UNNAMED,
+    Mechanism,
+    Shape,
+    build,
+    comes_and_goes,
+    held_steady,
+    shape,
+)
 from deeptruck_model.mismatch.screening import screen_shapes
 from deeptruck_model.mismatch.search import TEMPER, Model, Search
 
@@ -25,10 +33,12 @@ PLAIN = 6.5  # sd by which the mean over a window must be off
 LARGEST = 6.0  # a single sample counts as no more than this
 AROUND_S = 1.5
 CREEPING = 2.5  # m/s: slower, idling engines and slipping clutches turn on a hair of speed
-MOST = 0.06  # share of the time; beyond, it is no exception
+MOST = 0.2  # share of the time; beyond, it is no exception
 PER_WINDOW = 6.0  # nats: the price of having looked for it
 FITTED = 6
-ALWAYS = ("clock_offset", "grade_bias")  # a clock or a sensor is off always or not at all
+SUDDEN = 0.5  # m/s^2, prior sd of a force without a name
+# A clock or a sensor is off always or not at all, and loads and tyres change for longer than a window.
+ALWAYS = ("clock_offset", "grade_bias", "payload_change", "rolling_resistance_warmup")
 
 
 def windows(e: Evidence, model: Model) -> list[Span]:
@@ -65,18 +75,68 @@ def _spans(e: Evidence, inside: Mask) -> list[Span]:
     return out
 
 
-def during(shape: Shape, spans: list[Span], e: Evidence) -> Shape:
+def narrowed(search: Search, model: Model, spans: list[Span]) -> list[Span]:
+    """The spans without what is around them: where what the model leaves is off from one step to another.
+
+    What sets in and lets go at once tells its name by how it acts in between; steps that come late hide it.
+    """
+    e = search.e
+    left = np.where(e.valid, e.residual - search.prediction(model), 0.0) / search.series.relative
+    left /= max(1.4826 * float(np.median(np.abs(left[e.valid]))), 1e-9)
+    inside = np.zeros(len(e), dtype=bool)
+    for i, first, last in spans:
+        rows = np.flatnonzero((e.record == i) & (e["elapsed"] >= first) & (e["elapsed"] <= last))
+        for begin, end in steps(left[rows]):
+            inside[rows[begin:end]] = True
+    return _spans(e, inside)
+
+
+def steps(left: Array) -> list[tuple[int, int]]:
+    """Pieces [begin, end) of a series (n,) in units of its noise whose sums stand out most: one, then others
+    before and after it (circular binary segmentation, Olshen et al., Biostatistics 5, 2004, in its simplest
+    form)."""
+    if len(left) < 2:
+        return []
+    total = np.concatenate([[0.0], np.cumsum(left)])
+    count = np.arange(len(total))
+    width = np.maximum(count[None, :] - count[:, None], 1)
+    stands_out = np.triu(np.abs(total[None, :] - total[:, None]) / np.sqrt(width), 2)
+    begin, end = (int(k) for k in np.unravel_index(np.argmax(stands_out), stands_out.shape))
+    if stands_out[begin, end] < PLAIN:
+        return []
+    after = [(end + b, end + c) for b, c in steps(left[end:])]
+    return [*steps(left[:begin]), *_without_pauses(left, begin, end), *after]
+
+
+def _without_pauses(left: Array, begin: int, end: int) -> list[tuple[int, int]]:
+    """The piece [begin, end) without those parts of it in which less than half of it is left."""
+    inside = left[begin:end]
+    mean = float(inside.mean())
+    pauses = [(b, c) for b, c in steps(inside - mean) if np.sign(mean) * inside[b:c].mean() < abs(mean) / 2]
+    edges = [begin, *(begin + k for pause in pauses for k in pause), end]
+    return [(b, c) for b, c in zip(edges[::2], edges[1::2], strict=True) if c - b > 1]
+
+
+def during(given: Shape, spans: list[Span], e: Evidence) -> Shape:
     """The shape confined to the spans."""
     record, elapsed = e.record, e["elapsed"]
     inside = np.zeros(len(e))
     for i, first, last in spans:
         inside[(record == i) & (elapsed >= first) & (elapsed <= last)] = 1.0
-    settings = shape.settings | {"when": [list(span) for span in spans]}
-    parts = tuple(build(shape.mechanism, settings))
-    trials = shape.trials * float(np.exp(PER_WINDOW / TEMPER * len(spans)))
+    settings = given.settings | {"when": [list(span) for span in spans]}
+    parts = tuple(build(given.mechanism, settings))
+    trials = given.trials * float(np.exp(PER_WINDOW / TEMPER * len(spans)))
     return replace(
-        shape, settings=settings, parts=parts, columns=shape.columns * inside[:, None], trials=trials
+        given, settings=settings, parts=parts, columns=given.columns * inside[:, None], trials=trials
     )
+
+
+def unnamed(search: Search, spans: list[Span]) -> Shape:
+    """A force without a name in the spans alone, of any size and sign in each."""
+    steady = held_steady(search.shapes(UNNAMED)[0], search.e)
+    each = {"parts": [steady.settings | {"when": [list(span)]} for span in spans]}
+    made = during(shape(UNNAMED, each, search.e), spans, search.e)
+    return replace(made, prior=replace(made.prior, sd=np.full(len(spans), SUDDEN)))
 
 
 def _steady(search: Search, mechanism: Mechanism) -> list[Shape]:
@@ -92,7 +152,6 @@ def candidates(search: Search, base: Model, spans: list[Span]) -> list[Model]:
 
     What has a size of its own in every recording, or a curve of its own, is too free for a few windows.
     """
-    best: dict[str, Model] = {}
     options = [
         during(s, spans, search.e)
         for mechanism in search.library
@@ -100,12 +159,24 @@ def candidates(search: Search, base: Model, spans: list[Span]) -> list[Model]:
         for s in _steady(search, mechanism)
     ]
     seen = [s for s in options if np.abs(s.columns[search.e.valid]).max(initial=0.0) > 1e-6]
-    for _, shape in screen_shapes(search, base, seen):
-        effect = shape.mechanism.effect
-        if effect in best or len(best) < FITTED:
-            model = search.model((*base.named, shape), base.free, base.fit)
-            if effect not in best or model.score > best[effect].score:
-                best[effect] = model
-        if len(best) == FITTED:
-            break
+    best = _fitted(search, base, seen, {}, None)
+    if best:  # noise that has swallowed the windows hides names for them
+        best = _fitted(search, base, seen, best, max(best.values(), key=lambda m: m.score))
     return sorted(best.values(), key=lambda m: -m.score)
+
+
+def _fitted(
+    search: Search, base: Model, options: list[Shape], best: dict[str, Model], leader: Model | None
+) -> dict[str, Model]:
+    """The best model of each of the first FITTED names, and of those in `best`; from the noise of the leader
+    where there is one."""
+    best, new = dict(best), set[str]()
+    for _, option in screen_shapes(search, base, options, leader):
+        effect = option.mechanism.effect
+        if effect not in new and len(new) >= FITTED:
+            continue
+        new.add(effect)
+        model = search.model((*base.named, option), base.free, (leader or base).fit, again=leader is not None)
+        if effect not in best or model.score > best[effect].score:
+            best[effect] = model
+    return best

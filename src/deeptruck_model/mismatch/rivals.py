@@ -40,7 +40,7 @@ def named_cause(search: Search, model: Model, shape: Shape) -> Cause:
     gain = model.score - base.score
     instead = _instead_of(search, base, shape)
     own = model.score - (max(SLOW_PRICE, SLOW_SHARE * gain) if comes_and_goes(shape) else 0.0)
-    own -= price(search, search.model((*base.named, shape), model.free, model.fit))
+    own -= price(search, search.model((*base.named, shape), base.free | model.free, model.fit))
     rivals = sorted(((n, own - _paid(search, base, m, own)) for n, m in instead), key=lambda rival: rival[1])
     odds = 1.0 + sum(np.exp(-worse / TEMPER) for _, worse in rivals) + np.exp(-gain / TEMPER)
     lawless = _lawless(search, model, shape)
@@ -106,9 +106,14 @@ def _lawless(search: Search, model: Model, shape: Shape) -> Model | None:
     A name for such a force says how it acts, with speed squared or with the pull; one that acts otherwise is
     told by this alone.
     """
-    if not comes_and_goes(shape) or search.e.own_error > 0:
+    if search.e.own_error > 0:
         return None  # a learned truck follows slow forces in part, so that none of them acts as it should
     others = tuple(n for n in model.named if n is not shape)
+    if "when" in shape.settings:
+        spans = [(int(i), first, last) for i, first, last in shape.settings["when"]]
+        return search.model((*others, intermittent.unnamed(search, spans)), model.free, model.fit)
+    if not comes_and_goes(shape):
+        return None
     base = search.model(others, model.free, model.fit)
     scored = screen_shapes(search, base, search.shapes(UNNAMED))[:2]
     options = [enriched(search, search.model((*others, s), model.free, model.fit)) for _, s in scored]

@@ -68,14 +68,14 @@ def _again(road: RoadLock | None) -> str:
 
 def comes_and_goes(cause: Cause, e: Evidence) -> dict[str, Any]:
     """An unknown force that no signal predicts and that acts like none of the known ones."""
+    near = f"; nearest name: {cause.nearest}, which does not explain how it acts" if cause.nearest else ""
     return {
-        "says": f"{UNNAMED.says}: {strength(cause, e)}; nearest name: {cause.nearest}, "
-        "which does not explain how it acts",
+        "says": f"{UNNAMED.says}: {strength(cause, e)}{near}",
         "equation": UNNAMED.equation,
         "parameters": {},
         "would_be_told_by": UNNAMED.told_by,
         "depends_on": list(UNNAMED.depends_on),
-        "nearest": cause.nearest,
+        **({"nearest": cause.nearest} if cause.nearest else {}),
     }
 
 

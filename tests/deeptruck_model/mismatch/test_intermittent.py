@@ -43,3 +43,39 @@ def test_what_sticks_now_and_then_is_named_and_acts_nowhere_else(stuck: Evidence
     assert "seen now and then alone" in from_cause(found.causes[0], stuck, found, {}).data["says"]
     near = np.convolve(STUCK, np.ones(61), mode="same") > 0
     assert np.abs(found.causes[0].force[~near]).max() < 1e-9
+
+
+def test_windows_are_narrowed_to_where_the_force_itself_acts(stuck: Evidence) -> None:
+    search = Search(stuck)
+    model = search.background(())
+    spans = intermittent.narrowed(search, model, intermittent.windows(stuck, model))
+    assert [round(x) for _, first, last in spans for x in (first, last)] == [
+        300,
+        306,
+        201,
+        209,
+    ]  # of the second drive, which begins at 600 s
+
+
+def test_pauses_are_left_out_and_steps_of_other_sizes_are_kept() -> None:
+    force = np.zeros(200)
+    force[40:80], force[80:90], force[100:120] = 2.0, 6.0, 2.0
+    noise = np.random.default_rng(0).normal(0.0, 0.5, 200)
+    pieces = intermittent.steps(force + noise)
+    inside = np.zeros(200, dtype=bool)
+    for begin, end in pieces:
+        inside[begin:end] = True
+    assert (inside == (force > 0)).mean() > 0.97
+    assert intermittent.steps(noise) == [] and intermittent.steps(noise[:1]) == []
+
+
+def test_bursts_that_follow_nothing_are_unknown(nothing_missing: Evidence) -> None:
+    """Each of another size and sign, a sixteenth of the time: more than rare, and no name's."""
+    rng, force = np.random.default_rng(1), np.zeros(len(nothing_missing))
+    for start in range(60, len(force) - 60, 250):
+        begin = start + int(rng.integers(0, 60))
+        force[begin : begin + int(rng.integers(8, 22))] = rng.choice([-1.0, 1.0]) * rng.uniform(0.3, 0.9)
+    e = replace(nothing_missing, residual=nothing_missing.residual + force)
+    (cause,) = explain(Search(e)).causes
+    assert cause.effect == "unknown" and cause.lawless
+    assert np.corrcoef(cause.force, force)[0, 1] > 0.9
