@@ -17,7 +17,7 @@ def bursts(search: Search, model: Model) -> Cause | None:
     None where it is little, or the simulator a learned one, whose own error comes in bursts too.
     """
     e = search.e
-    spans = intermittent.windows(e, model) if e.own_error == 0 else []
+    spans = intermittent.windows(e, model, intermittent.MOST) if e.own_error == 0 else []
     spans = intermittent.narrowed(search, model, spans)
     if not spans:
         return None

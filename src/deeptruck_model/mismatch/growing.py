@@ -11,6 +11,7 @@ from deeptruck_model.mismatch.search import Model, Search
 from deeptruck_model.mismatch.worth_saying import (
     ENOUGH,
     SLOW_PRICE,
+    SLOW_SHARE,
     enough,
     practical,
     price,
@@ -59,21 +60,25 @@ def grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], .
             break
         base = weakest
     base = _settled(search, _exchanged(search, base))
-    return max(_rare(search, base, bare), key=lambda m: m.score - _for_coming(m)), ranking
+    return max(_rare(search, base, bare), key=lambda m: m.score - _for_freedom(m, bare)), ranking
 
 
 def _rare(search: Search, base: Model, bare: Model) -> list[Model]:
     """The model with what acts in a few windows alone, and the same without what comes and goes, whose knots
     follow such windows too."""
     lasting = tuple(s for s in base.named if not comes_and_goes(s))
-    found = _now_and_then(search, base, bare)
+    most = intermittent.MOST_BESIDE if base.named else intermittent.MOST
+    found = _now_and_then(search, base, bare, most)
     if found is not base or len(lasting) == len(base.named):
         return [found]
-    return [base, _now_and_then(search, search.background(lasting), bare)]
+    return [base, _now_and_then(search, search.background(lasting), bare, intermittent.MOST_BESIDE)]
 
 
-def _for_coming(model: Model) -> float:
-    return SLOW_PRICE if any(comes_and_goes(s) for s in model.named) else 0.0
+def _for_freedom(model: Model, bare: Model) -> float:
+    """Nats by which what comes and goes must do better, and what acts in windows that were chosen for it."""
+    coming = SLOW_PRICE if any(comes_and_goes(s) for s in model.named) else 0.0
+    chosen = SLOW_SHARE if any("when" in s.settings for s in model.named) else 0.0
+    return coming + chosen * (model.score - bare.score)
 
 
 def _settled(search: Search, model: Model) -> Model:
@@ -111,9 +116,9 @@ def _beside(search: Search, model: Model) -> float:
     return APART + (BESIDE - APART) * together
 
 
-def _now_and_then(search: Search, base: Model, bare: Model) -> Model:
-    """Add a mechanism that acts in a few windows alone, where one explains them."""
-    spans = intermittent.windows(search.e, base) if search.e.own_error == 0 else []
+def _now_and_then(search: Search, base: Model, bare: Model, most: float) -> Model:
+    """Add a mechanism that acts in a few windows alone, `most` of the time, where one explains them."""
+    spans = intermittent.windows(search.e, base, most) if search.e.own_error == 0 else []
     if not spans:
         return base
     narrow = intermittent.narrowed(search, base, spans)

@@ -33,7 +33,8 @@ PLAIN = 6.5  # sd by which the mean over a window must be off
 LARGEST = 6.0  # a single sample counts as no more than this
 AROUND_S = 1.5
 CREEPING = 2.5  # m/s: slower, idling engines and slipping clutches turn on a hair of speed
-MOST = 0.2  # share of the time; beyond, it is no exception
+MOST_BESIDE = 0.06  # share of the time; beyond, it is no exception
+MOST = 0.2  # the same where nothing has a name, whose form would leave something over in windows too
 PER_WINDOW = 6.0  # nats: the price of having looked for it
 FITTED = 6
 SUDDEN = 0.5  # m/s^2, prior sd of a force without a name
@@ -41,8 +42,9 @@ SUDDEN = 0.5  # m/s^2, prior sd of a force without a name
 ALWAYS = ("clock_offset", "grade_bias", "payload_change", "rolling_resistance_warmup")
 
 
-def windows(e: Evidence, model: Model) -> list[Span]:
-    """Spans in which the innovations of a model are off together; none where they are no exception."""
+def windows(e: Evidence, model: Model, most: float = MOST_BESIDE) -> list[Span]:
+    """Spans in which the innovations of a model are off together; none where they are no exception, which may
+    be `most` of the time."""
     z = np.clip(np.nan_to_num(model.fit.innovations), -LARGEST, LARGEST)
     known = np.isfinite(model.fit.innovations)
     off = np.zeros(len(e), dtype=bool)
@@ -53,7 +55,7 @@ def windows(e: Evidence, model: Model) -> list[Span]:
         off |= (np.abs(np.convolve(z, kernel, mode="same")) > PLAIN * np.sqrt(count)) & (count >= width / 2)
     off &= ~_near_other_gear(e) & (e["speed"] > CREEPING)
     near = np.convolve(off, np.ones(2 * round(AROUND_S / e.dt) + 1), mode="same") > 0.5
-    if not off.any() or near[e.valid].mean() > MOST:
+    if not off.any() or near[e.valid].mean() > most:
         return []
     return _spans(e, near)
 
