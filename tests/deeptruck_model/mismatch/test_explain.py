@@ -11,6 +11,7 @@ import pytest
 from deeptruck_model.mismatch import explain, growing
 from deeptruck_model.mismatch.causes import Cause
 from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.intermittent import MOST, MOST_BESIDE
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape, comes_and_goes
 from deeptruck_model.mismatch.search import Search
 
@@ -56,11 +57,14 @@ def test_what_is_left_of_a_force_that_comes_and_goes_may_be_that_force(
 def test_few_windows_are_sought_without_what_comes_and_goes_too(
     nothing_missing: Evidence, gusts: Shape, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(growing, "_now_and_then", lambda search, base, bare: base)
+    asked = []
+    monkeypatch.setattr(growing, "_now_and_then", lambda search, base, bare, most: asked.append(most) or base)
     search = Search(nothing_missing)
     bare, coming = search.background(()), search.background((gusts,))
     assert growing._rare(search, bare, bare) == [bare]
+    assert asked == [MOST]
     assert growing._rare(search, coming, bare) == [coming, bare]
+    assert asked == [MOST, MOST_BESIDE, MOST_BESIDE]  # beside names, whose forms leave something over
 
 
 def test_an_engine_brake_whose_stages_nobody_told_acts_where_the_engine_is_asked_for_nothing(
