@@ -26,18 +26,6 @@ HORIZON_S = 40.0
 INTERVAL_S = 20.0  # of free runs whose improvement has an interval: twice as many as of HORIZON_S
 COMPARED = ("before", "parameters_only", "after")
 FOLDS = 3  # of the recordings that are not held out, to choose what goes in
-NOT_BETTER = "the corrected simulator does not predict the held-out recordings better: nothing may be applied"
-NOT_DRIVEN = f"no held-out recording has {HORIZON_S:.0f} s without a gap to judge by: nothing may be applied"
-UNNAMED = (
-    "what has no name is not in the corrected simulator; with it (--with-unnamed) the speed error of "
-    "held-out free runs is {free:.3g} m/s instead of {after:.3g} m/s"
-)
-TUNED = (
-    "with other parameters the speed error of held-out free runs is {tuned:.3g} m/s instead of "
-    "{before:.3g} m/s, though none of them is surely wrong"
-)
-NOTICED = 0.7  # of the error, below which other parameters are worth a word where nothing was found
-HELPS = 0.9  # of the error, below which what has no name is worth asking for
 
 
 @dataclass(frozen=True)
@@ -214,17 +202,4 @@ def corrected_and_driven(
     return x, shown(simulator, correct(simulator, e, x, fitted), held_out, with_unnamed)
 
 
-def caveats(fit: dict[str, Any], found: bool, with_unnamed: bool) -> list[str]:
-    """What to know before the corrected simulator is applied."""
-    refused = NOT_BETTER if fit.get("windows") else NOT_DRIVEN
-    out = [refused] if found and not fit["validated"] else []
-    before, tuned = fit.get("before"), fit.get("parameters_only")
-    if not found and before and tuned and tuned["speed_rmse"] < NOTICED * before["speed_rmse"]:
-        out.append(TUNED.format(before=before["speed_rmse"], tuned=tuned["speed_rmse"]))
-    free, after = fit.get("free_model"), fit.get("after")
-    if free and after and not with_unnamed and free["speed_rmse"] < HELPS * after["speed_rmse"]:
-        out.append(UNNAMED.format(after=after["speed_rmse"], free=free["speed_rmse"]))
-    return out
-
-
-__all__ = ["HORIZON_S", "caveats", "correct", "corrected", "corrected_and_driven", "shown"]
+__all__ = ["HORIZON_S", "correct", "corrected", "corrected_and_driven", "shown"]

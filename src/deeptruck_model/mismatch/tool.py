@@ -22,6 +22,7 @@ from deeptruck_model.mismatch import (
     locate,
     manoeuvres,
     own_error,
+    validation_words,
 )
 from deeptruck_model.mismatch.causes import Explanation
 from deeptruck_model.mismatch.corrected_truck import CorrectedTruck
@@ -167,7 +168,7 @@ def _find(
         "regimes": [vars(r) for r in regimes],
         "fit": fit,
         "data": _data(c, e, x, found),
-        "caveats": [*c.caveats, *correction.caveats(fit, bool(causes), with_unnamed)],
+        "caveats": [*c.caveats, *validation_words.caveats(fit, bool(causes), with_unnamed)],
     }
     return Mismatch(verdict, e, x, tuple(found), tuple(segments), errors, corrected, c.prepared)
 

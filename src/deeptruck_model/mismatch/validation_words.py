@@ -26,6 +26,19 @@ UNSTATED = (
     "be stated: more recordings may tell."
 )
 EQUAL = "So these drives do not tell which of the two predicts better."
+NOT_BETTER = "the corrected simulator does not predict the held-out recordings better: nothing may be applied"
+NOT_DRIVEN = "no held-out recording has 40 s without a gap to judge by: nothing may be applied"
+UNNAMED = (
+    "what has no name is not in the corrected simulator; with it (--with-unnamed) the speed error of "
+    "held-out free runs is {free:.3g} m/s instead of {after:.3g} m/s"
+)
+TUNED = (
+    "with other parameters the speed error of held-out free runs is {tuned:.3g} m/s instead of "
+    "{before:.3g} m/s, though none of them is surely wrong"
+)
+NOTICED = 0.7  # of the error, below which other parameters are worth a word where nothing was found, and ...
+NOTICED_M_S = 0.1  # by how much they must help
+HELPS = 0.9  # of the error, below which what has no name is worth asking for
 
 
 def said(fit: dict[str, Any]) -> list[str]:
@@ -79,3 +92,21 @@ def _change(ci: Sequence[float]) -> str:
 def _resampled(fit: dict[str, Any]) -> str:
     runs = f"free runs of {fit['improvement_horizon_s']:.0f} s"
     return f"recordings, in {runs}" if len(fit["held_out"]) >= LEAST_RESAMPLED else runs
+
+
+def _helped_by_others(fit: dict[str, Any]) -> bool:
+    before, tuned = fit["before"]["speed_rmse"], fit["parameters_only"]["speed_rmse"]
+    return bool(tuned < min(NOTICED * before, before - NOTICED_M_S))
+
+
+def caveats(fit: dict[str, Any], found: bool, with_unnamed: bool) -> list[str]:
+    """What to know before the corrected simulator is applied."""
+    refused = NOT_BETTER if fit.get("windows") else NOT_DRIVEN
+    out = [refused] if found and not fit["validated"] else []
+    if not found and "before" in fit and _helped_by_others(fit):
+        before, tuned = fit["before"], fit["parameters_only"]
+        out.append(TUNED.format(before=before["speed_rmse"], tuned=tuned["speed_rmse"]))
+    free, after = fit.get("free_model"), fit.get("after")
+    if free and after and not with_unnamed and free["speed_rmse"] < HELPS * after["speed_rmse"]:
+        out.append(UNNAMED.format(after=after["speed_rmse"], free=free["speed_rmse"]))
+    return out

@@ -169,16 +169,3 @@ def test_a_truck_with_laws_can_be_kept(nothing_missing: Evidence, tmp_path: Path
     truck.save(tmp_path / "kept")
     again = simulators.load(tmp_path / "kept")
     assert isinstance(again, CorrectedTruck) and again.terms == truck.terms
-
-
-@pytest.mark.parametrize(
-    ("free", "asked", "told"), [(0.2, False, True), (0.48, False, False), (0.2, True, False)]
-)
-def test_that_the_unnamed_would_help_is_told_to_whoever_did_not_ask(
-    free: float, asked: bool, told: bool
-) -> None:
-    fit = {"validated": True, "after": {"speed_rmse": 0.5}, "free_model": {"speed_rmse": free}}
-    caveats = correction.caveats(fit, True, asked)
-    assert any("--with-unnamed" in c and "0.2 m/s instead of 0.5" in c for c in caveats) == told
-    assert correction.caveats({"validated": False, "windows": 5}, True, asked) == [correction.NOT_BETTER]
-    assert correction.caveats({"validated": False, "windows": 0}, True, asked) == [correction.NOT_DRIVEN]

@@ -55,3 +55,32 @@ def test_the_first_sentence_owns_up() -> None:
     assert "where refitted parameters alone" not in page_text.sentence(v)
     v["fit"] |= {"improvement_over_parameters_ci95": [-0.5, -0.1], "parameters_only": {"speed_rmse": 0.05}}
     assert page_text.sentence(v).endswith("to 0.1 m/s, where refitted parameters alone reach 0.05.")
+
+
+@pytest.mark.parametrize(
+    ("free", "asked", "told"), [(0.2, False, True), (0.48, False, False), (0.2, True, False)]
+)
+def test_that_the_unnamed_would_help_is_told_to_whoever_did_not_ask(
+    free: float, asked: bool, told: bool
+) -> None:
+    fit = {"validated": True, "after": {"speed_rmse": 0.5}, "free_model": {"speed_rmse": free}}
+    caveats = validation_words.caveats(fit, True, asked)
+    assert any("--with-unnamed" in c and "0.2 m/s instead of 0.5" in c for c in caveats) == told
+    assert validation_words.caveats({"validated": False, "windows": 5}, True, asked) == [
+        validation_words.NOT_BETTER
+    ]
+    assert validation_words.caveats({"validated": False, "windows": 0}, True, asked) == [
+        validation_words.NOT_DRIVEN
+    ]
+
+
+@pytest.mark.parametrize(
+    ("before", "tuned", "found", "told"),
+    [(0.8, 0.4, False, True), (0.8, 0.6, False, False), (0.12, 0.06, False, False), (0.8, 0.4, True, False)],
+)
+def test_where_nothing_was_found_and_other_parameters_drive_better_that_is_said(
+    before: float, tuned: float, found: bool, told: bool
+) -> None:
+    errors = {"before": {"speed_rmse": before}, "parameters_only": {"speed_rmse": tuned}}
+    said = validation_words.caveats({"validated": True, "after": errors["before"], **errors}, found, False)
+    assert any("0.4 m/s instead of 0.8 m/s" in line for line in said) == told
