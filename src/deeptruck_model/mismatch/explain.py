@@ -136,6 +136,8 @@ def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list
     e = search.e
     if any(c.effect in SLOW_NAMES or c.lawless or _follows_anything_slow(c) for c in causes):
         return causes
+    if e.own_error > 0 and e.has("grade"):
+        return causes  # it has slopes as an input: what is slow and left is its own error as likely
     residual = e.residual - search.prediction(model) - left.prediction
     found = _beside_a_learned_truck(e) if e.own_error > 0 else None
     if found is None:
@@ -197,8 +199,7 @@ def _follows_anything_slow(cause: Cause) -> bool:
 
 def _beside_a_learned_truck(e: Evidence) -> SlowForce | None:
     """A slow force that a learned truck follows and a line through the recordings does not."""
-    # where slopes are recorded a learned truck has them as an input, and follows nothing in their place
-    line = None if e.has("grade") else plain_truck(e)
+    line = plain_truck(e)
     if line is None:
         return None
     known = np.isfinite(line.left)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,6 +15,7 @@ from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.intermittent import MOST, MOST_BESIDE
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape, comes_and_goes
 from deeptruck_model.mismatch.search import Search
+from deeptruck_model.mismatch.slow_force import SlowForce
 
 
 def cause(e: Evidence, gain: float = 200.0, shape: Shape | None = None) -> Cause:
@@ -52,6 +54,30 @@ def test_what_is_left_of_a_force_that_comes_and_goes_may_be_that_force(
     names = explain._perhaps_the_same(cause(nothing_missing, shape=gusts))
     assert [n for n, _ in names] == ["dragging_brake", "headwind"]
     assert explain._perhaps_the_same(cause(nothing_missing)) == ()
+
+
+@pytest.mark.parametrize(
+    ("own_error", "slopes", "told"),
+    [(0.0, True, "torque_derate"), (0.03, True, None), (0.03, False, "road_grade")],
+)
+def test_a_slow_force_beside_a_learned_truck_is_its_own_where_slopes_are_recorded(
+    nothing_missing: Evidence,
+    monkeypatch: pytest.MonkeyPatch,
+    own_error: float,
+    slopes: bool,
+    told: str | None,
+) -> None:
+    e = replace(nothing_missing, own_error=own_error, itself=nothing_missing)
+    if slopes:
+        e = replace(e, signals=e.signals | {"grade": np.zeros(len(e))})
+    slow = SlowForce(
+        0.1 * np.sin(np.arange(len(e)) / 300.0), 0.07, {"road_grade": 0.007, "torque_derate": 0.1}
+    )
+    monkeypatch.setattr(explain, "slow_force", lambda *found: slow)
+    search = Search(e)
+    left: Any = SimpleNamespace(prediction=np.zeros(len(e)))
+    causes = explain._with_slow_force(search, search.background(()), left, [])
+    assert [c.effect for c in causes] == ([told] if told else [])
 
 
 def test_few_windows_are_sought_without_what_comes_and_goes_too(
