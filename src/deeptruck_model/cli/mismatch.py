@@ -1,4 +1,4 @@
-"""`deeptruck-model mismatch`, `apply` and `prove`."""
+"""`deeptruck-model mismatch`, `apply`, `road` and `prove`."""
 
 from __future__ import annotations
 
@@ -66,6 +66,26 @@ def apply(
     print(f"corrected simulator in {out}")
 
 
+def road(
+    directory: Annotated[Path, typer.Argument(help="Folder that 'mismatch' wrote.")],
+    recordings: Annotated[list[Path], typer.Argument(help="The bags it was run on, without a grade.")],
+    out: Annotated[Path, typer.Option(help="New bag.")],
+) -> None:
+    """Write recordings again with the slope that was recovered as their grade, to train a truck on it.
+
+    Example: deeptruck-model road found a b c --out with_road
+    """
+    from deeptruck_model import recordings as rec
+    from deeptruck_model.mismatch.recovered_road import Roads, with_road
+
+    roads = Roads.read(directory)
+    made, left_out = with_road(roads, [r for bag in recordings for r in rec.read(bag)])
+    rec.write_bag(out, made, interface=made[0].interface)
+    print(f"{len(made)} recordings with a grade in {out}")
+    if left_out:
+        print(f"  note: left out, as no slope was told of them: {', '.join(left_out)}")
+
+
 def prove(
     out: Annotated[Path, typer.Option(help="Folder for the cases, proof.md, scoreboard.json and figures.")],
     level: Annotated[
@@ -100,6 +120,7 @@ def register(app: typer.Typer) -> None:
     """Add this room's commands to the console script."""
     app.command()(mismatch)
     app.command()(apply)
+    app.command()(road)
     app.command()(prove)
 
 

@@ -83,16 +83,21 @@ def data_folder() -> Path | None:
 
 
 def examine_concealed(
-    out: Path, data: Path | None = None, *, layouts: Path = LAYOUTS, updates: int = 1200
+    out: Path,
+    data: Path | None = None,
+    *,
+    sources: Sequence[Source] = SOURCES,
+    layouts: Path = LAYOUTS,
+    updates: int = 1200,
 ) -> list[dict[str, Any]]:
-    """Run every source that is there; writes concealed.json into `out` and returns its content. A source
-    with a result there already is not run again.
+    """Run each of the sources that is there; writes concealed.json into `out` and returns its content. A
+    source with a result there already is not run again.
     """
     out.mkdir(parents=True, exist_ok=True)
     folder = data or data_folder()
     path = out / "concealed.json"
     results: list[dict[str, Any]] = json.loads(path.read_text()) if path.exists() else []
-    for source in SOURCES:
+    for source in sources:
         if any(r["source"] == source.name for r in results):
             continue
         if folder is None or not (folder / source.log).exists():

@@ -1,0 +1,81 @@
+"""The slope that was recovered, as the grade of its recordings.
+
+A learned truck that was trained without slopes has absorbed part of them, so that a slope beside it does not
+help. One that is trained again with these has the road as an input.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import Recording
+
+Array = NDArray[np.float64]
+
+PROFILE = "road_grade"  # its name in profiles.csv
+LEAST = 10  # seconds told of a recording, of which less is no road
+
+
+@dataclass(frozen=True)
+class Roads:
+    """By recording: seconds since its bag began, and the slope there, (m,) each."""
+
+    slopes: Mapping[str, tuple[Array, Array]]
+
+    @staticmethod
+    def read(found: Path) -> Roads:
+        """The slopes in profiles.csv of a folder that `mismatch` wrote.
+
+        Raises InputError where there are none."""
+        try:
+            with (found / "profiles.csv").open(newline="") as file:
+                rows = [row for row in csv.DictReader(file) if row["name"] == PROFILE]
+            told: dict[str, list[tuple[float, float]]] = {}
+            for row in rows:
+                told.setdefault(row["recording"], []).append((float(row["time_s"]), float(row["value"])))
+        except (OSError, KeyError, TypeError, ValueError):
+            raise InputError(
+                f"{found} has no readable profiles.csv; run 'deeptruck-model mismatch --out {found}' first"
+            ) from None
+        if not told:
+            raise InputError(f"in {found} no {PROFILE} was found, so that there is no slope to take over")
+        return Roads({name: (np.array(v)[:, 0], np.array(v)[:, 1]) for name, v in told.items()})
+
+    def along(self, recording: Recording) -> Array | None:
+        """Slope (n,) of a recording, interpolated where none was told; None where next to none was."""
+        if recording.name not in self.slopes:
+            return None
+        time, slope = self.slopes[recording.name]
+        elapsed = recording.dt * np.arange(len(recording))
+        inside = (time >= recording.start_s) & (time <= recording.start_s + elapsed[-1])
+        if inside.sum() < LEAST:
+            return None
+        distance = np.cumsum(np.nan_to_num(recording.channels["speed"])) * recording.dt
+        there = np.interp(time[inside] - recording.start_s, elapsed, distance)
+        return np.interp(distance, there, slope[inside])
+
+
+def with_road(roads: Roads, recordings: Sequence[Recording]) -> tuple[list[Recording], list[str]]:
+    """The recordings with their slope as grade, and the names of those of which none was told.
+
+    Raises InputError where a recording has a grade, or none has a slope.
+    """
+    graded = [r.name for r in recordings if "grade" in r.channels]
+    if graded:
+        raise InputError(f"recording '{graded[0]}' has a grade of its own; give recordings without one")
+    slopes = [roads.along(r) for r in recordings]
+    out = [
+        replace(r, channels=r.channels | {"grade": s}, interface=replace(r.interface, grade=True))
+        for r, s in zip(recordings, slopes, strict=True)
+        if s is not None
+    ]
+    if not out:
+        raise InputError("of none of these recordings a slope was told; give those that mismatch was run on")
+    return out, [r.name for r, s in zip(recordings, slopes, strict=True) if s is None]
