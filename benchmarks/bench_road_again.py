@@ -63,7 +63,8 @@ def main() -> None:
     parser.add_argument("--work", type=Path, default=Path("runs/road_again"))
     args = parser.parse_args()
     if not examine_concealed(args.work, sources=SOURCES[:1]):
-        raise SystemExit("set DEEPTRUCK_REAL_DATA to the folder of the real logs")
+        print("left out: DEEPTRUCK_REAL_DATA names no folder with the log of veh002")
+        return
     folder = args.work / SOURCES[0].name
     roads = Roads.read(folder / "found")
     taught = folder / "with_road"
