@@ -11,6 +11,8 @@ from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.mechanisms import LIBRARY, UNNAMED
 from deeptruck_model.mismatch.road_lock import RoadLock
 
+AT_ITS_MOMENTS = "record more signals, and look what else happens at the moments listed under segments"
+
 
 def strength(cause: Cause, e: Evidence) -> str:
     """How strong a force is where it acts, in N, and for how much of the time."""
@@ -69,12 +71,13 @@ def _again(road: RoadLock | None) -> str:
 def comes_and_goes(cause: Cause, e: Evidence) -> dict[str, Any]:
     """An unknown force that no signal predicts and that acts like none of the known ones."""
     near = f"; nearest name: {cause.nearest}, which does not explain how it acts" if cause.nearest else ""
+    now_and_then = bool(np.mean(cause.force[e.valid] == 0.0) > 0.5)
     return {
         "says": f"{UNNAMED.says}: {strength(cause, e)}{near}",
         "equation": UNNAMED.equation,
         "parameters": {},
-        "would_be_told_by": UNNAMED.told_by,
-        "depends_on": list(UNNAMED.depends_on),
+        "would_be_told_by": AT_ITS_MOMENTS if now_and_then else UNNAMED.told_by,
+        "depends_on": ["time"] if now_and_then else list(UNNAMED.depends_on),
         **({"nearest": cause.nearest} if cause.nearest else {}),
     }
 

@@ -76,6 +76,9 @@ def test_bursts_that_follow_nothing_are_unknown(nothing_missing: Evidence) -> No
         begin = start + int(rng.integers(0, 60))
         force[begin : begin + int(rng.integers(8, 22))] = rng.choice([-1.0, 1.0]) * rng.uniform(0.3, 0.9)
     e = replace(nothing_missing, residual=nothing_missing.residual + force)
-    (cause,) = explain(Search(e)).causes
+    found = explain(Search(e))
+    (cause,) = found.causes
     assert cause.effect == "unknown" and cause.lawless
+    said = from_cause(cause, e, found, {}).data
+    assert "moments listed under segments" in said["would_be_told_by"] and "nearest" not in said
     assert np.corrcoef(cause.force, force)[0, 1] > 0.9
