@@ -37,6 +37,8 @@ MOST_BESIDE = 0.06  # share of the time; beyond, it is no exception
 MOST = 0.2  # the same where nothing has a name, whose form would leave something over in windows too
 PER_WINDOW = 6.0  # nats: the price of having looked for it
 FITTED = 6
+LARGEST_LOG = 600.0  # of trials, which hundreds of windows would take beyond what a float holds
+LONGEST_S = 300.0  # what lasts longer is not narrowed: it did not set in and let go
 SUDDEN = 0.5  # m/s^2, prior sd of a force without a name
 # A clock or a sensor is off always or not at all, and loads and tyres change for longer than a window.
 ALWAYS = ("clock_offset", "grade_bias", "payload_change", "rolling_resistance_warmup")
@@ -88,7 +90,8 @@ def narrowed(search: Search, model: Model, spans: list[Span]) -> list[Span]:
     inside = np.zeros(len(e), dtype=bool)
     for i, first, last in spans:
         rows = np.flatnonzero((e.record == i) & (e["elapsed"] >= first) & (e["elapsed"] <= last))
-        for begin, end in steps(left[rows]):
+        long = last - first > LONGEST_S
+        for begin, end in [(0, len(rows))] if long else steps(left[rows]):
             inside[rows[begin:end]] = True
     return _spans(e, inside)
 
@@ -127,7 +130,7 @@ def during(given: Shape, spans: list[Span], e: Evidence) -> Shape:
         inside[(record == i) & (elapsed >= first) & (elapsed <= last)] = 1.0
     settings = given.settings | {"when": [list(span) for span in spans]}
     parts = tuple(build(given.mechanism, settings))
-    trials = given.trials * float(np.exp(PER_WINDOW / TEMPER * len(spans)))
+    trials = given.trials * float(np.exp(min(PER_WINDOW / TEMPER * len(spans), LARGEST_LOG)))
     return replace(
         given, settings=settings, parts=parts, columns=given.columns * inside[:, None], trials=trials
     )

@@ -57,6 +57,16 @@ def test_windows_are_narrowed_to_where_the_force_itself_acts(stuck: Evidence) ->
     ]  # of the second drive, which begins at 600 s
 
 
+def test_what_lasts_is_not_narrowed_and_hundreds_of_windows_have_a_price(stuck: Evidence) -> None:
+    search = Search(stuck)
+    model = search.background(())
+    whole = [(0, 10.0, 10.0 + intermittent.LONGEST_S + 1.0)]
+    ((record, first, last),) = intermittent.narrowed(search, model, whole)
+    assert record == 0 and (round(first), round(last)) == (10, 311)
+    many = [(0, float(t), t + 0.5) for t in range(500)]
+    assert np.isfinite(intermittent.unnamed(search, many).trials)
+
+
 def test_pauses_are_left_out_and_steps_of_other_sizes_are_kept() -> None:
     force = np.zeros(200)
     force[40:80], force[80:90], force[100:120] = 2.0, 6.0, 2.0
