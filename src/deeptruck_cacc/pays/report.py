@@ -20,10 +20,10 @@ COLOURS = {"old": "tab:red", "corrected": "tab:blue", "true": "0.45"}
 CLEARLY, WORTH_S = 0.9, 0.005  # a ratio of medians above, or seconds below, are no difference worth a word
 FOUND = ("effect", "the truck has", "the tool found", "free-run speed error: old, re-tuned, corrected (m/s)")
 FOLLOWED = (
-    *("effect", "recipe", "time-gap error, rms [s]", "it pays", "its mean (s)", "it pays"),
+    *("effect", "recipe", "time-gap error, rms (s)", "it pays", "its mean (s)", "it pays"),
     *("speed, rms (m/s)", "jerk, rms (m/s³)", "brake (%)"),
 )
-STOPPED = ("effect", "recipe", "runs that end below 2 m", "least gap [m]", "it pays", "brake (%)")
+STOPPED = ("effect", "recipe", "runs that end below 2 m", "least gap (m)", "it pays", "brake (%)")
 UNITS = {"time_gap_rms_s": "time-gap error, rms [s]", "min_gap_m": "least gap [m]"}
 
 Kinds = dict[str, list[dict[str, Any]]]  # old, corrected, true: for each seed, what it did in each scene

@@ -46,7 +46,13 @@ class Roads:
             ) from None
         if not told:
             raise InputError(f"in {found} no {PROFILE} was found, so that there is no slope to take over")
-        return Roads({name: (np.array(v)[:, 0], np.array(v)[:, 1]) for name, v in told.items()})
+        slopes = {name: (np.array(v)[:, 0], np.array(v)[:, 1]) for name, v in told.items()}
+        twice = [name for name, (time, _) in slopes.items() if (np.diff(time) <= 0.0).any()]
+        if twice:
+            raise InputError(
+                f"in {found} two recordings are called '{twice[0]}'; rename a bag and run mismatch again"
+            )
+        return Roads(slopes)
 
     def along(self, recording: Recording) -> Array | None:
         """Slope (n,) of a recording, interpolated where none was told; None where next to none was."""
@@ -65,8 +71,13 @@ class Roads:
 def with_road(roads: Roads, recordings: Sequence[Recording]) -> tuple[list[Recording], list[str]]:
     """The recordings with their slope as grade, and the names of those of which none was told.
 
-    Raises InputError where a recording has a grade, or none has a slope.
+    Raises InputError where a recording has a grade, two are of different trucks, or none has a slope.
     """
+    others = [r.name for r in recordings if r.interface != recordings[0].interface]
+    if others:
+        raise InputError(
+            f"'{others[0]}' and '{recordings[0].name}' have other signals or units; give drives of one truck"
+        )
     graded = [r.name for r in recordings if "grade" in r.channels]
     if graded:
         raise InputError(f"recording '{graded[0]}' has a grade of its own; give recordings without one")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -61,6 +62,10 @@ def test_what_tells_no_slope_is_refused(drives: list[Recording], tmp_path: Path)
     graded = Recording("drive0", 0.1, drives[0].channels | {"grade": np.zeros(600)}, TRUCK.interface)
     with pytest.raises(InputError, match="grade of its own"):
         with_road(roads, [graded])
+    with pytest.raises(InputError, match="drives of one truck"):
+        with_road(roads, [drives[0], replace(drives[1], interface=trucks.load("volvo").interface)])
+    with pytest.raises(InputError, match="two recordings are called 'drive0'"):
+        Roads.read(found(tmp_path / "alike", [*hill("drive0", range(20)), *hill("drive0", range(20))]))
 
 
 def call(*arguments: object) -> subprocess.CompletedProcess[str]:
