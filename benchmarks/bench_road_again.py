@@ -4,7 +4,8 @@ python benchmarks/bench_road_again.py [--work runs/road_again]        (needs DEE
 
 The mismatch tool recovers slopes blind. A second deep truck is trained on the same drives with these as
 grade. On drives that trained neither, wherever the force of 6 km agrees with that of another pass (the same
-way, or the other with its sign turned), a minute is driven free from half a minute later on, with the slope of that pass.
+way, or the other with its sign turned), a minute is driven free with the slope of that pass. It begins half a
+minute after the 6 km.
 """
 
 from __future__ import annotations
@@ -163,9 +164,9 @@ def table(drives: Sequence[Drive], found: Sequence[Start], blind: Simulator, kno
         "`python benchmarks/bench_road_again.py`",
         "",
         f"The truck `veh002` without its elevation: {len(found)} minutes (they overlap) of",
-        f"{len(set(of))} drives that trained no truck, wherever the force of 6 km agrees with that of another",
-        "pass. Speed error in the free minute that begins half a minute later (m/s), and how much smaller its",
-        "rms is than without slopes (95 %, resampled drives).",
+        f"{len(set(of))} drives that trained no truck, wherever the force of 6 km agrees with that of",
+        "another pass. Speed error in the free minute that begins half a minute later (m/s), and how much smaller",
+        "its rms is than without slopes (95 %, resampled drives).",
         "",
         "| deep truck | rms over 60 s | rms at 60 s | median at 60 s | smaller by |",
         "|---|---|---|---|---|",
