@@ -6,7 +6,9 @@ deceleration make up within a second for whatever else slows or drives the truck
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +26,57 @@ HOLD_S, ORDER = 0.25, 3  # valves, and the controller that holds the deceleratio
 RELEASED_S = 1.0  # for which such brakes still make up for a force after the pedal is let go
 
 ANSWER = Signal("answer", missing=1.0)
+HOLDS = Signal("holds", missing=0.0)  # one while brakes hold a commanded deceleration
+
+
+@dataclass(frozen=True, eq=False)
+class Felt(Expression):
+    """The acceleration that a force per mass gives, (n,).
+
+    `answer` is that of a steady force of one. What changes while brakes hold a deceleration is felt until
+    these have made up for it.
+    """
+
+    inputs: tuple[Expression, ...]
+
+    def over(self, values: Sequence[Array], e: Evidence) -> Array:
+        force, gain, holds = values
+        if not holds.any():
+            return force * gain
+        steady, changing = holds, holds * force
+        for _ in range(ORDER):
+            steady, changing = e.lag(steady, HOLD_S, "zero"), e.lag(changing, HOLD_S, "zero")
+        return force * gain + holds * (steady * force - changing)
+
+    def begin(self, batch: int) -> Any:
+        return np.zeros((2 * ORDER, batch))
+
+    def advance(
+        self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
+    ) -> tuple[Array, Any]:
+        force, gain, holds = values
+        keep, after = np.exp(-dt / HOLD_S), np.empty_like(memory)
+        steady, changing = holds + np.zeros_like(force), holds * force
+        for k in range(ORDER):
+            steady = after[k] = keep * memory[k] + (1.0 - keep) * steady
+            changing = after[ORDER + k] = keep * memory[ORDER + k] + (1.0 - keep) * changing
+        return force * gain + holds * (steady * force - changing), after
+
+
+def felt(force: Expression) -> Expression:
+    """What a force per mass gives on the truck along a recording or in a simulation."""
+    return Felt((force, ANSWER, HOLDS))
 
 
 def free(inside: Mapping[str, Array]) -> Array | None:
     """Mass over mass with all that turns, where a simulator's inside tells it."""
     return inside["mass"] / inside["effective_mass"] if "effective_mass" in inside else None
+
+
+def holding(interface: TruckInterface, brake_command: Array) -> Array:
+    """One where brakes hold a commanded deceleration, (n,)."""
+    holds = interface.brake_unit == HELD_UNIT
+    return np.where(np.nan_to_num(brake_command) > BRAKED, float(holds), 0.0)
 
 
 def held(interface: TruckInterface) -> Expression:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from deeptruck_model.mismatch.answer import ANSWER
+from deeptruck_model.mismatch.answer import felt
 from deeptruck_model.mismatch.evidence import GRAVITY, Evidence
 from deeptruck_model.mismatch.expression import Expression, Signal, maximum
 from deeptruck_model.mismatch.levers import gears, lever, turns
@@ -38,7 +38,7 @@ DRIVELINE = 0.93
 TYPICAL_MASS = 20000.0
 ENGINE, BRAKE, DRAG = Signal("engine"), Signal("brake"), Signal("drag")
 SENSITIVITY: dict[str, Expression] = {  # for simulators without parameters of their own
-    name: force * ANSWER
+    name: felt(force)
     for name, force in {
         "mass": BRAKE + DRAG - ENGINE,
         "drag_area": -DRAG,

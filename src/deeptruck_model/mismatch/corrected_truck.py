@@ -253,6 +253,7 @@ class CorrectedTruck:
             now["lever"] = lever(now["ratio"], self.gears, in_gear)
         turning = answer.free(inside)
         now["answer"] = np.ones(len(y)) if turning is None else turning
+        now["holds"] = answer.holding(self.interface, now["brake_command"])
         return now
 
 

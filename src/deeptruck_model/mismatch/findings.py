@@ -138,6 +138,7 @@ def _confined(shape: Shape, mass: float) -> str:
             "grade": f"the grade is {side} {100 * at:.1f} %",
             "lever": f"the engine turns {side} {at:.1f} rad per metre",
             "engine": f"the engine's force is {side} {at * mass:.0f} N",
+            "engine torque": f"the engine's torque is {side} {at * mass:.0f} N m",
         }[signal]
         return f"; it shows only where {border}"
     return ""

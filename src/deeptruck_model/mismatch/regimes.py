@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.mechanisms.base import GATE_S, Shape, build
+from deeptruck_model.mismatch.mechanisms.base import GATES, Shape, build
 
 Array = NDArray[np.float64]
 Gate = tuple[str, str, float]  # signal, above or below, value
 
-SIGNALS = ("speed", "lever", "grade", "engine")
 BINS = 10
 
 
@@ -42,10 +41,10 @@ class Regimes:
     def of(e: Evidence, use: NDArray[np.bool_]) -> Regimes:
         """Borders at quantiles of every signal that was recorded; `use` (n,) are the rows that count."""
         borders, rows = {}, {}
-        for name in SIGNALS:
-            if not e.has(name):
+        for name, (signal, needs) in GATES.items():
+            if not e.has(*needs):
                 continue
-            x = e.lag(e[name], GATE_S)
+            x = signal.rows(e)
             edges = np.unique(np.quantile(x[use], np.linspace(0.0, 1.0, BINS + 1)[1:-1]))
             bins = np.searchsorted(edges, x[use], side="left")
             borders[name] = edges
@@ -73,18 +72,10 @@ class Regimes:
 
 def gated(shape: Shape, gate: Gate, e: Evidence, trials: int) -> Shape:
     """The shape confined to one side of a border."""
-    signal, side, at = gate
-    x = e.lag(e[signal], GATE_S)
-    inside = x > at if side == "above" else x <= at
     settings = shape.settings | {"gate": list(gate)}
     parts = tuple(build(shape.mechanism, settings))
-    return replace(
-        shape,
-        settings=settings,
-        parts=parts,
-        columns=shape.columns * inside[:, None],
-        trials=shape.trials * trials,
-    )
+    columns = np.stack([p.expression.rows(e) for p in parts], axis=1)
+    return replace(shape, settings=settings, parts=parts, columns=columns, trials=shape.trials * trials)
 
 
 def _products(C: Array, y: Array, X: Array) -> Products:

@@ -68,6 +68,7 @@ def gather(
         rerun=_rerunner(simulator, prepared, grid, simulated),
     )
     evidence.signals["answer"] = answer.rows(simulator, evidence, turning)
+    evidence.signals["holds"] = answer.holding(simulator.interface, evidence["brake_command"])
     sensitivity = _sensitivity(simulator, prepared, grid, evidence)
     evidence = replace(evidence, sensitivity=sensitivity)
     named = {f"sensitivity:{name}": column for name, column in sensitivity.items()}

@@ -8,10 +8,22 @@ import pytest
 from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.mismatch import answer, residual
 from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.expression import Signal, Stream
 from deeptruck_model.mismatch.expression.nodes import Constant
 from deeptruck_model.mismatch.prepared import prepare
 from deeptruck_model.mismatch.search import Search
 from deeptruck_model.recordings import Recording
+from deeptruck_model.signals import ACCELERATION, SPEED
+from deeptruck_model.simulators import free_run
+
+
+class Swinging:
+    """A force that swings at 0.4 Hz, N."""
+
+    def reset(self, batch: int) -> None: ...
+
+    def force(self, view: trucks.View, dt: float) -> np.ndarray:
+        return np.where(view.speed > 0.5, 2500.0 * np.sin(2.5 * view.time), 0.0)
 
 
 class Pull:
@@ -72,3 +84,27 @@ def test_a_hidden_force_comes_back_in_newtons(name: str) -> None:
     steady = next(s for s in search.shapes(mechanism) if s.settings.get("decay_s", 0.0) is None)
     found = search.model((steady,), frozenset())
     assert found.coefficients("dragging_brake")[0] * e.mass == pytest.approx(2000.0, rel=0.03)
+
+
+def test_what_changes_while_brakes_hold_is_felt_until_they_have_made_up_for_it() -> None:
+    believed = trucks.load("volvo")
+    true, plain = (believed.with_forces(f) for f in ([Swinging()], []))
+    u, w = np.zeros((1, 400, 2)), np.zeros((1, 400, len(believed.interface.w)))
+    u[:, 150:, 1] = 0.5
+    y0 = np.zeros((1, len(believed.interface.y)))
+    y0[:, SPEED] = 27.0
+    a, b = (free_run(truck, u, w, y0).y[0, :, ACCELERATION] for truck in (true, plain))
+    force = 2500.0 / 30000.0 * np.sin(2.5 * 0.1 * np.arange(400))
+    stream, memory, told = Stream([answer.felt(Signal("force"))]), None, []
+    steady = Stream([answer.held(believed.interface)])
+    memory, braked = stream.begin(1), steady.begin(1)
+    for k in range(400):
+        now = {"force": force[k : k + 1], "brake_command": u[:, k, 1]}
+        now["holds"] = answer.holding(believed.interface, now["brake_command"])
+        (now["answer"],), braked = steady.step(braked, now, 0.1)
+        (value,), memory = stream.step(memory, now, 0.1)
+        told.append(value[0])
+    braking = slice(200, 400)
+    left = (a - b)[braking] - np.array(told)[braking]
+    assert np.std((a - b)[braking]) > 0.3 * np.std(force[braking])  # far from nothing, as a steady one gives
+    assert np.std(left) < 0.5 * np.std((a - b)[braking])

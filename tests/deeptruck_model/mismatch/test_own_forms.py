@@ -10,7 +10,7 @@ import pytest
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.growing import grow
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.mechanisms.own_forms import OWN, Form, apart, curve, forms
+from deeptruck_model.mismatch.mechanisms.own_forms import OWN, Form, apart, curve, forms, knots
 from deeptruck_model.mismatch.search import Search
 
 AT = [1.0, 4.0, 6.0, 9.0]
@@ -72,3 +72,25 @@ def test_knots_stand_apart() -> None:
     """A truck that cruises at one speed would have several knots within the noise of its sensor."""
     assert apart(np.array([1.0, 21.98, 22.0, 22.02, 25.0])) == [1.0, 21.98, 25.0]
     assert apart(np.array([5.0, 5.0, 5.0])) == [5.0]
+
+
+def test_a_time_that_is_mostly_long_ago_has_its_knots_where_it_is_not() -> None:
+    since = np.concatenate([np.linspace(0.0, 3.9, 100), np.full(900, 4.0)])
+    at = knots(since, (0.02, 0.35, 0.65, 0.98))
+    assert at[-1] == 4.0 and len(at) == 5 and at[2] < 2.6
+    assert knots(np.linspace(0.0, 4.0, 1000), (0.5,)) == pytest.approx([2.0])
+
+
+def test_a_torque_that_comes_back_late_after_shifts_is_no_play(nothing_missing: Evidence) -> None:
+    e = nothing_missing
+    every = np.arange(len(e)) % 100
+    gear = np.cumsum(every == 0).astype(float)
+    carried = (every >= 4) & (
+        (every < 40) | (every > 50)
+    )  # nothing in a change, nor in a pause of the driver
+    pull = np.where(carried, np.maximum(e["engine"], 0.0) + 0.2, 0.0)
+    late = -pull * np.clip((11 - every) / 4.0, 0.0, 1.0)
+    e = replace(e, signals=e.signals | {"gear": gear, "engine": pull}, residual=e.residual + late)
+    model, _ = grow(search := Search(e), search.background(()))
+    assert model.effects == ("shift_interruption",)
+    assert np.corrcoef(search.prediction(model), late)[0, 1] > 0.95

@@ -13,7 +13,7 @@ from deeptruck_model.mismatch.explain import explain
 from deeptruck_model.mismatch.expression import Stream
 from deeptruck_model.mismatch.findings import from_cause
 from deeptruck_model.mismatch.mechanisms import LIBRARY, build
-from deeptruck_model.mismatch.mechanisms.base import GATE_S
+from deeptruck_model.mismatch.mechanisms.base import GATES
 from deeptruck_model.mismatch.regimes import gated
 from deeptruck_model.mismatch.search import Search
 
@@ -31,7 +31,7 @@ def test_the_sums_over_bins_are_those_of_the_confined_columns(nothing_missing: E
     C, y, X = (np.random.default_rng(k).normal(size=(use.sum(), n)) for k, n in ((0, 2), (1, 1), (2, 3)))
     seen = 0
     for (signal, side, at), p in regimes.products(C, y[:, 0], X):
-        x = nothing_missing.lag(nothing_missing[signal], GATE_S)[use]  # where it was for a moment
+        x = GATES[signal][0].rows(nothing_missing)[use]
         inside = (x > at if side == "above" else x <= at)[:, None]
         assert pytest.approx((C * inside).T @ C) == p.CtC
         assert pytest.approx((C * inside).T @ y[:, 0]) == p.Cty
@@ -57,9 +57,13 @@ def test_nothing_missing_has_no_regime_either(nothing_missing: Evidence) -> None
 
 
 @pytest.mark.parametrize("side", ["above", "below"])
-def test_a_confined_shape_acts_alike_in_a_simulation(nothing_missing: Evidence, side: str) -> None:
+@pytest.mark.parametrize(("signal", "at"), [("speed", 19.0), ("engine torque", 0.01)])
+def test_a_confined_shape_acts_alike_in_a_simulation(
+    nothing_missing: Evidence, side: str, signal: str, at: float
+) -> None:
     e = nothing_missing
-    shape = gated(Search(e).shapes(LIBRARY["driveline_loss"])[0], ("speed", side, 19.0), e, 36)
+    e = replace(e, signals=e.signals | {"lever": np.where(e["speed"] > 15.0, 6.0, 12.0)})
+    shape = gated(Search(e).shapes(LIBRARY["driveline_loss"])[0], (signal, side, at), e, 36)
     stream = Stream([c.expression for c in build(shape.mechanism, shape.settings)])
     memory, out = stream.begin(1), []
     for k in range(600):

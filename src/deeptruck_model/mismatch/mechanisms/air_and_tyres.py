@@ -125,7 +125,7 @@ def _rolling_speed(s: Settings) -> list[Column]:
 def _warm_up_settings(e: Evidence) -> Iterator[Settings]:
     """Every drive may start as cold as the others, or as cold as it happens to be; time warms, or turning."""
     ways: list[Settings] = [{"tau_s": tau_s} for tau_s in (60.0, 200.0, 600.0, 1500.0)]
-    ways += [{"length_m": length_m} for length_m in (500.0, 2000.0, 6000.0)]
+    ways += [{"length_m": length_m} for length_m in (2000.0, 6000.0)]
     for way in ways:
         yield way
         if 1 < len(e.stretches) <= MOST_KNOTS:

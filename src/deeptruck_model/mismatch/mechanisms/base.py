@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.answer import ANSWER
+from deeptruck_model.mismatch.answer import felt
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.expression import During, Expression, Lag, Rerun, Signal
+from deeptruck_model.mismatch.expression import During, Expression, Lag, Rerun, Signal, maximum
 from deeptruck_model.mismatch.mechanisms.own_forms import OWN, SIZE, curve, forms
+from deeptruck_model.mismatch.mechanisms.symbols import ENGINE, LEVER, PULL, SPEED
 from deeptruck_model.mismatch.noise import Prior
 
 Array = NDArray[np.float64]
@@ -27,8 +28,15 @@ Settings = dict[str, Any]  # plain JSON values
 
 
 # A regime is where driving has been for a moment. The noise of a speed that just then stands at a border
-# would open and close it, and is in the acceleration too.
+# would open and close it, and is in the acceleration too; what the simulator says of its engine has none.
 GATE_S = 1.5
+GATES: dict[str, tuple[Expression, tuple[str, ...]]] = {  # what borders run through, and what it needs
+    "speed": (Lag((SPEED,), GATE_S), ("speed",)),
+    "lever": (Lag((LEVER,), GATE_S), ("lever",)),
+    "grade": (Lag((Signal("grade"),), GATE_S), ("grade",)),
+    "engine": (Lag((ENGINE,), GATE_S), ("engine",)),
+    "engine torque": (PULL / maximum(LEVER, 0.05), ("engine", "lever")),
+}
 
 
 @dataclass(frozen=True)
@@ -99,7 +107,7 @@ def build(mechanism: Mechanism, settings: Settings) -> list[Column]:
         columns = [replace(c, expression=During((c.expression,), settings["when"])) for c in columns]
     if "gate" in settings:
         signal, side, at = settings["gate"]
-        above = Lag((Signal(signal),), GATE_S) > at
+        above = GATES[signal][0] > at
         gate = above if side == "above" else 1.0 - above
         columns = [replace(c, expression=c.expression * gate) for c in columns]
     return [replace(c, expression=_felt(c.expression)) for c in columns] if mechanism.force else columns
@@ -107,7 +115,7 @@ def build(mechanism: Mechanism, settings: Settings) -> list[Column]:
 
 def _felt(force: Expression) -> Expression:
     """The acceleration a force gives; what the simulator itself was asked for is one already."""
-    return force if _asked(force) else force * ANSWER
+    return force if _asked(force) else felt(force)
 
 
 def _asked(x: Expression) -> bool:

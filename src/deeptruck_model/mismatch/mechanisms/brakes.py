@@ -14,13 +14,17 @@ from deeptruck_model.mismatch.mechanisms.base import (
     Settings,
 )
 from deeptruck_model.mismatch.mechanisms.over_time import (
+    MOST_KNOTS,
+    each_recording,
     from_then_on,
+    in_each,
     slow_columns,
     slow_settings,
     step_settings,
 )
 from deeptruck_model.mismatch.mechanisms.symbols import (
     BRAKE,
+    DISTANCE,
     SPEED,
 )
 
@@ -60,6 +64,10 @@ def _dragging_settings(e: Evidence) -> Iterator[Settings]:
         yield {"decay_s": decay_s, "braking": threshold}
     for at in step_settings(e):
         yield {"decay_s": None} | at
+    for frees_m in (200.0, 700.0, 2000.0):  # frozen, parked with, or out of adjustment until they have rubbed
+        yield {"frees_m": frees_m}
+        if 1 < len(e.stretches) <= MOST_KNOTS:
+            yield {"frees_m": frees_m} | each_recording(e)
     yield from slow_settings(e, lift(-1.0), 0.1)
 
 
@@ -68,6 +76,13 @@ def _dragging(s: Settings) -> list[Column]:
         return slow_columns(s, lift(-1.0), "force", "N", sign=1, per_mass=True)
     if "first" in s:
         return [Column(-from_then_on(s), 0.08, "force", "N", per_mass=True)]
+    if "frees_m" in s:
+        left = exp(-(DISTANCE / s["frees_m"]))
+        each = in_each(s) if "each" in s else [("", lift(1.0))]
+        return [
+            Column(-(left * here), 0.1, f"force[{name}]" if name else "force", "N", per_mass=True)
+            for name, here in each
+        ]
     if s["decay_s"] is None:
         return [Column(lift(-1.0), 0.08, "force", "N", per_mass=True)]
     braking = s["braking"] < BRAKE
@@ -101,7 +116,7 @@ MECHANISMS = (
     ),
     Mechanism(
         "dragging_brake",
-        "F = -F0 (while moving), or -F0 exp(-t_since_release / tau)",
+        "F = -F0 (while moving), or -F0 exp(-t_since_release / tau), or -F0 exp(-x / L)",
         "a brake keeps rubbing when it should be free",
         ("brake", "brake_command"),
         ("time since braking",),

@@ -51,9 +51,11 @@ Array = NDArray[np.float64]
 
 FORMS_PRICE = 3.0  # a form is one of so many shapes more that its name is looked for in
 EVEN = (0.02, 0.35, 0.65, 0.98)
+SOON = (0.02, 0.12, 0.25, 0.4, 0.55, 0.75, 0.98)  # of seconds
 UPPER = (0.4, 0.7, 0.85, 0.93, 0.97, 0.995)
 ACTING = 0.1  # of the carrier's largest: where it says little no knot is worth having
 NEAREST = 0.04  # of the whole way, between knots
+LEAST_ROWS = 50
 NEVER_S = 120.0
 ALONE_M = 150.0  # behind nobody
 LOCKED_M_S = 12.0  # faster, no truck's converter slips
@@ -81,6 +83,7 @@ def _heated(power: Expression, over_s: float) -> Expression:
 
 
 SHIFTED = Since((absolute(Change((GEAR,))) > 0.5,))
+UP, DOWN = Since((Change((GEAR,)) > 0.5,)), Since((Change((GEAR,)) < -0.5,))
 TORQUE = PULL / maximum(LEVER, 0.05)
 STOOD = minimum(Since((SPEED < 0.5,)), 60.0)
 GEARED = ("ratio", "engine_speed")
@@ -224,6 +227,15 @@ OWN: dict[str, tuple[Form, ...]] = {
             "falling",
             needs=("gear",),
         ),
+        # what comes back later than simulated: up and down may each take their own time
+        *(
+            Form(PULL * -1.0, minimum(since, 4.0), by, "falling", needs=("gear",), knots=SOON)
+            for since, by in (
+                (SHIFTED, "time since a shift"),
+                (UP, "time since a shift up"),
+                (DOWN, "time since a shift down"),
+            )
+        ),
     ),
     "torque_converter_slip": (
         Form(PULL * -1.0, minimum(SPEED, LOCKED_M_S), "speed", "falling"),
@@ -243,12 +255,21 @@ def forms(effect: str, e: Evidence) -> Iterator[dict[str, Any]]:
             continue
         carrier, x = np.abs(form.carrier.rows(e)), form.of.rows(e)
         acts = e.valid & (carrier > ACTING * float(np.quantile(carrier[e.valid], 0.98))) & (carrier > 0)
-        if acts.sum() < 50:
+        if acts.sum() < LEAST_ROWS:
             continue
-        at = apart(np.quantile(x[acts], form.knots))
+        at = apart(knots(x[acts], form.knots))
         if len(at) > 1:
             scale = float(np.sqrt(np.mean(carrier[acts] ** 2)))
             yield {"own": k, "at": at, "scale": 1.0 if form.share else scale, "trials": FORMS_PRICE}
+
+
+def knots(x: Array, quantiles: tuple[float, ...]) -> Array:
+    """Quantiles of x (n,); where most of it stands at its limit, of the rest, and the limit itself."""
+    limit = float(x.max())
+    below = x[x < limit]
+    if len(below) < LEAST_ROWS or len(below) > 0.5 * len(x):
+        return np.asarray(np.quantile(x, quantiles))
+    return np.append(np.quantile(below, quantiles), limit)
 
 
 def apart(at: NDArray[np.floating[Any]]) -> list[float]:
