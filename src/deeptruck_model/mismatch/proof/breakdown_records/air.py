@@ -79,7 +79,7 @@ class Downbursts(Hidden):
     " Tandem, SAE 2002-01-0530: flow between bodies changes over at a critical gap, not little by little;"
     " that it is lost farther off than it is found again, and the sizes, are chosen here",
     ranges={
-        "saving": (0.4, 0.65),
+        "saving": (0.45, 0.7),
         "finds_m": (19.0, 28.0),
         "wider": (1.12, 1.4),  # where it is lost, over where it is found
         "settles_s": (0.8, 3.0),

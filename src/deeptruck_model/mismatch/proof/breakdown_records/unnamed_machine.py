@@ -22,8 +22,8 @@ def pedal(law: Hidden, view: View) -> Array:
     " governor pushes against the brakes; set speeds and droop are chosen here",
     ranges={
         "set": (112.0, 138.0),  # rad/s
-        "droop_nm": (12.0, 30.0),  # for each rad/s
-        "most_nm": (300.0, 620.0),
+        "droop_nm": (8.0, 20.0),  # for each rad/s
+        "most_nm": (200.0, 420.0),
         "falls_s": (200.0, 600.0),
     },
     needs=("suburban", "descent"),

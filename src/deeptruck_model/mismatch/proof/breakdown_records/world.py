@@ -87,7 +87,7 @@ class Planning(fleet.Pausing):
     def __post_init__(self) -> None:
         super().__post_init__()
         rng, (batch, n) = self.rng, self.target.shape
-        nervous = rng.random(batch) < 0.5
+        nervous = np.asarray(rng.random(batch) < 0.5)
         self.glider[:] = False
         self.ahead_s = np.where(nervous, rng.uniform(0.8, 1.6, batch), rng.uniform(3.0, 5.0, batch))
         self.gain = np.where(nervous, rng.uniform(0.35, 0.55, batch), rng.uniform(0.10, 0.2, batch))

@@ -132,10 +132,10 @@ class Pausing(drivers.Driver):
         batch, n = self.target.shape
         rng = self.rng
         self.upper, self.lower = rng.uniform(0.1, 0.6, batch), rng.uniform(0.3, 1.1, batch)  # m/s
-        self.ahead_s = rng.uniform(1.5, 3.5, batch)
-        self.gain = rng.uniform(0.15, 0.30, batch)  # 1/s
+        self.ahead_s: Array = np.asarray(rng.uniform(1.5, 3.5, batch))
+        self.gain: Array = np.asarray(rng.uniform(0.15, 0.30, batch))  # 1/s
         self.pulls = np.ones(batch, bool)
-        self.glider = rng.random(batch) < 0.5
+        self.glider = np.asarray(rng.random(batch) < 0.5)
         rests = ou_series(rng, (batch, n), self.dt, 2.5) > rng.uniform(1.0, 2.2, (batch, 1))
         often = rng.uniform(1.0, 3.0, (batch, 1)) * self.dt
         self.looks = ((rng.random((batch, n)) < often) & ~rests) | ~self.human[:, None]
