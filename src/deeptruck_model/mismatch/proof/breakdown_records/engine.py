@@ -51,7 +51,7 @@ class StickingVanes(Hidden):
     " pedal has been closed (Diesel-Engine Management, Bosch, on monitoring and substitute functions); the"
     " trip as of a thermal cut-out, by the square of the load over time; sizes are chosen here",
     ranges={
-        "share": (0.28, 0.48),
+        "share": (0.22, 0.40),
         "early": (0.66, 0.82),  # 1 less the mean of power over the most that it bears
         "warms_s": (10.0, 28.0),
         "rests_s": (0.6, 2.5),

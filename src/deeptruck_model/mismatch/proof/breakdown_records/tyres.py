@@ -87,7 +87,7 @@ class GreaseMakesWay(Hidden):
     " have to climb out of it over some metres; sites on the way, strengths chosen here",
     ranges={
         "shears": (0.24, 0.40),  # of the driven axles' load
-        "bogs": (0.02, 0.05),  # of the weight, dug in to the rims
+        "bogs": (0.015, 0.035),  # of the weight, dug in to the rims
         "digs_m": (5.0, 16.0),
         "climbs_m": (8.0, 30.0),
     },
