@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from deeptruck_model.mismatch.proof import (  # noqa: F401  importing registers the effects
     alternatives,
+    breakdown_records,
     effects_air,
     effects_brakes,
     effects_commands,

@@ -1,7 +1,7 @@
 """Who makes trucks, roads, traffic, drivers and sensors: a world for each family.
 
-The first and second forms share the old world; the third, fourth and fifth have each their own. A deep
-simulator always keeps the old one, because it has learned from drives there.
+The first and second forms share the old world; the later ones have each their own. A deep simulator
+always keeps the old one, because it has learned from drives there.
 """
 
 from __future__ import annotations
@@ -45,9 +45,10 @@ OLD = World(
 def of(forms: str, simulator: str) -> World:
     """The world a case plays in."""
     # imported here, because these worlds are made of the class above
+    from deeptruck_model.mismatch.proof.breakdown_records.world import WORLD as SIXTH
     from deeptruck_model.mismatch.proof.field_reports.world import WORLD as FOURTH
     from deeptruck_model.mismatch.proof.fleet_trials.world import WORLD as FIFTH
     from deeptruck_model.mismatch.proof.other_makers.world import WORLD as THIRD
 
-    own = {"third": THIRD, "fourth": FOURTH, "fifth": FIFTH}
+    own = {"third": THIRD, "fourth": FOURTH, "fifth": FIFTH, "sixth": SIXTH}
     return own.get(forms, OLD) if simulator == "physics" else OLD

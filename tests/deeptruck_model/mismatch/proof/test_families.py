@@ -47,7 +47,7 @@ NAMES = {
 }
 FAULTS = {"clock_offset", "speed_scale", "acceleration_bias", "grade_bias"}
 LATER = FORMS[1:]
-OWN_WORLD = ("third", "fourth", "fifth")
+OWN_WORLD = ("third", "fourth", "fifth", "sixth")
 MADE = [e for e in EFFECTS.values() if e.forms in LATER and e.kind == "missing_physics"]
 NO_FORCE = {"stator_freewheels"}  # a truck with other parameters
 FILTERS = [e.key for e in MADE if e.name.startswith("command") or e.key == "worn_linkage"]
@@ -62,6 +62,11 @@ HELPS = {
     "hydrostatic_front_axle",
     "antilock_is_fooled",
     "hole_in_the_blending",
+    "fast_idle_pushes",
+    "pedal_sticks_where_it_rests",
+    "burns_its_own_oil",
+    "remembers_a_speed",
+    "dolly_pushes_uphill",
 }
 BOTH_WAYS = {  # winds, bodies, slopes, masses and late brakes push and hold; so do governors and mode changes
     "headwind",
@@ -84,6 +89,8 @@ BOTH_WAYS = {  # winds, bodies, slopes, masses and late brakes push and hold; so
     "cylinders_rest",
     "trucks_that_pass",
     "drum_on_a_belt",
+    "rotor_behind_a_coupling",
+    "worn_clutch_damper",
 }
 CHANNEL = {"speed_scale": "speed", "grade_bias": "grade", "commands_from_another_clock": "brake_command"}
 
@@ -239,9 +246,9 @@ def test_a_name_finds_the_form_asked_for_and_the_sealed_truth_alone_says_it(form
 
 def test_unknown_forms_are_refused_in_one_line(tmp_path):
     with pytest.raises(InputError, match="forms"):
-        draw_plan("noise", 0, None, "physics", 1.0, forms="sixth")
-    with pytest.raises(InputError, match="sixth"):
-        prove(tmp_path / "p", forms="sixth")
+        draw_plan("noise", 0, None, "physics", 1.0, forms="seventh")
+    with pytest.raises(InputError, match="seventh"):
+        prove(tmp_path / "p", forms="seventh")
 
 
 def test_old_seeds_still_mean_what_they_meant():
@@ -252,7 +259,7 @@ def test_old_seeds_still_mean_what_they_meant():
 def test_worlds_are_others_for_physics_and_the_old_one_for_deep():
     worlds = {forms: makers.of(forms, "physics") for forms in FORMS}
     assert worlds["first"] is worlds["second"] is makers.OLD
-    assert len({id(world) for world in worlds.values()}) == 4
+    assert len({id(world) for world in worlds.values()}) == 1 + len(OWN_WORLD)
     assert all(makers.of(forms, "deep") is makers.OLD for forms in FORMS)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import copy
 from types import SimpleNamespace
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from deeptruck_model.mismatch.proof.hidden import Array, Effect, Planted, Setting, register
+from deeptruck_model.trucks import CommandFilter
 
 STEP_S = 0.01
 LONGEST = 200  # substeps that can be under way
@@ -89,7 +91,9 @@ class TorqueBudget:
         return np.stack([self.given, u[:, 1]], axis=1)
 
 
-def _planted(kind: type[SentOnChange] | type[TorqueBudget]) -> Any:
+def planted_filter(kind: Callable[[Setting, SimpleNamespace], CommandFilter]) -> Any:
+    """What an effect's `build` is for a filter of the commands."""
+
     def build(setting: Setting, p: SimpleNamespace) -> Planted:
         return Planted(filters=(kind(setting, p),))
 
@@ -105,7 +109,7 @@ register(
         " Strategy, Sensors 6, 2006) over a link whose messages queue in hurried moments (Kleinrock, Queueing"
         " Systems, 1975); remote control retrofits, thresholds and times chosen here",
         {"base_s": (0.25, 0.5), "queue_s": (0.2, 0.6), "delta": (0.01, 0.04), "refresh_s": (0.3, 0.8)},
-        _planted(SentOnChange),
+        planted_filter(SentOnChange),
         needs=("suburban", "hills", "descent"),
         accepts=("clock_offset",),
         forms="fifth",
@@ -120,7 +124,7 @@ register(
         " scores and soft launch of fleets' pedals work: a little torque at any time, much only slowly, the"
         " last third slowest; sizes chosen here",
         {"most": (0.03, 0.10), "per_s": (0.07, 0.17), "slower": (0.2, 0.6)},
-        _planted(TorqueBudget),
+        planted_filter(TorqueBudget),
         needs=("suburban", "hills"),
         accepts=("turbo_lag",),
         forms="fifth",

@@ -77,7 +77,7 @@ def _sticking_pendulum(p: SimpleNamespace) -> Fault:
     return spoil
 
 
-def _add(
+def add_fault(
     key: str,
     name: str,
     source: str,
@@ -87,18 +87,21 @@ def _add(
     needs: tuple[str, ...] = SCENARIOS,
     accepts: tuple[str, ...] = (),
     conceal: tuple[str, ...] = (),
+    forms: str = "fifth",
 ) -> None:
+    """Register a fault of measurement as a hidden effect."""
+
     def build(setting: Setting, p: SimpleNamespace) -> Planted:
         return Planted(faults=(fault(p),), conceal=conceal)
 
     register(
         Effect(
-            key, name, "measurement_fault", source, ranges, build, needs=needs, accepts=accepts, forms="fifth"
+            key, name, "measurement_fault", source, ranges, build, needs=needs, accepts=accepts, forms=forms
         )
     )
 
 
-_add(
+add_fault(
     "samples_counted",
     "clock_offset",
     "Loggers that count samples instead of stamping them: every frame that is lost or doubled moves all that"
@@ -108,7 +111,7 @@ _add(
     _samples_counted,
     needs=("suburban", "hills"),
 )
-_add(
+add_fault(
     "two_time_bases",
     "clock_offset",
     "Two computers that meet once in a while: the time of one runs at another rate until it is set again, a"
@@ -118,7 +121,7 @@ _add(
     _two_time_bases,
     needs=("suburban", "hills"),
 )
-_add(
+add_fault(
     "handover_between_sensors",
     "speed_scale",
     "Control units that count gearbox pulses at walking pace and wheel pulses above it, of which the second"
@@ -126,7 +129,7 @@ _add(
     {"scale": (0.035, 0.085), "from_mps": (2.0, 6.0), **SIGN},
     _handover_between_sensors,
 )
-_add(
+add_fault(
     "zeroed_on_a_slope",
     "acceleration_bias",
     "Inertial units that take standstill for level: they find a new zero at every stop, with a part of the"
@@ -135,7 +138,7 @@ _add(
     {"bias": (0.14, 0.38), "takes": (0.3, 0.9), **SIGN},
     _zeroed_on_a_slope,
 )
-_add(
+add_fault(
     "sticking_pendulum",
     "grade_bias",
     "Pendulum inclinometers in gearboxes: bearing friction holds the pendulum until the slope has changed"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -92,7 +93,13 @@ def draw_pass(rng: np.random.Generator) -> Array:
     return np.clip(grade, -0.078, -0.012)
 
 
-def draw_roads(rng: np.random.Generator, scenarios: list[str], flat: bool) -> routes.Roads:
+def draw_roads(
+    rng: np.random.Generator,
+    scenarios: list[str],
+    flat: bool,
+    profile: Callable[[np.random.Generator, float], Array] = draw_profile,
+    way_down: Callable[[np.random.Generator], Array] = draw_pass,
+) -> routes.Roads:
     """A road or two for each kind of drive; half of the drives on all but the pass go the other way."""
     grades: list[Array] = []
     rows: dict[str, list[int]] = {}
@@ -101,7 +108,7 @@ def draw_roads(rng: np.random.Generator, scenarios: list[str], flat: bool) -> ro
         for _ in range(1 + (scenarios.count(kind) > 3)):
             rows[kind].append(len(grades))
             level = routes.AMPLITUDE[kind] * rng.uniform(0.8, 1.05) + 1e-9
-            grades.append(draw_pass(rng) if kind == "descent" else draw_profile(rng, level))
+            grades.append(way_down(rng) if kind == "descent" else profile(rng, level))
     route = np.array([rng.choice(rows[kind]) for kind in scenarios])
     back = (rng.random(len(scenarios)) < 0.5) & np.array([kind != "descent" for kind in scenarios])
     start = rng.uniform(8500.0, 11500.0, len(scenarios)) + np.where(back, 5200.0, 0.0)
@@ -125,10 +132,10 @@ class Pausing(drivers.Driver):
         batch, n = self.target.shape
         rng = self.rng
         self.upper, self.lower = rng.uniform(0.1, 0.6, batch), rng.uniform(0.3, 1.1, batch)  # m/s
-        self.ahead_s = rng.uniform(1.5, 3.5, batch)
-        self.gain = rng.uniform(0.15, 0.30, batch)  # 1/s
+        self.ahead_s: Array = np.asarray(rng.uniform(1.5, 3.5, batch))
+        self.gain: Array = np.asarray(rng.uniform(0.15, 0.30, batch))  # 1/s
         self.pulls = np.ones(batch, bool)
-        self.glider = rng.random(batch) < 0.5
+        self.glider = np.asarray(rng.random(batch) < 0.5)
         rests = ou_series(rng, (batch, n), self.dt, 2.5) > rng.uniform(1.0, 2.2, (batch, 1))
         often = rng.uniform(1.0, 3.0, (batch, 1)) * self.dt
         self.looks = ((rng.random((batch, n)) < often) & ~rests) | ~self.human[:, None]
