@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from deeptruck_model.mismatch.evidence import GRAVITY, Evidence
 from deeptruck_model.mismatch.expression import Expression, Lag, Signal, lift
@@ -27,6 +28,7 @@ RELEASED_S = 1.0  # for which such brakes still make up for a force after the pe
 
 ANSWER = Signal("answer", missing=1.0)
 HOLDS = Signal("holds", missing=0.0)  # one while brakes hold a commanded deceleration
+MADE_UP = Signal("made up", missing=0.0)  # the share of a steady force that they have made up for by then
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,43 +42,35 @@ class Felt(Expression):
     inputs: tuple[Expression, ...]
 
     def over(self, values: Sequence[Array], e: Evidence) -> Array:
-        force, gain, holds = values
+        force, gain, holds, made_up = values
         if not holds.any():
             return force * gain
-        steady, changing = holds, holds * force
-        for _ in range(ORDER):
-            steady, changing = e.lag(steady, HOLD_S, "zero"), e.lag(changing, HOLD_S, "zero")
-        return force * gain + holds * (steady * force - changing)
+        keep = float(np.exp(-e.dt / HOLD_S))
+        b, a = [(1.0 - keep) ** ORDER], np.poly([keep] * ORDER)
+        late = np.concatenate([lfilter(b, a, (holds * force)[s.rows]) for s in e.stretches])
+        return force * gain + made_up * force - holds * late
 
     def begin(self, batch: int) -> Any:
-        return np.zeros((2 * ORDER, batch))
+        return np.zeros((ORDER, batch))
 
     def advance(
         self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
     ) -> tuple[Array, Any]:
-        force, gain, holds = values
-        keep, after = np.exp(-dt / HOLD_S), np.empty_like(memory)
-        steady, changing = holds + np.zeros_like(force), holds * force
+        force, gain, holds, made_up = values
+        keep, after, late = np.exp(-dt / HOLD_S), np.empty_like(memory), holds * force
         for k in range(ORDER):
-            steady = after[k] = keep * memory[k] + (1.0 - keep) * steady
-            changing = after[ORDER + k] = keep * memory[ORDER + k] + (1.0 - keep) * changing
-        return force * gain + holds * (steady * force - changing), after
+            late = after[k] = keep * memory[k] + (1.0 - keep) * late
+        return force * gain + made_up * force - holds * late, after
 
 
 def felt(force: Expression) -> Expression:
     """What a force per mass gives on the truck along a recording or in a simulation."""
-    return Felt((force, ANSWER, HOLDS))
+    return Felt((force, ANSWER, HOLDS, MADE_UP))
 
 
 def free(inside: Mapping[str, Array]) -> Array | None:
     """Mass over mass with all that turns, where a simulator's inside tells it."""
     return inside["mass"] / inside["effective_mass"] if "effective_mass" in inside else None
-
-
-def holding(interface: TruckInterface, brake_command: Array) -> Array:
-    """One where brakes hold a commanded deceleration, (n,)."""
-    holds = interface.brake_unit == HELD_UNIT
-    return np.where(np.nan_to_num(brake_command) > BRAKED, float(holds), 0.0)
 
 
 def held(interface: TruckInterface) -> Expression:
@@ -88,6 +82,12 @@ def held(interface: TruckInterface) -> Expression:
     for _ in range(ORDER):
         made_up = Lag((made_up,), HOLD_S, cold=True)
     return 1.0 - braking * made_up
+
+
+def holding(interface: TruckInterface, brake_command: Array, left: Array) -> dict[str, Array]:
+    """The signals of brakes that hold a deceleration, (n,) each; `left` is what `held` gives."""
+    held_back = (np.nan_to_num(brake_command) > BRAKED) & (interface.brake_unit == HELD_UNIT)
+    return {"holds": held_back.astype(float), "made up": 1.0 - left}
 
 
 def rows(simulator: Simulator, e: Evidence, turning: Array) -> Array:

@@ -142,6 +142,7 @@ class CorrectedTruck:
         now = self._now(inner, y, u, w, state)
         (left,), braked = self._held.step(state.memory[0], now, self.dt)
         now["answer"] = now["answer"] * left
+        now |= answer.holding(self.interface, now["brake_command"], left)
         if "engine" in now:
             now["sensitivity:mass"] = now["answer"] * (now["brake"] + now["drag"] - now["engine"])
         values, memory = self._stream.step(state.memory[1], now, self.dt)
@@ -253,7 +254,6 @@ class CorrectedTruck:
             now["lever"] = lever(now["ratio"], self.gears, in_gear)
         turning = answer.free(inside)
         now["answer"] = np.ones(len(y)) if turning is None else turning
-        now["holds"] = answer.holding(self.interface, now["brake_command"])
         return now
 
 

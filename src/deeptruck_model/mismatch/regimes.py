@@ -74,8 +74,16 @@ def gated(shape: Shape, gate: Gate, e: Evidence, trials: int) -> Shape:
     """The shape confined to one side of a border."""
     settings = shape.settings | {"gate": list(gate)}
     parts = tuple(build(shape.mechanism, settings))
-    columns = np.stack([p.expression.rows(e) for p in parts], axis=1)
+    columns = shape.columns * _inside(gate, e)[:, None]
+    if "holds" in e.signals and e["holds"].any():  # what sets in at a border is felt for a while
+        columns = np.stack([p.expression.rows(e) for p in parts], axis=1)
     return replace(shape, settings=settings, parts=parts, columns=columns, trials=shape.trials * trials)
+
+
+def _inside(gate: Gate, e: Evidence) -> NDArray[np.bool_]:
+    signal, side, at = gate
+    x = GATES[signal][0].rows(e)
+    return x > at if side == "above" else x <= at
 
 
 def _products(C: Array, y: Array, X: Array) -> Products:

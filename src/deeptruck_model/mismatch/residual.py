@@ -68,7 +68,8 @@ def gather(
         rerun=_rerunner(simulator, prepared, grid, simulated),
     )
     evidence.signals["answer"] = answer.rows(simulator, evidence, turning)
-    evidence.signals["holds"] = answer.holding(simulator.interface, evidence["brake_command"])
+    left = answer.held(simulator.interface).rows(evidence)
+    evidence.signals.update(answer.holding(simulator.interface, evidence["brake_command"], left))
     sensitivity = _sensitivity(simulator, prepared, grid, evidence)
     evidence = replace(evidence, sensitivity=sensitivity)
     named = {f"sensitivity:{name}": column for name, column in sensitivity.items()}

@@ -100,8 +100,8 @@ def test_what_changes_while_brakes_hold_is_felt_until_they_have_made_up_for_it()
     memory, braked = stream.begin(1), steady.begin(1)
     for k in range(400):
         now = {"force": force[k : k + 1], "brake_command": u[:, k, 1]}
-        now["holds"] = answer.holding(believed.interface, now["brake_command"])
-        (now["answer"],), braked = steady.step(braked, now, 0.1)
+        (left,), braked = steady.step(braked, now, 0.1)
+        now |= {"answer": left} | answer.holding(believed.interface, now["brake_command"], left)
         (value,), memory = stream.step(memory, now, 0.1)
         told.append(value[0])
     braking = slice(200, 400)
