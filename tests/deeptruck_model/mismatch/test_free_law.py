@@ -35,7 +35,15 @@ def test_in_noise_there_is_no_law(nothing_missing: Evidence) -> None:
     assert explain(search).causes == ()
 
 
-@pytest.mark.parametrize(("force", "of"), [(swing, "simulated"), (band, "speed")])
+def touch(e: Evidence) -> np.ndarray:
+    """Brakes of which half is missing in the first second of every application."""
+    since = law_signal("time since the brake was off").rows(e)
+    return 0.5 * e["brake"] * np.clip(1.4 - since, 0.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("force", "of"), [(swing, "simulated"), (band, "speed"), (touch, "time since the brake was off")]
+)
 def test_a_force_without_a_name_is_told_by_what_it_follows(
     force: Callable[[Evidence], np.ndarray], of: str, nothing_missing: Evidence
 ) -> None:

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.evidence import GRAVITY, Evidence
 from deeptruck_model.mismatch.expression import (
@@ -46,7 +47,9 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
 
 KNOTS = 5  # of a function of one variable
 LEAST_CARRIER = 0.01  # rms
-NEVER_S = 120.0  # what happened longer ago no longer matters
+SINCE = "time since "
+SOON_S = (0.0, 0.6, 1.2, 2.5, 5.0, 15.0, 60.0, 120.0)
+NEVER_S = SOON_S[-1]  # what happened longer ago no longer matters
 ACTING = 0.1  # m/s^2: a force that is on
 CARRIERS: dict[str, tuple[Expression, float]] = {  # with the sd of the function it is multiplied by
     "force": (lift(1.0), 0.1),
@@ -86,9 +89,9 @@ VARIABLES: dict[str, Expression] = (
         for t in (3.0, 20.0, 100.0, 600.0)
     }
     | {"speed over 60 s": Lag((SPEED,), 60.0), "speed over 300 s": Lag((SPEED,), 300.0, cold=True)}
-    | {f"time since {name}": minimum(Since((x,)), NEVER_S) for name, x in EVENTS.items()}
+    | {SINCE + name: minimum(Since((x,)), NEVER_S) for name, x in EVENTS.items()}
 )
-NEEDS = {"time since a shift": "gear"} | {name: name for name in RECORDED}
+NEEDS = {SINCE + "a shift": "gear"} | {name: name for name in RECORDED}
 
 
 def _settings(e: Evidence) -> Iterator[Settings]:
@@ -96,7 +99,7 @@ def _settings(e: Evidence) -> Iterator[Settings]:
     rms = {name: float(np.sqrt(np.mean(x.rows(e)[e.valid] ** 2))) for name, (x, _) in CARRIERS.items()}
     known = {of: x for of, x in VARIABLES.items() if of not in NEEDS or e.has(NEEDS[of])}
     for of, x in known.items():
-        at = apart(np.quantile(x.rows(e)[e.valid], np.linspace(0.0, 1.0, KNOTS)))
+        at = _knots(of, x.rows(e)[e.valid])
         for carrier in CARRIERS if len(at) > 2 else ():
             if rms[carrier] > LEAST_CARRIER and not (carrier == "simulated" and e.own_error > 0):
                 yield {"carrier": carrier, "of": of, "at": at}
@@ -107,6 +110,14 @@ def _settings(e: Evidence) -> Iterator[Settings]:
             for how in ("late", "late up or down", "swinging"):
                 if name != "simulated" or how == "swinging":  # what answers late throughout is the sensor
                     yield {"follower": name, "how": how}
+
+
+def _knots(of: str, x: NDArray[np.float64]) -> list[float]:
+    """Values of a variable x (n,) between which a law runs straight: as much driving between any two, but
+    soon after an event, where most happens."""
+    if of.startswith(SINCE):
+        return [t for t in SOON_S if x.min() <= t <= x.max()]
+    return apart(np.quantile(x, np.linspace(0.0, 1.0, KNOTS)))
 
 
 def _columns(s: Settings) -> list[Column]:
