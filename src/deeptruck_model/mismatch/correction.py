@@ -6,7 +6,7 @@ Everything is fitted, and chosen, without the held-out recordings.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from deeptruck_model.mismatch.causes import Explanation
 from deeptruck_model.mismatch.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.held_out_drives import in_vain
-from deeptruck_model.mismatch.improvement import Errors, compare, free_windows
+from deeptruck_model.mismatch.improvement import Errors, compare, free_windows, joined
 from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes, held_steady
 from deeptruck_model.mismatch.prepared import Prepared
 from deeptruck_model.mismatch.search import POSSIBLE, Model, Search
@@ -31,11 +31,24 @@ FOLDS = 3  # of the recordings that are not held out, to choose what goes in
 @dataclass(frozen=True)
 class Corrections:
     """The simulator with its parameters re-tuned alone, with all that was found and has a name, and with laws
-    for what has none beside (None where there are none)."""
+    for what has none beside (None where there are none).
+
+    `crossed`: errors of free runs of INTERVAL_S along the recordings that are not held out, each by a fit to
+    others of them, by the names of `fit`; none where they are few.
+    """
 
     tuned: CorrectedTruck
     named: CorrectedTruck
     unnamed: CorrectedTruck | None
+    crossed: dict[str, Errors] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class _Fold:
+    """The recordings that are fitted, and those that are driven."""
+
+    search: Search
+    driven: tuple[Prepared, ...]
 
 
 @dataclass(frozen=True)
@@ -68,33 +81,49 @@ def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequenc
     unnamed = _with_laws(x)
     if unnamed is not None and any(c.other_form for c in x.causes):
         recipes.append(unnamed)  # these laws are the form of a name
-    errors = _crossed(simulator, e, recipes, prepared, shares) if len(recipes) > 1 else [0.0]
+    folds = _folds(e, prepared) if len(recipes) > 1 else []
+    errors = [_crossed(simulator, recipe, folds, shares) for recipe in recipes]
     best = recipes[int(np.argmin(errors))]
+    compared = {"parameters_only": alone, "after": best} | ({"free_model": unnamed} if unnamed else {})
     return Corrections(
         alone.corrected(simulator, search, shares),
         best.corrected(simulator, search, shares),
         unnamed.corrected(simulator, search, shares) if unnamed is not None else None,
+        _out_of_fold(simulator, compared, folds, shares) if best is not nothing else {},
     )
 
 
-def _crossed(
-    simulator: Simulator,
-    e: Evidence,
-    recipes: Sequence[_Recipe],
-    prepared: Sequence[Prepared],
-    shares: Shares | None,
-) -> list[float]:
-    """Error of each recipe in free runs along recordings it was not fitted to; along all, where they are
-    few."""
+def _folds(e: Evidence, prepared: Sequence[Prepared]) -> list[_Fold]:
+    """Parts of the recordings that are not held out, each to be driven by a fit to the others; all by a fit
+    to all, where they are few."""
     fitted = np.flatnonzero([not s.held_out for s in e.stretches])
-    folds = [fitted[k::FOLDS] for k in range(FOLDS)] if len(fitted) >= 2 * FOLDS else []
-    squares = np.zeros(len(recipes))
-    for left_out in folds or [np.array([], dtype=int)]:
+    parts = [fitted[k::FOLDS] for k in range(FOLDS)] if len(fitted) >= 2 * FOLDS else []
+    out = []
+    for left_out in parts or [np.array([], dtype=int)]:
         search = Search(e, only=~e.held_out & ~np.isin(e.record, left_out))
-        drives = [p for k, p in zip(fitted, prepared, strict=True) if not folds or k in left_out]
-        for k, recipe in enumerate(recipes):
-            squares[k] += _mean_square(recipe.corrected(simulator, search, shares), drives)
-    return squares.tolist()
+        drives = [p for k, p in zip(fitted, prepared, strict=True) if not parts or k in left_out]
+        out.append(_Fold(search, tuple(drives)))
+    return out
+
+
+def _crossed(simulator: Simulator, recipe: _Recipe, folds: Sequence[_Fold], shares: Shares | None) -> float:
+    """Error of a recipe in free runs along recordings it was not fitted to."""
+    return sum(_mean_square(recipe.corrected(simulator, f.search, shares), f.driven) for f in folds)
+
+
+def _out_of_fold(
+    simulator: Simulator, recipes: dict[str, _Recipe], folds: Sequence[_Fold], shares: Shares | None
+) -> dict[str, Errors]:
+    """Errors of free runs of INTERVAL_S along recordings that the recipes were not fitted to; none where the
+    folds are none."""
+    drives = [p for f in folds for p in f.driven]
+    if len(folds) < FOLDS or _horizon(drives) < INTERVAL_S:
+        return {}
+    out = {"before": [free_windows(simulator, f.driven, INTERVAL_S) for f in folds]}
+    for name, recipe in recipes.items():
+        trucks = [recipe.corrected(simulator, f.search, shares) for f in folds]
+        out[name] = [free_windows(t, f.driven, INTERVAL_S) for t, f in zip(trucks, folds, strict=True)]
+    return {name: joined(each) for name, each in out.items()}
 
 
 def _with_laws(x: Explanation) -> _Recipe | None:
@@ -173,7 +202,14 @@ def shown(
     if len(windows):
         short_s = min(INTERVAL_S, _horizon(held_out))
         shorter = {name: free_windows(named[name], held_out, short_s) for name in COMPARED}
-        fit |= compare(errors, shorter) | {"improvement_horizon_s": short_s}
+        if made.crossed and short_s == INTERVAL_S:
+            which = "free_model" if after is made.unnamed else "after"
+            crossed = made.crossed | {"after": made.crossed[which]}
+            shorter = {name: joined([shorter[name], crossed[name]]) for name in COMPARED}
+        fit |= compare(errors, shorter) | {
+            "improvement_horizon_s": short_s,
+            "improvement_recordings": len(np.unique(shorter["before"].recording)),
+        }
     if with_unnamed and made.unnamed is not None:
         fit["with_unnamed"] = True
     fit["validated"] = bool(after.terms or after.moved) and _better(fit)

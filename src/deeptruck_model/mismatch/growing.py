@@ -24,7 +24,7 @@ EXCHANGES = 3
 ENOUGH_RARE = 45.0  # nats for what is seen in a few windows alone, which were chosen for being off
 SETTLING = 2  # times
 WORTH_AN_EXCHANGE = 3.0  # nats
-BESIDE = 0.2  # a further name must gain this share of the others' gain: a form not quite right invites more,
+BESIDE = 0.33  # a further name must gain this share of the others' gain: a form not quite right invites more,
 APART = 0.04  # or this share, where it acts when the others do not
 
 

@@ -70,6 +70,17 @@ def free_windows(simulator: Simulator, prepared: Sequence[Prepared], horizon_s: 
     return Errors(np.stack(speed), np.stack(acceleration), np.array(owner), np.array(begin))
 
 
+def joined(parts: Sequence[Errors]) -> Errors:
+    """The free runs of all of them, as along recordings one after the other."""
+    first = np.cumsum([0] + [int(p.recording.max(initial=-1)) + 1 for p in parts])
+    return Errors(
+        np.concatenate([p.speed for p in parts]),
+        np.concatenate([p.acceleration for p in parts]),
+        np.concatenate([p.recording + k for p, k in zip(parts, first, strict=False)]),
+        np.concatenate([p.start for p in parts]),
+    )
+
+
 def _run(
     simulator: Simulator,
     u: Array,

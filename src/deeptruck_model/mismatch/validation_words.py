@@ -91,7 +91,11 @@ def _change(ci: Sequence[float]) -> str:
 
 def _resampled(fit: dict[str, Any]) -> str:
     runs = f"free runs of {fit['improvement_horizon_s']:.0f} s"
-    return f"recordings, in {runs}" if len(fit["held_out"]) >= LEAST_RESAMPLED else runs
+    recordings = fit["improvement_recordings"]
+    if recordings < LEAST_RESAMPLED:
+        return runs
+    own = ", each driven by a fit that had not seen it" if recordings > len(fit["held_out"]) else ""
+    return f"{recordings} recordings{own}, in {runs}"
 
 
 def _helped_by_others(fit: dict[str, Any]) -> bool:

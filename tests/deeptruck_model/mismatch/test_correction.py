@@ -15,6 +15,7 @@ from deeptruck_model.mismatch import correction
 from deeptruck_model.mismatch.causes import Cause
 from deeptruck_model.mismatch.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.evidence import Evidence, Stretch
+from deeptruck_model.mismatch.improvement import Errors
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape, comes_and_goes, held_steady, laws
 from deeptruck_model.mismatch.search import Model, Search
 
@@ -112,6 +113,30 @@ def test_what_comes_and_goes_can_be_held_steady(nothing_missing: Evidence) -> No
     assert held.mechanism is gusts.mechanism
 
 
+def test_the_interval_is_over_all_recordings_each_unseen(
+    nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two held-out recordings that show little, and six others that show much: together they are sure."""
+
+    def runs(count: int, size: float) -> Errors:
+        of = np.repeat(np.arange(count), 4)
+        speed = size * (1.0 + 0.5 * np.sin(np.arange(4 * count)))[:, None] * np.ones(10)
+        return Errors(speed, speed, of, np.arange(4 * count))
+
+    sizes = iter([1.0, 1.0, 0.9, 1.0, 1.0, 0.9])  # before, parameters only and after, long and short
+    monkeypatch.setattr(correction, "free_windows", lambda *a: runs(2, next(sizes)))
+    monkeypatch.setattr(correction, "_horizon", lambda p: 40.0)
+    after = CorrectedTruck(TRUCK, [], {"torque_gain": 0.1}, None, False)
+    crossed = {
+        name: runs(6, size) for name, size in (("before", 1.0), ("parameters_only", 1.0), ("after", 0.4))
+    }
+    made = correction.Corrections(after, after, None, crossed)
+    held_out: Any = [SimpleNamespace(recording=SimpleNamespace(name=n)) for n in "ab"]
+    _, marked, fit = correction.shown(TRUCK, made, held_out, with_unnamed=False)
+    assert fit["improvement_recordings"] == 8 and fit["windows"] == 8
+    assert fit["improvement_ci95"][0] > 0.2 and fit["validated"] and marked.validated
+
+
 def test_each_correction_is_driven_where_it_was_not_fitted(
     nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -127,7 +152,7 @@ def test_each_correction_is_driven_where_it_was_not_fitted(
     monkeypatch.setattr(correction._Recipe, "corrected", fitted)
     monkeypatch.setattr(correction, "_mean_square", lambda made, names: seen.append((names, made)) or 0.0)
     prepared: Any = [f"d{k}" for k in range(6)]
-    correction._crossed(TRUCK, e, [correction._Recipe((), (), frozenset())], prepared, None)
+    correction._crossed(TRUCK, correction._Recipe((), (), frozenset()), correction._folds(e, prepared), None)
     assert sorted(name for names, _ in seen for name in names) == prepared
     for names, on in seen:
         assert not {f"d{k}" for k in on} & set(names) and len(on) == 4

@@ -78,3 +78,11 @@ def test_a_corrected_truck_hears_what_was_recorded_beside_the_protocol(prepared:
     drafting = CorrectedTruck(TRUCK, [Term("drafting", {"length_m": 20.0}, (0.4,))], {}, None, False)
     alone, behind = (free_windows(drafting, [p], 30.0).speed for p in (prepared[0], beside))
     assert np.abs(alone).max() < 1.0 and (behind[:, -1] > alone[:, -1]).any()
+
+
+def test_joined_runs_keep_their_recordings_apart() -> None:
+    one, three = (Errors(np.full((n, 5), n), np.zeros((n, 5)), np.arange(n), np.arange(n)) for n in (1, 3))
+    none = Errors(np.zeros((0, 5)), np.zeros((0, 5)), np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp))
+    all_of_them = improvement.joined([one, none, three])
+    assert all_of_them.recording.tolist() == [0, 1, 2, 3]
+    assert all_of_them.speed[:, 0].tolist() == [1.0, 3.0, 3.0, 3.0]

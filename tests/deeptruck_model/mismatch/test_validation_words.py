@@ -11,11 +11,12 @@ from deeptruck_model.mismatch import page_text, validation_words
 
 
 def fit(
-    gained: list[float], beside: list[float], *, held_out: int = 1, validated: bool = True
+    gained: list[float], beside: list[float], *, held_out: int = 1, driven: int = 1, validated: bool = True
 ) -> dict[str, Any]:
     names = [f"d{k}" for k in range(held_out)]
     errors = {name: {"speed_rmse": size} for name, size in (("before", 0.9), ("after", 0.1))}
-    intervals = {"improvement_ci95": gained, "improvement_over_parameters_ci95": beside}
+    intervals: dict[str, Any] = {"improvement_ci95": gained, "improvement_over_parameters_ci95": beside}
+    intervals["improvement_recordings"] = driven
     return {"held_out": names, "validated": validated, "improvement_horizon_s": 20.0, **errors, **intervals}
 
 
@@ -34,11 +35,16 @@ def test_beside_refitted_parameters(beside: list[float], change: str, end: str) 
 
 
 def test_a_correction_that_failed_is_not_applied() -> None:
-    said = validation_words.said(fit([-0.2, 0.1], [0.0, 0.0], held_out=3, validated=False))
+    said = validation_words.said(fit([-0.2, 0.1], [0.0, 0.0], held_out=3, driven=3, validated=False))
     assert said[1].startswith(
-        "No, it is between 20 % larger and 10 % smaller (95 % interval over recordings, in free runs of 20 s)"
+        "No, it is between 20 % larger and 10 % smaller (95 % interval over 3 recordings, in free runs of"
     )
     assert "is not applied" in said[1] and "refitted parameters alone" in said[2]
+
+
+def test_recordings_that_were_driven_by_fits_to_the_others_are_told() -> None:
+    said = validation_words.said(fit([0.2, 0.6], [0.1, 0.3], held_out=2, driven=8))
+    assert "over 8 recordings, each driven by a fit that had not seen it, in free runs of 20 s" in said[1]
 
 
 def test_what_was_not_changed_may_still_be_worse_than_refitted_parameters() -> None:
