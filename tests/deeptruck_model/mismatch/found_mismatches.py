@@ -170,7 +170,7 @@ def verdict(kind: str, found, caveats=()) -> dict:
     }
     fit = {"held_out": ["a"], "horizon_s": 40.0, "windows": 4, "validated": True, **rows}
     fit |= {"improvement_ci95": [0.5, 0.8], "improvement_over_parameters_ci95": [0.1, 0.3]}
-    fit["improvement_horizon_s"] = 20.0
+    fit |= {"improvement_horizon_s": 20.0, "improvement_recordings": 1}
     data: dict = {
         "rejected": [{"rule": "speed missing or invalid", "samples": 12}],
         "coverage": "coverage.png",
