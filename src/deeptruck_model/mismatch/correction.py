@@ -33,8 +33,8 @@ class Corrections:
     """The simulator with its parameters re-tuned alone, with all that was found and has a name, and with laws
     for what has none beside (None where there are none).
 
-    `crossed`: errors of free runs of INTERVAL_S along the recordings that are not held out, each by a fit to
-    others of them, by the names of `fit`; none where they are few.
+    `crossed`: errors of free runs along the recordings that are not held out, each by a fit to others of
+    them, by the names of COMPARED; none where they are few.
     """
 
     tuned: CorrectedTruck
@@ -82,14 +82,16 @@ def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequenc
     if unnamed is not None and any(c.other_form for c in x.causes):
         recipes.append(unnamed)  # these laws are the form of a name
     folds = _folds(e, prepared) if len(recipes) > 1 else []
-    errors = [_crossed(simulator, recipe, folds, shares) for recipe in recipes]
-    best = recipes[int(np.argmin(errors))]
-    compared = {"parameters_only": alone, "after": best} | ({"free_model": unnamed} if unnamed else {})
+    driven = [_crossed(simulator, recipe, folds, shares) for recipe in recipes] if folds else []
+    best = int(np.argmin([_mean_square(errors) for errors in driven])) if driven else 0
+    seen = len(folds) < FOLDS or best == 0
     return Corrections(
         alone.corrected(simulator, search, shares),
-        best.corrected(simulator, search, shares),
+        recipes[best].corrected(simulator, search, shares),
         unnamed.corrected(simulator, search, shares) if unnamed is not None else None,
-        _out_of_fold(simulator, compared, folds, shares) if best is not nothing else {},
+        {}
+        if seen
+        else dict(zip(COMPARED, (driven[k] for k in (0, recipes.index(alone), best)), strict=True)),
     )
 
 
@@ -106,24 +108,11 @@ def _folds(e: Evidence, prepared: Sequence[Prepared]) -> list[_Fold]:
     return out
 
 
-def _crossed(simulator: Simulator, recipe: _Recipe, folds: Sequence[_Fold], shares: Shares | None) -> float:
-    """Error of a recipe in free runs along recordings it was not fitted to."""
-    return sum(_mean_square(recipe.corrected(simulator, f.search, shares), f.driven) for f in folds)
-
-
-def _out_of_fold(
-    simulator: Simulator, recipes: dict[str, _Recipe], folds: Sequence[_Fold], shares: Shares | None
-) -> dict[str, Errors]:
-    """Errors of free runs of INTERVAL_S along recordings that the recipes were not fitted to; none where the
-    folds are none."""
-    drives = [p for f in folds for p in f.driven]
-    if len(folds) < FOLDS or _horizon(drives) < INTERVAL_S:
-        return {}
-    out = {"before": [free_windows(simulator, f.driven, INTERVAL_S) for f in folds]}
-    for name, recipe in recipes.items():
-        trucks = [recipe.corrected(simulator, f.search, shares) for f in folds]
-        out[name] = [free_windows(t, f.driven, INTERVAL_S) for t, f in zip(trucks, folds, strict=True)]
-    return {name: joined(each) for name, each in out.items()}
+def _crossed(simulator: Simulator, recipe: _Recipe, folds: Sequence[_Fold], shares: Shares | None) -> Errors:
+    """Errors of a recipe in free runs along recordings it was not fitted to."""
+    short_s = min(INTERVAL_S, _horizon([p for f in folds for p in f.driven]))
+    each = [(recipe.corrected(simulator, f.search, shares), f.driven) for f in folds]
+    return joined([free_windows(truck, drives, short_s) for truck, drives in each])
 
 
 def _with_laws(x: Explanation) -> _Recipe | None:
@@ -172,8 +161,7 @@ def _change(e: Evidence, model: Model, free: Iterable[str]) -> dict[str, float]:
     return {p: float(np.clip(e.total_change(p, model.change(p)), *POSSIBLE[p])) for p in free}
 
 
-def _mean_square(simulator: Simulator, prepared: Sequence[Prepared]) -> float:
-    errors = free_windows(simulator, prepared, _horizon(prepared))
+def _mean_square(errors: Errors) -> float:
     return float(np.mean(errors.speed**2)) if len(errors.speed) else 0.0
 
 
@@ -200,15 +188,10 @@ def shown(
         "windows": len(windows),
     }
     if len(windows):
-        short_s = min(INTERVAL_S, _horizon(held_out))
-        shorter = {name: free_windows(named[name], held_out, short_s) for name in COMPARED}
-        if made.crossed and short_s == INTERVAL_S:
-            which = "free_model" if after is made.unnamed else "after"
-            crossed = made.crossed | {"after": made.crossed[which]}
-            shorter = {name: joined([shorter[name], crossed[name]]) for name in COMPARED}
-        fit |= compare(errors, shorter) | {
+        judged, short_s = _judged(made, named, held_out)
+        fit |= compare(errors, judged) | {
             "improvement_horizon_s": short_s,
-            "improvement_recordings": len(np.unique(shorter["before"].recording)),
+            "improvement_recordings": len(np.unique(judged["before"].recording)),
         }
     if with_unnamed and made.unnamed is not None:
         fit["with_unnamed"] = True
@@ -216,8 +199,21 @@ def shown(
     return errors, after.marked(fit["validated"]), fit
 
 
+def _judged(
+    made: Corrections, named: dict[str, Simulator], held_out: Sequence[Prepared]
+) -> tuple[dict[str, Errors], float]:
+    """Errors of the free runs whose improvement has an interval, and how long these runs are, s: of what was
+    held out, and of the other recordings, each driven by a fit that had not seen it, where there are such."""
+    short_s = min(INTERVAL_S, _horizon(held_out))
+    shorter = {name: free_windows(named[name], held_out, short_s) for name in COMPARED}
+    others = made.crossed if named["after"] is made.named else {}
+    if others and others["before"].speed.shape[1] == shorter["before"].speed.shape[1]:
+        return {name: joined([shorter[name], others[name]]) for name in COMPARED}, short_s
+    return shorter, short_s
+
+
 def _better(fit: dict[str, Any]) -> bool:
-    """Surely so over the shorter free runs, and no worse over the long ones."""
+    """Surely so over all that was driven unseen, and no worse over what was held out."""
     sure = bool(fit.get("improvement_ci95", [0.0])[0] > 0.0)
     return sure and bool(fit["after"]["speed_rmse"] <= fit["before"]["speed_rmse"])
 

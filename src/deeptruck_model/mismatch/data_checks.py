@@ -77,7 +77,8 @@ def acceleration_is_measured(recordings: Sequence[Recording]) -> bool:
         a, d = r.channels["acceleration"], derivative(r.channels["speed"], r.dt)
         both = np.isfinite(a) & np.isfinite(d)
         for shifted in (d, np.roll(d, 1), np.roll(d, -1), (d + np.roll(d, -1)) / 2):
-            if both.sum() > 20 and np.nanmedian(np.abs(a - shifted)[both]) < 1e-6:
+            known = both & np.isfinite(shifted)
+            if known.sum() > 20 and np.median(np.abs(a - shifted)[known]) < 1e-6:
                 return False
     return any(np.isfinite(r.channels["acceleration"]).sum() > 50 for r in recordings)
 

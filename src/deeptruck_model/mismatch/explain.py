@@ -31,6 +31,7 @@ TRIFLE = 0.03  # a cause with a smaller share of what is explained is as likely 
 BENT = 0.15  # share of the main cause's gain that a parameter beside it must have
 BEFORE_PARAMETERS = 0.25  # of the largest share, below which physics is told after parameters
 ANOTHER_FORM = 0.3  # the same where the rest acts by the name's own signals
+ROADS = {"road_grade", "road_surface"}
 SLOW_NAMES = {"road_grade", "road_surface", "headwind", "payload_change"}
 
 
@@ -71,7 +72,7 @@ def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[C
     total = explained + max(left.gain, 0.0)
     weight = sum(max(c.gain, 0.0) for c in causes) or 1.0
     causes = [replace(c, share=max(c.gain, 0.0) / weight * explained / total) for c in causes]
-    causes = [c for c in causes if c.share > TRIFLE]
+    causes = _unverified(search.e, [c for c in causes if c.share > TRIFLE])
     if not unknown:
         return _in_order(_in_doubt(search.e, left, causes))
     rest = Cause("missing_physics", "unknown", left.gain, left.gain / total, 0.9, left.free.prediction)
@@ -84,6 +85,20 @@ def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[C
         rest = replace(rest, nearest=main.effect, rivals=_perhaps_the_same(main))
         return [rest, *_in_order([c for c in causes if c not in physics])]
     return _in_order([*causes, rest])
+
+
+def _unverified(e: Evidence, causes: list[Cause]) -> list[Cause]:
+    """The causes; beside a recorded slope, a road that comes and goes and was driven once may as well be
+    nothing that has a name."""
+
+    def once(c: Cause) -> bool:
+        locked = c.effect in ROADS and _follows_anything_slow(c) and e.has("grade")
+        return locked and road_lock(e, c.force) is None
+
+    return [
+        replace(c, rivals=(*[r for r in c.rivals if r[0] != "unknown"], ("unknown", 0.0))) if once(c) else c
+        for c in causes
+    ]
 
 
 def _in_doubt(e: Evidence, left: LeftOver, causes: list[Cause]) -> list[Cause]:

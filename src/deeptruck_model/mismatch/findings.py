@@ -83,7 +83,7 @@ def from_cause(cause: Cause, e: Evidence, explanation: Explanation, own: dict[st
     elif cause.lawless:
         words = comes_and_goes(cause, e)
     elif cause.effect == "unknown":
-        words = unknown(cause, explanation)
+        words = unknown(cause, e, explanation)
     elif cause.shape is None:
         words = _parameter(cause, e, explanation, own)
     else:

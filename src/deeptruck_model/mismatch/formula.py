@@ -23,6 +23,8 @@ DRIVERS = 3
 CELLS = 256  # points the formula is fitted to, each the mean over equally many seconds
 LEAST_IN_CELL = 12
 DIGITS = 3
+GRID = 21  # places along the range of each signal where a formula must stay below ...
+BEYOND = 3.0  # times the largest force
 NEAR_BEST = 0.98  # of the best held-out r2: how much fit a simpler formula may give away,
 NOT_MORE_LEFT = 2.0  # but it may not leave twice as much: a straight line is within 2 % of many a parabola
 SYMBOLS = "add,sub,mul,div,square,exp,tanh,sin,fmax,fmin,abs,constant,variable"
@@ -74,6 +76,7 @@ def fit(columns: dict[str, Array], y: Array, held_out: Mask, seed: int = 0) -> F
     for count in range(1, len(symbols) + 1):  # fewer signals leave finer cells
         front = _front(*cells(X[~held_out, :count], y[~held_out]), seed)
         candidates += [_readable(text, symbols) for text in front]
+    candidates = [c for c in candidates if _bounded(c, symbols, X, y)]
     scored = [(_r2(c, symbols, X[held_out], y[held_out]), _length(c), c) for c in candidates]
     best = max((r2 for r2, _, _ in scored), default=0.0)
     if best <= 0.0:
@@ -144,6 +147,16 @@ def _r2(x: sympy.Expr, symbols: Sequence[sympy.Symbol], X: Array, y: Array) -> f
         predicted = np.broadcast_to(sympy.lambdify(symbols, x, "numpy", dummify=True)(*X.T), y.shape)
         r2 = 1.0 - np.sum((y - predicted) ** 2) / np.sum((y - y.mean()) ** 2)
     return float(r2) if np.isfinite(r2) else -np.inf
+
+
+def _bounded(x: sympy.Expr, symbols: Sequence[sympy.Symbol], X: Array, y: Array) -> bool:
+    """Whether a formula stays within what was seen, all over the range of its signals: no pole between the
+    cells it was fitted to."""
+    sides = [np.linspace(column.min(), column.max(), GRID) for column in X.T]
+    places = np.concatenate([X, np.stack([g.ravel() for g in np.meshgrid(*sides)], axis=1)])
+    with np.errstate(all="ignore"):
+        force = np.broadcast_to(sympy.lambdify(symbols, x, "numpy", dummify=True)(*places.T), len(places))
+    return bool(np.isfinite(force).all() and np.abs(force).max() < BEYOND * np.abs(y).max())
 
 
 class _Printer(StrPrinter):

@@ -27,6 +27,15 @@ UNITS = {
     "engine_speed": "rad/s",
     "gap": "m",
     "elapsed": "s",
+    "elevation": "m",
+    "ratio": "rad/m",
+    "ambient_temperature": "degrees",
+}
+UNITS_OF = {
+    "time since ": "s",
+    "braking power over ": "W/kg",
+    "engine over ": "m/s^2",
+    "acceleration over ": "m/s^2",
 }
 
 
@@ -147,7 +156,8 @@ def _under(t: Any, node: int) -> set[int]:
 
 
 def _words(name: str, low: float, high: float) -> str:
-    unit = f" {UNITS[name]}" if name in UNITS else ""
+    unit = UNITS.get(name) or next((u for start, u in UNITS_OF.items() if name.startswith(start)), "")
+    unit = f" {unit}" if unit else ""
     if np.isinf(low):
         return f"{name} < {high:.3g}{unit}"
     if np.isinf(high):

@@ -126,4 +126,7 @@ def apply(directory: Path, out: Path) -> None:
     if out.exists():
         raise InputError(f"{out} exists already; choose a new --out")
     simulators.load(directory / "simulator")  # one that lost a file is no use elsewhere either
-    shutil.copytree(directory / "simulator", out)
+    if out.parent.exists() and not out.parent.is_dir():
+        raise InputError(f"{out.parent} is a file; choose another --out")
+    with whole_file.together(out) as draft:
+        shutil.copytree(directory / "simulator", draft, dirs_exist_ok=True)

@@ -164,8 +164,12 @@ def _finding(k: int, f: dict[str, Any]) -> dict[str, Any]:
     facts = {"probability": percent(f["probability"])}
     if f["share_of_explainable_error"] > 0:
         facts["explains"] = f"{percent(f['share_of_explainable_error'])} of the explainable error"
+    if "held_out_r2" in f["parameters"]:
+        r2 = max(f["parameters"]["held_out_r2"]["value"] or 0.0, 0.0)
+        facts["laws predict"] = f"{percent(r2)} of the variance that names leave, on recordings not fitted to"
     if "formula_r2" in f:
-        facts["predicted"] = f"{percent(max(f['formula_r2'], 0.0))} of its variance on held-out recordings"
+        r2 = max(f["formula_r2"], 0.0)
+        facts["the formula predicts"] = f"{percent(r2)} of the variance of these laws, on held-out recordings"
     return {
         "name": spoken(f["effect"]),
         "kind": words(f["kind"]),
@@ -234,7 +238,8 @@ def rejected_names(m: Mismatch) -> tuple[list[dict[str, str]], list[str], dict[s
         if lacking:
             untested.setdefault(" and ".join(spoken(n) for n in lacking), []).append(spoken(name))
     seen = stated | {n for n, g in m.explanation.ranking if g >= 1.0}
-    nothing = [spoken(n) for n, x in LIBRARY.items() if n not in seen and m.evidence.has(*x.needs)]
+    tried = [n for n, x in LIBRARY.items() if n not in m.excluded and m.evidence.has(*x.needs)]
+    nothing = [spoken(n) for n in tried if n not in seen]
     return gained, nothing, untested
 
 

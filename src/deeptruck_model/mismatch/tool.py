@@ -44,6 +44,7 @@ Array = NDArray[np.float64]
 EXCLUDE = (
     "DEEPTRUCK_MISMATCH_EXCLUDE"  # comma-separated effects to leave out of the library: for examinations
 )
+LEFT_OUT = f"left out of the library, as {EXCLUDE} asks: {{}}"
 NAMED = (*LIBRARY, *findings.NAMES, "acceleration_bias", "speed_scale", "unknown")
 OTHER_GEAR = "the simulator drives in another gear than was recorded"
 STRANGE = "the simulator has learned from no driving at such speeds, commands and slopes"
@@ -64,6 +65,7 @@ class Mismatch:
     errors: dict[str, Errors]
     corrected: CorrectedTruck | None
     prepared: tuple[Prepared, ...]
+    excluded: tuple[str, ...] = ()  # effects that were to be left out of the library
 
 
 def find_mismatch(
@@ -168,9 +170,15 @@ def _find(
         "regimes": [vars(r) for r in regimes],
         "fit": fit,
         "data": _data(c, e, x, found),
-        "caveats": [*c.caveats, *validation_words.caveats(fit, bool(causes), with_unnamed)],
+        "caveats": [
+            *c.caveats,
+            *([LEFT_OUT.format(", ".join(exclude))] if exclude else []),
+            *validation_words.caveats(fit, bool(causes), with_unnamed),
+        ],
     }
-    return Mismatch(verdict, e, x, tuple(found), tuple(segments), errors, corrected, c.prepared)
+    return Mismatch(
+        verdict, e, x, tuple(found), tuple(segments), errors, corrected, c.prepared, tuple(exclude)
+    )
 
 
 def _useless(c: _Checked) -> Mismatch:

@@ -11,16 +11,18 @@ from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.mechanisms import LIBRARY, UNNAMED
 from deeptruck_model.mismatch.road_lock import RoadLock
 
+ONE_WAY = 0.5  # of its rms that the mean of a force must have, to tell its size
 AT_ITS_MOMENTS = "record more signals, and look what else happens at the moments listed under segments"
 
 
 def strength(cause: Cause, e: Evidence) -> str:
     """How strong a force is where it acts, in N, and for how much of the time."""
-    size = np.abs(cause.force[e.valid])
-    acting = size > 0.3 * float(np.quantile(size, 0.995)) + 1e-9
-    newton = float(np.mean(e.newtons(cause.force)[e.valid][acting])) if acting.any() else 0.0
-    share = float(np.mean(acting)) * 100
-    return f"{newton:+.0f} N on average while it acts, {share:.0f} % of the time"
+    large = np.abs(cause.force[e.valid])
+    acting = large > 0.3 * float(np.quantile(large, 0.995)) + 1e-9
+    newtons = e.newtons(cause.force)[e.valid][acting] if acting.any() else np.zeros(1)
+    mean, rms = float(np.mean(newtons)), float(np.sqrt(np.mean(newtons**2)))
+    size = f"{mean:+.0f} N on average" if abs(mean) > ONE_WAY * rms else f"{rms:.0f} N rms, forward and back,"
+    return f"{size} while it acts, {100.0 * float(np.mean(acting)):.0f} % of the time"
 
 
 def slow(cause: Cause) -> dict[str, Any]:
@@ -82,18 +84,18 @@ def comes_and_goes(cause: Cause, e: Evidence) -> dict[str, Any]:
     }
 
 
-def unknown(cause: Cause, explanation: Explanation) -> dict[str, Any]:
+def unknown(cause: Cause, e: Evidence, explanation: Explanation) -> dict[str, Any]:
     left = explanation.left_over
     drivers = [name for name, share in left.importance.items() if share > 0.1][:4]
     near = f"; nearest name: {cause.nearest}, which does not explain it" if cause.nearest else ""
     return {
-        "says": "a force that no mechanism of the library explains; it varies with "
+        "says": f"a force that no mechanism of the library explains: {strength(cause, e)}; it varies with "
         f"{', '.join(drivers) or 'nothing recorded'}{near}",
         "equation": "F = f(" + ", ".join(drivers) + ")",
         "parameters": {"held_out_r2": {"value": left.r2, "unit": "1", "ci95": None}},
-        "would_be_told_by": "vary "
+        "would_be_told_by": "drive so that "
         + (drivers[0] if drivers else "one signal")
-        + " alone, with everything else held",
+        + " changes while the others change little",
         "depends_on": drivers,
         **({"nearest": cause.nearest} if cause.nearest else {}),
     }

@@ -23,6 +23,9 @@ Array = NDArray[np.float64]
 PARQUET = (".parquet", ".pq")
 
 
+SHOWN = 12  # columns that an error lists
+
+
 @dataclass(frozen=True)
 class TextTable:
     """Columns by name (blanks around names ignored), cells still as they stand in the file."""
@@ -41,7 +44,9 @@ class TextTable:
             return self.columns[name]
         if name.strip() in self.columns:
             return self.columns[name.strip()]
-        near = difflib.get_close_matches(name, self.columns, n=3, cutoff=0.5) or list(self.columns)[:12]
+        few = list(self.columns)[:SHOWN]
+        near = difflib.get_close_matches(name, self.columns, n=3, cutoff=0.5) or few
+        near = few if len(self.columns) <= SHOWN else near
         more = f", and {len(self.columns) - len(near)} more" if len(self.columns) > len(near) else ""
         raise InputError(f"{self.path} has no column '{name}'; there is: {', '.join(near)}{more}")
 

@@ -34,17 +34,24 @@ def explanation(causes: tuple[Cause, ...], model: Model, lawful: Model | None = 
     return SimpleNamespace(causes=causes, model=model, lawful=lawful)
 
 
+def run(size: float) -> Errors:
+    """A free run of one step with this error."""
+    one = np.full((1, 1), size)
+    return Errors(one, one, np.zeros(1, dtype=np.intp), np.zeros(1, dtype=np.intp))
+
+
 @pytest.fixture
 def options(nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch) -> list[tuple[set[str], set[str]]]:
     """(terms, parameters) of every correction that is driven; the one with the fewest terms drives best, and
     with one parameter moved."""
     driven: list[tuple[set[str], set[str]]] = []
 
-    def mean_square(truck: correction.CorrectedTruck, prepared: object) -> float:
+    def windows(truck: correction.CorrectedTruck, *_: object) -> Errors:
         driven.append(({t.effect for t in truck.terms}, set(truck.moved)))
-        return len(truck.terms) + abs(len(truck.moved) - 1.0) if truck.terms else 9.0
+        return run(len(truck.terms) + abs(len(truck.moved) - 1.0) if truck.terms else 9.0)
 
-    monkeypatch.setattr(correction, "_mean_square", mean_square)
+    monkeypatch.setattr(correction, "free_windows", windows)
+    monkeypatch.setattr(correction, "_horizon", lambda prepared: 40.0)
     return driven
 
 
@@ -81,7 +88,10 @@ def test_nothing_goes_in_where_the_truck_as_given_drives_best(
 ) -> None:
     e = nothing_missing
     law, _ = law_and_gusts(e)
-    monkeypatch.setattr(correction, "_mean_square", lambda made, p: len(made.terms) + len(made.moved))
+    monkeypatch.setattr(correction, "_horizon", lambda prepared: 40.0)
+    monkeypatch.setattr(
+        correction, "free_windows", lambda made, *_: run(float(len(made.terms) + len(made.moved)))
+    )
     cause = Cause("missing_physics", "driveline_loss", 50.0, 1.0, 0.9, np.zeros(len(e)), law)
     made = correction.correct(
         TRUCK, e, explanation((cause,), Search(e).model((law,), frozenset({"torque_gain"}))), ONE
@@ -150,7 +160,10 @@ def test_each_correction_is_driven_where_it_was_not_fitted(
         return np.unique(search.e.record[search.series.valid]).tolist()
 
     monkeypatch.setattr(correction._Recipe, "corrected", fitted)
-    monkeypatch.setattr(correction, "_mean_square", lambda made, names: seen.append((names, made)) or 0.0)
+    monkeypatch.setattr(correction, "_horizon", lambda prepared: 40.0)
+    monkeypatch.setattr(
+        correction, "free_windows", lambda made, names, _: seen.append((list(names), made)) or run(0.0)
+    )
     prepared: Any = [f"d{k}" for k in range(6)]
     correction._crossed(TRUCK, correction._Recipe((), (), frozenset()), correction._folds(e, prepared), None)
     assert sorted(name for names, _ in seen for name in names) == prepared

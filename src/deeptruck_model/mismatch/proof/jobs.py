@@ -54,6 +54,8 @@ def run_jobs(
         for future in as_completed(waiting):
             results[waiting[future]] = future.result()
             bar.update(task, advance=1, description=wanted[waiting[future]].folder)
+            if not bar.console.is_terminal:  # a bar there is shown at its end alone
+                bar.console.print(f"{len(results)} of {len(wanted)}: {wanted[waiting[future]].folder}")
     return [results[k] for k in range(len(wanted))]
 
 
