@@ -203,6 +203,8 @@ def _decided(name: str, rival: str, worse: float | None) -> str:
     """How much of a lead comes from data and how much from what is plausible beforehand."""
     if rival == "unknown" and worse is None:
         return f"its signals, by which {spoken(name)} acts too; its form is another"
+    if rival == "unknown" and worse == 0.0:
+        return "nothing: a force without a name may do as well, and none of these drives tells"
     if rival == "unknown":
         return f"against a force without a name that comes and goes likewise the data, by {worse:.1f} nats"
     prior, worse = 0.0, worse or 0.0

@@ -56,6 +56,19 @@ def test_what_is_left_of_a_force_that_comes_and_goes_may_be_that_force(
     assert explain._perhaps_the_same(cause(nothing_missing)) == ()
 
 
+@pytest.mark.parametrize("recorded", [True, False])
+def test_a_road_that_was_driven_once_may_be_no_road_where_slopes_are_known(
+    nothing_missing: Evidence, recorded: bool
+) -> None:
+    e = nothing_missing
+    e = replace(e, signals=e.signals | ({"grade": np.zeros(len(e))} if recorded else {}))
+    shape = next(s for s in Search(e).shapes(LIBRARY["road_grade"]) if comes_and_goes(s))
+    (road,) = explain._unverified(e, [cause(e, shape=shape)])
+    assert ("unknown" in road.not_told_from) == recorded
+    (other,) = explain._unverified(e, [cause(e)])
+    assert "unknown" not in other.not_told_from
+
+
 @pytest.mark.parametrize(
     ("own_error", "slopes", "told"),
     [(0.0, True, "torque_derate"), (0.03, True, None), (0.03, False, "road_grade")],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import sympy
 
 from deeptruck_model.mismatch import formula
 
@@ -75,3 +76,13 @@ def test_cells_hold_equally_many_rows_and_keep_the_mean():
     np.testing.assert_allclose(values.mean(), y.mean(), atol=1e-12)
     np.testing.assert_allclose(means.mean(axis=0), X.mean(axis=0), atol=1e-12)
     assert np.ptp(means, axis=0).min() > 2.0  # cells spread over the data, they are not random groups
+
+
+def test_a_formula_has_no_pole_where_the_truck_drives(drive):
+    columns, _, noise = drive
+    symbols = [sympy.Symbol(name, real=True) for name in columns]
+    X = np.stack(list(columns.values()), axis=1)
+    speed = symbols[0]
+    assert formula._bounded(speed * 10.0, symbols, X, 270.0 + noise)
+    assert not formula._bounded(100.0 / (speed - 15.0), symbols, X, 270.0 + noise)
+    assert not formula._bounded(sympy.exp(speed), symbols, X, 270.0 + noise)

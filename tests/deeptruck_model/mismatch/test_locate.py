@@ -57,3 +57,8 @@ def test_a_regime_is_described_by_what_drives_the_error(evidence: Evidence) -> N
 
 def test_an_error_that_is_everywhere_has_no_regime(evidence: Evidence) -> None:
     assert locate.regimes(evidence, np.ones(N)) == []
+
+
+def test_conditions_have_units() -> None:
+    assert locate._words("time since braking", 4.5, np.inf) == "time since braking > 4.5 s"
+    assert locate._words("braking power over 300 s", -np.inf, 1.34) == "braking power over 300 s < 1.34 W/kg"

@@ -5,9 +5,13 @@ from __future__ import annotations
 import re
 from typing import Any
 
+import numpy as np
 import pytest
 
 from deeptruck_model.mismatch import findings, page_text
+from deeptruck_model.mismatch.causes import Cause
+from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.unnamed_words import strength
 
 
 @pytest.mark.parametrize(
@@ -93,3 +97,13 @@ def test_a_parameter_that_physics_may_stand_for_is_not_said_alone(group: list[st
         "cannot_be_told_from": group,
     }
     assert said in page_text.sentence(verdict("parameter_error", [finding]))
+
+
+@pytest.mark.parametrize(
+    ("swings", "said"), [(False, "+3000 N on average"), (True, "3000 N rms, forward and back")]
+)
+def test_a_force_of_both_signs_has_an_rms(nothing_missing: Evidence, swings: bool, said: str) -> None:
+    e = nothing_missing
+    sign = np.where(np.arange(len(e)) // 50 % 2, -1.0, 1.0) if swings else 1.0
+    force = Cause("missing_physics", "headwind", 50.0, 1.0, 0.9, sign * np.full(len(e), 3000.0 / e.mass))
+    assert strength(force, e).startswith(said)

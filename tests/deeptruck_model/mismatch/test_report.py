@@ -93,7 +93,7 @@ def test_an_unknown_force_shows_its_formula_and_shape(written):
     text = text_of(written, "unknown")
     assert "F = 1600 * sin(0.5 * speed)" in text
     assert (written["unknown"].folder / "unknown.png").exists()
-    assert "80 % of its variance on held-out recordings" in text
+    assert "80 % of the variance of these laws, on held-out recordings" in text
 
 
 def test_nothing_missing_says_what_would_have_been_seen(written):

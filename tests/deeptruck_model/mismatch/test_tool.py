@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.resources
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -246,6 +247,26 @@ def test_apply_refuses_without_a_passed_validation(tmp_path: Path, content: str 
     if content is not None:
         (found / "verdict.json").write_text(content)
     with pytest.raises(InputError, match=says):
+        mismatch.apply(found, tmp_path / "sim")
+    assert not (tmp_path / "sim").exists()
+
+
+def test_apply_leaves_nothing_behind_where_it_cannot_finish(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = tmp_path / "found"
+    mismatch.CorrectedTruck(TRUCK, [], {"mass": 0.1}, None, True).save(found / "simulator")
+    (found / "verdict.json").write_text('{"fit": {"validated": true}}')
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="is a file; choose another --out"):
+        mismatch.apply(found, tmp_path / "file" / "sim")
+
+    def full(source: Path, to: Path, **_: object) -> None:
+        (to / "simulator.json").write_text("")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(shutil, "copytree", full)
+    with pytest.raises(InputError, match="No space left on device; make room"):
         mismatch.apply(found, tmp_path / "sim")
     assert not (tmp_path / "sim").exists()
 

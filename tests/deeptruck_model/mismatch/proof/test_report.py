@@ -73,12 +73,14 @@ def test_the_page_names_failures_and_shows_figures(tmp_path):
     assert json.loads((tmp_path / "scoreboard.json").read_text()) == board
 
 
-def test_scored_cases_are_not_made_again_and_broken_ones_do_not_stop_the_rest(tmp_path):
+def test_scored_cases_are_not_made_again_and_broken_ones_do_not_stop_the_rest(tmp_path, capsys):
     done = Job("noise", 1)
     (tmp_path / done.folder).mkdir()
     (tmp_path / done.folder / "score.json").write_text(json.dumps(RESULTS[0]))
     one, two = run_jobs(tmp_path, [done, Job("no_such_level", 2)])
     assert one == RESULTS[0]
+    told = capsys.readouterr().err  # no terminal: a line for each
+    assert "1 of 2: " in told and "2 of 2: " in told
     assert "no_such_level" in two["broken"]
 
 
