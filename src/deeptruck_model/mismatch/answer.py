@@ -84,10 +84,13 @@ def held(interface: TruckInterface) -> Expression:
     return 1.0 - braking * made_up
 
 
-def holding(interface: TruckInterface, brake_command: Array, left: Array) -> dict[str, Array]:
-    """The signals of brakes that hold a deceleration, (n,) each; `left` is what `held` gives."""
-    held_back = (np.nan_to_num(brake_command) > BRAKED) & (interface.brake_unit == HELD_UNIT)
-    return {"holds": held_back.astype(float), "made up": 1.0 - left}
+def holding(interface: TruckInterface, signals: Mapping[str, Array], left: Array) -> dict[str, Array]:
+    """The signals of brakes that hold a deceleration, (n,) each; none where they do not, or are not recorded.
+    `left` is what `held` gives."""
+    if interface.brake_unit != HELD_UNIT:
+        return {}
+    holds = np.nan_to_num(signals["brake_command"]) > BRAKED
+    return {"holds": holds.astype(float), "made up": 1.0 - left}
 
 
 def rows(simulator: Simulator, e: Evidence, turning: Array) -> Array:

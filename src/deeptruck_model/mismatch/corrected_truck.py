@@ -142,7 +142,7 @@ class CorrectedTruck:
         now = self._now(inner, y, u, w, state)
         (left,), braked = self._held.step(state.memory[0], now, self.dt)
         now["answer"] = now["answer"] * left
-        now |= answer.holding(self.interface, now["brake_command"], left)
+        now |= answer.holding(self.interface, now, left)
         if "engine" in now:
             now["sensitivity:mass"] = now["answer"] * (now["brake"] + now["drag"] - now["engine"])
         values, memory = self._stream.step(state.memory[1], now, self.dt)

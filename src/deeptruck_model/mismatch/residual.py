@@ -69,7 +69,7 @@ def gather(
     )
     evidence.signals["answer"] = answer.rows(simulator, evidence, turning)
     left = answer.held(simulator.interface).rows(evidence)
-    evidence.signals.update(answer.holding(simulator.interface, evidence["brake_command"], left))
+    evidence.signals.update(answer.holding(simulator.interface, evidence.signals, left))
     sensitivity = _sensitivity(simulator, prepared, grid, evidence)
     evidence = replace(evidence, sensitivity=sensitivity)
     named = {f"sensitivity:{name}": column for name, column in sensitivity.items()}

@@ -72,6 +72,7 @@ def test_a_simulator_that_shows_nothing_is_taken_at_force_per_mass() -> None:
     truck = trucks.load("trucksim")
     assert answer.free({"speed": np.ones(3)}) is None
     assert isinstance(answer.held(truck.interface), Constant)
+    assert answer.holding(truck.interface, {}, np.ones(3)) == {}  # perhaps braking was not recorded
 
 
 @pytest.mark.parametrize("name", ["trucksim", "volvo"])
@@ -101,7 +102,7 @@ def test_what_changes_while_brakes_hold_is_felt_until_they_have_made_up_for_it()
     for k in range(400):
         now = {"force": force[k : k + 1], "brake_command": u[:, k, 1]}
         (left,), braked = steady.step(braked, now, 0.1)
-        now |= {"answer": left} | answer.holding(believed.interface, now["brake_command"], left)
+        now |= {"answer": left} | answer.holding(believed.interface, now, left)
         (value,), memory = stream.step(memory, now, 0.1)
         told.append(value[0])
     braking = slice(200, 400)
