@@ -10,8 +10,10 @@ import pytest
 from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import residual
+from deeptruck_model.mismatch.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.prepared import prepare
+from deeptruck_model.mismatch.share import Shares
 from deeptruck_model.recordings import Recording
 
 TRUCK = trucks.load("trucksim")
@@ -75,6 +77,25 @@ def test_a_black_box_is_split_into_what_it_is_made_of(drives: list[Recording], o
     for name in ("engine", "brake"):
         assert np.corrcoef(asked[name][asked.valid], seconds(own[name])[asked.valid])[0, 1] > 0.9
     assert set(asked.sensitivity) == set(residual.PARAMETERS)
+
+
+def test_a_truck_whose_brake_was_not_recorded(drives: list[Recording]) -> None:
+    """As most loggers leave it: no brake command anywhere, neither in the drives nor in the simulator."""
+
+    box = BlackBox(TRUCK)
+    box.step = lambda state, u, w: TRUCK.step(state, np.pad(u, ((0, 0), (0, 1))), w)
+    box.interface = replace(TRUCK.interface, brake_unit=None)
+    channels = [{k: v for k, v in r.channels.items() if k != "brake_command"} for r in drives]
+    unbraked = [
+        replace(r, interface=box.interface, channels=c) for r, c in zip(drives, channels, strict=True)
+    ]
+    prepared = [prepare(r, False) for r in unbraked]
+    e = residual.gather(box, prepared, [False, True])
+    assert "brake_command" not in e.signals and np.isfinite(e.residual).all()
+    steady = CorrectedTruck(box, [Term("dragging_brake", {"decay_s": None}, (0.05,))], {}, Shares.of(e), True)
+    p = prepared[0]
+    _, y = steady.step(steady.reset(p.y[None, 0]), p.u[None, 0], p.w[None, 0])
+    assert np.isfinite(y).all()
 
 
 def test_less_than_a_block_is_refused(drives: list[Recording]) -> None:
