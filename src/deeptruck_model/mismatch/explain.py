@@ -95,10 +95,13 @@ def _unverified(e: Evidence, causes: list[Cause]) -> list[Cause]:
         locked = c.effect in ROADS and _follows_anything_slow(c) and e.has("grade")
         return locked and road_lock(e, c.force) is None
 
-    return [
-        replace(c, rivals=(*[r for r in c.rivals if r[0] != "unknown"], ("unknown", 0.0))) if once(c) else c
-        for c in causes
-    ]
+    return [_perhaps_unknown(c) if once(c) else c for c in causes]
+
+
+def _perhaps_unknown(c: Cause) -> Cause:
+    """The cause with 'unknown' as likely as its name."""
+    others = (rival for rival in c.rivals if rival[0] != "unknown")
+    return replace(c, rivals=(*others, ("unknown", 0.0)), probability=min(c.probability, 0.5))
 
 
 def _in_doubt(e: Evidence, left: LeftOver, causes: list[Cause]) -> list[Cause]:
@@ -109,9 +112,7 @@ def _in_doubt(e: Evidence, left: LeftOver, causes: list[Cause]) -> list[Cause]:
     if not physics or not doubtful or not large_enough(e, left.free.prediction):
         return causes
     main = max(physics, key=lambda c: c.gain)
-    others = [(name, worse) for name, worse in main.rivals if name != "unknown"]
-    doubted = replace(main, rivals=(*others, ("unknown", 0.0)))
-    return [doubted if c is main else c for c in causes]
+    return [_perhaps_unknown(c) if c is main else c for c in causes]
 
 
 def _perhaps_the_same(main: Cause) -> tuple[tuple[str, float], ...]:

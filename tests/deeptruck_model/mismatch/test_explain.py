@@ -65,6 +65,7 @@ def test_a_road_that_was_driven_once_may_be_no_road_where_slopes_are_known(
     shape = next(s for s in Search(e).shapes(LIBRARY["road_grade"]) if comes_and_goes(s))
     (road,) = explain._unverified(e, [cause(e, shape=shape)])
     assert ("unknown" in road.not_told_from) == recorded
+    assert road.probability == (0.5 if recorded else 0.9)
     (other,) = explain._unverified(e, [cause(e)])
     assert "unknown" not in other.not_told_from
 
