@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -117,11 +116,7 @@ def record(
     """See _RECORD."""
     from truck_bridge import can_logs
 
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends like Ctrl-C
-    try:
-        print(f"{can_logs.record(log, interface, channel, duration)} frames in {log}")
-    finally:
-        signal.signal(signal.SIGTERM, before)
+    print(f"{can_logs.record(log, interface, channel, duration)} frames in {log}")
 
 
 @app.command(help=_REPLAY)

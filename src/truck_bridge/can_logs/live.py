@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import signal
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -23,7 +25,7 @@ WRITABLE = (".log", ".asc", ".blf", ".mf4", ".trc", rosbag.WRITTEN)
 
 
 def record(path: Path, interface: str, channel: str, duration: float | None = None) -> int:
-    """Write a bus to a log until the duration or KeyboardInterrupt. Returns the number of frames.
+    """Write a bus to a log until the duration, SIGINT or SIGTERM. Returns the number of frames.
 
     Raises InputError where the bus cannot be opened or is silent, or the log exists, is of an unknown kind or
     cannot be written; what a full disk had taken until then stays.
@@ -32,14 +34,12 @@ def record(path: Path, interface: str, channel: str, duration: float | None = No
     bus = open_bus(interface, channel)
     count, end = 0, math.inf if duration is None else time.monotonic() + duration
     try:
-        with _writing(path) as write:
-            while (left := end - time.monotonic()) > 0:
+        with _told_to_end() as told, _writing(path) as write:
+            while not told.is_set() and (left := end - time.monotonic()) > 0:
                 message = bus.recv(min(left, 0.2))
                 if message is not None:
                     write(message)
                     count += 1
-    except KeyboardInterrupt:
-        pass
     except can.CanError as error:
         raise InputError(f"the bus is gone ({error}); {count} frames are in {path}") from None
     finally:
@@ -122,6 +122,22 @@ def _check_new(path: Path) -> None:
         raise InputError(f"{path.parent} is no folder; make it first")
     if path.suffix.lower() == ".mf4":
         need_asammdf()
+
+
+@contextmanager
+def _told_to_end() -> Iterator[threading.Event]:
+    """Set by the signals that end a recording: an exception amid a write would leave half a record."""
+    told = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield told  # only the main thread may handle signals
+        return
+    heeded = [n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) != signal.SIG_IGN]
+    before = {number: signal.signal(number, lambda *_: told.set()) for number in heeded}
+    try:
+        yield told
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 @contextmanager

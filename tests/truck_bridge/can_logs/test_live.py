@@ -13,6 +13,7 @@ from importlib.util import find_spec
 
 import can
 import pytest
+from mcap.writer import Writer
 
 from truck_bridge import can_logs
 from truck_bridge.can_logs.live import WRITABLE
@@ -124,3 +125,19 @@ def test_an_end_by_signal_keeps_the_recording(loud, tmp_path, name, number):
     out, _ = process.communicate(timeout=20)
     assert process.returncode == 0
     assert int(out.split()[0]) == len(list(can_logs.read(tmp_path / name))) > 20
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_amid_a_write_cuts_no_record(loud, tmp_path, monkeypatch, number):
+    """It came just as the file was flushed, half a second after the start, and nothing could be read."""
+    flush = Writer.flush
+
+    def interrupted(writer):
+        signal.raise_signal(number)
+        flush(writer)
+
+    monkeypatch.setattr(Writer, "flush", interrupted)
+    before = signal.getsignal(number)
+    count = can_logs.record(tmp_path / "drive.mcap", "loopback", loud, 20.0)
+    assert len(list(can_logs.read(tmp_path / "drive.mcap"))) == count > 20
+    assert signal.getsignal(number) is before
