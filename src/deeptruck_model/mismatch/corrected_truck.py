@@ -26,7 +26,9 @@ from deeptruck_model.simulators import load as load_simulator
 
 Array = NDArray[np.float64]
 
-SCHEMA = 2  # 1: forces gave force per mass of acceleration; its coefficients mean something else
+# 1: forces gave force per mass of acceleration; 2: brakes that hold a deceleration felt nothing that changes.
+# Coefficients of both mean something else.
+SCHEMA = 3
 
 
 @dataclass(frozen=True)

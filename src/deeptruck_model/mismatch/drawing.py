@@ -12,30 +12,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
+from deeptruck_model.mismatch.signal_units import unit
+
 DPI = 110
 # Okabe and Ito's colours, told apart by all kinds of colour vision
 INK, GREY, BLUE, ORANGE, GREEN = "#222222", "#999999", "#0072B2", "#E69F00", "#009E73"
 VERMILION, PURPLE, SKY = "#D55E00", "#CC79A7", "#56B4E9"
 FINDINGS = (ORANGE, SKY, GREEN, PURPLE, VERMILION, BLUE)
 
-UNITS = {
-    "speed": "m/s",
-    "engine": "m/s²",
-    "brake": "m/s²",
-    "simulated": "m/s²",
-    "grade": "rise/run",
-    "ratio": "rad/m",
-    "lever": "rad/m",
-    "engine_speed": "rad/s",
-    "gap": "m",
-    "elapsed": "s",
-    "elevation": "m",
-    "ambient_temperature": "°C",
-    "time since braking": "s",
-    "engine over 3 s": "m/s²",
-    "engine over 60 s": "m/s²",
-    "acceleration over 2 s": "m/s²",
-}
 WORDS = {
     "simulated": "simulated acceleration",
     "engine": "engine's share of acceleration",
@@ -53,7 +37,7 @@ def words(name: str) -> str:
 
 def label(name: str) -> str:
     """An axis label: the name in words and its unit."""
-    return f"{words(name)}, {UNITS[name]}" if name in UNITS else words(name)
+    return f"{words(name)}, {unit(name)}" if unit(name) else words(name)
 
 
 def colour(finding: int) -> str:

@@ -31,8 +31,6 @@ TRIFLE = 0.03  # a cause with a smaller share of what is explained is as likely 
 BENT = 0.15  # share of the main cause's gain that a parameter beside it must have
 BEFORE_PARAMETERS = 0.25  # of the largest share, below which physics is told after parameters
 ANOTHER_FORM = 0.3  # the same where the rest acts by the name's own signals
-BEND_OF_A_DELAY = 0.35  # share of what a delay explains alone, where it is too small to be told
-DELAYS = {"command_delay", "clock_offset"}
 ROADS = {"road_grade", "road_surface"}
 SLOW_NAMES = {"road_grade", "road_surface", "headwind", "payload_change"}
 
@@ -43,7 +41,7 @@ def explain(search: Search) -> Explanation:
     parameters_only = search.background(())
     model, ranking = grow(search, parameters_only)
     left = _beyond_its_own(search, left_over(search, model))
-    causes = _beyond_a_small_delay(model, ranking, _causes(search, model, null, left))
+    causes = _causes(search, model, null, left)
     causes = _with_slow_force(search, model, left.free, causes)
     if all(c.kind != "missing_physics" for c in causes):
         causes = _with_bursts(search, model, causes)
@@ -87,17 +85,6 @@ def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[C
         rest = replace(rest, nearest=main.effect, rivals=_perhaps_the_same(main))
         return [rest, *_in_order([c for c in causes if c not in physics])]
     return _in_order([*causes, rest])
-
-
-def _beyond_a_small_delay(
-    model: Model, ranking: tuple[tuple[str, float], ...], causes: list[Cause]
-) -> list[Cause]:
-    """The causes without the bends of a delay too small to matter, as every logger has one: where it explains
-    far more, limits and gains of the commands make up for it."""
-    delay = max((gain for name, gain in ranking if name in DELAYS), default=0.0)
-    if any(name in DELAYS for name in model.effects):
-        return causes
-    return [c for c in causes if c.gain > BEND_OF_A_DELAY * delay]
 
 
 def _unverified(e: Evidence, causes: list[Cause]) -> list[Cause]:

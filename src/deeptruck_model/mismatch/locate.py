@@ -13,30 +13,13 @@ from sklearn.tree import DecisionTreeRegressor
 from deeptruck_model.mismatch.causes import Cause
 from deeptruck_model.mismatch.evidence import Evidence, Stretch
 from deeptruck_model.mismatch.free_model import features
+from deeptruck_model.mismatch.signal_units import unit
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 NOTABLE = 0.02  # m/s^2
 MOST_SEGMENTS = 60
-UNITS = {
-    "speed": "m/s",
-    "engine": "m/s^2",
-    "brake": "m/s^2",
-    "simulated": "m/s^2",
-    "engine_speed": "rad/s",
-    "gap": "m",
-    "elapsed": "s",
-    "elevation": "m",
-    "ratio": "rad/m",
-    "ambient_temperature": "degrees",
-}
-UNITS_OF = {
-    "time since ": "s",
-    "braking power over ": "W/kg",
-    "engine over ": "m/s^2",
-    "acceleration over ": "m/s^2",
-}
 
 
 @dataclass(frozen=True)
@@ -156,10 +139,10 @@ def _under(t: Any, node: int) -> set[int]:
 
 
 def _words(name: str, low: float, high: float) -> str:
-    unit = UNITS.get(name) or next((u for start, u in UNITS_OF.items() if name.startswith(start)), "")
-    unit = f" {unit}" if unit else ""
+    measured_in = unit(name)
+    after = f" {measured_in}" if measured_in else ""
     if np.isinf(low):
-        return f"{name} < {high:.3g}{unit}"
+        return f"{name} < {high:.3g}{after}"
     if np.isinf(high):
-        return f"{name} > {low:.3g}{unit}"
-    return f"{name} {low:.3g} .. {high:.3g}{unit}"
+        return f"{name} > {low:.3g}{after}"
+    return f"{name} {low:.3g} .. {high:.3g}{after}"

@@ -44,6 +44,7 @@ FREE = {"mass": 0.3, "drag_area": 0.3, "rolling_resistance": 0.4, "torque_gain":
 # finding.
 LATE_S = 0.15
 SENSOR_LAG = Prior(np.array([0.03, 0.03]), np.array([0.06, 0.06]), np.zeros(2))
+LATE_SHARE = 0.3  # prior sd of the share of a delay that is known beside all else
 # Several delays side by side are any filter, and no delay; a sensor is off always or not at all.
 ONE_SIZE = ("command_delay", "clock_offset", "grade_bias")
 
@@ -105,7 +106,11 @@ class Search:
         self.e = evidence
         self.parameters = tuple(evidence.sensitivity)
         late = [-evidence.difference(evidence.simulated), evidence.rerun("delay_all", LATE_S) / LATE_S]
-        self._late = np.stack(late, axis=1)
+        self._late = (
+            np.stack(late, axis=1) if evidence.late is None else np.column_stack([*late, evidence.late])
+        )
+        more = self._late.shape[1] - len(late)
+        self._lateness = (SENSOR_LAG, Prior(np.zeros(more), np.full(more, LATE_SHARE), np.zeros(more)))
         self.series: Series = evidence.series(1e9, only)
         if sigma is None:
             sigma = fit(self.series, *self._design((), frozenset(self.parameters))[:2]).sigma
@@ -219,7 +224,7 @@ class Search:
         )
         sd = np.array([PINNED if p == pinned else FREE[p] if p in free else HELD for p in self.parameters])
         as_given = np.array([1.0 / (1.0 + self.e.moved.get(p, 0.0)) - 1.0 for p in self.parameters])
-        prior = Prior.join(*(n.prior for n in named), Prior(as_given, sd, np.zeros(len(sd))), SENSOR_LAG)
+        prior = Prior.join(*(n.prior for n in named), Prior(as_given, sd, np.zeros(len(sd))), *self._lateness)
         layout, at = [], 0
         for name, block in zip(names, blocks, strict=True):
             layout.append((name, slice(at, at + block.shape[1])))

@@ -19,6 +19,7 @@ from deeptruck_model.mismatch import (
     findings,
     formula,
     identifiability,
+    lateness,
     locate,
     manoeuvres,
     own_error,
@@ -248,7 +249,7 @@ def _explained(
         evidence = own_error.allow_for(evidence, itself)
     elif not own:
         evidence = replace(evidence, own_error=own_error.UNKNOWN, slow_noise=own_error.UNKNOWN)
-    search = Search(evidence, exclude=exclude)
+    search = Search(lateness.beside_it(evidence), exclude=exclude)
     for turn in range(RETUNES):
         guess = first_guess(search)
         change = {p: changed_by(p, guess.change(p)) for p in search.parameters if p in own}
@@ -258,7 +259,8 @@ def _explained(
         total = {p: search.e.total_change(p, c) for p, c in change.items()}
         moved = {p: float(np.clip(c, *POSSIBLE[p])) for p, c in total.items() if abs(c) > 0.005}
         tuned = simulator.with_parameters({p: own[p] * (1 + c) for p, c in moved.items()})
-        anew = Search(gather(tuned, prepared, flags, seed=seed, moved=moved), exclude=exclude)
+        around = gather(tuned, prepared, flags, seed=seed, moved=moved)
+        anew = Search(lateness.beside_it(around), exclude=exclude)
         if not _better((search, guess), anew, 0.0 if turn else WORTH_MOVING):
             break
         search = anew

@@ -248,10 +248,11 @@ def test_a_damaged_directory_is_one_clear_line(tmp_path: Path) -> None:
             simulators.load(tmp_path / "sim")
 
 
-def test_a_truck_corrected_by_another_version_is_refused(tmp_path: Path) -> None:
-    """Its coefficients were fitted as if forces gave force per mass of acceleration."""
+@pytest.mark.parametrize("version", [1, 2])
+def test_a_truck_corrected_by_another_version_is_refused(tmp_path: Path, version: int) -> None:
+    """Its coefficients were fitted to forces that were felt otherwise."""
     CorrectedTruck(BASE, [STEADY], {}, None, True).save(tmp_path / "old")
     file = tmp_path / "old" / simulators.MANIFEST
-    file.write_text(json.dumps(json.loads(file.read_text()) | {"schema": 1}))
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"schema": version}))
     with pytest.raises(InputError, match="run the mismatch tool again"):
         simulators.load(tmp_path / "old")

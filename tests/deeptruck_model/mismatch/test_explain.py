@@ -56,17 +56,6 @@ def test_what_is_left_of_a_force_that_comes_and_goes_may_be_that_force(
     assert explain._perhaps_the_same(cause(nothing_missing)) == ()
 
 
-@pytest.mark.parametrize(
-    ("delay", "found", "told"), [(600.0, (), 0), (500.0, (), 1), (600.0, ("command_delay",), 1)]
-)
-def test_what_is_far_less_than_a_delay_too_small_to_matter_is_its_bend(
-    nothing_missing: Evidence, delay: float, found: tuple[str, ...], told: int
-) -> None:
-    model: Any = SimpleNamespace(effects=found)
-    ranking = (("clock_offset", delay - 2.0), ("command_delay", delay), ("brake_lag", 90.0))
-    assert len(explain._beyond_a_small_delay(model, ranking, [cause(nothing_missing, 200.0)])) == told
-
-
 @pytest.mark.parametrize("recorded", [True, False])
 def test_a_road_that_was_driven_once_may_be_no_road_where_slopes_are_known(
     nothing_missing: Evidence, recorded: bool

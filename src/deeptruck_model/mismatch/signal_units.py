@@ -1,0 +1,29 @@
+"""Units of the signals that mechanisms lean on, as figures and regimes write them."""
+
+from __future__ import annotations
+
+UNITS = {
+    "speed": "m/s",
+    "engine": "m/s²",
+    "brake": "m/s²",
+    "simulated": "m/s²",
+    "grade": "rise/run",
+    "ratio": "rad/m",
+    "lever": "rad/m",
+    "engine_speed": "rad/s",
+    "gap": "m",
+    "elapsed": "s",
+    "elevation": "m",
+    "ambient_temperature": "°C",
+}
+UNITS_OF = {  # of names that begin so
+    "time since ": "s",
+    "braking power over ": "W/kg",
+    "engine over ": "m/s²",
+    "acceleration over ": "m/s²",
+}
+
+
+def unit(name: str) -> str:
+    """The unit of a signal; empty where it has none, or none that is known (commands)."""
+    return UNITS.get(name) or next((u for start, u in UNITS_OF.items() if name.startswith(start)), "")

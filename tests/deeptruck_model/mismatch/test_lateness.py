@@ -1,0 +1,66 @@
+"""A lateness too small to be told is known beside all else; a larger one is a finding."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch import lateness
+from deeptruck_model.mismatch.candidates import candidates
+from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.search import Search
+
+
+@pytest.fixture(scope="module")
+def truck(nothing_missing: Evidence) -> Evidence:
+    """The same truck with a quick driver; each command path can be delayed."""
+    e = nothing_missing
+    quick = np.random.default_rng(3).normal(size=(2, len(e))).cumsum(axis=1)
+    quick = 0.2 * (quick - quick.mean(axis=1, keepdims=True)) / quick.std(axis=1, keepdims=True)
+    paths = {"engine": e["engine"] + quick[0], "brake": -e["brake"] + quick[1]}
+    simulated = paths["engine"] + paths["brake"] - 0.1
+
+    def rerun(name: str, amount: float) -> NDArray[np.float64]:
+        which = name.split("_")[1]
+        late = [path for part, path in paths.items() if which in (part, "all")]
+        return sum((_delayed(path, amount / e.dt) - path for path in late), np.zeros(len(e)))
+
+    return replace(e, simulated=simulated, rerun=rerun)
+
+
+def _delayed(path: NDArray[np.float64], steps: float) -> NDArray[np.float64]:
+    rows = np.arange(len(path), dtype=float)
+    return np.interp(rows - steps, rows, path)
+
+
+@pytest.mark.parametrize(
+    ("share", "delay_s", "known"),
+    [(0.0, 0.4, False), (0.25, 0.4, True), (1.0, 0.4, False), (1.0, 1.0, False)],
+)
+def test_only_what_is_too_small_to_be_told_is_known(
+    truck: Evidence, share: float, delay_s: float, known: bool
+) -> None:
+    late = replace(truck, residual=truck.residual + share * truck.rerun("delay_all", delay_s))
+    assert (lateness.beside_it(late).late is not None) == known
+
+
+def test_nothing_makes_up_for_it(truck: Evidence) -> None:
+    """A tail of a tenth of a second was worth hundreds of nats to rate limits and brakes."""
+    late = replace(truck, residual=truck.residual + 0.25 * truck.rerun("delay_all", 0.4))
+    gains = [_most(Search(e)) for e in (late, lateness.beside_it(late))]
+    assert gains[0] > 100.0
+    assert gains[1] < 20.0
+
+
+def test_a_truck_without_commands_has_none(truck: Evidence) -> None:
+    signals = {name: s for name, s in truck.signals.items() if not name.endswith("_command")}
+    silent = replace(truck, signals=signals)
+    assert lateness.beside_it(silent) is silent
+
+
+def _most(search: Search) -> float:
+    base = search.background(())
+    return max(m.score for m in candidates(search, base)) - base.score
