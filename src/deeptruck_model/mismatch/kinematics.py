@@ -48,8 +48,9 @@ def derivative(speed: Array, dt: float) -> Array:
 def observed_acceleration(speed: Array, accelerometer: Array | None, dt: float) -> Array:
     """Slow part from speed, fast part from the accelerometer.
 
-    The two filters add up to one, so a true acceleration passes unchanged, and an accelerometer's offset is
-    gone.
+    What the two differ by is smoothed and added to the accelerometer: a true acceleration passes unchanged,
+    and an accelerometer's offset is gone. At the ends it is reflected: to hold its last sample there would be
+    to trust one difference of a noisy speed for seconds.
     """
     slow = derivative(speed, dt)
     if accelerometer is None:
@@ -60,9 +61,7 @@ def observed_acceleration(speed: Array, accelerometer: Array | None, dt: float) 
         return slow
     bad = ~np.isfinite(accelerometer)
     fast = np.where(bad, slow, accelerometer)
-    out: Array = (
-        gaussian_filter1d(slow, width, mode="nearest") + fast - gaussian_filter1d(fast, width, mode="nearest")
-    )
+    out: Array = fast + gaussian_filter1d(slow - fast, width, mode="reflect")
     return out
 
 

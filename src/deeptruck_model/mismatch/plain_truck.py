@@ -120,6 +120,6 @@ def _fast(e: Evidence, x: Array) -> Array:
     """Without what changes slowly, recording by recording."""
     out = np.empty_like(x)
     for s in e.stretches:
-        part = gaussian_filter1d(np.nan_to_num(x[s.rows]), SMOOTH_S / e.dt, mode="nearest")
-        out[s.rows] = part - gaussian_filter1d(part, FAST_S / e.dt, mode="nearest")
+        part = gaussian_filter1d(np.nan_to_num(x[s.rows]), SMOOTH_S / e.dt, mode="reflect")
+        out[s.rows] = part - gaussian_filter1d(part, FAST_S / e.dt, mode="reflect")
     return out

@@ -56,7 +56,7 @@ def prepare(
     speed = filled["speed"]
     noise = noise_of(recording.channels["speed"])
     width = float(np.clip(noise / 0.02, 0.0, 3.0)) * 0.15 / dt if dt < 0.5 else 0.0
-    smooth = gaussian_filter1d(speed, width, mode="nearest") if width > 0.3 else speed
+    smooth = gaussian_filter1d(speed, width, mode="reflect") if width > 0.3 else speed
     accelerometer = recording.channels["acceleration"] if measured_acceleration else None
     observed = observed_acceleration(speed, accelerometer, dt)
     filled |= {"speed": smooth, "acceleration": observed}

@@ -45,6 +45,18 @@ def test_both_sensors_together_are_better_than_speed_alone_and_ignore_an_offset(
     assert np.isfinite(both).all()
 
 
+def test_the_ends_are_as_good_as_what_is_between() -> None:
+    """The last difference of a noisy speed was held for seconds, and called a burst of something unknown."""
+    speed, a = drive()
+    rng = np.random.default_rng(2)
+    sensor = a + rng.normal(0.0, 0.02, N)
+    ends = np.r_[1:40, N - 40 : N]
+    errors = [
+        kinematics.observed_acceleration(speed + rng.normal(0.0, 0.03, N), sensor, DT) - a for _ in range(30)
+    ]
+    assert np.sqrt(np.mean(np.square(errors)[:, ends])) < 1.5 * np.sqrt(np.mean(np.square(errors)[:, 40:-40]))
+
+
 def test_a_true_acceleration_passes_unchanged() -> None:
     speed, a = drive()
     assert kinematics.observed_acceleration(speed, a, DT)[99:-99] == pytest.approx(a[99:-99], abs=1e-6)
