@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import matplotlib as mpl
@@ -35,9 +35,10 @@ def words(name: str) -> str:
     return WORDS.get(name, name.replace("_", " "))
 
 
-def label(name: str) -> str:
-    """An axis label: the name in words and its unit."""
-    return f"{words(name)}, {unit(name)}" if unit(name) else words(name)
+def label(name: str, commands: Mapping[str, str]) -> str:
+    """An axis label: the name in words and its unit, on a truck with these units of its commands."""
+    measured_in = unit(name, commands)
+    return f"{words(name)}, {measured_in}" if measured_in else words(name)
 
 
 def colour(finding: int) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -110,11 +111,11 @@ def regimes(e: Evidence, error: Array, most: int = 6) -> list[Regime]:
         share = float(power[inside].sum() / power.sum())
         time = float(inside.mean())
         if share > 1.3 * time:
-            out.append(Regime(_describe(tree, node, list(named)), share, time))
+            out.append(Regime(_describe(tree, node, list(named), e.command_units), share, time))
     return sorted(out, key=lambda r: -r.share_of_error)[:most]
 
 
-def _describe(tree: DecisionTreeRegressor, leaf: int, names: list[str]) -> str:
+def _describe(tree: DecisionTreeRegressor, leaf: int, names: list[str], units: Mapping[str, str]) -> str:
     """The path to a leaf in words, each signal once."""
     t = tree.tree_
     bounds: dict[str, list[float]] = {}
@@ -129,7 +130,8 @@ def _describe(tree: DecisionTreeRegressor, leaf: int, names: list[str]) -> str:
         else:
             low_high[0] = max(low_high[0], at)
             node = int(t.children_right[node])
-    return " and ".join(_words(name, *span) for name, span in bounds.items()) or "everywhere"
+    words = [_words(name, low, high, unit(name, units)) for name, (low, high) in bounds.items()]
+    return " and ".join(words) or "everywhere"
 
 
 def _under(t: Any, node: int) -> set[int]:
@@ -138,8 +140,7 @@ def _under(t: Any, node: int) -> set[int]:
     return _under(t, int(t.children_left[node])) | _under(t, int(t.children_right[node]))
 
 
-def _words(name: str, low: float, high: float) -> str:
-    measured_in = unit(name)
+def _words(name: str, low: float, high: float, measured_in: str) -> str:
     after = f" {measured_in}" if measured_in else ""
     if np.isinf(low):
         return f"{name} < {high:.3g}{after}"

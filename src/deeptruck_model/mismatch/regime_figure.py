@@ -37,8 +37,8 @@ def regime_map(e: Evidence) -> Figure | None:
     _mean_map(left, columns[a], columns[b], y * e.mass / 1000)
     _share_map(right, columns[a], columns[b], y)
     for ax in (left, right):
-        ax.set_xlabel(label(a), fontsize=9)
-        ax.set_ylabel(label(b), fontsize=9)
+        ax.set_xlabel(label(a, e.command_units), fontsize=9)
+        ax.set_ylabel(label(b, e.command_units), fontsize=9)
     return made
 
 
@@ -55,13 +55,13 @@ def shape(e: Evidence, x: Explanation, equation: str) -> Figure | None:
     for k, name in enumerate(names):
         ax = made.add_axes((0.07 + k * width, 0.15, width - 0.075, 0.68))
         _binned(ax, columns[name], force)
-        ax.set_xlabel(label(name), fontsize=9)
+        ax.set_xlabel(label(name, e.command_units), fontsize=9)
         ax.set_ylabel("unexplained force, kN", fontsize=9)
     if panels == 3:
         ax = made.add_axes((0.07 + 2 * width, 0.15, width + 0.05, 0.68))
         _mean_map(ax, columns[names[0]], columns[names[1]], force)
-        ax.set_xlabel(label(names[0]), fontsize=9)
-        ax.set_ylabel(label(names[1]), fontsize=9)
+        ax.set_xlabel(label(names[0], e.command_units), fontsize=9)
+        ax.set_ylabel(label(names[1], e.command_units), fontsize=9)
     made.suptitle(equation if len(equation) < 120 else f"{equation[:117]}...", fontsize=10)
     return made
 

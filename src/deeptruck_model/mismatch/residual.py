@@ -66,6 +66,7 @@ def gather(
         mass=mass,
         moved=dict(moved or {}),
         rerun=_rerunner(simulator, prepared, grid, simulated),
+        command_units={name: simulator.interface.unit(name) for name in simulator.interface.u},
     )
     evidence.signals["answer"] = answer.rows(simulator, evidence, turning)
     left = answer.held(simulator.interface).rows(evidence)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 UNITS = {
     "speed": "m/s",
     "engine": "m/s²",
@@ -24,6 +26,7 @@ UNITS_OF = {  # of names that begin so
 }
 
 
-def unit(name: str) -> str:
-    """The unit of a signal; empty where it has none, or none that is known (commands)."""
-    return UNITS.get(name) or next((u for start, u in UNITS_OF.items() if name.startswith(start)), "")
+def unit(name: str, commands: Mapping[str, str]) -> str:
+    """The unit of a signal, of a truck with these of its commands; empty where it has none."""
+    starts = (u for start, u in UNITS_OF.items() if name.startswith(start))
+    return commands.get(name.removeprefix("change of ")) or UNITS.get(name) or next(starts, "")

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from deeptruck_model.mismatch import locate
 from deeptruck_model.mismatch.causes import Cause
 from deeptruck_model.mismatch.evidence import Evidence, Stretch
+from deeptruck_model.mismatch.signal_units import unit
 
 N, DT, MASS = 1500, 0.2, 2e4
 
@@ -59,6 +62,25 @@ def test_an_error_that_is_everywhere_has_no_regime(evidence: Evidence) -> None:
     assert locate.regimes(evidence, np.ones(N)) == []
 
 
-def test_conditions_have_units() -> None:
-    assert locate._words("time since braking", 4.5, np.inf) == "time since braking > 4.5 s"
-    assert locate._words("braking power over 300 s", -np.inf, 1.34) == "braking power over 300 s < 1.34 W/kg"
+def test_a_regime_of_a_command_has_the_unit_of_this_truck(evidence: Evidence) -> None:
+    command = np.random.default_rng(1).uniform(0.0, 40.0, N)
+    e = replace(
+        evidence,
+        signals=evidence.signals | {"engine_command": command},
+        command_units={"engine_command": "percent"},
+    )
+    found = locate.regimes(e, 0.3 * (command > 30.0) + np.random.default_rng(0).normal(0.0, 0.01, N))
+    assert "engine_command" in found[0].where and " percent" in found[0].where
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("time since braking", "s"),
+        ("braking power over 300 s", "W/kg"),
+        ("change of brake_command", "bar"),
+        ("gear", ""),
+    ],
+)
+def test_conditions_have_units(name: str, says: str) -> None:
+    assert unit(name, {"brake_command": "bar"}) == says
