@@ -25,6 +25,7 @@ LEAST_IN_CELL = 12
 DIGITS = 3
 GRID = 21  # places along the range of each signal where a formula must stay below ...
 BEYOND = 3.0  # times the largest force
+LEAST_R2 = 0.1  # held out; a formula that predicts less would be taken for a law
 NEAR_BEST = 0.98  # of the best held-out r2: how much fit a simpler formula may give away,
 NOT_MORE_LEFT = 2.0  # but it may not leave twice as much: a straight line is within 2 % of many a parabola
 SYMBOLS = "add,sub,mul,div,square,exp,tanh,sin,fmax,fmin,abs,constant,variable"
@@ -56,7 +57,7 @@ def describe(e: Evidence, x: Explanation) -> dict[str, Any]:
 def formula(e: Evidence, x: Explanation, seed: int = 0) -> Formula | None:
     """The simplest formula (N) that predicts the unexplained force on held-out recordings as well as any.
 
-    None where there is too little data or no formula predicts anything.
+    None where there is too little data or no formula predicts much.
     """
     named = drivers(x, DRIVERS)
     y, columns, out = unexplained(e, x, named)
@@ -68,7 +69,7 @@ def formula(e: Evidence, x: Explanation, seed: int = 0) -> Formula | None:
 def fit(columns: dict[str, Array], y: Array, held_out: Mask, seed: int = 0) -> Formula | None:
     """Symbolic regression of y (n,) on named columns (n,), most important first, judged on `held_out` rows.
 
-    None where no formula has a positive r2 there.
+    None where no formula predicts LEAST_R2 of their variance.
     """
     symbols = [sympy.Symbol(name, real=True) for name in columns]
     X = np.stack(list(columns.values()), axis=1)
@@ -79,7 +80,7 @@ def fit(columns: dict[str, Array], y: Array, held_out: Mask, seed: int = 0) -> F
     candidates = [c for c in candidates if _bounded(c, symbols, X, y)]
     scored = [(_r2(c, symbols, X[held_out], y[held_out]), _length(c), c) for c in candidates]
     best = max((r2 for r2, _, _ in scored), default=0.0)
-    if best <= 0.0:
+    if best < LEAST_R2:
         return None
     good = [s for s in scored if s[0] >= NEAR_BEST * best and 1.0 - s[0] <= NOT_MORE_LEFT * (1.0 - best)]
     r2, _, chosen = min(good, key=lambda s: (s[1], -s[0]))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from deeptruck_model.signals import printed
+
 UNITS = {
     "speed": "m/s",
     "engine": "m/s²",
@@ -29,4 +31,4 @@ UNITS_OF = {  # of names that begin so
 def unit(name: str, commands: Mapping[str, str]) -> str:
     """The unit of a signal, of a truck with these of its commands; empty where it has none."""
     starts = (u for start, u in UNITS_OF.items() if name.startswith(start))
-    return commands.get(name.removeprefix("change of ")) or UNITS.get(name) or next(starts, "")
+    return printed(commands.get(name.removeprefix("change of "), "")) or UNITS.get(name) or next(starts, "")
