@@ -228,7 +228,7 @@ def corrected_and_driven(
 ) -> tuple[Explanation, tuple[dict[str, Errors], CorrectedTruck, dict[str, Any]]]:
     """The correction, driven; and the explanation, without causes where they are weak and drive no better."""
     driven = shown(simulator, correct(simulator, e, x, fitted), held_out, with_unnamed)
-    if not in_vain(x, driven[2], learned=e.own_error > 0):
+    if not in_vain(x, driven[2], learned=e.own_error > 0, slopes_recorded=e.has("grade")):
         return x, driven
     x = replace(x, causes=(), lawful=None)
     return x, shown(simulator, correct(simulator, e, x, fitted), held_out, with_unnamed)

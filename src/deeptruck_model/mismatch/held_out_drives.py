@@ -13,14 +13,20 @@ WEAK_COMING = 120.0  # the same where it comes and goes: a knot each half minute
 STRONG_LEARNED = 150.0  # nats; beside a learned simulator a stronger one is told also where drives are worse
 OF_RECORDINGS = frozenset({"when", "each", "recordings", "first"})  # settings
 CLEARLY = 0.6  # of the error as given, at which a parameter is told by few nats
+ROAD = "road_grade"
 NO_BETTER = 0.97  # of the error with other parameters alone, or as given
 
 
-def in_vain(x: Explanation, fit: dict[str, Any], *, learned: bool = False) -> bool:
+def in_vain(
+    x: Explanation, fit: dict[str, Any], *, learned: bool = False, slopes_recorded: bool = True
+) -> bool:
     """Whether little was found, and corrected by it the simulator drives worse on recordings held out, or the
     others best with nothing corrected; or no better than one with other parameters, where laws were found or
     parameters beside a name, which hold on other drives too, or where it is a learned simulator, whose own
-    error may be found."""
+    error may be found.
+
+    A road helps other drives no more than another road does; where no slopes are recorded it is there.
+    """
     if not x.causes or any(c.needed is not None for c in x.causes) or "after" not in fit:
         return False
     before, tuned, after = (fit[name]["speed_rmse"] for name in ("before", "parameters_only", "after"))
@@ -29,7 +35,8 @@ def in_vain(x: Explanation, fit: dict[str, Any], *, learned: bool = False) -> bo
         return True
     if most < ENOUGH and all(c.kind == "parameter_error" for c in x.causes):
         return bool(after > CLEARLY * before)
-    if most < WEAK_COMING and all(_comes_and_goes(c) for c in x.causes) and after > NO_BETTER * before:
+    drifts = [_comes_and_goes(c) and (slopes_recorded or c.effect != ROAD) for c in x.causes]
+    if most < WEAK_COMING and all(drifts) and after > NO_BETTER * before:
         return True
     if most >= WEAK:
         return False

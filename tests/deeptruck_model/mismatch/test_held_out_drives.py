@@ -52,6 +52,26 @@ def test_a_weak_law_must_drive_better_than_other_parameters(
     assert in_vain(explanation, fit) == vain
 
 
+@pytest.mark.parametrize(
+    ("effect", "gain", "recorded", "vain"),
+    [
+        ("road_grade", 72.0, True, True),
+        ("road_grade", 72.0, False, False),
+        ("headwind", 72.0, False, True),
+        ("road_grade", 55.0, False, True),
+    ],
+)
+def test_a_road_without_recorded_slopes_need_not_help_on_another_road(
+    effect: str, gain: float, recorded: bool, vain: bool
+) -> None:
+    """A hilly drive of a real car had been called nothing missing."""
+    shape: Any = SimpleNamespace(settings={"knots": [4]})
+    causes = (Cause("missing_physics", effect, gain, 1.0, 0.9, np.zeros(1), shape),)
+    explanation: Any = SimpleNamespace(causes=causes)
+    fit = errors(after=0.1, tuned=0.1)
+    assert in_vain(explanation, fit, slopes_recorded=recorded) == vain
+
+
 @pytest.mark.parametrize(("after", "vain"), [(0.099, True), (0.09, False)])
 def test_what_comes_and_goes_must_help_other_drives_a_little(after: float, vain: bool) -> None:
     shape: Any = SimpleNamespace(settings={"knots": [4]})
