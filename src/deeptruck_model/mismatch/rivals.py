@@ -31,6 +31,7 @@ INSTEAD = 4  # mechanisms tried in place of each parameter
 DEAD_TIME = "delay"  # of the brake: the same force as a delay of its command
 SLOW_S = 8.0  # smoothing of a slow force where it has no knots of its own
 PARAMETER_PRACTICAL = 0.025  # relative
+NEARLY_RIGHT = 0.015  # the same, as any simulator may be off; the interval must not reach it
 FEW = 0.5 * ENOUGH  # nats of a parameter that held-out drives must show
 
 
@@ -196,7 +197,7 @@ def _parameter(
     value = search.e.total_change(name, model.change(name))
     least = enough(search) + search.e.tolerance.get(f"parameter:{name}", 0.0)
     force = search.e.sensitivity[name] * value  # of the simulator as given, to first order
-    unsure = abs(value) < 1.96 * model.change_sd(name)
+    unsure = abs(value) < NEARLY_RIGHT + 1.96 * model.change_sd(name)
     if unsure or abs(value) < PARAMETER_PRACTICAL:
         return None
     large = large_enough(search.e, force)
