@@ -96,6 +96,7 @@ def profile_settings(e: Evidence, along: str, knots: list[int], knot: float) -> 
     return {
         "along": along,
         "knots": knots,
+        "names": [s.name for s in e.stretches],
         "knot": knot,
         "trials": MANY_SHAPES,
         "mean": 1.0 / max(fitted or sum(knots), 1),
@@ -126,11 +127,12 @@ def slow_columns(
     alone = not s["knots"]
     always = [Column(carrier, 2.0 * s["sd"], name, unit, sign=sign, **told)] if steady or alone else []
     unit_of_knots = "s" if s["along"] == "elapsed" else "m"
+    where = [""] if "shared" in s else [f"{recording}, " for recording in s["names"]]
     return always + [
         Column(
             carrier * Knot(along, -1 if "shared" in s else i, k * s["knot"], s["knot"], s["mean"]),
             s["sd"],
-            f"{name}[{i}, {k * s['knot']:.0f} {unit_of_knots}]",
+            f"{name}[{where[i]}{k * s['knot']:.0f} {unit_of_knots}]",
             unit,
             sign=sign,
             **told,
