@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 ALTERNATIVES = 3  # rivals whose whole explanation is kept, to be driven against each other
 INSTEAD = 4  # mechanisms tried in place of each parameter
 DEAD_TIME = "delay"  # of the brake: the same force as a delay of its command
+SLOPE = "road_grade"  # a force that goes by nothing but its time is what a slope, or its sensor, is off by
 SLOW_S = 8.0  # smoothing of a slow force where it has no knots of its own
 PARAMETER_PRACTICAL = 0.025  # relative
 NEARLY_RIGHT = 0.015  # the same, as any simulator may be off; the interval must not reach it
@@ -48,9 +49,12 @@ def named_cause(search: Search, model: Model, shape: Shape) -> Cause:
     if lawless is not None and lawless.score > model.score + max(ENOUGH, GROUP_SHARE * gain):
         force = lawless.named[-1].columns @ lawless.coefficients(UNNAMED.effect)
         more = gain + lawless.score - model.score
+        alike = tuple((m.effect, 0.0) for m in search.library if m.effect == SLOPE)
+        odds = 0.5 if alike else 0.9
         return Cause(
-            "missing_physics", "unknown", more, 0.0, 0.9, force, nearest=shape.mechanism.effect, lawless=True
-        )
+            "missing_physics", "unknown", more, 0.0, odds, force,
+            rivals=alike, nearest=shape.mechanism.effect, lawless=True,
+        )  # fmt: skip
     if lawless is not None:  # perhaps something else comes and goes
         unnamed = (UNNAMED.effect, max(model.score - lawless.score, 0.0))
         rivals = sorted([*rivals, unnamed], key=lambda rival: rival[1])

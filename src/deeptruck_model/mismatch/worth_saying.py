@@ -19,6 +19,7 @@ ENOUGH_LEARNED = 35.0  # the same for a learned simulator, whose own error is ne
 SLOW_PRICE, SLOW_SHARE = 25.0, 0.1  # nats, and of the gain
 PRACTICAL_FORCE = 0.012  # m/s^2 rms over all time, what a slope sensor 0.1 % off makes, or ...
 PRACTICAL_WHEN_ACTING = 0.02  # m/s^2 rms over the tenth of the time when it acts most
+SURELY = 1.96  # posterior sd
 IMPOSSIBLE = 4.0  # prior sd; priors say what is physically possible
 # Beyond what sensor filters and message periods make late.
 PRACTICAL_S = {"delay": 0.15, "time_constant": 0.1}
@@ -109,10 +110,19 @@ def practical(search: Search, model: Model, shape: Shape) -> bool:
         times = [value * part.factor for part, value in parts]
         if times and abs(sum(times)) < least:
             return False
+    if _beyond_possible(model, shape):
+        return False
     if not comes_and_goes(shape) and (np.abs(b - shape.prior.mean) > IMPOSSIBLE * shape.prior.sd).any():
         return False
     force = shape.columns @ b
     return beyond_learning(search.e, shape, force) or large_enough(search.e, force)
+
+
+def _beyond_possible(model: Model, shape: Shape) -> bool:
+    """Whether a coefficient is surely larger than it can be."""
+    sd = np.sqrt(np.diag(model.covariance(shape.mechanism.effect)))
+    surely = np.abs(model.coefficients(shape.mechanism.effect)) - SURELY * sd
+    return any(size * part.factor > part.most for part, size in zip(shape.parts, surely, strict=True))
 
 
 def beyond_learning(e: Evidence, shape: Shape, force: Array) -> bool:

@@ -32,6 +32,9 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
 AROUND_M_S = (0.0, 6.0, -6.0)
 NOBODY_M = 1e4  # a gap behind nobody
 STEADY_M_S, GUST_M_S = 7.0, 5.0  # prior sd of a drive's mean wind, and the largest of its slow changes
+# Most by which the wind along the road departs from the drive's mean for half a minute: Beaufort 6 that falls
+# calm, or is met round a bend. What swings further is slopes or brakes under another name.
+SWING_M_S = 12.0
 SIDE = 0.4  # sd of the drag that wind from the side adds, SAE J1252: 5 to 10 % a degree of yaw
 PER_SQUARE = DRAG / maximum(SPEED, 1.0) ** 2
 
@@ -71,7 +74,9 @@ def _headwind(s: Settings) -> list[Column]:
     ]
     if "side" in s:
         return steady + slow_columns(s, -DRAG, "more_drag", "1", sign=1, steady=False)
-    return steady + (slow_columns(s, linear, "wind", "m/s", sign=0, steady=False) if "knots" in s else [])
+    if "knots" not in s:
+        return steady
+    return steady + slow_columns(s, linear, "wind", "m/s", sign=0, steady=False, most=SWING_M_S)
 
 
 def _drafting_settings(e: Evidence) -> Iterator[Settings]:
