@@ -36,7 +36,8 @@ def in_vain(
     if most < ENOUGH and all(c.kind == "parameter_error" for c in x.causes):
         return bool(after > CLEARLY * before)
     drifts = [_comes_and_goes(c) and (slopes_recorded or c.effect != ROAD) for c in x.causes]
-    if most < WEAK_COMING and all(drifts) and after > NO_BETTER * before:
+    no_credit = after > NO_BETTER * before or after == tuned  # or parameters went in instead of it
+    if most < WEAK_COMING and all(drifts) and no_credit:
         return True
     if most >= WEAK:
         return False
