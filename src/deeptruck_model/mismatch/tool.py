@@ -49,6 +49,7 @@ LEFT_OUT = f"left out of the library, as {EXCLUDE} asks: {{}}"
 NAMED = (*LIBRARY, *findings.NAMES, "acceleration_bias", "speed_scale", "unknown")
 OTHER_GEAR = "the simulator drives in another gear than was recorded"
 STRANGE = "the simulator has learned from no driving at such speeds, commands and slopes"
+OF_THIS_MASS = "forces in N are for a mass of {:.3g} t: the simulator does not tell its own; scale them"
 WORTH_MOVING = 20.0  # nats
 # Beyond this relative change parameters are set in the simulator, and all is linearised again; and once more.
 RETUNE, SETTLED, RETUNES = 0.05, 0.02, 3
@@ -174,12 +175,18 @@ def _find(
         "caveats": [
             *c.caveats,
             *([LEFT_OUT.format(", ".join(exclude))] if exclude else []),
+            *_of_this_mass(simulator, e, found),
             *validation_words.caveats(fit, bool(causes), with_unnamed),
         ],
     }
     return Mismatch(
         verdict, e, x, tuple(found), tuple(segments), errors, corrected, c.prepared, tuple(exclude)
     )
+
+
+def _of_this_mass(simulator: Simulator, e: Evidence, found: Sequence[findings.Finding]) -> list[str]:
+    forces = any(f.cause is not None for f in found)
+    return [OF_THIS_MASS.format(e.mass / 1000.0)] if forces and not simulator.parameters() else []
 
 
 def _useless(c: _Checked) -> Mismatch:

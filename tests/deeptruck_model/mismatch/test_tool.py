@@ -12,6 +12,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import jsonschema
@@ -20,7 +21,7 @@ import pytest
 
 from deeptruck_model import driving_cycles, mismatch, simulators, trucks
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch import output
+from deeptruck_model.mismatch import output, tool
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
 
@@ -91,6 +92,16 @@ def effects(said: dict[str, Any]) -> list[str]:
 
 def run(recordings: Sequence[Recording], held_out: Sequence[Recording] = ()) -> dict[str, Any]:
     return verdict(mismatch.find_mismatch(TRUCK, recordings, held_out))
+
+
+def test_forces_of_a_simulator_without_a_mass_say_of_which_they_are() -> None:
+    """A car's slopes came to 7000 N, of the 20 t that are taken where nothing tells a mass."""
+    e: Any = SimpleNamespace(mass=20000.0)
+    learned: Any = SimpleNamespace(parameters=dict)
+    found: Any = [SimpleNamespace(cause=SimpleNamespace())]
+    (said,) = tool._of_this_mass(learned, e, found)
+    assert "20 t" in said and "scale" in said
+    assert tool._of_this_mass(TRUCK, e, found) == tool._of_this_mass(learned, e, []) == []
 
 
 def test_nothing_missing_is_said_with_what_would_have_been_seen() -> None:
