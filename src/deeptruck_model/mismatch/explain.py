@@ -45,6 +45,7 @@ def explain(search: Search) -> Explanation:
     causes = _with_slow_force(search, model, left.free, causes)
     if all(c.kind != "missing_physics" for c in causes):
         causes = _with_bursts(search, model, causes)
+    causes = _one_unknown(causes)
     return Explanation(
         tuple(causes), model, parameters_only, null, left.free, left.gain, left.lawful, ranking
     )
@@ -85,6 +86,17 @@ def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[C
         rest = replace(rest, nearest=main.effect, rivals=_perhaps_the_same(main))
         return [rest, *_in_order([c for c in causes if c not in physics])]
     return _in_order([*causes, rest])
+
+
+def _one_unknown(causes: list[Cause]) -> list[Cause]:
+    """The causes, where what comes and goes without a name and what the signals predict are one finding: the
+    one that gained more, with both forces."""
+    unknown = sorted((c for c in causes if c.effect == "unknown"), key=lambda c: -c.gain)
+    if len(unknown) < 2:
+        return causes
+    force = np.sum([c.force for c in unknown], axis=0)
+    whole = replace(unknown[0], share=sum(c.share for c in unknown), force=force)
+    return _in_order([whole, *(c for c in causes if c.effect != "unknown")])
 
 
 def _unverified(e: Evidence, causes: list[Cause]) -> list[Cause]:

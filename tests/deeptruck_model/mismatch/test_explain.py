@@ -116,3 +116,17 @@ def test_an_engine_brake_whose_stages_nobody_told_acts_where_the_engine_is_asked
     assert stages and asked.any()
     for s in stages:
         assert s.columns.shape[1] > 3 and np.abs(s.columns[asked]).max() < 1e-12
+
+
+def test_what_has_no_name_is_one_finding(nothing_missing: Evidence) -> None:
+    """A verdict had listed `unknown` twice: what comes and goes, and what the signals predict."""
+    push = np.full(len(nothing_missing), 0.1)
+    named = replace(cause(nothing_missing), share=0.6)
+    unknown = [
+        Cause("missing_physics", "unknown", gain, share, 0.9, push)
+        for gain, share in ((90.0, 0.2), (120.0, 0.3))
+    ]
+    lag, one = explain._one_unknown([named, *unknown])
+    assert (lag.effect, one.effect, one.gain, one.share) == ("torque_derate", "unknown", 120.0, 0.5)
+    assert one.force == pytest.approx(2.0 * push)
+    assert explain._one_unknown([named, unknown[0]]) == [named, unknown[0]]
