@@ -16,6 +16,7 @@ from deeptruck_model.mismatch.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.held_out_drives import in_vain
 from deeptruck_model.mismatch.improvement import Errors, compare, free_windows, joined
+from deeptruck_model.mismatch.lateness import left_beside
 from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes, held_steady
 from deeptruck_model.mismatch.prepared import Prepared
 from deeptruck_model.mismatch.search import POSSIBLE, Model, Search
@@ -73,6 +74,7 @@ def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequenc
     wrong may only have been bent. So what goes in is what free runs ask for along `prepared`, the recordings
     that are not held out, each by a fit to others of them.
     """
+    e = e if e.late is None else left_beside(e, x.model)
     search = Search(e, only=~e.held_out)
     shares = None if simulator.parameters() else Shares.of(e)
     alone = _Recipe((), (), frozenset(search.parameters))

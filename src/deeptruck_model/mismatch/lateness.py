@@ -10,8 +10,8 @@ from dataclasses import replace
 
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape
-from deeptruck_model.mismatch.search import Search
-from deeptruck_model.mismatch.worth_saying import enough, practical
+from deeptruck_model.mismatch.search import Model, Search
+from deeptruck_model.mismatch.worth_saying import ENOUGH, enough, practical
 
 LONGEST_S = 0.5  # of the delays tried: a share of a longer one is a path that is slow, not late
 BOTH = {"all"}
@@ -27,6 +27,14 @@ def beside_it(e: Evidence) -> Evidence:
     if best.score < base.score + enough(search) or practical(search, best, best.named[-1]):
         return e
     return replace(e, late=best.named[-1].columns)
+
+
+def left_beside(e: Evidence, model: Model) -> Evidence:
+    """The evidence without that lateness where the names of a model leave next to nothing of it: a brake that
+    lags has a little of it, and parameters alone are to be fitted as anybody would fit them."""
+    bare = replace(e, late=None)
+    beside, without = (Search(x).model(model.named, model.free).score for x in (e, bare))
+    return bare if beside - without < ENOUGH else e
 
 
 def _small(search: Search) -> list[Shape]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch import lateness
 from deeptruck_model.mismatch.candidates import candidates
 from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.search import Search
 
 
@@ -53,6 +54,18 @@ def test_nothing_makes_up_for_it(truck: Evidence) -> None:
     gains = [_most(Search(e)) for e in (late, lateness.beside_it(late))]
     assert gains[0] > 100.0
     assert gains[1] < 20.0
+
+
+@pytest.mark.parametrize("lags", [True, False])
+def test_what_a_name_explains_is_not_left_to_it(truck: Evidence, lags: bool) -> None:
+    """Parameters alone had been fitted beside the lateness that a lagging brake looks like."""
+    force = 0.25 * truck.rerun("delay_all", 0.4)
+    late = replace(truck, residual=truck.residual + force, late=force[:, None])
+    search = Search(late)
+    brake = next(s for s in search.shapes(LIBRARY["command_delay"]) if set(s.settings["lines"]) == {"all"})
+    column = replace(brake, columns=force[:, None], prior=replace(brake.prior, mean=np.ones(1)))
+    model = search.model((column,) if lags else (), frozenset())
+    assert (lateness.left_beside(late, model).late is None) == lags
 
 
 def test_a_truck_without_commands_has_none(truck: Evidence) -> None:
