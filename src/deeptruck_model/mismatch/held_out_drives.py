@@ -36,9 +36,10 @@ def in_vain(
     if most < ENOUGH and all(c.kind == "parameter_error" for c in x.causes):
         return bool(after > CLEARLY * before)
     drifts = [_comes_and_goes(c) and (slopes_recorded or c.effect != ROAD) for c in x.causes]
-    no_credit = after > NO_BETTER * before or after == tuned  # or parameters went in instead of it
-    if most < WEAK_COMING and all(drifts) and no_credit:
+    if most < WEAK_COMING and all(drifts) and after > NO_BETTER * before:
         return True
+    if most < WEAK and all(drifts) and after == tuned:
+        return True  # parameters went in instead of it
     if most >= WEAK:
         return False
     names = [c.shape for c in x.causes if c.shape is not None]

@@ -73,12 +73,20 @@ def test_a_road_without_recorded_slopes_need_not_help_on_another_road(
 
 
 @pytest.mark.parametrize(
-    ("after", "tuned", "vain"), [(0.099, 0.1, True), (0.09, 0.1, False), (0.08, 0.08, True)]
+    ("gain", "after", "tuned", "vain"),
+    [
+        (84.0, 0.099, 0.1, True),
+        (84.0, 0.09, 0.1, False),
+        (55.0, 0.08, 0.08, True),
+        (84.0, 0.08, 0.08, False),
+    ],
 )
-def test_what_comes_and_goes_must_help_other_drives_a_little(after: float, tuned: float, vain: bool) -> None:
+def test_what_comes_and_goes_must_help_other_drives_a_little(
+    gain: float, after: float, tuned: float, vain: bool
+) -> None:
     """And not by the parameters that were moved instead of it."""
     shape: Any = SimpleNamespace(settings={"knots": [4]})
-    causes = (Cause("missing_physics", "dragging_brake", 84.0, 1.0, 0.9, np.zeros(1), shape),)
+    causes = (Cause("missing_physics", "dragging_brake", gain, 1.0, 0.9, np.zeros(1), shape),)
     fit = errors(after=after, tuned=tuned)
     explanation: Any = SimpleNamespace(causes=causes)
     assert in_vain(explanation, fit) == vain
