@@ -6,27 +6,30 @@ make up for it.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape
+from deeptruck_model.mismatch.screening import screen_shapes
 from deeptruck_model.mismatch.search import Model, Search
 from deeptruck_model.mismatch.worth_saying import ENOUGH, enough, practical
 
 LONGEST_S = 0.5  # of the delays tried: a share of a longer one is a path that is slow, not late
 BOTH = {"all"}
+FITTED = 2  # of them in full
 
 
-def beside_it(e: Evidence) -> Evidence:
-    """The evidence with the lateness of all commands together that is too small to be told; as it was where
-    there is none, or one that is a finding."""
-    search = Search(e)
+def beside_it(search: Search, exclude: Iterable[str] = ()) -> Search:
+    """The same search beside the lateness of all commands together that is too small to be told; as it was
+    where there is none, or one that is a finding."""
     base = search.background(())
-    tried = [search.model((s,), base.free, base.fit) for s in _small(search)]
+    small = [shape for _, shape in screen_shapes(search, base, _small(search))[:FITTED]]
+    tried = [search.model((s,), base.free, base.fit) for s in small]
     best = max(tried, key=lambda m: m.score, default=base)
     if best.score < base.score + enough(search) or practical(search, best, best.named[-1]):
-        return e
-    return replace(e, late=best.named[-1].columns)
+        return search
+    return Search(replace(search.e, late=best.named[-1].columns), exclude=exclude)
 
 
 def left_beside(e: Evidence, model: Model) -> Evidence:

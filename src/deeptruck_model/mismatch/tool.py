@@ -256,7 +256,7 @@ def _explained(
         evidence = own_error.allow_for(evidence, itself)
     elif not own:
         evidence = replace(evidence, own_error=own_error.UNKNOWN, slow_noise=own_error.UNKNOWN)
-    search = Search(lateness.beside_it(evidence), exclude=exclude)
+    search = lateness.beside_it(Search(evidence, exclude=exclude), exclude)
     for turn in range(RETUNES):
         guess = first_guess(search)
         change = {p: changed_by(p, guess.change(p)) for p in search.parameters if p in own}
@@ -267,7 +267,7 @@ def _explained(
         moved = {p: float(np.clip(c, *POSSIBLE[p])) for p, c in total.items() if abs(c) > 0.005}
         tuned = simulator.with_parameters({p: own[p] * (1 + c) for p, c in moved.items()})
         around = gather(tuned, prepared, flags, seed=seed, moved=moved)
-        anew = Search(lateness.beside_it(around), exclude=exclude)
+        anew = lateness.beside_it(Search(around, exclude=exclude), exclude)
         if not _better((search, guess), anew, 0.0 if turn else WORTH_MOVING):
             break
         search = anew

@@ -45,13 +45,13 @@ def test_only_what_is_too_small_to_be_told_is_known(
     truck: Evidence, share: float, delay_s: float, known: bool
 ) -> None:
     late = replace(truck, residual=truck.residual + share * truck.rerun("delay_all", delay_s))
-    assert (lateness.beside_it(late).late is not None) == known
+    assert (lateness.beside_it(Search(late)).e.late is not None) == known
 
 
 def test_nothing_makes_up_for_it(truck: Evidence) -> None:
     """A tail of a tenth of a second was worth hundreds of nats to rate limits and brakes."""
     late = replace(truck, residual=truck.residual + 0.25 * truck.rerun("delay_all", 0.4))
-    gains = [_most(Search(e)) for e in (late, lateness.beside_it(late))]
+    gains = [_most(search) for search in (Search(late), lateness.beside_it(Search(late)))]
     assert gains[0] > 100.0
     assert gains[1] < 20.0
 
@@ -71,7 +71,8 @@ def test_what_a_name_explains_is_not_left_to_it(truck: Evidence, lags: bool) -> 
 def test_a_truck_without_commands_has_none(truck: Evidence) -> None:
     signals = {name: s for name, s in truck.signals.items() if not name.endswith("_command")}
     silent = replace(truck, signals=signals)
-    assert lateness.beside_it(silent) is silent
+    search = Search(silent)
+    assert lateness.beside_it(search) is search
 
 
 def _most(search: Search) -> float:
