@@ -35,9 +35,10 @@ def beside_it(search: Search, exclude: Iterable[str] = ()) -> Search:
 def left_beside(e: Evidence, model: Model) -> Evidence:
     """The evidence without that lateness where the names of a model leave next to nothing of it: a brake that
     lags has a little of it, and parameters alone are to be fitted as anybody would fit them."""
-    bare = replace(e, late=None)
-    beside, without = (Search(x).model(model.named, model.free).score for x in (e, bare))
-    return bare if beside - without < ENOUGH else e
+    beside, bare = Search(e), replace(e, late=None)
+    without = Search(bare, sigma=beside.sigma)  # rows weigh alike in both
+    gain = beside.model(model.named, model.free).score - without.model(model.named, model.free).score
+    return bare if gain < ENOUGH else e
 
 
 def _small(search: Search) -> list[Shape]:
