@@ -65,13 +65,15 @@ def grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], .
 
 def _rare(search: Search, base: Model, bare: Model) -> list[Model]:
     """The model with what acts in a few windows alone, and the same without what comes and goes, whose knots
-    follow such windows too."""
+    follow such windows too, and without any law, which may stand in for it."""
     lasting = tuple(s for s in base.named if not comes_and_goes(s))
     most = intermittent.MOST_BESIDE if base.named else intermittent.MOST
-    found = _now_and_then(search, base, bare, most)
-    if found is not base or len(lasting) == len(base.named):
-        return [found]
-    return [base, _now_and_then(search, search.background(lasting), bare, intermittent.MOST_BESIDE)]
+    found = [_now_and_then(search, base, bare, most)]
+    if found[0] is base and len(lasting) < len(base.named):
+        found.append(_now_and_then(search, search.background(lasting), bare, intermittent.MOST_BESIDE))
+    if base.named:
+        found.append(_now_and_then(search, bare, bare, intermittent.MOST_BESIDE))
+    return found
 
 
 def _for_freedom(model: Model, bare: Model) -> float:

@@ -145,11 +145,12 @@ def unnamed(search: Search, spans: list[Span]) -> Shape:
 
 
 def _steady(search: Search, mechanism: Mechanism) -> list[Shape]:
-    """The shapes of a mechanism that few windows can show; of what only comes and goes, its mean."""
+    """The shapes of a mechanism that few windows can show; of what comes and goes, its mean."""
     shapes = search.shapes(mechanism)
     plain = [s for s in shapes if not {"each", "recordings", "own"} & set(s.settings)]
     lasting = [s for s in plain if not comes_and_goes(s)]
-    return lasting or [held_steady(s, search.e) for s in plain[:1]]
+    coming = [s for s in plain if comes_and_goes(s)]
+    return [*lasting, *(held_steady(s, search.e) for s in coming[:1])]
 
 
 def candidates(search: Search, base: Model, spans: list[Span]) -> list[Model]:

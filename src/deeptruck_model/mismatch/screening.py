@@ -16,7 +16,7 @@ from deeptruck_model.mismatch.search import ONE_SIZE, TEMPER, Model, Search
 Array = NDArray[np.float64]
 
 SCREENED = 2  # shapes of each mechanism that are fitted in full
-FEW_COLUMNS = 3  # of shapes that are confined to a regime before they are fitted
+FEW_COLUMNS = 8  # of shapes that are confined to a regime before they are fitted
 CONFINED = 3  # so many shapes of each mechanism
 OWN_REGIME = 0.15  # share of what a mechanism does that must lie in its regime: no slip of a locked converter
 WORTH_A_REGIME = 6.0  # nats

@@ -88,6 +88,8 @@ NODES = {
     "since": ex.Since((BRAKE > 0.5,)),
     "change": ex.Change((SPEED,)),
     "slosh": ex.Slosh((ex.Signal("simulated"),), 0.4, 0.1),
+    "play": ex.Play((ex.Signal("simulated"),), 0.7),
+    "soft play": ex.Play((BRAKE - 0.4,), 0.5, 0.3),
     "tent": ex.Tent((SPEED,), 12.0, 4.0),
     "interpolated": ex.Interpolated((SPEED,), (5.0, 12.0, 30.0), (0.0, 1.0, -2.0)),
     "memories of memories": ex.Lag((ex.Lag((SPEED * BRAKE,), 5.0, cold=True) - SPEED,), 1.0) * BRAKE,
@@ -127,6 +129,19 @@ def test_slosh_is_a_damped_oscillator_that_takes_no_momentum() -> None:
     assert np.diff(crossings[:4]).mean() * e.dt == pytest.approx(1 / (0.5 * np.sqrt(1 - 0.1**2)), rel=0.02)
     assert abs(after[-500:]).max() < 0.01 * abs(after).max()
     assert force.sum() * e.dt == pytest.approx(0.0, abs=0.05 * kick.sum() * e.dt)
+
+
+@pytest.mark.parametrize("holds", [0.0, 0.1])
+def test_a_play_takes_the_same_impulse_each_time_it_is_crossed(holds: float) -> None:
+    n = 300
+    pull = np.where(np.arange(n) < 150, 0.4, -0.4)
+    e = Evidence(0.1, (Stretch("a", 0, n, 0.0, False),), pull, pull, pull, pull > 9, {"simulated": pull}, {},
+                 1.0, lambda a, b: pull)  # fmt: skip
+    lost = ex.Play((ex.Signal("simulated"),), 0.8, holds).rows(e)
+    assert lost[:150].sum() * 0.1 == pytest.approx(0.4) and lost[150:].sum() * 0.1 == pytest.approx(-0.8)
+    taken = np.flatnonzero(lost[150:] < 0)
+    assert lost[0] == pytest.approx(0.4, rel=0.2) and taken[-1] < (21 if holds == 0.0 else 40)
+    assert (lost[150 + taken[-1] + 1 :] == 0.0).all()
 
 
 def test_in_recording_marks_its_rows_and_says_elsewhere_in_a_simulation() -> None:

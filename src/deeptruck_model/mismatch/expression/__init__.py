@@ -18,6 +18,7 @@ from deeptruck_model.mismatch.expression.nodes import (
     minimum,
 )
 from deeptruck_model.mismatch.expression.places import During, InRecording, Interpolated, Knot, Rerun, Tent
+from deeptruck_model.mismatch.expression.plays import Play
 from deeptruck_model.mismatch.expression.stream import Stream
 
 __all__ = [
@@ -31,6 +32,7 @@ __all__ = [
     "Knot",
     "Lag",
     "Leaf",
+    "Play",
     "Rerun",
     "RisingLag",
     "Signal",

@@ -13,6 +13,7 @@ from deeptruck_model.mismatch.mechanisms.base import (
     Mechanism,
     Settings,
 )
+from deeptruck_model.mismatch.mechanisms.commands import FULL_RANGE_S
 from deeptruck_model.mismatch.mechanisms.over_time import (
     MOST_KNOTS,
     each_recording,
@@ -51,9 +52,15 @@ def _lag_settings(e: Evidence) -> Iterator[Settings]:
     for side in ("lag", "rise", "fall", "delay"):  # both ways, only applying, only releasing, dead time
         for tau_s in (0.15, 0.3, 0.6, 1.0):
             yield {"side": side, "tau_s": tau_s}
+    full = float(np.ptp(e["brake_command"][e.valid]))
+    for side in ("rate", "climb"):  # air flows in, and out, through a throttle
+        for full_s in FULL_RANGE_S if full > 0 else ():
+            yield {"side": side, "rate": full / full_s}
 
 
 def _lag(s: Settings) -> list[Column]:
+    if "rate" in s:
+        return [Column(Rerun(f"{s['side']}_brake", s["rate"]), 0.3, "share", mean=1.0)]
     return [Column(Rerun(f"{s['side']}_brake", s["tau_s"]), 0.3, "time_constant", "s", s["tau_s"], mean=1.0)]
 
 
@@ -105,7 +112,7 @@ MECHANISMS = (
     ),
     Mechanism(
         "brake_lag",
-        "tau dF/dt = F_cmd - F",
+        "tau dF/dt = F_cmd - F, or |dF/dt| <= r",
         "brake force follows its command late",
         ("brake", "brake_command"),
         ("brake command rate",),

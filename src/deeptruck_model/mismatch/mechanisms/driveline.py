@@ -12,6 +12,7 @@ from deeptruck_model.mismatch.expression import (
     Change,
     Expression,
     Lag,
+    Play,
     Since,
     absolute,
     exp,
@@ -164,9 +165,19 @@ def _backlash_settings(e: Evidence) -> Iterator[Settings]:
             yield {"window_s": window_s, "size": max(size, 0.05)}
         yield {"window_s": window_s, "size": None}
     yield {"until_s": [0.3, 0.7, 1.2, 2.0]}  # several plays, one after the other
+    if np.isfinite(size):
+        reference = lever_reference(e) if "ratio" in e.signals else None
+        strong = max(size, 0.05)
+        for turns_s in (0.15, 0.3, 0.6, 1.2):  # by a strong pull
+            for soft in (0.0, 0.3):  # what a soft spring in it holds of that
+                yield {"reach": strong * turns_s, "holds": strong * soft, "reference": reference}
 
 
 def _backlash(s: Settings) -> list[Column]:
+    if "reach" in s:
+        lever = LEVER / s["reference"] if s["reference"] else lift(1.0)
+        play = Play((ENGINE / maximum(lever, 0.05),), s["reach"], s["holds"])
+        return [Column(-(play * lever), 0.5, "share")]
     change = Change((ENGINE > 0.03,))
     since = {"tip_in": Since((change > 0.1,)), "tip_out": Since((change < -0.1,))}
     if "until_s" in s:

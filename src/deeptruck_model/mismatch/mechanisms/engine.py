@@ -56,7 +56,14 @@ def _turbo_settings(e: Evidence) -> Iterator[Settings]:
         yield {"tau_s": tau_s, "aspirated": 0.0, "reference": reference if known else None}
         yield {"tau_s": tau_s, "aspirated": 0.0, "reference": reference if known else None, "order": 2}
         if np.isfinite(full):
-            yield {"tau_s": tau_s, "aspirated": 0.4 * full, "reference": reference if known else None}
+            for share in (0.2, 0.4):
+                yield {"tau_s": tau_s, "aspirated": share * full, "reference": reference if known else None}
+                yield {
+                    "tau_s": tau_s,
+                    "aspirated": share * full,
+                    "reference": reference if known else None,
+                    "stays": True,
+                }
         if known and e.has("engine_speed"):
             yield {"tau_s": tau_s, "aspirated": 0.0, "reference": reference, "slow_when_slow": True}
 
@@ -67,7 +74,9 @@ def _turbo(s: Settings) -> list[Column]:
     boost: Expression = boosted
     for _ in range(s.get("order", 1)):  # a boost that feeds itself begins slowly
         boost = RisingLag((boost,), s["tau_s"] / s.get("order", 1))
-    late = (boost - boosted) * lever
+    if "stays" in s:  # through a shift: what was built up falls no faster than it rises
+        boost = Lag((boosted,), s["tau_s"])
+    late = minimum(boost - boosted, 0.0) * lever
     if "slow_when_slow" in s:  # little exhaust spins the turbine up slowly
         late = late * minimum(OMEGA / maximum(ENGINE_SPEED, 50.0), 2.0)
     return [Column(late, 0.7, "share")]

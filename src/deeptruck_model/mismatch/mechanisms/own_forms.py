@@ -101,7 +101,7 @@ OWN: dict[str, tuple[Form, ...]] = {
             (BRAKE < 0.05) * -1.0,
             minimum(Since((BRAKE > 0.1,)), NEVER_S),
             "time since braking",
-            "falling",
+            "any",
             share=False,
         ),
         *(
@@ -217,7 +217,7 @@ OWN: dict[str, tuple[Form, ...]] = {
             level=True,
             needs=("engine_speed",),
         ),
-        Form(absolute(ENGINE) * -1.0, absolute(ENGINE), "engine force", "falling", level=True),
+        Form(absolute(ENGINE) * -1.0, absolute(ENGINE), "engine force", "any"),
     ),
     "shift_interruption": (
         Form(
