@@ -35,10 +35,12 @@ def in_vain(
         return True
     if most < ENOUGH and all(c.kind == "parameter_error" for c in x.causes):
         return bool(after > CLEARLY * before)
-    drifts = [_comes_and_goes(c) and (slopes_recorded or c.effect != ROAD) for c in x.causes]
-    if most < WEAK_COMING and all(drifts) and after > NO_BETTER * before:
+    physics = [c for c in x.causes if c.kind != "parameter_error"]
+    drifts = [_comes_and_goes(c) and (slopes_recorded or c.effect != ROAD) for c in physics]
+    only_drifts = bool(drifts) and all(drifts)
+    if most < WEAK_COMING and only_drifts and after > NO_BETTER * before:
         return True
-    if most < WEAK and all(drifts) and after == tuned:
+    if most < WEAK and only_drifts and after == tuned:
         return True  # parameters went in instead of it
     if most >= WEAK:
         return False
