@@ -18,6 +18,7 @@ from deeptruck_model.mismatch.proof import (  # noqa: F401  importing registers 
     field_reports,
     fleet_trials,
     other_makers,
+    proving_ground,
 )
 from deeptruck_model.mismatch.proof.hidden import EFFECTS, Effect
 

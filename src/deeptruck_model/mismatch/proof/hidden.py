@@ -23,7 +23,7 @@ Fault = Callable[[dict[str, Array], float, np.random.Generator], None]
 
 GRAVITY = 9.81
 SCENARIOS = ("highway", "suburban", "hills", "descent")
-FORMS = ("first", "second", "third", "fourth", "fifth", "sixth")  # families of laws; see the package
+FORMS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh")  # families
 
 
 @dataclass(frozen=True)

@@ -49,6 +49,7 @@ def of(forms: str, simulator: str) -> World:
     from deeptruck_model.mismatch.proof.field_reports.world import WORLD as FOURTH
     from deeptruck_model.mismatch.proof.fleet_trials.world import WORLD as FIFTH
     from deeptruck_model.mismatch.proof.other_makers.world import WORLD as THIRD
+    from deeptruck_model.mismatch.proof.proving_ground.world import WORLD as SEVENTH
 
-    own = {"third": THIRD, "fourth": FOURTH, "fifth": FIFTH, "sixth": SIXTH}
+    own = {"third": THIRD, "fourth": FOURTH, "fifth": FIFTH, "sixth": SIXTH, "seventh": SEVENTH}
     return own.get(forms, OLD) if simulator == "physics" else OLD
