@@ -10,7 +10,6 @@ from deeptruck_model.mismatch.proof.breakdown_records.air import spells, within
 from deeptruck_model.mismatch.proof.breakdown_records.world import draw_profile, draw_way_down
 from deeptruck_model.mismatch.proof.construction import build
 from deeptruck_model.mismatch.proof.effects import EFFECTS
-from deeptruck_model.mismatch.proof.page import _by_effect
 from deeptruck_model.mismatch.proof.plans import draw_plan
 
 
@@ -193,9 +192,3 @@ def test_machines_keep_their_speed_within_reason():
     assert set(built.plan.styles) <= {"cruise", "acc"}
     assert makers.of("sixth", "physics").driver.__name__ == "Planning"
     assert np.abs(built.drives.channels["acceleration"]).max() < 4.0
-
-
-def test_the_page_tells_the_fifth_but_not_the_sixth():
-    scored = [{"keys": [key], "right_first": 1.0, "in_group": 1.0} for key in ("hot_bands", "fluid_boils")]
-    fifth, sixth = sorted(_by_effect(scored), key=lambda line: "not told" in line)
-    assert "Thermoelastic" in fifth and sixth.endswith("| sixth form, not told here |")
