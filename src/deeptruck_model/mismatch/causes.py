@@ -18,6 +18,9 @@ GROUP = 9.0  # nats within which two names count as not told apart, or ...
 GROUP_SHARE = 0.15  # of the gain: no form is quite right, and the larger an effect the more nats that costs
 GROUP_SHARE_SLOW = 0.25  # the same for what comes and goes as it likes
 GROUP_SHARE_RARE = 0.35  # the same for what was seen in a few windows: one event looks like another there
+# Most that a name may be given, by how many others are told beside it: a law that nobody here has read is as
+# far from every form as these are from one another (docs/results/proof.md, Probabilities).
+SURE = (0.8, 0.5, 0.4)
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,13 @@ class Cause:
         """Whether it is unknown, but the signals predict it: it has a shape over them, and perhaps a
         formula."""
         return self.effect == "unknown" and not self.lawless and self.needed is None
+
+    @property
+    def believed(self) -> float:
+        """The probability that is told: what the fit says, but no more than such names proved right."""
+        if self.kind != "missing_physics" or self.effect == "unknown":
+            return self.probability
+        return min(self.probability, SURE[min(len(self.not_told_from), len(SURE) - 1)])
 
     @property
     def not_told_from(self) -> list[str]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from deeptruck_model.mismatch.kinematics import compare, derivative
 from deeptruck_model.recordings import Recording
@@ -19,6 +20,8 @@ SLOPE = 0.03  # relative
 LAG_S = 0.3  # filters of ordinary sensors reach this
 CERTAIN = 5.0  # standard errors
 IMPOSSIBLE = 12.0  # m/s^2; no truck does this
+BRAKES, SLOWS = -1.2, -0.5  # m/s^2 over a second: surely braking; no coasting on most roads
+STUCK = "brake_command never moves in a drive in which the truck brakes: was it recorded?"
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,8 @@ def clean(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Reject
         speed = channels["speed"]
         jump = np.abs(derivative(speed, r.dt)) > IMPOSSIBLE
         _reject(speed, jump, f"speed jumps by more than {IMPOSSIBLE:g} m/s^2", counts)
+        if "brake_command" in r.interface.u:
+            _reject(channels["brake_command"], _unrecorded_braking(r, speed), STUCK, counts)
         for name in ("speed", *r.interface.u, *r.interface.w):
             missing = int(np.isnan(r.channels[name]).sum())
             if missing:
@@ -69,6 +74,15 @@ def _reject(x: Array, bad: NDArray[np.bool_], rule: str, counts: dict[str, int])
     if bad.any():
         counts[rule] = counts.get(rule, 0) + int(bad.sum())
         x[bad] = np.nan
+
+
+def _unrecorded_braking(r: Recording, speed: Array) -> NDArray[np.bool_]:
+    """Where the truck slows (n,), if it brakes though its brake command never moves."""
+    command = r.channels["brake_command"]
+    slowing = uniform_filter1d(np.nan_to_num(derivative(speed, r.dt)), max(round(1.0 / r.dt), 1))
+    never_moves = np.isfinite(command).any() and np.nanmin(command) == np.nanmax(command)
+    braked: NDArray[np.bool_] = (slowing < SLOWS) & bool(never_moves and (slowing < BRAKES).any())
+    return braked
 
 
 def acceleration_is_measured(recordings: Sequence[Recording]) -> bool:

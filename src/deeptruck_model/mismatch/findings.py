@@ -93,7 +93,7 @@ def from_cause(cause: Cause, e: Evidence, explanation: Explanation, own: dict[st
             "kind": cause.kind,
             "effect": cause.effect,
             **words,
-            "probability": round(cause.probability, 3),
+            "probability": round(cause.believed, 3),
             "cannot_be_told_from": cause.not_told_from,
             "share_of_explainable_error": round(cause.share, 3),
             "evidence_nats": round(cause.gain, 1),

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.causes import Cause
+from deeptruck_model.mismatch.causes import SURE, Cause
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.intermittent import during
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape, comes_and_goes, shapes
@@ -37,3 +39,12 @@ def test_few_nats_are_never_enough(lasting: Shape) -> None:
 
 def test_another_form_may_be_something_unknown(lasting: Shape) -> None:
     assert cause(lasting, other_form=True).not_told_from == ["drafting", "unknown"]
+
+
+def test_a_name_is_believed_no_more_than_such_names_proved_right(lasting: Shape) -> None:
+    alone = replace(cause(lasting), rivals=())
+    assert alone.believed == min(alone.probability, SURE[0])
+    beside = replace(alone, probability=0.99, rivals=tuple((name, 1.0) for name in ("a", "b", "c")))
+    assert beside.believed == SURE[-1]
+    assert replace(beside, probability=0.1).believed == 0.1
+    assert replace(beside, kind="parameter_error").believed == 0.99

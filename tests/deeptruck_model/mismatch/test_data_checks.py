@@ -33,6 +33,24 @@ def drive(
     return Recording(f"drive-{seed}", DT, channels, INTERFACE)
 
 
+@pytest.mark.parametrize(
+    ("moves", "slows", "told"), [(False, True, True), (True, True, False), (False, False, False)]
+)
+def test_braking_with_a_command_that_never_moves_was_not_recorded(
+    moves: bool, slows: bool, told: bool
+) -> None:
+    r = drive(1)
+    r.channels["speed"] = np.full(N, 20.0)
+    r.channels["speed"][1000:1100] = np.linspace(20.0, 5.0 if slows else 19.0, 100)
+    r.channels["speed"][1100:] = r.channels["speed"][1099]
+    r.channels["brake_command"][2000:2100] = 30.0 if moves else 0.0
+    (cleaned,), rejected = data_checks.clean([r])
+    lost = np.flatnonzero(np.isnan(cleaned.channels["brake_command"]))
+    assert (data_checks.STUCK in {item.rule for item in rejected}) == told == bool(len(lost))
+    if told:
+        assert lost[0] in range(990, 1001) and lost[-1] in range(1095, 1111)
+
+
 def test_impossible_samples_go_by_rule_and_are_counted() -> None:
     r = drive(0)
     r.channels["speed"][100] = 70.0

@@ -25,6 +25,7 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
 )
 
 MASS = Signal("sensitivity:mass")
+MOST_OF_MASS = 2.0  # to first order: a laden truck that is unloaded loses less
 
 
 def _payload_settings(e: Evidence) -> Iterator[Settings]:
@@ -46,12 +47,12 @@ def _payload_settings(e: Evidence) -> Iterator[Settings]:
 def _payload(s: Settings) -> list[Column]:
     if "each" in s:
         return [
-            Column(MASS * here, 0.3, f"change[{name}]", "kg", per_mass=True, sign=0)
+            Column(MASS * here, 0.3, f"change[{name}]", "kg", per_mass=True, sign=0, most=MOST_OF_MASS)
             for name, here in in_each(s)
         ]
     if "knots" in s:
         return slow_columns(s, MASS, "change", "kg", sign=0, per_mass=True)
-    return [Column(MASS * from_then_on(s), 0.4, "change", "kg", per_mass=True, sign=0)]
+    return [Column(MASS * from_then_on(s), 0.4, "change", "kg", per_mass=True, sign=0, most=MOST_OF_MASS)]
 
 
 def _slosh_settings(e: Evidence) -> Iterator[Settings]:
