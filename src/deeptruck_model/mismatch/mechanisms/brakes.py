@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.expression import Lag, Rerun, Since, exp, lift, maximum, minimum
+from deeptruck_model.mismatch.expression import Lag, Rerun, RisingLag, Since, exp, lift, maximum, minimum
 from deeptruck_model.mismatch.mechanisms.base import (
     Column,
     Mechanism,
@@ -69,6 +69,8 @@ def _dragging_settings(e: Evidence) -> Iterator[Settings]:
     yield {"decay_s": None}
     for decay_s in (5.0, 20.0, 80.0):
         yield {"decay_s": decay_s, "braking": threshold}
+    for keeps_s in (3.0, 10.0, 30.0, 100.0):  # of its last force: a weak spring
+        yield {"keeps_s": keeps_s}
     for at in step_settings(e):
         yield {"decay_s": None} | at
     for frees_m in (200.0, 700.0, 2000.0):  # frozen, parked with, or out of adjustment until they have rubbed
@@ -90,6 +92,8 @@ def _dragging(s: Settings) -> list[Column]:
             Column(-(left * here), 0.1, f"force[{name}]" if name else "force", "N", per_mass=True)
             for name, here in each
         ]
+    if "keeps_s" in s:  # a lag that rises at once and falls late
+        return [Column(RisingLag((-BRAKE,), s["keeps_s"]), 0.1, "share")]
     if s["decay_s"] is None:
         return [Column(lift(-1.0), 0.08, "force", "N", per_mass=True)]
     braking = s["braking"] < BRAKE
@@ -123,7 +127,7 @@ MECHANISMS = (
     ),
     Mechanism(
         "dragging_brake",
-        "F = -F0 (while moving), or -F0 exp(-t_since_release / tau), or -F0 exp(-x / L)",
+        "F = -F0 (while moving), or -(F0 or k F_brake) exp(-t_since_release / tau), or -F0 exp(-x / L)",
         "a brake keeps rubbing when it should be free",
         ("brake", "brake_command"),
         ("time since braking",),
