@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from deeptruck_model.mismatch.drawing import BLUE, GREEN, GREY, INK, ORANGE, SKY, figure, tidy, words
-from deeptruck_model.mismatch.page_text import spoken
+from deeptruck_model.mismatch.page_words import spoken
 from deeptruck_model.mismatch.worth_saying import ENOUGH
 
 if TYPE_CHECKING:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from deeptruck_model.mismatch.drawing import colour, words
 from deeptruck_model.mismatch.mechanisms import LIBRARY
+from deeptruck_model.mismatch.page_words import measured, number, opened, percent, prose, spoken
 from deeptruck_model.mismatch.search import POSSIBLE
+from deeptruck_model.mismatch.told_apart import apart
 from deeptruck_model.mismatch.validation_words import worse_than_parameters
 from deeptruck_model.mismatch.worth_saying import ENOUGH
 
@@ -17,70 +18,7 @@ if TYPE_CHECKING:
     from deeptruck_model.mismatch.tool import Mismatch
 
 HIDING_N = 600.0  # of a steady force: a third of what the tyres of a laden truck take
-IN_PLACE = (  # the bars of the figure are another comparison, and have other numbers
-    "These nats are lost where the one is put in place of the other in the whole explanation; the figure of "
-    "names below tries each alone."
-)
 FINER = "; nearest name|; in a curve of its own|; it acts otherwise"  # not for a headline
-IDENTIFIER = re.compile(r"\b[a-z][a-z0-9]*(?:_[a-z0-9]+)+\b")
-SPOKEN = {  # names that are no words of their own once the underscores are gone
-    "rolling_resistance_speed": "rolling resistance that grows with speed",
-    "rolling_resistance_warmup": "rolling resistance of cold tyres",
-    "torque_derate": "derated torque",
-    "command_rate_limit": "limited rate of the commands",
-    "load_slosh": "sloshing load",
-    "speed_scale": "scale of the speed sensor",
-    "unknown": "unknown force",
-}
-
-
-def number(x: float, step: float | None = None) -> str:
-    """Plain digits: three significant ones without idle zeros, or rounded to `step`."""
-    if not math.isfinite(x):
-        return "unknown"
-    if step is None:
-        short = number(x, 10.0 ** (math.floor(math.log10(abs(x))) - 2)) if x else "0"
-        return short.rstrip("0").rstrip(".") if "." in short else short
-    if not 1e-6 < step < 1e9:
-        return f"{x:.3g}"
-    decimals = max(0, -math.floor(math.log10(step) + 1e-9))
-    return f"{round(x / step) * step:.{decimals}f}"
-
-
-def measured(value: float, unit: str, ci: Sequence[float] | None) -> str:
-    """A size with its 95 % interval, in as many digits as the interval is worth."""
-    unit = "" if unit in ("", "1") else f" {prose(unit)}"
-    if ci is None or not all(math.isfinite(c) for c in ci) or ci[1] <= ci[0]:
-        return f"{number(value)}{unit}"
-    step = 10.0 ** (math.floor(math.log10((ci[1] - ci[0]) / 2)) - 1)
-    return f"{number(value, step)}{unit} (95 %: {number(ci[0], step)} to {number(ci[1], step)})"
-
-
-def percent(x: float) -> str:
-    """A share or probability; never rounded to certainty."""
-    if not math.isfinite(x):
-        return "unknown"
-    if x > 0.99:
-        return "above 99 %"
-    return "below 1 %" if x < 0.01 else f"{100 * x:.0f} %"
-
-
-def spoken(name: str) -> str:
-    """An effect's or signal's name within a sentence."""
-    return SPOKEN.get(name, words(name))
-
-
-def prose(text: str) -> str:
-    """A finding's own words without identifiers, and with signs as they are printed."""
-    text = IDENTIFIER.sub(lambda found: spoken(found[0]), text)
-    text = re.sub(r"\bsimulated\b(?! acceleration| on)", "simulated acceleration", text.replace("_", " "))
-    text = re.sub(r"\b\d+(\.\d+)?e[+-]\d+\b", lambda found: number(float(found[0])), text)
-    return text.replace("+-", "±").replace("^2", "²").replace("^3", "³")
-
-
-def opened(text: str) -> str:
-    """The text with a capital first letter."""
-    return text[:1].upper() + text[1:]
 
 
 def sentence(v: dict[str, Any]) -> str:
@@ -179,45 +117,9 @@ def _finding(k: int, f: dict[str, Any]) -> dict[str, Any]:
         "equation": f["equation"],
         "facts": facts,
         "depends_on": ", ".join(spoken(d) for d in f["depends_on"]),
-        "apart": _apart(f),
+        "apart": apart(f),
         "to_be_sure": opened(prose(f["would_be_told_by"])),
     }
-
-
-def _apart(f: dict[str, Any]) -> str:
-    """What it cannot be told from and what decided; empty where there was no rival."""
-    worse = {r["effect"]: r["worse_by_nats"] for r in f.get("rivals", [])}
-    group = f["cannot_be_told_from"]
-    if not group:
-        nearest = min(worse, key=lambda n: worse[n], default=None)
-        if nearest is None:
-            return ""
-        lead = f"{worse[nearest]:.0f} nats"
-        return f"It is told from every other name; the next best, {spoken(nearest)}, is {lead} worse."
-    decided = "; ".join(_decided(f["effect"], rival, worse.get(rival)) for rival in group)
-    meant = f" {IN_PLACE}" if any(g in worse for g in group) else ""
-    return f"It cannot be told from {', '.join(spoken(g) for g in group)}. What decided: {decided}.{meant}"
-
-
-def _decided(name: str, rival: str, worse: float | None) -> str:
-    """How much of a lead comes from data and how much from what is plausible beforehand."""
-    if rival == "unknown" and worse is None:
-        return f"its signals, by which {spoken(name)} acts too; its form is another"
-    if rival == "unknown" and worse == 0.0:
-        return "nothing: a force without a name may do as well, and none of these drives tells"
-    if rival == "unknown":
-        return f"against a force without a name that comes and goes likewise the data, by {worse:.1f} nats"
-    prior, worse = 0.0, worse or 0.0
-    if name in LIBRARY and rival in LIBRARY:
-        prior = math.log(LIBRARY[name].prior / LIBRARY[rival].prior)
-    data = worse - prior
-    if data > abs(prior):
-        return f"against {spoken(rival)} the data, by {data:.1f} nats"
-    if prior > 0:
-        return (
-            f"against {spoken(rival)} prior plausibility ({prior:.1f} of {worse:.1f} nats), hardly the data"
-        )
-    return f"against {spoken(rival)} hardly anything ({worse:.1f} nats)"
 
 
 def rejected_names(m: Mismatch) -> tuple[list[dict[str, str]], list[str], dict[str, list[str]]]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from deeptruck_model.mismatch.page_text import prose, spoken
+from deeptruck_model.mismatch.page_words import prose, spoken
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.tool import Mismatch

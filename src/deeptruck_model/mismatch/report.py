@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, StrictUndefined
 
-from deeptruck_model.mismatch import figures, page_text, validation_words
+from deeptruck_model.mismatch import figures, page_text, page_words, validation_words
 from deeptruck_model.mismatch.drawing import words
 from deeptruck_model.mismatch.record_next import record_next
 
@@ -56,9 +56,9 @@ def _content(m: Mismatch, drawn: dict[str, figures.Picture]) -> dict[str, Any]:
         "figures": {name: _embedded(picture) for name, picture in drawn.items()},
         "regimes": [
             {
-                "where": page_text.prose(r["where"]),
-                "error": page_text.percent(r["share_of_error"]),
-                "time": page_text.percent(r["share_of_time"]),
+                "where": page_words.prose(r["where"]),
+                "error": page_words.percent(r["share_of_error"]),
+                "time": page_words.percent(r["share_of_time"]),
             }
             for r in v["regimes"]
         ],
@@ -66,10 +66,10 @@ def _content(m: Mismatch, drawn: dict[str, figures.Picture]) -> dict[str, Any]:
         "gained": gained,
         "nothing": nothing,
         "samples": [
-            {"rule": page_text.prose(r["rule"]), "samples": r["samples"]} for r in v["data"]["rejected"]
+            {"rule": page_words.prose(r["rule"]), "samples": r["samples"]} for r in v["data"]["rejected"]
         ],
         "next": record_next(m, untested),
-        "caveats": [page_text.opened(page_text.prose(c)) for c in v["caveats"]],
+        "caveats": [page_words.opened(page_words.prose(c)) for c in v["caveats"]],
     }
 
 
@@ -89,7 +89,7 @@ def _embedded(picture: figures.Picture) -> dict[str, Any]:
 
 def _visible(name: str, size: dict[str, float]) -> dict[str, str]:
     text = (
-        f"{100 * size['relative']:.1f} %" if "relative" in size else f"{page_text.number(size['newton'])} N"
+        f"{100 * size['relative']:.1f} %" if "relative" in size else f"{page_words.number(size['newton'])} N"
     )
     return {"name": words(name), "size": text}
 
@@ -101,8 +101,8 @@ def _fit(fit: dict[str, Any]) -> dict[str, Any] | None:
     rows = [
         {
             "name": ROWS[name],
-            "speed": page_text.number(fit[name]["speed_rmse"]),
-            "acceleration": page_text.number(fit[name]["acceleration_rmse"]),
+            "speed": page_words.number(fit[name]["speed_rmse"]),
+            "acceleration": page_words.number(fit[name]["acceleration_rmse"]),
         }
         for name in ROWS
         if name in fit
@@ -110,7 +110,7 @@ def _fit(fit: dict[str, Any]) -> dict[str, Any] | None:
     return {
         "rows": rows,
         "windows": fit["windows"],
-        "horizon": page_text.number(fit["horizon_s"]),
+        "horizon": page_words.number(fit["horizon_s"]),
         "held_out": ", ".join(fit["held_out"]),
         "said": validation_words.said(fit),
     }

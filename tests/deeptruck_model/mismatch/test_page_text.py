@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch import findings, page_text
+from deeptruck_model.mismatch import findings, page_text, page_words, told_apart
 from deeptruck_model.mismatch.causes import Cause
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.unnamed_words import strength
@@ -29,11 +29,30 @@ def test_unknown_is_in_a_group_by_its_signals_or_as_a_force_that_comes_and_goes(
         "cannot_be_told_from": ["unknown"],
         "rivals": [{"effect": name, "worse_by_nats": worse} for name, worse in rivals.items()],
     }
-    assert said in page_text._apart(finding)
+    assert said in told_apart.apart(finding)
+
+
+def told(effect: str, **worse: float) -> str:
+    rivals = [{"effect": n, "worse_by_nats": w} for n, w in worse.items()]
+    return told_apart.apart({"effect": effect, "cannot_be_told_from": [*worse], "rivals": rivals})
+
+
+def test_a_rival_that_does_better_is_said_to() -> None:
+    said = told("rolling_resistance", accessory_load=-800.7, road_surface=-789.6, brake_gain=132.3)
+    assert "In place of rolling resistance, these fit the data better than it does: " in said
+    assert "accessory load by 800.7 nats and road surface by 789.6 nats." in said
+    assert "What decided against the others: against brake gain the data, by 132.3 nats." in said
+    assert "hardly" not in said and "-" not in said
+
+
+def test_where_no_nats_were_told_none_are_explained() -> None:
+    assert "nats" not in told("accessory_load", unknown=0.0)
+    assert "nothing: it may do as well" in told("rolling_resistance", brake_gain=0.0)
+    assert told("rolling_resistance", brake_gain=3.0).endswith(told_apart.IN_PLACE)
 
 
 def test_no_name_of_the_program_is_in_a_sentence() -> None:
-    said = page_text.prose(
+    said = page_words.prose(
         "simulated on a road, full pull from 3 m/s tells it from rolling_resistance_speed: 2.0 m/s apart; "
         "nearest name: road_grade; +-2 m/s^2"
     )
@@ -44,7 +63,7 @@ def test_no_name_of_the_program_is_in_a_sentence() -> None:
 
 
 def test_every_special_word_is_for_a_name_that_there_is() -> None:
-    assert all(findings.known(name) for name in page_text.SPOKEN)
+    assert all(findings.known(name) for name in page_words.SPOKEN)
 
 
 def test_what_would_settle_it_is_in_words() -> None:

@@ -11,7 +11,7 @@ import pytest
 from found_mismatches import VERDICTS, mismatch, verdict
 from pages import Page, pixels
 
-from deeptruck_model.mismatch import formula, page_text, report
+from deeptruck_model.mismatch import formula, page_text, page_words, report
 
 
 @pytest.fixture(scope="module")
@@ -171,10 +171,10 @@ def test_the_formula_enters_from_the_evidence():
     ],
 )
 def test_digits_follow_the_interval(value, unit, ci, text):
-    assert page_text.measured(value, unit, ci) == text
+    assert page_words.measured(value, unit, ci) == text
 
 
 def test_certainty_is_never_claimed():
-    assert page_text.percent(1.0) == "above 99 %"
-    assert page_text.percent(0.0) == "below 1 %"
-    assert page_text.percent(0.5) == "50 %"
+    assert page_words.percent(1.0) == "above 99 %"
+    assert page_words.percent(0.0) == "below 1 %"
+    assert page_words.percent(0.5) == "50 %"
