@@ -6,9 +6,10 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from deeptruck_model.mismatch import size_rows
 from deeptruck_model.mismatch.drawing import colour, words
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.page_words import measured, number, opened, percent, prose, spoken
+from deeptruck_model.mismatch.page_words import number, opened, percent, prose, spoken
 from deeptruck_model.mismatch.search import POSSIBLE
 from deeptruck_model.mismatch.told_apart import apart
 from deeptruck_model.mismatch.validation_words import worse_than_parameters
@@ -94,11 +95,6 @@ def findings(m: Mismatch) -> list[dict[str, Any]]:
 
 
 def _finding(k: int, f: dict[str, Any]) -> dict[str, Any]:
-    sizes = [
-        {"name": re.sub(" s$", ", s", words(n)), "text": measured(p["value"], p["unit"], p["ci95"])}
-        for n, p in f["parameters"].items()
-        if p["value"] is not None and n != "held_out_r2"
-    ]
     facts = {"probability": percent(f["probability"])}
     if f["share_of_explainable_error"] > 0:
         facts["explains"] = f"{percent(f['share_of_explainable_error'])} of the explainable error"
@@ -113,7 +109,7 @@ def _finding(k: int, f: dict[str, Any]) -> dict[str, Any]:
         "kind": words(f["kind"]),
         "colour": colour(k),
         "says": opened(prose(f["says"])),
-        "sizes": sizes,
+        "sizes": size_rows.rows(f["parameters"]),
         "equation": f["equation"],
         "facts": facts,
         "depends_on": ", ".join(spoken(d) for d in f["depends_on"]),

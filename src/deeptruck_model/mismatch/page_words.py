@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from deeptruck_model.mismatch.drawing import words
 
 IDENTIFIER = re.compile(r"\b[a-z][a-z0-9]*(?:_[a-z0-9]+)+\b")
+QUOTED = re.compile(r"((?<!\w)'[^']+'(?!\w))")
 SPOKEN = {  # names that are no words of their own once the underscores are gone
     "rolling_resistance_speed": "rolling resistance that grows with speed",
     "rolling_resistance_warmup": "rolling resistance of cold tyres",
@@ -57,9 +58,15 @@ def spoken(name: str) -> str:
 
 
 def prose(text: str) -> str:
-    """A finding's own words without identifiers, and with signs as they are printed."""
+    """A finding's own words without identifiers, and with signs as they are printed; what is quoted, such as
+    the name of a recording, stays as it is."""
+    parts = QUOTED.split(text)
+    return "".join(part if k % 2 else _unquoted(part) for k, part in enumerate(parts))
+
+
+def _unquoted(text: str) -> str:
     text = IDENTIFIER.sub(lambda found: spoken(found[0]), text)
-    text = re.sub(r"\bsimulated\b(?! acceleration| on)", "simulated acceleration", text.replace("_", " "))
+    text = re.sub(r"\bsimulated\b(?! acceleration| on)", "simulated acceleration", text)
     text = re.sub(r"\b\d+(\.\d+)?e[+-]\d+\b", lambda found: number(float(found[0])), text)
     return text.replace("+-", "±").replace("^2", "²").replace("^3", "³")
 

@@ -19,11 +19,18 @@ UNITS = {
     "elapsed": "s",
     "elevation": "m",
     "ambient_temperature": "°C",
+    "engine speed": "rad/s",
+    "engine force": "m/s²",
+    "engine power": "W/kg",
+    "torque": "N m/kg",
+    "time": "s",
 }
 UNITS_OF = {  # of names that begin so
     "time since ": "s",
     "braking power over ": "W/kg",
     "engine over ": "m/s²",
+    "engine power over ": "W/kg",
+    "speed over ": "m/s",
     "acceleration over ": "m/s²",
 }
 

@@ -1,0 +1,79 @@
+"""The sizes of a finding as its page lists them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from deeptruck_model.mismatch import page_words, size_rows
+
+
+def size(value: float, unit: str, ci: tuple[float, float] | None = None) -> dict[str, Any]:
+    return {"value": value, "unit": unit, "ci95": ci and list(ci)}
+
+
+DRAGGING = {
+    "force": size(427.9, "N", (265.6, 590.1)),
+    "at braking power over 60 s -1.25e-05": size(0.0, "N"),
+    "at braking power over 60 s 2.44": size(2222.8, "N", (1628.9, 2816.6)),
+    "force[b_0]": size(1295.9, "N", (-22.8, 2614.6)),
+    "force[b_1]": size(0.0, "N"),
+}
+
+
+def shown(parameters: dict[str, Any]) -> dict[str, str]:
+    return {row["name"]: row["text"] for row in size_rows.rows(parameters)}
+
+
+def test_a_place_on_a_curve_has_its_unit_and_next_to_nothing_is_nothing() -> None:
+    names = list(shown(DRAGGING))
+    assert names[1].endswith(" over 60 s of 0 W/kg")
+    assert names[2].endswith(" over 60 s of 2.44 W/kg")
+
+
+def test_a_recording_keeps_its_name() -> None:
+    assert "force[b_0]" in shown(DRAGGING)
+    assert page_words.prose("recording 'b_halfspeed' has brake_command") == (
+        "recording 'b_halfspeed' has brake command"
+    )
+    assert page_words.prose("the truck's brake_lag isn't the simulator's") == (
+        "the truck's brake lag isn't the simulator's"
+    )
+
+
+def test_a_bare_zero_says_why() -> None:
+    rows = shown(DRAGGING)
+    assert rows["force[b_1]"] == f"0 N: {size_rows.HELD_AT_ZERO}"
+    (curve,) = [text for name, text in rows.items() if name.endswith("of 0 W/kg")]
+    assert curve == f"0 N: {size_rows.ENDS}"
+
+
+def test_sizes_of_several_kinds_say_how_they_add_up() -> None:
+    together = shown(DRAGGING)["together"]
+    assert together.startswith(
+        "what acts at a moment is the sum of all that hold there: force, the curve over "
+    )
+    assert together.endswith("force[...] in that recording or near that moment alone")
+    assert "together" not in shown({n: p for n, p in DRAGGING.items() if n.startswith("force[")})
+
+
+@pytest.mark.parametrize(
+    ("parameters", "names"),
+    [
+        (
+            {"time_constant": size(0.595, "s", (0.54, 0.65)), "tau_s": size(0.6, "s")},
+            ["time constant"],
+        ),
+        ({"force": size(400.0, "N", (300.0, 500.0)), "decay_s": size(20.0, "s")}, ["force", "decay"]),
+    ],
+)
+def test_a_place_on_a_grid_is_not_told_beside_the_size_fitted_about_it(
+    parameters: dict[str, Any], names: list[str]
+) -> None:
+    assert list(shown(parameters)) == names
+
+
+def test_what_was_picked_from_a_few_is_told_so() -> None:
+    rows = shown({"force": size(400.0, "N", (300.0, 500.0)), "decay_s": size(20.0, "s")})
+    assert rows["decay"] == "about 20 s, the best of a few that were tried"
