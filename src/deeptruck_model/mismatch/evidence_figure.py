@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from matplotlib.axes import Axes
@@ -24,6 +25,7 @@ KINDS = {
     GREY: "parameters only, over the simulator as given",
     ORANGE: "what is left, by a free model",
 }
+ROOM_BELOW = 0.08  # of the width, for the numbers beside bars below zero
 ROOM = 1.5  # a longer bar than this many times the longest name's is cut
 
 
@@ -39,7 +41,7 @@ def ranking(x: Explanation) -> Figure:
     stated = {c.effect for c in x.causes if c.shape is not None}
     moved = {c.effect for c in x.causes if c.kind == "parameter_error"}
     bars.append((_parameters(x), tuned, BLUE if moved == x.parameters_only.free and moved else GREY))
-    for name, gain in x.ranking[:MOST_NAMES]:
+    for name, gain in sorted(x.ranking, key=lambda named: -named[1])[:MOST_NAMES]:
         bars.append((spoken(name), gain, BLUE if name in stated else SKY if name in group else PALE))
     bars.append(("anything that is left", x.left_over_gain, ORANGE))
     made = figure(10.0, 1.3 + 0.27 * len(bars))
@@ -59,24 +61,39 @@ def _parameters(x: Explanation) -> str:
     return f"parameters only ({free})" if len(free) < 22 else "parameters only (several)"
 
 
+def _ends(gains: Sequence[float]) -> tuple[float, float]:
+    """Where bars are cut: well beyond the names, and not so far below zero that the others are squeezed."""
+    limit = ROOM * max(*gains, 2 * ENOUGH)
+    return min(0.0, max(min(gains), -limit)), limit
+
+
+def _number(ax: Axes, k: int, gain: float, low: float, limit: float) -> None:
+    """A bar's size beyond its end; within it, with an arrow, where it is cut."""
+    step = 0.008 * (limit - low)
+    if gain > limit:
+        at, text, side = limit - step, f"{gain:.0f} →", "right"
+    elif gain < low:
+        at, text, side = low + step, f"← {gain:.0f}", "left"
+    else:
+        at, text = gain + (step if gain >= 0.0 else -step), f"{gain:.1f}"
+        side = "left" if gain >= 0.0 else "right"
+    cut = not low <= gain <= limit
+    tint = "white" if gain > limit else INK
+    box = None if cut else {"fc": "white", "ec": "none", "pad": 0.5}
+    ax.text(at, k, text, bbox=box, va="center", ha=side, fontsize=8, color=tint)
+
+
 def _bars(ax: Axes, bars: list[tuple[str, float, str]]) -> None:
-    others = [gain for _, gain, _ in bars[1:]]
-    limit = ROOM * max(*others, 2 * ENOUGH)
-    low = min(0.0, max(min(others), -0.25 * limit))
+    low, limit = _ends([gain for _, gain, _ in bars[1:]])
     for k, (_, gain, tone) in enumerate(bars):
-        shown = min(max(gain, low), limit)
-        ax.barh(k, shown, color=tone, height=0.7)
-        cut = gain > limit
-        text, side, tint = (f"{gain:.0f} →", "right", "white") if cut else (f"{gain:.1f}", "left", INK)
-        at = max(shown, 0.0) + 0.008 * (limit - low) * (-1 if cut else 1)
-        box = None if cut else {"fc": "white", "ec": "none", "pad": 0.5}
-        ax.text(at, k, text, bbox=box, va="center", ha=side, fontsize=8, color=tint)
+        ax.barh(k, min(max(gain, low), limit), color=tone, height=0.7)
+        _number(ax, k, gain, low, limit)
     ax.axvline(0, color=INK, lw=0.8)
     ax.axvline(ENOUGH, color=GREEN, lw=1, ls="--")
     ax.text(ENOUGH, -0.75, " needed to be stated", fontsize=8, color=GREEN, va="bottom")
     tidy(ax)
     ax.grid(axis="y", visible=False)
-    ax.set_xlim(low, limit)
+    ax.set_xlim(low - (ROOM_BELOW * (limit - low) if low < 0.0 else 0.0), limit)
     ax.set_ylim(len(bars) - 0.4, -0.9)
     ax.set_yticks(range(len(bars)), [name for name, _, _ in bars], fontsize=9)
     ax.set_xlabel("evidence, nats (names: beyond parameters only)", fontsize=9)

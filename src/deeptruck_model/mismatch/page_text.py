@@ -128,7 +128,7 @@ def rejected_names(m: Mismatch) -> tuple[list[dict[str, str]], list[str], dict[s
     nearest = next((c.nearest for c in m.explanation.causes if c.nearest), None)
     winner = next((spoken(s) for s in m.explanation.model.effects if s in stated), None)
     gained = []
-    for name, gain in m.explanation.ranking:
+    for name, gain in sorted(m.explanation.ranking, key=lambda named: -named[1]):
         if name in stated or gain < 1.0:
             continue
         gained.append({"name": spoken(name), "gain": f"{gain:.1f}", "why": _why(name, gain, nearest, winner)})

@@ -1,0 +1,47 @@
+"""The figure of the names that were weighed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from found_mismatches import mismatch
+
+from deeptruck_model.mismatch import evidence_figure, page_text
+
+RANKING = (("brake_fade", 90.0), ("headwind", 14.0), ("dragging_brake", 87.0), ("load_slosh", -31.0))
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    found = mismatch("missing_physics")
+    made = evidence_figure.ranking(replace(found.explanation, ranking=RANKING))
+    made.canvas.draw()
+    return made
+
+
+def test_names_stand_by_their_nats(drawn) -> None:
+    widths = [bar.get_width() for bar in drawn.axes[0].patches[1:-1]]
+    assert widths == sorted(widths, reverse=True)
+
+
+def test_a_bar_below_zero_is_whole_and_its_number_stands_beside_it(drawn) -> None:
+    (ax,) = drawn.axes
+    assert ax.get_xlim()[0] < -31.0
+    (text,) = [t for t in ax.texts if t.get_text() == "-31.0"]
+    box = text.get_window_extent().transformed(ax.transData.inverted())
+    assert ax.get_xlim()[0] < box.x0 and box.x1 < -31.0
+
+
+def test_what_lies_far_below_is_cut_with_an_arrow() -> None:
+    found = mismatch("missing_physics")
+    ranking = (*RANKING, ("turbo_lag", -900.0))
+    (ax,) = evidence_figure.ranking(replace(found.explanation, ranking=ranking)).axes
+    assert "← -900" in [t.get_text() for t in ax.texts]
+
+
+def test_rejected_names_stand_by_their_nats() -> None:
+    found = mismatch("missing_physics")
+    x = replace(found.explanation, ranking=RANKING)
+    gained, _, _ = page_text.rejected_names(replace(found, explanation=x))
+    assert [g["name"] for g in gained] == ["dragging brake", "headwind"]
