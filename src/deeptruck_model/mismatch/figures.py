@@ -13,6 +13,7 @@ from scipy.ndimage import uniform_filter1d
 from deeptruck_model.mismatch import error_figures, evidence_figure, regime_figure, timeline_figure
 from deeptruck_model.mismatch.drawing import BLUE, GREY, ORANGE, figure, png, strips, tidy
 from deeptruck_model.mismatch.kinematics import derivative
+from deeptruck_model.mismatch.prepared import MOVING, SETTLE_S
 from deeptruck_model.recordings import coverage
 from deeptruck_model.recordings.coverage_figure import draw as draw_coverage
 from deeptruck_model.signals import SPEED
@@ -24,6 +25,12 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 SMOOTH_S = 1.0
+GAPS = (
+    "The force has gaps where nothing is compared: at a standstill and slower than "
+    f"{MOVING:g} m/s, in the first {SETTLE_S:g} s and the last second of a recording, and beside samples "
+    "that are missing or were set aside."
+)
+UNRECORDED = "Nor is anything compared where the truck slows hard, as its braking was not recorded."
 
 
 @dataclass(frozen=True)
@@ -61,8 +68,15 @@ def _timeline(m: Mismatch) -> Picture:
     count = f"{left_out} more recording{'s are' if left_out > 1 else ' is'}"
     more = f" {count} not drawn: those with the most to see are." if left_out else ""
     shaded = " Shaded: the strongest stretches in which a finding acts." if m.segments else ""
+    gaps = f" {_gaps(m)}" if m.evidence is not None else ""
     whole = png(made)
-    return Picture(whole, f"The recordings along time.{shaded}{more}", strips(whole, ends))
+    return Picture(whole, f"The recordings along time.{shaded}{gaps}{more}", strips(whole, ends))
+
+
+def _gaps(m: Mismatch) -> str:
+    """Why the force is not drawn all along."""
+    blind = any(p.recording.interface.brake_unit is None for p in m.prepared)
+    return f"{GAPS} {UNRECORDED}" if blind else GAPS
 
 
 def _where_and_what(m: Mismatch) -> dict[str, Picture]:

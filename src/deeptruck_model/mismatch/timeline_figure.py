@@ -15,7 +15,18 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from deeptruck_model.mismatch import left_over
-from deeptruck_model.mismatch.drawing import BLUE, GREY, INK, SKY, VERMILION, colour, figure, tidy, words
+from deeptruck_model.mismatch.drawing import (
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    VERMILION,
+    WINE,
+    colour,
+    figure,
+    tidy,
+    words,
+)
 from deeptruck_model.mismatch.evidence import Evidence, Stretch
 from deeptruck_model.signals import printed
 
@@ -24,6 +35,7 @@ if TYPE_CHECKING:
     from deeptruck_model.mismatch.tool import Mismatch
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 Span = tuple[float, float, int]
 
 MOST_RECORDINGS = 12
@@ -31,6 +43,7 @@ POINTS = 1500  # a page is not wider
 SMOOTH_S = 1.0
 ROW_INCHES, HEAD_INCHES, WIDTH = 2.9, 0.5, 10.0
 GAP_INCHES = 0.14  # between panels: the tick labels at their edges do not touch
+RESIDUAL_WIDTH = 2.2  # wide, so that it is seen below what explains it
 PANELS = (1.0, 0.7, 1.0)  # speed and grade, commands, force
 
 
@@ -75,7 +88,11 @@ def _track(
         out = uniform_filter1d(np.nan_to_num(e.newtons(x)[s.rows]), smooth)
         return np.where(e.valid[s.rows], out, np.nan)
 
-    seconds = [(s.start_s + (a - s.start) * e.dt, s.start_s + (b - s.start) * e.dt, f) for a, b, f, _ in own]
+    seconds = [
+        (s.start_s + (first - s.start) * e.dt, s.start_s + (last - s.start) * e.dt, f)
+        for a, b, f, _ in own
+        for first, last in _compared(e.valid, a, b)
+    ]
     names = ("speed", "grade", "engine_command", "brake_command")
     return Track(
         s.name + (", held out" if s.held_out else ""),
@@ -86,6 +103,12 @@ def _track(
         tuple(seconds),
         float(sum(x[3] for x in own)),
     )
+
+
+def _compared(valid: Mask, start: int, stop: int) -> list[tuple[int, int]]:
+    """The runs of rows start..stop in which recording and simulator are compared at all."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], valid[start:stop].astype(int), [0]])))
+    return [(start + int(a), start + int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _raw(p: Prepared) -> Track:
@@ -138,7 +161,7 @@ def _row(
     for ax in panels[:-1]:
         ax.tick_params(labelbottom=False)
     panels[0].set_title(t.title, loc="left", fontsize=9, fontweight="bold", pad=3)
-    panels[-1].set_xlabel("s", fontsize=8, labelpad=0)
+    panels[-1].set_xlabel("time, s", fontsize=8, labelpad=0)
     thin = slice(None, None, max(1, len(t.time) // POINTS))
     _driven(panels[0], t, thin)
     _commands(panels[1], t, thin, units)
@@ -148,7 +171,7 @@ def _row(
 
 def _driven(ax: Axes, t: Track, thin: slice) -> None:
     ax.plot(t.time[thin], t.signals["speed"][thin], color=INK, lw=1)
-    ax.set_ylabel("m/s", fontsize=8)
+    ax.set_ylabel("speed, m/s", fontsize=8)
     ax.set_ylim(bottom=0)
     if "grade" in t.signals:
         grade = _second(ax, "grade, %")
@@ -160,9 +183,9 @@ def _driven(ax: Axes, t: Track, thin: slice) -> None:
 def _commands(ax: Axes, t: Track, thin: slice, units: tuple[str, str]) -> None:
     if "engine_command" in t.signals:
         ax.plot(t.time[thin], t.signals["engine_command"][thin], color=BLUE, lw=0.9)
-    ax.set_ylabel(units[0], fontsize=8)
+    ax.set_ylabel(f"engine,\n{units[0]}", fontsize=8)
     if "brake_command" in t.signals:
-        brake = _second(ax, units[1])
+        brake = _second(ax, f"brake,\n{units[1]}")
         brake.plot(t.time[thin], t.signals["brake_command"][thin], color=VERMILION, lw=0.9)
         brake.set_ylim(bottom=0)
 
@@ -170,10 +193,10 @@ def _commands(ax: Axes, t: Track, thin: slice, units: tuple[str, str]) -> None:
 def _forces(ax: Axes, t: Track, thin: slice) -> None:
     assert t.force is not None
     ax.axhline(0, color=GREY, lw=0.6)
-    ax.plot(t.time[thin], t.force[thin] / 1000, color=SKY, lw=0.9)
+    ax.plot(t.time[thin], t.force[thin] / 1000, color=GREEN, lw=RESIDUAL_WIDTH)
     if t.explained is not None:
-        ax.plot(t.time[thin], t.explained[thin] / 1000, color=INK, lw=1.1)
-    ax.set_ylabel("kN", fontsize=8)
+        ax.plot(t.time[thin], t.explained[thin] / 1000, color=WINE, lw=0.8)
+    ax.set_ylabel("force, kN", fontsize=8)
 
 
 def _second(ax: Axes, text: str) -> Axes:
@@ -192,9 +215,9 @@ def _legend(made: Figure, m: Mismatch) -> None:
         Line2D([], [], color=VERMILION, lw=1, label="brake command"),
     ]
     if m.evidence is not None:
-        entries.append(Line2D([], [], color=SKY, lw=1, label="residual force, mean over 1 s"))
+        entries.append(Line2D([], [], color=GREEN, lw=RESIDUAL_WIDTH, label="residual force, mean over 1 s"))
     if m.explanation is not None and m.explanation.causes:
-        entries.append(Line2D([], [], color=INK, lw=1.1, label="as explained (same panel)"))
+        entries.append(Line2D([], [], color=WINE, lw=0.8, label="as explained (same panel)"))
     for k, f in enumerate(m.findings):
         if f.cause is not None:
             entries.append(Patch(color=colour(k), alpha=0.35, label=f"{words(f.data['effect'])} acts"))
