@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
@@ -23,17 +24,33 @@ FINDINGS = (ORANGE, SKY, GREEN, PURPLE, VERMILION, BLUE)
 
 WORDS = {
     "simulated": "simulated acceleration",
-    "engine": "engine's share of acceleration",
-    "brake": "brakes' share of deceleration",
-    "elapsed": "time since start",
+    "engine": "engine force per mass",
+    "brake": "brake force per mass",
+    "elapsed": "time since the recording began",
     "ratio": "overall gear ratio",
     "lever": "overall gear ratio",
 }
 
 
+MEMORY = re.compile(r"\b(engine|acceleration|braking power) over (\d+) s\b")
+REMEMBERED = {
+    "engine": "engine force per mass",
+    "acceleration": "simulated acceleration",
+    "braking power": "braking power per mass",
+}
+# the command beyond its lag of a second: a change and no rate, in the unit of the command
+CHANGE = re.compile(r"\bchange of (?:the )?(\w+)_command\b")
+
+
 def words(name: str) -> str:
     """A signal's or effect's name as people say it."""
-    return WORDS.get(name, name.replace("_", " "))
+    return WORDS.get(name) or remembered(name).replace("_", " ")
+
+
+def remembered(text: str) -> str:
+    """The text with short memories of signals in words: 'engine over 60 s', 'change of brake_command'."""
+    text = MEMORY.sub(lambda found: f"{REMEMBERED[found[1]]} over {found[2]} s", text)
+    return CHANGE.sub(r"change of the \1 command within about 1 s", text)
 
 
 def label(name: str, commands: Mapping[str, str]) -> str:

@@ -6,10 +6,12 @@ import math
 import re
 from collections.abc import Sequence
 
-from deeptruck_model.mismatch.drawing import words
+from deeptruck_model.mismatch.drawing import remembered, words
 
 IDENTIFIER = re.compile(r"\b[a-z][a-z0-9]*(?:_[a-z0-9]+)+\b")
 QUOTED = re.compile(r"((?<!\w)'[^']+'(?!\w))")
+SIGNALS = re.compile(r"(?<=it varies with )[^;:]+|(?<=drive so that )[^;:]+?(?= changes while)")
+CONDITION = re.compile(r"(?P<name>.+?) (?:(?P<side>[<>]) (?P<at>.+)|(?P<low>-?[\d.e+-]+) \.\. (?P<high>.+))")
 SPOKEN = {  # names that are no words of their own once the underscores are gone
     "rolling_resistance_speed": "rolling resistance that grows with speed",
     "rolling_resistance_warmup": "rolling resistance of cold tyres",
@@ -65,10 +67,27 @@ def prose(text: str) -> str:
 
 
 def _unquoted(text: str) -> str:
+    text = SIGNALS.sub(lambda found: ", ".join(spoken(n) for n in found[0].split(", ")), remembered(text))
     text = IDENTIFIER.sub(lambda found: spoken(found[0]), text)
     text = re.sub(r"\bsimulated\b(?! acceleration| on)", "simulated acceleration", text)
     text = re.sub(r"\b\d+(\.\d+)?e[+-]\d+\b", lambda found: number(float(found[0])), text)
     return text.replace("+-", "±").replace("^2", "²").replace("^3", "³")
+
+
+def condition(where: str) -> str:
+    """A regime of verdict.json as people say it: 'engine 0.2 .. 0.4 m/s² and brake < 0.1 m/s²'."""
+    return " and ".join(_one_condition(part) for part in where.split(" and "))
+
+
+def _one_condition(text: str) -> str:
+    found = CONDITION.fullmatch(text)
+    if not found:
+        return prose(text)
+    if found["side"]:
+        border = f"{'above' if found['side'] == '>' else 'below'} {found['at']}"
+    else:
+        border = f"from {found['low']} to {found['high']}"
+    return f"{spoken(found['name'])} {prose(border)}"
 
 
 def opened(text: str) -> str:

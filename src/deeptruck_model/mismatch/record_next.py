@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from deeptruck_model.mismatch.page_words import prose, spoken
+from deeptruck_model.mismatch.page_words import condition, prose, spoken
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.tool import Mismatch
@@ -34,12 +34,9 @@ def record_next(m: Mismatch, untested: dict[str, list[str]]) -> list[str]:
     if m.verdict["verdict"] == "undetermined":
         out.append(f"To be able to say anything: {MANOEUVRES}.")
     elif any(f.cause is not None for f in m.findings) and not fit.get("validated"):
-        where = (
-            m.verdict["regimes"][0]["where"] if m.verdict["regimes"] else "the conditions in which it acts"
-        )
-        out.append(
-            f"To be able to validate the correction: more separate drives, held out, with {prose(where)}."
-        )
+        regimes = m.verdict["regimes"]
+        where = condition(regimes[0]["where"]) if regimes else "the conditions in which it acts"
+        out.append(f"To be able to validate the correction: more separate drives, held out, with {where}.")
     elif m.verdict["verdict"] == "measurement_fault":
         out.append(f"To find out which sensor is at fault: {prose(m.findings[0].data['would_be_told_by'])}.")
     hardly = _hardly_driven(m)

@@ -56,7 +56,7 @@ def _content(m: Mismatch, drawn: dict[str, figures.Picture]) -> dict[str, Any]:
         "figures": {name: _embedded(picture) for name, picture in drawn.items()},
         "regimes": [
             {
-                "where": page_words.prose(r["where"]),
+                "where": page_words.condition(r["where"]),
                 "error": page_words.percent(r["share_of_error"]),
                 "time": page_words.percent(r["share_of_time"]),
             }

@@ -62,6 +62,35 @@ def test_no_name_of_the_program_is_in_a_sentence() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("where", "said"),
+    [
+        (
+            "change of brake_command > 9.2 percent",
+            "change of the brake command within about 1 s above 9.2 percent",
+        ),
+        (
+            "engine 0.287 .. 0.481 m/s² and brake < 0.243 m/s²",
+            "engine force per mass from 0.287 to 0.481 m/s² and brake force per mass below 0.243 m/s²",
+        ),
+        ("engine over 60 s < 0.0806 m/s²", "engine force per mass over 60 s below 0.0806 m/s²"),
+        ("engine_command -6.62 .. 1.9e+03 N m", "engine command from -6.62 to 1900 N m"),
+        ("elapsed > 33.1 s", "time since the recording began above 33.1 s"),
+        ("braking power over 300 s > 1.05 W/kg", "braking power per mass over 300 s above 1.05 W/kg"),
+        ("everywhere", "everywhere"),
+    ],
+)
+def test_a_condition_is_in_words(where: str, said: str) -> None:
+    assert page_words.condition(where) == said
+
+
+def test_what_an_unknown_force_varies_with_is_in_words() -> None:
+    said = page_words.prose("a force: +3 N; it varies with elapsed, engine; nearest name: turbo_lag")
+    assert (
+        "varies with time since the recording began, engine force per mass; nearest name: turbo lag" in said
+    )
+
+
 def test_every_special_word_is_for_a_name_that_there_is() -> None:
     assert all(findings.known(name) for name in page_words.SPOKEN)
 
