@@ -13,6 +13,7 @@ from scipy.ndimage import uniform_filter1d
 from deeptruck_model.mismatch import error_figures, evidence_figure, regime_figure, timeline_figure
 from deeptruck_model.mismatch.drawing import BLUE, GREY, ORANGE, figure, png, strips, tidy
 from deeptruck_model.mismatch.kinematics import derivative
+from deeptruck_model.mismatch.page_words import counted
 from deeptruck_model.mismatch.prepared import MOVING, SETTLE_S
 from deeptruck_model.recordings import coverage
 from deeptruck_model.recordings.coverage_figure import draw as draw_coverage
@@ -111,12 +112,11 @@ def _errors(m: Mismatch) -> dict[str, Picture]:
     if m.evidence is None or not m.errors or not len(m.errors["before"].speed):
         return {}
     held_out = [p for p, s in zip(m.prepared, m.evidence.stretches, strict=True) if s.held_out]
-    windows = len(m.errors["before"].speed)
+    runs = counted(len(m.errors["before"].speed), "free run")
     return {
         "errors": Picture(
             png(error_figures.against_time(m.errors, held_out[0].dt)),
-            f"Open-loop error of {windows} free runs on held-out recordings: mean and standard deviation "
-            "against time.",
+            f"Open-loop error of {runs} on held-out recordings: mean and standard deviation against time.",
         ),
         "horizon_and_regime": Picture(
             png(error_figures.by_horizon_and_regime(m.errors, held_out)),

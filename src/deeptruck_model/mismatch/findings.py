@@ -155,7 +155,8 @@ def _now_and_then(shape: Shape) -> str:
     """That an effect was seen in a few windows alone, where it was."""
     spans = shape.settings.get("when", [])
     seconds = sum(last - first for _, first, last in spans)
-    return f"; seen now and then alone, {len(spans)} times for {seconds:.0f} s together" if spans else ""
+    times = "once" if len(spans) == 1 else f"{len(spans)} times"
+    return f"; seen now and then alone, {times} for {seconds:.0f} s together" if spans else ""
 
 
 def _sizes(shape: Shape, model: Model, e: Evidence) -> dict[str, Any]:

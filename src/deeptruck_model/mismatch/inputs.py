@@ -15,6 +15,10 @@ from deeptruck_model.simulators import Simulator
 
 HELD_OUT_SHARE = 0.3
 LEAST_S = 60.0
+SAME_DRIVES = (
+    "few recordings and none held out: the last 30 % of each was set aside, "
+    "so what is claimed holds for the same drives only"
+)
 
 
 def same_signals(simulator: Simulator, recordings: Sequence[Recording]) -> None:
@@ -88,11 +92,7 @@ def with_held_out(
             continue
         pieces += [replace(r.piece(0, cut)), replace(r.piece(cut, len(r)))]
         flags += [False, True]
-    note = (
-        "few recordings and none held out: the last 30 % of each was set aside, "
-        "so what is claimed holds for the same drives only"
-    )
-    return pieces, flags, [note]
+    return pieces, flags, [SAME_DRIVES]
 
 
 def unusable(prepared: Sequence[Prepared], rejected: Sequence[data_checks.Rejection]) -> str | None:

@@ -36,6 +36,11 @@ def number(x: float, step: float | None = None) -> str:
     return f"{round(x / step) * step:.{decimals}f}"
 
 
+def counted(count: int, what: str) -> str:
+    """'1 recording', '2 recordings'."""
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"
+
+
 def measured(value: float, unit: str, ci: Sequence[float] | None) -> str:
     """A size with its 95 % interval, in as many digits as the interval is worth."""
     unit = "" if unit in ("", "1") else f" {prose(unit)}"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, StrictUndefined
 
-from deeptruck_model.mismatch import figures, page_text, page_words, validation_words
+from deeptruck_model.mismatch import figures, given_words, page_text, page_words, validation_words
 from deeptruck_model.mismatch.drawing import words
 from deeptruck_model.mismatch.record_next import record_next
 
@@ -50,7 +50,7 @@ def _content(m: Mismatch, drawn: dict[str, figures.Picture]) -> dict[str, Any]:
     gained, nothing, untested = page_text.rejected_names(m)
     return {
         "sentence": page_text.sentence(v),
-        "summary": _summary(m),
+        "summary": given_words.summary(m),
         "findings": page_text.findings(m),
         "smallest": [_visible(n, s) for n, s in v["data"].get("smallest_visible", {}).items()],
         "figures": {name: _embedded(picture) for name, picture in drawn.items()},
@@ -69,17 +69,8 @@ def _content(m: Mismatch, drawn: dict[str, figures.Picture]) -> dict[str, Any]:
             {"rule": page_words.prose(r["rule"]), "samples": r["samples"]} for r in v["data"]["rejected"]
         ],
         "next": record_next(m, untested),
-        "caveats": [page_words.opened(page_words.prose(c)) for c in v["caveats"]],
+        "caveats": [page_words.opened(page_words.prose(c)) for c in given_words.caveats(v)],
     }
-
-
-def _summary(m: Mismatch) -> str:
-    hours = sum(len(p.recording) * p.dt for p in m.prepared) / 3600
-    length = f"{hours:.1f} h" if hours >= 1 else f"{60 * hours:.0f} min"
-    count = len(m.prepared)
-    held = sum(s.held_out for s in m.evidence.stretches) if m.evidence is not None else 0
-    held_out = f", {held} of them held out for judging" if held else ""
-    return f"{count} recording{'s' if count != 1 else ''}, {length} together{held_out}."
 
 
 def _embedded(picture: figures.Picture) -> dict[str, Any]:
@@ -109,7 +100,7 @@ def _fit(fit: dict[str, Any]) -> dict[str, Any] | None:
     ]
     return {
         "rows": rows,
-        "windows": fit["windows"],
+        "runs": page_words.counted(fit["windows"], "free run"),
         "horizon": page_words.number(fit["horizon_s"]),
         "held_out": ", ".join(fit["held_out"]),
         "said": validation_words.said(fit),

@@ -1,0 +1,60 @@
+"""What was given, in the page's words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from found_mismatches import mismatch, recording
+from pages import Page
+
+from deeptruck_model.mismatch import given_words, report
+from deeptruck_model.mismatch.figures import draw
+from deeptruck_model.mismatch.inputs import SAME_DRIVES, with_held_out
+from deeptruck_model.mismatch.page_words import counted
+from deeptruck_model.mismatch.prepared import prepare
+
+
+def compared(count: int, seconds: float, evidence: bool = True) -> Any:
+    pieces, flags, _ = with_held_out([recording(k, seconds) for k in range(count)], [], 0.1)
+    prepared = tuple(prepare(r, True) for r in pieces)
+    stretches = tuple(SimpleNamespace(held_out=out) for out in flags)
+    return SimpleNamespace(
+        prepared=prepared, evidence=SimpleNamespace(stretches=stretches) if evidence else None
+    )
+
+
+@pytest.mark.parametrize(
+    ("count", "seconds", "said"),
+    [
+        (1, 420.0, "1 recording, 7 min, the last 30 % of it held out for judging."),
+        (2, 420.0, "2 recordings, 14 min together, the last 30 % of each held out for judging."),
+        (2, 120.0, "2 recordings, 4 min together."),
+        (5, 120.0, "5 recordings, 10 min together, 2 of them held out for judging."),
+    ],
+)
+def test_what_was_given_is_counted_and_not_its_parts(count: int, seconds: float, said: str) -> None:
+    assert given_words.summary(compared(count, seconds)) == said
+
+
+def test_where_nothing_is_compared_the_parts_are_no_recordings_either() -> None:
+    assert given_words.summary(compared(1, 420.0, evidence=False)) == "1 recording, 7 min."
+
+
+@pytest.mark.parametrize(("kind", "said"), [("undetermined", False), ("nothing_missing", True)])
+def test_nothing_is_said_of_claims_where_there_is_none(kind: str, said: bool) -> None:
+    found = mismatch(kind)
+    found.verdict["caveats"].insert(0, SAME_DRIVES)
+    text = " ".join(Page(report.page(found, {})).text)
+    assert ("what is claimed holds" in text) is said
+
+
+def test_one_free_run_is_one() -> None:
+    assert (counted(1, "free run"), counted(2, "free run")) == ("1 free run", "2 free runs")
+    found = mismatch("missing_physics")
+    found.verdict["fit"]["windows"] = 1
+    assert "1 free run of 40 s" in " ".join(Page(report.page(found, {})).text)
+    alone = {n: replace(e, **{k: v[:1] for k, v in vars(e).items()}) for n, e in found.errors.items()}
+    assert "of 1 free run on" in draw(replace(found, errors=alone))["errors"].caption
