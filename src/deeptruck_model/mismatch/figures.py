@@ -12,6 +12,7 @@ from scipy.ndimage import uniform_filter1d
 
 from deeptruck_model.mismatch import error_figures, evidence_figure, regime_figure, timeline_figure
 from deeptruck_model.mismatch.drawing import BLUE, GREY, ORANGE, figure, png, strips, tidy
+from deeptruck_model.mismatch.given_words import as_given
 from deeptruck_model.mismatch.kinematics import derivative
 from deeptruck_model.mismatch.page_words import counted
 from deeptruck_model.mismatch.prepared import MOVING, SETTLE_S
@@ -58,7 +59,7 @@ def draw(m: Mismatch) -> dict[str, Picture]:
             "fault: no truck model enters here.",
         )
     out["coverage"] = Picture(
-        draw_coverage(coverage([p.recording for p in m.prepared])),
+        draw_coverage(coverage(as_given(m.prepared))),
         "What the recordings cover, fit and held out together.",
     )
     return out

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from deeptruck_model.mismatch.inputs import HELD_OUT_SHARE, SAME_DRIVES
 from deeptruck_model.mismatch.page_words import counted
+from deeptruck_model.recordings import Recording
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.prepared import Prepared
@@ -43,6 +47,18 @@ def _cut_off(prepared: Sequence[Prepared]) -> list[bool]:
         on = abs(a.start_s + len(a) * a.dt - b.start_s) < 0.5 * a.dt
         out.append(a.name == b.name and on)
     return out[: len(prepared)]
+
+
+def as_given(prepared: Sequence[Prepared]) -> list[Recording]:
+    """The recordings with those that were cut in two in one again."""
+    out: list[Recording] = []
+    for p, cut in zip(prepared, _cut_off(prepared), strict=True):
+        if cut:
+            whole = {n: np.concatenate([out[-1].channels[n], x]) for n, x in p.recording.channels.items()}
+            out[-1] = replace(out[-1], channels=whole)
+        else:
+            out.append(p.recording)
+    return out
 
 
 def caveats(verdict: dict[str, Any]) -> list[str]:

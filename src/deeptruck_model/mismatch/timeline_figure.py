@@ -17,9 +17,9 @@ from scipy.ndimage import uniform_filter1d
 from deeptruck_model.mismatch import left_over
 from deeptruck_model.mismatch.drawing import (
     BLUE,
-    GREEN,
     GREY,
     INK,
+    MINT,
     VERMILION,
     WINE,
     colour,
@@ -28,10 +28,11 @@ from deeptruck_model.mismatch.drawing import (
     words,
 )
 from deeptruck_model.mismatch.evidence import Evidence, Stretch
+from deeptruck_model.mismatch.given_words import as_given
+from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import printed
 
 if TYPE_CHECKING:
-    from deeptruck_model.mismatch.prepared import Prepared
     from deeptruck_model.mismatch.tool import Mismatch
 
 Array = NDArray[np.float64]
@@ -43,7 +44,7 @@ POINTS = 1500  # a page is not wider
 SMOOTH_S = 1.0
 ROW_INCHES, HEAD_INCHES, WIDTH = 2.9, 0.5, 10.0
 GAP_INCHES = 0.14  # between panels: the tick labels at their edges do not touch
-RESIDUAL_WIDTH = 2.2  # wide, so that it is seen below what explains it
+RESIDUAL_WIDTH = 2.4  # wide, so that it is seen below what explains it
 PANELS = (1.0, 0.7, 1.0)  # speed and grade, commands, force
 
 
@@ -63,7 +64,7 @@ class Track:
 def tracks(m: Mismatch) -> list[Track]:
     """Every recording, on the evidence's clock where there is any."""
     if m.evidence is None or m.explanation is None:
-        return [_raw(p) for p in m.prepared]
+        return [_raw(r) for r in as_given(m.prepared)]
     e = m.evidence
     moved = left_over.retuned(e)
     force = e.residual + moved
@@ -111,10 +112,10 @@ def _compared(valid: Mask, start: int, stop: int) -> list[tuple[int, int]]:
     return [(start + int(a), start + int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _raw(p: Prepared) -> Track:
+def _raw(r: Recording) -> Track:
     names = ("speed", "grade", "engine_command", "brake_command")
-    signals = {n: p.recording.channels[n] for n in names if n in p.recording.channels}
-    return Track(p.recording.name, p.recording.time, signals, None, None, (), 0.0)
+    signals = {n: r.channels[n] for n in names if n in r.channels}
+    return Track(r.name, r.time, signals, None, None, (), 0.0)
 
 
 def timeline(m: Mismatch) -> tuple[Figure, list[float], int]:
@@ -193,9 +194,9 @@ def _commands(ax: Axes, t: Track, thin: slice, units: tuple[str, str]) -> None:
 def _forces(ax: Axes, t: Track, thin: slice) -> None:
     assert t.force is not None
     ax.axhline(0, color=GREY, lw=0.6)
-    ax.plot(t.time[thin], t.force[thin] / 1000, color=GREEN, lw=RESIDUAL_WIDTH)
+    ax.plot(t.time[thin], t.force[thin] / 1000, color=MINT, lw=RESIDUAL_WIDTH)
     if t.explained is not None:
-        ax.plot(t.time[thin], t.explained[thin] / 1000, color=WINE, lw=0.8)
+        ax.plot(t.time[thin], t.explained[thin] / 1000, color=WINE, lw=1.1)
     ax.set_ylabel("force, kN", fontsize=8)
 
 
@@ -215,9 +216,9 @@ def _legend(made: Figure, m: Mismatch) -> None:
         Line2D([], [], color=VERMILION, lw=1, label="brake command"),
     ]
     if m.evidence is not None:
-        entries.append(Line2D([], [], color=GREEN, lw=RESIDUAL_WIDTH, label="residual force, mean over 1 s"))
+        entries.append(Line2D([], [], color=MINT, lw=RESIDUAL_WIDTH, label="residual force, mean over 1 s"))
     if m.explanation is not None and m.explanation.causes:
-        entries.append(Line2D([], [], color=WINE, lw=0.8, label="as explained (same panel)"))
+        entries.append(Line2D([], [], color=WINE, lw=1.1, label="as explained (same panel)"))
     for k, f in enumerate(m.findings):
         if f.cause is not None:
             entries.append(Patch(color=colour(k), alpha=0.35, label=f"{words(f.data['effect'])} acts"))

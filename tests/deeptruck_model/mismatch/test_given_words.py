@@ -6,11 +6,12 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from found_mismatches import mismatch, recording
 from pages import Page
 
-from deeptruck_model.mismatch import given_words, report
+from deeptruck_model.mismatch import given_words, report, timeline_figure
 from deeptruck_model.mismatch.figures import draw
 from deeptruck_model.mismatch.inputs import SAME_DRIVES, with_held_out
 from deeptruck_model.mismatch.page_words import counted
@@ -41,6 +42,13 @@ def test_what_was_given_is_counted_and_not_its_parts(count: int, seconds: float,
 
 def test_where_nothing_is_compared_the_parts_are_no_recordings_either() -> None:
     assert given_words.summary(compared(1, 420.0, evidence=False)) == "1 recording, 7 min."
+
+
+def test_a_recording_that_was_cut_in_two_is_drawn_as_one() -> None:
+    (whole,) = given_words.as_given(compared(1, 420.0).prepared)
+    assert (len(whole), whole.name) == (4200, recording(0).name)
+    assert np.all(whole.channels["grade"] == recording(0, 420.0).channels["grade"])
+    assert len(timeline_figure.tracks(compared(2, 420.0, evidence=False))) == 2
 
 
 @pytest.mark.parametrize(("kind", "said"), [("undetermined", False), ("nothing_missing", True)])
