@@ -75,7 +75,7 @@ def signals(
     for name in (*prepared[0].recording.interface.u, *prepared[0].recording.interface.w):
         out[name] = grid.stack([_column(p, name) for p in prepared])
     for name in RECORDED:
-        if any(name in p.recording.channels for p in prepared):
+        if _known(name, prepared, grid):
             take = grid.last if name == "gear" else grid.stack
             out[name] = take(
                 [p.recording.channels.get(name, np.full(len(p.recording), np.nan)) for p in prepared]
@@ -86,6 +86,13 @@ def signals(
         mass = _from_questions(out, simulator, prepared, runs, grid)
     _ratio(out)
     return out, mass
+
+
+def _known(name: str, prepared: Sequence[Prepared], grid: Any) -> bool:
+    """Whether any recording that is fitted has the channel. What only those held out have, as another logger
+    made them, would stand as unknown for what a simulator tells instead."""
+    fitted = [p for p, s in zip(prepared, grid.stretches, strict=True) if not s.held_out]
+    return any(np.isfinite(p.recording.channels.get(name, np.nan)).any() for p in fitted)
 
 
 def sensitivity(e: Evidence, name: str) -> Array:

@@ -26,7 +26,10 @@ MOST = 0.6  # share of the time beyond which the two do not number, or build, th
 
 
 def other_gear(
-    prepared: Sequence[Prepared], runs: Sequence[Run], numbered_alike: bool = False
+    prepared: Sequence[Prepared],
+    runs: Sequence[Run],
+    numbered_alike: bool = False,
+    held_out: Sequence[bool] = (),
 ) -> tuple[list[Mask], list[Mask]]:
     """Native samples (n,) of each recording where the simulator's gear is another one; for long, and at all.
 
@@ -35,7 +38,7 @@ def other_gear(
     apart = _by_label(prepared, runs, numbered_alike) if "gear" in runs[0].inside else None
     if apart is None and "engine_speed" in runs[0].inside:
         apart = [_by_engine_speed(p, run) for p, run in zip(prepared, runs, strict=True)]
-    if apart is None or np.concatenate(apart).mean() > MOST:
+    if apart is None or _never_alike(apart, held_out):
         nowhere = [np.zeros(len(p.recording), dtype=bool) for p in prepared]
         return nowhere, nowhere
     dt = prepared[0].dt
@@ -43,6 +46,13 @@ def other_gear(
     for_long = [binary_opening(a, lasting) if a.any() else a for a in apart]
     near = np.ones(2 * round(NEAR_S / dt) + 1, dtype=bool)
     return [binary_dilation(a, near) if a.any() else a for a in for_long], apart
+
+
+def _never_alike(apart: Sequence[Mask], held_out: Sequence[bool]) -> bool:
+    """Whether gears cannot be compared; of the recordings to be fitted too, which another logger may have
+    made than those held out, and of which nothing would be left."""
+    fitted = [a for a, out in zip(apart, held_out or [False] * len(apart), strict=True) if not out]
+    return any(np.concatenate(part).mean() > MOST for part in (apart, fitted))
 
 
 def believed(simulator: Simulator, prepared: Sequence[Prepared]) -> list[Run]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import data_checks
+from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.prepared import Prepared
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
@@ -111,3 +112,14 @@ def unusable(prepared: Sequence[Prepared], rejected: Sequence[data_checks.Reject
             "accelerate, brake and coast between 5 and 25 m/s"
         )
     return None
+
+
+def too_little(e: Evidence) -> str | None:
+    """Why nothing can be said where the simulator drives most of what is fitted in another gear, or None."""
+    seconds = float((e.valid & ~e.held_out).sum()) * e.dt
+    if seconds >= LEAST_S or not e.other_gear:
+        return None
+    return (
+        f"only {seconds:.0f} s of driving in the gear that was recorded: look whether gear and engine_speed "
+        "are recorded in the right units, or record more"
+    )

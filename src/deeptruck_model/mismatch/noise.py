@@ -83,6 +83,8 @@ def fit(series: Series, X: Array, prior: Prior, start: Fit | None = None) -> Fit
     X (n, k) may have k = 0. `start` gives the noise to begin with; white noise otherwise.
     """
     use = series.usable()
+    if not use.any():
+        return _untold(series, prior)
     ar, sigma = (start.ar, start.sigma) if start else (np.zeros(ORDER), _spread(series.y[use]))
     b = prior.mean.copy()
     weight = np.ones(len(series.y))
@@ -100,6 +102,15 @@ def fit(series: Series, X: Array, prior: Prior, start: Fit | None = None) -> Fit
             sigma = max(float(np.sqrt(np.mean(w * e**2))), FLOOR)
             weight[use] = w
     return _finish(series, use, b, active, yw, Xw, rel, sigma, ar, prior)
+
+
+def _untold(series: Series, prior: Prior) -> Fit:
+    """What is known where not one sample counts, as in a part of the recordings: the prior."""
+    n, k = len(series.y), len(prior.mean)
+    covariance, zero = np.diag(prior.sd**2), np.zeros(n)
+    return Fit(
+        prior.mean.copy(), covariance, np.zeros(k), 0.0, FLOOR, np.zeros(ORDER), np.full(n, np.nan), zero
+    )
 
 
 def _finish(

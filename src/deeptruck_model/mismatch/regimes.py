@@ -42,7 +42,7 @@ class Regimes:
         """Borders at quantiles of every signal that was recorded; `use` (n,) are the rows that count."""
         borders, rows = {}, {}
         for name, (signal, needs) in GATES.items():
-            if not e.has(*needs):
+            if not e.has(*needs) or not use.any():
                 continue
             x = signal.rows(e)
             edges = np.unique(np.quantile(x[use], np.linspace(0.0, 1.0, BINS + 1)[1:-1]))

@@ -47,9 +47,9 @@ def gather(
     simulated = grid.stack([r.y[0, :, ACCELERATION] for r in runs])
     observed = grid.stack([p.observed for p in prepared])
     if simulator.parameters():
-        other, apart = other_gear(prepared, runs)
+        other, apart = other_gear(prepared, runs, held_out=held_out)
     else:
-        other, apart = other_gear(prepared, believed(simulator, prepared), numbered_alike=True)
+        other, apart = other_gear(prepared, believed(simulator, prepared), True, held_out)
     signals, mass = components.signals(simulator, prepared, runs, grid)
     signals["gear apart"] = grid.any(apart).astype(float)
     turning = _turning(runs, grid)

@@ -31,7 +31,7 @@ from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.explain import explain
 from deeptruck_model.mismatch.growing import first_guess
 from deeptruck_model.mismatch.improvement import Errors
-from deeptruck_model.mismatch.inputs import each_once, same_signals, unusable, with_held_out
+from deeptruck_model.mismatch.inputs import each_once, same_signals, too_little, unusable, with_held_out
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.output import apply, write
 from deeptruck_model.mismatch.prepared import Prepared, learned, prepare
@@ -153,7 +153,10 @@ def _find(
     if c.useless:
         return _useless(c)
     say("driving the simulator along the recordings")
-    e, x = _explained(simulator, c.prepared, c.held_out, seed, exclude, say)
+    e = gather(simulator, c.prepared, c.held_out, seed=seed)
+    if little := too_little(e):
+        return _useless(replace(c, useless=little, data=_data(c, e)))
+    e, x = _explained(simulator, e, c.prepared, c.held_out, seed, exclude, say)
     say("correcting the simulator and driving it free")
     x, (errors, corrected, fit) = correction.corrected_and_driven(
         simulator, e, x, c.part(held_out=False), c.part(held_out=True), with_unnamed
@@ -171,7 +174,7 @@ def _find(
         "segments": _listed(segments, len(found) - len(causes)),
         "regimes": [vars(r) for r in regimes],
         "fit": fit,
-        "data": _data(c, e, x, found),
+        "data": _data(c, e) | ({} if found else _visible(e, x)),
         "caveats": [
             *c.caveats,
             *([LEFT_OUT.format(", ".join(exclude))] if exclude else []),
@@ -216,13 +219,15 @@ def _findings(simulator: Simulator, c: _Checked, e: Evidence, x: Explanation) ->
     return found
 
 
-def _data(c: _Checked, e: Evidence, x: Explanation, found: Sequence[findings.Finding]) -> dict[str, Any]:
+def _data(c: _Checked, e: Evidence) -> dict[str, Any]:
     data = dict(c.data)
     if e.other_gear:
         data["rejected"] = [*data["rejected"], {"rule": OTHER_GEAR, "samples": e.other_gear}]
-    if not found:
-        data["smallest_visible"] = identifiability.smallest_visible(e, x)
     return data
+
+
+def _visible(e: Evidence, x: Explanation) -> dict[str, Any]:
+    return {"smallest_visible": identifiability.smallest_visible(e, x)}
 
 
 def _listed(segments: Sequence[locate.Segment], offset: int) -> list[dict[str, Any]]:
@@ -240,6 +245,7 @@ def _listed(segments: Sequence[locate.Segment], offset: int) -> list[dict[str, A
 
 def _explained(
     simulator: Simulator,
+    evidence: Evidence,
     prepared: Sequence[Prepared],
     flags: Sequence[bool],
     seed: int,
@@ -249,7 +255,6 @@ def _explained(
     """Search; where parameters are far off, set them in the simulator first and linearise again."""
     say("searching for what is missing")
     own = simulator.parameters()
-    evidence = gather(simulator, prepared, flags, seed=seed)
     itself = own_error.known(simulator, prepared[0].measured_acceleration, seed)
     if itself is not None:
         say("learning the simulator's own error from the recordings it keeps")

@@ -207,3 +207,10 @@ def test_a_truck_with_laws_can_be_kept(nothing_missing: Evidence, tmp_path: Path
     truck.save(tmp_path / "kept")
     again = simulators.load(tmp_path / "kept")
     assert isinstance(again, CorrectedTruck) and again.terms == truck.terms
+
+
+def test_a_part_of_the_recordings_in_which_nothing_counts_corrects_nothing(nothing_missing: Evidence) -> None:
+    search = Search(nothing_missing, only=np.zeros(len(nothing_missing), dtype=bool))
+    law, _ = law_and_gusts(nothing_missing)
+    model = search.model((law,), frozenset(search.parameters))
+    assert model.change("torque_gain") == 0.0 and np.isfinite(model.fit.b).all()

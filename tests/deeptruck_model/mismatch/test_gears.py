@@ -92,3 +92,13 @@ def test_a_simulator_that_was_taught_no_gears_believes_nothing() -> None:
     p.u, p.w, p.y = np.zeros((N, 2)), np.zeros((N, 1)), np.zeros((N, 3))
     truck: Any = SimpleNamespace(parameters=dict)
     assert believed(truck, [p])[0].inside == {}
+
+
+def test_a_logger_that_tells_engine_speed_otherwise_leaves_something_to_fit() -> None:
+    """Of two recordings the one to be fitted has rpm for rad/s; the one held out is of another logger."""
+    parts = [drive(engine_speed=ENGINE_SPEED / 9.55), drive(engine_speed=ENGINE_SPEED)]
+    runs = [run(GEAR, ENGINE_SPEED)] * 2
+    marked, _ = other_gear(parts, runs, held_out=[False, True])
+    assert not np.concatenate(marked).any()
+    marked, _ = other_gear(parts, runs, held_out=[True, False])
+    assert marked[0].all() and not marked[1].any()

@@ -9,7 +9,8 @@ import pytest
 
 from deeptruck_model import driving_cycles, mismatch, trucks
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.inputs import each_once, same_signals
+from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.inputs import each_once, same_signals, too_little
 from deeptruck_model.recordings import Recording
 
 TRUCK = trucks.load("trucksim")
@@ -54,3 +55,9 @@ def test_an_effect_that_is_none_cannot_be_left_out(
     monkeypatch.setenv("DEEPTRUCK_MISMATCH_EXCLUDE", "brake_fade,heawind")
     with pytest.raises(InputError, match="no effect 'heawind'; did you mean headwind"):
         mismatch.find_mismatch(TRUCK, drives[:2], drives[2:])
+
+
+def test_too_little_driving_in_the_recorded_gear_is_said(nothing_missing: Evidence) -> None:
+    assert too_little(nothing_missing) is None
+    held_out_alone = replace(nothing_missing, valid=nothing_missing.held_out, other_gear=3000)
+    assert "only 0 s of driving in the gear that was recorded" in str(too_little(held_out_alone))

@@ -118,3 +118,9 @@ def test_recordings_that_disagree_widen_the_interval() -> None:
     assert apart.between[0] > 2.0 * alike.between[0]
     assert abs(apart.b[0] - 0.3) < 1.96 * apart.between[0]
     assert found(each, np.arange(N) % (N // 2) == 0).between[0] == 0.0  # two drives cannot tell
+
+
+def test_where_no_sample_counts_the_prior_is_all_that_is_known() -> None:
+    found = fit(series(noise(6), np.zeros(N, dtype=bool)), columns(6), prior(2))
+    assert (found.b == 0.0).all() and np.diag(found.covariance) == pytest.approx(1.0)
+    assert found.evidence == 0.0 and found.sigma == FLOOR and np.isnan(found.innovations).all()

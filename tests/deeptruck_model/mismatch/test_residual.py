@@ -111,3 +111,14 @@ def test_a_shift_that_comes_a_little_sooner_is_no_part_of_a_slope() -> None:
     slope = driven.sensitivity["rolling_resistance"][driven.valid]
     assert driven["gear"].min() < driven["gear"].max()
     assert np.abs(slope - np.median(slope)).max() < 0.5 * np.abs(np.median(slope))
+
+
+def test_what_only_the_held_out_recordings_have_stands_for_nothing(drives: list[Recording]) -> None:
+    """Another logger recorded these: the truck's own gear and engine speed are known everywhere."""
+    lacking = ("gear", "engine_speed", "engine_torque")
+    bare = replace(drives[0], channels={n: x for n, x in drives[0].channels.items() if n not in lacking})
+    e = residual.gather(TRUCK, [prepare(r, False) for r in (bare, drives[1])], [False, True])
+    assert np.isfinite(e["gear"]).all() and np.isfinite(e["ratio"]).all()
+    assert "engine_torque" not in e.signals
+    turned = residual.gather(TRUCK, [prepare(r, False) for r in (bare, drives[1])], [True, False])
+    assert np.isfinite(turned["engine_torque"][~turned.held_out]).all()
