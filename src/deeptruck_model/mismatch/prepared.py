@@ -52,7 +52,8 @@ def prepare(
     dt = recording.dt
     needed = (*recording.interface.u, *recording.interface.w, "speed")
     bad = ~np.isfinite(recording.columns(needed).sum(axis=1))
-    filled = {name: fill(recording.channels[name]) for name in {*needed, *recording.interface.y}}
+    told = {n for n in recording.interface.y if np.isfinite(recording.channels.get(n, np.nan)).any()}
+    filled = {name: fill(recording.channels[name]) for name in {*needed, *told}}
     speed = filled["speed"]
     noise = noise_of(recording.channels["speed"])
     width = float(np.clip(noise / 0.02, 0.0, 3.0)) * 0.15 / dt if dt < 0.5 else 0.0

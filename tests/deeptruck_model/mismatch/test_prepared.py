@@ -13,6 +13,7 @@ from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.deep import driven
 from deeptruck_model.mismatch import prepared
 from deeptruck_model.recordings import Recording
+from deeptruck_model.signals import FUEL
 
 TRUCK = trucks.load("trucksim")
 
@@ -69,3 +70,14 @@ def test_driving_that_was_never_learned_from_is_kept_out(drives: list[Recording]
     )
     assert level.valid.mean() > 0.7
     assert (climbing.valid[:1001] == level.valid[:1001]).mean() > 0.99 and not climbing.valid[1010:].any()
+
+
+@pytest.mark.parametrize("lacking", [True, False])
+def test_a_response_that_was_never_recorded_is_unknown(drives: list[Recording], lacking: bool) -> None:
+    """A bag that lost its engine topic still has the truck's interface, with fuel."""
+    bare = drives[0].piece(0, len(drives[0]))
+    del bare.channels["fuel_rate"]
+    if not lacking:
+        bare.channels["fuel_rate"] = np.full(len(bare), np.nan)
+    p = prepared.prepare(bare, False, TRUCK.interface.y)
+    assert np.isnan(p.y[:, FUEL]).all() and np.isfinite(p.y[:, :FUEL]).all() and p.valid.mean() > 0.5
