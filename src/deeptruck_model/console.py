@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from itertools import pairwise
 
 import typer
 from typer.exceptions import TyperException
@@ -20,9 +21,11 @@ def run(
 
     Exit codes: 0; 2 for bad input; 130 after Ctrl-C, with `interrupted` as the last word; 1 for a defect.
     """
+    words = sys.argv[1:] if arguments is None else arguments
     try:
+        _nothing_empty(words)
         # as a function, typer lets its errors out instead of drawing them over five lines
-        code = app(arguments, prog_name=program, standalone_mode=False)
+        code = app(words, prog_name=program, standalone_mode=False)
     except (InputError, TyperException) as error:
         sys.exit(_last_words(program, _line(error), 2))
     except OSError as error:
@@ -31,6 +34,15 @@ def run(
     if code == INTERRUPTED:  # typer makes an exit code of Ctrl-C
         _last_words(program, interrupted, code)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _nothing_empty(words: Sequence[str]) -> None:
+    """Raises InputError for an option without its value, as of a shell variable that is not set: a path so
+    empty is where the program stands."""
+    for option, value in pairwise((*words, "-")):
+        name, given, inside = option.partition("=")
+        if name.startswith("--") and name != "--" and (not value or (given and not inside)):
+            raise InputError(f"{name} is empty; give it a value")
 
 
 def _line(error: InputError | TyperException) -> str:

@@ -47,6 +47,13 @@ def test_how_a_command_ends(
     assert outcome(capsys, raised, "3") == (code, says)
 
 
+@pytest.mark.parametrize("arguments", [("3", "--colour", ""), ("3", "--colour=")])
+def test_an_empty_value_is_said_to_be_empty(
+    capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...]
+) -> None:
+    assert outcome(capsys, None, *arguments) == (2, "tool: --colour is empty; give it a value\n")
+
+
 @pytest.mark.parametrize("arguments", [(), ("a",), ("3", "--nope"), ("3", "--colour", "blue")])
 def test_a_wrong_command_line_is_one_line(
     capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...]
