@@ -19,6 +19,7 @@ from safetensors.numpy import load_file
 from safetensors.numpy import save as to_bytes
 
 from deeptruck_cacc.scaling import OBSERVED, ActionScale, FeatureMap, paper_signals
+from deeptruck_model import whole_file
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 
@@ -27,6 +28,7 @@ Observation = Mapping[str, Any]
 
 MANIFEST, WEIGHTS = "policy.json", "policy.safetensors"
 GO_ON = "make room and go on with --resume"
+MENDED = "mend that and go on with --resume"
 
 
 @runtime_checkable
@@ -106,7 +108,8 @@ class MlpPolicy:
         try:
             self._write(path)
         except OSError as error:
-            raise InputError(f"cannot write {path}: {error.strerror}; {GO_ON}") from None
+            cure = whole_file.advice(error, GO_ON, MENDED)
+            raise InputError(f"cannot write {path}: {error.strerror}; {cure}") from None
 
     def _write(self, path: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 from collections.abc import Iterator
@@ -11,12 +12,19 @@ from pathlib import Path
 from deeptruck_model.errors import InputError
 
 ADVICE = "make room or choose another --out"
+ELSEWHERE = "choose another --out"
+FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
-def write(path: Path, content: bytes, advice: str = ADVICE) -> None:
+def advice(error: BaseException, where_full: str = ADVICE, else_where: str = ELSEWHERE) -> str:
+    """What mends an error of writing: room helps a full disk alone, and no folder that may not be written."""
+    return where_full if getattr(error, "errno", None) in FULL else else_where
+
+
+def write(path: Path, content: bytes, where_full: str = ADVICE) -> None:
     """Write beside `path` and rename, folders made: a full disk or a kill leaves what was there before.
 
-    Raises InputError with one line, which ends with `advice`, where that cannot be written.
+    Raises InputError with one line where that cannot be written; it ends with `where_full` on a full disk.
     """
     unfinished = path.with_name(f".{path.name}.tmp")
     try:
@@ -24,7 +32,7 @@ def write(path: Path, content: bytes, advice: str = ADVICE) -> None:
         unfinished.write_bytes(content)
         unfinished.replace(path)
     except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}; {advice}") from None
+        raise InputError(f"cannot write {path}: {error.strerror}; {advice(error, where_full)}") from None
     finally:
         _remove(unfinished)
 
@@ -42,7 +50,7 @@ def together(folder: Path) -> Iterator[Path]:
         for file in sorted(draft.iterdir()):
             file.replace(folder / file.name)
     except OSError as error:
-        raise InputError(f"cannot write {folder}: {error.strerror or error}; {ADVICE}") from None
+        raise InputError(f"cannot write {folder}: {error.strerror or error}; {advice(error)}") from None
     finally:
         shutil.rmtree(draft, ignore_errors=True)
         if new:

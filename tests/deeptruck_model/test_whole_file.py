@@ -1,3 +1,4 @@
+import errno
 import os
 import resource
 from pathlib import Path
@@ -36,7 +37,7 @@ def test_everyone_may_read_it_whom_the_umask_lets(tmp_path: Path) -> None:
 
 def test_a_folder_that_is_a_file_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("x")
-    with pytest.raises(InputError, match="cannot write"):
+    with pytest.raises(InputError, match=r"cannot write .*; choose another --out"):
         whole_file.write(tmp_path / "file" / "below", b"x")
 
 
@@ -55,5 +56,12 @@ def test_a_folder_is_tried_and_left_as_it_was(tmp_path: Path) -> None:
     whole_file.check_folder(tmp_path / "new")
     assert not list(tmp_path.iterdir())
     (tmp_path / "file").write_text("x")
-    with pytest.raises(InputError, match="cannot write"):
-        whole_file.check_folder(tmp_path / "file")
+    for folder in (tmp_path / "file", tmp_path / "file" / "below"):
+        with pytest.raises(InputError, match=r"cannot write .*; choose another --out"):
+            whole_file.check_folder(folder)
+
+
+@pytest.mark.parametrize("number", [errno.ENOTDIR, errno.EROFS, errno.EACCES])
+def test_room_helps_a_full_disk_alone(number: int) -> None:
+    assert whole_file.advice(OSError(number, ""), "make room") == "choose another --out"
+    assert whole_file.advice(OSError(errno.ENOSPC, ""), "make room") == "make room"

@@ -15,7 +15,7 @@ from safetensors.torch import load_file
 from safetensors.torch import save as to_bytes
 from torch import Tensor
 
-from deeptruck_cacc.policy import GO_ON
+from deeptruck_cacc.policy import GO_ON, MENDED
 from deeptruck_cacc.training.identity import CHECKPOINT, differences, refuse_another
 from deeptruck_model import whole_file
 from deeptruck_model.errors import InputError
@@ -98,7 +98,8 @@ class Log:
             with self._path.open("a") as file:
                 file.write(json.dumps({"iteration": iteration, **values}) + "\n")
         except OSError as error:
-            raise InputError(f"cannot write {self._path}: {error.strerror}; {GO_ON}") from None
+            cure = whole_file.advice(error, GO_ON, MENDED)
+            raise InputError(f"cannot write {self._path}: {error.strerror}; {cure}") from None
         for name, value in values.items():
             point = sum(value) / len(value) if isinstance(value, list) else value
             self._board.add_scalar(name, point, iteration)

@@ -175,7 +175,7 @@ def replacing(path: Path) -> Iterator[Path]:
         yield folder
         put(folder, path)
     except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}; {whole_file.ADVICE}") from None
+        raise InputError(f"cannot write {path}: {error.strerror}; {whole_file.advice(error)}") from None
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 

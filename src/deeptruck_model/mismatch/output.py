@@ -37,7 +37,9 @@ def write(mismatch: Mismatch, out: Path) -> None:
     try:
         temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
     except OSError as error:
-        raise InputError(f"cannot write to {out.parent}: {error.strerror}; choose another --out") from None
+        raise InputError(
+            f"cannot write to {out.parent}: {error.strerror}; {whole_file.advice(error)}"
+        ) from None
     try:
         (temporary / "verdict.json").write_text(json.dumps(plain(mismatch.verdict), indent=1))
         if mismatch.evidence is not None:
@@ -47,9 +49,7 @@ def write(mismatch: Mismatch, out: Path) -> None:
         report.write(mismatch, temporary)
         _replace(temporary, out)
     except OSError as error:
-        raise InputError(
-            f"cannot write to {out}: {error.strerror}; free some space or choose another --out"
-        ) from None
+        raise InputError(f"cannot write to {out}: {error.strerror}; {whole_file.advice(error)}") from None
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 

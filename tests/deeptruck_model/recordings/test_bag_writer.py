@@ -28,6 +28,14 @@ def test_everything_comes_back(tmp_path: Path, drive: Recording, interface: Truc
     assert (again.name, again.dt, again.interface, again.notes) == ("bag", 0.1, interface, ("a note",))
 
 
+def test_no_room_helps_where_a_file_stands_for_a_folder(
+    tmp_path: Path, drive: Recording, interface: TruckInterface
+) -> None:
+    (tmp_path / "file").write_text("notes")
+    with pytest.raises(InputError, match=r"Not a directory; nothing was written, choose another$"):
+        write_bag(tmp_path / "file" / "bag", [drive], interface=interface)
+
+
 def test_pieces_stay_pieces(tmp_path: Path, drive: Recording, interface: TruckInterface) -> None:
     """Neighbouring and overlapping pieces are moved apart; a true distance in time is kept."""
     pieces = [drive.piece(0, 200), drive.piece(200, 400), drive, replace(drive, start_s=5000.0)]
