@@ -109,24 +109,42 @@ def plain(x: Any) -> Any:
 
 def apply(directory: Path, out: Path) -> None:
     """Copy the corrected simulator of a run to `out`. Raises InputError without a passed validation."""
-    try:
-        verdict = json.loads((directory / "verdict.json").read_text())
-    except (OSError, json.JSONDecodeError):
-        raise InputError(
-            f"{directory} holds no readable verdict.json; "
-            f"run 'deeptruck-model mismatch --out {directory}' first"
-        ) from None
+    verdict = _verdict(directory)
     if verdict.get("verdict") in ("nothing_missing", "undetermined"):
         raise InputError(f"in {directory} nothing was found that could be applied")
-    if not verdict.get("fit", {}).get("validated"):
+    if not verdict["fit"].get("validated"):
         raise InputError(
             f"{directory} has no passed validation (held-out error did not improve), so it is not applied; "
             "record more"
         )
     if out.exists():
         raise InputError(f"{out} exists already; choose a new --out")
-    simulators.load(directory / "simulator")  # one that lost a file is no use elsewhere either
+    _check_corrected(directory)
     if out.parent.exists() and not out.parent.is_dir():
         raise InputError(f"{out.parent} is a file; choose another --out")
     with whole_file.together(out) as draft:
         shutil.copytree(directory / "simulator", draft, dirs_exist_ok=True)
+
+
+def _verdict(directory: Path) -> dict[str, Any]:
+    try:
+        verdict = json.loads((directory / "verdict.json").read_text())
+    except (OSError, ValueError):
+        raise InputError(
+            f"{directory} holds no readable verdict.json; "
+            f"run 'deeptruck-model mismatch --out {directory}' first"
+        ) from None
+    if not isinstance(verdict, dict) or not isinstance(verdict.get("fit"), dict):
+        raise InputError(
+            f"{directory / 'verdict.json'} is damaged; run 'deeptruck-model mismatch --out {directory}' again"
+        )
+    return verdict
+
+
+def _check_corrected(directory: Path) -> None:
+    """Raises InputError for a simulator that lost a file: no use elsewhere, and no training mends it."""
+    try:
+        simulators.load(directory / "simulator")
+    except InputError as error:
+        what = str(error).rsplit(";", 1)[0]
+        raise InputError(f"{what}; run 'deeptruck-model mismatch --out {directory}' again") from None

@@ -248,6 +248,8 @@ def test_a_killed_run_leaves_no_half_written_results(tmp_path: Path) -> None:
     [
         (None, "holds no readable verdict.json"),
         ("{", "holds no readable verdict.json"),
+        ("{}", "verdict.json is damaged; run 'deeptruck-model mismatch"),
+        ("[1]", "verdict.json is damaged; run 'deeptruck-model mismatch"),
         ('{"fit": {}}', "has no passed validation"),
         ('{"fit": {"validated": false}}', "has no passed validation"),
     ],
@@ -260,6 +262,18 @@ def test_apply_refuses_without_a_passed_validation(tmp_path: Path, content: str 
     with pytest.raises(InputError, match=says):
         mismatch.apply(found, tmp_path / "sim")
     assert not (tmp_path / "sim").exists()
+
+
+@pytest.mark.parametrize("manifest", [None, ""])
+def test_a_corrected_simulator_that_lost_a_file_is_found_anew(tmp_path: Path, manifest: str | None) -> None:
+    """Training, which a simulator directory is told to come from elsewhere, would not mend it."""
+    (tmp_path / "simulator").mkdir()
+    (tmp_path / "verdict.json").write_text('{"fit": {"validated": true}}')
+    if manifest is not None:
+        (tmp_path / "simulator" / "simulator.json").write_text(manifest)
+    with pytest.raises(InputError, match=r"; run 'deeptruck-model mismatch --out .*' again$") as said:
+        mismatch.apply(tmp_path, tmp_path / "sim")
+    assert "train" not in str(said.value) and str(tmp_path / "simulator") in str(said.value)
 
 
 def test_apply_leaves_nothing_behind_where_it_cannot_finish(
