@@ -92,11 +92,13 @@ def prove(
         list[str] | None, typer.Option(help="Level to prove; repeat for several. Default: all.")
     ] = None,
     cases: Annotated[
-        int, typer.Option(help="Cases of each level; 'nothing_missing' gets five times as many.")
+        int, typer.Option(help="Cases of each level; 'nothing_missing' gets five times as many.", min=1)
     ] = 40,
     simulator: Annotated[list[str] | None, typer.Option(help="physics, deep or both (default).")] = None,
-    jobs: Annotated[int, typer.Option(help="Cases at once.")] = 2,
-    seed: Annotated[int, typer.Option(help="First seed; those below 100000 are for development.")] = 100000,
+    jobs: Annotated[int, typer.Option(help="Cases at once.", min=1)] = 2,
+    seed: Annotated[
+        int, typer.Option(help="First seed; those below 100000 are for development.", min=0)
+    ] = 100000,
     forms: Annotated[
         str,
         typer.Option(

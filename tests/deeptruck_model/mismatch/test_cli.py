@@ -104,6 +104,15 @@ def test_a_file_is_no_folder_and_is_said_to_be_none_before_long_computing(
     assert file.read_text() == "notes" and "Traceback" not in errors
 
 
+@pytest.mark.parametrize(("option", "value"), [("jobs", 0), ("seed", -4), ("cases", 0), ("cases", -3)])
+def test_an_examination_of_nothing_is_refused(
+    here: Callable[..., tuple[int, str, str]], tmp_path: Path, option: str, value: int
+) -> None:
+    code, said, errors = here("prove", "--out", tmp_path / "proof", f"--{option}", value)
+    assert code == 2 and f"'--{option}': Input should be greater than or equal to" in errors
+    assert errors.count("\n") == 1 and not said and not (tmp_path / "proof").exists()
+
+
 @pytest.mark.parametrize(
     ("simulator", "recording", "says"),
     [
