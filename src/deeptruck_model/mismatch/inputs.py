@@ -41,10 +41,20 @@ def same_signals(simulator: Simulator, recordings: Sequence[Recording]) -> None:
                     "import it with the simulator's unit"
                 )
         if abs(r.dt - simulator.dt) > 1e-6:
-            raise InputError(
-                f"recording '{r.name}' is at {1 / r.dt:g} Hz, the simulator at {1 / simulator.dt:g} Hz; "
-                "resample or retrain"
-            )
+            raise InputError(_other_rate(r, 1 / simulator.dt))
+
+
+def _other_rate(r: Recording, rate_hz: float) -> str:
+    """What mends it: a bag is read at the simulator's rate, unless it was recorded at a lower one."""
+    own_hz = 1 / r.dt
+    if own_hz > rate_hz:
+        cure = f"read it with rate_hz={rate_hz:g}"
+    else:
+        cure = (
+            f"record at {rate_hz:g} Hz, or compare with a simulator of {own_hz:g} Hz: "
+            "'deeptruck-model train' makes one of recordings at that rate"
+        )
+    return f"recording '{r.name}' is at {own_hz:g} Hz, the simulator at {rate_hz:g} Hz; {cure}"
 
 
 def each_once(

@@ -49,6 +49,15 @@ def test_a_command_that_was_never_valid_is_lacking(drives: list[Recording]) -> N
         same_signals(TRUCK, [empty])
 
 
+@pytest.mark.parametrize(
+    ("dt", "cure"),
+    [(1.0, "record at 10 Hz, or .* of 1 Hz: 'deeptruck-model train'"), (0.01, "read it with rate_hz=10")],
+)
+def test_another_rate_names_a_cure_that_there_is(drives: list[Recording], dt: float, cure: str) -> None:
+    with pytest.raises(InputError, match=f"the simulator at 10 Hz; {cure}"):
+        same_signals(TRUCK, [replace(drives[0], dt=dt)])
+
+
 def test_an_effect_that_is_none_cannot_be_left_out(
     drives: list[Recording], monkeypatch: pytest.MonkeyPatch
 ) -> None:
