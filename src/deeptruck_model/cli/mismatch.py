@@ -59,7 +59,10 @@ def apply(
     directory: Annotated[Path, typer.Argument(help="Folder that 'mismatch' wrote.")],
     out: Annotated[Path, typer.Option(help="New simulator directory.")],
 ) -> None:
-    """Take over the corrected simulator. Refuses where the held-out error did not improve."""
+    """Take over the corrected simulator. Refuses where the held-out error did not improve.
+
+    Example: deeptruck-model apply found --out better
+    """
     from deeptruck_model.mismatch import apply as apply_correction
 
     apply_correction(directory, out)

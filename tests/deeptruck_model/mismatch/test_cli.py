@@ -104,6 +104,12 @@ def test_a_file_is_no_folder_and_is_said_to_be_none_before_long_computing(
     assert file.read_text() == "notes" and "Traceback" not in errors
 
 
+@pytest.mark.parametrize("command", ["mismatch", "apply", "road", "prove"])
+def test_every_command_has_an_example(here: Callable[..., tuple[int, str, str]], command: str) -> None:
+    code, said, _ = here(command, "--help")
+    assert code == 0 and f"Example: deeptruck-model {command} " in said
+
+
 @pytest.mark.parametrize(("option", "value"), [("jobs", 0), ("seed", -4), ("cases", 0), ("cases", -3)])
 def test_an_examination_of_nothing_is_refused(
     here: Callable[..., tuple[int, str, str]], tmp_path: Path, option: str, value: int
