@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from deeptruck_model.cli.inputs import present
+
 _IMPORT_HELP = """Turn a table (CSV, Parquet) or a CAN log into a bag, as COLUMNS.yaml says.
 
 Examples:
@@ -63,6 +65,7 @@ def show_coverage(
     topic_map: Annotated[Path | None, typer.Option(help="YAML that maps channels to your topics")] = None,
 ) -> None:
     """Draw what the bags hold."""
+    present(*bags)
     from rich.progress import track
 
     from deeptruck_model.recordings import coverage, read

@@ -16,6 +16,13 @@ if TYPE_CHECKING:
 Bags = Annotated[list[Path], typer.Argument(metavar="BAG...", help="Bags (folders) of one truck.")]
 
 
+def present(*paths: Path, cure: str = "") -> None:
+    """Raises InputError for a path that is not there, before libraries are loaded that take seconds."""
+    for path in paths:
+        if not path.exists():
+            raise InputError(f"{path} does not exist{cure}")
+
+
 def deep_truck(simulator: str) -> DeepTruck:
     """The deep truck in a simulator directory. Raises InputError for any other."""
     from deeptruck_model import simulators

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from deeptruck_model.cli.inputs import Bags, deep_truck, read
+from deeptruck_model.cli.inputs import Bags, deep_truck, present, read
 from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ def evaluate(
 
     Example: deeptruck-model evaluate simulators/mytruck drives/friday --out evaluation
     """
+    present(*bags)
     from deeptruck_model import simulators
     from deeptruck_model.deep import evaluate as evaluate_simulator
 

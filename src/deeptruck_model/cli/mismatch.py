@@ -7,8 +7,10 @@ from typing import Annotated
 
 import typer
 
+from deeptruck_model.cli.inputs import present
 from deeptruck_model.errors import InputError
 
+FIND_FIRST = "; run 'deeptruck-model mismatch --out {}' first"
 Bags = Annotated[
     list[Path], typer.Option(help="Recordings (bags) to explain; repeat the option or list several.")
 ]
@@ -29,6 +31,7 @@ def mismatch(
 
     Example: deeptruck-model mismatch --simulator truck:trucksim --recordings a b c --held-out d --out found
     """
+    present(*recordings, *(held_out or []))
     from rich.console import Console
 
     from deeptruck_model import recordings as rec
@@ -63,6 +66,7 @@ def apply(
 
     Example: deeptruck-model apply found --out better
     """
+    present(directory, cure=FIND_FIRST.format(directory))
     from deeptruck_model.mismatch import apply as apply_correction
 
     apply_correction(directory, out)
@@ -78,6 +82,8 @@ def road(
 
     Example: deeptruck-model road found a b c --out with_road
     """
+    present(directory, cure=FIND_FIRST.format(directory))
+    present(*recordings)
     from deeptruck_model import recordings as rec
     from deeptruck_model.mismatch.recovered_road import Roads, with_road
 

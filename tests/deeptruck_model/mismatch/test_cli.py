@@ -98,10 +98,28 @@ def test_a_file_is_no_folder_and_is_said_to_be_none_before_long_computing(
 ) -> None:
     file = tmp_path / "file"
     file.write_text("notes")
-    recordings = ("--recordings", tmp_path / "nowhere", "--out", file / inside)
+    (tmp_path / "no_bag").mkdir()
+    recordings = ("--recordings", tmp_path / "no_bag", "--out", file / inside)
     code, said, errors = here("mismatch", "--simulator", "truck:trucksim", *recordings)
     assert code == 2 and str(file) in errors and "choose another --out" in errors and not said
     assert file.read_text() == "notes" and "Traceback" not in errors
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("mismatch", "--simulator", "truck:trucksim", "--recordings", "nowhere", "--out", "found"),
+        ("apply", "nowhere", "--out", "better"),
+        ("road", "nowhere", "bag", "--out", "with_road"),
+        ("evaluate", "truck:trucksim", "nowhere", "--out", "evaluation"),
+        ("coverage", "nowhere", "--out", "coverage"),
+    ],
+)
+def test_a_path_that_is_not_there_is_said_before_anything_is_loaded(words: tuple[str, ...]) -> None:
+    script = "import sys\nfrom deeptruck_model import cli\n"
+    script += "try: cli.main()\nfinally: print('numpy' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", script, *words], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "False\n") and "nowhere does not exist" in done.stderr
 
 
 @pytest.mark.parametrize("command", ["mismatch", "apply", "road", "prove"])
