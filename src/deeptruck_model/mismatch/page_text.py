@@ -12,7 +12,7 @@ from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.page_words import number, opened, percent, prose, spoken
 from deeptruck_model.mismatch.search import POSSIBLE
 from deeptruck_model.mismatch.told_apart import apart
-from deeptruck_model.mismatch.validation_words import worse_than_parameters
+from deeptruck_model.mismatch.validation_words import parameters_may_do_as_well
 from deeptruck_model.mismatch.worth_saying import ENOUGH
 
 if TYPE_CHECKING:
@@ -81,7 +81,8 @@ def _improves(v: dict[str, Any]) -> str:
         return "; no correction proved better on held-out recordings, so none may be applied"
     old, new, tuned = (fit[s]["speed_rmse"] for s in ("before", "after", "parameters_only"))
     laws = " and laws without a name" if fit.get("with_unnamed") else ""
-    beside = f", where refitted parameters alone reach {number(tuned)}" if worse_than_parameters(fit) else ""
+    alone = f", where refitted parameters alone reach {number(tuned)}"
+    beside = alone if parameters_may_do_as_well(fit) else ""
     return (
         f"; with {'it' if len(v['findings']) == 1 else 'them'}{laws} corrected, the speed error of "
         f"{number(fit['horizon_s'])} s free runs on held-out recordings falls from {number(old)} to "

@@ -57,6 +57,12 @@ def worse_than_parameters(fit: dict[str, Any]) -> bool:
     return beside is not None and bool(beside[1] < 0.0)
 
 
+def parameters_may_do_as_well(fit: dict[str, Any]) -> bool:
+    """Whether the held-out recordings do not surely show more than that parameters needed tuning."""
+    beside = fit.get("improvement_over_parameters_ci95")
+    return beside is not None and beside[0] <= 0.0 and any(beside)
+
+
 def _passed(fit: dict[str, Any]) -> str:
     gained = f"it is {_change(fit['improvement_ci95'])} (95 % interval over {_resampled(fit)})"
     if fit["validated"]:

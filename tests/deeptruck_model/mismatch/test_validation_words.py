@@ -56,10 +56,11 @@ def test_what_was_not_changed_may_still_be_worse_than_refitted_parameters() -> N
     assert validation_words.said({"validated": False}) == []
 
 
-def test_the_first_sentence_owns_up() -> None:
+@pytest.mark.parametrize("beside", [[-0.5, -0.1], [-0.8, 0.1]])
+def test_the_first_sentence_owns_up(beside: list[float]) -> None:
     v = verdict("missing_physics", mismatch("missing_physics").findings)
     assert "where refitted parameters alone" not in page_text.sentence(v)
-    v["fit"] |= {"improvement_over_parameters_ci95": [-0.5, -0.1], "parameters_only": {"speed_rmse": 0.05}}
+    v["fit"] |= {"improvement_over_parameters_ci95": beside, "parameters_only": {"speed_rmse": 0.05}}
     assert page_text.sentence(v).endswith("to 0.1 m/s, where refitted parameters alone reach 0.05.")
 
 
