@@ -21,6 +21,7 @@ GROUP_SHARE_RARE = 0.35  # the same for what was seen in a few windows: one even
 # Most that a name may be given, by how many others are told beside it: a law that nobody here has read is as
 # far from every form as these are from one another (docs/results/proof.md, Probabilities).
 SURE = (0.8, 0.5, 0.4)
+SURE_UNKNOWN = 0.6
 
 
 @dataclass(frozen=True)
@@ -52,9 +53,10 @@ class Cause:
     @property
     def believed(self) -> float:
         """The probability that is told: what the fit says, but no more than such names proved right."""
-        if self.kind != "missing_physics" or self.effect == "unknown":
+        if self.kind != "missing_physics":
             return self.probability
-        return min(self.probability, SURE[min(len(self.not_told_from), len(SURE) - 1)])
+        others = min(len(self.not_told_from), len(SURE) - 1)
+        return min(self.probability, SURE_UNKNOWN if self.effect == "unknown" else SURE[others])
 
     @property
     def not_told_from(self) -> list[str]:

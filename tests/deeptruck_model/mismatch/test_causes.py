@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.causes import SURE, Cause
+from deeptruck_model.mismatch.causes import SURE, SURE_UNKNOWN, Cause
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.intermittent import during
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape, comes_and_goes, shapes
@@ -48,3 +48,4 @@ def test_a_name_is_believed_no_more_than_such_names_proved_right(lasting: Shape)
     assert beside.believed == SURE[-1]
     assert replace(beside, probability=0.1).believed == 0.1
     assert replace(beside, kind="parameter_error").believed == 0.99
+    assert replace(alone, effect="unknown").believed == SURE_UNKNOWN
