@@ -68,12 +68,12 @@ def _rare(search: Search, base: Model, bare: Model) -> list[Model]:
     follow such windows too, and without any law, which may stand in for it."""
     lasting = tuple(s for s in base.named if not comes_and_goes(s))
     most = intermittent.MOST_BESIDE if base.named else intermittent.MOST
-    found = [_now_and_then(search, base, bare, most)]
-    if found[0] is base and len(lasting) < len(base.named):
-        found.append(_now_and_then(search, search.background(lasting), bare, intermittent.MOST_BESIDE))
-    if base.named:
-        found.append(_now_and_then(search, bare, bare, intermittent.MOST_BESIDE))
-    return found
+    found = _now_and_then(search, base, bare, most)
+    slow = found is base and len(lasting) < len(base.named)
+    instead = [search.background(lasting)] if slow else []
+    if base.named and all(m is not bare for m in instead):
+        instead.append(bare)
+    return [found, *(_now_and_then(search, m, bare, intermittent.MOST_BESIDE) for m in instead)]
 
 
 def _for_freedom(model: Model, bare: Model) -> float:

@@ -13,7 +13,7 @@ from deeptruck_model.mismatch import explain, growing
 from deeptruck_model.mismatch.causes import Cause
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.intermittent import MOST, MOST_BESIDE
-from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape, comes_and_goes
+from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape, comes_and_goes, shapes
 from deeptruck_model.mismatch.search import Search
 from deeptruck_model.mismatch.slow_force import SlowForce
 
@@ -105,6 +105,9 @@ def test_few_windows_are_sought_without_what_comes_and_goes_too(
     assert asked == [MOST]
     assert growing._rare(search, coming, bare) == [coming, bare]
     assert asked == [MOST, MOST_BESIDE, MOST_BESIDE]  # beside names, whose forms leave something over
+    law = next(s for s in shapes(LIBRARY["driveline_loss"], nothing_missing) if not comes_and_goes(s))
+    lasting = search.background((law,))
+    assert growing._rare(search, lasting, bare) == [lasting, bare]  # and in place of a law
 
 
 def test_an_engine_brake_whose_stages_nobody_told_acts_where_the_engine_is_asked_for_nothing(
