@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from deeptruck_model.mismatch.command_path import FASTER_DOWN, eased, lagged
+from deeptruck_model.trucks.compiled import entry
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.prepared import Prepared
@@ -27,14 +28,14 @@ def changed(p: Prepared, name: str, amount: float) -> Array:
             t = np.arange(len(out))
             out[:, i] = np.interp(t - amount / p.dt, t, p.u[:, i])
         elif what == "rate":
-            out[:, i] = _limit_rate(p.u[:, i], amount * p.dt, amount * p.dt)
+            out[:, i] = _limit_rate(p.u[:, i], amount * p.dt, amount * p.dt, 1.0)
         elif what in ("soft", "shaped"):
             down = amount * (FASTER_DOWN if what == "shaped" else 1.0)
             out[:, i] = _limit_rate(p.u[:, i], amount * p.dt, down * p.dt, eased(p.dt))
         elif what == "climb":
-            out[:, i] = _limit_rate(p.u[:, i], amount * p.dt, np.inf)
+            out[:, i] = _limit_rate(p.u[:, i], amount * p.dt, np.inf, 1.0)
         elif what == "drop":
-            out[:, i] = _limit_rate(p.u[:, i], np.inf, amount * p.dt)
+            out[:, i] = _limit_rate(p.u[:, i], np.inf, amount * p.dt, 1.0)
         elif what == "lag":
             out[:, i] = _lag(p.u[:, i], *lagged(p.dt, amount))
         elif what in ("rise", "fall"):
@@ -59,9 +60,10 @@ def _lag(x: Array, end: float, mean: float) -> Array:
     return out
 
 
-def _limit_rate(x: Array, up: float, down: float, share: float = 1.0) -> Array:
+@entry
+def _limit_rate(x: Array, up: float, down: float, share: float) -> Array:
     """What follows x by `share` of the distance in each step, and by no more than `up` and `down`."""
-    out = x.tolist()
+    out = x.copy()
     for k in range(1, len(out)):
-        out[k] = out[k - 1] + min(max(share * (out[k] - out[k - 1]), -down), up)
-    return np.array(out)
+        out[k] = out[k - 1] + min(max(share * (x[k] - out[k - 1]), -down), up)
+    return out

@@ -73,7 +73,16 @@ def _rare(search: Search, base: Model, bare: Model) -> list[Model]:
     instead = [search.background(lasting)] if slow else []
     if base.named and all(m is not bare for m in instead):
         instead.append(bare)
+    instead = [m for m in instead if _gains_in_windows(search, base, m)]
     return [found, *(_now_and_then(search, m, bare, intermittent.MOST_BESIDE) for m in instead)]
+
+
+def _gains_in_windows(search: Search, model: Model, without: Model) -> bool:
+    """Whether half of what a model gains lies in windows in which it is plainly wrong without; where it does
+    not, what acts there alone is no better."""
+    inside = intermittent.within(intermittent.windows(search.e, without), search.e)
+    gained = model.fit.pointwise - without.fit.pointwise
+    return bool(inside.any() and gained[inside].sum() > 0.5 * gained.sum())
 
 
 def _for_freedom(model: Model, bare: Model) -> float:

@@ -9,7 +9,7 @@ from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes
 from deeptruck_model.mismatch.worth_saying import ENOUGH
 
 WEAK = 60.0  # nats; a stronger cause is told also where no held-out drive shows it
-WEAK_COMING = 120.0  # the same where it comes and goes: a knot each half minute follows a sensor's drift
+CLEAR = 120.0  # the same for what acts on other drives too, and for what comes and goes: knots follow a drift
 STRONG_LEARNED = 150.0  # nats; beside a learned simulator a stronger one is told also where drives are worse
 OF_RECORDINGS = frozenset({"when", "each", "recordings", "first"})  # settings
 CLEARLY = 0.6  # of the error as given, at which a parameter is told by few nats
@@ -38,13 +38,14 @@ def in_vain(
     physics = [c for c in x.causes if c.kind != "parameter_error"]
     drifts = [_comes_and_goes(c) and (slopes_recorded or c.effect != ROAD) for c in physics]
     only_drifts = bool(drifts) and all(drifts)
-    if most < WEAK_COMING and only_drifts and after > NO_BETTER * before:
+    names = [c.shape for c in x.causes if c.shape is not None]
+    only_laws = bool(names) and all(_lasting(shape) for shape in names)
+    if most < CLEAR and (only_drifts or only_laws) and after > NO_BETTER * before:
         return True
     if most < WEAK and only_drifts and after == tuned:
         return True  # parameters went in instead of it
     if most >= WEAK:
         return False
-    names = [c.shape for c in x.causes if c.shape is not None]
     lasting = any(_lasting(shape) for shape in names) or 0 < len(names) < len(x.causes)
     left_out = after == before and not any("when" in shape.settings for shape in names)
     return bool(left_out or after > before or ((learned or lasting) and after > NO_BETTER * tuned))

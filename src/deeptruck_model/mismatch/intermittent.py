@@ -122,17 +122,25 @@ def _without_pauses(left: Array, begin: int, end: int) -> list[tuple[int, int]]:
     return [(b, c) for b, c in zip(edges[::2], edges[1::2], strict=True) if c - b > 1]
 
 
+def within(spans: list[Span], e: Evidence) -> Mask:
+    """Which rows (n,) lie in the spans."""
+    inside = np.zeros(len(e), dtype=bool)
+    for i, first, last in spans:
+        inside |= (e.record == i) & (e["elapsed"] >= first) & (e["elapsed"] <= last)
+    return inside
+
+
 def during(given: Shape, spans: list[Span], e: Evidence) -> Shape:
     """The shape confined to the spans."""
-    record, elapsed = e.record, e["elapsed"]
-    inside = np.zeros(len(e))
-    for i, first, last in spans:
-        inside[(record == i) & (elapsed >= first) & (elapsed <= last)] = 1.0
     settings = given.settings | {"when": [list(span) for span in spans]}
     parts = tuple(build(given.mechanism, settings))
     trials = given.trials * float(np.exp(min(PER_WINDOW / TEMPER * len(spans), LARGEST_LOG)))
     return replace(
-        given, settings=settings, parts=parts, columns=given.columns * inside[:, None], trials=trials
+        given,
+        settings=settings,
+        parts=parts,
+        columns=given.columns * within(spans, e)[:, None],
+        trials=trials,
     )
 
 

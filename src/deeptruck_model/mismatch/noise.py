@@ -14,13 +14,15 @@ from numpy.typing import NDArray
 from scipy.special import gammaln
 from scipy.stats import t as student_t
 
+from deeptruck_model.trucks.compiled import entry
+
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Rows = NDArray[np.intp]
 
 ORDER = 5  # of the autoregression
 TAIL = 5.0  # degrees of freedom of the innovations
 LEAST_DRIVES = 4  # to tell how much they disagree
-ROWS = 1024  # whitened at once, so that they stay in the cache
 FLOOR = 0.01  # m/s^2 in 0.2 s; no simulator is better: data without noise must not make its form significant
 
 
@@ -89,12 +91,12 @@ def fit(series: Series, X: Array, prior: Prior, start: Fit | None = None) -> Fit
     b = prior.mean.copy()
     weight = np.ones(len(series.y))
     active = np.ones(X.shape[1], dtype=bool)
-    rel = series.relative[use]
+    rel, rows = series.relative[use], np.flatnonzero(use)
     for turn in range(2 if start else 4):
         if turn:
             top = max(1.0 - sigma * series.slow, 0.0)
             ar = _autoregression(series.y - X @ b, use, weight / series.relative**2, top)
-        yw, Xw = whiten(series.y, ar)[use], whiten(X, ar)[use]
+        yw, Xw = whiten(series.y, ar, rows), whiten(X, ar, rows)
         for _ in range(2):
             b, active = _solve(yw, Xw, weight[use] / (rel * sigma) ** 2, prior)
             e = (yw - Xw @ b) / rel
@@ -162,17 +164,23 @@ def _between(gradient: Array, starts: Mask, use: Mask, covariance: Array) -> Arr
     return out
 
 
-def whiten(x: Array, ar: Array) -> Array:
-    """x (n,) or (n, k) through the inverse of the autoregression; stretches are joined, see Series.usable."""
-    out = np.empty_like(x)
-    for begin in range(0, len(x), ROWS):  # blocks that stay in the processor's cache
-        end = min(begin + ROWS, len(x))
-        part = x[begin:end].copy()
-        for k, a in enumerate(ar, start=1):
-            first = max(k - begin, 0)
-            part[first:] -= a * x[begin + first - k : end - k]
-        out[begin:end] = part
-    return out
+def whiten(x: Array, ar: Array, rows: Rows, weight: Array | None = None) -> Array:
+    """Some rows (m,) of x (n,) or (n, k) through the inverse of the autoregression `ar` (ORDER,), times
+    `weight` (m,). No row may be among the first ORDER, which have no past."""
+    wide = np.ascontiguousarray(x.reshape(len(x), -1), dtype=np.float64)
+    out = np.empty((len(rows), wide.shape[1]))
+    _whiten(wide, ar, rows, np.ones(len(rows)) if weight is None else weight, out)
+    return out.reshape(len(rows), *x.shape[1:])
+
+
+@entry
+def _whiten(x: Array, ar: Array, rows: Rows, weight: Array, out: Array) -> None:
+    a, b, c, d, e = ar[0], ar[1], ar[2], ar[3], ar[4]  # written out, it is vectorised along the columns
+    for i in range(len(rows)):
+        r, w = rows[i], weight[i]
+        for j in range(x.shape[1]):
+            before = a * x[r - 1, j] + b * x[r - 2, j] + c * x[r - 3, j] + d * x[r - 4, j] + e * x[r - 5, j]
+            out[i, j] = w * (x[r, j] - before)
 
 
 def _solve(y: Array, X: Array, weight: Array, prior: Prior) -> tuple[Array, Mask]:

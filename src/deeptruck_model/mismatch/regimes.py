@@ -6,7 +6,7 @@ alone: they are added up once over narrow bins of each signal, and a regime is a
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,11 +23,29 @@ BINS = 10
 
 @dataclass(frozen=True)
 class Products:
-    """Of whitened columns C (n, k) with themselves, the residual y and the columns X beside them."""
+    """Of whitened columns C (m, k) with themselves, the residual y (m,) and the columns X (m, p) beside them;
+    of several C one after the other along the first axis."""
 
     CtC: Array
     Cty: Array
     XtC: Array
+
+    @staticmethod
+    def of(C: Array, y: Array, X: Array) -> Products:
+        return Products(C.T @ C, C.T @ y, X.T @ C)
+
+    @staticmethod
+    def stacked(parts: Sequence[Products]) -> Products:
+        return Products(*(np.stack([getattr(p, f) for p in parts]) for f in ("CtC", "Cty", "XtC")))
+
+    @staticmethod
+    def joined(parts: Sequence[Products]) -> Products:
+        return Products(*(np.concatenate([getattr(p, f) for p in parts]) for f in ("CtC", "Cty", "XtC")))
+
+    def below_and_above(self) -> Products:
+        """Of the bins up to each border, then of those beyond it, where these are of bins in order."""
+        sums = [np.cumsum(x, axis=0) for x in (self.CtC, self.Cty, self.XtC)]
+        return Products(*(np.concatenate([x[:-1], x[-1] - x[:-1]]) for x in sums))
 
 
 @dataclass(frozen=True)
@@ -56,18 +74,18 @@ class Regimes:
         """How many gates there are."""
         return 2 * sum(len(edges) for edges in self.borders.values())
 
-    def products(self, C: Array, y: Array, X: Array) -> Iterator[tuple[Gate, Products]]:
-        """Products of C as if it acted on one side of a border alone, for every gate.
+    def products(self, C: Array, y: Array, X: Array) -> tuple[list[Gate], Products]:
+        """Every gate, and products of C as if it acted on that side of a border alone.
 
         C (m, k), y (m,) and X (m, p) are whitened, over the rows that count.
         """
+        gates: list[Gate] = []
+        parts = []
         for name, edges in self.borders.items():
-            each = [_products(C[r], y[r], X[r]) for r in self.rows[name]]
-            total, below = _sum(each), _sum(each[:1])
-            for k, edge in enumerate(edges):
-                yield (name, "below", float(edge)), below
-                yield (name, "above", float(edge)), _less(total, below)
-                below = _sum([below, each[k + 1]])
+            bins = Products.stacked([Products.of(C[r], y[r], X[r]) for r in self.rows[name]])
+            gates += [(name, side, float(edge)) for side in ("below", "above") for edge in edges]
+            parts.append(bins.below_and_above())
+        return gates, Products.joined(parts) if parts else Products(*([np.zeros((0, 0, 0))] * 3))
 
 
 def gated(shape: Shape, gate: Gate, e: Evidence, trials: int) -> Shape:
@@ -84,19 +102,3 @@ def _inside(gate: Gate, e: Evidence) -> NDArray[np.bool_]:
     signal, side, at = gate
     x = GATES[signal][0].rows(e)
     return x > at if side == "above" else x <= at
-
-
-def _products(C: Array, y: Array, X: Array) -> Products:
-    return Products(C.T @ C, C.T @ y, X.T @ C)
-
-
-def _sum(parts: list[Products]) -> Products:
-    return Products(
-        np.sum([p.CtC for p in parts], axis=0),
-        np.sum([p.Cty for p in parts], axis=0),
-        np.sum([p.XtC for p in parts], axis=0),
-    )
-
-
-def _less(whole: Products, part: Products) -> Products:
-    return Products(whole.CtC - part.CtC, whole.Cty - part.Cty, whole.XtC - part.XtC)

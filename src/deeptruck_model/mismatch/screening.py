@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch.expression import Rerun
 from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes
 from deeptruck_model.mismatch.noise import whiten
-from deeptruck_model.mismatch.regimes import Gate, Products, gated
+from deeptruck_model.mismatch.regimes import Products, gated
 from deeptruck_model.mismatch.search import ONE_SIZE, TEMPER, Model, Search
 
 Array = NDArray[np.float64]
@@ -54,12 +54,10 @@ def screen_shapes(
     """Approximate gain of each shape on top of `base`, best first."""
     noise = noise or base
     yw, Xw, H0, weight = search.whitened(base, noise)
-    use = search.series.usable()
-    scored = []
+    Xty, scored = Xw.T @ yw, []
     for s in options:
-        C = whiten(s.columns, noise.fit.ar)[use] * weight[:, None]
-        products = Products(C.T @ C, C.T @ yw, Xw.T @ C)
-        gain = _approximate_gain(products, Xw.T @ yw, H0, s)
+        C = whiten(s.columns, noise.fit.ar, search.rows, weight)
+        gain = float(_approximate_gains(Products.stacked([Products.of(C, yw, Xw)]), Xty, H0, s)[0])
         scored.append((gain - TEMPER * float(np.log(s.trials)), s))
     return sorted(scored, key=lambda item: -item[0])
 
@@ -73,30 +71,31 @@ def screen_regimes(
         return []
     noise = noise or base
     yw, Xw, H0, weight = search.whitened(base, noise)
-    C = whiten(shape.columns, noise.fit.ar)[search.series.usable()] * weight[:, None]
-    Xty = Xw.T @ yw
-    least = OWN_REGIME * float(np.sum(C**2))
-    scored: list[tuple[float, Gate]] = [
-        (_approximate_gain(products, Xty, H0, shape), gate)
-        for gate, products in search.regimes.products(C, yw, Xw)
-        if np.trace(products.CtC) > least
-    ]
-    scored = sorted(scored, key=lambda item: -item[0])[:SCREENED]
-    made = [(gain, gated(shape, gate, search.e, search.regimes.count)) for gain, gate in scored]
+    C = whiten(shape.columns, noise.fit.ar, search.rows, weight)
+    gates, products = search.regimes.products(C, yw, Xw)
+    if not gates:
+        return []
+    gains = _approximate_gains(products, Xw.T @ yw, H0, shape)
+    lies_there = np.trace(products.CtC, axis1=1, axis2=2) > OWN_REGIME * float(np.sum(C**2))
+    best = [k for k in np.argsort(-gains, kind="stable") if lies_there[k]][:SCREENED]
+    made = [(float(gains[k]), gated(shape, gates[k], search.e, search.regimes.count)) for k in best]
     return [(gain - TEMPER * float(np.log(s.trials)), s) for gain, s in made]
 
 
-def _approximate_gain(products: Products, Xty: Array, H0: Array, s: Shape) -> float:
-    """Evidence gained by more columns, all whitened and weighted; signs respected one by one."""
+def _approximate_gains(products: Products, Xty: Array, H0: Array, s: Shape) -> Array:
+    """Evidence (G,) gained by more columns, all whitened and weighted, of G sets of products; signs are
+    respected one by one."""
     XtC = products.XtC
-    A = products.CtC - XtC.T @ H0 @ XtC
-    at_zero = products.Cty - XtC.T @ (H0 @ Xty)
-    P = 1 / s.prior.sd**2
-    m = s.prior.mean
+    CtX = XtC.swapaxes(1, 2)
+    A = products.CtC - CtX @ (H0 @ XtC)
+    at_zero = products.Cty - CtX @ (H0 @ Xty)
+    P, m = 1 / s.prior.sd**2, s.prior.mean
     H = A + np.diag(P)
     g = at_zero - A @ m
-    step = np.linalg.solve(H, g)
-    if (s.prior.sign > 0).any() and ((step + m) * s.prior.sign < 0).all():
-        return -10.0
-    gain = 0.5 * float(g @ step) - 0.5 * float(np.linalg.slogdet(H)[1] - np.log(P).sum())
-    return gain + float(at_zero @ m - 0.5 * m @ A @ m)  # moving by the prior mean itself counts too
+    step = np.linalg.solve(H, g[:, :, None])[:, :, 0]
+    gain = 0.5 * np.sum(g * step, axis=1) - 0.5 * (np.linalg.slogdet(H)[1] - np.log(P).sum())
+    gain += at_zero @ m - 0.5 * (A @ m) @ m  # moving by the prior mean itself counts too
+    if (s.prior.sign > 0).any():
+        gain[((step + m) * s.prior.sign < 0).all(axis=1)] = -10.0
+    out: Array = gain
+    return out

@@ -116,6 +116,7 @@ class Search:
             sigma = fit(self.series, *self._design((), frozenset(self.parameters))[:2]).sigma
         self.sigma = sigma
         self.series = evidence.series(sigma, only)
+        self.rows = np.flatnonzero(self.series.usable())
         self.library = [
             m for name, m in LIBRARY.items() if name not in set(exclude) and evidence.has(*m.needs)
         ]
@@ -182,11 +183,10 @@ class Search:
         fit = (noise or base).fit
         if self._memo is None or self._memo[0] is not base or self._memo[1] is not fit:
             X, prior, _ = self._design(base.named, base.free)
-            use = self.series.usable()
-            z = fit.innovations[use]
-            weight = np.sqrt(6.0 / (5.0 + z**2)) / (self.series.relative[use] * fit.sigma)
-            Xw = whiten(X, fit.ar)[use] * weight[:, None]
-            yw = whiten(self.series.y - X @ base.fit.b, fit.ar)[use] * weight
+            z = fit.innovations[self.rows]
+            weight = np.sqrt(6.0 / (5.0 + z**2)) / (self.series.relative[self.rows] * fit.sigma)
+            Xw = whiten(X, fit.ar, self.rows, weight)
+            yw = whiten(self.series.y - X @ base.fit.b, fit.ar, self.rows, weight)
             H0: Array = np.linalg.inv(Xw.T @ Xw + np.diag(1 / prior.sd**2)).astype(np.float64)
             self._memo = (base, fit, (yw, Xw, H0, weight))
         return self._memo[2]

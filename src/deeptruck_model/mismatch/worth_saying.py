@@ -50,7 +50,7 @@ def price(search: Search, model: Model) -> float:
 def _within(search: Search, base: Model, last: Shape, own: Array) -> Array:
     """The coefficients of a shape that explain most without being larger than `own`, each (k,)."""
     left, X, H0, weight = search.whitened(base)
-    columns = whiten(last.columns, base.fit.ar)[search.series.usable()] * weight[:, None]
+    columns = whiten(last.columns, base.fit.ar, search.rows, weight)
     columns = columns - X @ (H0 @ (X.T @ columns))
     least = np.where(last.prior.sign > 0, 0.0, -own)
     out: Array = lsq_linear(columns, left, (least, own + 1e-9)).x

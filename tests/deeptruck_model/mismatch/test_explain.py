@@ -12,7 +12,7 @@ import pytest
 from deeptruck_model.mismatch import explain, growing
 from deeptruck_model.mismatch.causes import Cause
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.intermittent import MOST, MOST_BESIDE
+from deeptruck_model.mismatch.intermittent import MOST, MOST_BESIDE, during, within
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape, comes_and_goes, shapes
 from deeptruck_model.mismatch.search import Search
 from deeptruck_model.mismatch.slow_force import SlowForce
@@ -99,6 +99,7 @@ def test_few_windows_are_sought_without_what_comes_and_goes_too(
 ) -> None:
     asked = []
     monkeypatch.setattr(growing, "_now_and_then", lambda search, base, bare, most: asked.append(most) or base)
+    monkeypatch.setattr(growing, "_gains_in_windows", lambda search, model, without: True)
     search = Search(nothing_missing)
     bare, coming = search.background(()), search.background((gusts,))
     assert growing._rare(search, bare, bare) == [bare]
@@ -108,6 +109,20 @@ def test_few_windows_are_sought_without_what_comes_and_goes_too(
     law = next(s for s in shapes(LIBRARY["driveline_loss"], nothing_missing) if not comes_and_goes(s))
     lasting = search.background((law,))
     assert growing._rare(search, lasting, bare) == [lasting, bare]  # and in place of a law
+
+
+@pytest.mark.parametrize("now_and_then", [False, True])
+def test_they_are_sought_in_place_of_names_that_gain_in_windows_alone(
+    nothing_missing: Evidence, now_and_then: bool
+) -> None:
+    e, spans = nothing_missing, [(0, 100.0, 108.0), (1, 300.0, 308.0)]
+    inside = within(spans, e) if now_and_then else np.ones(len(e), dtype=bool)
+    search = Search(replace(e, residual=e.residual - 0.3 * np.abs(e["engine"]) * inside))
+    law = next(s for s in search.shapes(LIBRARY["driveline_loss"]) if not comes_and_goes(s))
+    law = during(law, spans, e) if now_and_then else law
+    bare, named = (search.model(names, frozenset()) for names in ((), (law,)))
+    assert named.score > bare.score + 20.0
+    assert growing._gains_in_windows(search, named, bare) == now_and_then
 
 
 def test_an_engine_brake_whose_stages_nobody_told_acts_where_the_engine_is_asked_for_nothing(

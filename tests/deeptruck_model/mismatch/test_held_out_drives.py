@@ -73,6 +73,27 @@ def test_a_road_without_recorded_slopes_need_not_help_on_another_road(
 
 
 @pytest.mark.parametrize(
+    ("gain", "after", "vain"), [(84.0, 0.099, True), (84.0, 0.09, False), (130.0, 0.099, False)]
+)
+@pytest.mark.parametrize("beside", [{}, {"when": [(0, 1.0, 9.0)]}])
+def test_a_law_that_helps_no_other_drive_must_be_clear(
+    beside: dict[str, Any], gain: float, after: float, vain: bool
+) -> None:
+    """Beside what acts now and then, which no other drive need show, it is not asked."""
+    shapes: Any = [
+        SimpleNamespace(settings={"gate": ["lever", "above", 7.0]}),
+        SimpleNamespace(settings=beside),
+    ]
+    causes = tuple(
+        Cause("missing_physics", name, g, 0.5, 0.9, np.zeros(1), s)
+        for name, g, s in zip(("driveline_backlash", "engine_friction"), (gain, 52.0), shapes, strict=True)
+    )
+    explanation: Any = SimpleNamespace(causes=causes)
+    fit = errors(after=after, tuned=0.1)
+    assert in_vain(explanation, fit) == (vain and not beside)
+
+
+@pytest.mark.parametrize(
     ("gain", "after", "tuned", "vain"),
     [
         (84.0, 0.099, 0.1, True),

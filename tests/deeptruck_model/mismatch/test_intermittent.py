@@ -29,9 +29,7 @@ def test_noise_alone_has_no_windows(nothing_missing: Evidence) -> None:
 
 def test_the_windows_are_where_the_brake_sticks(stuck: Evidence) -> None:
     spans = intermittent.windows(stuck, Search(stuck).background(()))
-    marked = np.zeros(len(stuck), dtype=bool)
-    for i, first, last in spans:
-        marked |= (stuck.record == i) & (stuck["elapsed"] >= first) & (stuck["elapsed"] <= last)
+    marked = intermittent.within(spans, stuck)
     assert marked[STUCK].mean() > 0.9 and marked[~STUCK].mean() < 0.02
 
 

@@ -50,9 +50,12 @@ def test_colour_and_size_of_the_noise_are_found() -> None:
 def test_whitening_inverts_the_autoregression() -> None:
     innovations = np.random.default_rng(2).normal(size=N)
     coloured = lfilter([1.0], np.concatenate([[1.0], -COLOUR]), innovations)
-    assert whiten(coloured, COLOUR) == pytest.approx(innovations)
-    both = np.stack([coloured, 2 * coloured], axis=1)
-    assert whiten(both, COLOUR) == pytest.approx(np.stack([innovations, 2 * innovations], axis=1))
+    rows = np.flatnonzero(np.arange(N) % 7 > 1)[ORDER:]
+    ar = np.concatenate([COLOUR, np.zeros(ORDER - len(COLOUR))])
+    assert whiten(coloured, ar, rows) == pytest.approx(innovations[rows])
+    both, weight = np.stack([coloured, 2 * coloured], axis=1), np.linspace(1.0, 2.0, len(rows))
+    expected = innovations[rows, None] * [1.0, 2.0] * weight[:, None]
+    assert whiten(both, ar, rows, weight) == pytest.approx(expected)
 
 
 def test_evidence_prefers_a_true_column_and_charges_for_a_useless_one() -> None:

@@ -29,15 +29,14 @@ def test_the_sums_over_bins_are_those_of_the_confined_columns(nothing_missing: E
     use = np.arange(len(nothing_missing)) % 3 > 0
     regimes = Search(nothing_missing).regimes.of(nothing_missing, use)
     C, y, X = (np.random.default_rng(k).normal(size=(use.sum(), n)) for k, n in ((0, 2), (1, 1), (2, 3)))
-    seen = 0
-    for (signal, side, at), p in regimes.products(C, y[:, 0], X):
+    gates, p = regimes.products(C, y[:, 0], X)
+    for i, (signal, side, at) in enumerate(gates):
         x = GATES[signal][0].rows(nothing_missing)[use]
         inside = (x > at if side == "above" else x <= at)[:, None]
-        assert pytest.approx((C * inside).T @ C) == p.CtC
-        assert pytest.approx((C * inside).T @ y[:, 0]) == p.Cty
-        assert pytest.approx(X.T @ (C * inside)) == p.XtC
-        seen += 1
-    assert seen == regimes.count == 2 * 9 * 2  # nine borders of speed and of engine, two sides
+        assert pytest.approx((C * inside).T @ C) == p.CtC[i]
+        assert pytest.approx((C * inside).T @ y[:, 0]) == p.Cty[i]
+        assert pytest.approx(X.T @ (C * inside)) == p.XtC[i]
+    assert len(gates) == regimes.count == 2 * 9 * 2  # nine borders of speed and of engine, two sides
 
 
 def test_it_is_named_and_its_regime_is_said(fast_only: Evidence) -> None:
