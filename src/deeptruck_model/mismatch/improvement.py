@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.levers import turns
-from deeptruck_model.mismatch.prepared import Prepared, fed
+from deeptruck_model.mismatch.prepared import Prepared, fed, padded
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Simulator
 
@@ -55,8 +55,7 @@ def free_windows(simulator: Simulator, prepared: Sequence[Prepared], horizon_s: 
         return Errors(empty, empty, none, none)
     length = max(len(prepared[i].recording) for i in used)
     u, w, y, observed = (
-        np.stack([_padded(getattr(prepared[i], f), length) for i in used])
-        for f in ("u", "w", "y", "observed")
+        np.stack([padded(getattr(prepared[i], f), length) for i in used]) for f in ("u", "w", "y", "observed")
     )
     predicted = _run(simulator, u, w, y, [starts[i] for i in used], horizon, prepared, used, length)
     speed, acceleration, owner, begin = [], [], [], []
@@ -113,9 +112,9 @@ def _exogenous(prepared: Sequence[Prepared], used: Sequence[int], length: int) -
     out = {}
     for name in EXOGENOUS:
         if all(name in prepared[i].recording.channels for i in used):
-            out[name] = np.stack([_padded(prepared[i].recording.channels[name], length) for i in used])
+            out[name] = np.stack([padded(prepared[i].recording.channels[name], length) for i in used])
     if "engine_speed" in out:
-        driven = np.stack([_padded(prepared[i].y[:, SPEED], length) for i in used])
+        driven = np.stack([padded(prepared[i].y[:, SPEED], length) for i in used])
         out["ratio"] = turns(out["engine_speed"], driven)
     return out
 
@@ -129,11 +128,6 @@ def _starts(p: Prepared, settle: int, horizon: int) -> list[int]:
         else:
             k += max(1, settle)
     return out
-
-
-def _padded(x: Array, length: int) -> Array:
-    more = length - len(x)
-    return np.concatenate([x, np.repeat(x[-1:], more, axis=0)]) if more else x
 
 
 def compare(errors: Mapping[str, Errors], shorter: Mapping[str, Errors], seed: int = 0) -> dict[str, Any]:

@@ -102,6 +102,12 @@ def heard(simulator: Simulator, y: Array) -> Array:
     return out
 
 
+def padded(x: Array, length: int) -> Array:
+    """x (T, ...) that goes on to `length` as it ends."""
+    more = length - len(x)
+    return np.concatenate([x, np.repeat(x[-1:], more, axis=0)]) if more else x
+
+
 def quantum(x: Array) -> float:
     """The step a channel is quantised to: its smallest common difference, at most 2 % of its range."""
     steps = np.abs(np.diff(x))

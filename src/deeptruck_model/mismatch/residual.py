@@ -14,6 +14,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import answer, components
 from deeptruck_model.mismatch.changed_commands import changed
 from deeptruck_model.mismatch.evidence import BLOCK_LEARNED_S, BLOCK_S, LEAST_ANSWER, Evidence, Stretch
+from deeptruck_model.mismatch.forced import forced
 from deeptruck_model.mismatch.gears import believed, other_gear
 from deeptruck_model.mismatch.prepared import Prepared, fed, fill, quantum, widen
 from deeptruck_model.signals import ACCELERATION, SPEED
@@ -40,7 +41,7 @@ def gather(
 
     `moved` are relative changes already made to parameters the simulator was given with.
     """
-    runs = [_forced(simulator, p, p.u) for p in prepared]
+    runs = forced(simulator, prepared, [p.u for p in prepared])
     dt = prepared[0].dt
     block = max(1, round((BLOCK_S if simulator.parameters() else BLOCK_LEARNED_S) / dt))
     grid = _Grid(prepared, held_out, block)
@@ -119,16 +120,10 @@ class _Grid:
         return x[: n * self.block].reshape(n, self.block)
 
 
-def _forced(simulator: Simulator, p: Prepared, u: Array) -> Run:
-    return forced_run(simulator, u[None], p.w[None], fed(simulator, p.y)[None])
-
-
 def _accelerations(
     simulator: Simulator, prepared: Sequence[Prepared], grid: _Grid, us: Sequence[Array]
 ) -> Array:
-    return grid.stack(
-        [_forced(simulator, p, u).y[0, :, ACCELERATION] for p, u in zip(prepared, us, strict=True)]
-    )
+    return grid.stack([run.y[0, :, ACCELERATION] for run in forced(simulator, prepared, us)])
 
 
 def _disagreement(simulator: Simulator, prepared: Sequence[Prepared], grid: _Grid, seed: int) -> Array:
@@ -168,9 +163,9 @@ def _rerun_slope(
     """The slope between two reruns. Where these shift one may be a little sooner, and the shift is all that
     they tell: there it is the slope of the components, as far off as before and after."""
     value = simulator.parameters()[name]
+    us = [p.u for p in prepared]
     low, high = (
-        [_forced(simulator.with_parameters({name: value * (1 + s)}), p, p.u) for p in prepared]
-        for s in (-STEP, STEP)
+        forced(simulator.with_parameters({name: value * (1 + s)}), prepared, us) for s in (-STEP, STEP)
     )
     slope = grid.stack([(b.y - a.y)[0, :, ACCELERATION] for a, b in zip(low, high, strict=True)]) / (2 * STEP)
     if "gear" not in low[0].inside:
