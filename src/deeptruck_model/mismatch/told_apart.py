@@ -6,12 +6,17 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from deeptruck_model.mismatch.causes import SURE
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.page_words import opened, spoken
 
 IN_PLACE = (  # the bars of the figure are another comparison, and have other numbers
     "These nats are of the one put in place of the other in the whole explanation; the figure of names below "
     "tries each alone."
+)
+LIMIT = (
+    "The fit alone would be surer; the probability is that with which such names proved right, as a truck "
+    "may hold a force unlike every form that was tried."
 )
 
 
@@ -20,7 +25,7 @@ def apart(f: dict[str, Any]) -> str:
     worse = {r["effect"]: float(r["worse_by_nats"]) for r in f.get("rivals", [])}
     group = f["cannot_be_told_from"]
     if not group:
-        return _beats_all(worse)
+        return " ".join(filter(None, [_beats_all(worse), *_at_the_limit(f)]))
     better = [n for n in group if worse.get(n, 0.0) < 0.0]
     others = [n for n in group if n not in better]
     said = [f"It cannot be told from {', '.join(spoken(n) for n in group)}."]
@@ -39,6 +44,12 @@ def _beats_all(worse: dict[str, float]) -> str:
         return ""
     lead = f"{worse[nearest]:.0f} nats"
     return f"It is told from every other name; the next best, {spoken(nearest)}, is {lead} worse."
+
+
+def _at_the_limit(f: dict[str, Any]) -> list[str]:
+    """Why a name that beats all others is not surer."""
+    limited = f["kind"] == "missing_physics" and f["probability"] == SURE[0]
+    return [LIMIT] if limited else []
 
 
 def _does_better(name: str, better: Sequence[str], worse: dict[str, float]) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from deeptruck_model.mismatch import findings, page_text, page_words, told_apart
-from deeptruck_model.mismatch.causes import Cause
+from deeptruck_model.mismatch.causes import SURE, Cause
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.unnamed_words import strength
 
@@ -49,6 +49,23 @@ def test_where_no_nats_were_told_none_are_explained() -> None:
     assert "nats" not in told("accessory_load", unknown=0.0)
     assert "nothing: it may do as well" in told("rolling_resistance", brake_gain=0.0)
     assert told("rolling_resistance", brake_gain=3.0).endswith(told_apart.IN_PLACE)
+
+
+@pytest.mark.parametrize(
+    ("kind", "probability", "explained"),
+    [
+        ("missing_physics", SURE[0], True),
+        ("missing_physics", 0.7, False),
+        ("parameter_error", SURE[0], False),
+    ],
+)
+def test_a_name_that_beats_all_others_says_why_it_is_not_surer(
+    kind: str, probability: float, explained: bool
+) -> None:
+    finding = {"effect": "headwind", "kind": kind, "probability": probability, "cannot_be_told_from": []}
+    said = told_apart.apart(finding | {"rivals": [{"effect": "road_grade", "worse_by_nats": 20.0}]})
+    assert said.startswith("It is told from every other name; the next best, road grade, is 20 nats worse.")
+    assert said.endswith(told_apart.LIMIT) == explained
 
 
 def test_no_name_of_the_program_is_in_a_sentence() -> None:
