@@ -63,7 +63,7 @@ class Cause:
         """Names that do nearly as well."""
         near = max(GROUP, _group_share(self.shape) * self.gain)
         names = [name for name, worse in self.rivals if worse < near and name != self.effect]
-        return [*names, *(["unknown"] if self.other_form else [])]
+        return list(dict.fromkeys([*names, *(["unknown"] if self.other_form else [])]))
 
 
 def _group_share(shape: Shape | None) -> float:

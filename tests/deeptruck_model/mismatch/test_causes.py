@@ -39,6 +39,8 @@ def test_few_nats_are_never_enough(lasting: Shape) -> None:
 
 def test_another_form_may_be_something_unknown(lasting: Shape) -> None:
     assert cause(lasting, other_form=True).not_told_from == ["drafting", "unknown"]
+    doubted = replace(cause(lasting, other_form=True), rivals=(("unknown", 0.0),))
+    assert doubted.not_told_from == ["unknown"]  # once
 
 
 def test_a_name_is_believed_no_more_than_such_names_proved_right(lasting: Shape) -> None:
