@@ -62,6 +62,8 @@ def prove(
         )
     if out.exists() and not resume:
         raise InputError(f"{out} exists already; resume it, choose another folder or remove it")
+    if out.exists() and not (out / "cases").is_dir() and (not out.is_dir() or any(out.iterdir())):
+        raise InputError(f"{out} holds something else; choose a new or an empty folder")
     wanted = [
         Job(level, seed + k, None, simulator, forms=forms)
         for simulator in simulators

@@ -89,3 +89,8 @@ def test_bad_requests_are_one_line(tmp_path):
         prove(tmp_path / "p", levels=["easy"])
     with pytest.raises(InputError, match="exists"):
         prove(tmp_path, resume=False)
+    (tmp_path / "mine.txt").touch()
+    with pytest.raises(InputError, match="something else"):
+        prove(tmp_path)
+    with pytest.raises(InputError, match="something else"):
+        prove(tmp_path / "mine.txt")
