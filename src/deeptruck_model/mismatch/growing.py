@@ -43,14 +43,10 @@ def grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], .
         options = candidates(search, base)
         if not ranking:
             ranking = tuple((m.effects[-1], m.score - base.score) for m in options)
-        options = [m for m in options if practical(search, m, m.named[-1])]
-        options = [enriched(search, m) for m in options[:WIDENED] if m.score > base.score + ENOUGH / 2]
-        best = max(options, key=lambda m: m.score - price(search, m) - slow_price(m, base), default=base)
-        least = enough(search) + price(search, best) + _beside(search, best) * (base.score - bare.score)
-        least += slow_price(best, base)
-        if best.score < base.score + least:
+        more = _one_more(search, base, bare, options)
+        if more is base:
             break
-        base = search.background(best.named)
+        base = more
     while len(base.named) > 1:
         without = [search.background(tuple(n for n in base.named if n is not s)) for s in base.named]
         weakest = max(without, key=lambda m: m.score)
@@ -60,7 +56,20 @@ def grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], .
             break
         base = weakest
     base = _settled(search, _exchanged(search, base))
-    return max(_rare(search, base, bare), key=lambda m: m.score - _for_freedom(m, bare)), ranking
+    best = max(_rare(search, base, bare), key=lambda m: m.score - _for_freedom(m, bare))
+    if any(all(s is not n for n in best.named) for s in base.named):  # what gave way may be there as well
+        best = _one_more(search, best, bare, candidates(search, best))
+    return best, ranking
+
+
+def _one_more(search: Search, base: Model, bare: Model, options: list[Model]) -> Model:
+    """The best of the options, each one name more than `base`, where it is worth it; else `base`."""
+    options = [m for m in options if practical(search, m, m.named[-1])]
+    options = [enriched(search, m) for m in options[:WIDENED] if m.score > base.score + ENOUGH / 2]
+    best = max(options, key=lambda m: m.score - price(search, m) - slow_price(m, base), default=base)
+    least = enough(search) + price(search, best) + _beside(search, best) * (base.score - bare.score)
+    least += slow_price(best, base)
+    return base if best.score < base.score + least else search.background(best.named)
 
 
 def _rare(search: Search, base: Model, bare: Model) -> list[Model]:
