@@ -125,6 +125,18 @@ def test_they_are_sought_in_place_of_names_that_gain_in_windows_alone(
     assert growing._gains_in_windows(search, named, bare) == now_and_then
 
 
+def test_what_gave_way_to_windows_is_tried_again_beside_them(
+    nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A wind had given way to an event of seconds, and parameters were bent in its place."""
+    e = nothing_missing
+    search = Search(replace(e, residual=e.residual - 0.12 * np.abs(e["engine"]) * (e["speed"] > 19.0)))
+    bare = search.background(())
+    monkeypatch.setattr(growing, "_rare", lambda search, base, bare: [bare])
+    model, _ = growing.grow(search, bare)
+    assert model.named and model.score > bare.score + 20.0
+
+
 def test_an_engine_brake_whose_stages_nobody_told_acts_where_the_engine_is_asked_for_nothing(
     nothing_missing: Evidence,
 ) -> None:
