@@ -57,7 +57,8 @@ def grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], .
         base = weakest
     base = _settled(search, _exchanged(search, base))
     best = max(_rare(search, base, bare), key=lambda m: m.score - _for_freedom(m, bare))
-    if any(all(s is not n for n in best.named) for s in base.named):  # what gave way may be there as well
+    gave_way = any(all(s is not n for n in best.named) for s in base.named)
+    if gave_way and len(best.named) < MOST:  # it may be there as well
         best = _one_more(search, best, bare, candidates(search, best))
     return best, ranking
 
