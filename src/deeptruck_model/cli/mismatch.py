@@ -37,11 +37,10 @@ def mismatch(
     from deeptruck_model import recordings as rec
     from deeptruck_model import simulators
     from deeptruck_model.mismatch import find_mismatch, write
-    from deeptruck_model.mismatch.output import check
+    from deeptruck_model.mismatch.output import reserved
 
-    replaced = check(out)
     console = Console(stderr=True)
-    with console.status("reading") as status:
+    with reserved(out) as replaced, console.status("reading") as status:
         truck = simulators.load(simulator)
         rate = 1.0 / truck.dt
         fit = [r for bag in recordings for r in rec.read(bag, rate_hz=rate)]

@@ -57,7 +57,8 @@ class CorrectedTruck:
     """A Simulator that adds named forces to another one.
 
     `moved` are relative changes of parameters; those the base truck has are set in it, the others act as
-    forces. Channels the protocol does not carry (gap, ambient temperature, elevation) come from `along`, and
+    forces. `carried` are factors of its own forces in those of the terms, see `carried.factors`; none is one.
+    Channels the protocol does not carry (gap, ambient temperature, elevation) come from `along`, and
     count as absent without it.
     """
 
@@ -69,7 +70,9 @@ class CorrectedTruck:
         shares: Shares | None,
         validated: bool,
         gears: Sequence[float] = (),
+        carried: Mapping[str, float] | None = None,
     ) -> None:
+        self._carried = dict(carried or {})
         own = base.parameters()
         inner = {name: own[name] * (1 + change) for name, change in moved.items() if name in own}
         self.original, self.terms, self.moved = base, tuple(terms), dict(moved)
@@ -114,6 +117,7 @@ class CorrectedTruck:
             self.shares,
             self.validated if validated is None else validated,
             self.gears,
+            self._carried,
         )
 
     def marked(self, validated: bool) -> CorrectedTruck:
@@ -221,6 +225,7 @@ class CorrectedTruck:
             "shares": self.shares.to_dict() if self.shares else None,
             "validated": self.validated,
             "gears": list(self.gears),
+            "carried": self._carried,
         }
         (path / MANIFEST).write_text(json.dumps(manifest, indent=1))
 
@@ -243,6 +248,7 @@ class CorrectedTruck:
                 "drag": np.abs(inside["drag_force"]) / mass,
                 "rolling": np.abs(inside["rolling_force"]) / mass,
             }
+            now |= {name: now[name] * factor for name, factor in self._carried.items()}
             now |= {name: inside[name] for name in ("gear", "engine_speed")}
         elif self.shares is not None:
             now |= self.shares.now(speed, u)
@@ -274,7 +280,8 @@ def load_directory(path: Path, manifest: dict[str, Any]) -> CorrectedTruck:
         shares = Shares.from_dict(manifest["shares"]) if manifest.get("shares") else None
         base = load_simulator(path / "base")
         gears, validated = manifest.get("gears", ()), bool(manifest["validated"])
-        return CorrectedTruck(base, terms, manifest["parameters"], shares, validated, gears)
+        carried = {name: float(factor) for name, factor in manifest.get("carried", {}).items()}
+        return CorrectedTruck(base, terms, manifest["parameters"], shares, validated, gears, carried)
     except (KeyError, TypeError, ValueError) as error:
         if isinstance(error, InputError):
             raise

@@ -10,7 +10,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from deeptruck_model.mismatch.carried import factors
 from deeptruck_model.mismatch.causes import Explanation
 from deeptruck_model.mismatch.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.evidence import Evidence
@@ -19,13 +21,16 @@ from deeptruck_model.mismatch.improvement import Errors, compare, free_windows, 
 from deeptruck_model.mismatch.lateness import left_beside
 from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes, held_steady
 from deeptruck_model.mismatch.prepared import Prepared
-from deeptruck_model.mismatch.search import POSSIBLE, Model, Search
+from deeptruck_model.mismatch.search import PINNED, POSSIBLE, Model, Search
 from deeptruck_model.mismatch.share import Shares
 from deeptruck_model.simulators import Simulator
+
+Mask = NDArray[np.bool_]
 
 HORIZON_S = 40.0
 INTERVAL_S = 20.0  # of free runs whose improvement has an interval: twice as many as of HORIZON_S
 COMPARED = ("before", "parameters_only", "after")
+CLEARLY = 0.5  # standard errors by which another correction than the whole explanation must drive better
 FOLDS = 3  # of the recordings that are not held out, to choose what goes in
 
 
@@ -63,8 +68,7 @@ class _Recipe:
     def corrected(self, simulator: Simulator, search: Search, shares: Shares | None) -> CorrectedTruck:
         model = search.model(self.fitted, self.free)
         change = _change(search.e, model, self.free)
-        gears = search.e.gears
-        return CorrectedTruck(simulator, _terms(self.kept, model), change, shares, False, gears)
+        return _truck(simulator, search.e, _terms(self.kept, model), change, shares)
 
 
 def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequence[Prepared]) -> Corrections:
@@ -75,7 +79,7 @@ def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequenc
     that are not held out, each by a fit to others of them.
     """
     e = e if e.late is None else left_beside(e, x.model)
-    search = Search(e, only=~e.held_out)
+    search = _as_given(e, ~e.held_out)
     shares = None if simulator.parameters() else Shares.of(e)
     alone = _Recipe((), (), frozenset(search.parameters))
     nothing = _Recipe((), (), frozenset())
@@ -85,7 +89,7 @@ def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequenc
         recipes.append(unnamed)  # these laws are the form of a name
     folds = _folds(e, prepared) if len(recipes) > 1 else []
     driven = [_crossed(simulator, recipe, folds, shares) for recipe in recipes] if folds else []
-    best = int(np.argmin([_mean_square(errors) for errors in driven])) if driven else 0
+    best = _chosen(driven) if driven else 0
     seen = len(folds) < FOLDS or best == 0
     return Corrections(
         alone.corrected(simulator, search, shares),
@@ -97,6 +101,22 @@ def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequenc
     )
 
 
+def _as_given(e: Evidence, only: Mask) -> Search:
+    """A search in which parameters that are not corrected stay as given: the others fit beside them so."""
+    return Search(e, only=only, held=PINNED)
+
+
+def _chosen(driven: Sequence[Errors]) -> int:
+    """Index of the recipe that drives best; of the whole explanation, which comes second, where the best is
+    not clearly better: a shift that one run makes and another does not may outweigh all else."""
+    squares = np.array([np.mean(errors.speed**2, axis=1) for errors in driven])
+    if squares.shape[1] == 0:
+        return 0
+    best = int(np.argmin(squares.mean(axis=1)))
+    lead = squares[1] - squares[best]
+    return 1 if lead.mean() < CLEARLY * np.std(lead) / np.sqrt(len(lead)) else best
+
+
 def _folds(e: Evidence, prepared: Sequence[Prepared]) -> list[_Fold]:
     """Parts of the recordings that are not held out, each to be driven by a fit to the others; all by a fit
     to all, where they are few."""
@@ -104,7 +124,7 @@ def _folds(e: Evidence, prepared: Sequence[Prepared]) -> list[_Fold]:
     parts = [fitted[k::FOLDS] for k in range(FOLDS)] if len(fitted) >= 2 * FOLDS else []
     out = []
     for left_out in parts or [np.array([], dtype=int)]:
-        search = Search(e, only=~e.held_out & ~np.isin(e.record, left_out))
+        search = _as_given(e, ~e.held_out & ~np.isin(e.record, left_out))
         drives = [p for k, p in zip(fitted, prepared, strict=True) if not parts or k in left_out]
         out.append(_Fold(search, tuple(drives)))
     return out
@@ -132,7 +152,13 @@ def corrected(simulator: Simulator, e: Evidence, model: Model) -> CorrectedTruck
     """The simulator with one whole explanation in it, parameters and all; of a physics truck."""
     change = _change(e, model, model.free)
     terms = _terms(_physics(model.named), model)
-    return CorrectedTruck(simulator, terms, change, None, False, e.gears)
+    return _truck(simulator, e, terms, change, None)
+
+
+def _truck(
+    simulator: Simulator, e: Evidence, terms: Sequence[Term], change: dict[str, float], shares: Shares | None
+) -> CorrectedTruck:
+    return CorrectedTruck(simulator, terms, change, shares, False, e.gears, factors(e.moved, change))
 
 
 def _recipes(e: Evidence, x: Explanation) -> list[_Recipe]:
@@ -161,10 +187,6 @@ def _terms(shapes: Sequence[Shape], model: Model) -> list[Term]:
 
 def _change(e: Evidence, model: Model, free: Iterable[str]) -> dict[str, float]:
     return {p: float(np.clip(e.total_change(p, model.change(p)), *POSSIBLE[p])) for p in free}
-
-
-def _mean_square(errors: Errors) -> float:
-    return float(np.mean(errors.speed**2)) if len(errors.speed) else 0.0
 
 
 def _horizon(prepared: Sequence[Prepared]) -> float:

@@ -77,8 +77,13 @@ def each_once(
 
 
 def _same(one: Recording, other: Recording) -> bool:
-    a, b = one.channels["speed"], other.channels["speed"]
-    return len(a) == len(b) and np.array_equal(a, b, equal_nan=True) and bool(np.nanmax(a, initial=0.0) > 0)
+    driven = ("speed", *one.interface.u)  # two cruises at one speed differ by their commands alone
+    a, b = one.columns(driven), other.columns(driven)
+    return (
+        len(a) == len(b)
+        and np.array_equal(a, b, equal_nan=True)
+        and bool(np.nanmax(a[:, 0], initial=0.0) > 0)
+    )
 
 
 def with_held_out(

@@ -6,12 +6,14 @@ import csv
 import json
 import shutil
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from deeptruck_model import simulators, whole_file
+from deeptruck_model import exclusive, simulators, whole_file
 from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,6 +29,21 @@ def check(out: Path) -> bool:
         raise InputError(f"{out} exists and holds other files; choose an empty or new --out")
     whole_file.check_folder(out.parent)
     return (out / "verdict.json").exists()
+
+
+@contextmanager
+def reserved(out: Path) -> Iterator[bool]:
+    """Hold `out` for one run, and tell whether an older result there is replaced; nothing is left of it where
+    the run fails. Raises InputError where nothing can be written there, or another run is about to."""
+    replaced, new = check(out), not out.exists()
+    out.mkdir(parents=True, exist_ok=True)
+    try:
+        with exclusive.writing(out):
+            yield replaced
+    finally:
+        if new:
+            with suppress(OSError):  # it holds what was written
+                out.rmdir()
 
 
 def write(mismatch: Mismatch, out: Path) -> None:

@@ -125,7 +125,7 @@ def rejected_names(m: Mismatch) -> tuple[list[dict[str, str]], list[str], dict[s
     """
     if m.explanation is None or m.evidence is None:
         return [], [], {}
-    stated = {c.effect for c in m.explanation.causes if c.shape is not None}
+    stated = {c.effect for c in m.explanation.causes}  # a parameter has the name of its effect
     nearest = next((c.nearest for c in m.explanation.causes if c.nearest), None)
     winner = next((spoken(s) for s in m.explanation.model.effects if s in stated), None)
     gained = []

@@ -101,8 +101,11 @@ class Search:
         exclude: Iterable[str] = (),
         only: Mask | None = None,
         sigma: float | None = None,
+        held: float = HELD,
     ) -> None:
-        """`only` of its rows (n,); `sigma`, m/s^2, is the noise by which rows are weighed, else measured."""
+        """`only` of its rows (n,); `sigma`, m/s^2, is the noise by which rows are weighed, else measured;
+        `held` the relative change by which parameters may move that are not free."""
+        self._held = held
         self.e = evidence
         self.parameters = tuple(evidence.sensitivity)
         late = [-evidence.difference(evidence.simulated), evidence.rerun("delay_all", LATE_S) / LATE_S]
@@ -222,7 +225,9 @@ class Search:
         names = (
             [n.mechanism.effect for n in named] + [f"parameter:{p}" for p in self.parameters] + ["sensor lag"]
         )
-        sd = np.array([PINNED if p == pinned else FREE[p] if p in free else HELD for p in self.parameters])
+        sd = np.array(
+            [PINNED if p == pinned else FREE[p] if p in free else self._held for p in self.parameters]
+        )
         as_given = np.array([1.0 / (1.0 + self.e.moved.get(p, 0.0)) - 1.0 for p in self.parameters])
         prior = Prior.join(*(n.prior for n in named), Prior(as_given, sd, np.zeros(len(sd))), *self._lateness)
         layout, at = [], 0

@@ -9,11 +9,13 @@ from typing import Any
 from deeptruck_model.mismatch.causes import SURE
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.page_words import opened, spoken
+from deeptruck_model.mismatch.worth_saying import ENOUGH
 
 IN_PLACE = (  # the bars of the figure are another comparison, and have other numbers
     "These nats are of the one put in place of the other in the whole explanation; the figure of names below "
     "tries each alone."
 )
+UNDECIDED = f"So little decides nothing (below {ENOUGH:.0f} nats), and the probability is shared."
 LIMIT = (
     "The fit alone would be surer; the probability is that with which such names proved right, as a truck "
     "may hold a force unlike every form that was tried."
@@ -56,7 +58,9 @@ def _does_better(name: str, better: Sequence[str], worse: dict[str, float]) -> s
     """That the data speak for other names in its place: a low probability is then no slip."""
     each = [f"{spoken(n)} by {-worse[n]:.1f} nats" for n in better]
     listed = " and ".join(filter(None, [", ".join(each[:-1]), each[-1]]))
-    return opened(f"in place of {spoken(name)}, these fit the data better than it does: {listed}.")
+    said = opened(f"in place of {spoken(name)}, these fit the data better than it does: {listed}.")
+    little = max(-worse[n] for n in better) < ENOUGH
+    return f"{said} {UNDECIDED}" if little else said
 
 
 def _decided(name: str, rival: str, worse: float | None) -> str:

@@ -19,24 +19,20 @@ from deeptruck_model.mismatch import (
     findings,
     formula,
     identifiability,
-    lateness,
+    linearised,
     locate,
     manoeuvres,
-    own_error,
     validation_words,
 )
 from deeptruck_model.mismatch.causes import Explanation
 from deeptruck_model.mismatch.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.explain import explain
-from deeptruck_model.mismatch.growing import first_guess
 from deeptruck_model.mismatch.improvement import Errors
 from deeptruck_model.mismatch.inputs import each_once, same_signals, too_little, unusable, with_held_out
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.output import apply, write
 from deeptruck_model.mismatch.prepared import Prepared, learned, prepare
 from deeptruck_model.mismatch.residual import PARAMETERS, gather
-from deeptruck_model.mismatch.search import POSSIBLE, Model, Search, changed_by
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
 
@@ -50,9 +46,6 @@ NAMED = (*LIBRARY, *findings.NAMES, "acceleration_bias", "speed_scale", "unknown
 OTHER_GEAR = "the simulator drives in another gear than was recorded"
 STRANGE = "the simulator has learned from no driving at such speeds, commands and slopes"
 OF_THIS_MASS = "forces in N are for a mass of {:.3g} t: the simulator does not tell its own; scale them"
-WORTH_MOVING = 20.0  # nats
-# Beyond this relative change parameters are set in the simulator, and all is linearised again; and once more.
-RETUNE, SETTLED, RETUNES = 0.05, 0.02, 3
 
 
 @dataclass(frozen=True)
@@ -156,7 +149,7 @@ def _find(
     e = gather(simulator, c.prepared, c.held_out, seed=seed)
     if little := too_little(e):
         return _useless(replace(c, useless=little, data=_data(c, e)))
-    e, x = _explained(simulator, e, c.prepared, c.held_out, seed, exclude, say)
+    e, x = linearised.explained(simulator, e, c.prepared, c.held_out, seed, exclude, say)
     say("correcting the simulator and driving it free")
     x, (errors, corrected, fit) = correction.corrected_and_driven(
         simulator, e, x, c.part(held_out=False), c.part(held_out=True), with_unnamed
@@ -241,59 +234,6 @@ def _listed(segments: Sequence[locate.Segment], offset: int) -> list[dict[str, A
         }
         for s in segments
     ]
-
-
-def _explained(
-    simulator: Simulator,
-    evidence: Evidence,
-    prepared: Sequence[Prepared],
-    flags: Sequence[bool],
-    seed: int,
-    exclude: Sequence[str],
-    say: Callable[[str], None],
-) -> tuple[Evidence, Explanation]:
-    """Search; where parameters are far off, set them in the simulator first and linearise again."""
-    say("searching for what is missing")
-    own = simulator.parameters()
-    itself = own_error.known(simulator, prepared[0].measured_acceleration, seed)
-    if itself is not None:
-        say("learning the simulator's own error from the recordings it keeps")
-        evidence = own_error.allow_for(evidence, itself)
-    elif not own:
-        evidence = replace(evidence, own_error=own_error.UNKNOWN, slow_noise=own_error.UNKNOWN)
-    search = lateness.beside_it(Search(evidence, exclude=exclude), exclude)
-    for turn in range(RETUNES):
-        guess = first_guess(search)
-        change = {p: changed_by(p, guess.change(p)) for p in search.parameters if p in own}
-        if all(abs(c) <= (SETTLED if turn else RETUNE) for c in change.values()):
-            break
-        say("searching around the refitted parameters")
-        total = {p: search.e.total_change(p, c) for p, c in change.items()}
-        moved = {p: float(np.clip(c, *POSSIBLE[p])) for p, c in total.items() if abs(c) > 0.005}
-        tuned = simulator.with_parameters({p: own[p] * (1 + c) for p, c in moved.items()})
-        around = gather(tuned, prepared, flags, seed=seed, moved=moved)
-        anew = lateness.beside_it(Search(around, exclude=exclude), exclude)
-        if not _better((search, guess), anew, 0.0 if turn else WORTH_MOVING):
-            break
-        search = anew
-    return search.e, explain(search)
-
-
-def _better(given: tuple[Search, Model], moved: Search, by: float) -> bool:
-    """Whether the search around the moved parameters explains more of what both may use, `by` nats.
-
-    Parameters can make up for a force they have nothing to do with, if they are moved far enough; and mass,
-    gains and drag all scaled alike change next to nothing.
-    """
-    both = given[0].e.valid & moved.e.valid
-    doubt = np.maximum(given[0].e.disagreement, moved.e.disagreement)  # rows weigh alike in both
-    sigma = max(given[0].sigma, moved.sigma)
-    guesses = [given, (moved, first_guess(moved))]
-    scores = [
-        Search(replace(s.e, disagreement=doubt), only=both, sigma=sigma).model(guess.named, guess.free).score
-        for s, guess in guesses
-    ]
-    return bool(scores[1] > scores[0] + by)
 
 
 def _overall(found: Sequence[findings.Finding]) -> str:

@@ -37,6 +37,13 @@ def test_a_drive_that_is_fitted_and_held_out_is_held_out(drives: list[Recording]
     assert len(said) == 2 and "'copy' was given twice" in said[1]
 
 
+def test_cruises_at_one_speed_are_told_by_their_commands(drives: list[Recording]) -> None:
+    other = drives[0].channels["engine_command"] + 1.0
+    uphill = replace(drives[0], name="uphill", channels=drives[0].channels | {"engine_command": other})
+    fit, _, said = each_once([drives[0], uphill], [])
+    assert (names(fit), said) == (["d0", "uphill"], [])
+
+
 def test_drives_cannot_be_their_own_judges(drives: list[Recording]) -> None:
     fit, held, said = each_once(drives[:2], drives[:2])
     assert names(fit) == ["d0", "d1"] and held == [] and "other drives must judge" in said[0]

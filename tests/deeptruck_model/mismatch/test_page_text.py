@@ -45,6 +45,11 @@ def test_a_rival_that_does_better_is_said_to() -> None:
     assert "hardly" not in said and "-" not in said
 
 
+def test_a_rival_that_does_little_better_leaves_it_undecided() -> None:
+    assert told_apart.UNDECIDED in told("rolling_resistance", accessory_load=-3.0)
+    assert told_apart.UNDECIDED not in told("rolling_resistance", accessory_load=-300.0)
+
+
 def test_where_no_nats_were_told_none_are_explained() -> None:
     assert "nats" not in told("accessory_load", unknown=0.0)
     assert "nothing: it may do as well" in told("rolling_resistance", brake_gain=0.0)

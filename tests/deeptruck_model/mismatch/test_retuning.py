@@ -64,3 +64,23 @@ def test_the_zero_of_a_slope_sensor_is_no_rolling_resistance() -> None:
         r.channels["grade"] += 0.0006
     verdict = mismatch.find_mismatch(TRUCK, recorded[:3], recorded[3:]).verdict
     assert verdict["verdict"] == "nothing_missing"
+
+
+class Wind:
+    """A steady headwind of 6 m/s on a drag area of 6 m^2."""
+
+    def reset(self, batch: int) -> None:
+        """It remembers nothing."""
+
+    def force(self, view: trucks.View, dt: float) -> np.ndarray:
+        return -3.6 * ((view.speed + 6.0) ** 2 - view.speed**2) * (view.speed > 0.5)
+
+
+def test_brakes_too_strong_get_too_hot_in_the_simulator_which_is_no_other_fade() -> None:
+    other = TRUCK.with_parameters({"mass": 1.3 * MASS, "brake_gain": 0.75}).with_forces([Wind()])
+    recorded = drives(other)
+    findings = mismatch.find_mismatch(TRUCK, recorded[:3], recorded[3:]).verdict["findings"]
+    assert {f["effect"] for f in findings} == {"mass", "brake_gain", "headwind"}
+    sizes = {f["effect"]: f["parameters"] for f in findings}
+    assert sizes["mass"]["mass"]["value"] == pytest.approx(1.3 * MASS, rel=0.02)
+    assert sizes["brake_gain"]["brake_gain"]["value"] == pytest.approx(0.75, rel=0.02)

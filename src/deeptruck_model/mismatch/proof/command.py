@@ -15,6 +15,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from deeptruck_model import exclusive, whole_file
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.proof.cases import Case, make_case
 from deeptruck_model.mismatch.proof.concealed import data_folder, examine_concealed
@@ -52,14 +53,9 @@ def prove(
     One folder a case; a scored case is skipped when `resume`, else `out` must not exist. Level
     nothing_missing gets NULL_FACTOR times the cases. `forms` are the laws that are hidden, one of FORMS.
     Raises InputError for unknown levels, simulators or forms, or an `out` in use."""
-    unknown = [name for name in levels if name not in LEVELS]
-    unknown += [s for s in simulators if s not in SIMULATORS]
-    unknown += [forms] if forms not in FORMS else []
-    if unknown:
-        raise InputError(
-            f"unknown {', '.join(unknown)}; levels: {', '.join(LEVELS)}; simulators: physics, deep;"
-            f" forms: {', '.join(FORMS)}"
-        )
+    _known("level", levels, LEVELS)
+    _known("simulator", simulators, SIMULATORS)
+    _known("forms", [forms], FORMS)
     if out.exists() and not resume:
         raise InputError(f"{out} exists already; resume it, choose another folder or remove it")
     if out.exists() and not (out / "cases").is_dir() and (not out.is_dir() or any(out.iterdir())):
@@ -70,10 +66,19 @@ def prove(
         for level in levels
         for k in range(cases_per_level * (NULL_FACTOR if level == "nothing_missing" else 1))
     ]
-    results = run_jobs(out / "cases", wanted, jobs=jobs)
-    command = f"deeptruck-model prove --out proof --cases {cases_per_level} --seed {seed} --forms {forms}"
-    real = examine_concealed(out / "concealed") if data_folder() else []
-    return write_page(results, out, command, real)
+    whole_file.check_folder(out)
+    (out / "cases").mkdir(parents=True, exist_ok=True)
+    with exclusive.writing(out):
+        results = run_jobs(out / "cases", wanted, jobs=jobs)
+        command = f"deeptruck-model prove --out proof --cases {cases_per_level} --seed {seed} --forms {forms}"
+        real = examine_concealed(out / "concealed") if data_folder() else []
+        return write_page(results, out, command, real)
+
+
+def _known(option: str, given: Sequence[str], known: Sequence[str]) -> None:
+    for name in given:
+        if name not in known:
+            raise InputError(f"--{option}: there is no '{name}'; choose from {', '.join(known)}")
 
 
 @app.command()

@@ -85,8 +85,10 @@ def test_scored_cases_are_not_made_again_and_broken_ones_do_not_stop_the_rest(tm
 
 
 def test_bad_requests_are_one_line(tmp_path):
-    with pytest.raises(InputError, match="easy"):
+    with pytest.raises(InputError, match="--level: there is no 'easy'; choose from plain"):
         prove(tmp_path / "p", levels=["easy"])
+    with pytest.raises(InputError, match="--simulator: there is no 'kraken'"):
+        prove(tmp_path / "p", simulators=["kraken"])
     with pytest.raises(InputError, match="exists"):
         prove(tmp_path, resume=False)
     (tmp_path / "mine.txt").touch()
