@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.mismatch import carried
 from deeptruck_model.mismatch.causes import Cause, Explanation
 from deeptruck_model.mismatch.data_checks import SensorFault
 from deeptruck_model.mismatch.evidence import Evidence
@@ -165,11 +166,13 @@ def _sizes(shape: Shape, model: Model, e: Evidence) -> dict[str, Any]:
     When within a sample a command came nobody knows, so that no delay is known better than that.
     """
     values, covariance = model.coefficients(shape.mechanism.effect), model.covariance(shape.mechanism.effect)
+    by = carried.factors(e.moved, {p: e.total_change(p, model.change(p)) for p in model.free})
     weights: dict[str, Array] = {}
     told: dict[str, Column] = {}
     for k, part in enumerate(shape.parts):
         for name, weight in part.course or ((part.name, 1.0),):
             factor = weight * part.factor * (e.mass if part.per_mass else 1.0)
+            factor *= carried.ratio(part, e, by) if e.moved else 1.0
             weights.setdefault(name, np.zeros(len(shape.parts)))[k] = factor
             told[name] = part
     sizes: dict[str, tuple[float, float, str]] = {

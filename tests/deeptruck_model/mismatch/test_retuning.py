@@ -79,8 +79,12 @@ class Wind:
 def test_brakes_too_strong_get_too_hot_in_the_simulator_which_is_no_other_fade() -> None:
     other = TRUCK.with_parameters({"mass": 1.3 * MASS, "brake_gain": 0.75}).with_forces([Wind()])
     recorded = drives(other)
-    findings = mismatch.find_mismatch(TRUCK, recorded[:3], recorded[3:]).verdict["findings"]
-    assert {f["effect"] for f in findings} == {"mass", "brake_gain", "headwind"}
-    sizes = {f["effect"]: f["parameters"] for f in findings}
+    verdict = mismatch.find_mismatch(TRUCK, recorded[:3], recorded[3:]).verdict
+    sizes = {f["effect"]: f["parameters"] for f in verdict["findings"]}
+    assert set(sizes) == {"mass", "brake_gain", "headwind"}
     assert sizes["mass"]["mass"]["value"] == pytest.approx(1.3 * MASS, rel=0.02)
     assert sizes["brake_gain"]["brake_gain"]["value"] == pytest.approx(0.75, rel=0.02)
+    low, high = sizes["headwind"]["wind"]["ci95"]
+    assert low < 6.0 < high < 8.0
+    errors = {name: verdict["fit"][name]["speed_rmse"] for name in ("before", "parameters_only", "after")}
+    assert errors["after"] < 0.05 * errors["before"] and errors["after"] < errors["parameters_only"]
