@@ -12,7 +12,7 @@ from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.page_words import number, opened, percent, prose, spoken
 from deeptruck_model.mismatch.search import POSSIBLE
 from deeptruck_model.mismatch.told_apart import apart
-from deeptruck_model.mismatch.validation_words import parameters_may_do_as_well
+from deeptruck_model.mismatch.validation_words import parameters_alone, parameters_may_do_as_well
 from deeptruck_model.mismatch.worth_saying import ENOUGH
 
 if TYPE_CHECKING:
@@ -83,8 +83,10 @@ def _improves(v: dict[str, Any]) -> str:
     laws = " and laws without a name" if fit.get("with_unnamed") else ""
     alone = f", where refitted parameters alone reach {number(tuned)}"
     beside = alone if parameters_may_do_as_well(fit) else ""
+    what = "it" if len(v["findings"]) == 1 else "them"
+    with_this = "its parameters alone refitted" if parameters_alone(fit) else f"{what}{laws} corrected"
     return (
-        f"; with {'it' if len(v['findings']) == 1 else 'them'}{laws} corrected, the speed error of "
+        f"; with {with_this}, the speed error of "
         f"{number(fit['horizon_s'])} s free runs on held-out recordings falls from {number(old)} to "
         f"{number(new)} m/s{beside}"
     )

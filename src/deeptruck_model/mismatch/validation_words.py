@@ -57,6 +57,12 @@ def worse_than_parameters(fit: dict[str, Any]) -> bool:
     return beside is not None and bool(beside[1] < 0.0)
 
 
+def parameters_alone(fit: dict[str, Any]) -> bool:
+    """Whether the correction is refitted parameters and nothing else."""
+    beside = fit.get("improvement_over_parameters_ci95")
+    return beside is not None and not any(beside)
+
+
 def parameters_may_do_as_well(fit: dict[str, Any]) -> bool:
     """Whether the held-out recordings do not surely show more than that parameters needed tuning."""
     beside = fit.get("improvement_over_parameters_ci95")
@@ -74,7 +80,7 @@ def _beside_parameters(fit: dict[str, Any]) -> list[str]:
     beside = fit.get("improvement_over_parameters_ci95")
     if not beside:
         return []
-    if beside[0] == beside[1] == 0.0:
+    if parameters_alone(fit):
         return ["The correction is refitted parameters alone: they drove the fitted recordings best."]
     what = "the findings and laws without a name are" if fit.get("with_unnamed") else "the findings are"
     better = BETTER.format(what=what)

@@ -64,6 +64,13 @@ def test_the_first_sentence_owns_up(beside: list[float]) -> None:
     assert page_text.sentence(v).endswith("to 0.1 m/s, where refitted parameters alone reach 0.05.")
 
 
+def test_no_name_is_credited_where_parameters_alone_went_in() -> None:
+    v = verdict("missing_physics", mismatch("missing_physics").findings)
+    assert "corrected, the speed error" in page_text.sentence(v)
+    v["fit"] |= {"improvement_over_parameters_ci95": [0.0, 0.0]}
+    assert "; with its parameters alone refitted, the speed error" in page_text.sentence(v)
+
+
 @pytest.mark.parametrize(
     ("free", "asked", "told"), [(0.2, False, True), (0.48, False, False), (0.2, True, False)]
 )
