@@ -30,7 +30,6 @@ Mask = NDArray[np.bool_]
 HORIZON_S = 40.0
 INTERVAL_S = 20.0  # of free runs whose improvement has an interval: twice as many as of HORIZON_S
 COMPARED = ("before", "parameters_only", "after")
-CLEARLY = 0.5  # standard errors by which another correction than the whole explanation must drive better
 FOLDS = 3  # of the recordings that are not held out, to choose what goes in
 
 
@@ -89,7 +88,7 @@ def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequenc
         recipes.append(unnamed)  # these laws are the form of a name
     folds = _folds(e, prepared) if len(recipes) > 1 else []
     driven = [_crossed(simulator, recipe, folds, shares) for recipe in recipes] if folds else []
-    best = _chosen(driven) if driven else 0
+    best = int(np.argmin([_mean_square(errors) for errors in driven])) if driven else 0
     seen = len(folds) < FOLDS or best == 0
     return Corrections(
         alone.corrected(simulator, search, shares),
@@ -104,17 +103,6 @@ def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequenc
 def _as_given(e: Evidence, only: Mask) -> Search:
     """A search in which parameters that are not corrected stay as given: the others fit beside them so."""
     return Search(e, only=only, held=PINNED)
-
-
-def _chosen(driven: Sequence[Errors]) -> int:
-    """Index of the recipe that drives best; of the whole explanation, which comes second, where the best is
-    not clearly better: a shift that one run makes and another does not may outweigh all else."""
-    squares = np.array([np.mean(errors.speed**2, axis=1) for errors in driven])
-    if squares.shape[1] == 0:
-        return 0
-    best = int(np.argmin(squares.mean(axis=1)))
-    lead = squares[1] - squares[best]
-    return 1 if lead.mean() < CLEARLY * np.std(lead) / np.sqrt(len(lead)) else best
 
 
 def _folds(e: Evidence, prepared: Sequence[Prepared]) -> list[_Fold]:
@@ -187,6 +175,10 @@ def _terms(shapes: Sequence[Shape], model: Model) -> list[Term]:
 
 def _change(e: Evidence, model: Model, free: Iterable[str]) -> dict[str, float]:
     return {p: float(np.clip(e.total_change(p, model.change(p)), *POSSIBLE[p])) for p in free}
+
+
+def _mean_square(errors: Errors) -> float:
+    return float(np.mean(errors.speed**2)) if len(errors.speed) else 0.0
 
 
 def _horizon(prepared: Sequence[Prepared]) -> float:
