@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from deeptruck_model.simulators import Simulator
 WORTH_MOVING = 20.0  # nats
 # Beyond this relative change parameters are set in the simulator, and all is linearised again; and once more.
 RETUNE, SETTLED, RETUNES = 0.05, 0.02, 3
+_guesses: WeakKeyDictionary[Search, Model] = WeakKeyDictionary()  # a search is large: no longer than it
 
 
 def explained(
@@ -103,9 +104,10 @@ def _alone(search: Search) -> Model:
     return search.background(())
 
 
-@lru_cache(maxsize=4)
 def _first_guess(search: Search) -> Model:
-    return first_guess(search)
+    if search not in _guesses:
+        _guesses[search] = first_guess(search)
+    return _guesses[search]
 
 
 def _better(given: Search, guess: Model, anew: Search, moved: Model, by: float) -> bool:
