@@ -21,9 +21,9 @@ def in_vain(
     x: Explanation, fit: dict[str, Any], *, learned: bool = False, slopes_recorded: bool = True
 ) -> bool:
     """Whether little was found, and corrected by it the simulator drives worse on recordings held out, or the
-    others best with nothing corrected; or no better than one with other parameters, where laws were found or
-    parameters beside a name, which hold on other drives too, or where it is a learned simulator, whose own
-    error may be found.
+    others best with nothing corrected, or with all parameters and no name; or no better than one with other
+    parameters, where laws were found or parameters beside a name, which hold on other drives too, or where it
+    is a learned simulator, whose own error may be found.
 
     A road helps other drives no more than another road does; where no slopes are recorded it is there.
     """
@@ -36,19 +36,24 @@ def in_vain(
     if most < ENOUGH and all(c.kind == "parameter_error" for c in x.causes):
         return bool(after > CLEARLY * before)
     physics = [c for c in x.causes if c.kind != "parameter_error"]
-    drifts = [_comes_and_goes(c) and (slopes_recorded or c.effect != ROAD) for c in physics]
-    only_drifts = bool(drifts) and all(drifts)
     names = [c.shape for c in x.causes if c.shape is not None]
-    only_laws = bool(names) and all(_lasting(shape) for shape in names)
-    if most < CLEAR and (only_drifts or only_laws) and after > NO_BETTER * before:
-        return True
-    if most < WEAK and only_drifts and after == tuned:
-        return True  # parameters went in instead of it
+    if most < CLEAR and all(_asked_of_other_drives(c, slopes_recorded) for c in physics):
+        if physics and after > NO_BETTER * before:
+            return True
+        enough = WEAK if any(_comes_and_goes(c) for c in physics) else CLEAR
+        if most < enough and after == tuned and (physics or len(x.causes) == 1):
+            return True  # all parameters went in instead
     if most >= WEAK:
         return False
     lasting = any(_lasting(shape) for shape in names) or 0 < len(names) < len(x.causes)
     left_out = after == before and not any("when" in shape.settings for shape in names)
     return bool(left_out or after > before or ((learned or lasting) and after > NO_BETTER * tuned))
+
+
+def _asked_of_other_drives(cause: Cause, slopes_recorded: bool) -> bool:
+    """Whether it must help them: a law, or what comes and goes but a road that is surely there."""
+    law = cause.shape is not None and _lasting(cause.shape)
+    return law or (_comes_and_goes(cause) and (slopes_recorded or cause.effect != ROAD))
 
 
 def _comes_and_goes(cause: Cause) -> bool:
