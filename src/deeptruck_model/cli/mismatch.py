@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -52,9 +52,15 @@ def mismatch(
     if replaced:
         print(f"  note: the result that was in {out} is replaced")
     for f in found.verdict["findings"]:
-        print(f"  {f['effect']}: {f['says']}")
+        print(f"  {f['effect']}: {f['says']} ({_how_sure(f)})")
     for caveat in found.verdict["caveats"]:
         print(f"  note: {caveat}")
+
+
+def _how_sure(finding: dict[str, Any]) -> str:
+    """Its probability, and what it may be instead."""
+    alike = ", ".join(finding["cannot_be_told_from"])
+    return f"probability {finding['probability']:.2f}" + (f"; or {alike}" if alike else "")
 
 
 def apply(

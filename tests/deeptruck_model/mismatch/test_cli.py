@@ -66,6 +66,7 @@ def test_from_bags_to_a_corrected_simulator(tmp_path: Path) -> None:
     )
     assert done.returncode == 0 and "Traceback" not in done.stderr
     assert done.stdout.startswith(f"parameter_error: see {out / 'report.html'}") and "  mass: " in done.stdout
+    assert "(probability " in done.stdout
     said = json.loads((out / "verdict.json").read_text())
     schema = importlib.resources.files(mismatch).joinpath("verdict.schema.json").read_text()
     jsonschema.validate(said, json.loads(schema))
