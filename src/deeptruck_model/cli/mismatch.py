@@ -59,8 +59,10 @@ def mismatch(
 
 def _how_sure(finding: dict[str, Any]) -> str:
     """Its probability, and what it may be instead."""
+    from deeptruck_model.mismatch.page_words import percent
+
     alike = ", ".join(finding["cannot_be_told_from"])
-    return f"probability {finding['probability']:.2f}" + (f"; or {alike}" if alike else "")
+    return f"probability {percent(finding['probability'])}" + (f"; or {alike}" if alike else "")
 
 
 def apply(

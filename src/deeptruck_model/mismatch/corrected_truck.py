@@ -27,8 +27,8 @@ from deeptruck_model.simulators import load as load_simulator
 Array = NDArray[np.float64]
 
 # 1: forces gave force per mass of acceleration; 2: brakes that hold a deceleration felt nothing that changes.
-# Coefficients of both mean something else.
-SCHEMA = 3
+# 3: forces were of the size they had about other parameters. Coefficients of all three mean something else.
+SCHEMA = 4
 
 
 @dataclass(frozen=True)
