@@ -21,7 +21,7 @@ def mismatch(
     recordings: Bags,
     out: Annotated[Path, typer.Option(help="Folder for verdict.json, report.html and simulator/.")],
     held_out: Annotated[list[Path] | None, typer.Option(help="Recordings used only to judge.")] = None,
-    more: Annotated[list[Path] | None, typer.Argument(hidden=True)] = None,
+    more: Annotated[list[Path] | None, typer.Argument(hidden=True, metavar="BAG")] = None,
     seed: Annotated[int, typer.Option(help="Of the input noise the simulator is tried with.", min=0)] = 0,
     with_unnamed: Annotated[
         bool, typer.Option(help="Correct what has no name too, by laws of the recorded signals.")

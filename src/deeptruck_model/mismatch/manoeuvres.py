@@ -69,7 +69,8 @@ def checked(found: Finding, simulator: Simulator, e: Evidence, model: Model) -> 
     if not rivals or not _law(model):
         return found
     said = [_said(name, separation(simulator, e, model, other)) for name, other in rivals]
-    words = f"{found.data['would_be_told_by']}; simulated on a flat road, {'; '.join(said)}"
+    would = found.data["would_be_told_by"]
+    words = f"{would}; of {len(MANOEUVRES)} others, simulated on a flat road, {'; '.join(said)}"
     return replace(found, data=found.data | {"would_be_told_by": words})
 
 
@@ -86,7 +87,7 @@ def separation(simulator: Simulator, e: Evidence, one: Model, other: Model) -> S
 
 def _said(rival: str, s: Separation) -> str:
     if s.telling < 1.0:
-        return f"nothing of {len(MANOEUVRES)} manoeuvres tells it from {rival} ({s.apart:.2f} m/s at most)"
+        return f"none tells it from {rival} ({s.apart:.2f} m/s at most)"
     return f"{s.words} tells it from {rival}: {s.apart:.1f} m/s apart after {s.after_s:.0f} s"
 
 

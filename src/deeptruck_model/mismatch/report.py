@@ -23,6 +23,7 @@ ROWS = {  # of the table before and after
     "after": "after: corrected by the findings",
     "free_model": "free model: corrected by laws without a name too",
 }
+ALONE = "after: all parameters refitted, no name, as these drove the fitted recordings best"
 
 
 def write(mismatch: Mismatch, out: Path) -> None:
@@ -89,9 +90,10 @@ def _fit(fit: dict[str, Any]) -> dict[str, Any] | None:
     """The before/after table; None where there was no free run to compare."""
     if "before" not in fit:
         return None
+    names = ROWS | ({"after": ALONE} if validation_words.parameters_alone(fit) else {})
     rows = [
         {
-            "name": ROWS[name],
+            "name": names[name],
             "speed": page_words.number(fit[name]["speed_rmse"]),
             "acceleration": page_words.number(fit[name]["acceleration_rmse"]),
         }

@@ -34,6 +34,8 @@ SLOW_S = 8.0  # smoothing of a slow force where it has no knots of its own
 PARAMETER_PRACTICAL = 0.025  # relative
 NEARLY_RIGHT = 0.015  # the same, as any simulator may be off; the interval must not reach it
 FEW = 0.5 * ENOUGH  # nats of a parameter that held-out drives must show
+ORDINARY_ZERO = 0.002  # of a slope sensor, rise over run; in one truck all drives have the same ...
+SURE_OF_IT = 240.0  # ... so that nats do not tell it from what rolls harder, but for many hours of driving
 
 
 def named_cause(search: Search, model: Model, shape: Shape) -> Cause:
@@ -186,10 +188,14 @@ def _clear_beside_as_given(search: Search, model: Model, before: Model, after: M
     return after.score - given.score > ENOUGH
 
 
-def _a_slope_sensors_zero(search: Search, before: Model, after: Model) -> bool:
-    """Whether that would do nearly as well: held-out drives have the same one, so that they show nothing."""
+def _a_slope_sensors_zero(search: Search, before: Model, after: Model) -> float:
+    """The zero that would do nearly as well, rise over run; infinite where none would. Held-out drives have
+    the same one, so that they show nothing."""
     (zero,) = search.shapes(LIBRARY["grade_bias"])
-    return search.model((*before.named, zero), before.free, before.fit).score > after.score - ENOUGH
+    instead = search.model((*before.named, zero), before.free, before.fit)
+    if instead.score < after.score - ENOUGH:
+        return float("inf")
+    return float(np.abs(instead.coefficients("grade_bias")).max())
 
 
 def _parameter(
@@ -208,9 +214,11 @@ def _parameter(
     if gain < least or not large:
         if not _clear_beside_as_given(search, model, before, after):
             return None
-        if not large and _a_slope_sensors_zero(search, before, after):
+        if not large and np.isfinite(_a_slope_sensors_zero(search, before, after)):
             return None
         gain = FEW
+    if gain < SURE_OF_IT and _a_slope_sensors_zero(search, before, after) < ORDINARY_ZERO:
+        return None
     rivals = tuple((n, after.score - m.score) for n, m in others)
     odds = 1.0 + sum(np.exp(-max(w, 0.0) / TEMPER) for _, w in rivals) + np.exp(-gain / TEMPER)
     return Cause(

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.mismatch import sensor_filter
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.mechanisms import (
     LIBRARY,
@@ -40,11 +41,6 @@ POSSIBLE = {
 LARGEST_SLOPE = 0.75  # what four times the mass does
 HELD, PINNED = 0.01, 0.001
 FREE = {"mass": 0.3, "drag_area": 0.3, "rolling_resistance": 0.4, "torque_gain": 0.15, "brake_gain": 0.25}
-# Filters of ordinary speed sensors and message periods make every response a little late (s); that is no
-# finding.
-LATE_S = 0.15
-SENSOR_LAG = Prior(np.array([0.03, 0.03]), np.array([0.06, 0.06]), np.zeros(2))
-LATE_SHARE = 0.3  # prior sd of the share of a delay that is known beside all else
 # Several delays side by side are any filter, and no delay; a sensor is off always or not at all.
 ONE_SIZE = ("command_delay", "clock_offset", "grade_bias")
 
@@ -108,12 +104,7 @@ class Search:
         self._held = held
         self.e = evidence
         self.parameters = tuple(evidence.sensitivity)
-        late = [-evidence.difference(evidence.simulated), evidence.rerun("delay_all", LATE_S) / LATE_S]
-        self._late = (
-            np.stack(late, axis=1) if evidence.late is None else np.column_stack([*late, evidence.late])
-        )
-        more = self._late.shape[1] - len(late)
-        self._lateness = (SENSOR_LAG, Prior(np.zeros(more), np.full(more, LATE_SHARE), np.zeros(more)))
+        self._late, self._lateness = sensor_filter.known(evidence)
         self.series: Series = evidence.series(1e9, only)
         if sigma is None:
             sigma = fit(self.series, *self._design((), frozenset(self.parameters))[:2]).sigma
@@ -229,7 +220,7 @@ class Search:
             [PINNED if p == pinned else FREE[p] if p in free else self._held for p in self.parameters]
         )
         as_given = np.array([1.0 / (1.0 + self.e.moved.get(p, 0.0)) - 1.0 for p in self.parameters])
-        prior = Prior.join(*(n.prior for n in named), Prior(as_given, sd, np.zeros(len(sd))), *self._lateness)
+        prior = Prior.join(*(n.prior for n in named), Prior(as_given, sd, np.zeros(len(sd))), self._lateness)
         layout, at = [], 0
         for name, block in zip(names, blocks, strict=True):
             layout.append((name, slice(at, at + block.shape[1])))

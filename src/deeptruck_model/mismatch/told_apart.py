@@ -8,7 +8,7 @@ from typing import Any
 
 from deeptruck_model.mismatch.causes import SURE
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.page_words import opened, spoken
+from deeptruck_model.mismatch.page_words import opened, percent, spoken
 from deeptruck_model.mismatch.worth_saying import ENOUGH
 
 IN_PLACE = (  # the bars of the figure are another comparison, and have other numbers
@@ -17,8 +17,8 @@ IN_PLACE = (  # the bars of the figure are another comparison, and have other nu
 )
 UNDECIDED = f"So little decides nothing (below {ENOUGH:.0f} nats), and the probability is shared."
 LIMIT = (
-    "The fit alone would be surer; the probability is that with which such names proved right, as a truck "
-    "may hold a force unlike every form that was tried."
+    "The fit alone would be surer; the probability is {} at most, with which such names proved right, as a "
+    "truck may hold a force unlike every form that was tried."
 )
 
 
@@ -36,7 +36,8 @@ def apart(f: dict[str, Any]) -> str:
     if others:
         decided = "; ".join(_decided(f["effect"], n, worse.get(n)) for n in others)
         said.append(f"What decided{' against the others' if better else ''}: {decided}.")
-    return " ".join([*said, *([IN_PLACE] if " nats" in " ".join(said) else [])])
+    in_place = [IN_PLACE] if " nats" in " ".join(said) else []
+    return " ".join([*said, *in_place, *_at_the_limit(f)])
 
 
 def _beats_all(worse: dict[str, float]) -> str:
@@ -49,9 +50,10 @@ def _beats_all(worse: dict[str, float]) -> str:
 
 
 def _at_the_limit(f: dict[str, Any]) -> list[str]:
-    """Why a name that beats all others is not surer."""
-    limited = f["kind"] == "missing_physics" and f["probability"] == SURE[0]
-    return [LIMIT] if limited else []
+    """Why a name is no surer than it is."""
+    most = SURE[min(len(f["cannot_be_told_from"]), len(SURE) - 1)]
+    limited = f["kind"] == "missing_physics" and f["probability"] == most
+    return [LIMIT.format(percent(most))] if limited else []
 
 
 def _does_better(name: str, better: Sequence[str], worse: dict[str, float]) -> str:

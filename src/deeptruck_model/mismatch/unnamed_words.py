@@ -11,6 +11,7 @@ from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.mechanisms import LIBRARY, UNNAMED
 from deeptruck_model.mismatch.road_lock import RoadLock
 
+MOSTLY = 0.6  # of the time, beyond which a force is no event
 ONE_WAY = 0.5  # of its rms that the mean of a force must have, to tell its size
 AT_ITS_MOMENTS = "record more signals, and look what else happens at the moments listed under segments"
 
@@ -22,7 +23,10 @@ def strength(cause: Cause, e: Evidence) -> str:
     newtons = e.newtons(cause.force)[e.valid][acting] if acting.any() else np.zeros(1)
     mean, rms = float(np.mean(newtons)), float(np.sqrt(np.mean(newtons**2)))
     size = f"{mean:+.0f} N on average" if abs(mean) > ONE_WAY * rms else f"{rms:.0f} N rms, forward and back,"
-    return f"{size} while it acts, {100.0 * float(np.mean(acting)):.0f} % of the time"
+    share = float(np.mean(acting))
+    if share > MOSTLY:
+        return f"{size}"
+    return f"{size} while it acts, {100.0 * share:.0f} % of the time"
 
 
 def slow(cause: Cause) -> dict[str, Any]:

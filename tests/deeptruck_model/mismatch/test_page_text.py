@@ -13,6 +13,8 @@ from deeptruck_model.mismatch.causes import SURE, Cause
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.unnamed_words import strength
 
+UNSURE = {"kind": "missing_physics", "probability": 0.3}
+
 
 @pytest.mark.parametrize(
     ("rivals", "said"),
@@ -26,6 +28,7 @@ def test_unknown_is_in_a_group_by_its_signals_or_as_a_force_that_comes_and_goes(
 ) -> None:
     finding: dict[str, Any] = {
         "effect": "headwind",
+        **UNSURE,
         "cannot_be_told_from": ["unknown"],
         "rivals": [{"effect": name, "worse_by_nats": worse} for name, worse in rivals.items()],
     }
@@ -34,7 +37,7 @@ def test_unknown_is_in_a_group_by_its_signals_or_as_a_force_that_comes_and_goes(
 
 def told(effect: str, **worse: float) -> str:
     rivals = [{"effect": n, "worse_by_nats": w} for n, w in worse.items()]
-    return told_apart.apart({"effect": effect, "cannot_be_told_from": [*worse], "rivals": rivals})
+    return told_apart.apart(UNSURE | {"effect": effect, "cannot_be_told_from": [*worse], "rivals": rivals})
 
 
 def test_a_rival_that_does_better_is_said_to() -> None:
@@ -70,7 +73,14 @@ def test_a_name_that_beats_all_others_says_why_it_is_not_surer(
     finding = {"effect": "headwind", "kind": kind, "probability": probability, "cannot_be_told_from": []}
     said = told_apart.apart(finding | {"rivals": [{"effect": "road_grade", "worse_by_nats": 20.0}]})
     assert said.startswith("It is told from every other name; the next best, road grade, is 20 nats worse.")
-    assert said.endswith(told_apart.LIMIT) == explained
+    assert said.endswith(told_apart.LIMIT.format("80 %")) == explained
+
+
+def test_a_name_beside_another_says_why_it_is_not_surer() -> None:
+    """'50 %' stood beside a lead of 6.5 nats without a reason."""
+    finding = {"effect": "headwind", "kind": "missing_physics", "probability": SURE[1]}
+    said = told_apart.apart(finding | {"cannot_be_told_from": ["rolling_resistance"]})
+    assert said.endswith(told_apart.LIMIT.format("50 %"))
 
 
 def test_no_name_of_the_program_is_in_a_sentence() -> None:
@@ -128,7 +138,7 @@ def test_what_would_settle_it_is_in_words() -> None:
         "equation": "F = 0",
         "depends_on": [],
         "cannot_be_told_from": ["rolling_resistance_speed", "unknown"],
-        "would_be_told_by": "coast down; nothing of 8 manoeuvres tells it from rolling_resistance_speed",
+        "would_be_told_by": "coast down; of 8 others, none tells it from rolling_resistance_speed",
     }
     shown = page_text._finding(0, finding)
     assert not re.search(

@@ -6,10 +6,25 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from deeptruck_model.mismatch import rivals
 from deeptruck_model.mismatch.evidence import Evidence
+
+
+def looked_at(e: Evidence, gain: float, change: float, sd: float, zero: tuple[float, float]) -> bool:
+    """Whether a torque gain worth `gain` nats is told, where a slope sensor's `zero` has a score and a size,
+    rise over run."""
+    large = {name: 5.0 * column for name, column in e.sensitivity.items()}
+    instead = SimpleNamespace(score=zero[0], coefficients=lambda name: np.array([zero[1]]))
+    search: Any = SimpleNamespace(
+        e=replace(e, sensitivity=large), shapes=lambda mechanism: ["zero"], model=lambda *_: instead
+    )
+    before: Any = SimpleNamespace(free=frozenset(), score=0.0, named=(), fit=None)
+    after: Any = SimpleNamespace(free=frozenset({"torque_gain"}), score=gain)
+    model: Any = SimpleNamespace(change=lambda name: change, change_sd=lambda name: sd, named=())
+    return rivals._parameter(search, model, before, after, []) is not None
 
 
 @pytest.mark.parametrize(
@@ -20,10 +35,21 @@ def test_a_parameter_that_may_be_as_nearly_right_as_any_is_not_told(
     nothing_missing: Evidence, change: float, sd: float, told: bool
 ) -> None:
     """A mass given 1.2 % too small came out as 3.4 +- 2.3 % and was told."""
-    large = {name: 5.0 * column for name, column in nothing_missing.sensitivity.items()}
-    search: Any = SimpleNamespace(e=replace(nothing_missing, sensitivity=large))
-    before: Any = SimpleNamespace(free=frozenset(), score=0.0)
-    after: Any = SimpleNamespace(free=frozenset({"torque_gain"}), score=32.0)
-    model: Any = SimpleNamespace(change=lambda name: change, change_sd=lambda name: sd, named=())
-    cause = rivals._parameter(search, model, before, after, [])
-    assert (cause is not None) == told
+    assert looked_at(nothing_missing, 32.0, change, sd, (-99.0, 0.001)) == told
+
+
+@pytest.mark.parametrize(
+    ("gain", "zero", "told"),
+    [
+        (52.0, (49.0, 0.0011), False),
+        (52.0, (49.0, -0.0011), False),
+        (52.0, (49.0, 0.003), True),
+        (52.0, (20.0, 0.0011), True),
+        (300.0, (297.0, 0.0011), True),
+    ],
+)
+def test_a_parameter_is_not_told_where_an_ordinary_zero_of_the_slope_sensor_does_as_well(
+    nothing_missing: Evidence, gain: float, zero: tuple[float, float], told: bool
+) -> None:
+    """Rolling resistances 16 to 28 % off had been told of trucks that had them right."""
+    assert looked_at(nothing_missing, gain, 0.2, 0.02, zero) == told

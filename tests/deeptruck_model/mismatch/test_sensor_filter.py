@@ -1,0 +1,55 @@
+"""A sensor's filter is known beside all that is searched, and nothing else makes up for it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter1d
+
+from deeptruck_model.mismatch import sensor_filter
+from deeptruck_model.mismatch.candidates import candidates
+from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.search import Search
+
+FILTER_S = 0.2  # sd of what a sensor smooths
+
+
+@pytest.fixture(scope="module")
+def smoothed(nothing_missing: Evidence) -> Evidence:
+    """A truck that shifts, so that its acceleration jumps, as a sensor shows it that smooths."""
+    e = nothing_missing
+    pull = np.where(np.arange(len(e)) % 60 < 10, 0.0, 1.0)  # a shift every 12 s
+    smooth = gaussian_filter1d(pull, FILTER_S / e.dt)
+    signals = e.signals | {"simulated": pull, "acceleration": pull, "engine": pull}
+    return replace(e, signals=signals, simulated=pull, residual=e.residual + smooth - pull)
+
+
+def test_nothing_makes_up_for_it(smoothed: Evidence, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Loads that slosh and engines that rub had been found in trucks in which nothing was missing."""
+    beside = Search(smoothed)
+    monkeypatch.setattr(sensor_filter, "REACH_S", 0.0)
+    without = Search(smoothed, sigma=beside.sigma)  # rows weigh alike in both
+    assert beside.background(()).score > without.background(()).score + 100.0
+    assert _most(without) > 20.0 > _most(beside)
+
+
+@pytest.mark.parametrize(("dt", "shares"), [(0.2, 6), (0.5, 2), (1.0, 0)])
+def test_it_reaches_as_far_as_a_sensors_filter(nothing_missing: Evidence, dt: float, shares: int) -> None:
+    columns, prior = sensor_filter.known(replace(nothing_missing, dt=dt))
+    assert columns.shape == (len(nothing_missing), 2 + shares)
+    assert len(prior.mean) == 2 + shares
+
+
+def test_it_does_not_reach_into_another_drive(nothing_missing: Evidence) -> None:
+    e = nothing_missing
+    where = e.record.astype(float)  # the same all along each drive
+    columns, _ = sensor_filter.known(replace(e, simulated=where))
+    assert len(e.stretches) > 1
+    assert np.abs(columns[:, 2:]).max() == 0.0
+
+
+def _most(search: Search) -> float:
+    base = search.background(())
+    return max(m.score for m in candidates(search, base)) - base.score
