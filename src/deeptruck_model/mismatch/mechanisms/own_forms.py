@@ -90,6 +90,7 @@ GEARED = ("ratio", "engine_speed")
 PUMP = LEVER * -1.0  # a pump takes a torque, a fan one with speed squared
 FAN = LEVER * (ENGINE_SPEED / OMEGA) ** 2 * -1.0
 LATE = RisingLag((PULL,), 1.0) - PULL
+GRIPPED = PULL - BRAKE  # what the tyres hold
 
 OWN: dict[str, tuple[Form, ...]] = {
     "brake_fade": tuple(
@@ -240,6 +241,10 @@ OWN: dict[str, tuple[Form, ...]] = {
     "torque_converter_slip": (
         Form(PULL * -1.0, minimum(SPEED, LOCKED_M_S), "speed", "falling"),
         Form(PULL, minimum(SPEED, LOCKED_M_S), "speed", "falling"),
+    ),
+    "wheel_slip": tuple(
+        Form(force * -1.0, absolute(force), by, "rising", sd=0.6, knots=UPPER)
+        for force, by in ((PULL, "traction force"), (GRIPPED, "force of the tyres"))
     ),
     "rotating_inertia": (Form(SIMULATED * -1.0, LEVER, "ratio", "rising", needs=("ratio",)),),
 }
