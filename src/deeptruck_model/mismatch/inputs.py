@@ -17,7 +17,7 @@ from deeptruck_model.simulators import Simulator
 HELD_OUT_SHARE = 0.3
 LEAST_S = 60.0
 SAME_DRIVES = (
-    "few recordings and none held out: the last 30 % of each was set aside, "
+    "few recordings and no other held out: the last 30 % of each was set aside, "
     "so what is claimed holds for the same drives only"
 )
 
@@ -65,7 +65,7 @@ def each_once(
     caveats: list[str] = []
     if all(any(_same(r, h) for h in held) for r in fit):
         held = ()
-        caveats = ["the held-out recordings are those to be fitted: other drives must judge"] if fit else []
+        caveats = ["the held-out recordings are those to be fitted and judge nothing; give other drives"] if fit else []
     chosen: list[Recording] = list(held)
     kept: list[Recording] = []
     for r in fit:
@@ -97,7 +97,7 @@ def with_held_out(
         return (
             fit,
             [False] * (len(fit) - count) + [True] * count,
-            [f"no held-out recordings were given: the last {count} were set aside"],
+            [f"no other drive held out: the last {count} were set aside"],
         )
     pieces, flags = [], []
     for r in fit:

@@ -16,6 +16,10 @@ IN_PLACE = (  # the bars of the figure are another comparison, and have other nu
     "tries each alone."
 )
 UNDECIDED = f"So little decides nothing (below {ENOUGH:.0f} nats), and the probability is shared."
+REFITTED = (
+    "Beside all parameters refitted none of them gained what a name needs at a size it can have, so that the "
+    "parameter is told."
+)
 LIMIT = (
     "The fit alone would be surer; the probability is {} at most, with which such names proved right, as a "
     "truck may hold a force unlike every form that was tried."
@@ -33,6 +37,7 @@ def apart(f: dict[str, Any]) -> str:
     said = [f"It cannot be told from {', '.join(spoken(n) for n in group)}."]
     if better:
         said.append(_does_better(f["effect"], better, worse))
+        said += [REFITTED] if f["kind"] == "parameter_error" else []
     if others:
         decided = "; ".join(_decided(f["effect"], n, worse.get(n)) for n in others)
         said.append(f"What decided{' against the others' if better else ''}: {decided}.")

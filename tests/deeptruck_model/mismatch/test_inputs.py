@@ -46,7 +46,7 @@ def test_cruises_at_one_speed_are_told_by_their_commands(drives: list[Recording]
 
 def test_drives_cannot_be_their_own_judges(drives: list[Recording]) -> None:
     fit, held, said = each_once(drives[:2], drives[:2])
-    assert names(fit) == ["d0", "d1"] and held == [] and "other drives must judge" in said[0]
+    assert names(fit) == ["d0", "d1"] and held == [] and "give other drives" in said[0]
 
 
 def test_a_command_that_was_never_valid_is_lacking(drives: list[Recording]) -> None:

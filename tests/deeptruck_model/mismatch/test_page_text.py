@@ -48,6 +48,13 @@ def test_a_rival_that_does_better_is_said_to() -> None:
     assert "hardly" not in said and "-" not in said
 
 
+def test_a_parameter_that_a_name_beats_says_why_it_is_told_nevertheless() -> None:
+    finding = UNSURE | {"effect": "drag_area", "cannot_be_told_from": ["headwind"]}
+    rivals = {"rivals": [{"effect": "headwind", "worse_by_nats": -61.0}]}
+    assert told_apart.REFITTED in told_apart.apart(finding | rivals | {"kind": "parameter_error"})
+    assert told_apart.REFITTED not in told_apart.apart(finding | rivals)
+
+
 def test_a_rival_that_does_little_better_leaves_it_undecided() -> None:
     assert told_apart.UNDECIDED in told("rolling_resistance", accessory_load=-3.0)
     assert told_apart.UNDECIDED not in told("rolling_resistance", accessory_load=-300.0)
@@ -80,7 +87,7 @@ def test_a_name_beside_another_says_why_it_is_not_surer() -> None:
     """'50 %' stood beside a lead of 6.5 nats without a reason."""
     finding = {"effect": "headwind", "kind": "missing_physics", "probability": SURE[1]}
     said = told_apart.apart(finding | {"cannot_be_told_from": ["rolling_resistance"]})
-    assert said.endswith(told_apart.LIMIT.format("50 %"))
+    assert said.endswith(told_apart.LIMIT.format("65 %"))
 
 
 def test_no_name_of_the_program_is_in_a_sentence() -> None:
