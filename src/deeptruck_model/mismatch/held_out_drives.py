@@ -23,7 +23,7 @@ def in_vain(
     """Whether little was found, and corrected by it the simulator drives worse on recordings held out, or the
     others best with nothing corrected, or with all parameters and no name; or no better than one with other
     parameters, where laws were found or parameters beside a name, which hold on other drives too, or where it
-    is a learned simulator, whose own error may be found.
+    is a learned simulator, whose own error may be found. Of what has no name the laws must help these drives.
 
     A road helps other drives no more than another road does; where no slopes are recorded it is there.
     """
@@ -37,6 +37,8 @@ def in_vain(
         return bool(after > CLEARLY * before)
     physics = [c for c in x.causes if c.kind != "parameter_error"]
     names = [c.shape for c in x.causes if c.shape is not None]
+    if most < CLEAR and physics and all(c.predictable for c in physics) and _laws_drive_no_better(fit):
+        return True
     if most < CLEAR and all(_asked_of_other_drives(c, slopes_recorded) for c in physics):
         if physics and after > NO_BETTER * before:
             return True
@@ -48,6 +50,14 @@ def in_vain(
     lasting = any(_lasting(shape) for shape in names) or 0 < len(names) < len(x.causes)
     left_out = after == before and not any("when" in shape.settings for shape in names)
     return bool(left_out or after > before or ((learned or lasting) and after > NO_BETTER * tuned))
+
+
+def _laws_drive_no_better(fit: dict[str, Any]) -> bool:
+    """Whether laws without a name, which nothing is corrected by, would help no held-out drive."""
+    if "free_model" not in fit:
+        return False
+    others = min(fit[name]["speed_rmse"] for name in ("before", "parameters_only"))
+    return bool(fit["free_model"]["speed_rmse"] > NO_BETTER * others)
 
 
 def _asked_of_other_drives(cause: Cause, slopes_recorded: bool) -> bool:

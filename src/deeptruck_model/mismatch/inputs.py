@@ -65,7 +65,11 @@ def each_once(
     caveats: list[str] = []
     if all(any(_same(r, h) for h in held) for r in fit):
         held = ()
-        caveats = ["the held-out recordings are those to be fitted and judge nothing; give other drives"] if fit else []
+        caveats = (
+            ["the held-out recordings are those to be fitted and judge nothing; give other drives"]
+            if fit
+            else []
+        )
     chosen: list[Recording] = list(held)
     kept: list[Recording] = []
     for r in fit:

@@ -174,3 +174,16 @@ def test_a_law_is_not_told_where_all_parameters_went_in_instead() -> None:
     causes = (Cause("missing_physics", "load_slosh", 84.0, 1.0, 0.9, np.zeros(1), shape),)
     explanation: Any = SimpleNamespace(causes=causes)
     assert in_vain(explanation, errors(after=0.08, tuned=0.08))
+
+
+@pytest.mark.parametrize(
+    ("gain", "laws", "vain"),
+    [(79.0, {"free_model": 0.18}, True), (79.0, {"free_model": 0.04}, False), (79.0, {}, False),
+     (130.0, {"free_model": 0.18}, False)],
+)  # fmt: skip
+def test_laws_without_a_name_must_help_other_drives(gain: float, laws: dict[str, float], vain: bool) -> None:
+    """An unknown force that varied with the slope had been told of a truck in which nothing was missing."""
+    causes = (Cause("missing_physics", "unknown", gain, 0.8, 0.9, np.zeros(1)),)
+    explanation: Any = SimpleNamespace(causes=causes)
+    fit = errors(after=0.06, tuned=0.05) | {name: {"speed_rmse": error} for name, error in laws.items()}
+    assert in_vain(explanation, fit) == vain
