@@ -71,6 +71,7 @@ class Evidence:
     other_gear: int = 0  # samples left out because the simulator drives in another gear than the recorded one
     moved: dict[str, float] = field(default_factory=dict)  # relative changes the parameters have already had
     command_units: dict[str, str] = field(default_factory=dict)
+    filtered: bool = True  # whether a sensor's filter is known beside all else
     late: Array | None = None  # (n, k) m/s^2 of a lateness that is known beside all else, and no finding
 
     def __len__(self) -> int:

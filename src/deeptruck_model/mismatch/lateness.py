@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
+from deeptruck_model.mismatch import sensor_filter
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape
 from deeptruck_model.mismatch.screening import screen_shapes
@@ -33,12 +34,21 @@ def beside_it(search: Search, exclude: Iterable[str] = ()) -> Search:
 
 
 def left_beside(e: Evidence, model: Model) -> Evidence:
-    """The evidence without that lateness where the names of a model leave next to nothing of it: a brake that
-    lags has a little of it, and parameters alone are to be fitted as anybody would fit them."""
-    beside, bare = Search(e), replace(e, late=None)
+    """The evidence without that lateness, and without a sensor's filter, where the names of a model leave next
+    to nothing of it: a brake that lags has a little of both, and parameters alone are to be fitted as
+    anybody would fit them."""
+    if e.late is not None and _worth(e, replace(e, late=None), model) < ENOUGH:
+        e = replace(e, late=None)
+    if sensor_filter.rows(e) and _worth(e, replace(e, filtered=False), model) < ENOUGH:
+        e = replace(e, filtered=False)
+    return e
+
+
+def _worth(e: Evidence, bare: Evidence, model: Model) -> float:
+    """Nats by which a model is better beside what is known of `e`, and not of `bare`."""
+    beside = Search(e)
     without = Search(bare, sigma=beside.sigma)  # rows weigh alike in both
-    gain = beside.model(model.named, model.free).score - without.model(model.named, model.free).score
-    return bare if gain < ENOUGH else e
+    return beside.model(model.named, model.free).score - without.model(model.named, model.free).score
 
 
 def _small(search: Search) -> list[Shape]:

@@ -26,7 +26,7 @@ LATE_SHARE = 0.3  # prior sd of the share of a delay that is known beside all el
 def known(e: Evidence) -> tuple[Array, Prior]:
     """Columns (n, k), m/s^2, and the prior of their shares."""
     late = [-e.difference(e.simulated), e.rerun("delay_all", LATE_S) / LATE_S]
-    filtered = _shifted(e, int(REACH_S / e.dt + ROUNDING))
+    filtered = _shifted(e, rows(e))
     found = np.zeros((len(e), 0)) if e.late is None else e.late
     prior = Prior.join(
         SENSOR_LAG, _around_nothing(len(filtered), SHARE), _around_nothing(found.shape[1], LATE_SHARE)
@@ -34,9 +34,14 @@ def known(e: Evidence) -> tuple[Array, Prior]:
     return np.column_stack([*late, *filtered, found]), prior
 
 
+def rows(e: Evidence) -> int:
+    """How many rows before and after a sample a filter reaches; none where it is not to be known, or where
+    rows are too far apart for one, as beside a learned simulator."""
+    return int(REACH_S / e.dt + ROUNDING) if e.filtered else 0
+
+
 def _shifted(e: Evidence, most: int) -> list[Array]:
-    """What the simulated acceleration is some rows before and after each, beyond what it is there: none where
-    rows are too far apart for a sensor's filter, as beside a learned simulator."""
+    """What the simulated acceleration is some rows before and after each, beyond what it is there."""
     return [_row_after(e, k) - e.simulated for k in range(-most, most + 1) if k]
 
 

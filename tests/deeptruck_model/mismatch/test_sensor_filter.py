@@ -11,6 +11,7 @@ from scipy.ndimage import gaussian_filter1d
 from deeptruck_model.mismatch import sensor_filter
 from deeptruck_model.mismatch.candidates import candidates
 from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.lateness import left_beside
 from deeptruck_model.mismatch.search import Search
 
 FILTER_S = 0.2  # sd of what a sensor smooths
@@ -48,6 +49,14 @@ def test_it_does_not_reach_into_another_drive(nothing_missing: Evidence) -> None
     columns, _ = sensor_filter.known(replace(e, simulated=where))
     assert len(e.stretches) > 1
     assert np.abs(columns[:, 2:]).max() == 0.0
+
+
+def test_it_is_kept_where_the_names_of_a_model_leave_much_of_it(
+    smoothed: Evidence, nothing_missing: Evidence
+) -> None:
+    """Parameters alone had been fitted beside a filter that a lagging brake looks like."""
+    for e, kept in ((smoothed, True), (nothing_missing, False)):
+        assert left_beside(e, Search(e).background(())).filtered == kept
 
 
 def _most(search: Search) -> float:
