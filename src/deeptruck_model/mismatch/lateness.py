@@ -34,8 +34,8 @@ def beside_it(search: Search, exclude: Iterable[str] = ()) -> Search:
 
 
 def left_beside(e: Evidence, model: Model) -> Evidence:
-    """The evidence without that lateness, and without a sensor's filter, where the names of a model leave next
-    to nothing of it: a brake that lags has a little of both, and parameters alone are to be fitted as
+    """The evidence without that lateness, and without a sensor's filter, where the names of a model leave
+    next to nothing of it: a brake that lags has a little of both, and parameters alone are to be fitted as
     anybody would fit them."""
     if e.late is not None and _worth(e, replace(e, late=None), model) < ENOUGH:
         e = replace(e, late=None)
