@@ -53,8 +53,16 @@ def mismatch(
         print(f"  note: the result that was in {out} is replaced")
     for f in found.verdict["findings"]:
         print(f"  {f['effect']}: {f['says']} ({_how_sure(f)})")
+    if found.verdict["fit"].get("validated"):
+        print(f"  {_improvement(found.verdict['fit'])}: deeptruck-model apply {out} --out better")
     for caveat in found.verdict["caveats"]:
         print(f"  note: {caveat}")
+
+
+def _improvement(fit: dict[str, Any]) -> str:
+    """What the correction is worth on drives it was not fitted to."""
+    before, after = (fit[name]["speed_rmse"] for name in ("before", "after"))
+    return f"corrected, the speed error of held-out free runs falls from {before:.3g} to {after:.3g} m/s"
 
 
 def _how_sure(finding: dict[str, Any]) -> str:

@@ -43,7 +43,7 @@ def in_vain(
         if physics and after > NO_BETTER * before:
             return True
         enough = WEAK if any(_comes_and_goes(c) for c in physics) else CLEAR
-        if most < enough and after == tuned and (physics or len(x.causes) == 1):
+        if most < enough and after == tuned and physics:
             return True  # all parameters went in instead
     if most >= WEAK:
         return False

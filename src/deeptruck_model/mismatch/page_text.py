@@ -12,7 +12,11 @@ from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.page_words import number, opened, percent, prose, spoken
 from deeptruck_model.mismatch.search import POSSIBLE
 from deeptruck_model.mismatch.told_apart import apart
-from deeptruck_model.mismatch.validation_words import parameters_alone, parameters_may_do_as_well
+from deeptruck_model.mismatch.validation_words import (
+    others_drive_much_better,
+    parameters_alone,
+    parameters_may_do_as_well,
+)
 from deeptruck_model.mismatch.worth_saying import ENOUGH
 
 if TYPE_CHECKING:
@@ -40,7 +44,8 @@ def sentence(v: dict[str, Any]) -> str:
         opening = "A parameter of the simulator is off, and it leaves something out"
     elif kind == "parameter_error" and (alike := _physics(main["cannot_be_told_from"])):
         names = " or ".join(spoken(n) for n in alike[:3])
-        opening = f"A parameter of the simulator is off, or {names}, which acts alike, is left out"
+        which = "which acts alike, is" if len(alike) == 1 else "which act alike, are"
+        opening = f"A parameter of the simulator is off, or {names}, {which} left out"
     others = len(findings) - 1
     more = f" (and {others} more finding{'s' if others > 1 else ''} below)" if others else ""
     says = re.split(FINER, prose(main["says"]))[0]
@@ -57,6 +62,11 @@ def _nothing(v: dict[str, Any]) -> str:
     """That nothing was found; where much could hide, no more than that."""
     if _visible_n(v) > HIDING_N:
         return "Nothing was found, but much could hide in what the simulator has learned imperfectly"
+    if others_drive_much_better(v["fit"]):
+        return (
+            "No physics is missing that has shown itself, but the simulator is off: with other parameters it "
+            "drives the held-out recordings much better, though none of them is surely wrong"
+        )
     return "Nothing is missing: the simulator agrees with these recordings"
 
 

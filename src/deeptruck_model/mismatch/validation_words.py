@@ -94,6 +94,8 @@ def _beside_parameters(fit: dict[str, Any]) -> list[str]:
 def _change(ci: Sequence[float]) -> str:
     """The interval of a relative improvement in words: '3 to 74 % larger'."""
     low, high = (round(100 * x) for x in ci)
+    if low == high:
+        return f"{abs(low)} % {'smaller' if low >= 0 else 'larger'}"
     if ci[0] >= 0.0:
         return f"{low} to {high} % smaller"
     if ci[1] <= 0.0:
@@ -110,7 +112,10 @@ def _resampled(fit: dict[str, Any]) -> str:
     return f"{recordings} recordings{own}, in {runs}"
 
 
-def _helped_by_others(fit: dict[str, Any]) -> bool:
+def others_drive_much_better(fit: dict[str, Any]) -> bool:
+    """Whether other parameters help held-out drives so much that the simulator is hardly right."""
+    if "parameters_only" not in fit:
+        return False
     before, tuned = fit["before"]["speed_rmse"], fit["parameters_only"]["speed_rmse"]
     return bool(tuned < min(NOTICED * before, before - NOTICED_M_S))
 
@@ -119,7 +124,7 @@ def caveats(fit: dict[str, Any], found: bool, with_unnamed: bool) -> list[str]:
     """What to know before the corrected simulator is applied."""
     refused = NOT_BETTER if fit.get("windows") else NOT_DRIVEN
     out = [refused] if found and not fit["validated"] else []
-    if not found and "before" in fit and _helped_by_others(fit):
+    if not found and others_drive_much_better(fit):
         before, tuned = fit["before"], fit["parameters_only"]
         out.append(TUNED.format(before=before["speed_rmse"], tuned=tuned["speed_rmse"]))
     free, after = fit.get("free_model"), fit.get("after")

@@ -141,23 +141,6 @@ def test_beside_a_learned_simulator_more_must_be_shown(gain: float, after: float
     assert not in_vain(explanation, fit | {"after": {"speed_rmse": 0.09}})
 
 
-@pytest.mark.parametrize(
-    ("names", "gain", "tuned", "vain"),
-    [
-        (["rolling_resistance"], 62.0, 0.08, True),
-        (["rolling_resistance"], 130.0, 0.08, False),
-        (["rolling_resistance"], 62.0, 0.09, False),
-        (["rolling_resistance", "mass"], 62.0, 0.08, False),  # both are what went in
-    ],
-)
-def test_a_parameter_is_not_told_for_all_of_them(
-    names: list[str], gain: float, tuned: float, vain: bool
-) -> None:
-    causes = tuple(Cause("parameter_error", name, gain, 0.5, 0.9, np.zeros(1)) for name in names)
-    explanation: Any = SimpleNamespace(causes=causes)
-    assert in_vain(explanation, errors(after=0.08, tuned=tuned)) == vain
-
-
 @pytest.mark.parametrize(("beside", "vain"), [({"knots": [4]}, True), ({"when": [(0, 1.0, 9.0)]}, False)])
 def test_a_law_beside_what_comes_and_goes_must_help_other_drives(beside: dict[str, Any], vain: bool) -> None:
     shapes: Any = [SimpleNamespace(settings={"tau_s": 1.0}), SimpleNamespace(settings=beside)]
