@@ -149,7 +149,7 @@ def _verdict(directory: Path) -> dict[str, Any]:
     except (OSError, ValueError):
         raise InputError(
             f"{directory} holds no readable verdict.json; "
-            f"run 'deeptruck-model mismatch --out {directory}' first"
+            "give the folder that 'deeptruck-model mismatch' wrote"
         ) from None
     if not isinstance(verdict, dict) or not isinstance(verdict.get("fit"), dict):
         raise InputError(
