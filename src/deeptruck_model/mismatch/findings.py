@@ -44,6 +44,8 @@ SETTING_UNITS = {
     "frequency_hz": "Hz",
     "damping": "1",
     "after_s": "s",
+    "keeps_s": "s",
+    "frees_m": "m",
 }
 OTHER_FORM = "; it acts otherwise than in the form that is known here, and may be something else"
 TELLING_PARAMETERS = 12  # a profile along the road has hundreds; people get the ones that matter
@@ -108,10 +110,7 @@ def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> dict[str,
     shape = cause.shape
     assert shape is not None
     m = shape.mechanism
-    parameters = _sizes(shape, explanation.model, e)
-    for name, value in shape.settings.items():
-        if isinstance(value, float) and name in SETTING_UNITS:
-            parameters[name] = {"value": value, "unit": SETTING_UNITS[name], "ci95": None}
+    parameters = _sizes(shape, explanation.model, e) | chosen(shape)
     return {
         "says": f"{m.says}: {strength(cause, e)}{_now_and_then(shape)}{_confined(shape, e.mass)}"
         f"{_curved(shape)}"
@@ -121,6 +120,16 @@ def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> dict[str,
         "would_be_told_by": m.told_by,
         "depends_on": [*m.depends_on, *[gate[0] for gate in _gates(shape) if gate[0] not in m.depends_on]],
     }
+
+
+def chosen(shape: Shape) -> dict[str, Any]:
+    """Settings that have a size, as parameters without an interval; of two parts with one, the first's."""
+    out: dict[str, Any] = {}
+    for part in [shape.settings, *shape.settings.get("parts", [])]:
+        for name, value in part.items():
+            if isinstance(value, float) and name in SETTING_UNITS:
+                out.setdefault(name, {"value": value, "unit": SETTING_UNITS[name], "ci95": None})
+    return out
 
 
 def _gates(shape: Shape) -> list[tuple[str, str, float]]:
