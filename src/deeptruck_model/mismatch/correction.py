@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.mismatch.accepted import accepted
 from deeptruck_model.mismatch.carried import factors
 from deeptruck_model.mismatch.causes import Explanation
 from deeptruck_model.mismatch.corrected_truck import CorrectedTruck, Term
@@ -146,6 +147,7 @@ def corrected(simulator: Simulator, e: Evidence, model: Model) -> CorrectedTruck
 def _truck(
     simulator: Simulator, e: Evidence, terms: Sequence[Term], change: dict[str, float], shares: Shares | None
 ) -> CorrectedTruck:
+    change = accepted(simulator, change)
     return CorrectedTruck(simulator, terms, change, shares, False, e.gears, factors(e.moved, change))
 
 

@@ -13,13 +13,14 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from deeptruck_model.mismatch import lateness, own_error
+from deeptruck_model.mismatch.accepted import accepted
 from deeptruck_model.mismatch.causes import Explanation
 from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.explain import explain
 from deeptruck_model.mismatch.growing import first_guess
 from deeptruck_model.mismatch.mechanisms import Shape, shape
 from deeptruck_model.mismatch.prepared import Prepared
-from deeptruck_model.mismatch.residual import gather
+from deeptruck_model.mismatch.residual import STEP, gather
 from deeptruck_model.mismatch.search import POSSIBLE, Model, Search, changed_by
 from deeptruck_model.simulators import Simulator
 
@@ -75,7 +76,8 @@ class _Around:
             return None
         self.say("searching around the refitted parameters")
         total = {p: search.e.total_change(p, c) for p, c in change.items()}
-        moved = {p: float(np.clip(c, *POSSIBLE[p])) for p, c in total.items() if abs(c) > 0.005}
+        possible = {p: float(np.clip(c, *POSSIBLE[p])) for p, c in total.items() if abs(c) > 0.005}
+        moved = accepted(self.simulator, possible, near=STEP)
         tuned = self.simulator.with_parameters({p: own[p] * (1 + c) for p, c in moved.items()})
         e = gather(tuned, self.prepared, self.held_out, seed=self.seed, moved=moved)
         return lateness.beside_it(Search(e, exclude=self.exclude), self.exclude)
