@@ -39,11 +39,11 @@ def in_vain(
     names = [c.shape for c in x.causes if c.shape is not None]
     if most < CLEAR and physics and all(c.predictable for c in physics) and _laws_drive_no_better(fit):
         return True
-    if most < CLEAR and all(_asked_of_other_drives(c, slopes_recorded) for c in physics):
-        if physics and after > NO_BETTER * before:
+    if most < CLEAR and physics and all(_asked_of_other_drives(c, slopes_recorded) for c in physics):
+        if after > NO_BETTER * before:
             return True
         enough = WEAK if any(_comes_and_goes(c) for c in physics) else CLEAR
-        if most < enough and after == tuned and physics:
+        if most < enough and after == tuned:
             return True  # all parameters went in instead
     if most >= WEAK:
         return False

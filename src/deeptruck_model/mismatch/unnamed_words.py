@@ -25,7 +25,7 @@ def strength(cause: Cause, e: Evidence) -> str:
     size = f"{mean:+.0f} N on average" if abs(mean) > ONE_WAY * rms else f"{rms:.0f} N rms, forward and back,"
     share = float(np.mean(acting))
     if share > MOSTLY:
-        return f"{size}"
+        return size.rstrip(",")
     return f"{size} while it acts, {100.0 * share:.0f} % of the time"
 
 

@@ -33,7 +33,9 @@ def test_the_manoeuvre_of_the_nearest_rival_is_told_beside_its_own() -> None:
     assert nameless.data["would_be_told_by"] == "drive both ways"
 
 
-def test_more_driving_shows_smaller_effects_and_rare_ones_must_be_larger(nothing_missing: Evidence) -> None:
+def test_more_driving_asks_for_no_larger_effects_and_rare_ones_must_be_larger(
+    nothing_missing: Evidence,
+) -> None:
     part = nothing_missing.stretches[0].rows
     half = replace(
         nothing_missing,
