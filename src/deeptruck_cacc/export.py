@@ -13,7 +13,7 @@ from onnx import TensorProto, helper, numpy_helper
 from deeptruck_cacc.policy import MlpPolicy
 from deeptruck_cacc.radar_filter import RadarFilter
 from deeptruck_cacc.scaling import OBSERVED, ActionScale, FeatureMap
-from deeptruck_model import whole_file
+from deeptruck_model import files
 
 Array = NDArray[np.float64]
 
@@ -178,4 +178,4 @@ def _write(g: _Graph, policy: MlpPolicy, path: Path) -> None:
     facts = {"dt": policy.dt, "units": units, "interface": policy.interface.to_dict(), "card": policy.card}
     helper.set_model_props(model, {"deeptruck": json.dumps(facts)})
     onnx.checker.check_model(model)
-    whole_file.write(path, model.SerializeToString())
+    files.write(path, model.SerializeToString())

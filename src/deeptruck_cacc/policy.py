@@ -19,7 +19,7 @@ from safetensors.numpy import load_file
 from safetensors.numpy import save as to_bytes
 
 from deeptruck_cacc.scaling import OBSERVED, ActionScale, FeatureMap, paper_signals
-from deeptruck_model import whole_file
+from deeptruck_model import files
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 
@@ -108,7 +108,7 @@ class MlpPolicy:
         try:
             self._write(path)
         except OSError as error:
-            cure = whole_file.advice(error, GO_ON, MENDED)
+            cure = files.advice(error, GO_ON, MENDED)
             raise InputError(f"cannot write {path}: {error.strerror}; {cure}") from None
 
     def _write(self, path: Path) -> None:

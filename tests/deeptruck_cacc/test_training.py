@@ -15,7 +15,7 @@ from deeptruck_cacc.scaling import ActionScale, FeatureMap
 from deeptruck_cacc.training import analytic, progress, train, trpo, validation
 from deeptruck_cacc.training.network import SeedBatch
 from deeptruck_cacc.training.road import Road
-from deeptruck_model import exclusive
+from deeptruck_model import files
 from deeptruck_model.errors import InputError
 
 torch.set_num_threads(1)
@@ -181,7 +181,7 @@ def test_a_folder_that_another_run_trains_into_is_refused(toy, tmp_path):
     for config in (QUICK, QUICK_TRPO):
         trainer = "analytic" if config is QUICK else "trpo"
         with (
-            exclusive.writing(tmp_path / "p"),
+            files.writing(tmp_path / "p"),
             pytest.raises(InputError, match=f"another run is writing {tmp_path}"),
         ):
             train(toy, tmp_path / "p", trainer=trainer, config=config)

@@ -19,7 +19,7 @@ from deeptruck_cacc.pedals import PedalMap
 from deeptruck_cacc.policy import Policy, load_policy
 from deeptruck_cacc.rollouts import Trace, roll_out
 from deeptruck_cacc.scenes import Scene
-from deeptruck_model import simulators, whole_file
+from deeptruck_model import files, simulators
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 from deeptruck_model.simulators import Simulator
@@ -77,7 +77,7 @@ def evaluate(
     if full:
         results["baselines"] = _baselines(truck, pedals, rollouts, seed)
         results["platoon"] = _platoons(truck, driver, pedals)
-    with whole_file.together(out) as draft:
+    with files.together(out) as draft:
         for name, trace in sets.items() if draw else ():
             _draw(name, trace, truck.interface, draft)
         if full:
@@ -104,7 +104,7 @@ def evaluate_seeds(policy: str | Path, simulator: str, out: str | Path, **option
     sets = {name: _worst([result["sets"][name] for result in each.values()]) for name in first["sets"]}
     results = {**first, "policy": f"{policy}, worst of {len(each)} seeds", "sets": sets}
     results["seeds"] = {name: result["sets"] for name, result in each.items()}
-    with whole_file.together(Path(out)) as draft:
+    with files.together(Path(out)) as draft:
         _draw_learning(Path(policy), draft)
         _write(results, draft)
     return results
@@ -114,7 +114,7 @@ def _check_folder(out: Path) -> None:
     """Before minutes of driving, whether what comes of it can be written."""
     if out.exists() and not out.is_dir():
         raise InputError(f"{out} is a file; give a folder for the figures")
-    whole_file.check_folder(out)
+    files.check_folder(out)
 
 
 def _worst(rows: list[Any]) -> Any:

@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from deeptruck_cacc.training.identity import begun, identity_of
 from deeptruck_cacc.training.identity import finished as _finished
-from deeptruck_model import exclusive
+from deeptruck_model import files
 from deeptruck_model.errors import InputError
 
 __all__ = ["begun", "finished", "train"]
@@ -47,7 +47,7 @@ def finished(out: Path, *, trainer: str, config: Any, source: str) -> bool:
 def _folder(out: Path) -> Iterator[None]:
     """The folder, there and held against other runs; wrong input leaves none behind."""
     out.mkdir(parents=True, exist_ok=True)
-    with exclusive.writing(out):
+    with files.writing(out):
         try:
             yield
         except InputError:

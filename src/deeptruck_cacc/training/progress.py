@@ -17,7 +17,7 @@ from torch import Tensor
 
 from deeptruck_cacc.policy import GO_ON, MENDED
 from deeptruck_cacc.training.identity import CHECKPOINT, differences, refuse_another
-from deeptruck_model import whole_file
+from deeptruck_model import files
 from deeptruck_model.errors import InputError
 
 
@@ -25,7 +25,7 @@ def save_checkpoint(out: Path, tensors: dict[str, Tensor], facts: dict[str, Any]
     """Tensors and plain facts in one file, so that a kill leaves either the old checkpoint or the new one."""
     whole = {name: t.detach().contiguous() for name, t in tensors.items()}
     content = to_bytes(whole, {"facts": json.dumps(facts)})
-    whole_file.write(out / CHECKPOINT, content, GO_ON)
+    files.write(out / CHECKPOINT, content, GO_ON)
 
 
 def load_checkpoint(out: Path, identity: dict[str, Any]) -> tuple[dict[str, Tensor], dict[str, Any]] | None:
@@ -98,7 +98,7 @@ class Log:
             with self._path.open("a") as file:
                 file.write(json.dumps({"iteration": iteration, **values}) + "\n")
         except OSError as error:
-            cure = whole_file.advice(error, GO_ON, MENDED)
+            cure = files.advice(error, GO_ON, MENDED)
             raise InputError(f"cannot write {self._path}: {error.strerror}; {cure}") from None
         for name, value in values.items():
             point = sum(value) / len(value) if isinstance(value, list) else value

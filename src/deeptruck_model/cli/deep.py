@@ -180,10 +180,10 @@ def experiment(
 
     Example: deeptruck-model experiment error-statistics --seeds 30
     """
-    from deeptruck_model import whole_file
+    from deeptruck_model import files
     from deeptruck_model.deep.experiments import EXPERIMENTS
 
-    whole_file.check_folder(out / name.value)
+    files.check_folder(out / name.value)
     given = {"seeds": seeds} if seeds else {}
     EXPERIMENTS[name.value](out / name.value, updates=budget, **given)
     typer.echo(f"written: {out / name.value}")

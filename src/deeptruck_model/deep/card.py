@@ -8,7 +8,7 @@ import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
-from deeptruck_model import simulators, whole_file
+from deeptruck_model import files, simulators
 from deeptruck_model.deep import checkpoint, evaluation, model_card, reference, resume
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.deep.uncertainty import calibrate
@@ -47,7 +47,7 @@ def publish(
         _complete(truck, training, validation, working)
         checkpoint.put(working, out)
     except OSError as error:
-        cure = whole_file.advice(error, "make room and go on with --resume")
+        cure = files.advice(error, "make room and go on with --resume")
         raise InputError(f"cannot write {out}: {error.strerror}; {cure}") from None
     (out / resume.FILE).unlink(missing_ok=True)  # only now: without it nothing could be gone on with
     shutil.rmtree(working, ignore_errors=True)

@@ -16,7 +16,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file
 from safetensors.torch import save as to_bytes
 
-from deeptruck_model import whole_file
+from deeptruck_model import files
 from deeptruck_model.deep import driven, reference
 from deeptruck_model.deep.coverage import Coverage
 from deeptruck_model.deep.network import WEIGHTS, Scales, Shape, TruckNetwork
@@ -175,7 +175,7 @@ def replacing(path: Path) -> Iterator[Path]:
         yield folder
         put(folder, path)
     except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}; {whole_file.advice(error)}") from None
+        raise InputError(f"cannot write {path}: {error.strerror}; {files.advice(error)}") from None
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 

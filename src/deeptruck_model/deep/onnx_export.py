@@ -16,7 +16,7 @@ import numpy as np
 import onnx
 from onnx import ModelProto, numpy_helper, parser
 
-from deeptruck_model import whole_file
+from deeptruck_model import files
 from deeptruck_model.deep.network import LEVER_OFFSET, LEVER_SPEED, REST_ACCELERATION, REST_SPEED, WEIGHTS
 from deeptruck_model.deep.truck import DeepTruck
 
@@ -109,7 +109,7 @@ def export(truck: DeepTruck, path: Path) -> ModelProto:
     Raises InputError where the file cannot be written; then none is left.
     """
     model = build(truck)
-    whole_file.write(path, model.SerializeToString())
+    files.write(path, model.SerializeToString())
     return model
 
 

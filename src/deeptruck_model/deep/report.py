@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from deeptruck_model import whole_file
+from deeptruck_model import files
 from deeptruck_model.deep.evaluation import HORIZON_S, TRIALS, Trials, against_time, statistics, trials
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.deep.uncertainty import inside
@@ -31,13 +31,13 @@ def evaluate(
 ) -> dict[str, Any]:
     """Open-loop error statistics of any simulator, written as metrics.json and PNG figures under `out`: all
     of them or, where the disk is full, none."""
-    whole_file.check_folder(out)
+    files.check_folder(out)
     runs = trials(simulator, recordings, count, horizon_s, seed)
     metrics = {**statistics(runs), "seed": seed, "recordings": [r.name for r in recordings]}
     if isinstance(simulator, DeepTruck) and simulator.details.get("calibration"):
         for name, share in inside(simulator, runs).items():
             metrics[name]["inside_90"] = share
-    with whole_file.together(out) as draft:
+    with files.together(out) as draft:
         error_figure(runs).savefig(draft / "error_statistics.png", dpi=120)
         scenario_figure(runs).savefig(draft / "scenarios.png", dpi=120)
         sample_figure(runs).savefig(draft / "samples.png", dpi=120)

@@ -14,7 +14,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save as to_bytes
 from torch import Tensor
 
-from deeptruck_model import exclusive, whole_file
+from deeptruck_model import files
 from deeptruck_model.deep.identity import differences
 from deeptruck_model.deep.network import WEIGHTS, TruckNetwork
 from deeptruck_model.errors import InputError
@@ -36,7 +36,7 @@ def unfinished(out: Path) -> Path | None:
     Raises InputError where another run is writing it.
     """
     folder = folder_of(out.resolve())
-    exclusive.free(folder)
+    files.free(folder)
     return folder if (folder / FILE).exists() else None
 
 
@@ -68,7 +68,7 @@ def save(
         "scores": json.dumps(best.scores.tolist()),
     }
     content = to_bytes({k: v.contiguous() for k, v in tensors.items()}, metadata)
-    whole_file.write(folder / FILE, content, "make room and go on with --resume")
+    files.write(folder / FILE, content, "make room and go on with --resume")
 
 
 def load(

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from deeptruck_model import recordings, sweeps, whole_file
+from deeptruck_model import files, recordings, sweeps
 from deeptruck_model.deep.arguments import OPTIONS, Arguments
 from deeptruck_model.deep.checkpoint import METRICS_FILE
 from deeptruck_model.deep.training import DivergedError, train
@@ -60,11 +60,11 @@ def sweep(
     ]
     for job in jobs:
         arguments_of(job.settings)  # raises InputError now, not after the trucks before it
-    whole_file.check_folder(out)
+    files.check_folder(out)
     for number, line in enumerate(sweeps.run(train_one, jobs, workers=workers, engine=engine), 1):
         tell(f"{number} of {len(jobs)}: {line}")
     rows = sorted((_row(out, settings, seeds) for settings in chosen), key=_rank)
-    with whole_file.together(out) as draft:
+    with files.together(out) as draft:
         (draft / "sweep.json").write_text(json.dumps(rows, indent=1) + "\n")
         (draft / "sweep.md").write_text(_table(rows))
     return rows

@@ -17,7 +17,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from threadpoolctl import threadpool_limits
 from torch.utils.tensorboard import SummaryWriter
 
-from deeptruck_model import exclusive
+from deeptruck_model import files
 from deeptruck_model.deep import card, checkpoint, coverage, driven, familiar, kernels, resume
 from deeptruck_model.deep.arguments import Arguments
 from deeptruck_model.deep.compiled import FloatArray
@@ -57,7 +57,7 @@ def train(
     out = out.resolve()
     checkpoint.check_target(out)
     working = resume.folder_of(out)
-    exclusive.free(working)
+    files.free(working)
     torch.set_num_threads(1)
 
     data = prepare(recordings, arguments)
@@ -74,10 +74,10 @@ def train(
     run = _begin(data, arguments, identity)
     done = resume.load(working, identity, run.network, run.optimizers, run.best) if resumes else 0
     if not done:
-        exclusive.free(working)  # another run may have begun while this one prepared its data
+        files.free(working)  # another run may have begun while this one prepared its data
         shutil.rmtree(working, ignore_errors=True)
         resume.make(working)
-    with exclusive.writing(working):
+    with files.writing(working):
         _loop(run, working, done, observe)
     if not np.isfinite(run.best.scores).all():
         shutil.rmtree(working)  # going on with it would only diverge again

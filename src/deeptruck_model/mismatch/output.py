@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from deeptruck_model import exclusive, simulators, whole_file
+from deeptruck_model import files, simulators
 from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def check(out: Path) -> bool:
         raise InputError(f"{out} is a file; choose another --out")
     if out.exists() and any(out.iterdir()) and not (out / "verdict.json").exists():
         raise InputError(f"{out} exists and holds other files; choose an empty or new --out")
-    whole_file.check_folder(out.parent)
+    files.check_folder(out.parent)
     return (out / "verdict.json").exists()
 
 
@@ -38,7 +38,7 @@ def reserved(out: Path) -> Iterator[bool]:
     replaced, new = check(out), not out.exists()
     out.mkdir(parents=True, exist_ok=True)
     try:
-        with exclusive.writing(out):
+        with files.writing(out):
             yield replaced
     finally:
         if new:
@@ -54,9 +54,7 @@ def write(mismatch: Mismatch, out: Path) -> None:
     try:
         temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
     except OSError as error:
-        raise InputError(
-            f"cannot write to {out.parent}: {error.strerror}; {whole_file.advice(error)}"
-        ) from None
+        raise InputError(f"cannot write to {out.parent}: {error.strerror}; {files.advice(error)}") from None
     try:
         (temporary / "verdict.json").write_text(json.dumps(plain(mismatch.verdict), indent=1))
         if mismatch.evidence is not None:
@@ -66,7 +64,7 @@ def write(mismatch: Mismatch, out: Path) -> None:
         report.write(mismatch, temporary)
         _replace(temporary, out)
     except OSError as error:
-        raise InputError(f"cannot write to {out}: {error.strerror}; {whole_file.advice(error)}") from None
+        raise InputError(f"cannot write to {out}: {error.strerror}; {files.advice(error)}") from None
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 
@@ -139,7 +137,7 @@ def apply(directory: Path, out: Path) -> None:
     _check_corrected(directory)
     if out.parent.exists() and not out.parent.is_dir():
         raise InputError(f"{out.parent} is a file; choose another --out")
-    with whole_file.together(out) as draft:
+    with files.together(out) as draft:
         shutil.copytree(directory / "simulator", draft, dirs_exist_ok=True)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model import whole_file
+from deeptruck_model import files
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.bag_source import INTERFACE_KEY, NOTES_KEY
 from deeptruck_model.recordings.crash_safe import CrashSafeWriter
@@ -67,7 +67,7 @@ def write_bag(
     except (OSError, InputError) as error:
         cause = error.__context__ or error
         why = getattr(cause, "strerror", None) or str(error)
-        cure = whole_file.advice(cause, "make room or choose another", "choose another")
+        cure = files.advice(cause, "make room or choose another", "choose another")
         raise InputError(f"cannot write {path}: {why}; nothing was written, {cure}") from None
     finally:
         shutil.rmtree(unfinished, ignore_errors=True)

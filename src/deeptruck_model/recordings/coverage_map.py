@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model import whole_file
+from deeptruck_model import files
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.recording import Recording
 
@@ -56,8 +56,8 @@ class Coverage:
         from deeptruck_model.recordings.coverage_figure import draw
 
         content = json.dumps(self.to_dict(), indent=1, allow_nan=False).encode()
-        whole_file.write(Path(folder) / "coverage.png", draw(self))
-        whole_file.write(Path(folder) / "coverage.json", content)
+        files.write(Path(folder) / "coverage.png", draw(self))
+        files.write(Path(folder) / "coverage.json", content)
 
 
 def coverage(recordings: Sequence[Recording]) -> Coverage:

@@ -11,7 +11,7 @@ from typing import Any
 
 from mcap.writer import CompressionType, Writer
 
-from deeptruck_model import whole_file
+from deeptruck_model import files
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.bag_metadata import Topic, definition, metadata_yaml
 
@@ -125,7 +125,7 @@ class CrashSafeWriter:
             action(*arguments)
         except OSError as error:
             self._broken = True
-            cure = whole_file.advice(error, "make room", "record elsewhere")
+            cure = files.advice(error, "make room", "record elsewhere")
             raise InputError(
                 f"cannot write {self.path}: {error.strerror}; {cure}; what was written before is kept, "
                 "'deeptruck-model repair' makes a bag of it"

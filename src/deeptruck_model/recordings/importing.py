@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model import whole_file
+from deeptruck_model import files
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.bag_writer import lay_out, write_bag
 from deeptruck_model.recordings.columns import DATE_UNITS, TIME_UNITS, Column, Columns, load_columns
@@ -79,7 +79,7 @@ def import_table(table: str | Path, columns: Mapping[str, Any] | str | Path, out
     if meaning.conceal:
         recordings, content = _seal(recordings, meaning.conceal)
         digest = hashlib.sha256(content).hexdigest()
-        whole_file.write(sealed, content)
+        files.write(sealed, content)
     try:
         write_bag(out, recordings, interface=recordings[0].interface)
     except BaseException:

@@ -29,7 +29,7 @@ from mcap.records import (
 )
 from mcap.stream_reader import get_chunk_data_stream
 
-from deeptruck_model import whole_file
+from deeptruck_model import files
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.bag_metadata import Topic
 from deeptruck_model.recordings.crash_safe import write_metadata
@@ -71,7 +71,7 @@ def repair(path: str | Path) -> str | None:
         if path.is_dir():
             _describe(path, file, found)
     except OSError as error:
-        cure = whole_file.advice(error, "make room and repair it again", "repair a copy elsewhere")
+        cure = files.advice(error, "make room and repair it again", "repair a copy elsewhere")
         raise InputError(f"cannot repair {path}: {error.strerror}; nothing was lost, {cure}") from None
     lost = (
         "nothing was lost"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from deeptruck_model import exclusive, trucks
+from deeptruck_model import files, trucks
 from deeptruck_model.deep import finished, resume, statistics, train, training, trials
 from deeptruck_model.deep.network import WEIGHTS
 from deeptruck_model.deep.training import DivergedError
@@ -249,7 +249,7 @@ def test_a_run_that_began_while_this_one_prepared_is_left_alone(drive, small, tm
         def overtaken(*everything):
             partial.mkdir()
             (partial / "other").touch()
-            other.enter_context(exclusive.writing(partial))
+            other.enter_context(files.writing(partial))
             return begin(*everything)
 
         monkeypatch.setattr(training, "_begin", overtaken)

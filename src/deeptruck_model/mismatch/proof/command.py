@@ -15,7 +15,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from deeptruck_model import exclusive, whole_file
+from deeptruck_model import files
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.proof.cases import Case, make_case
 from deeptruck_model.mismatch.proof.concealed import data_folder, examine_concealed
@@ -66,9 +66,9 @@ def prove(
         for level in levels
         for k in range(cases_per_level * (NULL_FACTOR if level == "nothing_missing" else 1))
     ]
-    whole_file.check_folder(out)
+    files.check_folder(out)
     (out / "cases").mkdir(parents=True, exist_ok=True)
-    with exclusive.writing(out):
+    with files.writing(out):
         results = run_jobs(out / "cases", wanted, jobs=jobs)
         command = f"deeptruck-model prove --out proof --cases {cases_per_level} --seed {seed} --forms {forms}"
         real = examine_concealed(out / "concealed") if data_folder() else []

@@ -1,0 +1,319 @@
+"""The one rule of every command that writes: whole or not there, and nothing of the user's is lost.
+
+A result is written into a draft beside its place and renamed at the end. An older result is replaced only
+where the user says --overwrite, only after all else was checked, and only where each entry of it is one that
+the same command wrote. It is renamed aside until the new one stands. Standard library only.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import glob
+import json
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+from deeptruck_model.errors import InputError
+
+ADVICE = "make room or choose another --out"
+ELSEWHERE = "choose another --out"
+FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+LEDGER = ".deeptruck.json"  # in every published folder: what it is, and which files the command wrote there
+
+
+@dataclass(frozen=True)
+class Result:
+    """A folder that one command writes.
+
+    `what` names it in messages, with its article: "a mismatch result". `names` are files that it may hold
+    beside those of its ledger: of unfinished work, or of a copy without the ledger. They are relative to the
+    folder; `*` stands for any part of one name, never for a '/'.
+    """
+
+    what: str
+    names: tuple[str, ...] = ()
+
+    def check(self, out: Path, *, overwrite: bool = False) -> bool:
+        """Whether an older result of this kind stands at `out`; called before anything is computed or read.
+
+        Raises InputError for a link, a file, a place that cannot be written, an entry that this command did
+        not write (named), an older result without `overwrite`, or another run that is writing there.
+        """
+        free(out)
+        return self._check(out, overwrite)
+
+    @contextmanager
+    def replacing(self, out: Path, *, overwrite: bool = False) -> Iterator[Path]:
+        """A draft folder that takes the place of `out` when the block ends well, and vanishes when not.
+
+        `out` is held against other runs until then. Raises InputError as `check`, and on a full disk.
+        """
+        with self._held(out, overwrite):
+            draft = None
+            try:
+                draft = Path(tempfile.mkdtemp(prefix=f".{out.name}.", suffix=".tmp", dir=out.parent))
+                draft.chmod(0o777 & ~_umask())
+                yield draft
+                self._publish(draft, out, overwrite)
+            except OSError as error:
+                raise InputError(f"cannot write {out}: {error.strerror or error}; {advice(error)}") from None
+            finally:
+                if draft is not None:
+                    shutil.rmtree(draft, ignore_errors=True)
+
+    @contextmanager
+    def going_on(self, out: Path, *, overwrite: bool = False) -> Iterator[Path]:
+        """As `replacing`, but where the block fails or is killed the draft stays, to be gone on with.
+
+        Its name is `unfinished(out)`. Whoever does not want to go on calls `forget` first.
+        """
+        with self._held(out, overwrite):
+            draft = unfinished(out)
+            try:
+                draft.mkdir(exist_ok=True)
+                yield draft
+                self._publish(draft, out, overwrite)
+            except OSError as error:
+                raise InputError(f"cannot write {out}: {error.strerror or error}; {advice(error)}") from None
+
+    def forget(self, out: Path) -> None:
+        """Remove what a run left unfinished. Raises InputError for a file of somebody else there."""
+        if (draft := unfinished(out)).exists():
+            _remove(draft, self._ours(draft))
+
+    def _check(self, out: Path, overwrite: bool) -> bool:
+        if out.is_symlink():
+            raise InputError(f"{out} is a symbolic link; give the folder it points to, {out.resolve()}")
+        if out.exists() and not out.is_dir():
+            raise InputError(f"{out} is a file; {ELSEWHERE}")
+        check_writable(out)
+        if not out.is_dir() or not any(out.iterdir()):
+            return False
+        self._ours(out)
+        if not overwrite:
+            raise InputError(f"{out} holds {self.what} already; {ELSEWHERE}, or add --overwrite")
+        for folder in (out, *(path for path in out.rglob("*") if path.is_dir())):
+            if not os.access(folder, os.W_OK | os.X_OK):
+                raise InputError(f"{folder} may not be changed, so it cannot be replaced; {ELSEWHERE}")
+        return True
+
+    def _ours(self, folder: Path) -> list[str]:
+        """The files in `folder`, relative to it. Raises InputError, naming it, for one of somebody else."""
+        listed = (glob.escape(name) for name in self._listed(folder))
+        patterns = [name.split("/") for name in (*listed, *self.names, LEDGER)]
+        files = []
+        for path in sorted(folder.rglob("*")):
+            parts = path.relative_to(folder).parts
+            if path.is_symlink() or not any(_fits(parts, pattern, path) for pattern in patterns):
+                inside = "/".join(parts)
+                raise InputError(
+                    f"{folder} holds {inside}, which is no part of {self.what}; move it, or {ELSEWHERE}"
+                )
+            if not path.is_dir():
+                files.append("/".join(parts))
+        return files
+
+    def _listed(self, folder: Path) -> list[str]:
+        try:
+            ledger = json.loads((folder / LEDGER).read_text())
+            return [str(name) for name in ledger["files"]] if ledger["what"] == self.what else []
+        except (OSError, ValueError, KeyError, TypeError):
+            return []
+
+    @contextmanager
+    def _held(self, out: Path, overwrite: bool) -> Iterator[None]:
+        self.check(out, overwrite=overwrite)
+        new = not out.exists()
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot write {out}: {error.strerror}; {advice(error)}") from None
+        try:
+            with writing(out):
+                self._check(out, overwrite)  # another run may have written it meanwhile
+                yield
+        finally:
+            if new:
+                with suppress(OSError):  # it holds what was written
+                    out.rmdir()
+
+    def _publish(self, draft: Path, out: Path, overwrite: bool) -> None:
+        """Rename a finished folder to `out`, with the list of its files in it.
+
+        An older result is renamed aside first, back where the new one cannot be put, and removed file by file
+        once the new one stands: a file that came meanwhile is kept, and said.
+        """
+        self._sign(draft)
+        old = None
+        if self._check(out, overwrite):
+            files, old = self._ours(out), out.with_name(f".{out.name}.{os.getpid()}.old")
+            out.rename(old)
+        try:
+            draft.rename(out)
+        except OSError:
+            if old is not None:
+                old.rename(out)
+            raise
+        if old is not None and not _remove(old, files):
+            print(f"note: {old} keeps what this command did not write", file=sys.stderr)
+
+    def _sign(self, draft: Path) -> None:
+        files = [p.relative_to(draft).as_posix() for p in sorted(draft.rglob("*")) if not p.is_dir()]
+        ledger = {"what": self.what, "files": [name for name in files if name != LEDGER]}
+        (draft / LEDGER).write_text(json.dumps(ledger, indent=1) + "\n")
+
+
+def unfinished(out: Path) -> Path:
+    """Where work that can be gone on with is kept until `out` can be written whole."""
+    return out.with_name(f".{out.name}.unfinished")
+
+
+def check_writable(path: Path) -> None:
+    """Raises InputError where `path` could not be made or written; nothing is touched."""
+    above = next(p for p in path.absolute().parents if p.exists() or p.is_symlink())
+    if not above.is_dir():
+        raise InputError(f"cannot write {path}: {above} is no folder; {ELSEWHERE}")
+    if not os.access(above, os.W_OK | os.X_OK):
+        raise InputError(f"cannot write {path}: {above} may not be changed; {ELSEWHERE}")
+
+
+def check_new(path: Path) -> None:
+    """Raises InputError where the single file `path` exists or cannot be written; nothing is touched."""
+    if path.exists() or path.is_symlink():
+        raise InputError(f"{path} exists already; choose another name or remove it")
+    check_writable(path)
+
+
+@contextmanager
+def new_file(path: Path) -> Iterator[Path]:
+    """A draft that becomes the single file `path` when the block ends well; it never replaces another.
+
+    Raises InputError as `check_new`, and on a full disk.
+    """
+    check_new(path)
+    draft = None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        number, name = tempfile.mkstemp(prefix=f".{path.stem}.", suffix=path.suffix, dir=path.parent)
+        os.close(number)
+        draft = Path(name)
+        draft.chmod(0o666 & ~_umask())
+        yield draft
+        check_new(path)
+        draft.rename(path)
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror or error}; {advice(error)}") from None
+    finally:
+        if draft is not None:
+            draft.unlink(missing_ok=True)
+
+
+def write(path: Path, content: bytes, where_full: str = ADVICE) -> None:
+    """Write beside `path` and rename, folders made: a full disk or a kill leaves what was there before.
+
+    For files inside a command's own folder. Raises InputError with one line where it cannot be written; it
+    ends with `where_full` on a full disk.
+    """
+    draft = path.with_name(f".{path.name}.tmp")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        draft.write_bytes(content)
+        draft.replace(path)
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}; {advice(error, where_full)}") from None
+    finally:
+        with suppress(OSError):  # its folder is none, or cannot be written: then there is nothing to remove
+            draft.unlink(missing_ok=True)
+
+
+@contextmanager
+def together(folder: Path) -> Iterator[Path]:
+    """A draft folder whose files move into `folder` when the block ends well; else `folder` stays as it was.
+
+    Other files in `folder` are left alone. Raises InputError with one line where it cannot be written.
+    """
+    draft, new = folder / f".{os.getpid()}.tmp", not folder.exists()
+    try:
+        draft.mkdir(parents=True)
+        yield draft
+        for file in sorted(draft.iterdir()):
+            file.replace(folder / file.name)
+    except OSError as error:
+        raise InputError(f"cannot write {folder}: {error.strerror or error}; {advice(error)}") from None
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+        if new:
+            with suppress(OSError):  # it holds what was written
+                folder.rmdir()
+
+
+def check_folder(folder: Path) -> None:
+    """Raises InputError where files cannot be written into `folder`; called before long computing."""
+    with together(folder) as draft:
+        (draft / "file").write_bytes(b"")
+        (draft / "file").unlink()
+
+
+def advice(error: BaseException, where_full: str = ADVICE, else_where: str = ELSEWHERE) -> str:
+    """What mends an error of writing: room helps a full disk alone, and no folder that may not be written."""
+    return where_full if getattr(error, "errno", None) in FULL else else_where
+
+
+@contextmanager
+def writing(folder: Path) -> Iterator[None]:
+    """Hold an existing folder against other runs; the hold ends with the block, or with the process.
+
+    Raises InputError where another run holds it.
+    """
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(handle)
+        raise InputError(
+            f"another run is writing {folder}; wait until it has ended, or {ELSEWHERE}"
+        ) from None
+    try:
+        yield
+    finally:
+        os.close(handle)
+
+
+def free(folder: Path) -> None:
+    """Raises InputError where a run writes into the folder; one that is not there is free."""
+    if folder.is_dir() and os.access(folder, os.R_OK):
+        with writing(folder):
+            pass
+
+
+def _fits(parts: tuple[str, ...], pattern: list[str], path: Path) -> bool:
+    """Whether a path is what the pattern says, or a folder on the way to it."""
+    on_the_way = path.is_dir() and len(parts) < len(pattern)
+    whole = path.is_file() and len(parts) == len(pattern)
+    return (on_the_way or whole) and all(map(fnmatchcase, parts, pattern))
+
+
+def _remove(folder: Path, files: list[str]) -> bool:
+    """Remove these files and the folders that this leaves empty; tell whether nothing was left."""
+    for name in files:
+        with suppress(OSError):
+            (folder / name).unlink()
+    inside = sorted((p for p in folder.rglob("*") if p.is_dir() and not p.is_symlink()), reverse=True)
+    for empty in (*inside, folder):
+        with suppress(OSError):
+            empty.rmdir()
+    return not folder.exists()
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

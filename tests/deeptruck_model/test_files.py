@@ -1,0 +1,214 @@
+"""Results are whole or not there, one run at a time, and nothing of the user's is lost."""
+
+from __future__ import annotations
+
+import errno
+import os
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from deeptruck_model import files
+from deeptruck_model.errors import InputError
+
+
+@pytest.fixture
+def small_disk():
+    """A limit on the size of files stands in for the end of the disk."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_a_full_disk_leaves_the_old_file_and_nothing_beside_it(tmp_path: Path, small_disk: None) -> None:
+    path = tmp_path / "new" / "file"
+    files.write(path, b"old")
+    with pytest.raises(InputError, match=r"cannot write .*; make room or choose another --out"):
+        files.write(path, bytes(2000))
+    assert [p.name for p in path.parent.iterdir()] == ["file"] and path.read_bytes() == b"old"
+
+
+def test_everyone_may_read_it_whom_the_umask_lets(tmp_path: Path) -> None:
+    before = os.umask(0o022)
+    try:
+        files.write(tmp_path / "file", b"x")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "file").stat().st_mode & 0o777 == 0o644
+
+
+def test_a_folder_that_is_a_file_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(InputError, match=r"cannot write .*; choose another --out"):
+        files.write(tmp_path / "file" / "below", b"x")
+
+
+def test_files_that_belong_together_come_together_or_not_at_all(tmp_path: Path, small_disk: None) -> None:
+    (tmp_path / "a").write_bytes(b"old")
+    with pytest.raises(InputError, match="make room"), files.together(tmp_path) as draft:
+        (draft / "a").write_bytes(b"new")
+        (draft / "b").write_bytes(bytes(2000))
+    assert [p.name for p in tmp_path.iterdir()] == ["a"] and (tmp_path / "a").read_bytes() == b"old"
+    with files.together(tmp_path) as draft:
+        (draft / "a").write_bytes(b"new")
+    assert [p.name for p in tmp_path.iterdir()] == ["a"] and (tmp_path / "a").read_bytes() == b"new"
+
+
+def test_a_folder_is_tried_and_left_as_it_was(tmp_path: Path) -> None:
+    files.check_folder(tmp_path / "new")
+    assert not list(tmp_path.iterdir())
+    (tmp_path / "file").write_text("x")
+    for folder in (tmp_path / "file", tmp_path / "file" / "below"):
+        with pytest.raises(InputError, match=r"cannot write .*; choose another --out"):
+            files.check_folder(folder)
+
+
+@pytest.mark.parametrize("number", [errno.ENOTDIR, errno.EROFS, errno.EACCES])
+def test_room_helps_a_full_disk_alone(number: int) -> None:
+    assert files.advice(OSError(number, ""), "make room") == "choose another --out"
+    assert files.advice(OSError(errno.ENOSPC, ""), "make room") == "make room"
+
+
+HOLD = """
+import sys, pathlib
+from deeptruck_model import files
+with files.writing(pathlib.Path(sys.argv[1])):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_a_second_run_is_refused_until_the_first_ends(tmp_path: Path) -> None:
+    files.free(tmp_path / "nowhere")
+    other = subprocess.Popen(
+        [sys.executable, "-c", HOLD, str(tmp_path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    try:
+        assert other.stdout is not None and other.stdout.readline() == "held\n"
+        with pytest.raises(InputError, match="another run is writing"):
+            files.free(tmp_path)
+    finally:
+        other.kill()
+        other.communicate()
+    with files.writing(tmp_path):
+        pass
+
+
+KIND = files.Result("a test result", ("log/*.txt",))
+
+
+def publish(out: Path, *, overwrite: bool = False, **content: str) -> None:
+    with KIND.replacing(out, overwrite=overwrite) as draft:
+        for name, text in content.items():
+            (draft / name).write_text(text)
+
+
+def test_a_result_stands_whole_and_its_draft_is_gone(tmp_path: Path) -> None:
+    publish(tmp_path / "new" / "out", a="1", b="2")
+    assert sorted(p.name for p in (tmp_path / "new").iterdir()) == ["out"]
+    assert (tmp_path / "new" / "out" / "b").read_text() == "2"
+
+
+def test_a_block_that_fails_leaves_the_older_result_and_nothing_else(tmp_path: Path) -> None:
+    publish(tmp_path / "out", a="old")
+    with pytest.raises(ZeroDivisionError), KIND.replacing(tmp_path / "out", overwrite=True) as draft:
+        (draft / "a").write_text("new")
+        raise ZeroDivisionError
+    assert [p.name for p in tmp_path.iterdir()] == ["out"] and (tmp_path / "out" / "a").read_text() == "old"
+    with pytest.raises(ZeroDivisionError), KIND.replacing(tmp_path / "never"):
+        raise ZeroDivisionError
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+def test_an_older_result_is_replaced_only_where_the_user_says_so(tmp_path: Path) -> None:
+    publish(tmp_path / "out", a="old", gone="old")
+    with pytest.raises(InputError, match=r"holds a test result already; .*--overwrite"):
+        publish(tmp_path / "out", a="new")
+    publish(tmp_path / "out", overwrite=True, a="new")
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {"a", files.LEDGER}
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+@pytest.mark.parametrize("inside", ["notes.txt", "log/notes.md", "log/deeper/a.txt", "empty/"])
+def test_what_the_command_did_not_write_refuses_it_by_name(tmp_path: Path, inside: str) -> None:
+    publish(tmp_path / "out", a="old")
+    foreign = tmp_path / "out" / inside
+    foreign.mkdir(parents=True) if inside.endswith("/") else foreign.parent.mkdir(exist_ok=True, parents=True)
+    if not foreign.exists():
+        foreign.write_text("mine")
+    with pytest.raises(InputError, match=f"holds {inside.split('/')[0]}.*no part of a test result"):
+        publish(tmp_path / "out", overwrite=True, a="new")
+    assert foreign.exists() and (tmp_path / "out" / "a").read_text() == "old"
+
+
+def test_a_link_in_the_place_of_a_file_is_somebody_elses(tmp_path: Path) -> None:
+    publish(tmp_path / "out", a="old")
+    (tmp_path / "out" / "a").rename(tmp_path / "mine")
+    (tmp_path / "out" / "a").symlink_to(tmp_path / "mine")
+    with pytest.raises(InputError, match="holds a, which is no part of"):
+        publish(tmp_path / "out", overwrite=True, a="new")
+
+
+def test_another_commands_result_is_never_replaced(tmp_path: Path) -> None:
+    publish(tmp_path / "out", a="old")
+    other = files.Result("another result")
+    with (
+        pytest.raises(InputError, match="no part of another result"),
+        other.replacing(tmp_path / "out", overwrite=True),
+    ):
+        pass
+
+
+def test_a_link_or_a_file_as_out_is_refused_at_once(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("x")
+    (tmp_path / "link").symlink_to(tmp_path)
+    for name, says in (("file", "is a file"), ("link", "is a symbolic link"), ("file/below", "is no folder")):
+        with pytest.raises(InputError, match=says):
+            KIND.check(tmp_path / name)
+
+
+def test_a_second_run_into_one_folder_is_refused(tmp_path: Path) -> None:
+    with KIND.replacing(tmp_path / "out"), pytest.raises(InputError, match="another run is writing"):
+        KIND.check(tmp_path / "out")
+
+
+def test_a_file_that_comes_while_the_result_is_made_stays(tmp_path: Path) -> None:
+    publish(tmp_path / "out", a="old")
+    with (
+        pytest.raises(InputError, match=r"mine\.txt, which is no part"),
+        KIND.replacing(tmp_path / "out", overwrite=True),
+    ):
+        (tmp_path / "out" / "mine.txt").write_text("mine")
+    assert (tmp_path / "out" / "mine.txt").read_text() == "mine"
+
+
+def test_unfinished_work_is_gone_on_with_or_forgotten(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    with pytest.raises(ZeroDivisionError), KIND.going_on(out) as draft:
+        (draft / "log").mkdir()
+        (draft / "log" / "1.txt").write_text("begun")
+        raise ZeroDivisionError
+    assert not out.exists()
+    with KIND.going_on(out) as draft:
+        assert (draft / "log" / "1.txt").read_text() == "begun"
+    assert (out / "log" / "1.txt").exists() and not files.unfinished(out).exists()
+    with pytest.raises(ZeroDivisionError), KIND.going_on(out, overwrite=True) as draft:
+        (draft / "log").mkdir()
+        (draft / "log" / "2.txt").write_text("begun")
+        raise ZeroDivisionError
+    KIND.forget(out)
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+def test_a_single_file_never_takes_the_place_of_another(tmp_path: Path) -> None:
+    with files.new_file(tmp_path / "new" / "a.csv") as draft:
+        draft.write_text("1")
+    with pytest.raises(InputError, match="exists already"), files.new_file(tmp_path / "new" / "a.csv"):
+        pass
+    with pytest.raises(ZeroDivisionError), files.new_file(tmp_path / "b.csv") as draft:
+        raise ZeroDivisionError
+    assert [p.name for p in tmp_path.iterdir()] == ["new"] and len(list((tmp_path / "new").iterdir())) == 1
