@@ -13,7 +13,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 SOURCES = (ROOT / "src", ROOT / "ros2_ws" / "src" / "deeptruck_nodes")
-OURS = ("deeptruck_model", "deeptruck_cacc", "truck_bridge", "deeptruck_nodes")
+OURS = ("deeptruck_model", "deeptruck_exam", "deeptruck_cacc", "truck_bridge", "deeptruck_nodes")
 ROS = {
     "rclpy", "ament_index_python", "builtin_interfaces", "diagnostic_msgs", "geometry_msgs", "lifecycle_msgs",
     "rcl_interfaces", "rosgraph_msgs", "sensor_msgs", "std_msgs", "std_srvs",
@@ -88,7 +88,14 @@ def reached(start: str) -> set[str]:
         ("deeptruck_model", ("deeptruck_cacc", "truck_bridge", "deeptruck_nodes", "can", "cantools", *ROS)),
         ("deeptruck_cacc", ("truck_bridge", "deeptruck_nodes", "can", "cantools", *ROS)),
         ("truck_bridge", ("deeptruck_cacc", "deeptruck_nodes", *ROS)),
-        ("deeptruck_model.mismatch.mechanisms", ("deeptruck_model.mismatch.proof",)),
+        ("deeptruck_model.mismatch", ("deeptruck_exam",)),
+        ("deeptruck_cacc", ("deeptruck_exam",)),
+        ("truck_bridge", ("deeptruck_exam",)),
+        ("deeptruck_nodes", ("deeptruck_exam",)),
+        (
+            "deeptruck_exam",
+            ("deeptruck_model.mismatch", "deeptruck_model.cli", "deeptruck_cacc", "truck_bridge"),
+        ),
     ],
 )
 def test_doors_that_are_closed(room: str, closed: tuple[str, ...]) -> None:
@@ -123,18 +130,25 @@ def test_the_emulator_is_the_only_window_between_bridge_and_model() -> None:
     assert not {other for others in through.values() for other in others if not within(other, *allowed)}
 
 
-def test_the_proof_shares_no_code_with_the_mechanisms() -> None:
+def test_the_exam_shares_no_code_with_the_tool() -> None:
     """Effects are planted by other code than the one that names them; only the vocabulary is common."""
-    proof, mechanisms = (
-        {
-            name
-            for name in reached(f"deeptruck_model.mismatch.{room}")
-            if within(name, "deeptruck_model.mismatch")
-        }
-        for room in ("proof", "mechanisms")
-    )
-    assert len(proof) > 5 and len(mechanisms) > 5
-    assert not proof & mechanisms
+    found = reached("deeptruck_exam")
+    assert "deeptruck_model.trucks" in found
+    assert not {name for name in found if within(name, "deeptruck_model.mismatch", "deeptruck_model.cli")}
+
+
+def test_the_command_prove_is_the_only_way_from_the_model_to_the_exam() -> None:
+    upward = {
+        (name, other)
+        for name in MODULES
+        for other in IMPORTS[name]
+        if within(name, "deeptruck_model") and within(other, "deeptruck_exam")
+    }
+    assert {name for name, _ in upward} == {"deeptruck_model.cli.mismatch"}
+    at_the_top = ast.parse(MODULES["deeptruck_model.cli.mismatch"].read_text()).body
+    assert not [
+        n for n in at_the_top if isinstance(n, ast.ImportFrom) and within(str(n.module), "deeptruck_exam")
+    ]
 
 
 def third_party(*roots: Path) -> set[str]:

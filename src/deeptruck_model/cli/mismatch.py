@@ -136,8 +136,8 @@ def prove(
 
     Example: deeptruck-model prove --out proof --cases 5 --simulator physics
     """
-    from deeptruck_model.mismatch.proof.command import prove as run
-    from deeptruck_model.mismatch.proof.plans import LEVELS
+    from deeptruck_exam.command import prove as run
+    from deeptruck_exam.plans import LEVELS
 
     run(out, tuple(level or LEVELS), cases, jobs, seed, tuple(simulator or ("physics", "deep")), forms=forms)
     print(f"scoreboard in {out / 'proof.md'}")

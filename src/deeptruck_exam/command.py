@@ -1,0 +1,163 @@
+"""`prove` and, for the tool's author, `python -m deeptruck_exam.command one|batch|list`.
+
+Development seeds are 0 to 9999; the report uses seeds from 100000, run once. Likewise the forms: the
+commands here hide the first, which the tool's authors know, and `prove` the seventh, which they do not.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from deeptruck_exam.cases import Case, make_case
+from deeptruck_exam.concealed import data_folder, examine_concealed
+from deeptruck_exam.effects import of_forms
+from deeptruck_exam.examination import examine, judge
+from deeptruck_exam.hidden import FORMS
+from deeptruck_exam.jobs import Job, run_jobs
+from deeptruck_exam.page import write_page
+from deeptruck_exam.plans import LEVELS
+from deeptruck_exam.scoreboard import print_results
+from deeptruck_exam.tool import ToolRun
+from deeptruck_model import files
+from deeptruck_model.errors import InputError
+
+REPORT_SEED = 100_000
+NULL_FACTOR = 5  # nulls need numbers: a false alarm in fifty cannot be seen in forty
+SIMULATORS = ("physics", "deep")
+FORMS_HELP = (
+    "first to sixth (those of the tool's development), seventh (from other sources, unseen by its authors)"
+)
+
+app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
+
+
+def prove(
+    out: Path,
+    levels: Sequence[str] = LEVELS,
+    cases_per_level: int = 40,
+    jobs: int = 1,
+    seed: int = REPORT_SEED,
+    simulators: Sequence[str] = ("physics", "deep"),
+    resume: bool = True,
+    forms: str = "seventh",
+) -> dict[str, Any]:
+    """Examine the tool and write proof.md, scoreboard.json and figures into `out`; returns the scoreboard.
+
+    One folder a case; a scored case is skipped when `resume`, else `out` must not exist. Level
+    nothing_missing gets NULL_FACTOR times the cases. `forms` are the laws that are hidden, one of FORMS.
+    Raises InputError for unknown levels, simulators or forms, or an `out` in use."""
+    _known("level", levels, LEVELS)
+    _known("simulator", simulators, SIMULATORS)
+    _known("forms", [forms], FORMS)
+    if out.exists() and not resume:
+        raise InputError(f"{out} exists already; resume it, choose another folder or remove it")
+    if out.exists() and not (out / "cases").is_dir() and (not out.is_dir() or any(out.iterdir())):
+        raise InputError(f"{out} holds something else; choose a new or an empty folder")
+    wanted = [
+        Job(level, seed + k, None, simulator, forms=forms)
+        for simulator in simulators
+        for level in levels
+        for k in range(cases_per_level * (NULL_FACTOR if level == "nothing_missing" else 1))
+    ]
+    files.check_folder(out)
+    (out / "cases").mkdir(parents=True, exist_ok=True)
+    with files.writing(out):
+        results = run_jobs(out / "cases", wanted, jobs=jobs)
+        command = f"deeptruck-model prove --out proof --cases {cases_per_level} --seed {seed} --forms {forms}"
+        real = examine_concealed(out / "concealed") if data_folder() else []
+        return write_page(results, out, command, real)
+
+
+def _known(option: str, given: Sequence[str], known: Sequence[str]) -> None:
+    for name in given:
+        if name not in known:
+            raise InputError(f"--{option}: there is no '{name}'; choose from {', '.join(known)}")
+
+
+@app.command()
+def one(
+    out: Annotated[Path, typer.Option(help="New folder for the case.")],
+    level: Annotated[str, typer.Option(help=", ".join(LEVELS))] = "noise",
+    effect: Annotated[str | None, typer.Option(help="Key or name of a hidden effect.")] = None,
+    seed: Annotated[int, typer.Option(help="Development: 0 to 9999.", min=0)] = 0,
+    simulator: Annotated[str, typer.Option(help="physics or deep")] = "physics",
+    minutes: Annotated[float, typer.Option(help="Length of each recording.")] = 4.0,
+    rivals: Annotated[bool, typer.Option(help="Compare held-out errors with rivals and oracle.")] = True,
+    generate_only: Annotated[bool, typer.Option(help="Do not run the tool.")] = False,
+    forms: Annotated[str, typer.Option(help=FORMS_HELP)] = "first",
+) -> None:
+    """Make one case, run the tool on it, open the truth and score."""
+    if generate_only:
+        case = make_case(out, level, seed, effect, simulator, minutes, forms)
+        print(f"sealed {case.sha256}\nsimulator {case.simulator}")
+        print(f"recordings {' '.join(map(str, case.paths(case.fit)))}")
+        print(f"held out {' '.join(map(str, case.paths(case.held_out)))}")
+        return
+    result = examine(out, level, seed, effect, simulator, minutes, forms, with_rivals=rivals, keep=True)
+    print(json.dumps(result, indent=1))
+
+
+@app.command("judge")
+def judge_again(
+    folder: Annotated[Path, typer.Argument(help="A case made before, with the tool's output in found/.")],
+    rivals: Annotated[bool, typer.Option(help="Compare held-out errors with rivals and oracle.")] = False,
+) -> None:
+    """Score a verdict written by the tool's author's own run of a case."""
+    verdict = json.loads((folder / "found" / "verdict.json").read_text())
+    result = judge(Case.read(folder), ToolRun(0, 0.0, verdict, ""), with_rivals=rivals)
+    print(json.dumps(result, indent=1))
+
+
+@app.command()
+def batch(
+    out: Annotated[Path, typer.Option(help="Folder; one case a subfolder, scored cases are skipped.")],
+    level: Annotated[list[str], typer.Option(help=", ".join(LEVELS))],
+    cases: Annotated[int, typer.Option(help="Cases a level.", min=1)] = 10,
+    seed: Annotated[int, typer.Option(help="First seed.", min=0)] = 0,
+    effect: Annotated[str | None, typer.Option(help="Only this effect.")] = None,
+    simulator: Annotated[str, typer.Option(help="physics or deep")] = "physics",
+    jobs: Annotated[int, typer.Option(help="Cases at a time.", min=1)] = 1,
+    rivals: Annotated[bool, typer.Option(help="Compare held-out errors with rivals and oracle.")] = False,
+    keep: Annotated[bool, typer.Option(help="Keep recordings of every case.")] = True,
+    forms: Annotated[str, typer.Option(help=FORMS_HELP)] = "first",
+) -> None:
+    """Run many development cases and print a line for each and a table."""
+    wanted = [Job(name, seed + k, effect, simulator, forms=forms) for name in level for k in range(cases)]
+    results = run_jobs(out, wanted, jobs=jobs, with_rivals=rivals, keep=keep)
+    print_results(results)
+
+
+@app.command()
+def concealed(
+    out: Annotated[Path, typer.Option(help="Folder for concealed.json.")],
+    data: Annotated[Path | None, typer.Option(help="Folder of the real logs.")] = None,
+) -> None:
+    """Real recordings with the elevation concealed."""
+    print(json.dumps(examine_concealed(out, data), indent=1))
+
+
+@app.command("list")
+def list_effects(forms: Annotated[str, typer.Option(help=FORMS_HELP)] = "first") -> None:
+    """Keys, names and sources of the hidden effects."""
+    table = Table("key", "name", "kind", "source")
+    for effect in of_forms(forms):
+        table.add_row(effect.key, effect.name, effect.kind, effect.source)
+    Console().print(table)
+
+
+def main() -> None:
+    try:
+        app()
+    except InputError as error:
+        raise SystemExit(f"proof: {error}") from None
+
+
+if __name__ == "__main__":
+    main()

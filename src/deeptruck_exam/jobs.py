@@ -1,0 +1,96 @@
+"""Many cases, a few at a time, each in its own process; a killed run goes on where it was."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import traceback
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+A_CASE = "about a minute each with a physics truck, longer with a learned one; a stopped run goes on"
+
+
+@dataclass(frozen=True)
+class Job:
+    """One case to examine."""
+
+    level: str
+    seed: int
+    effect: str | None = None
+    simulator: str = "physics"
+    minutes: float = 4.0
+    forms: str = "first"
+
+    @property
+    def folder(self) -> str:
+        chosen = f"-{self.effect}" if self.effect else ""
+        forms = "" if self.forms == "first" else f"-{self.forms}"
+        return f"{self.simulator}-{self.level}{chosen}{forms}-{self.seed}"
+
+
+def run_jobs(
+    out: Path, wanted: Sequence[Job], *, jobs: int = 1, with_rivals: bool = True, keep: bool = False
+) -> list[dict[str, Any]]:
+    """Scores in the order of `wanted`. A case whose making or scoring breaks is reported with its
+    traceback under 'broken' and made again on the next run; it never stops the others."""
+    out.mkdir(parents=True, exist_ok=True)
+    results: dict[int, dict[str, Any]] = {}
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        console=Console(stderr=True),
+    )
+    context = multiprocessing.get_context("spawn")  # threads of numba and BLAS do not survive a fork
+    # no max_tasks_per_child: with it the executor of Python 3.11 and 3.12 can wait for ever
+    pool = ProcessPoolExecutor(max_workers=jobs, mp_context=context, initializer=_end_with_the_run)
+    with bar, pool:
+        bar.console.print(f"{len(wanted)} cases, {A_CASE}")
+        task = bar.add_task("cases", total=len(wanted))
+        waiting = {pool.submit(_examine, out, job, with_rivals, keep): k for k, job in enumerate(wanted)}
+        for future in as_completed(waiting):
+            results[waiting[future]] = future.result()
+            bar.update(task, advance=1, description=wanted[waiting[future]].folder)
+            if not bar.console.is_terminal:  # a bar there is shown at its end alone
+                bar.console.print(f"{len(results)} of {len(wanted)}: {wanted[waiting[future]].folder}")
+    return [results[k] for k in range(len(wanted))]
+
+
+def _end_with_the_run() -> None:
+    """Without a word of its own where the run is interrupted."""
+    signal.signal(signal.SIGINT, lambda *_: os._exit(130))
+
+
+def _examine(out: Path, job: Job, with_rivals: bool, keep: bool) -> dict[str, Any]:
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    from deeptruck_exam.examination import examine
+
+    try:
+        return examine(
+            out / job.folder,
+            job.level,
+            job.seed,
+            job.effect,
+            job.simulator,
+            job.minutes,
+            job.forms,
+            with_rivals=with_rivals,
+            keep=keep,
+        )
+    except Exception:
+        return {
+            "level": job.level,
+            "seed": job.seed,
+            "simulator": job.simulator,
+            "forms": job.forms,
+            "broken": traceback.format_exc(),
+        }

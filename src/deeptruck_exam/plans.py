@@ -1,0 +1,171 @@
+"""The examination levels: what is drawn for a case before anything is driven."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from deeptruck_exam import makers
+from deeptruck_exam.choice import choose_effects, mark
+from deeptruck_exam.effects import Effect
+from deeptruck_exam.gates import CONDITIONS
+from deeptruck_exam.hidden import FORMS, SCENARIOS
+from deeptruck_model.errors import InputError
+
+LEVELS = (
+    "plain",
+    "noise",
+    "wrong_parameters",
+    "absorbed",
+    "closed_loop",
+    "confounded",
+    "rare",
+    "decoy",
+    "several",
+    "not_in_library",
+    "measurement_fault",
+    "parameter_error",
+    "nothing_missing",
+)
+WRONG = {  # relative standard deviation of the simulator's own error at level wrong_parameters
+    "mass": 0.06,
+    "drag_area": 0.08,
+    "rolling_resistance": 0.10,
+    "torque_gain": 0.03,
+    "brake_gain": 0.08,
+}
+FIT, HELD_OUT = 6, 2  # recordings
+DEEP_TRUCKS = 2  # of each kind: training takes minutes, so that cases share them
+POOL = ("freightliner", "trucksim", "volvo")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Everything drawn for a case. `values` are the truck's true parameters, `believed` the simulator's."""
+
+    level: str
+    seed: int
+    simulator: str
+    truck: str
+    values: dict[str, float]
+    believed: dict[str, float]
+    effects: tuple[Effect, ...]
+    scenarios: list[str]
+    fit: int
+    minutes: float
+    grade: bool
+    sensors: bool = True
+    condition: str = ""
+    excluded: tuple[str, ...] = ()
+    lost: tuple[str, ...] = ()
+    styles: list[str] = field(default_factory=list)
+    headway_s: float = 1.8
+    attempt: int = 0
+    forms: str = "first"
+
+    def rng(self, salt: int) -> np.random.Generator:
+        return np.random.default_rng([self.seed, mark(self.level, self.forms), salt, self.attempt])
+
+    @property
+    def effect_seed(self) -> int:
+        """Of the effects' own random series; with the first forms one seed has the same at every level."""
+        return self.seed if self.forms == "first" else self.seed + mark(self.level, self.forms)
+
+
+def draw_plan(
+    level: str,
+    seed: int,
+    effect: str | None,
+    simulator: str,
+    minutes: float,
+    attempt: int = 0,
+    forms: str = "first",
+) -> Plan:
+    """Draw a case. `effect` is a key or a name; None lets the seed choose, cycling through all that suit.
+    A later `attempt` draws truck, roads and drivers anew, for the same effects."""
+    if level not in LEVELS:
+        raise InputError(f"there is no level '{level}'; levels: {', '.join(LEVELS)}")
+    if forms not in FORMS:
+        raise InputError(f"there are no {forms} forms; forms: {', '.join(FORMS)}")
+    chosen, excluded = choose_effects(level, seed, effect, forms)
+    rng = np.random.default_rng([seed, mark(level, forms), 0, attempt])
+    suited = [t for t in POOL if all(t in e.trucks for e in chosen)]
+    truck = suited[rng.integers(len(suited))]
+    member = np.random.default_rng([77, POOL.index(truck), int(rng.integers(DEEP_TRUCKS))])
+    values = makers.of(forms, simulator).draw_parameters(truck, member if simulator == "deep" else rng)
+    needs_grade = any({"descent", "hills"} & set(e.needs) or e.name.startswith("grade") for e in chosen)
+    grade = not any(e.key == "road_grade" for e in chosen) and (
+        truck != "freightliner" or needs_grade or simulator == "deep" or rng.random() < 0.5
+    )
+    return Plan(
+        level,
+        seed,
+        simulator,
+        truck,
+        values,
+        _believe(level, values, rng),
+        chosen,
+        _scenarios(chosen, FIT + HELD_OUT, rng),
+        FIT,
+        minutes,
+        grade,
+        sensors=level != "plain",
+        condition=_condition(chosen, rng) if level == "confounded" else "",
+        excluded=excluded,
+        lost=_lost(level, chosen, rng),
+        styles=_styles(level, chosen, FIT + HELD_OUT, rng),
+        headway_s=float(rng.uniform(0.7, 1.1) if any(e.leader for e in chosen) else rng.uniform(1.4, 2.2)),
+        attempt=attempt,
+        forms=forms,
+    )
+
+
+def _believe(level: str, values: dict[str, float], rng: np.random.Generator) -> dict[str, float]:
+    """The simulator's parameters: right, a little off, or clearly off."""
+    spread = {"wrong_parameters": 1.0, "absorbed": 1.0}.get(level, 0.0)
+    if level == "nothing_missing" and rng.random() < 0.5:
+        spread = 0.01 / 0.06
+    believed = dict(values)
+    for name, sd in WRONG.items():
+        own = min(spread * sd, 0.006 if level == "nothing_missing" else 1.0)
+        if own:
+            true = values.get(name, 1.0)
+            believed[name] = float(true * (1.0 + np.clip(own * rng.standard_normal(), -2 * own, 2 * own)))
+    return believed
+
+
+def _scenarios(chosen: tuple[Effect, ...], count: int, rng: np.random.Generator) -> list[str]:
+    """Two thirds of the drives are such that an effect can act, held-out ones all; the rest are any."""
+    out = []
+    for k in range(count):
+        pool: tuple[str, ...] = SCENARIOS
+        if chosen and (k >= count - 2 or rng.random() < 0.67):
+            pool = chosen[k % len(chosen)].needs
+        out.append(str(pool[rng.integers(len(pool))]))
+    return out
+
+
+def _condition(chosen: tuple[Effect, ...], rng: np.random.Generator) -> str:
+    """A condition under which the effect can still act."""
+    needs = {n for e in chosen for n in e.needs}
+    possible = [c for c in CONDITIONS if not (c.startswith("above") and needs <= {"suburban", "descent"})]
+    possible = [c for c in possible if not (c == "below 11 m/s" and "suburban" not in needs)]
+    if any(e.name in ("brake_fade", "brake_lag", "dragging_brake", "engine_brake") for e in chosen):
+        possible = [c for c in possible if c not in ("uphill", "half load or more")] or ["above 17 m/s"]
+    return str(possible[rng.integers(len(possible))])
+
+
+def _lost(level: str, chosen: tuple[Effect, ...], rng: np.random.Generator) -> tuple[str, ...]:
+    if level == "plain":
+        return ()
+    chances = {"gear": 0.2, "engine_speed": 0.15, "engine_torque": 0.25, "elevation": 0.4}
+    return tuple(name for name, chance in chances.items() if rng.random() < chance)
+
+
+def _styles(level: str, chosen: tuple[Effect, ...], count: int, rng: np.random.Generator) -> list[str]:
+    if any(e.leader for e in chosen):
+        return ["acc" if rng.random() < 0.8 else "human" for _ in range(count)]
+    if level == "closed_loop":
+        return [str(rng.choice(["cruise", "acc"])) for _ in range(count)]
+    return ["human"] * count

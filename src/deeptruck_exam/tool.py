@@ -1,0 +1,50 @@
+"""The tool as a separate process: it gets recordings and a simulator, never the truth."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from deeptruck_exam.cases import Case
+
+LIMIT_S = 900.0
+CONSOLE_SCRIPT = "from deeptruck_model.cli import main; main()"
+
+
+@dataclass(frozen=True)
+class ToolRun:
+    """How the tool ended; `verdict` is empty where it failed."""
+
+    returncode: int
+    seconds: float
+    verdict: dict[str, Any]
+    says: str
+
+
+def run_tool(case: Case, out: Path, *, limit_s: float = LIMIT_S) -> ToolRun:
+    """Run `deeptruck-model mismatch` on the case, one thread, with its verdict in `out`."""
+    arguments = [
+        *(sys.executable, "-c", CONSOLE_SCRIPT, "mismatch"),
+        *("--simulator", case.simulator),
+        *(part for path in case.paths(case.fit) for part in ("--recordings", str(path))),
+        *(part for path in case.paths(case.held_out) for part in ("--held-out", str(path))),
+        *("--out", str(out)),
+    ]
+    environment = {**os.environ, **case.environment, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    began = time.monotonic()
+    try:
+        done = subprocess.run(
+            arguments, check=False, env=environment, capture_output=True, text=True, timeout=limit_s
+        )
+        code, says = done.returncode, (done.stdout + done.stderr)[-4000:]
+    except subprocess.TimeoutExpired:
+        code, says = 124, f"stopped after {limit_s:g} s"
+    path = out / "verdict.json"
+    verdict = json.loads(path.read_text()) if code == 0 and path.exists() else {}
+    return ToolRun(code, time.monotonic() - began, verdict, says)

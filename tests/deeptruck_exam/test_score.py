@@ -1,0 +1,102 @@
+"""Rules of scoring, on verdicts written by hand."""
+
+import pytest
+
+from deeptruck_exam import score
+from deeptruck_exam.score import improvement, overlap, score_intervals, score_names
+
+
+def truth(*names, **more):
+    effects = [{"name": n, "key": n, "accepts": [], "comparable": {}} for n in names]
+    return {"effects": effects, "verdict": "missing_physics", "segments": [], **more}
+
+
+def verdict(*findings, kind="missing_physics"):
+    return {
+        "verdict": kind,
+        "findings": [
+            {"effect": f, "cannot_be_told_from": []}
+            if isinstance(f, str)
+            else {"effect": f[0], "cannot_be_told_from": list(f[1:])}
+            for f in findings
+        ],
+    }
+
+
+@pytest.mark.parametrize(
+    ("said", "outcome", "first", "in_group"),
+    [
+        (["brake_fade"], "right", True, True),
+        (["brake_fade", "headwind"], "right", True, True),
+        ([("brake_gain", "brake_fade")], "group", False, True),
+        (["headwind", "brake_fade"], "wrong", False, False),
+        (["unknown"], "unknown", False, False),
+        ([], "silent", False, False),
+    ],
+)
+def test_names(said, outcome, first, in_group):
+    result = score_names(truth("brake_fade"), verdict(*said))
+    assert (result["outcome"], result["right_first"], result["in_group"]) == (outcome, first, in_group)
+
+
+def test_a_tool_that_wrote_nothing_failed():
+    assert score_names(truth("brake_fade"), {})["outcome"] == "failed"
+    assert score_names(truth(), {})["outcome"] == "failed"
+
+
+def test_nulls():
+    quiet = score_names(truth(), verdict(kind="nothing_missing"))
+    loud = score_names(truth(), verdict("headwind"))
+    assert (quiet["outcome"], loud["outcome"]) == ("silent", "false_alarm")
+
+
+def test_several():
+    result = score_names(truth("brake_fade", "headwind"), verdict("headwind", "turbo_lag"))
+    assert (result["recall"], result["precision"], result["false_names"]) == (0.5, 0.5, ["turbo_lag"])
+
+
+def test_unknown_is_recognised_alone_or_beside_a_nearest_name_but_not_instead():
+    asked = truth("unknown")
+    assert score.recognised_unknown(asked, verdict("unknown"))
+    assert score.recognised_unknown(asked, verdict("headwind", "unknown"))
+    assert score.recognised_unknown(asked, verdict(("headwind", "unknown")))
+    assert not score.recognised_unknown(asked, verdict("headwind"))
+    assert score.recognised_unknown(truth("headwind"), verdict("headwind")) is None
+
+
+def test_overlap_of_segments():
+    def spans(*rows):
+        return [{"recording": n, "start_s": a, "end_s": b} for n, a, b in rows]
+
+    asked = truth("x", segments=spans(("a", 0, 10), ("b", 0, 10)))
+    assert overlap(asked, {"segments": spans(("a", 0, 10), ("b", 0, 10))}) == 1.0
+    assert overlap(asked, {"segments": spans(("a", 0, 6), ("a", 4, 10))}) == pytest.approx(0.5)
+    assert overlap(asked, {"segments": spans(("a#1", 5, 15))}) == pytest.approx(5 / 25)
+    assert overlap(asked, {"segments": []}) == 0.0
+    assert overlap(truth("x"), {"segments": spans(("a", 0, 1))}) is None
+
+
+def test_intervals_are_compared_under_the_same_name_only():
+    asked = truth("mass")
+    asked["effects"][0]["comparable"] = {"mass": {"value": 20000.0, "unit": "kg"}}
+    said = verdict("mass", "headwind")
+    said["findings"][0]["parameters"] = {
+        "mass": {"value": 19000.0, "unit": "kg", "ci95": [18000.0, 20500.0]},
+        "other": {"value": 1.0, "unit": "1", "ci95": [0.0, 2.0]},
+    }
+    (one,) = score_intervals(asked, said)
+    assert one["holds"] and one["true"] == 20000.0
+    said["findings"][0]["parameters"]["mass"]["ci95"] = [18000.0, 19900.0]
+    assert not score_intervals(asked, said)[0]["holds"]
+    one = said["findings"][0]["parameters"].pop("mass")
+    said["findings"][0]["parameters"]["extra"] = one
+    assert score_intervals(asked, said)[0]["value"] == 19000.0
+    said["findings"][0]["parameters"]["further"] = one
+    assert score_intervals(asked, said) == []
+
+
+def test_improvement_is_a_share_of_the_oracles():
+    errors = {name: {"speed_rmse": v} for name, v in (("before", 2.0), ("oracle", 1.0), ("tool", 1.25))}
+    assert improvement(errors) == {"tool": pytest.approx(0.75)}
+    errors["oracle"]["speed_rmse"] = 1.99
+    assert improvement(errors) == {}
