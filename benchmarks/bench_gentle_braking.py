@@ -44,10 +44,11 @@ COLUMNS = {  # of the table: how it is written, and which of the seeds is the wo
     "time gap, worst (s)": ".2f",
 }
 SAYS = """Ten seeds of each truck on the truck itself, mean and in brackets the worst of them. 32 leaders of
-17 to 23 m/s slow by 5 m/s at 0.4 to 0.8 m/s² and later pick up half of it; time gap 2 s, the leader node's
-radar noise, a minute of each run. One brake pulse a minute is what it takes. A pulse begins where the brake
-leaves 1 % of its reach, a throttle peak where the engine passes 80 % within 2 s of braking. Commands reach
-the truck *late*: a bus and its controllers take time that no policy saw in training.
+17 to 23 m/s slow by 5 m/s at 0.4 to 0.8 m/s² and later pick up half of it. The time gap is 2 s, the noise
+that of the leader node's radar, and a minute of each run is judged. One brake pulse a minute is what it
+takes. A pulse begins where the brake leaves 1 % of its reach, a throttle peak where the engine passes 80 %
+within 2 s of braking. Commands reach the truck *late*: a bus and its controllers take time that no policy
+saw in training.
 
 ![both pedals behind a leader that slows, commands 0.1 s late, trucksim](gentle_braking.png)"""
 
