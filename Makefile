@@ -16,7 +16,7 @@ HARMLESS = ^WARNING: Location .* is ignored: it is neither a file nor a director
 # Of all that pip tells, what takes long: packages of a megabyte and more, and the end.
 SHOWN = s/^ *(Downloading|Using cached) (.*\/)?([A-Za-z0-9_.]+)-[0-9].* \(([0-9.]+ [MG]B)\).*/  \3, \4/p
 UNPACKED = s/^Installing collected packages:.*/  now unpacking them all, which takes a while without a sign/p
-.PHONY: demo test lint bench clean setup
+.PHONY: demo test lint bench docs clean setup
 
 $(STAMP): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12))' || \
@@ -42,6 +42,15 @@ test: lint
 
 bench: setup
 	for b in benchmarks/bench_*.py; do $(BIN)/python $$b || exit 1; done
+
+# The documentation as a site, warnings as errors: build/docs/index.html.
+docs: $(VENV)/.docs
+	$(BIN)/python -m sphinx -q -W --keep-going -b html docs build/docs
+
+$(VENV)/.docs: $(STAMP)
+	@bash -c '$(BIN)/pip install -q --no-compile --disable-pip-version-check $(INDEX) -c constraints.txt -e ".[docs]" \
+	  2> >(grep -v "$(HARMLESS)" >&2)'
+	@touch $@
 
 clean:
 	rm -rf $(VENV) demo runs build .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -21,6 +21,7 @@ from deeptruck_model.recordings import Recording, read, write_bag
 from deeptruck_model.signals import TruckInterface
 
 RESULTS = Path(__file__).parents[1] / "docs" / "results" / "extraction.md"
+SAYS = "`python benchmarks/bench_extraction.py`, one process, one core"
 CHANNELS = {  # on /truck/twist, accel, status, command, /road and /radar/range
     "speed": 20.0,
     "acceleration": 0.5,
@@ -107,7 +108,7 @@ def report(found: dict[str, float], written: float | None, what: str) -> None:
     table = "\n".join(["| extraction | |", "| --- | --- |", *(f"| {a} | {b} |" for a, b in rows)])
     print(table)
     RESULTS.parent.mkdir(parents=True, exist_ok=True)
-    RESULTS.write_text(f"`python benchmarks/bench_extraction.py`, one process, one core\n\n{table}\n")
+    RESULTS.write_text(f"# Reading bags\n\n{SAYS}\n\n{table}\n")
 
 
 if __name__ == "__main__":

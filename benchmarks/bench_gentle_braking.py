@@ -1,8 +1,8 @@
 """Does the brake pulse behind a leader that slows gently? Ten seeds of each truck, on the truck itself.
 
-python benchmarks/bench_gentle_braking.py [--work runs/following] [--before FOLDER] [--trucks trucksim]
+python benchmarks/bench_gentle_braking.py [--work runs/following] [--trucks trucksim]
 
-The policies are those of bench_following.py. --before has those of another version, in folders named alike.
+The policies are those of bench_following.py.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ COLUMNS = {  # of the table: how it is written, and which of the seeds is the wo
     "time gap, worst (s)": ".2f",
 }
 SAYS = """Ten seeds of each truck on the truck itself, mean and in brackets the worst of them. 32 leaders of
-17 to 23 m/s slow by 5 m/s at 0.4 to 0.8 m/s² and later pick up half of it; time gap 2 s, the leader node's
-radar noise, a minute of each run. One brake pulse a minute is what it takes. A pulse begins where the brake
-leaves 1 % of its reach, a throttle peak where the engine passes 80 % within 2 s of braking. Commands reach
-the truck *late*: a bus and its controllers take time that no policy saw in training. *Before* are ten seeds
-of the same training on the same deep trucks whose pedals could be asked for together.
+17 to 23 m/s slow by 5 m/s at 0.4 to 0.8 m/s² and later pick up half of it. The time gap is 2 s, the noise
+that of the leader node's radar, and a minute of each run is judged. One brake pulse a minute is what it
+takes. A pulse begins where the brake leaves 1 % of its reach, a throttle peak where the engine passes 80 %
+within 2 s of braking. Commands reach the truck *late*: a bus and its controllers take time that no policy
+saw in training.
 
 ![both pedals behind a leader that slows, commands 0.1 s late, trucksim](gentle_braking.png)"""
 
@@ -80,11 +80,9 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--work", type=Path, default=Path("runs/following"))
-    parser.add_argument("--before", type=Path, help="the same of another version")
     parser.add_argument("--trucks", nargs="+", default=TRUCKS)
     parser.add_argument("--seed", type=int, default=1000, help="of scenes and noise")
     args = parser.parse_args()
-    folders = {"before": args.before, "now": args.work} if args.before else {"now": args.work}
     out = Path(__file__).parents[1] / "docs" / "results"
     lines = [
         "# Behind a leader that slows gently",
@@ -95,26 +93,24 @@ def main() -> None:
     ]
     for name in args.trucks:
         bench_following.learn(name, 10, args.work / name)
-        policies = {says: folder / name / "policy" for says, folder in folders.items()}
-        lines += ["", f"## {name}", "", *table(trucks.load(name), policies, args.seed)]
+        policy = args.work / name / "policy"
+        lines += ["", f"## {name}", "", *table(trucks.load(name), policy, args.seed)]
     (out / "gentle_braking.md").write_text("\n".join(lines) + "\n")
     first = args.trucks[0]
-    shown = {says: folder / first / "policy" for says, folder in folders.items()}
-    draw(trucks.load(first), shown, args.seed, out / "gentle_braking.png")
+    draw(trucks.load(first), args.work / first / "policy", args.seed, out / "gentle_braking.png")
     print("\n".join(lines))
 
 
-def table(truck: Simulator, policies: dict[str, Path], seed: int) -> list[str]:
-    """As COLUMNS has it, for each version and delay."""
-    lines = [f"| | late (s) | {' | '.join(COLUMNS)} |", "|---" * (len(COLUMNS) + 2) + "|"]
-    for says, path in policies.items():
-        for late in LATE_S:
-            rows = [pedals(drive(truck, folder, late, seed), truck) for folder in sorted(seeds(path))]
-            cells = [
-                f"{np.mean(column):{kind}} ({max(column):{kind}})"
-                for column, kind in zip(zip(*rows, strict=True), COLUMNS.values(), strict=True)
-            ]
-            lines.append(f"| {says} | {late:g} | {' | '.join(cells)} |")
+def table(truck: Simulator, policy: Path, seed: int) -> list[str]:
+    """As COLUMNS has it, for each delay."""
+    lines = [f"| late (s) | {' | '.join(COLUMNS)} |", "|---" * (len(COLUMNS) + 1) + "|"]
+    for late in LATE_S:
+        rows = [pedals(drive(truck, folder, late, seed), truck) for folder in sorted(seeds(policy))]
+        cells = [
+            f"{np.mean(column):{kind}} ({max(column):{kind}})"
+            for column, kind in zip(zip(*rows, strict=True), COLUMNS.values(), strict=True)
+        ]
+        lines.append(f"| {late:g} | {' | '.join(cells)} |")
     return lines
 
 
@@ -167,21 +163,18 @@ def recently(flags: NDArray[np.bool_], steps: int) -> NDArray[np.bool_]:
     return np.asarray(total[steps:] - total[:-steps] > 0)
 
 
-def draw(truck: Simulator, policies: dict[str, Path], seed: int, path: Path) -> None:
-    """Both pedals and the acceleration of the chosen seeds behind one leader, commands 0.1 s late."""
+def draw(truck: Simulator, policy: Path, seed: int, path: Path) -> None:
+    """Both pedals and the acceleration of the chosen seed behind one leader, commands 0.1 s late."""
     figure, axes = plt.subplots(3, 1, figsize=(8, 6), sharex=True, layout="constrained")
     rows = (("engine_command", "engine"), ("brake_command", "brake"), ("acceleration", "acceleration [m/s²]"))
     scale = ActionScale.of(truck)
     reach = {"engine_command": 0.01 * scale.engine_high, "brake_command": 0.01 * scale.brake_high}
-    for says, policy in policies.items():
-        trace = drive(truck, policy, 0.1, seed)
-        shown = slice(round(5.0 / trace.dt), round(30.0 / trace.dt))
-        for (signal, _), axis in zip(rows, axes, strict=True):
-            axis.plot(trace.time[shown], trace[signal][shown, 0] / reach.get(signal, 1.0), label=says, lw=1.2)
+    trace = drive(truck, policy, 0.1, seed)
+    shown = slice(round(5.0 / trace.dt), round(30.0 / trace.dt))
     for (signal, label), axis in zip(rows, axes, strict=True):
+        axis.plot(trace.time[shown], trace[signal][shown, 0] / reach.get(signal, 1.0), lw=1.2)
         axis.set_ylabel(f"{label} [% of its reach]" if signal in reach else label)
         axis.grid(alpha=0.3)
-    axes[0].legend(ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0), frameon=False)
     axes[-1].set_xlabel("time [s]")
     figure.savefig(path, dpi=110)
     plt.close(figure)

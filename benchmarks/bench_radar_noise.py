@@ -36,9 +36,9 @@ NOISE = ((0.0, 0.0), (0.1, 0.05), (0.2, 0.1))  # m, m/s; the second is the leade
 SETTLED_S = 20.0
 SAYS = """The chosen policy of each truck on the truck itself, and the same weights without the filter.
 Noise is white, standard deviations for each reading; 0.1 m and 0.05 m/s are the leader node's. Behind
-steady leaders 32 runs of 80 s, the first 20 s left out, commands as shares of their reach; behind the
-moving leader on hills the 100 scenes of [following](following/trucksim.md), behind recorded cars
-(`DEEPTRUCK_REAL_DATA`) pieces of 80 s, where power suffices, after 10 s.
+steady leaders 32 runs of 80 s count, without their first 20 s. Commands are shares of their reach. Behind the
+moving leader on hills it is the 100 scenes of [following](following/trucksim.md), behind recorded cars
+(`DEEPTRUCK_REAL_DATA`) pieces of 80 s. Both count where power suffices, after 10 s.
 
 ![both pedals behind a steady leader](radar_noise.png)"""
 COLUMNS = {  # of a table: how it is written

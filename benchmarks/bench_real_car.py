@@ -165,7 +165,7 @@ first parts, by the rms after 15 s (`--choose` prints every candidate). The car 
 acceleration is nearly linear in torque, drag and grade; least squares starts there. The friction brake is
 not recorded: a hard stop has no cause in the inputs, and all err there. A trip by hand:
 
-```
+```bash
 deeptruck-model import TripA01.csv --columns layouts/columns/bmw_i3.yaml --out bags/A01
 deeptruck-model import TripA11.csv --columns layouts/columns/bmw_i3.yaml --out bags/A11
 deeptruck-model train bags/A11 --out simulators/i3 --members 3

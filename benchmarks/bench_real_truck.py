@@ -126,7 +126,7 @@ def main() -> None:
 TEXT = """# A real truck: `veh002`
 
 `python benchmarks/bench_real_truck.py`. A heavy diesel on the road, 1 Hz, fuel rate as engine command, grade
-from the elevation; trained on the first half of the log, free runs on the second, started every 20 s wherever
+from the elevation. The first half of the log trains. Free runs on the second start every 20 s wherever
 the next 15 or 60 s can be explained. Speed error at the end of the run, m/s; *pulling* are the runs with fuel
 above 0.5 g/s and speed above 6 m/s throughout.
 

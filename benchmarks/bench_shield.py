@@ -33,7 +33,7 @@ def main() -> None:
     truck = simulators.load(args.simulator)
     promise = truck_limits.measure(truck)
     lines = ["# The shield", "", f"`python benchmarks/bench_shield.py --policy {args.policy}`", ""]
-    lines += [f"Promise measured on {args.simulator}: " + ", ".join(_facts(promise)), ""]
+    lines += [f"Promise measured on {args.simulator}: `{', '.join(_facts(promise))}`", ""]
     lines += [*search(promise, args.rollouts), "", *cost(args.policy, truck, promise)]
     out = Path(__file__).parents[1] / "docs" / "results" / "bench_shield.md"
     out.parent.mkdir(parents=True, exist_ok=True)
@@ -65,7 +65,7 @@ def search(promise: Promise, rollouts: int) -> list[str]:
 def cost(path: str, truck: Simulator, promise: Promise) -> list[str]:
     """Table of what the shield costs a policy: 100 rollouts of each scene with and without it."""
     heads = ("overridden", "crashes", "crashes, off", "worst time gap (s)", "worst time gap, off")
-    lines = [f"`{path}` | " + " | ".join(heads), "|".join(["---"] * (len(heads) + 1))]
+    lines = [f"| `{path}` | {' | '.join(heads)} |", "|---" * (len(heads) + 1) + "|"]
     for name in SCENES:
         draw, seconds = hard_scenes.HARD[name]
         scene = draw(np.random.default_rng(7), 100, round(seconds / truck.dt), truck.dt)
@@ -73,7 +73,8 @@ def cost(path: str, truck: Simulator, promise: Promise) -> list[str]:
         on, off = (summary(roll_out(truck, guard(policy, promise, shield=s), scene)) for s in (True, False))
         gaps = [row["time_gap_error_after_10s"]["worst_abs"] for row in (on, off)]
         share = f"{100 * on['shield_share']:.3f} %"
-        lines.append(f"{name} | {share} | {on['crashes']} | {off['crashes']} | {gaps[0]:.3f} | {gaps[1]:.3f}")
+        crashes = f"{on['crashes']} | {off['crashes']}"
+        lines.append(f"| {name} | {share} | {crashes} | {gaps[0]:.3f} | {gaps[1]:.3f} |")
     return lines
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import importlib.util
 import re
 import shlex
@@ -12,6 +13,7 @@ from types import ModuleType
 
 import pytest
 import typer
+import yaml
 from deeptruck_nodes.parameters import schema
 from deeptruck_nodes.topics import TOPICS
 from typer.main import get_command
@@ -21,14 +23,32 @@ import truck_bridge.cli
 from deeptruck_model.cli import data, deep, mismatch, spread
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-CALL = re.compile(r"(deeptruck-model|deeptruck-cacc|truck-bridge|python (ros2_ws|examples|demo)\S*) \S")
-RUN_HERE = [ROOT / "docs" / "tutorial.md"]  # other pages' snippets run in their own room's tests
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
+TYPER = r"(deeptruck-model|deeptruck-cacc|truck-bridge|python (ros2_ws|examples|demo)\S*) \S"
+SCRIPT = r"python (-m \S+|(benchmarks|tests)/\S+\.py)"  # with argparse, or with options written out
+OTHERS = r"make \w+|\. \S+/activate$|#|$"
+RUN_HERE = [DOCS / "tutorial.md", DOCS / "cacc.md"]
+RUN_BY = {  # the snippets of other pages need what their own tests have at hand
+    "docs/trucks.md": "tests/deeptruck_model/trucks/test_docs.py",
+    "docs/recordings.md": "tests/deeptruck_model/recordings/test_documentation.py",
+    "docs/deep_model.md": "tests/deeptruck_model/deep/test_docs.py",
+    "docs/mismatch.md": "tests/deeptruck_model/mismatch/test_docs.py",
+}
+COUNTS, SHARES = re.compile(r"(\w+)_n$"), re.compile("_(first|in_group|recall|precision|said)$")
+
+
+def name(page: Path) -> str:
+    return str(page.relative_to(ROOT))
 
 
 def blocks(page: Path, language: str) -> list[str]:
     found = re.findall(rf"^```{language}\n(.*?)^```", page.read_text(encoding="utf-8"), re.S | re.M)
     return [str(block) for block in found]
+
+
+def shell_lines(page: Path) -> list[str]:
+    return [line for block in blocks(page, "bash") for line in block.replace("\\\n", " ").splitlines()]
 
 
 def script(path: Path) -> ModuleType:
@@ -66,22 +86,18 @@ def programs() -> dict[str, typer.Typer]:
     return known
 
 
-def commands() -> Iterator[tuple[str, str]]:
+def commands(kind: str) -> Iterator[tuple[str, str]]:
     """(page, command line) of every shell block and of every command in a sentence or table."""
     for page in PAGES:
         text = page.read_text(encoding="utf-8")
         prose = re.sub(r"^```.*?^```", "", text, flags=re.S | re.M)
         quoted = [" ".join(q.split()) for q in re.findall(r"`([^`]+)`", prose)]
-        lines = [line for block in blocks(page, "bash") for line in block.replace("\\\n", " ").splitlines()]
-        lines += re.findall(r"^    (\S.*)$", text, re.M)
-        for line in [*lines, *quoted]:
-            if re.match(
-                r"(deeptruck-model|deeptruck-cacc|truck-bridge|python (ros2_ws|examples|demo))\S* \S", line
-            ):
-                yield str(page.relative_to(ROOT)), line
+        lines = shell_lines(page) + re.findall(r"^    (\S.*)$", text, re.M)
+        yield from ((name(page), line) for line in [*lines, *quoted] if re.match(kind, line))
 
 
-COMMANDS = sorted(set(commands()))
+COMMANDS = sorted(set(commands(TYPER)))
+SCRIPTS = sorted(set(commands(SCRIPT)))
 
 
 @pytest.mark.parametrize(("page", "line"), COMMANDS, ids=lambda text: text[:60])
@@ -104,9 +120,45 @@ def test_every_command_is_understood(programs: dict[str, typer.Typer], page: str
             raise
 
 
+def source(words: list[str]) -> str:
+    """The text of the script, or of the module and those of ours it imports, that a call runs."""
+    if words[1] != "-m":
+        return (ROOT / words[1]).read_text()
+    spec = importlib.util.find_spec(words[2])
+    assert spec is not None and spec.origin is not None, words[2]
+    text = Path(spec.origin).read_text()
+    inner = [
+        importlib.util.find_spec(module) for module in re.findall(r"from (truck_bridge\.\w+) import", text)
+    ]
+    return text + "".join(Path(s.origin).read_text() for s in inner if s is not None and s.origin)
+
+
+@pytest.mark.parametrize(("page", "line"), SCRIPTS, ids=lambda text: text[:60])
+def test_every_script_is_there_and_has_the_options(page: str, line: str) -> None:
+    words = shlex.split(line, comments=True)
+    if "NODE" in line:
+        return  # a pattern
+    text = source(words)
+    for option in (word for word in words if word.startswith("--")):
+        spelled = option.strip("-").replace("-", "_")
+        assert f'"{option}"' in text or f"{spelled}:" in text, f"{page}: {option}"
+
+
 def test_commands_were_found() -> None:
     assert len({line for page, line in COMMANDS if page == "README.md"}) >= 9
-    assert len(COMMANDS) > 30
+    assert len(COMMANDS) > 30 and len(SCRIPTS) > 20
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_every_block_says_what_it_is_and_is_checked(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert set(re.findall(r"^```(\w+)", text, re.M)) <= {"bash", "python", "yaml"}
+    unknown = [line for line in shell_lines(page) if not re.match(f"{TYPER}|{SCRIPT}|{OTHERS}", line)]
+    assert not unknown
+    pictures = re.findall(r"^```\n(.*?)^```", text, re.S | re.M)
+    assert not [block for block in pictures if re.search(f"^({TYPER}|{SCRIPT})", block, re.M)]
+    if blocks(page, "python") and page not in RUN_HERE:
+        assert page.name in (ROOT / RUN_BY[name(page)]).read_text()
 
 
 @pytest.mark.parametrize("page", RUN_HERE, ids=lambda page: page.stem)
@@ -117,28 +169,74 @@ def test_snippets_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         exec(compile(block, f"{page.name}", "exec"), names)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_the_parameters_shown_exist() -> None:
+    for block in blocks(DOCS / "nodes.md", "yaml"):
+        for node, of_node in yaml.safe_load(block).items():
+            assert set(of_node["ros__parameters"]) <= set(schema()[node])
+
+
+def anchors(page: Path) -> set[str]:
+    headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.M)
+    return {re.sub(r"[^\w -]", "", heading).lower().replace(" ", "-") for heading in headings}
+
+
+def links(page: Path) -> list[str]:
+    """Where links and pictures of a page lead, but for other sites."""
+    found = re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8"))
+    return [target for target in found if not re.match(r"[a-z]+:", target)]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
 def test_links_lead_somewhere(page: Path) -> None:
-    text = page.read_text(encoding="utf-8")
-    for target in re.findall(r"\]\(([^)\s]+)\)", text):
+    for target in links(page):
         path, _, anchor = target.partition("#")
-        if re.match(r"[a-z]+:", path):
-            continue
         found = (page.parent / path).resolve() if path else page
-        assert found.exists(), f"{page.name}: {target}"
-        if anchor:
-            headings = re.findall(r"^#+ (.*)$", found.read_text(encoding="utf-8"), re.M)
-            assert anchor in {re.sub(r"[^\w -]", "", h).lower().replace(" ", "-") for h in headings}, target
+        assert found.is_file(), f"{page.name}: {target}"
+        assert not anchor or anchor in anchors(found), f"{page.name}: {target}"
 
 
-def test_the_index_names_every_page() -> None:
-    index = (ROOT / "docs" / "README.md").read_text()
-    pages = {page.name for page in (ROOT / "docs").glob("*.md")} - {"README.md"}
-    assert not {name for name in pages if f"]({name})" not in index}
+def test_the_pages_that_the_source_names_are_there() -> None:
+    files = [*(ROOT / "src").rglob("*.py"), *(ROOT / "ros2_ws").glob("*.py")]
+    named = {page for path in files for page in re.findall(r"\bdocs/[\w/]+\.md", path.read_text())}
+    assert len(named) > 5
+    assert not {page for page in named if not (ROOT / page).is_file()}
+
+
+def test_the_indexes_name_every_page() -> None:
+    index, site = (DOCS / "README.md").read_text(), (DOCS / "index.rst").read_text()
+    pages = {page.stem for page in DOCS.glob("*.md")} - {"README"}
+    assert not {page for page in pages if f"]({page}.md)" not in index}
+    assert not {page for page in pages if f"\n   {page}\n" not in site}
+    results = (DOCS / "results" / "README.md").read_text()
+    written = {page.relative_to(DOCS / "results").as_posix() for page in (DOCS / "results").rglob("*.md")}
+    assert not {page for page in written - {"README.md"} if f"]({page})" not in results}
+    shown = {(page.parent / target).resolve() for page in PAGES for target in links(page)}
+    assert not set((DOCS / "results").rglob("*.png")) - shown
+
+
+def test_the_reference_is_of_modules_that_exist() -> None:
+    site = (DOCS / "index.rst").read_text()
+    for page in (DOCS / "api").glob("*.rst"):
+        assert f"api/{page.stem}\n" in site
+        modules = re.findall(r"automodule:: (\S+)", page.read_text())
+        assert modules and not [module for module in modules if importlib.util.find_spec(module) is None]
+
+
+def test_the_history_of_the_mismatch_tool_adds_up() -> None:
+    with (DOCS / "results" / "mismatch_history.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) > 30
+    for row in rows:
+        assert re.fullmatch(r"[0-9a-f]{7}", row["commit"])
+        assert sum(int(n or 0) for key, n in row.items() if COUNTS.match(key)) == int(row["cases"])
+        shares = [
+            float(x) for key, x in row.items() if x and re.search("_(first|in_group|recall|said)$", key)
+        ]
+        assert all(0.0 <= share <= 1.0 for share in shares)
 
 
 def test_the_picture_of_the_graph_shows_every_node_and_no_topic_that_is_not() -> None:
-    picture = (ROOT / "docs" / "figures" / "node_graph.svg").read_text()
+    picture = (DOCS / "figures" / "node_graph.svg").read_text()
     assert set(re.findall(r"(?<![\w<])/[a-z]+(?:/[a-z]+)?\b", re.sub(r"<[^>]*>", " ", picture))) <= set(
         TOPICS
     )
@@ -149,6 +247,6 @@ def test_the_picture_of_the_graph_shows_every_node_and_no_topic_that_is_not() ->
 def test_the_readme_begins_with_two_commands() -> None:
     head = (ROOT / "README.md").read_text().split("##")[0]
     targets = (ROOT / "Makefile").read_text()
-    for name in ("demo", "test"):
-        assert re.search(rf"^    make {name}\b", head, re.M) and re.search(rf"^{name}:", targets, re.M)
+    for target in ("demo", "test"):
+        assert re.search(rf"^    make {target}\b", head, re.M) and re.search(rf"^{target}:", targets, re.M)
     assert sys.version_info[:2] in ((3, 11), (3, 12)) and "3.11 or 3.12" in head

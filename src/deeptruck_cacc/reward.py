@@ -16,8 +16,8 @@ class Reward:
         - alpha_crash [gap <= d_safety]
 
     e and b are the commands as fractions of their reach. h(x) = 2 d^2 (sqrt(1 + (x/d)^2) - 1) is x^2 near
-    zero and 2 d |x| far away; d = inf is the paper's plain square. Works on numpy arrays and torch tensors
-    alike.
+    zero and linear, with slope 2 d, far away; d = inf is the paper's plain square. Works on numpy arrays and
+    torch tensors alike.
     """
 
     alpha_p: float = 0.2

@@ -14,7 +14,7 @@ from deeptruck_model.errors import InputError
 
 @dataclass(frozen=True)
 class Channel:
-    """One signal. `low`..`high` is the range a truck can produce; outside it a sample is invalid."""
+    """One signal. `low` to `high` is the range a truck can produce; outside it a sample is invalid."""
 
     name: str
     unit: str

@@ -75,7 +75,7 @@ class Shape:
         return self.named + (self.responses - 1) * self.factors
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON; Shape(**data) is the inverse."""
+        """Plain data for JSON; `Shape(**data)` is the inverse."""
         return asdict(self)
 
 

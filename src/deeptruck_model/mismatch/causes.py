@@ -19,7 +19,7 @@ GROUP_SHARE = 0.15  # of the gain: no form is quite right, and the larger an eff
 GROUP_SHARE_SLOW = 0.25  # the same for what comes and goes as it likes
 GROUP_SHARE_RARE = 0.35  # the same for what was seen in a few windows: one event looks like another there
 # Most that a name may be given, by how many others are told beside it: a law that nobody here has read is as
-# far from every form as these are from one another (docs/results/proof.md, Probabilities).
+# far from every form as these are from one another (docs/results/mismatch.md).
 SURE = (0.8, 0.65, 0.4)
 SURE_UNKNOWN = 0.6
 

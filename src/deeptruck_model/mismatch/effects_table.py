@@ -1,4 +1,4 @@
-"""The table of effects in docs/mismatch.md: `python -m deeptruck_model.mismatch.effects_table` renews it."""
+"""The table of docs/mismatch_effects.md: `python -m deeptruck_model.mismatch.effects_table` renews it."""
 
 from __future__ import annotations
 
@@ -62,4 +62,4 @@ def put_into(page: Path) -> bool:
 
 
 if __name__ == "__main__":
-    put_into(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/mismatch.md"))
+    put_into(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/mismatch_effects.md"))

@@ -88,7 +88,7 @@ def _excluded() -> list[str]:
     wrong = [name for name in names if name not in NAMED]
     if wrong:
         near = difflib.get_close_matches(wrong[0], NAMED, 1)
-        hint = f"; did you mean {near[0]}?" if near else "; docs/mismatch.md lists them"
+        hint = f"; did you mean {near[0]}?" if near else "; docs/mismatch_effects.md lists them"
         raise InputError(f"{EXCLUDE}: there is no effect '{wrong[0]}'{hint}")
     return names
 

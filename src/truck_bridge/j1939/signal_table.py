@@ -12,18 +12,23 @@ holds them equal.
 What is above the range is no number: it decodes to NaN with the flag 'error' (one byte 0xFE, two bytes
 0xFExx), 'not available' (0xFF, 0xFFxx) or 'out of range'. Byte and bit count from 1, as J1939 does.
 
-Checked against: the extract of J1939DA (March 2021) in Equipment & Tool Institute's
-[j1939-84](https://github.com/Equipment-and-Tool-Institute/j1939-84) (positions, SPNs and rates of TSC1,
-XBR, EBC1, ETC1, ETC2, EEC1, EEC2, VDC2), California PATH's J1939 structures (`j1939_struct.h`: signals and
-ranges of TSC1, ERC1, EBC1, EBC2, ETC1, ETC2, EEC1-3, CCVS; XBR),
-[libJ1939](https://github.com/2kranki/libJ1939) (EBC5), PACCAR PEC017 page 48 (TSC1 counter and checksum),
-and the frames of a research truck's public recording, which decode to what such a truck does (EEC1-3,
-EBC1-2, CCVS1, ETC1-2, LFE1, AMB, TSC1). VP: can-utils' `j1939_vehicle_position_cmn.h`; VDS: Axiomatic's
-manual of a J1939 inclinometer (UMAX0608XX-1000, page 23); CVW: a public `saej1939_71.h`; all of EBC5: a
-public decoder (Optio3's `ElectronicBrakeController5`). What J1939-71 itself says was not at hand: check
-against your truck's documents before its first run.
-PropA is a layout of our own, spoken by the ECU emulator; a real truck's proprietary keys come from its
-user, as a DBC named in the vehicle file.
+What the layouts were checked against:
+
+- the extract of J1939DA (March 2021) in Equipment & Tool Institute's
+  [j1939-84](https://github.com/Equipment-and-Tool-Institute/j1939-84): positions, SPNs and rates of TSC1, XBR,
+  EBC1, ETC1, ETC2, EEC1, EEC2, VDC2;
+- California PATH's J1939 structures (`j1939_struct.h`): TSC1, ERC1, EBC1, EBC2, ETC1, ETC2, EEC1-3, CCVS, XBR;
+- [libJ1939](https://github.com/2kranki/libJ1939) and Optio3's public decoder `ElectronicBrakeController5`: EBC5;
+- PACCAR PEC017, page 48: counter and checksum of TSC1;
+- a research truck's public recording, whose frames decode to what such a truck does: EEC1-3, EBC1-2, CCVS1,
+  ETC1-2, LFE1, AMB, TSC1;
+- can-utils' `j1939_vehicle_position_cmn.h`: VP;
+- Axiomatic's manual of a J1939 inclinometer (UMAX0608XX-1000, page 23): VDS;
+- a public `saej1939_71.h`: CVW.
+
+J1939-71 itself was not at hand: check against your truck's documents before its first run. PropA is a layout
+of our own, spoken by the ECU emulator. A real truck's proprietary keys come from its user, as a DBC named in
+the vehicle file.
 """
 
 
