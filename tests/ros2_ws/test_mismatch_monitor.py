@@ -32,7 +32,9 @@ def test_beside_a_simulated_truck(start: Callable[..., Any], tmp_path: Path, mas
     (tmp_path / "other.yaml").write_text(f"mass: {mass}\n")
     monitor = f"truck:trucksim:{tmp_path / 'other.yaml'}"
     run = start("start_simulation.py", *TRUCK, *LEADER, "--monitor", monitor, "--record", tmp_path / "bag")
-    assert run.finish()[::2] == (0, "")
+    code, said, errors = run.finish()
+    assert (code, errors) == (0, "")
+    assert ("mismatch_monitor: " in said and "the truck is not as simulated" in said) == (mass != 20000.0)
     residuals = [m.accel.linear for m in heard(tmp_path / "bag", "/mismatch/residual")]
     assert len(residuals) > 780  # of 800 steps; some of the first may pass unheard
     smoothed = np.array([r.y for r in residuals])

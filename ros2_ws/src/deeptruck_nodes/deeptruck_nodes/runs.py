@@ -18,7 +18,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import repair
 from deeptruck_model.recordings.bag_source import BagSource
 from deeptruck_model.signals import TruckInterface
-from deeptruck_nodes import environment, leaders, parameters, roads, vehicle
+from deeptruck_nodes import bag_place, environment, leaders, parameters, roads, vehicle
 from deeptruck_nodes.plant import ticks_a_step
 from deeptruck_nodes.supervisor import Program, Supervisor, node
 from truck_bridge.bus import open_bus
@@ -31,6 +31,9 @@ RADARS: dict[str, dict[str, float]] = {
     "noisy": {"range_noise": 0.1, "speed_noise": 0.05, "dropout_rate": 0.05},
     "field": {"range_noise": 0.1, "speed_noise": 0.05, "dropout_rate": 0.05, "lane_change_at_s": 63.0},
 }
+
+
+SPEAKERS = ("can_bridge", "mismatch_monitor")  # what they print is for whoever sits before the run
 
 
 @dataclass(frozen=True)
@@ -219,20 +222,21 @@ def _run(
         values.update(lockstep=lockstep, peers=[peer for peer in sections if peer != name])
         parameters.checked(name, values)
     domain = environment.domain_id()
-    if common.record is not None:
-        environment.free_bag(common.record, common.overwrite)
-    folder = environment.run_folder(common.runs, what, domain)
-    lock = environment.DomainLock(domain, folder)
+    bag_place.check(common.record, common.overwrite)
+    lock = environment.DomainLock(domain)
     try:
-        file = folder / "parameters.yaml"
-        parameters.write_file(file, sections)
-        nodes = [node(name, file, ends_run=name == ends, speaks=name == "can_bridge") for name in sections]
-        programs = [*nodes[:1], *others, *nodes[1:]]
-        print(f"logs in {os.path.relpath(folder)}, ROS domain {domain}", flush=True)
-        supervisor = Supervisor(
-            folder, programs, environment.ros_environment(folder, domain), lock.descriptor
-        )
-        code = supervisor.run(duration)
+        with bag_place.freed(common.record, common.overwrite):
+            folder = environment.run_folder(common.runs, what, domain)
+            lock.logs_in(folder)
+            file = folder / "parameters.yaml"
+            parameters.write_file(file, sections)
+            nodes = [node(name, file, ends_run=name == ends, speaks=name in SPEAKERS) for name in sections]
+            programs = [*nodes[:1], *others, *nodes[1:]]
+            print(f"logs in {os.path.relpath(folder)}, ROS domain {domain}", flush=True)
+            supervisor = Supervisor(
+                folder, programs, environment.ros_environment(folder, domain), lock.descriptor
+            )
+            code = supervisor.run(duration)
         print(last_line(supervisor.why, common.record), flush=True)
         return code
     finally:
