@@ -20,7 +20,7 @@ def check(bag: Path | None, overwrite: bool) -> None:
 
 
 def freed(bag: Path | None, overwrite: bool) -> AbstractContextManager[None]:
-    """A place for the recorder; an older bag waits beside it until the new one is whole. Raises InputError."""
+    """Room for the recorder; an older bag waits beside it until the new one is whole. Raises InputError."""
     return nullcontext() if bag is None else BAG.aside(bag, overwrite=overwrite, whole=_is_whole)
 
 

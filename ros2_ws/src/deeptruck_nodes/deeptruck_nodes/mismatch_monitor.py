@@ -57,7 +57,7 @@ class MismatchMonitor(DeeptruckNode):
             self.diagnose(stamp, level, says, self._values(s))
 
     def _speak(self, time: float, alarm: Located | None) -> None:
-        """To whoever sits before the run, at `time` s since the first message: when a stretch begins, ends."""
+        """To whoever sits before the run: when a stretch begins and ends, in s since the first message."""
         if alarm is not None and self._spoken is None:
             print(f"at {time:.0f} s: {self._sentence(alarm)}", flush=True)
         elif alarm is None and self._spoken is not None:
