@@ -22,7 +22,7 @@ from deeptruck_nodes import bag_place, environment, leaders, parameters, roads, 
 from deeptruck_nodes.plant import ticks_a_step
 from deeptruck_nodes.supervisor import Program, Supervisor, node
 from truck_bridge.bus import open_bus
-from truck_bridge.emulator_cli import road as road_of_emulator
+from truck_bridge.emulator.cli import road as road_of_emulator
 
 Sections = dict[str, dict[str, Any]]
 
@@ -127,9 +127,9 @@ def _compile(truck: str) -> None:
 def _emulator(bridge: Mapping[str, Any], speed: float, grade: str) -> Program:
     options = {"vehicle": bridge["vehicle"], "interface": bridge["interface"], "channel": bridge["channel"]}
     options |= {"speed": str(speed), "grade": grade}
-    argv = [sys.executable, "-m", "truck_bridge.ecu_emulator"]
+    argv = [sys.executable, "-m", "truck_bridge.emulator"]
     return Program(
-        "ecu_emulator", [*argv, *(f"--{name}={value}" for name, value in options.items())], says_ready=False
+        "emulator", [*argv, *(f"--{name}={value}" for name, value in options.items())], says_ready=False
     )
 
 

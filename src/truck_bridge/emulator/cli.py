@@ -19,13 +19,13 @@ import numpy as np
 from deeptruck_model.errors import InputError as ModelInputError
 from truck_bridge import vehicles
 from truck_bridge.bus import open_bus
-from truck_bridge.ecu_emulator import Driver, EcuEmulator
+from truck_bridge.emulator.ecus import Driver, EcuEmulator
 from truck_bridge.errors import InputError
 
 EXAMPLES = """examples:
-  python -m truck_bridge.ecu_emulator --vehicle trucksim --interface loopback --channel demo
-  python -m truck_bridge.ecu_emulator --vehicle volvo --interface socketcan --channel vcan0 --grade road.csv
-  python -m truck_bridge.ecu_emulator --vehicle trucksim --driver 10:brake_pedal=40,12:brake_pedal=0
+  python -m truck_bridge.emulator --vehicle trucksim --interface loopback --channel demo
+  python -m truck_bridge.emulator --vehicle volvo --interface socketcan --channel vcan0 --grade road.csv
+  python -m truck_bridge.emulator --vehicle trucksim --driver 10:brake_pedal=40,12:brake_pedal=0
 """
 
 
@@ -42,7 +42,7 @@ class _Parser(argparse.ArgumentParser):
 def parser() -> argparse.ArgumentParser:
     """The options."""
     p = _Parser(
-        prog="python -m truck_bridge.ecu_emulator",
+        prog="python -m truck_bridge.emulator",
         description="A truck's controllers around a physics truck, on a CAN bus.",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -142,9 +142,5 @@ def main() -> None:
     try:
         run(parser().parse_args())
     except (InputError, ModelInputError) as error:
-        print(f"ecu_emulator: {error}", file=sys.stderr)
+        print(f"emulator: {error}", file=sys.stderr)
         sys.exit(2)
-
-
-if __name__ == "__main__":
-    main()
