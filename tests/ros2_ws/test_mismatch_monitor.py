@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from deeptruck_nodes import runs
+from deeptruck_nodes import run_checks
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
@@ -60,4 +60,4 @@ def test_beside_a_simulated_truck(start: Callable[..., Any], tmp_path: Path, mas
 )
 def test_a_simulator_of_another_kind_is_refused(truck: TruckInterface, says: str) -> None:
     with pytest.raises(InputError, match=says):
-        runs._monitor(runs.Common(monitor="truck:trucksim"), truck)
+        run_checks.monitor_fits("truck:trucksim", truck)
