@@ -11,8 +11,8 @@ from typing import Annotated
 
 import typer
 
+from deeptruck_model import console
 from deeptruck_model.errors import InputError
-from examples.demo import page
 from examples.demo.display import Display
 from examples.demo.runner import Runner, StepError
 from examples.demo.steps import Settings, chosen, plan, real_data
@@ -41,12 +41,12 @@ def main(
 ) -> None:
     """Run the demo, or go on with it."""
     began = time.monotonic()
-    _claim(out)
     out = out.absolute()
     steps = chosen(plan(out, Settings.quick() if quick else Settings(), real_data()), only)
+    chosen(steps, again)  # raises where one is unknown
+    _claim(out)
     if only is None and real_data() is None:
         print("no real recordings at hand (DEEPTRUCK_REAL_DATA): the real truck is left out", flush=True)
-    chosen(steps, again)  # raises where one is unknown
     with Display() as display:
         runner = Runner(out, steps, display.show)
         runner.forget(again or [])
@@ -54,6 +54,8 @@ def main(
             runner.run()
         except KeyboardInterrupt:
             raise StepError("interrupted; run again to go on from here") from None
+    from examples.demo import page  # draws: imported once there is something to draw
+
     written = page.write(out, list(runner.progress.values()), time.monotonic() - began)
     for remark in page.remarks(out, runner.progress):
         print(remark)
@@ -72,19 +74,13 @@ def _claim(out: Path) -> None:
 
 
 def _guarded() -> None:
+    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    app.command(epilog=EXAMPLES)(main)
     try:
-        app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-        app.command(epilog=EXAMPLES)(main)
-        app()
-    except InputError as error:
-        sys.exit(_complain(str(error), 2))
+        console.run(app, "demo")
     except StepError as error:
-        sys.exit(_complain(str(error), 1))
-
-
-def _complain(text: str, code: int) -> int:
-    print(f"demo: {text}", file=sys.stderr)
-    return code
+        print(f"demo: {error}", file=sys.stderr)
+        sys.exit(1)
 
 
 if __name__ == "__main__":

@@ -70,7 +70,7 @@ def measure(folder: Path, rate: int, seconds: float) -> list[tuple[str, str, str
     domain = 98
     os.environ["ROS_DOMAIN_ID"] = str(domain)
     run = environment.run_folder(folder / "runs", "bench", domain)
-    lock = environment.DomainLock(domain, run)
+    lock = environment.DomainLock(domain)
     parameters.write_file(
         run / "parameters.yaml", {"recorder": {"bag": str(folder / "bag"), "topics": list(NAMES)}}
     )

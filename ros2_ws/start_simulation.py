@@ -26,8 +26,8 @@ Every parameter of every node: docs/nodes.md.
 def main(
     simulator: Annotated[str, typer.Option(help="Simulator directory, or truck:NAME[:overrides.yaml].")],
     policy: Annotated[str, typer.Option(help="Policy directory, or baseline:NAME.")],
-    record: Annotated[Path | None, typer.Option(help="Bag to record; must not exist.")] = None,
-    overwrite: Annotated[bool, typer.Option(help="Replace an existing bag.")] = False,
+    record: Annotated[Path | None, typer.Option(help="Bag to record; a new folder.")] = None,
+    overwrite: Annotated[bool, typer.Option(help="Replace an older bag of a recorder.")] = False,
     leader: Annotated[
         str, typer.Option(help="What the vehicle ahead does, see below.")
     ] = "constant:speed=20",

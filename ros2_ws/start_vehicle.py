@@ -47,8 +47,8 @@ Radar = Annotated[Literal["clean", "noisy", "field"], typer.Option(help="Errors 
 InitialGap = Annotated[float, typer.Option(help="m; 0: a time gap of 2 s.")]
 Seed = Annotated[int, typer.Option(help="Of the radar's errors.")]
 # The run
-Record = Annotated[Path | None, typer.Option(help="Bag to record; must not exist.")]
-Overwrite = Annotated[bool, typer.Option(help="Replace an existing bag.")]
+Record = Annotated[Path | None, typer.Option(help="Bag to record; a new folder.")]
+Overwrite = Annotated[bool, typer.Option(help="Replace an older bag of a recorder.")]
 Duration = Annotated[float, typer.Option(help="s; 0: until Ctrl-C.", min=0.0)]
 Monitor = Annotated[
     str, typer.Option(help="Simulator to compare the truck with while it drives: /mismatch/residual.")

@@ -66,6 +66,7 @@ def test_bad_input_is_one_line(tmp_path: Path) -> None:
     for run, says in ((foreign, "is no demo"), (unknown, "there is no step 'fly'")):
         assert (run.returncode, run.stderr.count("\n")) == (2, 1)
         assert says in run.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 
 
 def write(text: str, path: Path) -> tuple[str, ...]:
@@ -98,6 +99,38 @@ def test_what_is_done_is_kept_until_something_before_it_changes(
     assert run(other, second, again=("second",)) == {"first": "kept", "second": "done"}
     (tmp_path / "b").unlink()
     assert run(other, second) == {"first": "kept", "second": "done"}
+
+
+def test_what_no_step_made_survives(tmp_path: Path, run: Callable[..., dict[str, str]]) -> None:
+    """Beside what a step made, in its place, and where the user changed it."""
+    made = tmp_path / "made"
+    code = f"from pathlib import Path; d = Path({str(made)!r}); d.mkdir(exist_ok=True)"
+    command = (
+        sys.executable,
+        "-c",
+        f"{code}; [(d / n).open('x').close() for n in ('a', 'b') if not (d / n).exists()]",
+    )
+    made.mkdir()
+    (made / "b").write_text("mine")
+    step = Step("step", "", command, (), ("made",))
+    run(step)
+    (made / "notes.txt").write_text("mine")
+    assert run(step, again=("step",)) == {"step": "done"}
+    assert (made / "b").read_text() == (made / "notes.txt").read_text() == "mine"
+    (made / "a").write_text("changed by hand")
+    run(step, again=("step",))
+    assert (made / "a").read_text() == "changed by hand"
+
+
+def test_what_a_killed_demo_left_is_not_taken_for_a_step_s(
+    tmp_path: Path, run: Callable[..., dict[str, str]]
+) -> None:
+    step = Step("step", "", (sys.executable, "-c", f"open({str(tmp_path / 'made')!r}, 'x')"), (), ("made",))
+    (tmp_path / "made").write_text("mine")
+    for _ in range(2):
+        with pytest.raises(StepError, match="exists"):
+            run(step)
+    assert (tmp_path / "made").read_text() == "mine"
 
 
 def test_a_step_that_fails_says_why_and_is_done_again(

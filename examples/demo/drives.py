@@ -10,7 +10,7 @@ import numpy as np
 import typer
 import yaml
 
-from deeptruck_model import driving_cycles, trucks
+from deeptruck_model import driving_cycles, files, trucks
 from deeptruck_model.recordings import write_bag
 
 OTHER_TRUCK = {"mass": 26_000.0, "brake_gain": 0.75}  # six tonnes of payload and worn brakes ...
@@ -44,7 +44,8 @@ def leader(out: Path, seconds: float = 3600.0) -> None:
     """A speed profile of the same generator as CSV, for the truck to follow in the node graph."""
     speed = driving_cycles.speed_profile(seconds, seed=3)
     rows = np.stack([0.1 * np.arange(len(speed)), speed], axis=1)
-    np.savetxt(out / "leader.csv", rows, "%.3f", ",", header="time,speed", comments="")
+    with files.new_file(out / "leader.csv") as draft:
+        np.savetxt(draft, rows, "%.3f", ",", header="time,speed", comments="")
 
 
 def other_truck(out: Path, seconds: float) -> None:
@@ -57,7 +58,8 @@ def other_truck(out: Path, seconds: float) -> None:
         noisy = {c: drive.channels[c] + rng.normal(0.0, sd, len(drive)) for c, sd in NOISE.items()}
         measured = replace(drive, channels={**drive.channels, **noisy})
         write_bag(out / "heavy" / name, [measured], interface=truck.interface)
-    (out / "heavy.yaml").write_text(yaml.safe_dump({**OTHER_TRUCK, "headwind_m_per_s": WIND}))
+    with files.new_file(out / "heavy.yaml") as draft:
+        draft.write_text(yaml.safe_dump({**OTHER_TRUCK, "headwind_m_per_s": WIND}))
 
 
 def main(

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
@@ -18,10 +18,9 @@ def main(
     out: Annotated[Path, typer.Option(help="Folder for the bags train and test.")],
 ) -> None:
     """Import and split by time: 80 % to learn from (the trainer validates within), the last 20 % to test."""
-    whole = out / "whole"
-    shutil.rmtree(whole, ignore_errors=True)
     out.mkdir(parents=True, exist_ok=True)
-    recordings = import_table(table, COLUMNS, whole).recordings
+    with TemporaryDirectory(prefix=".whole.", dir=out) as scratch:
+        recordings = import_table(table, COLUMNS, Path(scratch) / "whole").recordings
     first, _, last = split(recordings, (0.8, 0.0, 0.2))
     for name, part in (("train", first), ("test", last)):
         write_bag(out / name, part, interface=recordings[0].interface)

@@ -6,7 +6,6 @@ import contextlib
 import json
 import os
 import re
-import shutil
 import subprocess
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -74,7 +73,8 @@ class Runner:
     def forget(self, names: Sequence[str]) -> None:
         """Do these steps again."""
         for name in names:
-            (self.out / "logs" / f"{name}.json").unlink(missing_ok=True)
+            if mark := self._mark(name):
+                self._write_mark(name, {**mark, "command": None, "done": None})
 
     def _unfinished(self) -> bool:
         return any(p.state in ("waiting", "running") for p in self.progress.values())
@@ -86,23 +86,49 @@ class Runner:
                 yield p.step
 
     def _do(self, step: Step) -> None:
-        p, mark = self.progress[step.name], self.out / "logs" / f"{step.name}.json"
+        p = self.progress[step.name]
         identity = {"command": step.command, "after": [self._mark(need)["done"] for need in step.needs]}
         before = self._mark(step.name)
         same = {key: before.get(key) for key in identity} == json.loads(json.dumps(identity))
         if same and before.get("done") and all((self.out / path).exists() for path in step.makes[:1]):
             p.state, p.seconds = "kept", before["seconds"]
             return
+        made = before.get("made", {})
         if not (same and step.resumable):
-            self._remove(step)
-        mark.write_text(json.dumps({**identity, "done": None, "seconds": 0.0}))
+            self._remove(made)
+            made = {}
         p.begun = time.monotonic()
-        self._execute(step, p)
+        made = self._execute_and_note(step, p, identity, made)
         if step.doubts is not None and step.doubts():
-            self._remove(step)
-            self._execute(step, p)
+            self._remove(made)
+            made = self._execute_and_note(step, p, identity, {})
         p.seconds, p.state = time.monotonic() - p.begun, "done"
-        mark.write_text(json.dumps({**identity, "done": time.time(), "seconds": p.seconds}))
+        done = {"done": time.time(), "seconds": p.seconds, "made": made}
+        self._write_mark(step.name, {**identity, **done})
+
+    def _execute_and_note(
+        self, step: Step, p: Progress, identity: dict[str, Any], made: dict[str, str]
+    ) -> dict[str, str]:
+        """Run the command; returns and writes down, however it ends, which files it made."""
+        foreign = {name: state for name, state in self._files(step).items() if made.get(name) != state}
+        unfinished: dict[str, Any] = {**identity, "done": None, "seconds": 0.0}
+        self._write_mark(step.name, {**unfinished, "made": made})
+        try:
+            self._execute(step, p)
+        finally:
+            there = self._files(step)
+            made = {name: state for name, state in there.items() if foreign.get(name) != state}
+            self._write_mark(step.name, {**unfinished, "made": made})
+        return made
+
+    def _files(self, step: Step) -> dict[str, str]:
+        """The files at the places of a step, each with its state: one that changed is somebody else's."""
+        places = [self.out / made for made in step.makes]
+        files = [path for place in places for path in (place, *place.rglob("*"))]
+        return {str(path.relative_to(self.out)): _state(path) for path in files if _is_file(path)}
+
+    def _write_mark(self, name: str, content: dict[str, Any]) -> None:
+        (self.out / "logs" / f"{name}.json").write_text(json.dumps(content))
 
     def _mark(self, name: str) -> dict[str, Any]:
         try:
@@ -111,12 +137,18 @@ class Runner:
             return {}
         return found
 
-    def _remove(self, step: Step) -> None:
-        for path in (self.out / made for made in step.makes):
-            if path.is_dir():
-                shutil.rmtree(path)
-            else:
-                path.unlink(missing_ok=True)
+    def _remove(self, made: dict[str, str]) -> None:
+        """Delete files that a step made and nobody changed, and folders that this leaves empty.
+
+        What else lies there stays, and the step's command says what it makes of it.
+        """
+        for name, state in made.items():
+            path = self.out / name
+            if _is_file(path) and _state(path) == state:
+                path.unlink()
+            for folder in path.relative_to(self.out).parents[:-1]:
+                with contextlib.suppress(OSError):  # it holds something, or is gone
+                    (self.out / folder).rmdir()
 
     def _execute(self, step: Step, p: Progress) -> None:
         log = self.out / "logs" / f"{step.name}.log"
@@ -155,6 +187,16 @@ class Runner:
         domain = (first + list(self.progress).index(step.name)) % 102
         quiet = {"OMP_NUM_THREADS": "1", "MPLBACKEND": "Agg", "COLUMNS": "120", "TTY_COMPATIBLE": "1"}
         return {**os.environ, **quiet, "ROS_DOMAIN_ID": str(domain), "PYTHONUNBUFFERED": "1"}
+
+
+def _is_file(path: Path) -> bool:
+    return path.is_file() and not path.is_symlink()
+
+
+def _state(path: Path) -> str:
+    """What tells a file from one that was changed."""
+    found = path.stat()
+    return f"{found.st_size} bytes at {found.st_mtime_ns}"
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:

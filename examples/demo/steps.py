@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from deeptruck_model.errors import InputError
-from examples.demo import following
 
 ROOT = Path(__file__).parents[2]
 REAL_TABLE = Path("vt_heavy_truck") / "veh002_all.csv"
@@ -42,7 +41,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class Step:
-    """One command. `makes` are paths below the demo's folder, removed before the command runs anew.
+    """One command. `makes` are paths below the demo's folder: what it made there goes before it runs anew.
 
     A step that is `resumable` goes on by itself after a kill, so what it had made is kept. Others make way
     for one that runs in `real_time`. What has `doubts` about its result is tried once more.
@@ -111,7 +110,7 @@ def _learn(out: Path, s: Settings) -> Sequence[Step]:
         "ros2_ws/start_simulation.py", "--simulator", "truck:trucksim", "--policy", "baseline:acc",
         "--leader", f"recorded:path={drives / 'leader.csv'}", "--road", "random:grade=0.015,seed=1",
         "--initial-speed", "15", "--lockstep", "--duration", f"{s.graph_s:g}",
-        "--record", drives / "graph", "--runs", out / "runs",
+        "--record", drives / "graph", "--overwrite", "--runs", out / "runs",
     )  # fmt: skip
     train = _console(
         "deeptruck-model", "train", drives / "cycle", drives / "graph",
@@ -145,21 +144,27 @@ def _follow(out: Path, s: Settings) -> Sequence[Step]:
     )  # fmt: skip
     simulate = _python(
         "ros2_ws/start_simulation.py", "--simulator", out / "simulator", "--policy", policy, *scene,
-        "--lockstep", "--record", out / "following" / "simulation",
+        "--lockstep", "--record", out / "following" / "simulation", "--overwrite",
     )  # fmt: skip
     vehicle = _python(
         "ros2_ws/start_vehicle.py", "--vehicle", "trucksim", "--emulator", "--engage",
         "--interface", "loopback", "--channel", "demo", "--policy", policy, *scene,
-        "--record", out / "following" / "can",
+        "--record", out / "following" / "can", "--overwrite",
     )  # fmt: skip
     return (
         Step("policy", "learn to follow on the deep truck", train, ("train",), ("policy",), True),
         Step(
             "can", "the same policy over CAN, real time", vehicle, ("policy",), ("following/can",),
-            real_time=True, doubts=lambda: following.losses(out / "following" / "can"),
+            real_time=True, doubts=lambda: _losses(out / "following" / "can"),
         ),
         Step("simulate", "follow in the node graph", simulate, ("policy",), ("following/simulation",)),
     )  # fmt: skip
+
+
+def _losses(bag: Path) -> Sequence[str]:
+    from examples.demo import following
+
+    return following.losses(bag)
 
 
 def _explain(out: Path) -> Sequence[Step]:

@@ -15,7 +15,7 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -25,6 +25,7 @@ from deeptruck_model.errors import InputError
 
 ADVICE = "make room or choose another --out"
 ELSEWHERE = "choose another --out"
+RENAME = "choose another name"
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 LEDGER = ".deeptruck.json"  # in every published folder: what it is, and which files the command wrote there
 
@@ -35,11 +36,13 @@ class Result:
 
     `what` names it in messages, with its article: "a mismatch result". `names` are files that it may hold
     beside those of its ledger: of unfinished work, or of a copy without the ledger. They are relative to the
-    folder; `*` stands for any part of one name, never for a '/'.
+    folder; `*` stands for any part of one name, never for a '/'. `elsewhere` is how messages advise another
+    place.
     """
 
     what: str
     names: tuple[str, ...] = ()
+    elsewhere: str = ELSEWHERE
 
     def check(self, out: Path, *, overwrite: bool = False) -> bool:
         """Whether an older result of this kind stands at `out`; called before anything is computed or read.
@@ -84,6 +87,35 @@ class Result:
             except OSError as error:
                 raise InputError(f"cannot write {out}: {error.strerror or error}; {advice(error)}") from None
 
+    @contextmanager
+    def aside(self, out: Path, *, overwrite: bool = False, whole: Callable[[Path], bool]) -> Iterator[None]:
+        """`out` free for a writer whose unfinished work stands under its final name, as that of a recorder.
+
+        An older result waits beside `out`. At the end it is removed where the new one is `whole`, put back
+        where none came into being, and kept beside an unfinished one, which is said. Whoever writes `out`
+        holds it and signs it. Raises InputError as `check`.
+        """
+        old: Path | None = None
+        files: list[str] = []
+        if self.check(out, overwrite=overwrite) or out.is_dir():
+            with writing(out):
+                self._check(out, overwrite)
+                files, old = self._ours(out), _beside(out)
+                out.rename(old)
+        try:
+            yield
+        finally:
+            if old is not None:
+                self._settle(out, old, files, whole)
+
+    def _settle(self, out: Path, old: Path, files: list[str], whole: Callable[[Path], bool]) -> None:
+        if not out.exists():
+            old.rename(out)
+        elif not whole(out):
+            print(f"note: {out} is not finished; the older one is kept as {old}", file=sys.stderr)
+        elif not _remove(old, files):
+            print(f"note: {old} keeps what this command did not write", file=sys.stderr)
+
     def forget(self, out: Path) -> None:
         """Remove what a run left unfinished. Raises InputError for a file of somebody else there."""
         if (draft := unfinished(out)).exists():
@@ -93,16 +125,16 @@ class Result:
         if out.is_symlink():
             raise InputError(f"{out} is a symbolic link; give the folder it points to, {out.resolve()}")
         if out.exists() and not out.is_dir():
-            raise InputError(f"{out} is a file; {ELSEWHERE}")
-        check_writable(out)
+            raise InputError(f"{out} is a file; {self.elsewhere}")
+        check_writable(out, self.elsewhere)
         if not out.is_dir() or not any(out.iterdir()):
             return False
         self._ours(out)
         if not overwrite:
-            raise InputError(f"{out} holds {self.what} already; {ELSEWHERE}, or add --overwrite")
+            raise InputError(f"{out} holds {self.what} already; {self.elsewhere}, or add --overwrite")
         for folder in (out, *(path for path in out.rglob("*") if path.is_dir())):
             if not os.access(folder, os.W_OK | os.X_OK):
-                raise InputError(f"{folder} may not be changed, so it cannot be replaced; {ELSEWHERE}")
+                raise InputError(f"{folder} may not be changed, so it cannot be replaced; {self.elsewhere}")
         return True
 
     def _ours(self, folder: Path) -> list[str]:
@@ -115,7 +147,7 @@ class Result:
             if path.is_symlink() or not any(_fits(parts, pattern, path) for pattern in patterns):
                 inside = "/".join(parts)
                 raise InputError(
-                    f"{folder} holds {inside}, which is no part of {self.what}; move it, or {ELSEWHERE}"
+                    f"{folder} holds {inside}, which is no part of {self.what}; move it, or {self.elsewhere}"
                 )
             if not path.is_dir():
                 files.append("/".join(parts))
@@ -151,10 +183,10 @@ class Result:
         An older result is renamed aside first, back where the new one cannot be put, and removed file by file
         once the new one stands: a file that came meanwhile is kept, and said.
         """
-        self._sign(draft)
+        self.sign(draft)
         old = None
         if self._check(out, overwrite):
-            files, old = self._ours(out), out.with_name(f".{out.name}.{os.getpid()}.old")
+            files, old = self._ours(out), _beside(out)
             out.rename(old)
         try:
             draft.rename(out)
@@ -165,10 +197,11 @@ class Result:
         if old is not None and not _remove(old, files):
             print(f"note: {old} keeps what this command did not write", file=sys.stderr)
 
-    def _sign(self, draft: Path) -> None:
-        files = [p.relative_to(draft).as_posix() for p in sorted(draft.rglob("*")) if not p.is_dir()]
-        ledger = {"what": self.what, "files": [name for name in files if name != LEDGER]}
-        (draft / LEDGER).write_text(json.dumps(ledger, indent=1) + "\n")
+    def sign(self, folder: Path, coming: tuple[str, ...] = ()) -> None:
+        """Write the ledger of a folder: what this is, its files, and those that are still `coming`."""
+        files = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if not p.is_dir()} | {*coming}
+        ledger = {"what": self.what, "files": sorted(files - {LEDGER})}
+        (folder / LEDGER).write_text(json.dumps(ledger, indent=1) + "\n")
 
 
 def unfinished(out: Path) -> Path:
@@ -176,20 +209,20 @@ def unfinished(out: Path) -> Path:
     return out.with_name(f".{out.name}.unfinished")
 
 
-def check_writable(path: Path) -> None:
+def check_writable(path: Path, elsewhere: str = ELSEWHERE) -> None:
     """Raises InputError where `path` could not be made or written; nothing is touched."""
     above = next(p for p in path.absolute().parents if p.exists() or p.is_symlink())
     if not above.is_dir():
-        raise InputError(f"cannot write {path}: {above} is no folder; {ELSEWHERE}")
+        raise InputError(f"cannot write {path}: {above} is no folder; {elsewhere}")
     if not os.access(above, os.W_OK | os.X_OK):
-        raise InputError(f"cannot write {path}: {above} may not be changed; {ELSEWHERE}")
+        raise InputError(f"cannot write {path}: {above} may not be changed; {elsewhere}")
 
 
 def check_new(path: Path) -> None:
     """Raises InputError where the single file `path` exists or cannot be written; nothing is touched."""
     if path.exists() or path.is_symlink():
-        raise InputError(f"{path} exists already; choose another name or remove it")
-    check_writable(path)
+        raise InputError(f"{path} exists already; {RENAME} or remove it")
+    check_writable(path, RENAME)
 
 
 @contextmanager
@@ -210,7 +243,8 @@ def new_file(path: Path) -> Iterator[Path]:
         check_new(path)
         draft.rename(path)
     except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror or error}; {advice(error)}") from None
+        cure = advice(error, f"make room or {RENAME}", RENAME)
+        raise InputError(f"cannot write {path}: {error.strerror or error}; {cure}") from None
     finally:
         if draft is not None:
             draft.unlink(missing_ok=True)
@@ -311,6 +345,11 @@ def _remove(folder: Path, files: list[str]) -> bool:
         with suppress(OSError):
             empty.rmdir()
     return not folder.exists()
+
+
+def _beside(out: Path) -> Path:
+    """Where an older result waits."""
+    return out.with_name(f".{out.name}.{os.getpid()}.old")
 
 
 def _umask() -> int:

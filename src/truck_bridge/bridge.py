@@ -24,10 +24,10 @@ from dataclasses import dataclass, field
 
 import can
 
+from truck_bridge.bus_connection import BusConnection
 from truck_bridge.j1939.address_claim import AddressClaim, name
-from truck_bridge.link import Link
+from truck_bridge.received_signals import ReceivedSignals
 from truck_bridge.safety import Safety, State
-from truck_bridge.signals_in import Signals
 from truck_bridge.vehicles import Transmitted, Vehicle
 
 
@@ -64,10 +64,10 @@ class Bridge:
     ) -> None:
         self.vehicle = vehicle
         self.safety = Safety(vehicle.table)
-        self._link = Link(bus, AddressClaim(name(vehicle.identity), vehicle.address), reopen)
+        self._connection = BusConnection(bus, AddressClaim(name(vehicle.identity), vehicle.address), reopen)
         self._no_load = no_load
         self._lock = threading.RLock()
-        self._signals = Signals(vehicle)
+        self._signals = ReceivedSignals(vehicle)
         self._due: dict[str, float] = {}
         self._counts = dict.fromkeys(vehicle.transmitted, 0)
         self._now = -math.inf
@@ -79,14 +79,14 @@ class Bridge:
         """Claim the address and start to listen; no demand leaves before `engage`."""
         with self._lock:
             self.safety.arm(now)
-            self._link.start(now)
+            self._connection.start(now)
             self._due = {axis: now + message.phase_s for axis, message in self.vehicle.transmitted.items()}
 
     def disarm(self, now: float) -> None:
         """Silent at once. `release` first and poll for 0.2 s to hand back in order."""
         with self._lock:
             self.safety.disarm()
-            self._link.stop()
+            self._connection.stop()
 
     def command(self, engine: float, brake: float, now: float, *, engaged: bool) -> bool:
         """Engine and brake command in the truck interface's units; also the controller's heartbeat.
@@ -132,8 +132,8 @@ class Bridge:
                 safety.warning,
                 dict(safety.refusals),
                 dict(safety.losses),
-                self._link.sent,
-                self._link.received,
+                self._connection.sent,
+                self._connection.received,
                 self._no_load,
                 dict(self._would_send),
             )
@@ -167,7 +167,7 @@ class Bridge:
 
     def listen(self, timeout: float) -> None:
         """Wait for a frame or for the timeout, s; the frame is taken by the next poll."""
-        self._link.wait(timeout)
+        self._connection.wait(timeout)
 
     def run(
         self,
@@ -198,24 +198,24 @@ class Bridge:
     def _rewind(self, back: float) -> None:
         """The clock went back: what waits for a time waits no longer for it, and no signal has an age."""
         self._due = {axis: due - back for axis, due in self._due.items()}
-        self._link.rewind(back)
-        self._signals = Signals(self.vehicle)
+        self._connection.rewind(back)
+        self._signals = ReceivedSignals(self.vehicle)
 
     def _hear(self, now: float) -> None:
-        for can_id, data in self._link.hear(now):
+        for can_id, data in self._connection.hear(now):
             self.safety.rx_hook(can_id, data, now)
             self._signals.hear(can_id, data, now)
-        if self._link.lost:
+        if self._connection.lost:
             self.safety.link(False)
 
     def _keep_link(self, now: float) -> None:
         """A bus that comes back claims the address anew and re-engages nothing."""
         if self.safety.state is State.SILENT:
             return
-        for can_id, data in self._link.claims(now):
+        for can_id, data in self._connection.claims(now):
             if self.safety.tx_hook(can_id, data, now):
                 self._send(can_id, data, now)
-        self.safety.link(self._link.up(now))
+        self.safety.link(self._connection.up(now))
 
     def _transmit(self, axis: str, message: Transmitted, now: float) -> None:
         period = message.axis.period_s
@@ -231,5 +231,5 @@ class Bridge:
     def _send(self, can_id: int, data: bytes, now: float) -> None:
         if self._no_load:
             self._would_send[can_id] = data
-        elif not self._link.send(can_id, data, now):
+        elif not self._connection.send(can_id, data, now):
             self.safety.link(False)

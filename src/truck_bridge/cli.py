@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import functools
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from typer.exceptions import TyperException
 
-from truck_bridge.errors import InputError
+from deeptruck_model import checks, console
+from truck_bridge import log_files
 
-INTERRUPTED = 130
+if TYPE_CHECKING:
+    from truck_bridge.vehicles import Vehicle
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -72,11 +74,12 @@ def decode(
     ] = None,
 ) -> None:
     """See _DECODE."""
-    from truck_bridge import can_logs, vehicles
+    checks.every(
+        lambda: log_files.check(log), lambda: _truck(vehicle), lambda: log_files.check_new_table(out)
+    )
+    from truck_bridge import can_logs
 
-    if out is not None and out.exists():
-        raise InputError(f"{out} exists already; choose another name or remove it")
-    decoded = can_logs.decode(log, vehicles.load(vehicle).codec)
+    decoded = can_logs.decode(log, _truck(vehicle).codec)
     if out is not None:
         can_logs.write_csv(decoded, out)
     for line in can_logs.table(decoded):
@@ -89,10 +92,10 @@ def check(
     vehicle: Annotated[str, typer.Option(help="trucksim, freightliner, volvo or a YAML file")],
 ) -> None:
     """See _CHECK."""
-    from truck_bridge import vehicles
+    checks.every(lambda: log_files.check(log), lambda: _truck(vehicle))
     from truck_bridge.can_logs import checking
 
-    found = checking.check(log, vehicles.load(vehicle))
+    found = checking.check(log, _truck(vehicle))
     for line in checking.lines(found):
         print(line)
     raise typer.Exit(0 if found.clean else 1)
@@ -101,9 +104,12 @@ def check(
 @app.command(help=_CONVERT)
 def convert(log: Path, out: Path) -> None:
     """See _CONVERT."""
+    checks.every(lambda: log_files.check(log), lambda: log_files.check_new(out))
     from truck_bridge import can_logs
 
-    print(f"{can_logs.convert(log, out)} frames in {out}")
+    notes: list[str] = []
+    print(f"{can_logs.convert(log, out, notes)} frames in {out}")
+    _tell(notes)
 
 
 @app.command(help=_RECORD)
@@ -114,6 +120,7 @@ def record(
     duration: Annotated[float | None, typer.Option(help="stop after so many seconds", min=0.0)] = None,
 ) -> None:
     """See _RECORD."""
+    log_files.check_new(log)
     from truck_bridge import can_logs
 
     print(f"{can_logs.record(log, interface, channel, duration)} frames in {log}")
@@ -128,24 +135,27 @@ def replay(
     speed: Annotated[float, typer.Option(help="times faster than recorded", min=0.01, max=1000.0)] = 1.0,
 ) -> None:
     """See _REPLAY."""
+    log_files.check(log)
     from truck_bridge import can_logs
 
-    print(f"{can_logs.replay(log, interface, channel, commands=commands, speed=speed)} frames sent")
+    notes: list[str] = []
+    sent = can_logs.replay(log, interface, channel, commands=commands, speed=speed, notes=notes)
+    print(f"{sent} frames sent")
+    _tell(notes)
+
+
+@functools.cache
+def _truck(name: str) -> Vehicle:
+    from truck_bridge import vehicles
+
+    return vehicles.load(name)
+
+
+def _tell(notes: list[str]) -> None:
+    for note in notes:
+        print(f"note: {note}", file=sys.stderr)
 
 
 def main() -> None:
     """Entry point: bad input is one line on stderr and exit code 2, never a traceback."""
-    try:
-        code = app(
-            prog_name="truck-bridge", standalone_mode=False
-        )  # which lets errors out instead of drawing them
-    except InputError as error:
-        print(f"truck-bridge: {error}", file=sys.stderr)
-        sys.exit(2)
-    except TyperException as error:
-        says = error.format_message().rstrip(".") or "say which command"
-        print(f"truck-bridge: {says}; --help shows what it takes", file=sys.stderr)
-        sys.exit(2)
-    if code == INTERRUPTED:  # typer makes an exit code of Ctrl-C
-        print("truck-bridge: interrupted", file=sys.stderr)
-    sys.exit(code if isinstance(code, int) else 0)
+    console.run(app, "truck-bridge")

@@ -1,5 +1,5 @@
-"""The one error a user can cause."""
+"""The one error a user can cause, the same class in all rooms."""
 
+from deeptruck_model.errors import InputError
 
-class InputError(ValueError):
-    """What the user gave cannot be used. The message is one line: what is wrong and how to mend it."""
+__all__ = ["InputError"]

@@ -212,3 +212,14 @@ def test_a_single_file_never_takes_the_place_of_another(tmp_path: Path) -> None:
     with pytest.raises(ZeroDivisionError), files.new_file(tmp_path / "b.csv") as draft:
         raise ZeroDivisionError
     assert [p.name for p in tmp_path.iterdir()] == ["new"] and len(list((tmp_path / "new").iterdir())) == 1
+
+
+def test_a_writer_in_place_has_the_older_result_beside_it_until_its_own_is_whole(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    for whole, left in ((True, 1), (False, 2)):
+        publish(out, overwrite=True, a="old")
+        with KIND.aside(out, overwrite=True, whole=lambda path, says=whole: says):
+            out.mkdir()
+            (out / "a").write_text("new")
+            KIND.sign(out)
+        assert (out / "a").read_text() == "new" and len(list(tmp_path.iterdir())) == left

@@ -33,12 +33,12 @@ from truck_bridge import vehicles  # noqa: E402
 VEHICLE = "trucksim"
 READY_S = 120.0  # a first start compiles the physics truck
 DISK_KIB = 4096
-NODES = ("can_bridge", "controller", "leader", "recorder", "ecu_emulator")
+NODES = ("can_bridge", "controller", "leader", "recorder", "emulator")
 TURNS_S = 0.06  # the axes' turns on the bus
 RUN_ENDS_S = 8.0  # the supervisor notices a death and ends the nodes one after the other
 # s from the fault to the begin of the graded release. A leader that falls silent is missed after the
 # controller's 0.3 s and the bridge's 0.15 s.
-WITHIN = {"controller": 0.2, "leader": 0.55, "ecu_emulator": 0.12, "recorder": math.inf}
+WITHIN = {"controller": 0.2, "leader": 0.55, "emulator": 0.12, "recorder": math.inf}
 
 
 @dataclass

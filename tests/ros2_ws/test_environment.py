@@ -1,4 +1,4 @@
-"""One run a domain, a folder a run, and a name for the bag that is free."""
+"""One run a domain, a folder a run, and what its processes find around them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ import pytest
 from deeptruck_nodes import environment
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import CrashSafeWriter
 
 
 @pytest.mark.parametrize("text", ["102", "-1", "x", "1.5"])
@@ -23,12 +22,14 @@ def test_domains_outside_the_safe_range_are_refused(text: str, monkeypatch: pyte
 
 
 def test_the_lock_is_exclusive_says_who_and_is_free_after_release(domain: int, tmp_path: Path) -> None:
-    lock = environment.DomainLock(domain, tmp_path / "here")
-    with pytest.raises(InputError) as caught:
-        environment.DomainLock(domain, tmp_path)
-    assert str(os.getpid()) in str(caught.value) and str(tmp_path / "here") in str(caught.value)
+    lock = environment.DomainLock(domain)
+    with pytest.raises(InputError, match=str(os.getpid())):
+        environment.DomainLock(domain)
+    lock.logs_in(tmp_path / "here")
+    with pytest.raises(InputError, match=str(tmp_path / "here")):
+        environment.DomainLock(domain)
     lock.release()
-    environment.DomainLock(domain, tmp_path).release()
+    environment.DomainLock(domain).release()
 
 
 def test_run_folders_of_one_second_do_not_collide(tmp_path: Path) -> None:
@@ -40,34 +41,6 @@ def test_unwritable_places_are_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot write logs"):
         environment.run_folder(tmp_path / "file", "simulation", 7)
-    with pytest.raises(InputError, match="cannot record"):
-        environment.free_bag(tmp_path / "file" / "bag", overwrite=False)
-
-
-def test_an_existing_bag_is_kept_unless_told_otherwise(tmp_path: Path) -> None:
-    with CrashSafeWriter(tmp_path / "bag"):
-        pass
-    with pytest.raises(InputError, match="--overwrite"):
-        environment.free_bag(tmp_path / "bag", overwrite=False)
-    environment.free_bag(tmp_path / "bag", overwrite=True)
-    assert not (tmp_path / "bag").exists()
-
-
-def test_what_is_no_bag_is_never_overwritten(tmp_path: Path) -> None:
-    (tmp_path / "thesis").mkdir()
-    (tmp_path / "thesis" / "chapter1.tex").write_text("years")
-    with pytest.raises(InputError, match="is no bag"):
-        environment.free_bag(tmp_path / "thesis", overwrite=True)
-    assert (tmp_path / "thesis" / "chapter1.tex").exists()
-
-
-def test_an_unfinished_bag_is_repaired_and_the_message_says_so(tmp_path: Path) -> None:
-    writer = CrashSafeWriter(tmp_path / "bag")
-    writer.flush()
-    with pytest.raises(InputError, match=r"was not finished.*choose another name"):
-        environment.free_bag(tmp_path / "bag", overwrite=False)
-    assert (tmp_path / "bag" / "metadata.yaml").exists()
-    writer._stream.close()
 
 
 def test_beside_a_sourced_ros_its_libraries_come_first(

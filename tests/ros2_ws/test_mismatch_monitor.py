@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from deeptruck_nodes import runs
+from deeptruck_nodes import run_checks
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
@@ -32,7 +32,9 @@ def test_beside_a_simulated_truck(start: Callable[..., Any], tmp_path: Path, mas
     (tmp_path / "other.yaml").write_text(f"mass: {mass}\n")
     monitor = f"truck:trucksim:{tmp_path / 'other.yaml'}"
     run = start("start_simulation.py", *TRUCK, *LEADER, "--monitor", monitor, "--record", tmp_path / "bag")
-    assert run.finish()[::2] == (0, "")
+    code, said, errors = run.finish()
+    assert (code, errors) == (0, "")
+    assert ("mismatch_monitor: " in said and "the truck is not as simulated" in said) == (mass != 20000.0)
     residuals = [m.accel.linear for m in heard(tmp_path / "bag", "/mismatch/residual")]
     assert len(residuals) > 780  # of 800 steps; some of the first may pass unheard
     smoothed = np.array([r.y for r in residuals])
@@ -58,4 +60,4 @@ def test_beside_a_simulated_truck(start: Callable[..., Any], tmp_path: Path, mas
 )
 def test_a_simulator_of_another_kind_is_refused(truck: TruckInterface, says: str) -> None:
     with pytest.raises(InputError, match=says):
-        runs._monitor(runs.Common(monitor="truck:trucksim"), truck)
+        run_checks.monitor_fits("truck:trucksim", truck)

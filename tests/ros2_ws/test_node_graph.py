@@ -131,14 +131,14 @@ def test_a_dead_node_ends_the_run_with_its_last_words(
 
 
 def test_a_killed_supervisor_leaves_nobody_behind_and_the_domain_free(
-    start: Callable[..., Any], all_gone: Callable[..., bool], domain: int, tmp_path: Path
+    start: Callable[..., Any], all_gone: Callable[..., bool], domain: int
 ) -> None:
     run = start("start_simulation.py", *TRUCK)
     run.wait_until_ready()
     children = run.children
     run.process.kill()
     assert all_gone(children)
-    environment.DomainLock(domain, tmp_path).release()
+    environment.DomainLock(domain).release()
 
 
 def test_a_killed_recorder_costs_a_second_and_replay_repairs_and_plays_the_rest(

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib.util
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -61,7 +63,7 @@ def test_bad_input_ends_a_script_with_one_line_and_2(
     ("options", "says"),
     [
         ({"simulator": "truck:no_such"}, "no_such"),
-        ({"simulator": "nowhere"}, "is not a simulator directory"),
+        ({"simulator": "nowhere"}, "nowhere does not exist; give a simulator directory"),
         ({"policy": "nowhere"}, "is not a policy directory"),
         ({"policy": "baseline:best"}, "there is no baseline 'best'"),
         ({"leader": "sine:perod=3"}, "'perod=3' is not one of"),
@@ -98,9 +100,9 @@ def test_bad_vehicles(refused: Callable[..., str], options: dict[str, Any], says
 def test_bad_bags_to_replay(refused: Callable[..., str], tmp_path: Path) -> None:
     assert "does not exist" in refused("replay_recording", bag=tmp_path / "none")
     (tmp_path / "other").mkdir()
-    assert "holds no MCAP file" in refused("replay_recording", bag=tmp_path / "other")
+    assert "is empty, it holds no bag" in refused("replay_recording", bag=tmp_path / "other")
     CrashSafeWriter(tmp_path / "empty").close()
-    assert "holds no message; record while" in refused("replay_recording", bag=tmp_path / "empty")
+    assert "it holds no message; record while" in refused("replay_recording", bag=tmp_path / "empty")
 
 
 def test_own_parameters_win_over_the_options_and_name_only_nodes_of_the_run(
@@ -112,6 +114,35 @@ def test_own_parameters_win_over_the_options_and_name_only_nodes_of_the_run(
     assert "rate_hz = 33" in refused("start_simulation", **truck, rate=100.0)
     own.write_text("replay: {ros__parameters: {speed: 2.0}}")
     assert "this run has no node 'replay'" in refused("start_simulation", **truck)
+
+
+def test_all_misfits_are_in_one_line(refused: Callable[..., str], tmp_path: Path) -> None:
+    said = refused(
+        "start_simulation", simulator="nowhere", policy="nobody", leader="fast", road="steep", time_gap=0.0
+    )
+    assert said.startswith("5 things do not fit: (1) nowhere does not exist")
+    for part in ("nobody", "'fast'", "'steep'", "target_time_gap = 0.0 is outside"):
+        assert part in said
+    said = refused("start_vehicle", vehicle="tank", policy="nobody", interface="smoke", grade="hill.csv")
+    assert said.startswith("4 things do not fit: (1) no vehicle 'tank'"), said
+
+
+HEAVY = ("rclpy", "torch", "numba", "scipy", "matplotlib", "rosbags")
+MISFITS = {
+    "start_simulation": ("--simulator", "nowhere", "--policy", "nobody", "--monitor", "nothing"),
+    "start_vehicle": ("--vehicle", "tank", "--policy", "nobody", "--monitor", "nothing"),
+    "replay_recording": ("nowhere", "--monitor", "nothing"),
+}
+
+
+@pytest.mark.parametrize("name", MISFITS)
+def test_misfits_are_said_before_anything_heavy_is_imported(name: str) -> None:
+    """How long an error takes is what was imported for it."""
+    imports = [sys.executable, "-X", "importtime", SCRIPTS / f"{name}.py", *MISFITS[name]]
+    done = subprocess.run(imports, capture_output=True, text=True, timeout=60, check=False)
+    imported = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
+    assert done.returncode == 2 and "deeptruck_nodes.runs" in imported
+    assert not imported & {*HEAVY}
 
 
 def test_a_domain_out_of_range(refused: Callable[..., str], monkeypatch: pytest.MonkeyPatch) -> None:

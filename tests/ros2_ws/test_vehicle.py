@@ -100,7 +100,7 @@ def test_a_controller_that_never_hears_that_it_drives_drives_no_further(domain: 
     ros = ["--ros-args", "-p", f"channel:={channel}", "-p", "engage:=true"]
     truck = [
         "-m",
-        "truck_bridge.ecu_emulator",
+        "truck_bridge.emulator",
         "--vehicle",
         "trucksim",
         "--channel",

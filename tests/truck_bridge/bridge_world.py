@@ -8,7 +8,7 @@ import can
 
 from truck_bridge import vehicles
 from truck_bridge.bridge import Bridge
-from truck_bridge.ecu_emulator import EcuEmulator
+from truck_bridge.emulator.ecus import EcuEmulator
 
 STEP = 0.005
 SIGNED = str(Path(__file__).with_name("signed_truck.yaml"))  # counts and signs two of its messages

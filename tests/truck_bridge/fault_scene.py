@@ -83,7 +83,7 @@ def scene(name: str, driver: str = "", engine_percent: float = 40.0) -> Iterator
     vehicle, channel = vehicles.load(name), f"{os.getpid()}-{time.monotonic_ns()}"
     witness = can.Bus(interface="loopback", channel=channel)
     command = engine_percent / 100 * (1950 if name == "trucksim" else 100)
-    emulator = [sys.executable, "-m", "truck_bridge.ecu_emulator", "--vehicle", name, "--channel", channel]
+    emulator = [sys.executable, "-m", "truck_bridge.emulator", "--vehicle", name, "--channel", channel]
     truck = subprocess.Popen(
         [*emulator, "--speed", "15", "--driver", driver], stdout=subprocess.DEVNULL, text=True
     )

@@ -13,7 +13,7 @@ from fault_wire import Wire
 
 from truck_bridge import vehicles
 from truck_bridge.bridge import Bridge
-from truck_bridge.ecu_emulator import EcuEmulator
+from truck_bridge.emulator.ecus import EcuEmulator
 from truck_bridge.vehicles import Vehicle
 
 STEP = 0.005

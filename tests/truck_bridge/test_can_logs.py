@@ -218,8 +218,32 @@ def test_the_table_and_the_csv(tmp_path):
     with (tmp_path / "out.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [r["value"] for r in rows if r["signal"] == "EEC1.EngineSpeed"] == ["1200.0"] * 20
+    with pytest.raises(InputError, match="exists already"):
+        can_logs.write_csv(found, tmp_path / "out.csv")
     with pytest.raises(InputError, match="cannot write"):
-        can_logs.write_csv(found, tmp_path / "gone" / "out.csv")
+        can_logs.write_csv(found, tmp_path / "out.csv" / "out.csv")
+
+
+def test_time_that_runs_backwards_is_counted_and_said(tmp_path):
+    lines = [f"({at}) can0 0CF00400#219B9BDD2F000F9B\n" for at in (1.0, 1.1, 0.5, 0.6, 0.4)]
+    found = can_logs.decode(written(tmp_path, "".join(lines)))
+    assert (found.backwards, found.first_backwards[0]) == (2, 3)
+    said = [line for line in can_logs.table(found) if "backwards" in line]
+    assert len(said) == 1
+    assert "backwards 2 times, first by 0.600 s at frame 3" in said[0]
+    forwards = can_logs.decode(written(tmp_path, "".join(lines[:2])))
+    assert not any("backwards" in line for line in can_logs.table(forwards))
+
+
+@pytest.mark.parametrize(
+    "end", ["(1.2) can0 0CF004", "(1.2) can0 0CF00400#219B", "(1.2) can0 0CF00400#219B9BD"]
+)
+def test_a_log_cut_in_its_last_line_is_said(tmp_path, end):
+    whole = "(1.0) can0 0CF00400#219B9BDD2F000F9B\n(1.1) can0 0CF00400#219B9BDD2F000F9B"
+    found = can_logs.decode(written(tmp_path, f"{whole}\n{end}"))
+    assert found.frames == 2
+    assert any("is cut off in its last line, 3, which is left out" in line for line in can_logs.table(found))
+    assert not can_logs.decode(written(tmp_path, whole)).notes
 
 
 @real

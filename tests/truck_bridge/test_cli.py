@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
+import subprocess
 import sys
 
 import pytest
@@ -74,6 +76,40 @@ def test_convert_makes_a_rosbag_and_overwrites_nothing(monkeypatch, capsys, log)
     assert "exists already" in capsys.readouterr().err
 
 
+def test_a_table_may_go_into_a_folder_that_is_not_there_yet(monkeypatch, log, tmp_path):
+    out = tmp_path / "o" / "no" / "x.csv"
+    assert run(monkeypatch, "decode", log, "--vehicle", "volvo", "--out", out) == 0
+    assert [p.name for p in out.parent.iterdir()] == ["x.csv"]
+
+
+@pytest.mark.skipif(importlib.util.find_spec("asammdf") is not None, reason="asammdf is installed")
+def test_a_kind_that_needs_an_extra_names_it(monkeypatch, capsys, log, tmp_path):
+    (tmp_path / "drive.mf4").write_bytes(b"MDF")
+    commands = (
+        ("decode", tmp_path / "drive.mf4", "--vehicle", "volvo"),
+        ("convert", log, tmp_path / "b.mf4"),
+    )
+    for command in commands:
+        assert run(monkeypatch, *command) == 2
+        assert "pip install 'deeptruck[mf4]'" in capsys.readouterr().err
+
+
+def test_help_and_misfits_come_before_anything_heavy():
+    for words in ("--help",), ("decode", "none", "--vehicle", "tram"):
+        command = [
+            sys.executable,
+            "-X",
+            "importtime",
+            "-c",
+            "from truck_bridge.cli import main; main()",
+            *words,
+        ]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+        imported = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
+        assert "truck_bridge.cli" in imported
+        assert not imported & {"numpy", "rosbags", "torch", "numba", "scipy"}
+
+
 @pytest.mark.parametrize("suffix", [".log", ".mcap", ".blf"])
 def test_a_silent_bus_is_no_recording(monkeypatch, capsys, tmp_path, suffix):
     out, channel = tmp_path / f"silent{suffix}", f"{os.getpid()}-silent"
@@ -88,7 +124,10 @@ def test_a_silent_bus_is_no_recording(monkeypatch, capsys, tmp_path, suffix):
     [
         (["decode", "none.log", "--vehicle", "volvo"], "does not exist"),
         (["decode", "LOG", "--vehicle", "tram"], "no vehicle 'tram'"),
-        (["decode", "LOG", "--vehicle", "volvo", "--out", "/proc/no/out.csv"], "cannot write"),
+        (["decode", "LOG", "--vehicle", "volvo", "--out", "LOG/out.csv"], "cannot write"),
+        (["decode", "LOG", "--vehicle", "volvo", "--out", "table.mf4"], "give a name that ends in .csv"),
+        (["decode", "none.log", "--vehicle", "tram", "--out", "LOG/a.csv"], "3 things do not fit"),
+        (["convert", "LOG", "LOG/drive.log"], "is no folder"),
         (["replay", "none.log", "--interface", "loopback", "--channel", "x"], "does not exist"),
         (["replay", "LOG", "--interface", "warp", "--channel", "x"], "cannot open CAN interface"),
         (["check", "none.log", "--vehicle", "volvo"], "does not exist"),
@@ -100,7 +139,7 @@ def test_a_silent_bus_is_no_recording(monkeypatch, capsys, tmp_path, suffix):
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(monkeypatch, capsys, log, arguments, says):
-    assert run(monkeypatch, *[str(log) if a == "LOG" else a for a in arguments]) == 2
+    assert run(monkeypatch, *[a.replace("LOG", str(log)) for a in arguments]) == 2
     err = capsys.readouterr().err
     assert says in err
     assert err.startswith("truck-bridge: ")

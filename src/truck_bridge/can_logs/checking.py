@@ -29,6 +29,8 @@ class Checked:
     obstacles: Counter[str] = field(default_factory=Counter)  # what stood against engaging: turns of 10 ms
     driver_s: Counter[str] = field(default_factory=Counter)  # how long the driver acted, by signal
 
+    notes: list[str] = field(default_factory=list)  # where the log is cut off
+
     @property
     def clean(self) -> bool:
         """Nothing refused, nothing lost, and engaged at all."""
@@ -50,7 +52,7 @@ class _Replay:
         self._found = Checked(vehicle.name)
 
     def run(self, path: Path) -> Checked:
-        for frame in read(path):
+        for frame in read(path, self._found.notes):
             if self._found.frames == 0 or not 0 <= frame.time - self._now <= HOLE_S:
                 self._begin(frame.time)
             self._wait(frame.time)
@@ -104,6 +106,7 @@ class _Replay:
 def lines(found: Checked) -> Iterator[str]:
     """For people."""
     yield f"{found.frames} frames in {found.seconds:.1f} s"
+    yield from found.notes
     yield f"heard for {found.vehicle}: {_listed(found.heard)}"
     yield f"could have been engaged for {found.engaged_s:.1f} s"
     yield f"refused: {_listed(found.refusals)}"

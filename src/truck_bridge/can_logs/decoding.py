@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from deeptruck_model import files
 from truck_bridge import j1939
 from truck_bridge.can_logs.reader import Frame, read
-from truck_bridge.errors import InputError
 from truck_bridge.j1939.codec import Codec, Decoded, Signal
 from truck_bridge.j1939.ids import pgn_of
 from truck_bridge.j1939.transport import Broadcasts, reference_torque
@@ -30,6 +30,9 @@ class Decoding:
         default_factory=dict
     )  # parameter groups that are not in the DBC, by count
     reference_torque: float = math.nan  # N m, from the engine's own configuration broadcast
+    backwards: int = 0  # how often time ran backwards from one frame to the next
+    first_backwards: tuple[int, float] = (0, 0.0)  # which frame that was first, from 1, and by how many s
+    notes: list[str] = field(default_factory=list)  # where the log is cut off
 
     def add(self, frame: Frame, decoded: Decoded) -> None:
         """Take one decoded frame."""
@@ -43,6 +46,13 @@ class Decoding:
                 reasons = self.invalid.setdefault(key, {})
                 reasons[decoded.flags[name]] = reasons.get(decoded.flags[name], 0) + 1
 
+    def pass_time(self, seconds: float) -> None:
+        """Count a clock that went back between the frame before and this one."""
+        if seconds < 0:
+            self.backwards += 1
+            if self.backwards == 1:
+                self.first_backwards = (self.frames, -seconds)
+
     def signal(self, key: tuple[str, str, int]) -> Signal:
         """The DBC's entry for one of the keys."""
         return self.codec[key[0]].signals[key[1]]
@@ -51,9 +61,11 @@ class Decoding:
 def decode(path: Path, codec: Codec | None = None) -> Decoding:
     """Every signal of a log. Raises InputError as `read` does."""
     found = Decoding(codec or j1939.load())
-    broadcasts = Broadcasts()
-    for frame in read(path):
+    broadcasts, before = Broadcasts(), -math.inf
+    for frame in read(path, found.notes):
         found.frames += 1
+        found.pass_time(frame.time - before)
+        before = frame.time
         decoded = found.codec.decode(frame.can_id, frame.data)
         if decoded is not None:
             found.add(frame, decoded)
@@ -71,6 +83,13 @@ def table(found: Decoding) -> Iterator[str]:
     """Lines for people: signal, source, SPN, samples, rate, range, what was invalid."""
     keys = sorted(set(found.series) | set(found.invalid))
     yield f"{found.frames} frames, {len(found.series)} signals with values"
+    yield from found.notes
+    if found.backwards:
+        frame, seconds = found.first_backwards
+        yield (
+            f"time runs backwards {found.backwards} times, first by {seconds:.3f} s at frame {frame}: "
+            "several logs in one, or a clock that was set; rates and order are not to be relied on"
+        )
     if found.reference_torque == found.reference_torque:
         yield f"engine reference torque {found.reference_torque:g} N m (SPN 544)"
     yield f"{'signal':<38}{'source':>6}{'SPN':>7}{'valid':>8}{'Hz':>7}{'from':>11}{'to':>11} unit   invalid"
@@ -90,19 +109,13 @@ def table(found: Decoding) -> Iterator[str]:
 
 
 def write_csv(found: Decoding, out: Path) -> None:
-    """Every valid sample, in order of time. Raises InputError where the file cannot be written."""
+    """Every valid sample, in order of time. Raises InputError where the file exists or cannot be written."""
     rows = sorted(
         (t, f"0x{key[2]:02X}", f"{key[0]}.{key[1]}", v, found.signal(key).unit)
         for key, (times, values) in found.series.items()
         for t, v in zip(times, values, strict=True)
     )
-    draft = out.with_name(f".{out.name}")
-    try:
-        with draft.open("w", newline="") as file:
-            writer = csv.writer(file)
-            writer.writerow(["time", "source", "signal", "value", "unit"])
-            writer.writerows(rows)
-        draft.rename(out)
-    except OSError as error:
-        draft.unlink(missing_ok=True)
-        raise InputError(f"cannot write {out}: {error.strerror}") from None
+    with files.new_file(out) as draft, draft.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["time", "source", "signal", "value", "unit"])
+        writer.writerows(rows)

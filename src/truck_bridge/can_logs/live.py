@@ -8,33 +8,36 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import can
 
+from deeptruck_model import files
+from truck_bridge import log_files
 from truck_bridge.bus import open_bus
-from truck_bridge.can_logs import rosbag
-from truck_bridge.can_logs.reader import Frame, need_asammdf, read
-from truck_bridge.can_logs.rosbag import RosbagWriter
+from truck_bridge.can_logs.reader import Frame, read
 from truck_bridge.errors import InputError
 from truck_bridge.j1939.ids import ADDRESS_CLAIMED, Identifier
 
 COMMAND_PGNS = {0x0000, 0x0100, 0x0400, 0xEF00, ADDRESS_CLAIMED}  # TSC1, TC1, XBR, proprietary A; claims
-WRITABLE = (".log", ".asc", ".blf", ".mf4", ".trc", rosbag.WRITTEN)
 
 
 def record(path: Path, interface: str, channel: str, duration: float | None = None) -> int:
     """Write a bus to a log until the duration, SIGINT or SIGTERM. Returns the number of frames.
 
+    The log has its name from the beginning, so that a kill leaves what was recorded.
+
     Raises InputError where the bus cannot be opened or is silent, or the log exists, is of an unknown kind or
     cannot be written; what a full disk had taken until then stays.
     """
-    _check_new(path)
+    log_files.check_new(path)
+    logger = _logger(path, new=True)
     bus = open_bus(interface, channel)
     count, end = 0, math.inf if duration is None else time.monotonic() + duration
     try:
-        with _told_to_end() as told, _writing(path) as write:
+        with _told_to_end() as told, _writing(logger, path) as write:
             while not told.is_set() and (left := end - time.monotonic()) > 0:
                 message = bus.recv(min(left, 0.2))
                 if message is not None:
@@ -52,33 +55,34 @@ def record(path: Path, interface: str, channel: str, duration: float | None = No
     return count
 
 
-def convert(source: Path, out: Path) -> int:
+def convert(source: Path, out: Path, notes: list[str] | None = None) -> int:
     """Write a log in the form that the suffix of `out` names. Returns the number of frames.
 
     Raises InputError as `read` and `record` do; then nothing is left behind.
     """
-    _check_new(out)
-    frames, count = read(source), 0
+    log_files.check_new(out)
+    frames, count = read(source, notes), 0
     first = next(frames)
-    draft = out.with_name(f".{out.name}")
-    draft.unlink(missing_ok=True)
-    try:
-        with _writing(draft, out) as write:
-            for frame in _all(first, frames):
-                write(_message(frame))
-                count += 1
-        draft.rename(out)
-    except BaseException:
-        draft.unlink(missing_ok=True)
-        raise
+    with files.new_file(out) as draft, _writing(_logger(out, new=False), draft, out) as write:
+        for frame in _all(first, frames):
+            write(_message(frame))
+            count += 1
     return count
 
 
-def replay(path: Path, interface: str, channel: str, *, commands: bool = False, speed: float = 1.0) -> int:
+def replay(
+    path: Path,
+    interface: str,
+    channel: str,
+    *,
+    commands: bool = False,
+    speed: float = 1.0,
+    notes: list[str] | None = None,
+) -> int:
     """Send a log's frames with their own timing; commands to a truck only where asked for. Returns how
     many.
     """
-    frames = read(path)
+    frames = read(path, notes)
     first = next(frames)
     bus = open_bus(interface, channel)
     count, start = 0, time.monotonic()
@@ -112,18 +116,6 @@ def _message(frame: Frame) -> can.Message:
     )
 
 
-def _check_new(path: Path) -> None:
-    """Raises InputError where a log cannot be begun under this name."""
-    if path.suffix.lower() not in WRITABLE:
-        raise InputError(f"{path}: a log's name ends in {', '.join(WRITABLE)}")
-    if path.exists():
-        raise InputError(f"{path} exists already; choose another name or remove it")
-    if not path.parent.is_dir():
-        raise InputError(f"{path.parent} is no folder; make it first")
-    if path.suffix.lower() == ".mf4":
-        need_asammdf()
-
-
 @contextmanager
 def _told_to_end() -> Iterator[threading.Event]:
     """Set by the signals that end a recording: an exception amid a write would leave half a record."""
@@ -141,10 +133,13 @@ def _told_to_end() -> Iterator[threading.Event]:
 
 
 @contextmanager
-def _writing(path: Path, shown: Path | None = None) -> Iterator[Callable[[can.Message], None]]:
+def _writing(
+    logger: Callable[[Path], Any], path: Path, shown: Path | None = None
+) -> Iterator[Callable[[can.Message], None]]:
     """A function that writes a frame. Raises InputError where the file cannot be written (any further)."""
     try:
-        log: Any = RosbagWriter(path) if path.suffix.lower() == rosbag.WRITTEN else can.Logger(str(path))
+        path.parent.mkdir(parents=True, exist_ok=True)
+        log = logger(path)
         try:
             yield _flushing(log)
         finally:
@@ -156,6 +151,23 @@ def _writing(path: Path, shown: Path | None = None) -> Iterator[Callable[[can.Me
         raise InputError(f"cannot write {shown or path}: {says}") from None
 
 
+def _logger(path: Path, *, new: bool) -> Callable[[Path], Any]:
+    """What makes a python-can listener that writes the kind of log that the suffix names.
+
+    A `new` one takes its name, with folders, and never another's file.
+    """
+    if path.suffix.lower() == log_files.BAG:
+        from truck_bridge.can_logs.rosbag import RosbagWriter
+
+        return partial(RosbagWriter, mode="xb" if new else "wb")
+    return _new_log if new else can.Logger
+
+
+def _new_log(path: Path) -> Any:
+    path.touch(exist_ok=False)
+    return can.Logger(path)
+
+
 def _flushing(log: Any) -> Callable[[can.Message], None]:
     """What is older than half a second survives a kill, where the form can be read without its end."""
     flushed, file = time.monotonic(), getattr(log, "file", None)
@@ -163,7 +175,7 @@ def _flushing(log: Any) -> Callable[[can.Message], None]:
     def write(message: can.Message) -> None:
         nonlocal flushed
         log.on_message_received(message)
-        if file is not None and time.monotonic() - flushed > rosbag.FLUSH_S:
+        if file is not None and time.monotonic() - flushed > log_files.FLUSH_S:
             file.flush()
             flushed = time.monotonic()
 

@@ -11,11 +11,10 @@ from typing import NamedTuple
 
 import can
 
-from truck_bridge.can_logs import rosbag
+from truck_bridge import log_files
 from truck_bridge.errors import InputError
 
-TEXT = (".log", ".candump", ".txt", "")
-KINDS = "candump text (.log), ASC, BLF, TRC, MF4, or a rosbag with raw frames"
+WHOLE = 8  # bytes of nearly every J1939 frame: a shorter one without a line's end may be cut
 _CONSOLE = re.compile(
     r"^\s*\(([\d.]+)\)\s+(\S+)\s+([0-9A-Fa-f]{1,8})\s+\[(\d+)\]\s*((?:[0-9A-Fa-f]{2}\s*)*)$"
 )
@@ -31,17 +30,15 @@ class Frame(NamedTuple):
     data: bytes
 
 
-def read(path: Path) -> Iterator[Frame]:
-    """The extended data frames of a log, in its order.
+def read(path: Path, notes: list[str] | None = None) -> Iterator[Frame]:
+    """The extended data frames of a log, in its order. `notes` gets a line where the log is cut off.
 
     Raises InputError where the file is missing, of an unknown kind, damaged, or holds no such frame.
     """
-    if not path.exists():
-        raise InputError(f"{path} does not exist; give a CAN log: {KINDS}")
-    if path.is_dir() and not (path / "metadata.yaml").is_file():
-        raise InputError(f"{path} is a folder without a rosbag's metadata.yaml; give a CAN log: {KINDS}")
-    text = path.is_file() and path.suffix.lower() in TEXT
-    frames = _read_text(path) if text else _read_by_library(path)
+    log_files.check(path)
+    remarks = [] if notes is None else notes
+    text = path.is_file() and path.suffix.lower() in log_files.TEXT
+    frames = _read_text(path, remarks) if text else _read_by_library(path, remarks)
     count = 0
     for count, frame in enumerate(frames, 1):  # noqa: B007 - counts what was yielded
         yield frame
@@ -49,13 +46,15 @@ def read(path: Path) -> Iterator[Frame]:
         raise InputError(f"{path} holds no extended CAN frame; J1939 has nothing else")
 
 
-def _read_text(path: Path) -> Iterator[Frame]:
+def _read_text(path: Path, notes: list[str]) -> Iterator[Frame]:
     with path.open(encoding="utf-8", errors="replace") as lines:
         for number, line in enumerate(lines, 1):
             if not line.strip() or line.startswith("#") or _OTHER.match(line):
                 continue
             frame = _parse(line)
-            if frame is None and number > 1 and not line.endswith("\n"):
+            unended = number > 1 and not line.endswith("\n")
+            if unended and (frame is None or len(frame.data) < WHOLE):
+                notes.append(f"{path} is cut off in its last line, {number}, which is left out")
                 return  # the recorder was killed in the middle of it
             if frame is None:
                 raise InputError(f"{path}, line {number}: not a line of candump: {line.strip()[:60]!r}")
@@ -74,31 +73,25 @@ def _parse(line: str) -> Frame | None:
     return Frame(float(match[1]), int(match[3], 16) & 0x1FFF_FFFF, data)
 
 
-def _read_by_library(path: Path) -> Iterator[Frame]:
-    if path.suffix.lower() == ".mf4":
-        need_asammdf()
+def _read_by_library(path: Path, notes: list[str]) -> Iterator[Frame]:
     try:
-        for message in _messages(path):
+        for message in _messages(path, notes):
             if message.is_extended_id and not (message.is_error_frame or message.is_remote_frame):
                 yield Frame(message.timestamp, message.arbitration_id, bytes(message.data)[:8])
     except InputError:
         raise
     except Exception as error:  # each of python-can's readers fails in its own way on a damaged file
         text = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(f"{path} cannot be read as a CAN log ({text}); known are {KINDS}") from None
+        raise InputError(
+            f"{path} cannot be read as a CAN log ({text}); known are {log_files.KINDS}"
+        ) from None
 
 
-def _messages(path: Path) -> Iterator[can.Message]:
-    if path.is_dir() or path.suffix.lower() in rosbag.SUFFIXES:
-        yield from rosbag.read(path)
+def _messages(path: Path, notes: list[str]) -> Iterator[can.Message]:
+    if path.is_dir() or path.suffix.lower() in log_files.BAGS:
+        from truck_bridge.can_logs import rosbag
+
+        yield from rosbag.read(path, notes)
     else:
         with can.LogReader(path) as reader:
             yield from reader
-
-
-def need_asammdf() -> None:
-    """Raises InputError where MF4 cannot be had."""
-    try:
-        import asammdf  # type: ignore[import-not-found]  # noqa: F401
-    except ImportError:
-        raise InputError("MF4 logs need asammdf; install it with 'pip install asammdf'") from None

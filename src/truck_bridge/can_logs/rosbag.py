@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import can
 import numpy as np
@@ -21,10 +21,9 @@ from mcap.writer import CompressionType, Writer
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from truck_bridge import log_files
 from truck_bridge.errors import InputError
 
-SUFFIXES = (".mcap", ".db3", ".bag")
-WRITTEN = ".mcap"
 TYPE = "can_msgs/msg/Frame"
 TOPIC = "/from_can_bus"  # where ros2_socketcan publishes what it hears
 DEFINITION = """\
@@ -36,7 +35,6 @@ bool is_error
 uint8 dlc
 uint8[8] data
 """
-FLUSH_S = 0.5  # what is older survives a kill -9
 SECOND = 1_000_000_000  # ns
 
 
@@ -46,8 +44,9 @@ def _types() -> Any:
     return store
 
 
-def read(path: Path) -> Iterator[can.Message]:
-    """The frames of all topics of the type, in order of time; of a recorder that was killed, what it wrote.
+def read(path: Path, notes: list[str]) -> Iterator[can.Message]:
+    """The frames of all topics of the type, in order of time; of a recorder that was killed, what it wrote,
+    and a line in `notes`.
 
     Raises InputError where there is no such topic.
     """
@@ -55,9 +54,10 @@ def read(path: Path) -> Iterator[can.Message]:
         reader = AnyReader([path], default_typestore=_types())
         reader.open()
     except Exception:  # rosbags raises whatever a damaged byte leads it to
-        if path.suffix != WRITTEN:
+        if path.suffix != log_files.BAG:
             raise
         yield from _read_unfinished(path)
+        notes.append(f"{path} was not finished; its last half second may lack")
         return
     with closing(reader):
         chosen = [connection for connection in reader.connections if connection.msgtype == TYPE]
@@ -99,9 +99,9 @@ def _message(frame: Any, stamp: int) -> can.Message:
 class RosbagWriter:
     """A python-can listener that writes one .mcap file, as `ros2 bag play` and Foxglove open it."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, mode: Literal["wb", "xb"] = "xb") -> None:
         self._store = _types()
-        self._stream = path.open("xb")
+        self._stream = path.open(mode)
         self._writer = Writer(self._stream, compression=CompressionType.NONE)
         self._writer.start(profile="ros2", library="truck_bridge")
         text, _ = self._store.generate_msgdef(TYPE, ros_version=2)
@@ -115,7 +115,7 @@ class RosbagWriter:
         cdr = self._store.serialize_cdr(self._frame(message, stamp), TYPE)
         self._count += 1
         self._writer.add_message(self._channel, stamp, cdr, stamp, self._count)
-        if time.monotonic() - self._flushed > FLUSH_S:
+        if time.monotonic() - self._flushed > log_files.FLUSH_S:
             self._writer.flush()
             self._stream.flush()
             self._flushed = time.monotonic()

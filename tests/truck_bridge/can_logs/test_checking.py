@@ -11,7 +11,7 @@ import pytest
 
 from truck_bridge import can_logs, vehicles
 from truck_bridge.can_logs.checking import lines
-from truck_bridge.ecu_emulator import EcuEmulator
+from truck_bridge.emulator.ecus import EcuEmulator
 
 HERE = Path(__file__).parent
 RESEARCH = HERE.parent / "research_truck.yaml"

@@ -16,8 +16,8 @@ import pytest
 from mcap.writer import Writer
 
 from truck_bridge import can_logs
-from truck_bridge.can_logs.live import WRITABLE
 from truck_bridge.errors import InputError
+from truck_bridge.log_files import WRITABLE
 
 LINE = "({:.6f}) can0 0CF00400#219B9BDD2F000F9B\n"
 HERE = [suffix for suffix in WRITABLE if suffix != ".mf4" or find_spec("asammdf")]  # an extra
@@ -77,7 +77,7 @@ def test_record_writes_every_kind(loud, tmp_path, suffix):
     [
         ("drive.log", "exists already"),
         ("a.xyz", "ends in .log"),
-        ("none/a.log", "is no folder"),
+        ("drive.log/a.log", "drive.log is no folder; choose another name"),
         ("a", "ends in"),
     ],
 )

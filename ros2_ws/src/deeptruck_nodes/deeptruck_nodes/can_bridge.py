@@ -12,10 +12,11 @@ from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallba
 from sensor_msgs.msg import JointState, Range
 from std_srvs.srv import Trigger
 
-from deeptruck_nodes import messages, vehicle
+from deeptruck_nodes import messages
 from deeptruck_nodes.messages import nanoseconds
 from deeptruck_nodes.node import DeeptruckNode, run
 from deeptruck_nodes.topics import ACCEL, COMMAND, ENGAGED, RADAR_RANGE, ROAD, STATUS, TWIST
+from truck_bridge import vehicles
 from truck_bridge.bridge import Bridge
 from truck_bridge.bus import open_bus
 
@@ -36,9 +37,8 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
     def __init__(self) -> None:
         DeeptruckNode.__init__(self, "can_bridge")
         LifecycleNodeMixin.__init__(self)
-        self._vehicle = vehicle.load(self.p["vehicle"])
-        with vehicle.bridge_errors():
-            self._bridge = Bridge(self._vehicle, self._open(), no_load=self.p["no_load"], reopen=self._open)
+        self._vehicle = vehicles.load(self.p["vehicle"])
+        self._bridge = Bridge(self._vehicle, self._open(), no_load=self.p["no_load"], reopen=self._open)
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
         self._signals: dict[str, float] = {}

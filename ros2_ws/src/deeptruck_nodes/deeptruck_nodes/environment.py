@@ -1,4 +1,4 @@
-"""What a run needs around it: environment variables, its own domain, a folder, a free name for the bag."""
+"""What a run needs around it: environment variables, its own domain, a folder."""
 
 from __future__ import annotations
 
@@ -6,14 +6,12 @@ import fcntl
 import importlib.resources
 import importlib.util
 import os
-import shutil
 import sys
 import tempfile
 import time
 from pathlib import Path
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import repair
 
 DOMAIN = "ROS_DOMAIN_ID"
 LAST_DOMAIN = 101  # above, the ports of Fast DDS run into Linux's ephemeral ones
@@ -34,7 +32,7 @@ class DomainLock:
     run ended; what a killed run leaves behind is an unlocked file, which says nothing.
     """
 
-    def __init__(self, domain: int, folder: Path) -> None:
+    def __init__(self, domain: int) -> None:
         self._path = Path(tempfile.gettempdir()) / f"deeptruck-domain-{domain}.lock"
         try:
             self._file = self._path.open("a+")
@@ -46,8 +44,12 @@ class DomainLock:
             ) from None
         except OSError as error:
             raise InputError(f"cannot lock ROS domain {domain} with {self._path}: {error.strerror}") from None
+        self.logs_in(None)
+
+    def logs_in(self, folder: Path | None) -> None:
+        """Tell whom this domain is refused to whose it is."""
         self._file.truncate(0)
-        self._file.write(f"process {os.getpid()}, logs in {folder}")
+        self._file.write(f"process {os.getpid()}" + (f", logs in {folder}" if folder else ""))
         self._file.flush()
 
     def _holder(self) -> str:
@@ -78,24 +80,6 @@ def run_folder(runs: Path, what: str, domain: int) -> Path:
             ) from None
         return folder
     raise InputError(f"cannot find a free folder below {runs}; choose another with --runs")
-
-
-def free_bag(bag: Path, overwrite: bool) -> None:
-    """Make sure a bag can be recorded here; a bag that stays is repaired where its recorder was killed.
-
-    Raises InputError where something is there already, unless it is a bag and `overwrite` says so.
-    """
-    if bag.exists():
-        if not (bag.is_dir() and any(bag.glob("*.mcap"))):
-            raise InputError(f"{bag} exists and is no bag; choose another name")
-        if not overwrite:
-            mended = repair(bag)
-            told = f" ({mended})" if mended else ""
-            raise InputError(f"{bag} exists already{told}; choose another name or add --overwrite")
-        shutil.rmtree(bag)
-    above = next(parent for parent in bag.absolute().parents if parent.exists())
-    if not above.is_dir() or not os.access(above, os.W_OK):
-        raise InputError(f"cannot record {bag}: {above} is not a folder that can be written to")
 
 
 def ros_environment(folder: Path, domain: int) -> dict[str, str]:

@@ -25,6 +25,7 @@ class MismatchMonitor(DeeptruckNode):
         limits = {name: self.p[name] for name in ("window_s", "threshold", "hold_s")}
         self._monitor = Monitor(simulators.load(self.p["simulator"]), **limits)
         self._first: int | None = None
+        self._spoken: Located | None = None
         self._residual = self.publish_on(MISMATCH_RESIDUAL)
         self.listen_to(TWIST, self._on_twist)
         self.listen_to(COMMAND, self._on_command)
@@ -51,8 +52,17 @@ class MismatchMonitor(DeeptruckNode):
             stamp = self._stamp(s.time)
             self._residual.publish(messages.accelerations(stamp, s.residual, s.smoothed, s.allowed))
             alarm = self._monitor.alarm
+            self._speak(s.time, alarm)
             level, says = ("ok", "as simulated") if alarm is None else ("warn", self._sentence(alarm))
             self.diagnose(stamp, level, says, self._values(s))
+
+    def _speak(self, time: float, alarm: Located | None) -> None:
+        """To whoever sits before the run: when a stretch begins and ends, in s since the first message."""
+        if alarm is not None and self._spoken is None:
+            print(f"at {time:.0f} s: {self._sentence(alarm)}", flush=True)
+        elif alarm is None and self._spoken is not None:
+            print(f"at {time:.0f} s: as simulated again; before, {self._sentence(self._spoken)}", flush=True)
+        self._spoken = alarm
 
     def _sentence(self, alarm: Located) -> str:
         lasts = alarm.end - alarm.start

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
+from deeptruck_model import checks
 from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
@@ -44,15 +45,26 @@ def described(node: str) -> dict[str, dict[str, Any]]:
 def checked(node: str, given: Mapping[str, Any]) -> dict[str, Any]:
     """Defaults with the given values in their place.
 
-    Raises InputError for an unknown name, a wrong type or a value outside its range.
+    Raises InputError for unknown names, wrong types and values outside their ranges, all in one message.
     """
-    known = described(node)
-    for name in given:
-        if name not in known:
-            raise InputError(f"{node} has no parameter '{name}'; it has: {', '.join(sorted(known))}")
+    checks.refuse(misfits(node, given))
     return {
-        name: _value(node, name, entry, given.get(name, entry["default"])) for name, entry in known.items()
+        name: _value(node, name, entry, given.get(name, entry["default"]))
+        for name, entry in described(node).items()
     }
+
+
+def misfits(node: str, given: Mapping[str, Any]) -> list[str]:
+    """Why the given values do not fit the node, a line each."""
+    known, found = described(node), []
+    for name, value in given.items():
+        try:
+            if name not in known:
+                raise InputError(f"{node} has no parameter '{name}'; it has: {', '.join(sorted(known))}")
+            _value(node, name, known[name], value)
+        except InputError as error:
+            found.append(str(error))
+    return found
 
 
 def _value(node: str, name: str, entry: Mapping[str, Any], value: Any) -> Any:

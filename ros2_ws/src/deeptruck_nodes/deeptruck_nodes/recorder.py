@@ -6,6 +6,7 @@ import functools
 import importlib
 import json
 import time
+from contextlib import ExitStack
 from pathlib import Path
 
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -13,6 +14,7 @@ from rclpy.subscription import Subscription
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import CrashSafeWriter
+from deeptruck_nodes import bag_place
 from deeptruck_nodes.messages import SECOND
 from deeptruck_nodes.node import IDLE, DeeptruckNode, run
 from deeptruck_nodes.topics import RECORD_QOS, RECORDED, TOPICS
@@ -33,6 +35,7 @@ class Recorder(DeeptruckNode):
         interface = self.p["interface"]
         self._custom = {INTERFACE_KEY: interface} if _is_json(interface) else {}
         self._opened: CrashSafeWriter | None = None
+        self._stack = ExitStack()
         self._subscribed: dict[str, Subscription] = {}
         self._undiscovered = list(self.p["topics"] or RECORDED)
         self._lost = 0
@@ -45,7 +48,9 @@ class Recorder(DeeptruckNode):
     @property
     def _writer(self) -> CrashSafeWriter:
         if self._opened is None:  # a message may overtake the word to go
-            self._opened = CrashSafeWriter(Path(self.p["bag"]), custom_data=self._custom)
+            bag = Path(self.p["bag"])
+            self._opened = CrashSafeWriter(bag, custom_data=self._custom)
+            self._stack.enter_context(bag_place.claimed(bag))
         return self._opened
 
     def _find_topics(self) -> None:
@@ -97,6 +102,7 @@ class Recorder(DeeptruckNode):
     def close(self) -> None:
         if self._opened is not None:
             self._opened.close()
+            self._stack.close()
             print(f"recorded {self.heard} messages in {self.p['bag']}, {self._lost} lost", flush=True)
 
 

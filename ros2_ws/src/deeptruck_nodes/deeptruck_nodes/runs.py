@@ -10,27 +10,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from deeptruck_cacc import load_policy
-from deeptruck_model import simulators
+from deeptruck_model import checks
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import repair
-from deeptruck_model.recordings.bag_source import BagSource
 from deeptruck_model.signals import TruckInterface
-from deeptruck_nodes import environment, leaders, parameters, roads, vehicle
-from deeptruck_nodes.plant import ticks_a_step
+from deeptruck_nodes import bag_place, environment, parameters, run_checks
+from deeptruck_nodes.run_checks import Misfits, Sections
 from deeptruck_nodes.supervisor import Program, Supervisor, node
-from truck_bridge.bus import open_bus
-from truck_bridge.emulator_cli import road as road_of_emulator
-
-Sections = dict[str, dict[str, Any]]
 
 RADARS: dict[str, dict[str, float]] = {
     "clean": {"range_noise": 0.0, "speed_noise": 0.0},
     "noisy": {"range_noise": 0.1, "speed_noise": 0.05, "dropout_rate": 0.05},
     "field": {"range_noise": 0.1, "speed_noise": 0.05, "dropout_rate": 0.05, "lane_change_at_s": 63.0},
 }
+
+
+SPEAKERS = ("can_bridge", "mismatch_monitor")  # what they print is for whoever sits before the run
 
 
 @dataclass(frozen=True)
@@ -45,36 +39,25 @@ class Common:
     monitor: str = ""
 
 
-def describe(simulator: str) -> tuple[TruckInterface, float]:
-    """Interface and step (s) of a simulator; a trained one is not loaded for it. Raises InputError."""
-    if simulator.startswith("truck:"):
-        truck = simulators.load(simulator)
-        return truck.interface, truck.dt
-    manifest = simulators.read_manifest(Path(simulator))
-    return TruckInterface.from_dict(manifest["interface"]), float(manifest["dt"])
-
-
 def simulate(common: Common, given: Sections, *, policy: str, simulator: str, lockstep: bool) -> int:
     """A simulated truck behind a leader; returns the exit code. `given` holds further parameters by node."""
-    interface, dt = describe(simulator)
-    load_policy(policy, interface)
-    sections = _merged(
-        {
-            "recorder": _recorder(common, interface),
-            **_monitor(common, interface),
-            "leader": {},
-            "controller": _controller(policy, interface),
-            "truck_sim": {"simulator": _absolute(simulator, "truck:")},
-        },
-        given,
-        common,
-    )
-    leaders.parse(checked(sections, "leader")["profile"])
-    truck = checked(sections, "truck_sim")
-    roads.parse(truck["road"])
-    if not lockstep:
-        ticks_a_step(truck["rate_hz"], dt)
-    return _run("simulation", common, sections, lockstep=lockstep, ends="truck_sim")
+    misfits = Misfits()
+    truck = misfits.of(lambda: checks.simulator(simulator))
+    interface = truck.interface if truck else None
+    sections = {
+        "recorder": _recorder(common, interface),
+        **_monitor(common),
+        "leader": {},
+        "controller": _controller(policy, interface),
+        "truck_sim": {"simulator": _absolute(simulator, "truck:")},
+    }
+    sections = _merged(sections, given, common, misfits)
+    _look_at_driving(misfits, common, sections, policy, interface)
+    misfits.of_node(sections, "truck_sim", lambda p: run_checks.road_is_known(p["road"]))
+    if truck is not None and not lockstep:
+        misfits.of_node(sections, "truck_sim", lambda p: run_checks.rate_fits(p["rate_hz"], truck.dt))
+    domain = _checked(misfits, common, sections, lockstep)
+    return _run("simulation", common, sections, domain, ends="truck_sim")
 
 
 def drive_vehicle(
@@ -92,29 +75,68 @@ def drive_vehicle(
     `given` holds the bridge's parameters, and the leader's where one is simulated; otherwise the radar topics
     come from the truck's own radar.
     """
-    bridge = parameters.checked("can_bridge", given["can_bridge"])
-    interface = vehicle.interface(vehicle.load(bridge["vehicle"]))
-    load_policy(policy, interface)
-    sections: Sections = {"recorder": _recorder(common, interface), **_monitor(common, interface)}
-    if "leader" in given:
-        sections["leader"] = {}
+    from truck_bridge import vehicles
+    from truck_bridge.emulator.road import road
+
+    misfits = Misfits()
+    vehicle = misfits.of(lambda: vehicles.load(given["can_bridge"]["vehicle"]))
+    interface = TruckInterface.from_dict(vehicle.interface) if vehicle else None
+    sections: Sections = {"recorder": _recorder(common, interface), **_monitor(common)}
+    sections |= {"leader": {}} if "leader" in given else {}
     sections |= {"controller": _controller(policy, interface), "can_bridge": {}}
-    sections = _merged(sections, given, common)
-    if "leader" in sections:
-        leaders.parse(checked(sections, "leader")["profile"])
-    bus = checked(sections, "can_bridge")
-    with vehicle.bridge_errors():
-        road_of_emulator(grade)
-        open_bus(bus["interface"], bus["channel"]).shutdown()
-    if emulate:
-        _compile(str(vehicle.load(bus["vehicle"]).truck))
-    others = (_emulator(bus, speed, grade),) if emulate else ()
-    return _run("vehicle", common, sections, others=others, duration=duration)
+    sections = _merged(sections, given, common, misfits)
+    _look_at_driving(misfits, common, sections, policy, interface)
+    misfits.of(lambda: road(grade))
+    misfits.of_node(sections, "can_bridge", lambda p: run_checks.bus_opens(p["interface"], p["channel"]))
+    domain = _checked(misfits, common, sections)
+    others: tuple[Program, ...] = ()
+    if emulate and vehicle is not None:
+        _compile(str(vehicle.truck))
+        others = (_emulator(parameters.checked("can_bridge", sections["can_bridge"]), speed, grade),)
+    return _run("vehicle", common, sections, domain, others=others, duration=duration)
+
+
+def replay(common: Common, given: Sections) -> int:
+    """A bag back onto its topics; one whose recorder was killed is repaired first. Returns the exit code."""
+    misfits = Misfits()
+    sections: Sections = {"recorder": _recorder(common, None), **_monitor(common), "replay": {}}
+    sections = _merged(sections, given, common, misfits)
+    if common.monitor:
+        misfits.of(lambda: checks.simulator(common.monitor))
+    misfits.of_node(sections, "replay", lambda p: run_checks.bag_is_playable(Path(p["bag"]), p["topics"]))
+    domain = _checked(misfits, common, sections)
+    _mend(Path(sections["replay"]["bag"]))
+    return _run("replay", common, sections, domain, ends="replay")
+
+
+def _mend(bag: Path) -> None:
+    """Repair a bag whose recorder was killed. Raises InputError where it cannot be read."""
+    from deeptruck_model.recordings import repair
+    from deeptruck_model.recordings.bag_source import BagSource
+
+    if bag.is_dir() and (mended := repair(bag)):
+        print(mended, flush=True)
+    with BagSource(bag):
+        pass
+
+
+def _look_at_driving(
+    misfits: Misfits, common: Common, sections: Sections, policy: str, truck: TruckInterface | None
+) -> None:
+    """What every run with a controller needs: its policy, its leader, and a monitor that fits the truck."""
+    misfits.of(lambda: run_checks.policy_fits(policy, truck))
+    if common.monitor:
+        misfits.of(lambda: run_checks.monitor_fits(common.monitor, truck))
+    misfits.of_node(sections, "leader", lambda p: run_checks.leader_is_known(p["profile"]))
 
 
 def _compile(truck: str) -> None:
     """Drive a truck one step: on a new machine it is compiled for that, and a run would wait on a silent
     bus."""
+    import numpy as np
+
+    from deeptruck_model import simulators
+
     simulator = simulators.load(truck)
     i = simulator.interface
     state = simulator.reset(np.zeros((1, len(i.y))))
@@ -124,28 +146,10 @@ def _compile(truck: str) -> None:
 def _emulator(bridge: Mapping[str, Any], speed: float, grade: str) -> Program:
     options = {"vehicle": bridge["vehicle"], "interface": bridge["interface"], "channel": bridge["channel"]}
     options |= {"speed": str(speed), "grade": grade}
-    argv = [sys.executable, "-m", "truck_bridge.ecu_emulator"]
+    argv = [sys.executable, "-m", "truck_bridge.emulator"]
     return Program(
-        "ecu_emulator", [*argv, *(f"--{name}={value}" for name, value in options.items())], says_ready=False
+        "emulator", [*argv, *(f"--{name}={value}" for name, value in options.items())], says_ready=False
     )
-
-
-def replay(common: Common, given: Sections) -> int:
-    """A bag back onto its topics; one whose recorder was killed is repaired first. Returns the exit code."""
-    sections = _merged(
-        {"recorder": _recorder(common, None), **_monitor(common, None), "replay": {}}, given, common
-    )
-    bag = Path(checked(sections, "replay")["bag"])
-    if bag.is_dir() and (mended := repair(bag)):
-        print(mended, flush=True)
-    with BagSource(bag):
-        pass  # raises where it cannot be read
-    return _run("replay", common, sections, ends="replay")
-
-
-def checked(sections: Mapping[str, Mapping[str, Any]], name: str) -> dict[str, Any]:
-    """A node's parameters with the defaults filled in. Raises InputError."""
-    return parameters.checked(name, sections[name])
 
 
 def _recorder(common: Common, interface: TruckInterface | None) -> dict[str, Any]:
@@ -155,32 +159,19 @@ def _recorder(common: Common, interface: TruckInterface | None) -> dict[str, Any
     return {"bag": str(common.record.absolute()), "interface": text}
 
 
-def _monitor(common: Common, truck: TruckInterface | None) -> Sections:
-    """The monitor's parameters where one was asked for. Raises InputError where it needs other commands."""
+def _monitor(common: Common) -> Sections:
+    """The monitor's parameters where one was asked for."""
     if not common.monitor:
         return {}
-    if truck is not None:
-        _same_commands(common.monitor, describe(common.monitor)[0], truck)
     return {"mismatch_monitor": {"simulator": _absolute(common.monitor, "truck:")}}
 
 
-def _same_commands(monitor: str, own: TruckInterface, truck: TruckInterface) -> None:
-    for name in own.u:
-        here = truck.unit(name) if name in truck.u else "not there"
-        if here != own.unit(name):
-            raise InputError(
-                f"{monitor} takes {name} in {own.unit(name)}, on this truck it is {here}; "
-                "choose another simulator for --monitor"
-            )
-    if own.grade and not truck.grade:
-        raise InputError(f"{monitor} needs grade, which this truck does not tell; choose another simulator")
-
-
-def _controller(policy: str, interface: TruckInterface) -> dict[str, Any]:
+def _controller(policy: str, interface: TruckInterface | None) -> dict[str, Any]:
+    told = {} if interface is None else {"interface": json.dumps(interface.to_dict())}
     return {
+        **told,
         "policy": _absolute(policy, "baseline:"),
-        "interface": json.dumps(interface.to_dict()),
-        "uses_grade": interface.grade,
+        "uses_grade": bool(interface and interface.grade),
     }
 
 
@@ -188,14 +179,9 @@ def _absolute(path: str, exempt: str) -> str:
     return path if path.startswith(exempt) else str(Path(path).absolute())
 
 
-def _merged(sections: Sections, given: Sections, common: Common) -> Sections:
+def _merged(sections: Sections, given: Sections, common: Common, misfits: Misfits) -> Sections:
     """Own parameter file over the start script's options over what follows from the run."""
-    own = parameters.read_file(common.parameters) if common.parameters else {}
-    for name in own:
-        if name not in sections:
-            raise InputError(
-                f"{common.parameters}: this run has no node '{name}'; it has {', '.join(sections)}"
-            )
+    own = misfits.of(lambda: _own(common, sections)) or {}
     merged = {
         name: {**values, **given.get(name, {}), **own.get(name, {})} for name, values in sections.items()
     }
@@ -204,35 +190,54 @@ def _merged(sections: Sections, given: Sections, common: Common) -> Sections:
     return merged
 
 
+def _own(common: Common, sections: Sections) -> Sections:
+    """What the user's parameter file says. Raises InputError for a node that this run does not have."""
+    own = parameters.read_file(common.parameters) if common.parameters else {}
+    for name in own:
+        if name not in sections:
+            raise InputError(
+                f"{common.parameters}: this run has no node '{name}'; it has {', '.join(sections)}"
+            )
+    return own
+
+
+def _checked(misfits: Misfits, common: Common, sections: Sections, lockstep: bool = False) -> int:
+    """The ROS domain of a run in which everything fits. Raises InputError with all that does not."""
+    for name, values in sections.items():
+        values.update(lockstep=lockstep, peers=[peer for peer in sections if peer != name])
+        misfits.found += parameters.misfits(name, values)
+    domain = misfits.of(environment.domain_id)
+    misfits.of(lambda: bag_place.check(common.record, common.overwrite))
+    checks.refuse(misfits.found)
+    assert domain is not None
+    return domain
+
+
 def _run(
     what: str,
     common: Common,
     sections: Sections,
+    domain: int,
     *,
-    lockstep: bool = False,
     ends: str = "",
     others: tuple[Program, ...] = (),
     duration: float = 0.0,
 ) -> int:
-    """Check everything, then start; nothing is written before all of it holds."""
-    for name, values in sections.items():
-        values.update(lockstep=lockstep, peers=[peer for peer in sections if peer != name])
-        parameters.checked(name, values)
-    domain = environment.domain_id()
-    if common.record is not None:
-        environment.free_bag(common.record, common.overwrite)
-    folder = environment.run_folder(common.runs, what, domain)
-    lock = environment.DomainLock(domain, folder)
+    """Lock the domain, make room for the bag, then start. Everything has been checked before."""
+    lock = environment.DomainLock(domain)
     try:
-        file = folder / "parameters.yaml"
-        parameters.write_file(file, sections)
-        nodes = [node(name, file, ends_run=name == ends, speaks=name == "can_bridge") for name in sections]
-        programs = [*nodes[:1], *others, *nodes[1:]]
-        print(f"logs in {os.path.relpath(folder)}, ROS domain {domain}", flush=True)
-        supervisor = Supervisor(
-            folder, programs, environment.ros_environment(folder, domain), lock.descriptor
-        )
-        code = supervisor.run(duration)
+        with bag_place.freed(common.record, common.overwrite):
+            folder = environment.run_folder(common.runs, what, domain)
+            lock.logs_in(folder)
+            file = folder / "parameters.yaml"
+            parameters.write_file(file, sections)
+            nodes = [node(name, file, ends_run=name == ends, speaks=name in SPEAKERS) for name in sections]
+            programs = [*nodes[:1], *others, *nodes[1:]]
+            print(f"logs in {os.path.relpath(folder)}, ROS domain {domain}", flush=True)
+            supervisor = Supervisor(
+                folder, programs, environment.ros_environment(folder, domain), lock.descriptor
+            )
+            code = supervisor.run(duration)
         print(last_line(supervisor.why, common.record), flush=True)
         return code
     finally:

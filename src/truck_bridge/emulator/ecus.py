@@ -3,7 +3,7 @@
 Each controller has its own source address, speaks at the rates and resolutions of J1939-71 and obeys TSC1,
 XBR and proprietary brake demands with time-outs, priorities, driver overrides and fault hysteresis. Time is
 an argument; the same object runs in lock-step in a test and in real time behind `python -m
-truck_bridge.ecu_emulator`.
+truck_bridge.emulator`.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from deeptruck_model.simulators import Simulator
 from deeptruck_model.simulators import load as load_truck
-from truck_bridge.ecu_messages import Driver
-from truck_bridge.ecu_receiver import Receiver
-from truck_bridge.ecu_sender import voices
+from truck_bridge.emulator.messages import Driver
+from truck_bridge.emulator.receiver import Receiver
+from truck_bridge.emulator.sender import voices
 from truck_bridge.j1939.address_claim import AddressClaim, name
 from truck_bridge.vehicles import Vehicle
 
@@ -161,14 +161,3 @@ def _as_driven(truck: Simulator) -> Simulator:
         if hasattr(truck, method):
             truck = getattr(truck, method)(*arguments)
     return truck
-
-
-def main() -> None:
-    """`python -m truck_bridge.ecu_emulator`."""
-    from truck_bridge.emulator_cli import main as run
-
-    run()
-
-
-if __name__ == "__main__":
-    main()

@@ -72,7 +72,7 @@ def test_no_signal_survives_a_clock_that_goes_back(world):
 def test_a_lost_bus_is_reopened_silently(world):
     w = world("trucksim")
     spare = w.open()
-    w.bridge._link.reopen = lambda: spare
+    w.bridge._connection.reopen = lambda: spare
     w.engage(500.0)
     w.ours.shutdown()
     w.run(2.5, engine=500.0)
@@ -93,7 +93,7 @@ def test_a_bus_that_stays_away_is_tried_again_and_again(world):
         tries.append(w.now)
         raise can.CanInitializationError("still gone")
 
-    w.bridge._link.reopen = reopen
+    w.bridge._connection.reopen = reopen
     w.engage(500.0)
     w.ours.shutdown()
     w.run(4.5, engine=500.0)

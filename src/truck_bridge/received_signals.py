@@ -11,7 +11,7 @@ from truck_bridge.vehicles import Vehicle
 FRESH_S = 0.5  # a signal not heard for so long is NaN (slow ones: three of their periods)
 
 
-class Signals:
+class ReceivedSignals:
     """Latest valid value of each channel, in SI."""
 
     def __init__(self, vehicle: Vehicle) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from truck_bridge.ecu_receiver import Receiver
+from truck_bridge.emulator.receiver import Receiver
 from truck_bridge.vehicles import Vehicle
 
 STANDARD_GRAVITY = 9.80665

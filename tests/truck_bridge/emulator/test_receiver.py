@@ -7,7 +7,7 @@ import math
 import pytest
 
 from truck_bridge import vehicles
-from truck_bridge.ecu_receiver import Receiver
+from truck_bridge.emulator.receiver import Receiver
 
 ENGINE = vehicles.load("trucksim").transmitted["engine"]
 ID = ENGINE.axis.can_id

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from truck_bridge.ecu_messages import SAYS, Truck
+from truck_bridge.emulator.messages import SAYS, Truck
 from truck_bridge.errors import InputError
 from truck_bridge.j1939 import checksums
 from truck_bridge.j1939.codec import Layout

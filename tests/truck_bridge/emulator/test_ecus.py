@@ -15,7 +15,7 @@ from bridge_world import SIGNED
 
 from truck_bridge import vehicles
 from truck_bridge.bridge import Bridge
-from truck_bridge.ecu_emulator import EcuEmulator
+from truck_bridge.emulator.ecus import EcuEmulator
 from truck_bridge.errors import InputError
 
 POSITION = "VP: {from: engine, period: 5.0, timeout: 20.0, signals: {latitude: Latitude}}"
@@ -32,7 +32,7 @@ def test_the_emulator_says_what_it_cannot_speak(tmp_path):
 def test_real_processes_drive_and_the_driver_takes_over():
     """Emulator in a process of its own, the bridge's thread here, a third bus as witness; in real time."""
     channel = f"{os.getpid()}-real"
-    command = [sys.executable, "-m", "truck_bridge.ecu_emulator", "--vehicle", "volvo", "--channel", channel]
+    command = [sys.executable, "-m", "truck_bridge.emulator", "--vehicle", "volvo", "--channel", channel]
     command += ["--speed", "15", "--driver", "3:brake_pedal=40", "--duration", "60"]
     vehicle = vehicles.load("volvo")
     witness, ours = (can.Bus(interface="loopback", channel=channel) for _ in range(2))
@@ -75,22 +75,23 @@ def test_real_processes_drive_and_the_driver_takes_over():
         (["--vehicle", "tram"], "no vehicle 'tram'"),
         (["--vehicle", "volvo", "--grade", "hill.csv"], "No such file"),
         (["--vehicle", "volvo", "--driver", "soon"], "SECONDS:KEY=VALUE"),
-        ([], "the following arguments are required: --vehicle"),
-        (["--vehicle", "volvo", "--speed", "fast"], "invalid float value: 'fast'"),
+        ([], "Missing option '--vehicle'"),
+        (["--vehicle", "volvo", "--speed", "fast"], "'--speed': Input should be a valid number"),
         (["--vehicle", "volvo", "--speed", "nan"], "--speed must be a number from 0 to 50"),
         (["--vehicle", "volvo", "--speed", "-3"], "--speed must be a number from 0 to 50"),
         (["--vehicle", "volvo", "--grade", "nan"], "--grade nan must be a number from -0.5 to 0.5"),
         (["--vehicle", "volvo", "--duration", "-1"], "--duration must be a number from 0"),
         (["--vehicle", "volvo", "--truck", "truck:bus"], "bus"),
+        (["--vehicle", "tram", "--truck", "truck:bus", "--speed", "99"], "3 things do not fit"),
         (["--vehicle", "volvo", "--interface", "socketcan", "--channel", "none9"], "cannot open CAN"),
     ],
 )
 def test_the_emulator_refuses_bad_input_in_one_line(arguments, says, monkeypatch, capsys):
-    from truck_bridge import emulator_cli
+    from truck_bridge.emulator import cli
 
-    monkeypatch.setattr(sys, "argv", ["ecu_emulator", *arguments])
+    monkeypatch.setattr(sys, "argv", ["emulator", *arguments])
     with pytest.raises(SystemExit) as done:
-        emulator_cli.main()
+        cli.main()
     assert done.value.code == 2
     err = capsys.readouterr().err
     assert says in err

@@ -1,4 +1,4 @@
-"""The bridge's link: the bus and the address on it. What was lost comes back by itself and silently."""
+"""The bridge's connection: the bus and the address on it. What was lost comes back by itself and silently."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _BUS_OFF = 0x40  # SocketCAN error class
 _GONE = (can.CanError, OSError, ValueError)  # as python-can's back ends say that their bus is
 
 
-class Link:
+class BusConnection:
     """Frames in, frames out. `reopen` makes a new bus where the old one does not recover by itself."""
 
     def __init__(

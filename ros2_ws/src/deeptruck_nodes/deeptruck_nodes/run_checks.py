@@ -1,0 +1,99 @@
+"""What must fit before a run starts: looked at from names, manifests and parameters, all misfits at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+from deeptruck_model import checks
+from deeptruck_model.errors import InputError
+from deeptruck_model.signals import TruckInterface
+from deeptruck_nodes import parameters
+
+T = TypeVar("T")
+Sections = dict[str, dict[str, Any]]
+
+
+@dataclass
+class Misfits:
+    """What does not fit in a run, gathered before anything is started or written."""
+
+    found: list[str] = field(default_factory=list)
+
+    def of(self, look: Callable[[], T]) -> T | None:
+        """What `look` returns; None where it raises InputError, which is kept."""
+        try:
+            return look()
+        except InputError as error:
+            self.found.append(str(error))
+            return None
+
+    def of_node(self, sections: Sections, name: str, look: Callable[[dict[str, Any]], object]) -> None:
+        """A look at the parameters of a node, where there is one and they are within their ranges."""
+        if name in sections and not parameters.misfits(name, sections[name]):
+            self.of(lambda: look(parameters.checked(name, sections[name])))
+
+
+def policy_fits(policy: str, truck: TruckInterface | None) -> None:
+    """Raises InputError where there is no such policy, or it commands another truck."""
+    from deeptruck_cacc import load_policy
+
+    load_policy(policy, truck)
+
+
+def monitor_fits(monitor: str, truck: TruckInterface | None) -> None:
+    """Raises InputError where the monitor's simulator is none, or takes other commands than the truck."""
+    own = checks.simulator(monitor).interface
+    if truck is None:
+        return
+    for name in own.u:
+        here = truck.unit(name) if name in truck.u else "not there"
+        if here != own.unit(name):
+            raise InputError(
+                f"{monitor} takes {name} in {own.unit(name)}, on this truck it is {here}; "
+                "choose another simulator for --monitor"
+            )
+    if own.grade and not truck.grade:
+        raise InputError(f"{monitor} needs grade, which this truck does not tell; choose another simulator")
+
+
+def leader_is_known(profile: str) -> None:
+    """Raises InputError where nothing drives ahead so."""
+    from deeptruck_nodes import leaders
+
+    leaders.parse(profile)
+
+
+def road_is_known(text: str) -> None:
+    """Raises InputError where there is no such road."""
+    from deeptruck_nodes import roads
+
+    roads.parse(text)
+
+
+def rate_fits(rate: float, dt: float) -> None:
+    """Raises InputError where a publishing rate, Hz, is no multiple of the simulator's, 1 / `dt`."""
+    from deeptruck_nodes.plant import ticks_a_step
+
+    ticks_a_step(rate, dt)
+
+
+def bus_opens(interface: str, channel: str) -> None:
+    """Raises InputError where a CAN bus cannot be opened."""
+    from truck_bridge.bus import open_bus
+
+    open_bus(interface, channel).shutdown()
+
+
+def bag_is_playable(bag: Path, topics: list[str]) -> None:
+    """Raises InputError where no bag is there, or not these topics; one that is not finished is mended."""
+    if bag.is_dir() and any(bag.glob("*.mcap")) and not (bag / checks.METADATA).exists():
+        return
+    held = checks.bag(bag, mapped=True).messages
+    if held is None:
+        return
+    for name in topics:
+        if name not in held:
+            raise InputError(f"{bag} has no topic {name}; it has: {', '.join(sorted(held))}")

@@ -1,0 +1,109 @@
+"""Command line of the ECU emulator."""
+
+from __future__ import annotations
+
+import math
+import signal
+import threading
+import time
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from deeptruck_model import checks, console
+from truck_bridge.emulator.road import road, within
+from truck_bridge.errors import InputError
+
+if TYPE_CHECKING:
+    from truck_bridge.emulator.ecus import EcuEmulator
+
+EXAMPLES = """
+Examples:\n
+  python -m truck_bridge.emulator --vehicle trucksim --interface loopback --channel demo\n
+  python -m truck_bridge.emulator --vehicle volvo --interface socketcan --channel vcan0 --grade road.csv\n
+  python -m truck_bridge.emulator --vehicle trucksim --driver 10:brake_pedal=40,12:brake_pedal=0
+"""
+FASTEST = 50.0  # m/s
+
+
+@dataclass(frozen=True)
+class Action:
+    """What the driver does `at` s: a field of `Driver`, and its new value."""
+
+    at: float
+    key: str
+    value: float
+
+
+def main_command(
+    vehicle: Annotated[str, typer.Option(help="trucksim, freightliner, volvo or a YAML file.")],
+    interface: Annotated[str, typer.Option(help="python-can interface.")] = "loopback",
+    channel: Annotated[str, typer.Option(help="Channel of the interface.")] = "deeptruck",
+    truck: Annotated[
+        str | None, typer.Option(help="What drives: truck:NAME[:overrides.yaml] or a simulator directory.")
+    ] = None,
+    grade: Annotated[str, typer.Option(help="Slope (rise/run), or a CSV with columns distance,grade.")] = "0",
+    speed: Annotated[float, typer.Option(help="Speed at the start, m/s.")] = 0.0,
+    driver: Annotated[str, typer.Option(help="What the driver does: SECONDS:KEY=VALUE,...")] = "",
+    duration: Annotated[float, typer.Option(help="Stop after so many seconds.")] = math.inf,
+) -> None:
+    """A truck's controllers around a physics truck, on a CAN bus, until the duration, SIGINT or SIGTERM."""
+    from truck_bridge import vehicles
+
+    checks.every(
+        lambda: checks.simulator(truck or str(vehicles.load(vehicle).truck)),
+        lambda: vehicles.load(vehicle),
+        lambda: actions(driver),
+        lambda: road(grade),
+        lambda: within("--speed", speed, 0.0, FASTEST),
+        lambda: within("--duration", duration, 0.0, math.inf),
+    )
+    from deeptruck_model.simulators import load
+    from truck_bridge.bus import open_bus
+    from truck_bridge.emulator.ecus import EcuEmulator
+
+    driven = vehicles.load(vehicle)
+    simulator = load(truck or driven.truck)
+    with open_bus(interface, channel) as bus:
+        print(f"ECU emulator: {driven.name} on {interface} {channel}", flush=True)
+        emulator = EcuEmulator(driven, bus, truck=simulator, grade=road(grade), speed=speed)
+        _drive(emulator, actions(driver), duration)
+
+
+def actions(text: str) -> list[Action]:
+    """What the driver does, in order. Raises InputError on a bad one."""
+    from truck_bridge.emulator.messages import Driver
+
+    known = [field.name for field in fields(Driver)]
+    found = []
+    for item in filter(None, text.split(",")):
+        try:
+            when, action = item.split(":")
+            key, value = action.split("=")
+            if key not in known:
+                raise ValueError(f"keys are {', '.join(known)}")
+            found.append(Action(float(when), key, float(value)))
+        except ValueError as error:
+            raise InputError(f"--driver '{item}' is not SECONDS:KEY=VALUE ({error})") from None
+    return sorted(found, key=lambda action: action.at)
+
+
+def _drive(emulator: EcuEmulator, coming: list[Action], duration: float) -> None:
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    start = time.monotonic()
+    while not stop.is_set() and (now := time.monotonic()) - start <= duration:
+        while coming and now - start >= coming[0].at:
+            action = coming.pop(0)
+            setattr(emulator.driver, action.key, action.value)
+        emulator.step(now)
+        stop.wait(0.002)
+
+
+def main() -> None:
+    """Entry point: bad input is one line and exit code 2."""
+    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    app.command(epilog=EXAMPLES)(main_command)
+    console.run(app, "emulator")

@@ -1,0 +1,48 @@
+"""What names of CAN logs say, before anything is read: kinds, and what can be read and written here."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+from deeptruck_model import files
+from deeptruck_model.errors import InputError
+
+TEXT = (".log", ".candump", ".txt", "")
+BAGS = (".mcap", ".db3", ".bag")
+BAG = ".mcap"  # the one kind of rosbag that is written
+MF4 = ".mf4"
+WRITABLE = (".log", ".asc", ".blf", MF4, ".trc", BAG)
+FLUSH_S = 0.5  # what a recorder took before survives a kill -9
+KINDS = "candump text (.log), ASC, BLF, TRC, MF4, or a rosbag with raw frames"
+
+
+def check(path: Path) -> None:
+    """Raises InputError where there is no log to read, or its kind cannot be read here."""
+    if not path.exists():
+        raise InputError(f"{path} does not exist; give a CAN log: {KINDS}")
+    if path.is_dir() and not (path / "metadata.yaml").is_file():
+        raise InputError(f"{path} is a folder without a rosbag's metadata.yaml; give a CAN log: {KINDS}")
+    _check_mf4(path)
+
+
+def check_new(path: Path) -> None:
+    """Raises InputError where a log cannot be begun under this name; nothing is touched."""
+    if path.suffix.lower() not in WRITABLE:
+        raise InputError(f"{path}: a log's name ends in {', '.join(WRITABLE)}")
+    files.check_new(path)
+    _check_mf4(path)
+
+
+def check_new_table(path: Path | None) -> None:
+    """Raises InputError where a CSV table cannot be written under this name; nothing is touched."""
+    if path is None:
+        return
+    if path.suffix.lower() != ".csv":
+        raise InputError(f"{path}: the table is CSV; give a name that ends in .csv")
+    files.check_new(path)
+
+
+def _check_mf4(path: Path) -> None:
+    if path.suffix.lower() == MF4 and importlib.util.find_spec("asammdf") is None:
+        raise InputError(f"{path}: MF4 logs need asammdf; install it with \"pip install 'deeptruck[mf4]'\"")

@@ -1,0 +1,121 @@
+"""Where a run records: an older bag waits beside the new one, and nothing of the user's is lost."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from deeptruck_nodes import bag_place
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import CrashSafeWriter
+
+
+def recorded(bag: Path, says: str = "old") -> None:
+    """What the recorder leaves."""
+    with CrashSafeWriter(bag, custom_data={"says": f'"{says}"'}), bag_place.claimed(bag):
+        pass
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def test_a_bag_of_ours_is_replaced_once_the_new_one_is_whole(tmp_path: Path) -> None:
+    bag = tmp_path / "bag"
+    recorded(bag)
+    old = content(bag)
+    with pytest.raises(InputError, match=r"a recorded bag already; choose another --record, or add --over"):
+        bag_place.check(bag, overwrite=False)
+    with bag_place.freed(bag, overwrite=True):
+        assert not bag.exists()  # the recorder makes it
+        recorded(bag, "new")
+    assert [p.name for p in tmp_path.iterdir()] == ["bag"] and content(bag) != old
+
+
+def test_where_nothing_was_recorded_the_older_bag_is_back(tmp_path: Path) -> None:
+    bag = tmp_path / "bag"
+    recorded(bag)
+    old = content(tmp_path)
+    with pytest.raises(ZeroDivisionError), bag_place.freed(bag, overwrite=True):
+        raise ZeroDivisionError
+    assert content(tmp_path) == old
+
+
+def test_beside_a_bag_whose_recorder_was_killed_the_older_one_is_kept(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = tmp_path / "bag"
+    recorded(bag)
+    old = content(bag)
+    with bag_place.freed(bag, overwrite=True):
+        recorded(bag, "new")
+        (bag / "metadata.yaml").unlink()
+    (kept,) = set(tmp_path.iterdir()) - {bag}
+    assert content(kept) == old and f"the older one is kept as {kept}" in capsys.readouterr().err
+
+
+def with_a_note(bag: Path) -> None:
+    recorded(bag)
+    (bag / "notes.txt").write_text("mine")
+
+
+def with_another_recording(bag: Path) -> None:
+    recorded(bag)
+    (bag / "other.mcap").write_text("mine")
+
+
+def of_another_program(bag: Path) -> None:
+    CrashSafeWriter(bag).close()
+
+
+def no_bag(bag: Path) -> None:
+    bag.mkdir()
+    (bag / "drive.mcap").write_text("mine")
+
+
+def a_file(bag: Path) -> None:
+    bag.write_text("mine")
+
+
+def a_link(bag: Path) -> None:
+    recorded(bag.with_name("elsewhere"))
+    bag.symlink_to(bag.with_name("elsewhere"))
+
+
+@pytest.mark.parametrize(
+    "foreign", [with_a_note, with_another_recording, of_another_program, no_bag, a_file, a_link]
+)
+def test_what_the_recorder_did_not_write_refuses_and_stays(
+    tmp_path: Path, foreign: Callable[[Path], None]
+) -> None:
+    foreign(tmp_path / "bag")
+    before = content(tmp_path)
+    with pytest.raises(InputError), bag_place.freed(tmp_path / "bag", overwrite=True):
+        pass
+    assert content(tmp_path) == before
+
+
+def test_a_bag_that_is_being_recorded_is_not_moved_away(tmp_path: Path) -> None:
+    bag = tmp_path / "bag"
+    with CrashSafeWriter(bag), bag_place.claimed(bag):
+        with pytest.raises(InputError, match="another run is writing"):
+            bag_place.check(bag, overwrite=True)
+        with pytest.raises(InputError, match="another run is writing"), bag_place.freed(bag, overwrite=True):
+            pass
+    assert bag.exists()
+
+
+def test_an_empty_folder_may_become_the_bag(tmp_path: Path) -> None:
+    bag = tmp_path / "bag"
+    bag.mkdir()
+    with bag_place.freed(bag, overwrite=False):
+        recorded(bag)
+    assert [p.name for p in tmp_path.iterdir()] == ["bag"]
+
+
+def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="choose another --record"):
+        bag_place.check(tmp_path / "file" / "bag", overwrite=False)
