@@ -62,10 +62,12 @@ def main() -> None:
     learn(args.truck, args.seeds, work)
     simulator = {"deep": str(work / "simulator"), "truck": f"truck:{args.truck}"}
     results = {
-        name: evaluate_seeds(work / "policy", path, work / name, seed=args.seed, draw=False)
+        name: evaluate_seeds(work / "policy", path, work / name, seed=args.seed, draw=False, overwrite=True)
         for name, path in simulator.items()
     }
-    chosen = evaluate(str(work / "policy"), simulator["truck"], work / "chosen", seed=args.seed, full=True)
+    chosen = evaluate(
+        str(work / "policy"), simulator["truck"], work / "chosen", seed=args.seed, full=True, overwrite=True
+    )
     lines = [
         f"# Following with {args.truck}",
         "",

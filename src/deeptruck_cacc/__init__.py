@@ -1,9 +1,30 @@
 """From a truck simulator to a following controller: environment, training, baselines, shield, evaluation."""
 
-from deeptruck_cacc.baselines import baseline
-from deeptruck_cacc.environment import CaccEnv
-from deeptruck_cacc.policy import MlpPolicy, Policy, load_policy
-from deeptruck_cacc.reward import Reward
-from deeptruck_cacc.scenes import Scene
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from deeptruck_cacc.baselines import baseline
+    from deeptruck_cacc.environment import CaccEnv
+    from deeptruck_cacc.policy import MlpPolicy, Policy, load_policy
+    from deeptruck_cacc.reward import Reward
+    from deeptruck_cacc.scenes import Scene
 
 __all__ = ["CaccEnv", "MlpPolicy", "Policy", "Reward", "Scene", "baseline", "load_policy"]
+
+_HOMES = {
+    "CaccEnv": "environment",
+    "MlpPolicy": "policy",
+    "Policy": "policy",
+    "Reward": "reward",
+    "Scene": "scenes",
+    "baseline": "baselines",
+    "load_policy": "policy",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """A public name on its first use, so that the console script answers at once."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'deeptruck_cacc' has no attribute '{name}'")
+    return getattr(import_module(f"deeptruck_cacc.{_HOMES[name]}"), name)

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
 
-from deeptruck_cacc.training_bar import telling
 from deeptruck_model import console
 from deeptruck_model.errors import InputError
+
+if TYPE_CHECKING:
+    from deeptruck_cacc.policy import MlpPolicy
+    from deeptruck_cacc.training.settings import Config
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -23,6 +26,9 @@ PolicyPath = Annotated[
 ]
 SimulatorPath = Annotated[
     str, typer.Option("--simulator", metavar="SIM", help="Simulator directory, or truck:NAME.")
+]
+Resume = Annotated[
+    bool, typer.Option("--resume", help="Go on where a killed run of the same command stopped.")
 ]
 
 
@@ -59,9 +65,7 @@ def train(
     memory: Annotated[
         bool | None, typer.Option(help="Slow features (no steady error), or the paper's memoryless policy.")
     ] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Go on where a killed run of the same command stopped.")
-    ] = False,
+    resume: Resume = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a policy that is there.")] = False,
 ) -> None:
     """Train a policy. About a minute of one core with the default trainer.
@@ -69,33 +73,43 @@ def train(
     Example: deeptruck-cacc train --simulator simulators/mytruck --out policies/mytruck
     """
     from deeptruck_cacc import training
-    from deeptruck_model import simulators
+    from deeptruck_model import checks
 
-    check_target(out)
-    if (out / "policy.json").exists() and not (resume or overwrite):
-        raise InputError(f"{out} holds a policy already; choose another --out, or add --overwrite")
-    if training.begun(out) and not (resume or overwrite):
-        raise InputError(
-            f"{out} is an unfinished training; add --resume to go on with it, or --overwrite to begin anew"
-        )
-    config = _config(trainer, seed, seeds, iterations, scene, memory)
-    if resume and training.finished(out, trainer=trainer.value, config=config, source=simulator):
+    settings = partial(_config, trainer, seed, seeds, iterations, scene, memory)
+    place = partial(training.check_place, out, resume=resume, overwrite=overwrite)
+    checks.every(settings, partial(checks.simulator, simulator), place)
+    config = settings()
+    begun = training.begun(out)
+    if training.check(
+        out, trainer=trainer.value, config=config, source=simulator, resume=resume, overwrite=overwrite
+    ):
         typer.echo(f"{out}: finished before, with this simulator and these arguments; nothing was left to do")
         return
-    truck = simulators.load(simulator)
-    if resume and not training.begun(out):
+    if resume and not begun:
         typer.echo(f"note: {out} holds nothing to go on from; training from the beginning", err=True)
+    policy = _trained(simulator, out, trainer.value, config, resume, overwrite)
+    typer.echo(f"{out}: seed {policy.card['seed']}, validation {policy.card['validation']['score']:.3f}")
+
+
+def _trained(
+    simulator: str, out: Path, trainer: str, config: Config, resume: bool, overwrite: bool
+) -> MlpPolicy:
+    from deeptruck_cacc import training
+    from deeptruck_cacc.training_bar import telling
+    from deeptruck_model import simulators
+
+    truck = simulators.load(simulator)
     with telling() as tell:
-        policy = training.train(
+        return training.train(
             truck,
             out,
-            trainer=trainer.value,
+            trainer=trainer,
             config=config,
             resume=resume,
+            overwrite=overwrite,
             source=simulator,
             tell=tell,
         )
-    typer.echo(f"{out}: seed {policy.card['seed']}, validation {policy.card['validation']['score']:.3f}")
 
 
 @app.command()
@@ -112,15 +126,23 @@ def evaluate(
     all_seeds: Annotated[
         bool, typer.Option("--all-seeds", help="Every POLICY/seeds/K, and the worst of them.")
     ] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace an evaluation that is there.")
+    ] = False,
 ) -> None:
     """Drive a policy through the paper's scenes and field runs; write tables and figures.
 
     Example: deeptruck-cacc evaluate policies/mytruck --simulator truck:trucksim --out results/mytruck
     """
-    from deeptruck_cacc import evaluation
+    from rich.console import Console
 
+    from deeptruck_cacc import evaluation
+    from deeptruck_cacc.evaluation.output import check
+
+    check(policy, simulator, out, all_seeds=all_seeds, overwrite=overwrite)
     drive = evaluation.evaluate_seeds if all_seeds else evaluation.evaluate
-    metrics = drive(policy, simulator, out, rollouts=rollouts, seed=seed, shield=shield, full=full)
+    extent = {"rollouts": rollouts, "seed": seed, "shield": shield, "full": full}
+    metrics = drive(policy, simulator, out, overwrite=overwrite, **extent)
     seen = Console()
     Console(width=max(seen.width, WIDE)).print(evaluation.table(metrics))
     typer.echo(f"{out}: metrics.json and figures")
@@ -135,15 +157,15 @@ def export(
 
     Example: deeptruck-cacc export policies/mytruck --out mytruck.onnx
     """
-    from deeptruck_cacc.export import export_onnx
-    from deeptruck_cacc.policy import MlpPolicy, load_policy
+    from deeptruck_cacc.policy import load_trained
+    from deeptruck_model import checks, files
 
-    loaded = load_policy(policy)
-    if not isinstance(loaded, MlpPolicy):
+    if policy.startswith("baseline:"):
         raise InputError(f"{policy} is not a trained policy; only those have an ONNX form")
-    if out.exists() and out.suffix != ".onnx":
-        raise InputError(f"{out} exists and is no .onnx file; choose another --out")
-    export_onnx(loaded, out)
+    checks.every(lambda: load_trained(Path(policy)), partial(files.check_new, out))
+    from deeptruck_cacc.export import export_onnx
+
+    export_onnx(load_trained(Path(policy)), out)
     typer.echo(f"{out}: written")
 
 
@@ -158,20 +180,24 @@ def pays(
     ] = None,
     seeds: Annotated[int, typer.Option(help="Policies of each simulator.", min=1)] = 3,
     iterations: Annotated[int, typer.Option(help="Updates of each training.", min=1)] = 90,
+    resume: Resume = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a result that is there.")] = False,
 ) -> None:
     """Does correcting the simulator pay? Train on the old and the corrected one, drive the true truck.
 
-    About an hour of one core; a killed run goes on where it stopped.
+    About an hour of one core.
 
     Example: deeptruck-cacc pays --out results/pays --effect payload --recipe trusting
     """
+    from rich.console import Console
+
     from deeptruck_cacc import pays as experiment
 
+    effects, recipes = effect or experiment.EFFECTS, recipe or tuple(experiment.RECIPES)
+    experiment.check(out, effects, recipes, resume=resume, overwrite=overwrite)
     effort = experiment.Effort(seeds=seeds, iterations=iterations)
-    say = Console(stderr=True)
-    experiment.pays(
-        out, effect or tuple(experiment.CASES), recipe or tuple(experiment.RECIPES), effort, tell=say.print
-    )
+    say = Console(stderr=True).print
+    experiment.pays(out, effects, recipes, effort, resume=resume, overwrite=overwrite, tell=say)
     typer.echo(f"{out}: pays.md, pays.png and pays.json")
 
 
@@ -189,53 +215,54 @@ def sweep(
     engine: Annotated[
         Engine, typer.Option(help="ray: on the cluster that RAY_ADDRESS names; extra 'ray'.")
     ] = Engine.processes,
+    resume: Resume = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a sweep that is there.")] = False,
 ) -> None:
-    """Train a grid of settings and seeds, and rank them by validation. A killed sweep goes on.
+    """Train a grid of settings and seeds, and rank them by validation.
 
     Example: deeptruck-cacc sweep --simulator SIM --out rates --set learning_rate=0.003,0.006 --workers 2
     """
+    from rich.console import Console
+
     from deeptruck_cacc import sweep as sweeping
+    from deeptruck_model import checks
     from deeptruck_model.sweeps import read_grid
 
-    grid, kind, where = read_grid(set_), trainer.value, engine.value
-    say = Console(stderr=True).print
-    sweeping.sweep(simulator, out, grid, trainer=kind, workers=workers, engine=where, tell=say)
-    typer.echo((out / "sweep.md").read_text())
-
-
-def check_target(out: Path) -> None:
-    """Refuse to write a policy over something else."""
-    ours = ("policy.json", "checkpoint", "learning_curve.jsonl")
-    if out.exists() and not (
-        out.is_dir() and (not any(out.iterdir()) or any((out / name).exists() for name in ours))
-    ):
-        raise InputError(f"{out} exists and is not a policy directory; choose another --out")
+    kind, again = trainer.value, {"resume": resume, "overwrite": overwrite}
+    checks.every(
+        *(partial(sweeping.combinations, kind, one) for one in map(read_grid, ([text] for text in set_))),
+        partial(checks.simulator, simulator),
+        partial(sweeping.check_place, out, **again),
+    )
+    sweeping.sweep(
+        simulator,
+        out,
+        read_grid(set_),
+        trainer=kind,
+        workers=workers,
+        engine=engine.value,
+        tell=Console(stderr=True).print,
+        **again,
+    )
+    typer.echo((out / sweeping.TABLE).read_text())
 
 
 def _config(
     trainer: Trainer, seed: int, seeds: int, iterations: int, scene: str, memory: bool | None
-) -> object:
-    chosen: dict[str, object] = {"seed": seed}
-    if seeds:
-        chosen["seeds"] = seeds
-    if iterations:
-        chosen["iterations"] = iterations
-    if scene:
-        chosen["scene"] = scene
-    if memory is not None:
-        chosen["memory"] = memory
-    if trainer is Trainer.analytic:
-        from deeptruck_cacc.training.analytic import AnalyticConfig
+) -> Config:
+    """The settings of a run; what was not given is the trainer's default."""
+    from deeptruck_cacc.training.settings import AnalyticConfig, TrpoConfig, TrpoSeedsConfig
 
-        return AnalyticConfig(**chosen)  # type: ignore[arg-type]
-    if seeds > 1:
-        from deeptruck_cacc.training.trpo_seeds import TrpoSeedsConfig
-
-        return TrpoSeedsConfig(**chosen)  # type: ignore[arg-type]
-    from deeptruck_cacc.training.trpo import TrpoConfig
-
-    chosen.pop("seeds", None)
-    return TrpoConfig(**chosen)  # type: ignore[arg-type]
+    kind: type[Config] = AnalyticConfig
+    if trainer is Trainer.trpo:
+        kind = TrpoSeedsConfig if seeds > 1 else TrpoConfig
+    given: dict[str, Any] = {"seed": seed}
+    if seeds and kind is not TrpoConfig:
+        given["seeds"] = seeds
+    given |= {"iterations": iterations} if iterations else {}
+    given |= {"scene": scene} if scene else {}
+    given |= {"memory": memory} if memory is not None else {}
+    return kind(**given)
 
 
 def main() -> None:

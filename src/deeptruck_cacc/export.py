@@ -45,12 +45,12 @@ class _Graph:
 
 
 def export_onnx(policy: MlpPolicy, path: str | Path) -> None:
-    """Write `policy` as ONNX (opset 17, float32), whole or not at all.
+    """Write `policy` as ONNX (opset 17, float32) into a new file, whole or not at all.
 
     Inputs, each (batch, 1): the five signals of OBSERVED; and, for a policy with memory, memory (batch,
     3, 6 or 9), which starts as [0, NaN, NaN(, NaN, 0, 0(, NaN, NaN, NaN))]. Outputs (batch, 1):
-    engine_command, brake_command; and memory_next like memory. Raises InputError where the file cannot be
-    written.
+    engine_command, brake_command; and memory_next like memory. Raises InputError for a file that exists or
+    cannot be written.
     """
     g = _Graph()
     leader, speed, gap, time_gap, grade = OBSERVED
@@ -178,4 +178,5 @@ def _write(g: _Graph, policy: MlpPolicy, path: Path) -> None:
     facts = {"dt": policy.dt, "units": units, "interface": policy.interface.to_dict(), "card": policy.card}
     helper.set_model_props(model, {"deeptruck": json.dumps(facts)})
     onnx.checker.check_model(model)
-    files.write(path, model.SerializeToString())
+    with files.new_file(path) as draft:
+        draft.write_bytes(model.SerializeToString())

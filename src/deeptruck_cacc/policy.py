@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import shutil
-import tempfile
 from collections.abc import Mapping
 from dataclasses import MISSING, asdict, dataclass, field, fields
 from functools import partial
@@ -29,6 +27,15 @@ Observation = Mapping[str, Any]
 MANIFEST, WEIGHTS = "policy.json", "policy.safetensors"
 GO_ON = "make room and go on with --resume"
 MENDED = "mend that and go on with --resume"
+_KEPT = (MANIFEST, WEIGHTS, "learning_curve.jsonl", "tensorboard/*")
+POLICY = files.Result(
+    "a policy",
+    (
+        *(f"{folder}{name}" for folder in ("", "seeds/*/") for name in _KEPT),
+        "checkpoint/state.safetensors",
+        "checkpoint/.state.safetensors.tmp",
+    ),
+)
 
 
 @runtime_checkable
@@ -99,31 +106,32 @@ class MlpPolicy:
         weight, bias = self.layers[-1]
         return hidden @ weight.T + bias
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write a policy directory (policy.json, policy.safetensors), whole or not at all.
 
-        Raises InputError where it cannot be written.
+        Raises InputError where it cannot be written, and where `path` holds a policy, without `overwrite`.
         """
-        path = Path(path)
+        with POLICY.replacing(Path(path), overwrite=overwrite) as draft:
+            self._write(draft)
+
+    def write_into(self, draft: Path) -> None:
+        """Write policy.json and policy.safetensors into the folder of an unfinished training.
+
+        Raises InputError where they cannot be written.
+        """
         try:
-            self._write(path)
+            self._write(draft)
         except OSError as error:
             cure = files.advice(error, GO_ON, MENDED)
-            raise InputError(f"cannot write {path}: {error.strerror}; {cure}") from None
+            raise InputError(f"cannot write {draft}: {error.strerror}; {cure}") from None
 
-    def _write(self, path: Path) -> None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as scratch:
-            folder = Path(scratch) / "policy"
-            folder.mkdir()
-            (folder / MANIFEST).write_text(json.dumps(self._manifest(), indent=2) + "\n")
-            tensors = {f"{k}.weight": np.ascontiguousarray(w) for k, (w, _) in enumerate(self.layers)}
-            tensors |= {f"{k}.bias": np.ascontiguousarray(b) for k, (_, b) in enumerate(self.layers)}
-            # not by save_file: that leaves files which nobody else may read
-            (folder / WEIGHTS).write_bytes(to_bytes(tensors))
-            path.mkdir(exist_ok=True)
-            for name in (WEIGHTS, MANIFEST):
-                shutil.move(folder / name, path / name)
+    def _write(self, folder: Path) -> None:
+        tensors = {f"{k}.weight": np.ascontiguousarray(w) for k, (w, _) in enumerate(self.layers)}
+        tensors |= {f"{k}.bias": np.ascontiguousarray(b) for k, (_, b) in enumerate(self.layers)}
+        folder.mkdir(parents=True, exist_ok=True)
+        # not by save_file: that leaves files which nobody else may read
+        (folder / WEIGHTS).write_bytes(to_bytes(tensors))
+        (folder / MANIFEST).write_text(json.dumps(self._manifest(), indent=2) + "\n")
 
     def _manifest(self) -> dict[str, Any]:
         units = {name: self.interface.unit(name) for name in self.interface.u}
@@ -156,7 +164,7 @@ def load_policy(path: str | Path, interface: TruckInterface | None = None) -> Po
         from deeptruck_cacc.baselines import baseline
 
         return baseline(text.removeprefix("baseline:"), interface or TruckInterface("trucksim"))
-    policy = _load_directory(Path(text))
+    policy = load_trained(Path(text))
     if interface is not None and (interface.u, interface.engine_unit, interface.brake_unit) != (
         policy.interface.u,
         policy.interface.engine_unit,
@@ -177,7 +185,8 @@ AGAIN = "train the policy again"
 TYPICAL = {"leader_speed": 20.0, "speed": 20.0, "gap": 40.0, "target_time_gap": 2.0, "grade": 0.0}
 
 
-def _load_directory(path: Path) -> MlpPolicy:
+def load_trained(path: Path) -> MlpPolicy:
+    """A trained policy from its directory. Raises InputError where a file is missing or damaged."""
     manifest = read_manifest(path)
     try:
         hidden = list(manifest["hidden"])

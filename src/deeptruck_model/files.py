@@ -209,6 +209,11 @@ def unfinished(out: Path) -> Path:
     return out.with_name(f".{out.name}.unfinished")
 
 
+def begun(out: Path) -> bool:
+    """Whether a run that was to write `out` left work behind; a folder without a file is none."""
+    return any(not path.is_dir() for path in unfinished(out).rglob("*"))
+
+
 def check_writable(path: Path, elsewhere: str = ELSEWHERE) -> None:
     """Raises InputError where `path` could not be made or written; nothing is touched."""
     above = next(p for p in path.absolute().parents if p.exists() or p.is_symlink())

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 import torch
 
+from deeptruck_cacc.training import validation
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 
@@ -80,6 +82,28 @@ class ToyModule(torch.nn.Module):
         acceleration = (speed - state[:, 1]) / t.dt
         y = torch.stack([acceleration, speed, torch.clamp(u[:, 0], min=0.0) / 100], dim=1)
         return y[:, :2], y
+
+
+@pytest.fixture(scope="module")
+def quick_exams() -> Iterator[None]:
+    """As quick_exam, for a whole module."""
+    with _quick_exam():
+        yield
+
+
+@pytest.fixture
+def quick_exam() -> Iterator[None]:
+    """Validation on 4 s in place of 40, where a test asks what is kept and not how well it drives."""
+    with _quick_exam():
+        yield
+
+
+@contextmanager
+def _quick_exam() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("EXAM_S", "SETTLED_S", "STEADY_S"):
+            patch.setattr(validation, name, getattr(validation, name) / 10)
+        yield
 
 
 @pytest.fixture

@@ -1,87 +1,200 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
 import sys
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
-from deeptruck_cacc import cli, load_policy
-from deeptruck_cacc.training import analytic
+from deeptruck_cacc import MlpPolicy, cli, load_policy
+from deeptruck_cacc.evaluation import report
+from deeptruck_cacc.training import settings
+from deeptruck_model import files
+
+SIM = "truck:trucksim"
 
 
-def run(monkeypatch, *arguments: str) -> int:
-    monkeypatch.setattr(sys, "argv", ["deeptruck-cacc", *arguments])
-    with pytest.raises(SystemExit) as ended:
+@dataclass(frozen=True)
+class Small(settings.AnalyticConfig):
+    """A training that takes no time."""
+
+    rollouts: int = 2
+    window: int = 40
+
+
+@dataclass(frozen=True)
+class SmallTrpo(settings.TrpoConfig):
+    environments: int = 5
+    path: int = 80
+
+
+@pytest.fixture(autouse=True, scope="module")
+def little_work(quick_exams) -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        short = {name: (draw, min(seconds, 30.0)) for name, (draw, seconds) in report.HARD.items()}
+        patch.setattr(report, "HARD", short)
+        patch.setattr(settings, "AnalyticConfig", Small)
+        patch.setattr(settings, "TrpoConfig", SmallTrpo)
+        yield
+
+
+def run(*arguments: object) -> int:
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as ended:
+        patch.setattr(sys, "argv", ["deeptruck-cacc", *map(str, arguments)])
         cli.main()
     return ended.value.code or 0
+
+
+def training(folder: Path) -> list[str]:
+    return ["train", "--simulator", SIM, "--out", f"{folder}/p", "--seeds", "1", "--iterations", "2"]
+
+
+def kill(*arguments: str) -> None:
+    """Run a training and interrupt it before its policy is written."""
+
+    def killed(policy: MlpPolicy, draft: Path) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(MlpPolicy, "write_into", killed)
+        assert run(*arguments) == 130
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+@pytest.fixture(scope="module")
+def trained_once(little_work, tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("trained")
+    assert run(*training(folder)) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def killed_once(little_work, tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("killed")
+    kill(*training(folder))
+    return folder
+
+
+@pytest.fixture
+def finished(trained_once, tmp_path) -> Path:
+    """A folder with a policy `p`."""
+    shutil.copytree(trained_once, tmp_path, dirs_exist_ok=True)
+    return tmp_path
+
+
+@pytest.fixture
+def unfinished(killed_once, tmp_path) -> Path:
+    """A folder in which the training of `p` was killed."""
+    shutil.copytree(killed_once, tmp_path, dirs_exist_ok=True)
+    return tmp_path
+
+
+def last_line(capsys) -> str:
+    return capsys.readouterr().err.strip().splitlines()[-1]
 
 
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["train", "--simulator", "nowhere", "--out", "{tmp}/p"], "simulator"),
-        (["train", "--simulator", "truck:nosuch", "--out", "{tmp}/p"], "nosuch"),
-        (["train", "--simulator", "truck:trucksim", "--out", "{tmp}/taken"], "choose another --out"),
+        (["train", "--simulator", "nowhere", "--out", "{tmp}/p"], ["nowhere does not exist"]),
+        (["train", "--simulator", "truck:nosuch", "--out", "{tmp}/p"], ["nosuch"]),
+        (["train", "--simulator", SIM, "--out", "{tmp}/taken"], ["taken holds thesis.tex, which is no part"]),
+        (["train", "--simulator", SIM, "--out", "{tmp}/link"], ["link is a symbolic link"]),
         (
-            [
-                "train",
-                "--simulator",
-                "truck:trucksim",
-                "--trainer",
-                "trpo",
-                "--scene",
-                "moon",
-                "--out",
-                "{tmp}/p",
-            ],
-            "moon",
+            ["train", "--simulator", "nowhere", "--trainer=trpo", "--scene=moon", "--out", "{tmp}/taken"],
+            ["no scene 'moon'", "nowhere does not exist", "thesis.tex"],
         ),
-        (["evaluate", "{tmp}/p", "--simulator", "truck:trucksim", "--out", "{tmp}/e"], "policy.json"),
-        (["evaluate", "baseline:x", "--simulator", "truck:trucksim", "--out", "{tmp}/e"], "known: acc"),
-        (["export", "baseline:acc", "--out", "{tmp}/p.onnx"], "not a trained policy"),
+        (["evaluate", "{tmp}/p", "--simulator", SIM, "--out", "{tmp}/e"], ["it has no policy.json"]),
+        (["evaluate", "baseline:x", "--simulator", SIM, "--out", "{tmp}/e"], ["known: acc"]),
+        (
+            ["evaluate", "{tmp}/p", "--simulator", "nowhere", "--out", "{tmp}/taken"],
+            ["it has no policy.json", "nowhere does not exist", "no part of an evaluation"],
+        ),
+        (["evaluate", "baseline:acc", "--all-seeds", "--simulator", SIM, "--out=e"], ["has no seeds"]),
+        (["export", "baseline:acc", "--out", "{tmp}/p.onnx"], ["not a trained policy"]),
+        (["export", "{tmp}/p", "--out={tmp}/taken/thesis.tex"], ["it has no policy.json", "exists already"]),
     ],
-)
-def test_bad_input_is_one_line_and_exit_code_2(monkeypatch, capsys, tmp_path, arguments, says):
+)  # fmt: skip
+def test_bad_input_is_one_line_with_every_misfit_and_exit_code_2(capsys, tmp_path, arguments, says):
     (tmp_path / "taken").mkdir()
     (tmp_path / "taken" / "thesis.tex").write_text("x")
-    code = run(monkeypatch, *(a.format(tmp=tmp_path) for a in arguments))
+    (tmp_path / "link").symlink_to(tmp_path / "taken")
+    code = run(*(a.format(tmp=tmp_path) for a in arguments))
     err = capsys.readouterr().err
-    assert code == 2 and says in err.strip().splitlines()[-1]
-    assert "Traceback" not in err
-    assert sorted(p.name for p in Path(tmp_path).iterdir()) == ["taken"]
+    assert code == 2 and len(err.strip().splitlines()) == 1
+    assert all(words in err for words in says), err
+    assert sorted(p.name for p in Path(tmp_path).iterdir()) == ["link", "taken"]
 
 
-def test_train_evaluate_export_on_a_physics_truck(monkeypatch, tmp_path):
-    sim, out = "truck:trucksim", str(tmp_path / "p")
-    monkeypatch.setattr("deeptruck_cacc.training.trpo.TrpoConfig.path", 80)
-    arguments = ["--trainer", "trpo", "--iterations", "2", "--simulator", sim, "--out", out]
-    assert run(monkeypatch, "train", *arguments) == 0
-    assert load_policy(out).card["simulator"] == sim
-    assert run(monkeypatch, "train", *arguments) == 2  # a policy that is there is not replaced unasked
-    assert run(monkeypatch, "train", *arguments, "--overwrite") == 0
-    assert run(monkeypatch, "export", out, "--out", str(tmp_path / "p.onnx")) == 0
+BARE = """
+import sys
+from deeptruck_cacc import cli
+for words in {commands}:
+    sys.argv = ["deeptruck-cacc", *words.split()]
+    try:
+        cli.main()
+    except SystemExit as ended:
+        assert ended.code == (0 if "--help" in words else 2), words
+    heavy = set("torch numba stable_baselines3 scipy matplotlib onnx rosbags".split())
+    heavy |= set(["numpy"] if "--help" in words else [])
+    assert not heavy & set(sys.modules), (words, heavy & set(sys.modules))
+"""
+
+
+def test_words_come_before_computing(tmp_path):
+    commands = [
+        "--help",
+        "train --help",
+        f"train --simulator nope --scene moon --out {tmp_path}/p",
+        f"evaluate nope --simulator nope --out {tmp_path}/e",
+        f"export nope --out {tmp_path}/p.onnx",
+        f"sweep --simulator nope --out {tmp_path}/s --set window=-5",
+        f"pays --effect moon --recipe haste --out {tmp_path}/e",
+    ]
+    subprocess.run([sys.executable, "-c", BARE.format(commands=commands)], check=True, timeout=60)
+
+
+def test_train_evaluate_export_on_a_physics_truck(capsys, tmp_path):
+    out = str(tmp_path / "p")
+    arguments = ["--trainer", "trpo", "--iterations", "2", "--simulator", SIM, "--out", out]
+    assert run("train", *arguments) == 0
+    assert load_policy(out).card["simulator"] == SIM
+    assert run("train", *arguments) == 2  # a policy that is there is not replaced unasked
+    assert "p holds a policy already; choose another --out, or add --overwrite" in last_line(capsys)
+    assert run("train", *arguments, "--overwrite") == 0
+    assert run("export", out, "--out", tmp_path / "p.onnx") == 0
     assert (tmp_path / "p.onnx").exists()
-    evaluation = ["--simulator", sim, "--out", str(tmp_path / "e"), "--rollouts", "5", "--shield"]
-    assert run(monkeypatch, "evaluate", out, *evaluation) == 0
+    evaluation = ["--simulator", SIM, "--out", tmp_path / "e", "--rollouts", "3", "--shield"]
+    assert run("evaluate", out, *evaluation) == 0
     assert (tmp_path / "e" / "metrics.json").exists()
+    assert run("evaluate", out, *evaluation) == 2
+    assert "e holds an evaluation already" in last_line(capsys)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["e", "p", "p.onnx"]
 
 
-@pytest.fixture
-def small(monkeypatch, tmp_path) -> list[str]:
-    """Arguments of a training that takes no time."""
-    settle = analytic.settled
-    monkeypatch.setattr(analytic, "settled", lambda config: settle(replace(config, rollouts=2, window=40)))
-    train = ["train", "--simulator", "truck:trucksim", "--out", str(tmp_path / "p")]
-    return [*train, "--seeds", "1", "--iterations", "2"]
+def test_an_evaluation_of_every_seed_is_replaced_only_where_asked(capsys, finished):
+    evaluate = ["evaluate", finished / "p", "--all-seeds", "--simulator", SIM, "--out", finished / "e"]
+    assert run(*evaluate, "--rollouts", "2") == 0
+    assert (finished / "e" / "0" / "metrics.json").exists()
+    before = content(finished / "e")
+    assert run(*evaluate) == 2 and "add --overwrite" in last_line(capsys)
+    assert content(finished / "e") == before
+    (finished / "e" / "0" / "notes.txt").write_text("mine")
+    assert run(*evaluate, "--overwrite") == 2 and "holds 0/notes.txt" in last_line(capsys)
+    (finished / "e" / "0" / "notes.txt").unlink()
+    assert run(*evaluate, "--rollouts", "3", "--overwrite") == 0
+    assert content(finished / "e")["metrics.json"] != before["metrics.json"]
 
 
-def test_resuming_a_finished_run_says_so_at_once(monkeypatch, capsys, small):
-    assert run(monkeypatch, *small) == 0
+def test_resuming_a_finished_run_says_so_at_once(monkeypatch, capsys, finished):
     monkeypatch.setattr("deeptruck_model.simulators.load", None)  # nothing is even loaded
-    capsys.readouterr()
-    assert run(monkeypatch, *small, "--resume") == 0
+    assert run(*training(finished), "--resume") == 0
     assert "finished before, with this simulator and these arguments" in capsys.readouterr().out
 
 
@@ -94,64 +207,80 @@ def test_resuming_a_finished_run_says_so_at_once(monkeypatch, capsys, small):
         (["--trainer", "trpo"], "(trainer was analytic, given trpo)"),
     ],
 )
-@pytest.mark.parametrize("checkpoint", [True, False])
-def test_resuming_another_run_names_what_differs(
-    monkeypatch, capsys, tmp_path, small, changed, says, checkpoint
-):
-    run(monkeypatch, *small)
-    if not checkpoint:
-        shutil.rmtree(tmp_path / "p" / "checkpoint")
-    before = (tmp_path / "p" / "policy.json").read_bytes()
+@pytest.mark.parametrize("state", ["finished", "unfinished"])
+def test_resuming_another_run_names_what_differs(capsys, request, state, changed, says):
+    folder = request.getfixturevalue(state)
+    before = content(folder)
     capsys.readouterr()
-    assert run(monkeypatch, *small, *changed, "--resume") == 2
+    assert run(*training(folder), *changed, "--resume") == 2
     (line,) = capsys.readouterr().err.splitlines()  # no empty one before it
     assert says in line and "--overwrite in place of --resume" in line
-    assert (tmp_path / "p" / "policy.json").read_bytes() == before
+    assert content(folder) == before
 
 
-def test_resuming_where_nothing_is_says_that_it_begins(monkeypatch, capsys, tmp_path, small):
-    assert run(monkeypatch, *small, "--resume") == 0
+def test_resuming_where_nothing_is_says_that_it_begins(capsys, trained_once, tmp_path):
+    assert run(*training(tmp_path), "--resume") == 0
     assert "p holds nothing to go on from; training from the beginning" in capsys.readouterr().err
-    assert (tmp_path / "p" / "policy.json").exists()
+    weights = "policy.safetensors"
+    assert content(tmp_path / "p")[weights] == content(trained_once / "p")[weights]
 
 
-def test_a_damaged_checkpoint_is_named_with_advice_that_is_taken(monkeypatch, capsys, tmp_path, small):
-    run(monkeypatch, *small)
-    (tmp_path / "p" / "policy.json").unlink()
-    checkpoint = tmp_path / "p" / "checkpoint" / "state.safetensors"
+def test_a_killed_training_goes_on_only_where_asked_and_ends_as_an_undisturbed_one(
+    capsys, trained_once, unfinished
+):
+    assert [p.name for p in unfinished.iterdir()] == [".p.unfinished"]  # no policy by halves
+    before = content(unfinished)
+    assert run(*training(unfinished)) == 2
+    assert "p is an unfinished training; add --resume to go on with it, or --overwrite" in last_line(capsys)
+    assert content(unfinished) == before
+    assert run(*training(unfinished), "--resume") == 0
+    assert [p.name for p in unfinished.iterdir()] == ["p"]
+    for name in ("policy.safetensors", "learning_curve.jsonl", "seeds/0/policy.safetensors"):
+        assert content(unfinished / "p")[name] == content(trained_once / "p")[name]
+
+
+def test_a_damaged_checkpoint_is_named_with_advice_that_is_taken(capsys, unfinished):
+    checkpoint = unfinished / ".p.unfinished" / "checkpoint" / "state.safetensors"
     checkpoint.write_bytes(checkpoint.read_bytes()[:100])
-    capsys.readouterr()
-    assert run(monkeypatch, *small, "--resume") == 2
-    assert "state.safetensors is damaged" in capsys.readouterr().err
-    assert run(monkeypatch, *small, "--overwrite") == 0
+    assert run(*training(unfinished), "--resume") == 2
+    assert "state.safetensors is damaged" in last_line(capsys)
+    assert run(*training(unfinished), "--overwrite") == 0
+    assert [p.name for p in unfinished.iterdir()] == ["p"]
 
 
-def test_a_run_that_was_to_replace_a_policy_goes_on_after_a_kill(monkeypatch, capsys, tmp_path, small):
-    run(monkeypatch, *small)
-    checkpoint = tmp_path / "p" / "checkpoint"
-    first = shutil.copytree(tmp_path / "p", tmp_path / "first")
-    run(monkeypatch, *small, "--seed", "3", "--overwrite")
-    for name in ("policy.json", "policy.safetensors"):  # as if killed before the end
-        shutil.copy(first / name, tmp_path / "p" / name)
-    assert checkpoint.exists()
-    assert run(monkeypatch, *small, "--seed", "3", "--resume") == 0
-    assert load_policy(tmp_path / "p").card["seed"] == 3
+def test_the_old_policy_stands_until_the_new_one_is_whole(capsys, finished):
+    before = content(finished / "p")
+    kill(*training(finished), "--seed", "3", "--overwrite")
+    assert content(finished / "p") == before
+    assert run(*training(finished), "--seed", "3", "--resume") == 2  # to replace it must be said again
+    assert "add --overwrite" in last_line(capsys)
+    assert run(*training(finished), "--seed", "3", "--resume", "--overwrite") == 0
+    assert load_policy(finished / "p").card["seed"] == 3
+    assert [p.name for p in finished.iterdir()] == ["p"]
 
 
-def test_a_killed_training_is_not_begun_anew_unasked(monkeypatch, capsys, tmp_path, small):
-    run(monkeypatch, *small)
-    (tmp_path / "p" / "policy.json").unlink()  # as if killed before the end
-    capsys.readouterr()
-    assert run(monkeypatch, *small) == 2
-    assert "is an unfinished training; add --resume to go on with it" in capsys.readouterr().err
-    assert run(monkeypatch, *small, "--resume") == 0
+@pytest.mark.parametrize("inside", ["notes.txt", "seeds/0/notes.txt", "checkpoint/old/state.safetensors"])
+def test_a_file_of_the_users_refuses_to_be_replaced(capsys, finished, inside):
+    foreign = finished / "p" / inside
+    foreign.parent.mkdir(parents=True, exist_ok=True)
+    foreign.write_text("mine")
+    before = content(finished)
+    assert run(*training(finished), "--overwrite") == 2
+    assert "which is no part of a policy; move it" in last_line(capsys)
+    assert content(finished) == before
 
 
-def test_an_export_replaces_nothing_but_an_onnx_file(monkeypatch, capsys, tmp_path, small):
-    run(monkeypatch, *small)
-    thesis, onnx = tmp_path / "thesis.tex", tmp_path / "p.onnx"
-    thesis.write_text("x")
-    assert run(monkeypatch, "export", str(tmp_path / "p"), "--out", str(thesis)) == 2
-    assert "thesis.tex exists and is no .onnx file" in capsys.readouterr().err and thesis.read_text() == "x"
-    for _ in range(2):
-        assert run(monkeypatch, "export", str(tmp_path / "p"), "--out", str(onnx)) == 0
+def test_a_copy_without_the_ledger_is_still_known_as_a_policy(capsys, finished):
+    (finished / "p" / files.LEDGER).unlink()
+    assert run(*training(finished)) == 2 and "holds a policy already" in last_line(capsys)
+    assert run(*training(finished), "--seed", "3", "--overwrite") == 0
+    assert load_policy(finished / "p").card["seed"] == 3
+
+
+def test_an_export_replaces_nothing(capsys, finished):
+    onnx = finished / "p.onnx"
+    assert run("export", finished / "p", "--out", onnx) == 0
+    before = onnx.read_bytes()
+    assert run("export", finished / "p", "--out", onnx) == 2
+    assert "p.onnx exists already; choose another name or remove it" in last_line(capsys)
+    assert onnx.read_bytes() == before

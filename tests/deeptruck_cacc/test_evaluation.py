@@ -12,6 +12,7 @@ from deeptruck_cacc.baselines import baseline
 from deeptruck_cacc.evaluation import evaluate, metrics, platoon, report, table
 from deeptruck_cacc.pedals import PedalMap
 from deeptruck_cacc.rollouts import Trace, roll_out
+from deeptruck_model import files
 from deeptruck_model.errors import InputError
 
 
@@ -32,7 +33,7 @@ def test_evaluate_writes_metrics_and_figures(toy, cacc, tmp_path):
     assert row["crashes"] == 0 and row["time_gap_error_after_10s"]["worst_abs"] < 0.2
     assert table(results).row_count == 4
     evaluate(cacc, toy, tmp_path / "bare", rollouts=2, draw=False)
-    assert [path.name for path in (tmp_path / "bare").iterdir()] == ["metrics.json"]
+    assert {path.name for path in (tmp_path / "bare").iterdir()} == {"metrics.json", files.LEDGER}
 
 
 def test_a_file_in_the_way_is_refused(toy, cacc, tmp_path):
@@ -42,7 +43,7 @@ def test_a_file_in_the_way_is_refused(toy, cacc, tmp_path):
 
 
 def test_a_disk_that_fills_leaves_the_evaluation_that_was_there(toy, cacc, tmp_path, monkeypatch):
-    evaluate(cacc, toy, tmp_path / "e", rollouts=2)
+    evaluate(cacc, toy, tmp_path / "e", rollouts=2, draw=False)
     before = {path.name: path.read_bytes() for path in (tmp_path / "e").iterdir()}
     drawn = report.figures.field_run
 
@@ -51,8 +52,9 @@ def test_a_disk_that_fills_leaves_the_evaluation_that_was_there(toy, cacc, tmp_p
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(report.figures, "field_run", full)
+    monkeypatch.setattr(report.figures, "error_bands", lambda trace, title, path: path.write_bytes(b"x"))
     with pytest.raises(InputError, match=f"cannot write {tmp_path}/e: No space left on device; make room"):
-        evaluate(cacc, toy, tmp_path / "e", rollouts=3)
+        evaluate(cacc, toy, tmp_path / "e", rollouts=3, overwrite=True)
     assert {path.name: path.read_bytes() for path in (tmp_path / "e").iterdir()} == before
 
 

@@ -60,3 +60,5 @@ def test_the_file_says_what_its_numbers_mean(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["p.onnx"]
     with pytest.raises(InputError, match="cannot write"):
         export_onnx(policy, tmp_path / "p.onnx" / "below")
+    with pytest.raises(InputError, match=r"p\.onnx exists already"):
+        export_onnx(policy, tmp_path / "p.onnx")

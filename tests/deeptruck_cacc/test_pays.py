@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,9 +12,10 @@ from deeptruck_cacc import cli, scenes
 from deeptruck_cacc.pays import CASES, Case, Effort, experiment, pays, report
 from deeptruck_cacc.pays.belief import believed
 from deeptruck_cacc.pays.effects import LateEngine, SlowBrake, UnsensedRoad, downhill
+from deeptruck_cacc.pays.plan import BENEFIT, EFFECTS
 from deeptruck_cacc.pedals import PedalMap
 from deeptruck_cacc.rollouts import Trace
-from deeptruck_model import simulators
+from deeptruck_model import files, simulators
 from deeptruck_model.errors import InputError
 
 TINY = Effort(seeds=1, iterations=2, rollouts=3, paths=2, window=20)
@@ -38,6 +40,10 @@ def test_the_true_truck_has_the_effect_and_the_old_simulator_has_not(name, engin
     case = CASES[name]
     apart = speeds(case.truck, engine, brake, 5.0)[-1] - speeds(case.old, engine, brake, 5.0)[-1]
     assert sign * apart > 0.1
+
+
+def test_every_effect_has_its_case():
+    assert tuple(CASES) == EFFECTS
 
 
 def test_only_hot_brakes_fade():
@@ -81,19 +87,36 @@ def test_one_case_from_drives_to_page(tmp_path, monkeypatch):
     monkeypatch.setattr(experiment, "DRIVES", 3)
     monkeypatch.setattr(experiment, "HELD_OUT", 1)
     monkeypatch.setattr(experiment, "DRIVE_S", 120.0)
-    results = pays(tmp_path, ["payload"], ["trusting"], TINY)["payload"]
+    out = tmp_path / "pays"
+
+    def kill(line: str) -> None:
+        if "corrected" in line:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        pays(out, ["payload"], ["trusting"], TINY, tell=kill)
+    assert [path.name for path in tmp_path.iterdir()] == [".pays.unfinished"]
+    drive = Path("work") / "cases" / "payload" / "drive0"
+    stamp = (files.unfinished(out) / drive).stat().st_mtime_ns
+    with pytest.raises(InputError, match="is an unfinished experiment; add --resume"):
+        pays(out, ["payload"], ["trusting"], TINY)
+    results = pays(out, ["payload"], ["trusting"], TINY, resume=True)["payload"]
+    assert (out / drive).stat().st_mtime_ns == stamp  # not driven again
     assert results["applied"] and "mass" in results["found"]
     before, _, after = results["free_run_speed_rmse"].values()
     assert after < 0.5 * before
     least = {kind: seeds[0]["stop"]["min_gap_m"] for kind, seeds in results["recipes"]["trusting"].items()}
     assert least["old"] < 2.0 < min(least["corrected"], least["true"])
-    assert "runs that end below 2 m" in (tmp_path / "pays.md").read_text()
-    assert json.loads((tmp_path / "pays.json").read_text())["payload"]["found"] == results["found"]
-    assert (tmp_path / "pays.png").stat().st_size > 10_000
-    drives = tmp_path / "work" / "cases" / "payload" / "drive0"
-    stamp = drives.stat().st_mtime_ns
-    assert pays(tmp_path, ["payload"], ["trusting"], TINY)["payload"] == results
-    assert drives.stat().st_mtime_ns == stamp  # a second run goes on from the first
+    assert "runs that end below 2 m" in (out / "pays.md").read_text()
+    assert json.loads((out / "pays.json").read_text())["payload"]["found"] == results["found"]
+    assert (out / "pays.png").stat().st_size > 10_000
+    with pytest.raises(InputError, match=r"holds a benefit of correction already; .*--overwrite"):
+        pays(out, ["payload"], ["trusting"], TINY)
+    (out / files.LEDGER).unlink()
+    assert BENEFIT.check(out, overwrite=True)  # each file is known by its name
+    (out / "work" / "notes.txt").write_text("mine")
+    with pytest.raises(InputError, match=r"holds work/notes.txt, which is no part of"):
+        pays(out, ["payload"], ["trusting"], TINY, overwrite=True)
 
 
 def test_a_shield_learns_the_fade_from_a_simulator_that_has_it():
@@ -159,8 +182,8 @@ def test_it_pays_only_where_no_seed_says_otherwise(old, corrected, says):
 
 
 def test_unknown_names_are_refused(tmp_path, monkeypatch, capsys):
-    with pytest.raises(InputError, match="no effect or recipe 'moon'"):
-        pays(tmp_path, ["moon"])
+    with pytest.raises(InputError, match="no effect 'moon'; known: road_grade"):
+        pays(tmp_path / "out", ["moon"])
     monkeypatch.setattr(sys, "argv", ["deeptruck-cacc", "pays", "--out", str(tmp_path), "--recipe", "haste"])
     with pytest.raises(SystemExit) as ended:
         cli.main()
@@ -169,5 +192,5 @@ def test_unknown_names_are_refused(tmp_path, monkeypatch, capsys):
 
 def test_a_file_in_the_way_is_refused(tmp_path):
     (tmp_path / "f").write_text("x")
-    with pytest.raises(InputError, match="f is a file; give a folder"):
+    with pytest.raises(InputError, match="f is a file; choose another --out"):
         pays(tmp_path / "f")

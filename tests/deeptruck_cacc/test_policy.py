@@ -20,6 +20,7 @@ from deeptruck_cacc.guard import load_controller
 from deeptruck_cacc.pedals import PedalMap
 from deeptruck_cacc.policy import MANIFEST, WEIGHTS
 from deeptruck_cacc.scaling import ActionScale, FeatureMap
+from deeptruck_model import files
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 
@@ -54,7 +55,15 @@ def test_whoever_may_read_the_manifest_may_read_the_weights(tmp_path):
     finally:
         os.umask(before)
     modes = {file.name: file.stat().st_mode & 0o777 for file in (tmp_path / "p").iterdir()}
-    assert modes == {MANIFEST: 0o644, WEIGHTS: 0o644}
+    assert modes == dict.fromkeys((MANIFEST, WEIGHTS, files.LEDGER), 0o644)
+
+
+def test_saving_replaces_a_policy_only_where_asked(tmp_path):
+    random_policy().save(tmp_path / "p")
+    with pytest.raises(InputError, match="p holds a policy already"):
+        random_policy(power=True).save(tmp_path / "p")
+    random_policy(power=True).save(tmp_path / "p", overwrite=True)
+    assert load_policy(tmp_path / "p").features.power
 
 
 def test_the_ideal_follower_nears_the_leaders_speed_with_the_time_gap():
@@ -166,7 +175,7 @@ def test_a_full_disk_is_one_line_and_leaves_the_policy_that_was_there(tmp_path, 
 
     monkeypatch.setattr(Path, "write_bytes", full)
     with pytest.raises(InputError, match=f"cannot write {tmp_path}/p: No space left on device; make room"):
-        random_policy(power=True).save(tmp_path / "p")
+        random_policy(power=True).save(tmp_path / "p", overwrite=True)
     assert [path.name for path in tmp_path.iterdir()] == ["p"]
     assert (tmp_path / "p" / WEIGHTS).read_bytes() == before
 

@@ -12,22 +12,24 @@ from deeptruck_cacc.pedals import PedalMap
 from deeptruck_cacc.reward import Reward
 from deeptruck_cacc.rollouts import roll_out
 from deeptruck_cacc.scaling import ActionScale, FeatureMap
-from deeptruck_cacc.training import analytic, progress, train, trpo, validation
+from deeptruck_cacc.training import analytic, progress, settings, train, trpo, validation
 from deeptruck_cacc.training.network import SeedBatch
 from deeptruck_cacc.training.road import Road
+from deeptruck_cacc.training.settings import TrpoSeedsConfig
 from deeptruck_model import files
 from deeptruck_model.errors import InputError
 
 torch.set_num_threads(1)
 QUICK = analytic.AnalyticConfig(seeds=2, rollouts=6, iterations=6, window=40, validate_every=3)
 QUICK_TRPO = trpo.TrpoConfig(iterations=4, environments=5, path=80, validate_every=2)
+SEEDS = TrpoSeedsConfig(seeds=2, iterations=4, environments=5, path=60, validate_every=2)
 
 
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory, request):
     toy = request.getfixturevalue("shared_toy")
     out = tmp_path_factory.mktemp("trained") / "policy"
-    config = analytic.AnalyticConfig(seeds=2, rollouts=10, iterations=40, window=100, learning_rate=1e-3)
+    config = analytic.AnalyticConfig(seeds=2, rollouts=10, iterations=40, window=60, learning_rate=1e-3)
     return toy, out, train(toy, out, config=config)
 
 
@@ -59,6 +61,7 @@ def test_the_card_says_what_was_done(trained):
     assert any((out / "tensorboard").iterdir())
 
 
+@pytest.mark.usefixtures("quick_exam")
 def test_the_best_of_all_validations_is_kept_and_the_last_iteration_is_validated(toy, tmp_path):
     out = tmp_path / "p"
     policy = train(toy, out, config=replace(QUICK, memory=False))
@@ -76,13 +79,14 @@ def test_a_start_that_follows_better_than_what_comes_of_it_is_kept(toy, tmp_path
     assert kept < 0.5 * curve[-1]["validation"][0]
 
 
+@pytest.mark.usefixtures("quick_exam")
 def test_random_weights_learn_at_their_own_rate_unless_told(toy, tmp_path):
     def rate(out: str, **settings) -> float:
         config = replace(QUICK, iterations=1, **settings)
         return train(toy, tmp_path / out, config=config).card["config"]["learning_rate"]
 
-    assert rate("a", memory=False) == analytic.RANDOM_RATE
-    assert rate("b") == analytic.FOLLOWER_RATE
+    assert rate("a", memory=False) == settings.RANDOM_RATE
+    assert rate("b") == settings.FOLLOWER_RATE
     assert rate("c", learning_rate=2e-3) == 2e-3
 
 
@@ -188,6 +192,7 @@ def test_a_folder_that_another_run_trains_into_is_refused(toy, tmp_path):
     assert not any((tmp_path / "p").iterdir())
 
 
+@pytest.mark.usefixtures("quick_exam")
 def test_same_seed_same_policy(toy, tmp_path):
     a = analytic.train(toy, tmp_path / "a", QUICK)
     b = analytic.train(toy, tmp_path / "b", QUICK)
@@ -195,34 +200,42 @@ def test_same_seed_same_policy(toy, tmp_path):
         np.testing.assert_array_equal(w, x)
 
 
-@pytest.mark.parametrize(("trainer", "quick"), [(analytic, QUICK), (trpo, QUICK_TRPO)])
+@pytest.mark.usefixtures("quick_exam")
+@pytest.mark.parametrize(("trainer", "quick"), [("analytic", QUICK), ("trpo", QUICK_TRPO), ("trpo", SEEDS)])
 def test_a_killed_run_resumes_to_the_same_policy(toy, tmp_path, trainer, quick):
-    whole = trainer.train(toy, tmp_path / "whole", quick)
+    whole = train(toy, tmp_path / "whole", trainer=trainer, config=quick)
 
     def kill(done: int, total: int, says: str) -> None:
         if done == 3:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        trainer.train(toy, tmp_path / "cut", quick, tell=kill)
-    assert not (tmp_path / "cut" / "policy.json").exists()
-    resumed = trainer.train(toy, tmp_path / "cut", quick, resume=True)
+        train(toy, tmp_path / "cut", trainer=trainer, config=quick, tell=kill)
+    assert not (tmp_path / "cut").exists() and files.begun(tmp_path / "cut")
+    resumed = train(toy, tmp_path / "cut", trainer=trainer, config=quick, resume=True)
+    assert not files.unfinished(tmp_path / "cut").exists()
     for (w, _), (x, _) in zip(whole.layers, resumed.layers, strict=True):
         np.testing.assert_allclose(w, x, rtol=1e-6)
-    lines = (tmp_path / "cut" / "learning_curve.jsonl").read_text().splitlines()
+    curve = "seeds/1/learning_curve.jsonl" if quick is SEEDS else "learning_curve.jsonl"
+    lines = (tmp_path / "cut" / curve).read_text().splitlines()
     assert [json.loads(line)["iteration"] for line in lines] == list(range(quick.iterations))
 
 
-def test_a_foreign_checkpoint_is_refused(toy, tmp_path):
-    analytic.train(toy, tmp_path / "p", QUICK)
-    other = replace(QUICK, rollouts=7)
-    with pytest.raises(InputError, match=r"another run \(rollouts was 6, given 7\).*--overwrite"):
-        analytic.train(toy, tmp_path / "p", other, resume=True)
+def test_settings_of_the_other_trainer_are_refused(toy, tmp_path):
+    with pytest.raises(InputError, match="the trpo trainer has no settings of AnalyticConfig"):
+        train(toy, tmp_path / "p", trainer="trpo", config=QUICK)
+
+
+@pytest.mark.usefixtures("quick_exam")
+def test_a_run_that_fails_before_its_first_checkpoint_leaves_nothing(toy, tmp_path):
+    with pytest.raises(ZeroDivisionError):
+        train(toy, tmp_path / "p", config=QUICK, tell=lambda *told: 1 / 0)
+    assert not list(tmp_path.iterdir())
 
 
 def test_trpo_learns_the_identity_case(toy, tmp_path):
-    config = trpo.TrpoConfig(iterations=10, environments=25, path=200, validate_every=5)
-    policy = trpo.train(toy, tmp_path / "p", config)
+    config = trpo.TrpoConfig(iterations=6, environments=25, path=200, validate_every=6)
+    policy = train(toy, tmp_path / "p", trainer="trpo", config=config)
     curve = [json.loads(line) for line in (tmp_path / "p" / "learning_curve.jsonl").read_text().splitlines()]
     assert curve[-1]["return_mean"] > 0.1 * curve[0]["return_mean"]
     again = load_policy(tmp_path / "p")

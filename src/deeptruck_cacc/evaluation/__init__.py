@@ -1,5 +1,17 @@
 """Evaluation: the paper's sets and field runs, harder roads, baselines, platoons; tables and figures."""
 
-from deeptruck_cacc.evaluation.report import evaluate, evaluate_seeds, table
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from deeptruck_cacc.evaluation.report import evaluate, evaluate_seeds, table
 
 __all__ = ["evaluate", "evaluate_seeds", "table"]
+
+
+def __getattr__(name: str) -> Any:
+    """The three functions on their first use: what an evaluation writes is known without a figure drawn."""
+    if name not in __all__:
+        raise AttributeError(name)
+    from deeptruck_cacc.evaluation import report
+
+    return getattr(report, name)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,23 +15,39 @@ from deeptruck_cacc import guard as guards
 from deeptruck_cacc import truck_limits
 from deeptruck_cacc.baselines import LAWS, baseline
 from deeptruck_cacc.evaluation import figures, metrics, platoon
+from deeptruck_cacc.evaluation.output import (
+    CURVE,
+    EVALUATION,
+    FIELD,
+    LEADERS,
+    METRICS,
+    STABILITY,
+    VARIANTS,
+    check_dt,
+    seed_folders,
+)
 from deeptruck_cacc.hard_scenes import HARD, recorded, recorded_leaders
 from deeptruck_cacc.pedals import PedalMap
 from deeptruck_cacc.policy import Policy, load_policy
 from deeptruck_cacc.rollouts import Trace, roll_out
 from deeptruck_cacc.scenes import Scene
-from deeptruck_model import files, simulators
+from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 from deeptruck_model.simulators import Simulator
 
 COMPARED = ("paper", "moving", "steps", "stop", "gap_closing")
-FIELD = ("gap_closing", "long_following")
-VARIANTS = {  # name: (parameter, value, scene): a truck other than the one trained for
-    "payload_light": ("mass", 10e3, "moving"),
-    "payload_heavy": ("mass", 36e3, "moving"),
-    "wet_road": ("tyre_friction", 0.4, "stop"),
-}
+
+
+@dataclass(frozen=True)
+class Extent:
+    """What an evaluation drives and draws; see `evaluate`."""
+
+    rollouts: int = 100
+    seed: int = 1000
+    shield: bool = False
+    full: bool = False
+    draw: bool = True
 
 
 def evaluate(
@@ -43,6 +60,7 @@ def evaluate(
     shield: bool = False,
     full: bool = False,
     draw: bool = True,
+    overwrite: bool = False,
 ) -> dict[str, Any]:
     """Drive a policy and write `out`/metrics.json and figures; the metrics are returned as well.
 
@@ -50,16 +68,22 @@ def evaluate(
     hard_scenes.HARD, heavier and lighter trucks where the simulator has a mass, recorded leaders where the
     data is present, every baseline (on a pedal map calibrated on this simulator) and platoons. `shield`
     puts the guard in between, with a promise measured on the simulator. `draw` False leaves the scenes'
-    figures out. `out` is written as a whole or not at all. Raises InputError for an `out` that is a file or
-    cannot be written.
+    figures out. `out` is written as a whole or not at all, and replaces an older evaluation only with
+    `overwrite`. Raises InputError for an `out` that cannot be written, and a policy for another truck.
     """
-    out = Path(out)
-    _check_folder(out)
+    extent = Extent(rollouts, seed, shield, full, draw)
+    with EVALUATION.replacing(Path(out), overwrite=overwrite) as draft:
+        return _evaluate(policy, simulator, draft, extent)
+
+
+def _evaluate(
+    policy: str | Policy, simulator: str | Simulator, draft: Path, extent: Extent
+) -> dict[str, Any]:
+    rollouts, seed, full = extent.rollouts, extent.seed, extent.full
     truck = simulators.load(simulator) if isinstance(simulator, str) else simulator
     driver = load_policy(policy, truck.interface) if isinstance(policy, str) else policy
-    if abs(driver.dt - truck.dt) > 1e-9:
-        raise InputError(f"the policy acts every {driver.dt:g} s, the simulator steps by {truck.dt:g} s")
-    if shield:
+    check_dt(driver, truck.dt)
+    if extent.shield:
         driver = guards.guard(driver, truck_limits.measure(truck))
     pedals = PedalMap.calibrate(truck)
     cases = dict(_cases(truck, rollouts, seed, full))
@@ -71,50 +95,52 @@ def evaluate(
         "policy": str(policy) if isinstance(policy, str) else type(policy).__name__,
         "simulator": str(simulator) if isinstance(simulator, str) else type(simulator).__name__,
         "seed": seed,
-        "shield": shield,
+        "shield": extent.shield,
         "sets": {name: _row(name, trace, own[name]) for name, trace in sets.items()},
     }
     if full:
         results["baselines"] = _baselines(truck, pedals, rollouts, seed)
         results["platoon"] = _platoons(truck, driver, pedals)
-    with files.together(out) as draft:
-        for name, trace in sets.items() if draw else ():
-            _draw(name, trace, truck.interface, draft)
-        if full:
-            figures.amplification(results["platoon"], draft / "string_stability.png")
-        if isinstance(policy, str):
-            _draw_learning(Path(policy), draft)
-        _write(results, draft)
+    for name, trace in sets.items() if extent.draw else ():
+        _draw(name, trace, truck.interface, draft)
+    if full:
+        figures.amplification(results["platoon"], draft / STABILITY)
+    if isinstance(policy, str):
+        _draw_learning(Path(policy), draft)
+    _write(results, draft)
     return results
 
 
-def evaluate_seeds(policy: str | Path, simulator: str, out: str | Path, **options: Any) -> dict[str, Any]:
+def evaluate_seeds(
+    policy: str | Path, simulator: str, out: str | Path, *, overwrite: bool = False, **options: Any
+) -> dict[str, Any]:
     """`evaluate` for every policy under `policy`/seeds, each into `out`/K, and their worst together.
 
     In 'sets', numbers of the worst seed for each entry; in 'seeds', what each seed reached. Raises
     InputError where `policy` has no seeds.
     """
-    folders = sorted(p for p in (Path(policy) / "seeds").glob("*") if (p / "policy.json").exists())
-    if not folders:
-        raise InputError(
-            f"{policy} has no seeds; train with --seeds, or one policy for each K as {policy}/seeds/K"
-        )
-    each = {p.name: evaluate(str(p), simulator, Path(out) / p.name, **options) for p in folders}
-    first = next(iter(each.values()))
-    sets = {name: _worst([result["sets"][name] for result in each.values()]) for name in first["sets"]}
-    results = {**first, "policy": f"{policy}, worst of {len(each)} seeds", "sets": sets}
-    results["seeds"] = {name: result["sets"] for name, result in each.items()}
-    with files.together(Path(out)) as draft:
+    folders = seed_folders(Path(policy))
+    with EVALUATION.replacing(Path(out), overwrite=overwrite) as draft:
+        each = {
+            p.name: _evaluate(str(p), simulator, _made(draft / p.name), Extent(**options)) for p in folders
+        }
+        results = _together(policy, each)
         _draw_learning(Path(policy), draft)
         _write(results, draft)
     return results
 
 
-def _check_folder(out: Path) -> None:
-    """Before minutes of driving, whether what comes of it can be written."""
-    if out.exists() and not out.is_dir():
-        raise InputError(f"{out} is a file; give a folder for the figures")
-    files.check_folder(out)
+def _made(folder: Path) -> Path:
+    folder.mkdir()
+    return folder
+
+
+def _together(policy: str | Path, each: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    first = next(iter(each.values()))
+    sets = {name: _worst([result["sets"][name] for result in each.values()]) for name in first["sets"]}
+    results = {**first, "policy": f"{policy}, worst of {len(each)} seeds", "sets": sets}
+    results["seeds"] = {name: result["sets"] for name, result in each.items()}
+    return results
 
 
 def _worst(rows: list[Any]) -> Any:
@@ -132,7 +158,7 @@ def _draw_learning(policy: Path, out: Path) -> None:
     files = [policy / "learning_curve.jsonl", *sorted(policy.glob("seeds/*/learning_curve.jsonl"))]
     runs = [_whole_lines(f) for f in files if f.exists()]
     if runs and all(runs):
-        figures.learning_curve(runs, out / "learning_curve.png")
+        figures.learning_curve(runs, out / CURVE)
 
 
 def _whole_lines(path: Path) -> list[dict[str, Any]]:
@@ -145,7 +171,7 @@ def _whole_lines(path: Path) -> list[dict[str, Any]]:
 
 
 def _write(results: dict[str, Any], out: Path) -> None:
-    (out / "metrics.json").write_text(json.dumps(results, indent=1) + "\n")
+    (out / METRICS).write_text(json.dumps(results, indent=1) + "\n")
 
 
 def _cases(
@@ -159,7 +185,7 @@ def _cases(
         if parameter in truck.parameters():
             other = truck.with_parameters({parameter: value})
             yield name, (other, _scene(scene, rollouts, seed, truck.dt))
-    for name in ("human", "acc"):
+    for name in LEADERS:
         try:
             leaders = recorded_leaders(name)
         except InputError:

@@ -1,6 +1,20 @@
 """Does correcting the simulator pay? Policies from the old and the corrected simulator, on the true truck."""
 
-from deeptruck_cacc.pays.effects import CASES, Case
-from deeptruck_cacc.pays.experiment import RECIPES, Effort, Recipe, pays
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["CASES", "RECIPES", "Case", "Effort", "Recipe", "pays"]
+from deeptruck_cacc.pays.plan import EFFECTS, RECIPES, Effort, Recipe, check
+
+if TYPE_CHECKING:
+    from deeptruck_cacc.pays.effects import CASES, Case
+    from deeptruck_cacc.pays.experiment import pays
+
+__all__ = ["CASES", "EFFECTS", "RECIPES", "Case", "Effort", "Recipe", "check", "pays"]
+
+
+def __getattr__(name: str) -> Any:
+    """What needs a truck, on its first use."""
+    if name not in ("CASES", "Case", "pays"):
+        raise AttributeError(name)
+    from deeptruck_cacc.pays import experiment
+
+    return getattr(experiment, name)

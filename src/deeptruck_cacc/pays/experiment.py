@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from deeptruck_cacc.guard import guard
 from deeptruck_cacc.pays import report
 from deeptruck_cacc.pays.belief import believed
 from deeptruck_cacc.pays.effects import CASES, STOPS, TESTS, Case
+from deeptruck_cacc.pays.plan import BENEFIT, EFFECTS, RECIPES, WORK, Effort, check
 from deeptruck_cacc.pedals import PedalMap
 from deeptruck_cacc.policy import Policy, load_policy
 from deeptruck_cacc.reward import Reward
@@ -24,7 +25,8 @@ from deeptruck_cacc.rollouts import Trace, roll_out
 from deeptruck_cacc.scenes import Scene
 from deeptruck_cacc.training import analytic
 from deeptruck_cacc.training.lent_gradient import with_gradient
-from deeptruck_model import driving_cycles, mismatch, recordings, simulators
+from deeptruck_cacc.training.settings import AnalyticConfig
+from deeptruck_model import driving_cycles, files, mismatch, recordings, simulators
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
@@ -35,62 +37,31 @@ SPEED_NOISE = 0.003  # m/s, a good wheel speed sensor
 SETTLED_S = 10.0
 
 
-@dataclass(frozen=True)
-class Recipe:
-    """How a policy is trained: scenes, memory, and what errors cost beside quiet pedals (1: as usual)."""
-
-    scenes: str
-    memory: bool
-    care: float = 1.0
-
-
-RECIPES = {
-    "default": Recipe(
-        "wide", memory=True
-    ),  # hidden slopes and gains, memory: prepared for what it does not know
-    "trusting": Recipe("moving", memory=False),  # the paper's policy, sure of its simulator
-    "gentle": Recipe("moving", memory=False, care=0.02),  # and not allowed to fight for the last metre
-}
-
-
-@dataclass(frozen=True)
-class Effort:
-    """How much is trained and driven."""
-
-    seeds: int = 3
-    iterations: int = 90
-    rollouts: int = 40
-    """test paths for each policy and scene"""
-    paths: int = 20
-    """training paths for each seed"""
-    window: int = 200
-    """steps a gradient reaches back"""
-
-
 def pays(
     out: str | Path,
-    effects: Sequence[str] = tuple(CASES),
+    effects: Sequence[str] = EFFECTS,
     recipes: Sequence[str] = tuple(RECIPES),
     effort: Effort = Effort(),
     *,
+    resume: bool = False,
+    overwrite: bool = False,
     tell: Tell = lambda line: None,
 ) -> dict[str, Any]:
-    """Run the cases and write `out`/pays.json, pays.md and pays.png; a killed run goes on where it stopped.
+    """Run the cases and write `out`/pays.json, pays.md and pays.png.
 
-    Drives, verdicts, simulators and policies stay under `out`/work. Raises InputError for an unknown effect
-    or recipe, or an `out` that is a file.
+    Drives, verdicts, simulators and policies stay under `out`/work. A run that dies leaves
+    `files.unfinished(out)`, in which `resume` goes on. Raises InputError as `plan.check`.
     """
-    unknown = [n for n in effects if n not in CASES] + [n for n in recipes if n not in RECIPES]
-    if unknown:
-        known = ", ".join([*CASES, *RECIPES])
-        raise InputError(f"there is no effect or recipe '{unknown[0]}'; known: {known}")
     out = Path(out)
-    if out.exists() and not out.is_dir():
-        raise InputError(f"{out} is a file; give a folder")
+    check(out, effects, recipes, resume=resume, overwrite=overwrite)
     results: dict[str, Any] = {}
-    for name in effects:
-        results[name] = _case(name, CASES[name], out / "work", recipes, effort, tell)
-        report.write(results, out)
+    with BENEFIT.going_on(out, overwrite=overwrite) as draft:
+        if not resume:
+            BENEFIT.forget(out)
+            draft.mkdir()
+        for name in effects:
+            results[name] = _case(name, CASES[name], draft / WORK, recipes, effort, tell)
+            report.write(results, draft)
     return results
 
 
@@ -115,8 +86,7 @@ def _once(path: Path, effort: Effort, do: Callable[[], list[dict[str, Any]]]) ->
     if path.exists() and (kept := json.loads(path.read_text()))["effort"] == asdict(effort):
         return list(kept["exams"])
     exams = do()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps({"effort": asdict(effort), "exams": exams}))
+    files.write(path, json.dumps({"effort": asdict(effort), "exams": exams}).encode())
     return exams
 
 
@@ -181,7 +151,7 @@ def _simulators(name: str, case: Case, work: Path) -> dict[str, tuple[str, Simul
 
 def _policies(simulator: Simulator, home: Path, case: Case, name: str, effort: Effort) -> list[Policy]:
     recipe, usual = RECIPES[name], Reward()
-    config = analytic.AnalyticConfig(
+    config = AnalyticConfig(
         seeds=effort.seeds,
         rollouts=effort.paths,
         iterations=effort.iterations,

@@ -11,6 +11,7 @@ import matplotlib as mpl
 import numpy as np
 
 from deeptruck_cacc.pays.effects import STOPS
+from deeptruck_cacc.pays.plan import FIGURES, PAGE, PICTURE
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
@@ -31,10 +32,9 @@ Kinds = dict[str, list[dict[str, Any]]]  # old, corrected, true: for each seed, 
 
 def write(results: dict[str, Any], out: Path) -> None:
     """pays.json, pays.md and pays.png under `out`."""
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "pays.json").write_text(json.dumps(results, indent=1) + "\n")
-    _draw(results, out / "pays.png")
-    (out / "pays.md").write_text(page(results))
+    (out / FIGURES).write_text(json.dumps(results, indent=1) + "\n")
+    _draw(results, out / PICTURE)
+    (out / PAGE).write_text(page(results))
 
 
 def page(results: dict[str, Any]) -> str:

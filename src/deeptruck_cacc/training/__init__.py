@@ -2,69 +2,143 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from threadpoolctl import threadpool_limits
 
-from deeptruck_cacc.training.identity import begun, identity_of
-from deeptruck_cacc.training.identity import finished as _finished
-from deeptruck_model import files
+from deeptruck_cacc.policy import MANIFEST, POLICY, MlpPolicy, load_trained
+from deeptruck_cacc.reward import Reward
+from deeptruck_cacc.training.identity import (
+    CHECKPOINT,
+    differences,
+    facts_of,
+    finished,
+    identity_of,
+    refuse_another,
+)
+from deeptruck_cacc.training.settings import AnalyticConfig, Config, TrpoConfig, TrpoSeedsConfig, settled
 from deeptruck_model.errors import InputError
+from deeptruck_model.files import unfinished
 
-__all__ = ["begun", "finished", "train"]
+if TYPE_CHECKING:
+    from deeptruck_model.simulators import Simulator
+
+__all__ = ["begun", "check", "check_place", "default", "train"]
+
+TRAINERS = ("analytic", "trpo")
 
 
-def train(simulator: Any, out: Any, *, trainer: str = "analytic", **options: Any) -> Any:
-    """Train a policy on a simulator with 'analytic' or 'trpo'; options go to that trainer's `train`.
+def train(
+    simulator: Simulator,
+    out: str | Path,
+    *,
+    trainer: str = "analytic",
+    config: Config | None = None,
+    reward: Reward = Reward(),
+    resume: bool = False,
+    overwrite: bool = False,
+    source: str = "",
+    tell: Callable[[int, int, str], None] = lambda done, total, says: None,
+) -> MlpPolicy:
+    """Train a policy on a simulator with 'analytic' or 'trpo' into the policy directory `out`; return it.
 
-    The analytic trainer takes a deep truck's own gradient, and lends one to every other simulator; with a
-    TrpoSeedsConfig, 'trpo' trains many seeds in one batch. Imported on use: torch and Stable-Baselines3 stay
-    out of a controller's process. Raises InputError for an unknown trainer, and where another run trains
-    into `out`.
+    A run that dies leaves `files.unfinished(out)`, in which `resume` goes on; what it gives is what an
+    undisturbed run gives. `overwrite` replaces an older policy once the new one is whole. The analytic
+    trainer takes a deep truck's own gradient, and lends one to every other simulator; with a
+    TrpoSeedsConfig, 'trpo' trains many seeds in one batch. `source` names the simulator in checkpoints and
+    card; `tell(done, total, line)` is called each iteration. Imported on use: torch and Stable-Baselines3
+    stay out of a controller's process. Raises InputError as `check`, and where another run trains into `out`.
     """
-    if trainer not in ("analytic", "trpo"):
-        raise InputError(f"there is no trainer '{trainer}'; known: analytic, trpo")
-    with _folder(Path(out)), threadpool_limits(1):  # small matrices: a second thread only waits, at full load
-        return (_analytic if trainer == "analytic" else _trpo)(simulator, out, **options)
+    out, config = Path(out), config or default(trainer)
+    if check(out, trainer=trainer, config=config, source=source, resume=resume, overwrite=overwrite):
+        return load_trained(out)
+    run = _trainer(trainer, config)
+    # one thread: of small matrices a second one only waits, at full load
+    with _draft(out, resume=resume, overwrite=overwrite) as draft, threadpool_limits(1):
+        return run(simulator, draft, config, reward=reward, resume=resume, source=source, tell=tell)
 
 
-def finished(out: Path, *, trainer: str, config: Any, source: str) -> bool:
-    """Whether `out` already holds what this training would give; `source` names its simulator.
+def check(
+    out: Path,
+    *,
+    trainer: str = "analytic",
+    config: Config | None = None,
+    source: str = "",
+    resume: bool = False,
+    overwrite: bool = False,
+) -> bool:
+    """Whether `resume` finds nothing left to do; called before anything is loaded. No torch.
 
-    Raises InputError where it holds another run's policy and nothing to go on from.
+    Raises InputError for an unknown trainer, a config of the other one, an older policy without `overwrite`,
+    an unfinished training without `resume` or `overwrite`, and a damaged or another run's with `resume`.
     """
-    if trainer == "analytic":
-        from deeptruck_cacc.training.analytic import settled
+    config = config or default(trainer)
+    if isinstance(config, AnalyticConfig) != (trainer == "analytic"):
+        raise InputError(f"the {trainer} trainer has no settings of {type(config).__name__}")
+    wanted = settled(config) if isinstance(config, AnalyticConfig) else config
+    identity = identity_of(trainer, wanted, source)
+    if resume and finished(out, identity):
+        return True
+    check_place(out, resume=resume, overwrite=overwrite)
+    if resume and begun(out):
+        refuse_another(out, differences(facts_of(unfinished(out)), identity))
+    return False
 
-        config = settled(config)
-    return _finished(out, identity_of(trainer, config, source))
+
+def check_place(out: Path, *, resume: bool = False, overwrite: bool = False) -> None:
+    """Whether a policy can be trained into `out`; with `resume` a finished one is left to `check`.
+
+    Raises InputError for an older policy without `overwrite`, or an unfinished training without either.
+    """
+    if resume and not begun(out) and (out / MANIFEST).exists():
+        return
+    POLICY.check(out, overwrite=overwrite)
+    if begun(out) and not (resume or overwrite):
+        raise InputError(
+            f"{out} is an unfinished training; add --resume to go on with it, or --overwrite to begin anew"
+        )
+
+
+def begun(out: Path) -> bool:
+    """Whether a training into `out` was stopped after its first checkpoint."""
+    return (unfinished(out) / CHECKPOINT).exists()
+
+
+def default(trainer: str) -> Config:
+    """The settings of a trainer. Raises InputError for an unknown one."""
+    if trainer not in TRAINERS:
+        raise InputError(f"there is no trainer '{trainer}'; known: {', '.join(TRAINERS)}")
+    return AnalyticConfig() if trainer == "analytic" else TrpoConfig()
 
 
 @contextmanager
-def _folder(out: Path) -> Iterator[None]:
-    """The folder, there and held against other runs; wrong input leaves none behind."""
-    out.mkdir(parents=True, exist_ok=True)
-    with files.writing(out):
+def _draft(out: Path, *, resume: bool, overwrite: bool) -> Iterator[Path]:
+    """The folder to train in, which becomes `out` at the end; one without a checkpoint is worth nothing."""
+    with POLICY.going_on(out, overwrite=overwrite) as draft:
+        if not (resume and begun(out)):
+            POLICY.forget(out)
+            draft.mkdir()
         try:
-            yield
-        except InputError:
-            with suppress(OSError):  # not empty: an earlier run's
-                out.rmdir()
+            yield draft
+        except BaseException:
+            if not begun(out):
+                POLICY.forget(out)
             raise
 
 
-def _analytic(simulator: Any, out: Any, **options: Any) -> Any:
+def _trainer(trainer: str, config: Config) -> Callable[..., MlpPolicy]:
+    if trainer == "analytic":
+        return _analytic
+    from deeptruck_cacc.training import trpo, trpo_seeds
+
+    return trpo_seeds.train if isinstance(config, TrpoSeedsConfig) else trpo.train
+
+
+def _analytic(simulator: Simulator, draft: Path, config: AnalyticConfig, **options: Any) -> MlpPolicy:
     from deeptruck_cacc.training import analytic
     from deeptruck_cacc.training.lent_gradient import with_gradient
 
-    return analytic.train(with_gradient(simulator), out, **options)
-
-
-def _trpo(simulator: Any, out: Any, **options: Any) -> Any:
-    from deeptruck_cacc.training import trpo, trpo_seeds
-
-    batched = isinstance(options.get("config"), trpo_seeds.TrpoSeedsConfig)
-    return (trpo_seeds if batched else trpo).train(simulator, out, **options)
+    return analytic.train(with_gradient(simulator), draft, config, **options)

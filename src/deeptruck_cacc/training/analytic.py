@@ -8,8 +8,7 @@ on.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
-from math import inf
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,51 +22,13 @@ from deeptruck_cacc.policy import MlpPolicy
 from deeptruck_cacc.reward import Reward
 from deeptruck_cacc.scaling import ActionScale, FeatureMap
 from deeptruck_cacc.scenes import Scene
-from deeptruck_cacc.training import limits, progress, validation
+from deeptruck_cacc.training import progress, validation
 from deeptruck_cacc.training.identity import identity_of
 from deeptruck_cacc.training.network import SeedBatch
 from deeptruck_cacc.training.road import Road, Traffic, detach
+from deeptruck_cacc.training.settings import AnalyticConfig, settled
 from deeptruck_model.errors import InputError
 from deeptruck_model.simulators import Simulator
-
-# From random weights much must change; a start that already follows is only thrown off by such steps.
-FOLLOWER_RATE, RANDOM_RATE = 3e-4, 6e-3
-LIMITS = {
-    "seed": (0, inf), "seeds": (1, inf), "rollouts": (1, inf), "iterations": (0, inf), "window": (3, inf),
-    "windows": (1, inf), "learning_rate": (0, limits.MOST_RATE), "clip": (0, inf), "validate_every": (1, inf),
-}  # fmt: skip
-
-
-@dataclass(frozen=True)
-class AnalyticConfig:
-    """Settings of a run."""
-
-    seed: int = 0
-    """first seed; the others follow"""
-    seeds: int = 3
-    """policies trained side by side"""
-    rollouts: int = 24
-    """paths in a batch, for each seed"""
-    iterations: int = 150
-    """gradient steps"""
-    window: int = 200
-    """steps a gradient reaches back"""
-    windows: int = 2
-    """windows of a path before a fresh scene"""
-    learning_rate: float = 0.0
-    """Adam, falling to a fiftieth along a cosine; 0: FOLLOWER_RATE with memory, RANDOM_RATE without"""
-    clip: float = 1.0
-    """largest gradient norm of one seed"""
-    scene: str = "wide"
-    """training scenes"""
-    memory: bool = True
-    """slow features (see FeatureMap) and never both pedals; False is the paper's memoryless policy"""
-    validate_every: int = 15
-    """iterations between validations"""
-
-    def __post_init__(self) -> None:
-        """Raises InputError for a value that no run can have."""
-        limits.check(self, LIMITS)
 
 
 def train(
@@ -90,15 +51,7 @@ def train(
         raise InputError(
             "this simulator has no gradient; lend it one by training.lent_gradient.with_gradient"
         )
-    if config.scene not in scenes.DRAWERS:
-        raise InputError(f"there is no scene '{config.scene}'; known: {', '.join(scenes.DRAWERS)}")
     return _Run(simulator, Path(out), settled(config), reward, source).train(resume, tell)
-
-
-def settled(config: AnalyticConfig) -> AnalyticConfig:
-    """The config with the learning rate that is meant by 0."""
-    rate = config.learning_rate or (FOLLOWER_RATE if config.memory else RANDOM_RATE)
-    return replace(config, learning_rate=rate)
 
 
 class _Run:
@@ -213,9 +166,9 @@ class _Run:
         winner = int(np.argmin(self.best_score))
         for k in range(self.config.seeds):
             policy = self._policy(k)
-            policy.save(self.out / "seeds" / str(self.config.seed + k))
+            policy.write_into(self.out / "seeds" / str(self.config.seed + k))
             if k == winner:
-                policy.save(self.out)
+                policy.write_into(self.out)
         return self._policy(winner)
 
     def _policy(self, k: int) -> MlpPolicy:

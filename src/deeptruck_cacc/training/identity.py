@@ -9,8 +9,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from safetensors import SafetensorError, safe_open
+
 from deeptruck_cacc.policy import MANIFEST, read_manifest
 from deeptruck_model.errors import InputError
+from deeptruck_model.files import unfinished
 
 CHECKPOINT = Path("checkpoint") / "state.safetensors"
 
@@ -58,14 +61,24 @@ def finished(out: Path, given: Mapping[str, Any]) -> bool:
     if not (out / MANIFEST).exists():
         return False
     differs = differences(read_manifest(out).get("card", {}), given)
-    if not begun(out):  # otherwise a run that was to replace this policy may have been killed
+    if not (
+        unfinished(out) / CHECKPOINT
+    ).exists():  # otherwise a run that was to replace this policy may have been killed
         refuse_another(out, differs)
     return not differs
 
 
-def begun(out: Path) -> bool:
-    """Whether there is a checkpoint to go on from."""
-    return (out / CHECKPOINT).exists()
+def facts_of(draft: Path) -> dict[str, Any]:
+    """What the checkpoint says of its run, its tensors unread. Raises InputError where it is damaged."""
+    path = draft / CHECKPOINT
+    try:
+        with safe_open(path, "np") as file:
+            facts = json.loads(file.metadata()["facts"])
+    except (SafetensorError, OSError, KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            f"{path} is damaged ({error}); begin anew with --overwrite in place of --resume"
+        ) from None
+    return dict(facts)
 
 
 def _value(value: Any) -> str:

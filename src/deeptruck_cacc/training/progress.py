@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from safetensors import SafetensorError
 from safetensors.torch import load_file
 from safetensors.torch import save as to_bytes
 from torch import Tensor
 
 from deeptruck_cacc.policy import GO_ON, MENDED
-from deeptruck_cacc.training.identity import CHECKPOINT, differences, refuse_another
+from deeptruck_cacc.training.identity import CHECKPOINT, differences, facts_of, refuse_another
 from deeptruck_model import files
 from deeptruck_model.errors import InputError
 
@@ -33,18 +32,9 @@ def load_checkpoint(out: Path, identity: dict[str, Any]) -> tuple[dict[str, Tens
     path = out / CHECKPOINT
     if not path.exists():
         return None
-    try:
-        from safetensors import safe_open
-
-        with safe_open(path, "pt") as file:
-            facts = json.loads(file.metadata()["facts"])
-        tensors = load_file(path)
-    except (SafetensorError, KeyError, TypeError, json.JSONDecodeError) as error:
-        raise InputError(
-            f"{path} is damaged ({error}); begin anew with --overwrite in place of --resume"
-        ) from None
+    facts = facts_of(out)
     refuse_another(out, differences(facts, identity))
-    return tensors, facts
+    return load_file(path), facts
 
 
 def adam_tensors(optimizer: torch.optim.Optimizer, prefix: str = "adam") -> dict[str, Tensor]:

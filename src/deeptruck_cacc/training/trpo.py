@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from math import inf
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -21,46 +20,10 @@ from deeptruck_cacc import scenes
 from deeptruck_cacc.faces import CaccSb3VecEnv
 from deeptruck_cacc.policy import MlpPolicy
 from deeptruck_cacc.reward import Reward
-from deeptruck_cacc.training import limits, progress, validation
+from deeptruck_cacc.training import progress, validation
 from deeptruck_cacc.training.identity import identity_of
+from deeptruck_cacc.training.settings import TrpoConfig
 from deeptruck_model.simulators import Simulator
-
-LIMITS = {
-    "seed": (0, inf), "iterations": (1, inf), "environments": (1, inf), "path": (2, inf), "gamma": (0, 1),
-    "gae_lambda": (0, 1), "target_kl": (0, inf), "log_std": (-10, 10), "validate_every": (1, inf),
-}  # fmt: skip
-
-
-@dataclass(frozen=True)
-class TrpoConfig:
-    """Settings of a run. The paper gives batch, path, discount and network; the others are ours."""
-
-    seed: int = 0
-    """of the network, the exploration and the scenes"""
-    iterations: int = 500
-    """batches"""
-    environments: int = 25
-    """paths in a batch: 25 x 800 steps are the paper's 20,000"""
-    path: int = 800
-    """steps of a path"""
-    gamma: float = 0.9999
-    """discount"""
-    gae_lambda: float = 0.97
-    """advantage estimation"""
-    target_kl: float = 0.01
-    """trust region"""
-    log_std: float = -0.7
-    """of the exploration at the start, in actions of [-1, 1]"""
-    scene: str = "paper"
-    """training scenes"""
-    memory: bool = False
-    """the paper's policy has none"""
-    validate_every: int = 10
-    """iterations between validations and checkpoints"""
-
-    def __post_init__(self) -> None:
-        """Raises InputError for a value that no run can have."""
-        limits.check(self, LIMITS)
 
 
 def train(
@@ -112,7 +75,7 @@ def train(
         "validation": {"scenes": "paper and moving, fresh", "score": best_score},
     }
     policy = _policy(best, env, card)
-    policy.save(out)
+    policy.write_into(out)
     return policy
 
 

@@ -8,8 +8,7 @@ much the same. A seed's result does not depend on the seeds beside it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from math import inf
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -23,42 +22,14 @@ from deeptruck_cacc.environment import CaccEnv
 from deeptruck_cacc.policy import MlpPolicy
 from deeptruck_cacc.reward import Reward
 from deeptruck_cacc.scaling import FeatureMap
-from deeptruck_cacc.training import limits, paths, progress, validation
+from deeptruck_cacc.training import paths, progress, validation
 from deeptruck_cacc.training.identity import identity_of
 from deeptruck_cacc.training.natural_gradient import Gaussian, improve
+from deeptruck_cacc.training.settings import TrpoSeedsConfig
 from deeptruck_cacc.training.stacked import StackedMlp
-from deeptruck_cacc.training.trpo import TrpoConfig
-from deeptruck_model.errors import InputError
 from deeptruck_model.simulators import Simulator
 
 HIDDEN = (25, 25, 25)
-LIMITS = {
-    "seeds": (1, inf), "curvature_share": (0, 1), "value_share": (0, 1), "value_rate": (0, limits.MOST_RATE),
-    "value_batch": (1, inf), "value_passes": (0, inf),
-}  # fmt: skip
-
-
-@dataclass(frozen=True)
-class TrpoSeedsConfig(TrpoConfig):
-    """Settings of a run; `seed` is the first of `seeds`."""
-
-    seeds: int = 10
-    """policies trained side by side"""
-    curvature_share: float = 0.1
-    """share of the states on which the curvature is estimated"""
-    value_share: float = 0.25
-    """share of the states, drawn anew for each pass, from which the value is learned"""
-    value_rate: float = 1e-3
-    """Adam's step for the value networks"""
-    value_batch: int = 200
-    """states of one of its updates, for each seed"""
-    value_passes: int = 10
-    """as sb3-contrib's"""
-
-    def __post_init__(self) -> None:
-        """Raises InputError for a value that no run can have."""
-        super().__post_init__()
-        limits.check(self, LIMITS)
 
 
 def train(
@@ -76,8 +47,6 @@ def train(
     Each iteration begins with fresh paths and its own random numbers, so a resumed run equals an unbroken
     one. Raises InputError for an unknown scene or a foreign checkpoint.
     """
-    if config.scene not in scenes.DRAWERS:
-        raise InputError(f"there is no scene '{config.scene}'; known: {', '.join(scenes.DRAWERS)}")
     return _Run(simulator, Path(out), config, reward, source).train(resume, tell)
 
 
@@ -201,9 +170,9 @@ class _Run:
         """Every seed at its best under seeds/, and the best of them in `out`."""
         policies = [self._policy(k, self.best, self._card(k)) for k in range(self.config.seeds)]
         for seed, policy in zip(self.seeds, policies, strict=True):
-            policy.save(self.out / "seeds" / str(seed))
+            policy.write_into(self.out / "seeds" / str(seed))
         winner = policies[int(np.argmin(self.best_score))]
-        winner.save(self.out)
+        winner.write_into(self.out)
         return winner
 
     def _card(self, k: int) -> dict[str, Any]:

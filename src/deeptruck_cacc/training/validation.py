@@ -16,6 +16,7 @@ from deeptruck_cacc.scenes import Scene
 from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]
+EXAM_S = 40.0
 SETTLED_S, STEADY_S = 10.0, 25.0  # the paper's times for the time gap and for the speed
 
 
@@ -27,7 +28,7 @@ def exam(seed: int, dt: float, *, copies: int = 1) -> Scene:
     """
     rng = np.random.default_rng([seed, 2**31])
     drawn = ((scenes.paper, 16), (scenes.moving, 16), (gap_closing, 8))
-    parts = [draw(rng, count, round(40.0 / dt), dt) for draw, count in drawn]
+    parts = [draw(rng, count, round(EXAM_S / dt), dt) for draw, count in drawn]
     gain = np.exp(rng.uniform(-1, 1, (40, 2)) * np.log(1.5))
     gain[::2] = 1.0
 

@@ -1,0 +1,63 @@
+"""What an evaluation writes, by name. Nothing here needs a figure or a truck."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+from deeptruck_cacc.hard_scenes import HARD
+from deeptruck_cacc.policy import Policy, load_policy
+from deeptruck_model import checks, files
+from deeptruck_model.errors import InputError
+
+METRICS, CURVE, STABILITY = "metrics.json", "learning_curve.png", "string_stability.png"
+FIELD = ("gap_closing", "long_following")
+VARIANTS = {  # name: (parameter, value, scene): a truck other than the one trained for
+    "payload_light": ("mass", 10e3, "moving"),
+    "payload_heavy": ("mass", 36e3, "moving"),
+    "wet_road": ("tyre_friction", 0.4, "stop"),
+}
+LEADERS = ("human", "acc")  # recorded ones
+_FILES = (
+    METRICS,
+    CURVE,
+    STABILITY,
+    *(f"{name}.png" for name in (*HARD, *VARIANTS, *(f"recorded_{n}" for n in LEADERS))),
+)
+EVALUATION = files.Result("an evaluation", (*_FILES, *(f"*/{name}" for name in _FILES)))
+
+
+def check(
+    policy: str, simulator: str, out: Path, *, all_seeds: bool = False, overwrite: bool = False
+) -> None:
+    """Called before anything is driven. No torch. Raises InputError with all that cannot be: an `out` that
+    holds something else, or an evaluation without `overwrite`; a policy or simulator that is none, or that do
+    not fit one another; no seeds with `all_seeds`."""
+
+    def fit() -> None:
+        facts = checks.simulator(simulator)
+        for path in map(str, seed_folders(Path(policy)) if all_seeds else [policy]):
+            check_dt(load_policy(path, facts.interface), facts.dt)
+
+    checks.every(
+        partial(load_policy, policy),
+        fit,
+        partial(checks.simulator, simulator),
+        partial(EVALUATION.check, out, overwrite=overwrite),
+    )
+
+
+def check_dt(driver: Policy, dt: float) -> None:
+    """Raises InputError where a policy acts at other times than a simulator of step `dt` (s)."""
+    if abs(driver.dt - dt) > 1e-9:
+        raise InputError(f"the policy acts every {driver.dt:g} s, the simulator steps by {dt:g} s")
+
+
+def seed_folders(policy: Path) -> list[Path]:
+    """The policies of every seed under `policy`. Raises InputError where it has none."""
+    folders = sorted(p for p in (policy / "seeds").glob("*") if (p / "policy.json").exists())
+    if not folders:
+        raise InputError(
+            f"{policy} has no seeds; train with --seeds, or one policy for each K as {policy}/seeds/K"
+        )
+    return folders

@@ -1,0 +1,145 @@
+"""Settings of the trainers, and what they may be: refused before anything is driven or written. No torch."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from math import inf
+
+from deeptruck_cacc import scenes
+from deeptruck_model.errors import InputError
+
+MOST_RATE = 1e30  # beyond, the optimiser's own numbers overflow
+# From random weights much must change; a start that already follows is only thrown off by such steps.
+FOLLOWER_RATE, RANDOM_RATE = 3e-4, 6e-3
+ANALYTIC = {
+    "seed": (0, inf), "seeds": (1, inf), "rollouts": (1, inf), "iterations": (0, inf), "window": (3, inf),
+    "windows": (1, inf), "learning_rate": (0, MOST_RATE), "clip": (0, inf), "validate_every": (1, inf),
+}  # fmt: skip
+TRPO = {
+    "seed": (0, inf), "iterations": (1, inf), "environments": (1, inf), "path": (2, inf), "gamma": (0, 1),
+    "gae_lambda": (0, 1), "target_kl": (0, inf), "log_std": (-10, 10), "validate_every": (1, inf),
+}  # fmt: skip
+TRPO_SEEDS = {
+    "seeds": (1, inf), "curvature_share": (0, 1), "value_share": (0, 1), "value_rate": (0, MOST_RATE),
+    "value_batch": (1, inf), "value_passes": (0, inf),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class AnalyticConfig:
+    """Settings of a run."""
+
+    seed: int = 0
+    """first seed; the others follow"""
+    seeds: int = 3
+    """policies trained side by side"""
+    rollouts: int = 24
+    """paths in a batch, for each seed"""
+    iterations: int = 150
+    """gradient steps"""
+    window: int = 200
+    """steps a gradient reaches back"""
+    windows: int = 2
+    """windows of a path before a fresh scene"""
+    learning_rate: float = 0.0
+    """Adam, falling to a fiftieth along a cosine; 0: FOLLOWER_RATE with memory, RANDOM_RATE without"""
+    clip: float = 1.0
+    """largest gradient norm of one seed"""
+    scene: str = "wide"
+    """training scenes"""
+    memory: bool = True
+    """slow features (see FeatureMap) and never both pedals; False is the paper's memoryless policy"""
+    validate_every: int = 15
+    """iterations between validations"""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for a value that no run can have."""
+        check(self, ANALYTIC)
+
+
+@dataclass(frozen=True)
+class TrpoConfig:
+    """Settings of a run. The paper gives batch, path, discount and network; the others are ours."""
+
+    seed: int = 0
+    """of the network, the exploration and the scenes"""
+    iterations: int = 500
+    """batches"""
+    environments: int = 25
+    """paths in a batch: 25 x 800 steps are the paper's 20,000"""
+    path: int = 800
+    """steps of a path"""
+    gamma: float = 0.9999
+    """discount"""
+    gae_lambda: float = 0.97
+    """advantage estimation"""
+    target_kl: float = 0.01
+    """trust region"""
+    log_std: float = -0.7
+    """of the exploration at the start, in actions of [-1, 1]"""
+    scene: str = "paper"
+    """training scenes"""
+    memory: bool = False
+    """the paper's policy has none"""
+    validate_every: int = 10
+    """iterations between validations and checkpoints"""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for a value that no run can have."""
+        check(self, TRPO)
+
+
+@dataclass(frozen=True)
+class TrpoSeedsConfig(TrpoConfig):
+    """Settings of a run; `seed` is the first of `seeds`."""
+
+    seeds: int = 10
+    """policies trained side by side"""
+    curvature_share: float = 0.1
+    """share of the states on which the curvature is estimated"""
+    value_share: float = 0.25
+    """share of the states, drawn anew for each pass, from which the value is learned"""
+    value_rate: float = 1e-3
+    """Adam's step for the value networks"""
+    value_batch: int = 200
+    """states of one of its updates, for each seed"""
+    value_passes: int = 10
+    """as sb3-contrib's"""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for a value that no run can have."""
+        check(self, TRPO | TRPO_SEEDS)
+
+
+Config = AnalyticConfig | TrpoConfig
+
+
+def settled(config: AnalyticConfig) -> AnalyticConfig:
+    """The config with the learning rate that is meant by 0."""
+    rate = config.learning_rate or (FOLLOWER_RATE if config.memory else RANDOM_RATE)
+    return replace(config, learning_rate=rate)
+
+
+def check(config: Config, limits: Mapping[str, tuple[float, float]]) -> None:
+    """Raises InputError for settings outside their (least, most) and an unknown scene, all in one line."""
+    values = asdict(config)
+    wrong = [
+        _outside(name, values[name], *reach)
+        for name, reach in limits.items()
+        if not _in(values[name], *reach)
+    ]
+    if config.scene not in scenes.DRAWERS:
+        wrong.append(f"there is no scene '{config.scene}'; known: {', '.join(scenes.DRAWERS)}")
+    if wrong:
+        raise InputError("; ".join(wrong))
+
+
+def _in(value: float, least: float, most: float) -> bool:
+    return least <= value <= most  # nor NaN
+
+
+def _outside(name: str, value: float, least: float, most: float) -> str:
+    reach = f"at least {least:g}" if math.isinf(most) else f"{least:g} to {most:g}"
+    return f"{name} is {value:g}; it must be {reach}"
