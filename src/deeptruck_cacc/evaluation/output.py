@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from deeptruck_cacc.hard_scenes import HARD
-from deeptruck_cacc.policy import Policy, load_policy
+from deeptruck_cacc.controllers.policy import Policy, load_policy
+from deeptruck_cacc.environments.hard_scenes import HARD
 from deeptruck_model import checks, files
 from deeptruck_model.errors import InputError
 
