@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from deeptruck_cacc.controllers.baselines import baseline
-    from deeptruck_cacc.controllers.policy import MlpPolicy, Policy, load_policy
+    from deeptruck_cacc.controllers.loading import load_policy
+    from deeptruck_cacc.controllers.policy import MlpPolicy, Policy
     from deeptruck_cacc.environments.environment import CaccEnv
     from deeptruck_cacc.environments.reward import Reward
     from deeptruck_cacc.environments.scenes import Scene
@@ -19,7 +20,7 @@ _HOMES = {
     "Reward": "environments.reward",
     "Scene": "environments.scenes",
     "baseline": "controllers.baselines",
-    "load_policy": "controllers.policy",
+    "load_policy": "controllers.loading",
 }
 
 

@@ -157,7 +157,7 @@ def export(
 
     Example: deeptruck-cacc export policies/mytruck --out mytruck.onnx
     """
-    from deeptruck_cacc.controllers.policy import load_trained
+    from deeptruck_cacc.controllers.loading import load_trained
     from deeptruck_model import checks, files
 
     if policy.startswith("baseline:"):

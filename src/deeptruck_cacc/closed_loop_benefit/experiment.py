@@ -16,8 +16,9 @@ from deeptruck_cacc.closed_loop_benefit import report
 from deeptruck_cacc.closed_loop_benefit.belief import believed
 from deeptruck_cacc.closed_loop_benefit.effects import CASES, STOPS, TESTS, Case
 from deeptruck_cacc.closed_loop_benefit.plan import BENEFIT, EFFECTS, RECIPES, WORK, Effort, check
+from deeptruck_cacc.controllers.loading import load_policy
 from deeptruck_cacc.controllers.pedals import PedalMap
-from deeptruck_cacc.controllers.policy import Policy, load_policy
+from deeptruck_cacc.controllers.policy import Policy
 from deeptruck_cacc.environments.reward import Reward
 from deeptruck_cacc.environments.rollouts import Trace, roll_out
 from deeptruck_cacc.environments.scenes import Scene

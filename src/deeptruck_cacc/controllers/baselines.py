@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_cacc.controllers.law import Law, Seen
 from deeptruck_cacc.controllers.mpc import mpc
 from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.controllers.policy import Observation
@@ -16,27 +16,6 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Seen:
-    """What a law of following may use, each (batch,): SI; `integral` of the clipped gap error in m s."""
-
-    leader_speed: Array
-    speed: Array
-    gap: Array
-    target_gap: Array
-    leader_acceleration: Array
-    acceleration: Array
-    integral: Array
-
-    @property
-    def gap_error(self) -> Array:
-        """gap - v Tg, m."""
-        return self.gap - self.target_gap
-
-
-Law = Callable[[Seen], Array]
 
 
 def acc(seen: Seen) -> Array:

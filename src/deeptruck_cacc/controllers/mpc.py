@@ -7,13 +7,12 @@ harsh pedals, and keeps `LEAST_GAP_M` wherever the limits of the pedals allow.
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from deeptruck_cacc.controllers.baselines import Seen
+from deeptruck_cacc.controllers.law import Seen
 
 Array = NDArray[np.float64]
 

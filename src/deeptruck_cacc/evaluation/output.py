@@ -5,7 +5,8 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from deeptruck_cacc.controllers.policy import Policy, load_policy
+from deeptruck_cacc.controllers.loading import load_policy
+from deeptruck_cacc.controllers.policy import Policy
 from deeptruck_cacc.environments.hard_scenes import HARD
 from deeptruck_model import checks, files
 from deeptruck_model.errors import InputError

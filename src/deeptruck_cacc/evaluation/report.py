@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from deeptruck_cacc.controllers.baselines import LAWS, baseline
+from deeptruck_cacc.controllers.loading import load_policy
 from deeptruck_cacc.controllers.pedals import PedalMap
-from deeptruck_cacc.controllers.policy import Policy, load_policy
+from deeptruck_cacc.controllers.policy import Policy
 from deeptruck_cacc.environments.hard_scenes import HARD, recorded, recorded_leaders
 from deeptruck_cacc.environments.rollouts import Trace, roll_out
 from deeptruck_cacc.environments.scenes import Scene

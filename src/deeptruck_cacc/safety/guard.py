@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.baselines import baseline
-from deeptruck_cacc.controllers.policy import MlpPolicy, Observation, Policy, load_policy
+from deeptruck_cacc.controllers.loading import load_policy
+from deeptruck_cacc.controllers.policy import MlpPolicy, Observation, Policy
 from deeptruck_cacc.controllers.scaling import ActionScale, require
 from deeptruck_cacc.safety.shield import Promise, Shield
 from deeptruck_cacc.safety.truck_limits import known

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from threadpoolctl import threadpool_limits
 
-from deeptruck_cacc.controllers.policy import MANIFEST, POLICY, MlpPolicy, load_trained
+from deeptruck_cacc.controllers.loading import load_trained
+from deeptruck_cacc.controllers.policy import MANIFEST, POLICY, MlpPolicy
 from deeptruck_cacc.environments.reward import Reward
 from deeptruck_cacc.training.identity import (
     CHECKPOINT,

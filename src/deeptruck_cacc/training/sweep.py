@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from deeptruck_cacc import training
-from deeptruck_cacc.controllers.policy import POLICY, read_manifest
+from deeptruck_cacc.controllers.loading import read_manifest
+from deeptruck_cacc.controllers.policy import POLICY
 from deeptruck_cacc.training.settings import AnalyticConfig, TrpoSeedsConfig
 from deeptruck_model import checks, files, sweeps
 from deeptruck_model.errors import InputError

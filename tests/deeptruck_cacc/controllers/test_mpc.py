@@ -6,7 +6,7 @@ from scipy.optimize import lsq_linear
 
 from deeptruck_cacc import baseline
 from deeptruck_cacc.controllers import mpc
-from deeptruck_cacc.controllers.baselines import Seen
+from deeptruck_cacc.controllers.law import Seen
 from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.environments import hard_scenes
 from deeptruck_cacc.environments.rollouts import roll_out
