@@ -141,8 +141,9 @@ def evaluate(
 
     check(policy, simulator, out, all_seeds=all_seeds, overwrite=overwrite)
     drive = evaluation.evaluate_seeds if all_seeds else evaluation.evaluate
-    extent = {"rollouts": rollouts, "seed": seed, "shield": shield, "full": full}
-    metrics = drive(policy, simulator, out, overwrite=overwrite, **extent)
+    metrics = drive(
+        policy, simulator, out, rollouts=rollouts, seed=seed, shield=shield, full=full, overwrite=overwrite
+    )
     seen = Console()
     Console(width=max(seen.width, WIDE)).print(evaluation.table(metrics))
     typer.echo(f"{out}: metrics.json and figures")
