@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from stable_baselines3.common.vec_env import DummyVecEnv
 
-from deeptruck_cacc.faces import CaccGymEnv, CaccSb3VecEnv
+from deeptruck_cacc.environments.adapters import CaccGymEnv, CaccSb3VecEnv
 from deeptruck_cacc.training import trpo, trpo_seeds
 from deeptruck_model import simulators
 from deeptruck_model.simulators import Simulator

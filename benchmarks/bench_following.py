@@ -18,11 +18,12 @@ import bench_foresight
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_cacc import load_policy, scenes, training
+from deeptruck_cacc import load_policy, training
+from deeptruck_cacc.controllers.pedals import PedalMap
+from deeptruck_cacc.controllers.policy import Policy
+from deeptruck_cacc.environments import scenes
+from deeptruck_cacc.environments.rollouts import roll_out
 from deeptruck_cacc.evaluation import evaluate, evaluate_seeds, metrics, platoon
-from deeptruck_cacc.pedals import PedalMap
-from deeptruck_cacc.policy import Policy
-from deeptruck_cacc.rollouts import roll_out
 from deeptruck_cacc.training.analytic import AnalyticConfig
 from deeptruck_model import deep, driving_cycles, simulators, trucks
 

@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_cacc import scenes
-from deeptruck_cacc.environment import CaccEnv
+from deeptruck_cacc.controllers.pedals import PedalMap
+from deeptruck_cacc.controllers.scaling import ActionScale
+from deeptruck_cacc.environments import scenes
+from deeptruck_cacc.environments.environment import CaccEnv
+from deeptruck_cacc.environments.scenes import Scene
 from deeptruck_cacc.evaluation import metrics
-from deeptruck_cacc.pedals import PedalMap
-from deeptruck_cacc.scaling import ActionScale
-from deeptruck_cacc.scenes import Scene
 from deeptruck_model import simulators, trucks
 from deeptruck_model.trucks.truck import TruckState
 

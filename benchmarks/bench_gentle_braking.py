@@ -19,11 +19,11 @@ from bench_radar_noise import NOISE, noisy
 from numpy.typing import NDArray
 
 from deeptruck_cacc import load_policy
-from deeptruck_cacc.guard import guard
-from deeptruck_cacc.hard_scenes import settled
-from deeptruck_cacc.rollouts import Trace, roll_out
-from deeptruck_cacc.scaling import ActionScale
-from deeptruck_cacc.scenes import Scene
+from deeptruck_cacc.controllers.scaling import ActionScale
+from deeptruck_cacc.environments.hard_scenes import settled
+from deeptruck_cacc.environments.rollouts import Trace, roll_out
+from deeptruck_cacc.environments.scenes import Scene
+from deeptruck_cacc.safety.guard import guard
 from deeptruck_model import trucks
 from deeptruck_model.simulators import Simulator
 

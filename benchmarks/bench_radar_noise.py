@@ -15,15 +15,16 @@ import bench_following
 import matplotlib
 import numpy as np
 
-from deeptruck_cacc import load_policy, scenes
+from deeptruck_cacc import load_policy
+from deeptruck_cacc.controllers.pedals import PedalMap
+from deeptruck_cacc.controllers.policy import MlpPolicy, Policy
+from deeptruck_cacc.controllers.scaling import ActionScale
+from deeptruck_cacc.environments import scenes
+from deeptruck_cacc.environments.hard_scenes import recorded, recorded_leaders, settled
+from deeptruck_cacc.environments.rollouts import Trace, roll_out
+from deeptruck_cacc.environments.scenes import Scene
 from deeptruck_cacc.evaluation import metrics
-from deeptruck_cacc.guard import guard
-from deeptruck_cacc.hard_scenes import recorded, recorded_leaders, settled
-from deeptruck_cacc.pedals import PedalMap
-from deeptruck_cacc.policy import MlpPolicy, Policy
-from deeptruck_cacc.rollouts import Trace, roll_out
-from deeptruck_cacc.scaling import ActionScale
-from deeptruck_cacc.scenes import Scene
+from deeptruck_cacc.safety.guard import guard
 from deeptruck_model import trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.simulators import Simulator

@@ -10,11 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from deeptruck_cacc import hard_scenes, load_policy, proof, truck_limits
+from deeptruck_cacc import load_policy
+from deeptruck_cacc.environments import hard_scenes
+from deeptruck_cacc.environments.rollouts import roll_out
 from deeptruck_cacc.evaluation.metrics import summary
-from deeptruck_cacc.guard import guard
-from deeptruck_cacc.rollouts import roll_out
-from deeptruck_cacc.shield import Promise
+from deeptruck_cacc.safety import proof, truck_limits
+from deeptruck_cacc.safety.guard import guard
+from deeptruck_cacc.safety.shield import Promise
 from deeptruck_model import simulators
 from deeptruck_model.simulators import Simulator
 

@@ -4,22 +4,23 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from deeptruck_cacc.baselines import baseline
-    from deeptruck_cacc.environment import CaccEnv
-    from deeptruck_cacc.policy import MlpPolicy, Policy, load_policy
-    from deeptruck_cacc.reward import Reward
-    from deeptruck_cacc.scenes import Scene
+    from deeptruck_cacc.controllers.baselines import baseline
+    from deeptruck_cacc.controllers.loading import load_policy
+    from deeptruck_cacc.controllers.policy import MlpPolicy, Policy
+    from deeptruck_cacc.environments.environment import CaccEnv
+    from deeptruck_cacc.environments.reward import Reward
+    from deeptruck_cacc.environments.scenes import Scene
 
 __all__ = ["CaccEnv", "MlpPolicy", "Policy", "Reward", "Scene", "baseline", "load_policy"]
 
 _HOMES = {
-    "CaccEnv": "environment",
-    "MlpPolicy": "policy",
-    "Policy": "policy",
-    "Reward": "reward",
-    "Scene": "scenes",
-    "baseline": "baselines",
-    "load_policy": "policy",
+    "CaccEnv": "environments.environment",
+    "MlpPolicy": "controllers.policy",
+    "Policy": "controllers.policy",
+    "Reward": "environments.reward",
+    "Scene": "environments.scenes",
+    "baseline": "controllers.baselines",
+    "load_policy": "controllers.loading",
 }
 
 

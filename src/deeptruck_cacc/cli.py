@@ -13,7 +13,7 @@ from deeptruck_model import console
 from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
-    from deeptruck_cacc.policy import MlpPolicy
+    from deeptruck_cacc.controllers.policy import MlpPolicy
     from deeptruck_cacc.training.settings import Config
 
 app = typer.Typer(
@@ -95,7 +95,7 @@ def _trained(
     simulator: str, out: Path, trainer: str, config: Config, resume: bool, overwrite: bool
 ) -> MlpPolicy:
     from deeptruck_cacc import training
-    from deeptruck_cacc.training_bar import telling
+    from deeptruck_cacc.training.training_bar import telling
     from deeptruck_model import simulators
 
     truck = simulators.load(simulator)
@@ -141,8 +141,9 @@ def evaluate(
 
     check(policy, simulator, out, all_seeds=all_seeds, overwrite=overwrite)
     drive = evaluation.evaluate_seeds if all_seeds else evaluation.evaluate
-    extent = {"rollouts": rollouts, "seed": seed, "shield": shield, "full": full}
-    metrics = drive(policy, simulator, out, overwrite=overwrite, **extent)
+    metrics = drive(
+        policy, simulator, out, rollouts=rollouts, seed=seed, shield=shield, full=full, overwrite=overwrite
+    )
     seen = Console()
     Console(width=max(seen.width, WIDE)).print(evaluation.table(metrics))
     typer.echo(f"{out}: metrics.json and figures")
@@ -157,13 +158,13 @@ def export(
 
     Example: deeptruck-cacc export policies/mytruck --out mytruck.onnx
     """
-    from deeptruck_cacc.policy import load_trained
+    from deeptruck_cacc.controllers.loading import load_trained
     from deeptruck_model import checks, files
 
     if policy.startswith("baseline:"):
         raise InputError(f"{policy} is not a trained policy; only those have an ONNX form")
     checks.every(lambda: load_trained(Path(policy)), partial(files.check_new, out))
-    from deeptruck_cacc.export import export_onnx
+    from deeptruck_cacc.controllers.export import export_onnx
 
     export_onnx(load_trained(Path(policy)), out)
     typer.echo(f"{out}: written")
@@ -191,7 +192,7 @@ def pays(
     """
     from rich.console import Console
 
-    from deeptruck_cacc import pays as experiment
+    from deeptruck_cacc import closed_loop_benefit as experiment
 
     effects, recipes = effect or experiment.EFFECTS, recipe or tuple(experiment.RECIPES)
     experiment.check(out, effects, recipes, resume=resume, overwrite=overwrite)
@@ -224,7 +225,7 @@ def sweep(
     """
     from rich.console import Console
 
-    from deeptruck_cacc import sweep as sweeping
+    from deeptruck_cacc.training import sweep as sweeping
     from deeptruck_model import checks
     from deeptruck_model.sweeps import read_grid
 

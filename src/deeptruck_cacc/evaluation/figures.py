@@ -8,8 +8,8 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 
+from deeptruck_cacc.environments.rollouts import Trace
 from deeptruck_cacc.evaluation import metrics
-from deeptruck_cacc.rollouts import Trace
 from deeptruck_model.signals import TruckInterface, printed
 
 mpl.use("Agg")

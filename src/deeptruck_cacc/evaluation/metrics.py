@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_cacc.pedals import G, PedalMap
-from deeptruck_cacc.rollouts import Trace
-from deeptruck_cacc.scenes import Scene
+from deeptruck_cacc.controllers.pedals import G, PedalMap
+from deeptruck_cacc.environments.rollouts import Trace
+from deeptruck_cacc.environments.scenes import Scene
 
 Array = NDArray[np.float64]
 

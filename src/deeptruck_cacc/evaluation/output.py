@@ -5,8 +5,9 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from deeptruck_cacc.hard_scenes import HARD
-from deeptruck_cacc.policy import Policy, load_policy
+from deeptruck_cacc.controllers.loading import load_policy
+from deeptruck_cacc.controllers.policy import Policy
+from deeptruck_cacc.environments.hard_scenes import HARD
 from deeptruck_model import checks, files
 from deeptruck_model.errors import InputError
 
@@ -34,13 +35,16 @@ def check(
     holds something else, or an evaluation without `overwrite`; a policy or simulator that is none, or that do
     not fit one another; no seeds with `all_seeds`."""
 
+    def policies() -> list[str]:
+        return [str(path) for path in seed_folders(Path(policy))] if all_seeds else [policy]
+
     def fit() -> None:
         facts = checks.simulator(simulator)
-        for path in map(str, seed_folders(Path(policy)) if all_seeds else [policy]):
+        for path in policies():
             check_dt(load_policy(path, facts.interface), facts.dt)
 
     checks.every(
-        partial(load_policy, policy),
+        lambda: [load_policy(path) for path in policies()],
         fit,
         partial(checks.simulator, simulator),
         partial(EVALUATION.check, out, overwrite=overwrite),

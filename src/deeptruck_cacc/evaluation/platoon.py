@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_cacc.hard_scenes import settled
-from deeptruck_cacc.policy import Policy
-from deeptruck_cacc.rollouts import Trace, roll_out
-from deeptruck_cacc.scenes import Scene
+from deeptruck_cacc.controllers.policy import Policy
+from deeptruck_cacc.environments.hard_scenes import settled
+from deeptruck_cacc.environments.rollouts import Trace, roll_out
+from deeptruck_cacc.environments.scenes import Scene
 from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]

@@ -11,9 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from deeptruck_cacc import guard as guards
-from deeptruck_cacc import truck_limits
-from deeptruck_cacc.baselines import LAWS, baseline
+from deeptruck_cacc.controllers.baselines import LAWS, baseline
+from deeptruck_cacc.controllers.loading import load_policy
+from deeptruck_cacc.controllers.pedals import PedalMap
+from deeptruck_cacc.controllers.policy import Policy
+from deeptruck_cacc.environments.hard_scenes import HARD, recorded, recorded_leaders
+from deeptruck_cacc.environments.rollouts import Trace, roll_out
+from deeptruck_cacc.environments.scenes import Scene
 from deeptruck_cacc.evaluation import figures, metrics, platoon
 from deeptruck_cacc.evaluation.output import (
     CURVE,
@@ -26,11 +30,8 @@ from deeptruck_cacc.evaluation.output import (
     check_dt,
     seed_folders,
 )
-from deeptruck_cacc.hard_scenes import HARD, recorded, recorded_leaders
-from deeptruck_cacc.pedals import PedalMap
-from deeptruck_cacc.policy import Policy, load_policy
-from deeptruck_cacc.rollouts import Trace, roll_out
-from deeptruck_cacc.scenes import Scene
+from deeptruck_cacc.safety import guard as guards
+from deeptruck_cacc.safety import truck_limits
 from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from threadpoolctl import threadpool_limits
 
-from deeptruck_cacc.policy import MANIFEST, POLICY, MlpPolicy, load_trained
-from deeptruck_cacc.reward import Reward
+from deeptruck_cacc.controllers.loading import load_trained
+from deeptruck_cacc.controllers.policy import MANIFEST, POLICY, MlpPolicy
+from deeptruck_cacc.environments.reward import Reward
 from deeptruck_cacc.training.identity import (
     CHECKPOINT,
     differences,

@@ -16,12 +16,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from deeptruck_cacc import scenes
-from deeptruck_cacc.pedals import PedalMap
-from deeptruck_cacc.policy import MlpPolicy
-from deeptruck_cacc.reward import Reward
-from deeptruck_cacc.scaling import ActionScale, FeatureMap
-from deeptruck_cacc.scenes import Scene
+from deeptruck_cacc.controllers.pedals import PedalMap
+from deeptruck_cacc.controllers.policy import MlpPolicy
+from deeptruck_cacc.controllers.scaling import ActionScale, FeatureMap
+from deeptruck_cacc.environments import scenes
+from deeptruck_cacc.environments.reward import Reward
+from deeptruck_cacc.environments.scenes import Scene
 from deeptruck_cacc.training import progress, validation
 from deeptruck_cacc.training.identity import identity_of
 from deeptruck_cacc.training.network import SeedBatch

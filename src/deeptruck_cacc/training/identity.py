@@ -11,7 +11,8 @@ from typing import Any
 
 from safetensors import SafetensorError, safe_open
 
-from deeptruck_cacc.policy import MANIFEST, read_manifest
+from deeptruck_cacc.controllers.loading import read_manifest
+from deeptruck_cacc.controllers.policy import MANIFEST
 from deeptruck_model.errors import InputError
 from deeptruck_model.files import unfinished
 

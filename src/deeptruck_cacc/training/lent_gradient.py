@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from deeptruck_cacc.pedals import G, PedalMap
+from deeptruck_cacc.controllers.pedals import G, PedalMap
 from deeptruck_model.signals import ACCELERATION, FUEL, SPEED, TruckInterface
 from deeptruck_model.simulators import Simulator
 

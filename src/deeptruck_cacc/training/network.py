@@ -10,10 +10,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from deeptruck_cacc.pedals import PedalMap
-from deeptruck_cacc.policy import MlpPolicy
-from deeptruck_cacc.radar_filter import RadarFilter
-from deeptruck_cacc.scaling import ActionScale, FeatureMap
+from deeptruck_cacc.controllers.pedals import PedalMap
+from deeptruck_cacc.controllers.policy import MlpPolicy
+from deeptruck_cacc.controllers.radar_filter import RadarFilter
+from deeptruck_cacc.controllers.scaling import ActionScale, FeatureMap
 from deeptruck_model.signals import TruckInterface
 
 # Scales at which a follower starts through the tanh of three layers; the brake's is small, so that it brakes

@@ -10,9 +10,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from deeptruck_cacc.environment import CaccEnv
-from deeptruck_cacc.scaling import FeatureMap, paper_signals
-from deeptruck_cacc.scenes import Scene
+from deeptruck_cacc.controllers.scaling import FeatureMap, paper_signals
+from deeptruck_cacc.environments.environment import CaccEnv
+from deeptruck_cacc.environments.scenes import Scene
 
 REACH = 50.0  # features are clipped here, as in faces.py
 

@@ -14,7 +14,7 @@ from safetensors.torch import load_file
 from safetensors.torch import save as to_bytes
 from torch import Tensor
 
-from deeptruck_cacc.policy import GO_ON, MENDED
+from deeptruck_cacc.controllers.policy import GO_ON, MENDED
 from deeptruck_cacc.training.identity import CHECKPOINT, differences, facts_of, refuse_another
 from deeptruck_model import files
 from deeptruck_model.errors import InputError

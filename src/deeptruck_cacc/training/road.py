@@ -10,8 +10,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from deeptruck_cacc.reward import Reward, shaped_square
-from deeptruck_cacc.scenes import Scene
+from deeptruck_cacc.environments.reward import Reward, shaped_square
+from deeptruck_cacc.environments.scenes import Scene
 from deeptruck_cacc.training.network import SeedBatch
 from deeptruck_model.signals import SPEED
 from deeptruck_model.simulators import Simulator

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from math import inf
 
-from deeptruck_cacc import scenes
+from deeptruck_cacc.environments import scenes
 from deeptruck_model.errors import InputError
 
 MOST_RATE = 1e30  # beyond, the optimiser's own numbers overflow

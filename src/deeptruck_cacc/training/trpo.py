@@ -16,10 +16,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from deeptruck_cacc import scenes
-from deeptruck_cacc.faces import CaccSb3VecEnv
-from deeptruck_cacc.policy import MlpPolicy
-from deeptruck_cacc.reward import Reward
+from deeptruck_cacc.controllers.policy import MlpPolicy
+from deeptruck_cacc.environments import scenes
+from deeptruck_cacc.environments.adapters import CaccSb3VecEnv
+from deeptruck_cacc.environments.reward import Reward
 from deeptruck_cacc.training import progress, validation
 from deeptruck_cacc.training.identity import identity_of
 from deeptruck_cacc.training.settings import TrpoConfig

@@ -17,11 +17,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from deeptruck_cacc import scenes
-from deeptruck_cacc.environment import CaccEnv
-from deeptruck_cacc.policy import MlpPolicy
-from deeptruck_cacc.reward import Reward
-from deeptruck_cacc.scaling import FeatureMap
+from deeptruck_cacc.controllers.policy import MlpPolicy
+from deeptruck_cacc.controllers.scaling import FeatureMap
+from deeptruck_cacc.environments import scenes
+from deeptruck_cacc.environments.environment import CaccEnv
+from deeptruck_cacc.environments.reward import Reward
 from deeptruck_cacc.training import paths, progress, validation
 from deeptruck_cacc.training.identity import identity_of
 from deeptruck_cacc.training.natural_gradient import Gaussian, improve

@@ -10,7 +10,7 @@ import numpy as np
 from geometry_msgs.msg import TwistStamped
 from sensor_msgs.msg import JointState, Range
 
-from deeptruck_cacc.guard import load_controller
+from deeptruck_cacc.safety.guard import load_controller
 from deeptruck_model.signals import TruckInterface
 from deeptruck_nodes import messages
 from deeptruck_nodes.messages import SECOND, nanoseconds

@@ -1,0 +1,85 @@
+"""What the experiment can do, how much of it, and what it writes. Neither torch nor a truck is imported."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from deeptruck_cacc.controllers.policy import POLICY
+from deeptruck_model import checks, files
+from deeptruck_model.errors import InputError
+
+EFFECTS = ("road_grade", "brake_fade", "payload", "brake_lag", "command_delay")
+FIGURES, PAGE, PICTURE, WORK = "pays.json", "pays.md", "pays.png", "work"
+_KEPT = (
+    *(f"cases/*/{'*/' * depth}*" for depth in range(1, 5)),  # drives, verdict and simulators of each effect
+    *(f"policies/*/*/{name}" for name in POLICY.names),
+    "exams/*.json",
+    "exams/.*.json.tmp",
+)
+BENEFIT = files.Result(
+    "a benefit of correction", (FIGURES, PAGE, PICTURE, *(f"{WORK}/{name}" for name in _KEPT))
+)
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How a policy is trained: scenes, memory, and what errors cost beside quiet pedals (1: as usual)."""
+
+    scenes: str
+    memory: bool
+    care: float = 1.0
+
+
+RECIPES = {
+    # hidden slopes and gains, memory: prepared for what it does not know
+    "default": Recipe("wide", memory=True),
+    "trusting": Recipe("moving", memory=False),  # the paper's policy, sure of its simulator
+    "gentle": Recipe("moving", memory=False, care=0.02),  # and not allowed to fight for the last metre
+}
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is trained and driven."""
+
+    seeds: int = 3
+    iterations: int = 90
+    rollouts: int = 40
+    """test paths for each policy and scene"""
+    paths: int = 20
+    """training paths for each seed"""
+    window: int = 200
+    """steps a gradient reaches back"""
+
+
+def check(
+    out: Path,
+    effects: Sequence[str],
+    recipes: Sequence[str],
+    *,
+    resume: bool = False,
+    overwrite: bool = False,
+) -> None:
+    """Called before anything is loaded. Raises InputError with all that cannot be: unknown effects and
+    recipes, an older result without `overwrite`, an unfinished one without `resume` or `overwrite`."""
+    checks.every(
+        partial(_known, "effect", effects, EFFECTS),
+        partial(_known, "recipe", recipes, tuple(RECIPES)),
+        partial(_check_place, out, resume, overwrite),
+    )
+
+
+def _known(kind: str, given: Sequence[str], known: Sequence[str]) -> None:
+    if strange := [f"'{name}'" for name in given if name not in known]:
+        raise InputError(f"there is no {kind} {', '.join(strange)}; known: {', '.join(known)}")
+
+
+def _check_place(out: Path, resume: bool, overwrite: bool) -> None:
+    BENEFIT.check(out, overwrite=overwrite)
+    if files.begun(out) and not (resume or overwrite):
+        raise InputError(
+            f"{out} is an unfinished experiment; add --resume to go on with it, or --overwrite to begin anew"
+        )

@@ -1,0 +1,145 @@
+"""From a name or a directory to a controller; what is damaged is said in one line. No torch, no pickle."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import MISSING, fields
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.numpy import load_file
+
+from deeptruck_cacc.controllers.baselines import baseline
+from deeptruck_cacc.controllers.policy import MANIFEST, WEIGHTS, MlpPolicy, Policy
+from deeptruck_cacc.controllers.scaling import ActionScale, FeatureMap
+from deeptruck_model.errors import InputError
+from deeptruck_model.signals import TruckInterface
+
+Array = NDArray[np.float64]
+
+
+def load_policy(path: str | Path, interface: TruckInterface | None = None) -> Policy:
+    """A policy directory written by `deeptruck-cacc train`, or `baseline:NAME` for a classical controller.
+
+    `interface` is the truck a baseline is to drive (default: engine torque in N m, brake in percent), and is
+    checked against a trained policy's own. Raises InputError where the path, a file or the interface is
+    wrong.
+    """
+    text = str(path)
+    if text.startswith("baseline:"):
+        return baseline(text.removeprefix("baseline:"), interface or TruckInterface("trucksim"))
+    policy = load_trained(Path(text))
+    if interface is not None and (interface.u, interface.engine_unit, interface.brake_unit) != (
+        policy.interface.u,
+        policy.interface.engine_unit,
+        policy.interface.brake_unit,
+    ):
+        raise InputError(
+            f"policy {path} commands {_units(policy.interface)}, the truck takes {_units(interface)}; "
+            "train one on a simulator of this truck"
+        )
+    return policy
+
+
+def _units(interface: TruckInterface) -> str:
+    return ", ".join(f"{name} in {interface.unit(name)}" for name in interface.u)
+
+
+AGAIN = "train the policy again"
+TYPICAL = {"leader_speed": 20.0, "speed": 20.0, "gap": 40.0, "target_time_gap": 2.0, "grade": 0.0}
+
+
+def load_trained(path: Path) -> MlpPolicy:
+    """A trained policy from its directory. Raises InputError where a file is missing or damaged."""
+    manifest = read_manifest(path)
+    try:
+        hidden = list(manifest["hidden"])
+        policy = partial(
+            MlpPolicy,
+            features=FeatureMap.from_dict(_fields(manifest, "features", FeatureMap, "names")),
+            scale=ActionScale(**_fields(manifest, "action", ActionScale, "units")),
+            interface=TruckInterface.from_dict(manifest["interface"]),
+            coverage={name: (float(low), float(high)) for name, (low, high) in manifest["coverage"].items()},
+            card=dict(manifest["card"]),
+        )
+    except KeyError as error:
+        raise InputError(
+            f"{path / MANIFEST} lacks {error}: it is damaged or of another version; {AGAIN}"
+        ) from None
+    except (AttributeError, TypeError, ValueError) as error:
+        raise InputError(f"{path / MANIFEST} is damaged or of another version ({error}); {AGAIN}") from None
+    return _tried(policy(_read_layers(path / WEIGHTS, len(hidden) + 1)), path)
+
+
+def _fields(manifest: Mapping[str, Any], key: str, kind: type, beside: str) -> dict[str, Any]:
+    """What makes a `kind`, of which nothing without default may be missing. Raises KeyError for what is."""
+    found = {name: value for name, value in manifest[key].items() if name != beside}
+    for field_ in fields(kind):
+        if field_.default is MISSING and field_.name not in found:
+            raise KeyError(f"{key}.{field_.name}")
+    return found
+
+
+def _tried(policy: MlpPolicy, path: Path) -> MlpPolicy:
+    """The policy, if its numbers are possible and its parts fit one another and make commands."""
+    try:
+        wrong = _impossible(policy)
+        fits = policy.layers[0][0].shape[1] == len(policy.features.names) and len(policy.layers[-1][1]) == 2
+        works = bool(wrong) or (fits and np.isfinite(policy.act(TYPICAL)).all())
+    except (IndexError, TypeError, ValueError):
+        works, wrong = False, []
+    if wrong:
+        raise InputError(f"{path / MANIFEST} has an impossible {wrong[0]}: it is damaged; {AGAIN}")
+    if not works:
+        raise InputError(f"{path / WEIGHTS} and {MANIFEST} do not fit one another; {AGAIN}")
+    policy.reset()
+    return policy
+
+
+def _impossible(policy: MlpPolicy) -> list[str]:
+    """Entries of the manifest whose numbers no policy can have."""
+    scale = policy.scale
+    possible = {
+        "features.dt": 0 < policy.dt < math.inf,
+        "features.slow_s": 0 < policy.features.slow_s < math.inf,
+        "action": scale.engine_low < scale.engine_high and scale.brake_high >= 0,
+        "coverage": all(low <= high for low, high in policy.coverage.values()),
+    }
+    return [name for name, fine in possible.items() if not fine]
+
+
+def read_manifest(path: Path) -> dict[str, Any]:
+    """policy.json as a dict. Raises InputError where it is missing, damaged or of unknown kind."""
+    try:
+        manifest = json.loads((path / MANIFEST).read_text())
+    except (FileNotFoundError, NotADirectoryError):
+        raise InputError(
+            f"{path} is not a policy directory: it has no {MANIFEST}; make one with 'deeptruck-cacc train', "
+            "or use 'baseline:acc'"
+        ) from None
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path / MANIFEST} is damaged ({error}); {AGAIN}") from None
+    if not isinstance(manifest, dict) or manifest.get("kind") != "mlp" or manifest.get("schema") != 1:
+        raise InputError(f"{path / MANIFEST} is of no known kind; expected kind 'mlp', schema 1; {AGAIN}")
+    return manifest
+
+
+def _read_layers(path: Path, count: int) -> list[tuple[Array, Array]]:
+    try:
+        tensors = load_file(path)
+        layers = [(tensors[f"{k}.weight"], tensors[f"{k}.bias"]) for k in range(count)]
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing; {AGAIN}") from None
+    except KeyError as error:
+        raise InputError(f"{path} lacks {error}, which {MANIFEST} asks for; {AGAIN}") from None
+    except SafetensorError as error:
+        raise InputError(f"{path} is damaged ({error}); {AGAIN}") from None
+    if not all(math.isfinite(float(np.sum(w)) + float(np.sum(b))) for w, b in layers):
+        raise InputError(f"{path} holds NaN or infinite weights; {AGAIN}")
+    return [(w.astype(float), b.astype(float)) for w, b in layers]

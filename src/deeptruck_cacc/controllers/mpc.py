@@ -1,0 +1,110 @@
+"""A small model predictive controller: ten accelerations of 0.5 s, one quadratic programme a step (OSQP).
+
+It foresees where gap and speed go while the leader's acceleration dies away, weighs both errors against
+harsh pedals, and keeps `LEAST_GAP_M` wherever the limits of the pedals allow.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_cacc.controllers.law import Seen
+
+Array = NDArray[np.float64]
+
+STEPS, STEP_S = 10, 0.5
+LEADER_S = 2.0  # time constant with which the leader's acceleration is expected to die away
+LIMITS = (-3.5, 1.5)  # m/s^2
+LEAST_GAP_M = 5.0
+# Costs of m^2, (m/s)^2, (m/s^2)^2, a change of acceleration squared, and of a metre below the least gap.
+GAP, SPEED, PULL, CHANGE, TOO_NEAR = 0.3, 1.0, 0.02, 0.5, 100.0
+
+_LATER = np.arange(1, STEPS + 1)[:, None] - np.arange(STEPS)  # steps from the beginning of a_j to time k
+_SPEED = STEP_S * (_LATER > 0)  # speeds at the ends of the steps, from the accelerations
+_WAY = STEP_S**2 * np.maximum(_LATER - 0.5, 0.0)
+_TIME = STEP_S * np.arange(1.0, STEPS + 1)
+_CHANGE = np.eye(STEPS) - np.eye(STEPS, k=-1)
+_LOWER = np.tril_indices(STEPS)
+
+
+def mpc(seen: Seen) -> Array:
+    """Acceleration to ask for, m/s^2, (batch,); NaN where an observation is."""
+    hessian, linear, room = _programmes(seen)
+    out = np.full(len(room), np.nan)
+    for k in np.flatnonzero(np.isfinite(linear).all(axis=1) & np.isfinite(room).all(axis=1)):
+        out[k] = _solve(hessian[k], linear[k], room[k])
+    return out
+
+
+def _programmes(seen: Seen) -> tuple[Array, Array, Array]:
+    """Hessian (batch, n, n) and linear cost (batch, n) of the accelerations, and the gap (batch, n) above
+    LEAST_GAP_M that would be left without any."""
+    time_gap = seen.target_gap / np.maximum(seen.speed, 0.5)
+    speed, gap = seen.speed[:, None], seen.gap[:, None]
+    leader_speed, leader_way = _leader(seen)
+    left = gap + leader_way - speed * _TIME
+    gap_error, speed_error = left - time_gap[:, None] * speed, leader_speed - speed
+    toward = _WAY + time_gap[:, None, None] * _SPEED  # how the accelerations reduce the gap error
+    now = np.zeros_like(left)
+    now[:, 0] = seen.acceleration
+    turned = toward.swapaxes(1, 2)
+    fixed = SPEED * _SPEED.T @ _SPEED + PULL * np.eye(STEPS) + CHANGE * _CHANGE.T @ _CHANGE
+    linear = GAP * np.einsum("bij,bj->bi", turned, gap_error) + SPEED * speed_error @ _SPEED
+    return 2 * (GAP * turned @ toward + fixed), -2 * (linear + CHANGE * now @ _CHANGE), left - LEAST_GAP_M
+
+
+def _leader(seen: Seen) -> tuple[Array, Array]:
+    """Expected speed (m/s) and way (m) of the leader, each (batch, n)."""
+    speed, pull = seen.leader_speed[:, None], seen.leader_acceleration[:, None]
+    gone = LEADER_S * (1 - np.exp(-_TIME / LEADER_S))
+    way = np.maximum.accumulate(np.maximum(speed * _TIME + pull * LEADER_S * (_TIME - gone), 0.0), axis=1)
+    return np.maximum(speed + pull * gone, 0.0), way
+
+
+def _solve(hessian: Array, linear: Array, room: Array) -> float:
+    solver = _solver()
+    upper = np.concatenate([np.full(STEPS, LIMITS[1]), [np.inf], room])
+    solver.update(Px=_columns(hessian), q=np.append(linear, 0.0), u=upper)
+    return float(solver.solve(raise_error=False).x[0])
+
+
+def _columns(hessian: Array) -> Array:
+    """The upper triangle column by column, and the cost of being too near, as OSQP keeps it."""
+    return np.append(hessian.T[_LOWER], 2 * TOO_NEAR)  # symmetric: its lower rows are the upper columns
+
+
+@cache
+def _solver() -> Any:
+    """One workspace for all: every programme has the same shape.
+
+    Cold starts and one rho, so that no row knows another.
+    """
+    import osqp
+    from scipy import sparse
+
+    n = STEPS + 1  # the last variable is how far below the least gap
+    hessian = np.zeros((n, n))
+    hessian[:STEPS, :STEPS] = 1.0 + np.eye(STEPS)
+    hessian[-1, -1] = 2 * TOO_NEAR
+    rows = np.vstack([np.eye(n), np.column_stack([_WAY, -np.ones(STEPS)])])
+    lower = np.concatenate([np.full(STEPS, LIMITS[0]), [0.0], np.full(STEPS, -np.inf)])
+    solver = osqp.OSQP()
+    solver.setup(
+        sparse.csc_matrix(np.triu(hessian)),
+        np.zeros(n),
+        sparse.csc_matrix(rows),
+        lower,
+        np.full(len(rows), np.inf),
+        verbose=False,
+        warm_starting=False,
+        eps_abs=1e-4,
+        eps_rel=1e-4,
+        max_iter=4000,
+        adaptive_rho=False,
+        rho=0.1,
+    )
+    return solver

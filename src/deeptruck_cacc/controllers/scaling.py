@@ -1,0 +1,241 @@
+"""What a policy's network sees and says: the linear maps between the paper's signals and numbers near one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_cacc.controllers.radar_filter import RadarFilter
+from deeptruck_model.errors import InputError
+from deeptruck_model.signals import TruckInterface
+
+Array = NDArray[np.float64]
+
+OBSERVED = ("leader_speed", "speed", "gap", "target_time_gap", "grade")  # keys of an observation
+
+# Invertible map of the paper's five signals: differences first, because the errors are what must go to zero.
+_MATRIX = np.array(
+    [
+        [1.0, -1.0, 0.0, 0.0, 0.0],  # speed error, m/s
+        [0.0, 1 / 7.0, 0.0, 0.0, 0.0],  # speed about 15 m/s
+        [0.0, 0.0, 0.5, -0.5, 0.0],  # gap error, in 2 m
+        [0.0, 0.0, 0.0, 1 / 30.0, 0.0],  # target gap about 50 m
+        [0.0, 0.0, 0.0, 0.0, 1 / 0.03],  # grade, in 3 %
+    ]
+)
+_OFFSET = np.array([0.0, -15 / 7.0, 0.0, -50 / 30.0, 0.0])
+
+
+def require(observation: Mapping[str, Any]) -> None:
+    """Raises InputError for an observation that lacks a signal; the grade may be absent."""
+    missing = [name for name in OBSERVED[:4] if name not in observation]
+    if missing:
+        raise InputError(f"observation lacks {', '.join(missing)}; a policy needs {', '.join(OBSERVED)}")
+
+
+def paper_signals(observation: Mapping[str, Any]) -> Array:
+    """The paper's observation [v_leader, v_ego, gap, v_ego * Tg, grade], (batch, 5), from a dict of OBSERVED.
+
+    Entries may be scalars or (batch,); grade may be absent or NaN (a truck without the sensor) and counts
+    as 0.
+    """
+    require(observation)
+    leader_speed, speed, gap, time_gap = (np.asarray(observation[name], float) for name in OBSERVED[:4])
+    grade = np.nan_to_num(np.asarray(observation.get("grade", 0.0), float))
+    columns = np.broadcast_arrays(leader_speed, speed, gap, speed * time_gap, grade)
+    return np.stack([np.atleast_1d(column) for column in columns], axis=-1)
+
+
+POWER = (
+    "ideal_acceleration",
+    "ideal_speed_error",
+    "ideal_gap_error",
+    "time_gap_error",
+    "wanted_acceleration",
+    "wanted_power",
+    "power",
+    "engine_action",
+    "brake_action",
+)
+
+
+@dataclass(frozen=True)
+class FeatureMap:
+    """x = matrix @ signals + offset, and, with `memory`, three slow features of the past.
+
+    Memory (batch, 3) is [integral of the clipped gap error (m s), slow leader speed, slow ego speed]; NaN
+    in the slow speeds means 'not started'. The features are the scaled integral and the two speeds' rates
+    of change, which the paper's memoryless policy cannot know: they remove steady error and see a leader
+    that brakes.
+
+    With `power` as well, memory (batch, 6) also holds the speed of the ideal follower, v' = (v_leader - v) /
+    Tg from the leader's own speed on: of all that hold the time gap the one in which nothing is left to
+    decay with Tg. Seven features say what following it takes (see _power). Memory and features end with the
+    slow actions: beside the power that came of them they tell load and wind. The gap error then counts less
+    in the integral the further it lies beyond `knee_m`, so that closing a gap does not wind it up.
+
+    With `radar`, which needs `power`, all features are taken of what that filter makes of gap and leader
+    speed. Memory (batch, 9) ends with its track.
+    """
+
+    matrix: Array
+    offset: Array
+    memory: bool = True
+    dt: float = 0.1
+    integral_clip_m: float = 2.0
+    integral_limit: float = 30.0
+    slow_s: float = 0.5
+    power: bool = False
+    knee_m: float = 1.0
+    closing_s: float = 0.8  # errors from the ideal follower are wanted gone with this time constant
+    closing_share: float = 0.1  # and this much of the time gap: near a long one, haste in speed costs more
+    radar: RadarFilter | None = None
+
+    @classmethod
+    def default(cls, *, memory: bool = True, dt: float = 0.1, power: bool = False) -> FeatureMap:
+        """The map described at the top of this module. `power` needs memory and brings the radar's filter."""
+        power = power and memory
+        radar = RadarFilter.steady(dt) if power else None
+        return cls(_MATRIX.copy(), _OFFSET.copy(), memory, dt, power=power, radar=radar)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the features, in column order."""
+        paper = ("speed_error", "speed", "gap_error", "target_gap", "grade")
+        slow = ("gap_error_integral", "leader_acceleration", "acceleration") if self.memory else ()
+        return (*paper, *slow, *(POWER if self.power else ()))
+
+    @property
+    def remembered(self) -> int:
+        """Columns of memory."""
+        return 9 if self.radar else 6 if self.power else 3 if self.memory else 0
+
+    def start(self, batch: int) -> Array:
+        """Memory before the first observation, (batch, remembered)."""
+        still = [0.0, np.nan, np.nan, np.nan, 0.0, 0.0, np.nan, np.nan, np.nan]
+        return np.tile(still[: self.remembered], (batch, 1))
+
+    def __call__(self, signals: Array, memory: Array) -> tuple[Array, Array]:
+        """Features (batch, n) and the next memory, from signals (batch, 5) and memory."""
+        track = memory[:, 6:]
+        if self.radar:
+            signals, track = self.radar(signals, track)
+        features = signals @ self.matrix.T + self.offset
+        if not self.memory:
+            return features, memory
+        speeds = signals[:, :2]
+        slow = np.where(np.isnan(memory[:, 1:3]), speeds, memory[:, 1:3])
+        error = signals[:, 2] - signals[:, 3]
+        if self.power:
+            error = error / (1 + (error / self.knee_m) ** 2)
+        error = np.clip(error, -self.integral_clip_m, self.integral_clip_m)
+        integral = np.clip(memory[:, 0] + self.dt * error, -self.integral_limit, self.integral_limit)
+        rates = (speeds - slow) / self.slow_s
+        slow = slow + self.dt * rates
+        parts = [features, integral[:, None] / 5.0, rates / 0.5]
+        kept = memory[:, 3:]
+        if self.power:
+            ideal = np.where(np.isnan(memory[:, 3]), signals[:, 0], memory[:, 3])
+            pull = (signals[:, 0] - ideal) / self._time_gap(signals)
+            parts += [self._power(signals, rates[:, 1], ideal, pull), memory[:, 4:6]]
+            kept = np.column_stack([ideal + self.dt * pull, memory[:, 4:6], track])
+        return np.hstack(parts), np.column_stack([integral, slow, kept])
+
+    def remember(self, memory: Array, action: Array) -> Array:
+        """Memory after an action (batch, 2): the slow actions have moved."""
+        slow = memory[:, 4:6]
+        change = np.clip(action, -1.0, 1.0)[:, : slow.shape[1]] - slow
+        return np.hstack([memory[:, :4], slow + self.dt / self.slow_s * change, memory[:, 6:]])
+
+    @staticmethod
+    def _time_gap(signals: Array) -> Array:
+        """Wanted time gap (batch,), s, as far as near standstill it can be told."""
+        return np.asarray(np.clip(signals[:, 3] / np.maximum(signals[:, 1], 1.0), 1.0, 6.0))
+
+    def _power(self, signals: Array, rate: Array, ideal: Array, pull: Array) -> Array:
+        """What following takes, (batch, 7), from signals, the truck's slow acceleration and the ideal
+        follower's speed and acceleration, each (batch,).
+
+        The ideal acceleration (in 0.5 m/s^2), speed error (m/s) and gap error (in 2 m); the time-gap error
+        (s), fine near zero; the acceleration that also takes the errors away; and power (in 8 W/kg), wanted
+        and delivered: an engine command is nearly a power.
+        """
+        _, speed, gap, target, grade = signals.T
+        time_gap = self._time_gap(signals)
+        behind, far = ideal - speed, gap - time_gap * ideal
+        closing = self.closing_s + self.closing_share * time_gap
+        wanted = np.clip(pull + (2 * behind + far / closing) / closing, -2.0, 1.0)
+        late = np.tanh((gap - target) / np.maximum(speed, 1.0) / 0.3)
+        power = (np.stack([wanted, rate]) + 9.81 * grade) * speed / 8.0
+        return np.column_stack([pull / 0.5, behind, far / 2.0, late, wanted / 0.5, *power])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for policy.json."""
+        return {**asdict(self), "matrix": self.matrix.tolist(), "offset": self.offset.tolist()}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> FeatureMap:
+        """Inverse of to_dict."""
+        arrays = {name: np.array(data[name]) for name in ("matrix", "offset")}
+        radar = data.get("radar")  # policies of before it have none
+        return cls(**{**data, **arrays, "radar": radar and RadarFilter.from_dict(radar)})
+
+
+# Reach of a heavy truck's commands, for simulators that do not state their own `command_range`.
+_ENGINE_REACH = {
+    "N m": (0.0, 2000.0),
+    "percent": (0.0, 100.0),
+    "g/s": (0.0, 18.0),
+    "cm^3/s": (0.0, 21.0),
+}
+_BRAKE_REACH = {"percent": 100.0, "m/s^2": 6.0, "bar": 8.0, None: 0.0}
+
+
+@dataclass(frozen=True)
+class ActionScale:
+    """From actions in [-1, 1] to commands in the interface's units: the engine's range, brake above zero.
+
+    Where `exclusive`, what engine and brake have in common is taken from both, so that never both act.
+    """
+
+    engine_low: float
+    engine_high: float
+    brake_high: float
+    exclusive: bool = False
+
+    @classmethod
+    def of(cls, simulator: Any) -> ActionScale:
+        """Reach of a simulator (or a bare TruckInterface): its `command_range` where it has one."""
+        interface: TruckInterface = getattr(simulator, "interface", simulator)
+        low, high = _ENGINE_REACH[interface.engine_unit]
+        stated = getattr(simulator, "command_range", {})
+        low, high = stated.get("engine_command", (low, high))
+        brake = stated.get("brake_command", (0.0, _BRAKE_REACH[interface.brake_unit]))[1]
+        return cls(float(max(low, 0.0)), float(high), float(brake))
+
+    def commands(self, action: Array) -> Array:
+        """Commands (batch, 2) from actions (batch, 2), which are clipped to [-1, 1]."""
+        action = np.clip(action, -1.0, 1.0)
+        engine, brake = (action[:, 0] + 1) / 2, np.maximum(action[:, 1], 0.0)
+        if self.exclusive:
+            engine, brake = np.maximum(engine - brake, 0.0), np.maximum(brake - engine, 0.0)
+        reach = self.engine_high - self.engine_low
+        return np.column_stack([self.engine_low + engine * reach, brake * self.brake_high])
+
+    @property
+    def limits(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Lowest and highest (engine, brake)."""
+        return (self.engine_low, 0.0), (self.engine_high, self.brake_high)
+
+    def within(self, commands: Array) -> Array:
+        """Commands (batch, 2) cut to their reach."""
+        return np.clip(commands, *self.limits)
+
+    def actions(self, commands: Array) -> Array:
+        """Actions (batch, 2) that give the commands; a released brake is 0."""
+        engine = 2 * (commands[:, 0] - self.engine_low) / (self.engine_high - self.engine_low) - 1
+        return np.column_stack([engine, commands[:, 1] / max(self.brake_high, 1e-12)])

@@ -1,0 +1,157 @@
+"""What the controller node runs: policy, tracker for missing radar, hand-over to a baseline, shield."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_cacc.controllers.baselines import baseline
+from deeptruck_cacc.controllers.loading import load_policy
+from deeptruck_cacc.controllers.policy import MlpPolicy, Observation, Policy
+from deeptruck_cacc.controllers.scaling import ActionScale, require
+from deeptruck_cacc.safety.shield import Promise, Shield
+from deeptruck_cacc.safety.truck_limits import known
+from deeptruck_model.signals import TruckInterface
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass
+class Tracker:
+    """Bridges what the radar does not say: a lost leader keeps its speed, a wild jump is not believed.
+
+    A gap that grows faster than any leader could drive is held off for `disbelieve_s`, then accepted (a
+    cut-out).
+    """
+
+    dt: float
+    disbelieve_s: float = 2.5
+    jump_m: float = 5.0
+    _last: tuple[Array, Array, Array] | None = field(default=None, repr=False)
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self._last = None
+
+    def __call__(self, observation: Observation) -> dict[str, Array]:
+        """The observation with gap and leader speed filled in; NaN only where nothing was ever seen."""
+        names = ("gap", "leader_speed", "speed")
+        columns = (np.atleast_1d(np.asarray(observation[n], float)) for n in names)
+        gap, leader, speed = np.broadcast_arrays(*columns)
+        if self._last is None or len(self._last[0]) != len(gap):
+            self._last = gap, leader, np.zeros(len(gap))
+        old_gap, old_leader, waited = self._last
+        reckoned = old_gap + (old_leader - speed) * self.dt
+        jumped = gap > reckoned + self.jump_m
+        doubtful = ~np.isfinite(gap) | ~np.isfinite(leader) | (jumped & (waited < self.disbelieve_s))
+        doubtful &= np.isfinite(reckoned)
+        waited = np.where(doubtful, waited + self.dt, 0.0)
+        gap, leader = np.where(doubtful, reckoned, gap), np.where(doubtful, old_leader, leader)
+        self._last = gap, leader, waited
+        return {**observation, "gap": gap, "leader_speed": leader, "speed": speed}
+
+
+@dataclass
+class Guard:
+    """A policy fit for a truck. Same contract as Policy; `acted` tells where the shield overrode.
+
+    `handed_over` (batch,) tells where the fallback drove: outside the policy's coverage (until 3 s inside
+    again), or where its commands were not numbers.
+    """
+
+    policy: Policy
+    fallback: Policy
+    shield: Shield | None
+    coverage: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    standstill_m: float = 6.0
+    acted: Flags = field(default_factory=lambda: np.zeros(0, bool))
+    handed_over: Flags = field(default_factory=lambda: np.zeros(0, bool))
+    _tracker: Tracker = field(init=False, repr=False)
+    _away: Array | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        self._tracker = Tracker(self.policy.dt)
+
+    @property
+    def interface(self) -> TruckInterface:
+        """The policy's."""
+        return self.policy.interface
+
+    @property
+    def dt(self) -> float:
+        """The policy's."""
+        return self.policy.dt
+
+    def reset(self) -> None:
+        """Forget the past."""
+        for part in (self.policy, self.fallback, self._tracker, self.shield):
+            if part is not None:
+                part.reset()
+        self._away = None
+
+    def act(self, observation: Observation) -> tuple[Array, Array]:
+        """(engine_command, brake_command) in the interface's units, each (batch,).
+
+        Raises InputError for an observation that lacks a signal.
+        """
+        require(observation)
+        seen = self._tracker(observation)
+        # Near standstill a time gap is no distance: the truck then aims for `standstill_m`.
+        least = self.standstill_m / np.maximum(seen["speed"], 0.5)
+        seen["target_time_gap"] = np.maximum(seen["target_time_gap"], least)
+        own, other = np.array(self.policy.act(seen)), np.array(self.fallback.act(seen))
+        self.handed_over = self._outside(seen) | ~np.isfinite(own).all(axis=0)
+        engine, brake = np.where(self.handed_over, other, own)
+        if self.shield is None:
+            self.acted = np.zeros(len(engine), bool)
+            return engine, brake
+        raw = (np.atleast_1d(np.asarray(observation[n], float)) for n in ("gap", "leader_speed", "speed"))
+        # A radar that says 'further than believed' must not relax the shield: it takes the nearer of the two.
+        gap, leader, speed = np.broadcast_arrays(*raw)
+        doubted = gap > seen["gap"] + 1e-9
+        gap, leader = np.where(doubted, seen["gap"], gap), np.where(doubted, seen["leader_speed"], leader)
+        engine, brake = self.shield.filter(gap, leader, speed, engine, brake)
+        self.acted = self.shield.acted
+        return engine, brake
+
+    def _outside(self, seen: Mapping[str, Any]) -> Flags:
+        """Where a signal is, or was in the last 3 s, out of the coverage by more than a fifth of its span."""
+        batch = len(seen["gap"])
+        if self._away is None or len(self._away) != batch:
+            self._away = np.zeros(batch)
+        out = np.zeros(batch, bool)
+        for name, (low, high) in self.coverage.items():
+            value = np.asarray(seen.get(name, 0.0), float)
+            margin = 0.2 * (high - low) + 1e-3
+            out |= (value < low - margin) | (value > high + margin)
+        self._away = np.where(out, 3.0, np.maximum(self._away - self.dt, 0.0))
+        return np.asarray(self._away > 0)
+
+
+def guard(policy: Policy, promise: Promise | None = None, *, shield: bool = True) -> Guard:
+    """A policy behind tracker, hand-over and, unless `shield` is False, shield.
+
+    The promise is the one given, else the one kept for a truck of this name, else the cautious default.
+    """
+    scale = policy.scale if isinstance(policy, MlpPolicy) else ActionScale.of(policy)
+    promise = replace(promise or known(policy.interface) or Promise(), dt=policy.dt)
+    stands = shield and policy.interface.brake_unit is not None
+    return Guard(
+        policy,
+        baseline("acc", policy.interface, dt=policy.dt),
+        Shield(promise, scale.engine_low, scale.brake_high) if stands else None,
+        policy.coverage if isinstance(policy, MlpPolicy) else {},
+    )
+
+
+def load_controller(
+    path: str | Path, interface: TruckInterface | None = None, *, shield: bool = True
+) -> Guard:
+    """What a controller node should run: load_policy behind a guard."""
+    return guard(load_policy(path, interface), shield=shield)

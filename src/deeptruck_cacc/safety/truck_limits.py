@@ -1,0 +1,109 @@
+"""Measure on a simulator what a Promise assumes of the truck: emergency stops from many states."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_cacc.controllers.scaling import ActionScale
+from deeptruck_cacc.safety.shield import Promise
+from deeptruck_model.errors import InputError
+from deeptruck_model.signals import SPEED, TruckInterface
+from deeptruck_model.simulators import Simulator, load
+
+Array = NDArray[np.float64]
+PREPARE_S, STOP_S = 4.0, 14.0
+
+
+def measure(
+    simulator: Simulator, *, worst_grade: float = -0.03, reserve: float = 0.05, base: Promise | None = None
+) -> Promise:
+    """`base` with braking, response_s and the accelerations of this truck, each worse by the share `reserve`.
+
+    Full braking from 4..30 m/s on the steepest descent meant, out of 0..4 s of idle, half and full engine,
+    so that boost, gear and shifts differ. Raises InputError for a truck that has no brake or does not brake.
+    """
+    if simulator.interface.brake_unit is None:
+        raise InputError("the truck has no brake command: nothing can be promised for it")
+    speed, begin = _emergency_stops(simulator, worst_grade)
+    dt, start = simulator.dt, np.take_along_axis(speed, begin[None], axis=0)[0]
+    rate = np.diff(speed, axis=0) / dt
+    bounds = replace(
+        base or Promise(),
+        dt=dt,
+        max_acceleration=float(rate.max()) * (1 + reserve),
+        power_per_mass=float((rate * speed[1:]).max()) * (1 + reserve),
+    )
+    most = bounds.acceleration_at(start)
+    time = (np.arange(len(speed))[:, None] - begin) * dt
+    moving = (speed > 0.2) & (time > 0)
+    best: Promise | None = None
+    for response in np.arange(dt, 1.55, dt):
+        beyond = time - response
+        late = moving & (beyond > 0)
+        if np.any(moving & (beyond <= 0) & (speed > start + most * time + 1e-9)):
+            continue
+        with np.errstate(divide="ignore", invalid="ignore"):
+            braking = np.where(late, (start + most * response - speed) / beyond, np.inf)
+        found = replace(bounds, braking=float(braking.min()) * (1 - reserve), response_s=float(response))
+        if found.braking > 0.3 and (best is None or _gap(found) < _gap(best)):
+            best = found
+    if best is None:
+        raise InputError(
+            "the truck does not brake by 0.3 m/s^2 at its full brake command: nothing can be promised"
+        )
+    return best
+
+
+def _gap(promise: Promise) -> float:
+    """Needed gap at 20 m/s behind 20 m/s, cold."""
+    v = np.array([20.0])
+    return float(promise.needed_gap(v, v, np.zeros(1), promise.dt)[0])
+
+
+def _emergency_stops(simulator: Simulator, grade: float) -> tuple[Array, NDArray[np.int64]]:
+    """Speeds (T, batch) and the sample at which the full brake was commanded, (batch,)."""
+    if hasattr(simulator, "with_grade_input"):  # the road is there, whether the truck senses it or not
+        simulator = simulator.with_grade_input()
+    scale, dt = ActionScale.of(simulator), simulator.dt
+    speeds, engines, delays = np.arange(4.0, 31.0, 2.0), (0.0, 0.5, 1.0), np.arange(0.0, PREPARE_S, 0.3)
+    v, e, d = (x.ravel() for x in np.meshgrid(speeds, engines, delays))
+    engine, begin = (
+        scale.engine_low + e * (scale.engine_high - scale.engine_low),
+        np.round(d / dt).astype(int),
+    )
+    y0 = np.zeros((len(v), len(simulator.interface.y)))
+    y0[:, SPEED] = v
+    state, w = simulator.reset(y0), np.full((len(v), len(simulator.interface.w)), grade)
+    trace = [v]
+    for k in range(round((PREPARE_S + STOP_S) / dt)):
+        stopping = k >= begin
+        u = np.column_stack([np.where(stopping, scale.engine_low, engine), stopping * scale.brake_high])
+        state, y = simulator.step(state, u, w)
+        trace.append(y[:, SPEED])
+    return np.array(trace), begin
+
+
+TABLE = Path(__file__).with_name("promises.json")
+
+
+def known(interface: TruckInterface) -> Promise | None:
+    """The promise kept for a truck of this name in promises.json, or None."""
+    table = json.loads(TABLE.read_text())
+    return Promise(**table[interface.name]) if interface.name in table else None
+
+
+def main() -> None:
+    """Measure the pool again and rewrite promises.json: python -m deeptruck_cacc.safety.truck_limits."""
+    names = ("trucksim", "freightliner", "volvo")
+    table = {name: measure(load(f"truck:{name}")).to_dict() for name in names}
+    rounded = {name: {k: round(v, 4) for k, v in row.items()} for name, row in table.items()}
+    TABLE.write_text(json.dumps(rounded, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

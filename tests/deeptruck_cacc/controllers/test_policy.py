@@ -1,0 +1,219 @@
+from __future__ import annotations
+
+import errno
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from safetensors.numpy import save_file
+
+from deeptruck_cacc import CaccEnv, MlpPolicy, Policy, load_policy
+from deeptruck_cacc.controllers.baselines import LAWS, baseline
+from deeptruck_cacc.controllers.pedals import PedalMap
+from deeptruck_cacc.controllers.policy import MANIFEST, WEIGHTS
+from deeptruck_cacc.controllers.scaling import ActionScale, FeatureMap
+from deeptruck_cacc.environments import scenes
+from deeptruck_cacc.safety.guard import load_controller
+from deeptruck_model import files
+from deeptruck_model.errors import InputError
+from deeptruck_model.signals import TruckInterface
+
+SEEN = {"leader_speed": 20.0, "speed": 19.0, "gap": 40.0, "target_time_gap": 2.0, "grade": 0.01}
+
+
+def random_policy(memory: bool = True, power: bool = False) -> MlpPolicy:
+    rng = np.random.default_rng(0)
+    features = FeatureMap.default(memory=memory, power=power)
+    sizes = [len(features.names), 25, 25, 25, 2]
+    layers = [(rng.normal(0, 0.4, (b, a)), rng.normal(0, 0.1, b)) for a, b in pairwise(sizes)]
+    truck = TruckInterface("toy")
+    scale = replace(ActionScale.of(truck), exclusive=power)
+    return MlpPolicy(layers, features, scale, truck, {"speed": (7.0, 24.0)}, {"seed": 0})
+
+
+@pytest.mark.parametrize(("memory", "power"), [(True, True), (True, False), (False, False)])
+def test_a_saved_policy_acts_the_same(tmp_path, memory, power):
+    policy = random_policy(memory, power)
+    policy.save(tmp_path / "p")
+    loaded = load_policy(tmp_path / "p")
+    assert isinstance(loaded, Policy)
+    for gap in (40.0, 39.0, 37.0):
+        np.testing.assert_array_equal(policy.act({**SEEN, "gap": gap}), loaded.act({**SEEN, "gap": gap}))
+    assert loaded.coverage == policy.coverage and loaded.card == policy.card
+
+
+def test_whoever_may_read_the_manifest_may_read_the_weights(tmp_path):
+    before = os.umask(0o022)
+    try:
+        random_policy().save(tmp_path / "p")
+    finally:
+        os.umask(before)
+    modes = {file.name: file.stat().st_mode & 0o777 for file in (tmp_path / "p").iterdir()}
+    assert modes == dict.fromkeys((MANIFEST, WEIGHTS, files.LEDGER), 0o644)
+
+
+def test_saving_replaces_a_policy_only_where_asked(tmp_path):
+    random_policy().save(tmp_path / "p")
+    with pytest.raises(InputError, match="p holds a policy already"):
+        random_policy(power=True).save(tmp_path / "p")
+    random_policy(power=True).save(tmp_path / "p", overwrite=True)
+    assert load_policy(tmp_path / "p").features.power
+
+
+def test_the_ideal_follower_nears_the_leaders_speed_with_the_time_gap():
+    features = FeatureMap.default(power=True)
+    memory, column = features.start(1), features.names.index("ideal_speed_error")
+    for k in range(31):
+        leader = 15.0 if k == 0 else 18.0
+        seen, memory = features(np.array([[leader, 15.0, 45.0, 45.0, 0.0]]), memory)
+    assert seen[0, column] == pytest.approx(
+        3.0 * (1 - np.exp(-1)), abs=0.05
+    )  # 3 s later at a time gap of 3 s
+
+
+def test_reset_forgets_and_rows_do_not_mix():
+    policy = random_policy()
+    first = policy.act(SEEN)
+    assert not np.array_equal(policy.act({**SEEN, "gap": 42.0}), first)
+    policy.reset()
+    np.testing.assert_array_equal(policy.act(SEEN), first)
+    policy.reset()
+    both = policy.act({**SEEN, "gap": np.array([40.0, 70.0])})
+    np.testing.assert_allclose(both[0][0], first[0][0])
+
+
+def test_commands_stay_within_reach_and_nan_stays_nan():
+    policy = random_policy()
+    for gap in (-1e6, 0.0, 1e6):
+        engine, brake = policy.act({**SEEN, "gap": gap})
+        assert 0 <= engine[0] <= 2000 and 0 <= brake[0] <= 100
+    assert np.isnan(policy.act({**SEEN, "gap": np.nan})[0][0])
+
+
+def test_the_node_needs_no_training_stack(tmp_path):
+    random_policy().save(tmp_path / "p")
+    code = (
+        "import sys; from deeptruck_cacc import load_policy; "
+        f"p = load_policy({str(tmp_path / 'p')!r}); p.act({SEEN!r}); "
+        f"load_policy('baseline:acc').act({SEEN!r}); "
+        "bad = {'torch', 'gymnasium', 'stable_baselines3', 'pickle5'} & set(sys.modules); assert not bad, bad"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+
+
+def without(*keys: str) -> Callable[[Path], None]:
+    """Damage: the manifest without one of its entries."""
+
+    def damage(path: Path) -> None:
+        manifest = json.loads((path / MANIFEST).read_text())
+        part = manifest
+        for key in keys[:-1]:
+            part = part[key]
+        del part[keys[-1]]
+        (path / MANIFEST).write_text(json.dumps(manifest))
+
+    return damage
+
+
+def changed(part: str, name: str, value: object) -> Callable[[Path], None]:
+    """Damage: another value in the manifest."""
+
+    def damage(path: Path) -> None:
+        manifest = json.loads((path / MANIFEST).read_text())
+        manifest[part][name] = value
+        (path / MANIFEST).write_text(json.dumps(manifest))
+
+    return damage
+
+
+def halved(name: str) -> Callable[[Path], None]:
+    """Damage: half of a file."""
+    return lambda path: os.truncate(path / name, (path / name).stat().st_size // 2)
+
+
+@pytest.mark.parametrize(
+    ("damage", "says"),
+    [
+        (lambda p: (p / MANIFEST).unlink(), "has no policy.json"),
+        (halved(MANIFEST), "p/policy.json is damaged"),
+        (without("coverage"), "p/policy.json lacks 'coverage': it is damaged or of another version"),
+        (without("features", "matrix"), "p/policy.json lacks 'features.matrix'"),
+        (without("action", "engine_low"), "p/policy.json lacks 'action.engine_low'"),
+        (without("features", "power"), "do not fit one another"),
+        (changed("features", "dt", 0.0), "p/policy.json has an impossible features.dt: it is damaged"),
+        (changed("features", "slow_s", 0.0), "p/policy.json has an impossible features.slow_s"),
+        (changed("action", "brake_high", -100.0), "p/policy.json has an impossible action"),
+        (changed("action", "engine_high", "much"), "do not fit one another"),
+        (changed("coverage", "speed", [float("nan"), 24.0]), "p/policy.json has an impossible coverage"),
+        (lambda p: (p / WEIGHTS).write_bytes(b"xx"), "p/policy.safetensors is damaged"),
+        (halved(WEIGHTS), "p/policy.safetensors is damaged"),
+        (lambda p: (p / WEIGHTS).unlink(), "p/policy.safetensors is missing"),
+        (lambda p: save_file({"0.weight": np.eye(2)}, p / WEIGHTS), "safetensors lacks '0.bias'"),
+    ],
+)
+def test_a_damaged_directory_is_one_clear_line(tmp_path, damage, says):
+    random_policy(power=True).save(tmp_path / "p")
+    damage(tmp_path / "p")
+    with pytest.raises(InputError) as error:
+        load_policy(tmp_path / "p")
+    line = str(error.value)
+    assert says in line and "\n" not in line and line.count("train") == 1
+
+
+def test_a_full_disk_is_one_line_and_leaves_the_policy_that_was_there(tmp_path, monkeypatch):
+    random_policy().save(tmp_path / "p")
+    before = (tmp_path / "p" / WEIGHTS).read_bytes()
+
+    def full(path: Path, content: bytes) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(InputError, match=f"cannot write {tmp_path}/p: No space left on device; make room"):
+        random_policy(power=True).save(tmp_path / "p", overwrite=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["p"]
+    assert (tmp_path / "p" / WEIGHTS).read_bytes() == before
+
+
+def test_an_observation_without_a_signal_says_which(tmp_path):
+    random_policy().save(tmp_path / "p")
+    with pytest.raises(InputError, match="observation lacks gap; a policy needs leader_speed"):
+        load_controller(tmp_path / "p").act({"leader_speed": 20.0, "speed": 20.0, "target_time_gap": 2.0})
+
+
+def test_a_policy_for_another_truck_is_refused(tmp_path):
+    random_policy().save(tmp_path / "p")
+    assert json.loads((tmp_path / "p" / MANIFEST).read_text())["action"]["units"]["engine_command"] == "N m"
+    with pytest.raises(InputError, match="percent"):
+        load_policy(tmp_path / "p", TruckInterface("volvo", "percent", "m/s^2"))
+
+
+def test_unknown_baseline_lists_the_known_ones():
+    with pytest.raises(InputError, match="acc, cacc, idm, pi"):
+        load_policy("baseline:magic")
+
+
+@pytest.mark.parametrize("name", sorted(LAWS))
+def test_baselines_follow_a_steady_leader(toy, name):
+    env = CaccEnv(toy, batch=20, seed=2, draw=scenes.graded)
+    policy = baseline(name, toy.interface, PedalMap.calibrate(toy))
+    seen = env.reset()
+    while not env.done:
+        seen, _, info = env.step(np.column_stack(policy.act(seen)))
+    assert np.abs(info["speed_error"]).max() < 0.15
+    if name != "idm":
+        assert np.abs(info["time_gap_error"]).max() < 0.1
+
+
+def test_calibrated_pedals_give_the_wanted_acceleration(toy):
+    pedals = PedalMap.calibrate(toy)
+    wanted = np.array([0.5, 0.0, -2.0])
+    engine, brake = pedals.commands(wanted, np.full(3, 15.0), np.array([0.02, -0.02, 0.0]))
+    got = engine / 1000 - 0.06 * brake - 0.05 - 9.81 * np.array([0.02, -0.02, 0.0])
+    np.testing.assert_allclose(got, wanted, atol=0.05)

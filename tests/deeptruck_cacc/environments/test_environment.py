@@ -1,0 +1,177 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from stable_baselines3.common.env_checker import check_env as check_sb3
+
+from deeptruck_cacc import CaccEnv, Reward
+from deeptruck_cacc.controllers.scaling import ActionScale, FeatureMap, paper_signals
+from deeptruck_cacc.environments import scenes
+from deeptruck_cacc.environments.adapters import CaccGymEnv, CaccSb3VecEnv, CaccVectorEnv
+from deeptruck_model.errors import InputError
+
+
+def test_kinematics_are_the_papers_equations(toy):
+    env = CaccEnv(toy, batch=4, steps=20, draw=scenes.moving, seed=1)
+    env.reset()
+    p_leader, v_leader = np.array(env.gap), np.array(env.leader_speed)
+    p_ego, v_ego = np.zeros(4), np.array(env.speed)
+    state = toy.reset(np.column_stack([np.zeros(4), v_ego, np.zeros(4)]))
+    commands = np.tile([900.0, 0.0], (4, 1))
+    for k in range(20):
+        _, _, info = env.step(commands)
+        state, y = toy.step(state, commands, env.scene.grade[:, k : k + 1])
+        p_leader, p_ego = p_leader + v_leader * 0.1, p_ego + v_ego * 0.1
+        v_leader, v_ego = v_leader + env.scene.leader_acceleration[:, k] * 0.1, y[:, 1]
+        np.testing.assert_allclose(info["gap"], p_leader - p_ego, atol=1e-9)
+        np.testing.assert_allclose(info["speed_error"], v_leader - v_ego, atol=1e-12)
+    assert env.done
+
+
+def test_initial_distributions_are_the_papers(toy):
+    scene = scenes.paper(np.random.default_rng(0), 20000, 5, 0.1)
+    assert 8.3 <= scene.leader_speed.min() < 8.4
+    assert 22.1 < scene.leader_speed.max() <= 22.2
+    for error in (scene.speed - scene.leader_speed, scene.gap - scene.speed * scene.time_gap):
+        assert -1.39 - 1e-9 <= error.min() < -1.38
+        assert 1.38 < error.max() <= 1.39 + 1e-9
+    assert scene.time_gap.min() >= 2.0 and scene.time_gap.max() <= 5.0
+    assert not scene.leader_acceleration.any()
+
+
+def test_reward_matches_the_printed_form_and_charges_a_crash():
+    plain = Reward.paper()
+    r = plain(np.array([50.0, 1.0]), np.array([2.0, 2.0]), np.array([0.5, 0.5]), 0.5, 0.0)
+    expected = -(0.2 * 4 + 0.5 * 0.25 + 0.01 * 0.25)
+    np.testing.assert_allclose(r / plain.scale, [expected, expected - 100.0])
+
+
+def test_shaped_reward_is_square_near_zero_and_linear_far_away():
+    reward = Reward()
+    near = reward.tracking(np.array([0.01]), 0.0)
+    assert near == pytest.approx(reward.alpha_p * 1e-4, rel=1e-3)
+    slope = reward.tracking(np.array([101.0]), 0.0) - reward.tracking(np.array([100.0]), 0.0)
+    assert slope == pytest.approx(2 * reward.knee_gap_m * reward.alpha_p, rel=1e-3)
+
+
+def test_observation_map_is_invertible_and_actions_round_trip(toy):
+    features = FeatureMap.default(memory=False)
+    signals = np.array([[20.0, 19.0, 41.0, 40.0, 0.02]])
+    x, _ = features(signals, features.start(1))
+    back = np.linalg.solve(features.matrix, (x - features.offset).T).T
+    np.testing.assert_allclose(back, signals)
+    scale = ActionScale.of(toy)
+    commands = np.array([[700.0, 0.0], [0.0, 35.0]])
+    np.testing.assert_allclose(scale.commands(scale.actions(commands)), commands)
+
+
+def test_exclusive_pedals_never_act_together_and_leave_the_rest(toy):
+    scale = replace(ActionScale.of(toy), exclusive=True)
+    commands = np.array([[700.0, 0.0], [0.0, 35.0]])
+    np.testing.assert_allclose(scale.commands(scale.actions(commands)), commands)
+    both = scale.commands(np.array([[0.2, 0.1], [-0.8, 0.5], [0.0, 0.5]]))
+    np.testing.assert_allclose(both, [[1000.0, 0.0], [0.0, 40.0], [0.0, 0.0]], atol=1e-9)
+
+
+def test_power_features_say_what_following_takes():
+    features = FeatureMap.default(power=True)
+    assert features.names[8:] == (
+        "ideal_acceleration",
+        "ideal_speed_error",
+        "ideal_gap_error",
+        "time_gap_error",
+        "wanted_acceleration",
+        "wanted_power",
+        "power",
+        "engine_action",
+        "brake_action",
+    )
+    signals = np.array([[17.2, 17.0, 52.0, 51.0, 0.01]])  # 0.2 m/s slower, 1 m too far, Tg 3 s, uphill
+    x, memory = features(signals, features.start(1))
+    closing = 0.8 + 0.1 * 3.0  # the ideal follower has 17.2 m/s and 51.6 m
+    wanted = (2 * 0.2 + 0.4 / closing) / closing
+    slope = 9.81 * 0.01
+    powers = [(wanted + slope) * 17 / 8, slope * 17 / 8]
+    expected = [0.0, 0.2, 0.2, np.tanh(1 / 17 / 0.3), 2 * wanted, *powers, 0.0, 0.0]
+    np.testing.assert_allclose(x[0, 8:], expected, atol=1e-9)
+    memory = features.remember(memory, np.array([[0.5, -3.0]]))
+    np.testing.assert_allclose(memory[0, 3:6], [17.2, 0.1, -0.2])
+    assert features.remember(memory[:, :3], np.ones((1, 2))).shape == (1, 3)  # a policy without power
+
+
+def test_a_wide_gap_does_not_wind_up_the_integral():
+    features = FeatureMap.default(power=True)
+    for error, share in ((0.1, 1 / 1.01), (20.0, 1 / 401)):
+        signals = np.array([[18.0, 18.0, 54.0 + error, 54.0, 0.0]])
+        assert features(signals, features.start(1))[1][0, 0] == pytest.approx(0.1 * error * share)
+
+
+def test_target_gap_is_speed_times_time_gap():
+    seen = {"leader_speed": 20.0, "speed": 18.0, "gap": 40.0, "target_time_gap": 2.0}
+    np.testing.assert_allclose(paper_signals(seen), [[20.0, 18.0, 40.0, 36.0, 0.0]])
+    with pytest.raises(InputError, match="gap"):
+        paper_signals({"leader_speed": 20.0, "speed": 18.0})
+
+
+def test_gymnasium_face_passes_check_env_and_is_registered(toy):
+    check_env(gymnasium.make("deeptruck/Cacc-v0", simulator=toy, steps=30).unwrapped, skip_render_check=True)
+    check_sb3(CaccGymEnv(toy, steps=30))
+
+
+def test_seeds_reproduce(toy):
+    def run(seed: int) -> np.ndarray:
+        env = CaccGymEnv(toy, steps=30)
+        seen = [env.reset(seed=seed)[0]]
+        seen += [env.step(np.array([0.2, -1.0], np.float32))[0] for _ in range(30)]
+        seen.append(env.reset()[0])
+        return np.array(seen)
+
+    np.testing.assert_array_equal(run(3), run(3))
+    assert not np.array_equal(run(3), run(4))
+
+
+def test_info_carries_what_a_driver_feels(toy):
+    env = CaccGymEnv(toy, steps=5)
+    env.reset(seed=0)
+    info = env.step(np.array([1.0, -1.0], np.float32))[-1]
+    assert {"acceleration", "jerk", "fuel", "gap", "ttc"} <= set(info)
+    assert info["jerk"] == pytest.approx(info["acceleration"] / 0.1)
+
+
+def test_all_faces_show_the_same_batch(toy):
+    single, vector = CaccSb3VecEnv(toy, 3, steps=6, seed=5), CaccVectorEnv(toy, 3, steps=6)
+    single.seed(7)
+    a, (b, _) = single.reset(), vector.reset(seed=7)
+    action = np.zeros((3, 2), np.float32)
+    for k in range(6):
+        np.testing.assert_array_equal(a, b)
+        single.step_async(action)
+        a, reward, done, infos = single.step_wait()
+        b, reward_b, _, truncated, info = vector.step(action)
+        np.testing.assert_allclose(reward, reward_b, rtol=1e-6)
+        assert done.all() == truncated.all() == (k == 5)
+    np.testing.assert_array_equal(infos[1]["terminal_observation"], info["final_obs"][1])
+
+
+def test_radar_faults_are_seen_and_not_felt(toy):
+    scene = scenes.paper(np.random.default_rng(0), 2, 10, 0.1)
+    seen, offset = np.ones((2, 10), bool), np.zeros((2, 10))
+    seen[0, 3], offset[1, 3] = False, 30.0
+    clean, faulty = CaccEnv(toy), CaccEnv(toy)
+    clean.reset(scene)
+    faulty.reset(scenes.replace(scene, seen=seen, seen_gap_offset=offset))
+    commands = np.tile([300.0, 0.0], (2, 1))
+    for _ in range(3):
+        expected, *_ = clean.step(commands)
+        got, *_ = faulty.step(commands)
+    assert np.isnan(got["gap"][0]) and got["gap"][1] == pytest.approx(expected["gap"][1] + 30.0)
+    np.testing.assert_array_equal(clean.gap, faulty.gap)
+
+
+def test_unknown_scene_is_refused(toy):
+    with pytest.raises(InputError, match="known: paper"):
+        CaccGymEnv(toy, scene="moon")

@@ -1,0 +1,158 @@
+from __future__ import annotations
+
+import errno
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deeptruck_cacc.controllers.baselines import baseline
+from deeptruck_cacc.controllers.pedals import PedalMap
+from deeptruck_cacc.environments import hard_scenes
+from deeptruck_cacc.environments.rollouts import Trace, roll_out
+from deeptruck_cacc.evaluation import evaluate, metrics, platoon, report, table
+from deeptruck_model import files
+from deeptruck_model.errors import InputError
+
+
+@pytest.fixture
+def cacc(toy):
+    return baseline("cacc", toy.interface, PedalMap.calibrate(toy))
+
+
+def test_evaluate_writes_metrics_and_figures(toy, cacc, tmp_path):
+    results = evaluate(cacc, toy, tmp_path / "e", rollouts=10)
+    assert json.loads((tmp_path / "e" / "metrics.json").read_text()) == results
+    assert set(results["sets"]) == {"paper", "moving", "gap_closing", "long_following"}
+    for name in results["sets"]:
+        assert (tmp_path / "e" / f"{name}.png").stat().st_size > 10_000
+    row = results["sets"]["paper"]
+    closing = results["sets"]["gap_closing"]
+    assert 0 < closing["closed_s_paper_bounds_median"] <= closing["closed_s_paper_bounds"]
+    assert row["crashes"] == 0 and row["time_gap_error_after_10s"]["worst_abs"] < 0.2
+    assert table(results).row_count == 4
+    evaluate(cacc, toy, tmp_path / "bare", rollouts=2, draw=False)
+    assert {path.name for path in (tmp_path / "bare").iterdir()} == {"metrics.json", files.LEDGER}
+
+
+def test_a_file_in_the_way_is_refused(toy, cacc, tmp_path):
+    (tmp_path / "e").write_text("x")
+    with pytest.raises(InputError, match="is a file"):
+        evaluate(cacc, toy, tmp_path / "e")
+
+
+def test_a_disk_that_fills_leaves_the_evaluation_that_was_there(toy, cacc, tmp_path, monkeypatch):
+    evaluate(cacc, toy, tmp_path / "e", rollouts=2, draw=False)
+    before = {path.name: path.read_bytes() for path in (tmp_path / "e").iterdir()}
+    drawn = report.figures.field_run
+
+    def full(*arguments: object, **options: object) -> None:
+        drawn(*arguments, **options)
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(report.figures, "field_run", full)
+    monkeypatch.setattr(report.figures, "error_bands", lambda trace, title, path: path.write_bytes(b"x"))
+    with pytest.raises(InputError, match=f"cannot write {tmp_path}/e: No space left on device; make room"):
+        evaluate(cacc, toy, tmp_path / "e", rollouts=3, overwrite=True)
+    assert {path.name: path.read_bytes() for path in (tmp_path / "e").iterdir()} == before
+
+
+def test_error_statistics_of_known_numbers():
+    values = np.array([[1.0, -1.0], [0.5, -0.5]])
+    got = metrics.error(values)
+    assert got["mean"] == 0 and got["worst_abs"] == 1.0 and got["mean_abs"] == 0.75
+    band = metrics.over_time(values)
+    np.testing.assert_allclose(band["sd"], [1.0, 0.5])
+    np.testing.assert_allclose(band["max"], [1.0, 0.5])
+
+
+def test_a_summary_counts_only_where_the_truck_had_the_power(toy, cacc):
+    trace = roll_out(toy, cacc, hard_scenes.moving(np.random.default_rng(0), 4, 300, toy.dt))
+    trace.signals["time_gap_error"] = np.zeros((300, 4))
+    trace["time_gap_error"][150, 1:3] = 0.3, 0.2
+    reach = np.ones((300, 4), bool)
+    reach[150, 1] = False
+    row = metrics.summary(trace, reach)
+    assert row["time_gap_error_after_10s"]["worst_abs"] == 0.3
+    assert row["time_gap_worst_within_reach"] == 0.2 and row["rollouts_within_0.1_s"] == 3
+    assert row["time_gap_p99_within_reach"] == 0.0
+
+
+def test_settling_time_is_the_last_time_outside():
+    scene = hard_scenes.settled(2, 4, 20.0, 2.0)
+    errors = np.array([[1.0, 0.0], [0.0, 0.0], [0.4, 0.0], [0.0, 0.9]])
+    trace = Trace(0.1, scene, {"time_gap_error": errors, "speed_error": 0 * errors})
+    np.testing.assert_allclose(metrics.settling_time(trace, 0.35, 0.2), [0.3, np.inf])
+
+
+@pytest.mark.parametrize("name", sorted(hard_scenes.HARD))
+def test_every_scene_is_well_formed_and_drivable(toy, cacc, name):
+    draw, seconds = hard_scenes.HARD[name]
+    steps = round(min(seconds, 70.0) / toy.dt)
+    scene = draw(np.random.default_rng(0), 5, steps, toy.dt)
+    assert scene.batch == 5 and scene.steps == steps
+    for history in (scene.gap_jump, scene.seen, scene.seen_gap_offset, scene.hidden_grade):
+        assert history is None or history.shape == (5, steps)
+    from deeptruck_cacc.safety.guard import guard
+
+    trace = roll_out(toy, guard(cacc, shield=False), scene)
+    assert np.isfinite(trace["gap"]).all() and not np.isnan(trace["engine_command"]).any()
+
+
+def test_platoon_followers_follow_the_truck_before_them(toy, cacc):
+    first = hard_scenes.settled(2, 100, 18.0, 1.5)
+    pull = np.zeros((2, 100))
+    pull[:, 20:40] = -1.0
+    traces = platoon.drive(toy, cacc, replace(first, leader_acceleration=pull), trucks=3)
+    np.testing.assert_allclose(traces[1]["leader_speed"], traces[0]["speed"], atol=1e-9)
+
+
+def test_a_linear_follower_amplifies_as_its_transfer_function_says(toy):
+    class Proportional:
+        """v' = k (v_leader - v) on a truck without lag: gain k / sqrt(k^2 + w^2)."""
+
+        interface, dt = toy.interface, 0.1
+
+        def reset(self):
+            pass
+
+        def act(self, o):
+            wanted = 0.5 * (o["leader_speed"] - o["speed"])
+            u = wanted + 0.05
+            return 1000 * np.maximum(u, 0), np.maximum(-u, 0) / 0.06
+
+    toy = replace(toy, lag=0.1)
+    row = platoon.string_stability(toy, Proportional(), trucks=2)
+    omega = 2 * np.pi * np.array(row["frequency_hz"])
+    np.testing.assert_allclose(row["worst_speed_amplification"], 0.5 / np.hypot(0.5, omega), rtol=0.08)
+
+
+def test_what_the_radar_adds_is_no_amplification(toy, cacc):
+    clear, noisy = (platoon.string_stability(toy, cacc, trucks=2, v2v=v2v) for v2v in (True, False))
+    slow = slice(0, 6)  # above, a truck passes on less than the noise makes it do
+    np.testing.assert_allclose(
+        noisy["worst_speed_amplification"][slow], clear["worst_speed_amplification"][slow], atol=0.05
+    )
+    rows = np.sin(np.outer(2 * np.pi * platoon.FREQUENCIES, 0.1 * np.arange(2000)))
+    np.testing.assert_allclose(platoon._coefficient(np.vstack([rows, 3 * rows]), 0.1), 2.0, rtol=0.05)
+    np.testing.assert_allclose(platoon._coefficient(np.vstack([rows, -rows]), 0.1), 0.0, atol=1e-9)
+
+
+def test_recorded_leaders_where_the_data_is_present():
+    try:
+        speeds = hard_scenes.recorded_leaders("human", 40.0)
+    except InputError as absent:
+        pytest.skip(str(absent))
+    assert speeds.shape[1] == 401 and speeds.min() > 5.0
+    scene = hard_scenes.recorded(speeds, 2.0)
+    np.testing.assert_allclose(scene.leader_speed, speeds[:, 0])
+    with pytest.raises(InputError, match="known: human, acc"):
+        hard_scenes.recorded_leaders("robot")
+
+
+def test_a_learning_curve_is_drawn_up_to_a_line_cut_short(tmp_path):
+    (tmp_path / "learning_curve.jsonl").write_text('{"cost": [1.0]}\n{"cost": [0.5]}\n{"cos')
+    report._draw_learning(tmp_path, tmp_path)
+    assert report._whole_lines(tmp_path / "learning_curve.jsonl") == [{"cost": [1.0]}, {"cost": [0.5]}]
+    assert (tmp_path / "learning_curve.png").exists()

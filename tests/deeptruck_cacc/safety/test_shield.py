@@ -1,0 +1,191 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deeptruck_cacc.controllers.baselines import baseline
+from deeptruck_cacc.controllers.pedals import PedalMap
+from deeptruck_cacc.environments import hard_scenes, scenes
+from deeptruck_cacc.environments.rollouts import roll_out
+from deeptruck_cacc.safety import proof, truck_limits
+from deeptruck_cacc.safety.guard import Tracker, guard, load_controller
+from deeptruck_cacc.safety.shield import Promise, Shield
+from deeptruck_model import simulators
+from deeptruck_model.errors import InputError
+from deeptruck_model.signals import TruckInterface
+
+PROMISE = Promise()
+
+
+def column(*values: float) -> np.ndarray:
+    return np.array(values, float)
+
+
+def stopping_margin(p: Promise, gap: float, speed: float, leader: float, wait: float) -> float:
+    """The requirement in small steps: the leader brakes at its bound, the truck late and then at its own."""
+    h, t, least = 0.001, 0.0, gap
+    rise = float(p.acceleration_at(column(speed))[0])
+    peak = speed + rise * (wait + p.response_s)
+    braking = float(p.braking_when(column(p.stop_heat * 0.5 * peak**2))[0])
+    while speed > 0:
+        speed += h * (rise if t < wait + p.response_s else -braking)
+        leader = max(leader - h * p.leader_braking, 0.0)
+        gap += h * (leader - max(speed, 0.0))
+        least, t = min(least, gap), t + h
+    return least - p.d_safety
+
+
+@pytest.mark.parametrize("speed", [3.0, 10.0, 20.0, 30.0])
+@pytest.mark.parametrize("leader", [0.0, 8.0, 20.0, 31.0])
+def test_needed_gap_suffices_and_is_not_much_too_large(speed, leader):
+    gap = float(PROMISE.needed_gap(column(speed), column(leader), column(0.0), PROMISE.dt)[0])
+    margin = stopping_margin(PROMISE, gap, speed, leader, PROMISE.dt)
+    assert margin >= 0
+    if gap > PROMISE.d_safety:
+        assert margin < 0.1 * gap
+
+
+def test_random_policies_leaders_and_radars_find_no_violation():
+    outcome = proof.random_search(PROMISE, 3000)
+    assert outcome.violations == 0 and outcome.rollouts == 3000
+    assert proof.random_search(PROMISE, 500, shielded=False).violations > 100
+
+
+def test_adversarial_search_finds_no_violation_and_finds_a_broken_shield():
+    outcome = proof.adversarial_search(PROMISE, population=300, generations=8)
+    assert outcome.violations == 0
+    assert outcome.least_margin_m < 1.0  # it gets close: the search is worth something
+
+    class Late(Promise):
+        """A shield that believes in brakes a fifth better than they are."""
+
+        def needed_gap(self, speed, leader_speed, heat, wait_s):
+            return replace(PROMISE, braking=1.2 * PROMISE.braking).needed_gap(
+                speed, leader_speed, heat, wait_s
+            )
+
+    broken = proof.adversarial_search(Late(), population=300, generations=6)
+    assert broken.violations > 0
+
+
+@pytest.mark.parametrize("engine", [np.nan, np.inf, 1e9, -1e9])
+def test_a_policy_that_is_not_a_number_slows_down_and_never_drives(engine):
+    shield = Shield(PROMISE, 0.0, 100.0)
+    sent_engine, sent_brake = shield.filter(
+        column(200.0), column(20.0), column(20.0), column(engine), column(np.nan)
+    )
+    assert sent_engine[0] == 0.0 and sent_brake[0] > 0 and shield.acted[0]
+
+
+def test_it_lets_a_safe_command_pass_untouched():
+    shield = Shield(PROMISE, 0.0, 100.0)
+    sent = shield.filter(column(100.0), column(20.0), column(20.0), column(700.0), column(0.0))
+    np.testing.assert_array_equal(np.ravel(sent), [700.0, 0.0])
+    assert not shield.acted[0]
+
+
+def test_it_brakes_when_nothing_was_ever_seen_and_soon_when_the_leader_is_lost():
+    shield, nan = Shield(PROMISE, 0.0, 100.0), column(np.nan)
+    assert shield.filter(nan, nan, column(20.0), column(500.0), column(0.0))[1][0] == 100.0
+    shield.reset()
+    braked_after = None
+    shield.filter(column(50.0), column(20.0), column(20.0), column(500.0), column(0.0))
+    for k in range(40):
+        _, brake = shield.filter(nan, nan, column(20.0), column(500.0), column(0.0))
+        if brake[0] == 100.0 and braked_after is None:
+            braked_after = k * 0.1
+    assert braked_after is not None and braked_after < 3.0
+
+
+def test_hot_brakes_need_more_room():
+    shield = Shield(PROMISE, 0.0, 100.0)
+    for _ in range(600):
+        shield.filter(column(500.0), column(20.0), column(20.0), column(0.0), column(20.0))
+    cold = PROMISE.needed_gap(column(20.0), column(20.0), column(0.0), 0.1)
+    assert PROMISE.needed_gap(column(20.0), column(20.0), shield._seen[3], 0.1) > cold + 5.0
+
+
+@pytest.fixture(scope="module")
+def truck():
+    return simulators.load("truck:trucksim")
+
+
+def test_measured_limits_hold_on_the_truck_and_are_plausible(truck):
+    promise = truck_limits.measure(truck)
+    assert 3.5 < promise.braking < 7.0 and 0.1 <= promise.response_s <= 1.0
+    weak = truck_limits.measure(truck.with_parameters({"brake_gain": 0.5}))
+    assert weak.braking < 0.6 * promise.braking
+
+
+def test_no_crash_behind_a_full_stop_whatever_the_policy(truck):
+    class Wild:
+        interface, dt = truck.interface, truck.dt
+
+        def reset(self):
+            self.rng = np.random.default_rng(0)
+
+        def act(self, observation):
+            n = len(np.atleast_1d(observation["gap"]))
+            engine = self.rng.uniform(0, 3000, n)
+            return np.where(self.rng.random(n) < 0.1, np.nan, engine), np.zeros(n)
+
+    driver = guard(Wild(), truck_limits.measure(truck))
+    driver.fallback = Wild()  # nothing sensible behind it
+    scene = hard_scenes.stop(np.random.default_rng(1), 200, 400, truck.dt)
+    assert not roll_out(truck, driver, scene)["crash"].any()
+    always = [np.full(200, 1500.0), np.zeros(200)]
+    Wild.act = lambda self, observation: always
+    assert roll_out(truck, Wild(), scene)["crash"].any()
+
+
+def test_the_shield_costs_a_good_policy_nothing_in_the_papers_scenes(truck):
+    driver = guard(baseline("cacc", truck.interface, PedalMap.calibrate(truck)), truck_limits.measure(truck))
+    trace = roll_out(truck, driver, scenes.paper(np.random.default_rng(0), 100, 400, truck.dt))
+    assert trace["acted"].mean() < 1e-3
+
+
+@pytest.mark.parametrize("name", ["trucksim", "freightliner", "volvo"])
+def test_the_kept_promises_are_not_better_than_the_trucks(name):
+    truck = simulators.load(f"truck:{name}")
+    kept, measured = truck_limits.known(truck.interface), truck_limits.measure(truck, reserve=0.0)
+    v = np.arange(4.0, 30.0)
+    cold = np.zeros(len(v))
+    assert (kept.needed_gap(v, v, cold, 0.1) >= measured.needed_gap(v, v, cold, 0.1)).all()
+
+
+def test_a_truck_without_brakes_gets_no_promise():
+    class Coaster:
+        interface = TruckInterface("x", brake_unit=None)
+        dt = 0.1
+
+    with pytest.raises(InputError, match="no brake"):
+        truck_limits.measure(Coaster())
+
+
+def test_tracker_bridges_a_dropout_and_disbelieves_a_jump():
+    tracker = Tracker(0.1)
+    for k in range(10):
+        seen = tracker({"gap": 40.0 - 0.1 * k, "leader_speed": 19.0, "speed": 20.0})
+    lost = tracker({"gap": np.nan, "leader_speed": np.nan, "speed": 20.0})
+    assert lost["gap"][0] == pytest.approx(39.0) and lost["leader_speed"][0] == 19.0
+    jumped = [tracker({"gap": 75.0, "leader_speed": 22.0, "speed": 20.0})["gap"][0] for _ in range(40)]
+    assert jumped[5] < 40.0 and jumped[-1] == 75.0
+    nearer = tracker({"gap": 20.0, "leader_speed": 19.0, "speed": 20.0})
+    assert nearer["gap"][0] == 20.0 and seen["gap"][0] == pytest.approx(39.1)
+
+
+def test_outside_its_coverage_the_fallback_drives(truck):
+    driver = load_controller("baseline:cacc", truck.interface)
+    driver.coverage = {"speed": (8.0, 22.0)}
+    seen = {"leader_speed": 20.0, "speed": 20.0, "gap": 60.0, "target_time_gap": 3.0, "grade": 0.0}
+    driver.act(seen)
+    assert not driver.handed_over[0]
+    driver.act({**seen, "speed": 30.0})
+    assert driver.handed_over[0]
+    driver.act(seen)
+    assert driver.handed_over[0]  # for three seconds more
+    for _ in range(30):
+        driver.act(seen)
+    assert not driver.handed_over[0]

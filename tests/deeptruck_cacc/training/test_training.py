@@ -1,0 +1,296 @@
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from deeptruck_cacc import load_policy
+from deeptruck_cacc.controllers.pedals import PedalMap
+from deeptruck_cacc.controllers.scaling import ActionScale, FeatureMap
+from deeptruck_cacc.environments import scenes
+from deeptruck_cacc.environments.reward import Reward
+from deeptruck_cacc.environments.rollouts import roll_out
+from deeptruck_cacc.training import analytic, progress, settings, train, trpo, validation
+from deeptruck_cacc.training.network import SeedBatch
+from deeptruck_cacc.training.road import Road
+from deeptruck_cacc.training.settings import TrpoSeedsConfig
+from deeptruck_model import files
+from deeptruck_model.errors import InputError
+
+torch.set_num_threads(1)
+QUICK = analytic.AnalyticConfig(seeds=2, rollouts=6, iterations=6, window=40, validate_every=3)
+QUICK_TRPO = trpo.TrpoConfig(iterations=4, environments=5, path=80, validate_every=2)
+SEEDS = TrpoSeedsConfig(seeds=2, iterations=4, environments=5, path=60, validate_every=2)
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory, request):
+    toy = request.getfixturevalue("shared_toy")
+    out = tmp_path_factory.mktemp("trained") / "policy"
+    config = analytic.AnalyticConfig(seeds=2, rollouts=10, iterations=40, window=60, learning_rate=1e-3)
+    return toy, out, train(toy, out, config=config)
+
+
+def test_identity_case_meets_the_papers_figures(trained):
+    toy, out, _ = trained
+    scene = scenes.paper(np.random.default_rng(99), 100, 400, toy.dt)
+    trace = roll_out(toy, load_policy(out), scene)
+    assert np.abs(trace["time_gap_error"][100:]).max() < 0.05
+    assert np.abs(trace["speed_error"][250:]).max() < 0.03
+    assert not trace["crash"].any()
+
+
+def test_it_reaches_a_truck_that_is_heavier_and_slower(trained, make_toy):
+    _, out, _ = trained
+    truck = make_toy(lag=0.5, mass_factor=1.4)
+    trace = roll_out(truck, load_policy(out), scenes.graded(np.random.default_rng(3), 100, 400, 0.1))
+    assert np.abs(trace["time_gap_error"][100:]).max() < 0.08
+
+
+def test_the_card_says_what_was_done(trained):
+    _, out, policy = trained
+    card = json.loads((out / "policy.json").read_text())["card"]
+    assert card["trainer"] == "analytic" and card["config"]["iterations"] == 40
+    assert card["validation"]["score"] == min(
+        json.loads((out / "seeds" / s / "policy.json").read_text())["card"]["validation"]["score"]
+        for s in "01"
+    )
+    assert set(policy.coverage) == {"leader_speed", "speed", "gap", "target_time_gap", "grade"}
+    assert any((out / "tensorboard").iterdir())
+
+
+@pytest.mark.usefixtures("quick_exam")
+def test_the_best_of_all_validations_is_kept_and_the_last_iteration_is_validated(toy, tmp_path):
+    out = tmp_path / "p"
+    policy = train(toy, out, config=replace(QUICK, memory=False))
+    curve = [json.loads(line) for line in (out / "learning_curve.jsonl").read_text().splitlines()]
+    assert "validation" in curve[-1]
+    best = np.min([line["validation"] for line in curve if "validation" in line], axis=0)
+    assert policy.card["validation"]["score"] == best.min()
+
+
+def test_a_start_that_follows_better_than_what_comes_of_it_is_kept(toy, tmp_path):
+    config = replace(QUICK, seeds=1, iterations=2, learning_rate=1.0)
+    train(toy, tmp_path / "p", config=config)
+    curve = [json.loads(line) for line in (tmp_path / "p" / "learning_curve.jsonl").read_text().splitlines()]
+    kept = json.loads((tmp_path / "p" / "policy.json").read_text())["card"]["validation"]["score"]
+    assert kept < 0.5 * curve[-1]["validation"][0]
+
+
+@pytest.mark.usefixtures("quick_exam")
+def test_random_weights_learn_at_their_own_rate_unless_told(toy, tmp_path):
+    def rate(out: str, **settings) -> float:
+        config = replace(QUICK, iterations=1, **settings)
+        return train(toy, tmp_path / out, config=config).card["config"]["learning_rate"]
+
+    assert rate("a", memory=False) == settings.RANDOM_RATE
+    assert rate("b") == settings.FOLLOWER_RATE
+    assert rate("c", learning_rate=2e-3) == 2e-3
+
+
+@pytest.mark.parametrize("power", [True, False])
+def test_torch_and_numpy_agree_on_policy_and_road(toy, power):
+    scene = scenes.wide(np.random.default_rng(5), 6, 60, toy.dt)
+    scale = replace(ActionScale.of(toy), exclusive=power)
+    batch = SeedBatch([0, 1], FeatureMap.default(power=power), scale)
+    draw = torch.Generator().manual_seed(0)
+    with torch.no_grad():
+        for p in batch.parameters():
+            p.add_(0.1 * torch.randn(p.shape, generator=draw))  # wilder ones magnify single precision
+        road = Road(toy, Reward())
+        _, window = road.drive(scene, batch, road.start(scene, batch), 60)
+    for seed, rows in ((0, slice(0, 3)), (1, slice(3, 6))):
+        policy = batch.policy(seed, toy.interface, {}, {})
+        trace = roll_out(toy, policy, scene)
+        np.testing.assert_allclose(
+            window.speed_error[:, rows].numpy(), trace["speed_error"][:, rows], atol=2e-4
+        )
+
+
+def test_asking_for_both_pedals_costs_although_only_one_acts(toy):
+    scene = scenes.moving(np.random.default_rng(5), 4, 30, toy.dt)
+    batch = SeedBatch([0], FeatureMap.default(power=True), replace(ActionScale.of(toy), exclusive=True))
+    with torch.no_grad():
+        for weight in batch.weights:
+            weight.zero_()
+        batch.biases[-1][:, :, 0], batch.biases[-1][:, :, 1] = (
+            -0.4,
+            0.1,
+        )  # 0.3 of the engine, 0.1 of the brake
+
+    def cost(alpha: float) -> torch.Tensor:
+        road = Road(toy, Reward(), alpha_asked=alpha)
+        return road.drive(scene, batch, road.start(scene, batch), 30)[1].cost.mean()
+
+    assert (cost(200.0) - cost(0.0)).item() == pytest.approx(200.0 * 0.3 * 0.1, rel=1e-4)
+    (cost(200.0) - cost(0.0)).backward()
+    engine, brake = batch.biases[-1].grad[0, 0]
+    assert engine > 0 and brake > 0  # a step down the gradient takes both back
+
+
+def test_a_trained_policy_does_not_ask_for_both_pedals(trained):
+    toy, out, _ = trained
+    policy, asked = load_policy(out), []
+    mean = policy.mean
+    policy.mean = lambda seen: asked.append(mean(seen)) or asked[-1]
+    roll_out(toy, policy, scenes.moving(np.random.default_rng(3), 20, 300, toy.dt))
+    engine, brake = (np.array(asked)[..., 0] + 1) / 2, np.array(asked)[..., 1]
+    assert ((engine > 0.03) & (brake > 0.03)).mean() < 0.001
+
+
+def test_torch_and_numpy_agree_on_features():
+    features = FeatureMap.default(power=True)
+    batch = SeedBatch([0], features, ActionScale(0.0, 2000.0, 100.0))
+    rng, memory = np.random.default_rng(0), features.start(6)
+    same = torch.tensor(memory, dtype=torch.float32)
+    for k in range(30):
+        if k % 10 == 0:  # another leader
+            first = rng.normal([15, 15, 45, 45, 0], [3, 3, 10, 10, 0.02], (6, 5))
+            first[0] = [15, 0.5, 3, 3, 0]
+        signals = first + 0.02 * rng.normal(size=first.shape)
+        signals[:, 2] += 0.1 * (k % 10) * (first[:, 0] - first[:, 1])
+        seen, memory = features(signals, memory)
+        told, same = batch.observe(torch.tensor(signals, dtype=torch.float32), same)
+        np.testing.assert_allclose(told, seen, atol=1e-4)
+        np.testing.assert_allclose(same, memory, atol=1e-4)
+
+
+def test_every_seed_starts_as_a_follower(toy):
+    scene = scenes.moving(np.random.default_rng(5), 50, 400, toy.dt)
+    scale = replace(ActionScale.of(toy), exclusive=True)
+    batch = SeedBatch([0, 1], FeatureMap.default(power=True), scale)
+
+    def worst(seed: int) -> float:
+        trace = roll_out(toy, batch.policy(seed, toy.interface, {}, {}), scene)
+        return float(np.abs(trace["time_gap_error"][100:]).max())
+
+    untaught = [worst(0), worst(1)]
+    batch.start_as_follower(PedalMap.calibrate(toy))
+    assert max(worst(0), worst(1)) < 0.6 < 0.3 * min(untaught)
+
+
+def test_a_follower_leaves_no_speed_error_that_decays_with_the_time_gap(toy):
+    scene = replace(scenes.paper(np.random.default_rng(5), 50, 200, toy.dt), time_gap=np.full(50, 5.0))
+    scene = replace(scene, gap=scene.speed * 5.0)
+    batch = SeedBatch([0], FeatureMap.default(power=True), replace(ActionScale.of(toy), exclusive=True))
+    batch.start_as_follower(PedalMap.calibrate(toy))
+    trace = roll_out(toy, batch.policy(0, toy.interface, {}, {}), scene)
+    assert np.abs(trace["speed_error"][150:]).max() < 0.05  # exp(-15/5) of 1.39 m/s is 0.07
+
+
+def test_a_folder_that_another_run_trains_into_is_refused(toy, tmp_path):
+    (tmp_path / "p").mkdir()
+    for config in (QUICK, QUICK_TRPO):
+        trainer = "analytic" if config is QUICK else "trpo"
+        with (
+            files.writing(tmp_path / "p"),
+            pytest.raises(InputError, match=f"another run is writing {tmp_path}"),
+        ):
+            train(toy, tmp_path / "p", trainer=trainer, config=config)
+    assert not any((tmp_path / "p").iterdir())
+
+
+@pytest.mark.usefixtures("quick_exam")
+def test_same_seed_same_policy(toy, tmp_path):
+    a = analytic.train(toy, tmp_path / "a", QUICK)
+    b = analytic.train(toy, tmp_path / "b", QUICK)
+    for (w, _), (x, _) in zip(a.layers, b.layers, strict=True):
+        np.testing.assert_array_equal(w, x)
+
+
+@pytest.mark.usefixtures("quick_exam")
+@pytest.mark.parametrize(("trainer", "quick"), [("analytic", QUICK), ("trpo", QUICK_TRPO), ("trpo", SEEDS)])
+def test_a_killed_run_resumes_to_the_same_policy(toy, tmp_path, trainer, quick):
+    whole = train(toy, tmp_path / "whole", trainer=trainer, config=quick)
+
+    def kill(done: int, total: int, says: str) -> None:
+        if done == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train(toy, tmp_path / "cut", trainer=trainer, config=quick, tell=kill)
+    assert not (tmp_path / "cut").exists() and files.begun(tmp_path / "cut")
+    resumed = train(toy, tmp_path / "cut", trainer=trainer, config=quick, resume=True)
+    assert not files.unfinished(tmp_path / "cut").exists()
+    for (w, _), (x, _) in zip(whole.layers, resumed.layers, strict=True):
+        np.testing.assert_allclose(w, x, rtol=1e-6)
+    curve = "seeds/1/learning_curve.jsonl" if quick is SEEDS else "learning_curve.jsonl"
+    lines = (tmp_path / "cut" / curve).read_text().splitlines()
+    assert [json.loads(line)["iteration"] for line in lines] == list(range(quick.iterations))
+
+
+def test_settings_of_the_other_trainer_are_refused(toy, tmp_path):
+    with pytest.raises(InputError, match="the trpo trainer has no settings of AnalyticConfig"):
+        train(toy, tmp_path / "p", trainer="trpo", config=QUICK)
+
+
+@pytest.mark.usefixtures("quick_exam")
+def test_a_run_that_fails_before_its_first_checkpoint_leaves_nothing(toy, tmp_path):
+    with pytest.raises(ZeroDivisionError):
+        train(toy, tmp_path / "p", config=QUICK, tell=lambda *told: 1 / 0)
+    assert not list(tmp_path.iterdir())
+
+
+def test_trpo_learns_the_identity_case(toy, tmp_path):
+    config = trpo.TrpoConfig(iterations=6, environments=25, path=200, validate_every=6)
+    policy = train(toy, tmp_path / "p", trainer="trpo", config=config)
+    curve = [json.loads(line) for line in (tmp_path / "p" / "learning_curve.jsonl").read_text().splitlines()]
+    assert curve[-1]["return_mean"] > 0.1 * curve[0]["return_mean"]
+    again = load_policy(tmp_path / "p")
+    seen = {"leader_speed": 15.0, "speed": 14.0, "gap": 40.0, "target_time_gap": 3.0}
+    np.testing.assert_array_equal(policy.act(seen), again.act(seen))
+
+
+def test_a_physics_truck_has_no_gradient_of_its_own(toy, tmp_path):
+    from deeptruck_model import simulators
+
+    with pytest.raises(InputError, match="no gradient"):
+        analytic.train(simulators.load("truck:trucksim"), tmp_path / "p")
+    with pytest.raises(InputError, match="known: analytic, trpo"):
+        train(toy, tmp_path / "p", trainer="magic")
+
+
+def test_the_radar_of_a_scene_reaches_the_policy_in_training(toy):
+    scene = scenes.moving(np.random.default_rng(5), 4, 30, toy.dt)
+    batch = SeedBatch([0], FeatureMap.default(power=True), ActionScale.of(toy))
+    batch.start_as_follower(PedalMap.calibrate(toy))
+    road = Road(toy, Reward())
+
+    def gaps(scene: scenes.Scene) -> torch.Tensor:
+        with torch.no_grad():
+            return road.drive(scene, batch, road.start(scene, batch), 30)[1].time_gap_error
+
+    clear, far = gaps(scene), gaps(replace(scene, seen_gap_offset=np.full((4, 30), 5.0)))
+    assert (far[-1] < clear[-1]).all()  # a leader that seems further is approached
+
+
+def test_the_ideal_follower_behind_a_moving_leader_costs_nothing(toy):
+    scene = scenes.moving(np.random.default_rng(5), 8, 400, toy.dt)
+    road = Road(toy, Reward())
+    leader, ideal, *_, time_gap, _ = road._given(scene)
+    gap = time_gap * ideal[0] + torch.cumsum((leader - ideal)[:-1], dim=0) * toy.dt
+    ahead = ideal[1:]
+    assert road._tracking(gap - time_gap * ahead, ahead, ahead).max() < 1e-3
+    assert road._tracking(gap - time_gap * ahead + 0.1 * ahead, ahead, ahead).min() > 0.1
+
+
+def test_scores_count_only_what_the_task_allows():
+    scene = validation.exam(0, 0.1)
+    zero = np.zeros((400, scene.batch))
+    speed = zero + 0.3
+    got = validation.scores(scene, 0.1, zero, speed, np.zeros(scene.batch))
+    np.testing.assert_allclose(got, np.repeat([0.3, 0.0, 0.3], [16, 16, 8]))
+
+
+def test_a_learning_curve_that_cannot_be_written_says_how_to_go_on(tmp_path):
+    log = progress.Log(tmp_path, 0)
+    (tmp_path / "learning_curve.jsonl").unlink()
+    (tmp_path / "learning_curve.jsonl").mkdir()
+    with pytest.raises(
+        InputError, match=r"cannot write .*learning_curve.jsonl: .*; mend that and go on with"
+    ):
+        log.write(0, {"cost": [1.0]})
+    log.close()

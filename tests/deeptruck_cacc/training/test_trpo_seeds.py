@@ -1,0 +1,111 @@
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from deeptruck_cacc import load_policy
+from deeptruck_cacc.environments import scenes
+from deeptruck_cacc.training import paths, train, trpo_seeds
+from deeptruck_cacc.training.natural_gradient import Gaussian, improve
+from deeptruck_cacc.training.stacked import StackedMlp
+from deeptruck_model.errors import InputError
+
+torch.set_num_threads(1)
+QUICK = trpo_seeds.TrpoSeedsConfig(seeds=2, iterations=3, environments=5, path=60, validate_every=2)
+
+
+@pytest.fixture
+def net():
+    net = StackedMlp((3, 7, 5, 2))
+    generators = [torch.Generator().manual_seed(k) for k in range(4)]
+    parameters = net.fresh(generators, 1.0) + 0.1 * torch.randn(4, net.size, generator=generators[0])
+    return net, parameters.double(), torch.randn(4, 11, 3, generator=generators[1]).double()
+
+
+def test_derivatives_by_hand_are_those_of_small_steps(net):
+    net, parameters, x = net
+    outputs, inputs = net.forward(parameters, x)
+    change, back = torch.randn_like(parameters), torch.randn_like(outputs)
+    ahead, behind = (net.forward(parameters + step * change, x)[0] for step in (1e-5, -1e-5))
+    pushed = (ahead - behind) / 2e-5
+    torch.testing.assert_close(net.push(parameters, inputs, change), pushed, rtol=1e-6, atol=1e-7)
+    pulled = net.pull(parameters, inputs, back)
+    torch.testing.assert_close((pulled * change).sum(), (back * pushed).sum(), rtol=1e-5, atol=1e-6)
+
+
+def test_fresh_layers_are_orthogonal_and_quiet_at_the_end(net):
+    net, _, _ = net
+    layers = net.layers(net.fresh([torch.Generator().manual_seed(5)], 0.01))
+    inner = layers[1][0][0]
+    torch.testing.assert_close(inner.T @ inner, 2 * torch.eye(5))
+    assert layers[-1][0].abs().max() < 0.01 and not layers[-1][1].any()
+
+
+def test_a_step_is_better_and_within_the_trust_region(net):
+    net, parameters, x = net
+    policy = Gaussian(net, parameters, torch.full((4, 2), -0.7).double())
+    mean = net.forward(parameters, x)[0]
+    actions = mean + 0.5 * torch.randn_like(mean)
+    advantages = -(actions - 1.0).square().sum(dim=2)  # towards (1, 1)
+    advantages = advantages - advantages.mean(dim=1, keepdim=True)
+    advantages[3] = 0.0  # a seed with nothing to gain
+    better = improve(policy, x, actions, advantages, torch.arange(11).expand(4, 11), 0.01)
+    moved = net.forward(better.mean, x)[0]
+    sd, new = policy.log_std.exp()[:, None], better.log_std.exp()[:, None]
+    kl = (new.log() - sd.log() + (sd**2 + (moved - mean) ** 2) / (2 * new**2) - 0.5).mean(dim=(1, 2))
+    assert (kl <= 0.01).all() and (kl[:3] > 0.001).all()
+    assert ((moved - 1).square().mean(dim=(1, 2)) < (mean - 1).square().mean(dim=(1, 2)))[:3].all()
+    torch.testing.assert_close(better.mean[3], policy.mean[3])
+
+
+def test_the_advantage_of_a_whole_path_is_its_discounted_return():
+    rewards, values = torch.tensor([[1.0, 2.0, 4.0]]), torch.tensor([[0.5, 0.25, 0.125, 8.0]])
+    whole = paths.advantage(rewards, values, 0.5, 1.0)
+    torch.testing.assert_close(whole, torch.tensor([[1 + 1 + 1 + 1 - 0.5, 2 + 2 + 2 - 0.25, 4 + 4 - 0.125]]))
+    near = paths.advantage(rewards, values, 0.5, 0.0)
+    torch.testing.assert_close(near[0, 0], torch.tensor(1 + 0.125 - 0.5))
+
+
+@pytest.mark.usefixtures("quick_exam")
+def test_a_seed_does_not_know_the_seeds_beside_it(toy, tmp_path):
+    trpo_seeds.train(toy, tmp_path / "both", replace(QUICK, seed=3))
+    trpo_seeds.train(toy, tmp_path / "one", replace(QUICK, seed=4, seeds=1))
+    curves = [
+        [
+            json.loads(line)["return_mean"]
+            for line in (tmp_path / name / "seeds/4/learning_curve.jsonl").open()
+        ]
+        for name in ("both", "one")
+    ]
+    np.testing.assert_allclose(*curves, rtol=1e-3)
+    assert len(curves[0]) == 3
+
+
+def test_it_learns_the_identity_case(toy, tmp_path):
+    config = trpo_seeds.TrpoSeedsConfig(seeds=2, iterations=8, path=150, validate_every=4)
+    policy = train(toy, tmp_path / "p", trainer="trpo", config=config)
+    assert policy.card["validation"]["score"] == min(
+        load_policy(tmp_path / "p" / "seeds" / k).card["validation"]["score"] for k in "01"
+    )
+    for k in "01":
+        lines = (tmp_path / "p" / "seeds" / k / "learning_curve.jsonl").read_text().splitlines()
+        first, last = json.loads(lines[0]), json.loads(lines[-1])
+        assert last["return_mean"] > 0.15 * first["return_mean"]
+
+
+def test_scenes_side_by_side_keep_their_rows():
+    rng = np.random.default_rng(0)
+    parts = [scenes.wide(rng, 3, 60, 0.1), scenes.wide(rng, 2, 60, 0.1)]
+    both = paths.side_by_side(parts)
+    assert both.batch == 5 and both.seen is None
+    np.testing.assert_array_equal(both.command_gain[3:], parts[1].command_gain)
+    np.testing.assert_array_equal(both.leader_acceleration[:3], parts[0].leader_acceleration)
+
+
+def test_an_unknown_scene_is_refused(toy, tmp_path):
+    with pytest.raises(InputError, match="moon"):
+        trpo_seeds.train(toy, tmp_path / "p", replace(QUICK, scene="moon"))
