@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from deeptruck_nodes import leaders, runs
+from deeptruck_nodes import bag_place, leaders, runs
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import CrashSafeWriter
@@ -93,6 +93,14 @@ def test_bad_bags_to_replay(refused: Callable[..., str], tmp_path: Path) -> None
     assert "is empty, it holds no bag" in refused("replay_recording", bag=tmp_path / "other")
     CrashSafeWriter(tmp_path / "empty").close()
     assert "it holds no message; record while" in refused("replay_recording", bag=tmp_path / "empty")
+
+
+def test_a_bag_is_not_recorded_over_while_it_is_played(tmp_path: Path) -> None:
+    with CrashSafeWriter(tmp_path / "bag") as writer, bag_place.claimed(tmp_path / "bag"):
+        writer.write("/x", "std_msgs/msg/String", bytes.fromhex("00010000010000000000"), 1)
+    with pytest.raises(InputError, match="is the bag that is played"):
+        script("replay_recording")(bag=tmp_path / "bag", record=tmp_path / "bag", overwrite=True)
+    assert (tmp_path / "bag" / "metadata.yaml").exists()
 
 
 def test_own_parameters_win_over_the_options_and_name_only_nodes_of_the_run(
