@@ -16,7 +16,7 @@ HARMLESS = ^WARNING: Location .* is ignored: it is neither a file nor a director
 # Of all that pip tells, what takes long: packages of a megabyte and more, and the end.
 SHOWN = s/^ *(Downloading|Using cached) (.*\/)?([A-Za-z0-9_.]+)-[0-9].* \(([0-9.]+ [MG]B)\).*/  \3, \4/p
 UNPACKED = s/^Installing collected packages:.*/  now unpacking them all, which takes a while without a sign/p
-.PHONY: demo test lint bench docs clean setup
+.PHONY: demo test test-long lint bench docs clean setup
 
 $(STAMP): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12))' || \
@@ -39,6 +39,10 @@ lint: setup
 
 test: lint
 	$(BIN)/python -m pytest
+
+# What `make test` leaves out: fault runs, mutation, long demos.
+test-long: setup
+	$(BIN)/python -m pytest -m long
 
 bench: setup
 	for b in benchmarks/bench_*.py; do $(BIN)/python $$b || exit 1; done

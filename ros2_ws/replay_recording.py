@@ -27,7 +27,8 @@ def main(
     topic: Annotated[
         list[str] | None, typer.Option(help="Only this topic; may be given more than once.")
     ] = None,
-    record: Annotated[Path | None, typer.Option(help="Record what is played.")] = None,
+    record: Annotated[Path | None, typer.Option(help="Record what is played; a new folder.")] = None,
+    overwrite: Annotated[bool, typer.Option(help="Replace an older bag of a recorder.")] = False,
     monitor: Annotated[
         str, typer.Option(help="Simulator to compare the played truck with: /mismatch/residual.")
     ] = "",
@@ -37,7 +38,7 @@ def main(
 ) -> None:
     """Play a bag back onto its topics, with /clock, in recorded time or faster."""
     given = {"replay": {"bag": str(bag.absolute()), "speed": speed, "start_s": start, "topics": topic or []}}
-    raise typer.Exit(runs.replay(runs.Common(record, runs=run_folders, monitor=monitor), given))
+    raise typer.Exit(runs.replay(runs.Common(record, overwrite, runs=run_folders, monitor=monitor), given))
 
 
 if __name__ == "__main__":

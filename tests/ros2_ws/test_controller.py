@@ -19,8 +19,8 @@ STALE_AFTER, REPEAT_EVERY, LATE = 0.3, 0.05, 0.3  # s; the last is what a busy m
     [
         ("/truck/twist", "/road", "/radar/range", "/radar/twist"),
         ("/radar/range",),  # the rest goes on and must not keep an old command alive
-        ("/radar/twist",),
-        ("/truck/twist",),
+        pytest.param(("/radar/twist",), marks=pytest.mark.long),
+        pytest.param(("/truck/twist",), marks=pytest.mark.long),
     ],
 )
 def test_a_command_is_repeated_only_while_observations_are_whole(

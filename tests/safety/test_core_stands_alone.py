@@ -55,6 +55,7 @@ def test_every_line_and_branch_of_the_core_is_tested(tmp_path):
     assert missing == {}
 
 
+@pytest.mark.long
 def test_a_sample_of_mutants_is_noticed():
     run = _run([sys.executable, str(HERE / "mutate.py"), "--sample", "40"], HERE)
     assert run.returncode == 0, run.stdout + run.stderr[-2000:]

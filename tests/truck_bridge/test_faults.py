@@ -1,4 +1,4 @@
-"""Each fault a few times in lock-step, and the judge itself against a bridge without a safety core."""
+"""Each fault in lock-step, more seeds in the long tests, and the judge against a bridge without a core."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import fault_runs
 
 
 @pytest.mark.parametrize("fault", list(fault_runs.FAULTS))
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(n, marks=pytest.mark.long) for n in (1, 2))])
 def test_no_invariant_breaks(fault, seed, monkeypatch):
     monkeypatch.setattr(fault_runs, "FAULTS", {fault: fault_runs.FAULTS[fault]})
     verdict = fault_runs.play(seed)

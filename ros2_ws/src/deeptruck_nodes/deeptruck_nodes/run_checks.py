@@ -97,3 +97,9 @@ def bag_is_playable(bag: Path, topics: list[str]) -> None:
     for name in topics:
         if name not in held:
             raise InputError(f"{bag} has no topic {name}; it has: {', '.join(sorted(held))}")
+
+
+def elsewhere(bag: Path, record: Path | None) -> None:
+    """Raises InputError where a bag that is played is to be recorded over."""
+    if record is not None and record.resolve() == bag.resolve():
+        raise InputError(f"{record} is the bag that is played; choose another --record")

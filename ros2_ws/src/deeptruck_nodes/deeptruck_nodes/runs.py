@@ -104,6 +104,8 @@ def replay(common: Common, given: Sections) -> int:
     if common.monitor:
         misfits.of(lambda: checks.simulator(common.monitor))
     misfits.of_node(sections, "replay", lambda p: run_checks.bag_is_playable(Path(p["bag"]), p["topics"]))
+    if common.record is not None:
+        misfits.of_node(sections, "replay", lambda p: run_checks.elsewhere(Path(p["bag"]), common.record))
     domain = _checked(misfits, common, sections)
     _mend(Path(sections["replay"]["bag"]))
     return _run("replay", common, sections, domain, ends="replay")
