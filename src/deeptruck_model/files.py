@@ -82,7 +82,8 @@ class Result:
                 yield draft
                 self._publish(draft, out, overwrite)
             except OSError as error:
-                raise InputError(f"cannot write {out}: {error.strerror or error}; {advice(error)}") from None
+                cure = advice(error, "make room and go on with --resume")
+                raise InputError(f"cannot write {out}: {error.strerror or error}; {cure}") from None
 
     def forget(self, out: Path) -> None:
         """Remove what a run left unfinished. Raises InputError for a file of somebody else there."""
@@ -90,6 +91,8 @@ class Result:
             _remove(draft, self._ours(draft))
 
     def _check(self, out: Path, overwrite: bool) -> bool:
+        if out.name in ("", ".."):
+            raise InputError(f"{out} is no new folder's name; {ELSEWHERE}")
         if out.is_symlink():
             raise InputError(f"{out} is a symbolic link; give the folder it points to, {out.resolve()}")
         if out.exists() and not out.is_dir():
