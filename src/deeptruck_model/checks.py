@@ -138,8 +138,10 @@ def misfits(facts: SimulatorFacts, one: BagFacts) -> list[str]:
 
 
 def same_truck(bags: Sequence[Path]) -> None:
-    """Raises InputError where bags cannot be trained on together, because their commands differ in unit."""
+    """Raises InputError where bags cannot be trained on together: their commands differ in unit, or none has
+    an engine command."""
     found: list[str] = []
+    commanded = False
     first: dict[str, tuple[str, Path]] = {}
     for path in bags:
         try:
@@ -147,12 +149,14 @@ def same_truck(bags: Sequence[Path]) -> None:
         except InputError as error:
             found.append(str(error))
             continue
-        found += [f"{path} has no {name}" for name in ("engine_command",) if one.lacks(name)]
+        commanded = commanded or not one.lacks("engine_command")
         for name in ("engine_command", "brake_command"):
             unit = one.unit(name)
             known, where = first.setdefault(name, (unit, path)) if unit else (unit, path)
             if unit != known:
                 found.append(f"{path} has {name} in {unit}, {where} in {known}; train on bags of one truck")
+    if not commanded and not found:
+        found.append("no bag has an engine_command; a truck cannot be learned without it")
     refuse(found)
 
 

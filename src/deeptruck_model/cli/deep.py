@@ -196,10 +196,10 @@ def experiment(
     """
     folder = out / name.value
     results.EXPERIMENT.check(folder, overwrite=overwrite)
-    from deeptruck_model.deep.experiments import EXPERIMENTS
-
     given = {"seeds": seeds} if seeds else {}
     with results.EXPERIMENT.replacing(folder, overwrite=overwrite) as draft:
+        from deeptruck_model.deep.experiments import EXPERIMENTS
+
         EXPERIMENTS[name.value](draft, updates=budget, **given)
     typer.echo(f"written: {folder}")
 
