@@ -9,14 +9,16 @@ from __future__ import annotations
 import difflib
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from deeptruck_model.errors import InputError
+from deeptruck_model.errors import InputError, MisfitsError
 from deeptruck_model.signals import TruckInterface
 
 MANIFEST = (
@@ -79,6 +81,8 @@ def every(*tries: Callable[[], object]) -> None:
     for attempt in tries:
         try:
             attempt()
+        except MisfitsError as several:
+            found += several.found
         except InputError as error:
             found.append(str(error))
     refuse(found)
@@ -90,8 +94,7 @@ def refuse(misfits: Iterable[str]) -> None:
     if len(found) == 1:
         raise InputError(found[0])
     if found:
-        listed = " ".join(f"({number}) {text}" for number, text in enumerate(found, 1))
-        raise InputError(f"{len(found)} things do not fit: {listed}")
+        raise MisfitsError(found)
 
 
 def inputs(simulator_text: str | None, bags: Sequence[Path], *, mapped: bool = False) -> None:
@@ -109,7 +112,7 @@ def inputs(simulator_text: str | None, bags: Sequence[Path], *, mapped: bool = F
             found.append(str(error))
 
     facts = None if simulator_text is None else tried(lambda: simulator(simulator_text))
-    known = [tried(lambda path=path: bag(path, mapped=mapped)) for path in dict.fromkeys(bags)]
+    known = [tried(partial(bag, path, mapped=mapped)) for path in dict.fromkeys(bags)]
     if facts is not None and not mapped:
         found += [misfit for one in known if one is not None for misfit in misfits(facts, one)]
     refuse(found)
@@ -135,8 +138,10 @@ def misfits(facts: SimulatorFacts, one: BagFacts) -> list[str]:
 
 
 def same_truck(bags: Sequence[Path]) -> None:
-    """Raises InputError where bags cannot be trained on together, because their commands differ in unit."""
+    """Raises InputError where bags cannot be trained on together: their commands differ in unit, or none has
+    an engine command."""
     found: list[str] = []
+    commanded = False
     first: dict[str, tuple[str, Path]] = {}
     for path in bags:
         try:
@@ -144,13 +149,27 @@ def same_truck(bags: Sequence[Path]) -> None:
         except InputError as error:
             found.append(str(error))
             continue
-        found += [f"{path} has no {name}" for name in ("engine_command",) if one.lacks(name)]
+        commanded = commanded or not one.lacks("engine_command")
         for name in ("engine_command", "brake_command"):
             unit = one.unit(name)
             known, where = first.setdefault(name, (unit, path)) if unit else (unit, path)
             if unit != known:
                 found.append(f"{path} has {name} in {unit}, {where} in {known}; train on bags of one truck")
+    if not commanded and not found:
+        found.append("no bag has an engine_command; a truck cannot be learned without it")
     refuse(found)
+
+
+def adapted(start: str, bags: Sequence[Path]) -> None:
+    """Raises InputError where a training cannot start from the deep truck `start` on these bags."""
+    facts = simulator(start)
+    if facts.kind != "deep":
+        raise InputError(f"{start} is no deep truck; only one of those can be adapted")
+    found: list[str] = []
+    for path in bags:
+        with suppress(InputError):  # said by who looks at the bags themselves
+            found += misfits(facts, bag(path))
+    refuse(f"{misfit}, or train from scratch, without --from" for misfit in found)
 
 
 def simulator(text: str) -> SimulatorFacts:

@@ -22,6 +22,7 @@ def run(
     Exit codes: 0; 2 for bad input; 130 after Ctrl-C, with `interrupted` as the last word; 1 for a defect.
     """
     words = sys.argv[1:] if arguments is None else arguments
+    app.rich_markup_mode = None  # help as plain text: the library that draws boxes takes longer than the help
     try:
         _nothing_empty(words)
         # as a function, typer lets its errors out instead of drawing them over five lines

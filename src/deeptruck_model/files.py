@@ -85,7 +85,8 @@ class Result:
                 yield draft
                 self._publish(draft, out, overwrite)
             except OSError as error:
-                raise InputError(f"cannot write {out}: {error.strerror or error}; {advice(error)}") from None
+                cure = advice(error, "make room and go on with --resume")
+                raise InputError(f"cannot write {out}: {error.strerror or error}; {cure}") from None
 
     @contextmanager
     def aside(self, out: Path, *, overwrite: bool = False, whole: Callable[[Path], bool]) -> Iterator[None]:
@@ -122,6 +123,8 @@ class Result:
             _remove(draft, self._ours(draft))
 
     def _check(self, out: Path, overwrite: bool) -> bool:
+        if out.name in ("", ".."):
+            raise InputError(f"{out} is no new folder's name; {ELSEWHERE}")
         if out.is_symlink():
             raise InputError(f"{out} is a symbolic link; give the folder it points to, {out.resolve()}")
         if out.exists() and not out.is_dir():

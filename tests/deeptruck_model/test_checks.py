@@ -133,6 +133,10 @@ def test_bags_of_two_trucks_are_not_trained_on_together(tmp_path: Path) -> None:
     checks.same_truck([fits, fits])
     with pytest.raises(InputError, match=r"engine_command in percent, .*fits in N m"):
         checks.same_truck([fits, percent])
+    silent = bag_of(tmp_path / "silent", without=("engine_command", "brake_command"))
+    checks.same_truck([fits, silent])
+    with pytest.raises(InputError, match="no bag has an engine_command"):
+        checks.same_truck([silent])
 
 
 def test_a_lone_file_is_taken_at_its_word(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ import pytest
 from safetensors.numpy import load_file
 from typer.testing import CliRunner
 
-from deeptruck_model import sweeps
+from deeptruck_model import files, sweeps
 from deeptruck_model.cli import app
 from deeptruck_model.cli import deep as commands
 from deeptruck_model.deep import Arguments, sweep
@@ -77,22 +77,24 @@ def when_both(first: Path, second: Path, then) -> threading.Thread:
 @pytest.mark.parametrize("engine", sweeps.ENGINES)
 def test_a_killed_worker_loses_no_finished_seed(bag, unbroken, jobs, tmp_path, engine):
     """Real Ray: seed 0 is done and seed 1 half done when the process of seed 1 is killed."""
-    finished, victim = (tmp_path / SETTINGS / f"seed-{n}" for n in (0, 1))
+    out = tmp_path / "sweep"
+    finished, victim = (files.unfinished(out) / SETTINGS / f"seed-{n}" for n in (0, 1))
 
     def kill() -> None:
         os.kill(int(jobs.noted(victim).read_text()), signal.SIGKILL)
 
     with sweeps._cluster(2) if engine == "ray" else nullcontext():
         killer = when_both(finished / "simulator.json", victim.with_suffix(".waits"), kill)
-        rows = sweep.sweep([bag], tmp_path, GRID, seeds=2, workers=2, engine=engine)
+        rows = sweep.sweep([bag], out, GRID, seeds=2, workers=2, engine=engine)
         killer.join()
         with pytest.raises(InputError, match="job 1 cannot be done"):
             list(sweeps.run(jobs.refuse, [0, 1], workers=2, engine=engine))
+    finished, victim = (out / SETTINGS / f"seed-{n}" for n in (0, 1))
     assert [len(jobs.noted(folder).read_text().split()) for folder in (finished, victim)] == [1, 2]
     for channel, errors in ranking(unbroken)[0]["held_out_mean_abs"].items():
         assert rows[0]["held_out_mean_abs"][channel] == pytest.approx(errors, rel=1e-6)
     for folder in (finished, victim):
-        twin = load_file(unbroken / folder.relative_to(tmp_path) / "model.safetensors")
+        twin = load_file(unbroken / folder.relative_to(out) / "model.safetensors")
         for name, weights in load_file(folder / "model.safetensors").items():
             # not bit for bit: two processes were seen to round otherwise, by 1e-8; why was not found
             np.testing.assert_allclose(weights, twin[name], rtol=1e-3, atol=1e-5, err_msg=name)
@@ -117,7 +119,7 @@ def test_ray_stays_on_this_machine_and_reports_to_nobody(monkeypatch):
 
 
 def test_a_sweep_goes_on_and_ranks(bag, unbroken, monkeypatch):
-    command = ["sweep", str(bag), "--out", str(unbroken), "--seeds", "2"]
+    command = ["sweep", str(bag), "--out", str(unbroken), "--seeds", "2", "--resume"]
     for name, values in {**GRID, "rounds": [6, 3]}.items():
         command += ["--set", f"{name}={','.join(map(str, values))}"]
     before = (unbroken / SETTINGS / "seed-0" / "simulator.json").stat().st_mtime_ns

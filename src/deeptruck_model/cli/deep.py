@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from deeptruck_model.cli.inputs import Bags, deep_truck, read
+from deeptruck_model import checks, files, results
+from deeptruck_model.cli.inputs import Bags, Overwrite, deep_truck, read
 from deeptruck_model.cli.judging import calibrate, evaluate
-from deeptruck_model.errors import InputError
 
 FEW_MINUTES = 10.0
 
@@ -36,9 +36,7 @@ def train(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on where a killed run of the same command stopped.")
     ] = False,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace a simulator that is there.")
-    ] = False,
+    overwrite: Overwrite = False,
     mode: Annotated[
         Mode, typer.Option(help="paper: training form and Adagrad, as published.")
     ] = Mode.default,
@@ -62,11 +60,14 @@ def train(
 
     Example: deeptruck-model train drives/monday drives/tuesday --out simulators/mytruck
     """
-    from deeptruck_model.deep import Arguments, finished
-    from deeptruck_model.deep import train as train_truck
+    checks.every(
+        lambda: results.apart(out, *bags),
+        lambda: results.check_start(results.DEEP_TRUCK, out, resume=resume, overwrite=overwrite or resume),
+        lambda: checks.same_truck(bags),
+        *([lambda: checks.adapted(str(start), bags)] if start else []),
+    )
+    from deeptruck_model.deep import Arguments
 
-    if not resume:
-        _refuse_to_lose(out, overwrite)
     arguments = Arguments(
         seed=seed,
         mode=mode.value,
@@ -75,6 +76,9 @@ def train(
         members=members,
         start="" if start is None else str(start),
     )
+    from deeptruck_model.deep import finished
+    from deeptruck_model.deep import train as train_truck
+
     recordings = read(bags)
     if resume and finished(recordings, out, arguments):
         typer.echo(f"{out}: finished before, with these recordings and arguments; nothing was left to do")
@@ -82,24 +86,10 @@ def train(
     minutes = sum(len(recording) * recording.dt for recording in recordings) / 60
     if minutes < FEW_MINUTES:
         typer.echo(f"note: {minutes:.1f} min of driving are little; the tutorial trains on an hour", err=True)
-    truck = train_truck(recordings, out, arguments, resumes=resume)
+    truck = train_truck(recordings, out, arguments, resumes=resume, overwrite=overwrite)
     for line in truck.details["training"]["untaught"]:
         typer.echo(f"note: {line}", err=True)
     typer.echo(f"{out}: trained in {truck.details['training']['seconds']:.0f} s; see {out / 'MODEL_CARD.md'}")
-
-
-def _refuse_to_lose(out: Path, overwrite: bool) -> None:
-    """Raises InputError where a training would replace a simulator unasked, or discard one under way."""
-    from deeptruck_model.deep import resume
-    from deeptruck_model.simulators import MANIFEST
-
-    if (out / MANIFEST).exists() and not overwrite:
-        raise InputError(f"{out} exists already; choose another --out, or add --overwrite")
-    if folder := resume.unfinished(out):
-        raise InputError(
-            f"{folder} is an unfinished training; add --resume to go on with it, or choose another --out or"
-            " remove that folder to begin anew"
-        )
 
 
 class Engine(StrEnum):
@@ -125,19 +115,41 @@ def sweep(
     engine: Annotated[
         Engine, typer.Option(help="ray: on the cluster that RAY_ADDRESS names; extra 'ray'.")
     ] = Engine.processes,
+    resume: Annotated[
+        bool,
+        typer.Option("--resume", help="Go on where a killed sweep stopped, or add to a finished one."),
+    ] = False,
+    overwrite: Overwrite = False,
 ) -> None:
-    """Train a grid of settings and seeds, and rank them on held-out driving. A killed sweep goes on.
+    """Train a grid of settings and seeds, and rank them on held-out driving.
 
     Example: deeptruck-model sweep drives/monday --out rates --set learning_rate=0.003,0.006 --seeds 5
     """
     from deeptruck_model import sweeps
+    from deeptruck_model.deep.sweep import combinations
     from deeptruck_model.deep.sweep import sweep as train_all
+
+    checks.every(
+        lambda: results.apart(out, *bags),
+        lambda: results.check_start(results.SWEEP, out, resume=resume, overwrite=overwrite or resume),
+        lambda: combinations(sweeps.read_grid(set_ or [])),
+        lambda: checks.same_truck(bags),
+    )
 
     def say(line: str) -> None:
         typer.echo(line, err=True)
 
-    grid = sweeps.read_grid(set_ or [])
-    train_all(bags, out, grid, seeds=seeds, workers=workers, engine=engine.value, tell=say)
+    train_all(
+        bags,
+        out,
+        sweeps.read_grid(set_ or []),
+        seeds=seeds,
+        workers=workers,
+        engine=engine.value,
+        resumes=resume,
+        overwrite=overwrite,
+        tell=say,
+    )
     typer.echo((out / "sweep.md").read_text())
 
 
@@ -149,6 +161,7 @@ def export(
 
     Example: deeptruck-model export simulators/mytruck --out mytruck.onnx
     """
+    checks.every(lambda: files.check_new(out), lambda: checks.deep_simulator(simulator))
     from deeptruck_model.deep import onnx_export
 
     truck = deep_truck(simulator)
@@ -175,18 +188,20 @@ def experiment(
         int, typer.Option(help="Models trained; 0 takes the experiment's own number.", min=0)
     ] = 0,
     budget: Annotated[int, typer.Option(help="Gradient updates of each; 0 chooses.", min=0)] = 0,
+    overwrite: Overwrite = False,
 ) -> None:
     """Repeat an experiment of the paper on the reference trucks: figures, table and metrics.json.
 
     Example: deeptruck-model experiment error-statistics --seeds 30
     """
-    from deeptruck_model import files
-    from deeptruck_model.deep.experiments import EXPERIMENTS
-
-    files.check_folder(out / name.value)
+    folder = out / name.value
+    results.EXPERIMENT.check(folder, overwrite=overwrite)
     given = {"seeds": seeds} if seeds else {}
-    EXPERIMENTS[name.value](out / name.value, updates=budget, **given)
-    typer.echo(f"written: {out / name.value}")
+    with results.EXPERIMENT.replacing(folder, overwrite=overwrite) as draft:
+        from deeptruck_model.deep.experiments import EXPERIMENTS
+
+        EXPERIMENTS[name.value](draft, updates=budget, **given)
+    typer.echo(f"written: {folder}")
 
 
 def register(app: typer.Typer) -> None:

@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from deeptruck_model.deep import DeepTruck
     from deeptruck_model.recordings import Recording
 
+Overwrite = Annotated[
+    bool,
+    typer.Option("--overwrite", help="Replace what this command wrote there, once the new one is whole."),
+]
 Bags = Annotated[list[Path], typer.Argument(metavar="BAG...", help="Bags (folders) of one truck.")]
 
 
@@ -24,13 +28,12 @@ def present(*paths: Path, cure: str = "") -> None:
 
 
 def deep_truck(simulator: str) -> DeepTruck:
-    """The deep truck in a simulator directory. Raises InputError for any other."""
+    """The deep truck in a simulator directory, which `checks.deep_simulator` looked at before."""
     from deeptruck_model import simulators
     from deeptruck_model.deep import DeepTruck
 
     truck = simulators.load(simulator)
-    if not isinstance(truck, DeepTruck):
-        raise InputError(f"{simulator} is no deep truck; train one with 'deeptruck-model train'")
+    assert isinstance(truck, DeepTruck)
     return truck
 
 

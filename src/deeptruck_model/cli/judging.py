@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from deeptruck_model.cli.inputs import Bags, deep_truck, present, read
+from deeptruck_model import checks, results
+from deeptruck_model.cli.inputs import Bags, Overwrite, deep_truck, read
 from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,18 +26,23 @@ def evaluate(
     trials: Annotated[int, typer.Option(help="Free runs.", min=1)] = 90,
     horizon: Annotated[float, typer.Option(help="Length of a free run in s.", min=1.0)] = 40.0,
     seed: Annotated[int, typer.Option(help="Seed of the starts.", min=0)] = 0,
+    overwrite: Overwrite = False,
 ) -> None:
     """Open-loop error statistics of a simulator on recordings: metrics.json and figures.
 
     Example: deeptruck-model evaluate simulators/mytruck drives/friday --out evaluation
     """
-    present(*bags)
+    checks.every(
+        lambda: results.apart(out, *bags, Path(simulator)),
+        lambda: results.EVALUATION.check(out, overwrite=overwrite),
+        lambda: _finite(horizon),
+        lambda: checks.inputs(simulator, bags),
+    )
     from deeptruck_model import simulators
     from deeptruck_model.deep import evaluate as evaluate_simulator
 
-    before = (out / "metrics.json").exists()
     truck, recordings = simulators.load(simulator), read(bags)
-    metrics = evaluate_simulator(truck, recordings, out, trials, horizon, seed)
+    metrics = evaluate_simulator(truck, recordings, out, trials, horizon, seed, overwrite=overwrite)
     typer.echo(f"{metrics['trials']} free runs of {metrics['horizon_s']:.0f} s")
     for name, values in metrics.items():
         if isinstance(values, dict):
@@ -46,29 +53,36 @@ def evaluate(
                 f"{name:>13}: mean abs error {values['mean_abs']:.4f}, rmse {values['rmse']:.4f}{held}"
             )
     typer.echo(f"figures and metrics.json in {out}")
-    if before:
-        typer.echo(f"note: the evaluation that was in {out} is replaced", err=True)
     _remarks(truck, recordings, metrics, horizon)
+
+
+def _finite(horizon: float) -> None:
+    if not math.isfinite(horizon):
+        raise InputError(f"a horizon of {horizon:g} s is none; give seconds, such as 40")
 
 
 def calibrate(
     simulator: Annotated[str, typer.Argument(metavar="SIM", help="Simulator directory of a deep truck.")],
     bags: Bags,
     out: Annotated[Path, typer.Option(help="Simulator directory to write.", metavar="SIM")],
+    overwrite: Overwrite = False,
 ) -> None:
     """Set the 90 % intervals by drives that the truck was not trained on; an hour or more is worth it.
 
     Example: deeptruck-model calibrate simulators/mytruck drives/friday --out simulators/calibrated
     """
+    checks.every(
+        lambda: results.apart(out, *bags),
+        lambda: results.DEEP_TRUCK.check(out, overwrite=overwrite),
+        lambda: checks.deep_simulator(simulator),
+        lambda: checks.inputs(simulator, bags),
+    )
     from deeptruck_model.deep import card, familiar, remarks, uncertainty
-    from deeptruck_model.simulators import MANIFEST
 
-    if (out / MANIFEST).exists():
-        raise InputError(f"{out} exists already; choose another --out")
     truck, recordings = deep_truck(simulator), read(bags)
     familiar.refuse_twice(recordings)
     calibrated = uncertainty.calibrated(truck, recordings)
-    card.publish_calibrated(calibrated, recordings, Path(simulator), out)
+    card.publish_calibrated(calibrated, recordings, Path(simulator), out, overwrite)
     typer.echo(f"{out}: intervals set; 'deeptruck-model evaluate' on a third drive says what they hold")
     if line := familiar.warning(truck, recordings, TOO_NARROW):
         typer.echo(f"warning: {line}", err=True)

@@ -1,12 +1,17 @@
 """The deep truck: the paper's network, its training, evaluation and simulator directory."""
 
-from deeptruck_model.deep.arguments import Arguments
-from deeptruck_model.deep.checkpoint import load_directory
-from deeptruck_model.deep.evaluation import Trials, statistics, trials
-from deeptruck_model.deep.network import Shape, TruckNetwork
-from deeptruck_model.deep.report import evaluate
-from deeptruck_model.deep.training import finished, train
-from deeptruck_model.deep.truck import DeepState, DeepTruck, Prediction, TorchTruck
+from typing import TYPE_CHECKING
+
+from deeptruck_model import lazy
+
+if TYPE_CHECKING:
+    from deeptruck_model.deep.arguments import Arguments
+    from deeptruck_model.deep.checkpoint import load_directory
+    from deeptruck_model.deep.evaluation import Trials, statistics, trials
+    from deeptruck_model.deep.network import Shape, TruckNetwork
+    from deeptruck_model.deep.report import evaluate
+    from deeptruck_model.deep.training import finished, train
+    from deeptruck_model.deep.truck import DeepState, DeepTruck, Prediction, TorchTruck
 
 __all__ = [
     "Arguments",
@@ -24,3 +29,16 @@ __all__ = [
     "train",
     "trials",
 ]
+
+__getattr__ = lazy.names(
+    __name__,
+    {
+        "arguments": ("Arguments",),
+        "checkpoint": ("load_directory",),
+        "evaluation": ("Trials", "statistics", "trials"),
+        "network": ("Shape", "TruckNetwork"),
+        "report": ("evaluate",),
+        "training": ("finished", "train"),
+        "truck": ("DeepState", "DeepTruck", "Prediction", "TorchTruck"),
+    },
+)

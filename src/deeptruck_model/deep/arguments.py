@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
-
-import numpy as np
 
 from deeptruck_model.errors import InputError
 
@@ -66,7 +65,7 @@ class Arguments:
         """Raises InputError for a value that no run can have."""
         for name, least in LEAST.items():
             value = getattr(self, name)
-            if not (np.isfinite(value) and value >= least):
+            if not least <= value < math.inf:
                 called = f"{OPTIONS[name]} ({name} in Python)" if name in OPTIONS else name
                 raise InputError(f"{called} is {value:g}; it must be at least {least:g}")
         if self.learning_rate > FASTEST:
@@ -83,4 +82,4 @@ def default_updates(samples: int) -> int:
 
     Beyond, the training drive is learned better and better, and other drives no more.
     """
-    return int(np.clip(samples // 12, 1500, 12000))
+    return min(max(samples // 12, 1500), 12000)

@@ -8,12 +8,12 @@ import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
-from deeptruck_model import files, simulators
+from deeptruck_model import simulators
 from deeptruck_model.deep import checkpoint, evaluation, model_card, reference, resume
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.deep.uncertainty import calibrate
-from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
+from deeptruck_model.results import DEEP_TRUCK
 
 METRICS_FILE = checkpoint.METRICS_FILE
 
@@ -34,32 +34,13 @@ def git_hash() -> str | None:
     return found.stdout.strip()
 
 
-def publish(
-    truck: DeepTruck,
-    training: Sequence[Recording],
-    validation: Sequence[Recording],
-    working: Path,
-    out: Path,
-) -> DeepTruck:
-    """Complete `working` into a simulator directory, move it to `out`, and return the truck read back from
-    there."""
-    try:
-        _complete(truck, training, validation, working)
-        checkpoint.put(working, out)
-    except OSError as error:
-        cure = files.advice(error, "make room and go on with --resume")
-        raise InputError(f"cannot write {out}: {error.strerror}; {cure}") from None
-    (out / resume.FILE).unlink(missing_ok=True)  # only now: without it nothing could be gone on with
-    shutil.rmtree(working, ignore_errors=True)
-    loaded = simulators.load(out)
-    assert isinstance(loaded, DeepTruck)
-    return loaded
-
-
-def _complete(
+def complete(
     truck: DeepTruck, training: Sequence[Recording], validation: Sequence[Recording], working: Path
 ) -> None:
-    """Write all files of a simulator directory into `working`, and set the intervals of `truck`."""
+    """Write all files of a simulator directory into `working`, and set the intervals of `truck`.
+
+    The resume point goes last: until then the work can be gone on with.
+    """
     checkpoint.write(truck, working)
     again = simulators.load(working)
     assert isinstance(again, DeepTruck)
@@ -69,6 +50,7 @@ def _complete(
     (working / model_card.FILE).write_text(model_card.written(truck, training, validation, metrics))
     reference.save(validation, working)
     checkpoint.write(truck, working, (METRICS_FILE, reference.FILE))
+    (working / resume.FILE).unlink(missing_ok=True)
 
 
 def lost_metrics(source: Path) -> str:
@@ -79,12 +61,14 @@ def lost_metrics(source: Path) -> str:
     return f"{source} has lost its {METRICS_FILE}, so there is none beside the intervals" if promised else ""
 
 
-def publish_calibrated(truck: DeepTruck, recordings: Sequence[Recording], source: Path, out: Path) -> None:
+def publish_calibrated(
+    truck: DeepTruck, recordings: Sequence[Recording], source: Path, out: Path, overwrite: bool = False
+) -> None:
     """Write `out`: `source` with the intervals of `truck`, which `recordings` set, and its card and metrics.
 
     The errors in them stay right: only the intervals are others.
     """
-    with checkpoint.replacing(out.resolve()) as folder:
+    with DEEP_TRUCK.replacing(out, overwrite=overwrite) as folder:
         metrics = [METRICS_FILE] if (source / METRICS_FILE).exists() else []
         for name in metrics:
             shutil.copyfile(source / name, folder / name)

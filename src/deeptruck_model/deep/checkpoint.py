@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,16 +13,17 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file
 from safetensors.torch import save as to_bytes
 
-from deeptruck_model import files
+from deeptruck_model import checks
 from deeptruck_model.deep import driven, reference
 from deeptruck_model.deep.coverage import Coverage
 from deeptruck_model.deep.network import WEIGHTS, Scales, Shape, TruckNetwork
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.errors import InputError
+from deeptruck_model.results import DEEP_TRUCK
 from deeptruck_model.signals import TruckInterface
 from deeptruck_model.simulators import MANIFEST
 
-WEIGHTS_FILE, COVERAGE_FILE, METRICS_FILE = "model.safetensors", "coverage.json", "metrics.json"
+WEIGHTS_FILE, COVERAGE_FILE, METRICS_FILE = checks.WEIGHTS, "coverage.json", "metrics.json"
 SCHEMA = 1
 KEPT = {  # what each file beside the weights is for; a truck that was saved without one promises less
     COVERAGE_FILE: "which says what it was trained on",
@@ -35,8 +33,8 @@ KEPT = {  # what each file beside the weights is for; a truck that was saved wit
 
 
 def save(truck: DeepTruck, path: Path) -> None:
-    """Write `path` as a whole or not at all; an older simulator there is replaced."""
-    with replacing(path.resolve()) as folder:
+    """Write `path` as a whole or not at all; an older deep truck there is replaced, and nothing else."""
+    with DEEP_TRUCK.replacing(path, overwrite=True) as folder:
         write(truck, folder)
 
 
@@ -162,37 +160,3 @@ def _coverage(path: Path) -> Coverage | None:
         return Coverage.from_dict(json.loads(path.read_text()))
     except (ValueError, KeyError, TypeError, OSError) as error:
         raise InputError(f"{path} is damaged ({error!r}); train or save the simulator again") from None
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """A new folder that takes the place of `path` when the block ends well, and vanishes when it does not."""
-    check_target(path)
-    folder = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        folder.mkdir()
-        yield folder
-        put(folder, path)
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}; {files.advice(error)}") from None
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-def put(folder: Path, path: Path) -> None:
-    """Rename `folder` to `path`, replacing a simulator that is there."""
-    if path.exists():
-        old = path.with_name(f".{path.name}.{os.getpid()}.old")
-        path.rename(old)
-        folder.rename(path)
-        shutil.rmtree(old)
-    else:
-        folder.rename(path)
-
-
-def check_target(path: Path) -> None:
-    """Raises InputError where `path` is something other than a simulator directory, an empty folder or
-    nothing."""
-    if path.exists() and not (path.is_dir() and ((path / MANIFEST).exists() or not any(path.iterdir()))):
-        raise InputError(f"{path} exists and is not a simulator directory; choose another --out")

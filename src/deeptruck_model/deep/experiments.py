@@ -61,7 +61,7 @@ def error_statistics(out: Path, seeds: int = 1, updates: int = 0, mode: str = "d
     truck = trained([drive_of("trucksim", 240, TRAIN_SEED)], chosen(seeds, updates, mode))
     members = [statistics(trials(single, [test])) for single in singles(truck)]
     metrics: dict[str, Any] = {
-        "ensemble": report.evaluate(truck, [test], out),
+        "ensemble": report.evaluate_into(out, truck, [test]),
         "seeds": members,
         "same_physics_unknown_state": statistics(trials(trucks.load("trucksim"), [test])),
         "same_physics_look_alikes": statistics(trials(_look_alikes(), [test])),
@@ -117,7 +117,8 @@ def field(out: Path, seeds: int = 5, updates: int = 0) -> dict[str, Any]:
         edge = round(0.85 * len(whole))
         truck = trained([whole.piece(0, edge)], chosen(seeds, updates))
         held_out = [whole.piece(edge, len(whole))]
-        metrics[name] = report.evaluate(truck, held_out, out / name, FIELD_RUNS, FIELD_S)
+        (out / name).mkdir()
+        metrics[name] = report.evaluate_into(out / name, truck, held_out, FIELD_RUNS, FIELD_S)
         members = [statistics(trials(single, held_out, FIELD_RUNS, FIELD_S)) for single in singles(truck)]
         metrics[name]["seeds"] = members
         what = f"{name}, {minutes} min: "

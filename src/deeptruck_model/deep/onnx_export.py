@@ -109,7 +109,8 @@ def export(truck: DeepTruck, path: Path) -> ModelProto:
     Raises InputError where the file cannot be written; then none is left.
     """
     model = build(truck)
-    files.write(path, model.SerializeToString())
+    with files.new_file(path) as draft:
+        draft.write_bytes(model.SerializeToString())
     return model
 
 

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from deeptruck_model import files
 from deeptruck_model.deep.evaluation import HORIZON_S, TRIALS, Trials, against_time, statistics, trials
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.deep.uncertainty import inside
 from deeptruck_model.recordings import Recording
+from deeptruck_model.results import EVALUATION
 from deeptruck_model.signals import CHANNELS, SPEED, printed
 from deeptruck_model.simulators import Simulator
 
@@ -28,20 +28,33 @@ def evaluate(
     count: int = TRIALS,
     horizon_s: float = HORIZON_S,
     seed: int = 0,
+    *,
+    overwrite: bool = False,
 ) -> dict[str, Any]:
-    """Open-loop error statistics of any simulator, written as metrics.json and PNG figures under `out`: all
-    of them or, where the disk is full, none."""
-    files.check_folder(out)
+    """Open-loop error statistics of any simulator, written as metrics.json and PNG figures into the folder
+    `out`: all of them or none. An older evaluation there is replaced with `overwrite` only."""
+    with EVALUATION.replacing(out, overwrite=overwrite) as draft:
+        return evaluate_into(draft, simulator, recordings, count, horizon_s, seed)
+
+
+def evaluate_into(
+    folder: Path,
+    simulator: Simulator,
+    recordings: Sequence[Recording],
+    count: int = TRIALS,
+    horizon_s: float = HORIZON_S,
+    seed: int = 0,
+) -> dict[str, Any]:
+    """The same files in an existing folder of the caller's own."""
     runs = trials(simulator, recordings, count, horizon_s, seed)
     metrics = {**statistics(runs), "seed": seed, "recordings": [r.name for r in recordings]}
     if isinstance(simulator, DeepTruck) and simulator.details.get("calibration"):
         for name, share in inside(simulator, runs).items():
             metrics[name]["inside_90"] = share
-    with files.together(out) as draft:
-        error_figure(runs).savefig(draft / "error_statistics.png", dpi=120)
-        scenario_figure(runs).savefig(draft / "scenarios.png", dpi=120)
-        sample_figure(runs).savefig(draft / "samples.png", dpi=120)
-        (draft / "metrics.json").write_text(f"{json.dumps(metrics, indent=1)}\n")
+    error_figure(runs).savefig(folder / "error_statistics.png", dpi=120)
+    scenario_figure(runs).savefig(folder / "scenarios.png", dpi=120)
+    sample_figure(runs).savefig(folder / "samples.png", dpi=120)
+    (folder / "metrics.json").write_text(f"{json.dumps(metrics, indent=1)}\n")
     return metrics
 
 

@@ -25,29 +25,6 @@ if TYPE_CHECKING:
 FILE = "resume.safetensors"
 
 
-def folder_of(out: Path) -> Path:
-    """Where a training of the simulator directory `out` works until it is finished."""
-    return out.with_name(f"{out.name}.partial")
-
-
-def unfinished(out: Path) -> Path | None:
-    """The folder of a killed training of `out` that can be gone on with; None where there is none.
-
-    Raises InputError where another run is writing it.
-    """
-    folder = folder_of(out.resolve())
-    files.free(folder)
-    return folder if (folder / FILE).exists() else None
-
-
-def make(folder: Path) -> None:
-    """Create the working folder. Raises InputError where that is not possible."""
-    try:
-        folder.mkdir(parents=True)
-    except OSError as error:
-        raise InputError(f"cannot write {folder}: {error.strerror}") from None
-
-
 def save(
     folder: Path,
     identity: dict[str, Any],
@@ -88,12 +65,12 @@ def load(
         with safe_open(folder / FILE, framework="pt") as file:
             metadata, tensors = file.metadata(), {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118
     except (OSError, SafetensorError) as error:
-        raise InputError(f"{folder / FILE} is damaged ({error}); remove {folder} and train again") from None
+        raise InputError(f"{folder / FILE} is damaged ({error}); add --overwrite to begin anew") from None
     stored = json.loads(metadata["identity"])
     if stored != json.loads(json.dumps(identity)):
         raise InputError(
-            f"{folder} is another run ({differences(stored, identity)}); repeat that one, or remove that"
-            " folder to begin anew"
+            f"{folder} is another run ({differences(stored, identity)}); repeat that one, or add "
+            "--overwrite instead of --resume to begin anew"
         )
     for name in WEIGHTS:
         getattr(network, name).data.copy_(tensors[f"weight.{name}"])

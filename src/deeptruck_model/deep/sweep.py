@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import math
+import shutil
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stderr
 from pathlib import Path
@@ -12,13 +13,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from deeptruck_model import files, recordings, sweeps
+from deeptruck_model import recordings, sweeps
+from deeptruck_model.checks import MANIFEST
 from deeptruck_model.deep.arguments import OPTIONS, Arguments
-from deeptruck_model.deep.checkpoint import METRICS_FILE
-from deeptruck_model.deep.training import DivergedError, train
 from deeptruck_model.errors import InputError
-from deeptruck_model.simulators import MANIFEST
+from deeptruck_model.results import DEEP_TRUCK, SWEEP, check_start
 
+METRICS_FILE = "metrics.json"
 RANKED_BY = "speed"  # its mean absolute error in held-out free runs, m/s, mean over the seeds
 SHOWN = ("speed", "acceleration")
 
@@ -39,40 +40,71 @@ def sweep(
     seeds: int = 1,
     workers: int = 1,
     engine: str = "processes",
+    resumes: bool = False,
+    overwrite: bool = False,
     tell: Callable[[str], None] = lambda line: None,
 ) -> list[dict[str, Any]]:
     """Train every combination of `grid` (a setting, as the command line calls it: values) with seeds 0 to
     `seeds` - 1; one row for each combination, the best on held-out data first.
 
-    The trucks are `out`/SETTINGS/seed-N; `out` also gets sweep.json and sweep.md. What is finished is never
-    trained again, not after a worker was killed nor after the sweep was: then it goes on. The workers of a
+    The trucks are `out`/SETTINGS/seed-N; `out` also gets sweep.json and sweep.md, all at the end and
+    together. A killed sweep, or a finished one with more settings or seeds, goes on with `resumes`: what is
+    finished is never trained again, nor after a worker was killed. `overwrite` begins anew. The workers of a
     Ray cluster must reach `bags` and `out`. Raises InputError for an unknown setting or value, or data that
     cannot be trained on.
     """
-    if "seed" in grid:
-        raise InputError("the seeds are counted by --seeds, not set")
-    out, paths = Path(out).resolve(), tuple(str(Path(bag).resolve()) for bag in bags)
-    chosen = list(sweeps.combinations(grid, Arguments, "the deep truck", OPTIONS))
-    jobs = [
-        Job(paths, str(out / sweeps.name(settings) / f"seed-{seed}"), {**settings, "seed": seed})
-        for seed in range(seeds)
-        for settings in chosen
-    ]
-    for job in jobs:
-        arguments_of(job.settings)  # raises InputError now, not after the trucks before it
-    files.check_folder(out)
-    for number, line in enumerate(sweeps.run(train_one, jobs, workers=workers, engine=engine), 1):
-        tell(f"{number} of {len(jobs)}: {line}")
-    rows = sorted((_row(out, settings, seeds) for settings in chosen), key=_rank)
-    with files.together(out) as draft:
+    chosen = combinations(grid)
+    out = Path(out).absolute()
+    if not resumes:
+        check_start(SWEEP, out, resume=False, overwrite=overwrite)
+    paths = tuple(str(Path(bag).resolve()) for bag in bags)
+    with SWEEP.going_on(out, overwrite=overwrite or resumes) as draft:
+        if resumes:
+            _take_over(out, draft)
+        else:
+            SWEEP.forget(out)
+            draft.mkdir(exist_ok=True)
+        jobs = [
+            Job(paths, str(_folder(draft, settings, seed)), {**settings, "seed": seed})
+            for seed in range(seeds)
+            for settings in chosen
+        ]
+        for number, line in enumerate(sweeps.run(train_one, jobs, workers=workers, engine=engine), 1):
+            tell(f"{number} of {len(jobs)}: {line.replace(str(draft), str(out), 1)}")
+        rows = sorted((_row(draft, out, settings, seeds) for settings in chosen), key=_rank)
         (draft / "sweep.json").write_text(json.dumps(rows, indent=1) + "\n")
         (draft / "sweep.md").write_text(_table(rows))
     return rows
 
 
+def combinations(grid: Mapping[str, Sequence[Any]]) -> list[sweeps.Settings]:
+    """Every choice of one value for each setting. Raises InputError for what no training can have."""
+    if "seed" in grid:
+        raise InputError("the seeds are counted by --seeds, not set")
+    chosen = list(sweeps.combinations(grid, Arguments, "the deep truck", OPTIONS))
+    for settings in chosen:
+        arguments_of(settings)
+    return chosen
+
+
+def _folder(sweep_folder: Path, settings: sweeps.Settings, seed: int) -> Path:
+    return sweep_folder / sweeps.name(settings) / f"seed-{seed}"
+
+
+def _take_over(finished: Path, draft: Path) -> None:
+    """Copy the trucks of a finished sweep into the draft, each whole or not at all; they are small."""
+    for manifest in finished.glob(f"*/seed-*/{MANIFEST}"):
+        place = draft / manifest.parent.relative_to(finished)
+        if not (place / MANIFEST).exists():
+            with DEEP_TRUCK.replacing(place) as copy:
+                shutil.copytree(manifest.parent, copy, dirs_exist_ok=True)
+
+
 def train_one(job: Job) -> str:
     """Train a job's truck, or what is left of it, in whichever process; returns its folder, and what became
     of it where that is not a truck."""
+    from deeptruck_model.deep.training import DivergedError, train
+
     drives = [drive for bag in job.bags for drive in recordings.read(bag)]
     with redirect_stderr(io.StringIO()):  # progress bars of several workers would overwrite each other
         try:
@@ -88,14 +120,20 @@ def arguments_of(settings: sweeps.Settings) -> Arguments:
     return Arguments(**{fields.get(name, name): value for name, value in settings.items()})
 
 
-def _row(out: Path, settings: sweeps.Settings, seeds: int) -> dict[str, Any]:
-    folders = [out / sweeps.name(settings) / f"seed-{seed}" for seed in range(seeds)]
+def _row(draft: Path, out: Path, settings: sweeps.Settings, seeds: int) -> dict[str, Any]:
+    """One row of the ranking; the trucks are still in the draft of `out`."""
+    folders = [_folder(draft, settings, seed) for seed in range(seeds)]
     trained = [folder for folder in folders if (folder / MANIFEST).exists()]
     metrics = [_metrics(folder) for folder in trained]
     held_out = {name: [m[name]["mean_abs"] for m in metrics if name in m] for name in SHOWN}
-    best = str(trained[int(np.argmin(held_out[RANKED_BY]))]) if trained else None
+    best = trained[int(np.argmin(held_out[RANKED_BY]))] if trained else None
     diverged = len(folders) - len(trained)
-    return {"settings": settings, "held_out_mean_abs": held_out, "diverged": diverged, "best": best}
+    return {
+        "settings": settings,
+        "held_out_mean_abs": held_out,
+        "diverged": diverged,
+        "best": best and str(out / best.relative_to(draft)),
+    }
 
 
 def _metrics(folder: Path) -> dict[str, Any]:

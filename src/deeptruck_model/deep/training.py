@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shutil
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -17,7 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from threadpoolctl import threadpool_limits
 from torch.utils.tensorboard import SummaryWriter
 
-from deeptruck_model import files
+from deeptruck_model import files, simulators
 from deeptruck_model.deep import card, checkpoint, coverage, driven, familiar, kernels, resume
 from deeptruck_model.deep.arguments import Arguments
 from deeptruck_model.deep.compiled import FloatArray
@@ -30,6 +29,7 @@ from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.deep.windows import Sequences, loss_weights
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
+from deeptruck_model.results import DEEP_TRUCK, check_start
 from deeptruck_model.simulators import read_manifest
 
 Observer = Callable[[int, TruckNetwork], None]
@@ -46,41 +46,66 @@ def train(
     arguments: Arguments,
     resumes: bool = False,
     observe: Observer | None = None,
+    overwrite: bool = False,
 ) -> DeepTruck:
     """Train on `recordings`, write the simulator directory `out`, return it as read back from there.
 
     `observe` is called with the updates done and the network after every round. Same data, arguments and
-    machine give the same weights, resumed after a kill or not; without `resumes` what a killed run left is
-    discarded. Raises InputError for data that cannot be
-    trained on, an `out` that is something else, or a resume of another run."""
+    machine give the same weights, resumed after a kill or not. What a killed run left is gone on with by
+    `resumes`; `overwrite` begins anew, and replaces an older deep truck once the new one is whole. Raises
+    InputError for data that cannot be trained on, an `out` that is something else, or a resume of another
+    run.
+    """
     began = time.monotonic()
-    out = out.resolve()
-    checkpoint.check_target(out)
-    working = resume.folder_of(out)
-    files.free(working)
+    if not resumes:
+        check_start(DEEP_TRUCK, out, resume=False, overwrite=overwrite)
+    DEEP_TRUCK.check(out, overwrite=True)  # whether it is this run's own is known with the data
     torch.set_num_threads(1)
-
     data = prepare(recordings, arguments)
     identity = identity_of(data, arguments)
-    there = identity_in(out)
-    if resumes and there == identity:
+    if resumes and identity_in(out) == identity:
         return checkpoint.load_directory(out, read_manifest(out))
-    if resumes and there is not None and not working.exists():
-        raise InputError(
-            f"{out} is another run ({differences(there, identity)}); choose another --out, or "
-            "remove that folder"
-        )
+    if resumes and not overwrite:
+        _refuse_another(out, identity)
+    with DEEP_TRUCK.going_on(out, overwrite=overwrite) as working:
+        if not resumes:
+            DEEP_TRUCK.forget(out)
+            working.mkdir(exist_ok=True)
+        if (working / resume.FILE).exists() or identity_in(working) != identity:  # else killed once complete
+            _work(data, arguments, identity, working, out, observe, began)
+    loaded = simulators.load(out)
+    assert isinstance(loaded, DeepTruck)
+    return loaded
 
+
+def _refuse_another(out: Path, identity: dict[str, Any]) -> None:
+    """Raises InputError where another run's truck is at `out`."""
+    there = identity_in(out)
+    if there is None:
+        return
+    if files.unfinished(out).exists():
+        DEEP_TRUCK.check(out)  # a run to replace it was killed: it takes --overwrite to go on, too
+    raise InputError(
+        f"{out} is another run ({differences(there, identity)}); choose another --out, or "
+        "add --overwrite instead of --resume"
+    )
+
+
+def _work(
+    data: Prepared,
+    arguments: Arguments,
+    identity: dict[str, Any],
+    working: Path,
+    out: Path,
+    observe: Observer | None,
+    began: float,
+) -> None:
+    """Train from the last resume point in `working`, if there is one, and complete the simulator there."""
     run = _begin(data, arguments, identity)
-    done = resume.load(working, identity, run.network, run.optimizers, run.best) if resumes else 0
-    if not done:
-        files.free(working)  # another run may have begun while this one prepared its data
-        shutil.rmtree(working, ignore_errors=True)
-        resume.make(working)
-    with files.writing(working):
-        _loop(run, working, done, observe)
+    done = resume.load(working, identity, run.network, run.optimizers, run.best)
+    _loop(run, working, done, observe)
     if not np.isfinite(run.best.scores).all():
-        shutil.rmtree(working)  # going on with it would only diverge again
+        DEEP_TRUCK.forget(out)  # going on with it would only diverge again
         raise DivergedError(
             "training diverged: take a lower learning rate than "
             f"{peak_rate(arguments):g}, or look at the recordings with 'deeptruck-model coverage'"
@@ -93,7 +118,7 @@ def train(
         _details(run, time.monotonic() - began),
         driven=driven.measure(data.training, data.driven),
     )
-    return card.publish(truck, data.training, data.validation, working, out)
+    card.complete(truck, data.training, data.validation, working)
 
 
 def finished(recordings: Sequence[Recording], out: Path, arguments: Arguments) -> bool:

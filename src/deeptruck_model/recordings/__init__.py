@@ -1,15 +1,20 @@
 """Bags and tables in, uniform recordings out."""
 
-from deeptruck_model.recordings.bag_writer import write_bag
-from deeptruck_model.recordings.coverage_map import Coverage, coverage
-from deeptruck_model.recordings.crash_safe import CrashSafeWriter
-from deeptruck_model.recordings.extract import read
-from deeptruck_model.recordings.grade import grade_from_elevation
-from deeptruck_model.recordings.importing import Imported, import_table
-from deeptruck_model.recordings.recording import Recording
-from deeptruck_model.recordings.reindex import repair
-from deeptruck_model.recordings.resample import Series, uniform
-from deeptruck_model.recordings.splits import data_hash, split
+from typing import TYPE_CHECKING
+
+from deeptruck_model import lazy
+
+if TYPE_CHECKING:
+    from deeptruck_model.recordings.bag_writer import write_bag
+    from deeptruck_model.recordings.coverage_map import Coverage, coverage
+    from deeptruck_model.recordings.crash_safe import CrashSafeWriter
+    from deeptruck_model.recordings.extract import read
+    from deeptruck_model.recordings.grade import grade_from_elevation
+    from deeptruck_model.recordings.importing import Imported, import_table
+    from deeptruck_model.recordings.recording import Recording
+    from deeptruck_model.recordings.reindex import repair
+    from deeptruck_model.recordings.resample import Series, uniform
+    from deeptruck_model.recordings.splits import data_hash, split
 
 __all__ = [
     "Coverage",
@@ -27,3 +32,19 @@ __all__ = [
     "uniform",
     "write_bag",
 ]
+
+__getattr__ = lazy.names(
+    __name__,
+    {
+        "bag_writer": ("write_bag",),
+        "coverage_map": ("Coverage", "coverage"),
+        "crash_safe": ("CrashSafeWriter",),
+        "extract": ("read",),
+        "grade": ("grade_from_elevation",),
+        "importing": ("Imported", "import_table"),
+        "recording": ("Recording",),
+        "reindex": ("repair",),
+        "resample": ("Series", "uniform"),
+        "splits": ("data_hash", "split"),
+    },
+)

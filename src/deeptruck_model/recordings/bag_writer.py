@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
-import uuid
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,13 +10,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model import files
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.bag_source import INTERFACE_KEY, NOTES_KEY
 from deeptruck_model.recordings.crash_safe import CrashSafeWriter
 from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS
+from deeptruck_model.results import BAG
 from deeptruck_model.signals import TruckInterface
 
 Array = NDArray[np.float64]
@@ -40,37 +38,37 @@ _LITTLE_ENDIAN = b"\0\1\0\0"
 
 
 def write_bag(
-    path: str | Path, recordings: Sequence[Recording], *, interface: TruckInterface, epoch_ns: int = EPOCH_NS
+    path: str | Path,
+    recordings: Sequence[Recording],
+    *,
+    interface: TruckInterface,
+    epoch_ns: int = EPOCH_NS,
+    overwrite: bool = False,
 ) -> Path:
     """Write recordings into a new rosbag2 folder (MCAP) and return its path.
 
     Pieces keep their distance in time, or are moved apart so far that reading cuts them again (see
     `lay_out`). Values survive exactly, NaN included, but for gap, which sensor_msgs/Range carries as
-    float32. Written under a temporary name and renamed. Raises InputError for an existing path,
-    recordings of different dt, or a full disk.
+    float32. Whole or not there. With `overwrite` a bag that this function wrote is replaced, and nothing
+    else. Raises InputError for an existing path, recordings of different dt, or a full disk.
     """
     path = Path(path)
     starts = lay_out(recordings)
-    if path.exists():
-        raise InputError(f"{path} exists already; choose another name or remove it")
     custom = {INTERFACE_KEY: json.dumps(interface.to_dict())}
     notes = list(dict.fromkeys(note for recording in recordings for note in recording.notes))
     if notes:
         custom[NOTES_KEY] = json.dumps(notes)
-    unfinished = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}")
-    try:
-        with CrashSafeWriter(unfinished, file_stem=path.name, custom_data=custom) as writer:
-            for recording, start_s in zip(recordings, starts, strict=True):
-                for topic, message, stamp in _messages(recording, start_s, epoch_ns):
-                    writer.write(topic, _TYPES[topic], message, stamp)
-        unfinished.rename(path)
-    except (OSError, InputError) as error:
-        cause = error.__context__ or error
-        why = getattr(cause, "strerror", None) or str(error)
-        cure = files.advice(cause, "make room or choose another", "choose another")
-        raise InputError(f"cannot write {path}: {why}; nothing was written, {cure}") from None
-    finally:
-        shutil.rmtree(unfinished, ignore_errors=True)
+    with BAG.replacing(path, overwrite=overwrite) as draft:
+        draft.rmdir()  # the writer makes its own
+        try:
+            with CrashSafeWriter(draft, file_stem=path.name, custom_data=custom) as writer:
+                for recording, start_s in zip(recordings, starts, strict=True):
+                    for topic, message, stamp in _messages(recording, start_s, epoch_ns):
+                        writer.write(topic, _TYPES[topic], message, stamp)
+        except InputError as error:  # the writer speaks of its draft, and of a repair
+            if isinstance(error.__context__, OSError):
+                raise error.__context__ from None
+            raise
     return path
 
 

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model import files
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.recording import Recording
+from deeptruck_model.results import COVERAGE
 
 Array = NDArray[np.float64]
 
@@ -36,10 +36,25 @@ class Coverage:
         """Length of all recordings together, s."""
         return float(sum(r["duration_s"] for r in self.recordings))
 
+    @property
+    def warnings(self) -> list[str]:
+        """What cannot be used although a channel of that name is there, a line each."""
+        empty = [
+            f"{name} of '{r['name']}' holds no valid sample"
+            for r in self.recordings
+            for name, channel in r["channels"].items()
+            if channel["mean"] is None
+        ]
+        commands = [r["channels"].get("engine_command") for r in self.recordings]
+        if not any(command and command["mean"] is not None for command in commands):
+            empty.append("no recording has a valid engine_command, without which none can be trained on")
+        return empty
+
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""
         return {
             "duration_s": self.duration_s,
+            "warnings": self.warnings,
             "recordings": self.recordings,
             "occupancy": {
                 "axes": ["speed", "acceleration", "grade"],
@@ -51,13 +66,17 @@ class Coverage:
             },
         }
 
-    def save(self, folder: str | Path) -> None:
-        """Write coverage.json and coverage.png into a folder, made where missing."""
+    def save(self, folder: str | Path, *, overwrite: bool = False) -> None:
+        """Write the folder with coverage.json and coverage.png, both or none.
+
+        Raises InputError where something else is there, or an older coverage without `overwrite`.
+        """
         from deeptruck_model.recordings.coverage_figure import draw
 
-        content = json.dumps(self.to_dict(), indent=1, allow_nan=False).encode()
-        files.write(Path(folder) / "coverage.png", draw(self))
-        files.write(Path(folder) / "coverage.json", content)
+        content = json.dumps(self.to_dict(), indent=1, allow_nan=False)
+        with COVERAGE.replacing(Path(folder), overwrite=overwrite) as draft:
+            (draft / "coverage.json").write_text(content)
+            (draft / "coverage.png").write_bytes(draw(self))
 
 
 def coverage(recordings: Sequence[Recording]) -> Coverage:

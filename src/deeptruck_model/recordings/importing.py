@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model import files
 from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import import_checks
 from deeptruck_model.recordings.bag_writer import lay_out, write_bag
 from deeptruck_model.recordings.columns import DATE_UNITS, TIME_UNITS, Column, Columns, load_columns
 from deeptruck_model.recordings.grade import GRADE_WINDOW_M, grade_from_elevation
@@ -23,16 +24,12 @@ from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, period
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.resample import Series, uniform
 from deeptruck_model.recordings.table_file import TextTable, read_table
-from deeptruck_model.recordings.topic_map import load_yaml
 from deeptruck_model.signals import CHANNELS, TruckInterface
 
 SHORTEST_S, LONGEST_S = 2e-4, 30.0  # between rows; beyond, a unit was mistaken
 
 Array = NDArray[np.float64]
 
-CAN_SUFFIXES = (".log", ".asc", ".blf", ".mf4", ".candump", ".trc", ".mcap")
-BAG_SUFFIXES = (".db3", ".bag")
-USE_THE_BAG = "a bag is not imported but used as it is ('deeptruck-model coverage BAG')"
 IMPORTERS = "deeptruck.importers"
 
 CanLog = tuple[dict[str, tuple[Array, Array]], dict[str, Any]]
@@ -50,7 +47,13 @@ class Imported:
     sha256: str | None = None
 
 
-def import_table(table: str | Path, columns: Mapping[str, Any] | str | Path, out: str | Path) -> Imported:
+def import_table(
+    table: str | Path,
+    columns: Mapping[str, Any] | str | Path,
+    out: str | Path,
+    *,
+    overwrite: bool = False,
+) -> Imported:
     """Turn a CSV or Parquet table, or a CAN log, into the rosbag2 folder `out`, as COLUMNS.yaml says.
 
     The recordings keep the table's rate. Acceleration is derived from speed, and grade from an elevation
@@ -59,33 +62,24 @@ def import_table(table: str | Path, columns: Mapping[str, Any] | str | Path, out
     'deeptruck.importers', a function `(log: Path, columns: dict) -> (channels, interface)`: `channels`
     maps our channel names to (times (n,) in s, ascending, values (n,)) in canonical units, `interface` is
     the dict of a TruckInterface; the message of its ValueError becomes the InputError. This function puts
-    the channels on one 10 Hz clock. Raises InputError with one
-    line for whatever cannot be used; nothing is left behind.
+    the channels on one 10 Hz clock. `overwrite` replaces an imported bag, never a sealed file. Raises
+    InputError with one line for whatever cannot be used; nothing is left behind.
     """
     table, out = Path(table), Path(out)
-    sealed = out.with_name(out.name + ".sealed.csv")
-    if not out.parent.is_dir() and out.parent.exists():
-        raise InputError(f"{out.parent} is a file, so nothing can be written under it; choose another --out")
-    if table.suffix.lower() in BAG_SUFFIXES or (table / "metadata.yaml").exists():
-        raise InputError(f"{table} is no table: {USE_THE_BAG}")
-    for target in (out, sealed):
-        if target.exists():
-            raise InputError(f"{target} exists already; choose another name or remove it")
-    if table.suffix.lower() in CAN_SUFFIXES:
-        return _import_can_log(table, columns, out)
+    import_checks.check(table, columns, out, overwrite=overwrite)
+    if import_checks.is_can_log(table):
+        return _import_can_log(table, columns, out, overwrite)
     meaning = load_columns(columns)
     recordings = _recordings(table, meaning)
-    digest = None
-    if meaning.conceal:
-        recordings, content = _seal(recordings, meaning.conceal)
-        digest = hashlib.sha256(content).hexdigest()
-        files.write(sealed, content)
-    try:
-        write_bag(out, recordings, interface=recordings[0].interface)
-    except BaseException:
-        sealed.unlink(missing_ok=True)
-        raise
-    return Imported(out, recordings, sealed if meaning.conceal else None, digest)
+    if not meaning.conceal:
+        write_bag(out, recordings, interface=recordings[0].interface, overwrite=overwrite)
+        return Imported(out, recordings)
+    recordings, content = _seal(recordings, meaning.conceal)
+    sealed = import_checks.sealed(out)
+    with files.new_file(sealed) as draft:
+        draft.write_bytes(content)
+        write_bag(out, recordings, interface=recordings[0].interface, overwrite=overwrite)
+    return Imported(out, recordings, sealed, hashlib.sha256(content).hexdigest())
 
 
 def _recordings(path: Path, meaning: Columns) -> list[Recording]:
@@ -98,7 +92,9 @@ def _recordings(path: Path, meaning: Columns) -> list[Recording]:
     )
     notes = list(meaning.notes)
     if table.ragged:
-        notes.append(f"{table.ragged} rows with more or fewer cells than the header left out")
+        note = f"{table.ragged} rows with more or fewer cells than the header left out"
+        untimed = meaning.time_column is None  # then rows are counted, and those behind come too early
+        notes.append(f"{note}; what lies behind them is timed too early" if untimed else note)
     time = _time(table, meaning)
     values = {channel: _values(table, channel, column, notes) for channel, column in meaning.channels.items()}
     cuts = [
@@ -253,15 +249,10 @@ def _seal(recordings: list[Recording], concealed: tuple[str, ...]) -> tuple[list
     return bare, text.getvalue().encode()
 
 
-def _import_can_log(log: Path, columns: Mapping[str, Any] | str | Path, out: Path) -> Imported:
-    if not log.is_file():
-        raise InputError(f"{log} does not exist")
-    meaning = load_yaml(Path(columns)) if isinstance(columns, str | Path) else dict(columns)
-    if "time" in meaning:
-        raise InputError(
-            f"{log} is read as a CAN log, for its suffix, but these columns describe a table (they have a "
-            f"'time'); {USE_THE_BAG}, and a table needs another suffix, such as .csv"
-        )
+def _import_can_log(
+    log: Path, columns: Mapping[str, Any] | str | Path, out: Path, overwrite: bool
+) -> Imported:
+    meaning = import_checks.columns_of_log(log, columns)
     try:
         channels, interface_data = _can_importer()(log, meaning)
     except ValueError as error:  # the other package's own error of one line
@@ -273,7 +264,7 @@ def _import_can_log(log: Path, columns: Mapping[str, Any] | str | Path, out: Pat
     first = min((float(time[0]) for time, _ in channels.values() if len(time)), default=0.0)
     series = {c: Series(np.asarray(t, float) - first, np.asarray(v, float)) for c, (t, v) in channels.items()}
     recordings = uniform(series, name=str(meaning.get("name", log.stem)), interface=interface)
-    write_bag(out, recordings, interface=interface)
+    write_bag(out, recordings, interface=interface, overwrite=overwrite)
     return Imported(out, recordings)
 
 

@@ -5,10 +5,13 @@
 from __future__ import annotations
 
 import os
+import shutil
 import struct
+import tempfile
 import zlib
 from dataclasses import dataclass, field
 from io import BytesIO
+from itertools import chain, count
 from pathlib import Path
 from typing import BinaryIO
 
@@ -30,11 +33,13 @@ from mcap.records import (
 from mcap.stream_reader import get_chunk_data_stream
 
 from deeptruck_model import files
+from deeptruck_model.checks import METADATA
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.bag_metadata import Topic
 from deeptruck_model.recordings.crash_safe import write_metadata
 from deeptruck_model.recordings.mcap_chunks import RECORD_HEAD, message_indexes, scan_messages
 
+_MADE_ANEW = (Opcode.MESSAGE_INDEX, Opcode.DATA_END, Opcode.FOOTER)
 _MAGIC = b"\x89MCAP0\r\n"
 
 
@@ -43,6 +48,8 @@ class _Found:
     """What a scan of the data section found, and where its last whole record ends."""
 
     end: int
+    cut: int = 0  # where the scan ended in the file as it was found
+    torn: bool = False  # whether data lies behind that, not only an index that is made anew
     header: bool = False
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
@@ -55,31 +62,73 @@ def repair(path: str | Path) -> str | None:
     """Make a bag whose writer was killed (or whose end is missing) whole again, in place.
 
     `path` is a rosbag2 folder with one MCAP file, or the file itself. Everything in whole chunks is kept;
-    returns one line on what was done, None where nothing was wrong. A kill during the repair does no
-    harm: run it again. Raises InputError where there is no MCAP file or the disk cannot be written.
+    returns one line on what was done, None where nothing was wrong. A mended copy takes the file's place once
+    it is complete, so a kill at any moment leaves the one or the other. What is cut off is kept as
+    FILE.mcap.cut, a metadata.yaml that was there as metadata.yaml.before; other files are left alone. Raises
+    InputError where there is no MCAP file, it is still being written, or the disk cannot be written.
     """
     path = Path(path)
     file = _only_mcap(path)
     whole = _is_whole(file)
-    if whole and (path.is_file() or (path / "metadata.yaml").exists()):
+    if whole and (path.is_file() or (path / METADATA).exists()):
         return None
     try:
-        with file.open("r+b") as stream:
-            size = stream.seek(0, os.SEEK_END)
-            found = _scan(stream, size, file)
-            _finish(stream, found)
-        if path.is_dir():
-            _describe(path, file, found)
+        with files.writing(file.parent):
+            found, cut = _mend(path, file)
     except OSError as error:
-        cure = files.advice(error, "make room and repair it again", "repair a copy elsewhere")
+        cure = files.advice(error, "make room for a copy and repair it again", "repair a copy elsewhere")
         raise InputError(f"cannot repair {path}: {error.strerror}; nothing was lost, {cure}") from None
-    lost = (
-        "nothing was lost"
-        if whole
-        else f"{max(size - found.end, 0)} bytes behind the last whole chunk dropped"
-    )
+    lost = f"the torn end is in {cut.name}" if cut else "nothing was lost"
     kept = sum(found.counts.values())
     return f"{path} was not finished: kept {kept or 'no'} messages, {lost}"
+
+
+def _mend(path: Path, file: Path) -> tuple[_Found, Path | None]:
+    """Put a mended copy in the place of `file`; the file that keeps what was cut off, if there is one."""
+    number, name = tempfile.mkstemp(prefix=f".{file.name}.", suffix=".tmp", dir=file.parent)
+    os.close(number)
+    draft, before = Path(name), file.stat()
+    try:
+        shutil.copyfile(file, draft)
+        shutil.copymode(file, draft)
+        with draft.open("r+b") as stream:
+            found = _scan(stream, stream.seek(0, os.SEEK_END), file)
+            _finish(stream, found)
+            stream.flush()
+            os.fsync(stream.fileno())
+        cut = _kept(file.with_name(f"{file.name}.cut"), _behind(file, found.cut)) if found.torn else None
+        after = file.stat()
+        if (after.st_size, after.st_mtime_ns) != (before.st_size, before.st_mtime_ns):
+            raise InputError(f"{file} is still being written; end its recorder first")
+        if path.is_dir():
+            if (
+                path / METADATA
+            ).exists():  # away before the new file: without one a bag is known as unfinished
+                _kept(path / f"{METADATA}.before", (path / METADATA).read_bytes())
+                (path / METADATA).unlink()
+            draft.replace(file)
+            _describe(path, file, found)
+        else:
+            draft.replace(file)
+        return found, cut
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def _behind(file: Path, at: int) -> bytes:
+    with file.open("rb") as stream:
+        stream.seek(at)
+        return stream.read()
+
+
+def _kept(wanted: Path, content: bytes) -> Path:
+    """Write `content` under the wanted name, or the next one that is free or holds the same."""
+    names = chain([wanted], (wanted.with_name(f"{wanted.name}{number}") for number in count(2)))
+    place = next(p for p in names if not p.exists() or (p.is_file() and p.read_bytes() == content))
+    if not place.exists():
+        with files.new_file(place) as draft:
+            draft.write_bytes(content)
+    return place
 
 
 def _only_mcap(path: Path) -> Path:
@@ -109,6 +158,7 @@ def _scan(stream: BinaryIO, size: int, file: Path) -> _Found:
     found = _Found(end=min(size, len(_MAGIC)))
     at = len(_MAGIC)
     tail: Chunk | None = None  # the last chunk: whether its message indexes are all there is not known
+    opcode = 0
     while at + RECORD_HEAD <= size:
         stream.seek(at)
         opcode, length = struct.unpack("<BQ", stream.read(RECORD_HEAD))
@@ -129,6 +179,9 @@ def _scan(stream: BinaryIO, size: int, file: Path) -> _Found:
             raise InputError(f"{file} was written in a way repair does not know (record type {opcode})")
         at += RECORD_HEAD + length
         found.end = at
+    else:
+        opcode = 0
+    found.cut, found.torn = min(at, size), at < size and opcode not in _MADE_ANEW
     if tail is not None:
         _index_again(stream, found, tail)
     return found
@@ -197,6 +250,12 @@ def _index_again(stream: BinaryIO, found: _Found, chunk: Chunk) -> None:
         MessageIndex(channel, records).write(builder)
         found.counts[channel] = found.counts.get(channel, 0) + len(records)
     last.message_index_length = builder.count
+    for place, (index, metadata) in enumerate(found.metadata):
+        if index.offset >= behind:  # where the indexes go now
+            offset = behind + builder.count
+            metadata.write(builder)
+            again = MetadataIndex(offset, behind + builder.count - offset, metadata.name)
+            found.metadata[place] = (again, metadata)
     stream.seek(behind)
     stream.write(builder.end())
     found.end = stream.tell()

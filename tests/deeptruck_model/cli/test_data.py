@@ -1,12 +1,13 @@
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 
 import pytest
 
 from deeptruck_model import cli
-from deeptruck_model.recordings import CrashSafeWriter
+from deeptruck_model.recordings import CrashSafeWriter, read
 
 COLUMNS = (
     "time: {rate_hz: 1.0}\nchannels:\n  speed: {column: v, unit: m/s}\n  elevation: {column: h, unit: m}\n"
@@ -40,7 +41,11 @@ def test_import_then_coverage(
     assert "bag: 100.0 s in 1 piece" in said and "note: acceleration derived from speed" in said
     assert run(monkeypatch, "coverage", "bag", "bag", "--out", "coverage") == 0
     assert "bag: 100.0 s at 1 Hz" in capsys.readouterr().out
-    assert {p.name for p in (workplace / "coverage").iterdir()} == {"coverage.json", "coverage.png"}
+    assert {p.name for p in (workplace / "coverage").iterdir()} == {
+        "coverage.json",
+        "coverage.png",
+        ".deeptruck.json",
+    }
 
 
 def test_the_seal_is_printed(
@@ -108,3 +113,37 @@ def test_a_unit_or_scale_that_cannot_be_meant(
     (workplace / "columns.yaml").write_text(columns)
     assert run(monkeypatch, "import", "drive.csv", "--columns", "columns.yaml", "--out", "bag") == 2
     assert says in capsys.readouterr().err and not (workplace / "bag").exists()
+
+
+def test_ragged_rows_are_counted_on_the_terminal_and_in_the_bag(
+    workplace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with (workplace / "drive.csv").open("a") as table:
+        table.write("5,100,7\n5\n6,101\n")
+    assert run(monkeypatch, "import", "drive.csv", "--columns", "columns.yaml", "--out", "bag") == 0
+    says = "2 rows with more or fewer cells than the header left out; what lies behind them is timed"
+    says += " too early"
+    assert f"note: {says}" in capsys.readouterr().out
+    assert says in read(workplace / "bag")[0].notes
+
+
+def test_a_bag_is_replaced_when_asked_only(
+    workplace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("import", "drive.csv", "--columns", "columns.yaml", "--out", "bag")
+    assert run(monkeypatch, *words) == 0
+    assert run(monkeypatch, *words) == 2
+    assert "holds an imported bag already" in capsys.readouterr().err
+    assert run(monkeypatch, *words, "--overwrite") == 0
+    assert run(monkeypatch, "coverage", "bag", "--out", "bag/coverage") == 2
+    assert "or inside it, which is read here" in capsys.readouterr().err
+
+
+def test_coverage_warns_of_a_missing_command(
+    workplace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, "import", "drive.csv", "--columns", "columns.yaml", "--out", "bag") == 0
+    assert run(monkeypatch, "coverage", "bag", "--out", "coverage") == 0
+    says = "no recording has a valid engine_command, without which none can be trained on"
+    assert f"warning: {says}" in capsys.readouterr().err
+    assert json.loads((workplace / "coverage" / "coverage.json").read_text())["warnings"] == [says]

@@ -29,19 +29,17 @@ def killed(monday: Path, script: Script, tmp_path: Path, monkeypatch: pytest.Mon
     with monkeypatch.context() as patch:
         patch.setattr(training.resume, "save", last)
         code, _, _ = script("train", monday, "--out", tmp_path / "sim", "--budget", 40)
-    assert code == 130 and (tmp_path / "sim.partial" / resume.FILE).exists()
+    assert code == 130 and (tmp_path / ".sim.unfinished" / resume.FILE).exists()
     return tmp_path / "sim"
 
 
-@pytest.mark.parametrize("more", [[], ["--overwrite"]])
-def test_an_unfinished_training_is_not_discarded(
-    script: Script, monday: Path, killed: Path, more: list[str]
-) -> None:
-    checkpoint = killed.with_name("sim.partial") / resume.FILE
+def test_an_unfinished_training_is_not_discarded(script: Script, monday: Path, killed: Path) -> None:
+    checkpoint = killed.with_name(".sim.unfinished") / resume.FILE
     before = checkpoint.read_bytes()
-    code, said, errors = script("train", monday, "--out", killed, "--budget", 40, *more)
+    code, said, errors = script("train", monday, "--out", killed, "--budget", 40)
     assert code == 2 and not said and errors.count("\n") == 1
-    assert "sim.partial is an unfinished training; add --resume" in errors
+    assert "sim was begun and not finished" in errors
+    assert "add --resume to go on with it, or --overwrite to begin anew" in errors
     assert checkpoint.read_bytes() == before and not killed.exists()
 
 
@@ -49,7 +47,7 @@ def test_an_unfinished_training_goes_on(script: Script, monday: Path, killed: Pa
     code, said, _ = script("train", monday, "--out", killed, "--budget", 40, "--resume")
     assert code == 0 and "trained in" in said
     assert (killed / "simulator.json").exists() and not (killed / resume.FILE).exists()
-    assert not killed.with_name("sim.partial").exists()
+    assert [p.name for p in killed.parent.iterdir()] == ["sim"]
 
 
 def test_a_finished_simulator_is_replaced_when_asked_only(
@@ -58,8 +56,48 @@ def test_a_finished_simulator_is_replaced_when_asked_only(
     words = ("train", monday, "--out", tmp_path / "sim", "--budget", 4)
     assert script(*words)[0] == 0
     code, _, errors = script(*words)
-    assert code == 2 and "exists already; choose another --out, or add --overwrite" in errors
+    assert code == 2 and "holds a deep truck already; choose another --out, or add --overwrite" in errors
+    (tmp_path / "sim" / ".deeptruck.json").unlink()  # as in a copy by 'cp sim/* copy'
     assert script(*words, "--overwrite")[0] == 0
+    (tmp_path / "sim" / "notes.txt").write_text("mine")
+    code, _, errors = script(*words, "--overwrite")
+    assert code == 2 and "holds notes.txt, which is no part of a deep truck" in errors
+    assert (tmp_path / "sim" / "notes.txt").read_text() == "mine"
+
+
+def test_the_old_simulator_stands_until_the_new_one_is_whole(
+    script: Script, monday: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ("train", monday, "--out", tmp_path / "sim", "--budget")
+    assert script(*words, 4)[0] == 0
+    before = (tmp_path / "sim" / "simulator.json").read_bytes()
+
+    def killed(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(training.card, "complete", killed)
+        assert script(*words, 6, "--overwrite")[0] == 130
+    assert (tmp_path / "sim" / "simulator.json").read_bytes() == before
+    code, _, errors = script(*words, 6, "--resume")
+    assert code == 2 and "holds a deep truck already" in errors and "--overwrite" in errors
+    assert script(*words, 6, "--resume", "--overwrite")[0] == 0
+    assert (tmp_path / "sim" / "simulator.json").read_bytes() != before
+    assert [p.name for p in tmp_path.iterdir()] == ["sim"]
+
+
+def test_all_that_does_not_fit_is_said_at_once(script: Script, monday: Path, tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to(tmp_path)
+    code, _, errors = script(
+        "train", monday, tmp_path / "none", "--out", tmp_path / "link", "--from", "truck:trucksim"
+    )
+    assert code == 2 and errors.count("\n") == 1 and "3 things do not fit: " in errors
+    for words in ("link is a symbolic link", "none does not exist", "truck:trucksim is no deep truck"):
+        assert words in errors
+    code, _, errors = script("sweep", monday, "--out", monday, "--set", "speed=3")
+    assert code == 2 and "or inside it, which is read here" in errors and "no setting 'speed'" in errors
+    code, _, errors = script("export", tmp_path / "none", "--out", monday / "metadata.yaml")
+    assert code == 2 and "2 things do not fit" in errors and "metadata.yaml exists already" in errors
 
 
 def test_what_is_no_bag_or_no_folder_is_one_line(script: Script, monday: Path, tmp_path: Path) -> None:
@@ -68,4 +106,4 @@ def test_what_is_no_bag_or_no_folder_is_one_line(script: Script, monday: Path, t
     assert code == 2 and "sim is a simulator directory, not a bag" in errors and "repair" not in errors
     (tmp_path / "file").write_text("x")
     code, _, errors = script("experiment", "classics", "--out", tmp_path / "file")
-    assert code == 2 and errors.count("\n") == 1 and "cannot write" in errors
+    assert code == 2 and errors.count("\n") == 1 and "file is no folder" in errors

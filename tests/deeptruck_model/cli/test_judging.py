@@ -87,15 +87,16 @@ def test_enough_of_the_same_driving_is_not_remarked_on(
     assert code == 0 and "overlap" not in errors and "another truck" not in errors, held
 
 
-def test_only_an_evaluation_that_is_there_is_said_to_replace_another(
+def test_an_evaluation_is_replaced_when_asked_only(
     script: Script, simulator: Path, monday: Path, tmp_path: Path
 ) -> None:
     words = ("evaluate", simulator, monday, "--out", tmp_path / "open_loop", "--trials", 5, "--horizon")
-    assert "is replaced" not in script(*words, 20)[2]
+    assert script(*words, 20)[0] == 0
     code, _, errors = script(*words, "inf")
     assert code == 2 and errors.count("\n") == 1 and "a horizon of inf s is none" in errors
-    code, _, errors = script(*words, 5000)
-    assert code == 0 and "is replaced" in errors and "is 5000 s long: the runs are 599.9 s" in errors
+    assert "holds an evaluation already" in errors
+    code, _, errors = script(*words, 5000, "--overwrite")
+    assert code == 0 and "is 5000 s long: the runs are 599.9 s" in errors
 
 
 def test_calibrating_says_what_is_little_and_what_got_lost(
@@ -105,3 +106,11 @@ def test_calibrating_says_what_is_little_and_what_got_lost(
     code, _, errors = script("calibrate", simulator, bag("few", 72.0, seed=5), "--out", tmp_path / "cal")
     assert code == 0 and "note: 1.2 min of driving are about 2 independent runs" in errors
     assert "sim has lost its metrics.json" in errors
+
+
+def test_a_bag_is_never_the_place_of_an_evaluation(script: Script, monday: Path) -> None:
+    before = sorted(p.name for p in monday.iterdir())
+    for out in (monday, monday / "pictures"):
+        code, _, errors = script("evaluate", "truck:trucksim", monday, "--out", out, "--overwrite")
+        assert code == 2 and errors.count("\n") == 1 and "or inside it, which is read here" in errors
+    assert sorted(p.name for p in monday.iterdir()) == before

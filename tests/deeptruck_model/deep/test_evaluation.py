@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from deeptruck_model import files, results
 from deeptruck_model.deep import evaluate, report, statistics, trials
 from deeptruck_model.deep.evaluation import Trials, against_time
 from deeptruck_model.errors import InputError
@@ -61,7 +62,7 @@ def test_writes_figures_and_metrics(truck, drive, tmp_path):
     metrics = evaluate(truck, [drive(120, seed=7)], tmp_path / "out", count=8, horizon_s=10)
     assert json.loads((tmp_path / "out" / "metrics.json").read_text()) == metrics
     names = {p.name for p in (tmp_path / "out").iterdir()}
-    assert names == {"metrics.json", "error_statistics.png", "scenarios.png", "samples.png"}
+    assert names == {*results.EVALUATION.names, files.LEDGER}
 
 
 def test_short_recordings_shorten_the_horizon(truck, drive):
@@ -104,5 +105,5 @@ def test_a_full_disk_leaves_the_old_evaluation(truck, drive, tmp_path, monkeypat
 
     monkeypatch.setattr(report, "sample_figure", full)
     with pytest.raises(InputError, match="No space left on device; make room"):
-        evaluate(truck, [drive(60)], tmp_path, 4, 10.0)
+        evaluate(truck, [drive(60)], tmp_path, 4, 10.0, overwrite=True)
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from deeptruck_model import files, trucks
+from deeptruck_model import files, results, trucks
 from deeptruck_model.deep import finished, resume, statistics, train, training, trials
 from deeptruck_model.deep.network import WEIGHTS
 from deeptruck_model.deep.training import DivergedError
@@ -118,7 +118,7 @@ def test_resume_refuses_another_run(drive, small, tmp_path, monkeypatch):
         train([drive(60)], tmp_path / "sim", replace(small, seed=5), resumes=True)
     with pytest.raises(InputError, match=r"another run \(the recordings were others\)"):
         train([drive(60, seed=1)], tmp_path / "sim", small, resumes=True)
-    (tmp_path / "sim.partial" / resume.FILE).write_bytes(b"half")
+    (tmp_path / ".sim.unfinished" / resume.FILE).write_bytes(b"half")
     with pytest.raises(InputError, match="damaged"):
         train([drive(60)], tmp_path / "sim", small, resumes=True)
 
@@ -146,7 +146,9 @@ def test_directory_is_complete(drive, small, tmp_path):
         "MODEL_CARD.md",
         "reference.safetensors",
         "tensorboard",
+        ".deeptruck.json",
     }
+    assert names <= {name.split("/")[0] for name in (*results.TRUCK_FILES, files.LEDGER)}
     card = (tmp_path / "sim" / "MODEL_CARD.md").read_text()
     assert "| engine_command | N m | input |" in card and "Limits" in card
     assert json.loads((tmp_path / "sim" / "metrics.json").read_text())["trials"] == 90
@@ -238,21 +240,19 @@ def test_the_rate_that_was_used_is_recorded(truck):
 def test_out_that_is_something_else_is_left_alone(drive, small, tmp_path):
     (tmp_path / "notes").mkdir()
     (tmp_path / "notes" / "x").write_text("x")
-    with pytest.raises(InputError, match="not a simulator directory"):
+    with pytest.raises(InputError, match="holds x, which is no part of a deep truck"):
         train([drive(30)], tmp_path / "notes", small)
 
 
 def test_a_run_that_began_while_this_one_prepared_is_left_alone(drive, small, tmp_path, monkeypatch):
-    partial, begin = tmp_path / "sim.partial", training._begin
+    draft, prepare = files.unfinished(tmp_path / "sim"), training.prepare
     with ExitStack() as other:
 
         def overtaken(*everything):
-            partial.mkdir()
-            (partial / "other").touch()
-            other.enter_context(files.writing(partial))
-            return begin(*everything)
+            (other.enter_context(results.DEEP_TRUCK.going_on(tmp_path / "sim")) / resume.FILE).touch()
+            return prepare(*everything)
 
-        monkeypatch.setattr(training, "_begin", overtaken)
+        monkeypatch.setattr(training, "prepare", overtaken)
         with pytest.raises(InputError, match="another run is writing"):
             train([drive(60)], tmp_path / "sim", small)
-    assert (partial / "other").exists()
+        assert (draft / resume.FILE).exists()

@@ -128,7 +128,8 @@ def test_files_that_are_not_there(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"columns.yaml cannot be read"):
         import_table(table, tmp_path / "columns.yaml", tmp_path / "bag")
     (tmp_path / "bag").mkdir()
-    with pytest.raises(InputError, match="exists already"):
+    (tmp_path / "bag" / "mine").touch()
+    with pytest.raises(InputError, match="holds mine, which is no part of"):
         import_table(table, columns, tmp_path / "bag")
 
 

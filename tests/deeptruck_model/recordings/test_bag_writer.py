@@ -32,7 +32,7 @@ def test_no_room_helps_where_a_file_stands_for_a_folder(
     tmp_path: Path, drive: Recording, interface: TruckInterface
 ) -> None:
     (tmp_path / "file").write_text("notes")
-    with pytest.raises(InputError, match=r"Not a directory; nothing was written, choose another$"):
+    with pytest.raises(InputError, match=r"is no folder; choose another --out$"):
         write_bag(tmp_path / "file" / "bag", [drive], interface=interface)
 
 
@@ -115,9 +115,17 @@ def test_nothing_is_overwritten_or_left_behind(
 ) -> None:
     bag = write_bag(tmp_path / "bag", [drive], interface=interface)
     before = (bag / "metadata.yaml").read_bytes()
-    with pytest.raises(InputError, match="exists already"):
+    with pytest.raises(InputError, match="already; choose another --out, or add --overwrite"):
         write_bag(bag, [drive], interface=interface)
     assert (bag / "metadata.yaml").read_bytes() == before
+    (bag / "notes.txt").write_text("mine")
+    with pytest.raises(InputError, match=r"holds notes\.txt, which is no part of"):
+        write_bag(bag, [drive], interface=interface, overwrite=True)
+    (bag / "notes.txt").unlink()
+    assert len(read(write_bag(bag, [drive.piece(0, 100)], interface=interface, overwrite=True))[0]) == 100
+    (bag / ".deeptruck.json").unlink()  # now it may be a bag that the user recorded
+    with pytest.raises(InputError, match="which is no part of"):
+        write_bag(bag, [drive], interface=interface, overwrite=True)
     with pytest.raises(InputError, match="same sample period"):
         write_bag(tmp_path / "two", [drive, replace(drive, dt=0.2)], interface=interface)
     with pytest.raises(InputError, match="no recording"):

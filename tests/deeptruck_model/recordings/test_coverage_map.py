@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import Recording, coverage
+from deeptruck_model.recordings import Recording, coverage, coverage_figure
 from deeptruck_model.recordings.coverage_map import ACCELERATION_EDGES, GRADE_EDGES, SPEED_EDGES
 from deeptruck_model.signals import TruckInterface
 
@@ -60,12 +61,34 @@ def test_it_is_written_as_json_and_picture(tmp_path: Path, drive: Recording) -> 
     }
     assert np.array(data["occupancy"]["seconds"]).shape == (20, 52, 21)
     assert (tmp_path / "out" / "coverage.png").read_bytes().startswith(b"\x89PNG")
-    assert len(list((tmp_path / "out").iterdir())) == 2
+    names = {p.name for p in (tmp_path / "out").iterdir()}
+    assert names == {"coverage.json", "coverage.png", ".deeptruck.json"}
+
+
+def test_a_command_without_a_valid_sample_is_said(drive: Recording) -> None:
+    nothing = np.full(600, np.nan)
+    found = coverage([replace(drive, channels=drive.channels | {"engine_command": nothing})])
+    assert found.to_dict()["warnings"] == [
+        "engine_command of 'drive' holds no valid sample",
+        "no recording has a valid engine_command, without which none can be trained on",
+    ]
+
+
+def test_a_full_disk_leaves_neither_picture_nor_numbers(
+    tmp_path: Path, drive: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(found: object) -> bytes:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(coverage_figure, "draw", full)
+    with pytest.raises(InputError, match="No space left on device; make room"):
+        coverage([drive]).save(tmp_path / "out")
+    assert not list(tmp_path.iterdir())
 
 
 def test_nothing_to_look_at(tmp_path: Path, drive: Recording) -> None:
     with pytest.raises(InputError, match="no recording"):
         coverage([])
     (tmp_path / "file").touch()
-    with pytest.raises(InputError, match="cannot write"):
+    with pytest.raises(InputError, match="is a file; choose another"):
         coverage([drive]).save(tmp_path / "file")

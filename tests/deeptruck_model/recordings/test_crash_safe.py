@@ -16,7 +16,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import CrashSafeWriter, repair
+from deeptruck_model.recordings import CrashSafeWriter, reindex, repair
 
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 KIND = "std_msgs/msg/Float64"
@@ -205,3 +205,69 @@ def test_a_full_disk_is_one_line_and_what_was_written_stays(tmp_path: Path) -> N
     assert repair(tmp_path / "bag") is not None
     found = contents(tmp_path / "bag")["/a"]
     assert found == list(range(len(found))) and len(found) > 3000
+
+
+def torn_bag(path: Path) -> tuple[Path, bytes]:
+    """A bag whose last chunk is torn, with what belongs to the user beside it; the file's bytes."""
+    with CrashSafeWriter(path, custom_data={"deeptruck.x": "1"}) as writer:
+        fill(writer, range(50))
+        writer.flush()
+        fill(writer, range(50, 100))
+    (file,) = path.glob("*.mcap")
+    data = file.read_bytes()
+    chunk = data.rindex(payload(99))
+    file.write_bytes(data[: chunk + 4])
+    (path / "notes.txt").write_text("mine")
+    return file, data[: chunk + 4]
+
+
+def test_a_repair_keeps_what_it_cuts_off_and_touches_nothing_else(tmp_path: Path) -> None:
+    file, data = torn_bag(tmp_path / "bag")
+    old = (tmp_path / "bag" / "metadata.yaml").read_bytes()
+    said = repair(tmp_path / "bag")
+    assert said is not None and "the torn end is in bag_0.mcap.cut" in said
+    torn = (tmp_path / "bag" / "bag_0.mcap.cut").read_bytes()
+    assert torn and data.endswith(torn) and payload(60) in torn
+    assert file.read_bytes().startswith(data[: -len(torn)])
+    assert (tmp_path / "bag" / "metadata.yaml.before").read_bytes() == old
+    assert (tmp_path / "bag" / "notes.txt").read_text() == "mine"
+    names = ("bag_0.mcap", "bag_0.mcap.cut", "metadata.yaml", "metadata.yaml.before", "notes.txt")
+    assert sorted(p.name for p in (tmp_path / "bag").iterdir()) == list(names)
+    assert contents(tmp_path / "bag") == {"/a": list(range(50)), "/b": list(range(50))}
+
+
+@pytest.mark.parametrize("step", ["_finish", "_kept", "_describe"])
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(28, "No space left on device")])
+def test_a_repair_that_ends_anywhere_loses_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str, error: BaseException
+) -> None:
+    _, data = torn_bag(tmp_path / "bag")
+
+    def fails(*_: object) -> None:
+        raise error
+
+    with monkeypatch.context() as patch:
+        patch.setattr(reindex, step, fails)
+        with pytest.raises((KeyboardInterrupt, InputError)):
+            repair(tmp_path / "bag")
+    kept = b"".join(p.read_bytes() for p in sorted((tmp_path / "bag").glob("*.mcap*")))
+    assert payload(60) in kept and payload(10) in kept and len(kept) >= len(data)
+    assert repair(tmp_path / "bag") is not None
+    assert contents(tmp_path / "bag") == {"/a": list(range(50)), "/b": list(range(50))}
+    assert (tmp_path / "bag" / "notes.txt").read_text() == "mine"
+    assert payload(60) in (tmp_path / "bag" / "bag_0.mcap.cut").read_bytes()
+
+
+def test_a_bag_that_is_still_written_is_not_repaired(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file, data = torn_bag(tmp_path / "bag")
+    finish = reindex._finish
+
+    def meanwhile(*given: Any) -> None:
+        finish(*given)
+        with file.open("ab") as stream:
+            stream.write(b"more")
+
+    monkeypatch.setattr(reindex, "_finish", meanwhile)
+    with pytest.raises(InputError, match="is still being written"):
+        repair(tmp_path / "bag")
+    assert file.read_bytes() == data + b"more"

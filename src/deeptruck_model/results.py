@@ -1,0 +1,52 @@
+"""What the commands of `deeptruck-model` leave behind: each folder's name and what it may hold."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from deeptruck_model import files
+from deeptruck_model.checks import MANIFEST, WEIGHTS
+from deeptruck_model.errors import InputError
+from deeptruck_model.files import LEDGER, Result
+
+TRUCK_FILES = (
+    MANIFEST, WEIGHTS, "MODEL_CARD.md", "metrics.json", "coverage.json", "driven.safetensors",
+    "reference.safetensors",
+    "resume.safetensors", "tensorboard/*",
+)  # fmt: skip
+DEEP_TRUCK = Result("a deep truck", TRUCK_FILES)
+SWEEP = Result(
+    "a sweep",
+    (
+        "sweep.json",
+        "sweep.md",
+        *(f"*/{seed}/{name}" for seed in ("seed-*", ".seed-*.unfinished") for name in (*TRUCK_FILES, LEDGER)),
+    ),
+)
+EVALUATION = Result("an evaluation", ("metrics.json", "error_statistics.png", "scenarios.png", "samples.png"))
+COVERAGE = Result("a coverage", ("coverage.json", "coverage.png"))
+# by their list of files alone: a bag that the user recorded looks the same, and a README.md may be anybody's
+BAG = Result("an imported bag")
+EXPERIMENT = Result("an experiment")
+
+
+def check_start(kind: Result, out: Path, *, resume: bool, overwrite: bool) -> None:
+    """Whether work that can be gone on with may begin at `out`; nothing is touched.
+
+    Raises InputError as `Result.check`, and for unfinished work there without `resume` or `overwrite`.
+    """
+    kind.check(out, overwrite=overwrite)
+    draft = files.unfinished(out)
+    if draft.exists() and not resume and not overwrite:
+        raise InputError(
+            f"{out} was begun and not finished (in {draft}); add --resume to go on with it, or "
+            "--overwrite to begin anew"
+        )
+
+
+def apart(out: Path, *inputs: Path) -> None:
+    """Raises InputError where `out` is one of the inputs or lies inside one."""
+    place = out.resolve()
+    for given in inputs:
+        if place == given.resolve() or given.resolve() in place.parents:
+            raise InputError(f"{out} is {given} or inside it, which is read here; {files.ELSEWHERE}")
