@@ -6,7 +6,6 @@ of y(k+1) is the mean over the step, so v(k+1) = v(k) + a(k+1) dt holds to round
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,14 +14,13 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.errors import InputError
+from deeptruck_model.checks import MANIFEST
+from deeptruck_model.checks import manifest as read_manifest
 from deeptruck_model.signals import TruckInterface
 
-Array = NDArray[np.float64]
+__all__ = ["MANIFEST", "Array", "Run", "Simulator", "forced_run", "free_run", "load", "read_manifest"]
 
-MANIFEST = (
-    "simulator.json"  # {"kind": "physics|deep|corrected", "schema": 1, "interface": {...}, "dt": 0.1, ...}
-)
+Array = NDArray[np.float64]
 
 
 @runtime_checkable
@@ -120,23 +118,6 @@ def load(path: str | Path) -> Simulator:
         return trucks.load(name, overrides[0] if overrides else None)
     manifest = read_manifest(Path(text))
     return _loaders()[manifest["kind"]](Path(text), manifest)
-
-
-def read_manifest(path: Path) -> dict[str, Any]:
-    """The manifest of a simulator directory. Raises InputError where it is missing, damaged or unknown."""
-    try:
-        manifest: dict[str, Any] = json.loads((path / MANIFEST).read_text())
-    except (FileNotFoundError, NotADirectoryError):
-        raise InputError(
-            f"{path} is not a simulator directory: it has no {MANIFEST}; 'deeptruck-model train' makes one"
-        ) from None
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise InputError(
-            f"{path / MANIFEST} is damaged ({error}); train or save the simulator again"
-        ) from None
-    if not isinstance(manifest, dict) or manifest.get("kind") not in _loaders():
-        raise InputError(f"{path / MANIFEST} has no known kind; expected one of {', '.join(_loaders())}")
-    return manifest
 
 
 def _loaders() -> dict[str, Any]:

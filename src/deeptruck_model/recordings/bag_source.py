@@ -19,17 +19,12 @@ from rosbags.rosbag1 import ReaderError as Reader1Error
 from rosbags.rosbag2 import ReaderError as Reader2Error
 from rosbags.typesys import Stores, get_typestore
 
+from deeptruck_model.checks import INTERFACE_KEY, MANIFEST, NOTES_KEY, RECORD_AGAIN
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.mcap_chunks import Batch, indexed_chunks, read_chunks
-from deeptruck_model.simulators import MANIFEST
 
-INTERFACE_KEY = "deeptruck.interface"
-NOTES_KEY = "deeptruck.notes"
+__all__ = ["INTERFACE_KEY", "NOTES_KEY", "BagSource"]
 
-RECORD_AGAIN = (
-    "record while the truck's topics are published ('ros2 topic list' shows them): with --record of a start "
-    "script, or with 'ros2 bag record -a'"
-)
 _BATCH = 65536  # messages read one by one are handed on in batches of this many
 _DAMAGED = (McapError, CRCValidationError, AnyReaderError, Reader1Error, Reader2Error, EOFError)
 

@@ -1,0 +1,165 @@
+"""Wrong simulators and bags are told by manifests and metadata alone, all misfits in one line."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deeptruck_model import checks, simulators, trucks
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import Recording, write_bag
+from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS
+from deeptruck_model.signals import TruckInterface
+
+TRUCK = TruckInterface("trucksim")
+
+
+def bag_of(path: Path, interface: TruckInterface = TRUCK, *, without: tuple[str, ...] = ()) -> Path:
+    names = {"speed", "acceleration", *interface.u, *interface.w} - set(without)
+    channels = {name: np.zeros(30) for name in sorted(names)}
+    return write_bag(path, [Recording(path.name, 0.1, channels, interface)], interface=interface)
+
+
+def test_a_bag_tells_its_interface_and_topics(tmp_path: Path) -> None:
+    one = checks.bag(bag_of(tmp_path / "drive"))
+    assert one.interface == TRUCK and one.messages is not None
+    assert one.messages["/truck/twist"] == 30 and not one.lacks("grade")
+    bare = checks.bag(bag_of(tmp_path / "bare", TruckInterface("bare", grade=False)))
+    assert bare.lacks("grade") and not bare.lacks("engine_command")
+
+
+def test_topics_are_those_that_recordings_are_read_from() -> None:
+    assert {name: DEFAULT_TOPICS[name].topic for name in checks.TOPICS} == checks.TOPICS
+
+
+def test_simulators_tell_what_they_are(tmp_path: Path) -> None:
+    for name in trucks.pool():
+        truck = simulators.load(f"truck:{name}")
+        facts = checks.simulator(f"truck:{name}")
+        assert (facts.interface, facts.dt, facts.kind) == (truck.interface, truck.dt, "physics")
+        truck.save(tmp_path / name)
+        assert checks.simulator(str(tmp_path / name)).interface == truck.interface
+    (tmp_path / "light.yaml").write_text("interface: {grade: false}\nmass: 12000\n")
+    assert not checks.simulator(f"truck:volvo:{tmp_path / 'light.yaml'}").interface.grade
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("truck:truksim", "there is no truck 'truksim'; did you mean trucksim"),
+        ("truck:trucksim:mass=-1", "'mass=-1' is no file: parameters are replaced by a YAML file"),
+        ("truck:trucksim:{dir}/heavy.yaml", "parameter 'mass' is -1 kg, not 1000 to 100000"),
+        ("truck:trucksim:{dir}/none.yaml", "cannot read .*none.yaml"),
+        ("{dir}/none", "none does not exist"),
+        ("{dir}/empty", "is not a simulator directory: it has no simulator.json"),
+        ("{dir}/odd", "has no known kind; expected one of physics, deep, corrected"),
+        ("{dir}/cut", "simulator.json is damaged"),
+        ("{dir}/bare", "simulator.json is damaged"),
+        ("{dir}/weightless", "has lost model.safetensors"),
+    ],
+)
+def test_a_simulator_that_cannot_be_used_is_one_line(tmp_path: Path, text: str, says: str) -> None:
+    (tmp_path / "heavy.yaml").write_text("mass: -1\n")
+    content = {
+        "empty": None,
+        "odd": '{"kind": "tram"}',
+        "cut": '{"kind": "deep", ',
+        "bare": '{"kind": "physics"}',
+        "weightless": '{"kind": "deep"}',
+    }
+    for name, manifest in content.items():
+        (tmp_path / name).mkdir()
+        if manifest is not None:
+            (tmp_path / name / checks.MANIFEST).write_text(manifest)
+    with pytest.raises(InputError, match=says) as caught:
+        checks.simulator(text.format(dir=tmp_path))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_bag_that_cannot_be_used_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "drive.csv").write_text("time,speed\n0,1\n")
+    (tmp_path / "false.mcap").write_text("no bag")
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "notes.txt").write_text("x")
+    cut = bag_of(tmp_path / "cut")
+    (cut / "metadata.yaml").unlink()
+    torn = bag_of(tmp_path / "torn")
+    (torn / "metadata.yaml").write_text("rosbag2_bagfile_information: {custom_data: [")
+    lost = bag_of(tmp_path / "lost")
+    (lost / "lost_0.mcap").unlink()
+    says = {
+        "none": "does not exist",
+        "drive.csv": "needs 'deeptruck-model import'",
+        "false.mcap": "cannot be read as a bag",
+        "empty": "is empty, it holds no bag",
+        "other": "is no bag",
+        "cut": "is not a finished bag",
+        "torn": "metadata.yaml is damaged",
+        "lost": "has lost lost_0.mcap",
+    }
+    for name, words in says.items():
+        with pytest.raises(InputError, match=words):
+            checks.bag(tmp_path / name)
+
+
+def test_all_misfits_come_in_one_line(tmp_path: Path) -> None:
+    percent = bag_of(tmp_path / "percent", TruckInterface("p", engine_unit="percent", grade=False))
+    bar = bag_of(tmp_path / "bar", TruckInterface("b", brake_unit="bar"))
+    fits = bag_of(tmp_path / "fits")
+    checks.inputs("truck:trucksim", [fits])
+    with pytest.raises(InputError) as caught:
+        checks.inputs("truck:trucksim", [percent, bar, fits, tmp_path / "none"])
+    line = str(caught.value)
+    assert line.startswith("4 things do not fit: (1) ") and "\n" not in line
+    for words in (
+        "none does not exist",
+        "percent has no grade, which the simulator truck:trucksim needs",
+        "percent has engine_command in percent, the simulator truck:trucksim takes N m",
+        "bar has brake_command in bar, the simulator truck:trucksim takes percent",
+    ):
+        assert words in line
+    checks.inputs("truck:trucksim", [percent, bar], mapped=True)
+
+
+def test_bags_of_two_trucks_are_not_trained_on_together(tmp_path: Path) -> None:
+    percent = bag_of(tmp_path / "percent", TruckInterface("p", engine_unit="percent"))
+    fits = bag_of(tmp_path / "fits")
+    checks.same_truck([fits, fits])
+    with pytest.raises(InputError, match=r"engine_command in percent, .*fits in N m"):
+        checks.same_truck([fits, percent])
+
+
+def test_a_lone_file_is_taken_at_its_word(tmp_path: Path) -> None:
+    file = next(bag_of(tmp_path / "drive").glob("*.mcap"))
+    one = checks.bag(file)
+    assert one.interface is None and one.messages is None and not one.lacks("grade")
+
+
+def test_what_every_check_says_is_said_once() -> None:
+    def fails() -> None:
+        raise InputError("no")
+
+    checks.every(lambda: None)
+    with pytest.raises(InputError, match=r"^no$"):
+        checks.every(fails, lambda: None, fails)
+
+
+def test_checks_import_nothing_heavy(tmp_path: Path) -> None:
+    bag_of(tmp_path / "drive")
+    (tmp_path / "light.yaml").write_text("mass: 12000\n")
+    code = (
+        "import json, sys\nfrom pathlib import Path\nfrom deeptruck_model import checks\n"
+        f"checks.inputs('truck:trucksim', [Path({str(tmp_path / 'drive')!r})])\n"
+        "light = 'numpy' not in sys.modules\n"
+        f"checks.simulator({'truck:volvo:' + str(tmp_path / 'light.yaml')!r})\n"
+        "heavy = {'torch', 'numba', 'scipy', 'matplotlib', 'rosbags', 'mcap'} & set(sys.modules)\n"
+        "print(json.dumps([light, sorted(heavy)]))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout) == [True, []]
