@@ -11,7 +11,7 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from matplotlib.figure import Figure
 
-from deeptruck_model.mismatch import page_text, page_words, report, validation_words
+from deeptruck_model.mismatch import headline, page_words, report, validation_words
 from deeptruck_model.recordings import read
 from examples.demo import figures, following
 from examples.demo.runner import Progress
@@ -120,7 +120,7 @@ def _following(out: Path) -> dict[str, Any]:
 def _mismatch(out: Path) -> dict[str, Any]:
     verdict: dict[str, Any] = json.loads((out / "mismatch" / "verdict.json").read_text())
     return {
-        "sentence": page_text.sentence(verdict),
+        "sentence": headline.text(verdict),
         "says": [page_words.prose(finding["says"]) for finding in verdict["findings"]],
         "fit": verdict["fit"] if "before" in verdict["fit"] else None,
         "validation": validation_words.said(verdict["fit"]),

@@ -19,16 +19,21 @@ SEVERAL = ("--recordings", "--held-out")  # options that take a list: --recordin
 
 
 def spread(arguments: list[str]) -> list[str]:
-    """`--recordings A B` as `--recordings A --recordings B`, which is what the option parser knows."""
+    """`--recordings A B` and `--recordings=A B` as `--recordings=A --recordings=B`, which the parser knows.
+
+    One without a value stays empty, and is refused as such.
+    """
     out: list[str] = []
     current = ""
-    for word in arguments:
+    for word, after in zip(arguments, [*arguments[1:], "-"], strict=True):
         if word.startswith("-"):
-            current = word if word in SEVERAL else ""
-            if not current:
+            current = next((name for name in SEVERAL if word.split("=")[0] == name), "")
+            if word != current:
                 out.append(word)
+            elif after.startswith("-"):
+                out.append(f"{word}=")
         elif current:
-            out += [current, word]
+            out.append(f"{current}={word}")
         else:
             out.append(word)
     return out

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deeptruck_model.cli.inputs import present
+from deeptruck_model import checks, files
 from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch import folders
 
-FIND_FIRST = "; run 'deeptruck-model mismatch --out {}' first"
+if TYPE_CHECKING:
+    from deeptruck_model.mismatch import Mismatch
+    from deeptruck_model.mismatch.what_now import Asked
+
 Bags = Annotated[
     list[Path], typer.Option(help="Recordings (bags) to explain; repeat the option or list several.")
 ]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an older result of this command.")]
 
 
 def mismatch(
@@ -21,70 +26,82 @@ def mismatch(
     recordings: Bags,
     out: Annotated[Path, typer.Option(help="Folder for verdict.json, report.html and simulator/.")],
     held_out: Annotated[list[Path] | None, typer.Option(help="Recordings used only to judge.")] = None,
-    more: Annotated[list[Path] | None, typer.Argument(hidden=True, metavar="BAG")] = None,
     seed: Annotated[int, typer.Option(help="Of the input noise the simulator is tried with.", min=0)] = 0,
     with_unnamed: Annotated[
-        bool, typer.Option(help="Correct what has no name too, by laws of the recorded signals.")
+        bool,
+        typer.Option("--with-unnamed", help="Correct what has no name too, by laws of the recorded signals."),
     ] = False,
+    exclude: Annotated[list[str] | None, typer.Option(hidden=True, metavar="EFFECT")] = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Find what a simulator leaves out when recordings differ from it.
 
     Example: deeptruck-model mismatch --simulator truck:trucksim --recordings a b c --held-out d --out found
     """
-    present(*recordings, *(held_out or []))
+    held_out = held_out or []
+    checks.every(
+        lambda: folders.FOUND.check(out, overwrite=overwrite),
+        lambda: checks.inputs(simulator, [*recordings, *held_out]),
+    )
     from rich.console import Console
 
-    from deeptruck_model import recordings as rec
-    from deeptruck_model import simulators
-    from deeptruck_model.mismatch import find_mismatch, write
-    from deeptruck_model.mismatch.output import reserved
+    with (
+        folders.FOUND.replacing(out, overwrite=overwrite) as draft,
+        Console(stderr=True).status("reading") as status,
+    ):
+        from deeptruck_model import recordings as rec
+        from deeptruck_model import simulators
+        from deeptruck_model.mismatch import find_mismatch
+        from deeptruck_model.mismatch.output import fill
+        from deeptruck_model.mismatch.what_now import Asked
 
-    console = Console(stderr=True)
-    with reserved(out) as replaced, console.status("reading") as status:
         truck = simulators.load(simulator)
         rate = 1.0 / truck.dt
-        fit = [r for bag in recordings for r in rec.read(bag, rate_hz=rate)]
-        held = [r for bag in held_out or [] for r in rec.read(bag, rate_hz=rate)]
-        found = find_mismatch(truck, fit, held, seed=seed, with_unnamed=with_unnamed, say=status.update)
+        fit, held = (
+            [r for bag in bags for r in rec.read(bag, rate_hz=rate)] for bags in (recordings, held_out)
+        )
+        found = find_mismatch(
+            truck, fit, held, seed=seed, with_unnamed=with_unnamed, exclude=exclude or (), say=status.update
+        )
         status.update("writing the report")
-        write(found, out)
-    print(f"{found.verdict['verdict']}: see {out / 'report.html'}")
-    if replaced:
-        print(f"  note: the result that was in {out} is replaced")
+        asked = Asked(out, simulator, tuple(recordings), tuple(held_out))
+        fill(draft, found, asked)
+    _tell(found, asked)
+
+
+def _tell(found: Mismatch, asked: Asked) -> None:
+    """The verdict as the page has it, the findings, and what to do now."""
+    from deeptruck_model.mismatch import headline, what_now
+    from deeptruck_model.mismatch.page_words import opened, percent, prose, spoken
+    from deeptruck_model.mismatch.record_next import record_next
+
+    print(f"{found.verdict['verdict']}: see {asked.out / 'report.html'}")
+    print("\n".join(headline.sentences(headline.of(found.verdict))))
     for f in found.verdict["findings"]:
-        print(f"  {f['effect']}: {f['says']} ({_how_sure(f)})")
-    if found.verdict["fit"].get("validated"):
-        print(f"  {_improvement(found.verdict['fit'])}: deeptruck-model apply {out} --out better")
+        name = headline.group(headline.name(f))
+        sure = f"Probability of {spoken(f['effect'])}: {percent(f['probability'])}"
+        print(f"  {opened(name)}: {prose(f['says'])}. {sure}.")
+    for step in what_now.steps(found.verdict, record_next(found), asked):
+        print(step.says, *filter(None, [step.command]), sep="\n    ")
     for caveat in found.verdict["caveats"]:
-        print(f"  note: {caveat}")
-
-
-def _improvement(fit: dict[str, Any]) -> str:
-    """What the correction is worth on drives it was not fitted to."""
-    before, after = (fit[name]["speed_rmse"] for name in ("before", "after"))
-    return f"corrected, the speed error of held-out free runs falls from {before:.3g} to {after:.3g} m/s"
-
-
-def _how_sure(finding: dict[str, Any]) -> str:
-    """Its probability, and what it may be instead."""
-    from deeptruck_model.mismatch.page_words import percent
-
-    alike = ", ".join(finding["cannot_be_told_from"])
-    return f"probability {percent(finding['probability'])}" + (f"; or {alike}" if alike else "")
+        print(f"note: {prose(caveat)}")
 
 
 def apply(
     directory: Annotated[Path, typer.Argument(help="Folder that 'mismatch' wrote.")],
     out: Annotated[Path, typer.Option(help="New simulator directory.")],
+    overwrite: Overwrite = False,
 ) -> None:
     """Take over the corrected simulator. Refuses where the held-out error did not improve.
 
     Example: deeptruck-model apply found --out better
     """
-    present(directory, cure=FIND_FIRST.format(directory))
+    checks.every(
+        lambda: folders.APPLIED.check(out, overwrite=overwrite), lambda: folders.check_applicable(directory)
+    )
     from deeptruck_model.mismatch import apply as apply_correction
 
-    apply_correction(directory, out)
+    apply_correction(directory, out, overwrite=overwrite)
     print(f"corrected simulator in {out}")
 
 
@@ -97,8 +114,11 @@ def road(
 
     Example: deeptruck-model road found a b c --out with_road
     """
-    present(directory, cure=FIND_FIRST.format(directory))
-    present(*recordings)
+    checks.every(
+        lambda: files.check_new(out),
+        lambda: folders.check_road(directory),
+        *(lambda path=path: checks.bag(path) for path in recordings),
+    )
     from deeptruck_model import recordings as rec
     from deeptruck_model.mismatch.recovered_road import Roads, with_road
 

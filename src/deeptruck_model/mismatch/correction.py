@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from typing import Any
 
 import numpy as np
@@ -28,10 +29,19 @@ from deeptruck_model.simulators import Simulator
 
 Mask = NDArray[np.bool_]
 
-HORIZON_S = 40.0
-INTERVAL_S = 20.0  # of free runs whose improvement has an interval: twice as many as of HORIZON_S
+HORIZON_S = 20.0  # of the free runs that are told: of long ones there are too few for an interval
+WEIGHED_S = 40.0  # of those that weak findings are weighed by: what is missing stands out of sensor noise
 COMPARED = ("before", "parameters_only", "after")
 FOLDS = 3  # of the recordings that are not held out, to choose what goes in
+
+
+class Chosen(StrEnum):
+    """What goes into a corrected simulator."""
+
+    NOTHING = "nothing"
+    FINDINGS = "findings"
+    PARAMETERS = "parameters"  # all refitted, and no name
+    LAWS = "laws"  # the findings, and laws for what has no name
 
 
 @dataclass(frozen=True)
@@ -47,6 +57,13 @@ class Corrections:
     named: CorrectedTruck
     unnamed: CorrectedTruck | None
     crossed: dict[str, Errors] = field(default_factory=dict)
+    chosen: Chosen = Chosen.FINDINGS  # what `named` holds
+
+    def after(self, with_unnamed: bool) -> tuple[CorrectedTruck, Chosen]:
+        """The corrected simulator, with laws for what has no name where these are asked for and there."""
+        if with_unnamed and self.unnamed is not None:
+            return self.unnamed, Chosen.LAWS
+        return self.named, self.chosen
 
 
 @dataclass(frozen=True)
@@ -64,6 +81,7 @@ class _Recipe:
     fitted: tuple[Shape, ...]
     kept: tuple[Shape, ...]
     free: frozenset[str]
+    what: Chosen = Chosen.FINDINGS
 
     def corrected(self, simulator: Simulator, search: Search, shares: Shares | None) -> CorrectedTruck:
         model = search.model(self.fitted, self.free)
@@ -81,8 +99,8 @@ def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequenc
     e = left_beside(e, x.model)
     search = _as_given(e, ~e.held_out)
     shares = None if simulator.parameters() else Shares.of(e)
-    alone = _Recipe((), (), frozenset(search.parameters))
-    nothing = _Recipe((), (), frozenset())
+    alone = _Recipe((), (), frozenset(search.parameters), Chosen.PARAMETERS)
+    nothing = _Recipe((), (), frozenset(), Chosen.NOTHING)
     recipes = [nothing, *_recipes(e, x), alone] if x.causes else [nothing]
     unnamed = _with_laws(x)
     if unnamed is not None and any(c.other_form for c in x.causes):
@@ -98,6 +116,7 @@ def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequenc
         {}
         if seen
         else dict(zip(COMPARED, (driven[k] for k in (0, recipes.index(alone), best)), strict=True)),
+        recipes[best].what,
     )
 
 
@@ -121,16 +140,16 @@ def _folds(e: Evidence, prepared: Sequence[Prepared]) -> list[_Fold]:
 
 def _crossed(simulator: Simulator, recipe: _Recipe, folds: Sequence[_Fold], shares: Shares | None) -> Errors:
     """Errors of a recipe in free runs along recordings it was not fitted to."""
-    short_s = min(INTERVAL_S, _horizon([p for f in folds for p in f.driven]))
+    horizon_s = _horizon([p for f in folds for p in f.driven])
     each = [(recipe.corrected(simulator, f.search, shares), f.driven) for f in folds]
-    return joined([free_windows(truck, drives, short_s) for truck, drives in each])
+    return joined([free_windows(truck, drives, horizon_s) for truck, drives in each])
 
 
 def _with_laws(x: Explanation) -> _Recipe | None:
     """All names and all laws beside them, with every parameter as it was moved."""
     if x.lawful is None:
         return None
-    return _Recipe(x.lawful.named, _physics(x.lawful.named), x.lawful.free)
+    return _Recipe(x.lawful.named, _physics(x.lawful.named), x.lawful.free, Chosen.LAWS)
 
 
 def _physics(shapes: Iterable[Shape]) -> tuple[Shape, ...]:
@@ -183,9 +202,10 @@ def _mean_square(errors: Errors) -> float:
     return float(np.mean(errors.speed**2)) if len(errors.speed) else 0.0
 
 
-def _horizon(prepared: Sequence[Prepared]) -> float:
-    shortest = min((len(p.recording) * p.dt for p in prepared), default=0.0)
-    return min(HORIZON_S, max(10.0, shortest - 10.0))
+def _horizon(prepared: Sequence[Prepared], most_s: float = HORIZON_S) -> float:
+    """Length of the free runs along these recordings, s: shorter where one of them is short."""
+    shortest = min((len(p.recording) * p.dt for p in prepared), default=np.inf)
+    return min(most_s, max(10.0, shortest - 10.0))
 
 
 def shown(
@@ -194,40 +214,47 @@ def shown(
     """Errors of free runs on the held-out recordings, the corrected simulator marked as validated or not, and
     `fit` of verdict.json. `with_unnamed` corrects by the laws without a name too, where there are any.
     """
-    after = (made.unnamed if with_unnamed else None) or made.named
-    named: dict[str, Simulator] = {"before": simulator, "parameters_only": made.tuned, "after": after}
-    if made.unnamed is not None:
-        named["free_model"] = made.unnamed
-    errors = {name: free_windows(s, held_out, _horizon(held_out)) for name, s in named.items()}
+    after, chosen = made.after(with_unnamed)
+    named, horizon_s = _compared(simulator, made, after), _horizon(held_out)
+    errors = {name: free_windows(s, held_out, horizon_s) for name, s in named.items()}
     windows = errors["before"].speed
     fit: dict[str, Any] = {
         "held_out": [p.recording.name for p in held_out],
-        "horizon_s": HORIZON_S,
+        "horizon_s": horizon_s,
         "windows": len(windows),
+        "chosen": chosen.value,
+        "corrected": sorted({t.effect for t in after.terms} | set(after.moved)),
     }
     if len(windows):
-        judged, short_s = _judged(made, named, held_out)
-        fit |= compare(errors, judged) | {
-            "improvement_horizon_s": short_s,
-            "improvement_recordings": len(np.unique(judged["before"].recording)),
-        }
-    if with_unnamed and made.unnamed is not None:
-        fit["with_unnamed"] = True
+        judged = _judged(errors, made.crossed if after is made.named else {})
+        fit |= compare(errors, judged)
+        fit["improvement_recordings"] = len(np.unique(judged["before"].recording))
     fit["validated"] = bool(after.terms or after.moved) and _better(fit)
     return errors, after.marked(fit["validated"]), fit
 
 
-def _judged(
-    made: Corrections, named: dict[str, Simulator], held_out: Sequence[Prepared]
-) -> tuple[dict[str, Errors], float]:
-    """Errors of the free runs whose improvement has an interval, and how long these runs are, s: of what was
-    held out, and of the other recordings, each driven by a fit that had not seen it, where there are such."""
-    short_s = min(INTERVAL_S, _horizon(held_out))
-    shorter = {name: free_windows(named[name], held_out, short_s) for name in COMPARED}
-    others = made.crossed if named["after"] is made.named else {}
-    if others and others["before"].speed.shape[1] == shorter["before"].speed.shape[1]:
-        return {name: joined([shorter[name], others[name]]) for name in COMPARED}, short_s
-    return shorter, short_s
+def _compared(simulator: Simulator, made: Corrections, after: CorrectedTruck) -> dict[str, Simulator]:
+    """The simulators that are driven beside each other, by the names of `fit`."""
+    named: dict[str, Simulator] = {"before": simulator, "parameters_only": made.tuned, "after": after}
+    return named | ({"free_model": made.unnamed} if made.unnamed is not None else {})
+
+
+def _judged(errors: dict[str, Errors], others: dict[str, Errors]) -> dict[str, Errors]:
+    """Errors of the free runs whose improvement has an interval: of what was held out, and of the other
+    recordings, each driven by a fit that had not seen it, where there are such."""
+    if not others or others["before"].speed.shape[1] != errors["before"].speed.shape[1]:
+        return errors
+    return {name: joined([errors[name], others[name]]) for name in COMPARED}
+
+
+def _weighed(
+    simulator: Simulator, made: Corrections, held_out: Sequence[Prepared], with_unnamed: bool
+) -> dict[str, dict[str, float]]:
+    """RMSE of each simulator in free runs of WEIGHED_S on the held-out recordings; empty without any."""
+    named = _compared(simulator, made, made.after(with_unnamed)[0])
+    horizon_s = _horizon(held_out, WEIGHED_S)
+    errors = {name: free_windows(s, held_out, horizon_s) for name, s in named.items()}
+    return {name: e.rmse() for name, e in errors.items() if len(e.speed)}
 
 
 def _better(fit: dict[str, Any]) -> bool:
@@ -245,11 +272,12 @@ def corrected_and_driven(
     with_unnamed: bool,
 ) -> tuple[Explanation, tuple[dict[str, Errors], CorrectedTruck, dict[str, Any]]]:
     """The correction, driven; and the explanation, without causes where they are weak and drive no better."""
-    driven = shown(simulator, correct(simulator, e, x, fitted), held_out, with_unnamed)
-    if not in_vain(x, driven[2], learned=e.own_error > 0, slopes_recorded=e.has("grade")):
-        return x, driven
-    x = replace(x, causes=(), lawful=None)
-    return x, shown(simulator, correct(simulator, e, x, fitted), held_out, with_unnamed)
+    made = correct(simulator, e, x, fitted)
+    weighed = _weighed(simulator, made, held_out, with_unnamed) if x.causes else {}
+    if in_vain(x, weighed, learned=e.own_error > 0, slopes_recorded=e.has("grade")):
+        x = replace(x, causes=(), lawful=None)
+        made = correct(simulator, e, x, fitted)
+    return x, shown(simulator, made, held_out, with_unnamed)
 
 
-__all__ = ["HORIZON_S", "correct", "corrected", "corrected_and_driven", "shown"]
+__all__ = ["HORIZON_S", "Chosen", "correct", "corrected", "corrected_and_driven", "shown"]

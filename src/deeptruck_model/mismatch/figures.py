@@ -28,9 +28,9 @@ Array = NDArray[np.float64]
 
 SMOOTH_S = 1.0
 GAPS = (
-    "The force has gaps where nothing is compared: at a standstill and slower than "
-    f"{MOVING:g} m/s, in the first {SETTLE_S:g} s and the last second of a recording, and beside samples "
-    "that are missing or were set aside."
+    f"The force has gaps where nothing is compared: slower than {MOVING:g} m/s, and in the first "
+    f"{SETTLE_S:g} s and the last second of a recording. Nor is it compared beside samples that are missing "
+    "or were set aside."
 )
 UNRECORDED = "Nor is anything compared where the truck slows hard, as its braking was not recorded."
 
@@ -96,7 +96,7 @@ def _where_and_what(m: Mismatch) -> dict[str, Picture]:
         png(evidence_figure.ranking(m.explanation)),
         "How much better each name, tried alone beside all simulator parameters set free, predicts the data: "
         "a first look. The findings weigh the names again, one in place of the other in the whole "
-        "explanation and beside the stated parameters alone, so these bars differ by other numbers. "
+        "explanation. So these bars differ by other numbers. "
         "1 nat is a factor of e in odds.",
     )
     unnamed = next((f for f in m.findings if f.cause is not None and f.cause.predictable), None)

@@ -47,7 +47,7 @@ SETTING_UNITS = {
     "keeps_s": "s",
     "frees_m": "m",
 }
-OTHER_FORM = "; it acts otherwise than in the form that is known here, and may be something else"
+OTHER_FORM = ". It acts otherwise than in the form that is known here, and may be something else"
 TELLING_PARAMETERS = 12  # a profile along the road has hundreds; people get the ones that matter
 
 
@@ -150,7 +150,7 @@ def _confined(shape: Shape, mass: float) -> str:
             "engine": f"the engine's force is {side} {at * mass:.0f} N",
             "engine torque": f"the engine's torque is {side} {at * mass:.0f} N m",
         }[signal]
-        return f"; it shows only where {border}"
+        return f". It shows only where {border}"
     return ""
 
 
@@ -158,7 +158,7 @@ def _curved(shape: Shape) -> str:
     """Over what an effect runs in a curve of its own, where it does."""
     parts = shape.settings.get("parts", [shape.settings])
     over = [OWN[shape.mechanism.effect][part["own"]].by for part in parts if "own" in part]
-    return f"; in a curve of its own over {', '.join(dict.fromkeys(over))}" if over else ""
+    return f". It is a curve of its own over {', '.join(dict.fromkeys(over))}" if over else ""
 
 
 def _now_and_then(shape: Shape) -> str:
@@ -166,7 +166,7 @@ def _now_and_then(shape: Shape) -> str:
     spans = shape.settings.get("when", [])
     seconds = sum(last - first for _, first, last in spans)
     times = "once" if len(spans) == 1 else f"{len(spans)} times"
-    return f"; seen now and then alone, {times} for {seconds:.0f} s together" if spans else ""
+    return f". It was seen now and then alone, {times} for {seconds:.0f} s together" if spans else ""
 
 
 def _sizes(shape: Shape, model: Model, e: Evidence) -> dict[str, Any]:
@@ -218,6 +218,12 @@ def _parameter(cause: Cause, e: Evidence, explanation: Explanation, own: dict[st
         "would_be_told_by": TOLD_BY[cause.effect],
         "depends_on": [cause.effect],
     }
+
+
+def in_sentences(*parts: str) -> str:
+    """The parts as sentences in a row, without the last full stop; empty ones left out."""
+    first, *more = filter(None, parts)
+    return ". ".join([first, *(part[:1].upper() + part[1:] for part in more)])
 
 
 def known(effect: str) -> bool:

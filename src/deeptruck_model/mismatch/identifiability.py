@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.causes import Explanation
 from deeptruck_model.mismatch.evidence import GRAVITY, Evidence
-from deeptruck_model.mismatch.findings import TOLD_BY, Finding
+from deeptruck_model.mismatch.findings import TOLD_BY, Finding, in_sentences
 from deeptruck_model.mismatch.intermittent import PER_WINDOW
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.rivals import NEARLY_RIGHT, ORDINARY_ZERO, PARAMETER_PRACTICAL, SURE_OF_IT
@@ -30,7 +30,7 @@ def with_manoeuvres(found: Sequence[Finding]) -> list[Finding]:
         group = f.data["cannot_be_told_from"]
         if group:
             rival = LIBRARY[group[0]].told_by if group[0] in LIBRARY else TOLD_BY.get(group[0], "")
-            told = "; and ".join(filter(None, (f.data["would_be_told_by"], rival)))
+            told = in_sentences(f.data["would_be_told_by"], rival)
             f = Finding(f.data | {"would_be_told_by": told}, f.cause)
         out.append(f)
     return out

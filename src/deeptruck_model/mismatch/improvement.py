@@ -130,13 +130,12 @@ def _starts(p: Prepared, settle: int, horizon: int) -> list[int]:
     return out
 
 
-def compare(errors: Mapping[str, Errors], shorter: Mapping[str, Errors], seed: int = 0) -> dict[str, Any]:
+def compare(errors: Mapping[str, Errors], judged: Mapping[str, Errors], seed: int = 0) -> dict[str, Any]:
     """RMSE of each simulator, and bootstrap intervals over recordings of the relative improvement.
 
-    These are over free runs that are `shorter`: a few long ones differ so much that they tell little of the
-    next."""
+    These are over the free runs in `judged`: the same, and others of drives that were not fitted either."""
     out: dict[str, Any] = {name: e.rmse() for name, e in errors.items()}
-    before, after, tuned = shorter["before"], shorter["after"], shorter["parameters_only"]
+    before, after, tuned = judged["before"], judged["after"], judged["parameters_only"]
     out["improvement_ci95"] = _interval(before, after, seed)
     out["improvement_over_parameters_ci95"] = _interval(tuned, after, seed)
     return out

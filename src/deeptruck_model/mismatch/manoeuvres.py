@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.correction import corrected
 from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.findings import Finding
+from deeptruck_model.mismatch.findings import Finding, in_sentences
 from deeptruck_model.mismatch.mechanisms import comes_and_goes
 from deeptruck_model.mismatch.search import Model
 from deeptruck_model.signals import SPEED
@@ -70,7 +70,9 @@ def checked(found: Finding, simulator: Simulator, e: Evidence, model: Model) -> 
         return found
     said = [_said(name, separation(simulator, e, model, other)) for name, other in rivals]
     would = found.data["would_be_told_by"]
-    words = f"{would}; of {len(MANOEUVRES)} others, simulated on a flat road, {'; '.join(said)}"
+    words = in_sentences(
+        would, f"of {len(MANOEUVRES)} others, simulated on a flat road, {said[0]}", *said[1:]
+    )
     return replace(found, data=found.data | {"would_be_told_by": words})
 
 

@@ -5,77 +5,38 @@ from __future__ import annotations
 import csv
 import json
 import shutil
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from deeptruck_model import files, simulators
+from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch.folders import APPLIED, FOUND, check_applicable
+from deeptruck_model.mismatch.what_now import Asked
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.tool import Mismatch
 
 
-def check(out: Path) -> bool:
-    """Whether `out` holds a result of this tool, which would be replaced. Raises InputError where nothing can
-    be written there; called before long computing."""
-    if out.exists() and not out.is_dir():
-        raise InputError(f"{out} is a file; choose another --out")
-    if out.exists() and any(out.iterdir()) and not (out / "verdict.json").exists():
-        raise InputError(f"{out} exists and holds other files; choose an empty or new --out")
-    files.check_folder(out.parent)
-    return (out / "verdict.json").exists()
+def write(mismatch: Mismatch, out: Path, *, overwrite: bool = False) -> None:
+    """Write verdict.json, profiles.csv, figures, report.html and simulator/ as the folder `out`, whole or
+    not at all. Raises InputError as `files.Result.check` does, and on a full disk.
+    """
+    with FOUND.replacing(out, overwrite=overwrite) as draft:
+        fill(draft, mismatch, Asked(out))
 
 
-@contextmanager
-def reserved(out: Path) -> Iterator[bool]:
-    """Hold `out` for one run, and tell whether an older result there is replaced; nothing is left of it where
-    the run fails. Raises InputError where nothing can be written there, or another run is about to."""
-    replaced, new = check(out), not out.exists()
-    out.mkdir(parents=True, exist_ok=True)
-    try:
-        with files.writing(out):
-            yield replaced
-    finally:
-        if new:
-            with suppress(OSError):  # it holds what was written
-                out.rmdir()
-
-
-def write(mismatch: Mismatch, out: Path) -> None:
-    """Write verdict.json, profiles.csv, figures, report.html and simulator/ under `out`, all or nothing."""
+def fill(draft: Path, mismatch: Mismatch, asked: Asked) -> None:
+    """Write the files of a result into the folder `draft`, which becomes `asked.out`. Raises OSError."""
     from deeptruck_model.mismatch import report
 
-    out.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
-    except OSError as error:
-        raise InputError(f"cannot write to {out.parent}: {error.strerror}; {files.advice(error)}") from None
-    try:
-        (temporary / "verdict.json").write_text(json.dumps(plain(mismatch.verdict), indent=1))
-        if mismatch.evidence is not None:
-            _write_profiles(mismatch, temporary / "profiles.csv")
-        if mismatch.corrected is not None:
-            mismatch.corrected.save(temporary / "simulator")
-        report.write(mismatch, temporary)
-        _replace(temporary, out)
-    except OSError as error:
-        raise InputError(f"cannot write to {out}: {error.strerror}; {files.advice(error)}") from None
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
-
-
-def _replace(temporary: Path, out: Path) -> None:
-    """Put the new results where older ones of this tool stood; anything else there stays and is an error."""
-    check(out)
-    if out.exists():
-        shutil.rmtree(out)
-    temporary.chmod(0o755)
-    temporary.rename(out)
+    (draft / "verdict.json").write_text(json.dumps(plain(mismatch.verdict), indent=1))
+    if mismatch.evidence is not None:
+        _write_profiles(mismatch, draft / "profiles.csv")
+    if mismatch.corrected is not None:
+        mismatch.corrected.save(draft / "simulator")
+    report.write(mismatch, draft, asked)
 
 
 def _write_profiles(m: Mismatch, path: Path) -> None:
@@ -122,38 +83,15 @@ def plain(x: Any) -> Any:
     return x
 
 
-def apply(directory: Path, out: Path) -> None:
-    """Copy the corrected simulator of a run to `out`. Raises InputError without a passed validation."""
-    verdict = _verdict(directory)
-    if verdict.get("verdict") in ("nothing_missing", "undetermined"):
-        raise InputError(f"in {directory} nothing was found that could be applied")
-    if not verdict["fit"].get("validated"):
-        raise InputError(
-            f"{directory} has no passed validation (held-out error did not improve), so it is not applied; "
-            "record more"
-        )
-    if out.exists():
-        raise InputError(f"{out} exists already; choose a new --out")
+def apply(directory: Path, out: Path, *, overwrite: bool = False) -> None:
+    """Copy the corrected simulator of a run to `out`. Raises InputError without a passed validation, and as
+    `files.Result.check` does.
+    """
+    APPLIED.check(out, overwrite=overwrite)
+    check_applicable(directory)
     _check_corrected(directory)
-    if out.parent.exists() and not out.parent.is_dir():
-        raise InputError(f"{out.parent} is a file; choose another --out")
-    with files.together(out) as draft:
+    with APPLIED.replacing(out, overwrite=overwrite) as draft:
         shutil.copytree(directory / "simulator", draft, dirs_exist_ok=True)
-
-
-def _verdict(directory: Path) -> dict[str, Any]:
-    try:
-        verdict = json.loads((directory / "verdict.json").read_text())
-    except (OSError, ValueError):
-        raise InputError(
-            f"{directory} holds no readable verdict.json; "
-            "give the folder that 'deeptruck-model mismatch' wrote"
-        ) from None
-    if not isinstance(verdict, dict) or not isinstance(verdict.get("fit"), dict):
-        raise InputError(
-            f"{directory / 'verdict.json'} is damaged; run 'deeptruck-model mismatch --out {directory}' again"
-        )
-    return verdict
 
 
 def _check_corrected(directory: Path) -> None:

@@ -10,7 +10,7 @@ from deeptruck_model.mismatch.drawing import remembered, words
 
 IDENTIFIER = re.compile(r"\b[a-z][a-z0-9]*(?:_[a-z0-9]+)+\b")
 QUOTED = re.compile(r"((?<!\w)'[^']+'(?!\w))")
-SIGNALS = re.compile(r"(?<=it varies with )[^;:]+|(?<=drive so that )[^;:]+?(?= changes while)")
+SIGNALS = re.compile(r"(?<=It varies with )[^.;:]+|(?<=rive so that )[^;:]+?(?= changes while)")
 CONDITION = re.compile(r"(?P<name>.+?) (?:(?P<side>[<>]) (?P<at>.+)|(?P<low>-?[\d.e+-]+) \.\. (?P<high>.+))")
 SPOKEN = {  # names that are no words of their own once the underscores are gone
     "rolling_resistance_speed": "rolling resistance that grows with speed",

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch.folders import FIND_FIRST, PROFILE, check_road
 from deeptruck_model.recordings import Recording
 
 Array = NDArray[np.float64]
 
-PROFILE = "road_grade"  # its name in profiles.csv
 LEAST = 10  # seconds told of a recording, of which less is no road
 
 
@@ -34,6 +34,7 @@ class Roads:
         """The slopes in profiles.csv of a folder that `mismatch` wrote.
 
         Raises InputError where there are none."""
+        check_road(found)
         try:
             with (found / "profiles.csv").open(newline="") as file:
                 rows = [row for row in csv.DictReader(file) if row["name"] == PROFILE]
@@ -41,11 +42,7 @@ class Roads:
             for row in rows:
                 told.setdefault(row["recording"], []).append((float(row["time_s"]), float(row["value"])))
         except (OSError, KeyError, TypeError, ValueError):
-            raise InputError(
-                f"{found} has no readable profiles.csv; run 'deeptruck-model mismatch --out {found}' first"
-            ) from None
-        if not told:
-            raise InputError(f"in {found} no {PROFILE} was found, so that there is no slope to take over")
+            raise InputError(f"{found} has no readable profiles.csv; {FIND_FIRST.format(found)}") from None
         slopes = {name: (np.array(v)[:, 0], np.array(v)[:, 1]) for name, v in told.items()}
         twice = [name for name, (time, _) in slopes.items() if (np.diff(time) <= 0.0).any()]
         if twice:

@@ -9,9 +9,19 @@ from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, StrictUndefined
 
-from deeptruck_model.mismatch import figures, given_words, page_text, page_words, validation_words
+from deeptruck_model.mismatch import (
+    figures,
+    given_words,
+    headline,
+    page_text,
+    page_words,
+    validation_words,
+    what_now,
+)
+from deeptruck_model.mismatch.correction import Chosen
 from deeptruck_model.mismatch.drawing import words
 from deeptruck_model.mismatch.record_next import record_next
+from deeptruck_model.mismatch.what_now import Asked
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.tool import Mismatch
@@ -26,31 +36,35 @@ ROWS = {  # of the table before and after
 ALONE = "after: all parameters refitted, no name, as these drove the fitted recordings best"
 
 
-def write(mismatch: Mismatch, out: Path) -> None:
+def write(mismatch: Mismatch, out: Path, asked: Asked) -> None:
     """Write report.html and the figures (PNG, coverage.png among them) into the folder `out`, which exists.
 
-    Raises OSError where the folder cannot be written.
+    `asked` is the call that the page's commands repeat. Raises OSError where the folder cannot be written.
     """
     drawn = figures.draw(mismatch)
     for name, picture in drawn.items():
         (out / f"{name}.png").write_bytes(picture.png)
-    (out / "report.html").write_text(page(mismatch, drawn), encoding="utf-8")
+    (out / "report.html").write_text(page(mismatch, drawn, asked), encoding="utf-8")
 
 
-def page(mismatch: Mismatch, drawn: dict[str, figures.Picture]) -> str:
+def page(mismatch: Mismatch, drawn: dict[str, figures.Picture], asked: Asked) -> str:
     """The page as HTML. Nothing in it is fetched from elsewhere."""
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     text = resources.files(__package__).joinpath(TEMPLATE).read_text(encoding="utf-8")
-    return environment.from_string(text).render(_content(mismatch, drawn))
+    return environment.from_string(text).render(_content(mismatch, drawn, asked))
 
 
-def _content(m: Mismatch, drawn: dict[str, figures.Picture]) -> dict[str, Any]:
+def _content(m: Mismatch, drawn: dict[str, figures.Picture], asked: Asked) -> dict[str, Any]:
     v = m.verdict
-    gained, nothing, untested = page_text.rejected_names(m)
+    gained, nothing = page_text.rejected_names(m)
+    first, *more = headline.sentences(headline.of(v))
+    to_drive = record_next(m)
     return {
-        "sentence": page_text.sentence(v),
+        "sentence": first,
+        "verdict": more,
+        "now": what_now.steps(v, to_drive, asked),
         "summary": given_words.summary(m),
         "findings": page_text.findings(m),
         "smallest": [_visible(n, s) for n, s in v["data"].get("smallest_visible", {}).items()],
@@ -69,7 +83,7 @@ def _content(m: Mismatch, drawn: dict[str, figures.Picture]) -> dict[str, Any]:
         "samples": [
             {"rule": page_words.prose(r["rule"]), "samples": r["samples"]} for r in v["data"]["rejected"]
         ],
-        "next": record_next(m, untested),
+        "next": to_drive,
         "caveats": [page_words.opened(page_words.prose(c)) for c in given_words.caveats(v)],
     }
 
@@ -90,7 +104,7 @@ def _fit(fit: dict[str, Any]) -> dict[str, Any] | None:
     """The before/after table; None where there was no free run to compare."""
     if "before" not in fit:
         return None
-    names = ROWS | ({"after": ALONE} if validation_words.parameters_alone(fit) else {})
+    names = ROWS | ({"after": ALONE} if fit["chosen"] == Chosen.PARAMETERS else {})
     rows = [
         {
             "name": names[name],

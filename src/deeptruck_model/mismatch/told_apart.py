@@ -12,7 +12,7 @@ from deeptruck_model.mismatch.page_words import opened, percent, spoken
 from deeptruck_model.mismatch.worth_saying import ENOUGH
 
 IN_PLACE = (  # the bars of the figure are another comparison, and have other numbers
-    "These nats are of the one put in place of the other in the whole explanation; the figure of names below "
+    "These nats are of the one put in place of the other in the whole explanation. The figure of names below "
     "tries each alone."
 )
 UNDECIDED = f"So little decides nothing (below {ENOUGH:.0f} nats), and the probability is shared."
@@ -21,7 +21,7 @@ REFITTED = (
     "parameter is told."
 )
 LIMIT = (
-    "The fit alone would be surer; the probability is {} at most, with which such names proved right, as a "
+    "The fit alone would be surer. The probability is {} at most, with which such names proved right: a "
     "truck may hold a force unlike every form that was tried."
 )
 
@@ -39,8 +39,9 @@ def apart(f: dict[str, Any]) -> str:
         said.append(_does_better(f["effect"], better, worse))
         said += [REFITTED] if f["kind"] == "parameter_error" else []
     if others:
-        decided = "; ".join(_decided(f["effect"], n, worse.get(n)) for n in others)
-        said.append(f"What decided{' against the others' if better else ''}: {decided}.")
+        first, *more = (_decided(f["effect"], n, worse.get(n)) for n in others)
+        said.append(f"What decided{' against the others' if better else ''}: {first}.")
+        said += [opened(f"{one}.") for one in more]
     in_place = [IN_PLACE] if " nats" in " ".join(said) else []
     return " ".join([*said, *in_place, *_at_the_limit(f)])
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -30,7 +29,6 @@ from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.improvement import Errors
 from deeptruck_model.mismatch.inputs import each_once, same_signals, too_little, unusable, with_held_out
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.output import apply, write
 from deeptruck_model.mismatch.prepared import Prepared, learned, prepare
 from deeptruck_model.mismatch.residual import PARAMETERS, gather
 from deeptruck_model.recordings import Recording
@@ -38,10 +36,7 @@ from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]
 
-EXCLUDE = (
-    "DEEPTRUCK_MISMATCH_EXCLUDE"  # comma-separated effects to leave out of the library: for examinations
-)
-LEFT_OUT = f"left out of the library, as {EXCLUDE} asks: {{}}"
+LEFT_OUT = "left out of the library, as was asked for: {}"
 NAMED = (*LIBRARY, *findings.NAMES, "acceleration_bias", "speed_scale", "unknown")
 OTHER_GEAR = "the simulator drives in another gear than was recorded"
 STRANGE = "the simulator has learned from no driving at such speeds, commands and slopes"
@@ -70,27 +65,28 @@ def find_mismatch(
     *,
     seed: int = 0,
     with_unnamed: bool = False,
+    exclude: Sequence[str] = (),
     say: Callable[[str], None] = lambda step: None,
 ) -> Mismatch:
     """Compare a simulator with recordings. On data that is merely poor the verdict is `undetermined`.
 
     `with_unnamed` puts what has no name into the corrected simulator too, as laws of the recorded signals.
+    `exclude` leaves effects out of the library, for examinations of the tool.
 
-    Raises InputError where simulator and recordings do not belong together.
+    Raises InputError where simulator and recordings do not belong together, or for an effect there is not.
     """
+    _check_excluded(exclude)
     with threadpool_limits(1):
-        return _find(simulator, recordings, held_out, seed, with_unnamed, say)
+        return _find(simulator, recordings, held_out, seed, with_unnamed, list(exclude), say)
 
 
-def _excluded() -> list[str]:
+def _check_excluded(names: Sequence[str]) -> None:
     """Raises InputError for what is no effect: an examination would believe that it had been left out."""
-    names = [name.strip() for name in os.environ.get(EXCLUDE, "").split(",") if name.strip()]
-    wrong = [name for name in names if name not in NAMED]
-    if wrong:
-        near = difflib.get_close_matches(wrong[0], NAMED, 1)
-        hint = f"; did you mean {near[0]}?" if near else "; docs/mismatch_effects.md lists them"
-        raise InputError(f"{EXCLUDE}: there is no effect '{wrong[0]}'{hint}")
-    return names
+    for name in names:
+        if name not in NAMED:
+            near = difflib.get_close_matches(name, NAMED, 1)
+            hint = f"; did you mean {near[0]}?" if near else "; docs/mismatch_effects.md lists them"
+            raise InputError(f"there is no effect '{name}' to leave out{hint}")
 
 
 @dataclass(frozen=True)
@@ -138,9 +134,9 @@ def _find(
     held_out: Sequence[Recording],
     seed: int,
     with_unnamed: bool,
+    exclude: list[str],
     say: Callable[[str], None],
 ) -> Mismatch:
-    exclude = _excluded()
     say("checking the data")
     c = _checked(simulator, recordings, held_out)
     if c.useless:
@@ -172,7 +168,7 @@ def _find(
             *c.caveats,
             *([LEFT_OUT.format(", ".join(exclude))] if exclude else []),
             *_of_this_mass(simulator, e, found),
-            *validation_words.caveats(fit, bool(causes), with_unnamed),
+            *validation_words.caveats(fit, bool(causes)),
         ],
     }
     return Mismatch(
@@ -243,4 +239,4 @@ def _overall(found: Sequence[findings.Finding]) -> str:
     return str((explaining or found)[0].data["kind"])
 
 
-__all__ = ["PARAMETERS", "Mismatch", "apply", "find_mismatch", "write"]
+__all__ = ["PARAMETERS", "Mismatch", "find_mismatch"]

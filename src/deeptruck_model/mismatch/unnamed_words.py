@@ -40,7 +40,7 @@ def slow(cause: Cause) -> dict[str, Any]:
     m = LIBRARY.get(cause.effect)
     what = m.says if m else "a slow force that no signal predicts"
     return {
-        "says": f"{what}: {rms:.3f} m/s^2 rms; it would be {sizes}{_again(cause.road)}",
+        "says": f"{what}: {rms:.3f} m/s^2 rms. It would be {sizes}{_again(cause.road)}",
         "equation": m.equation if m else "F = f(t)",
         "parameters": {
             f"rms_as_{n}": {"value": v, "unit": u, "ci95": None}
@@ -69,14 +69,14 @@ def _again(road: RoadLock | None) -> str:
     if road.other_way_km > 0:
         ways.append(f"on {road.other_way_km:.0f} km driven the other way with its sign turned")
     return (
-        f"; it comes again {' and '.join(ways)} (agreement {road.agreement:.2f}, "
-        f"by chance less than {road.by_chance:.2f} in 99 % of windows)"
+        f". It comes again {' and '.join(ways)}. Its agreement is {road.agreement:.2f}, "
+        f"by chance less than {road.by_chance:.2f} in 99 % of windows"
     )
 
 
 def comes_and_goes(cause: Cause, e: Evidence) -> dict[str, Any]:
     """An unknown force that no signal predicts and that acts like none of the known ones."""
-    near = f"; nearest name: {cause.nearest}, which does not explain how it acts" if cause.nearest else ""
+    near = f". The nearest name, {cause.nearest}, does not explain how it acts" if cause.nearest else ""
     now_and_then = bool(np.mean(cause.force[e.valid] == 0.0) > 0.5)
     return {
         "says": f"{UNNAMED.says}: {strength(cause, e)}{near}",
@@ -91,9 +91,9 @@ def comes_and_goes(cause: Cause, e: Evidence) -> dict[str, Any]:
 def unknown(cause: Cause, e: Evidence, explanation: Explanation) -> dict[str, Any]:
     left = explanation.left_over
     drivers = [name for name, share in left.importance.items() if share > 0.1][:4]
-    near = f"; nearest name: {cause.nearest}, which does not explain it" if cause.nearest else ""
+    near = f". The nearest name, {cause.nearest}, does not explain it" if cause.nearest else ""
     return {
-        "says": f"a force that no mechanism of the library explains: {strength(cause, e)}; it varies with "
+        "says": f"a force that no mechanism of the library explains: {strength(cause, e)}. It varies with "
         f"{', '.join(drivers) or 'nothing recorded'}{near}",
         "equation": "F = f(" + ", ".join(drivers) + ")",
         "parameters": {"held_out_r2": {"value": left.r2, "unit": "1", "ci95": None}},

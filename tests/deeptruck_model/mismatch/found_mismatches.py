@@ -168,9 +168,10 @@ def verdict(kind: str, found, caveats=()) -> dict:
         n: {"speed_rmse": s, "acceleration_rmse": 0.05}
         for n, s in (("before", 0.6), ("parameters_only", 0.4), ("after", 0.1))
     }
-    fit = {"held_out": ["a"], "horizon_s": 40.0, "windows": 4, "validated": True, **rows}
+    fit = {"held_out": ["a"], "horizon_s": 20.0, "windows": 4, "validated": bool(found), **rows}
+    fit |= {"chosen": "findings", "corrected": [f.data["effect"] for f in found]}
     fit |= {"improvement_ci95": [0.5, 0.8], "improvement_over_parameters_ci95": [0.1, 0.3]}
-    fit |= {"improvement_horizon_s": 20.0, "improvement_recordings": 1}
+    fit |= {"improvement_recordings": 1}
     data: dict = {
         "rejected": [{"rule": "speed missing or invalid", "samples": 12}],
         "coverage": "coverage.png",

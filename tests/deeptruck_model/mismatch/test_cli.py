@@ -12,8 +12,10 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
+from pages import Page
 
 from deeptruck_model import cli, driving_cycles, mismatch, simulators, trucks
+from deeptruck_model.mismatch import headline
 from deeptruck_model.recordings import write_bag
 
 SCRIPT = Path(sys.executable).with_name("deeptruck-model")
@@ -65,20 +67,26 @@ def test_from_bags_to_a_corrected_simulator(tmp_path: Path) -> None:
         out,
     )
     assert done.returncode == 0 and "Traceback" not in done.stderr
-    assert done.stdout.startswith(f"parameter_error: see {out / 'report.html'}") and "  mass: " in done.stdout
-    assert "(probability " in done.stdout
+    assert done.stdout.startswith(f"parameter_error: see {out / 'report.html'}") and "  Mass: " in done.stdout
+    assert "Probability of mass: " in done.stdout
     said = json.loads((out / "verdict.json").read_text())
     schema = importlib.resources.files(mismatch).joinpath("verdict.schema.json").read_text()
     jsonschema.validate(said, json.loads(schema))
     assert said["fit"]["held_out"] == ["d"] and said["fit"]["validated"]
     assert {"verdict.json", "report.html", "profiles.csv", "simulator"} <= {p.name for p in out.iterdir()}
+    page = Page((out / "report.html").read_text())
+    sentences = headline.sentences(headline.of(said))
+    assert done.stdout.splitlines()[1 : 1 + len(sentences)] == sentences
+    assert page.text[:2] == [sentences[0], " ".join(sentences[1:])]
+    command = f"deeptruck-model apply {out} --out {out}_corrected"
+    assert command in page.text and command in done.stdout
     assert not [p for p in tmp_path.iterdir() if p.name.startswith(".")]
     applied = call("apply", out, "--out", tmp_path / "better")
     assert applied.returncode == 0
     corrected = simulators.load(tmp_path / "better")
     assert corrected.parameters()["mass"] == pytest.approx(1.25 * MASS, rel=0.03)
     again = call("apply", out, "--out", tmp_path / "better")
-    assert again.returncode == 2 and "exists already" in again.stderr
+    assert again.returncode == 2 and "holds a corrected simulator already" in again.stderr
 
 
 def test_too_little_is_a_verdict_and_nothing_to_apply(
@@ -89,8 +97,8 @@ def test_too_little_is_a_verdict_and_nothing_to_apply(
     assert code == 0 and said.startswith("undetermined")
     code, _, errors = here("apply", out, "--out", tmp_path / "sim")
     assert code == 2 and "nothing was found" in errors and not (tmp_path / "sim").exists()
-    again = here("mismatch", "--simulator", "truck:trucksim", "--recordings", short, "--out", out)
-    assert again[0] == 0 and f"the result that was in {out} is replaced" in again[1]
+    again = ("mismatch", "--simulator", "truck:trucksim", "--recordings", short, "--out", out)
+    assert here(*again)[0] == 2 and here(*again, "--overwrite")[0] == 0
 
 
 @pytest.mark.parametrize("inside", ["", "sub"])
@@ -142,9 +150,9 @@ def test_an_examination_of_nothing_is_refused(
     ("simulator", "recording", "says"),
     [
         ("truck:no_such", "short", "no_such"),
-        ("nowhere", "short", "is not a simulator directory"),
+        ("nowhere", "short", "nowhere does not exist; give a simulator directory"),
         ("truck:trucksim", "nowhere", "nowhere"),
-        ("truck:volvo", "short", "engine_command in N m, the simulator in percent"),
+        ("truck:volvo", "short", "engine_command in N m, the simulator truck:volvo takes percent"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(
@@ -157,3 +165,41 @@ def test_bad_input_is_one_line_and_exit_code_2(
     )
     assert code == 2 and says in errors and "Traceback" not in errors
     assert errors.strip().count("\n") == 0 and not said and not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--recordings=short", "nowhere", "--out", "found"), "nowhere does not exist"),
+        (("--recordings", "short", "--out", "found", "nowhere"), "unexpected extra argument(s) (nowhere)"),
+        (("--recordings", "short", "--held-out", "--out", "found"), "--held-out is empty"),
+        (("--recordings", "--out", "found"), "--recordings is empty"),
+    ],
+)
+def test_what_is_given_is_used_or_refused(
+    here: Callable[..., tuple[int, str, str]],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    words: tuple[str, ...],
+    says: str,
+) -> None:
+    bag(tmp_path, "short", 9, 20.0)
+    monkeypatch.chdir(tmp_path)
+    code, said, errors = here("mismatch", "--simulator", "truck:trucksim", *words)
+    assert code == 2 and says in errors and not said and not (tmp_path / "found").exists()
+
+
+def test_all_misfits_are_in_one_line(here: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:
+    short = bag(tmp_path, "short", 9, 20.0)
+    words = ("--simulator", "truck:volvo", "--recordings", short, "nowhere", "--out", tmp_path / "found")
+    code, _, errors = here("mismatch", *words)
+    assert code == 2 and errors.count("\n") == 1
+    for says in ("nowhere does not exist", "engine_command in N m", "brake_command in percent"):
+        assert says in errors
+
+
+def test_a_list_is_spread_however_it_is_written() -> None:
+    both = ["--recordings=a", "--recordings=b", "--out", "x"]
+    assert cli.spread(["--recordings", "a", "b", "--out", "x"]) == both
+    assert cli.spread(["--recordings=a", "b", "--out", "x"]) == both
+    assert cli.spread(["--recordings", "a", "--recordings", "b", "--out", "x"]) == both

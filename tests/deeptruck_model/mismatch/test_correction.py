@@ -51,7 +51,7 @@ def options(nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch) -> list[
         return run(len(truck.terms) + abs(len(truck.moved) - 1.0) if truck.terms else 9.0)
 
     monkeypatch.setattr(correction, "free_windows", windows)
-    monkeypatch.setattr(correction, "_horizon", lambda prepared: 40.0)
+    monkeypatch.setattr(correction, "_horizon", lambda *_: 20.0)
     return driven
 
 
@@ -88,7 +88,7 @@ def test_nothing_goes_in_where_the_truck_as_given_drives_best(
 ) -> None:
     e = nothing_missing
     law, _ = law_and_gusts(e)
-    monkeypatch.setattr(correction, "_horizon", lambda prepared: 40.0)
+    monkeypatch.setattr(correction, "_horizon", lambda *_: 20.0)
     monkeypatch.setattr(
         correction, "free_windows", lambda made, *_: run(float(len(made.terms) + len(made.moved)))
     )
@@ -97,6 +97,7 @@ def test_nothing_goes_in_where_the_truck_as_given_drives_best(
         TRUCK, e, explanation((cause,), Search(e).model((law,), frozenset({"torque_gain"}))), ONE
     )
     assert not made.named.terms and not made.named.moved and made.tuned.moved
+    assert made.chosen is correction.Chosen.NOTHING
 
 
 def test_what_was_not_stated_never_goes_in(
@@ -133,9 +134,9 @@ def test_the_interval_is_over_all_recordings_each_unseen(
         speed = size * (1.0 + 0.5 * np.sin(np.arange(4 * count)))[:, None] * np.ones(10)
         return Errors(speed, speed, of, np.arange(4 * count))
 
-    sizes = iter([1.0, 1.0, 0.9, 1.0, 1.0, 0.9])  # before, parameters only and after, long and short
+    sizes = iter([1.0, 1.0, 0.9])  # before, parameters only and after
     monkeypatch.setattr(correction, "free_windows", lambda *a: runs(2, next(sizes)))
-    monkeypatch.setattr(correction, "_horizon", lambda p: 40.0)
+    monkeypatch.setattr(correction, "_horizon", lambda *_: 20.0)
     after = CorrectedTruck(TRUCK, [], {"torque_gain": 0.1}, None, False)
     crossed = {
         name: runs(6, size) for name, size in (("before", 1.0), ("parameters_only", 1.0), ("after", 0.4))
@@ -145,6 +146,7 @@ def test_the_interval_is_over_all_recordings_each_unseen(
     _, marked, fit = correction.shown(TRUCK, made, held_out, with_unnamed=False)
     assert fit["improvement_recordings"] == 8 and fit["windows"] == 8
     assert fit["improvement_ci95"][0] > 0.2 and fit["validated"] and marked.validated
+    assert (fit["chosen"], fit["corrected"], fit["horizon_s"]) == ("findings", ["torque_gain"], 20.0)
 
 
 def test_each_correction_is_driven_where_it_was_not_fitted(
@@ -160,7 +162,7 @@ def test_each_correction_is_driven_where_it_was_not_fitted(
         return np.unique(search.e.record[search.series.valid]).tolist()
 
     monkeypatch.setattr(correction._Recipe, "corrected", fitted)
-    monkeypatch.setattr(correction, "_horizon", lambda prepared: 40.0)
+    monkeypatch.setattr(correction, "_horizon", lambda *_: 20.0)
     monkeypatch.setattr(
         correction, "free_windows", lambda made, names, _: seen.append((list(names), made)) or run(0.0)
     )
@@ -195,7 +197,8 @@ def test_laws_without_a_name_go_in_beside_the_names_and_only_when_asked(nothing_
     assert made.unnamed is not None and not made.named.terms
     assert [t.effect for t in made.unnamed.terms] == ["unknown"]
     _, unasked, fit = correction.shown(TRUCK, made, [], with_unnamed=False)
-    _, asked, _ = correction.shown(TRUCK, made, [], with_unnamed=True)
+    _, asked, told = correction.shown(TRUCK, made, [], with_unnamed=True)
+    assert (told["chosen"], told["corrected"]) == ("laws", ["unknown"])
     assert not unasked.terms and [t.effect for t in asked.terms] == ["unknown"]
     assert fit["windows"] == 0
 

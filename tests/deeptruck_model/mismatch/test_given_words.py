@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,6 +17,7 @@ from deeptruck_model.mismatch.figures import draw
 from deeptruck_model.mismatch.inputs import SAME_DRIVES, with_held_out
 from deeptruck_model.mismatch.page_words import counted
 from deeptruck_model.mismatch.prepared import prepare
+from deeptruck_model.mismatch.what_now import Asked
 
 
 def compared(count: int, seconds: float, evidence: bool = True) -> Any:
@@ -55,7 +57,7 @@ def test_a_recording_that_was_cut_in_two_is_drawn_as_one() -> None:
 def test_nothing_is_said_of_claims_where_there_is_none(kind: str, said: bool) -> None:
     found = mismatch(kind)
     found.verdict["caveats"].insert(0, SAME_DRIVES)
-    text = " ".join(Page(report.page(found, {})).text)
+    text = " ".join(Page(report.page(found, {}, Asked(Path("found")))).text)
     assert ("what is claimed holds" in text) is said
 
 
@@ -63,6 +65,6 @@ def test_one_free_run_is_one() -> None:
     assert (counted(1, "free run"), counted(2, "free run")) == ("1 free run", "2 free runs")
     found = mismatch("missing_physics")
     found.verdict["fit"]["windows"] = 1
-    assert "1 free run of 40 s" in " ".join(Page(report.page(found, {})).text)
+    assert "1 free run of 20 s" in " ".join(Page(report.page(found, {}, Asked(Path("found")))).text)
     alone = {n: replace(e, **{k: v[:1] for k, v in vars(e).items()}) for n, e in found.errors.items()}
     assert "of 1 free run on" in draw(replace(found, errors=alone))["errors"].caption

@@ -1,4 +1,4 @@
-"""A folder of results belongs to one run at a time, and holds all of a result or nothing."""
+"""A folder of results belongs to one run at a time, is whole or not there, and is replaced when asked for."""
 
 from __future__ import annotations
 
@@ -7,30 +7,28 @@ from pathlib import Path
 import pytest
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.output import reserved
+from deeptruck_model.mismatch.folders import APPLIED, FIGURES, FOUND, check_applicable, check_road
 
 
-def test_a_second_run_into_the_same_folder_is_refused(tmp_path: Path) -> None:
-    out = tmp_path / "found"
-    with reserved(out) as replaced:
-        assert not replaced
-        with pytest.raises(InputError, match="another run is writing"), reserved(out):
-            pass
-        assert out.is_dir()
-    with reserved(out):
-        pass
+def test_a_result_without_its_list_of_files_is_known_by_their_names(tmp_path: Path) -> None:
+    for name in ("verdict.json", "report.html", *(f"{figure}.png" for figure in FIGURES)):
+        (tmp_path / name).write_text("{}")
+    with pytest.raises(InputError, match=r"holds a mismatch result already; .* --overwrite"):
+        FOUND.check(tmp_path)
+    assert FOUND.check(tmp_path, overwrite=True)
+    (tmp_path / "photo.png").write_text("mine")
+    with pytest.raises(InputError, match=r"photo\.png, which is no part of a mismatch result"):
+        FOUND.check(tmp_path, overwrite=True)
 
 
-def test_a_run_that_fails_leaves_nothing(tmp_path: Path) -> None:
-    out = tmp_path / "found"
-    with pytest.raises(InputError, match="bad bag"), reserved(out):
-        raise InputError("bad bag")
-    assert not out.exists()
+def test_one_kind_of_result_does_not_replace_another(tmp_path: Path) -> None:
+    with FOUND.replacing(tmp_path / "found") as draft:
+        (draft / "verdict.json").write_text("{}")
+    with pytest.raises(InputError, match=r"verdict\.json, which is no part of a corrected simulator"):
+        APPLIED.check(tmp_path / "found", overwrite=True)
 
 
-def test_an_older_result_is_told_and_stays_where_a_run_fails(tmp_path: Path) -> None:
-    (tmp_path / "verdict.json").write_text("{}")
-    with pytest.raises(InputError), reserved(tmp_path) as replaced:
-        assert replaced
-        raise InputError("bad bag")
-    assert (tmp_path / "verdict.json").exists()
+def test_what_is_not_there_is_to_be_found_first(tmp_path: Path) -> None:
+    for check in (check_applicable, check_road):
+        with pytest.raises(InputError, match="nowhere does not exist; run 'deeptruck-model mismatch --out"):
+            check(tmp_path / "nowhere")

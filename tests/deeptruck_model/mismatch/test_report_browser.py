@@ -12,6 +12,7 @@ from found_mismatches import mismatch
 from pages import pixels
 
 from deeptruck_model.mismatch import report
+from deeptruck_model.mismatch.what_now import Asked
 
 MEASURE = """<script>
 addEventListener("load", () => {
@@ -31,7 +32,7 @@ CHROMIUM = next(
 @pytest.mark.parametrize("width", [390, 1200])
 def test_it_opens_in_a_browser_without_sideways_scrolling(tmp_path, width):
     page = tmp_path / "page.html"
-    report.write(mismatch("missing_physics"), tmp_path)
+    report.write(mismatch("missing_physics"), tmp_path, Asked(tmp_path))
     inside = html.escape((tmp_path / "report.html").read_text("utf-8"), quote=True)
     page.write_text(f'<iframe width="{width}" height="900" srcdoc="{inside}"></iframe>{MEASURE}', "utf-8")
     command = [

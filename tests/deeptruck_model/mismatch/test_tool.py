@@ -213,12 +213,14 @@ def test_results_are_written_all_or_nothing(tmp_path: Path) -> None:
     found = mismatch.find_mismatch(TRUCK, [still(r) for r in drives(TRUCK, 2)])
     mismatch.write(found, tmp_path / "out")
     assert {"verdict.json", "report.html"} <= {p.name for p in (tmp_path / "out").iterdir()}
-    mismatch.write(found, tmp_path / "out")  # older results of its own give way
+    with pytest.raises(InputError, match="add --overwrite"):
+        mismatch.write(found, tmp_path / "out")
+    mismatch.write(found, tmp_path / "out", overwrite=True)
     foreign = tmp_path / "thesis"
     foreign.mkdir()
     (foreign / "chapter.tex").write_text("years of work")
-    with pytest.raises(InputError, match="holds other files"):
-        mismatch.write(found, foreign)
+    with pytest.raises(InputError, match=r"holds chapter\.tex, which is no part"):
+        mismatch.write(found, foreign, overwrite=True)
     assert (foreign / "chapter.tex").read_text() == "years of work"
     assert {p.name for p in tmp_path.iterdir()} == {"out", "thesis"}
 
@@ -228,9 +230,9 @@ import sys, time
 from types import SimpleNamespace
 from pathlib import Path
 from types import SimpleNamespace
-from deeptruck_model.mismatch import report, tool
-report.write = lambda m, out: (print("writing", flush=True), time.sleep(60))
-tool.write(tool.Mismatch({"verdict": "undetermined"}, None, None, (), (), {}, None, ()), Path(sys.argv[1]))
+from deeptruck_model.mismatch import output, report, tool
+report.write = lambda *_: (print("writing", flush=True), time.sleep(60))
+output.write(tool.Mismatch({"verdict": "undetermined"}, None, None, (), (), {}, None, ()), Path(sys.argv[1]))
 """
 
 
@@ -283,7 +285,7 @@ def test_apply_leaves_nothing_behind_where_it_cannot_finish(
     mismatch.CorrectedTruck(TRUCK, [], {"mass": 0.1}, None, True).save(found / "simulator")
     (found / "verdict.json").write_text('{"fit": {"validated": true}}')
     (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="is a file; choose another --out"):
+    with pytest.raises(InputError, match="is no folder; choose another --out"):
         mismatch.apply(found, tmp_path / "file" / "sim")
 
     def full(source: Path, to: Path, **_: object) -> None:
@@ -302,5 +304,5 @@ def test_apply_takes_over_what_was_validated_once(tmp_path: Path) -> None:
     (found / "verdict.json").write_text('{"fit": {"validated": true}}')
     mismatch.apply(found, tmp_path / "sim")
     assert simulators.load(tmp_path / "sim").parameters()["mass"] == pytest.approx(1.1 * MASS)
-    with pytest.raises(InputError, match="exists already"):
+    with pytest.raises(InputError, match="holds a corrected simulator already"):
         mismatch.apply(found, tmp_path / "sim")

@@ -1,0 +1,83 @@
+"""The folders that the commands of this room write, and whether one may be used. Standard library only."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+from deeptruck_model import files
+from deeptruck_model.errors import InputError
+
+FIGURES = (
+    "timeline",
+    "regimes",
+    "ranking",
+    "unknown",
+    "errors",
+    "horizon_and_regime",
+    "sensors",
+    "coverage",
+)
+FOUND = files.Result(
+    "a mismatch result",
+    (
+        "verdict.json",
+        "profiles.csv",
+        "report.html",
+        *(f"{name}.png" for name in FIGURES),
+        "simulator/simulator.json",
+        "simulator/base/simulator.json",
+    ),
+)
+APPLIED = files.Result("a corrected simulator", ("simulator.json", "base/simulator.json"))
+PROFILE = "road_grade"  # the name in profiles.csv of a slope that was recovered
+FIND_FIRST = "run 'deeptruck-model mismatch --out {}' first"
+
+
+def check_applicable(directory: Path) -> None:
+    """Raises InputError where a run found nothing, or validated nothing, that could be applied."""
+    verdict = _verdict(directory)
+    if verdict.get("verdict") in ("nothing_missing", "undetermined"):
+        raise InputError(f"in {directory} nothing was found that could be applied")
+    if not verdict["fit"].get("validated"):
+        raise InputError(
+            f"{directory} has no passed validation (held-out error did not improve), so it is not applied; "
+            "record more"
+        )
+
+
+def _verdict(directory: Path) -> dict[str, Any]:
+    _check_there(directory)
+    try:
+        verdict = json.loads((directory / "verdict.json").read_text())
+    except (OSError, ValueError, RecursionError):
+        raise InputError(
+            f"{directory} holds no readable verdict.json; "
+            "give the folder that 'deeptruck-model mismatch' wrote"
+        ) from None
+    if not isinstance(verdict, dict) or not isinstance(verdict.get("fit"), dict):
+        raise InputError(
+            f"{directory / 'verdict.json'} is damaged; run 'deeptruck-model mismatch --out {directory}' again"
+        )
+    return verdict
+
+
+def check_road(directory: Path) -> None:
+    """Raises InputError where a run recovered no slope."""
+    _check_there(directory)
+    try:
+        with (directory / "profiles.csv").open(newline="") as file:
+            told = any(row["name"] == PROFILE for row in csv.DictReader(file))
+    except (OSError, KeyError, ValueError, csv.Error):
+        raise InputError(
+            f"{directory} has no readable profiles.csv; {FIND_FIRST.format(directory)}"
+        ) from None
+    if not told:
+        raise InputError(f"in {directory} no {PROFILE} was found, so that there is no slope to take over")
+
+
+def _check_there(directory: Path) -> None:
+    if not directory.exists():
+        raise InputError(f"{directory} does not exist; {FIND_FIRST.format(directory)}")

@@ -1,0 +1,149 @@
+"""The first sentences say no more than the page below them, in words that are read once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from found_mismatches import mismatch, verdict
+from hypothesis import given
+from hypothesis import strategies as st
+
+from deeptruck_model.mismatch import findings, headline
+from deeptruck_model.mismatch.headline import Claim, Headline, Kind, Name
+from deeptruck_model.mismatch.mechanisms import LIBRARY
+from deeptruck_model.mismatch.worth import Errors, Worth
+
+PARAMETERS = tuple(findings.NAMES)
+SENSORS = ("acceleration_bias", "speed_scale", "clock_offset", "grade_bias")
+MASS = Name("mass", Kind.PARAMETER)
+WIND = Name("headwind", Kind.PHYSICS, ("rolling_resistance_speed",))
+UNKNOWN = Name("unknown", Kind.PHYSICS)
+ERRORS = Errors(20.0, 1.98, 0.0467, 0.0243)
+
+
+def said(*found: Name, **claimed: Any) -> list[str]:
+    return headline.sentences(Headline(Claim.FOUND, found, **claimed))
+
+
+def test_an_undecided_pair_is_named_as_a_pair() -> None:
+    (one,) = said(MASS, WIND)
+    assert one == (
+        "The simulator's mass is off, and it leaves out headwind or rolling resistance that grows with speed."
+    )
+
+
+def test_what_was_decided_stands_alone() -> None:
+    assert said(replace(WIND, rivals=())) == ["The simulator leaves out headwind."]
+    assert said(MASS) == ["No physics is missing, but the simulator's mass is off."]
+
+
+def test_a_parameter_that_physics_may_stand_for_is_not_said_alone() -> None:
+    drag = Name("drag_area", Kind.PARAMETER, ("headwind", "grade_bias"))
+    assert said(drag) == ["The simulator is off in drag area or headwind or grade bias."]
+    assert "No physics is missing" in said(replace(drag, rivals=("rolling_resistance",)))[0]
+
+
+def test_physics_that_a_parameter_may_stand_for_is_not_said_to_be_left_out() -> None:
+    assert said(replace(WIND, rivals=("mass",))) == ["The simulator is off in headwind or mass."]
+
+
+def test_what_parameters_reach_is_said_before_what_was_found() -> None:
+    _, errors, end = said(MASS, WIND, worth=Worth.AS_GOOD, errors=ERRORS)
+    assert errors == (
+        "In 20 s free runs on held-out recordings, the speed error is 1.98 m/s as given, "
+        "0.0467 m/s with all parameters refitted, and 0.0243 m/s with what was found."
+    )
+    assert end == "These drives do not tell which of the last two predicts better."
+
+
+@pytest.mark.parametrize("worth", Worth)
+def test_no_gain_is_in_the_first_sentence(worth: Worth) -> None:
+    first, *more = said(MASS, worth=worth, errors=ERRORS)
+    assert "m/s" not in first
+    assert any("m/s" in s for s in more) == (worth not in (Worth.NOT_DRIVEN, Worth.NOT_BETTER))
+
+
+def test_a_force_that_is_not_in_the_correction_is_not_credited() -> None:
+    _, out, errors, _ = said(MASS, UNKNOWN, left_out=(UNKNOWN,), worth=Worth.BETTER, errors=ERRORS)
+    assert out == "A force without a name is not in the correction."
+    assert errors.endswith("and 0.0243 m/s with the rest.")
+
+
+def test_no_name_is_credited_where_parameters_alone_went_in() -> None:
+    v = verdict("missing_physics", mismatch("missing_physics").findings)
+    v["fit"] |= {"chosen": "parameters", "corrected": ["drag_area", "mass"]}
+    text = headline.text(v)
+    assert headline.PARAMETERS_ALONE in text and "what was found" not in text
+
+
+@pytest.mark.parametrize(
+    ("beside", "worth"),
+    [([0.1, 0.3], Worth.BETTER), ([-0.8, 0.1], Worth.AS_GOOD), ([-0.5, -0.1], Worth.WORSE)],
+)
+def test_the_verdict_follows_from_the_interval(beside: list[float], worth: Worth) -> None:
+    v = verdict("missing_physics", mismatch("missing_physics").findings)
+    v["fit"]["improvement_over_parameters_ci95"] = beside
+    assert headline.of(v).worth is worth and headline.text(v).endswith(headline.SHOWN[worth])
+
+
+def test_what_went_in_is_read_and_not_guessed() -> None:
+    v = verdict("missing_physics", mismatch("unknown").findings)
+    assert headline.of(v).left_out == ()
+    v["fit"]["corrected"] = []
+    assert [n.effect for n in headline.of(v).left_out] == ["unknown"]
+
+
+def test_a_failed_validation_is_said() -> None:
+    v = verdict("missing_physics", mismatch("missing_physics").findings)
+    v["fit"]["validated"] = False
+    assert "No correction proved better on held-out recordings" in headline.text(v)
+    v["fit"] = {"held_out": [], "horizon_s": 20.0, "windows": 0, "validated": False}
+    assert "No held-out drive is long enough without a gap" in headline.text(v)
+
+
+def test_a_fault_of_a_sensor_beside_physics_has_its_own_sentence() -> None:
+    bias = Name("acceleration_bias", Kind.SENSOR)
+    assert said(bias) == ["A sensor is at fault, not the truck model: acceleration bias."]
+    assert said(WIND, bias)[1] == "Besides, a sensor is at fault: acceleration bias."
+
+
+@pytest.mark.parametrize(("newton", "claim"), [(240.0, Claim.AGREES), (1620.0, Claim.MUCH_COULD_HIDE)])
+def test_where_much_could_hide_nothing_is_said_to_agree(newton: float, claim: Claim) -> None:
+    v = verdict("nothing_missing", [])
+    v["data"]["smallest_visible"] = {"steady force all the time": {"newton": newton}}
+    v["fit"]["chosen"], v["fit"]["parameters_only"] = "nothing", v["fit"]["before"]
+    assert headline.of(v).claim is claim and "would have been seen" in headline.text(v)
+
+
+@pytest.mark.parametrize(("tuned", "agrees"), [(0.005, False), (0.25, True)])
+def test_a_simulator_that_other_parameters_mend_does_not_agree(tuned: float, agrees: bool) -> None:
+    v = verdict("nothing_missing", [])
+    sizes = {"before": 0.257, "parameters_only": tuned, "after": 0.257}
+    v["fit"] |= {name: {"speed_rmse": size} for name, size in sizes.items()}
+    assert ("the simulator agrees" in headline.text(v)) == agrees
+    assert ("The simulator is off" in headline.text(v)) != agrees
+
+
+EFFECTS = st.sampled_from((*LIBRARY, *PARAMETERS, *SENSORS, "unknown"))
+NAMES = st.builds(Name, EFFECTS, st.sampled_from(Kind), st.lists(EFFECTS, max_size=8).map(tuple))
+FOUND = st.lists(NAMES, min_size=1, max_size=7).map(tuple)
+SIZES = st.floats(1e-4, 99.0)
+
+
+@given(
+    st.builds(
+        Headline,
+        claim=st.just(Claim.FOUND),
+        found=FOUND,
+        left_out=FOUND | st.just(()),
+        laws=st.booleans(),
+        worth=st.sampled_from(Worth),
+        errors=st.builds(Errors, st.floats(10.0, 20.0), SIZES, SIZES, SIZES),
+    )
+)
+def test_whatever_was_found_no_sentence_is_long(h: Headline) -> None:
+    for sentence in headline.sentences(h):
+        assert len(sentence.split()) <= headline.LONGEST and sentence.endswith(".")
+        assert sentence[0].isupper() and "_" not in sentence
