@@ -61,7 +61,7 @@ def read(
 def _check_topics(bag: BagSource, sources: dict[str, Source], asked: bool) -> None:
     if "speed" not in sources:
         raise InputError("the topic map has no 'speed'; a recording needs at least that channel")
-    topics, walker = bag.topics, Walker(bag.definitions, ros1=bag.ros1)
+    topics, walker = bag.topics, Walker(bag.definitions, ros1=bag.ros1, bag=str(bag.path))
     for channel, source in sources.items():
         if source.topic not in topics:
             if asked or channel == "speed":
@@ -79,7 +79,7 @@ def _check_topics(bag: BagSource, sources: dict[str, Source], asked: bool) -> No
 
 def _feed(bag: BagSource, sources: dict[str, Source], resampler: Resampler) -> list[str]:
     """Put every channel into the resampler, in s since the bag's first used sample; what had to be mended."""
-    topics, walker = bag.topics, Walker(bag.definitions, ros1=bag.ros1)
+    topics, walker = bag.topics, Walker(bag.definitions, ros1=bag.ros1, bag=str(bag.path))
     by_topic: dict[str, list[str]] = {}
     for channel, source in sources.items():
         if source.topic in topics:
