@@ -10,13 +10,16 @@ from __future__ import annotations
 import json
 import os
 import stat
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from deeptruck_model.errors import InputError
 
 LONGEST = 200  # characters that a library may say in one of our lines
+MOST_SAID = 500  # characters of one of our own lines about a file
+SAVE_AGAIN = "train or save the simulator again"
 LARGEST = 16 * 2**20  # bytes of a text file that people or our commands write
 MOST_NODES = 1_000_000  # values in a YAML file, an alias counted as often as it stands
 
@@ -79,6 +82,14 @@ def yaml_mapping(path: Path, cure: str) -> dict[Any, Any]:
     return data
 
 
+def number(value: Any, name: str, source: Path | str, low: float, high: float) -> float:
+    """A number of a manifest. Raises InputError where it is none, NaN, or not from `low` to `high`."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+        said = plain(repr(value))
+        raise InputError(f"{source} is damaged: {name} is {said}, not {low:g} to {high:g}; {SAVE_AGAIN}")
+    return float(value)
+
+
 def _nodes(value: Any, left: int, depth: int = 0) -> int:
     """`left` less the values in `value`; 0 where they are more, or lie too deep."""
     left -= 1
@@ -91,6 +102,16 @@ def _nodes(value: Any, left: int, depth: int = 0) -> int:
             return 0
         left = _nodes(item, left, depth + 1)
     return max(left, 0)
+
+
+@contextmanager
+def of(path: Path | str) -> Iterator[None]:
+    """Put `path` before every InputError of the block, and cut what quotes too much of a damaged file."""
+    try:
+        yield
+    except InputError as error:
+        said = plain(str(error), MOST_SAID)
+        raise InputError(said if str(path) in said else f"{path}: {said}") from None
 
 
 def plain(said: str, longest: int = LONGEST) -> str:

@@ -6,15 +6,15 @@ of y(k+1) is the mean over the step, so v(k+1) = v(k) + a(k+1) dt holds to round
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model import reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 
@@ -119,22 +119,18 @@ def load(path: str | Path) -> Simulator:
         _, name, *overrides = text.split(":", 2)
         return trucks.load(name, overrides[0] if overrides else None)
     manifest = read_manifest(Path(text))
-    return _loaders()[manifest["kind"]](Path(text), manifest)
+    with reading.of(text):
+        return cast(Simulator, _loaders()[manifest["kind"]](Path(text), manifest))
 
 
 def read_manifest(path: Path) -> dict[str, Any]:
     """The manifest of a simulator directory. Raises InputError where it is missing, damaged or unknown."""
-    try:
-        manifest: dict[str, Any] = json.loads((path / MANIFEST).read_text())
-    except (FileNotFoundError, NotADirectoryError):
+    if not (path / MANIFEST).exists():
         raise InputError(
             f"{path} is not a simulator directory: it has no {MANIFEST}; 'deeptruck-model train' makes one"
-        ) from None
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise InputError(
-            f"{path / MANIFEST} is damaged ({error}); train or save the simulator again"
-        ) from None
-    if not isinstance(manifest, dict) or manifest.get("kind") not in _loaders():
+        )
+    manifest = reading.json_object(path / MANIFEST, reading.SAVE_AGAIN)
+    if manifest.get("kind") not in tuple(_loaders()):
         raise InputError(f"{path / MANIFEST} has no known kind; expected one of {', '.join(_loaders())}")
     return manifest
 

@@ -27,9 +27,41 @@ SECONDS = 10.0  # after which a reader hangs
 BYTES = 2 * 2**30  # that a reader may allocate beside what the process has
 LONGEST = 600  # characters of one line to a user, beside the path
 AS_BEFORE, OTHER, REFUSED = "as before", "other", "refused"
-_EXTREMES = [b"\xff" * 8, b"\0" * 8, b"\xff" * 7 + b"\x7f", b"\0" * 4 + b"\1" + b"\0" * 3, b"\xff\xff\xff\x7f"]
-_TEXT = [b"9" * 30, b"9" * 400, b"9" * 5000, b"-", b"nan", b"1e999", b".", b"\n", b'"', b"{", b"[", b"&a ", b"*a"]
-_TEXT += [b"[" * 3000, b": ", b"\0", b"\xff", b"null", b"0x", b"1.2.3", b"2001-99-99", "\u0663".encode(), b"#", b","]
+_EXTREMES = [
+    b"\xff" * 8,
+    b"\0" * 8,
+    b"\xff" * 7 + b"\x7f",
+    b"\0" * 4 + b"\1" + b"\0" * 3,
+    b"\xff\xff\xff\x7f",
+]
+_TEXT = [
+    b"9" * 30,
+    b"9" * 400,
+    b"9" * 5000,
+    b"-",
+    b"nan",
+    b"1e999",
+    b".",
+    b"\n",
+    b'"',
+    b"{",
+    b"[",
+    b"&a ",
+    b"*a",
+]
+_TEXT += [
+    b"[" * 3000,
+    b": ",
+    b"\0",
+    b"\xff",
+    b"null",
+    b"0x",
+    b"1.2.3",
+    b"2001-99-99",
+    "\u0663".encode(),
+    b"#",
+    b",",
+]
 
 
 @dataclass(frozen=True)
@@ -131,7 +163,7 @@ def _judge_words(error: BaseException, file: Path) -> str:
         return f"more than {BYTES} bytes asked for: {text}"
     if not text.isprintable():
         return f"not one line of plain text: {text!r}"
-    if file.name not in text and file.parent.name not in text:
+    if file.stem not in text and file.parent.name not in text:
         return f"does not name the file: {text}"
     if len(text.replace(str(file), "")) > LONGEST:
         return f"{len(text)} characters: {text}"

@@ -156,7 +156,10 @@ def _columns(rows: int = 40) -> dict[str, Any]:
 
 def csv_table(folder: Path) -> Path:
     """A CSV file."""
-    rows = [",".join(_columns()), *(",".join(map(str, row)) for row in zip(*_columns().values(), strict=True))]
+    rows = [
+        ",".join(_columns()),
+        *(",".join(map(str, row)) for row in zip(*_columns().values(), strict=True)),
+    ]
     (folder / "table.csv").write_text("\n".join(rows) + "\n")
     return folder / "table.csv"
 
@@ -235,7 +238,8 @@ def can_log(suffix: str) -> Callable[[Path], Path]:
 def candump_console(folder: Path) -> Path:
     """As candump prints it."""
     lines = (
-        f" ({m.timestamp:.6f})  can0  {m.arbitration_id:08X}   [8]  {bytes(m.data).hex(' ').upper()}\n" for m in _frames()
+        f" ({m.timestamp:.6f})  can0  {m.arbitration_id:08X}   [8]  {bytes(m.data).hex(' ').upper()}\n"
+        for m in _frames()
     )
     (folder / "console.log").write_text("".join(lines))
     return folder / "console.log"
@@ -253,6 +257,12 @@ def can_rosbag(folder: Path) -> Path:
 def read_can(file: Path) -> Any:
     """The frames, and what an import makes of them."""
     return list(map(tuple, can_logs.read(file))), can_logs.import_can_log(file, {})
+
+
+def read_blf(file: Path) -> Any:
+    """As read_can, but of times only the differences: those of the file's head have no checksum."""
+    frames = list(can_logs.read(file))
+    return [(round(f.time - frames[0].time, 6), f.can_id, f.data) for f in frames]
 
 
 def vehicle_yaml(folder: Path) -> Path:
@@ -330,7 +340,9 @@ def corrected(folder: Path) -> Path:
         Term("command_delay", {"lines": {"all": 0.2}}, (1.0,)),
     ]
     shares = Shares([0.0, 30.0], [1e-3, 1e-3], [0.02, 0.02], [20.0, 8.0], 2e-4, 0.06, 2e4)
-    truck = CorrectedTruck(trucks.load("trucksim"), terms, {"mass": 0.1}, shares, True, [7.0, 28.0], {"engine": 1.1})
+    truck = CorrectedTruck(
+        trucks.load("trucksim"), terms, {"mass": 0.1}, shares, True, [7.0, 28.0], {"engine": 1.1}
+    )
     truck.save(folder / "sim")
     return folder / "sim" / simulators.MANIFEST
 
@@ -408,7 +420,7 @@ READERS = [
     Reader("candump log", can_log("log"), read_can),
     Reader("candump console", candump_console, read_can),
     Reader("asc", can_log("asc"), read_can),
-    Reader("blf", can_log("blf"), read_can, checked=True),
+    Reader("blf", can_log("blf"), read_blf, checked=True),
     Reader("trc", can_log("trc"), read_can),
     Reader("can rosbag", can_rosbag, read_can, checked=True),
     Reader("vehicle", vehicle_yaml, read_vehicle),

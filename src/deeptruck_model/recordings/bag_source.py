@@ -53,7 +53,9 @@ class BagSource:
         try:
             if self.ros1:
                 bag_file.check_ros1(self.path)
-            self._records = {file: bag_file.check_mcap(file) for file in self._files() if file.suffix == ".mcap"}
+            self._records = {
+                file: bag_file.check_mcap(file) for file in self._files() if file.suffix == ".mcap"
+            }
             self._reader = self._stack.enter_context(
                 AnyReader([self.path], default_typestore=get_typestore(Stores.ROS2_JAZZY))
             )
@@ -90,7 +92,9 @@ class BagSource:
         """The files of which the bag is made."""
         if not self.path.is_dir():
             return [self.path]
-        return [f for f in self._listed() if f.suffix in (".mcap", ".db3", ".zstd") or f.name == "metadata.yaml"]
+        return [
+            f for f in self._listed() if f.suffix in (".mcap", ".db3", ".zstd") or f.name == "metadata.yaml"
+        ]
 
     def _listed(self) -> list[Path]:
         try:
@@ -118,7 +122,9 @@ class BagSource:
             for name, entries in self._metadata(file):
                 stored.setdefault(name, entries.get("json", ""))
         return {
-            key: _from_json(self.path, key, value) for key, value in stored.items() if "deeptruck." in str(key)
+            key: _from_json(self.path, key, value)
+            for key, value in stored.items()
+            if "deeptruck." in str(key)
         }
 
     def _metadata(self, file: Path) -> Iterator[tuple[str, dict[str, str]]]:

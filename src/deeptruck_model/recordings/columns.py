@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from deeptruck_model import reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.topic_map import load_yaml, number
 from deeptruck_model.recordings.units import DIESEL_DENSITY, Conversion, conversion
@@ -61,7 +62,11 @@ def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
     """Check a COLUMNS.yaml (or its content). Raises InputError with one line for anything that is not
     understood.
     """
-    data = load_yaml(Path(columns)) if isinstance(columns, str | Path) else dict(columns)
+    if isinstance(columns, str | Path):
+        data = load_yaml(Path(columns))
+        with reading.of(columns):
+            return load_columns(data)
+    data = dict(columns)
     _known(data, _TOP, "COLUMNS")
     channels = data.get("channels")
     if not isinstance(channels, Mapping) or "speed" not in channels:
@@ -159,7 +164,9 @@ def _splits(entry: Any, channels: Mapping[str, Column]) -> dict[str, float]:
 
 
 def _conceal(entry: Any, channels: Mapping[str, Column]) -> tuple[str, ...]:
-    names = [entry] if isinstance(entry, str) else list(entry)
+    if not isinstance(entry, str | list | tuple):
+        raise InputError("conceal needs a list of channels, as in [grade]")
+    names = [entry] if isinstance(entry, str) else [str(name) for name in entry]
     for name in names:
         if name not in channels:
             raise InputError(f"conceal names '{name}', for which no column is given")

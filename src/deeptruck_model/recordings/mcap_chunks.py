@@ -28,7 +28,14 @@ _MESSAGE_HEAD = 22  # channel, sequence, log time, publish time
 _GROUP_BYTES = 4 * 2**20
 _ENTRY = np.dtype([("log_ns", "<u8"), ("offset", "<u8")])
 _MESSAGE = np.dtype(
-    [("opcode", "u1"), ("length", "<u8"), ("channel", "<u2"), ("sequence", "<u4"), ("log_ns", "<u8"), ("ns", "<u8")]
+    [
+        ("opcode", "u1"),
+        ("length", "<u8"),
+        ("channel", "<u2"),
+        ("sequence", "<u4"),
+        ("log_ns", "<u8"),
+        ("ns", "<u8"),
+    ]
 )
 LATEST_NS = 2**62  # the year 2116: what is stamped later was not
 # what the libraries raise on bytes that were not written so; sizes are checked before

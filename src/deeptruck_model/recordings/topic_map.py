@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from deeptruck_model import reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.units import Conversion, conversion
 from deeptruck_model.signals import CHANNELS
@@ -40,6 +39,7 @@ DEFAULT_TOPICS: dict[str, Source] = {
 }
 
 TopicMap = Mapping[str, Any]
+_LARGEST = 1e12  # of a factor, an offset or a time in a YAML file
 
 
 def load(topic_map: TopicMap | str | Path) -> dict[str, Source]:
@@ -49,21 +49,15 @@ def load(topic_map: TopicMap | str | Path) -> dict[str, Source]:
     Channels left out are not read. Raises InputError for unknown channels, keys or units.
     """
     if isinstance(topic_map, str | Path):
-        topic_map = load_yaml(Path(topic_map))
+        data = load_yaml(Path(topic_map))
+        with reading.of(topic_map):
+            return load(data)
     return {channel: _source(channel, entry) for channel, entry in topic_map.items()}
 
 
 def load_yaml(path: Path) -> dict[str, Any]:
     """A YAML file that holds one mapping. Raises InputError where it is missing or something else."""
-    try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} is not valid YAML: {' '.join(str(error).split())}") from None
-    if not isinstance(data, dict):
-        raise InputError(f"{path} must hold 'key: value' pairs at its top level")
-    return data
+    return reading.yaml_mapping(path, "see docs/recordings.md for an example")
 
 
 def _source(channel: str, entry: Any) -> Source:
@@ -92,4 +86,6 @@ def number(entry: Mapping[str, Any], key: str, default: float, where: str) -> fl
     value = entry.get(key, default)
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise InputError(f"{key} of '{where}' must be a number, not {value!r}")
+    if not abs(value) < _LARGEST:  # nor NaN, nor an integer of a thousand digits
+        raise InputError(f"{key} of '{where}' must be a number below {_LARGEST:g}, not {value!r}")
     return float(value)

@@ -12,15 +12,20 @@ from typing import NamedTuple
 import can
 
 from truck_bridge.can_logs import rosbag
-from truck_bridge.errors import InputError
+from truck_bridge.can_logs.whole import COPY, check_blf, check_file
+from truck_bridge.errors import InputError, plain
 
 TEXT = (".log", ".candump", ".txt", "")
 KINDS = "candump text (.log), ASC, BLF, TRC, MF4, or a rosbag with raw frames"
+# 12 digits of seconds reach beyond any clock
 _CONSOLE = re.compile(
-    r"^\s*\(([\d.]+)\)\s+(\S+)\s+([0-9A-Fa-f]{1,8})\s+\[(\d+)\]\s*((?:[0-9A-Fa-f]{2}\s*)*)$"
+    r"^\s*\((\d{1,12}(?:\.\d{0,12})?)\)\s+(\S+)\s+([0-9A-Fa-f]{1,8})\s+\[(\d+)\]\s*((?:[0-9A-Fa-f]{2}\s*)*)$"
 )
-_LOGGED = re.compile(r"^\s*\(([\d.]+)\)\s+(\S+)\s+([0-9A-Fa-f]{3,8})#((?:[0-9A-Fa-f]{2})*)\s*[RT]?\s*$")
+_LOGGED = re.compile(
+    r"^\s*\((\d{1,12}(?:\.\d{0,12})?)\)\s+(\S+)\s+([0-9A-Fa-f]{3,8})#((?:[0-9A-Fa-f]{2})*)\s*[RT]?\s*$"
+)
 _OTHER = re.compile(r"^\s*\([\d.]+\)\s+\S+\s+[0-9A-Fa-f]{1,8}(#R|##|\s+\[\d+\]\s+remote)")  # remote, CAN FD
+_LATEST_S = 1e12
 
 
 class Frame(NamedTuple):
@@ -32,12 +37,13 @@ class Frame(NamedTuple):
 
 
 def read(path: Path) -> Iterator[Frame]:
-    """The extended data frames of a log, in its order.
+    """The extended data frames of a log, in its order. Of their checksums see `whole`.
 
     Raises InputError where the file is missing, of an unknown kind, damaged, or holds no such frame.
     """
     if not path.exists():
         raise InputError(f"{path} does not exist; give a CAN log: {KINDS}")
+    check_file(path)
     if path.is_dir() and not (path / "metadata.yaml").is_file():
         raise InputError(f"{path} is a folder without a rosbag's metadata.yaml; give a CAN log: {KINDS}")
     text = path.is_file() and path.suffix.lower() in TEXT
@@ -58,7 +64,7 @@ def _read_text(path: Path) -> Iterator[Frame]:
             if frame is None and number > 1 and not line.endswith("\n"):
                 return  # the recorder was killed in the middle of it
             if frame is None:
-                raise InputError(f"{path}, line {number}: not a line of candump: {line.strip()[:60]!r}")
+                raise InputError(f"{path}, line {number}: not a line of candump: {ascii(line.strip()[:60])}")
             if frame.can_id > 0x7FF:
                 yield frame
 
@@ -79,12 +85,14 @@ def _read_by_library(path: Path) -> Iterator[Frame]:
         need_asammdf()
     try:
         for message in _messages(path):
+            if not 0 <= message.timestamp < _LATEST_S:
+                raise InputError(f"{path} is damaged: a frame has the time {message.timestamp:g} s; {COPY}")
             if message.is_extended_id and not (message.is_error_frame or message.is_remote_frame):
                 yield Frame(message.timestamp, message.arbitration_id, bytes(message.data)[:8])
     except InputError:
         raise
     except Exception as error:  # each of python-can's readers fails in its own way on a damaged file
-        text = str(error).splitlines()[0] if str(error) else type(error).__name__
+        text = plain(str(error)) or type(error).__name__
         raise InputError(f"{path} cannot be read as a CAN log ({text}); known are {KINDS}") from None
 
 
@@ -92,6 +100,8 @@ def _messages(path: Path) -> Iterator[can.Message]:
     if path.is_dir() or path.suffix.lower() in rosbag.SUFFIXES:
         yield from rosbag.read(path)
     else:
+        if path.suffix.lower() == ".blf":
+            check_blf(path)
         with can.LogReader(path) as reader:
             yield from reader
 
