@@ -29,7 +29,7 @@ from deeptruck_model.recordings.bag_metadata import definition
 from deeptruck_model.recordings.columns import load_columns
 from deeptruck_model.recordings.topic_map import load as load_topic_map
 from deeptruck_model.signals import TruckInterface
-from truck_bridge import can_logs, vehicles
+from truck_bridge import can_logs, j1939, vehicles
 from truck_bridge.can_logs.rosbag import RosbagWriter
 
 S = 1_000_000_000
@@ -262,7 +262,7 @@ def read_can(file: Path) -> Any:
 def read_blf(file: Path) -> Any:
     """As read_can, but of times only the differences: those of the file's head have no checksum."""
     frames = list(can_logs.read(file))
-    return [(round(f.time - frames[0].time, 6), f.can_id, f.data) for f in frames]
+    return [(round(f.time - frames[0].time, 3), f.can_id, f.data) for f in frames]
 
 
 def vehicle_yaml(folder: Path) -> Path:
@@ -291,6 +291,7 @@ def dbc(folder: Path) -> Path:
 
 def read_dbc(file: Path) -> Any:
     """The vehicle beside it."""
+    j1939.load.cache_clear()
     return repr(vehicles.load(file.with_name("mine.yaml")).codec["Own"])
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model import reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.bag_source import INTERFACE_KEY, NOTES_KEY, BagSource
 from deeptruck_model.recordings.layout import Columns, Walker
@@ -42,8 +43,15 @@ def read(
     """
     path = Path(path)
     sources = DEFAULT_TOPICS if topic_map is None else load(topic_map)
+    with reading.of(path):
+        return _read(path, sources, topic_map is not None, rate_hz, interface)
+
+
+def _read(
+    path: Path, sources: dict[str, Source], asked: bool, rate_hz: float, interface: TruckInterface | None
+) -> list[Recording]:
     with BagSource(path) as bag:
-        _check_topics(bag, sources, asked=topic_map is not None)
+        _check_topics(bag, sources, asked=asked)
         stored = bag.custom_data()
         name = path.stem if path.is_file() else path.resolve().name
         resampler = Resampler(name, rate_hz=rate_hz)
