@@ -1,7 +1,7 @@
 """What every reader does before it trusts a file of the user's, in one place. Standard library and YAML only.
 
-JSON, YAML and CSV have no checksum: a digit that changed on a disk reads as another number, and nobody can see
-it. What can be seen (a pipe in the place of a file, text that is none, values that no reader expects) is
+JSON, YAML and CSV have no checksum: a digit that changed on a disk reads as another number, and nobody can
+see it. What can be seen (a pipe in the place of a file, text that is none, values that no reader expects) is
 refused with one line that names the file and says how to mend it.
 """
 
@@ -32,7 +32,7 @@ def check_file(path: Path, cure: str) -> None:
     try:
         mode = path.stat().st_mode
     except FileNotFoundError:
-        raise InputError(f"{path} does not exist; {cure}") from None
+        raise InputError(f"{path} cannot be read: it does not exist; {cure}") from None
     except (OSError, ValueError) as error:
         raise InputError(f"{path} cannot be read: {_why(error)}; {cure}") from None
     if stat.S_ISDIR(mode):

@@ -1,6 +1,5 @@
 """The one error a user can cause."""
 
-
 LONGEST = 200  # characters that a library may say in one of our lines
 
 

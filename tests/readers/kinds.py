@@ -282,7 +282,8 @@ def dbc(folder: Path) -> Path:
     (folder / "mine.yaml").write_text(text + "\ndbc: [own.dbc]\n")
     (folder / "own.dbc").write_text(
         'VERSION ""\nNS_ :\nBS_:\nBU_: ECU\nBO_ 2566834943 Own: 8 ECU\n'
-        ' SG_ Level : 0|8@1+ (0.4,0) [0|100] "%" ECU\n SG_ Heat : 8|16@1+ (0.03125,-273) [-273|1735] "degC" ECU\n'
+        ' SG_ Level : 0|8@1+ (0.4,0) [0|100] "%" ECU\n'
+        ' SG_ Heat : 8|16@1+ (0.03125,-273) [-273|1735] "degC" ECU\n'
         'BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","reserved","J1939PG";\n'
         'BA_DEF_DEF_ "VFrameFormat" "J1939PG";\nBA_ "VFrameFormat" BO_ 2566834943 3;\n'
     )
@@ -364,7 +365,8 @@ def read_simulator(file: Path) -> Any:
 def override_yaml(folder: Path) -> Path:
     """What is put after truck:trucksim: ."""
     (folder / "mine.yaml").write_text(
-        "mass: 25000\nengine:\n  full_load_gain: 1.1\n  full_load: {speed: [50, 100, 200, 240], torque: [900, 2000, 1800, 0]}\n"
+        "mass: 25000\nengine:\n  full_load_gain: 1.1\n"
+        "  full_load: {speed: [50, 100, 200, 240], torque: [900, 2000, 1800, 0]}\n"
         "transmission: {ratios: [12.0, 6.0, 3.0, 1.5, 1.0]}\ninterface: {grade: true, fuel: true}\n"
     )
     return folder / "mine.yaml"

@@ -1,4 +1,4 @@
-"""Tensors out of a safetensors file. Its sizes are checked by the format; it has no checksum of the numbers."""
+"""Tensors out of a safetensors file. The format checks its sizes; it has no checksum of the numbers."""
 
 from __future__ import annotations
 

@@ -10,10 +10,12 @@ from __future__ import annotations
 import mmap
 import os
 import struct
+import tempfile
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
+import zstandard
 from mcap.opcode import Opcode
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -49,7 +51,7 @@ def check_ros1(file: Path) -> None:
 
 
 def check_mcap(file: Path) -> Records:
-    """Walk the records of an MCAP file. Raises DamagedError where one does not fit, or a checksum is not kept."""
+    """Walk the records of an MCAP file. Raises DamagedError where one does not fit or a checksum is wrong."""
     size = file.stat().st_size
     if size < 2 * len(MAGIC) + RECORD_HEAD + _FOOTER.size:
         raise DamagedError("it is too short for an MCAP file")
@@ -61,8 +63,19 @@ def check_mcap(file: Path) -> Records:
         return _walk(data, size - len(MAGIC))
 
 
+def check_packed(file: Path) -> None:
+    """check_mcap of a file that rosbag2 packed as a whole (.mcap.zstd); others are left alone."""
+    if not file.name.endswith(".mcap.zstd"):
+        return
+    with tempfile.NamedTemporaryFile() as unpacked:
+        with file.open("rb") as stream:
+            zstandard.ZstdDecompressor().copy_stream(stream, unpacked)
+        unpacked.flush()
+        check_mcap(Path(unpacked.name))
+
+
 def _walk(data: mmap.mmap, end: int) -> Records:
-    at, opcode, length = len(MAGIC), 0, 0
+    at, opcode, length, behind_data = len(MAGIC), 0, 0, 0
     data_end, checksum, metadata = end, 0, []
     while opcode != Opcode.FOOTER:
         if at + RECORD_HEAD > end:
@@ -75,18 +88,19 @@ def _walk(data: mmap.mmap, end: int) -> Records:
             metadata.append((content, length))
         elif opcode == Opcode.DATA_END and length >= 4:
             data_end, checksum = at, int.from_bytes(data[content : content + 4], "little")
+            behind_data = content + length
         at = content + length
     if at != end or length != _FOOTER.size:
         raise DamagedError("its footer is not at its end")
     if checksum and checksum != _crc(data, 0, data_end):
         raise DamagedError("the checksum of its data is not kept")
-    _check_summary(data, end)
+    _check_summary(data, end, behind_data)
     return Records(data_end, tuple(metadata))
 
 
-def _check_summary(data: mmap.mmap, end: int) -> None:
+def _check_summary(data: mmap.mmap, end: int, behind_data: int) -> None:
     summary, _, checksum = _FOOTER.unpack_from(data, end - _FOOTER.size)
-    if summary > end - _FOOTER.size - RECORD_HEAD:
+    if summary not in (0, behind_data):
         raise DamagedError("its summary is not where its footer says")
     if summary and checksum and checksum != _crc(data, summary, end - 4):
         raise DamagedError("the checksum of its summary is not kept")

@@ -22,8 +22,8 @@ from rosbags.typesys import Stores, get_typestore
 from deeptruck_model import reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import bag_file
-from deeptruck_model.recordings.mcap_chunks import LATEST_NS, Batch, indexed_chunks, read_chunks
 from deeptruck_model.recordings.bag_file import DamagedError
+from deeptruck_model.recordings.mcap_chunks import LATEST_NS, Batch, indexed_chunks, read_chunks
 from deeptruck_model.simulators import MANIFEST
 
 INTERFACE_KEY = "deeptruck.interface"
@@ -56,10 +56,15 @@ class BagSource:
             self._records = {
                 file: bag_file.check_mcap(file) for file in self._files() if file.suffix == ".mcap"
             }
+            indexed_chunks(list(self._records))  # whose places rosbags would trust
+            for file in self._files():
+                bag_file.check_packed(file)
             self._reader = self._stack.enter_context(
                 AnyReader([self.path], default_typestore=get_typestore(Stores.ROS2_JAZZY))
             )
+            _check_counts(self._reader)
         except Exception as error:  # rosbags raises whatever a damaged byte leads it to
+            self._stack.close()
             raise InputError(
                 f"{self.path} cannot be read as a bag ({_one_line(error)}); a table or CAN log needs "
                 "'deeptruck-model import', a cut-off bag 'deeptruck-model repair'"
@@ -160,7 +165,8 @@ class BagSource:
 
     def _damaged(self, error: Exception) -> InputError:
         return InputError(
-            f"{self.path} is damaged: {_one_line(error)}; copy it anew from where it was recorded, or leave it out"
+            f"{self.path} is damaged: {_one_line(error)}; copy it anew from where it was recorded, "
+            "or leave it out"
         )
 
     def _mcap_files(self) -> list[Path]:
@@ -181,6 +187,14 @@ class BagSource:
                 yield from (_joined(topic, messages, safe_ns) for topic, messages in held.items())
                 held, count = {}, 0
         yield from (_joined(topic, messages, safe_ns) for topic, messages in held.items())
+
+
+def _check_counts(reader: AnyReader) -> None:
+    """Raises DamagedError where metadata.yaml has something else than numbers and names."""
+    counts = [reader.message_count, *(c.msgcount for c in reader.connections)]
+    names = [text for c in reader.connections for text in (c.topic, c.msgtype)]
+    if not all(isinstance(count, int) for count in counts) or not all(isinstance(n, str) for n in names):
+        raise DamagedError("its metadata has no counts or names of topics")
 
 
 def _joined(topic: str, messages: list[tuple[int, bytes]], safe_ns: int) -> Batch:

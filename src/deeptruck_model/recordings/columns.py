@@ -24,6 +24,7 @@ _TOP = {
     *("name", "grade_window_m"),
 }
 _ENTRY = {"column", "unit", "density", "scale", "offset", "late_s"}
+FASTEST_HZ = 5000.0  # of a table without a clock
 LATEST_S = 10.0  # later than this a column is not late but of another drive
 _SPLITS = {"speed_step": "speed", "elevation_step": "elevation"}
 
@@ -132,8 +133,8 @@ def _time(entry: Any) -> tuple[str | None, str | None, float | None]:
         _known(entry, {"column", "unit", "rate_hz"}, "'time' of COLUMNS")
     if isinstance(entry, Mapping) and set(entry) == {"rate_hz"}:
         rate = number(entry, "rate_hz", 0.0, "time")
-        if not rate > 0:
-            raise InputError(f"rate_hz of 'time' must be positive, not {rate:g}")
+        if not 0 < rate <= FASTEST_HZ:
+            raise InputError(f"rate_hz of 'time' must be positive and at most {FASTEST_HZ:g}, not {rate:g}")
         return None, None, rate
     if not isinstance(entry, Mapping) or "column" not in entry or set(entry) - {"column", "unit"}:
         raise InputError(

@@ -98,7 +98,10 @@ def _check_places(summary: Summary, size: int) -> None:
     """Raises DamagedError where a chunk is not in the file, or cannot be of the summary's channels."""
     for index in summary.chunk_indexes:
         length = index.chunk_length + index.message_index_length
-        if index.chunk_length < RECORD_HEAD or index.chunk_start_offset + length > size:
+        if (
+            not RECORD_HEAD + index.compressed_size <= index.chunk_length
+            or index.chunk_start_offset + length > size
+        ):
             raise DamagedError(f"it has no chunk at byte {index.chunk_start_offset}")
         if not set(index.message_index_offsets) <= set(summary.channels):
             raise DamagedError(f"its chunk at byte {index.chunk_start_offset} is of an unknown channel")

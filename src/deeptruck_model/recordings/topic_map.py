@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -72,13 +73,10 @@ def _source(channel: str, entry: Any) -> Source:
         raise InputError(f"topic map: '{channel}' has unknown keys: {', '.join(sorted(map(str, unknown)))}")
     unit = entry.get("unit")
     convert = conversion(channel, unit, entry.get("density")) if unit is not None else None
-    return Source(
-        str(entry["topic"]),
-        str(entry["field"]),
-        convert,
-        number(entry, "scale", 1.0, channel),
-        number(entry, "offset", 0.0, channel),
-    )
+    scale, offset = number(entry, "scale", 1.0, channel), number(entry, "offset", 0.0, channel)
+    if scale == 0.0 or not math.isfinite(scale) or not math.isfinite(offset):
+        raise InputError(f"topic map: scale {scale:g} and offset {offset:g} of '{channel}' leave no values")
+    return Source(str(entry["topic"]), str(entry["field"]), convert, scale, offset)
 
 
 def number(entry: Mapping[str, Any], key: str, default: float, where: str) -> float:
@@ -86,6 +84,8 @@ def number(entry: Mapping[str, Any], key: str, default: float, where: str) -> fl
     value = entry.get(key, default)
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise InputError(f"{key} of '{where}' must be a number, not {value!r}")
-    if not abs(value) < _LARGEST:  # nor NaN, nor an integer of a thousand digits
-        raise InputError(f"{key} of '{where}' must be a number below {_LARGEST:g}, not {value!r}")
+    if _LARGEST < abs(value) < math.inf:  # an integer may have a thousand digits
+        raise InputError(
+            f"{key} of '{where}' must be a number of at most {_LARGEST:g}, not {str(value)[:20]}..."
+        )
     return float(value)

@@ -64,7 +64,7 @@ def _read_text(path: Path) -> Iterator[Frame]:
             if frame is None and number > 1 and not line.endswith("\n"):
                 return  # the recorder was killed in the middle of it
             if frame is None:
-                raise InputError(f"{path}, line {number}: not a line of candump: {ascii(line.strip()[:60])}")
+                raise InputError(f"{path}, line {number}: not a line of candump: {line.strip()[:60]!a}")
             if frame.can_id > 0x7FF:
                 yield frame
 

@@ -19,7 +19,7 @@ import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Message
-from mcap.stream_reader import breakup_chunk, read_magic
+from mcap.stream_reader import MAGIC_SIZE, breakup_chunk, read_magic
 from mcap.writer import CompressionType, Writer
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -86,6 +86,8 @@ def _read_unfinished(path: Path) -> Iterator[can.Message]:
 
 def _whole_chunks(stream: BinaryIO, size: int) -> Iterator[Chunk]:
     """The chunks of a file up to the record that its end cuts off."""
+    if size < MAGIC_SIZE:
+        return
     read_magic(ReadDataStream(stream))
     while len(head := stream.read(9)) == 9:
         opcode, length = struct.unpack("<BQ", head)

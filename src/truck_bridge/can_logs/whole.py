@@ -80,7 +80,9 @@ def _is_sound(one: bytes) -> bool:
     except zlib.error:
         return False
     inside = (m.start() + 8 for m in re.finditer(b"LOBJ", content[: len(content) - _BLF_OBJECT.size]))
-    moves = all(struct.unpack_from("<L", content, at)[0] for at in inside)  # an object of no length never ends
+    moves = all(
+        struct.unpack_from("<L", content, at)[0] for at in inside
+    )  # an object of no length never ends
     return method in (0, _BLF_PACKED) and len(content) == length and moves
 
 

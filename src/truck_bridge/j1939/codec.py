@@ -172,6 +172,10 @@ def load(*extra: Path) -> Codec:
         try:
             database = cantools.database.load_string(text, "dbc")
             layouts += [Layout(message) for message in database.messages]
-        except Exception as error:  # cantools fails in many ways on a damaged file, and so do its numbers here
-            raise InputError(f"{name} is not a DBC file: {plain(str(error)) or type(error).__name__}") from None
+        except (
+            Exception
+        ) as error:  # cantools fails in many ways on a damaged file, and so do its numbers here
+            raise InputError(
+                f"{name} is not a DBC file: {plain(str(error)) or type(error).__name__}"
+            ) from None
     return Codec(layouts)
