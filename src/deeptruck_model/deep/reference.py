@@ -61,7 +61,8 @@ def _load(path: Path) -> tuple[Recording, ...]:
         channels: list[dict[str, Array]] = [{} for _ in heads]
         for key in file.keys():  # noqa: SIM118 - the file is no mapping
             index, name = key.split("/", 1)
-            channels[int(index)][name] = file.get_tensor(key).astype(np.float64)
+            with np.errstate(invalid="ignore"):  # of NaNs, which are missing samples
+                channels[int(index)][name] = file.get_tensor(key).astype(np.float64)
     return tuple(_recording(head, one) for head, one in zip(heads, channels, strict=True))
 
 

@@ -56,7 +56,7 @@ def read(path: Path) -> Iterator[can.Message]:
     Raises InputError where there is no such topic.
     """
     files = sorted(path.glob(f"*{WRITTEN}")) if path.is_dir() else [path] if path.suffix == WRITTEN else []
-    if not all([check_mcap(file) for file in files]) and path.is_file():
+    if False in list(map(check_mcap, files)) and path.is_file():
         yield from _read_unfinished(path)
         return
     reader = AnyReader([path], default_typestore=_types())
