@@ -230,6 +230,8 @@ def _impossible(policy: MlpPolicy) -> list[str]:
     possible = {
         "features.dt": 0 < policy.dt < math.inf,
         "features.slow_s": 0 < policy.features.slow_s < math.inf,
+        "features.matrix": bool(np.isfinite(policy.features.matrix).all()),
+        "features.offset": bool(np.isfinite(policy.features.offset).all()),
         "action": scale.engine_low < scale.engine_high and scale.brake_high >= 0,
         "coverage": all(low <= high for low, high in policy.coverage.values()),
     }
