@@ -3,7 +3,8 @@
 python benchmarks/same_results.py OLD_TREE NEW_TREE [--keep FOLDER] [--only mismatch]
 
 Each tree is a checkout of this project. Every run has a fixed seed. Weights, policies and metrics are
-compared byte by byte, verdict.json by its numbers and names: sentences may change. Exit code 1 where any differs.
+compared byte by byte, verdict.json by its numbers and names: sentences may change. Exit code 1 where any
+differs.
 """
 
 from __future__ import annotations

@@ -107,11 +107,14 @@ class TruckInterface:
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> TruckInterface:
-        """Inverse of to_dict. Raises InputError on unknown or missing keys."""
+        """Inverse of to_dict. Raises InputError on unknown or missing keys, and values of another type."""
         try:
-            return cls(**data)
+            found = cls(**data)
         except TypeError as error:
             raise InputError(f"truck interface {data!r} is not understood: {error}") from None
+        if not isinstance(found.name, str) or {type(found.grade), type(found.fuel)} != {bool}:
+            raise InputError(f"truck interface {data!r} needs a name, and true or false for grade and fuel")
+        return found
 
 
 ACCELERATION, SPEED, FUEL = 0, 1, 2  # columns of y

@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model import reading
 from deeptruck_model.checks import MANIFEST
 from deeptruck_model.checks import manifest as read_manifest
 from deeptruck_model.signals import TruckInterface
@@ -117,7 +118,8 @@ def load(path: str | Path) -> Simulator:
         _, name, *overrides = text.split(":", 2)
         return trucks.load(name, overrides[0] if overrides else None)
     manifest = read_manifest(Path(text))
-    return _loaders()[manifest["kind"]](Path(text), manifest)
+    with reading.of(text):
+        return cast(Simulator, _loaders()[manifest["kind"]](Path(text), manifest))
 
 
 def _loaders() -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
@@ -18,6 +17,7 @@ from safetensors.numpy import load_file
 from deeptruck_cacc.controllers.baselines import baseline
 from deeptruck_cacc.controllers.policy import MANIFEST, WEIGHTS, MlpPolicy, Policy
 from deeptruck_cacc.controllers.scaling import ActionScale, FeatureMap
+from deeptruck_model import reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 
@@ -72,8 +72,9 @@ def load_trained(path: Path) -> MlpPolicy:
         raise InputError(
             f"{path / MANIFEST} lacks {error}: it is damaged or of another version; {AGAIN}"
         ) from None
-    except (AttributeError, TypeError, ValueError) as error:
-        raise InputError(f"{path / MANIFEST} is damaged or of another version ({error}); {AGAIN}") from None
+    except (AttributeError, TypeError, ValueError, OverflowError) as error:
+        said = reading.plain(str(error))
+        raise InputError(f"{path / MANIFEST} is damaged or of another version ({said}); {AGAIN}") from None
     return _tried(policy(_read_layers(path / WEIGHTS, len(hidden) + 1)), path)
 
 
@@ -108,6 +109,8 @@ def _impossible(policy: MlpPolicy) -> list[str]:
     possible = {
         "features.dt": 0 < policy.dt < math.inf,
         "features.slow_s": 0 < policy.features.slow_s < math.inf,
+        "features.matrix": bool(np.isfinite(policy.features.matrix).all()),
+        "features.offset": bool(np.isfinite(policy.features.offset).all()),
         "action": scale.engine_low < scale.engine_high and scale.brake_high >= 0,
         "coverage": all(low <= high for low, high in policy.coverage.values()),
     }
@@ -116,30 +119,29 @@ def _impossible(policy: MlpPolicy) -> list[str]:
 
 def read_manifest(path: Path) -> dict[str, Any]:
     """policy.json as a dict. Raises InputError where it is missing, damaged or of unknown kind."""
-    try:
-        manifest = json.loads((path / MANIFEST).read_text())
-    except (FileNotFoundError, NotADirectoryError):
+    if not (path / MANIFEST).exists():
         raise InputError(
             f"{path} is not a policy directory: it has no {MANIFEST}; make one with 'deeptruck-cacc train', "
             "or use 'baseline:acc'"
-        ) from None
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path / MANIFEST} is damaged ({error}); {AGAIN}") from None
-    if not isinstance(manifest, dict) or manifest.get("kind") != "mlp" or manifest.get("schema") != 1:
+        )
+    manifest = reading.json_object(path / MANIFEST, AGAIN)
+    if manifest.get("kind") != "mlp" or manifest.get("schema") != 1:
         raise InputError(f"{path / MANIFEST} is of no known kind; expected kind 'mlp', schema 1; {AGAIN}")
     return manifest
 
 
 def _read_layers(path: Path, count: int) -> list[tuple[Array, Array]]:
     try:
+        if path.exists():
+            reading.check_file(path, AGAIN)
         tensors = load_file(path)
         layers = [(tensors[f"{k}.weight"], tensors[f"{k}.bias"]) for k in range(count)]
     except FileNotFoundError:
         raise InputError(f"{path} is missing; {AGAIN}") from None
     except KeyError as error:
         raise InputError(f"{path} lacks {error}, which {MANIFEST} asks for; {AGAIN}") from None
-    except SafetensorError as error:
-        raise InputError(f"{path} is damaged ({error}); {AGAIN}") from None
+    except (SafetensorError, OSError) as error:
+        raise InputError(f"{path} is damaged ({reading.plain(str(error))}); {AGAIN}") from None
     if not all(math.isfinite(float(np.sum(w)) + float(np.sum(b))) for w, b in layers):
         raise InputError(f"{path} holds NaN or infinite weights; {AGAIN}")
     return [(w.astype(float), b.astype(float)) for w, b in layers]

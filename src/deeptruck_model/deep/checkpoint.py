@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 import torch
-from safetensors import SafetensorError
 from safetensors.torch import load_file
 from safetensors.torch import save as to_bytes
 
-from deeptruck_model import checks
+from deeptruck_model import checks, reading
 from deeptruck_model.deep import driven, reference
 from deeptruck_model.deep.coverage import Coverage
 from deeptruck_model.deep.network import WEIGHTS, Scales, Shape, TruckNetwork
 from deeptruck_model.deep.truck import DeepTruck
+from deeptruck_model.deep.weights_file import tensors
 from deeptruck_model.errors import InputError
 from deeptruck_model.results import DEEP_TRUCK
 from deeptruck_model.signals import TruckInterface
@@ -25,6 +25,7 @@ from deeptruck_model.simulators import MANIFEST
 
 WEIGHTS_FILE, COVERAGE_FILE, METRICS_FILE = checks.WEIGHTS, "coverage.json", "metrics.json"
 SCHEMA = 1
+MOST_UNITS = 4096  # of a layer, and models of an ensemble
 KEPT = {  # what each file beside the weights is for; a truck that was saved without one promises less
     COVERAGE_FILE: "which says what it was trained on",
     driven.FILE: "which says what it learned from",
@@ -85,15 +86,15 @@ def load_directory(path: Path, manifest: dict[str, Any]) -> DeepTruck:
         )
     try:
         interface = TruckInterface.from_dict(manifest["interface"])
-        shape = Shape(**manifest["shape"])
+        shape = _shape(manifest["shape"])
         stored = manifest["scales"]
         mean, scale = (np.asarray(stored[key], dtype=np.float32) for key in ("mean", "scale"))
         scales = Scales(mean, scale, float(stored["top_speed"]))
         dt = float(manifest["dt"])
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(
-            f"{path / MANIFEST} is damaged ({error!r}); train or save the simulator again"
-        ) from None
+        _check_numbers(scales, dt)
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        said = reading.plain(str(error)) if isinstance(error, InputError) else reading.plain(repr(error))
+        raise InputError(f"{path / MANIFEST} is damaged ({said}); {reading.SAVE_AGAIN}") from None
     signals = (len(interface.u), len(interface.w), len(interface.y))
     if (
         signals != (shape.controls, shape.conditions, shape.responses)
@@ -119,13 +120,30 @@ def load_directory(path: Path, manifest: dict[str, Any]) -> DeepTruck:
     )
 
 
+def _shape(stored: dict[str, Any]) -> Shape:
+    """Raises ValueError for sizes that no network has: the weights are allocated by them."""
+    shape = Shape(**stored)
+    for name, value in shape.to_dict().items():
+        kind, most = (bool, 1) if name == "gains" else (int, MOST_UNITS)
+        if type(value) is not kind or not 0 <= value <= most:
+            raise ValueError(f"{name} is {value!r}")
+    if not (0 < shape.hidden * shape.decoder * shape.members <= MOST_UNITS**2):
+        raise ValueError("a network of no size, or too large")
+    return shape
+
+
+def _check_numbers(scales: Scales, dt: float) -> None:
+    """Raises ValueError for scales and steps that no training gives."""
+    if scales.mean.ndim != 1 or scales.mean.shape != scales.scale.shape:
+        raise ValueError("mean and scale are no lists of one length")
+    if not (np.isfinite(scales.mean).all() and np.isfinite(scales.scale).all() and (scales.scale > 0).all()):
+        raise ValueError("mean or scale are no possible numbers")
+    if not (0.0 < scales.top_speed < 1e3 and 0.0 < dt <= 60.0):
+        raise ValueError(f"top_speed is {scales.top_speed:g} m/s, dt {dt:g} s")
+
+
 def _fill(network: TruckNetwork, path: Path) -> None:
-    try:
-        weights = load_file(path)
-    except (OSError, SafetensorError) as error:
-        raise InputError(
-            f"{path} is missing or damaged ({error}); train or save the simulator again"
-        ) from None
+    weights = tensors(path, load_file)
     for name in WEIGHTS:
         parameter = getattr(network, name)
         if name not in weights or weights[name].shape != parameter.shape:
@@ -157,6 +175,9 @@ def _coverage(path: Path) -> Coverage | None:
     if not path.exists():
         return None
     try:
-        return Coverage.from_dict(json.loads(path.read_text()))
-    except (ValueError, KeyError, TypeError, OSError) as error:
-        raise InputError(f"{path} is damaged ({error!r}); train or save the simulator again") from None
+        return Coverage.from_dict(reading.json_object(path, reading.SAVE_AGAIN))
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        if isinstance(error, InputError):
+            raise
+        said = reading.plain(repr(error))
+        raise InputError(f"{path} is damaged ({said}); {reading.SAVE_AGAIN}") from None

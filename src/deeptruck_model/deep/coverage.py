@@ -44,8 +44,14 @@ class Coverage:
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> Coverage:
-        """Inverse of to_dict."""
-        return cls(tuple(data["low"]), tuple(data["size"]), np.asarray(data["counts"], dtype=np.int64))
+        """Inverse of to_dict. Raises KeyError, TypeError or ValueError for what is something else."""
+        low, size = (tuple(map(float, data[key])) for key in ("low", "size"))
+        counts = np.asarray(data["counts"], dtype=np.int64)
+        if len(low) != 3 or len(size) != 3 or counts.ndim != 3 or not counts.size > 0:
+            raise ValueError("not a histogram of three axes")
+        if not (np.isfinite(low).all() and np.isfinite(size).all() and min(size) > 0 and counts.min() >= 0):
+            raise ValueError("low, size or counts are no possible numbers")
+        return cls((low[0], low[1], low[2]), (size[0], size[1], size[2]), counts)
 
 
 def measure(recordings: Sequence[Recording]) -> Coverage:

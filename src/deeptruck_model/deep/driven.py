@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from safetensors import SafetensorError
 from safetensors.numpy import load_file
 from safetensors.numpy import save as to_bytes
 from scipy.spatial import cKDTree
 
+from deeptruck_model.deep.weights_file import tensors
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import SPEED
@@ -70,17 +70,20 @@ def save(driven: Driven, folder: Path) -> None:
     (folder / FILE).write_bytes(to_bytes({"samples": driven.samples, "near": driven.near}))
 
 
+def _load(path: Path) -> Driven:
+    stored = load_file(path)
+    return Driven(stored["samples"], stored["near"])
+
+
 def load(folder: Path, columns: int) -> Driven | None:
     """What is kept in `folder`, of `columns` signals; None where it has no such file. Raises InputError for a
     damaged one."""
     path = folder / FILE
     if not path.exists():
         return None
-    try:
-        tensors = load_file(path)
-        driven = Driven(tensors["samples"], tensors["near"])
-    except (SafetensorError, OSError, KeyError) as error:
-        raise InputError(f"{path} is damaged ({error}); train the simulator again") from None
+    driven = tensors(path, _load)
+    if not (np.isfinite(driven.samples).all() and np.isfinite(driven.near).all() and (driven.near > 0).all()):
+        raise InputError(f"{path} holds values that are not possible; train the simulator again")
     if driven.samples.ndim != 2 or driven.samples.shape[1] != columns or driven.near.shape != (columns,):
         raise InputError(f"{path} is of other signals than the truck beside it; files were edited or mixed")
     return driven

@@ -8,18 +8,19 @@ imperfectly.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from safetensors import SafetensorError, safe_open
+from safetensors import safe_open
 from safetensors.numpy import save as to_bytes
 
-from deeptruck_model.errors import InputError
+from deeptruck_model.deep.weights_file import tensors
 from deeptruck_model.recordings import Recording
-from deeptruck_model.signals import TruckInterface
+from deeptruck_model.signals import CHANNELS, TruckInterface
 
 Array = NDArray[Any]
 
@@ -49,16 +50,30 @@ def load(folder: Path) -> tuple[Recording, ...]:
     path = folder / FILE
     if not path.exists():
         return ()
-    try:
-        with safe_open(path, framework="numpy") as file:
-            heads = json.loads(file.metadata()["recordings"])
-            channels: list[dict[str, Array]] = [{} for _ in heads]
-            for key in file.keys():  # noqa: SIM118 - the file is no mapping
-                index, name = key.split("/", 1)
+    found: tuple[Recording, ...] = tensors(path, _load)
+    return found
+
+
+def _load(path: Path) -> tuple[Recording, ...]:
+    """Raises what Python does where the file holds something else, and ValueError for what cannot be."""
+    with safe_open(path, framework="numpy") as file:
+        heads = json.loads((file.metadata() or {})["recordings"])
+        channels: list[dict[str, Array]] = [{} for _ in heads]
+        for key in file.keys():  # noqa: SIM118 - the file is no mapping
+            index, name = key.split("/", 1)
+            with np.errstate(invalid="ignore"):  # of NaNs, which are missing samples
                 channels[int(index)][name] = file.get_tensor(key).astype(np.float64)
-    except (SafetensorError, OSError, KeyError, ValueError, IndexError) as error:
-        raise InputError(f"{path} is damaged ({error}); train the simulator again") from None
-    return tuple(
-        Recording(h["name"], h["dt"], c, TruckInterface.from_dict(h["interface"]), h["start_s"])
-        for h, c in zip(heads, channels, strict=True)
-    )
+    return tuple(_recording(head, one) for head, one in zip(heads, channels, strict=True))
+
+
+def _recording(head: dict[str, Any], channels: dict[str, Array]) -> Recording:
+    interface = TruckInterface.from_dict(head["interface"])
+    dt, start_s = float(head["dt"]), float(head["start_s"])
+    if not 0.0 < dt <= 60.0 or not math.isfinite(start_s):
+        raise ValueError(f"dt is {dt:g} s, start_s {start_s:g} s")
+    needed = {"acceleration", "speed", *interface.u, *interface.w, *interface.y}
+    if not needed <= set(channels) <= set(CHANNELS):
+        raise ValueError(f"channels are {', '.join(channels)}")
+    if len({x.shape for x in channels.values()}) != 1 or channels["speed"].ndim != 1:
+        raise ValueError("channels differ in length")
+    return Recording(str(head["name"]), dt, channels, interface, start_s)

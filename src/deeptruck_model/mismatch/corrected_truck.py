@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,8 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model import reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import answer
+from deeptruck_model.mismatch.carried import CARRIERS
 from deeptruck_model.mismatch.command_path import CommandPath
 from deeptruck_model.mismatch.components import SENSITIVITY
 from deeptruck_model.mismatch.expression import Rerun, Stream
@@ -279,10 +282,27 @@ def load_directory(path: Path, manifest: dict[str, Any]) -> CorrectedTruck:
             raise InputError(f"{path} has terms this version does not know: {', '.join(unknown)}")
         shares = Shares.from_dict(manifest["shares"]) if manifest.get("shares") else None
         base = load_simulator(path / "base")
-        gears, validated = manifest.get("gears", ()), bool(manifest["validated"])
-        carried = {name: float(factor) for name, factor in manifest.get("carried", {}).items()}
-        return CorrectedTruck(base, terms, manifest["parameters"], shares, validated, gears, carried)
-    except (KeyError, TypeError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"{path / MANIFEST} is damaged ({error!r}); run the mismatch tool again") from None
+        gears = tuple(float(gear) for gear in manifest.get("gears", ()))
+        moved, carried = (
+            {str(name): float(value) for name, value in manifest.get(key, {}).items()}
+            for key in ("parameters", "carried")
+        )
+        _check_numbers(terms, gears, moved, carried)
+        return CorrectedTruck(base, terms, moved, shares, bool(manifest["validated"]), gears, carried)
+    except InputError:
+        raise
+    except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError, IndexError) as error:
+        said = reading.plain(repr(error))
+        raise InputError(f"{path / MANIFEST} is damaged ({said}); run the mismatch tool again") from None
+
+
+def _check_numbers(
+    terms: Sequence[Term], gears: Sequence[float], moved: Mapping[str, float], carried: Mapping[str, float]
+) -> None:
+    """Raises ValueError for numbers and names that no correction has."""
+    numbers = [*gears, *moved.values(), *carried.values(), *(b for t in terms for b in t.coefficients)]
+    numbers += [value for t in terms for value in t.settings.values() if isinstance(value, float)]
+    if not all(isinstance(x, int | float) and math.isfinite(x) for x in numbers):
+        raise ValueError("it holds a value that is no number")
+    if not set(carried) <= set(CARRIERS):
+        raise ValueError(f"it carries {', '.join(carried)}")

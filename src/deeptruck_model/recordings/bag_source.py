@@ -5,28 +5,30 @@ rosbags.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+import struct
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
-from mcap.reader import make_reader
-from mcap.stream_reader import CRCValidationError
-from rosbags.highlevel import AnyReader, AnyReaderError
-from rosbags.rosbag1 import ReaderError as Reader1Error
-from rosbags.rosbag2 import ReaderError as Reader2Error
+from mcap.records import Metadata
+from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
+from deeptruck_model import reading
 from deeptruck_model.checks import INTERFACE_KEY, MANIFEST, NOTES_KEY, RECORD_AGAIN
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings.mcap_chunks import Batch, indexed_chunks, read_chunks
+from deeptruck_model.recordings import bag_file
+from deeptruck_model.recordings.bag_file import DamagedError
+from deeptruck_model.recordings.mcap_chunks import LATEST_NS, Batch, indexed_chunks, read_chunks
 
 __all__ = ["INTERFACE_KEY", "NOTES_KEY", "BagSource"]
 
 _BATCH = 65536  # messages read one by one are handed on in batches of this many
-_DAMAGED = (McapError, CRCValidationError, AnyReaderError, Reader1Error, Reader2Error, EOFError)
 
 
 class BagSource:
@@ -42,22 +44,22 @@ class BagSource:
         self._stack = ExitStack()
 
     def __enter__(self) -> BagSource:
-        if not self.path.exists():
-            raise InputError(f"{self.path} does not exist")
-        if self.path.is_dir() and not any(self.path.iterdir()):
-            raise InputError(f"{self.path} is empty, it holds no bag; {RECORD_AGAIN}")
-        if (self.path / MANIFEST).exists():
-            raise InputError(f"{self.path} is a simulator directory, not a bag; give a recording there")
-        if self.path.is_dir() and not (self.path / "metadata.yaml").exists():
-            raise InputError(
-                f"{self.path} is not a finished bag (it has no metadata.yaml); "
-                "if its recorder was killed, mend it with 'deeptruck-model repair'"
-            )
+        self._check_path()
         try:
+            if self.ros1:
+                bag_file.check_ros1(self.path)
+            self._records = {
+                file: bag_file.check_mcap(file) for file in self._files() if file.suffix == ".mcap"
+            }
+            indexed_chunks(list(self._records))  # whose places rosbags would trust
+            for file in self._files():
+                bag_file.check_packed(file)
             self._reader = self._stack.enter_context(
                 AnyReader([self.path], default_typestore=get_typestore(Stores.ROS2_JAZZY))
             )
+            _check_counts(self._reader)
         except Exception as error:  # rosbags raises whatever a damaged byte leads it to
+            self._stack.close()
             raise InputError(
                 f"{self.path} cannot be read as a bag ({_one_line(error)}); a table or CAN log needs "
                 "'deeptruck-model import', a cut-off bag 'deeptruck-model repair'"
@@ -69,6 +71,36 @@ class BagSource:
 
     def __exit__(self, *_: object) -> None:
         self._stack.close()
+
+    def _check_path(self) -> None:
+        """Raises InputError where there is nothing that could be a bag; pipes and devices are not opened."""
+        if not self.path.exists():
+            raise InputError(f"{self.path} does not exist")
+        if self.path.is_dir() and not any(self._listed()):
+            raise InputError(f"{self.path} is empty, it holds no bag; {RECORD_AGAIN}")
+        if (self.path / MANIFEST).exists():
+            raise InputError(f"{self.path} is a simulator directory, not a bag; give a recording there")
+        if self.path.is_dir() and not (self.path / "metadata.yaml").exists():
+            raise InputError(
+                f"{self.path} is not a finished bag (it has no metadata.yaml); "
+                "if its recorder was killed, mend it with 'deeptruck-model repair'"
+            )
+        for file in self._files():
+            reading.check_file(file, "give a recorded bag")
+
+    def _files(self) -> list[Path]:
+        """The files of which the bag is made."""
+        if not self.path.is_dir():
+            return [self.path]
+        return [
+            f for f in self._listed() if f.suffix in (".mcap", ".db3", ".zstd") or f.name == "metadata.yaml"
+        ]
+
+    def _listed(self) -> list[Path]:
+        try:
+            return sorted(self.path.iterdir())
+        except OSError as error:
+            raise InputError(f"{self.path} cannot be read: {error.strerror}") from None
 
     @property
     def definitions(self) -> dict[str, Any]:
@@ -84,15 +116,26 @@ class BagSource:
     def custom_data(self) -> dict[str, Any]:
         """JSON values stored with the bag under `deeptruck.*` (custom_data, else MCAP metadata)."""
         reader: Any = self._reader.readers[0]
-        stored: dict[str, Any] = {} if self.ros1 else dict(reader.storage.metadata.custom or {})
+        custom = None if self.ros1 else reader.storage.metadata.custom
+        stored: dict[str, Any] = dict(custom) if isinstance(custom, Mapping) else {}
         for file in self._mcap_files():
-            with file.open("rb") as stream:
-                for record in make_reader(stream).iter_metadata():
-                    if record.name.startswith("deeptruck."):
-                        stored.setdefault(record.name, record.metadata.get("json", ""))
+            for name, entries in self._metadata(file):
+                stored.setdefault(name, entries.get("json", ""))
         return {
-            key: _from_json(self.path, key, value) for key, value in stored.items() if "deeptruck." in key
+            key: _from_json(self.path, key, value)
+            for key, value in stored.items()
+            if "deeptruck." in str(key)
         }
+
+    def _metadata(self, file: Path) -> Iterator[tuple[str, dict[str, str]]]:
+        with file.open("rb") as stream:
+            for start, length in self._records[file].metadata:
+                stream.seek(start)
+                try:
+                    record = Metadata.read(ReadDataStream(BytesIO(stream.read(length))))
+                except (McapError, struct.error, UnicodeDecodeError) as error:
+                    raise self._damaged(error) from None
+                yield record.name, record.metadata
 
     def batches(self, topics: set[str]) -> Iterator[Batch]:
         """All messages of the topics, nearly in the order of their log times (see Batch.safe_ns)."""
@@ -100,8 +143,8 @@ class BagSource:
             chunks = indexed_chunks(self._mcap_files())
             types = {topic: kind for topic, kind in self.topics.items() if topic in topics}
             yield from self._one_by_one(topics) if chunks is None else read_chunks(chunks, types)
-        except _DAMAGED as error:
-            raise InputError(f"{self.path} is damaged: {_one_line(error)}") from None
+        except DamagedError as error:
+            raise self._damaged(error) from None
 
     def messages(self, topics: set[str]) -> Iterator[tuple[str, int, bytes]]:
         """(topic, log time in ns, serialised message) of the topics, in the order of their log times."""
@@ -109,9 +152,17 @@ class BagSource:
         wanted = [c for c in self._reader.connections if c.topic in topics and c.msgtype == types[c.topic]]
         try:
             for connection, log_ns, data in self._reader.messages(wanted) if wanted else ():
+                if not 0 <= log_ns < LATEST_NS:
+                    raise DamagedError(f"a message on {connection.topic} has no possible time")
                 yield connection.topic, log_ns, bytes(data)
-        except _DAMAGED as error:
-            raise InputError(f"{self.path} is damaged: {_one_line(error)}") from None
+        except Exception as error:  # rosbags raises whatever a damaged byte leads it to
+            raise self._damaged(error) from None
+
+    def _damaged(self, error: Exception) -> InputError:
+        return InputError(
+            f"{self.path} is damaged: {_one_line(error)}; copy it anew from where it was recorded, "
+            "or leave it out"
+        )
 
     def _mcap_files(self) -> list[Path]:
         if self.path.is_file():
@@ -133,6 +184,14 @@ class BagSource:
         yield from (_joined(topic, messages, safe_ns) for topic, messages in held.items())
 
 
+def _check_counts(reader: AnyReader) -> None:
+    """Raises DamagedError where metadata.yaml has something else than numbers and names."""
+    counts = [reader.message_count, *(c.msgcount for c in reader.connections)]
+    names = [text for c in reader.connections for text in (c.topic, c.msgtype)]
+    if not all(isinstance(count, int) for count in counts) or not all(isinstance(n, str) for n in names):
+        raise DamagedError("its metadata has no counts or names of topics")
+
+
 def _joined(topic: str, messages: list[tuple[int, bytes]], safe_ns: int) -> Batch:
     sizes = np.array([len(data) for _, data in messages], dtype=np.int64)
     buffer = np.frombuffer(b"".join(data for _, data in messages), np.uint8)
@@ -140,12 +199,13 @@ def _joined(topic: str, messages: list[tuple[int, bytes]], safe_ns: int) -> Batc
     return Batch(topic, buffer, np.cumsum(sizes) - sizes, sizes, log_ns, safe_ns)
 
 
-def _from_json(path: Path, key: str, text: str) -> Any:
+def _from_json(path: Path, key: str, text: Any) -> Any:
     try:
         return json.loads(text)
-    except json.JSONDecodeError as error:
-        raise InputError(f"{path}: its {key} is not JSON ({error})") from None
+    except (ValueError, TypeError, RecursionError) as error:
+        raise InputError(f"{path}: its {key} is not JSON ({_one_line(error)}); copy it anew") from None
 
 
 def _one_line(error: BaseException) -> str:
-    return " ".join(str(error).split()) or type(error).__name__
+    """What a library says, short enough and plain enough for one line."""
+    return reading.plain(str(error)) or type(error).__name__

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from deeptruck_model import reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.topic_map import load_yaml, number
 from deeptruck_model.recordings.units import DIESEL_DENSITY, Conversion, conversion
@@ -23,6 +24,7 @@ _TOP = {
     *("name", "grade_window_m"),
 }
 _ENTRY = {"column", "unit", "density", "scale", "offset", "late_s"}
+FASTEST_HZ = 5000.0  # of a table without a clock
 LATEST_S = 10.0  # later than this a column is not late but of another drive
 _SPLITS = {"speed_step": "speed", "elevation_step": "elevation"}
 
@@ -61,7 +63,11 @@ def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
     """Check a COLUMNS.yaml (or its content). Raises InputError with one line for anything that is not
     understood.
     """
-    data = load_yaml(Path(columns)) if isinstance(columns, str | Path) else dict(columns)
+    if isinstance(columns, str | Path):
+        data = load_yaml(Path(columns))
+        with reading.of(columns):
+            return load_columns(data)
+    data = dict(columns)
     _known(data, _TOP, "COLUMNS")
     channels = data.get("channels")
     if not isinstance(channels, Mapping) or "speed" not in channels:
@@ -127,8 +133,8 @@ def _time(entry: Any) -> tuple[str | None, str | None, float | None]:
         _known(entry, {"column", "unit", "rate_hz"}, "'time' of COLUMNS")
     if isinstance(entry, Mapping) and set(entry) == {"rate_hz"}:
         rate = number(entry, "rate_hz", 0.0, "time")
-        if not rate > 0:
-            raise InputError(f"rate_hz of 'time' must be positive, not {rate:g}")
+        if not 0 < rate <= FASTEST_HZ:
+            raise InputError(f"rate_hz of 'time' must be positive and at most {FASTEST_HZ:g}, not {rate:g}")
         return None, None, rate
     if not isinstance(entry, Mapping) or "column" not in entry or set(entry) - {"column", "unit"}:
         raise InputError(
@@ -159,7 +165,9 @@ def _splits(entry: Any, channels: Mapping[str, Column]) -> dict[str, float]:
 
 
 def _conceal(entry: Any, channels: Mapping[str, Column]) -> tuple[str, ...]:
-    names = [entry] if isinstance(entry, str) else list(entry)
+    if not isinstance(entry, str | list | tuple):
+        raise InputError("conceal needs a list of channels, as in [grade]")
+    names = [entry] if isinstance(entry, str) else [str(name) for name in entry]
     for name in names:
         if name not in channels:
             raise InputError(f"conceal names '{name}', for which no column is given")

@@ -47,7 +47,7 @@ class CrashSafeWriter:
             raise InputError(f"{self.path} exists already; choose another name or remove it") from None
         except OSError as error:
             raise InputError(f"cannot write {self.path}: {error.strerror}") from None
-        self._writer = Writer(self._stream, compression=CompressionType.NONE)
+        self._writer = Writer(self._stream, compression=CompressionType.NONE, enable_data_crcs=True)
         self._guarded(self._begin)
 
     def _begin(self) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model import reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.bag_source import INTERFACE_KEY, NOTES_KEY, BagSource
 from deeptruck_model.recordings.layout import Columns, Walker
@@ -42,8 +43,15 @@ def read(
     """
     path = Path(path)
     sources = DEFAULT_TOPICS if topic_map is None else load(topic_map)
+    with reading.of(path):
+        return _read(path, sources, topic_map is not None, rate_hz, interface)
+
+
+def _read(
+    path: Path, sources: dict[str, Source], asked: bool, rate_hz: float, interface: TruckInterface | None
+) -> list[Recording]:
     with BagSource(path) as bag:
-        _check_topics(bag, sources, asked=topic_map is not None)
+        _check_topics(bag, sources, asked=asked)
         stored = bag.custom_data()
         name = path.stem if path.is_file() else path.resolve().name
         resampler = Resampler(name, rate_hz=rate_hz)
@@ -61,7 +69,7 @@ def read(
 def _check_topics(bag: BagSource, sources: dict[str, Source], asked: bool) -> None:
     if "speed" not in sources:
         raise InputError("the topic map has no 'speed'; a recording needs at least that channel")
-    topics, walker = bag.topics, Walker(bag.definitions, ros1=bag.ros1)
+    topics, walker = bag.topics, Walker(bag.definitions, ros1=bag.ros1, bag=str(bag.path))
     for channel, source in sources.items():
         if source.topic not in topics:
             if asked or channel == "speed":
@@ -79,7 +87,7 @@ def _check_topics(bag: BagSource, sources: dict[str, Source], asked: bool) -> No
 
 def _feed(bag: BagSource, sources: dict[str, Source], resampler: Resampler) -> list[str]:
     """Put every channel into the resampler, in s since the bag's first used sample; what had to be mended."""
-    topics, walker = bag.topics, Walker(bag.definitions, ros1=bag.ros1)
+    topics, walker = bag.topics, Walker(bag.definitions, ros1=bag.ros1, bag=str(bag.path))
     by_topic: dict[str, list[str]] = {}
     for channel, source in sources.items():
         if source.topic in topics:

@@ -65,12 +65,13 @@ class Layout:
 
 class Walker:
     """Walks messages of one bag: `definitions` by type name as in rosbags' typestore, `ros1` for the older
-    form.
+    form; `bag` is how errors name it.
     """
 
-    def __init__(self, definitions: Mapping[str, Any], *, ros1: bool = False) -> None:
+    def __init__(self, definitions: Mapping[str, Any], *, ros1: bool = False, bag: str = "the bag") -> None:
         self.definitions = definitions
         self.ros1 = ros1
+        self.bag = bag
 
     def has(self, msgtype: str, path: str) -> bool:
         """Whether a type defines this path (the indices and names inside brackets are not looked at)."""
@@ -94,10 +95,13 @@ class Walker:
         if not self.ros1:
             layout.fixed.append((0, message[:2]))
         try:
+            if len(message) < start:
+                raise IndexError("it has no head")
             self._struct(msgtype, "", message, start, order, layout)
-        except (struct.error, IndexError, KeyError, UnicodeDecodeError) as error:
+        except (struct.error, IndexError, KeyError, UnicodeDecodeError, RecursionError) as error:
             raise InputError(
-                f"a message of type {msgtype} does not fit its definition ({error}): the bag is damaged"
+                f"{self.bag} is damaged: a message of type {msgtype} does not fit its definition ({error}); "
+                "copy it anew from where it was recorded, or leave it out"
             ) from None
         return layout
 
@@ -118,6 +122,8 @@ class Walker:
                 if element.name == "BASE":
                     at = self._values(inner[0], path, count, True, data, at, order, layout)
                 else:
+                    if count > len(data):
+                        raise IndexError(f"{path} ends behind the message")
                     for k in range(count):
                         at = self._struct(inner, f"{path}[{k}].", data, at, order, layout)
         return at
@@ -142,6 +148,8 @@ class Walker:
         for _ in range(count):
             at = self._aligned(at, 4)
             (length,) = struct.unpack_from(f"{order}I", data, at)
+            if at + 4 + length > len(data):
+                raise IndexError(f"{path} ends behind the message")
             texts.append(data[at + 4 : at + 4 + length].rstrip(b"\0").decode())
             # listed names decide which value is whose; a lone text only shifts what follows it
             layout.fixed.append((at, data[at : at + 4 + (length if listed else 0)]))

@@ -3,25 +3,45 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator, Sequence
+import zlib
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
 
+import lz4.frame
 import numpy as np
+import zstandard
 from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.records import Chunk, ChunkIndex
-from mcap.stream_reader import get_chunk_data_stream
+from mcap.summary import Summary
 from numpy.typing import NDArray
 
-RECORD_HEAD = 9  # opcode and length
+from deeptruck_model.recordings.bag_file import RECORD_HEAD, DamagedError
+
 _MESSAGE_HEAD = 22  # channel, sequence, log time, publish time
 _GROUP_BYTES = 4 * 2**20
 _ENTRY = np.dtype([("log_ns", "<u8"), ("offset", "<u8")])
+_MESSAGE = np.dtype(
+    [
+        ("opcode", "u1"),
+        ("length", "<u8"),
+        ("channel", "<u2"),
+        ("sequence", "<u4"),
+        ("log_ns", "<u8"),
+        ("ns", "<u8"),
+    ]
+)
+LATEST_NS = 2**62  # the year 2116: what is stamped later was not
+# what the libraries raise on bytes that were not written so; sizes are checked before
+_UNREADABLE = (
+    McapError, EOFError, struct.error, ValueError, KeyError, IndexError, RuntimeError, zstandard.ZstdError,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -49,21 +69,51 @@ class IndexedChunk:
 
 
 def indexed_chunks(files: Sequence[Path]) -> list[IndexedChunk] | None:
-    """All chunks of the files; None where a file has none, so that its messages must be read in order."""
+    """All chunks of the files; None where a file has none, so that its messages must be read in order.
+
+    Raises DamagedError where a chunk is not in its file, or its summary cannot be read.
+    """
     chunks = []
     for file in files:
-        with file.open("rb") as stream:
-            summary = make_reader(stream).get_summary()
+        summary = _summary(file)
         if summary is None or not summary.chunk_indexes:
             return None
         types = {key: schema.name for key, schema in summary.schemas.items()}
         channels = {key: (c.topic, types.get(c.schema_id, "")) for key, c in summary.channels.items()}
+        _check_places(summary, file.stat().st_size)
         chunks += [IndexedChunk(file, index, channels) for index in summary.chunk_indexes]
     return chunks or None
 
 
+def _summary(file: Path) -> Summary | None:
+    """The summary of a file that bag_file.check_mcap has found whole."""
+    try:
+        with file.open("rb") as stream:
+            return make_reader(stream).get_summary()
+    except _UNREADABLE as error:
+        raise DamagedError(f"its summary cannot be read ({_why(error)})") from None
+
+
+def _check_places(summary: Summary, size: int) -> None:
+    """Raises DamagedError where a chunk is not in the file, or cannot be of the summary's channels."""
+    for index in summary.chunk_indexes:
+        length = index.chunk_length + index.message_index_length
+        if (
+            not RECORD_HEAD + index.compressed_size <= index.chunk_length
+            or index.chunk_start_offset + length > size
+        ):
+            raise DamagedError(f"it has no chunk at byte {index.chunk_start_offset}")
+        if not set(index.message_index_offsets) <= set(summary.channels):
+            raise DamagedError(f"its chunk at byte {index.chunk_start_offset} is of an unknown channel")
+        if index.message_start_time >= LATEST_NS:
+            raise DamagedError(f"its chunk at byte {index.chunk_start_offset} has no possible time")
+
+
 def read_chunks(chunks: Sequence[IndexedChunk], types: dict[str, str]) -> Iterator[Batch]:
-    """Messages of the topics that have the given types, in the order of the chunks' first messages."""
+    """Messages of the topics that have the given types, in the order of the chunks' first messages.
+
+    Raises DamagedError where a chunk is not what was written.
+    """
     group = _Group()
     with ExitStack() as stack:
         streams: dict[Path, BinaryIO] = {}
@@ -75,7 +125,10 @@ def read_chunks(chunks: Sequence[IndexedChunk], types: dict[str, str]) -> Iterat
                 continue
             if chunk.file not in streams:
                 streams[chunk.file] = stack.enter_context(chunk.file.open("rb"))
-            group.add(*_read(streams[chunk.file], chunk.index), wanted, chunk.index.message_start_time)
+            data, entries = _read(streams[chunk.file], chunk.index)
+            for key in wanted.keys() & entries.keys():
+                _check_entries(data, key, entries[key], chunk.index)
+            group.add(data, entries, wanted, chunk.index.message_start_time)
             if group.size > _GROUP_BYTES:
                 yield from group.batches()
                 group = _Group()
@@ -86,12 +139,62 @@ def _read(stream: BinaryIO, index: ChunkIndex) -> tuple[bytes, dict[int, NDArray
     """A chunk's content, and where its messages are, by channel."""
     stream.seek(index.chunk_start_offset)
     raw = stream.read(index.chunk_length + index.message_index_length)
-    chunk = Chunk.read(ReadDataStream(BytesIO(raw[RECORD_HEAD : index.chunk_length])))
-    content, size = get_chunk_data_stream(chunk, validate_crc=True)
-    data = content.read(size)
-    if not index.message_index_length:
-        return data, scan_messages(data)
-    return data, dict(message_indexes(raw[index.chunk_length :]))
+    try:
+        if raw[0] != Opcode.CHUNK:
+            raise ValueError("it is none")
+        data = _content(Chunk.read(ReadDataStream(BytesIO(raw[RECORD_HEAD : index.chunk_length]))))
+        if not index.message_index_length:
+            return data, scan_messages(data)
+        entries = dict(message_indexes(raw[index.chunk_length :]))
+        if set(entries) != set(index.message_index_offsets):
+            raise ValueError("it lacks a message index")
+    except _UNREADABLE as error:
+        raise DamagedError(f"its chunk at byte {index.chunk_start_offset}: {_why(error)}") from None
+    return data, entries
+
+
+def _content(chunk: Chunk) -> bytes:
+    """What is in a chunk, unpacked. The unpackers grow as they go: a size in the data is not trusted."""
+    unpack = _UNPACK.get(chunk.compression)
+    if unpack is None:
+        raise ValueError(f"compression {chunk.compression!r} is unknown")
+    data = unpack(chunk.data)
+    if len(data) != chunk.uncompressed_size:
+        raise ValueError(f"it has {len(data)} bytes, not {chunk.uncompressed_size}")
+    if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
+        raise ValueError("its checksum is not kept")
+    return data
+
+
+_UNPACK: dict[str, Callable[[bytes], bytes]] = {
+    "": lambda data: data,
+    "zstd": lambda data: zstandard.ZstdDecompressor().decompressobj().decompress(data),
+    "lz4": lambda data: lz4.frame.LZ4FrameDecompressor().decompress(data),
+}
+
+
+def _check_entries(data: bytes, channel: int, entries: NDArray[np.void], index: ChunkIndex) -> None:
+    """Raises DamagedError where an entry of a message index does not lead to such a message."""
+    buffer = np.frombuffer(data, np.uint8)
+    offsets = entries["offset"]
+    head = RECORD_HEAD + _MESSAGE_HEAD
+    fine = not len(entries) or (len(data) >= head and int(offsets.max()) <= len(data) - head)
+    if fine and len(entries):
+        heads = np.lib.stride_tricks.sliding_window_view(buffer, head)[offsets].copy().view(_MESSAGE)[:, 0]
+        ends = heads["length"] <= len(data) - RECORD_HEAD - offsets
+        fine = bool(
+            (ends & (heads["length"] >= _MESSAGE_HEAD)).all()
+            and (heads["opcode"] == Opcode.MESSAGE).all()
+            and (heads["channel"] == channel).all()
+            and (heads["log_ns"] == entries["log_ns"]).all()
+            and int(heads["log_ns"].max()) < LATEST_NS
+        )
+    if not fine:
+        raise DamagedError(f"the message index of its chunk at byte {index.chunk_start_offset} does not fit")
+
+
+def _why(error: BaseException) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
 
 
 class _Group:
@@ -130,11 +233,17 @@ class _Group:
 
 
 def message_indexes(raw: bytes) -> Iterator[tuple[int, NDArray[np.void]]]:
-    """(channel, entries with log_ns and offset) of the MessageIndex records that follow a chunk."""
+    """(channel, entries with log_ns and offset) of the MessageIndex records that follow a chunk.
+
+    Raises ValueError where the bytes are something else.
+    """
     at = 0
     while at < len(raw):
-        length = int.from_bytes(raw[at + 1 : at + RECORD_HEAD], "little")
+        opcode, length = struct.unpack_from("<BQ", raw, at)
         content = raw[at + RECORD_HEAD : at + RECORD_HEAD + length]
+        count = int.from_bytes(content[2:6], "little")
+        if opcode != Opcode.MESSAGE_INDEX or len(content) != length or length != 6 + count:
+            raise ValueError("its message index does not fit")
         yield int.from_bytes(content[:2], "little"), np.frombuffer(content[6:], _ENTRY)
         at += RECORD_HEAD + length
 

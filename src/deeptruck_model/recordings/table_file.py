@@ -16,6 +16,7 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 from pyarrow import csv, parquet
 
+from deeptruck_model import reading
 from deeptruck_model.errors import InputError
 
 Array = NDArray[np.float64]
@@ -101,14 +102,14 @@ def read_table(
 ) -> TextTable:
     """A CSV file (`skip_rows` lines before the header are ignored) or a Parquet file, by its suffix.
 
-    Raises InputError for a file that is missing, empty, or not in that encoding.
+    CSV has no checksum: a changed digit is another number. Parquet's page checksums are looked at where the
+    file has them. Raises InputError for a file that is missing, empty, or not in that encoding.
     """
-    if not path.is_file():
-        raise InputError(f"{path} does not exist" if not path.exists() else f"{path} is not a file")
+    reading.check_file(path, "give a CSV or Parquet table")
     ragged: list[int] = []
     try:
         if path.suffix.lower() in PARQUET:
-            table = parquet.read_table(path)
+            table = parquet.read_table(path, page_checksum_verification=True)
         else:
             table = _read_csv(path, delimiter, encoding, skip_rows, ragged)
     except (pa.ArrowException, UnicodeError, LookupError, OSError) as error:
@@ -167,7 +168,7 @@ def _header(path: Path, delimiter: str, encoding: str, skip_rows: int) -> list[s
 
 
 def _why(error: BaseException, encoding: str) -> str:
-    text = " ".join(str(error).split())
+    text = reading.plain(str(error))
     if isinstance(error, UnicodeDecodeError) or "UTF8" in text or "decod" in text:
         return f"it is not in {encoding}; set 'encoding' (latin-1, for example)"
     return text

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from deeptruck_model import reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.units import Conversion, conversion
 from deeptruck_model.signals import CHANNELS
@@ -40,6 +40,7 @@ DEFAULT_TOPICS: dict[str, Source] = {
 }
 
 TopicMap = Mapping[str, Any]
+_LARGEST = 1e12  # of a factor, an offset or a time in a YAML file
 
 
 def load(topic_map: TopicMap | str | Path) -> dict[str, Source]:
@@ -49,21 +50,15 @@ def load(topic_map: TopicMap | str | Path) -> dict[str, Source]:
     Channels left out are not read. Raises InputError for unknown channels, keys or units.
     """
     if isinstance(topic_map, str | Path):
-        topic_map = load_yaml(Path(topic_map))
+        data = load_yaml(Path(topic_map))
+        with reading.of(topic_map):
+            return load(data)
     return {channel: _source(channel, entry) for channel, entry in topic_map.items()}
 
 
 def load_yaml(path: Path) -> dict[str, Any]:
     """A YAML file that holds one mapping. Raises InputError where it is missing or something else."""
-    try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} is not valid YAML: {' '.join(str(error).split())}") from None
-    if not isinstance(data, dict):
-        raise InputError(f"{path} must hold 'key: value' pairs at its top level")
-    return data
+    return reading.yaml_mapping(path, "see docs/recordings.md for an example")
 
 
 def _source(channel: str, entry: Any) -> Source:
@@ -78,13 +73,10 @@ def _source(channel: str, entry: Any) -> Source:
         raise InputError(f"topic map: '{channel}' has unknown keys: {', '.join(sorted(map(str, unknown)))}")
     unit = entry.get("unit")
     convert = conversion(channel, unit, entry.get("density")) if unit is not None else None
-    return Source(
-        str(entry["topic"]),
-        str(entry["field"]),
-        convert,
-        number(entry, "scale", 1.0, channel),
-        number(entry, "offset", 0.0, channel),
-    )
+    scale, offset = number(entry, "scale", 1.0, channel), number(entry, "offset", 0.0, channel)
+    if scale == 0.0 or not math.isfinite(scale) or not math.isfinite(offset):
+        raise InputError(f"topic map: scale {scale:g} and offset {offset:g} of '{channel}' leave no values")
+    return Source(str(entry["topic"]), str(entry["field"]), convert, scale, offset)
 
 
 def number(entry: Mapping[str, Any], key: str, default: float, where: str) -> float:
@@ -92,4 +84,8 @@ def number(entry: Mapping[str, Any], key: str, default: float, where: str) -> fl
     value = entry.get(key, default)
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise InputError(f"{key} of '{where}' must be a number, not {value!r}")
+    if _LARGEST < abs(value) < math.inf:  # an integer may have a thousand digits
+        raise InputError(
+            f"{key} of '{where}' must be a number of at most {_LARGEST:g}, not {str(value)[:20]}..."
+        )
     return float(value)

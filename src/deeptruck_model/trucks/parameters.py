@@ -12,6 +12,7 @@ import numpy as np
 from deeptruck_model.errors import InputError
 
 GEARS = 18  # room for the largest gearbox
+SHOWN = 20  # names that an error lists
 TABLE = 64  # points of the full-load curve, uniform in engine speed
 
 _ROWS = """
@@ -132,8 +133,11 @@ RECORD = np.dtype(
 
 def near(name: str, known: list[str]) -> str:
     """The end of an error message: what the writer may have meant."""
-    guesses = difflib.get_close_matches(name, known, n=3, cutoff=0.6)
-    return f"did you mean {' or '.join(guesses)}?" if guesses else f"known: {', '.join(known)}"
+    guesses = difflib.get_close_matches(name[:80], known, n=3, cutoff=0.6)
+    if guesses:
+        return f"did you mean {' or '.join(guesses)}?"
+    more = f" and {len(known) - SHOWN} more" if len(known) > SHOWN else ""
+    return f"known: {', '.join(known[:SHOWN])}{more}"
 
 
 def check_value(name: str, value: Any) -> float:

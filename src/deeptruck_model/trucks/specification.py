@@ -12,10 +12,12 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from deeptruck_model import reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 from deeptruck_model.trucks.parameters import GEARS, PARAMETERS, PARTS, RECORD, TABLE, check_values, near
 
+OVERRIDES = "give a table of parameters such as 'mass: 25000'"
 STRUCTURE = ("name", "interface", "ratios", "full_load")
 
 
@@ -110,7 +112,7 @@ def flatten(data: Mapping[str, Any], source: str) -> dict[str, Any]:
 def _numbers(value: Any, name: str, source: str) -> tuple[float, ...]:
     try:
         numbers = tuple(float(v) for v in value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{source}: '{name}' must be a list of numbers, not {value!r}") from None
     if not np.all(np.isfinite(numbers)):
         raise InputError(f"{source}: '{name}' holds a value that is not a number")
@@ -134,7 +136,12 @@ def _structure(flat: Mapping[str, Any], source: str) -> dict[str, Any]:
 
 
 def override(truck: Specification, data: Mapping[str, Any], source: str) -> Specification:
-    """The truck with the given scalars, curves or interface entries replaced."""
+    """The truck with the given scalars, curves or interface entries replaced. Errors name the source."""
+    with reading.of(source):
+        return _overridden(truck, data, source)
+
+
+def _overridden(truck: Specification, data: Mapping[str, Any], source: str) -> Specification:
     flat = flatten(data, source)
     changes = _structure(flat, source)
     if "interface" in changes:
@@ -147,29 +154,28 @@ def override(truck: Specification, data: Mapping[str, Any], source: str) -> Spec
 
 def specification_from_dict(data: Mapping[str, Any], source: str) -> Specification:
     """Inverse of Specification.to_dict. Raises InputError on unknown, missing or impossible entries."""
+    with reading.of(source):
+        return _specified(data, source)
+
+
+def _specified(data: Mapping[str, Any], source: str) -> Specification:
     flat = flatten(data, source)
     missing = [key for key in STRUCTURE if key not in flat]
     if missing:
         raise InputError(f"{source}: lacks {', '.join(missing)}")
     made = _structure(flat, source)
+    if not isinstance(flat["interface"], Mapping):
+        raise InputError(f"{source}: 'interface' must be a table such as {{grade: true}}")
     interface = TruckInterface.from_dict({"name": made["name"], **flat["interface"]})
     values = check_values({k: v for k, v in flat.items() if k in PARAMETERS})
     return Specification(made["name"], interface, values, made["ratios"], made["full_load"])
 
 
 def read_yaml(path: Path) -> Mapping[str, Any]:
-    """A YAML table. Raises InputError where the file is missing, damaged or not a table."""
-    try:
-        data = yaml.safe_load(path.read_text())
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
-    if data is None:
+    """A YAML table; empty for an empty file. Raises InputError where it is missing, damaged or no table."""
+    if not reading.text(path, OVERRIDES).strip():
         return {}
-    if not isinstance(data, Mapping):
-        raise InputError(f"{path} must hold a table of parameters such as 'mass: 25000'")
-    return data
+    return reading.yaml_mapping(path, OVERRIDES)
 
 
 def pool() -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model import reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 from deeptruck_model.simulators import MANIFEST, Run
@@ -29,6 +30,7 @@ from deeptruck_model.trucks.state import INSIDE, STATE
 
 Array = NDArray[np.float64]
 SUBSTEP = 0.01  # s, the inner step
+DT = (1e-3, 60.0)  # s, steps that a manifest may have
 
 
 @dataclass(frozen=True)
@@ -259,4 +261,5 @@ def load_directory(path: Path, manifest: Mapping[str, Any]) -> PhysicsTruck:
     source = str(path / MANIFEST)
     if not isinstance(manifest.get("truck"), Mapping):
         raise InputError(f"{source} has no truck; save the simulator again")
-    return PhysicsTruck(specification_from_dict(manifest["truck"], source), dt=float(manifest.get("dt", 0.1)))
+    dt = reading.number(manifest.get("dt", 0.1), "dt", source, *DT)
+    return PhysicsTruck(specification_from_dict(manifest["truck"], source), dt=dt)

@@ -11,15 +11,21 @@ from typing import NamedTuple
 
 import can
 
+from deeptruck_model.reading import plain
 from truck_bridge import log_files
+from truck_bridge.can_logs.whole import COPY, check_blf, check_file
 from truck_bridge.errors import InputError
 
 WHOLE = 8  # bytes of nearly every J1939 frame: a shorter one without a line's end may be cut
+# 12 digits of seconds reach beyond any clock
 _CONSOLE = re.compile(
-    r"^\s*\(([\d.]+)\)\s+(\S+)\s+([0-9A-Fa-f]{1,8})\s+\[(\d+)\]\s*((?:[0-9A-Fa-f]{2}\s*)*)$"
+    r"^\s*\((\d{1,12}(?:\.\d{0,12})?)\)\s+(\S+)\s+([0-9A-Fa-f]{1,8})\s+\[(\d+)\]\s*((?:[0-9A-Fa-f]{2}\s*)*)$"
 )
-_LOGGED = re.compile(r"^\s*\(([\d.]+)\)\s+(\S+)\s+([0-9A-Fa-f]{3,8})#((?:[0-9A-Fa-f]{2})*)\s*[RT]?\s*$")
+_LOGGED = re.compile(
+    r"^\s*\((\d{1,12}(?:\.\d{0,12})?)\)\s+(\S+)\s+([0-9A-Fa-f]{3,8})#((?:[0-9A-Fa-f]{2})*)\s*[RT]?\s*$"
+)
 _OTHER = re.compile(r"^\s*\([\d.]+\)\s+\S+\s+[0-9A-Fa-f]{1,8}(#R|##|\s+\[\d+\]\s+remote)")  # remote, CAN FD
+_LATEST_S = 1e12
 
 
 class Frame(NamedTuple):
@@ -33,9 +39,11 @@ class Frame(NamedTuple):
 def read(path: Path, notes: list[str] | None = None) -> Iterator[Frame]:
     """The extended data frames of a log, in its order. `notes` gets a line where the log is cut off.
 
-    Raises InputError where the file is missing, of an unknown kind, damaged, or holds no such frame.
+    Of the checksums of logs see `whole`. Raises InputError where the file is missing, of an unknown kind,
+    damaged, or holds no such frame.
     """
     log_files.check(path)
+    check_file(path)
     remarks = [] if notes is None else notes
     text = path.is_file() and path.suffix.lower() in log_files.TEXT
     frames = _read_text(path, remarks) if text else _read_by_library(path, remarks)
@@ -57,7 +65,7 @@ def _read_text(path: Path, notes: list[str]) -> Iterator[Frame]:
                 notes.append(f"{path} is cut off in its last line, {number}, which is left out")
                 return  # the recorder was killed in the middle of it
             if frame is None:
-                raise InputError(f"{path}, line {number}: not a line of candump: {line.strip()[:60]!r}")
+                raise InputError(f"{path}, line {number}: not a line of candump: {line.strip()[:60]!a}")
             if frame.can_id > 0x7FF:
                 yield frame
 
@@ -76,12 +84,14 @@ def _parse(line: str) -> Frame | None:
 def _read_by_library(path: Path, notes: list[str]) -> Iterator[Frame]:
     try:
         for message in _messages(path, notes):
+            if not 0 <= message.timestamp < _LATEST_S:
+                raise InputError(f"{path} is damaged: a frame has the time {message.timestamp:g} s; {COPY}")
             if message.is_extended_id and not (message.is_error_frame or message.is_remote_frame):
                 yield Frame(message.timestamp, message.arbitration_id, bytes(message.data)[:8])
     except InputError:
         raise
     except Exception as error:  # each of python-can's readers fails in its own way on a damaged file
-        text = str(error).splitlines()[0] if str(error) else type(error).__name__
+        text = plain(str(error)) or type(error).__name__
         raise InputError(
             f"{path} cannot be read as a CAN log ({text}); known are {log_files.KINDS}"
         ) from None
@@ -93,5 +103,7 @@ def _messages(path: Path, notes: list[str]) -> Iterator[can.Message]:
 
         yield from rosbag.read(path, notes)
     else:
+        if path.suffix.lower() == ".blf":
+            check_blf(path)
         with can.LogReader(path) as reader:
             yield from reader

@@ -6,22 +6,26 @@ installed to read one of ours, and we read any: rosbag2 folders, lone .mcap and 
 
 from __future__ import annotations
 
+import struct
 import time
 from collections.abc import Iterator
 from contextlib import closing
+from io import BytesIO
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, BinaryIO, Literal
 
 import can
 import numpy as np
-from mcap.exceptions import McapError
-from mcap.records import Channel, Message
-from mcap.stream_reader import StreamReader
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, Message
+from mcap.stream_reader import MAGIC_SIZE, breakup_chunk, read_magic
 from mcap.writer import CompressionType, Writer
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from truck_bridge import log_files
+from truck_bridge.can_logs.whole import check_mcap
 from truck_bridge.errors import InputError
 
 TYPE = "can_msgs/msg/Frame"
@@ -50,15 +54,14 @@ def read(path: Path, notes: list[str]) -> Iterator[can.Message]:
 
     Raises InputError where there is no such topic.
     """
-    try:
-        reader = AnyReader([path], default_typestore=_types())
-        reader.open()
-    except Exception:  # rosbags raises whatever a damaged byte leads it to
-        if path.suffix != log_files.BAG:
-            raise
+    suffix = log_files.BAG
+    files = sorted(path.glob(f"*{suffix}")) if path.is_dir() else [path] if path.suffix == suffix else []
+    if False in list(map(check_mcap, files)) and path.is_file():
         yield from _read_unfinished(path)
         notes.append(f"{path} was not finished; its last half second may lack")
         return
+    reader = AnyReader([path], default_typestore=_types())
+    reader.open()
     with closing(reader):
         chosen = [connection for connection in reader.connections if connection.msgtype == TYPE]
         if not chosen:
@@ -69,18 +72,31 @@ def read(path: Path, notes: list[str]) -> Iterator[can.Message]:
 
 
 def _read_unfinished(path: Path) -> Iterator[can.Message]:
-    """What stands in a file without its end."""
+    """The whole chunks of a file without its end. Raises InputError where there is none."""
     store, ours = _types(), set()
     with path.open("rb") as stream:
-        try:
-            for record in StreamReader(stream).records:
+        for chunk in _whole_chunks(stream, path.stat().st_size):
+            for record in breakup_chunk(chunk, validate_crc=True):
                 if isinstance(record, Channel) and record.topic == TOPIC:
                     ours.add(record.id)
                 elif isinstance(record, Message) and record.channel_id in ours:
                     yield _message(store.deserialize_cdr(record.data, TYPE), record.log_time)
-        except McapError:
-            if not ours:
-                raise InputError(f"{path} is cut off before its first whole chunk, or no rosbag") from None
+    if not ours:
+        raise InputError(f"{path} is cut off before its first whole chunk, or no rosbag")
+
+
+def _whole_chunks(stream: BinaryIO, size: int) -> Iterator[Chunk]:
+    """The chunks of a file up to the record that its end cuts off."""
+    if size < MAGIC_SIZE:
+        return
+    read_magic(ReadDataStream(stream))
+    while len(head := stream.read(9)) == 9:
+        opcode, length = struct.unpack("<BQ", head)
+        if stream.tell() + length > size:
+            return
+        content = stream.read(length)
+        if opcode == Opcode.CHUNK:
+            yield Chunk.read(ReadDataStream(BytesIO(content)))
 
 
 def _message(frame: Any, stamp: int) -> can.Message:

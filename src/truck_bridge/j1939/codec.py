@@ -18,6 +18,7 @@ from typing import NamedTuple
 import cantools.database
 from cantools.database.can import Message
 
+from deeptruck_model.reading import plain
 from truck_bridge.errors import InputError
 from truck_bridge.j1939.ids import Identifier, pgn_of
 
@@ -161,15 +162,21 @@ def load(*extra: Path) -> Codec:
     """
     texts = [(resources.files(__package__).joinpath("j1939.dbc").read_text(), "j1939.dbc")]
     for path in extra:
+        if path.exists() and not path.is_file():  # a pipe would never answer
+            raise InputError(f"cannot read {path}: it is no file; name a DBC file")
         try:
             texts.append((path.read_text(encoding="cp1252"), str(path)))
-        except OSError as error:
-            raise InputError(f"cannot read {path}: {error.strerror}") from None
+        except (OSError, UnicodeDecodeError) as error:
+            raise InputError(f"cannot read {path}: {plain(str(error))}; name a DBC file") from None
     layouts: list[Layout] = []
     for text, name in texts:
         try:
             database = cantools.database.load_string(text, "dbc")
-        except cantools.database.Error as error:
-            raise InputError(f"{name} is not a DBC file: {str(error).splitlines()[0]}") from None
-        layouts += [Layout(message) for message in database.messages]
+            layouts += [Layout(message) for message in database.messages]
+        except (
+            Exception
+        ) as error:  # cantools fails in many ways on a damaged file, and so do its numbers here
+            raise InputError(
+                f"{name} is not a DBC file: {plain(str(error)) or type(error).__name__}"
+            ) from None
     return Codec(layouts)

@@ -10,6 +10,7 @@ from typing import Any
 
 import yaml
 
+from deeptruck_model.reading import plain
 from truck_bridge import j1939
 from truck_bridge.errors import InputError
 from truck_bridge.j1939 import checksums, ids
@@ -30,26 +31,33 @@ def load(name: str | Path) -> Vehicle:
     text, where = _text(str(name))
     try:
         data = yaml.safe_load(text)
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: a date or number that is none
         line = getattr(getattr(error, "problem_mark", None), "line", 0) + 1
-        raise InputError(f"{where}, line {line}: not YAML; {getattr(error, 'problem', error)}") from None
-    check(data, VEHICLE, where)
+        said = plain(str(getattr(error, "problem", None) or error))
+        raise InputError(f"{where}, line {line}: not YAML; {said}") from None
+    try:
+        check(data, VEHICLE, where)
+    except RecursionError:
+        raise InputError(f"{where} holds an alias of itself") from None
+    except InputError as error:
+        raise InputError(plain(str(error), 500)) from None
     extra = tuple((Path(where).parent / dbc).resolve() for dbc in data.get("dbc", []))
     try:
         return _build(data, j1939.load(*extra))
     except InputError as error:
-        raise InputError(f"{where}: {error}") from None
+        raise InputError(plain(f"{where}: {error}", 500)) from None
 
 
 def _text(name: str) -> tuple[str, str]:
     if name in NAMES:
         return resources.files(__package__).joinpath(f"{name}.yaml").read_text(), f"{name}.yaml"
+    path = Path(name)
+    if not path.is_file():  # nor a pipe, which would never answer
+        raise InputError(f"no vehicle '{name}'; known: {', '.join(NAMES)}, or the path of a YAML file")
     try:
-        return Path(name).read_text(), name
-    except OSError:
-        raise InputError(
-            f"no vehicle '{name}'; known: {', '.join(NAMES)}, or the path of a YAML file"
-        ) from None
+        return path.read_text(encoding="utf-8"), name
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{name} cannot be read: {plain(str(error))}; give a YAML file in UTF-8") from None
 
 
 def _build(data: dict[str, Any], codec: Codec) -> Vehicle:

@@ -1,0 +1,113 @@
+"""Whether a bag's file is whole, seen from its record lengths and checksums before anything is made of it.
+
+Sizes in a damaged file are any number up to 2**64; what asks for that much memory, or seeks there, comes
+after this. MCAP's checksums of summary and data section are looked at here, those of chunks where they are
+read. ROS 1 and sqlite bags have none: a changed number in them reads as another one.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+import struct
+import tempfile
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import zstandard
+from mcap.opcode import Opcode
+
+MAGIC = b"\x89MCAP0\r\n"
+RECORD_HEAD = 9  # opcode and length
+_FOOTER = struct.Struct("<QQI")  # summary start, summary offset start, checksum of the summary
+_FIRST_LINE = 64  # bytes, of which '#ROSBAG V2.0' are the first
+_PIECE = 2**22  # bytes of which a checksum is taken at a time
+
+
+class DamagedError(Exception):
+    """A bag whose bytes cannot be what was written; the message says where."""
+
+
+@dataclass(frozen=True)
+class Records:
+    """Where the records of a file begin that its readers look for, and where its data end."""
+
+    data_end: int  # of the data section, where the summary (or the footer) begins
+    metadata: tuple[tuple[int, int], ...]  # (start, length) of the content of each Metadata record
+
+
+def check_ros1(file: Path) -> None:
+    """Walk the records of a ROS 1 bag. Raises DamagedError where one is longer than the file."""
+    with file.open("rb") as stream:
+        size = stream.seek(0, os.SEEK_END)
+        at = stream.seek(0) + len(stream.readline(_FIRST_LINE))
+        while at < size:
+            for part in ("head", "content"):
+                stream.seek(at)
+                at += 4 + int.from_bytes(stream.read(4), "little")
+                if at > size:
+                    raise DamagedError(f"the {part} of a record is longer than the file")
+
+
+def check_mcap(file: Path) -> Records:
+    """Walk the records of an MCAP file. Raises DamagedError where one does not fit or a checksum is wrong."""
+    size = file.stat().st_size
+    if size < 2 * len(MAGIC) + RECORD_HEAD + _FOOTER.size:
+        raise DamagedError("it is too short for an MCAP file")
+    with file.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        if data[: len(MAGIC)] != MAGIC:
+            raise DamagedError("it does not begin as an MCAP file")
+        if data[-len(MAGIC) :] != MAGIC:
+            raise DamagedError("its end is missing")
+        return _walk(data, size - len(MAGIC))
+
+
+def check_packed(file: Path) -> None:
+    """check_mcap of a file that rosbag2 packed as a whole (.mcap.zstd); others are left alone."""
+    if not file.name.endswith(".mcap.zstd"):
+        return
+    with tempfile.NamedTemporaryFile() as unpacked:
+        with file.open("rb") as stream:
+            zstandard.ZstdDecompressor().copy_stream(stream, unpacked)
+        unpacked.flush()
+        check_mcap(Path(unpacked.name))
+
+
+def _walk(data: mmap.mmap, end: int) -> Records:
+    at, opcode, length, behind_data = len(MAGIC), 0, 0, 0
+    data_end, checksum, metadata = end, 0, []
+    while opcode != Opcode.FOOTER:
+        if at + RECORD_HEAD > end:
+            raise DamagedError("it has no footer")
+        opcode, length = struct.unpack_from("<BQ", data, at)
+        content = at + RECORD_HEAD
+        if content + length > end:
+            raise DamagedError(f"its record at byte {at} is longer than the file")
+        if opcode == Opcode.METADATA:
+            metadata.append((content, length))
+        elif opcode == Opcode.DATA_END and length >= 4:
+            data_end, checksum = at, int.from_bytes(data[content : content + 4], "little")
+            behind_data = content + length
+        at = content + length
+    if at != end or length != _FOOTER.size:
+        raise DamagedError("its footer is not at its end")
+    if checksum and checksum != _crc(data, 0, data_end):
+        raise DamagedError("the checksum of its data is not kept")
+    _check_summary(data, end, behind_data)
+    return Records(data_end, tuple(metadata))
+
+
+def _check_summary(data: mmap.mmap, end: int, behind_data: int) -> None:
+    summary, _, checksum = _FOOTER.unpack_from(data, end - _FOOTER.size)
+    if summary not in (0, behind_data):
+        raise DamagedError("its summary is not where its footer says")
+    if summary and checksum and checksum != _crc(data, summary, end - 4):
+        raise DamagedError("the checksum of its summary is not kept")
+
+
+def _crc(data: mmap.mmap, start: int, end: int) -> int:
+    found = 0
+    for at in range(start, end, _PIECE):
+        found = zlib.crc32(data[at : min(at + _PIECE, end)], found)
+    return found
