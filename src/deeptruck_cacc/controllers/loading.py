@@ -105,11 +105,12 @@ def _tried(policy: MlpPolicy, path: Path) -> MlpPolicy:
 
 def _impossible(policy: MlpPolicy) -> list[str]:
     """Entries of the manifest whose numbers no policy can have."""
-    scale = policy.scale
+    scale, radar = policy.scale, policy.features.radar
     possible = {
         "features.dt": 0 < policy.dt < math.inf,
         "features.slow_s": 0 < policy.features.slow_s < math.inf,
         "features.matrix": bool(np.isfinite(policy.features.matrix).all()),
+        "features.radar": radar is None or bool(np.isfinite(radar.gain).all()),
         "features.offset": bool(np.isfinite(policy.features.offset).all()),
         "action": scale.engine_low < scale.engine_high and scale.brake_high >= 0,
         "coverage": all(low <= high for low, high in policy.coverage.values()),

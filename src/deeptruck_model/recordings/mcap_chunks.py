@@ -105,7 +105,7 @@ def _check_places(summary: Summary, size: int) -> None:
             raise DamagedError(f"it has no chunk at byte {index.chunk_start_offset}")
         if not set(index.message_index_offsets) <= set(summary.channels):
             raise DamagedError(f"its chunk at byte {index.chunk_start_offset} is of an unknown channel")
-        if index.message_start_time >= LATEST_NS:
+        if index.message_index_offsets and index.message_start_time >= LATEST_NS:  # else it has no message
             raise DamagedError(f"its chunk at byte {index.chunk_start_offset} has no possible time")
 
 
