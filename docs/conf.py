@@ -42,6 +42,7 @@ suppress_warnings = [
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3
 
+highlight_language = "none"  # of blocks that name no language
 default_role = "code"  # docstrings write `name` for code
 autodoc_member_order = "groupwise"
 autodoc_default_options = {"members": True, "show-inheritance": True}

@@ -121,16 +121,12 @@ def test_every_command_is_understood(programs: dict[str, typer.Typer], page: str
 
 
 def source(words: list[str]) -> str:
-    """The text of the script, or of the module and those of ours it imports, that a call runs."""
+    """The text of the script, or of the folder of the module, that a call runs."""
     if words[1] != "-m":
         return (ROOT / words[1]).read_text()
     spec = importlib.util.find_spec(words[2])
     assert spec is not None and spec.origin is not None, words[2]
-    text = Path(spec.origin).read_text()
-    inner = [
-        importlib.util.find_spec(module) for module in re.findall(r"from (truck_bridge\.\w+) import", text)
-    ]
-    return text + "".join(Path(s.origin).read_text() for s in inner if s is not None and s.origin)
+    return "".join(path.read_text() for path in Path(spec.origin).parent.glob("*.py"))
 
 
 @pytest.mark.parametrize(("page", "line"), SCRIPTS, ids=lambda text: text[:60])
