@@ -8,6 +8,8 @@ TORCH_INDEX ?=
 EXTRAS ?= ros,dev
 
 BIN = $(VENV)/bin
+# Byte code is written by what is imported first: without it every process compiles torch and all else anew.
+export PYTHONDONTWRITEBYTECODE :=
 STAMP = $(VENV)/.installed
 INDEX = $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX))
 

@@ -161,6 +161,38 @@ def test_the_command_prove_is_the_only_way_from_the_model_to_the_exam() -> None:
     ]
 
 
+def circles() -> list[set[str]]:
+    """Groups of modules that import each other in a loop (Tarjan), imports inside functions counted."""
+    order: dict[str, int] = {}
+    low: dict[str, int] = {}
+    open_: list[str] = []
+    found: list[set[str]] = []
+
+    def visit(name: str) -> None:
+        order[name] = low[name] = len(order)
+        open_.append(name)
+        for other in IMPORTS[name] & MODULES.keys() - {name}:
+            if other not in order:
+                visit(other)
+            if other in open_:
+                low[name] = min(low[name], low[other])
+        if low[name] == order[name]:
+            at = open_.index(name)
+            group = set(open_[at:])
+            del open_[at:]
+            found.extend([group] if len(group) > 1 else [])
+
+    for name in MODULES:
+        if name not in order:
+            visit(name)
+    return found
+
+
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    """Also not inside a function or for types alone: each module can be read with those below it only."""
+    assert not circles()
+
+
 def third_party(*roots: Path) -> set[str]:
     """Top-level packages that are neither ours nor Python's."""
     local = {path.stem for root in roots for path in root.rglob("*.py")} | {"examples", "tests"}
