@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from deeptruck_exam.concealed import SOURCES, examine_concealed
 from deeptruck_model import deep, simulators
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.prepared import prepare
-from deeptruck_model.mismatch.recovered_road import Roads, with_road
+from deeptruck_model.mismatch.correction.recovered_road import Roads, with_road
+from deeptruck_model.mismatch.data.prepared import prepare
 from deeptruck_model.recordings import Recording, read
 from deeptruck_model.simulators import Simulator
 

@@ -11,7 +11,7 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from matplotlib.figure import Figure
 
-from deeptruck_model.mismatch import headline, page_words, report, validation_words
+from deeptruck_model.mismatch.report import headline, page, page_words, validation
 from deeptruck_model.recordings import read
 from examples.demo import figures, following
 from examples.demo.runner import Progress
@@ -123,8 +123,8 @@ def _mismatch(out: Path) -> dict[str, Any]:
         "sentence": headline.text(verdict),
         "says": [page_words.prose(finding["says"]) for finding in verdict["findings"]],
         "fit": verdict["fit"] if "before" in verdict["fit"] else None,
-        "validation": validation_words.said(verdict["fit"]),
-        "names": report.ROWS,
+        "validation": validation.said(verdict["fit"]),
+        "names": page.ROWS,
     }
 
 

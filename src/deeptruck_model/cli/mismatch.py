@@ -13,7 +13,7 @@ from deeptruck_model.mismatch import folders
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch import Mismatch
-    from deeptruck_model.mismatch.what_now import Asked
+    from deeptruck_model.mismatch.report.what_now import Asked
 
 Bags = Annotated[
     list[Path], typer.Option(help="Recordings (bags) to explain; repeat the option or list several.")
@@ -53,7 +53,7 @@ def mismatch(
         from deeptruck_model import simulators
         from deeptruck_model.mismatch import find_mismatch
         from deeptruck_model.mismatch.output import fill
-        from deeptruck_model.mismatch.what_now import Asked
+        from deeptruck_model.mismatch.report.what_now import Asked
 
         truck = simulators.load(simulator)
         rate = 1.0 / truck.dt
@@ -71,9 +71,9 @@ def mismatch(
 
 def _tell(found: Mismatch, asked: Asked) -> None:
     """The verdict as the page has it, the findings, and what to do now."""
-    from deeptruck_model.mismatch import headline, what_now
-    from deeptruck_model.mismatch.page_words import opened, percent, prose, spoken
-    from deeptruck_model.mismatch.record_next import record_next
+    from deeptruck_model.mismatch.report import headline, what_now
+    from deeptruck_model.mismatch.report.page_words import opened, percent, prose, spoken
+    from deeptruck_model.mismatch.report.record_next import record_next
 
     print(f"{found.verdict['verdict']}: see {asked.out / 'report.html'}")
     print("\n".join(headline.sentences(headline.of(found.verdict))))
@@ -120,7 +120,7 @@ def road(
         *(lambda path=path: checks.bag(path) for path in recordings),
     )
     from deeptruck_model import recordings as rec
-    from deeptruck_model.mismatch.recovered_road import Roads, with_road
+    from deeptruck_model.mismatch.correction.recovered_road import Roads, with_road
 
     roads = Roads.read(directory)
     made, left_out = with_road(roads, [r for bag in recordings for r in rec.read(bag)])

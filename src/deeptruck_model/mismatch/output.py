@@ -13,10 +13,10 @@ import numpy as np
 from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.folders import APPLIED, FOUND, check_applicable
-from deeptruck_model.mismatch.what_now import Asked
+from deeptruck_model.mismatch.report.what_now import Asked
 
 if TYPE_CHECKING:
-    from deeptruck_model.mismatch.tool import Mismatch
+    from deeptruck_model.mismatch.find import Mismatch
 
 
 def write(mismatch: Mismatch, out: Path, *, overwrite: bool = False) -> None:
@@ -29,14 +29,14 @@ def write(mismatch: Mismatch, out: Path, *, overwrite: bool = False) -> None:
 
 def fill(draft: Path, mismatch: Mismatch, asked: Asked) -> None:
     """Write the files of a result into the folder `draft`, which becomes `asked.out`. Raises OSError."""
-    from deeptruck_model.mismatch import report
+    from deeptruck_model.mismatch.report import page
 
     (draft / "verdict.json").write_text(json.dumps(plain(mismatch.verdict), indent=1))
     if mismatch.evidence is not None:
         _write_profiles(mismatch, draft / "profiles.csv")
     if mismatch.corrected is not None:
         mismatch.corrected.save(draft / "simulator")
-    report.write(mismatch, draft, asked)
+    page.write(mismatch, draft, asked)
 
 
 def _write_profiles(m: Mismatch, path: Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.evidence import Evidence, Stretch
+from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
 
 sys.path.append(str(Path(__file__).parent))  # found_mismatches.py and pages.py stand beside the tests
 

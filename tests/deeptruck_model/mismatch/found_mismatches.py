@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from deeptruck_model.mismatch import findings
-from deeptruck_model.mismatch.causes import Cause, Explanation
-from deeptruck_model.mismatch.data_checks import SensorFault
-from deeptruck_model.mismatch.evidence import Evidence, Stretch
-from deeptruck_model.mismatch.free_model import FreeModel
-from deeptruck_model.mismatch.improvement import Errors
+from deeptruck_model.mismatch.correction.improvement import Errors
+from deeptruck_model.mismatch.data.data_checks import SensorFault
+from deeptruck_model.mismatch.data.prepared import prepare
+from deeptruck_model.mismatch.find import Mismatch
 from deeptruck_model.mismatch.locate import Regime, Segment
 from deeptruck_model.mismatch.mechanisms import LIBRARY, shapes
-from deeptruck_model.mismatch.noise import Fit
-from deeptruck_model.mismatch.prepared import prepare
-from deeptruck_model.mismatch.search import Model
-from deeptruck_model.mismatch.tool import Mismatch
+from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
+from deeptruck_model.mismatch.posterior.free_model import FreeModel
+from deeptruck_model.mismatch.posterior.search import Model
+from deeptruck_model.mismatch.report import findings
+from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
+from deeptruck_model.mismatch.residual.noise import Fit
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from deeptruck_model import driving_cycles, trucks
-from deeptruck_model.mismatch import answer, residual
-from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.data.prepared import prepare
 from deeptruck_model.mismatch.expression import Signal, Stream
 from deeptruck_model.mismatch.expression.nodes import Constant
-from deeptruck_model.mismatch.prepared import prepare
-from deeptruck_model.mismatch.search import Search
+from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.residual import effective_mass, residual
+from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import free_run
@@ -70,9 +70,9 @@ def test_brakes_that_hold_a_deceleration_make_up_for_other_forces() -> None:
 
 def test_a_simulator_that_shows_nothing_is_taken_at_force_per_mass() -> None:
     truck = trucks.load("trucksim")
-    assert answer.free({"speed": np.ones(3)}) is None
-    assert isinstance(answer.held(truck.interface), Constant)
-    assert answer.holding(truck.interface, {}, np.ones(3)) == {}  # perhaps braking was not recorded
+    assert effective_mass.free({"speed": np.ones(3)}) is None
+    assert isinstance(effective_mass.held(truck.interface), Constant)
+    assert effective_mass.holding(truck.interface, {}, np.ones(3)) == {}  # perhaps braking was not recorded
 
 
 @pytest.mark.parametrize("name", ["trucksim", "volvo"])
@@ -96,13 +96,13 @@ def test_what_changes_while_brakes_hold_is_felt_until_they_have_made_up_for_it()
     y0[:, SPEED] = 27.0
     a, b = (free_run(truck, u, w, y0).y[0, :, ACCELERATION] for truck in (true, plain))
     force = 2500.0 / 30000.0 * np.sin(2.5 * 0.1 * np.arange(400))
-    stream, memory, told = Stream([answer.felt(Signal("force"))]), None, []
-    steady = Stream([answer.held(believed.interface)])
+    stream, memory, told = Stream([effective_mass.felt(Signal("force"))]), None, []
+    steady = Stream([effective_mass.held(believed.interface)])
     memory, braked = stream.begin(1), steady.begin(1)
     for k in range(400):
         now = {"force": force[k : k + 1], "brake_command": u[:, k, 1]}
         (left,), braked = steady.step(braked, now, 0.1)
-        now |= {"answer": left} | answer.holding(believed.interface, now, left)
+        now |= {"answer": left} | effective_mass.holding(believed.interface, now, left)
         (value,), memory = stream.step(memory, now, 0.1)
         told.append(value[0])
     braking = slice(200, 400)

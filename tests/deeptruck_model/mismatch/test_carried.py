@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from deeptruck_model import simulators, trucks
-from deeptruck_model.mismatch.carried import factors
-from deeptruck_model.mismatch.corrected_truck import CorrectedTruck, Term
+from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
+from deeptruck_model.mismatch.mechanisms.carriers import factors
 from deeptruck_model.signals import ACCELERATION
 
 BASE = trucks.load("trucksim")

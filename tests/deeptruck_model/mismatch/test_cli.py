@@ -15,7 +15,7 @@ import pytest
 from pages import Page
 
 from deeptruck_model import cli, driving_cycles, mismatch, simulators, trucks
-from deeptruck_model.mismatch import headline
+from deeptruck_model.mismatch.report import headline
 from deeptruck_model.recordings import write_bag
 
 SCRIPT = Path(sys.executable).with_name("deeptruck-model")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch import components
-from deeptruck_model.mismatch.levers import lever
+from deeptruck_model.mismatch.residual import components
+from deeptruck_model.mismatch.residual.levers import lever
 
 
 def test_a_slipping_clutch_is_no_lever() -> None:

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from deeptruck_model import simulators, trucks
-from deeptruck_model.mismatch import correction
-from deeptruck_model.mismatch.causes import Cause
-from deeptruck_model.mismatch.corrected_truck import CorrectedTruck, Term
-from deeptruck_model.mismatch.evidence import Evidence, Stretch
-from deeptruck_model.mismatch.improvement import Errors
+from deeptruck_model.mismatch.correction import correction
+from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
+from deeptruck_model.mismatch.correction.improvement import Errors
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape, comes_and_goes, held_steady, laws
-from deeptruck_model.mismatch.search import Model, Search
+from deeptruck_model.mismatch.posterior.causes import Cause
+from deeptruck_model.mismatch.posterior.search import Model, Search
+from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
 
 TRUCK = trucks.load("trucksim")
 ONE: Any = [None]  # the recording that is not held out; its errors are made up

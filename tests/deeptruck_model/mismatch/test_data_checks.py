@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from deeptruck_model.mismatch import data_checks
-from deeptruck_model.mismatch.kinematics import derivative
+from deeptruck_model.mismatch.data import data_checks
+from deeptruck_model.mismatch.data.kinematics import derivative
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.evidence import Evidence, Stretch
+from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
 
 SIZES, DT = (120, 80), 0.2
 

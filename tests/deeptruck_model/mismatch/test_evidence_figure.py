@@ -7,7 +7,8 @@ from dataclasses import replace
 import pytest
 from found_mismatches import mismatch
 
-from deeptruck_model.mismatch import evidence_figure, page_text
+from deeptruck_model.mismatch.report import evidence_figure
+from deeptruck_model.mismatch.report import text as page_text
 
 RANKING = (("brake_fade", 90.0), ("headwind", 14.0), ("dragging_brake", 87.0), ("load_slosh", -31.0))
 

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch import explain, growing
-from deeptruck_model.mismatch.causes import Cause
-from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.intermittent import MOST, MOST_BESIDE, during, within
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape, comes_and_goes, shapes
-from deeptruck_model.mismatch.search import Search
-from deeptruck_model.mismatch.slow_force import SlowForce
+from deeptruck_model.mismatch.posterior import explain, stepwise
+from deeptruck_model.mismatch.posterior.causes import Cause
+from deeptruck_model.mismatch.posterior.intermittent import MOST, MOST_BESIDE, during, within
+from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.posterior.slow_force import SlowForce
+from deeptruck_model.mismatch.residual.evidence import Evidence
 
 
 def cause(e: Evidence, gain: float = 200.0, shape: Shape | None = None) -> Cause:
@@ -98,17 +98,19 @@ def test_few_windows_are_sought_without_what_comes_and_goes_too(
     nothing_missing: Evidence, gusts: Shape, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked = []
-    monkeypatch.setattr(growing, "_now_and_then", lambda search, base, bare, most: asked.append(most) or base)
-    monkeypatch.setattr(growing, "_gains_in_windows", lambda search, model, without: True)
+    monkeypatch.setattr(
+        stepwise, "_now_and_then", lambda search, base, bare, most: asked.append(most) or base
+    )
+    monkeypatch.setattr(stepwise, "_gains_in_windows", lambda search, model, without: True)
     search = Search(nothing_missing)
     bare, coming = search.background(()), search.background((gusts,))
-    assert growing._rare(search, bare, bare) == [bare]
+    assert stepwise._rare(search, bare, bare) == [bare]
     assert asked == [MOST]
-    assert growing._rare(search, coming, bare) == [coming, bare]
+    assert stepwise._rare(search, coming, bare) == [coming, bare]
     assert asked == [MOST, MOST_BESIDE, MOST_BESIDE]  # beside names, whose forms leave something over
     law = next(s for s in shapes(LIBRARY["driveline_loss"], nothing_missing) if not comes_and_goes(s))
     lasting = search.background((law,))
-    assert growing._rare(search, lasting, bare) == [lasting, bare]  # and in place of a law
+    assert stepwise._rare(search, lasting, bare) == [lasting, bare]  # and in place of a law
 
 
 @pytest.mark.parametrize("now_and_then", [False, True])
@@ -122,7 +124,7 @@ def test_they_are_sought_in_place_of_names_that_gain_in_windows_alone(
     law = during(law, spans, e) if now_and_then else law
     bare, named = (search.model(names, frozenset()) for names in ((), (law,)))
     assert named.score > bare.score + 20.0
-    assert growing._gains_in_windows(search, named, bare) == now_and_then
+    assert stepwise._gains_in_windows(search, named, bare) == now_and_then
 
 
 def test_what_gave_way_to_windows_is_tried_again_beside_them(
@@ -132,8 +134,8 @@ def test_what_gave_way_to_windows_is_tried_again_beside_them(
     e = nothing_missing
     search = Search(replace(e, residual=e.residual - 0.12 * np.abs(e["engine"]) * (e["speed"] > 19.0)))
     bare = search.background(())
-    monkeypatch.setattr(growing, "_rare", lambda search, base, bare: [bare])
-    model, _ = growing.grow(search, bare)
+    monkeypatch.setattr(stepwise, "_rare", lambda search, base, bare: [bare])
+    model, _ = stepwise.grow(search, bare)
     assert model.named and model.score > bare.score + 20.0
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from deeptruck_model.mismatch import expression as ex
-from deeptruck_model.mismatch.evidence import Evidence, Stretch
 from deeptruck_model.mismatch.mechanisms import LIBRARY, build
 from deeptruck_model.mismatch.mechanisms.base import every_settings
+from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
 
 DT, SIZES = 0.19, (300, 200)  # no time constant is a whole number of steps, where rounding would decide
 

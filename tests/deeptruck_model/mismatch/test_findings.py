@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from deeptruck_model.mismatch import findings
+from deeptruck_model.mismatch.report import findings
 
 
 def test_times_of_every_part_of_a_shape_are_told() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import sympy
 
-from deeptruck_model.mismatch import formula
+from deeptruck_model.mismatch.posterior import formula
 
 ROWS, NOISE = 1500, 250.0
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from deeptruck_model.mismatch.causes import Cause
-from deeptruck_model.mismatch.evidence import GRAVITY, Evidence
-from deeptruck_model.mismatch.explain import ENOUGH_FREE, explain
 from deeptruck_model.mismatch.expression import Slosh
-from deeptruck_model.mismatch.free_law import left_over
 from deeptruck_model.mismatch.mechanisms import LIBRARY, law_signal, laws, leans_on
-from deeptruck_model.mismatch.search import Search
+from deeptruck_model.mismatch.posterior.causes import Cause
+from deeptruck_model.mismatch.posterior.explain import ENOUGH_FREE, explain
+from deeptruck_model.mismatch.posterior.free_law import left_over
+from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.residual.evidence import GRAVITY, Evidence
 
 
 def swing(e: Evidence) -> np.ndarray:

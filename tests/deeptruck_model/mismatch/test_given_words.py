@@ -12,12 +12,12 @@ import pytest
 from found_mismatches import mismatch, recording
 from pages import Page
 
-from deeptruck_model.mismatch import given_words, report, timeline_figure
-from deeptruck_model.mismatch.figures import draw
-from deeptruck_model.mismatch.inputs import SAME_DRIVES, with_held_out
-from deeptruck_model.mismatch.page_words import counted
-from deeptruck_model.mismatch.prepared import prepare
-from deeptruck_model.mismatch.what_now import Asked
+from deeptruck_model.mismatch.data.inputs import SAME_DRIVES, with_held_out
+from deeptruck_model.mismatch.data.prepared import prepare
+from deeptruck_model.mismatch.report import given_words, page, timeline_figure
+from deeptruck_model.mismatch.report.figures import draw
+from deeptruck_model.mismatch.report.page_words import counted
+from deeptruck_model.mismatch.report.what_now import Asked
 
 
 def compared(count: int, seconds: float, evidence: bool = True) -> Any:
@@ -57,7 +57,7 @@ def test_a_recording_that_was_cut_in_two_is_drawn_as_one() -> None:
 def test_nothing_is_said_of_claims_where_there_is_none(kind: str, said: bool) -> None:
     found = mismatch(kind)
     found.verdict["caveats"].insert(0, SAME_DRIVES)
-    text = " ".join(Page(report.page(found, {}, Asked(Path("found")))).text)
+    text = " ".join(Page(page.page(found, {}, Asked(Path("found")))).text)
     assert ("what is claimed holds" in text) is said
 
 
@@ -65,6 +65,6 @@ def test_one_free_run_is_one() -> None:
     assert (counted(1, "free run"), counted(2, "free run")) == ("1 free run", "2 free runs")
     found = mismatch("missing_physics")
     found.verdict["fit"]["windows"] = 1
-    assert "1 free run of 20 s" in " ".join(Page(report.page(found, {}, Asked(Path("found")))).text)
+    assert "1 free run of 20 s" in " ".join(Page(page.page(found, {}, Asked(Path("found")))).text)
     alone = {n: replace(e, **{k: v[:1] for k, v in vars(e).items()}) for n, e in found.errors.items()}
     assert "of 1 free run on" in draw(replace(found, errors=alone))["errors"].caption

@@ -10,10 +10,10 @@ from found_mismatches import mismatch, verdict
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deeptruck_model.mismatch import findings, headline
-from deeptruck_model.mismatch.headline import Claim, Headline, Kind, Name
+from deeptruck_model.mismatch.correction.worth import Errors, Worth
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.worth import Errors, Worth
+from deeptruck_model.mismatch.report import findings, headline
+from deeptruck_model.mismatch.report.headline import Claim, Headline, Kind, Name
 
 PARAMETERS = tuple(findings.NAMES)
 SENSORS = ("acceleration_bias", "speed_scale", "clock_offset", "grade_bias")

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.causes import Cause
-from deeptruck_model.mismatch.held_out_drives import in_vain
+from deeptruck_model.mismatch.correction.held_out_drives import in_vain
+from deeptruck_model.mismatch.posterior.causes import Cause
 
 
 def errors(*, after: float, tuned: float) -> dict[str, Any]:

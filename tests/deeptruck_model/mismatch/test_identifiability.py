@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.evidence import GRAVITY, Evidence, Stretch
-from deeptruck_model.mismatch.explain import explain
-from deeptruck_model.mismatch.findings import TOLD_BY, Finding
-from deeptruck_model.mismatch.identifiability import smallest_visible, with_manoeuvres
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.rivals import ORDINARY_ZERO
-from deeptruck_model.mismatch.search import Search
+from deeptruck_model.mismatch.posterior.explain import explain
+from deeptruck_model.mismatch.posterior.rivals import ORDINARY_ZERO
+from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.report.findings import TOLD_BY, Finding
+from deeptruck_model.mismatch.report.identifiability import smallest_visible, with_manoeuvres
+from deeptruck_model.mismatch.residual.evidence import GRAVITY, Evidence, Stretch
 
 
 def finding(group: list[str]) -> Finding:

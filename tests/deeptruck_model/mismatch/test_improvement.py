@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from deeptruck_model import driving_cycles, trucks
-from deeptruck_model.mismatch import improvement
-from deeptruck_model.mismatch.corrected_truck import CorrectedTruck, Term
-from deeptruck_model.mismatch.improvement import Errors, compare, free_windows
-from deeptruck_model.mismatch.prepared import Prepared, prepare
+from deeptruck_model.mismatch.correction import improvement
+from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
+from deeptruck_model.mismatch.correction.improvement import Errors, compare, free_windows
+from deeptruck_model.mismatch.data.prepared import Prepared, prepare
 
 TRUCK = trucks.load("trucksim")
 MASS = TRUCK.parameters()["mass"]

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch import intermittent
-from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.explain import explain
-from deeptruck_model.mismatch.findings import from_cause
-from deeptruck_model.mismatch.search import Search
+from deeptruck_model.mismatch.posterior import intermittent
+from deeptruck_model.mismatch.posterior.explain import explain
+from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.report.findings import from_cause
+from deeptruck_model.mismatch.residual.evidence import Evidence
 
 TIME = np.arange(6000) * 0.2
 STUCK = ((TIME > 300) & (TIME < 306)) | ((TIME > 801) & (TIME < 809))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from deeptruck_model.mismatch import kinematics
+from deeptruck_model.mismatch.data import kinematics
 
 DT, N = 0.1, 6000
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch import lateness
-from deeptruck_model.mismatch.candidates import candidates
-from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.search import Search
+from deeptruck_model.mismatch.posterior import lateness
+from deeptruck_model.mismatch.posterior.candidates import candidates
+from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.residual.evidence import Evidence
 
 
 @pytest.fixture(scope="module")

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.causes import Explanation
-from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.explain import explain
-from deeptruck_model.mismatch.findings import from_cause
-from deeptruck_model.mismatch.search import Search
+from deeptruck_model.mismatch.posterior.causes import Explanation
+from deeptruck_model.mismatch.posterior.explain import explain
+from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.report.findings import from_cause
+from deeptruck_model.mismatch.residual.evidence import Evidence
 
 ROADS = ("road_grade", "road_surface")
 

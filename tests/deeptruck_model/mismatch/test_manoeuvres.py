@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from deeptruck_model import trucks
-from deeptruck_model.mismatch.causes import Cause
-from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.findings import Finding
-from deeptruck_model.mismatch.manoeuvres import MANOEUVRES, checked, separation
 from deeptruck_model.mismatch.mechanisms import LIBRARY, comes_and_goes
-from deeptruck_model.mismatch.search import Model, Search
+from deeptruck_model.mismatch.posterior.causes import Cause
+from deeptruck_model.mismatch.posterior.search import Model, Search
+from deeptruck_model.mismatch.report.findings import Finding
+from deeptruck_model.mismatch.report.manoeuvres import MANOEUVRES, checked, separation
+from deeptruck_model.mismatch.residual.evidence import Evidence
 
 TRUCK = trucks.load("trucksim")
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.mechanisms import LIBRARY, shape
 from deeptruck_model.mismatch.mechanisms.base import Settings
+from deeptruck_model.mismatch.residual.evidence import Evidence
 
 
 def column(e: Evidence, effect: str, settings: Settings, **signals: np.ndarray) -> np.ndarray:

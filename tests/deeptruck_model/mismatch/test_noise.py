@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from deeptruck_model.mismatch.noise import FLOOR, ORDER, Fit, Prior, Series, fit, whiten
+from deeptruck_model.mismatch.residual.noise import FLOOR, ORDER, Fit, Prior, Series, fit, whiten
 
 N, COLOUR = 4000, np.array([0.6, 0.2])
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.expression import lift
 from deeptruck_model.mismatch.mechanisms.over_time import slow_columns, slow_settings
+from deeptruck_model.mismatch.residual.evidence import Evidence
 
 
 def test_knots_are_named_by_recording_and_place(nothing_missing: Evidence) -> None:

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch import own_error
-from deeptruck_model.mismatch.evidence import SLOW_NOISE, Evidence
-from deeptruck_model.mismatch.explain import explain
-from deeptruck_model.mismatch.search import Search
+from deeptruck_model.mismatch.posterior import own_error
+from deeptruck_model.mismatch.posterior.explain import explain
+from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.residual.evidence import SLOW_NOISE, Evidence
 
 
 def flawed(e: Evidence) -> Evidence:

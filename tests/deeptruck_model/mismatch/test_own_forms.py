@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.growing import grow
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.mechanisms.own_forms import OWN, Form, apart, curve, forms, knots
-from deeptruck_model.mismatch.search import Search
+from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.posterior.stepwise import grow
+from deeptruck_model.mismatch.residual.evidence import Evidence
 
 AT = [1.0, 4.0, 6.0, 9.0]
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch import findings, page_text, page_words, told_apart
-from deeptruck_model.mismatch.causes import SURE, Cause
-from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.unnamed_words import strength
+from deeptruck_model.mismatch.posterior.causes import SURE, Cause
+from deeptruck_model.mismatch.report import findings, page_words, text, told_apart
+from deeptruck_model.mismatch.report.unnamed_words import strength
+from deeptruck_model.mismatch.residual.evidence import Evidence
 
 UNSURE = {"kind": "missing_physics", "probability": 0.3}
 
@@ -150,7 +150,7 @@ def test_what_would_settle_it_is_in_words() -> None:
         "cannot_be_told_from": ["rolling_resistance_speed", "unknown"],
         "would_be_told_by": "coast down; of 8 others, none tells it from rolling_resistance_speed",
     }
-    shown = page_text._finding(0, finding)
+    shown = text._finding(0, finding)
     assert not re.search(
         r"[a-z]_[a-z]", f"{shown['name']} {shown['says']} {shown['to_be_sure']} {shown['apart']}"
     )

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.candidates import candidates
-from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.free_law import left_over
-from deeptruck_model.mismatch.search import Model, Search
-from deeptruck_model.mismatch.worth_saying import price
+from deeptruck_model.mismatch.posterior.candidates import candidates
+from deeptruck_model.mismatch.posterior.free_law import left_over
+from deeptruck_model.mismatch.posterior.penalties import price
+from deeptruck_model.mismatch.posterior.search import Model, Search
+from deeptruck_model.mismatch.residual.evidence import Evidence
 
 
 def with_limit(e: Evidence, share: float, seed: int) -> Evidence:

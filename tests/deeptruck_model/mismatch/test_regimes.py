@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.explain import explain
 from deeptruck_model.mismatch.expression import Stream
-from deeptruck_model.mismatch.findings import from_cause
 from deeptruck_model.mismatch.mechanisms import LIBRARY, build
 from deeptruck_model.mismatch.mechanisms.base import GATES
-from deeptruck_model.mismatch.regimes import gated
-from deeptruck_model.mismatch.search import Search
+from deeptruck_model.mismatch.mechanisms.regimes import gated
+from deeptruck_model.mismatch.posterior.explain import explain
+from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.report.findings import from_cause
+from deeptruck_model.mismatch.residual.evidence import Evidence
 
 
 @pytest.fixture(scope="module")

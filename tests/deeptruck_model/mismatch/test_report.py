@@ -12,9 +12,11 @@ import pytest
 from found_mismatches import VERDICTS, mismatch
 from pages import Page, pixels
 
-from deeptruck_model.mismatch import formula, headline, page_words, report, what_now
-from deeptruck_model.mismatch.record_next import record_next
-from deeptruck_model.mismatch.what_now import Asked
+from deeptruck_model.mismatch.posterior import formula
+from deeptruck_model.mismatch.report import headline, page_words, what_now
+from deeptruck_model.mismatch.report import page as report
+from deeptruck_model.mismatch.report.record_next import record_next
+from deeptruck_model.mismatch.report.what_now import Asked
 
 ASKED = Asked(Path("my found"), "truck:trucksim", (Path("a"), Path("b")), (Path("c"),))
 

@@ -11,8 +11,8 @@ import pytest
 from found_mismatches import mismatch
 from pages import pixels
 
-from deeptruck_model.mismatch import report
-from deeptruck_model.mismatch.what_now import Asked
+from deeptruck_model.mismatch.report import page as report
+from deeptruck_model.mismatch.report.what_now import Asked
 
 MEASURE = """<script>
 addEventListener("load", () => {

@@ -9,11 +9,11 @@ import pytest
 
 from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch import residual
-from deeptruck_model.mismatch.corrected_truck import CorrectedTruck, Term
-from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.prepared import prepare
-from deeptruck_model.mismatch.share import Shares
+from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
+from deeptruck_model.mismatch.data.prepared import prepare
+from deeptruck_model.mismatch.residual import residual
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.share import Shares
 from deeptruck_model.recordings import Recording
 
 TRUCK = trucks.load("trucksim")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from deeptruck_model import driving_cycles, mismatch, trucks
-from deeptruck_model.mismatch.search import changed_by
+from deeptruck_model.mismatch.posterior.search import changed_by
 from deeptruck_model.recordings import Recording
 
 TRUCK = trucks.load("trucksim")

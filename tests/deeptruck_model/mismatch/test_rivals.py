@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch import rivals
-from deeptruck_model.mismatch.evidence import Evidence
+from deeptruck_model.mismatch.posterior import rivals
+from deeptruck_model.mismatch.residual.evidence import Evidence
 
 
 def looked_at(e: Evidence, gain: float, change: float, sd: float, zero: tuple[float, float]) -> bool:

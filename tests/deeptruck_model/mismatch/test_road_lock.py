@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from deeptruck_model.mismatch.evidence import Evidence, Stretch
-from deeptruck_model.mismatch.road_lock import road_lock
+from deeptruck_model.mismatch.posterior.road_lock import road_lock
+from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
 
 SPEED, DT, KM = 20.0, 0.2, 30
 ROWS = int(KM * 1000 / SPEED / DT)

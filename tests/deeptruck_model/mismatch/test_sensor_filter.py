@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from deeptruck_model.mismatch import sensor_filter
-from deeptruck_model.mismatch.candidates import candidates
-from deeptruck_model.mismatch.evidence import Evidence
-from deeptruck_model.mismatch.lateness import left_beside
-from deeptruck_model.mismatch.search import Search
+from deeptruck_model.mismatch.posterior.candidates import candidates
+from deeptruck_model.mismatch.posterior.lateness import left_beside
+from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.residual import sensor_filter
+from deeptruck_model.mismatch.residual.evidence import Evidence
 
 FILTER_S = 0.2  # sd of what a sensor smooths
 

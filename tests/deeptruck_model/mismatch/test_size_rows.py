@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from deeptruck_model.mismatch import page_words, size_rows
+from deeptruck_model.mismatch.report import page_words, size_rows
 
 
 def size(value: float, unit: str, ci: tuple[float, float] | None = None) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import numpy as np
 from found_mismatches import mismatch
 from matplotlib.colors import to_rgb
 
-from deeptruck_model.mismatch import figures, timeline_figure
+from deeptruck_model.mismatch.report import figures, timeline_figure
 
 
 def axes():

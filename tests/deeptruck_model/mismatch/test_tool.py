@@ -21,7 +21,7 @@ import pytest
 
 from deeptruck_model import driving_cycles, mismatch, simulators, trucks
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch import output, tool
+from deeptruck_model.mismatch import find, output
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
 
@@ -99,9 +99,9 @@ def test_forces_of_a_simulator_without_a_mass_say_of_which_they_are() -> None:
     e: Any = SimpleNamespace(mass=20000.0)
     learned: Any = SimpleNamespace(parameters=dict)
     found: Any = [SimpleNamespace(cause=SimpleNamespace())]
-    (said,) = tool._of_this_mass(learned, e, found)
+    (said,) = find._of_this_mass(learned, e, found)
     assert "20 t" in said and "scale" in said
-    assert tool._of_this_mass(TRUCK, e, found) == tool._of_this_mass(learned, e, []) == []
+    assert find._of_this_mass(TRUCK, e, found) == find._of_this_mass(learned, e, []) == []
 
 
 def test_nothing_missing_is_said_with_what_would_have_been_seen() -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from deeptruck_model.mismatch import validation_words
+from deeptruck_model.mismatch.report import validation
 
 
 def fit(
@@ -26,25 +26,25 @@ def fit(
 @pytest.mark.parametrize(
     ("beside", "change", "end"),
     [
-        ([0.1, 0.3], "is 10 to 30 % smaller", validation_words.BETTER.format(what="the findings are")),
-        ([-0.74, -0.03], "is 3 to 74 % larger", validation_words.WORSE),
-        ([-0.3, 0.81], "is between 30 % larger and 81 % smaller", validation_words.EQUAL),
+        ([0.1, 0.3], "is 10 to 30 % smaller", validation.BETTER.format(what="the findings are")),
+        ([-0.74, -0.03], "is 3 to 74 % larger", validation.WORSE),
+        ([-0.3, 0.81], "is between 30 % larger and 81 % smaller", validation.EQUAL),
     ],
 )
 def test_beside_refitted_parameters(beside: list[float], change: str, end: str) -> None:
-    said = validation_words.said(fit([0.95, 0.96], beside))
+    said = validation.said(fit([0.95, 0.96], beside))
     assert said[1].startswith("Yes, it is 95 to 96 % smaller (95 % interval over free runs of 20 s)")
     assert change in said[3] and said[4] == end
 
 
 def test_an_interval_that_rounds_to_one_number_is_said_once() -> None:
-    said = validation_words.said(fit([0.988, 0.991], [-0.2, 0.1]))
+    said = validation.said(fit([0.988, 0.991], [-0.2, 0.1]))
     assert said[1].startswith("Yes, it is 99 % smaller (")
 
 
 def test_a_correction_that_failed_is_not_applied() -> None:
     failed = fit([-0.2, 0.1], [0.0, 0.0], held_out=3, driven=3, validated=False) | {"chosen": "parameters"}
-    said = validation_words.said(failed)
+    said = validation.said(failed)
     assert said[1].startswith(
         "No, it is between 20 % larger and 10 % smaller (95 % interval over 3 recordings, in free runs of"
     )
@@ -52,16 +52,16 @@ def test_a_correction_that_failed_is_not_applied() -> None:
 
 
 def test_recordings_that_were_driven_by_fits_to_the_others_are_told() -> None:
-    said = validation_words.said(fit([0.2, 0.6], [0.1, 0.3], held_out=2, driven=8))
+    said = validation.said(fit([0.2, 0.6], [0.1, 0.3], held_out=2, driven=8))
     assert "over 8 recordings, each driven by a fit that had not seen it, in free runs of 20 s" in said[1]
 
 
 def test_what_was_not_changed_may_still_be_worse_than_refitted_parameters() -> None:
     same = fit([0.0, 0.0], [-8.4, -3.6], validated=False) | {"chosen": "nothing"}
-    assert validation_words.said(same)[1] == validation_words.UNSTATED
+    assert validation.said(same)[1] == validation.UNSTATED
     same["improvement_over_parameters_ci95"] = [-0.1, 0.1]
-    assert len(validation_words.said(same)) == 1
-    assert validation_words.said({"validated": False}) == []
+    assert len(validation.said(same)) == 1
+    assert validation.said({"validated": False}) == []
 
 
 @pytest.mark.parametrize(
@@ -69,14 +69,14 @@ def test_what_was_not_changed_may_still_be_worse_than_refitted_parameters() -> N
 )
 def test_that_the_unnamed_would_help_is_told_where_it_is_not_in(free: float, chosen: str, told: bool) -> None:
     driven = fit([0.5, 0.6], [0.1, 0.2]) | {"chosen": chosen, "free_model": {"speed_rmse": free}}
-    caveats = validation_words.caveats(driven, True)
+    caveats = validation.caveats(driven, True)
     assert any("--with-unnamed" in c and "0.02 m/s instead of 0.1" in c for c in caveats) == told
 
 
 def test_why_nothing_may_be_applied_is_told() -> None:
     failed = fit([-0.1, 0.1], [0.1, 0.2], validated=False)
-    assert validation_words.caveats(failed, True) == [validation_words.NOT_BETTER]
-    assert validation_words.caveats({"validated": False}, True) == [validation_words.NOT_DRIVEN]
+    assert validation.caveats(failed, True) == [validation.NOT_BETTER]
+    assert validation.caveats({"validated": False}, True) == [validation.NOT_DRIVEN]
 
 
 @pytest.mark.parametrize(
@@ -88,5 +88,5 @@ def test_where_nothing_was_found_and_other_parameters_drive_better_that_is_said(
 ) -> None:
     errors = {"before": {"speed_rmse": before}, "parameters_only": {"speed_rmse": tuned}}
     driven = fit([0.0, 0.0], [-0.5, -0.2]) | {"chosen": "nothing", "after": errors["before"], **errors}
-    said = validation_words.caveats(driven, found)
+    said = validation.caveats(driven, found)
     assert any("0.4 m/s instead of 0.8 m/s" in line for line in said) == told

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from deeptruck_model.mismatch import worth_saying
+from deeptruck_model.mismatch.posterior import penalties
 
 
 def model(score: float, *settings: dict[str, Any]) -> Any:
@@ -17,6 +17,6 @@ def model(score: float, *settings: dict[str, Any]) -> Any:
 @pytest.mark.parametrize(("gain", "paid"), [(80.0, 25.0), (1000.0, 100.0)])
 def test_what_comes_and_goes_pays_for_following_anything(gain: float, paid: float) -> None:
     base = model(500.0)
-    assert worth_saying.slow_price(model(500.0 + gain, {"knots": [4, 4]}), base) == pytest.approx(paid)
-    assert worth_saying.slow_price(model(500.0 + gain, {"tau_s": 1.0}), base) == 0.0
-    assert worth_saying.slow_price(base, base) == 0.0
+    assert penalties.slow_price(model(500.0 + gain, {"knots": [4, 4]}), base) == pytest.approx(paid)
+    assert penalties.slow_price(model(500.0 + gain, {"tau_s": 1.0}), base) == 0.0
+    assert penalties.slow_price(base, base) == 0.0

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.expression.nodes import Expression
+from deeptruck_model.mismatch.residual.evidence import Evidence
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.expression.nodes import Expression, Leaf
+from deeptruck_model.mismatch.residual.evidence import Evidence
 
 Array = NDArray[np.float64]
 

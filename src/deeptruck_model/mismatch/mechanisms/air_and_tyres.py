@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.expression import Expression, InRecording, Signal, absolute, exp, maximum
 from deeptruck_model.mismatch.mechanisms.base import (
     Column,
@@ -28,6 +27,7 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
     ELAPSED,
     SPEED,
 )
+from deeptruck_model.mismatch.residual.evidence import Evidence
 
 AROUND_M_S = (0.0, 6.0, -6.0)
 NOBODY_M = 1e4  # a gap behind nobody

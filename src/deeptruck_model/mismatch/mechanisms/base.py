@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.answer import felt
-from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.expression import During, Expression, Lag, Rerun, Signal, maximum
 from deeptruck_model.mismatch.mechanisms.own_forms import OWN, SIZE, curve, forms
 from deeptruck_model.mismatch.mechanisms.symbols import ENGINE, LEVER, PULL, SPEED
-from deeptruck_model.mismatch.noise import Prior
+from deeptruck_model.mismatch.residual.effective_mass import felt
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.noise import Prior
 
 Array = NDArray[np.float64]
 Settings = dict[str, Any]  # plain JSON values

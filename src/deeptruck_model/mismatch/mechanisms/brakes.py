@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.expression import Lag, Rerun, RisingLag, Since, exp, lift, maximum, minimum
 from deeptruck_model.mismatch.mechanisms.base import (
     Column,
@@ -28,6 +27,7 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
     DISTANCE,
     SPEED,
 )
+from deeptruck_model.mismatch.residual.evidence import Evidence
 
 HEAT_CAPACITY = 12.5  # J/kg/K: about 500 kg of drums at 500 J/kg/K under 20 t
 

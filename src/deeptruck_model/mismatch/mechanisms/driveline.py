@@ -7,7 +7,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.expression import (
     Change,
     Expression,
@@ -43,6 +42,7 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
     SIMULATED,
     SPEED,
 )
+from deeptruck_model.mismatch.residual.evidence import Evidence
 
 LEAST_GRIP = 0.35  # m/s^2: ice, 0.1, under the driven axle of a truck, 0.35 of its weight
 

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.expression import (
     Expression,
     Lag,
@@ -42,6 +41,7 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
     PULL,
     SPEED,
 )
+from deeptruck_model.mismatch.residual.evidence import Evidence
 
 
 def _turbo_settings(e: Evidence) -> Iterator[Settings]:

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.expression import Signal, Slosh
 from deeptruck_model.mismatch.mechanisms.base import (
     Column,
@@ -23,6 +22,7 @@ from deeptruck_model.mismatch.mechanisms.over_time import (
 from deeptruck_model.mismatch.mechanisms.symbols import (
     SIMULATED,
 )
+from deeptruck_model.mismatch.residual.evidence import Evidence
 
 MASS = Signal("sensitivity:mass")
 MOST_OF_MASS = 2.0  # to first order: a laden truck that is unloaded loses less

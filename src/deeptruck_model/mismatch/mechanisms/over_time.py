@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.expression import Expression, InRecording, Knot, Signal
 from deeptruck_model.mismatch.mechanisms.base import Column, Settings
+from deeptruck_model.mismatch.residual.evidence import Evidence
 
 MANY_SHAPES = 20  # something that comes and goes as it likes can stand in for much else; it pays for that
 SLOW_KNOT_S = (20.0, 40.0)  # shortest and longest distance of the finer knots

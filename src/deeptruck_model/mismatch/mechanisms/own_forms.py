@@ -14,7 +14,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.expression import (
     Change,
     Expression,
@@ -41,6 +40,7 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
     SIMULATED,
     SPEED,
 )
+from deeptruck_model.mismatch.residual.evidence import Evidence
 
 PER_POWER = -(1.0 / maximum(SPEED, 3.0))
 COASTING = ENGINE < 0.02

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from deeptruck_model.mismatch.evidence import Evidence
 from deeptruck_model.mismatch.expression import lift
 from deeptruck_model.mismatch.mechanisms.base import (
     Column,
@@ -15,6 +14,7 @@ from deeptruck_model.mismatch.mechanisms.over_time import (
     slow_columns,
     slow_settings,
 )
+from deeptruck_model.mismatch.residual.evidence import Evidence
 
 ANY, LARGEST = lift(1.0), 0.5  # m/s^2
 

@@ -1,0 +1,283 @@
+"""From an explanation to a corrected simulator: which terms and parameters go in, and what that improves.
+
+Everything is fitted, and chosen, without the held-out recordings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
+from deeptruck_model.mismatch.correction.held_out_drives import in_vain
+from deeptruck_model.mismatch.correction.improvement import Errors, compare, free_windows, joined
+from deeptruck_model.mismatch.data.prepared import Prepared
+from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes, held_steady
+from deeptruck_model.mismatch.mechanisms.carriers import factors
+from deeptruck_model.mismatch.posterior.accepted import accepted
+from deeptruck_model.mismatch.posterior.causes import Explanation
+from deeptruck_model.mismatch.posterior.lateness import left_beside
+from deeptruck_model.mismatch.posterior.search import PINNED, POSSIBLE, Model, Search
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.share import Shares
+from deeptruck_model.simulators import Simulator
+
+Mask = NDArray[np.bool_]
+
+HORIZON_S = 20.0  # of the free runs that are told: of long ones there are too few for an interval
+WEIGHED_S = 40.0  # of those that weak findings are weighed by: what is missing stands out of sensor noise
+COMPARED = ("before", "parameters_only", "after")
+FOLDS = 3  # of the recordings that are not held out, to choose what goes in
+
+
+class Chosen(StrEnum):
+    """What goes into a corrected simulator."""
+
+    NOTHING = "nothing"
+    FINDINGS = "findings"
+    PARAMETERS = "parameters"  # all refitted, and no name
+    LAWS = "laws"  # the findings, and laws for what has no name
+
+
+@dataclass(frozen=True)
+class Corrections:
+    """The simulator with its parameters re-tuned alone, with all that was found and has a name, and with laws
+    for what has none beside (None where there are none).
+
+    `crossed`: errors of free runs along the recordings that are not held out, each by a fit to others of
+    them, by the names of COMPARED; none where they are few.
+    """
+
+    tuned: CorrectedTruck
+    named: CorrectedTruck
+    unnamed: CorrectedTruck | None
+    crossed: dict[str, Errors] = field(default_factory=dict)
+    chosen: Chosen = Chosen.FINDINGS  # what `named` holds
+
+    def after(self, with_unnamed: bool) -> tuple[CorrectedTruck, Chosen]:
+        """The corrected simulator, with laws for what has no name where these are asked for and there."""
+        if with_unnamed and self.unnamed is not None:
+            return self.unnamed, Chosen.LAWS
+        return self.named, self.chosen
+
+
+@dataclass(frozen=True)
+class _Fold:
+    """The recordings that are fitted, and those that are driven."""
+
+    search: Search
+    driven: tuple[Prepared, ...]
+
+
+@dataclass(frozen=True)
+class _Recipe:
+    """What is fitted, and which of it goes into the simulator: mechanisms, and parameters by name."""
+
+    fitted: tuple[Shape, ...]
+    kept: tuple[Shape, ...]
+    free: frozenset[str]
+    what: Chosen = Chosen.FINDINGS
+
+    def corrected(self, simulator: Simulator, search: Search, shares: Shares | None) -> CorrectedTruck:
+        model = search.model(self.fitted, self.free)
+        change = _change(search.e, model, self.free)
+        return _truck(simulator, search.e, _terms(self.kept, model), change, shares)
+
+
+def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequence[Prepared]) -> Corrections:
+    """Corrected simulators, without and with what has no name.
+
+    What comes and goes is of no use on another drive but for its mean, and a parameter that nobody states as
+    wrong may only have been bent. So what goes in is what free runs ask for along `prepared`, the recordings
+    that are not held out, each by a fit to others of them.
+    """
+    e = left_beside(e, x.model)
+    search = _as_given(e, ~e.held_out)
+    shares = None if simulator.parameters() else Shares.of(e)
+    alone = _Recipe((), (), frozenset(search.parameters), Chosen.PARAMETERS)
+    nothing = _Recipe((), (), frozenset(), Chosen.NOTHING)
+    recipes = [nothing, *_recipes(e, x), alone] if x.causes else [nothing]
+    unnamed = _with_laws(x)
+    if unnamed is not None and any(c.other_form for c in x.causes):
+        recipes.append(unnamed)  # these laws are the form of a name
+    folds = _folds(e, prepared) if len(recipes) > 1 else []
+    driven = [_crossed(simulator, recipe, folds, shares) for recipe in recipes] if folds else []
+    best = int(np.argmin([_mean_square(errors) for errors in driven])) if driven else 0
+    seen = len(folds) < FOLDS or best == 0
+    return Corrections(
+        alone.corrected(simulator, search, shares),
+        recipes[best].corrected(simulator, search, shares),
+        unnamed.corrected(simulator, search, shares) if unnamed is not None else None,
+        {}
+        if seen
+        else dict(zip(COMPARED, (driven[k] for k in (0, recipes.index(alone), best)), strict=True)),
+        recipes[best].what,
+    )
+
+
+def _as_given(e: Evidence, only: Mask) -> Search:
+    """A search in which parameters that are not corrected stay as given: the others fit beside them so."""
+    return Search(e, only=only, held=PINNED)
+
+
+def _folds(e: Evidence, prepared: Sequence[Prepared]) -> list[_Fold]:
+    """Parts of the recordings that are not held out, each to be driven by a fit to the others; all by a fit
+    to all, where they are few."""
+    fitted = np.flatnonzero([not s.held_out for s in e.stretches])
+    parts = [fitted[k::FOLDS] for k in range(FOLDS)] if len(fitted) >= 2 * FOLDS else []
+    out = []
+    for left_out in parts or [np.array([], dtype=int)]:
+        search = _as_given(e, ~e.held_out & ~np.isin(e.record, left_out))
+        drives = [p for k, p in zip(fitted, prepared, strict=True) if not parts or k in left_out]
+        out.append(_Fold(search, tuple(drives)))
+    return out
+
+
+def _crossed(simulator: Simulator, recipe: _Recipe, folds: Sequence[_Fold], shares: Shares | None) -> Errors:
+    """Errors of a recipe in free runs along recordings it was not fitted to."""
+    horizon_s = _horizon([p for f in folds for p in f.driven])
+    each = [(recipe.corrected(simulator, f.search, shares), f.driven) for f in folds]
+    return joined([free_windows(truck, drives, horizon_s) for truck, drives in each])
+
+
+def _with_laws(x: Explanation) -> _Recipe | None:
+    """All names and all laws beside them, with every parameter as it was moved."""
+    if x.lawful is None:
+        return None
+    return _Recipe(x.lawful.named, _physics(x.lawful.named), x.lawful.free, Chosen.LAWS)
+
+
+def _physics(shapes: Iterable[Shape]) -> tuple[Shape, ...]:
+    return tuple(s for s in shapes if s.mechanism.kind == "missing_physics")
+
+
+def corrected(simulator: Simulator, e: Evidence, model: Model) -> CorrectedTruck:
+    """The simulator with one whole explanation in it, parameters and all; of a physics truck."""
+    change = _change(e, model, model.free)
+    terms = _terms(_physics(model.named), model)
+    return _truck(simulator, e, terms, change, None)
+
+
+def _truck(
+    simulator: Simulator, e: Evidence, terms: Sequence[Term], change: dict[str, float], shares: Shares | None
+) -> CorrectedTruck:
+    change = accepted(simulator, change)
+    return CorrectedTruck(simulator, terms, change, shares, False, e.gears, factors(e.moved, change))
+
+
+def _recipes(e: Evidence, x: Explanation) -> list[_Recipe]:
+    """What comes and goes with its mean, held steady or left out, each with all moved parameters, with the
+    stated ones alone and with none."""
+    stated = {c.effect for c in x.causes}
+    told = [s for s in _physics(x.model.named) if s.mechanism.effect in stated]
+    lasting = [s for s in told if not comes_and_goes(s)]
+    parameters = frozenset(c.effect for c in x.causes if c.kind == "parameter_error")
+    out = []
+    for free in sorted({x.model.free, parameters & x.model.free, frozenset()}, key=lambda f: -len(f)):
+        out.append(_Recipe(x.model.named, tuple(told), free))
+        if len(lasting) < len(told):
+            held = tuple(held_steady(s, e) for s in x.model.named)
+            keep = tuple(h for h, s in zip(held, x.model.named, strict=True) if any(s is t for t in told))
+            out += [_Recipe(x.model.named, tuple(lasting), free), _Recipe(held, keep, free)]
+    return out
+
+
+def _terms(shapes: Sequence[Shape], model: Model) -> list[Term]:
+    return [
+        Term(s.mechanism.effect, s.settings, tuple(model.coefficients(s.mechanism.effect).tolist()))
+        for s in shapes
+    ]
+
+
+def _change(e: Evidence, model: Model, free: Iterable[str]) -> dict[str, float]:
+    return {p: float(np.clip(e.total_change(p, model.change(p)), *POSSIBLE[p])) for p in free}
+
+
+def _mean_square(errors: Errors) -> float:
+    return float(np.mean(errors.speed**2)) if len(errors.speed) else 0.0
+
+
+def _horizon(prepared: Sequence[Prepared], most_s: float = HORIZON_S) -> float:
+    """Length of the free runs along these recordings, s: shorter where one of them is short."""
+    shortest = min((len(p.recording) * p.dt for p in prepared), default=np.inf)
+    return min(most_s, max(10.0, shortest - 10.0))
+
+
+def shown(
+    simulator: Simulator, made: Corrections, held_out: Sequence[Prepared], with_unnamed: bool
+) -> tuple[dict[str, Errors], CorrectedTruck, dict[str, Any]]:
+    """Errors of free runs on the held-out recordings, the corrected simulator marked as validated or not, and
+    `fit` of verdict.json. `with_unnamed` corrects by the laws without a name too, where there are any.
+    """
+    after, chosen = made.after(with_unnamed)
+    named, horizon_s = _compared(simulator, made, after), _horizon(held_out)
+    errors = {name: free_windows(s, held_out, horizon_s) for name, s in named.items()}
+    windows = errors["before"].speed
+    fit: dict[str, Any] = {
+        "held_out": [p.recording.name for p in held_out],
+        "horizon_s": horizon_s,
+        "windows": len(windows),
+        "chosen": chosen.value,
+        "corrected": sorted({t.effect for t in after.terms} | set(after.moved)),
+    }
+    if len(windows):
+        judged = _judged(errors, made.crossed if after is made.named else {})
+        fit |= compare(errors, judged)
+        fit["improvement_recordings"] = len(np.unique(judged["before"].recording))
+    fit["validated"] = bool(after.terms or after.moved) and _better(fit)
+    return errors, after.marked(fit["validated"]), fit
+
+
+def _compared(simulator: Simulator, made: Corrections, after: CorrectedTruck) -> dict[str, Simulator]:
+    """The simulators that are driven beside each other, by the names of `fit`."""
+    named: dict[str, Simulator] = {"before": simulator, "parameters_only": made.tuned, "after": after}
+    return named | ({"free_model": made.unnamed} if made.unnamed is not None else {})
+
+
+def _judged(errors: dict[str, Errors], others: dict[str, Errors]) -> dict[str, Errors]:
+    """Errors of the free runs whose improvement has an interval: of what was held out, and of the other
+    recordings, each driven by a fit that had not seen it, where there are such."""
+    if not others or others["before"].speed.shape[1] != errors["before"].speed.shape[1]:
+        return errors
+    return {name: joined([errors[name], others[name]]) for name in COMPARED}
+
+
+def _weighed(
+    simulator: Simulator, made: Corrections, held_out: Sequence[Prepared], with_unnamed: bool
+) -> dict[str, dict[str, float]]:
+    """RMSE of each simulator in free runs of WEIGHED_S on the held-out recordings; empty without any."""
+    named = _compared(simulator, made, made.after(with_unnamed)[0])
+    horizon_s = _horizon(held_out, WEIGHED_S)
+    errors = {name: free_windows(s, held_out, horizon_s) for name, s in named.items()}
+    return {name: e.rmse() for name, e in errors.items() if len(e.speed)}
+
+
+def _better(fit: dict[str, Any]) -> bool:
+    """Surely so over all that was driven unseen, and no worse over what was held out."""
+    sure = bool(fit.get("improvement_ci95", [0.0])[0] > 0.0)
+    return sure and bool(fit["after"]["speed_rmse"] <= fit["before"]["speed_rmse"])
+
+
+def corrected_and_driven(
+    simulator: Simulator,
+    e: Evidence,
+    x: Explanation,
+    fitted: Sequence[Prepared],
+    held_out: Sequence[Prepared],
+    with_unnamed: bool,
+) -> tuple[Explanation, tuple[dict[str, Errors], CorrectedTruck, dict[str, Any]]]:
+    """The correction, driven; and the explanation, without causes where they are weak and drive no better."""
+    made = correct(simulator, e, x, fitted)
+    weighed = _weighed(simulator, made, held_out, with_unnamed) if x.causes else {}
+    if in_vain(x, weighed, learned=e.own_error > 0, slopes_recorded=e.has("grade")):
+        x = replace(x, causes=(), lawful=None)
+        made = correct(simulator, e, x, fitted)
+    return x, shown(simulator, made, held_out, with_unnamed)
+
+
+__all__ = ["HORIZON_S", "Chosen", "correct", "corrected", "corrected_and_driven", "shown"]

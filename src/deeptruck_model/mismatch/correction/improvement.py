@@ -1,0 +1,156 @@
+"""Does the fit improve? Open-loop error on recordings that were not used for the fit, before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
+from deeptruck_model.mismatch.data.prepared import Prepared, fed, padded
+from deeptruck_model.mismatch.residual.levers import turns
+from deeptruck_model.signals import ACCELERATION, SPEED
+from deeptruck_model.simulators import Simulator
+
+Array = NDArray[np.float64]
+
+SETTLE_S = 6.0  # forced along the recording before each free window
+BOOTSTRAPS = 1000
+LEAST = 1e-3  # m/s; errors this small are as good as none, and none can be no improvement
+EXOGENOUS = ("gap", "leader_speed", "ambient_temperature", "elevation", "gear", "engine_speed")
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of free windows, (windows, steps), and the recording and sample each begins at."""
+
+    speed: Array
+    acceleration: Array
+    recording: NDArray[np.intp]
+    start: NDArray[np.intp]
+
+    def rmse(self) -> dict[str, float]:
+        return {
+            "speed_rmse": float(np.sqrt(np.mean(self.speed**2))),
+            "acceleration_rmse": float(np.sqrt(np.mean(self.acceleration**2))),
+        }
+
+
+def free_windows(simulator: Simulator, prepared: Sequence[Prepared], horizon_s: float) -> Errors:
+    """Free runs of `horizon_s` one after another along each recording, with a forced stretch before each.
+
+    The inner state goes on from window to window, so slow memories (heat, distance) are those of the whole
+    drive.
+    """
+    dt = simulator.dt
+    settle, horizon = round(SETTLE_S / dt), round(horizon_s / dt)
+    starts = [_starts(p, settle, horizon) for p in prepared]
+    used = [i for i, s in enumerate(starts) if s]
+    if not used:
+        empty = np.zeros((0, horizon))
+        none = np.zeros(0, dtype=np.intp)
+        return Errors(empty, empty, none, none)
+    length = max(len(prepared[i].recording) for i in used)
+    u, w, y, observed = (
+        np.stack([padded(getattr(prepared[i], f), length) for i in used]) for f in ("u", "w", "y", "observed")
+    )
+    predicted = _run(simulator, u, w, y, [starts[i] for i in used], horizon, prepared, used, length)
+    speed, acceleration, owner, begin = [], [], [], []
+    for row, i in enumerate(used):
+        for s in starts[i]:
+            cut = slice(s + 1, s + 1 + horizon)
+            speed.append(predicted[row, cut, SPEED] - y[row, cut, SPEED])
+            acceleration.append(predicted[row, cut, ACCELERATION] - observed[row, cut])
+            owner.append(i)
+            begin.append(s + 1)
+    return Errors(np.stack(speed), np.stack(acceleration), np.array(owner), np.array(begin))
+
+
+def joined(parts: Sequence[Errors]) -> Errors:
+    """The free runs of all of them, as along recordings one after the other."""
+    first = np.cumsum([0] + [int(p.recording.max(initial=-1)) + 1 for p in parts])
+    return Errors(
+        np.concatenate([p.speed for p in parts]),
+        np.concatenate([p.acceleration for p in parts]),
+        np.concatenate([p.recording + k for p, k in zip(parts, first, strict=False)]),
+        np.concatenate([p.start for p in parts]),
+    )
+
+
+def _run(
+    simulator: Simulator,
+    u: Array,
+    w: Array,
+    y: Array,
+    starts: Sequence[Sequence[int]],
+    horizon: int,
+    prepared: Sequence[Prepared],
+    used: Sequence[int],
+    length: int,
+) -> Array:
+    free = np.zeros(u.shape[:2], dtype=bool)
+    for row, own in enumerate(starts):
+        for s in own:
+            free[row, s + 1 : s + horizon] = True
+    if isinstance(simulator, CorrectedTruck):
+        simulator = simulator.along(_exogenous(prepared, used, length))
+    state, known = simulator.reset(y[:, 0]), fed(simulator, y)
+    out = y.copy()
+    for k in range(length - 1):
+        state, response = simulator.step(state, u[:, k], w[:, k])
+        out[:, k + 1] = response
+        if not free[:, k + 1].all():
+            mixed = np.where(free[:, k + 1, None], response, known[:, k + 1])
+            state = simulator.force(state, mixed)
+    return out
+
+
+def _exogenous(prepared: Sequence[Prepared], used: Sequence[int], length: int) -> dict[str, Array]:
+    out = {}
+    for name in EXOGENOUS:
+        if all(name in prepared[i].recording.channels for i in used):
+            out[name] = np.stack([padded(prepared[i].recording.channels[name], length) for i in used])
+    if "engine_speed" in out:
+        driven = np.stack([padded(prepared[i].y[:, SPEED], length) for i in used])
+        out["ratio"] = turns(out["engine_speed"], driven)
+    return out
+
+
+def _starts(p: Prepared, settle: int, horizon: int) -> list[int]:
+    out, k = [], settle
+    while k + horizon + 1 < len(p.recording):
+        if p.valid[k : k + horizon].mean() > 0.9:
+            out.append(k)
+            k += horizon + settle
+        else:
+            k += max(1, settle)
+    return out
+
+
+def compare(errors: Mapping[str, Errors], judged: Mapping[str, Errors], seed: int = 0) -> dict[str, Any]:
+    """RMSE of each simulator, and bootstrap intervals over recordings of the relative improvement.
+
+    These are over the free runs in `judged`: the same, and others of drives that were not fitted either."""
+    out: dict[str, Any] = {name: e.rmse() for name, e in errors.items()}
+    before, after, tuned = judged["before"], judged["after"], judged["parameters_only"]
+    out["improvement_ci95"] = _interval(before, after, seed)
+    out["improvement_over_parameters_ci95"] = _interval(tuned, after, seed)
+    return out
+
+
+def _interval(old: Errors, new: Errors, seed: int) -> list[float]:
+    """95 % interval of 1 - rmse_new / rmse_old for speed."""
+    rng = np.random.default_rng(seed)
+    owners = np.unique(old.recording)
+    a, b = np.mean(old.speed**2, axis=1), np.mean(new.speed**2, axis=1)
+    groups = [np.flatnonzero(old.recording == o) for o in owners]
+    if len(owners) < 3:
+        groups = [np.array([i]) for i in range(len(a))]  # too few recordings to resample: windows instead
+    gains = []
+    for _ in range(BOOTSTRAPS):
+        pick = np.concatenate([groups[i] for i in rng.integers(0, len(groups), len(groups))])
+        gains.append(1.0 - np.sqrt((b[pick].mean() + LEAST**2) / (a[pick].mean() + LEAST**2)))
+    return [float(x) for x in np.quantile(gains, [0.025, 0.975])]

@@ -1,0 +1,236 @@
+"""The whole job: check the data, locate, name, model, show the fit improve, write the verdict."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch import locate
+from deeptruck_model.mismatch.correction import correction
+from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
+from deeptruck_model.mismatch.correction.improvement import Errors
+from deeptruck_model.mismatch.data import data_checks
+from deeptruck_model.mismatch.data.inputs import each_once, same_signals, too_little, unusable, with_held_out
+from deeptruck_model.mismatch.data.prepared import Prepared, learned, prepare
+from deeptruck_model.mismatch.mechanisms import LIBRARY
+from deeptruck_model.mismatch.posterior import formula, linearised
+from deeptruck_model.mismatch.posterior.causes import Explanation
+from deeptruck_model.mismatch.report import findings, identifiability, manoeuvres, validation
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.residual import PARAMETERS, gather
+from deeptruck_model.recordings import Recording
+from deeptruck_model.simulators import Simulator
+
+Array = NDArray[np.float64]
+
+LEFT_OUT = "left out of the library, as was asked for: {}"
+NAMED = (*LIBRARY, *findings.NAMES, "acceleration_bias", "speed_scale", "unknown")
+OTHER_GEAR = "the simulator drives in another gear than was recorded"
+STRANGE = "the simulator has learned from no driving at such speeds, commands and slopes"
+OF_THIS_MASS = "forces in N are for a mass of {:.3g} t: the simulator does not tell its own; scale them"
+
+
+@dataclass(frozen=True)
+class Mismatch:
+    """Everything the tool found: the verdict as in verdict.json, and what the report draws."""
+
+    verdict: dict[str, Any]
+    evidence: Evidence | None
+    explanation: Explanation | None
+    findings: tuple[findings.Finding, ...]
+    segments: tuple[locate.Segment, ...]
+    errors: dict[str, Errors]
+    corrected: CorrectedTruck | None
+    prepared: tuple[Prepared, ...]
+    excluded: tuple[str, ...] = ()  # effects that were to be left out of the library
+
+
+def find_mismatch(
+    simulator: Simulator,
+    recordings: Sequence[Recording],
+    held_out: Sequence[Recording] = (),
+    *,
+    seed: int = 0,
+    with_unnamed: bool = False,
+    exclude: Sequence[str] = (),
+    say: Callable[[str], None] = lambda step: None,
+) -> Mismatch:
+    """Compare a simulator with recordings. On data that is merely poor the verdict is `undetermined`.
+
+    `with_unnamed` puts what has no name into the corrected simulator too, as laws of the recorded signals.
+    `exclude` leaves effects out of the library, for examinations of the tool.
+
+    Raises InputError where simulator and recordings do not belong together, or for an effect there is not.
+    """
+    _check_excluded(exclude)
+    with threadpool_limits(1):
+        return _find(simulator, recordings, held_out, seed, with_unnamed, list(exclude), say)
+
+
+def _check_excluded(names: Sequence[str]) -> None:
+    """Raises InputError for what is no effect: an examination would believe that it had been left out."""
+    for name in names:
+        if name not in NAMED:
+            near = difflib.get_close_matches(name, NAMED, 1)
+            hint = f"; did you mean {near[0]}?" if near else "; docs/mismatch_effects.md lists them"
+            raise InputError(f"there is no effect '{name}' to leave out{hint}")
+
+
+@dataclass(frozen=True)
+class _Checked:
+    """The recordings as they can be used, in the order in which they came, and what was wrong with them."""
+
+    prepared: tuple[Prepared, ...]
+    held_out: tuple[bool, ...]
+    faults: tuple[data_checks.SensorFault, ...]
+    data: dict[str, Any]
+    caveats: tuple[str, ...]
+    useless: str | None  # why nothing can be said
+
+    def part(self, held_out: bool) -> list[Prepared]:
+        return [p for p, out in zip(self.prepared, self.held_out, strict=True) if out == held_out]
+
+
+def _checked(
+    simulator: Simulator, recordings: Sequence[Recording], held_out: Sequence[Recording]
+) -> _Checked:
+    same_signals(simulator, [*recordings, *held_out])
+    fit, held, twice = each_once(recordings, held_out)
+    drives, flags, caveats = with_held_out(fit, held, simulator.dt)
+    drives, rejected = data_checks.clean(drives)
+    measured = data_checks.acceleration_is_measured(drives)
+    faults = data_checks.sensor_faults(drives) if measured else []
+    response = simulator.interface.y
+    whole = [prepare(data_checks.mended(r, faults), measured, response) for r in drives]
+    prepared = tuple(learned(simulator, p) for p in whole)
+    strange = sum(int((p.valid & ~q.valid).sum()) for p, q in zip(whole, prepared, strict=True))
+    if strange:
+        rejected = sorted([*rejected, data_checks.Rejection(STRANGE, strange)], key=lambda r: -r.samples)
+    fitted = [p for p, out in zip(prepared, flags, strict=True) if not out]
+    data = {
+        "rejected": [{"rule": r.rule, "samples": r.samples} for r in rejected],
+        "coverage": "coverage.png",
+    }
+    useless = unusable(fitted, rejected)
+    return _Checked(prepared, tuple(flags), tuple(faults), data, (*twice, *caveats), useless)
+
+
+def _find(
+    simulator: Simulator,
+    recordings: Sequence[Recording],
+    held_out: Sequence[Recording],
+    seed: int,
+    with_unnamed: bool,
+    exclude: list[str],
+    say: Callable[[str], None],
+) -> Mismatch:
+    say("checking the data")
+    c = _checked(simulator, recordings, held_out)
+    if c.useless:
+        return _useless(c)
+    say("driving the simulator along the recordings")
+    e = gather(simulator, c.prepared, c.held_out, seed=seed)
+    if little := too_little(e):
+        return _useless(replace(c, useless=little, data=_data(c, e)))
+    e, x = linearised.explained(simulator, e, c.prepared, c.held_out, seed, exclude, say)
+    say("correcting the simulator and driving it free")
+    x, (errors, corrected, fit) = correction.corrected_and_driven(
+        simulator, e, x, c.part(held_out=False), c.part(held_out=True), with_unnamed
+    )
+    say("locating it")
+    found = _findings(simulator, c, e, x)
+    causes = tuple(f.cause for f in found if f.cause is not None)
+    segments = locate.segments(e, causes)
+    force = sum((cause.force for cause in causes), start=np.zeros(len(e)))
+    regimes = locate.regimes(e, force if causes else e.residual)
+    verdict = {
+        "schema": 1,
+        "verdict": _overall(found),
+        "findings": [f.data for f in found],
+        "segments": _listed(segments, len(found) - len(causes)),
+        "regimes": [vars(r) for r in regimes],
+        "fit": fit,
+        "data": _data(c, e) | ({} if found else _visible(e, x)),
+        "caveats": [
+            *c.caveats,
+            *([LEFT_OUT.format(", ".join(exclude))] if exclude else []),
+            *_of_this_mass(simulator, e, found),
+            *validation.caveats(fit, bool(causes)),
+        ],
+    }
+    return Mismatch(
+        verdict, e, x, tuple(found), tuple(segments), errors, corrected, c.prepared, tuple(exclude)
+    )
+
+
+def _of_this_mass(simulator: Simulator, e: Evidence, found: Sequence[findings.Finding]) -> list[str]:
+    forces = any(f.cause is not None for f in found)
+    return [OF_THIS_MASS.format(e.mass / 1000.0)] if forces and not simulator.parameters() else []
+
+
+def _useless(c: _Checked) -> Mismatch:
+    """What is left to say where the recordings tell nothing of the truck."""
+    found = [findings.from_sensor(f) for f in c.faults]
+    verdict = {
+        "schema": 1,
+        "verdict": "measurement_fault" if found else "undetermined",
+        "findings": [f.data for f in found],
+        "segments": [],
+        "regimes": [],
+        "fit": {},
+        "data": c.data,
+        "caveats": [*c.caveats, c.useless],
+    }
+    return Mismatch(verdict, None, None, tuple(found), (), {}, None, c.prepared)
+
+
+def _findings(simulator: Simulator, c: _Checked, e: Evidence, x: Explanation) -> list[findings.Finding]:
+    own = simulator.parameters()
+    found = [findings.from_sensor(f) for f in c.faults]
+    found += [findings.from_cause(cause, e, x, own) for cause in x.causes]
+    found = [manoeuvres.checked(f, simulator, e, x.model) for f in identifiability.with_manoeuvres(found)]
+    for f in found:
+        if f.cause is not None and f.cause.predictable:
+            f.data.update(formula.describe(e, x))
+    return found
+
+
+def _data(c: _Checked, e: Evidence) -> dict[str, Any]:
+    data = dict(c.data)
+    if e.other_gear:
+        data["rejected"] = [*data["rejected"], {"rule": OTHER_GEAR, "samples": e.other_gear}]
+    return data
+
+
+def _visible(e: Evidence, x: Explanation) -> dict[str, Any]:
+    return {"smallest_visible": identifiability.smallest_visible(e, x)}
+
+
+def _listed(segments: Sequence[locate.Segment], offset: int) -> list[dict[str, Any]]:
+    return [
+        {
+            "recording": s.recording,
+            "start_s": round(s.start_s, 2),
+            "end_s": round(s.end_s, 2),
+            "finding": s.finding + offset,
+            "mean_force_n": round(s.mean_force_n, 1),
+        }
+        for s in segments
+    ]
+
+
+def _overall(found: Sequence[findings.Finding]) -> str:
+    if not found:
+        return "nothing_missing"
+    explaining = [f for f in found if f.data["share_of_explainable_error"] > 0]
+    return str((explaining or found)[0].data["kind"])
+
+
+__all__ = ["PARAMETERS", "Mismatch", "find_mismatch"]

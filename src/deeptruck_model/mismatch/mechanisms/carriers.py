@@ -1,0 +1,40 @@
+"""Forces of a physics truck that carry those of mechanisms: a headwind is a share of the drag.
+
+Sizes are fitted about parameters that may be far from those of the corrected truck, whose own forces are then
+others by as much.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from deeptruck_model.mismatch.mechanisms import Column
+from deeptruck_model.mismatch.residual.evidence import Evidence
+
+CARRIERS = {
+    "engine": "torque_gain",
+    "brake": "brake_gain",
+    "drag": "drag_area",
+    "rolling": "rolling_resistance",
+}
+
+
+def factors(fitted_at: Mapping[str, float], moved: Mapping[str, float]) -> dict[str, float]:
+    """By how much every force per mass was larger where sizes were fitted than in a truck with `moved`; both
+    are relative changes of the simulator's parameters."""
+
+    def ratio(name: str) -> float:
+        return (1.0 + fitted_at.get(name, 0.0)) / (1.0 + moved.get(name, 0.0))
+
+    return {force: ratio(parameter) / ratio("mass") for force, parameter in CARRIERS.items()}
+
+
+def ratio(column: Column, e: Evidence, by: Mapping[str, float]) -> float:
+    """By how much a size is larger in a truck whose own forces are less by the factors `by`."""
+    there = replace(
+        e, signals=e.signals | {name: e[name] / factor for name, factor in by.items() if name in e.signals}
+    )
+    here, other = column.expression.rows(e)[e.valid], column.expression.rows(there)[e.valid]
+    square = float(other @ other)
+    return float(here @ other) / square if square > 0.0 else 1.0

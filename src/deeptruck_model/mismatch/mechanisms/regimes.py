@@ -1,0 +1,104 @@
+"""Regimes of driving to which an effect may be confined: only uphill, only at speed, only under load.
+
+Every border of every signal is tried for every mechanism. That is cheap as a gain needs sums of products
+alone: they are added up once over narrow bins of each signal, and a regime is a run of bins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.mechanisms.base import GATES, Shape, build
+from deeptruck_model.mismatch.residual.evidence import Evidence
+
+Array = NDArray[np.float64]
+Gate = tuple[str, str, float]  # signal, above or below, value
+
+BINS = 10
+
+
+@dataclass(frozen=True)
+class Products:
+    """Of whitened columns C (m, k) with themselves, the residual y (m,) and the columns X (m, p) beside them;
+    of several C one after the other along the first axis."""
+
+    CtC: Array
+    Cty: Array
+    XtC: Array
+
+    @staticmethod
+    def of(C: Array, y: Array, X: Array) -> Products:
+        return Products(C.T @ C, C.T @ y, X.T @ C)
+
+    @staticmethod
+    def stacked(parts: Sequence[Products]) -> Products:
+        return Products(*(np.stack([getattr(p, f) for p in parts]) for f in ("CtC", "Cty", "XtC")))
+
+    @staticmethod
+    def joined(parts: Sequence[Products]) -> Products:
+        return Products(*(np.concatenate([getattr(p, f) for p in parts]) for f in ("CtC", "Cty", "XtC")))
+
+    def below_and_above(self) -> Products:
+        """Of the bins up to each border, then of those beyond it, where these are of bins in order."""
+        sums = [np.cumsum(x, axis=0) for x in (self.CtC, self.Cty, self.XtC)]
+        return Products(*(np.concatenate([x[:-1], x[-1] - x[:-1]]) for x in sums))
+
+
+@dataclass(frozen=True)
+class Regimes:
+    """Borders of each signal, and for each the rows (of those that count) in every bin between them."""
+
+    borders: dict[str, Array]
+    rows: dict[str, list[NDArray[np.intp]]]
+
+    @staticmethod
+    def of(e: Evidence, use: NDArray[np.bool_]) -> Regimes:
+        """Borders at quantiles of every signal that was recorded; `use` (n,) are the rows that count."""
+        borders, rows = {}, {}
+        for name, (signal, needs) in GATES.items():
+            if not e.has(*needs) or not use.any():
+                continue
+            x = signal.rows(e)
+            edges = np.unique(np.quantile(x[use], np.linspace(0.0, 1.0, BINS + 1)[1:-1]))
+            bins = np.searchsorted(edges, x[use], side="left")
+            borders[name] = edges
+            rows[name] = [np.flatnonzero(bins == b) for b in range(len(edges) + 1)]
+        return Regimes(borders, rows)
+
+    @property
+    def count(self) -> int:
+        """How many gates there are."""
+        return 2 * sum(len(edges) for edges in self.borders.values())
+
+    def products(self, C: Array, y: Array, X: Array) -> tuple[list[Gate], Products]:
+        """Every gate, and products of C as if it acted on that side of a border alone.
+
+        C (m, k), y (m,) and X (m, p) are whitened, over the rows that count.
+        """
+        gates: list[Gate] = []
+        parts = []
+        for name, edges in self.borders.items():
+            bins = Products.stacked([Products.of(C[r], y[r], X[r]) for r in self.rows[name]])
+            gates += [(name, side, float(edge)) for side in ("below", "above") for edge in edges]
+            parts.append(bins.below_and_above())
+        return gates, Products.joined(parts) if parts else Products(*([np.zeros((0, 0, 0))] * 3))
+
+
+def gated(shape: Shape, gate: Gate, e: Evidence, trials: int) -> Shape:
+    """The shape confined to one side of a border."""
+    settings = shape.settings | {"gate": list(gate)}
+    parts = tuple(build(shape.mechanism, settings))
+    columns = shape.columns * _inside(gate, e)[:, None]
+    if "holds" in e.signals and e["holds"].any():  # what sets in at a border is felt for a while
+        columns = np.stack([p.expression.rows(e) for p in parts], axis=1)
+    return replace(shape, settings=settings, parts=parts, columns=columns, trials=shape.trials * trials)
+
+
+def _inside(gate: Gate, e: Evidence) -> NDArray[np.bool_]:
+    signal, side, at = gate
+    x = GATES[signal][0].rows(e)
+    return x > at if side == "above" else x <= at

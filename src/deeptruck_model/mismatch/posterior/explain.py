@@ -1,0 +1,235 @@
+"""From evidence to findings: names, groups, parameter errors, what is unknown, and silence."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from deeptruck_model.mismatch.mechanisms import comes_and_goes
+from deeptruck_model.mismatch.posterior.bursts import bursts
+from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
+from deeptruck_model.mismatch.posterior.free_law import LeftOver, left_over
+from deeptruck_model.mismatch.posterior.free_model import FreeModel
+from deeptruck_model.mismatch.posterior.penalties import ENOUGH, large_enough, price
+from deeptruck_model.mismatch.posterior.plain_truck import plain_truck
+from deeptruck_model.mismatch.posterior.rivals import named_cause, tuned_causes
+from deeptruck_model.mismatch.posterior.road_lock import road_lock
+from deeptruck_model.mismatch.posterior.search import Model, Search
+from deeptruck_model.mismatch.posterior.slow_force import SlowForce, slow_force
+from deeptruck_model.mismatch.posterior.stepwise import grow
+from deeptruck_model.mismatch.residual.evidence import Evidence
+
+ENOUGH_FREE = 75.0  # nats the free model must gain on what is left before 'unknown' is said
+OWN_ERRORS = 2.0  # times a learned simulator's own error, which is no less elsewhere, that it must be
+BEND = 0.3  # share of a name's gain that laws beside it must have: no form is quite right
+DOUBT = 0.15  # the same beyond which no name is sure
+ENOUGH_TO_DOUBT = 40.0  # nats of it
+BEND_OF_PARAMETERS = 0.06  # the same where parameters alone were found: these enter as they are
+EXPLAINS = 0.55  # share of what is explainable that a name must explain, else it is only the nearest relative
+TRIFLE = 0.03  # a cause with a smaller share of what is explained is as likely a bend in the form of another
+BENT = 0.15  # share of the main cause's gain that a parameter beside it must have
+BEFORE_PARAMETERS = 0.25  # of the largest share, below which physics is told after parameters
+ANOTHER_FORM = 0.3  # the same where the rest acts by the name's own signals
+ROADS = {"road_grade", "road_surface"}
+SLOW_NAMES = {"road_grade", "road_surface", "headwind", "payload_change"}
+
+
+def explain(search: Search) -> Explanation:
+    """Search, prune, group, and weigh what was found against the free model."""
+    null = search.model((), frozenset())
+    parameters_only = search.background(())
+    model, ranking = grow(search, parameters_only)
+    left = _beyond_its_own(search, left_over(search, model))
+    causes = _causes(search, model, null, left)
+    causes = _with_slow_force(search, model, left.free, causes)
+    if all(c.kind != "missing_physics" for c in causes):
+        causes = _with_bursts(search, model, causes)
+    causes = _one_unknown(causes)
+    return Explanation(
+        tuple(causes), model, parameters_only, null, left.free, left.gain, left.lawful, ranking
+    )
+
+
+def _beyond_its_own(search: Search, left: LeftOver) -> LeftOver:
+    """What is left over without the nats that a learned simulator's own error gives for it."""
+    own = price(search, left.lawful) if left.lawful else search.e.tolerance.get("unknown", 0.0)
+    return replace(left, gain=max(left.gain - own, 0.0)) if own > 0.0 else left
+
+
+def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[Cause]:
+    named = [named_cause(search, model, shape) for shape in model.named]
+    named = [
+        c for c in named if not c.rivals or c.rivals[0][1] > -ENOUGH
+    ]  # a name that another beats is no name
+    explained = max(model.score - null.score, 1e-9)
+    names = sum(c.gain for c in named)
+    unknown = _worth_calling_unknown(search.e, left, explained, names)
+    tuned = tuned_causes(search, left.lawful if unknown and left.lawful else model)
+    if named or tuned:  # a form that is not quite right bends the parameters a little; that is no finding
+        most = max([c.gain for c in named + tuned] + ([left.gain] if unknown else []))
+        tuned = [c for c in tuned if c.gain > BENT * most]
+    causes = named + tuned
+    total = explained + max(left.gain, 0.0)
+    weight = sum(max(c.gain, 0.0) for c in causes) or 1.0
+    causes = [replace(c, share=max(c.gain, 0.0) / weight * explained / total) for c in causes]
+    causes = _unverified(search.e, [c for c in causes if c.share > TRIFLE])
+    if not unknown:
+        return _in_order(_in_doubt(search.e, left, causes))
+    rest = Cause("missing_physics", "unknown", left.gain, left.gain / total, 0.9, left.free.prediction)
+    physics = [c for c in causes if c.kind == "missing_physics"]
+    main = max(physics, key=lambda c: c.gain, default=rest)
+    if names > ANOTHER_FORM * (names + left.gain) and main.shape and left.is_form_of(main.shape, search.e):
+        whole = replace(main, share=main.share + rest.share, force=main.force + rest.force, other_form=True)
+        return _in_order([whole, *[c for c in causes if c is not main]])
+    if physics and names < EXPLAINS * (names + left.gain):
+        rest = replace(rest, nearest=main.effect, rivals=_perhaps_the_same(main))
+        return [rest, *_in_order([c for c in causes if c not in physics])]
+    return _in_order([*causes, rest])
+
+
+def _one_unknown(causes: list[Cause]) -> list[Cause]:
+    """The causes, where what comes and goes without a name and what the signals predict are one finding: the
+    one that gained more, with both forces."""
+    unknown = sorted((c for c in causes if c.effect == "unknown"), key=lambda c: -c.gain)
+    if len(unknown) < 2:
+        return causes
+    force = np.sum([c.force for c in unknown], axis=0)
+    whole = replace(unknown[0], share=sum(c.share for c in unknown), force=force)
+    return _in_order([whole, *(c for c in causes if c.effect != "unknown")])
+
+
+def _unverified(e: Evidence, causes: list[Cause]) -> list[Cause]:
+    """The causes; beside a recorded slope, a road that comes and goes and was driven once may as well be
+    nothing that has a name."""
+
+    def once(c: Cause) -> bool:
+        locked = c.effect in ROADS and _follows_anything_slow(c) and e.has("grade")
+        return locked and road_lock(e, c.force) is None
+
+    return [_perhaps_unknown(c) if once(c) else c for c in causes]
+
+
+def _perhaps_unknown(c: Cause) -> Cause:
+    """The cause with 'unknown' as likely as its name."""
+    others = (rival for rival in c.rivals if rival[0] != "unknown")
+    return replace(c, rivals=(*others, ("unknown", 0.0)), probability=min(c.probability, 0.5))
+
+
+def _in_doubt(e: Evidence, left: LeftOver, causes: list[Cause]) -> list[Cause]:
+    """The causes, of which the main name may be that of a relative where laws without a name explain clearly
+    more beside it."""
+    physics = [c for c in causes if c.kind == "missing_physics"]
+    doubtful = left.gain > max(ENOUGH_TO_DOUBT, DOUBT * sum(c.gain for c in physics))
+    if not physics or not doubtful or not large_enough(e, left.free.prediction):
+        return causes
+    main = max(physics, key=lambda c: c.gain)
+    return [_perhaps_unknown(c) if c is main else c for c in causes]
+
+
+def _perhaps_the_same(main: Cause) -> tuple[tuple[str, float], ...]:
+    """Names that may be all there is: what is finer than the knots of a force that comes and goes is left
+    over."""
+    if not _follows_anything_slow(main):
+        return ()
+    return tuple((name, 0.0) for name in (main.effect, *main.not_told_from) if name != "unknown")
+
+
+def _worth_calling_unknown(e: Evidence, left: LeftOver, explained: float, names: float) -> bool:
+    """Whether what is left over is a finding, and not the bend in a form that is not quite right.
+
+    `explained` are the nats of all that was found, `names` those of missing physics with a name.
+    """
+    force = left.free.prediction[e.valid]
+    return (
+        left.gain > ENOUGH_FREE
+        and large_enough(e, left.free.prediction)
+        and float(np.sqrt(np.mean(force**2))) > OWN_ERRORS * e.own_error
+        and left.gain > (BEND * names if names else BEND_OF_PARAMETERS * explained)
+    )
+
+
+def _in_order(causes: list[Cause]) -> list[Cause]:
+    """By share, but what was left out before parameters: these moved to make up for it."""
+    most = max((c.share for c in causes), default=0.0)
+
+    def rank(c: Cause) -> tuple[bool, float]:
+        return c.kind == "parameter_error" or c.share < BEFORE_PARAMETERS * most, -c.share
+
+    return sorted(causes, key=rank)
+
+
+def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list[Cause]) -> list[Cause]:
+    """Add a slow force that only its size tells from noise, unless a name already stands for one."""
+    e = search.e
+    if any(c.effect in SLOW_NAMES or c.lawless or _follows_anything_slow(c) for c in causes):
+        return causes
+    if e.own_error > 0 and e.has("grade"):
+        return causes  # it has slopes as an input: what is slow and left is its own error as likely
+    residual = e.residual - search.prediction(model) - left.prediction
+    found = _beside_a_learned_truck(e) if e.own_error > 0 else None
+    if found is None:
+        sigma = float(1.4826 * np.median(np.abs(residual[e.valid])))
+        found = slow_force(e, residual, 1.0 / search.series.relative**2, sigma)
+    if found is None:
+        return causes
+    known = {m.effect for m in search.library}
+    possible = [n for n in found.possible if n in known and (n != "road_grade" or not e.has("grade"))]
+    if not possible and e.own_error > 0:
+        return causes  # larger than any it can be, it is the learned truck's own
+    effect = possible[0] if possible else "unknown"
+    if any(c.effect == effect for c in causes):
+        return causes  # what is left of it is the bend of its form
+    if "road_grade" in possible:
+        effect = "road_grade"  # where slope is not recorded it is there, and the other two only may be
+    road = road_lock(e, found.force)
+    if effect == "road_grade" and road is not None and road.other_way_km > 0:
+        # no wind and no gain turns its sign where a stretch is driven the other way
+        possible = ["road_grade"]
+    slow = float(np.sum(found.force[e.valid] ** 2))
+    share = slow / (slow + sum(float(np.sum(c.force[e.valid] ** 2)) for c in causes)) if causes else 1.0
+    if share < BEND:
+        return causes  # what a form that is not quite right leaves over is slow too
+    share = min(share, slow / float(np.sum(residual[e.valid] ** 2)))
+    rivals = tuple((n, 0.0) for n in possible if n != effect)
+    cause = Cause(
+        "missing_physics",
+        effect,
+        0.0,
+        min(share, 1.0),
+        round(1.0 / (1.0 + 0.5 * len(rivals)), 2),
+        found.force,
+        rivals=rivals,
+        needed=found.needed,
+        road=road,
+    )
+    rest = [
+        replace(c, share=c.share * (1 - cause.share))
+        for c in causes
+        if c.effect != "unknown" or effect != "unknown"
+    ]
+    return _in_order([*rest, cause])
+
+
+def _with_bursts(search: Search, model: Model, causes: list[Cause]) -> list[Cause]:
+    """Beside parameters, what acts in bursts as nothing does that has a name."""
+    found = bursts(search, model)
+    if found is None:
+        return causes
+    share = found.gain / (found.gain + sum(c.gain for c in causes))
+    rest = [replace(c, share=c.share * (1 - share)) for c in causes]
+    return _in_order([*rest, replace(found, share=share)])
+
+
+def _follows_anything_slow(cause: Cause) -> bool:
+    return cause.shape is not None and comes_and_goes(cause.shape)
+
+
+def _beside_a_learned_truck(e: Evidence) -> SlowForce | None:
+    """A slow force that a learned truck follows and a line through the recordings does not."""
+    line = plain_truck(e)
+    if line is None:
+        return None
+    known = np.isfinite(line.left)
+    sigma = float(1.4826 * np.median(np.abs(line.left[known])))
+    return slow_force(e, np.where(known, line.left, 0.0), known.astype(float), sigma, line.doubt)

@@ -1,0 +1,180 @@
+"""A formula for a force that has no name: symbolic regression on the signals it varies with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+from pyoperon.sklearn import SymbolicRegressor
+from sympy.printing.str import StrPrinter
+
+from deeptruck_model.mismatch.posterior.causes import Explanation
+from deeptruck_model.mismatch.posterior.left_over import drivers, unexplained
+from deeptruck_model.mismatch.residual.evidence import Evidence
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+DRIVERS = 3
+CELLS = 256  # points the formula is fitted to, each the mean over equally many seconds
+LEAST_IN_CELL = 12
+DIGITS = 3
+GRID = 21  # places along the range of each signal where a formula must stay below ...
+BEYOND = 3.0  # times the largest force
+LEAST_R2 = 0.1  # held out; a formula that predicts less would be taken for a law
+NEAR_BEST = 0.98  # of the best held-out r2: how much fit a simpler formula may give away,
+NOT_MORE_LEFT = 2.0  # but it may not leave twice as much: a straight line is within 2 % of many a parabola
+SYMBOLS = "add,sub,mul,div,square,exp,tanh,sin,fmax,fmin,abs,constant,variable"
+FUNCTIONS = {"fmax": sympy.Max, "fmin": sympy.Min, "max": sympy.Max, "min": sympy.Min, "abs": sympy.Abs}
+FUNCTIONS |= {"square": lambda x: x**2}
+
+
+@dataclass(frozen=True)
+class Formula:
+    """Force in N as text in the signals' names, its r2 on recordings it was not fitted to, its signals."""
+
+    text: str
+    held_out_r2: float
+    drivers: tuple[str, ...]
+
+
+def describe(e: Evidence, x: Explanation) -> dict[str, Any]:
+    """`equation`, `depends_on` and `formula_r2` for the finding of an unknown force; {} where none holds."""
+    found = formula(e, x)
+    if found is None:
+        return {}
+    return {
+        "equation": f"F = {found.text}",
+        "depends_on": list(found.drivers),
+        "formula_r2": round(found.held_out_r2, 3),
+    }
+
+
+def formula(e: Evidence, x: Explanation, seed: int = 0) -> Formula | None:
+    """The simplest formula (N) that predicts the unexplained force on held-out recordings as well as any.
+
+    None where there is too little data or no formula predicts much.
+    """
+    named = drivers(x, DRIVERS)
+    y, columns, out = unexplained(e, x, named)
+    if not named or min((~out).sum(), out.sum()) < 4 * LEAST_IN_CELL:
+        return None
+    return fit(columns, y * e.mass, out, seed)
+
+
+def fit(columns: dict[str, Array], y: Array, held_out: Mask, seed: int = 0) -> Formula | None:
+    """Symbolic regression of y (n,) on named columns (n,), most important first, judged on `held_out` rows.
+
+    None where no formula predicts LEAST_R2 of their variance.
+    """
+    symbols = [sympy.Symbol(name, real=True) for name in columns]
+    X = np.stack(list(columns.values()), axis=1)
+    candidates: list[sympy.Expr] = []
+    for count in range(1, len(symbols) + 1):  # fewer signals leave finer cells
+        front = _front(*cells(X[~held_out, :count], y[~held_out]), seed)
+        candidates += [_readable(text, symbols) for text in front]
+    candidates = [c for c in candidates if _bounded(c, symbols, X, y)]
+    scored = [(_r2(c, symbols, X[held_out], y[held_out]), _length(c), c) for c in candidates]
+    best = max((r2 for r2, _, _ in scored), default=0.0)
+    if best < LEAST_R2:
+        return None
+    good = [s for s in scored if s[0] >= NEAR_BEST * best and 1.0 - s[0] <= NOT_MORE_LEFT * (1.0 - best)]
+    r2, _, chosen = min(good, key=lambda s: (s[1], -s[0]))
+    return Formula(_text(chosen), r2, tuple(s.name for s in symbols if s in chosen.free_symbols))
+
+
+def cells(X: Array, y: Array) -> tuple[Array, Array]:
+    """Means over cells of equally many rows, made by splitting the widest side in half again and again.
+
+    Equal counts give points of equal noise, so they need no weights.
+    """
+    scale = X.std(axis=0) + 1e-12
+    parts = [np.arange(len(y))]
+    while 2 * len(parts) <= CELLS and len(parts[0]) >= 2 * LEAST_IN_CELL:
+        halves = []
+        for part in parts:
+            side = int(np.argmax(np.ptp(X[part] / scale, axis=0)))
+            order = part[np.argsort(X[part, side], kind="stable")]
+            halves += [order[: len(order) // 2], order[len(order) // 2 :]]
+        parts = halves
+    return np.stack([X[p].mean(axis=0) for p in parts]), np.array([y[p].mean() for p in parts])
+
+
+def _front(X: Array, y: Array, seed: int) -> list[str]:
+    """Formulas of ever greater length and fit, in X1, X2, ...; the same for the same data and seed."""
+    search = SymbolicRegressor(
+        allowed_symbols=SYMBOLS,
+        objectives=["r2", "length"],
+        max_length=24,
+        max_depth=7,
+        population_size=500,
+        generations=40,
+        max_evaluations=150_000,
+        optimizer_iterations=8,
+        epsilon=1e-4,
+        n_threads=1,
+        max_time=30,  # s; a guard alone: generations end it sooner, also on a busy machine
+        random_state=seed,
+    )
+    search.fit(X, y)
+    return [str(p["model"]) for p in search.pareto_front_]
+
+
+def _readable(text: str, symbols: Sequence[sympy.Symbol]) -> sympy.Expr:
+    """The library's text as an expression in the signals, constants rounded, expanded if that is shorter."""
+    known = FUNCTIONS | {f"X{i + 1}": symbol for i, symbol in enumerate(symbols)}
+    found = sympy.parse_expr(text.replace("^", "**"), local_dict=known)
+    return min((_rounded(found), _rounded(sympy.expand(found))), key=_length)
+
+
+def _rounded(x: sympy.Expr) -> sympy.Expr:
+    def constant(c: sympy.Float) -> sympy.Expr:
+        short = float(f"{float(c):.{DIGITS}g}")
+        return sympy.Integer(int(short)) if short.is_integer() else sympy.Float(short)
+
+    return x.xreplace({c: constant(c) for c in x.atoms(sympy.Float)})
+
+
+def _length(x: sympy.Expr) -> int:
+    return sum(1 for _ in sympy.preorder_traversal(x))
+
+
+def _r2(x: sympy.Expr, symbols: Sequence[sympy.Symbol], X: Array, y: Array) -> float:
+    with np.errstate(all="ignore"):
+        predicted = np.broadcast_to(sympy.lambdify(symbols, x, "numpy", dummify=True)(*X.T), y.shape)
+        r2 = 1.0 - np.sum((y - predicted) ** 2) / np.sum((y - y.mean()) ** 2)
+    return float(r2) if np.isfinite(r2) else -np.inf
+
+
+def _bounded(x: sympy.Expr, symbols: Sequence[sympy.Symbol], X: Array, y: Array) -> bool:
+    """Whether a formula stays within what was seen, all over the range of its signals: no pole between the
+    cells it was fitted to."""
+    sides = [np.linspace(column.min(), column.max(), GRID) for column in X.T]
+    places = np.concatenate([X, np.stack([g.ravel() for g in np.meshgrid(*sides)], axis=1)])
+    with np.errstate(all="ignore"):
+        force = np.broadcast_to(sympy.lambdify(symbols, x, "numpy", dummify=True)(*places.T), len(places))
+    return bool(np.isfinite(force).all() and np.abs(force).max() < BEYOND * np.abs(y).max())
+
+
+class _Printer(StrPrinter):
+    """Constants in plain digits, signals of several words in brackets."""
+
+    def _print_Float(self, x: sympy.Float) -> str:  # noqa: N802
+        return f"{float(x):.{DIGITS}g}" if 1e-4 <= abs(float(x)) < 1e6 else f"{float(x):.2e}"
+
+    def _print_Symbol(self, x: sympy.Symbol) -> str:  # noqa: N802
+        return f"[{x.name}]" if " " in x.name else str(x.name)
+
+
+def _text(x: sympy.Expr) -> str:
+    return (
+        str(_Printer().doprint(x))
+        .replace("**", "^")
+        .replace("*", " * ")
+        .replace("Max", "max")
+        .replace("Min", "min")
+    )

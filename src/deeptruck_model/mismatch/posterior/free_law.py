@@ -1,0 +1,145 @@
+"""What no name explains, as laws of the recorded signals that are added while the evidence asks for it.
+
+Boosted trees see what depends on many signals at once, but no swing, no lag and nothing fast; laws see these,
+and need less data.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.mechanisms import (
+    LATE_SENSOR,
+    Settings,
+    Shape,
+    acts_by,
+    law_signal,
+    laws,
+    leans_on,
+    merge,
+    shapes,
+)
+from deeptruck_model.mismatch.posterior.free_model import FreeModel, free_model
+from deeptruck_model.mismatch.posterior.screening import screen_shapes
+from deeptruck_model.mismatch.posterior.search import Model, Search
+from deeptruck_model.mismatch.residual.evidence import Evidence
+
+Array = NDArray[np.float64]
+
+MOST = 4  # laws side by side
+TRIED = 3  # of the best by approximate gain are fitted in full
+WORTH = 10.0  # nats a further law must gain beyond the price of its freedom
+PRIOR_SD = 0.3
+ALIKE = {"engine_command": "engine", "brake_command": "brake", "drag": "speed"}
+MOSTLY = 0.6  # of the squared force
+# Where a form may differ from the one that is known.
+ANYWHERE = frozenset({"speed", "elapsed", "ratio", "lever", "gear", "engine_speed"})
+TREES_R2 = 0.06  # share of held-out variance below which trees have found nothing
+
+
+@dataclass(frozen=True)
+class LeftOver:
+    """What signals predict of what a model leaves over, the nats gained, and the model with laws beside its
+    names where these are better than trees."""
+
+    free: FreeModel
+    gain: float
+    lawful: Model | None
+
+    def is_form_of(self, name: Shape, e: Evidence) -> bool:
+        """Whether the laws mostly act by the signals that a named shape acts by: then they are another form
+        of it rather than something else."""
+        if self.lawful is None:
+            return False
+        own = _plain(frozenset[str]().union(*(part.expression.signals() for part in name.parts)))
+        if "simulated" in own:  # what swings with the acceleration swings with the forces that make it
+            own |= {"engine", "brake"}
+        sizes = [(_acts_by(settings), size) for settings, size in _parts(e, self.lawful)]
+        within = sum(size for signals, size in sizes if signals & own and signals <= own | ANYWHERE)
+        return within > MOSTLY * sum(size for _, size in sizes)
+
+
+def left_over(search: Search, model: Model) -> LeftOver:
+    """By trees or by laws, whichever is the better."""
+    e = search.e
+    left = e.residual - search.prediction(model)
+    trees = free_model(e, left, search.series.relative)
+    gain = max(search.gain_of(model, trees.prediction), 0.0) if trees.r2 > TREES_R2 else 0.0
+    known = _beside_a_late_sensor(search, model)
+    grown = _grown(search, known)
+    if grown.score - known.score <= max(gain, WORTH):
+        return LeftOver(trees, gain, None)
+    return LeftOver(_as_free_model(e, left, grown, trees), grown.score - known.score, grown)
+
+
+def _beside_a_late_sensor(search: Search, model: Model) -> Model:
+    """The model with whatever filters the sensors have: lags of all forces together, or of the slope, are no
+    physics."""
+    each = shapes(LATE_SENSOR, search.e)
+    options = [*each, *([merge(each[0], each[1])] if len(each) > 1 else [])]
+    models = [search.model((*model.named, s), model.free, model.fit) for s in options]
+    return max([model, *models], key=lambda m: m.score)
+
+
+def _grown(search: Search, model: Model) -> Model:
+    """The model with as many laws beside its names as pay."""
+    options, best = laws(search.e), model
+    for _ in range(MOST):
+        taken = best.named[-1] if len(best.named) > len(model.named) else None
+        tried = [s for _, s in screen_shapes(search, best, options)[:TRIED]]
+        wider = [merge(taken, s) if taken is not None else s for s in tried]
+        models = [search.model((*model.named, s), model.free, best.fit) for s in wider]
+        step = max(models, key=lambda m: m.score, default=best)
+        if step.score < best.score + WORTH:
+            break
+        best = step
+    return best
+
+
+def _as_free_model(e: Evidence, left: Array, grown: Model, trees: FreeModel) -> FreeModel:
+    """The laws of a model as one prediction; a signal is as important as the forces that lean on it."""
+    law = grown.named[-1]
+    force = law.columns @ grown.coefficients(law.mechanism.effect)
+    weight: dict[str, float] = {}
+    for settings, size in _parts(e, grown):
+        for rank, name in enumerate(leans_on(settings)):
+            weight[name] = weight.get(name, 0.0) + size / (1 + rank)
+    total = sum(weight.values()) or 1.0
+    importance = {n: w / total for n, w in sorted(weight.items(), key=lambda item: -item[1])}
+    known = trees.features | {n: law_signal(n).rows(e) for n in importance}
+    return FreeModel(force, _crossed_r2(e, left, law.columns, grown.fit.sigma), importance, known)
+
+
+def _parts(e: Evidence, grown: Model) -> list[tuple[Settings, float]]:
+    """Each law of a model, and the sum of its squared force."""
+    law = grown.named[-1]
+    forces = law.columns * grown.coefficients(law.mechanism.effect)
+    parts = law.settings.get("parts", [law.settings])
+    ends = np.cumsum([len(law.mechanism.build(part)) for part in parts])
+    each = np.split(forces, ends[:-1], axis=1)
+    return [(p, float(np.sum(f.sum(axis=1)[e.valid] ** 2))) for p, f in zip(parts, each, strict=True)]
+
+
+def _acts_by(settings: Settings) -> frozenset[str]:
+    return _plain(acts_by(settings))
+
+
+def _plain(signals: frozenset[str]) -> frozenset[str]:
+    """A command and its force are one; drag is speed's."""
+    return frozenset(ALIKE.get(name, name) for name in signals)
+
+
+def _crossed_r2(e: Evidence, left: Array, columns: Array, sigma: float) -> float:
+    """Share of what was left (n,) that the columns predict in each half of the recordings from the other."""
+    half = e.record % 2 if e.record[-1] > 0 else (np.arange(len(e)) > len(e) // 2).astype(int)
+    error = total = 0.0
+    for k in (0, 1):
+        fit, test = e.valid & (half != k), e.valid & (half == k)
+        H = columns[fit].T @ columns[fit] + (sigma / PRIOR_SD) ** 2 * np.eye(columns.shape[1])
+        b = np.linalg.solve(H, columns[fit].T @ left[fit])
+        error += float(np.sum((left[test] - columns[test] @ b) ** 2))
+        total += float(np.sum(left[test] ** 2))
+    return 1.0 - error / max(total, 1e-12)

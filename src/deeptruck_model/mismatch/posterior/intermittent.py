@@ -1,0 +1,196 @@
+"""What is missing only now and then: first where, then what.
+
+A valve that sticks twice an hour is lost among hours in which it does not. So short windows are sought in
+which the simulator is plainly wrong, and mechanisms are fitted as if they acted in those windows alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.mechanisms import (
+    UNNAMED,
+    Mechanism,
+    Shape,
+    build,
+    comes_and_goes,
+    held_steady,
+    shape,
+)
+from deeptruck_model.mismatch.posterior.screening import screen_shapes
+from deeptruck_model.mismatch.posterior.search import TEMPER, Model, Search
+from deeptruck_model.mismatch.residual.evidence import Evidence
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Span = tuple[int, float, float]  # recording, from and to in s since its start
+
+LENGTHS_S = (0.6, 2.0, 6.0)
+PLAIN = 6.5  # sd by which the mean over a window must be off
+LARGEST = 6.0  # a single sample counts as no more than this
+AROUND_S = 1.5
+CREEPING = 2.5  # m/s: slower, idling engines and slipping clutches turn on a hair of speed
+MOST_BESIDE = 0.06  # share of the time; beyond, it is no exception
+MOST = 0.2  # the same where nothing has a name, whose form would leave something over in windows too
+PER_WINDOW = 6.0  # nats: the price of having looked for it
+FITTED = 6
+LARGEST_LOG = 600.0  # of trials, which hundreds of windows would take beyond what a float holds
+LONGEST_S = 300.0  # what lasts longer is not narrowed: it did not set in and let go
+SUDDEN = 0.5  # m/s^2, prior sd of a force without a name
+# A clock or a sensor is off always or not at all, and loads and tyres change for longer than a window.
+ALWAYS = ("clock_offset", "grade_bias", "payload_change", "rolling_resistance_warmup")
+
+
+def windows(e: Evidence, model: Model, most: float = MOST_BESIDE) -> list[Span]:
+    """Spans in which the innovations of a model are off together; none where they are no exception, which may
+    be `most` of the time."""
+    z = np.clip(np.nan_to_num(model.fit.innovations), -LARGEST, LARGEST)
+    known = np.isfinite(model.fit.innovations)
+    off = np.zeros(len(e), dtype=bool)
+    for length_s in LENGTHS_S:
+        width = max(2, round(length_s / e.dt))
+        kernel = np.ones(width)
+        count = np.maximum(np.convolve(known, kernel, mode="same"), 1.0)
+        off |= (np.abs(np.convolve(z, kernel, mode="same")) > PLAIN * np.sqrt(count)) & (count >= width / 2)
+    off &= ~_near_other_gear(e) & (e["speed"] > CREEPING)
+    near = np.convolve(off, np.ones(2 * round(AROUND_S / e.dt) + 1), mode="same") > 0.5
+    if not off.any() or near[e.valid].mean() > most:
+        return []
+    return _spans(e, near)
+
+
+def _near_other_gear(e: Evidence) -> Mask:
+    """A shift that comes a little sooner or later is off too, and nothing that sticks."""
+    apart = e.signals.get("gear apart", np.zeros(len(e))) > 0
+    near: Mask = np.convolve(apart, np.ones(2 * round(2 * AROUND_S / e.dt) + 1), mode="same") > 0.5
+    return near
+
+
+def _spans(e: Evidence, inside: Mask) -> list[Span]:
+    out: list[Span] = []
+    for i, s in enumerate(e.stretches):
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], inside[s.rows].astype(int), [0]])))
+        elapsed = e["elapsed"][s.rows]
+        for first, last in zip(edges[::2], edges[1::2], strict=True):
+            out.append((i, float(elapsed[first]), float(elapsed[last - 1])))
+    return out
+
+
+def narrowed(search: Search, model: Model, spans: list[Span]) -> list[Span]:
+    """The spans without what is around them: where what the model leaves is off from one step to another.
+
+    What sets in and lets go at once tells its name by how it acts in between; steps that come late hide it.
+    """
+    e = search.e
+    left = np.where(e.valid, e.residual - search.prediction(model), 0.0) / search.series.relative
+    left /= max(1.4826 * float(np.median(np.abs(left[e.valid]))), 1e-9)
+    inside = np.zeros(len(e), dtype=bool)
+    for i, first, last in spans:
+        rows = np.flatnonzero((e.record == i) & (e["elapsed"] >= first) & (e["elapsed"] <= last))
+        long = last - first > LONGEST_S
+        for begin, end in [(0, len(rows))] if long else steps(left[rows]):
+            inside[rows[begin:end]] = True
+    return _spans(e, inside)
+
+
+def steps(left: Array) -> list[tuple[int, int]]:
+    """Pieces [begin, end) of a series (n,) in units of its noise whose sums stand out most: one, then others
+    before and after it (circular binary segmentation, Olshen et al., Biostatistics 5, 2004, in its simplest
+    form)."""
+    if len(left) < 2:
+        return []
+    total = np.concatenate([[0.0], np.cumsum(left)])
+    count = np.arange(len(total))
+    width = np.maximum(count[None, :] - count[:, None], 1)
+    stands_out = np.triu(np.abs(total[None, :] - total[:, None]) / np.sqrt(width), 2)
+    begin, end = (int(k) for k in np.unravel_index(np.argmax(stands_out), stands_out.shape))
+    if stands_out[begin, end] < PLAIN:
+        return []
+    after = [(end + b, end + c) for b, c in steps(left[end:])]
+    return [*steps(left[:begin]), *_without_pauses(left, begin, end), *after]
+
+
+def _without_pauses(left: Array, begin: int, end: int) -> list[tuple[int, int]]:
+    """The piece [begin, end) without those parts of it in which less than half of it is left."""
+    inside = left[begin:end]
+    mean = float(inside.mean())
+    pauses = [(b, c) for b, c in steps(inside - mean) if np.sign(mean) * inside[b:c].mean() < abs(mean) / 2]
+    edges = [begin, *(begin + k for pause in pauses for k in pause), end]
+    return [(b, c) for b, c in zip(edges[::2], edges[1::2], strict=True) if c - b > 1]
+
+
+def within(spans: list[Span], e: Evidence) -> Mask:
+    """Which rows (n,) lie in the spans."""
+    inside = np.zeros(len(e), dtype=bool)
+    for i, first, last in spans:
+        inside |= (e.record == i) & (e["elapsed"] >= first) & (e["elapsed"] <= last)
+    return inside
+
+
+def during(given: Shape, spans: list[Span], e: Evidence) -> Shape:
+    """The shape confined to the spans."""
+    settings = given.settings | {"when": [list(span) for span in spans]}
+    parts = tuple(build(given.mechanism, settings))
+    trials = given.trials * float(np.exp(min(PER_WINDOW / TEMPER * len(spans), LARGEST_LOG)))
+    return replace(
+        given,
+        settings=settings,
+        parts=parts,
+        columns=given.columns * within(spans, e)[:, None],
+        trials=trials,
+    )
+
+
+def unnamed(search: Search, spans: list[Span]) -> Shape:
+    """A force without a name in the spans alone, of any size and sign in each."""
+    steady = held_steady(search.shapes(UNNAMED)[0], search.e)
+    each = {"parts": [steady.settings | {"when": [list(span)]} for span in spans]}
+    made = during(shape(UNNAMED, each, search.e), spans, search.e)
+    return replace(made, prior=replace(made.prior, sd=np.full(len(spans), SUDDEN)))
+
+
+def _steady(search: Search, mechanism: Mechanism) -> list[Shape]:
+    """The shapes of a mechanism that few windows can show; of what comes and goes, its mean."""
+    shapes = search.shapes(mechanism)
+    plain = [s for s in shapes if not {"each", "recordings", "own"} & set(s.settings)]
+    lasting = [s for s in plain if not comes_and_goes(s)]
+    coming = [s for s in plain if comes_and_goes(s)]
+    return [*lasting, *(held_steady(s, search.e) for s in coming[:1])]
+
+
+def candidates(search: Search, base: Model, spans: list[Span]) -> list[Model]:
+    """Every mechanism as if it acted in the spans alone, added to `base` and fitted, best first.
+
+    What has a size of its own in every recording, or a curve of its own, is too free for a few windows.
+    """
+    options = [
+        during(s, spans, search.e)
+        for mechanism in search.library
+        if mechanism.effect not in (*base.effects, *ALWAYS)
+        for s in _steady(search, mechanism)
+    ]
+    seen = [s for s in options if np.abs(s.columns[search.e.valid]).max(initial=0.0) > 1e-6]
+    best = _fitted(search, base, seen, {}, None)
+    if best:  # noise that has swallowed the windows hides names for them
+        best = _fitted(search, base, seen, best, max(best.values(), key=lambda m: m.score))
+    return sorted(best.values(), key=lambda m: -m.score)
+
+
+def _fitted(
+    search: Search, base: Model, options: list[Shape], best: dict[str, Model], leader: Model | None
+) -> dict[str, Model]:
+    """The best model of each of the first FITTED names, and of those in `best`; from the noise of the leader
+    where there is one."""
+    best, new = dict(best), set[str]()
+    for _, option in screen_shapes(search, base, options, leader):
+        effect = option.mechanism.effect
+        if effect not in new and len(new) >= FITTED:
+            continue
+        new.add(effect)
+        model = search.model((*base.named, option), base.free, (leader or base).fit, again=leader is not None)
+        if effect not in best or model.score > best[effect].score:
+            best[effect] = model
+    return best

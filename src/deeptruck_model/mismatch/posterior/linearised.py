@@ -1,0 +1,138 @@
+"""The search for names, about parameters of the simulator that are nearly right.
+
+A truck is not linear in its parameters: brakes that are too strong in the simulator get too hot and fade. So
+where parameters are far off they are set in the simulator, and all is linearised anew about them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from deeptruck_model.mismatch.data.prepared import Prepared
+from deeptruck_model.mismatch.mechanisms import Shape, shape
+from deeptruck_model.mismatch.posterior import lateness, own_error
+from deeptruck_model.mismatch.posterior.accepted import accepted
+from deeptruck_model.mismatch.posterior.causes import Explanation
+from deeptruck_model.mismatch.posterior.explain import explain
+from deeptruck_model.mismatch.posterior.search import POSSIBLE, Model, Search, changed_by
+from deeptruck_model.mismatch.posterior.stepwise import first_guess
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.residual import STEP, gather
+from deeptruck_model.simulators import Simulator
+
+WORTH_MOVING = 20.0  # nats
+# Beyond this relative change parameters are set in the simulator, and all is linearised again; and once more.
+RETUNE, SETTLED, RETUNES = 0.05, 0.02, 3
+_guesses: WeakKeyDictionary[Search, Model] = WeakKeyDictionary()  # a search is large: no longer than it
+
+
+def explained(
+    simulator: Simulator,
+    evidence: Evidence,
+    prepared: Sequence[Prepared],
+    held_out: Sequence[bool],
+    seed: int,
+    exclude: Sequence[str],
+    say: Callable[[str], None],
+) -> tuple[Evidence, Explanation]:
+    """The explanation, and the evidence about whose parameters it was found."""
+    say("searching for what is missing")
+    itself = own_error.known(simulator, prepared[0].measured_acceleration, seed)
+    if itself is not None:
+        say("learning the simulator's own error from the recordings it keeps")
+        evidence = own_error.allow_for(evidence, itself)
+    elif not simulator.parameters():
+        evidence = replace(evidence, own_error=own_error.UNKNOWN, slow_noise=own_error.UNKNOWN)
+    around = _Around(simulator, tuple(prepared), tuple(held_out), seed, tuple(exclude), say)
+    search = lateness.beside_it(Search(evidence, exclude=exclude), exclude)
+    search = _followed(around, _beside_parameters(around, search), _first_guess)
+    found = explain(search)
+    anew = around.parameters_of(search, found.model, RETUNE)
+    if anew is None or not _better(search, found.model, anew, _again(found.model, anew), WORTH_MOVING):
+        return search.e, found
+    return anew.e, explain(anew)  # names moved the parameters where the first guess had not
+
+
+@dataclass(frozen=True)
+class _Around:
+    """Makes searches about other parameters of the simulator."""
+
+    simulator: Simulator
+    prepared: tuple[Prepared, ...]
+    held_out: tuple[bool, ...]
+    seed: int
+    exclude: tuple[str, ...]
+    say: Callable[[str], None]
+
+    def parameters_of(self, search: Search, model: Model, least: float) -> Search | None:
+        """The search about the parameters a model asks for; None where none changes by more than `least`."""
+        own = self.simulator.parameters()
+        change = {p: changed_by(p, model.change(p)) for p in search.parameters if p in own}
+        if all(abs(c) <= least for c in change.values()):
+            return None
+        self.say("searching around the refitted parameters")
+        total = {p: search.e.total_change(p, c) for p, c in change.items()}
+        possible = {p: float(np.clip(c, *POSSIBLE[p])) for p, c in total.items() if abs(c) > 0.005}
+        moved = accepted(self.simulator, possible, near=STEP)
+        tuned = self.simulator.with_parameters({p: own[p] * (1 + c) for p, c in moved.items()})
+        e = gather(tuned, self.prepared, self.held_out, seed=self.seed, moved=moved)
+        return lateness.beside_it(Search(e, exclude=self.exclude), self.exclude)
+
+
+def _beside_parameters(around: _Around, search: Search) -> Search:
+    """The search about the parameters that do best alone, where these explain more than the best one name:
+    about parameters far off it may stand for what the simulator is not linear in."""
+    alone = _followed(around, search, _alone)
+    better = alone is not search and _better(search, _first_guess(search), alone, _alone(alone), 0.0)
+    return alone if better else search
+
+
+def _followed(around: _Around, search: Search, guess: Callable[[Search], Model]) -> Search:
+    """The search about the parameters of a guess, and of the guess there, while that explains more."""
+    for turn in range(RETUNES):
+        here = guess(search)
+        anew = around.parameters_of(search, here, SETTLED if turn else RETUNE)
+        if anew is None or not _better(search, here, anew, guess(anew), 0.0 if turn else WORTH_MOVING):
+            break
+        search = anew
+    return search
+
+
+def _alone(search: Search) -> Model:
+    return search.background(())
+
+
+def _first_guess(search: Search) -> Model:
+    if search not in _guesses:
+        _guesses[search] = first_guess(search)
+    return _guesses[search]
+
+
+def _better(given: Search, guess: Model, anew: Search, moved: Model, by: float) -> bool:
+    """Whether the search around the moved parameters explains more of what both may use, `by` nats.
+
+    Parameters can make up for a force they have nothing to do with, if they are moved far enough; and mass,
+    gains and drag all scaled alike change next to nothing.
+    """
+    both = given.e.valid & anew.e.valid
+    doubt = np.maximum(given.e.disagreement, anew.e.disagreement)  # rows weigh alike in both
+    sigma = max(given.sigma, anew.sigma)
+    scores = [
+        Search(replace(s.e, disagreement=doubt), only=both, sigma=sigma).model(m.named, m.free).score
+        for s, m in ((given, guess), (anew, moved))
+    ]
+    return bool(scores[1] > scores[0] + by)
+
+
+def _again(model: Model, search: Search) -> Model:
+    """A model with the same names in the same forms, on other evidence."""
+    return search.background(tuple(_on(search.e, s) for s in model.named))
+
+
+def _on(e: Evidence, s: Shape) -> Shape:
+    made = shape(s.mechanism, s.settings, e)
+    return replace(s, parts=made.parts, columns=made.columns)

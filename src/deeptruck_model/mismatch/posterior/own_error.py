@@ -1,0 +1,86 @@
+"""A learned simulator's own error, known from recordings it was not fitted to and keeps with it.
+
+What a deep truck learned imperfectly looks like missing physics. So whatever the search would gain on the
+truck's own recordings is the price that a finding on new recordings must exceed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch.data.prepared import Prepared, learned, prepare
+from deeptruck_model.mismatch.posterior.candidates import candidates
+from deeptruck_model.mismatch.posterior.free_law import left_over
+from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.residual.evidence import SLOW_NOISE, SLOW_NOISE_S, Evidence
+from deeptruck_model.mismatch.residual.residual import gather
+from deeptruck_model.recordings import Recording
+from deeptruck_model.simulators import Simulator
+
+Array = NDArray[np.float64]
+
+LEAST_S = 120.0
+UNKNOWN = 0.04  # m/s^2 rms, for a learned simulator that keeps no recordings: that of one trained on an hour
+SAFETY = 1.5  # the price is this much of what the search gains on the truck's own recordings
+
+
+def known(simulator: Simulator, measured_acceleration: bool, seed: int) -> Evidence | None:
+    """The simulator's own recordings as evidence; None where it keeps none that can be used."""
+    kept: Sequence[Recording] = getattr(simulator, "reference", ())
+    try:
+        prepared: list[Prepared] = [learned(simulator, prepare(r, measured_acceleration)) for r in kept]
+        if sum(float(p.valid.sum()) * p.dt for p in prepared) < LEAST_S:
+            return None
+        return gather(simulator, prepared, [False] * len(prepared), seed=seed)
+    except InputError:
+        return None
+
+
+def allow_for(evidence: Evidence, own: Evidence) -> Evidence:
+    """The evidence with what the simulator's own error makes of names, sizes and slow noise."""
+    own = replace(own, own_error=_slow_rms(own), slow_noise=_slow_noise(own))
+    ratio = float(evidence.valid.sum()) / max(float(own.valid.sum()), 1.0)
+    return replace(
+        evidence,
+        tolerance=_prices(own, ratio),
+        own_error=own.own_error,
+        slow_noise=own.slow_noise,
+        itself=own,
+    )
+
+
+def _prices(own: Evidence, ratio: float) -> dict[str, float]:
+    """Nats that each name gains on the simulator's own recordings, scaled to the amount of new data."""
+    search = Search(own)
+    base = search.background(())
+    prices = {m.effects[-1]: m.score - base.score for m in candidates(search, base)}
+    for p in search.parameters:
+        held = search.model((), base.free - {p})
+        prices[f"parameter:{p}"] = base.score - held.score if p in base.free else 0.0
+    prices["unknown"] = left_over(search, base).gain
+    scale = SAFETY * max(ratio, 0.5)
+    return {name: max(price, 0.0) * scale for name, price in prices.items()}
+
+
+def _slow_noise(own: Evidence) -> float:
+    """Sd (m/s^2) of the means over SLOW_NOISE_S of the simulator's own error, other driving allowed for."""
+    per = max(1, round(SLOW_NOISE_S / own.dt))
+    means = []
+    for s in own.stretches:
+        rows = np.arange(s.start, s.start + (s.stop - s.start) // per * per).reshape(-1, per)
+        means += own.residual[rows[own.valid[rows].all(axis=1)]].mean(axis=1).tolist()
+    spread = 1.4826 * float(np.median(np.abs(means))) if means else 0.0
+    return max(SLOW_NOISE, SAFETY * spread)
+
+
+def _slow_rms(own: Evidence) -> float:
+    """Rms (m/s^2) of what is left of the simulator's own error in means of a second, without most noise."""
+    smooth = uniform_filter1d(np.where(own.valid, own.residual, 0.0), max(1, round(1.0 / own.dt)))
+    quiet = np.sort(np.abs(smooth[own.valid]))[: int(0.98 * own.valid.sum())]  # without the rare jolt
+    return float(np.sqrt(np.mean(quiet**2)))

@@ -1,0 +1,149 @@
+"""What is large enough and sure enough to be said at all."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from deeptruck_model.mismatch.mechanisms import Mechanism, Settings, Shape, comes_and_goes, shape
+from deeptruck_model.mismatch.mechanisms.over_time import each_recording
+from deeptruck_model.mismatch.posterior.search import Model, Search
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.noise import whiten
+
+Array = NDArray[np.float64]
+
+ENOUGH = 20.0  # nats a name must gain: the price of the search, and of noise not quite as modelled
+ENOUGH_LEARNED = 35.0  # the same for a learned simulator, whose own error is never quite known
+SLOW_PRICE, SLOW_SHARE = 25.0, 0.1  # nats, and of the gain
+PRACTICAL_FORCE = 0.012  # m/s^2 rms over all time, what a slope sensor 0.1 % off makes, or ...
+PRACTICAL_WHEN_ACTING = 0.02  # m/s^2 rms over the tenth of the time when it acts most
+SURELY = 1.96  # posterior sd
+IMPOSSIBLE = 4.0  # prior sd; priors say what is physically possible
+# Beyond what sensor filters and message periods make late.
+PRACTICAL_S = {"delay": 0.15, "time_constant": 0.1}
+OTHER_DRIVING = 2.0  # times the own error that a learned simulator may have where it is driven otherwise
+ONCE = ("first", "each")  # settings by which a size belongs to a recording
+LEARNABLE = 0.05  # m/s^2 rms; a well-trained simulator's own error is smaller
+
+
+def enough(search: Search) -> float:
+    return ENOUGH_LEARNED if search.e.own_error > 0 else ENOUGH
+
+
+def price(search: Search, model: Model) -> float:
+    """Nats the last name of a model would gain from the simulator's own error alone."""
+    if not model.named or search.e.own_error == 0:
+        return 0.0
+    last = model.named[-1]
+    b = model.coefficients(last.mechanism.effect)
+    if beyond_learning(search.e, last, last.columns @ b) and not _has(last, *ONCE):
+        return 0.0
+    own = _own_size(search, last)
+    if own is None:
+        return search.e.tolerance.get(last.mechanism.effect, 0.0)
+    base = search.model(model.named[:-1], model.free, model.fit)
+    return max(search.gain_of_given(base, last.columns @ _within(search, base, last, own)), 0.0)
+
+
+def _within(search: Search, base: Model, last: Shape, own: Array) -> Array:
+    """The coefficients of a shape that explain most without being larger than `own`, each (k,)."""
+    left, X, H0, weight = search.whitened(base)
+    columns = whiten(last.columns, base.fit.ar, search.rows, weight)
+    columns = columns - X @ (H0 @ (X.T @ columns))
+    least = np.where(last.prior.sign > 0, 0.0, -own)
+    out: Array = lsq_linear(columns, left, (least, own + 1e-9)).x
+    return out
+
+
+def _own_size(search: Search, last: Shape) -> Array | None:
+    """How large the coefficients of a shape may be by the simulator's own error: as on the recordings it
+    keeps, other driving allowed for. None where it keeps none, or the shape belongs to these recordings."""
+    if search.own is None or _has(last, "when", "recordings") or comes_and_goes(last):
+        return None
+    if _has(last, *ONCE):
+        return _own_spread(search.own, last)
+    model = _on_its_own(search.own, last.mechanism, last.settings)
+    name = last.mechanism.effect
+    sd: Array = np.sqrt(np.diag(model.covariance(name)))
+    return OTHER_DRIVING * np.abs(model.coefficients(name)) + sd
+
+
+def _own_spread(own: Search, last: Shape) -> Array:
+    """The same where a coefficient belongs to a recording: as these differ among those the truck keeps."""
+    sizes = []
+    gate = {key: value for key, value in last.settings.items() if key == "gate"}
+    for part in last.settings.get("parts", [last.settings]):
+        kept = {key: value for key, value in part.items() if key not in (*ONCE, "after_s", "count")}
+        model = _on_its_own(own, last.mechanism, kept | gate | each_recording(own.e))
+        b = model.coefficients(last.mechanism.effect)
+        sd = np.sqrt(np.diag(model.covariance(last.mechanism.effect)))
+        size = OTHER_DRIVING * float(np.sqrt(np.mean(b**2))) + float(np.mean(sd))
+        sizes += [size] * len(last.mechanism.build(part))
+    return np.array(sizes)
+
+
+def _on_its_own(own: Search, mechanism: Mechanism, settings: Settings) -> Model:
+    base = own.background(())
+    return own.model((shape(mechanism, settings, own.e),), base.free, base.fit)
+
+
+def _has(last: Shape, *keys: str) -> bool:
+    """Whether a setting of a shape, or of any of its parts, is one of these."""
+    each = [last.settings, *last.settings.get("parts", [])]
+    return any(key in part for part in each for key in keys)
+
+
+def slow_price(model: Model, base: Model) -> float:
+    """Nats more that the last name of a model must gain beyond `base` where it comes and goes as it likes:
+    so do the zeros of slope sensors, and knots follow many a law that is not quite right here."""
+    if not model.named or not comes_and_goes(model.named[-1]):
+        return 0.0
+    return max(SLOW_PRICE, SLOW_SHARE * (model.score - base.score))
+
+
+def practical(search: Search, model: Model, shape: Shape) -> bool:
+    b = model.coefficients(shape.mechanism.effect)
+    for name, least in PRACTICAL_S.items():
+        parts = [(p, value) for p, value in zip(shape.parts, b, strict=True) if p.name.startswith(name)]
+        times = [value * part.factor for part, value in parts]
+        if times and abs(sum(times)) < least:
+            return False
+    if _beyond_possible(model, shape):
+        return False
+    if not comes_and_goes(shape) and (np.abs(b - shape.prior.mean) > IMPOSSIBLE * shape.prior.sd).any():
+        return False
+    force = shape.columns @ b
+    return beyond_learning(search.e, shape, force) or large_enough(search.e, force)
+
+
+def _beyond_possible(model: Model, shape: Shape) -> bool:
+    """Whether a coefficient is surely larger than it can be."""
+    sd = np.sqrt(np.diag(model.covariance(shape.mechanism.effect)))
+    surely = np.abs(model.coefficients(shape.mechanism.effect)) - SURELY * sd
+    return any(size * part.factor > part.most for part, size in zip(shape.parts, surely, strict=True))
+
+
+def beyond_learning(e: Evidence, shape: Shape, force: Array) -> bool:
+    """Whether the force has a driver that the simulator cannot see and is larger than what is imperfectly
+    learned.
+
+    It cannot have been absorbed, so meeting it on the simulator's own recordings too only says that it was
+    missing there.
+    """
+    if shape.columns.shape[1] < 3 and shape.mechanism.effect in (
+        "headwind",
+        "accessory_load",
+        "dragging_brake",
+    ):
+        return False  # always the same at the same speed, so it would have been learned
+    return shape.mechanism.hidden and float(np.sqrt(np.mean(force[e.valid] ** 2))) > LEARNABLE
+
+
+def large_enough(e: Evidence, force: Array) -> bool:
+    """Whether a force matters on the road and stands out of what the simulator itself learned imperfectly."""
+    acting = np.sort(np.abs(force[e.valid]))
+    rms = float(np.sqrt(np.mean(acting**2)))
+    top = float(np.sqrt(np.mean(acting[-max(1, len(acting) // 10) :] ** 2)))
+    return rms > max(PRACTICAL_FORCE, e.own_error) or top > max(PRACTICAL_WHEN_ACTING, 2.0 * e.own_error)

@@ -1,0 +1,235 @@
+"""Each name beside those that would do nearly as well in its place."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from deeptruck_model.mismatch.mechanisms import LIBRARY, UNNAMED, Shape, comes_and_goes
+from deeptruck_model.mismatch.posterior import intermittent
+from deeptruck_model.mismatch.posterior.candidates import candidates, enriched
+from deeptruck_model.mismatch.posterior.causes import GROUP_SHARE, Cause
+from deeptruck_model.mismatch.posterior.penalties import (
+    ENOUGH,
+    SLOW_PRICE,
+    SLOW_SHARE,
+    enough,
+    large_enough,
+    practical,
+    price,
+    slow_price,
+)
+from deeptruck_model.mismatch.posterior.screening import screen, screen_shapes
+from deeptruck_model.mismatch.posterior.search import TEMPER, Model, Search
+from deeptruck_model.mismatch.posterior.stepwise import WIDENED
+
+Array = NDArray[np.float64]
+
+ALTERNATIVES = 3  # rivals whose whole explanation is kept, to be driven against each other
+INSTEAD = 4  # mechanisms tried in place of each parameter
+DEAD_TIME = "delay"  # of the brake: the same force as a delay of its command
+SLOPE = "road_grade"  # a force that goes by nothing but its time is what a slope, or its sensor, is off by
+SLOW_S = 8.0  # smoothing of a slow force where it has no knots of its own
+PARAMETER_PRACTICAL = 0.025  # relative
+NEARLY_RIGHT = 0.015  # the same, as any simulator may be off; the interval must not reach it
+FEW = 0.5 * ENOUGH  # nats of a parameter that held-out drives must show
+ORDINARY_ZERO = 0.002  # of a slope sensor, rise over run; in one truck all drives have the same ...
+SURE_OF_IT = 240.0  # ... so that nats do not tell it from what rolls harder, but for many hours of driving
+
+
+def named_cause(search: Search, model: Model, shape: Shape) -> Cause:
+    """One named effect with the names that would do nearly as well in its place."""
+    base = search.background(tuple(n for n in model.named if n is not shape))
+    gain = model.score - base.score
+    instead = _instead_of(search, base, shape)
+    own = model.score - (max(SLOW_PRICE, SLOW_SHARE * gain) if comes_and_goes(shape) else 0.0)
+    own -= price(search, search.model((*base.named, shape), base.free | model.free, model.fit))
+    rivals = sorted(((n, own - _paid(search, base, m, own)) for n, m in instead), key=lambda rival: rival[1])
+    odds = 1.0 + sum(np.exp(-worse / TEMPER) for _, worse in rivals) + np.exp(-gain / TEMPER)
+    lawless = _lawless(search, model, shape)
+    if lawless is not None and lawless.score > model.score + max(ENOUGH, GROUP_SHARE * gain):
+        force = lawless.named[-1].columns @ lawless.coefficients(UNNAMED.effect)
+        more = gain + lawless.score - model.score
+        alike = tuple((m.effect, 0.0) for m in search.library if m.effect == SLOPE)
+        odds = 0.5 if alike else 0.9
+        return Cause(
+            "missing_physics", "unknown", more, 0.0, odds, force,
+            rivals=alike, nearest=shape.mechanism.effect, lawless=True,
+        )  # fmt: skip
+    if lawless is not None:  # perhaps something else comes and goes
+        unnamed = (UNNAMED.effect, max(model.score - lawless.score, 0.0))
+        rivals = sorted([*rivals, unnamed], key=lambda rival: rival[1])
+    if shape.settings.get("side") == DEAD_TIME and any(m.effect == "command_delay" for m in search.library):
+        rivals = [("command_delay", 0.0), *((n, worse) for n, worse in rivals if n != "command_delay")]
+    return Cause(
+        shape.mechanism.kind,
+        shape.mechanism.effect,
+        gain,
+        0.0,
+        float(1.0 / odds),
+        _force(search, model, shape),
+        shape,
+        tuple(rivals),
+        alternatives=tuple(instead[:ALTERNATIVES]),
+    )
+
+
+def _paid(search: Search, base: Model, rival: Model, own: float) -> float:
+    """The score of a rival without what its last name has to gain at least. What a learned simulator's own
+    error gives takes long to know, and matters only where a rival does better than `own`."""
+    if len(rival.named) <= len(base.named):
+        return rival.score
+    score = rival.score - slow_price(rival, base)
+    return score - price(search, rival) if score > own else score
+
+
+def _instead_of(search: Search, base: Model, shape: Shape) -> list[tuple[str, Model]]:
+    """The best model with each other possible name, or one more parameter, in place of a shape; best
+    first."""
+    if "when" in shape.settings:
+        spans = [(int(i), first, last) for i, first, last in shape.settings["when"]]
+        tried = intermittent.candidates(search, base, spans)
+    else:
+        tried = candidates(search, base)
+        tried = [enriched(search, m) for m in tried[:WIDENED]] + tried[WIDENED:]
+    tried = [m for m in tried if practical(search, m, m.named[-1])]
+    instead = [(m.effects[-1], m) for m in tried if m.effects[-1] != shape.mechanism.effect]
+    bent = [p for p in search.parameters if p not in base.free]
+    return _best_of_each_name(instead + [(p, search.model(base.named, base.free | {p})) for p in bent])
+
+
+def _best_of_each_name(models: list[tuple[str, Model]]) -> list[tuple[str, Model]]:
+    """Best first; a drag area that changes and a wrong one bear the same name."""
+    best: dict[str, Model] = {}
+    for name, model in sorted(models, key=lambda item: -item[1].score):
+        best.setdefault(name, model)
+    return list(best.items())
+
+
+def _lawless(search: Search, model: Model, shape: Shape) -> Model | None:
+    """The same model with an unnamed force in place of one that comes and goes; None for a law.
+
+    A name for such a force says how it acts, with speed squared or with the pull; one that acts otherwise is
+    told by this alone.
+    """
+    if search.e.own_error > 0:
+        return None  # a learned truck follows slow forces in part, so that none of them acts as it should
+    others = tuple(n for n in model.named if n is not shape)
+    if "when" in shape.settings:
+        spans = [(int(i), first, last) for i, first, last in shape.settings["when"]]
+        return search.model((*others, intermittent.unnamed(search, spans)), model.free, model.fit)
+    if not comes_and_goes(shape):
+        return None
+    base = search.model(others, model.free, model.fit)
+    scored = screen_shapes(search, base, search.shapes(UNNAMED))[:2]
+    options = [enriched(search, search.model((*others, s), model.free, model.fit)) for _, s in scored]
+    return max(options, key=lambda m: m.score, default=None)
+
+
+def _force(search: Search, model: Model, shape: Shape) -> Array:
+    """What a mechanism adds, (n,). A profile whose knots did not reach every recording goes on as a smooth
+    residual."""
+    e = search.e
+    force = shape.columns @ model.coefficients(shape.mechanism.effect)
+    if shape.mechanism.effect != "road_grade":
+        return force
+    left = np.where(e.valid, e.residual - search.prediction(model) + force, 0.0)
+    weight = e.valid / search.series.relative**2
+    width = SLOW_S / e.dt
+    smooth = gaussian_filter1d(left * weight, width) / np.maximum(gaussian_filter1d(weight, width), 1e-3)
+    reached = np.zeros(len(e), dtype=bool)
+    for i in np.unique(e.record[np.abs(shape.columns).max(axis=1) > 0]):
+        reached |= e.record == i
+    return np.where(reached, force, smooth)
+
+
+def tuned_causes(search: Search, model: Model) -> list[Cause]:
+    """The free parameters in the order in which each helps most, and what each adds to those before it.
+
+    Judged one by one at the end they would hide behind each other: mass can be mimicked by three gains
+    together.
+    """
+    grown, out = search.model(model.named, frozenset()), []
+    while grown.free < model.free:
+        options = [
+            search.model(model.named, grown.free | {p}, model.fit) for p in sorted(model.free - grown.free)
+        ]
+        options = sorted((m for m in options if m.free > grown.free), key=lambda m: -m.score)
+        if not options:
+            break
+        others = [(next(iter(m.free - grown.free)), m) for m in options[1:]]
+        others += [(m.effects[-1], m) for m in _instead(search, grown)]
+        cause = _parameter(search, model, grown, options[0], _best_of_each_name(others))
+        if cause is not None:
+            out.append(cause)
+        grown = options[0]
+    return out
+
+
+def _instead(search: Search, model: Model) -> list[Model]:
+    """The best mechanisms in place of one more parameter: what grows with speed may be drag or tyres."""
+    best: dict[str, Shape] = {}
+    for _, shape in screen(search, model):
+        best.setdefault(shape.mechanism.effect, shape)
+    tried = [
+        search.model((*model.named, shape), model.free, model.fit) for shape in list(best.values())[:INSTEAD]
+    ]
+    return sorted(tried, key=lambda m: -m.score)
+
+
+def _clear_beside_as_given(search: Search, model: Model, before: Model, after: Model) -> bool:
+    """Whether a parameter explains enough beside one that is just as given, and nothing else is missing. What
+    is held may move a little, which hides small errors; held-out drives then have to show them clearly."""
+    if model.named or search.e.own_error > 0.0:
+        return False
+    name = next(iter(after.free - before.free))
+    given = search.model(before.named, before.free, before.fit, pinned=name)
+    return after.score - given.score > ENOUGH
+
+
+def _a_slope_sensors_zero(search: Search, before: Model, after: Model) -> float:
+    """The zero that would do nearly as well, rise over run; infinite where none would. Held-out drives have
+    the same one, so that they show nothing."""
+    (zero,) = search.shapes(LIBRARY["grade_bias"])
+    instead = search.model((*before.named, zero), before.free, before.fit)
+    if instead.score < after.score - ENOUGH:
+        return float("inf")
+    return float(np.abs(instead.coefficients("grade_bias")).max())
+
+
+def _parameter(
+    search: Search, model: Model, before: Model, after: Model, others: list[tuple[str, Model]]
+) -> Cause | None:
+    """The parameter that `after` frees beyond `before`; None where it hardly moves or hardly matters."""
+    name = next(iter(after.free - before.free))
+    gain = after.score - before.score
+    value = search.e.total_change(name, model.change(name))
+    least = enough(search) + search.e.tolerance.get(f"parameter:{name}", 0.0)
+    force = search.e.sensitivity[name] * value  # of the simulator as given, to first order
+    unsure = abs(value) < NEARLY_RIGHT + 1.96 * model.change_sd(name)
+    if unsure or abs(value) < PARAMETER_PRACTICAL:
+        return None
+    large = large_enough(search.e, force)
+    if gain < least or not large:
+        if not _clear_beside_as_given(search, model, before, after):
+            return None
+        if not large and np.isfinite(_a_slope_sensors_zero(search, before, after)):
+            return None
+        gain = FEW
+    if gain < SURE_OF_IT and _a_slope_sensors_zero(search, before, after) < ORDINARY_ZERO:
+        return None
+    rivals = tuple((n, after.score - m.score) for n, m in others)
+    odds = 1.0 + sum(np.exp(-max(w, 0.0) / TEMPER) for _, w in rivals) + np.exp(-gain / TEMPER)
+    return Cause(
+        "parameter_error",
+        name,
+        gain,
+        0.0,
+        float(1.0 / odds),
+        force,
+        None,
+        rivals,
+        alternatives=tuple(others[:ALTERNATIVES]),
+        whole=after,
+    )

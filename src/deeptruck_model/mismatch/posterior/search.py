@@ -1,0 +1,229 @@
+"""Which mechanisms, beside which parameter errors, explain the residual: a search by evidence.
+
+Every model is a set of shapes beside the simulator's own parameters, which are either held (they may move by
+HELD) or free (by the FREE share that is physically plausible). Log evidence is the sum of the log
+probabilities with which each part of the data is predicted from the rest, so it ranks by prediction and
+charges for every coefficient.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.mechanisms import (
+    LIBRARY,
+    Mechanism,
+    Shape,
+    shapes,
+)
+from deeptruck_model.mismatch.mechanisms.regimes import Regimes
+from deeptruck_model.mismatch.residual import sensor_filter
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.noise import Fit, Prior, Series, fit, whiten
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+TEMPER = 3.0  # evidence is this much too sure, the noise model being approximate; priors are charged likewise
+# Relative change of a parameter from the simulator's. All scaled down alike change next to nothing, and so
+# would make up for whatever is not scaled with them.
+POSSIBLE = {
+    "mass": (-0.8, 3.0),
+    "drag_area": (-0.6, 2.0),
+    "rolling_resistance": (-0.85, 3.0),
+    "torque_gain": (-0.35, 2.0),
+    "brake_gain": (-0.5, 2.0),
+}
+LARGEST_SLOPE = 0.75  # what four times the mass does
+HELD, PINNED = 0.01, 0.001
+FREE = {"mass": 0.3, "drag_area": 0.3, "rolling_resistance": 0.4, "torque_gain": 0.15, "brake_gain": 0.25}
+# Several delays side by side are any filter, and no delay; a sensor is off always or not at all.
+ONE_SIZE = ("command_delay", "clock_offset", "grade_bias")
+
+
+@dataclass(frozen=True)
+class Model:
+    """A fitted explanation. `free`: simulator parameters set free; `score`: evidence with priors, in nats."""
+
+    named: tuple[Shape, ...]
+    free: frozenset[str]
+    fit: Fit
+    score: float
+    layout: tuple[tuple[str, slice], ...] = field(default=())
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        return tuple(n.mechanism.effect for n in self.named)
+
+    def coefficients(self, name: str) -> Array:
+        """Posterior mean of the coefficients of an effect."""
+        return self.fit.b[dict(self.layout)[name]]
+
+    def change(self, parameter: str) -> float:
+        """Relative change of a parameter of the simulator that was run."""
+        return float(self.coefficients(f"parameter:{parameter}")[0])
+
+    def change_sd(self, parameter: str) -> float:
+        """Posterior sd of `change`."""
+        return float(np.sqrt(self.covariance(f"parameter:{parameter}")[0, 0]))
+
+    def covariance(self, name: str) -> Array:
+        """Posterior covariance of the coefficients of an effect, as much wider as evidence is too sure, or as
+        recordings disagree, whichever is the more."""
+        part = dict(self.layout)[name]
+        own = TEMPER * self.fit.covariance[part, part]
+        sd = np.sqrt(np.diag(own))
+        wider = np.maximum(self.fit.between[part] / np.maximum(sd, 1e-12), 1.0)
+        out: Array = own * np.outer(wider, wider)
+        return out
+
+
+def changed_by(parameter: str, slope: float) -> float:
+    """The relative change whose effect is the linear one of `slope`: forces act by one over the mass."""
+    return 1.0 / (1.0 - min(slope, LARGEST_SLOPE)) - 1.0 if parameter == "mass" else slope
+
+
+class Search:
+    """Fits models on one body of evidence and remembers them."""
+
+    def __init__(
+        self,
+        evidence: Evidence,
+        *,
+        exclude: Iterable[str] = (),
+        only: Mask | None = None,
+        sigma: float | None = None,
+        held: float = HELD,
+    ) -> None:
+        """`only` of its rows (n,); `sigma`, m/s^2, is the noise by which rows are weighed, else measured;
+        `held` the relative change by which parameters may move that are not free."""
+        self._held = held
+        self.e = evidence
+        self.parameters = tuple(evidence.sensitivity)
+        self._late, self._lateness = sensor_filter.known(evidence)
+        self.series: Series = evidence.series(1e9, only)
+        if sigma is None:
+            sigma = fit(self.series, *self._design((), frozenset(self.parameters))[:2]).sigma
+        self.sigma = sigma
+        self.series = evidence.series(sigma, only)
+        self.rows = np.flatnonzero(self.series.usable())
+        self.library = [
+            m for name, m in LIBRARY.items() if name not in set(exclude) and evidence.has(*m.needs)
+        ]
+        self.regimes = Regimes.of(evidence, self.series.usable())
+        self.own = Search(evidence.itself) if evidence.itself is not None else None
+        self._shapes: dict[str, list[Shape]] = {}
+        self._memo: tuple[Model, Fit, tuple[Array, Array, Array, Array]] | None = None
+        self._models: dict[tuple[object, ...], Model] = {}
+
+    def shapes(self, mechanism: Mechanism) -> list[Shape]:
+        """All shapes of a mechanism on this evidence, made once."""
+        if mechanism.effect not in self._shapes:
+            self._shapes[mechanism.effect] = shapes(mechanism, self.e)
+        return self._shapes[mechanism.effect]
+
+    def model(
+        self,
+        named: tuple[Shape, ...],
+        free: frozenset[str],
+        start: Fit | None = None,
+        *,
+        again: bool = False,
+        pinned: str = "",
+    ) -> Model:
+        """Fit one explanation, from the noise of `start`. Fitted `again` from another start, the better one
+        stays: noise that swallows a force and a force that leaves little noise are both optima. Parameters
+        that are not free are held near what the simulator was given; the `pinned` one is just that."""
+        key = (tuple((n.mechanism.effect, id(n)) for n in named), free, pinned)
+        known = self._models.get(key)
+        if known is None or again:
+            X, prior, layout = self._design(named, free, pinned)
+            found = fit(self.series, X, prior, start)
+            cost = TEMPER * sum(np.log(n.trials) - np.log(n.mechanism.chance(self.e)) for n in named)
+            model = Model(named, free, found, found.evidence - float(cost), layout)
+            beyond = {p for p in free if not self._possible(p, model)}
+            if beyond:
+                model = self.model(named, free - beyond, start, again=again, pinned=pinned)
+            self._models[key] = model if known is None or model.score > known.score else known
+        return self._models[key]
+
+    def _possible(self, parameter: str, model: Model) -> bool:
+        """Whether a parameter stays within what a truck can have: no rolling resistance is negative."""
+        low, high = POSSIBLE[parameter]
+        change = changed_by(parameter, model.change(parameter))
+        return low < self.e.total_change(parameter, change) < high
+
+    def background(self, named: tuple[Shape, ...]) -> Model:
+        """The best model with these mechanisms and any set of free parameters that a greedy search finds."""
+        best = self.model(named, frozenset())
+        everything = self.model(named, frozenset(self.parameters))
+        grown = best
+        while True:
+            options = [
+                self.model(named, grown.free | {p}, grown.fit) for p in self.parameters if p not in grown.free
+            ]
+            step = max(options, key=lambda m: m.score, default=grown)
+            if step.score < grown.score + 1.0:
+                break
+            grown = step
+        return max((best, grown, everything), key=lambda m: m.score)
+
+    def whitened(self, base: Model, noise: Model | None = None) -> tuple[Array, Array, Array, Array]:
+        """Residual and columns of `base` in units of the noise, its inverse precision, and the weights."""
+        fit = (noise or base).fit
+        if self._memo is None or self._memo[0] is not base or self._memo[1] is not fit:
+            X, prior, _ = self._design(base.named, base.free)
+            z = fit.innovations[self.rows]
+            weight = np.sqrt(6.0 / (5.0 + z**2)) / (self.series.relative[self.rows] * fit.sigma)
+            Xw = whiten(X, fit.ar, self.rows, weight)
+            yw = whiten(self.series.y - X @ base.fit.b, fit.ar, self.rows, weight)
+            H0: Array = np.linalg.inv(Xw.T @ Xw + np.diag(1 / prior.sd**2)).astype(np.float64)
+            self._memo = (base, fit, (yw, Xw, H0, weight))
+        return self._memo[2]
+
+    def prediction(self, model: Model) -> Array:
+        """What a model says the residual is, (n,)."""
+        X, _, _ = self.design(model)
+        out: Array = X @ model.fit.b
+        return out
+
+    def gain_of(self, model: Model, column: Array) -> float:
+        """Nats gained by one more column (n,) that should enter with a factor near one."""
+        X, prior, _ = self.design(model)
+        extra = Prior(np.array([0.7]), np.array([0.4]), np.array([1.0]))
+        found = fit(self.series, np.column_stack([X, column]), Prior.join(prior, extra), model.fit)
+        return found.evidence - model.fit.evidence
+
+    def gain_of_given(self, model: Model, force: Array) -> float:
+        """Nats gained by a force (n,) taken as it is."""
+        X, prior, _ = self.design(model)
+        found = fit(replace(self.series, y=self.series.y - force), X, prior, model.fit)
+        return found.evidence - self.model(model.named, model.free, model.fit).fit.evidence
+
+    def design(self, model: Model) -> tuple[Array, Prior, tuple[tuple[str, slice], ...]]:
+        """Columns (n, k), prior and layout of a model."""
+        return self._design(model.named, model.free)
+
+    def _design(
+        self, named: tuple[Shape, ...], free: frozenset[str], pinned: str = ""
+    ) -> tuple[Array, Prior, tuple[tuple[str, slice], ...]]:
+        blocks = [n.columns for n in named] + [self.e.sensitivity[p][:, None] for p in self.parameters]
+        blocks.append(self._late)
+        names = (
+            [n.mechanism.effect for n in named] + [f"parameter:{p}" for p in self.parameters] + ["sensor lag"]
+        )
+        sd = np.array(
+            [PINNED if p == pinned else FREE[p] if p in free else self._held for p in self.parameters]
+        )
+        as_given = np.array([1.0 / (1.0 + self.e.moved.get(p, 0.0)) - 1.0 for p in self.parameters])
+        prior = Prior.join(*(n.prior for n in named), Prior(as_given, sd, np.zeros(len(sd))), self._lateness)
+        layout, at = [], 0
+        for name, block in zip(names, blocks, strict=True):
+            layout.append((name, slice(at, at + block.shape[1])))
+            at += block.shape[1]
+        X = np.concatenate(blocks, axis=1)
+        return X, prior, tuple(layout)

@@ -1,0 +1,174 @@
+"""From nothing to a model: mechanisms are added, dropped and exchanged while the evidence asks for it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes, shape
+from deeptruck_model.mismatch.posterior import intermittent
+from deeptruck_model.mismatch.posterior.candidates import candidates, enriched
+from deeptruck_model.mismatch.posterior.penalties import (
+    ENOUGH,
+    SLOW_PRICE,
+    SLOW_SHARE,
+    enough,
+    practical,
+    price,
+    slow_price,
+)
+from deeptruck_model.mismatch.posterior.search import Model, Search
+
+WIDENED = 4  # of the best names are given more freedom of form before the first is chosen
+MOST = 4  # effects at once
+EXCHANGES = 3
+ENOUGH_RARE = 45.0  # nats for what is seen in a few windows alone, which were chosen for being off
+SETTLING = 2  # times
+WORTH_AN_EXCHANGE = 3.0  # nats
+BESIDE = 0.33  # a further name must gain this share of the others' gain: a form not quite right invites more,
+APART = 0.04  # or this share, where it acts when the others do not
+
+
+def first_guess(search: Search) -> Model:
+    """Parameters alone, or with the one best mechanism: enough to see how far the parameters are off."""
+    base = search.background(())
+    best = max(candidates(search, base), key=lambda m: m.score, default=base)
+    return best if best.score > base.score + enough(search) + price(search, best) else base
+
+
+def grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], ...]]:
+    """Add the best mechanism while it is worth it; then drop those that no longer are."""
+    ranking: tuple[tuple[str, float], ...] = ()
+    bare = base
+    while len(base.named) < MOST:
+        options = candidates(search, base)
+        if not ranking:
+            ranking = tuple((m.effects[-1], m.score - base.score) for m in options)
+        more = _one_more(search, base, bare, options)
+        if more is base:
+            break
+        base = more
+    while len(base.named) > 1:
+        without = [search.background(tuple(n for n in base.named if n is not s)) for s in base.named]
+        weakest = max(without, key=lambda m: m.score)
+        gone = next(s for s in base.named if all(s is not n for n in weakest.named))
+        share = _beside(search, search.background((*weakest.named, gone)))
+        if weakest.score < base.score - enough(search) - share * (base.score - bare.score):
+            break
+        base = weakest
+    base = _settled(search, _exchanged(search, base))
+    best = max(_rare(search, base, bare), key=lambda m: m.score - _for_freedom(m, bare))
+    gave_way = any(all(s is not n for n in best.named) for s in base.named)
+    if gave_way and len(best.named) < MOST:  # it may be there as well
+        best = _one_more(search, best, bare, candidates(search, best))
+    return best, ranking
+
+
+def _one_more(search: Search, base: Model, bare: Model, options: list[Model]) -> Model:
+    """The best of the options, each one name more than `base`, where it is worth it; else `base`."""
+    options = [m for m in options if practical(search, m, m.named[-1])]
+    options = [enriched(search, m) for m in options[:WIDENED] if m.score > base.score + ENOUGH / 2]
+    best = max(options, key=lambda m: m.score - price(search, m) - slow_price(m, base), default=base)
+    least = enough(search) + price(search, best) + _beside(search, best) * (base.score - bare.score)
+    least += slow_price(best, base)
+    return base if best.score < base.score + least else search.background(best.named)
+
+
+def _rare(search: Search, base: Model, bare: Model) -> list[Model]:
+    """The model with what acts in a few windows alone, and the same without what comes and goes, whose knots
+    follow such windows too, and without any law, which may stand in for it."""
+    lasting = tuple(s for s in base.named if not comes_and_goes(s))
+    most = intermittent.MOST_BESIDE if base.named else intermittent.MOST
+    found = _now_and_then(search, base, bare, most)
+    slow = found is base and len(lasting) < len(base.named)
+    instead = [search.background(lasting)] if slow else []
+    if base.named and all(m is not bare for m in instead):
+        instead.append(bare)
+    instead = [m for m in instead if _gains_in_windows(search, base, m)]
+    return [found, *(_now_and_then(search, m, bare, intermittent.MOST_BESIDE) for m in instead)]
+
+
+def _gains_in_windows(search: Search, model: Model, without: Model) -> bool:
+    """Whether half of what a model gains lies in windows in which it is plainly wrong without; where it does
+    not, what acts there alone is no better."""
+    inside = intermittent.within(intermittent.windows(search.e, without), search.e)
+    gained = model.fit.pointwise - without.fit.pointwise
+    return bool(inside.any() and gained[inside].sum() > 0.5 * gained.sum())
+
+
+def _for_freedom(model: Model, bare: Model) -> float:
+    """Nats by which what comes and goes must do better, and what acts in windows that were chosen for it."""
+    coming = SLOW_PRICE if any(comes_and_goes(s) for s in model.named) else 0.0
+    chosen = SLOW_SHARE if any("when" in s.settings for s in model.named) else 0.0
+    return coming + chosen * (model.score - bare.score)
+
+
+def _settled(search: Search, model: Model) -> Model:
+    """Delays are linear about the amounts that were tried; they are fitted again about what that gave."""
+    for _ in range(SETTLING):
+        moved = tuple(_about_its_size(search, model, s) for s in model.named)
+        settled = search.model(moved, model.free, model.fit)
+        if settled.score < model.score:
+            return model
+        model = settled
+    return model
+
+
+def _about_its_size(search: Search, model: Model, s: Shape) -> Shape:
+    """A shape of delays at the delays it was fitted to; any other as it is."""
+    lines = s.settings.get("lines")
+    if lines is None:
+        return s
+    sizes = model.coefficients(s.mechanism.effect).tolist()
+    fitted = {which: round(tau_s * b, 3) for (which, tau_s), b in zip(lines.items(), sizes, strict=True)}
+    return shape(s.mechanism, s.settings | {"lines": fitted}, search.e)
+
+
+def _beside(search: Search, model: Model) -> float:
+    """The share of the others' gain that the last name of a model must gain.
+
+    What a form leaves wrong lies where it acts, so that a force that acts elsewhere is one of its own.
+    """
+    forces = [s.columns @ model.coefficients(s.mechanism.effect) for s in model.named]
+    if len(forces) < 2:
+        return BESIDE
+    last, others = np.abs(forces[-1]), np.abs(sum(forces[:-1], start=np.zeros(len(search.e))))
+    sizes = float(np.sqrt(np.sum(last**2) * np.sum(others**2)))
+    together = float(last @ others) / max(sizes, 1e-12)
+    return APART + (BESIDE - APART) * together
+
+
+def _now_and_then(search: Search, base: Model, bare: Model, most: float) -> Model:
+    """Add a mechanism that acts in a few windows alone, `most` of the time, where one explains them."""
+    spans = intermittent.windows(search.e, base, most) if search.e.own_error == 0 else []
+    if not spans:
+        return base
+    narrow = intermittent.narrowed(search, base, spans)
+    tried = [m for where in (spans, narrow) for m in intermittent.candidates(search, base, where)]
+    tried = [m for m in tried if practical(search, m, m.named[-1])]
+    best = max(tried, key=lambda m: m.score, default=base)
+    least = ENOUGH_RARE + _beside(search, best) * (base.score - bare.score)
+    return best if best.score > base.score + least else base
+
+
+def _exchanged(search: Search, model: Model) -> Model:
+    """Each mechanism in turn gives way to one that does better beside the others: the first was chosen
+    alone."""
+    for _ in range(EXCHANGES):
+        before = model
+        for given in model.named:
+            others = tuple(n for n in model.named if n is not given)
+            base = search.background(others)
+            options = [
+                enriched(search, m)
+                for m in candidates(search, base)[:WIDENED]
+                if practical(search, m, m.named[-1])
+            ]
+            best = max(options, key=lambda m: m.score - price(search, m) - slow_price(m, base), default=model)
+            better = search.background(best.named)
+            own = slow_price(search.model((*others, given), model.free, model.fit), base)
+            if better.score - slow_price(better, base) > model.score - own + WORTH_AN_EXCHANGE:
+                model = better
+                break
+        if model is before:
+            break
+    return model

@@ -1,0 +1,1 @@
+"""A verdict comes in; the page goes out: sentences, figures, and what to do now."""

@@ -1,0 +1,230 @@
+"""Findings as people and programs read them: the sentences, parameters and groups of verdict.json."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.data.data_checks import SensorFault
+from deeptruck_model.mismatch.expression import Rerun
+from deeptruck_model.mismatch.mechanisms import LIBRARY, OWN, Column, Shape, carriers
+from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
+from deeptruck_model.mismatch.posterior.search import Model
+from deeptruck_model.mismatch.report.unnamed_words import comes_and_goes, slow, strength, unknown
+from deeptruck_model.mismatch.residual.evidence import Evidence
+
+Array = NDArray[np.float64]
+
+NAMES = {
+    "mass": ("kg", "the mass differs from the simulator's"),
+    "drag_area": ("m^2", "the drag area differs from the simulator's"),
+    "rolling_resistance": ("1", "the rolling resistance differs from the simulator's"),
+    "torque_gain": ("1", "the torque the engine gives for its command differs from the simulator's"),
+    "brake_gain": ("1", "the force the brakes give for their command differs from the simulator's"),
+}
+TOLD_BY = {
+    "mass": "accelerate with the same torque at a low and a high speed",
+    "drag_area": "coast down from high speed on a flat road, both ways",
+    "rolling_resistance": "coast down at low speed on a flat road, both ways",
+    "torque_gain": "pull with steps of torque at one speed",
+    "brake_gain": "brake with steps of command from one speed",
+}
+SETTING_UNITS = {
+    "tau_s": "s",
+    "decay_s": "s",
+    "cooling_s": "s",
+    "soak_s": "s",
+    "cold_s": "s",
+    "window_s": "s",
+    "length_m": "m",
+    "frequency_hz": "Hz",
+    "damping": "1",
+    "after_s": "s",
+    "keeps_s": "s",
+    "frees_m": "m",
+}
+OTHER_FORM = ". It acts otherwise than in the form that is known here, and may be something else"
+TELLING_PARAMETERS = 12  # a profile along the road has hundreds; people get the ones that matter
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One entry of `findings` in verdict.json, with the cause it came from."""
+
+    data: dict[str, Any]
+    cause: Cause | None = field(default=None)
+
+
+def from_sensor(fault: SensorFault) -> Finding:
+    """A fault between two sensors, certain and beside all physics."""
+    ci = [fault.value - 1.96 * fault.se, fault.value + 1.96 * fault.se]
+    alone = "move the truck by a known distance and compare each sensor with it"
+    return Finding(
+        {
+            "kind": "measurement_fault",
+            "effect": fault.effect,
+            "says": fault.says,
+            "equation": "accelerometer(t) = slope * dv/dt(t - lag) + offset",
+            "parameters": {"value": {"value": fault.value, "unit": fault.unit, "ci95": ci}},
+            "probability": 0.99,
+            "cannot_be_told_from": [],
+            "would_be_told_by": alone,
+            "share_of_explainable_error": 0.0,
+            "depends_on": ["speed", "acceleration"],
+        }
+    )
+
+
+def from_cause(cause: Cause, e: Evidence, explanation: Explanation, own: dict[str, float]) -> Finding:
+    """A cause in words and numbers. `own` holds the simulator's parameters (SI) where it has them."""
+    if cause.needed is not None:
+        words = slow(cause)
+    elif cause.lawless:
+        words = comes_and_goes(cause, e)
+    elif cause.effect == "unknown":
+        words = unknown(cause, e, explanation)
+    elif cause.shape is None:
+        words = _parameter(cause, e, explanation, own)
+    else:
+        words = _mechanism(cause, e, explanation)
+    return Finding(
+        {
+            "kind": cause.kind,
+            "effect": cause.effect,
+            **words,
+            "probability": round(cause.believed, 3),
+            "cannot_be_told_from": cause.not_told_from,
+            "share_of_explainable_error": round(cause.share, 3),
+            "evidence_nats": round(cause.gain, 1),
+            "rivals": [{"effect": n, "worse_by_nats": round(w, 1)} for n, w in cause.rivals[:8]],
+        },
+        cause,
+    )
+
+
+def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> dict[str, Any]:
+    shape = cause.shape
+    assert shape is not None
+    m = shape.mechanism
+    parameters = _sizes(shape, explanation.model, e) | chosen(shape)
+    return {
+        "says": f"{m.says}: {strength(cause, e)}{_now_and_then(shape)}{_confined(shape, e.mass)}"
+        f"{_curved(shape)}"
+        f"{OTHER_FORM if cause.other_form else ''}",
+        "equation": m.equation,
+        "parameters": parameters,
+        "would_be_told_by": m.told_by,
+        "depends_on": [*m.depends_on, *[gate[0] for gate in _gates(shape) if gate[0] not in m.depends_on]],
+    }
+
+
+def chosen(shape: Shape) -> dict[str, Any]:
+    """Settings that have a size, as parameters without an interval; of two parts with one, the first's."""
+    out: dict[str, Any] = {}
+    for part in [shape.settings, *shape.settings.get("parts", [])]:
+        for name, value in part.items():
+            if isinstance(value, float) and name in SETTING_UNITS:
+                out.setdefault(name, {"value": value, "unit": SETTING_UNITS[name], "ci95": None})
+    return out
+
+
+def _gates(shape: Shape) -> list[tuple[str, str, float]]:
+    """The regime to which all of a shape is confined: signal, side and border; at most one."""
+    parts = [part.get("gate") for part in shape.settings.get("parts", [shape.settings])]
+    same = "gate" not in shape.settings and parts[0] is not None and all(p == parts[0] for p in parts)
+    gate = shape.settings.get("gate") or (parts[0] if same else None)
+    return [tuple(gate)] if gate else []
+
+
+def _confined(shape: Shape, mass: float) -> str:
+    """In which regime alone an effect acts, where it does."""
+    for signal, side, at in _gates(shape):
+        border = {
+            "speed": f"the speed is {side} {at:.1f} m/s",
+            "grade": f"the grade is {side} {100 * at:.1f} %",
+            "lever": f"the engine turns {side} {at:.1f} rad per metre",
+            "engine": f"the engine's force is {side} {at * mass:.0f} N",
+            "engine torque": f"the engine's torque is {side} {at * mass:.0f} N m",
+        }[signal]
+        return f". It shows only where {border}"
+    return ""
+
+
+def _curved(shape: Shape) -> str:
+    """Over what an effect runs in a curve of its own, where it does."""
+    parts = shape.settings.get("parts", [shape.settings])
+    over = [OWN[shape.mechanism.effect][part["own"]].by for part in parts if "own" in part]
+    return f". It is a curve of its own over {', '.join(dict.fromkeys(over))}" if over else ""
+
+
+def _now_and_then(shape: Shape) -> str:
+    """That an effect was seen in a few windows alone, where it was."""
+    spans = shape.settings.get("when", [])
+    seconds = sum(last - first for _, first, last in spans)
+    times = "once" if len(spans) == 1 else f"{len(spans)} times"
+    return f". It was seen now and then alone, {times} for {seconds:.0f} s together" if spans else ""
+
+
+def _sizes(shape: Shape, model: Model, e: Evidence) -> dict[str, Any]:
+    """The most telling parameters by name. Columns of one name, from a widened shape, add up to one size.
+
+    When within a sample a command came nobody knows, so that no delay is known better than that.
+    """
+    values, covariance = model.coefficients(shape.mechanism.effect), model.covariance(shape.mechanism.effect)
+    by = carriers.factors(e.moved, {p: e.total_change(p, model.change(p)) for p in model.free})
+    weights: dict[str, Array] = {}
+    told: dict[str, Column] = {}
+    for k, part in enumerate(shape.parts):
+        for name, weight in part.course or ((part.name, 1.0),):
+            factor = weight * part.factor * (e.mass if part.per_mass else 1.0)
+            factor *= carriers.ratio(part, e, by) if e.moved else 1.0
+            weights.setdefault(name, np.zeros(len(shape.parts)))[k] = factor
+            told[name] = part
+    sizes: dict[str, tuple[float, float, str]] = {
+        name: (
+            float(g @ values),
+            float(np.sqrt(max(float(g @ covariance @ g), 0.0) + _timing(told[name], e))),
+            told[name].unit,
+        )
+        for name, g in weights.items()
+    }
+    telling = sorted(sizes, key=lambda n: -abs(sizes[n][0]) / max(sizes[n][1], 1e-12))[:TELLING_PARAMETERS]
+    return {
+        name: {"value": value, "unit": unit, "ci95": [value - 1.96 * sd, value + 1.96 * sd] if sd else None}
+        for name, (value, sd, unit) in sizes.items()
+        if name in telling
+    }
+
+
+def _timing(part: Column, e: Evidence) -> float:
+    """Variance (s^2) of a time for not knowing where within a quarter of a row either way a command came."""
+    return (e.dt / 4) ** 2 / 3 if part.unit == "s" and isinstance(part.expression, Rerun) else 0.0
+
+
+def _parameter(cause: Cause, e: Evidence, explanation: Explanation, own: dict[str, float]) -> dict[str, Any]:
+    unit, says = NAMES[cause.effect]
+    change = e.total_change(cause.effect, explanation.model.change(cause.effect))
+    sd = explanation.model.change_sd(cause.effect) * (1.0 + e.moved.get(cause.effect, 0.0))
+    base, unit = (own[cause.effect], unit) if cause.effect in own else (1.0, "of the simulator's")
+    ci = [base * (1 + change - 1.96 * sd), base * (1 + change + 1.96 * sd)]
+    return {
+        "says": f"{says}: {abs(100 * change):.1f} % {'more' if change > 0 else 'less'} (+-{196 * sd:.1f} %)",
+        "equation": f"{cause.effect} -> {cause.effect} * (1 {change:+.3f})",
+        "parameters": {cause.effect: {"value": base * (1 + change), "unit": unit, "ci95": ci}},
+        "would_be_told_by": TOLD_BY[cause.effect],
+        "depends_on": [cause.effect],
+    }
+
+
+def in_sentences(*parts: str) -> str:
+    """The parts as sentences in a row, without the last full stop; empty ones left out."""
+    first, *more = filter(None, parts)
+    return ". ".join([first, *(part[:1].upper() + part[1:] for part in more)])
+
+
+def known(effect: str) -> bool:
+    """Whether a name is one the tool can give."""
+    return effect in LIBRARY or effect in NAMES or effect in ("unknown", "speed_scale", "acceleration_bias")

@@ -1,0 +1,239 @@
+"""The verdict in a few sentences. `of` says what is claimed, as data; `sentences` puts it into words.
+
+Terminal, page and demo print these same sentences. None has more than LONGEST words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum, auto
+from typing import Any
+
+from deeptruck_model.mismatch.correction.correction import Chosen
+from deeptruck_model.mismatch.correction.worth import Errors, Worth, errors, refitted_is_much_better, worth
+from deeptruck_model.mismatch.mechanisms import LIBRARY
+from deeptruck_model.mismatch.posterior.search import POSSIBLE
+from deeptruck_model.mismatch.report.page_words import number, opened, prose, spoken
+
+LONGEST = 30  # words in a sentence
+HIDING_N = 600.0  # of a steady force: a third of what the tyres of a laden truck take
+NAMED, RIVALS = 4, 3  # names, and others that each may be, in one sentence
+
+PARAMETERS_ALONE = "The correction is refitted parameters alone, which drove the fitted recordings best."
+SHOWN = {
+    Worth.BETTER: "So what was found is worth more than other parameters.",
+    Worth.AS_GOOD: "These drives do not tell which of the last two predicts better.",
+    Worth.WORSE: "So refitted parameters predict these drives better than what was found.",
+}
+
+
+class Kind(Enum):
+    """What a name stands for."""
+
+    PHYSICS = auto()
+    PARAMETER = auto()
+    SENSOR = auto()
+
+
+class Claim(Enum):
+    """What the verdict comes down to."""
+
+    UNDETERMINED = auto()
+    AGREES = auto()
+    MUCH_COULD_HIDE = auto()
+    OFF_WITHOUT_A_NAME = auto()  # other parameters drive much better, though none is surely wrong
+    FOUND = auto()
+
+
+@dataclass(frozen=True)
+class Name:
+    """A finding, and what it cannot be told from: it is then told as a group and not alone."""
+
+    effect: str
+    kind: Kind
+    rivals: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Headline:
+    """What is claimed. `found` has what explains most first; `left_out` of it is not in the correction."""
+
+    claim: Claim
+    found: tuple[Name, ...] = ()
+    left_out: tuple[Name, ...] = ()
+    laws: bool = False  # the correction holds laws without a name too
+    worth: Worth | None = None  # None where nothing was to be corrected
+    errors: Errors | None = None
+    seen_n: float = 0.0  # the smallest steady force that would have been seen, N; 0 where that is not known
+    reason: str = ""  # why nothing can be said
+
+
+def text(verdict: Mapping[str, Any]) -> str:
+    """The sentences on a verdict as one text."""
+    return " ".join(sentences(of(verdict)))
+
+
+def of(verdict: Mapping[str, Any]) -> Headline:
+    """What the data of verdict.json come down to."""
+    if verdict["verdict"] == "undetermined":
+        reason = verdict["caveats"][-1] if verdict["caveats"] else "the recordings do not tell"
+        return Headline(Claim.UNDETERMINED, reason=reason)
+    if not verdict["findings"]:
+        return _nothing(verdict)
+    found = sorted(verdict["findings"], key=lambda f: _order(f, verdict["verdict"]))
+    simulated = [f for f in found if f["kind"] != "measurement_fault"]
+    if not simulated:
+        return Headline(Claim.FOUND, tuple(map(name, found)))
+    fit = verdict["fit"]
+    corrected = fit.get("corrected", [])
+    return Headline(
+        Claim.FOUND,
+        tuple(map(name, found)),
+        tuple(name(f) for f in simulated if f["effect"] not in corrected),
+        fit.get("chosen") == Chosen.LAWS,
+        worth(fit),
+        errors(fit),
+    )
+
+
+def _order(finding: Mapping[str, Any], main_kind: str) -> tuple[bool, float]:
+    return finding["kind"] != main_kind, -finding["share_of_explainable_error"]
+
+
+def _nothing(verdict: Mapping[str, Any]) -> Headline:
+    fit = verdict["fit"]
+    steady = verdict["data"].get("smallest_visible", {}).get("steady force all the time", {})
+    seen_n = float(steady.get("newton") or 0.0)
+    if seen_n > HIDING_N:
+        return Headline(Claim.MUCH_COULD_HIDE, seen_n=seen_n)
+    claim = Claim.OFF_WITHOUT_A_NAME if refitted_is_much_better(fit) else Claim.AGREES
+    return Headline(claim, errors=errors(fit), seen_n=seen_n)
+
+
+def name(finding: Mapping[str, Any]) -> Name:
+    """A finding of verdict.json, as it is named."""
+    kinds = {"missing_physics": Kind.PHYSICS, "parameter_error": Kind.PARAMETER}
+    kind = kinds.get(finding["kind"], Kind.SENSOR)
+    return Name(finding["effect"], kind, tuple(finding["cannot_be_told_from"]))
+
+
+def sentences(h: Headline) -> list[str]:
+    """What is claimed, then what is shown of the correction: sentences of at most LONGEST words."""
+    if h.claim is Claim.UNDETERMINED:
+        return ["Nothing can be said yet.", f"{opened(prose(h.reason))}."]
+    if h.claim is Claim.FOUND:
+        return [*_found(h.found), *_shown(h)]
+    seen = [f"A steady force above {number(h.seen_n)} N would have been seen."] if h.seen_n else []
+    if h.claim is Claim.MUCH_COULD_HIDE:
+        return [
+            "Nothing was found, but much could hide in what the simulator has learned imperfectly.",
+            *seen,
+        ]
+    if h.claim is Claim.AGREES:
+        return ["Nothing is missing: the simulator agrees with these recordings.", *seen]
+    said = "The simulator is off, but no physics and no parameter alone has shown itself as the cause."
+    return [said, *([_compared(h.errors)] if h.errors else []), *seen]
+
+
+def _found(found: Sequence[Name]) -> list[str]:
+    """What was found, in as many names as a sentence holds; sensors in a sentence of their own."""
+    sensors = [n for n in found if n.kind is Kind.SENSOR]
+    others = [n for n in found if n.kind is not Kind.SENSOR]
+    if not others:
+        return [fitting(lambda n, r: f"A sensor is at fault, not the truck model: {_all(sensors, n, r)}.")]
+    said = [fitting(lambda n, r: _opening(others, n, r))]
+    if sensors:
+        said.append(fitting(lambda n, r: f"Besides, a sensor is at fault: {_all(sensors, n, r)}."))
+    return said
+
+
+def _opening(found: Sequence[Name], names: int, rivals: int) -> str:
+    physics = [n for n in found if n.kind is Kind.PHYSICS]
+    parameters = [n for n in found if n.kind is Kind.PARAMETER]
+    if any(_mixed(n) for n in found):
+        return f"The simulator is off in {_all(found, names, rivals, ' in ')}."
+    if not parameters:
+        return f"The simulator leaves out {_all(physics, names, rivals)}."
+    off = f"{_all(parameters, names, rivals)} {'is' if len(parameters) == 1 else 'are'} off"
+    if not physics:
+        return f"No physics is missing, but the simulator's {off}."
+    return f"The simulator's {off}, and it leaves out {_all(physics, names, rivals)}."
+
+
+def _mixed(name: Name) -> bool:
+    """Whether it is undecided between a parameter that is off and physics that is left out."""
+    if name.kind is Kind.PARAMETER:
+        physics = [r for r in name.rivals if r in LIBRARY and LIBRARY[r].kind == "missing_physics"]
+        return any(r not in POSSIBLE for r in physics)
+    return any(r in POSSIBLE and r not in LIBRARY for r in name.rivals)
+
+
+def _shown(h: Headline) -> list[str]:
+    """What the held-out drives show of the correction, refitted parameters first."""
+    if h.worth is None:
+        return []
+    if h.worth is Worth.NOT_DRIVEN:
+        return ["No held-out drive is long enough without a gap to prove a correction."]
+    if h.worth is Worth.NOT_BETTER:
+        return ["No correction proved better on held-out recordings, so none may be applied."]
+    assert h.errors is not None
+    if h.worth is Worth.PARAMETERS_ALONE:
+        return [PARAMETERS_ALONE, _compared(h.errors)]
+    rest = "what was found"
+    said = []
+    if h.laws:
+        said.append("Laws without a name are in the correction too.")
+    elif h.left_out:
+        said.append(fitting(lambda n, r: _not_in(h.left_out, n)))
+        rest = "the rest"
+    return [*said, _compared(h.errors, rest), SHOWN[h.worth]]
+
+
+def _compared(e: Errors, corrected: str = "") -> str:
+    runs = f"In {number(e.horizon_s)} s free runs on held-out recordings, the speed error is"
+    given, refitted = (
+        f"{number(e.given)} m/s as given",
+        f"{number(e.refitted)} m/s with all parameters refitted",
+    )
+    if not corrected:
+        return f"{runs} {given} and {refitted}."
+    return f"{runs} {given}, {refitted}, and {number(e.corrected)} m/s with {corrected}."
+
+
+def _not_in(left_out: Sequence[Name], names: int) -> str:
+    verb = "is" if len(left_out) == 1 else "are"
+    alone = [Name(n.effect, n.kind) for n in left_out]
+    return f"{opened(_all(alone, names, 0))} {verb} not in the correction."
+
+
+def group(name: Name, rivals: int = RIVALS) -> str:
+    """A name with what it cannot be told from: 'headwind or rolling resistance that grows with speed'."""
+    return either([name.effect, *name.rivals], rivals + 1)
+
+
+def either(effects: Sequence[str], most: int) -> str:
+    """Names of effects as alternatives, `most` of them."""
+    told = [_spoken(effect) for effect in effects[:most]]
+    return " or ".join(told if len(told) == len(effects) else [*told, "others"])
+
+
+def _all(names: Sequence[Name], most: int, rivals: int, each: str = " ") -> str:
+    """The first names in a row, each after the word `each`, which begins the row without it."""
+    told = [group(n, rivals) for n in names[:most]]
+    if more := len(names) - len(told):
+        told.append(f"{more} more")
+    if len(told) < 3:
+        return f" and{each}".join(told)
+    return f"{f',{each}'.join(told[:-1])}, and{each}{told[-1]}"
+
+
+def _spoken(effect: str) -> str:
+    return "a force without a name" if effect == "unknown" else spoken(effect)
+
+
+def fitting(say: Callable[[int, int], str]) -> str:
+    """The sentence say(names, rivals) with as many names and rivals as LONGEST words hold."""
+    sizes = ((names, rivals) for names in range(NAMED, 0, -1) for rivals in range(RIVALS, -1, -1))
+    said = (say(*size) for size in sizes)
+    return next((s for s in said if len(s.split()) <= LONGEST), say(1, 0))

@@ -1,0 +1,116 @@
+"""The page: report.html in one file that opens offline, its figures as PNG beside it."""
+
+from __future__ import annotations
+
+import base64
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from jinja2 import Environment, StrictUndefined
+
+from deeptruck_model.mismatch.correction.correction import Chosen
+from deeptruck_model.mismatch.report import figures, given_words, headline, page_words, validation, what_now
+from deeptruck_model.mismatch.report import text as page_text
+from deeptruck_model.mismatch.report.drawing import words
+from deeptruck_model.mismatch.report.record_next import record_next
+from deeptruck_model.mismatch.report.what_now import Asked
+
+if TYPE_CHECKING:
+    from deeptruck_model.mismatch.find import Mismatch
+
+TEMPLATE = "report.html.jinja"
+ROWS = {  # of the table before and after
+    "before": "before: as it was given",
+    "parameters_only": "parameters only: all refitted, nothing else",
+    "after": "after: corrected by the findings",
+    "free_model": "free model: corrected by laws without a name too",
+}
+ALONE = "after: all parameters refitted, no name, as these drove the fitted recordings best"
+
+
+def write(mismatch: Mismatch, out: Path, asked: Asked) -> None:
+    """Write report.html and the figures (PNG, coverage.png among them) into the folder `out`, which exists.
+
+    `asked` is the call that the page's commands repeat. Raises OSError where the folder cannot be written.
+    """
+    drawn = figures.draw(mismatch)
+    for name, picture in drawn.items():
+        (out / f"{name}.png").write_bytes(picture.png)
+    (out / "report.html").write_text(page(mismatch, drawn, asked), encoding="utf-8")
+
+
+def page(mismatch: Mismatch, drawn: dict[str, figures.Picture], asked: Asked) -> str:
+    """The page as HTML. Nothing in it is fetched from elsewhere."""
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    text = resources.files(__package__).joinpath(TEMPLATE).read_text(encoding="utf-8")
+    return environment.from_string(text).render(_content(mismatch, drawn, asked))
+
+
+def _content(m: Mismatch, drawn: dict[str, figures.Picture], asked: Asked) -> dict[str, Any]:
+    v = m.verdict
+    gained, nothing = page_text.rejected_names(m)
+    first, *more = headline.sentences(headline.of(v))
+    to_drive = record_next(m)
+    return {
+        "sentence": first,
+        "verdict": more,
+        "now": what_now.steps(v, to_drive, asked),
+        "summary": given_words.summary(m),
+        "findings": page_text.findings(m),
+        "smallest": [_visible(n, s) for n, s in v["data"].get("smallest_visible", {}).items()],
+        "figures": {name: _embedded(picture) for name, picture in drawn.items()},
+        "regimes": [
+            {
+                "where": page_words.condition(r["where"]),
+                "error": page_words.percent(r["share_of_error"]),
+                "time": page_words.percent(r["share_of_time"]),
+            }
+            for r in v["regimes"]
+        ],
+        "fit": _fit(v["fit"]),
+        "gained": gained,
+        "nothing": nothing,
+        "samples": [
+            {"rule": page_words.prose(r["rule"]), "samples": r["samples"]} for r in v["data"]["rejected"]
+        ],
+        "next": to_drive,
+        "caveats": [page_words.opened(page_words.prose(c)) for c in given_words.caveats(v)],
+    }
+
+
+def _embedded(picture: figures.Picture) -> dict[str, Any]:
+    parts = [base64.b64encode(part).decode("ascii") for part in picture.parts or (picture.png,)]
+    return {"sources": [f"data:image/png;base64,{part}" for part in parts], "caption": picture.caption}
+
+
+def _visible(name: str, size: dict[str, float]) -> dict[str, str]:
+    text = (
+        f"{100 * size['relative']:.1f} %" if "relative" in size else f"{page_words.number(size['newton'])} N"
+    )
+    return {"name": words(name), "size": text}
+
+
+def _fit(fit: dict[str, Any]) -> dict[str, Any] | None:
+    """The before/after table; None where there was no free run to compare."""
+    if "before" not in fit:
+        return None
+    names = ROWS | ({"after": ALONE} if fit["chosen"] == Chosen.PARAMETERS else {})
+    rows = [
+        {
+            "name": names[name],
+            "speed": page_words.number(fit[name]["speed_rmse"]),
+            "acceleration": page_words.number(fit[name]["acceleration_rmse"]),
+        }
+        for name in ROWS
+        if name in fit
+    ]
+    return {
+        "rows": rows,
+        "runs": page_words.counted(fit["windows"], "free run"),
+        "horizon": page_words.number(fit["horizon_s"]),
+        "held_out": ", ".join(fit["held_out"]),
+        "said": validation.said(fit),
+    }

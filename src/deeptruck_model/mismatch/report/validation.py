@@ -1,0 +1,118 @@
+"""What the held-out free runs say of the correction: beside the simulator as given, and beside other
+parameters.
+
+Only the first decides whether it may be applied; the second says what the names are worth beyond numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from deeptruck_model.mismatch.correction.correction import Chosen
+from deeptruck_model.mismatch.correction.worth import (
+    Worth,
+    errors,
+    refitted_is_much_better,
+    refitted_is_surely_better,
+    worth,
+)
+
+LEAST_RESAMPLED = 3  # recordings; with fewer the interval is over the free runs
+ASKED = (
+    "Validation asks one thing: does the corrected simulator surely have a smaller speed error than the one "
+    "given, on recordings it was not fitted to?"
+)
+BETTER = "So {what} worth more than other parameters."
+WORSE = (
+    "So on these drives the findings predict worse than refitted parameters. "
+    "Free parameters can make up for what is missing, and for sizes that are not quite right. "
+    "On other driving they may fail."
+)
+UNSTATED = (
+    "Refitted parameters alone predict these drives better, though none of them is surely enough wrong to "
+    "be stated: more recordings may tell."
+)
+EQUAL = "So these drives do not tell which of the two predicts better."
+NOT_BETTER = "the corrected simulator does not predict the held-out recordings better: nothing may be applied"
+NOT_DRIVEN = "no held-out recording is long enough without a gap to judge by: nothing may be applied"
+UNNAMED = (
+    "what has no name is not in the corrected simulator; with it (--with-unnamed) the speed error of "
+    "held-out free runs is {free:.3g} m/s instead of {after:.3g} m/s"
+)
+TUNED = (
+    "with other parameters the speed error of held-out free runs is {tuned:.3g} m/s instead of "
+    "{before:.3g} m/s, though none of them is surely wrong"
+)
+HELPS = 0.9  # of the error, below which what has no name is worth asking for
+
+
+def said(fit: dict[str, Any]) -> list[str]:
+    """Sentences on the `fit` of verdict.json; none where there were no free runs."""
+    if worth(fit) is Worth.NOT_DRIVEN:
+        return []
+    if fit["chosen"] == Chosen.NOTHING:
+        more = [UNSTATED] if refitted_is_surely_better(fit) else []
+        return ["Nothing was changed, so before and after are the same.", *more]
+    return [ASKED, *_passed(fit), *_beside_parameters(fit)]
+
+
+def _passed(fit: dict[str, Any]) -> list[str]:
+    gained = f"it is {_change(fit['improvement_ci95'])} (95 % interval over {_resampled(fit)})"
+    if fit["validated"]:
+        return [f"Yes, {gained}.", "The correction passed validation and may be applied."]
+    return [f"No, {gained}.", "The correction did not pass validation and is not applied."]
+
+
+def _beside_parameters(fit: dict[str, Any]) -> list[str]:
+    if fit["chosen"] == Chosen.PARAMETERS:
+        return ["The correction is refitted parameters alone: they drove the fitted recordings best."]
+    beside = fit["improvement_over_parameters_ci95"]
+    what = "the findings and laws without a name are" if fit["chosen"] == Chosen.LAWS else "the findings are"
+    better = BETTER.format(what=what)
+    end = better if beside[0] > 0.0 else WORSE if refitted_is_surely_better(fit) else EQUAL
+    return [
+        "Beside the simulator with all its parameters refitted, the speed error of the corrected one is "
+        f"{_change(beside)}.",
+        end,
+    ]
+
+
+def _change(ci: Sequence[float]) -> str:
+    """The interval of a relative improvement in words: '3 to 74 % larger'."""
+    low, high = (round(100 * x) for x in ci)
+    if low == high:
+        return f"{abs(low)} % {'smaller' if low >= 0 else 'larger'}"
+    if ci[0] >= 0.0:
+        return f"{low} to {high} % smaller"
+    if ci[1] <= 0.0:
+        return f"{-high} to {-low} % larger"
+    return f"between {-low} % larger and {high} % smaller"
+
+
+def _resampled(fit: dict[str, Any]) -> str:
+    runs = f"free runs of {fit['horizon_s']:.0f} s"
+    recordings = fit["improvement_recordings"]
+    if recordings < LEAST_RESAMPLED:
+        return runs
+    own = ", each driven by a fit that had not seen it" if recordings > len(fit["held_out"]) else ""
+    return f"{recordings} recordings{own}, in {runs}"
+
+
+def caveats(fit: dict[str, Any], found: bool) -> list[str]:
+    """What to know before the corrected simulator is applied."""
+    e = errors(fit)
+    out = [NOT_BETTER if e else NOT_DRIVEN] if found and not fit["validated"] else []
+    if e is not None and not found and refitted_is_much_better(fit):
+        out.append(TUNED.format(before=e.given, tuned=e.refitted))
+    if e is not None and unnamed_would_help(fit):
+        out.append(UNNAMED.format(after=e.corrected, free=fit["free_model"]["speed_rmse"]))
+    return out
+
+
+def unnamed_would_help(fit: dict[str, Any]) -> bool:
+    """Whether laws for what has no name would clearly help held-out drives, and are not corrected by."""
+    e = errors(fit)
+    if e is None or "free_model" not in fit or fit["chosen"] == Chosen.LAWS:
+        return False
+    return bool(fit["free_model"]["speed_rmse"] < HELPS * e.corrected)

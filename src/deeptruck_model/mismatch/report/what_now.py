@@ -1,0 +1,66 @@
+"""What to do with a verdict: steps with the commands to copy. Terminal and page show the same ones."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from deeptruck_model.mismatch.report.validation import unnamed_would_help
+
+NEW_DRIVE = "NEW_DRIVE"
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A call of the tool as it was typed, to be repeated; empty where it was called from Python."""
+
+    out: Path
+    simulator: str = ""
+    recordings: tuple[Path, ...] = ()
+    held_out: tuple[Path, ...] = ()
+
+    def command(self, *, ending: str, more: tuple[str, ...] = ()) -> str:
+        """The call again, with `more` at its end, into a new folder whose name ends on `ending`."""
+        if not self.simulator:
+            return ""
+        held = ("--held-out", *map(str, self.held_out)) if self.held_out else ()
+        words = ("--simulator", self.simulator, "--recordings", *map(str, self.recordings), *held, *more)
+        return _line("mismatch", *words, "--out", beside(self.out, ending))
+
+
+@dataclass(frozen=True)
+class Step:
+    """Something to do, and the command that does it where there is one."""
+
+    says: str
+    command: str = ""
+
+
+def beside(out: Path, ending: str) -> str:
+    """A folder for what follows from the one in `out`."""
+    return str(out.with_name(f"{out.resolve().name}_{ending}"))
+
+
+def steps(verdict: Mapping[str, Any], drive_next: list[str], asked: Asked) -> list[Step]:
+    """What to do now, most useful first. `drive_next` says what to record, most useful first."""
+    out = []
+    fit = verdict["fit"]
+    if fit.get("validated"):
+        better = _line("apply", str(asked.out), "--out", beside(asked.out, "corrected"))
+        out.append(Step("Take the corrected simulator over:", better))
+    if verdict["findings"] and unnamed_would_help(fit):
+        again = asked.command(ending="with_laws", more=("--with-unnamed",))
+        out.append(Step("Put laws for what has no name into the correction too:", again))
+    if drive_next:
+        out.append(Step(drive_next[0]))
+        with_new = replace(asked, recordings=(*asked.recordings, Path(NEW_DRIVE)))
+        again = with_new.command(ending="again")
+        out += [Step("Then compare again, with the new recording among the others:", again)] if again else []
+    return out
+
+
+def _line(*words: str) -> str:
+    return shlex.join(("deeptruck-model", *words))

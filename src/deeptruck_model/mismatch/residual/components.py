@@ -1,0 +1,203 @@
+"""What the simulated acceleration is made of: read from a physics truck, asked of a deep one.
+
+A deep truck cannot be opened. Its answers are split by regression on what was recorded beside them; where
+nothing tells the engine's force, it is asked: the engine command of the last LOOK_BACK_S is silenced, and the
+change of the answer is the engine's share.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from deeptruck_model.mismatch.expression import Expression, Signal, maximum
+from deeptruck_model.mismatch.residual.effective_mass import felt
+from deeptruck_model.mismatch.residual.evidence import GRAVITY, Evidence
+from deeptruck_model.mismatch.residual.levers import gears, lever, turns
+from deeptruck_model.signals import ACCELERATION, SPEED
+from deeptruck_model.simulators import Run, Simulator, forced_run
+
+if TYPE_CHECKING:
+    from deeptruck_model.mismatch.data.prepared import Prepared
+
+Array = NDArray[np.float64]
+
+LOOK_BACK_S = 2.0
+WARM_UP_S = 8.0
+ASK_EVERY_S = 0.4
+AIR_DENSITY = 1.2  # kg/m^3
+TYPICAL_DRAG_AREA = 6.0  # m^2, SuperTruck-era tractor-trailer to unaided box: 5-7 (NACFE)
+TYPICAL_ROLLING = 0.006  # SAE J1269-class truck tyres 0.005-0.008
+DIESEL_J_PER_CM3 = 35.8e3
+EFFICIENCY = 0.40  # of a diesel at the wheels' side of the clutch
+DRIVELINE = 0.93
+TYPICAL_MASS = 20000.0
+ENGINE, BRAKE, DRAG = Signal("engine"), Signal("brake"), Signal("drag")
+SENSITIVITY: dict[str, Expression] = {  # for simulators without parameters of their own
+    name: felt(force)
+    for name, force in {
+        "mass": BRAKE + DRAG - ENGINE,
+        "drag_area": -DRAG,
+        "rolling_resistance": -Signal("rolling"),
+        "torque_gain": maximum(ENGINE, 0.0),
+        "brake_gain": -BRAKE,
+    }.items()
+}
+RECORDED = (
+    "gear",
+    "engine_speed",
+    "engine_torque",
+    "elevation",
+    "gap",
+    "leader_speed",
+    "ambient_temperature",
+    "latitude",
+    "longitude",
+    "fuel_rate",
+)
+
+
+def signals(
+    simulator: Simulator, prepared: Sequence[Prepared], runs: Sequence[Run], grid: Any
+) -> tuple[dict[str, Array], float]:
+    """The stacked signals mechanisms are made of, and the mass (kg) that turns specific forces into N."""
+    out: dict[str, Array] = {
+        "speed": grid.stack([p.y[:, SPEED] for p in prepared]),
+        "acceleration": grid.stack([p.observed for p in prepared]),
+        "time": grid.stack([p.recording.time for p in prepared]),
+        "elapsed": grid.stack([p.recording.time - p.recording.start_s for p in prepared]),
+        "distance": grid.stack([np.cumsum(p.y[:, SPEED]) * p.dt for p in prepared]),
+    }
+    for name in (*prepared[0].recording.interface.u, *prepared[0].recording.interface.w):
+        out[name] = grid.stack([_column(p, name) for p in prepared])
+    for name in RECORDED:
+        if _known(name, prepared, grid):
+            take = grid.last if name == "gear" else grid.stack
+            out[name] = take(
+                [p.recording.channels.get(name, np.full(len(p.recording), np.nan)) for p in prepared]
+            )
+    if "traction_force" in runs[0].inside:
+        mass = _from_inside(out, simulator, runs, grid)
+    else:
+        mass = _from_questions(out, simulator, prepared, runs, grid)
+    _ratio(out)
+    return out, mass
+
+
+def _known(name: str, prepared: Sequence[Prepared], grid: Any) -> bool:
+    """Whether any recording that is fitted has the channel. What only those held out have, as another logger
+    made them, would stand as unknown for what a simulator tells instead."""
+    fitted = [p for p, s in zip(prepared, grid.stretches, strict=True) if not s.held_out]
+    return any(np.isfinite(p.recording.channels.get(name, np.nan)).any() for p in fitted)
+
+
+def sensitivity(e: Evidence, name: str) -> Array:
+    """Change of acceleration for +100 % of a parameter, from the components (used where it cannot be run)."""
+    return SENSITIVITY[name].rows(e)
+
+
+def _column(p: Prepared, name: str) -> Array:
+    interface = p.recording.interface
+    return p.u[:, interface.u.index(name)] if name in interface.u else p.w[:, interface.w.index(name)]
+
+
+def _from_inside(out: dict[str, Array], simulator: Simulator, runs: Sequence[Run], grid: Any) -> float:
+    """Specific forces of a physics truck; also its gear and engine speed where the recording has none."""
+
+    def inside(name: str) -> list[Array]:
+        return [r.inside[name][0] for r in runs]
+
+    mass = float(np.median(inside("mass")[0]))
+    out["engine"] = grid.stack(inside("traction_force")) / mass
+    for name, force in (("brake", "brake_force"), ("drag", "drag_force"), ("rolling", "rolling_force")):
+        out[name] = np.abs(grid.stack(inside(force))) / mass
+    out.setdefault("gear", grid.last(inside("gear")))
+    out.setdefault("engine_speed", grid.stack(inside("engine_speed")))
+    out["modelled_torque"] = grid.stack(inside("engine_torque"))
+    radius = simulator.parameters().get("wheel_radius")
+    if radius and "ratio" in runs[0].inside:
+        out["gear lever"] = grid.stack(inside("ratio")) / radius
+    return mass
+
+
+def _from_questions(
+    out: dict[str, Array], simulator: Simulator, prepared: Sequence[Prepared], runs: Sequence[Run], grid: Any
+) -> float:
+    """Specific forces of a black box, and a mass.
+
+    Its own simulated acceleration is split by non-negative least squares into traction, brake, drag and
+    rolling, with the grade as known. Traction is the first of these that is recorded: power over speed from
+    measured torque, from commanded torque, from fuel; without engine speed or fuel, the answer to
+    counterfactual runs.
+    """
+    simulated = grid.stack([r.y[0, :, ACCELERATION] for r in runs])
+    speed = np.maximum(out["speed"], 1.0)
+    traction, per_mass = _traction(out, speed)
+    if traction is None:
+        traction = grid.stack(
+            [base - silent for base, (silent, *_) in (_ask(simulator, p) for p in prepared)]
+        )
+    brake = np.nan_to_num(out["brake_command"]) if "brake_command" in out else np.zeros_like(speed)
+    known = simulated + GRAVITY * np.nan_to_num(out.get("grade", np.zeros_like(speed)))
+    X = np.stack([traction, -brake, -(speed**2), -np.ones_like(speed)], axis=1)
+    use = grid.valid() & np.isfinite(X).all(axis=1) & np.isfinite(known) & (np.abs(known) < 6.0)
+    scale = np.maximum(np.abs(X[use]).mean(axis=0), 1e-12) if use.any() else np.ones(4)
+    share = nnls(X[use] / scale, known[use])[0] / scale if use.sum() > 20 else np.zeros(4)
+    mass = float(np.clip(per_mass / share[0], 800.0, 60000.0)) if per_mass and share[0] > 0 else TYPICAL_MASS
+    out["engine"], out["brake"] = share[0] * np.nan_to_num(traction), share[1] * brake
+    drag = share[2] if share[2] > 1e-6 else 0.5 * AIR_DENSITY * TYPICAL_DRAG_AREA / mass
+    out["drag"] = drag * out["speed"] ** 2
+    out["rolling"] = np.full_like(speed, max(share[3], TYPICAL_ROLLING * GRAVITY))
+    return mass
+
+
+def _traction(out: dict[str, Array], speed: Array) -> tuple[Array | None, float]:
+    """Something proportional to the engine's force at the wheels; its factor times mass (0: unknown)."""
+    if "engine_torque" in out and "engine_speed" in out:
+        return out["engine_torque"] * out["engine_speed"] / speed, DRIVELINE
+    if "engine_speed" in out:
+        return out["engine_command"] * out["engine_speed"] / speed, 0.0
+    if "fuel_rate" in out:
+        return out["fuel_rate"] / speed, EFFICIENCY * DIESEL_J_PER_CM3
+    return None, 0.0
+
+
+def _ask(simulator: Simulator, p: Prepared) -> tuple[Array, list[Array]]:
+    """Simulated acceleration (n,) with the commands as recorded, and with each silent for LOOK_BACK_S."""
+    back, warm = max(1, round(LOOK_BACK_S / p.dt)), round(WARM_UP_S / p.dt)
+    length = warm + back + 1
+    every = max(1, round(ASK_EVERY_S / p.dt))
+    ends = np.arange(length, len(p.recording), every)
+    if len(ends) < 2:
+        zero = np.zeros(len(p.recording))
+        return zero, [zero] * p.u.shape[1]
+    index = ends[:, None] + np.arange(-length + 1, 1)[None]
+    u, w, y = p.u[index], p.w[index], p.y[index]
+
+    def answer(commands: Array) -> Array:
+        last = forced_run(simulator, commands, w, y).y[:, -1, ACCELERATION]
+        return np.interp(np.arange(len(p.recording)), ends, last)
+
+    silent = []
+    for i in range(p.u.shape[1]):
+        changed = u.copy()
+        changed[:, -back - 1 :, i] = np.minimum(changed[:, -back - 1 :, i], 0.0) if i == 0 else 0.0
+        silent.append(answer(changed))
+    return answer(u), silent
+
+
+def _ratio(out: dict[str, Array]) -> None:
+    """Engine turns per metre (rad/m), where engine speed is known; the lever they are without slip and noise,
+    and the engine speed that goes with it."""
+    if "engine_speed" not in out:
+        return
+    ratio = out["ratio"] = turns(out["engine_speed"], out["speed"])
+    known = gears(ratio, out["speed"])
+    out["lever"] = lever(ratio, known, out.pop("gear lever", None))
+    out["engine_speed"] = np.where(
+        np.isin(out["lever"], known), out["lever"] * out["speed"], out["engine_speed"]
+    )

@@ -1,0 +1,104 @@
+"""What acceleration a force on the truck gives: less than force per mass.
+
+Wheels and engine turn with the truck, the more the lower the gear; and brakes that hold a commanded
+deceleration make up within a second for whatever else slows or drives the truck.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from deeptruck_model.mismatch.expression import Expression, Lag, Signal, lift
+from deeptruck_model.mismatch.residual.evidence import GRAVITY, Evidence
+from deeptruck_model.signals import TruckInterface
+from deeptruck_model.simulators import Simulator
+
+Array = NDArray[np.float64]
+
+HELD_UNIT = "m/s^2"  # of a brake command that is a deceleration
+BRAKED = 0.05  # m/s^2: the brake switch
+HOLD_S, ORDER = 0.25, 3  # valves, and the controller that holds the deceleration: lags in a row
+RELEASED_S = 1.0  # for which such brakes still make up for a force after the pedal is let go
+
+ANSWER = Signal("answer", missing=1.0)
+HOLDS = Signal("holds", missing=0.0)  # one while brakes hold a commanded deceleration
+MADE_UP = Signal("made up", missing=0.0)  # the share of a steady force that they have made up for by then
+
+
+@dataclass(frozen=True, eq=False)
+class Felt(Expression):
+    """The acceleration that a force per mass gives, (n,).
+
+    `answer` is that of a steady force of one. What changes while brakes hold a deceleration is felt until
+    these have made up for it.
+    """
+
+    inputs: tuple[Expression, ...]
+
+    def over(self, values: Sequence[Array], e: Evidence) -> Array:
+        force, gain, holds, made_up = values
+        if not holds.any():
+            return force * gain
+        keep = float(np.exp(-e.dt / HOLD_S))
+        b, a = [(1.0 - keep) ** ORDER], np.poly([keep] * ORDER)
+        late = np.concatenate([lfilter(b, a, (holds * force)[s.rows]) for s in e.stretches])
+        return force * gain + made_up * force - holds * late
+
+    def begin(self, batch: int) -> Any:
+        return np.zeros((ORDER, batch))
+
+    def advance(
+        self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
+    ) -> tuple[Array, Any]:
+        force, gain, holds, made_up = values
+        keep, after, late = np.exp(-dt / HOLD_S), np.empty_like(memory), holds * force
+        for k in range(ORDER):
+            late = after[k] = keep * memory[k] + (1.0 - keep) * late
+        return force * gain + made_up * force - holds * late, after
+
+
+def felt(force: Expression) -> Expression:
+    """What a force per mass gives on the truck along a recording or in a simulation."""
+    return Felt((force, ANSWER, HOLDS, MADE_UP))
+
+
+def free(inside: Mapping[str, Array]) -> Array | None:
+    """Mass over mass with all that turns, where a simulator's inside tells it."""
+    return inside["mass"] / inside["effective_mass"] if "effective_mass" in inside else None
+
+
+def held(interface: TruckInterface) -> Expression:
+    """Share of a force that brakes leave: one where their command is no deceleration to be held."""
+    if interface.brake_unit != HELD_UNIT:
+        return lift(1.0)
+    braking = Signal("brake_command") > BRAKED
+    made_up: Expression = braking
+    for _ in range(ORDER):
+        made_up = Lag((made_up,), HOLD_S, cold=True)
+    return 1.0 - braking * made_up
+
+
+def holding(interface: TruckInterface, signals: Mapping[str, Array], left: Array) -> dict[str, Array]:
+    """The signals of brakes that hold a deceleration, (n,) each; none where they do not, or are not recorded.
+    `left` is what `held` gives."""
+    if interface.brake_unit != HELD_UNIT:
+        return {}
+    holds = np.nan_to_num(signals["brake_command"]) > BRAKED
+    return {"holds": holds.astype(float), "made up": 1.0 - left}
+
+
+def rows(simulator: Simulator, e: Evidence, turning: Array) -> Array:
+    """Acceleration for a force per mass of one along the recordings, (n,); `turning` is what the brakes
+    leave alone. While they hold a deceleration, as the simulator answers more rolling resistance."""
+    out: Array = turning * held(simulator.interface).rows(e)
+    change, own = e.sensitivity.get("rolling_resistance"), simulator.parameters().get("rolling_resistance")
+    if simulator.interface.brake_unit != HELD_UNIT or change is None or not own:
+        return out
+    near = e.since(np.nan_to_num(e["brake_command"]) > BRAKED) < RELEASED_S
+    return np.where(near, np.clip(-change / (GRAVITY * own), -0.3, 1.0), out)

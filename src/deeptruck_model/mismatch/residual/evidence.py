@@ -1,0 +1,166 @@
+"""Everything the search for missing physics looks at, stacked over the recordings on one slow clock."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
+from scipy.signal import lfilter
+
+from deeptruck_model.mismatch.residual.levers import gears
+from deeptruck_model.mismatch.residual.noise import Series
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Indices = NDArray[np.intp]
+
+GRAVITY = 9.80665
+LEAST_ANSWER = 0.5  # where brakes make up for a force its size is not known
+DOUBT = 2.0  # the jittered runs see only part of what a simulator can be wrong about
+DOUBT_ROWS = 5  # a doubtful sample also marks those it is whitened with
+SLOW_NOISE, SLOW_NOISE_S = 0.015, 10.0  # m/s^2 sd of a physics truck's mean over so long that may be noise
+BLOCK_LEARNED_S = 1.0  # a learned simulator's timing is not good enough for more
+BLOCK_S = 0.2  # long enough to average sensor noise, short enough for a driveline
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Where one recording stands in the stacked arrays: rows start..stop, its name, its start in the bag."""
+
+    name: str
+    start: int
+    stop: int
+    start_s: float
+    held_out: bool
+
+    @property
+    def rows(self) -> slice:
+        return slice(self.start, self.stop)
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Stacked signals (n,) at period `dt`. Forces are specific (m/s^2, that is N per kg of `mass`).
+
+    `residual` is observed minus simulated acceleration with the simulator forced along the recording;
+    `disagreement` the sd of the simulator under its own input noise; `sensitivity` the change of the
+    residual's prediction for a 100 % change of each simulator parameter. `signals` holds what mechanisms are
+    made of, NaN or absent where unknown. `rerun(name, amount)` returns the change of the simulated
+    acceleration under a changed command path.
+    """
+
+    dt: float
+    stretches: tuple[Stretch, ...]
+    residual: Array
+    simulated: Array
+    disagreement: Array
+    valid: Mask
+    signals: dict[str, Array]
+    sensitivity: dict[str, Array]
+    mass: float
+    rerun: Callable[[str, float], Array]
+    tolerance: dict[str, float] = field(
+        default_factory=dict
+    )  # nats a name gains from the simulator's own error alone
+    own_error: float = 0.0  # rms of what the simulator itself learned imperfectly, m/s^2
+    slow_noise: float = SLOW_NOISE  # m/s^2 sd of the mean over SLOW_NOISE_S that may still be noise
+    itself: Evidence | None = None  # a learned simulator along the recordings it keeps
+    other_gear: int = 0  # samples left out because the simulator drives in another gear than the recorded one
+    moved: dict[str, float] = field(default_factory=dict)  # relative changes the parameters have already had
+    command_units: dict[str, str] = field(default_factory=dict)
+    filtered: bool = True  # whether a sensor's filter is known beside all else
+    late: Array | None = None  # (n, k) m/s^2 of a lateness that is known beside all else, and no finding
+
+    def __len__(self) -> int:
+        return len(self.residual)
+
+    @property
+    def gears(self) -> tuple[float, ...]:
+        """Turns of the engine per metre, rad/m, in the gears that were driven; none where not known."""
+        return gears(self.signals["ratio"], self.signals["speed"]) if "ratio" in self.signals else ()
+
+    def total_change(self, parameter: str, further: float) -> float:
+        """Relative change of a parameter from the simulator as given, after a further relative change."""
+        return (1.0 + self.moved.get(parameter, 0.0)) * (1.0 + further) - 1.0
+
+    def __getitem__(self, name: str) -> Array:
+        return self.signals[name]
+
+    def has(self, *names: str) -> bool:
+        """Whether every named signal is known for at least half of the valid samples."""
+        for name in names:
+            if name not in self.signals or np.isfinite(self.signals[name][self.valid]).mean() < 0.5:
+                return False
+        return True
+
+    def newtons(self, acceleration: Array) -> Array:
+        """The forces that give these accelerations, (n,); too small where the brakes make up for them."""
+        answer = self.signals.get("answer", np.ones(len(self)))
+        out: Array = acceleration * self.mass / np.maximum(answer, LEAST_ANSWER)
+        return out
+
+    @property
+    def starts(self) -> Mask:
+        flags = np.zeros(len(self), dtype=bool)
+        flags[[s.start for s in self.stretches]] = True
+        return flags
+
+    @property
+    def record(self) -> Indices:
+        """Index of the stretch each row belongs to, (n,)."""
+        return np.repeat(np.arange(len(self.stretches)), [s.stop - s.start for s in self.stretches])
+
+    @property
+    def held_out(self) -> Mask:
+        return np.array([s.held_out for s in self.stretches])[self.record]
+
+    def series(self, sigma: float, only: Mask | None = None) -> Series:
+        """The regression target, with blocks where the simulator disagrees with itself given less weight."""
+        relative = self.doubt(sigma)
+        valid = self.valid if only is None else self.valid & only
+        slow = float(np.sqrt(self.dt / SLOW_NOISE_S)) / self.slow_noise
+        return Series(np.where(valid, self.residual, 0.0), valid, self.starts, relative, slow)
+
+    def doubt(self, sigma: float) -> Array:
+        """Factor >= 1 by which a sample is less certain, (n,), where the simulator disagrees with itself."""
+        near = maximum_filter1d(self.disagreement, 2 * DOUBT_ROWS + 1)
+        out: Array = np.sqrt(1.0 + (DOUBT * near / max(sigma, 1e-9)) ** 2)
+        return out
+
+    # -- filters that start afresh with every recording ---------------------------------------
+
+    def lag(self, x: Array, tau_s: float, initial: str = "first") -> Array:
+        """First-order lag of x. It starts at the first sample ('first') or at zero ('zero')."""
+        keep = float(np.exp(-self.dt / max(tau_s, 1e-6)))
+        out = np.empty_like(x)
+        for s in self.stretches:
+            part = np.nan_to_num(x[s.rows])
+            begin = keep * part[:1] if initial == "first" else np.zeros(1)
+            out[s.rows] = lfilter([1 - keep], [1, -keep], part, zi=begin)[0]
+        return out
+
+    def since(self, event: Mask) -> Array:
+        """Seconds since `event` was last true; infinite before the first time in a recording."""
+        out = np.full(len(self), np.inf)
+        for s in self.stretches:
+            index = np.arange(s.stop - s.start)
+            last = np.maximum.accumulate(np.where(event[s.rows], index, -1))
+            out[s.rows] = np.where(last >= 0, (index - last) * self.dt, np.inf)
+        return out
+
+    def integral(self, x: Array) -> Array:
+        """Running integral of x over time within each recording."""
+        out = np.empty_like(x)
+        for s in self.stretches:
+            out[s.rows] = np.cumsum(np.nan_to_num(x[s.rows])) * self.dt
+        return out
+
+    def difference(self, x: Array) -> Array:
+        """Time derivative of x within each recording; zero at the first sample."""
+        out = np.zeros_like(x)
+        for s in self.stretches:
+            out[s.start + 1 : s.stop] = np.diff(x[s.rows]) / self.dt
+        return out

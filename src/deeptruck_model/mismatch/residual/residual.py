@@ -1,0 +1,200 @@
+"""Drive the simulator along the recordings and gather what it says, doubts and depends on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch.data.prepared import Prepared, fed, fill, quantum, widen
+from deeptruck_model.mismatch.residual import components, effective_mass
+from deeptruck_model.mismatch.residual.changed_commands import changed
+from deeptruck_model.mismatch.residual.evidence import (
+    BLOCK_LEARNED_S,
+    BLOCK_S,
+    LEAST_ANSWER,
+    Evidence,
+    Stretch,
+)
+from deeptruck_model.mismatch.residual.forced import forced
+from deeptruck_model.mismatch.residual.gears import believed, other_gear
+from deeptruck_model.signals import ACCELERATION, SPEED
+from deeptruck_model.simulators import Run, Simulator, forced_run
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+PARAMETERS = ("mass", "drag_area", "rolling_resistance", "torque_gain", "brake_gain")
+JITTER_RUNS = 6
+SHIFT_S = 2.0  # around a shift, in which two runs open and close the clutch at different moments
+STEP = 0.04  # relative step of a parameter for its sensitivity
+
+
+def gather(
+    simulator: Simulator,
+    prepared: Sequence[Prepared],
+    held_out: Sequence[bool],
+    *,
+    seed: int = 0,
+    moved: Mapping[str, float] | None = None,
+) -> Evidence:
+    """Run the simulator forced along every drive, as it is, with jittered inputs and with moved parameters.
+
+    `moved` are relative changes already made to parameters the simulator was given with.
+    """
+    runs = forced(simulator, prepared, [p.u for p in prepared])
+    dt = prepared[0].dt
+    block = max(1, round((BLOCK_S if simulator.parameters() else BLOCK_LEARNED_S) / dt))
+    grid = _Grid(prepared, held_out, block)
+    simulated = grid.stack([r.y[0, :, ACCELERATION] for r in runs])
+    observed = grid.stack([p.observed for p in prepared])
+    if simulator.parameters():
+        other, apart = other_gear(prepared, runs, held_out=held_out)
+    else:
+        other, apart = other_gear(prepared, believed(simulator, prepared), True, held_out)
+    signals, mass = components.signals(simulator, prepared, runs, grid)
+    signals["gear apart"] = grid.any(apart).astype(float)
+    turning = _turning(runs, grid)
+    evidence = Evidence(
+        dt=dt * block,
+        stretches=grid.stretches,
+        residual=observed - simulated,
+        simulated=simulated,
+        disagreement=_disagreement(simulator, prepared, grid, seed),
+        valid=grid.valid() & ~grid.any(other),
+        other_gear=int(sum(o.sum() for o in other)),
+        signals=signals | {"simulated": simulated},
+        sensitivity={},
+        mass=mass,
+        moved=dict(moved or {}),
+        rerun=_rerunner(simulator, prepared, grid, simulated),
+        command_units={name: simulator.interface.unit(name) for name in simulator.interface.u},
+    )
+    evidence.signals["answer"] = effective_mass.rows(simulator, evidence, turning)
+    left = effective_mass.held(simulator.interface).rows(evidence)
+    evidence.signals.update(effective_mass.holding(simulator.interface, evidence.signals, left))
+    sensitivity = _sensitivity(simulator, prepared, grid, evidence)
+    evidence = replace(evidence, sensitivity=sensitivity)
+    named = {f"sensitivity:{name}": column for name, column in sensitivity.items()}
+    felt = {"answer": effective_mass.rows(simulator, evidence, turning)}
+    return replace(evidence, signals=evidence.signals | named | felt)
+
+
+def _turning(runs: Sequence[Run], grid: _Grid) -> Array:
+    """What a force gives in each block without brakes, for a force per mass of one."""
+    each = [effective_mass.free(run.inside) for run in runs]
+    known = [x[0] for x in each if x is not None]
+    return grid.stack(known) if len(known) == len(runs) else np.ones(grid.stretches[-1].stop)
+
+
+class _Grid:
+    """Block averages of native samples, stacked over the recordings."""
+
+    def __init__(self, prepared: Sequence[Prepared], held_out: Sequence[bool], block: int) -> None:
+        self.block, self.prepared = block, prepared
+        stretches, start = [], 0
+        for p, out in zip(prepared, held_out, strict=True):
+            rows = len(p.recording) // block
+            stretches.append(Stretch(p.recording.name, start, start + rows, p.recording.start_s, out))
+            start += rows
+        if start == 0:
+            raise InputError("the recordings are shorter than one block; record at least a few minutes")
+        self.stretches = tuple(stretches)
+
+    def stack(self, parts: Sequence[Array]) -> Array:
+        """Block means; a block with an invalid sample is NaN only where all are."""
+        return np.concatenate([self._blocks(p).mean(axis=1) for p in parts])
+
+    def last(self, parts: Sequence[Array]) -> Array:
+        """Last native sample of each block, for gears and other labels."""
+        return np.concatenate([self._blocks(p)[:, -1] for p in parts])
+
+    def any(self, parts: Sequence[Mask]) -> Mask:
+        """Blocks with a marked sample."""
+        return np.concatenate([self._blocks(p).any(axis=1) for p in parts])
+
+    def valid(self) -> Mask:
+        return np.concatenate([self._blocks(p.valid).all(axis=1) for p in self.prepared])
+
+    def _blocks(self, x: NDArray[np.generic]) -> NDArray[np.generic]:
+        n = len(x) // self.block
+        return x[: n * self.block].reshape(n, self.block)
+
+
+def _accelerations(
+    simulator: Simulator, prepared: Sequence[Prepared], grid: _Grid, us: Sequence[Array]
+) -> Array:
+    return grid.stack([run.y[0, :, ACCELERATION] for run in forced(simulator, prepared, us)])
+
+
+def _disagreement(simulator: Simulator, prepared: Sequence[Prepared], grid: _Grid, seed: int) -> Array:
+    """Sd of the simulated acceleration when the inputs move by their own quantisation and noise."""
+    rng = np.random.default_rng(seed)
+    parts = []
+    for p in prepared:
+        n, k = len(p.recording), JITTER_RUNS
+        steps = np.array([quantum(column) for column in p.u.T])
+        u = p.u + steps * rng.uniform(-0.5, 0.5, (k, n, p.u.shape[1]))
+        y = np.repeat(p.y[None], k, axis=0)
+        noise = rng.normal(0.0, max(p.speed_noise, 0.003), (k, n))
+        drift = rng.normal(0.0, 0.002, (k, 1)) * p.y[None, :, SPEED]
+        y[:, :, SPEED] = np.maximum(y[:, :, SPEED] + gaussian_filter1d(noise, 2.0, axis=1) + drift, 0.0)
+        run = forced_run(simulator, u, np.repeat(p.w[None], k, axis=0), fed(simulator, y))
+        parts.append(run.y[:, :, ACCELERATION].std(axis=0, ddof=1))
+    return grid.stack(parts)
+
+
+def _sensitivity(
+    simulator: Simulator, prepared: Sequence[Prepared], grid: _Grid, evidence: Evidence
+) -> dict[str, Array]:
+    """Change of the simulated acceleration for a 100 % change of each parameter, linearised."""
+    own = simulator.parameters()
+    out: dict[str, Array] = {}
+    for name in PARAMETERS:
+        if name in own and own[name] != 0.0:
+            out[name] = _rerun_slope(simulator, prepared, grid, evidence, name)
+        else:
+            out[name] = components.sensitivity(evidence, name)
+    return {k: v for k, v in out.items() if np.abs(v[evidence.valid]).max(initial=0.0) > 1e-4}
+
+
+def _rerun_slope(
+    simulator: Simulator, prepared: Sequence[Prepared], grid: _Grid, e: Evidence, name: str
+) -> Array:
+    """The slope between two reruns. Where these shift one may be a little sooner, and the shift is all that
+    they tell: there it is the slope of the components, as far off as before and after."""
+    value = simulator.parameters()[name]
+    us = [p.u for p in prepared]
+    low, high = (
+        forced(simulator.with_parameters({name: value * (1 + s)}), prepared, us) for s in (-STEP, STEP)
+    )
+    slope = grid.stack([(b.y - a.y)[0, :, ACCELERATION] for a, b in zip(low, high, strict=True)]) / (2 * STEP)
+    if "gear" not in low[0].inside:
+        return slope
+    dt = prepared[0].dt
+    apart = grid.any([_shifts(a, dt) | _shifts(b, dt) for a, b in zip(low, high, strict=True)])
+    apart &= e["answer"] > LEAST_ANSWER  # beyond, brakes answer and not the engine
+    known = np.nan_to_num(components.sensitivity(e, name))
+    return known + fill(np.where(apart, np.nan, slope - known))
+
+
+def _shifts(run: Run, dt: float) -> Mask:
+    """Samples (n,) near a shift: the clutch opens before the gear changes."""
+    gear, near = run.inside["gear"][0], round(SHIFT_S / dt)
+    return widen(np.diff(gear, prepend=gear[0]) != 0, near, near)
+
+
+def _rerunner(
+    simulator: Simulator, prepared: Sequence[Prepared], grid: _Grid, simulated: Array
+) -> Callable[[str, float], Array]:
+    @lru_cache(maxsize=256)
+    def rerun(name: str, amount: float) -> Array:
+        us = [changed(p, name, amount) for p in prepared]
+        return _accelerations(simulator, prepared, grid, us) - simulated
+
+    return rerun

@@ -1,0 +1,57 @@
+"""What ordinary sensors and loggers make of a response: late, smoothed, ringing.
+
+Known beside all that is searched, and no finding. Where nothing stands for it, a filter of a tenth of a
+second is worth a hundred nats at the shifts of low gears, and sloshing loads and friction make up for it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.noise import Prior
+
+Array = NDArray[np.float64]
+
+LATE_S = 0.15  # of all commands together
+# Filters of ordinary speed sensors and message periods make every response a little late (s).
+SENSOR_LAG = Prior(np.array([0.03, 0.03]), np.array([0.06, 0.06]), np.zeros(2))
+REACH_S = 0.6  # from how far before and after a sample a sensor's filter may take a share ...
+ROUNDING = 1e-6
+SHARE = 0.06  # ... and the prior sd of each
+LATE_SHARE = 0.3  # prior sd of the share of a delay that is known beside all else
+
+
+def known(e: Evidence) -> tuple[Array, Prior]:
+    """Columns (n, k), m/s^2, and the prior of their shares."""
+    late = [-e.difference(e.simulated), e.rerun("delay_all", LATE_S) / LATE_S]
+    filtered = _shifted(e, rows(e))
+    found = np.zeros((len(e), 0)) if e.late is None else e.late
+    prior = Prior.join(
+        SENSOR_LAG, _around_nothing(len(filtered), SHARE), _around_nothing(found.shape[1], LATE_SHARE)
+    )
+    return np.column_stack([*late, *filtered, found]), prior
+
+
+def rows(e: Evidence) -> int:
+    """How many rows before and after a sample a filter reaches; none where it is not to be known, or where
+    rows are too far apart for one, as beside a learned simulator."""
+    return int(REACH_S / e.dt + ROUNDING) if e.filtered else 0
+
+
+def _shifted(e: Evidence, most: int) -> list[Array]:
+    """What the simulated acceleration is some rows before and after each, beyond what it is there."""
+    return [_row_after(e, k) - e.simulated for k in range(-most, most + 1) if k]
+
+
+def _row_after(e: Evidence, k: int) -> Array:
+    """The simulated acceleration k rows later, or as it ends."""
+    rows = np.arange(len(e)) + k
+    parts = [np.clip(rows[s.rows], s.start, s.stop - 1) for s in e.stretches]
+    out: Array = e.simulated[np.concatenate(parts)]
+    return out
+
+
+def _around_nothing(count: int, sd: float) -> Prior:
+    return Prior(np.zeros(count), np.full(count, sd), np.zeros(count))
