@@ -11,7 +11,7 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from matplotlib.figure import Figure
 
-from deeptruck_model.mismatch.report import headline, page, page_words, validation
+from deeptruck_model.mismatch.report import headline, page, validation, wording
 from deeptruck_model.recordings import read
 from examples.demo import figures, following
 from examples.demo.runner import Progress
@@ -121,7 +121,7 @@ def _mismatch(out: Path) -> dict[str, Any]:
     verdict: dict[str, Any] = json.loads((out / "mismatch" / "verdict.json").read_text())
     return {
         "sentence": headline.text(verdict),
-        "says": [page_words.prose(finding["says"]) for finding in verdict["findings"]],
+        "says": [wording.prose(finding["says"]) for finding in verdict["findings"]],
         "fit": verdict["fit"] if "before" in verdict["fit"] else None,
         "validation": validation.said(verdict["fit"]),
         "names": page.ROWS,

@@ -334,7 +334,7 @@ def physics(folder: Path) -> Path:
 def corrected(folder: Path) -> Path:
     """The manifest of a corrected truck."""
     from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
-    from deeptruck_model.mismatch.residual.share import Shares
+    from deeptruck_model.mismatch.residual.components import Shares
 
     terms = [
         Term("dragging_brake", {"decay_s": None}, (0.05,)),

@@ -72,8 +72,8 @@ def mismatch(
 def _tell(found: Mismatch, asked: Asked) -> None:
     """The verdict as the page has it, the findings, and what to do now."""
     from deeptruck_model.mismatch.report import headline, what_now
-    from deeptruck_model.mismatch.report.page_words import opened, percent, prose, spoken
-    from deeptruck_model.mismatch.report.record_next import record_next
+    from deeptruck_model.mismatch.report.given import record_next
+    from deeptruck_model.mismatch.report.wording import opened, percent, prose, spoken
 
     print(f"{found.verdict['verdict']}: see {asked.out / 'report.html'}")
     print("\n".join(headline.sentences(headline.of(found.verdict))))

@@ -16,15 +16,24 @@ from deeptruck_model.mismatch import locate
 from deeptruck_model.mismatch.correction import correction
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.correction.improvement import Errors
-from deeptruck_model.mismatch.data import data_checks
-from deeptruck_model.mismatch.data.inputs import each_once, same_signals, too_little, unusable, with_held_out
-from deeptruck_model.mismatch.data.prepared import Prepared, learned, prepare
+from deeptruck_model.mismatch.data import checks
+from deeptruck_model.mismatch.data.prepared import (
+    Prepared,
+    each_once,
+    learned,
+    prepare,
+    same_signals,
+    too_little,
+    unusable,
+    with_held_out,
+)
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.posterior import formula, linearised
 from deeptruck_model.mismatch.posterior.causes import Explanation
-from deeptruck_model.mismatch.report import findings, identifiability, manoeuvres, validation
+from deeptruck_model.mismatch.report import findings, identifiability, validation
+from deeptruck_model.mismatch.report import identifiability
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.residual.residual import PARAMETERS, gather
+from deeptruck_model.mismatch.residual.gather import PARAMETERS, gather
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
 
@@ -89,7 +98,7 @@ class _Checked:
 
     prepared: tuple[Prepared, ...]
     held_out: tuple[bool, ...]
-    faults: tuple[data_checks.SensorFault, ...]
+    faults: tuple[checks.SensorFault, ...]
     data: dict[str, Any]
     caveats: tuple[str, ...]
     useless: str | None  # why nothing can be said
@@ -104,15 +113,15 @@ def _checked(
     same_signals(simulator, [*recordings, *held_out])
     fit, held, twice = each_once(recordings, held_out)
     drives, flags, caveats = with_held_out(fit, held, simulator.dt)
-    drives, rejected = data_checks.clean(drives)
-    measured = data_checks.acceleration_is_measured(drives)
-    faults = data_checks.sensor_faults(drives) if measured else []
+    drives, rejected = checks.clean(drives)
+    measured = checks.acceleration_is_measured(drives)
+    faults = checks.sensor_faults(drives) if measured else []
     response = simulator.interface.y
-    whole = [prepare(data_checks.mended(r, faults), measured, response) for r in drives]
+    whole = [prepare(checks.mended(r, faults), measured, response) for r in drives]
     prepared = tuple(learned(simulator, p) for p in whole)
     strange = sum(int((p.valid & ~q.valid).sum()) for p, q in zip(whole, prepared, strict=True))
     if strange:
-        rejected = sorted([*rejected, data_checks.Rejection(STRANGE, strange)], key=lambda r: -r.samples)
+        rejected = sorted([*rejected, checks.Rejection(STRANGE, strange)], key=lambda r: -r.samples)
     fitted = [p for p, out in zip(prepared, flags, strict=True) if not out]
     data = {
         "rejected": [{"rule": r.rule, "samples": r.samples} for r in rejected],

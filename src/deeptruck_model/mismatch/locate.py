@@ -12,9 +12,8 @@ from scipy.ndimage import uniform_filter1d
 from sklearn.tree import DecisionTreeRegressor
 
 from deeptruck_model.mismatch.posterior.causes import Cause
-from deeptruck_model.mismatch.posterior.free_model import features
-from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
-from deeptruck_model.mismatch.residual.signal_units import unit
+from deeptruck_model.mismatch.posterior.free_law import features
+from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch, unit
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

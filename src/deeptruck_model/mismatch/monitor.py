@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.data.kinematics import noise_of
+from deeptruck_model.mismatch.data.checks import noise_of
 from deeptruck_model.mismatch.data.prepared import MOVING, SETTLE_S, heard, quantum
 from deeptruck_model.mismatch.residual.components import TYPICAL_MASS
 from deeptruck_model.mismatch.residual.evidence import DOUBT
-from deeptruck_model.mismatch.residual.residual import JITTER_RUNS
+from deeptruck_model.mismatch.residual.gather import JITTER_RUNS
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Simulator
 

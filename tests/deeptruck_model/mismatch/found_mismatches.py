@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from deeptruck_model.mismatch.correction.improvement import Errors
-from deeptruck_model.mismatch.data.data_checks import SensorFault
+from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.data.prepared import prepare
 from deeptruck_model.mismatch.find import Mismatch
 from deeptruck_model.mismatch.locate import Regime, Segment
 from deeptruck_model.mismatch.mechanisms import LIBRARY, shapes
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
-from deeptruck_model.mismatch.posterior.free_model import FreeModel
+from deeptruck_model.mismatch.posterior.free_law import FreeModel
 from deeptruck_model.mismatch.posterior.search import Model
 from deeptruck_model.mismatch.report import findings
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from deeptruck_model import trucks
-from deeptruck_model.mismatch.posterior.accepted import accepted
+from deeptruck_model.mismatch.posterior.linearised import accepted
 
 TRUCK = trucks.load("trucksim")
 MASS = TRUCK.parameters()["mass"]

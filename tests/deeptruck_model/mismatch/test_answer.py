@@ -10,7 +10,7 @@ from deeptruck_model.mismatch.data.prepared import prepare
 from deeptruck_model.mismatch.expression import Signal, Stream
 from deeptruck_model.mismatch.expression.nodes import Constant
 from deeptruck_model.mismatch.posterior.search import Search
-from deeptruck_model.mismatch.residual import effective_mass, residual
+from deeptruck_model.mismatch.residual import effective_mass, gather
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import ACCELERATION, SPEED
@@ -49,7 +49,7 @@ def drives(truck: trucks.PhysicsTruck, count: int = 3) -> list[Recording]:
 
 def evidence(truck: trucks.PhysicsTruck) -> Evidence:
     prepared = [prepare(d, True) for d in drives(truck)]
-    return residual.gather(truck, prepared, [False] * len(prepared))
+    return gather.gather(truck, prepared, [False] * len(prepared))
 
 
 def test_rotating_masses_take_a_share_that_grows_with_the_turns_per_metre() -> None:
@@ -79,7 +79,7 @@ def test_a_simulator_that_shows_nothing_is_taken_at_force_per_mass() -> None:
 def test_a_hidden_force_comes_back_in_newtons(name: str) -> None:
     believed = trucks.load(name)
     prepared = [prepare(d, True) for d in drives(believed.with_forces([Pull(2000.0)]))]
-    e = residual.gather(believed, prepared, [False] * len(prepared))
+    e = gather.gather(believed, prepared, [False] * len(prepared))
     search = Search(e)
     mechanism = next(m for m in search.library if m.effect == "dragging_brake")
     steady = next(s for s in search.shapes(mechanism) if s.settings.get("decay_s", 0.0) is None)

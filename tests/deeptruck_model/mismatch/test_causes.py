@@ -9,7 +9,7 @@ import pytest
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape, comes_and_goes, shapes
 from deeptruck_model.mismatch.posterior.causes import SURE, SURE_UNKNOWN, Cause
-from deeptruck_model.mismatch.posterior.intermittent import during
+from deeptruck_model.mismatch.posterior.windows import during
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 RIVALS = (("drafting", 5.0), ("drag_area", 20.0), ("road_grade", 27.0), ("mass", 40.0))

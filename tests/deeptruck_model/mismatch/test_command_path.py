@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from deeptruck_model.mismatch.data.prepared import Prepared
-from deeptruck_model.mismatch.residual.changed_commands import changed
-from deeptruck_model.mismatch.residual.command_path import CommandPath
+from deeptruck_model.mismatch.residual.command_path import CommandPath, changed
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from deeptruck_model.mismatch.residual import components
-from deeptruck_model.mismatch.residual.levers import lever
+from deeptruck_model.mismatch.residual.evidence import lever
 
 
 def test_a_slipping_clutch_is_no_lever() -> None:

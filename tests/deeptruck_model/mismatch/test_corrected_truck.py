@@ -12,7 +12,7 @@ from deeptruck_model import simulators, trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.data.prepared import fed
-from deeptruck_model.mismatch.residual.share import Shares
+from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.signals import ACCELERATION, SPEED
 
 BASE = trucks.load("trucksim")

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from found_mismatches import mismatch
 
-from deeptruck_model.mismatch.report import evidence_figure
+from deeptruck_model.mismatch.report import error_figures
 from deeptruck_model.mismatch.report import text as page_text
 
 RANKING = (("brake_fade", 90.0), ("headwind", 14.0), ("dragging_brake", 87.0), ("load_slosh", -31.0))
@@ -16,7 +16,7 @@ RANKING = (("brake_fade", 90.0), ("headwind", 14.0), ("dragging_brake", 87.0), (
 @pytest.fixture(scope="module")
 def drawn():
     found = mismatch("missing_physics")
-    made = evidence_figure.ranking(replace(found.explanation, ranking=RANKING))
+    made = error_figures.ranking(replace(found.explanation, ranking=RANKING))
     made.canvas.draw()
     return made
 
@@ -37,7 +37,7 @@ def test_a_bar_below_zero_is_whole_and_its_number_stands_beside_it(drawn) -> Non
 def test_what_lies_far_below_is_cut_with_an_arrow() -> None:
     found = mismatch("missing_physics")
     ranking = (*RANKING, ("turbo_lag", -900.0))
-    (ax,) = evidence_figure.ranking(replace(found.explanation, ranking=ranking)).axes
+    (ax,) = error_figures.ranking(replace(found.explanation, ranking=ranking)).axes
     assert "← -900" in [t.get_text() for t in ax.texts]
 
 

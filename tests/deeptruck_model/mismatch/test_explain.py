@@ -12,9 +12,9 @@ import pytest
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape, comes_and_goes, shapes
 from deeptruck_model.mismatch.posterior import explain, stepwise
 from deeptruck_model.mismatch.posterior.causes import Cause
-from deeptruck_model.mismatch.posterior.intermittent import MOST, MOST_BESIDE, during, within
 from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.posterior.slow_force import SlowForce
+from deeptruck_model.mismatch.posterior.windows import MOST, MOST_BESIDE, during, within
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 

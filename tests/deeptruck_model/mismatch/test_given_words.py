@@ -12,12 +12,11 @@ import pytest
 from found_mismatches import mismatch, recording
 from pages import Page
 
-from deeptruck_model.mismatch.data.inputs import SAME_DRIVES, with_held_out
-from deeptruck_model.mismatch.data.prepared import prepare
-from deeptruck_model.mismatch.report import given_words, page, timeline_figure
+from deeptruck_model.mismatch.data.prepared import SAME_DRIVES, prepare, with_held_out
+from deeptruck_model.mismatch.report import given, page, timeline_figure
 from deeptruck_model.mismatch.report.figures import draw
-from deeptruck_model.mismatch.report.page_words import counted
 from deeptruck_model.mismatch.report.what_now import Asked
+from deeptruck_model.mismatch.report.wording import counted
 
 
 def compared(count: int, seconds: float, evidence: bool = True) -> Any:
@@ -39,15 +38,15 @@ def compared(count: int, seconds: float, evidence: bool = True) -> Any:
     ],
 )
 def test_what_was_given_is_counted_and_not_its_parts(count: int, seconds: float, said: str) -> None:
-    assert given_words.summary(compared(count, seconds)) == said
+    assert given.summary(compared(count, seconds)) == said
 
 
 def test_where_nothing_is_compared_the_parts_are_no_recordings_either() -> None:
-    assert given_words.summary(compared(1, 420.0, evidence=False)) == "1 recording, 7 min."
+    assert given.summary(compared(1, 420.0, evidence=False)) == "1 recording, 7 min."
 
 
 def test_a_recording_that_was_cut_in_two_is_drawn_as_one() -> None:
-    (whole,) = given_words.as_given(compared(1, 420.0).prepared)
+    (whole,) = given.as_given(compared(1, 420.0).prepared)
     assert (len(whole), whole.name) == (4200, recording(0).name)
     assert np.all(whole.channels["grade"] == recording(0, 420.0).channels["grade"])
     assert len(timeline_figure.tracks(compared(2, 420.0, evidence=False))) == 2

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.correction.held_out_drives import in_vain
+from deeptruck_model.mismatch.correction.correction import in_vain
 from deeptruck_model.mismatch.posterior.causes import Cause
 
 

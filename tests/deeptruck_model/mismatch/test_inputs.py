@@ -9,7 +9,7 @@ import pytest
 
 from deeptruck_model import driving_cycles, mismatch, trucks
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.data.inputs import each_once, same_signals, too_little
+from deeptruck_model.mismatch.data.prepared import each_once, same_signals, too_little
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.recordings import Recording
 

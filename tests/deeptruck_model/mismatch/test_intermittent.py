@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.posterior import intermittent
+from deeptruck_model.mismatch.posterior import windows
 from deeptruck_model.mismatch.posterior.explain import explain
 from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.report.findings import from_cause
@@ -24,12 +24,12 @@ def stuck(nothing_missing: Evidence) -> Evidence:
 
 def test_noise_alone_has_no_windows(nothing_missing: Evidence) -> None:
     search = Search(nothing_missing)
-    assert intermittent.windows(nothing_missing, search.background(())) == []
+    assert windows.windows(nothing_missing, search.background(())) == []
 
 
 def test_the_windows_are_where_the_brake_sticks(stuck: Evidence) -> None:
-    spans = intermittent.windows(stuck, Search(stuck).background(()))
-    marked = intermittent.within(spans, stuck)
+    spans = windows.windows(stuck, Search(stuck).background(()))
+    marked = windows.within(spans, stuck)
     assert marked[STUCK].mean() > 0.9 and marked[~STUCK].mean() < 0.02
 
 
@@ -46,7 +46,7 @@ def test_what_sticks_now_and_then_is_named_and_acts_nowhere_else(stuck: Evidence
 def test_windows_are_narrowed_to_where_the_force_itself_acts(stuck: Evidence) -> None:
     search = Search(stuck)
     model = search.background(())
-    spans = intermittent.narrowed(search, model, intermittent.windows(stuck, model))
+    spans = windows.narrowed(search, model, windows.windows(stuck, model))
     assert [round(x) for _, first, last in spans for x in (first, last)] == [
         300,
         306,
@@ -58,23 +58,23 @@ def test_windows_are_narrowed_to_where_the_force_itself_acts(stuck: Evidence) ->
 def test_what_lasts_is_not_narrowed_and_hundreds_of_windows_have_a_price(stuck: Evidence) -> None:
     search = Search(stuck)
     model = search.background(())
-    whole = [(0, 10.0, 10.0 + intermittent.LONGEST_S + 1.0)]
-    ((record, first, last),) = intermittent.narrowed(search, model, whole)
+    whole = [(0, 10.0, 10.0 + windows.LONGEST_S + 1.0)]
+    ((record, first, last),) = windows.narrowed(search, model, whole)
     assert record == 0 and (round(first), round(last)) == (10, 311)
     many = [(0, float(t), t + 0.5) for t in range(500)]
-    assert np.isfinite(intermittent.unnamed(search, many).trials)
+    assert np.isfinite(windows.unnamed(search, many).trials)
 
 
 def test_pauses_are_left_out_and_steps_of_other_sizes_are_kept() -> None:
     force = np.zeros(200)
     force[40:80], force[80:90], force[100:120] = 2.0, 6.0, 2.0
     noise = np.random.default_rng(0).normal(0.0, 0.5, 200)
-    pieces = intermittent.steps(force + noise)
+    pieces = windows.steps(force + noise)
     inside = np.zeros(200, dtype=bool)
     for begin, end in pieces:
         inside[begin:end] = True
     assert (inside == (force > 0)).mean() > 0.97
-    assert intermittent.steps(noise) == [] and intermittent.steps(noise[:1]) == []
+    assert windows.steps(noise) == [] and windows.steps(noise[:1]) == []
 
 
 def test_bursts_that_follow_nothing_are_unknown(nothing_missing: Evidence) -> None:

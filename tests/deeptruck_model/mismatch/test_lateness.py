@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.posterior import lateness
+from deeptruck_model.mismatch.posterior import nuisances
 from deeptruck_model.mismatch.posterior.candidates import candidates
 from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -45,13 +45,13 @@ def test_only_what_is_too_small_to_be_told_is_known(
     truck: Evidence, share: float, delay_s: float, known: bool
 ) -> None:
     late = replace(truck, residual=truck.residual + share * truck.rerun("delay_all", delay_s))
-    assert (lateness.beside_it(Search(late)).e.late is not None) == known
+    assert (nuisances.beside_it(Search(late)).e.late is not None) == known
 
 
 def test_nothing_makes_up_for_it(truck: Evidence) -> None:
     """A tail of a tenth of a second is worth enough to rate limits and brakes."""
     late = replace(truck, residual=truck.residual + 0.25 * truck.rerun("delay_all", 0.4))
-    gains = [_most(search) for search in (Search(late), lateness.beside_it(Search(late)))]
+    gains = [_most(search) for search in (Search(late), nuisances.beside_it(Search(late)))]
     assert gains[0] > 20.0 > gains[1]
 
 
@@ -64,14 +64,14 @@ def test_what_a_name_explains_is_not_left_to_it(truck: Evidence, lags: bool) -> 
     brake = next(s for s in search.shapes(LIBRARY["command_delay"]) if set(s.settings["lines"]) == {"all"})
     column = replace(brake, columns=force[:, None], prior=replace(brake.prior, mean=np.ones(1)))
     model = search.model((column,) if lags else (), frozenset())
-    assert (lateness.left_beside(late, model).late is None) == lags
+    assert (nuisances.left_beside(late, model).late is None) == lags
 
 
 def test_a_truck_without_commands_has_none(truck: Evidence) -> None:
     signals = {name: s for name, s in truck.signals.items() if not name.endswith("_command")}
     silent = replace(truck, signals=signals)
     search = Search(silent)
-    assert lateness.beside_it(search) is search
+    assert nuisances.beside_it(search) is search
 
 
 def _most(search: Search) -> float:

@@ -9,8 +9,7 @@ import pytest
 
 from deeptruck_model.mismatch import locate
 from deeptruck_model.mismatch.posterior.causes import Cause
-from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
-from deeptruck_model.mismatch.residual.signal_units import unit
+from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch, unit
 
 N, DT, MASS = 1500, 0.2, 2e4
 

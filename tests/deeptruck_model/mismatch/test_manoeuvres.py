@@ -12,7 +12,7 @@ from deeptruck_model.mismatch.mechanisms import LIBRARY, comes_and_goes
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.report.findings import Finding
-from deeptruck_model.mismatch.report.manoeuvres import MANOEUVRES, checked, separation
+from deeptruck_model.mismatch.report.identifiability import MANOEUVRES, checked, separation
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 TRUCK = trucks.load("trucksim")

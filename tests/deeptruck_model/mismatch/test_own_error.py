@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.posterior import own_error
+from deeptruck_model.mismatch.posterior import nuisances
 from deeptruck_model.mismatch.posterior.explain import explain
 from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.residual.evidence import SLOW_NOISE, Evidence
@@ -22,27 +22,27 @@ def flawed(e: Evidence) -> Evidence:
 
 def test_a_truck_that_keeps_nothing_has_no_known_error() -> None:
     bare: Any = SimpleNamespace(reference=())
-    assert own_error.known(bare, measured_acceleration=False, seed=0) is None
+    assert nuisances.known(bare, measured_acceleration=False, seed=0) is None
 
 
 def test_a_flaw_that_was_always_there_is_no_finding(nothing_missing: Evidence) -> None:
     own = flawed(nothing_missing)
-    left = own_error.allow_for(flawed(nothing_missing), own)
+    left = nuisances.allow_for(flawed(nothing_missing), own)
     assert left.tolerance["parameter:brake_gain"] > 0.0 and left.own_error > 0.03
     assert explain(Search(left)).causes == ()
-    new = own_error.allow_for(flawed(nothing_missing), nothing_missing)
+    new = nuisances.allow_for(flawed(nothing_missing), nothing_missing)
     assert [c.effect for c in explain(Search(new)).causes] == ["brake_gain"]
 
 
 def test_what_a_perfect_truck_keeps_costs_little(nothing_missing: Evidence) -> None:
-    left = own_error.allow_for(nothing_missing, nothing_missing)
+    left = nuisances.allow_for(nothing_missing, nothing_missing)
     assert left.residual == pytest.approx(nothing_missing.residual)
     assert max(left.tolerance.values()) < 20.0 and left.own_error < 0.03
 
 
 def test_more_new_driving_makes_the_same_flaw_dearer(nothing_missing: Evidence) -> None:
     own = flawed(nothing_missing)
-    once, twice = own_error._prices(own, 1.0), own_error._prices(own, 2.0)
+    once, twice = nuisances._prices(own, 1.0), nuisances._prices(own, 2.0)
     assert once["parameter:brake_gain"] > 0.0
     assert {n: 2.0 * x for n, x in once.items()} == pytest.approx(twice)
 
@@ -50,13 +50,13 @@ def test_more_new_driving_makes_the_same_flaw_dearer(nothing_missing: Evidence) 
 def test_a_rare_jolt_is_no_error_of_the_whole(nothing_missing: Evidence) -> None:
     jolted = nothing_missing.residual.copy()
     jolted[1000:1040] += 3.0
-    calm = own_error._slow_rms(nothing_missing)
-    assert own_error._slow_rms(replace(nothing_missing, residual=jolted)) < 1.3 * calm
+    calm = nuisances._slow_rms(nothing_missing)
+    assert nuisances._slow_rms(replace(nothing_missing, residual=jolted)) < 1.3 * calm
 
 
 def test_slow_noise_is_as_strong_as_the_trucks_own_drifts(nothing_missing: Evidence) -> None:
     drift = 0.05 * np.sin(2 * np.pi * np.arange(len(nothing_missing)) * nothing_missing.dt / 90.0)
     drifting = replace(nothing_missing, residual=nothing_missing.residual + drift)
-    quiet, restless = (own_error.allow_for(nothing_missing, own) for own in (nothing_missing, drifting))
+    quiet, restless = (nuisances.allow_for(nothing_missing, own) for own in (nothing_missing, drifting))
     assert quiet.slow_noise == SLOW_NOISE < 0.04 < restless.slow_noise < 0.1
     assert restless.series(0.03).slow < quiet.series(0.03).slow

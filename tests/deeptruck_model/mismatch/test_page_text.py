@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from deeptruck_model.mismatch.posterior.causes import SURE, Cause
-from deeptruck_model.mismatch.report import findings, page_words, text, told_apart
-from deeptruck_model.mismatch.report.unnamed_words import strength
+from deeptruck_model.mismatch.report import findings, text, wording
+from deeptruck_model.mismatch.report.findings import strength
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 UNSURE = {"kind": "missing_physics", "probability": 0.3}
@@ -32,12 +32,12 @@ def test_unknown_is_in_a_group_by_its_signals_or_as_a_force_that_comes_and_goes(
         "cannot_be_told_from": ["unknown"],
         "rivals": [{"effect": name, "worse_by_nats": worse} for name, worse in rivals.items()],
     }
-    assert said in told_apart.apart(finding)
+    assert said in wording.apart(finding)
 
 
 def told(effect: str, **worse: float) -> str:
     rivals = [{"effect": n, "worse_by_nats": w} for n, w in worse.items()]
-    return told_apart.apart(UNSURE | {"effect": effect, "cannot_be_told_from": [*worse], "rivals": rivals})
+    return wording.apart(UNSURE | {"effect": effect, "cannot_be_told_from": [*worse], "rivals": rivals})
 
 
 def test_a_rival_that_does_better_is_said_to() -> None:
@@ -51,19 +51,19 @@ def test_a_rival_that_does_better_is_said_to() -> None:
 def test_a_parameter_that_a_name_beats_says_why_it_is_told_nevertheless() -> None:
     finding = UNSURE | {"effect": "drag_area", "cannot_be_told_from": ["headwind"]}
     rivals = {"rivals": [{"effect": "headwind", "worse_by_nats": -61.0}]}
-    assert told_apart.REFITTED in told_apart.apart(finding | rivals | {"kind": "parameter_error"})
-    assert told_apart.REFITTED not in told_apart.apart(finding | rivals)
+    assert wording.REFITTED in wording.apart(finding | rivals | {"kind": "parameter_error"})
+    assert wording.REFITTED not in wording.apart(finding | rivals)
 
 
 def test_a_rival_that_does_little_better_leaves_it_undecided() -> None:
-    assert told_apart.UNDECIDED in told("rolling_resistance", accessory_load=-3.0)
-    assert told_apart.UNDECIDED not in told("rolling_resistance", accessory_load=-300.0)
+    assert wording.UNDECIDED in told("rolling_resistance", accessory_load=-3.0)
+    assert wording.UNDECIDED not in told("rolling_resistance", accessory_load=-300.0)
 
 
 def test_where_no_nats_were_told_none_are_explained() -> None:
     assert "nats" not in told("accessory_load", unknown=0.0)
     assert "nothing: it may do as well" in told("rolling_resistance", brake_gain=0.0)
-    assert told("rolling_resistance", brake_gain=3.0).endswith(told_apart.IN_PLACE)
+    assert told("rolling_resistance", brake_gain=3.0).endswith(wording.IN_PLACE)
 
 
 @pytest.mark.parametrize(
@@ -78,20 +78,20 @@ def test_a_name_that_beats_all_others_says_why_it_is_not_surer(
     kind: str, probability: float, explained: bool
 ) -> None:
     finding = {"effect": "headwind", "kind": kind, "probability": probability, "cannot_be_told_from": []}
-    said = told_apart.apart(finding | {"rivals": [{"effect": "road_grade", "worse_by_nats": 20.0}]})
+    said = wording.apart(finding | {"rivals": [{"effect": "road_grade", "worse_by_nats": 20.0}]})
     assert said.startswith("It is told from every other name; the next best, road grade, is 20 nats worse.")
-    assert said.endswith(told_apart.LIMIT.format("80 %")) == explained
+    assert said.endswith(wording.LIMIT.format("80 %")) == explained
 
 
 def test_a_name_beside_another_says_why_it_is_not_surer() -> None:
     """'50 %' stood beside a lead of 6.5 nats without a reason."""
     finding = {"effect": "headwind", "kind": "missing_physics", "probability": SURE[1]}
-    said = told_apart.apart(finding | {"cannot_be_told_from": ["rolling_resistance"]})
-    assert said.endswith(told_apart.LIMIT.format("65 %"))
+    said = wording.apart(finding | {"cannot_be_told_from": ["rolling_resistance"]})
+    assert said.endswith(wording.LIMIT.format("65 %"))
 
 
 def test_no_name_of_the_program_is_in_a_sentence() -> None:
-    said = page_words.prose(
+    said = wording.prose(
         "simulated on a road, full pull from 3 m/s tells it from rolling_resistance_speed: 2.0 m/s apart; "
         "nearest name: road_grade; +-2 m/s^2"
     )
@@ -120,13 +120,11 @@ def test_no_name_of_the_program_is_in_a_sentence() -> None:
     ],
 )
 def test_a_condition_is_in_words(where: str, said: str) -> None:
-    assert page_words.condition(where) == said
+    assert wording.condition(where) == said
 
 
 def test_what_an_unknown_force_varies_with_is_in_words() -> None:
-    said = page_words.prose(
-        "a force: +3 N. It varies with elapsed, engine. The nearest name, turbo_lag, is far"
-    )
+    said = wording.prose("a force: +3 N. It varies with elapsed, engine. The nearest name, turbo_lag, is far")
     assert (
         "varies with time since the recording began, engine force per mass. The nearest name, turbo lag"
         in said
@@ -134,7 +132,7 @@ def test_what_an_unknown_force_varies_with_is_in_words() -> None:
 
 
 def test_every_special_word_is_for_a_name_that_there_is() -> None:
-    assert all(findings.known(name) for name in page_words.SPOKEN)
+    assert all(findings.known(name) for name in wording.SPOKEN)
 
 
 def test_what_would_settle_it_is_in_words() -> None:

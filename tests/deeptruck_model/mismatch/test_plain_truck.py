@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.posterior.plain_truck import plain_truck
+from deeptruck_model.mismatch.posterior.slow_force import plain_truck
 from deeptruck_model.mismatch.residual.evidence import GRAVITY, Evidence, Stretch
 
 N, MASS, DRAG = 3600, 28000.0, 1.2e-4

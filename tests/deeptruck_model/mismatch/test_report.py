@@ -13,9 +13,9 @@ from found_mismatches import VERDICTS, mismatch
 from pages import Page, pixels
 
 from deeptruck_model.mismatch.posterior import formula
-from deeptruck_model.mismatch.report import headline, page_words, what_now
+from deeptruck_model.mismatch.report import headline, what_now, wording
 from deeptruck_model.mismatch.report import page as report
-from deeptruck_model.mismatch.report.record_next import record_next
+from deeptruck_model.mismatch.report.given import record_next
 from deeptruck_model.mismatch.report.what_now import Asked
 
 ASKED = Asked(Path("my found"), "truck:trucksim", (Path("a"), Path("b")), (Path("c"),))
@@ -195,10 +195,10 @@ def test_the_formula_enters_from_the_evidence():
     ],
 )
 def test_digits_follow_the_interval(value, unit, ci, text):
-    assert page_words.measured(value, unit, ci) == text
+    assert wording.measured(value, unit, ci) == text
 
 
 def test_certainty_is_never_claimed():
-    assert page_words.percent(1.0) == "above 99 %"
-    assert page_words.percent(0.0) == "below 1 %"
-    assert page_words.percent(0.5) == "50 %"
+    assert wording.percent(1.0) == "above 99 %"
+    assert wording.percent(0.0) == "below 1 %"
+    assert wording.percent(0.5) == "50 %"

@@ -11,9 +11,9 @@ from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.data.prepared import prepare
-from deeptruck_model.mismatch.residual import residual
+from deeptruck_model.mismatch.residual import gather
+from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.residual.share import Shares
 from deeptruck_model.recordings import Recording
 
 TRUCK = trucks.load("trucksim")
@@ -41,7 +41,7 @@ def drives() -> list[Recording]:
 
 @pytest.fixture(scope="module")
 def own(drives: list[Recording]) -> Evidence:
-    return residual.gather(TRUCK, [prepare(r, False) for r in drives], [False, True])
+    return gather.gather(TRUCK, [prepare(r, False) for r in drives], [False, True])
 
 
 def test_on_its_own_truck_nothing_is_left(own: Evidence) -> None:
@@ -53,11 +53,11 @@ def test_on_its_own_truck_nothing_is_left(own: Evidence) -> None:
 
 def test_sensitivities_are_the_answers_of_other_trucks(drives: list[Recording], own: Evidence) -> None:
     heavy = TRUCK.with_parameters({"mass": 1.02 * MASS})
-    other = residual.gather(heavy, [prepare(r, False) for r in drives], [False, True])
+    other = gather.gather(heavy, [prepare(r, False) for r in drives], [False, True])
     sure = own.valid & (own.doubt(0.02) < 1.5) & (other.doubt(0.02) < 1.5)
     expected = -0.02 * own.sensitivity["mass"]
     assert np.corrcoef((other.residual - own.residual)[sure], expected[sure])[0, 1] > 0.99
-    assert set(own.sensitivity) == set(residual.PARAMETERS)
+    assert set(own.sensitivity) == set(gather.PARAMETERS)
 
 
 def test_rerun_is_the_change_by_late_commands(own: Evidence) -> None:
@@ -68,7 +68,7 @@ def test_rerun_is_the_change_by_late_commands(own: Evidence) -> None:
 
 def test_a_black_box_is_split_into_what_it_is_made_of(drives: list[Recording], own: Evidence) -> None:
     prepared = [prepare(r, False) for r in drives]
-    asked = residual.gather(BlackBox(TRUCK), prepared, [False, True])
+    asked = gather.gather(BlackBox(TRUCK), prepared, [False, True])
     assert asked.dt == pytest.approx(1.0) and asked.mass == pytest.approx(MASS, rel=0.3)
 
     def seconds(x: np.ndarray) -> np.ndarray:
@@ -76,7 +76,7 @@ def test_a_black_box_is_split_into_what_it_is_made_of(drives: list[Recording], o
 
     for name in ("engine", "brake"):
         assert np.corrcoef(asked[name][asked.valid], seconds(own[name])[asked.valid])[0, 1] > 0.9
-    assert set(asked.sensitivity) == set(residual.PARAMETERS)
+    assert set(asked.sensitivity) == set(gather.PARAMETERS)
 
 
 def test_a_truck_whose_brake_was_not_recorded(drives: list[Recording]) -> None:
@@ -90,7 +90,7 @@ def test_a_truck_whose_brake_was_not_recorded(drives: list[Recording]) -> None:
         replace(r, interface=box.interface, channels=c) for r, c in zip(drives, channels, strict=True)
     ]
     prepared = [prepare(r, False) for r in unbraked]
-    e = residual.gather(box, prepared, [False, True])
+    e = gather.gather(box, prepared, [False, True])
     assert "brake_command" not in e.signals and np.isfinite(e.residual).all()
     steady = CorrectedTruck(box, [Term("dragging_brake", {"decay_s": None}, (0.05,))], {}, Shares.of(e), True)
     p = prepared[0]
@@ -100,14 +100,14 @@ def test_a_truck_whose_brake_was_not_recorded(drives: list[Recording]) -> None:
 
 def test_less_than_a_block_is_refused(drives: list[Recording]) -> None:
     with pytest.raises(InputError, match="shorter than one block"):
-        residual.gather(TRUCK, [prepare(drives[0].piece(0, 1), False)], [False])
+        gather.gather(TRUCK, [prepare(drives[0].piece(0, 1), False)], [False])
 
 
 def test_a_shift_that_comes_a_little_sooner_is_no_part_of_a_slope() -> None:
     recording = driving_cycles.drive(TRUCK, seconds=600.0, seed=4)
     channels = recording.channels | {"speed": np.round(recording.channels["speed"] * 921.6) / 921.6}
     prepared = prepare(replace(recording, channels=channels), False)
-    driven = residual.gather(TRUCK.with_parameters({"mass": 0.7 * MASS}), [prepared], [False])
+    driven = gather.gather(TRUCK.with_parameters({"mass": 0.7 * MASS}), [prepared], [False])
     slope = driven.sensitivity["rolling_resistance"][driven.valid]
     assert driven["gear"].min() < driven["gear"].max()
     assert np.abs(slope - np.median(slope)).max() < 0.5 * np.abs(np.median(slope))
@@ -117,8 +117,8 @@ def test_what_only_the_held_out_recordings_have_stands_for_nothing(drives: list[
     """Another logger recorded these: the truck's own gear and engine speed are known everywhere."""
     lacking = ("gear", "engine_speed", "engine_torque")
     bare = replace(drives[0], channels={n: x for n, x in drives[0].channels.items() if n not in lacking})
-    e = residual.gather(TRUCK, [prepare(r, False) for r in (bare, drives[1])], [False, True])
+    e = gather.gather(TRUCK, [prepare(r, False) for r in (bare, drives[1])], [False, True])
     assert np.isfinite(e["gear"]).all() and np.isfinite(e["ratio"]).all()
     assert "engine_torque" not in e.signals
-    turned = residual.gather(TRUCK, [prepare(r, False) for r in (bare, drives[1])], [True, False])
+    turned = gather.gather(TRUCK, [prepare(r, False) for r in (bare, drives[1])], [True, False])
     assert np.isfinite(turned["engine_torque"][~turned.held_out]).all()

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from deeptruck_model.mismatch.report import page_words, size_rows
+from deeptruck_model.mismatch.report import wording
 
 
 def size(value: float, unit: str, ci: tuple[float, float] | None = None) -> dict[str, Any]:
@@ -23,7 +23,7 @@ DRAGGING = {
 
 
 def shown(parameters: dict[str, Any]) -> dict[str, str]:
-    return {row["name"]: row["text"] for row in size_rows.rows(parameters)}
+    return {row["name"]: row["text"] for row in wording.rows(parameters)}
 
 
 def test_a_place_on_a_curve_has_its_unit_and_next_to_nothing_is_nothing() -> None:
@@ -34,19 +34,19 @@ def test_a_place_on_a_curve_has_its_unit_and_next_to_nothing_is_nothing() -> Non
 
 def test_a_recording_keeps_its_name() -> None:
     assert "force[b_0]" in shown(DRAGGING)
-    assert page_words.prose("recording 'b_halfspeed' has brake_command") == (
+    assert wording.prose("recording 'b_halfspeed' has brake_command") == (
         "recording 'b_halfspeed' has brake command"
     )
-    assert page_words.prose("the truck's brake_lag isn't the simulator's") == (
+    assert wording.prose("the truck's brake_lag isn't the simulator's") == (
         "the truck's brake lag isn't the simulator's"
     )
 
 
 def test_a_bare_zero_says_why() -> None:
     rows = shown(DRAGGING)
-    assert rows["force[b_1]"] == f"0 N: {size_rows.HELD_AT_ZERO}"
+    assert rows["force[b_1]"] == f"0 N: {wording.HELD_AT_ZERO}"
     (curve,) = [text for name, text in rows.items() if name.endswith("of 0 W/kg")]
-    assert curve == f"0 N: {size_rows.ENDS}"
+    assert curve == f"0 N: {wording.ENDS}"
 
 
 def test_sizes_of_several_kinds_say_how_they_add_up() -> None:

@@ -20,9 +20,8 @@ from deeptruck_model.mismatch.mechanisms import KNOWN, build
 from deeptruck_model.mismatch.mechanisms.carriers import CARRIERS
 from deeptruck_model.mismatch.residual import effective_mass
 from deeptruck_model.mismatch.residual.command_path import CommandPath
-from deeptruck_model.mismatch.residual.components import SENSITIVITY
-from deeptruck_model.mismatch.residual.levers import lever, turns
-from deeptruck_model.mismatch.residual.share import Shares
+from deeptruck_model.mismatch.residual.components import SENSITIVITY, Shares
+from deeptruck_model.mismatch.residual.evidence import lever, turns
 from deeptruck_model.signals import ACCELERATION, SPEED, TruckInterface
 from deeptruck_model.simulators import MANIFEST, Run, Simulator
 from deeptruck_model.simulators import load as load_simulator

@@ -1,4 +1,4 @@
-"""Recordings made fit to be compared with a simulator, and what of them it is fed."""
+"""Whether recordings and simulator belong together, what is held out, and whether there is enough."""
 
 from __future__ import annotations
 
@@ -9,10 +9,143 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from deeptruck_model.mismatch.data.kinematics import noise_of, observed_acceleration
+from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch.data import checks
+from deeptruck_model.mismatch.data.checks import noise_of, observed_acceleration
+from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import SPEED
 from deeptruck_model.simulators import Simulator
+
+HELD_OUT_SHARE = 0.3
+LEAST_S = 60.0
+SAME_DRIVES = (
+    "few recordings and no other held out: the last 30 % of each was set aside, "
+    "so what is claimed holds for the same drives only"
+)
+
+
+def same_signals(simulator: Simulator, recordings: Sequence[Recording]) -> None:
+    if not recordings:
+        raise InputError("there is no recording to compare with; give at least one bag with data in it")
+    need = {*simulator.interface.u, *simulator.interface.w}
+    for r in recordings:
+        missing = sorted(n for n in need if n not in r.channels or not np.isfinite(r.channels[n]).any())
+        if missing:
+            raise InputError(
+                f"recording '{r.name}' has no valid {', '.join(missing)}, which the simulator needs; "
+                "record it or use another simulator"
+            )
+        for name in ("engine_command", "brake_command"):
+            here, there = r.interface.unit(name), simulator.interface.unit(name)
+            if name in need and here != there:
+                raise InputError(
+                    f"recording '{r.name}' has {name} in {here}, the simulator in {there}; "
+                    "import it with the simulator's unit"
+                )
+        if abs(r.dt - simulator.dt) > 1e-6:
+            raise InputError(_other_rate(r, 1 / simulator.dt))
+
+
+def _other_rate(r: Recording, rate_hz: float) -> str:
+    """What mends it: a bag is read at the simulator's rate, unless it was recorded at a lower one."""
+    own_hz = 1 / r.dt
+    if own_hz > rate_hz:
+        cure = f"read it with rate_hz={rate_hz:g}"
+    else:
+        cure = (
+            f"record at {rate_hz:g} Hz, or compare with a simulator of {own_hz:g} Hz: "
+            "'deeptruck-model train' makes one of recordings at that rate"
+        )
+    return f"recording '{r.name}' is at {own_hz:g} Hz, the simulator at {rate_hz:g} Hz; {cure}"
+
+
+def each_once(
+    fit: Sequence[Recording], held: Sequence[Recording]
+) -> tuple[list[Recording], list[Recording], list[str]]:
+    """Recordings to fit and to hold out, each drive once under whatever name: what is in both is held out,
+    unless nothing would be left to fit."""
+    caveats: list[str] = []
+    if all(any(_same(r, h) for h in held) for r in fit):
+        held = ()
+        caveats = (
+            ["the held-out recordings are those to be fitted and judge nothing; give other drives"]
+            if fit
+            else []
+        )
+    chosen: list[Recording] = list(held)
+    kept: list[Recording] = []
+    for r in fit:
+        if any(_same(r, other) for other in [*chosen, *kept]):
+            caveats.append(f"recording '{r.name}' was given twice and is used once")
+        else:
+            kept.append(r)
+    return kept, chosen, caveats
+
+
+def _same(one: Recording, other: Recording) -> bool:
+    driven = ("speed", *one.interface.u)  # two cruises at one speed differ by their commands alone
+    a, b = one.columns(driven), other.columns(driven)
+    return (
+        len(a) == len(b)
+        and np.array_equal(a, b, equal_nan=True)
+        and bool(np.nanmax(a[:, 0], initial=0.0) > 0)
+    )
+
+
+def with_held_out(
+    fit: list[Recording], held: list[Recording], dt: float
+) -> tuple[list[Recording], list[bool], list[str]]:
+    """Recordings and which of them are held out; where none was given, the last part is set aside."""
+    if held:
+        return fit + held, [False] * len(fit) + [True] * len(held), []
+    if len(fit) >= 4:
+        count = max(1, round(HELD_OUT_SHARE * len(fit)))
+        return (
+            fit,
+            [False] * (len(fit) - count) + [True] * count,
+            [f"no other drive held out: the last {count} were set aside"],
+        )
+    pieces, flags = [], []
+    for r in fit:
+        cut = int(len(r) * (1 - HELD_OUT_SHARE))
+        if (len(r) - cut) * dt < LEAST_S:
+            pieces.append(r)
+            flags.append(False)
+            continue
+        pieces += [replace(r.piece(0, cut)), replace(r.piece(cut, len(r)))]
+        flags += [False, True]
+    return pieces, flags, [SAME_DRIVES]
+
+
+def unusable(prepared: Sequence[Prepared], rejected: Sequence[checks.Rejection]) -> str | None:
+    """Why nothing can be said from the recordings that are not held out, or None."""
+    seconds = sum(float(p.valid.sum()) * p.dt for p in prepared)
+    if seconds < LEAST_S:
+        if rejected:
+            most = rejected[0]
+            why = f"{most.rule} ({most.samples} samples)"
+            return f"only {seconds:.0f} s of usable driving; most was set aside because: {why}"
+        return f"only {seconds:.0f} s of usable driving: record at least several minutes above walking pace"
+    speed = np.concatenate([p.y[p.valid, 1] for p in prepared])
+    if np.std(speed) < 0.3:
+        return (
+            "the speed is constant throughout, so no force can be told from another: "
+            "accelerate, brake and coast between 5 and 25 m/s"
+        )
+    return None
+
+
+def too_little(e: Evidence) -> str | None:
+    """Why nothing can be said where the simulator drives most of what is fitted in another gear, or None."""
+    seconds = float((e.valid & ~e.held_out).sum()) * e.dt
+    if seconds >= LEAST_S or not e.other_gear:
+        return None
+    return (
+        f"only {seconds:.0f} s of driving in the gear that was recorded: look whether gear and engine_speed "
+        "are recorded in the right units, or record more"
+    )
+
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

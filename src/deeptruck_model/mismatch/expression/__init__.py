@@ -17,9 +17,16 @@ from deeptruck_model.mismatch.expression.nodes import (
     maximum,
     minimum,
 )
-from deeptruck_model.mismatch.expression.places import During, InRecording, Interpolated, Knot, Rerun, Tent
-from deeptruck_model.mismatch.expression.plays import Play
-from deeptruck_model.mismatch.expression.stream import Stream
+from deeptruck_model.mismatch.expression.places import (
+    During,
+    InRecording,
+    Interpolated,
+    Knot,
+    Play,
+    Rerun,
+    Stream,
+    Tent,
+)
 
 __all__ = [
     "Apply",

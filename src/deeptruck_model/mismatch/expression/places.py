@@ -15,6 +15,75 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 Array = NDArray[np.float64]
 
 
+class Stepped(Expression):
+    """A node that is computed step by step along recordings too, all of them side by side."""
+
+    def over(self, values: Sequence[Array], e: Evidence) -> Array:
+        longest = max(s.stop - s.start for s in e.stretches)
+        rows = np.zeros((longest, len(e.stretches)))
+        for k, s in enumerate(e.stretches):
+            rows[: s.stop - s.start, k] = values[0][s.rows]
+        memory = self.begin(len(e.stretches))
+        for k, x in enumerate(rows):
+            rows[k], memory = self.advance([x], memory, {}, e.dt)
+        return np.concatenate([rows[: s.stop - s.start, k] for k, s in enumerate(e.stretches)])
+
+
+@dataclass(frozen=True, eq=False)
+class Play(Stepped):
+    """The part of a force that turns a play instead of pulling: it drives the play against friction, from
+    one end to the other, `reach` (force times s) apart, and all of it arrives at an end. A soft spring in it
+    passes up to `holds` on before."""
+
+    inputs: tuple[Expression, ...]
+    reach: float
+    holds: float = 0.0
+
+    def begin(self, batch: int) -> Any:
+        return np.zeros(batch)  # from the middle
+
+    def advance(
+        self, values: Sequence[Array], memory: Any, now: Mapping[str, Array], dt: float
+    ) -> tuple[Array, Any]:
+        half = 0.5 * self.reach
+        stiff = self.holds / half
+        # towards where the spring holds all of it, exactly; the spring may be far quicker than a step
+        share = (1.0 - np.exp(-stiff * dt)) / stiff if stiff > 0.0 else dt
+        after = np.clip(memory + share * (values[0] - stiff * memory), -half, half)
+        return (after - memory) / dt, after
+
+
+class Stream:
+    """Expressions evaluated together along a simulation; memory is a plain list, so states can be copied."""
+
+    def __init__(self, expressions: Sequence[Expression]) -> None:
+        self._order: list[Expression] = []
+        self._index: dict[int, int] = {}
+        self._outputs = [self._visit(x) for x in expressions]
+
+    def _visit(self, x: Expression) -> int:
+        if id(x) not in self._index:
+            for part in x.inputs:
+                self._visit(part)
+            self._index[id(x)] = len(self._order)
+            self._order.append(x)
+        return self._index[id(x)]
+
+    def begin(self, batch: int) -> list[Any]:
+        """Memory of every node at the start."""
+        return [x.begin(batch) for x in self._order]
+
+    def step(self, memory: list[Any], now: Mapping[str, Array], dt: float) -> tuple[list[Array], list[Any]]:
+        """Values of the expressions now, and the memory for the next step."""
+        values: list[Array] = []
+        after: list[Any] = []
+        for x, m in zip(self._order, memory, strict=True):
+            value, m = x.advance([values[self._index[id(i)]] for i in x.inputs], m, now, dt)
+            values.append(value)
+            after.append(m)
+        return [values[i] for i in self._outputs], after
+
+
 @dataclass(frozen=True, eq=False)
 class Tent(Expression):
     """A linear B-spline at `knot`: one at the knot, zero `width` away on either side."""

@@ -14,8 +14,8 @@ from deeptruck_model.mismatch.mechanisms.base import (
     shapes,
 )
 from deeptruck_model.mismatch.mechanisms.laws import LATE_SENSOR, LAW, acts_by, law_signal, laws, leans_on
+from deeptruck_model.mismatch.mechanisms.over_time import UNNAMED
 from deeptruck_model.mismatch.mechanisms.own_forms import OWN
-from deeptruck_model.mismatch.mechanisms.unnamed import UNNAMED
 
 LIBRARY: dict[str, Mechanism] = {
     m.effect: m

@@ -7,9 +7,38 @@ from typing import Any
 
 import numpy as np
 
-from deeptruck_model.mismatch.expression import Expression, InRecording, Knot, Signal
-from deeptruck_model.mismatch.mechanisms.base import Column, Settings
+from deeptruck_model.mismatch.expression import Expression, InRecording, Knot, Signal, lift
+from deeptruck_model.mismatch.mechanisms.base import (
+    Column,
+    Mechanism,
+    Settings,
+)
 from deeptruck_model.mismatch.residual.evidence import Evidence
+
+ANY, LARGEST = lift(1.0), 0.5  # m/s^2
+
+
+def _settings(e: Evidence) -> Iterator[Settings]:
+    for along in ("elapsed", "distance"):
+        yield from slow_settings(e, ANY, LARGEST, along)
+
+
+def _columns(s: Settings) -> list[Column]:
+    return slow_columns(s, ANY, "force", "N", sign=0, per_mass=True)
+
+
+UNNAMED = Mechanism(
+    "unknown",
+    "F = f(t)",
+    "a force comes and goes as none of the known ones does",
+    (),
+    ("time", "distance along the road"),
+    "",
+    "drive the same stretch twice in either direction, at two speeds",
+    _settings,
+    _columns,
+)
+
 
 MANY_SHAPES = 20  # something that comes and goes as it likes can stand in for much else; it pays for that
 SLOW_KNOT_S = (20.0, 40.0)  # shortest and longest distance of the finer knots

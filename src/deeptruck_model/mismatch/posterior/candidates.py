@@ -1,11 +1,106 @@
-"""The names worth adding to a model, each fitted in full and widened where that pays."""
+"""Approximate gains of many shapes at once, by which those worth a fit are chosen."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.expression import Rerun
 from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes, merge
+from deeptruck_model.mismatch.mechanisms.regimes import Products, gated
 from deeptruck_model.mismatch.posterior.penalties import slow_price
-from deeptruck_model.mismatch.posterior.screening import screen, screen_regimes
-from deeptruck_model.mismatch.posterior.search import ONE_SIZE, Model, Search
+from deeptruck_model.mismatch.posterior.search import ONE_SIZE, TEMPER, Model, Search
+from deeptruck_model.mismatch.residual.noise import whiten
+
+Array = NDArray[np.float64]
+
+SCREENED = 2  # shapes of each mechanism that are fitted in full
+FEW_COLUMNS = 8  # of shapes that are confined to a regime before they are fitted
+CONFINED = 3  # so many shapes of each mechanism
+OWN_REGIME = 0.15  # share of what a mechanism does that must lie in its regime: no slip of a locked converter
+WORTH_A_REGIME = 6.0  # nats
+
+
+def screen(search: Search, base: Model, noise: Model | None = None) -> list[tuple[float, Shape]]:
+    """Approximate gain of the best shapes of every mechanism on top of `base`, best first; the noise is
+    that of `noise`, or of `base`."""
+    out = []
+    taken = any(comes_and_goes(n) for n in base.named)
+    for mechanism in search.library:
+        if mechanism.effect not in base.effects:
+            scored = screen_shapes(search, base, search.shapes(mechanism), noise)
+            laws = [item for item in scored if not comes_and_goes(item[1])]
+            out += laws[:SCREENED] + _screen_confined(search, base, laws, noise)
+            if not taken:  # two forces that come and go as they like cannot be told from one
+                out += [item for item in scored if comes_and_goes(item[1])][:1]
+    return sorted(out, key=lambda item: -item[0])
+
+
+def _screen_confined(
+    search: Search, base: Model, laws: list[tuple[float, Shape]], noise: Model | None
+) -> list[tuple[float, Shape]]:
+    """The best law of a mechanism that gains clearly more where it acts in one regime alone; or none."""
+    few = [s for _, s in laws if s.columns.shape[1] <= FEW_COLUMNS][:CONFINED]
+    few = [s for s in few if s.mechanism.effect not in ONE_SIZE]
+    regimes = [r for s in few for r in screen_regimes(search, base, s, noise)[:1]]
+    better = [r for r in regimes if r[0] > laws[0][0] + WORTH_A_REGIME]
+    return sorted(better, key=lambda item: -item[0])[:1]
+
+
+def screen_shapes(
+    search: Search, base: Model, options: Sequence[Shape], noise: Model | None = None
+) -> list[tuple[float, Shape]]:
+    """Approximate gain of each shape on top of `base`, best first."""
+    noise = noise or base
+    yw, Xw, H0, weight = search.whitened(base, noise)
+    Xty, scored = Xw.T @ yw, []
+    for s in options:
+        C = whiten(s.columns, noise.fit.ar, search.rows, weight)
+        gain = float(_approximate_gains(Products.stacked([Products.of(C, yw, Xw)]), Xty, H0, s)[0])
+        scored.append((gain - TEMPER * float(np.log(s.trials)), s))
+    return sorted(scored, key=lambda item: -item[0])
+
+
+def screen_regimes(
+    search: Search, base: Model, shape: Shape, noise: Model | None = None
+) -> list[tuple[float, Shape]]:
+    """Approximate gain of a shape confined to one side of each border, best first; the best alone are
+    made. The noise is that of `noise`, or of `base`."""
+    if any(isinstance(c.expression, Rerun) for c in shape.parts) or "gate" in shape.settings:
+        return []
+    noise = noise or base
+    yw, Xw, H0, weight = search.whitened(base, noise)
+    C = whiten(shape.columns, noise.fit.ar, search.rows, weight)
+    gates, products = search.regimes.products(C, yw, Xw)
+    if not gates:
+        return []
+    gains = _approximate_gains(products, Xw.T @ yw, H0, shape)
+    lies_there = np.trace(products.CtC, axis1=1, axis2=2) > OWN_REGIME * float(np.sum(C**2))
+    best = [k for k in np.argsort(-gains, kind="stable") if lies_there[k]][:SCREENED]
+    made = [(float(gains[k]), gated(shape, gates[k], search.e, search.regimes.count)) for k in best]
+    return [(gain - TEMPER * float(np.log(s.trials)), s) for gain, s in made]
+
+
+def _approximate_gains(products: Products, Xty: Array, H0: Array, s: Shape) -> Array:
+    """Evidence (G,) gained by more columns, all whitened and weighted, of G sets of products; signs are
+    respected one by one."""
+    XtC = products.XtC
+    CtX = XtC.swapaxes(1, 2)
+    A = products.CtC - CtX @ (H0 @ XtC)
+    at_zero = products.Cty - CtX @ (H0 @ Xty)
+    P, m = 1 / s.prior.sd**2, s.prior.mean
+    H = A + np.diag(P)
+    g = at_zero - A @ m
+    step = np.linalg.solve(H, g[:, :, None])[:, :, 0]
+    gain = 0.5 * np.sum(g * step, axis=1) - 0.5 * (np.linalg.slogdet(H)[1] - np.log(P).sum())
+    gain += at_zero @ m - 0.5 * (A @ m) @ m  # moving by the prior mean itself counts too
+    if (s.prior.sign > 0).any():
+        gain[((step + m) * s.prior.sign < 0).all(axis=1)] = -10.0
+    out: Array = gain
+    return out
+
 
 MORE_SHAPES = 2  # further shapes a mechanism may be widened by
 WORTH_A_SHAPE = 4.0  # nats a further shape of the same mechanism must gain

@@ -7,17 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from deeptruck_model.mismatch.mechanisms import comes_and_goes
-from deeptruck_model.mismatch.posterior.bursts import bursts
-from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
-from deeptruck_model.mismatch.posterior.free_law import LeftOver, left_over
-from deeptruck_model.mismatch.posterior.free_model import FreeModel
+from deeptruck_model.mismatch.posterior.causes import Cause, Explanation, road_lock
+from deeptruck_model.mismatch.posterior.free_law import FreeModel, LeftOver, left_over
 from deeptruck_model.mismatch.posterior.penalties import ENOUGH, large_enough, price
-from deeptruck_model.mismatch.posterior.plain_truck import plain_truck
 from deeptruck_model.mismatch.posterior.rivals import named_cause, tuned_causes
-from deeptruck_model.mismatch.posterior.road_lock import road_lock
 from deeptruck_model.mismatch.posterior.search import Model, Search
-from deeptruck_model.mismatch.posterior.slow_force import SlowForce, slow_force
+from deeptruck_model.mismatch.posterior.slow_force import SlowForce, plain_truck, slow_force
 from deeptruck_model.mismatch.posterior.stepwise import grow
+from deeptruck_model.mismatch.posterior.windows import bursts
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 ENOUGH_FREE = 75.0  # nats the free model must gain on what is left before 'unknown' is said

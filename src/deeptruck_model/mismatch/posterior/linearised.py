@@ -6,23 +6,47 @@ where parameters are far off they are set in the simulator, and all is linearise
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.mechanisms import Shape, shape
-from deeptruck_model.mismatch.posterior import lateness, own_error
-from deeptruck_model.mismatch.posterior.accepted import accepted
+from deeptruck_model.mismatch.posterior import nuisances
 from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.posterior.explain import explain
 from deeptruck_model.mismatch.posterior.search import POSSIBLE, Model, Search, changed_by
 from deeptruck_model.mismatch.posterior.stepwise import first_guess
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.residual.residual import STEP, gather
+from deeptruck_model.mismatch.residual.gather import STEP, gather
 from deeptruck_model.simulators import Simulator
+
+HALVINGS = 12
+
+
+def accepted(simulator: Simulator, changes: Mapping[str, float], near: float = 0.0) -> dict[str, float]:
+    """The relative changes, each halved until the simulator takes the value, and those `near` it on both
+    sides (relative)."""
+    return {name: _accepted(simulator, name, change, near) for name, change in changes.items()}
+
+
+def _accepted(simulator: Simulator, name: str, change: float, near: float) -> float:
+    own = simulator.parameters().get(name)
+    if own is None:
+        return change  # not its own; a force stands for it
+    for _ in range(HALVINGS):
+        try:
+            for value in (own * (1.0 + change) * (1.0 + side) for side in (-near, near)):
+                simulator.with_parameters({name: value})
+        except InputError:
+            change /= 2.0
+        else:
+            return change
+    return 0.0
+
 
 WORTH_MOVING = 20.0  # nats
 # Beyond this relative change parameters are set in the simulator, and all is linearised again; and once more.
@@ -41,14 +65,14 @@ def explained(
 ) -> tuple[Evidence, Explanation]:
     """The explanation, and the evidence about whose parameters it was found."""
     say("searching for what is missing")
-    itself = own_error.known(simulator, prepared[0].measured_acceleration, seed)
+    itself = nuisances.known(simulator, prepared[0].measured_acceleration, seed)
     if itself is not None:
         say("learning the simulator's own error from the recordings it keeps")
-        evidence = own_error.allow_for(evidence, itself)
+        evidence = nuisances.allow_for(evidence, itself)
     elif not simulator.parameters():
-        evidence = replace(evidence, own_error=own_error.UNKNOWN, slow_noise=own_error.UNKNOWN)
+        evidence = replace(evidence, own_error=nuisances.UNKNOWN, slow_noise=nuisances.UNKNOWN)
     around = _Around(simulator, tuple(prepared), tuple(held_out), seed, tuple(exclude), say)
-    search = lateness.beside_it(Search(evidence, exclude=exclude), exclude)
+    search = nuisances.beside_it(Search(evidence, exclude=exclude), exclude)
     search = _followed(around, _beside_parameters(around, search), _first_guess)
     found = explain(search)
     anew = around.parameters_of(search, found.model, RETUNE)
@@ -80,7 +104,7 @@ class _Around:
         moved = accepted(self.simulator, possible, near=STEP)
         tuned = self.simulator.with_parameters({p: own[p] * (1 + c) for p, c in moved.items()})
         e = gather(tuned, self.prepared, self.held_out, seed=self.seed, moved=moved)
-        return lateness.beside_it(Search(e, exclude=self.exclude), self.exclude)
+        return nuisances.beside_it(Search(e, exclude=self.exclude), self.exclude)
 
 
 def _beside_parameters(around: _Around, search: Search) -> Search:

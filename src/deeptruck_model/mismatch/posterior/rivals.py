@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY, UNNAMED, Shape, comes_and_goes
-from deeptruck_model.mismatch.posterior import intermittent
-from deeptruck_model.mismatch.posterior.candidates import candidates, enriched
+from deeptruck_model.mismatch.posterior import windows
+from deeptruck_model.mismatch.posterior.candidates import candidates, enriched, screen, screen_shapes
 from deeptruck_model.mismatch.posterior.causes import GROUP_SHARE, Cause
 from deeptruck_model.mismatch.posterior.penalties import (
     ENOUGH,
@@ -20,7 +20,6 @@ from deeptruck_model.mismatch.posterior.penalties import (
     price,
     slow_price,
 )
-from deeptruck_model.mismatch.posterior.screening import screen, screen_shapes
 from deeptruck_model.mismatch.posterior.search import TEMPER, Model, Search
 from deeptruck_model.mismatch.posterior.stepwise import WIDENED
 
@@ -89,7 +88,7 @@ def _instead_of(search: Search, base: Model, shape: Shape) -> list[tuple[str, Mo
     first."""
     if "when" in shape.settings:
         spans = [(int(i), first, last) for i, first, last in shape.settings["when"]]
-        tried = intermittent.candidates(search, base, spans)
+        tried = windows.candidates(search, base, spans)
     else:
         tried = candidates(search, base)
         tried = [enriched(search, m) for m in tried[:WIDENED]] + tried[WIDENED:]
@@ -118,7 +117,7 @@ def _lawless(search: Search, model: Model, shape: Shape) -> Model | None:
     others = tuple(n for n in model.named if n is not shape)
     if "when" in shape.settings:
         spans = [(int(i), first, last) for i, first, last in shape.settings["when"]]
-        return search.model((*others, intermittent.unnamed(search, spans)), model.free, model.fit)
+        return search.model((*others, windows.unnamed(search, spans)), model.free, model.fit)
     if not comes_and_goes(shape):
         return None
     base = search.model(others, model.free, model.fit)

@@ -1,22 +1,129 @@
-"""A slow force that no signal predicts: the road's slope, wind, or a gain that drifts.
+"""What a road adds, told beside a learned truck: from the recordings alone.
 
-Over minutes such a force looks like slow noise to any regression, so the search by evidence cannot see it.
-It is told from
-noise by its size, and its name by what size it would need to have: a slope of 1 % is a road, a wind of 40
-m/s is none.
+A learned truck that sees its own speed follows a slope as it follows everything slow, so that little of it is
+left in its residual. A line through the recordings does not, but slopes and pulling come together, and an
+ordinary fit takes part of one for the other. Fast changes tell them apart: no road changes within seconds, so
+what engine and friction do is fitted to those, and the slow rest is the road's, the wind's, or a gain's.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
+from scipy.optimize import nnls
+from scipy.stats import theilslopes
 
+from deeptruck_model.mismatch.residual.components import (
+    AIR_DENSITY,
+    DIESEL_J_PER_CM3,
+    DRIVELINE,
+    EFFICIENCY,
+    TYPICAL_DRAG_AREA,
+)
 from deeptruck_model.mismatch.residual.evidence import GRAVITY, Evidence
 
 Array = NDArray[np.float64]
+
+BRAKE_S, BRAKING = 2.0, 0.02  # braking is left out until it has let go, s and share of the hardest
+FAST_S = 8.0  # changes within so long are no road's
+SMOOTH_S = 0.7
+LAGS_S = (0.0, 0.5, 1.0)  # of the force behind torque or fuel
+GAIN_DOUBT = 0.1
+LEAST_R2 = 0.4  # of the fast changes; below, the line is no truck
+SLOWEST = 5.0  # m/s
+TURNS = 20
+MASSES = (800.0, 60000.0)  # kg
+DRAGS = (5e-5, 5e-4)  # 1/m, drag over mass times speed squared: from a laden truck to a small car
+STRIDE = 10  # Theil's slopes are of every pair
+DOUBTFUL = 2.0  # robust sds from where a sample counts less
+
+
+@dataclass(frozen=True)
+class PlainTruck:
+    """What is left (n,), m/s^2, of the observed acceleration, NaN where unknown; r2 of the fast changes.
+
+    `doubt` is the rms, m/s^2, of what an error of the engine's gain would leave.
+    """
+
+    left: Array
+    r2: float
+    doubt: float
+
+
+def plain_truck(e: Evidence) -> PlainTruck | None:
+    """The best line by its r2; None where none explains the fast changes, or no engine was recorded."""
+    tried = [_fitted(e, traction, factor) for traction, factor in _tractions(e)]
+    best = max((t for t in tried if t is not None), key=lambda t: t.r2, default=None)
+    return best if best is not None and best.r2 > LEAST_R2 else None
+
+
+def _tractions(e: Evidence) -> Iterator[tuple[Array, float]]:
+    """Something proportional to the engine's force at the wheels, and its factor times mass (0: unknown)."""
+    speed = np.maximum(e["speed"], 3.0)
+    sources = []
+    if e.has("engine_torque", "engine_speed"):
+        sources.append((e["engine_torque"] * e["engine_speed"] / speed, DRIVELINE))
+    if e.has("engine_command", "engine_speed"):
+        sources.append((e["engine_command"] * e["engine_speed"] / speed, 0.0))
+    if e.has("engine_command"):
+        sources.append((e["engine_command"], 0.0))  # one gear
+    if e.has("fuel_rate"):
+        sources.append((e["fuel_rate"] / speed, EFFICIENCY * DIESEL_J_PER_CM3))
+    for traction, factor in sources:
+        for lag_s in LAGS_S:
+            yield (e.lag(traction, lag_s) if lag_s else np.nan_to_num(traction)), factor
+
+
+def _fitted(e: Evidence, traction: Array, factor: float) -> PlainTruck | None:
+    speed = e["speed"]
+    friction = (
+        np.nan_to_num(e["engine_speed"]) / np.maximum(speed, 3.0) if e.has("engine_speed") else 0 * speed
+    )
+    changed = np.concatenate([[0.0], np.diff(speed)]) / e.dt
+    if e.has("grade"):
+        changed = changed + GRAVITY * np.nan_to_num(e["grade"])
+    use = e.valid & (speed > SLOWEST) & ~e.starts & np.isfinite(changed)
+    if e.has("brake_command"):
+        command = np.nan_to_num(e["brake_command"])
+        use &= e.lag(command, BRAKE_S) < BRAKING * max(float(command.max(initial=0.0)), 1e-9)
+    if use.sum() * e.dt < 300.0:
+        return None
+    y, X = _fast(e, changed), np.stack([_fast(e, traction), -_fast(e, friction)], axis=1)
+    y, X = y[use], X[use]
+    weight, b = np.ones(len(y)), np.zeros(2)
+    scale = np.maximum(np.abs(X).mean(axis=0), 1e-12)
+    for _ in range(TURNS):
+        root = np.sqrt(weight)[:, None]
+        b = nnls(X / scale * root, y * root[:, 0])[0] / scale
+        off = y - X @ b
+        weight = 1.0 / (1.0 + (off / (DOUBTFUL * 1.4826 * np.median(np.abs(off)) + 1e-9)) ** 2)
+    if b[0] <= 0.0:
+        return None
+    r2 = 1.0 - float(weight @ (y - X @ b) ** 2 / max(weight @ y**2, 1e-12))
+    left = changed - b[0] * traction + b[1] * friction
+    if factor:
+        mass = float(np.clip(factor / b[0], *MASSES))
+        left += 0.5 * AIR_DENSITY * TYPICAL_DRAG_AREA / mass * speed**2
+    else:
+        slope = theilslopes(left[use][::STRIDE], speed[use][::STRIDE] ** 2).slope
+        left += float(np.clip(-slope, *DRAGS)) * speed**2
+    left = np.where(use, left - np.median(left[use]), np.nan)
+    pull = b[0] * traction[use]
+    return PlainTruck(left, r2, GAIN_DOUBT * float(np.std(pull)))
+
+
+def _fast(e: Evidence, x: Array) -> Array:
+    """Without what changes slowly, recording by recording."""
+    out = np.empty_like(x)
+    for s in e.stretches:
+        part = gaussian_filter1d(np.nan_to_num(x[s.rows]), SMOOTH_S / e.dt, mode="reflect")
+        out[s.rows] = part - gaussian_filter1d(part, FAST_S / e.dt, mode="reflect")
+    return out
+
 
 WIDTH_S = 8.0
 NOTABLE = 0.08  # m/s^2 rms; ordinary wind alone gives a light vehicle nearly as much

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes, shape
-from deeptruck_model.mismatch.posterior import intermittent
+from deeptruck_model.mismatch.posterior import windows
 from deeptruck_model.mismatch.posterior.candidates import candidates, enriched
 from deeptruck_model.mismatch.posterior.penalties import (
     ENOUGH,
@@ -77,20 +77,20 @@ def _rare(search: Search, base: Model, bare: Model) -> list[Model]:
     """The model with what acts in a few windows alone, and the same without what comes and goes, whose knots
     follow such windows too, and without any law, which may stand in for it."""
     lasting = tuple(s for s in base.named if not comes_and_goes(s))
-    most = intermittent.MOST_BESIDE if base.named else intermittent.MOST
+    most = windows.MOST_BESIDE if base.named else windows.MOST
     found = _now_and_then(search, base, bare, most)
     slow = found is base and len(lasting) < len(base.named)
     instead = [search.background(lasting)] if slow else []
     if base.named and all(m is not bare for m in instead):
         instead.append(bare)
     instead = [m for m in instead if _gains_in_windows(search, base, m)]
-    return [found, *(_now_and_then(search, m, bare, intermittent.MOST_BESIDE) for m in instead)]
+    return [found, *(_now_and_then(search, m, bare, windows.MOST_BESIDE) for m in instead)]
 
 
 def _gains_in_windows(search: Search, model: Model, without: Model) -> bool:
     """Whether half of what a model gains lies in windows in which it is plainly wrong without; where it does
     not, what acts there alone is no better."""
-    inside = intermittent.within(intermittent.windows(search.e, without), search.e)
+    inside = windows.within(windows.windows(search.e, without), search.e)
     gained = model.fit.pointwise - without.fit.pointwise
     return bool(inside.any() and gained[inside].sum() > 0.5 * gained.sum())
 
@@ -139,11 +139,11 @@ def _beside(search: Search, model: Model) -> float:
 
 def _now_and_then(search: Search, base: Model, bare: Model, most: float) -> Model:
     """Add a mechanism that acts in a few windows alone, `most` of the time, where one explains them."""
-    spans = intermittent.windows(search.e, base, most) if search.e.own_error == 0 else []
+    spans = windows.windows(search.e, base, most) if search.e.own_error == 0 else []
     if not spans:
         return base
-    narrow = intermittent.narrowed(search, base, spans)
-    tried = [m for where in (spans, narrow) for m in intermittent.candidates(search, base, where)]
+    narrow = windows.narrowed(search, base, spans)
+    tried = [m for where in (spans, narrow) for m in windows.candidates(search, base, where)]
     tried = [m for m in tried if practical(search, m, m.named[-1])]
     best = max(tried, key=lambda m: m.score, default=base)
     least = ENOUGH_RARE + _beside(search, best) * (base.score - bare.score)

@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from deeptruck_model.mismatch.residual.signal_units import unit
+from deeptruck_model.mismatch.residual.evidence import unit
 
 DPI = 110
 # Okabe and Ito's colours, told apart by all kinds of colour vision

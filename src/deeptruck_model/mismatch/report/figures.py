@@ -10,12 +10,13 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from deeptruck_model.mismatch.data.kinematics import derivative
+from deeptruck_model.mismatch.data.checks import derivative
 from deeptruck_model.mismatch.data.prepared import MOVING, SETTLE_S
-from deeptruck_model.mismatch.report import error_figures, evidence_figure, regime_figure, timeline_figure
+from deeptruck_model.mismatch.report import error_figures, regime_figure, timeline_figure
+from deeptruck_model.mismatch.report import error_figures as evidence_figure
 from deeptruck_model.mismatch.report.drawing import BLUE, GREY, ORANGE, figure, png, strips, tidy
-from deeptruck_model.mismatch.report.given_words import as_given
-from deeptruck_model.mismatch.report.page_words import counted
+from deeptruck_model.mismatch.report.given import as_given
+from deeptruck_model.mismatch.report.wording import counted
 from deeptruck_model.recordings import coverage
 from deeptruck_model.recordings.coverage_figure import draw as draw_coverage
 from deeptruck_model.signals import SPEED

@@ -14,7 +14,7 @@ from deeptruck_model.mismatch.correction.correction import Chosen
 from deeptruck_model.mismatch.correction.worth import Errors, Worth, errors, refitted_is_much_better, worth
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.posterior.search import POSSIBLE
-from deeptruck_model.mismatch.report.page_words import number, opened, prose, spoken
+from deeptruck_model.mismatch.report.wording import number, opened, prose, spoken
 
 LONGEST = 30  # words in a sentence
 HIDING_N = 600.0  # of a steady force: a third of what the tyres of a laden truck take

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 from jinja2 import Environment, StrictUndefined
 
 from deeptruck_model.mismatch.correction.correction import Chosen
-from deeptruck_model.mismatch.report import figures, given_words, headline, page_words, validation, what_now
+from deeptruck_model.mismatch.report import figures, given, headline, validation, what_now, wording
 from deeptruck_model.mismatch.report import text as page_text
 from deeptruck_model.mismatch.report.drawing import words
-from deeptruck_model.mismatch.report.record_next import record_next
+from deeptruck_model.mismatch.report.given import record_next
 from deeptruck_model.mismatch.report.what_now import Asked
 
 if TYPE_CHECKING:
@@ -58,15 +58,15 @@ def _content(m: Mismatch, drawn: dict[str, figures.Picture], asked: Asked) -> di
         "sentence": first,
         "verdict": more,
         "now": what_now.steps(v, to_drive, asked),
-        "summary": given_words.summary(m),
+        "summary": given.summary(m),
         "findings": page_text.findings(m),
         "smallest": [_visible(n, s) for n, s in v["data"].get("smallest_visible", {}).items()],
         "figures": {name: _embedded(picture) for name, picture in drawn.items()},
         "regimes": [
             {
-                "where": page_words.condition(r["where"]),
-                "error": page_words.percent(r["share_of_error"]),
-                "time": page_words.percent(r["share_of_time"]),
+                "where": wording.condition(r["where"]),
+                "error": wording.percent(r["share_of_error"]),
+                "time": wording.percent(r["share_of_time"]),
             }
             for r in v["regimes"]
         ],
@@ -74,10 +74,10 @@ def _content(m: Mismatch, drawn: dict[str, figures.Picture], asked: Asked) -> di
         "gained": gained,
         "nothing": nothing,
         "samples": [
-            {"rule": page_words.prose(r["rule"]), "samples": r["samples"]} for r in v["data"]["rejected"]
+            {"rule": wording.prose(r["rule"]), "samples": r["samples"]} for r in v["data"]["rejected"]
         ],
         "next": to_drive,
-        "caveats": [page_words.opened(page_words.prose(c)) for c in given_words.caveats(v)],
+        "caveats": [wording.opened(wording.prose(c)) for c in given.caveats(v)],
     }
 
 
@@ -87,9 +87,7 @@ def _embedded(picture: figures.Picture) -> dict[str, Any]:
 
 
 def _visible(name: str, size: dict[str, float]) -> dict[str, str]:
-    text = (
-        f"{100 * size['relative']:.1f} %" if "relative" in size else f"{page_words.number(size['newton'])} N"
-    )
+    text = f"{100 * size['relative']:.1f} %" if "relative" in size else f"{wording.number(size['newton'])} N"
     return {"name": words(name), "size": text}
 
 
@@ -101,16 +99,16 @@ def _fit(fit: dict[str, Any]) -> dict[str, Any] | None:
     rows = [
         {
             "name": names[name],
-            "speed": page_words.number(fit[name]["speed_rmse"]),
-            "acceleration": page_words.number(fit[name]["acceleration_rmse"]),
+            "speed": wording.number(fit[name]["speed_rmse"]),
+            "acceleration": wording.number(fit[name]["acceleration_rmse"]),
         }
         for name in ROWS
         if name in fit
     ]
     return {
         "rows": rows,
-        "runs": page_words.counted(fit["windows"], "free run"),
-        "horizon": page_words.number(fit["horizon_s"]),
+        "runs": wording.counted(fit["windows"], "free run"),
+        "horizon": wording.number(fit["horizon_s"]),
         "held_out": ", ".join(fit["held_out"]),
         "said": validation.said(fit),
     }

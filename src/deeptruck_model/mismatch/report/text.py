@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.posterior.penalties import ENOUGH
-from deeptruck_model.mismatch.report import headline, size_rows
+from deeptruck_model.mismatch.report import headline, wording
 from deeptruck_model.mismatch.report.drawing import colour, words
-from deeptruck_model.mismatch.report.page_words import opened, percent, prose, spoken
-from deeptruck_model.mismatch.report.told_apart import apart
+from deeptruck_model.mismatch.report.wording import apart, opened, percent, prose, spoken
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.find import Mismatch
@@ -38,7 +37,7 @@ def _finding(k: int, f: dict[str, Any]) -> dict[str, Any]:
         "kind": words(f["kind"]),
         "colour": colour(k),
         "says": f"{opened(prose(f['says']))}.",
-        "sizes": size_rows.rows(f["parameters"]),
+        "sizes": wording.rows(f["parameters"]),
         "equation": f["equation"],
         "facts": facts,
         "depends_on": ", ".join(spoken(d) for d in f["depends_on"]),

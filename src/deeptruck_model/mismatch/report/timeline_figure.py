@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from deeptruck_model.mismatch.posterior import left_over
+from deeptruck_model.mismatch.posterior import formula
 from deeptruck_model.mismatch.report.drawing import (
     BLUE,
     GREY,
@@ -27,7 +27,7 @@ from deeptruck_model.mismatch.report.drawing import (
     tidy,
     words,
 )
-from deeptruck_model.mismatch.report.given_words import as_given
+from deeptruck_model.mismatch.report.given import as_given
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import printed
@@ -66,10 +66,10 @@ def tracks(m: Mismatch) -> list[Track]:
     if m.evidence is None or m.explanation is None:
         return [_raw(r) for r in as_given(m.prepared)]
     e = m.evidence
-    moved = left_over.retuned(e)
+    moved = formula.retuned(e)
     force = e.residual + moved
     unnamed = any(c.predictable for c in m.explanation.causes)
-    stated = moved + (left_over.with_unnamed if unnamed else left_over.explained)(e, m.explanation)
+    stated = moved + (formula.with_unnamed if unnamed else formula.explained)(e, m.explanation)
     offset = sum(f.cause is None for f in m.findings)
     spans = [(s.start, s.stop, s.finding + offset, s.energy) for s in m.segments]
     return [_track(e, s, force, stated if m.explanation.causes else None, spans) for s in e.stretches]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,10 +10,88 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 from scipy.signal import lfilter
 
-from deeptruck_model.mismatch.residual.levers import gears
 from deeptruck_model.mismatch.residual.noise import Series
+from deeptruck_model.signals import printed
 
 Array = NDArray[np.float64]
+
+MOST_TURNS = 150.0  # rad/m: a crawler gear
+LOCKED_M_S = 2.5  # slower, a starting clutch may slip
+BIN, WIDTH = 0.02, 0.06  # of the logarithm; gears of a truck are at least 0.15 apart
+SELDOM = 0.005  # share of the time below which a ratio is no gear
+
+
+def turns(engine_speed: Array, speed: Array) -> Array:
+    """Turns per metre, rad/m, (n,); NaN where the engine speed is not known."""
+    ratio = engine_speed / np.maximum(speed, 0.5)
+    out: Array = np.where(np.isfinite(ratio), np.clip(ratio, 0.0, MOST_TURNS), np.nan)
+    return out
+
+
+def gears(ratio: Array, speed: Array) -> tuple[float, ...]:
+    """The turns per metre at which driving gathers, rad/m, ascending; none where there is no driving."""
+    left = np.log(ratio[np.isfinite(ratio) & (ratio > 0.1) & (speed > LOCKED_M_S)])
+    count, found = len(left), []
+    while len(left) > max(SELDOM * count, 20):
+        bins, edges = np.histogram(left, np.arange(left.min() - BIN, left.max() + 2 * BIN, BIN))
+        most = edges[int(np.argmax(bins))] + BIN / 2
+        near = np.abs(left - most) < WIDTH
+        if near.sum() < SELDOM * count:
+            break
+        found.append(float(np.exp(np.median(left[near]))))
+        left = left[~(np.abs(left - np.log(found[-1])) < 2 * WIDTH)]
+    return tuple(sorted(found))
+
+
+def lever(ratio: Array, known: Sequence[float], in_gear: Array | None = None) -> Array:
+    """The gear's own turns per metre near one of the `known`. Elsewhere a clutch slips: what it would be
+    `in_gear`, where a simulator tells, or the ratio, but never beyond the lowest."""
+    if not known:
+        return ratio
+    centres = np.log(np.asarray(known))
+    x = np.log(np.maximum(np.nan_to_num(ratio, nan=0.1), 0.1))
+    nearest = np.argmin(np.abs(x[:, None] - centres), axis=1)
+    near = np.abs(x - centres[nearest]) < WIDTH
+    slipping = np.minimum(ratio, known[-1]) if in_gear is None else in_gear
+    out: Array = np.where(near, np.asarray(known)[nearest], slipping)
+    return out
+
+
+UNITS = {
+    "speed": "m/s",
+    "engine": "m/s²",
+    "brake": "m/s²",
+    "simulated": "m/s²",
+    "grade": "rise/run",
+    "ratio": "rad/m",
+    "lever": "rad/m",
+    "engine_speed": "rad/s",
+    "gap": "m",
+    "elapsed": "s",
+    "elevation": "m",
+    "ambient_temperature": "°C",
+    "engine speed": "rad/s",
+    "engine force": "m/s²",
+    "engine power": "W/kg",
+    "torque": "N m/kg",
+    "time": "s",
+}
+UNITS_OF = {  # of names that begin so
+    "time since ": "s",
+    "braking power over ": "W/kg",
+    "engine over ": "m/s²",
+    "engine power over ": "W/kg",
+    "speed over ": "m/s",
+    "acceleration over ": "m/s²",
+}
+
+
+def unit(name: str, commands: Mapping[str, str]) -> str:
+    """The unit of a signal, of a truck with these of its commands; empty where it has none."""
+    starts = (u for start, u in UNITS_OF.items() if name.startswith(start))
+    return printed(commands.get(name.removeprefix("change of "), "")) or UNITS.get(name) or next(starts, "")
+
+
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 

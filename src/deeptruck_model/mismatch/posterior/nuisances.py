@@ -6,7 +6,7 @@ truck's own recordings is the price that a finding on new recordings must exceed
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,13 +15,59 @@ from scipy.ndimage import uniform_filter1d
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import Prepared, learned, prepare
-from deeptruck_model.mismatch.posterior.candidates import candidates
+from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape
+from deeptruck_model.mismatch.posterior.candidates import candidates, screen_shapes
 from deeptruck_model.mismatch.posterior.free_law import left_over
-from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.posterior.penalties import ENOUGH, enough, practical
+from deeptruck_model.mismatch.posterior.search import Model, Search
+from deeptruck_model.mismatch.residual import sensor_filter
 from deeptruck_model.mismatch.residual.evidence import SLOW_NOISE, SLOW_NOISE_S, Evidence
-from deeptruck_model.mismatch.residual.residual import gather
+from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
+
+LONGEST_S = 0.5  # of the delays tried: a share of a longer one is a path that is slow, not late
+BOTH = {"all"}
+FITTED = 2  # of them in full
+
+
+def beside_it(search: Search, exclude: Iterable[str] = ()) -> Search:
+    """The same search beside the lateness of all commands together that is too small to be told; as it was
+    where there is none, or one that is a finding."""
+    base = search.background(())
+    small = [shape for _, shape in screen_shapes(search, base, _small(search))[:FITTED]]
+    tried = [search.model((s,), base.free, base.fit) for s in small]
+    best = max(tried, key=lambda m: m.score, default=base)
+    if best.score < base.score + enough(search) or practical(search, best, best.named[-1]):
+        return search
+    return Search(replace(search.e, late=best.named[-1].columns), exclude=exclude)
+
+
+def left_beside(e: Evidence, model: Model) -> Evidence:
+    """The evidence without that lateness, and without a sensor's filter, where the names of a model leave
+    next to nothing of it: a brake that lags has a little of both, and parameters alone are to be fitted as
+    anybody would fit them."""
+    if e.late is not None and _worth(e, replace(e, late=None), model) < ENOUGH:
+        e = replace(e, late=None)
+    if sensor_filter.rows(e) and _worth(e, replace(e, filtered=False), model) < ENOUGH:
+        e = replace(e, filtered=False)
+    return e
+
+
+def _worth(e: Evidence, bare: Evidence, model: Model) -> float:
+    """Nats by which a model is better beside what is known of `e`, and not of `bare`."""
+    beside = Search(e)
+    without = Search(bare, sigma=beside.sigma)  # rows weigh alike in both
+    return beside.model(model.named, model.free).score - without.model(model.named, model.free).score
+
+
+def _small(search: Search) -> list[Shape]:
+    mechanism = LIBRARY["command_delay"]
+    if not search.e.has(*mechanism.needs):
+        return []
+    lines = [(s, s.settings["lines"]) for s in search.shapes(mechanism)]
+    return [s for s, line in lines if set(line) == BOTH and line["all"] <= LONGEST_S]
+
 
 Array = NDArray[np.float64]
 

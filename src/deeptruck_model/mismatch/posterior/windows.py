@@ -20,7 +20,9 @@ from deeptruck_model.mismatch.mechanisms import (
     held_steady,
     shape,
 )
-from deeptruck_model.mismatch.posterior.screening import screen_shapes
+from deeptruck_model.mismatch.posterior.candidates import screen_shapes
+from deeptruck_model.mismatch.posterior.causes import Cause
+from deeptruck_model.mismatch.posterior.penalties import large_enough
 from deeptruck_model.mismatch.posterior.search import TEMPER, Model, Search
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
@@ -194,3 +196,24 @@ def _fitted(
         if effect not in best or model.score > best[effect].score:
             best[effect] = model
     return best
+
+
+ENOUGH_BURSTS = 120.0  # nats beyond the price of each window; sizes follow the noise of each
+
+
+def bursts(search: Search, model: Model) -> Cause | None:
+    """What a model leaves over in short windows, of any size and sign in each.
+
+    None where it is little, or the simulator a learned one, whose own error comes in bursts too.
+    """
+    e = search.e
+    spans = windows(e, model, MOST) if e.own_error == 0 else []
+    spans = narrowed(search, model, spans)
+    if not spans:
+        return None
+    noisy = search.model((*model.named, unnamed(search, spans)), model.free, model.fit)
+    gain = noisy.score - model.score
+    force = noisy.named[-1].columns @ noisy.coefficients(UNNAMED.effect)
+    if gain < ENOUGH_BURSTS or not large_enough(e, force):
+        return None
+    return Cause("missing_physics", UNNAMED.effect, gain, 1.0, 0.9, force, lawless=True)

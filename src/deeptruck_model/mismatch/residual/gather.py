@@ -8,12 +8,12 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import binary_dilation, binary_opening, gaussian_filter1d
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.data.prepared import Prepared, fed, fill, quantum, widen
+from deeptruck_model.mismatch.data.prepared import Prepared, fed, fill, padded, quantum, widen
 from deeptruck_model.mismatch.residual import components, effective_mass
-from deeptruck_model.mismatch.residual.changed_commands import changed
+from deeptruck_model.mismatch.residual.command_path import changed
 from deeptruck_model.mismatch.residual.evidence import (
     BLOCK_LEARNED_S,
     BLOCK_S,
@@ -21,13 +21,128 @@ from deeptruck_model.mismatch.residual.evidence import (
     Evidence,
     Stretch,
 )
-from deeptruck_model.mismatch.residual.forced import forced
-from deeptruck_model.mismatch.residual.gears import believed, other_gear
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Run, Simulator, forced_run
 
 Array = NDArray[np.float64]
+
+ALIKE = 0.8  # of the longest drive's length, for drives that are run at once
+
+
+def forced(simulator: Simulator, prepared: Sequence[Prepared], us: Sequence[Array]) -> list[Run]:
+    """Runs (1, T) along every drive with the commands `us`, each (T, n_u), of one drive each.
+
+    Those of about one length are run at once: what is stepped in Python, as a corrected truck, takes as long
+    for many as for one. A shorter one goes on as it ends, which is cut off."""
+    runs: dict[int, Run] = {}
+    lengths = [len(u) for u in us]
+    for together in _alike(lengths):
+        longest = lengths[together[0]]
+        drives = [(us[i], prepared[i].w, fed(simulator, prepared[i].y)) for i in together]
+        u, w, y = (np.stack([padded(x, longest) for x in each]) for each in zip(*drives, strict=True))
+        run = forced_run(simulator, u, w, y)
+        for row, i in enumerate(together):
+            own = (slice(row, row + 1), slice(lengths[i]))
+            runs[i] = Run(run.y[own], {name: x[own] for name, x in run.inside.items()})
+    return [runs[i] for i in range(len(us))]
+
+
+def _alike(lengths: Sequence[int]) -> list[list[int]]:
+    """Indices in groups of about one length, the longest of each first."""
+    groups: list[list[int]] = []
+    for i in sorted(range(len(lengths)), key=lambda i: -lengths[i]):
+        if groups and lengths[i] > ALIKE * lengths[groups[-1][0]]:
+            groups[-1].append(i)
+        else:
+            groups.append([i])
+    return groups
+
+
 Mask = NDArray[np.bool_]
+
+LASTING_S = 1.5  # a shift that comes a little sooner or later is part of what may be missing
+NEAR_S = 0.5  # around a different gear, while the engine changes its speed
+APART = 0.18  # of the logarithms of engine speeds; neighbouring gears are 0.2 to 0.4 apart
+MOVING = 2.0  # m/s
+MOST = 0.6  # share of the time beyond which the two do not number, or build, their gears alike
+
+
+def other_gear(
+    prepared: Sequence[Prepared],
+    runs: Sequence[Run],
+    numbered_alike: bool = False,
+    held_out: Sequence[bool] = (),
+) -> tuple[list[Mask], list[Mask]]:
+    """Native samples (n,) of each recording where the simulator's gear is another one; for long, and at all.
+
+    By the recorded gear, else by the recorded engine speed; all False where neither tells.
+    """
+    apart = _by_label(prepared, runs, numbered_alike) if "gear" in runs[0].inside else None
+    if apart is None and "engine_speed" in runs[0].inside:
+        apart = [_by_engine_speed(p, run) for p, run in zip(prepared, runs, strict=True)]
+    if apart is None or _never_alike(apart, held_out):
+        nowhere = [np.zeros(len(p.recording), dtype=bool) for p in prepared]
+        return nowhere, nowhere
+    dt = prepared[0].dt
+    lasting = np.ones(round(LASTING_S / dt) + 1, dtype=bool)
+    for_long = [binary_opening(a, lasting) if a.any() else a for a in apart]
+    near = np.ones(2 * round(NEAR_S / dt) + 1, dtype=bool)
+    return [binary_dilation(a, near) if a.any() else a for a in for_long], apart
+
+
+def _never_alike(apart: Sequence[Mask], held_out: Sequence[bool]) -> bool:
+    """Whether gears cannot be compared; of the recordings to be fitted too, which another logger may have
+    made than those held out, and of which nothing would be left."""
+    fitted = [a for a, out in zip(apart, held_out or [False] * len(apart), strict=True) if not out]
+    return any(np.concatenate(part).mean() > MOST for part in (apart, fitted))
+
+
+def believed(simulator: Simulator, prepared: Sequence[Prepared]) -> list[Run]:
+    """Runs whose inside is what a learned simulator makes of gear and engine speed, where it was taught these
+    for its own sake. Most of what it does wrong it does in the wrong gear."""
+    believes = getattr(simulator, "believes", None)
+    longest = max(len(p.recording) for p in prepared)
+    parts = [(p.u, p.w, fed(simulator, p.y)) for p in prepared]
+    u, w, y = (np.stack([_longer(x[i], longest) for x in parts]) for i in range(3))
+    inside = {} if believes is None else believes(u, w, y)
+    return [
+        Run(p.y[None], {name: x[i : i + 1, : len(p.recording)] for name, x in inside.items()})
+        for i, p in enumerate(prepared)
+    ]
+
+
+def _longer(x: Array, n: int) -> Array:
+    return np.pad(x, ((0, n - len(x)), (0, 0)), mode="edge")
+
+
+def _by_label(prepared: Sequence[Prepared], runs: Sequence[Run], numbered_alike: bool) -> list[Mask] | None:
+    """Unless they are numbered alike, each recorded gear stands for the simulated one it mostly meets."""
+    if not all("gear" in p.recording.channels for p in prepared):
+        return None
+    recorded = [np.round(p.recording.channels["gear"]) for p in prepared]
+    simulated = [np.round(run.inside["gear"][0]) for run in runs]
+    r, s = np.concatenate(recorded), np.concatenate(simulated)
+    gears = np.unique(r[np.isfinite(r)])
+    meets = {g: g if numbered_alike else _mode(s[r == g]) for g in gears}
+    return [
+        np.array([g in meets and meets[g] != k for g, k in zip(rec, sim, strict=True)])
+        for rec, sim in zip(recorded, simulated, strict=True)
+    ]
+
+
+def _mode(x: Array) -> float:
+    values, counts = np.unique(x, return_counts=True)
+    return float(values[np.argmax(counts)])
+
+
+def _by_engine_speed(p: Prepared, run: Run) -> Mask:
+    if "engine_speed" not in p.recording.channels:
+        return np.zeros(len(p.recording), dtype=bool)
+    recorded, simulated = p.recording.channels["engine_speed"], run.inside["engine_speed"][0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        apart = np.abs(np.log(recorded / simulated)) > APART
+    return apart & (p.y[:, SPEED] > MOVING) & np.isfinite(recorded)
+
 
 PARAMETERS = ("mass", "drag_area", "rolling_resistance", "torque_gain", "brake_gain")
 JITTER_RUNS = 6

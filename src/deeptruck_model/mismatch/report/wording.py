@@ -1,0 +1,260 @@
+"""What a finding cannot be told from, and what decided for it nevertheless."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from deeptruck_model.mismatch.mechanisms import LIBRARY
+from deeptruck_model.mismatch.posterior.causes import SURE
+from deeptruck_model.mismatch.posterior.penalties import ENOUGH
+from deeptruck_model.mismatch.report.drawing import remembered, words
+from deeptruck_model.mismatch.report.findings import SETTING_UNITS
+from deeptruck_model.mismatch.residual.evidence import unit
+
+IDENTIFIER = re.compile(r"\b[a-z][a-z0-9]*(?:_[a-z0-9]+)+\b")
+QUOTED = re.compile(r"((?<!\w)'[^']+'(?!\w))")
+SIGNALS = re.compile(r"(?<=It varies with )[^.;:]+|(?<=rive so that )[^;:]+?(?= changes while)")
+CONDITION = re.compile(r"(?P<name>.+?) (?:(?P<side>[<>]) (?P<at>.+)|(?P<low>-?[\d.e+-]+) \.\. (?P<high>.+))")
+SPOKEN = {  # names that are no words of their own once the underscores are gone
+    "rolling_resistance_speed": "rolling resistance that grows with speed",
+    "rolling_resistance_warmup": "rolling resistance of cold tyres",
+    "torque_derate": "derated torque",
+    "command_rate_limit": "limited rate of the commands",
+    "load_slosh": "sloshing load",
+    "speed_scale": "scale of the speed sensor",
+    "unknown": "unknown force",
+}
+
+
+def number(x: float, step: float | None = None) -> str:
+    """Plain digits: three significant ones without idle zeros, or rounded to `step`."""
+    if not math.isfinite(x):
+        return "unknown"
+    if step is None:
+        short = number(x, 10.0 ** (math.floor(math.log10(abs(x))) - 2)) if x else "0"
+        return short.rstrip("0").rstrip(".") if "." in short else short
+    if not 1e-6 < step < 1e9:
+        return f"{x:.3g}"
+    decimals = max(0, -math.floor(math.log10(step) + 1e-9))
+    return f"{round(x / step) * step:.{decimals}f}"
+
+
+def counted(count: int, what: str) -> str:
+    """'1 recording', '2 recordings'."""
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"
+
+
+def measured(value: float, unit: str, ci: Sequence[float] | None) -> str:
+    """A size with its 95 % interval, in as many digits as the interval is worth."""
+    unit = "" if unit in ("", "1") else f" {prose(unit)}"
+    if ci is None or not all(math.isfinite(c) for c in ci) or ci[1] <= ci[0]:
+        return f"{number(value)}{unit}"
+    step = 10.0 ** (math.floor(math.log10((ci[1] - ci[0]) / 2)) - 1)
+    return f"{number(value, step)}{unit} (95 %: {number(ci[0], step)} to {number(ci[1], step)})"
+
+
+def percent(x: float) -> str:
+    """A share or probability; never rounded to certainty."""
+    if not math.isfinite(x):
+        return "unknown"
+    if x > 0.99:
+        return "above 99 %"
+    return "below 1 %" if x < 0.01 else f"{100 * x:.0f} %"
+
+
+def spoken(name: str) -> str:
+    """An effect's or signal's name within a sentence."""
+    return SPOKEN.get(name, words(name))
+
+
+def prose(text: str) -> str:
+    """A finding's own words without identifiers, and with signs as they are printed; what is quoted, such as
+    the name of a recording, stays as it is."""
+    parts = QUOTED.split(text)
+    return "".join(part if k % 2 else _unquoted(part) for k, part in enumerate(parts))
+
+
+def _unquoted(text: str) -> str:
+    text = SIGNALS.sub(lambda found: ", ".join(spoken(n) for n in found[0].split(", ")), remembered(text))
+    text = IDENTIFIER.sub(lambda found: spoken(found[0]), text)
+    text = re.sub(r"\bsimulated\b(?! acceleration| on)", "simulated acceleration", text)
+    text = re.sub(r"\b\d+(\.\d+)?e[+-]\d+\b", lambda found: number(float(found[0])), text)
+    return text.replace("+-", "±").replace("^2", "²").replace("^3", "³")
+
+
+def condition(where: str) -> str:
+    """A regime of verdict.json as people say it: 'engine 0.2 .. 0.4 m/s² and brake < 0.1 m/s²'."""
+    return " and ".join(_one_condition(part) for part in where.split(" and "))
+
+
+def _one_condition(text: str) -> str:
+    found = CONDITION.fullmatch(text)
+    if not found:
+        return prose(text)
+    if found["side"]:
+        border = f"{'above' if found['side'] == '>' else 'below'} {found['at']}"
+    else:
+        border = f"from {found['low']} to {found['high']}"
+    return f"{spoken(found['name'])} {prose(border)}"
+
+
+def opened(text: str) -> str:
+    """The text with a capital first letter."""
+    return text[:1].upper() + text[1:]
+
+
+AT = re.compile(r"at (?P<by>.+) (?P<x>-?[\d.]+(?:e[+-]?\d+)?)")  # a place on a curve, as own_forms names it
+IN = re.compile(r"(?P<name>[^\[]+)\[(?P<where>.+)\]")  # in one recording, or at one knot
+NOTHING = 1e-3  # of the widest place on a curve: a place nearer to zero is zero
+ADD_UP = "what acts at a moment is the sum of all that hold there: {}"
+THERE_ALONE = "in that recording or near that moment alone"
+HELD_AT_ZERO = "it cannot be less, and no more was seen"
+ENDS = "by its form the curve ends there at zero"
+Parameters = Mapping[str, Mapping[str, Any]]
+
+
+def rows(parameters: Parameters) -> list[dict[str, str]]:
+    """Name and text of every size, then how they add up where they are of several kinds."""
+    fitted = {p["unit"] for n, p in parameters.items() if p["ci95"] is not None}
+    shown = {n: p for n, p in parameters.items() if _told(n, p, fitted)}
+    sizes = [{"name": _named(n, shown), "text": _text(n, p, shown)} for n, p in shown.items()]
+    kinds = _kinds(shown)
+    return [*sizes, *([{"name": "together", "text": ADD_UP.format(kinds)}] if kinds else [])]
+
+
+def _told(name: str, p: Mapping[str, Any], fitted: set[str]) -> bool:
+    """Whether people get it: not what only chose a place on a grid, about which the size was fitted."""
+    return p["value"] is not None and name != "held_out_r2" and not (_chosen(name, p) and p["unit"] in fitted)
+
+
+def _chosen(name: str, p: Mapping[str, Any]) -> bool:
+    return p["ci95"] is None and name in SETTING_UNITS
+
+
+def _named(name: str, shown: Parameters) -> str:
+    """A size's name in words; recordings keep theirs."""
+    curve, own = AT.fullmatch(name), IN.fullmatch(name)
+    if curve:
+        by, x = curve["by"], float(curve["x"])
+        widest = max(abs(place) for place in _places(by, shown))
+        x = 0.0 if abs(x) < NOTHING * widest else x
+        return " ".join(filter(None, [f"at {words(by)} of {number(x)}", unit(by, {})]))
+    if own:
+        return f"{words(own['name'])}[{own['where']}]"
+    return re.sub(" (s|m|hz)$", "", words(name)) if _chosen(name, shown[name]) else words(name)
+
+
+def _places(by: str, shown: Parameters) -> list[float]:
+    found = [AT.fullmatch(name) for name in shown]
+    return [float(f["x"]) for f in found if f and f["by"] == by]
+
+
+def _text(name: str, p: Mapping[str, Any], shown: Parameters) -> str:
+    text = measured(p["value"], p["unit"], p["ci95"])
+    if _chosen(name, p):
+        return f"about {text}, the best of a few that were tried"
+    if p["value"] != 0.0 or p["ci95"] is not None:
+        return text
+    curve = AT.fullmatch(name)
+    places = _places(curve["by"], shown) if curve else []
+    ends = curve is not None and float(curve["x"]) in (min(places), max(places))
+    return f"{text}: {ENDS if ends else HELD_AT_ZERO}"
+
+
+def _kinds(shown: Parameters) -> str:
+    """The kinds of size of one unit, in words; empty where there is only one."""
+    kinds: dict[str, str] = {}
+    for name, p in shown.items():
+        curve, own = AT.fullmatch(name), IN.fullmatch(name)
+        if _chosen(name, p):
+            continue
+        if curve:
+            kinds[f"at {curve['by']}"] = f"the curve over {words(curve['by'])}"
+        elif own:
+            kinds[f"[{own['name']}"] = (
+                f"{words(own['name'])}[...] in that recording or near that moment alone"
+            )
+        else:
+            kinds[name] = prose(name)
+    mixed = any(k.startswith(("at ", "[")) for k in kinds) and len({p["unit"] for p in shown.values()}) == 1
+    return ", ".join(kinds.values()) if mixed and len(kinds) > 1 else ""
+
+
+IN_PLACE = (  # the bars of the figure are another comparison, and have other numbers
+    "These nats are of the one put in place of the other in the whole explanation. The figure of names below "
+    "tries each alone."
+)
+UNDECIDED = f"So little decides nothing (below {ENOUGH:.0f} nats), and the probability is shared."
+REFITTED = (
+    "Beside all parameters refitted none of them gained what a name needs at a size it can have, so that the "
+    "parameter is told."
+)
+LIMIT = (
+    "The fit alone would be surer. The probability is {} at most, with which such names proved right: a "
+    "truck may hold a force unlike every form that was tried."
+)
+
+
+def apart(f: dict[str, Any]) -> str:
+    """What it cannot be told from and what decided; empty where there was no rival."""
+    worse = {r["effect"]: float(r["worse_by_nats"]) for r in f.get("rivals", [])}
+    group = f["cannot_be_told_from"]
+    if not group:
+        return " ".join(filter(None, [_beats_all(worse), *_at_the_limit(f)]))
+    better = [n for n in group if worse.get(n, 0.0) < 0.0]
+    others = [n for n in group if n not in better]
+    said = [f"It cannot be told from {', '.join(spoken(n) for n in group)}."]
+    if better:
+        said.append(_does_better(f["effect"], better, worse))
+        said += [REFITTED] if f["kind"] == "parameter_error" else []
+    if others:
+        first, *more = (_decided(f["effect"], n, worse.get(n)) for n in others)
+        said.append(f"What decided{' against the others' if better else ''}: {first}.")
+        said += [opened(f"{one}.") for one in more]
+    in_place = [IN_PLACE] if " nats" in " ".join(said) else []
+    return " ".join([*said, *in_place, *_at_the_limit(f)])
+
+
+def _beats_all(worse: dict[str, float]) -> str:
+    """That it is told from all others, and by how much from the next best."""
+    nearest = min(worse, key=lambda n: worse[n], default=None)
+    if nearest is None:
+        return ""
+    lead = f"{worse[nearest]:.0f} nats"
+    return f"It is told from every other name; the next best, {spoken(nearest)}, is {lead} worse."
+
+
+def _at_the_limit(f: dict[str, Any]) -> list[str]:
+    """Why a name is no surer than it is."""
+    most = SURE[min(len(f["cannot_be_told_from"]), len(SURE) - 1)]
+    limited = f["kind"] == "missing_physics" and f["probability"] == most
+    return [LIMIT.format(percent(most))] if limited else []
+
+
+def _does_better(name: str, better: Sequence[str], worse: dict[str, float]) -> str:
+    """That the data speak for other names in its place: a low probability is then no slip."""
+    each = [f"{spoken(n)} by {-worse[n]:.1f} nats" for n in better]
+    listed = " and ".join(filter(None, [", ".join(each[:-1]), each[-1]]))
+    said = opened(f"in place of {spoken(name)}, these fit the data better than it does: {listed}.")
+    little = max(-worse[n] for n in better) < ENOUGH
+    return f"{said} {UNDECIDED}" if little else said
+
+
+def _decided(name: str, rival: str, worse: float | None) -> str:
+    """How much of a lead comes from data and how much from what is plausible beforehand."""
+    if rival == "unknown" and worse is None:
+        return f"its signals, by which {spoken(name)} acts too; its form is another"
+    if rival == "unknown" and worse == 0.0:
+        return "nothing: a force without a name may do as well, and none of these drives tells"
+    if rival == "unknown":
+        return f"against a force without a name that comes and goes likewise the data, by {worse:.1f} nats"
+    if not worse:
+        return f"against {spoken(rival)} nothing: it may do as well"
+    prior = math.log(LIBRARY[name].prior / LIBRARY[rival].prior) if {name, rival} <= set(LIBRARY) else 0.0
+    data = worse - prior
+    if data > abs(prior):
+        return f"against {spoken(rival)} the data, by {data:.1f} nats"
+    return f"against {spoken(rival)} prior plausibility ({prior:.1f} of {worse:.1f} nats), hardly the data"
