@@ -18,7 +18,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from deeptruck_model.deep import DeepTruck, Shape, TruckNetwork, kernels
+from deeptruck_model.deep import DeepTruck, Shape, TruckNetwork
+from deeptruck_model.deep.kernels import loss
 from deeptruck_model.deep.network import Scales
 from deeptruck_model.signals import TruckInterface
 
@@ -60,7 +61,7 @@ def gradients() -> tuple[float, float]:
             run = single.unfold(raw[m, ..., :2], raw[m, ..., 2:], target[m])
             ((run[0] - target[m, :, 1:]).square().mean((0, 1)) * torch.as_tensor(weight)).sum().backward()
 
-    compiled = seconds(lambda: kernels.gradient(stacked, x, y, weight, "deployment"), 5)
+    compiled = seconds(lambda: loss.gradient(stacked, x, y, weight, "deployment"), 5)
     return float(np.median(seconds(eager, 3))), float(np.median(compiled))
 
 

@@ -302,7 +302,7 @@ def read_dbc(file: Path) -> Any:
 @cache
 def _deep() -> Any:
     """An untrained deep truck with all that is kept beside the weights."""
-    from deeptruck_model.deep import coverage, driven
+    from deeptruck_model.deep.data import coverage, driven
     from deeptruck_model.deep.network import Scales, Shape, TruckNetwork
     from deeptruck_model.deep.truck import DeepTruck
 

@@ -170,7 +170,7 @@ def export(
 
 
 class Experiment(StrEnum):
-    """The experiments of `deeptruck_model.deep.experiments`."""
+    """The experiments of `deeptruck_model.deep.experiments.paper`."""
 
     error_statistics = "error-statistics"
     learning_curves = "learning-curves"
@@ -198,7 +198,7 @@ def experiment(
     results.EXPERIMENT.check(folder, overwrite=overwrite)
     given = {"seeds": seeds} if seeds else {}
     with results.EXPERIMENT.replacing(folder, overwrite=overwrite) as draft:
-        from deeptruck_model.deep.experiments import EXPERIMENTS
+        from deeptruck_model.deep.experiments.paper import EXPERIMENTS
 
         EXPERIMENTS[name.value](draft, updates=budget, **given)
     typer.echo(f"written: {folder}")

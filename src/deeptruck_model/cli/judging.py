@@ -77,14 +77,15 @@ def calibrate(
         lambda: checks.deep_simulator(simulator),
         lambda: checks.inputs(simulator, bags),
     )
-    from deeptruck_model.deep import card, familiar, remarks, uncertainty
+    from deeptruck_model.deep import card, remarks, uncertainty
+    from deeptruck_model.deep.data import duplicates
 
     truck, recordings = deep_truck(simulator), read(bags)
-    familiar.refuse_twice(recordings)
+    duplicates.refuse_twice(recordings)
     calibrated = uncertainty.calibrated(truck, recordings)
     card.publish_calibrated(calibrated, recordings, Path(simulator), out, overwrite)
     typer.echo(f"{out}: intervals set; 'deeptruck-model evaluate' on a third drive says what they hold")
-    if line := familiar.warning(truck, recordings, TOO_NARROW):
+    if line := duplicates.warning(truck, recordings, TOO_NARROW):
         typer.echo(f"warning: {line}", err=True)
     for line in (remarks.few_runs(calibrated, recordings), card.lost_metrics(Path(simulator))):
         if line:
@@ -95,9 +96,10 @@ def _remarks(
     simulator: Simulator, recordings: list[Recording], metrics: dict[str, Any], horizon: float
 ) -> None:
     """Say what makes the figures worth less than they look."""
-    from deeptruck_model.deep import DeepTruck, familiar, remarks
+    from deeptruck_model.deep import DeepTruck, remarks
+    from deeptruck_model.deep.data import duplicates
 
-    if isinstance(simulator, DeepTruck) and (line := familiar.warning(simulator, recordings)):
+    if isinstance(simulator, DeepTruck) and (line := duplicates.warning(simulator, recordings)):
         typer.echo(f"warning: {line}", err=True)
     for line in remarks.remarks(simulator, recordings, metrics, horizon):
         typer.echo(f"note: {line}", err=True)

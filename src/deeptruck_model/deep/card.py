@@ -9,7 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from deeptruck_model import simulators
-from deeptruck_model.deep import checkpoint, evaluation, model_card, reference, resume
+from deeptruck_model.deep import checkpoint, evaluation, model_card, resume
+from deeptruck_model.deep.data import reference
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.deep.uncertainty import calibrate
 from deeptruck_model.recordings import Recording

@@ -13,11 +13,11 @@ from safetensors.torch import load_file
 from safetensors.torch import save as to_bytes
 
 from deeptruck_model import checks, reading
-from deeptruck_model.deep import driven, reference
-from deeptruck_model.deep.coverage import Coverage
+from deeptruck_model.deep.data import driven, reference
+from deeptruck_model.deep.data.coverage import Coverage
+from deeptruck_model.deep.data.weights_file import tensors
 from deeptruck_model.deep.network import WEIGHTS, Scales, Shape, TruckNetwork
 from deeptruck_model.deep.truck import DeepTruck
-from deeptruck_model.deep.weights_file import tensors
 from deeptruck_model.errors import InputError
 from deeptruck_model.results import DEEP_TRUCK
 from deeptruck_model.signals import TruckInterface

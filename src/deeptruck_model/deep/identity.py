@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from deeptruck_model.deep.arguments import ADAPTING_UPDATES, OPTIONS, Arguments, default_updates
-from deeptruck_model.deep.preparation import Prepared
+from deeptruck_model.deep.data.preparation import Prepared
 from deeptruck_model.simulators import MANIFEST, read_manifest
 
 KEYS = ("arguments", "data_hash", "steps", "updates")

@@ -8,10 +8,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from deeptruck_model.deep import kernels
-from deeptruck_model.deep.compiled import FloatArray
+from deeptruck_model.deep.data.windows import Sequences
+from deeptruck_model.deep.kernels import loss
+from deeptruck_model.deep.kernels.compiled import FloatArray
 from deeptruck_model.deep.network import WEIGHTS, TruckNetwork
-from deeptruck_model.deep.windows import Sequences
 
 VALIDATION_RUNS = 64
 
@@ -54,5 +54,5 @@ def validate(
         candidates = np.sort(held_out.draw(VALIDATION_RUNS, steps, np.random.default_rng(0)))
     starts = candidates[np.linspace(0, len(candidates) - 1, VALIDATION_RUNS).astype(int)]
     x, target = held_out.gather(np.repeat(starts[None], network.shape.members, axis=0), steps)
-    losses = kernels.loss(network, x, target, weight)
+    losses = loss.loss(network, x, target, weight)
     return np.where(np.isfinite(losses), losses, np.inf)

@@ -17,16 +17,18 @@ from threadpoolctl import threadpool_limits
 from torch.utils.tensorboard import SummaryWriter
 
 from deeptruck_model import files, simulators
-from deeptruck_model.deep import card, checkpoint, coverage, driven, familiar, kernels, resume
+from deeptruck_model.deep import card, checkpoint, resume
 from deeptruck_model.deep.arguments import Arguments
-from deeptruck_model.deep.compiled import FloatArray
+from deeptruck_model.deep.data import coverage, driven, duplicates
+from deeptruck_model.deep.data.preparation import Prepared, prepare
+from deeptruck_model.deep.data.windows import Sequences, loss_weights
 from deeptruck_model.deep.identity import differences, identity_in, identity_of
+from deeptruck_model.deep.kernels import loss
+from deeptruck_model.deep.kernels.compiled import FloatArray
 from deeptruck_model.deep.network import WEIGHTS, Scales, Shape, TruckNetwork
 from deeptruck_model.deep.optimizer import guard, learning_rate, optimizers, peak_rate
-from deeptruck_model.deep.preparation import Prepared, prepare
 from deeptruck_model.deep.selection import Best, finite, validate
 from deeptruck_model.deep.truck import DeepTruck
-from deeptruck_model.deep.windows import Sequences, loss_weights
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.results import DEEP_TRUCK, check_start
@@ -227,7 +229,7 @@ def _round(
     losses = np.full(len(run.seeds), np.nan)
     for i in range(count):
         x, target = sequences.gather(starts[:, i * batch : (i + 1) * batch], run.steps)
-        losses = kernels.gradient(run.network, x, target, run.weight, arguments.feedback)
+        losses = loss.gradient(run.network, x, target, run.weight, arguments.feedback)
         guard(run.network, losses, arguments.clip)
         for optimizer in run.optimizers:
             optimizer.param_groups[0]["lr"] = learning_rate(arguments, done + i, run.updates)
@@ -245,7 +247,7 @@ def _details(run: _Run, seconds: float) -> dict[str, Any]:
         "data_hash": data.data_hash,
         "git_hash": card.git_hash(),
         "taught": list(data.taught),
-        familiar.KEY: list(data.trained_on),
+        duplicates.KEY: list(data.trained_on),
         "training": {
             "updates": run.updates,
             "unexplained": data.unexplained,

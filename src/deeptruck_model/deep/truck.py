@@ -12,9 +12,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from deeptruck_model.deep import inference
-from deeptruck_model.deep.coverage import Coverage
-from deeptruck_model.deep.driven import Driven
+from deeptruck_model.deep.data.coverage import Coverage
+from deeptruck_model.deep.data.driven import Driven
+from deeptruck_model.deep.kernels import inference
 from deeptruck_model.deep.network import State, TruckNetwork
 from deeptruck_model.deep.uncertainty import half_width
 from deeptruck_model.errors import InputError

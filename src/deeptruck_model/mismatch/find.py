@@ -31,7 +31,6 @@ from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.posterior import formula, linearised
 from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.report import findings, identifiability, validation
-from deeptruck_model.mismatch.report import identifiability
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import PARAMETERS, gather
 from deeptruck_model.recordings import Recording
@@ -204,7 +203,9 @@ def _findings(simulator: Simulator, c: _Checked, e: Evidence, x: Explanation) ->
     own = simulator.parameters()
     found = [findings.from_sensor(f) for f in c.faults]
     found += [findings.from_cause(cause, e, x, own) for cause in x.causes]
-    found = [manoeuvres.checked(f, simulator, e, x.model) for f in identifiability.with_manoeuvres(found)]
+    found = [
+        identifiability.checked(f, simulator, e, x.model) for f in identifiability.with_manoeuvres(found)
+    ]
     for f in found:
         if f.cause is not None and f.cause.predictable:
             f.data.update(formula.describe(e, x))

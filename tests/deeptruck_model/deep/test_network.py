@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from deeptruck_model.deep import Shape, TruckNetwork, kernels
+from deeptruck_model.deep import Shape, TruckNetwork
+from deeptruck_model.deep.kernels import loss
 from deeptruck_model.deep.network import WEIGHTS, Scales
 
 rng = np.random.default_rng(0)
@@ -76,7 +77,7 @@ def test_compiled_gradient_equals_autograd(interface, form, dt):
     losses.sum().backward()
     expected = {name: getattr(net, name).grad.clone() for name in WEIGHTS}
 
-    compiled = kernels.gradient(net, x, target, weight, form)
+    compiled = loss.gradient(net, x, target, weight, form)
     assert compiled == pytest.approx(losses.detach().numpy(), rel=1e-5)
     for name in WEIGHTS:
         largest = float(expected[name].abs().max())
@@ -108,8 +109,8 @@ def test_a_member_does_not_depend_on_its_neighbours():
     )
     x, target = sequences(both, 20, 4)
     weight = np.ones(3, np.float32)
-    kernels.gradient(both, x, target, weight, "deployment")
-    kernels.gradient(alone, x[1:], target[1:], weight, "deployment")
+    loss.gradient(both, x, target, weight, "deployment")
+    loss.gradient(alone, x[1:], target[1:], weight, "deployment")
     for name in WEIGHTS:
         assert torch.equal(getattr(both, name)[1:], getattr(alone, name))
         assert torch.equal(getattr(both, name).grad[1:], getattr(alone, name).grad)
@@ -122,5 +123,5 @@ def test_a_wrongly_standing_model_still_learns_to_start():
     target = np.zeros((2, 21, 4, 3), np.float32)
     target[..., 1] = np.linspace(0, 2, 21)[None, :, None]
     x = np.zeros((2, 20, 4, 3), np.float32)
-    kernels.gradient(net, x, target, np.array([0, 1, 0], np.float32), "deployment")
+    loss.gradient(net, x, target, np.array([0, 1, 0], np.float32), "deployment")
     assert float(net.output_bias.grad[:, 0].max()) < 0  # a step downhill raises the acceleration

@@ -13,7 +13,6 @@ from scipy.ndimage import uniform_filter1d
 from deeptruck_model.mismatch.data.checks import derivative
 from deeptruck_model.mismatch.data.prepared import MOVING, SETTLE_S
 from deeptruck_model.mismatch.report import error_figures, regime_figure, timeline_figure
-from deeptruck_model.mismatch.report import error_figures as evidence_figure
 from deeptruck_model.mismatch.report.drawing import BLUE, GREY, ORANGE, figure, png, strips, tidy
 from deeptruck_model.mismatch.report.given import as_given
 from deeptruck_model.mismatch.report.wording import counted
@@ -94,7 +93,7 @@ def _where_and_what(m: Mismatch) -> dict[str, Picture]:
             "Left: mean, positive forward. Right: where the squared error gathers.",
         )
     out["ranking"] = Picture(
-        png(evidence_figure.ranking(m.explanation)),
+        png(error_figures.ranking(m.explanation)),
         "How much better each name, tried alone beside all simulator parameters set free, predicts the data: "
         "a first look. The findings weigh the names again, one in place of the other in the whole "
         "explanation. So these bars differ by other numbers. "

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from deeptruck_model.deep import reference
+from deeptruck_model.deep.data import reference
 from deeptruck_model.errors import InputError
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from safetensors import safe_open
 from safetensors.numpy import save as to_bytes
 
-from deeptruck_model.deep.weights_file import tensors
+from deeptruck_model.deep.data.weights_file import tensors
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import CHANNELS, TruckInterface
 

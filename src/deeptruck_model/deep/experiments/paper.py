@@ -13,10 +13,15 @@ from typing import Any
 import numpy as np
 
 from deeptruck_model import trucks
-from deeptruck_model.deep import classics, kernels, report
-from deeptruck_model.deep.compiled import FloatArray
+from deeptruck_model.deep import report
+from deeptruck_model.deep.data.windows import Sequences, loss_weights
 from deeptruck_model.deep.evaluation import statistics, trials
-from deeptruck_model.deep.experiment_files import (
+from deeptruck_model.deep.experiments import classics
+from deeptruck_model.deep.experiments.fitted_physics import physics
+from deeptruck_model.deep.experiments.learning_curves import learning_curves_page
+from deeptruck_model.deep.experiments.look_alikes import LookAlikes
+from deeptruck_model.deep.experiments.minutes import minutes_of_data
+from deeptruck_model.deep.experiments.output import (
     SHORT_RUNS,
     Row,
     budget,
@@ -26,7 +31,7 @@ from deeptruck_model.deep.experiment_files import (
     table,
     write,
 )
-from deeptruck_model.deep.experiment_setup import (
+from deeptruck_model.deep.experiments.setup import (
     LOOK_ALIKE_SEED,
     OTHER_SEED,
     TEST_SEED,
@@ -36,14 +41,11 @@ from deeptruck_model.deep.experiment_setup import (
     drive_of,
     trained,
 )
-from deeptruck_model.deep.fitted_physics import physics
-from deeptruck_model.deep.learning_curves import learning_curves_page
-from deeptruck_model.deep.look_alikes import LookAlikes
-from deeptruck_model.deep.minutes import minutes_of_data
+from deeptruck_model.deep.kernels import loss
+from deeptruck_model.deep.kernels.compiled import FloatArray
 from deeptruck_model.deep.network import Scales, TruckNetwork
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.deep.uncertainty import calibrated, inside
-from deeptruck_model.deep.windows import Sequences, loss_weights
 from deeptruck_model.driving_cycles import FREEWAY, YARD, drive
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
@@ -168,4 +170,4 @@ def _loss(
     sequences, steps = Sequences.of([recording], scales), 100
     starts = np.arange(0, len(recording) - steps, steps)
     x, target = sequences.gather(np.repeat(starts[None], network.shape.members, axis=0), steps)
-    return kernels.loss(network, x, target, weight, form)
+    return loss.loss(network, x, target, weight, form)

@@ -12,10 +12,10 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from deeptruck_model.deep.compiled import ZERO, FloatArray, compiled
-from deeptruck_model.deep.heads import code_width
+from deeptruck_model.deep.kernels.compiled import ZERO, FloatArray, compiled
+from deeptruck_model.deep.kernels.heads import code_width
+from deeptruck_model.deep.kernels.unfolding import Units, Weights, backward, buffers, forward
 from deeptruck_model.deep.network import WEIGHTS, TruckNetwork
-from deeptruck_model.deep.unfolding import Units, Weights, backward, buffers, forward
 
 
 def gradient(

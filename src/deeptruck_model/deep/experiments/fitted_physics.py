@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from deeptruck_model import trucks
-from deeptruck_model.deep.windows import common_interface, cut
+from deeptruck_model.deep.data.windows import common_interface, cut
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import ACCELERATION, SPEED

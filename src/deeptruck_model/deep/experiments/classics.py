@@ -16,7 +16,7 @@ from sklearn.linear_model import Ridge
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
-from deeptruck_model.deep.windows import common_interface, cut
+from deeptruck_model.deep.data.windows import common_interface, cut
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import SPEED, TruckInterface

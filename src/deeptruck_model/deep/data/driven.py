@@ -17,7 +17,7 @@ from safetensors.numpy import load_file
 from safetensors.numpy import save as to_bytes
 from scipy.spatial import cKDTree
 
-from deeptruck_model.deep.weights_file import tensors
+from deeptruck_model.deep.data.weights_file import tensors
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import SPEED

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from deeptruck_model.deep import train
-from deeptruck_model.deep.untaught import untaught
+from deeptruck_model.deep.data.unexcited_inputs import untaught
 from deeptruck_model.signals import TruckInterface
 
 

@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 from deeptruck_model import trucks
-from deeptruck_model.deep import fitted_physics, statistics, trials
-from deeptruck_model.deep.fitted_physics import physics
+from deeptruck_model.deep import statistics, trials
+from deeptruck_model.deep.experiments import fitted_physics
+from deeptruck_model.deep.experiments.fitted_physics import physics
 from deeptruck_model.driving_cycles import drive
 
 

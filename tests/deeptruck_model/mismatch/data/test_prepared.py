@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from deeptruck_model import driving_cycles, trucks
-from deeptruck_model.deep import driven
+from deeptruck_model.deep.data import driven
 from deeptruck_model.mismatch.data import prepared
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import FUEL

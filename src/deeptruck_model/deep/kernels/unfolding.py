@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from deeptruck_model.deep.compiled import ONE, ZERO, cell, cell_back, compiled
-from deeptruck_model.deep.heads import OFFSET, add_gains, constrain, decode, encode, fill_factors
+from deeptruck_model.deep.kernels.compiled import ONE, ZERO, cell, cell_back, compiled
+from deeptruck_model.deep.kernels.heads import OFFSET, add_gains, constrain, decode, encode, fill_factors
 
 
 class Weights(NamedTuple):

@@ -1,7 +1,8 @@
 import numpy as np
 
 from deeptruck_model import trucks
-from deeptruck_model.deep import look_alikes, statistics, trials
+from deeptruck_model.deep import statistics, trials
+from deeptruck_model.deep.experiments import look_alikes
 from deeptruck_model.driving_cycles import drive
 
 

@@ -12,9 +12,16 @@ from matplotlib.figure import Figure
 
 from deeptruck_model.deep.arguments import Arguments
 from deeptruck_model.deep.evaluation import statistics, trials
-from deeptruck_model.deep.experiment_files import budget, table, write
-from deeptruck_model.deep.experiment_setup import FLEET_SEED, TEST_SEED, TRAIN_SEED, chosen, drive_of, trained
-from deeptruck_model.deep.fleet import fleet
+from deeptruck_model.deep.experiments.fleet import fleet
+from deeptruck_model.deep.experiments.output import budget, table, write
+from deeptruck_model.deep.experiments.setup import (
+    FLEET_SEED,
+    TEST_SEED,
+    TRAIN_SEED,
+    chosen,
+    drive_of,
+    trained,
+)
 from deeptruck_model.deep.training import train
 from deeptruck_model.recordings import Recording
 

@@ -5,14 +5,14 @@ import pytest
 from typer.testing import CliRunner
 
 from deeptruck_model.cli import app, deep
-from deeptruck_model.deep import experiments, learning_curves, minutes
-from deeptruck_model.deep.experiment_files import SHORT_RUNS, of_seeds
-from deeptruck_model.deep.experiment_setup import drive_of
+from deeptruck_model.deep.experiments import learning_curves, minutes, paper
+from deeptruck_model.deep.experiments.output import SHORT_RUNS, of_seeds
+from deeptruck_model.deep.experiments.setup import drive_of
 from deeptruck_model.recordings import write_bag
 
 
 def test_field_experiment_writes_tables_and_figures(tmp_path):
-    metrics = experiments.field(tmp_path, seeds=2, updates=20)
+    metrics = paper.field(tmp_path, seeds=2, updates=20)
     assert metrics["volvo"]["trials"] == 10 and metrics["freightliner"]["horizon_s"] == pytest.approx(15.0)
     assert (tmp_path / "volvo" / "error_statistics.png").stat().st_size > 10_000
     assert "freightliner, 16 min: worst of 2 seeds" in (tmp_path / "README.md").read_text()
@@ -20,9 +20,9 @@ def test_field_experiment_writes_tables_and_figures(tmp_path):
 
 
 def test_learning_curves_hold_every_seed(tmp_path, monkeypatch):
-    drive = experiments.drive_of
-    monkeypatch.setattr(experiments, "drive_of", lambda name, minutes, seed: drive(name, minutes / 20, seed))
-    curves = experiments.learning_curves(tmp_path, seeds=2, updates=40)
+    drive = paper.drive_of
+    monkeypatch.setattr(paper, "drive_of", lambda name, minutes, seed: drive(name, minutes / 20, seed))
+    curves = paper.learning_curves(tmp_path, seeds=2, updates=40)
     assert np.shape(curves["training"]) == np.shape(curves["deployment"]) == (40, 2)
     assert np.isfinite(curves["deployment"]).all()
     assert (tmp_path / "learning_curves.png").exists()
@@ -65,7 +65,7 @@ def test_minutes_of_data_are_drawn_for_every_truck(tmp_path, monkeypatch):
 def test_singles_are_the_members(truck, drive):
     recording = drive(30)
     u, w, y0 = recording.u[None], recording.w[None], recording.y[:1]
-    runs = [single.rollout(u, w, y0, None).y for single in experiments.singles(truck)]
+    runs = [single.rollout(u, w, y0, None).y for single in paper.singles(truck)]
     np.testing.assert_allclose(np.mean(runs, axis=0), truck.rollout(u, w, y0, None).y, atol=1e-9)
 
 

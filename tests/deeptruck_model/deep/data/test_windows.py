@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deeptruck_model.deep import windows
+from deeptruck_model.deep.data import windows
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.deep.compiled import FloatArray
+from deeptruck_model.deep.kernels.compiled import FloatArray
 from deeptruck_model.deep.network import Scales
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording

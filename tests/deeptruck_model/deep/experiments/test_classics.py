@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from deeptruck_model.deep import classics, statistics, trials
+from deeptruck_model.deep import statistics, trials
+from deeptruck_model.deep.experiments import classics
 from deeptruck_model.simulators import Simulator
 
 

@@ -9,13 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from deeptruck_model.deep import checkpoint, familiar
+from deeptruck_model.deep import checkpoint
 from deeptruck_model.deep.arguments import Arguments
-from deeptruck_model.deep.driven import Driven
-from deeptruck_model.deep.network import Scales, TruckNetwork
-from deeptruck_model.deep.truck import DeepTruck
-from deeptruck_model.deep.untaught import untaught
-from deeptruck_model.deep.windows import (
+from deeptruck_model.deep.data import duplicates
+from deeptruck_model.deep.data.driven import Driven
+from deeptruck_model.deep.data.unexcited_inputs import untaught
+from deeptruck_model.deep.data.windows import (
     HELD_OUT,
     SHORTEST_S,
     Sequences,
@@ -27,6 +26,8 @@ from deeptruck_model.deep.windows import (
     time_split,
     unexplained,
 )
+from deeptruck_model.deep.network import Scales, TruckNetwork
+from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, data_hash
 from deeptruck_model.signals import CHANNELS, TruckInterface
@@ -73,7 +74,7 @@ class Prepared:
 
 def prepare(recordings: Sequence[Recording], arguments: Arguments) -> Prepared:
     """Cut, mend and split the recordings. Raises InputError where nothing can be trained on."""
-    familiar.refuse_twice(recordings)
+    duplicates.refuse_twice(recordings)
     interface = common_interface(recordings)
     pieces = [piece for recording in recordings for piece in cut(recording, interface)]
     if not pieces:
@@ -86,12 +87,12 @@ def prepare(recordings: Sequence[Recording], arguments: Arguments) -> Prepared:
     _judgeable(validation, pieces, interface)
     taught = teachable(training) if arguments.teach and arguments.mode == "default" else ()
     scales, start, driven = measure_scales(training, taught), None, None
-    seen = tuple(familiar.fingerprint(r) for r in recordings)
+    seen = tuple(duplicates.fingerprint(r) for r in recordings)
     if arguments.start:
         known = _start(Path(arguments.start), interface, pieces[0].dt)
         start, taught = known.network, tuple(known.details.get("taught", ()))
         driven = known.driven
-        seen += tuple(known.details.get(familiar.KEY, ()))
+        seen += tuple(known.details.get(duplicates.KEY, ()))
         scales = Scales(start.mean.numpy(), start.scale.numpy(), start.top_speed)
     return Prepared(
         interface,

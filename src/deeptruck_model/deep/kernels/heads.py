@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from deeptruck_model.deep.compiled import HALF, ONE, ZERO, compiled, tanh
+from deeptruck_model.deep.kernels.compiled import HALF, ONE, ZERO, compiled, tanh
 from deeptruck_model.deep.network import (
     LEVER_OFFSET,
     LEVER_SPEED,

@@ -1,0 +1,1 @@
+"""Recordings come in; K-step sequences go out, scaled, with what they cover and what was never excited."""

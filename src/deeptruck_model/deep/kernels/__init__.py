@@ -1,0 +1,1 @@
+"""The numbers of `network`, compiled: one step, free runs, the loss of K-step sequences and its gradient."""
