@@ -35,9 +35,10 @@ from mcap.stream_reader import get_chunk_data_stream
 from deeptruck_model import files
 from deeptruck_model.checks import METADATA
 from deeptruck_model.errors import InputError
+from deeptruck_model.recordings.bag_file import RECORD_HEAD
 from deeptruck_model.recordings.bag_metadata import Topic
 from deeptruck_model.recordings.crash_safe import write_metadata
-from deeptruck_model.recordings.mcap_chunks import RECORD_HEAD, message_indexes, scan_messages
+from deeptruck_model.recordings.mcap_chunks import message_indexes, scan_messages
 
 _MADE_ANEW = (Opcode.MESSAGE_INDEX, Opcode.DATA_END, Opcode.FOOTER)
 _MAGIC = b"\x89MCAP0\r\n"
