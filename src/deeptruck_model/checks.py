@@ -13,6 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from importlib import resources
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from deeptruck_model.signals import TruckInterface
 MANIFEST = (
     "simulator.json"  # {"kind": "physics|deep|corrected", "schema": 1, "interface": {...}, "dt": 0.1, ...}
 )
-KINDS = ("physics", "deep", "corrected")
+KINDS = "deeptruck.simulators"  # entry points: kinds of simulator directories, and who loads each
 METADATA = "metadata.yaml"  # what a rosbag2 folder says of itself; without one the bag is not finished
 INTERFACE_KEY, NOTES_KEY = "deeptruck.interface", "deeptruck.notes"  # stored with a bag, as JSON
 WEIGHTS = "model.safetensors"  # of a deep truck
@@ -43,7 +44,7 @@ RECORD_AGAIN = (
 
 @dataclass(frozen=True)
 class SimulatorFacts:
-    """What a simulator says of itself: `kind` is one of KINDS, `dt` its step in s."""
+    """What a simulator says of itself: `kind` is an entry point of KINDS, `dt` its step in s."""
 
     name: str
     kind: str
@@ -221,8 +222,9 @@ def manifest(path: Path) -> dict[str, Any]:
         raise InputError(
             f"{path / MANIFEST} is damaged ({error}); train or save the simulator again"
         ) from None
-    if not isinstance(data, dict) or data.get("kind") not in KINDS:
-        raise InputError(f"{path / MANIFEST} has no known kind; expected one of {', '.join(KINDS)}")
+    kinds = sorted(entry.name for entry in entry_points(group=KINDS))
+    if not isinstance(data, dict) or data.get("kind") not in kinds:
+        raise InputError(f"{path / MANIFEST} has no known kind; installed are {', '.join(kinds) or 'none'}")
     return data
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, Protocol, cast, runtime_checkable
 
@@ -15,13 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model import reading
-from deeptruck_model.checks import MANIFEST
+from deeptruck_model.checks import KINDS, MANIFEST
 from deeptruck_model.checks import manifest as read_manifest
 from deeptruck_model.signals import TruckInterface
 
 __all__ = ["MANIFEST", "Array", "Run", "Simulator", "forced_run", "free_run", "load", "read_manifest"]
 
 Array = NDArray[np.float64]
+
+SCHEMES = "deeptruck.simulator_schemes"  # by what stands before a colon: a function of what stands behind it
 
 
 @runtime_checkable
@@ -109,33 +112,19 @@ def _run(simulator: Simulator, u: Array, w: Array, y0: Array, recorded: Array | 
 def load(path: str | Path) -> Simulator:
     """Load a simulator: a simulator directory, or `truck:NAME[:overrides.yaml]` for a physics truck.
 
+    Who can load which kind of directory, and what stands before a colon, is registered by entry points of
+    installed packages: `checks.KINDS` and SCHEMES. This module knows none of them.
+
     Raises InputError when there is no such truck, the directory has no manifest, or a file is damaged.
     """
-    text = str(path)
-    if text.startswith("truck:"):
-        from deeptruck_model import trucks
-
-        _, name, *overrides = text.split(":", 2)
-        return trucks.load(name, overrides[0] if overrides else None)
-    manifest = read_manifest(Path(text))
-    with reading.of(text):
-        return cast(Simulator, _loaders()[manifest["kind"]](Path(text), manifest))
+    scheme, _, rest = str(path).partition(":")
+    schemes = _registered(SCHEMES)
+    if rest and scheme in schemes:
+        return cast(Simulator, schemes[scheme].load()(rest))
+    manifest = read_manifest(Path(path))
+    with reading.of(path):
+        return cast(Simulator, _registered(KINDS)[manifest["kind"]].load()(Path(path), manifest))
 
 
-def _loaders() -> dict[str, Any]:
-    def physics(path: Path, manifest: dict[str, Any]) -> Simulator:
-        from deeptruck_model import trucks
-
-        return trucks.load_directory(path, manifest)
-
-    def deep(path: Path, manifest: dict[str, Any]) -> Simulator:
-        from deeptruck_model import deep
-
-        return deep.load_directory(path, manifest)
-
-    def corrected(path: Path, manifest: dict[str, Any]) -> Simulator:
-        from deeptruck_model import mismatch
-
-        return mismatch.load_directory(path, manifest)
-
-    return {"physics": physics, "deep": deep, "corrected": corrected}
+def _registered(group: str) -> dict[str, EntryPoint]:
+    return {entry.name: entry for entry in entry_points(group=group)}

@@ -9,14 +9,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from deeptruck_model import simulators
-from deeptruck_model.deep import checkpoint, evaluation, model_card, resume
+from deeptruck_model.deep import evaluation, model_card, resume, saving
 from deeptruck_model.deep.data import reference
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.deep.uncertainty import calibrate
 from deeptruck_model.recordings import Recording
 from deeptruck_model.results import DEEP_TRUCK
 
-METRICS_FILE = checkpoint.METRICS_FILE
+METRICS_FILE = saving.METRICS_FILE
 
 
 def git_hash() -> str | None:
@@ -42,7 +42,7 @@ def complete(
 
     The resume point goes last: until then the work can be gone on with.
     """
-    checkpoint.write(truck, working)
+    saving.write(truck, working)
     again = simulators.load(working)
     assert isinstance(again, DeepTruck)
     truck.details["calibration"] = calibrate(again, validation)
@@ -50,7 +50,7 @@ def complete(
     (working / METRICS_FILE).write_text(json.dumps(metrics, indent=1) + "\n")
     (working / model_card.FILE).write_text(model_card.written(truck, training, validation, metrics))
     reference.save(validation, working)
-    checkpoint.write(truck, working, (METRICS_FILE, reference.FILE))
+    saving.write(truck, working, (METRICS_FILE, reference.FILE))
     (working / resume.FILE).unlink(missing_ok=True)
 
 
@@ -58,7 +58,7 @@ def lost_metrics(source: Path) -> str:
     """One line where a simulator has lost its metrics; else none. Trucks that never had any are not meant."""
     if (source / METRICS_FILE).exists():
         return ""
-    promised = METRICS_FILE in checkpoint.promised(simulators.read_manifest(source))
+    promised = METRICS_FILE in saving.promised(simulators.read_manifest(source))
     return f"{source} has lost its {METRICS_FILE}, so there is none beside the intervals" if promised else ""
 
 
@@ -73,5 +73,5 @@ def publish_calibrated(
         metrics = [METRICS_FILE] if (source / METRICS_FILE).exists() else []
         for name in metrics:
             shutil.copyfile(source / name, folder / name)
-        checkpoint.write(truck, folder, metrics)
+        saving.write(truck, folder, metrics)
         (folder / model_card.FILE).write_text(model_card.with_intervals(source, recordings))

@@ -12,11 +12,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from deeptruck_model.deep import saving
 from deeptruck_model.deep.data.coverage import Coverage
 from deeptruck_model.deep.data.driven import Driven
 from deeptruck_model.deep.kernels import inference
 from deeptruck_model.deep.network import State, TruckNetwork
-from deeptruck_model.deep.uncertainty import half_width
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import SPEED, TruckInterface
@@ -163,9 +163,7 @@ class DeepTruck:
 
     def save(self, path: Path) -> None:
         """Write a simulator directory: simulator.json, model.safetensors and what it learned from."""
-        from deeptruck_model.deep.checkpoint import save
-
-        save(self, path)
+        saving.save(self, path)
 
     def torch_module(self) -> TorchTruck:
         """A differentiable copy of the truck; gradients flow to state, u and w."""
@@ -203,3 +201,12 @@ class TorchTruck(torch.nn.Module):
         """One step of dt."""
         state = self.network.step(state, u, w)
         return state, state.y.mean(dim=0)
+
+
+def half_width(calibration: dict[str, Any], spread: Array, dt: float) -> Array:
+    """Half width of the interval (batch, T, n_y) of runs with `spread` (batch, T, n_y); 0 at the start."""
+    time = np.arange(spread.shape[1])[:, None] * dt
+    floor, growth, factor = (np.asarray(calibration[key]) for key in ("floor", "growth", "factor"))
+    half: Array = factor * np.sqrt(spread**2 + (floor + growth * np.sqrt(time)) ** 2)
+    half[:, 0] = 0.0
+    return half

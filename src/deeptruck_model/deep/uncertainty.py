@@ -8,18 +8,16 @@ interval where the members disagree; floor and growth are the error they share.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.stats import norm
 from scipy.stats import t as student_t
 
 from deeptruck_model.deep.evaluation import HORIZON_S, Trials, trials
+from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Array
-
-if TYPE_CHECKING:
-    from deeptruck_model.deep.truck import DeepTruck
 
 LEVEL = 0.9
 RUNS = 600  # overlapping ones: fewer would throw data away
@@ -59,15 +57,6 @@ def inside(truck: DeepTruck, runs: Trials) -> dict[str, float]:
         for j, name in enumerate(runs.channels)
         if known[..., j].any()
     }
-
-
-def half_width(calibration: dict[str, Any], spread: Array, dt: float) -> Array:
-    """Half width of the interval (batch, T, n_y) of runs with `spread` (batch, T, n_y); 0 at the start."""
-    time = np.arange(spread.shape[1])[:, None] * dt
-    floor, growth, factor = (np.asarray(calibration[key]) for key in ("floor", "growth", "factor"))
-    half: Array = factor * np.sqrt(spread**2 + (floor + growth * np.sqrt(time)) ** 2)
-    half[:, 0] = 0.0
-    return half
 
 
 def _channel(error: Array, spread: Array, time: Array) -> tuple[float, float, float]:

@@ -3,27 +3,22 @@
 from __future__ import annotations
 
 import io
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from deeptruck_model.recordings import coverage_map as edges
+from deeptruck_model.recordings import coverage_grid as grid
+from deeptruck_model.recordings.coverage_grid import Array, Counted
 from deeptruck_model.signals import printed
-
-if TYPE_CHECKING:
-    from deeptruck_model.recordings.coverage_map import Coverage
-
-Array = NDArray[np.float64]
 
 SHOWN_FROM = -5.0  # m/s^2, or lower where there was braking as hard
 
 
-def draw(found: Coverage) -> bytes:
+def draw(found: Counted) -> bytes:
     """The figure as PNG: three maps of time spent, and which channels are valid in which recording."""
     figure = Figure(figsize=(12, 8.5), layout="constrained")
     FigureCanvasAgg(figure)
@@ -35,7 +30,7 @@ def draw(found: Coverage) -> bytes:
     _map(axes[1, 0], with_grade.sum(axis=0), acceleration, grade)
     _channels(axes[1, 1], found)
     pieces = len(found.recordings)
-    usual = every[:, edges.ACCELERATION_EDGES[:-1] >= SHOWN_FROM].sum(axis=2) > 0
+    usual = every[:, grid.ACCELERATION_EDGES[:-1] >= SHOWN_FROM].sum(axis=2) > 0
     figure.suptitle(
         f"{found.duration_s / 3600:.2f} h in {pieces} recording{'s' if pieces != 1 else ''}, "
         f"{100 * usual.mean():.0f} % of the speed-acceleration cells visited"
@@ -55,11 +50,11 @@ class _Axis(NamedTuple):
 
 def _axes(by_acceleration: Array) -> tuple[_Axis, _Axis, _Axis]:
     """Speed, acceleration and grade; hard braking is drawn as far down as there was any."""
-    hardest = edges.ACCELERATION_EDGES[np.flatnonzero(by_acceleration)[0]] if by_acceleration.any() else 0.0
+    hardest = grid.ACCELERATION_EDGES[np.flatnonzero(by_acceleration)[0]] if by_acceleration.any() else 0.0
     return (
-        _Axis("speed [m/s]", edges.SPEED_EDGES, edges.SPEED_EDGES[0]),
-        _Axis("acceleration [m/s²]", edges.ACCELERATION_EDGES, min(SHOWN_FROM, hardest)),
-        _Axis("grade [%]", 100 * edges.GRADE_EDGES, 100 * edges.GRADE_EDGES[0]),
+        _Axis("speed [m/s]", grid.SPEED_EDGES, grid.SPEED_EDGES[0]),
+        _Axis("acceleration [m/s²]", grid.ACCELERATION_EDGES, min(SHOWN_FROM, hardest)),
+        _Axis("grade [%]", 100 * grid.GRADE_EDGES, 100 * grid.GRADE_EDGES[0]),
     )
 
 
@@ -78,7 +73,7 @@ def _map(ax: Axes, seconds: Array, x: _Axis, y: _Axis) -> None:
     ax.grid(alpha=0.2)
 
 
-def _channels(ax: Axes, found: Coverage) -> None:
+def _channels(ax: Axes, found: Counted) -> None:
     """Rows are channels, blocks are recordings as wide as they are long, colour is the share of valid
     samples.
     """
@@ -100,7 +95,7 @@ def _valid(recording: dict[str, Any], name: str) -> float:
     return float("nan") if channel is None else 1.0 - channel["nan_share"]
 
 
-def _span(found: Coverage, name: str) -> str:
+def _span(found: Counted, name: str) -> str:
     present = [r["channels"][name] for r in found.recordings if name in r["channels"]]
     lows = [c["min"] for c in present if c["min"] is not None]
     highs = [c["max"] for c in present if c["max"] is not None]

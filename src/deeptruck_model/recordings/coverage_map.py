@@ -12,14 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
+from deeptruck_model.recordings.coverage_grid import ACCELERATION_EDGES, GRADE_EDGES, SPEED_EDGES
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.results import COVERAGE
 
 Array = NDArray[np.float64]
-
-SPEED_EDGES: Array = np.linspace(0.0, 40.0, 21)  # m/s
-ACCELERATION_EDGES: Array = np.linspace(-10.0, 3.0, 53)  # m/s^2; no tyre of a truck brakes harder
-GRADE_EDGES: Array = np.linspace(-0.10, 0.10, 21)  # ratio
 
 
 @dataclass(frozen=True)

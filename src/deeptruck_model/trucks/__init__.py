@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from deeptruck_model.trucks.forces import CommandFilter, Force, View
     from deeptruck_model.trucks.parameters import PARAMETERS, Parameter
     from deeptruck_model.trucks.specification import Specification, pool
-    from deeptruck_model.trucks.truck import PhysicsTruck, TruckState, load, load_directory
+    from deeptruck_model.trucks.truck import PhysicsTruck, TruckState, load, load_directory, load_text
 
 __all__ = [
     "PARAMETERS",
@@ -21,6 +21,7 @@ __all__ = [
     "View",
     "load",
     "load_directory",
+    "load_text",
     "pool",
 ]
 
@@ -30,6 +31,6 @@ __getattr__ = lazy.names(
         "forces": ("CommandFilter", "Force", "View"),
         "parameters": ("PARAMETERS", "Parameter"),
         "specification": ("Specification", "pool"),
-        "truck": ("PhysicsTruck", "TruckState", "load", "load_directory"),
+        "truck": ("PhysicsTruck", "TruckState", "load", "load_directory", "load_text"),
     },
 )

@@ -256,6 +256,12 @@ def load(name: str, overrides: str | None = None, *, dt: float = 0.1) -> Physics
     return PhysicsTruck(specification, dt=dt)
 
 
+def load_text(text: str) -> PhysicsTruck:
+    """The truck that `truck:TEXT` names: NAME, or NAME:overrides.yaml."""
+    name, _, overrides = text.partition(":")
+    return load(name, overrides or None)
+
+
 def load_directory(path: Path, manifest: Mapping[str, Any]) -> PhysicsTruck:
     """The truck a simulator directory of kind 'physics' holds."""
     source = str(path / MANIFEST)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from deeptruck_model.deep import DeepTruck, train, trials
-from deeptruck_model.deep.uncertainty import _channel, calibrated, half_width, inside
+from deeptruck_model.deep.truck import half_width
+from deeptruck_model.deep.uncertainty import _channel, calibrated, inside
 from deeptruck_model.errors import InputError
 
 
