@@ -13,6 +13,7 @@ import numpy as np
 
 from deeptruck_exam import rivals, score
 from deeptruck_exam.cases import Case, make_case, open_truth
+from deeptruck_exam.effects.planting import ALL
 from deeptruck_exam.evaluation import arrays, open_loop
 from deeptruck_exam.tool import ToolRun, run_tool
 from deeptruck_model import simulators
@@ -28,7 +29,7 @@ def examine(
     effect: str | None = None,
     simulator: str = "physics",
     minutes: float = 4.0,
-    forms: str = "first",
+    forms: str = ALL,
     *,
     with_rivals: bool = True,
     keep: bool = False,
