@@ -18,10 +18,10 @@ from deeptruck_exam.cases import Case, make_case
 from deeptruck_exam.concealed import data_folder, examine_concealed
 from deeptruck_exam.effects import of_family
 from deeptruck_exam.effects.planting import ALL
-from deeptruck_exam.examination import examine, judge
 from deeptruck_exam.jobs import Job, run_jobs
 from deeptruck_exam.page import write_page
 from deeptruck_exam.plans import LEVELS
+from deeptruck_exam.run import examine, judge
 from deeptruck_exam.scoreboard import print_results
 from deeptruck_exam.tool import ToolRun
 from deeptruck_model import exclusive, whole_file

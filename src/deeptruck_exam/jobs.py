@@ -74,7 +74,7 @@ def _end_with_the_run() -> None:
 
 def _examine(out: Path, job: Job, with_rivals: bool, keep: bool) -> dict[str, Any]:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    from deeptruck_exam.examination import examine
+    from deeptruck_exam.run import examine
 
     try:
         return examine(

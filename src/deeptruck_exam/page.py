@@ -12,7 +12,7 @@ import numpy as np
 from deeptruck_exam import scoreboard
 from deeptruck_exam.effects import EFFECTS
 from deeptruck_exam.effects.planting import SEALED
-from deeptruck_exam.proof_figures import RIVALS, draw_all
+from deeptruck_exam.figures import RIVALS, draw_all
 from deeptruck_exam.scoreboard import Score, mean
 
 HEADINGS = (

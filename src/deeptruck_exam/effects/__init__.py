@@ -22,10 +22,10 @@ for _paths, _package in ((__path__, __name__), (sealed.__path__, sealed.__name__
 def of_family(family: str = ALL) -> list[Effect]:
     """The effects of a family, or of all seven. A wrong parameter has no law and is the same effect in every
     family. Raises InputError for a family that is not there."""
-    found = [e for e in EFFECTS.values() if e.family == family or (family == ALL and e.family in FAMILIES)]
-    if not found:
+    wanted = FAMILIES if family == ALL else (family,)
+    if not any(e.family in wanted for e in EFFECTS.values()):
         raise InputError(f"--forms: there are no effects of '{family}'; choose from {', '.join(FORMS)}")
-    return found + [e for e in EFFECTS.values() if e.kind == "parameter_error" and e not in found]
+    return [e for e in EFFECTS.values() if e.family in wanted or e.kind == "parameter_error"]
 
 
 def named(family: str = ALL) -> list[Effect]:

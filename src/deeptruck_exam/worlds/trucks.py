@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
@@ -89,7 +90,7 @@ class Fleet:
 
     def draw(self, name: str, rng: np.random.Generator) -> dict[str, float]:
         """Overrides that make a random truck of the kind `name`, rounded to five figures."""
-        reference = trucks.load(name).parameters()
+        reference = _reference(name)
         factors = self._parts(rng)
         factors["mass"] = self._load(name, rng)
         if self.vocations:
@@ -118,6 +119,11 @@ class Fleet:
         if len(loads) > 2:
             return float(rng.choice(loads)) * rng.uniform(0.98, 1.02)
         return float(loads[0] + (loads[1] - loads[0]) * rng.beta(self.load_shape, self.load_shape))
+
+
+@cache
+def _reference(name: str) -> Mapping[str, float]:
+    return trucks.load(name).parameters()
 
 
 def _vocation(name: str, rng: np.random.Generator) -> dict[str, float]:
