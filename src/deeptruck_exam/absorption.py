@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.optimize import least_squares
 
-from deeptruck_exam import trucks
-from deeptruck_exam.hidden import Array
+from deeptruck_exam.effects.law import Array
 from deeptruck_exam.plans import Plan
+from deeptruck_exam.worlds import trucks
 from deeptruck_model import trucks as pool
 from deeptruck_model.recordings import Recording
 

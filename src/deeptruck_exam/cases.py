@@ -11,13 +11,16 @@ from typing import Any
 import numpy as np
 import yaml
 
-from deeptruck_exam import makers, trucks
+from deeptruck_exam import worlds
 from deeptruck_exam.absorption import absorb
 from deeptruck_exam.construction import DT, Built, build_case
-from deeptruck_exam.hidden import Array, ou_series
+from deeptruck_exam.effects.law import Array
+from deeptruck_exam.effects.planting import ALL
+from deeptruck_exam.effects.series import ou_series
 from deeptruck_exam.plans import Plan
-from deeptruck_exam.sensors import quantise
 from deeptruck_exam.truth import describe
+from deeptruck_exam.worlds import trucks
+from deeptruck_exam.worlds.loggers import quantise
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, write_bag
 from deeptruck_model.signals import TruckInterface
@@ -61,7 +64,7 @@ def make_case(
     effect: str | None = None,
     simulator: str = "physics",
     minutes: float = 4.0,
-    forms: str = "first",
+    forms: str = ALL,
 ) -> Case:
     """Write one case into the new folder `out`: six recordings to fit and two held out, the simulator, and
     the sealed truth. The same arguments give the same case. Raises InputError for an unknown level,
@@ -94,14 +97,14 @@ def make_case(
 def measure(built: Built) -> list[dict[str, Array]]:
     """What the truck's sensors made of each drive: channels (n,), faults and decoys included."""
     plan, rng = built.plan, built.plan.rng(5)
-    world = makers.of(plan.forms, plan.simulator)
-    sensors = world.draw_sensors(rng) if plan.sensors else None
+    logger = worlds.of(plan.forms, plan.simulator, plan.seed).logger
+    sensors = logger.draw(rng) if plan.sensors else None
     out = []
     decoy = draw_decoy(built) if plan.level == "decoy" else {}
     for k in range(len(plan.scenarios)):
         true = {name: values[k] for name, values in built.drives.channels.items()}
         true["elevation"] = true["elevation"] + 120.0
-        channels = world.record(true, sensors, built.truck, DT, rng)
+        channels = logger.record(true, sensors, built.truck, DT, rng)
         warm = built.truck.ambient_temperature + ou_series(rng, (1, len(true["speed"])), DT, 200.0)[0] * 0.2
         channels["ambient_temperature"] = quantise(warm, 1.0 / 32.0)
         if np.isfinite(built.leader_m[k]).all():

@@ -6,17 +6,18 @@ import zlib
 
 import numpy as np
 
-from deeptruck_exam.effects import EFFECTS, Effect, named, of_forms, of_kind, unknown
+from deeptruck_exam.effects import EFFECTS, named, of_family, of_kind, unknown
+from deeptruck_exam.effects.planting import ALL, Effect
 from deeptruck_model.errors import InputError
 
 
 def mark(level: str, forms: str) -> int:
     """Mixed into every draw, so that equal seeds of other levels are other worlds."""
-    return zlib.crc32((level if forms == "first" else f"{level}, {forms} forms").encode())
+    return zlib.crc32(f"{level}, {forms} forms".encode())
 
 
-def suitable(level: str, forms: str = "first") -> list[Effect]:
-    """Effects a level may plant, in a fixed order; of later forms each level has its own."""
+def suitable(level: str, forms: str = ALL) -> list[Effect]:
+    """Effects a level may plant, in an order of its own."""
     if level == "nothing_missing":
         return []
     if level in ("measurement_fault", "parameter_error"):
@@ -32,8 +33,6 @@ def suitable(level: str, forms: str = "first") -> list[Effect]:
 def _in_order(effects: list[Effect], level: str, forms: str) -> list[Effect]:
     """The order in which seeds go through the effects: else one seed would hide one effect at every
     level."""
-    if forms == "first":
-        return effects
     return [effects[k] for k in np.random.default_rng(mark(level, forms)).permutation(len(effects))]
 
 
@@ -46,7 +45,7 @@ def _leave_one_out(forms: str) -> list[Effect]:
 
 def _find(effect: str, forms: str) -> Effect:
     """By key or name among the forms, else by key among all."""
-    some = of_forms(forms)
+    some = of_family(forms)
     found = next((e for e in some if e.key == effect), None) or next(
         (e for e in some if e.name == effect), EFFECTS.get(effect)
     )
@@ -58,7 +57,8 @@ def _find(effect: str, forms: str) -> Effect:
 def choose_effects(
     level: str, seed: int, effect: str | None, forms: str
 ) -> tuple[tuple[Effect, ...], tuple[str, ...]]:
-    """The effects to hide, and the names the tool is to be without."""
+    """The effects to hide, and the names the tool is to be without. Raises InputError for unknown forms."""
+    of_family(forms)
     if level == "nothing_missing":
         return (), ()
     if effect is not None:
@@ -73,7 +73,7 @@ def choose_effects(
     first = candidates[seed % len(candidates)]
     if level != "several":
         return (first,), ()
-    rng = np.random.default_rng([seed, 1] if forms == "first" else [seed, mark(level, forms), 1])
+    rng = np.random.default_rng([seed, mark(level, forms), 1])
     return _companions(first, candidates, 2 + int(rng.random() < 0.35), rng), ()
 
 

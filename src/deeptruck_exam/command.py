@@ -1,7 +1,6 @@
 """`prove` and, for the tool's author, `python -m deeptruck_exam.command one|batch|list`.
 
-Development seeds are 0 to 9999; the report uses seeds from 100000, run once. Likewise the forms: the
-commands here hide the first, which the tool's authors know, and `prove` the seventh, which they do not.
+Development seeds are 0 to 9999; a report uses seeds from 100000, run once.
 """
 
 from __future__ import annotations
@@ -17,12 +16,12 @@ from rich.table import Table
 
 from deeptruck_exam.cases import Case, make_case
 from deeptruck_exam.concealed import data_folder, examine_concealed
-from deeptruck_exam.effects import of_forms
-from deeptruck_exam.examination import examine, judge
-from deeptruck_exam.hidden import FORMS
+from deeptruck_exam.effects import of_family
+from deeptruck_exam.effects.planting import ALL
 from deeptruck_exam.jobs import Job, run_jobs
 from deeptruck_exam.page import write_page
 from deeptruck_exam.plans import LEVELS
+from deeptruck_exam.run import examine, judge
 from deeptruck_exam.scoreboard import print_results
 from deeptruck_exam.tool import ToolRun
 from deeptruck_model import files
@@ -31,9 +30,7 @@ from deeptruck_model.errors import InputError
 REPORT_SEED = 100_000
 NULL_FACTOR = 5  # nulls need numbers: a false alarm in fifty cannot be seen in forty
 SIMULATORS = ("physics", "deep")
-FORMS_HELP = (
-    "first to sixth (those of the tool's development), seventh (from other sources, unseen by its authors)"
-)
+FORMS_HELP = "Family of effects to hide: all, first to seventh, or sealed (unseen by the tool's authors)."
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
 
@@ -46,16 +43,16 @@ def prove(
     seed: int = REPORT_SEED,
     simulators: Sequence[str] = ("physics", "deep"),
     resume: bool = True,
-    forms: str = "seventh",
+    forms: str = ALL,
 ) -> dict[str, Any]:
     """Examine the tool and write proof.md, scoreboard.json and figures into `out`; returns the scoreboard.
 
     One folder a case; a scored case is skipped when `resume`, else `out` must not exist. Level
-    nothing_missing gets NULL_FACTOR times the cases. `forms` are the laws that are hidden, one of FORMS.
+    nothing_missing gets NULL_FACTOR times the cases. `forms` is the family that is hidden.
     Raises InputError for unknown levels, simulators or forms, or an `out` in use."""
     _known("level", levels, LEVELS)
     _known("simulator", simulators, SIMULATORS)
-    _known("forms", [forms], FORMS)
+    of_family(forms)
     if out.exists() and not resume:
         raise InputError(f"{out} exists already; resume it, choose another folder or remove it")
     if out.exists() and not (out / "cases").is_dir() and (not out.is_dir() or any(out.iterdir())):
@@ -91,7 +88,7 @@ def one(
     minutes: Annotated[float, typer.Option(help="Length of each recording.")] = 4.0,
     rivals: Annotated[bool, typer.Option(help="Compare held-out errors with rivals and oracle.")] = True,
     generate_only: Annotated[bool, typer.Option(help="Do not run the tool.")] = False,
-    forms: Annotated[str, typer.Option(help=FORMS_HELP)] = "first",
+    forms: Annotated[str, typer.Option(help=FORMS_HELP)] = ALL,
 ) -> None:
     """Make one case, run the tool on it, open the truth and score."""
     if generate_only:
@@ -126,7 +123,7 @@ def batch(
     jobs: Annotated[int, typer.Option(help="Cases at a time.", min=1)] = 1,
     rivals: Annotated[bool, typer.Option(help="Compare held-out errors with rivals and oracle.")] = False,
     keep: Annotated[bool, typer.Option(help="Keep recordings of every case.")] = True,
-    forms: Annotated[str, typer.Option(help=FORMS_HELP)] = "first",
+    forms: Annotated[str, typer.Option(help=FORMS_HELP)] = ALL,
 ) -> None:
     """Run many development cases and print a line for each and a table."""
     wanted = [Job(name, seed + k, effect, simulator, forms=forms) for name in level for k in range(cases)]
@@ -144,10 +141,10 @@ def concealed(
 
 
 @app.command("list")
-def list_effects(forms: Annotated[str, typer.Option(help=FORMS_HELP)] = "first") -> None:
+def list_effects(forms: Annotated[str, typer.Option(help=FORMS_HELP)] = ALL) -> None:
     """Keys, names and sources of the hidden effects."""
     table = Table("key", "name", "kind", "source")
-    for effect in of_forms(forms):
+    for effect in of_family(forms):
         table.add_row(effect.key, effect.name, effect.kind, effect.source)
     Console().print(table)
 

@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from deeptruck_exam.cases import Case
+from deeptruck_exam.effects.law import GRAVITY, Array
 from deeptruck_exam.evaluation import arrays, residual
-from deeptruck_exam.hidden import GRAVITY, Array
 from deeptruck_exam.tool import ToolRun, run_tool
 from deeptruck_model import simulators
 from deeptruck_model.errors import InputError

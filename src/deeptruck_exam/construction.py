@@ -7,12 +7,14 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from deeptruck_exam import makers, trucks
+from deeptruck_exam import worlds
+from deeptruck_exam.effects.law import Array, Setting
+from deeptruck_exam.effects.planting import ALL, Planted
 from deeptruck_exam.gates import CONDITIONS, Windows, draw_windows, gate
-from deeptruck_exam.hidden import Array, Planted, Setting
 from deeptruck_exam.plans import Plan, draw_plan
-from deeptruck_exam.routes import Roads
-from deeptruck_exam.world import Drives, leader_way, simulate
+from deeptruck_exam.worlds import trucks
+from deeptruck_exam.worlds.drive import Drives, leader_way, simulate
+from deeptruck_exam.worlds.roads import Roads
 from deeptruck_model.trucks import PhysicsTruck
 
 DT = 0.1
@@ -45,7 +47,7 @@ def build_case(
     effect: str | None = None,
     simulator: str = "physics",
     minutes: float = 4.0,
-    forms: str = "first",
+    forms: str = ALL,
 ) -> Built:
     """Draw truck, roads and sizes until the effects matter in these drives (at most `ATTEMPTS` times), and
     drive."""
@@ -63,7 +65,7 @@ def build_case(
 def build(plan: Plan) -> Built:
     """Drive what the plan says."""
     flat = not plan.grade and not any(e.key == "road_grade" for e in plan.effects)
-    world = makers.of(plan.forms, plan.simulator)
+    world = worlds.of(plan.forms, plan.simulator, plan.seed)
     roads = world.draw_roads(plan.rng(1), plan.scenarios, flat)
     n = round(plan.minutes * 60.0 / DT)
     profiles = plan.rng(2)
@@ -101,7 +103,7 @@ def _drive(
     if plan.condition:
         planted = [gate(p, CONDITIONS[plan.condition]) for p in planted]
 
-    world = makers.of(plan.forms, plan.simulator)
+    world = worlds.of(plan.forms, plan.simulator, plan.seed)
 
     def run(parts: list[Planted]) -> tuple[Drives, PhysicsTruck, Array]:
         truck = _plant(nominal, parts)

@@ -11,14 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from deeptruck_exam import trucks
 from deeptruck_exam.construction import DT
-from deeptruck_exam.drivers import Driver, speed_profile
-from deeptruck_exam.hidden import SCENARIOS
+from deeptruck_exam.effects.planting import SCENARIOS
 from deeptruck_exam.plans import Plan
-from deeptruck_exam.routes import draw_roads
-from deeptruck_exam.sensors import Sensors, record
-from deeptruck_exam.world import leader_way, simulate
+from deeptruck_exam.worlds import WORLDS, trucks
+from deeptruck_exam.worlds.drive import leader_way, simulate
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import MANIFEST
 
@@ -39,20 +36,21 @@ def nominal_recordings(plan: Plan, hours: float = HOURS) -> list[Recording]:
     count = max(4, round(hours * 60.0 / minutes))
     rng = np.random.default_rng([truck_seed(plan), 1])
     scenarios = [SCENARIOS[k % len(SCENARIOS)] for k in range(count)]
-    truck = trucks.make(plan.truck, plan.values)
+    truck, world = trucks.make(plan.truck, plan.values), WORLDS["plain"]
     n = round(minutes * 60.0 / DT)
-    target = np.stack([speed_profile(rng, s, n, DT) for s in scenarios])
+    target = np.stack([world.speed_profile(rng, s, n, DT) for s in scenarios])
     styles = np.array(["human", "cruise", "acc"])[rng.integers(0, 3, count)]
     leader_m = leader_way(target, [s == "acc" for s in styles], 1.8, DT)
     known = trucks.namespace(truck)
-    roads = draw_roads(rng, scenarios, flat=not plan.grade)
-    drives = simulate(truck, roads, Driver(known, styles, target, 1.8, DT, rng), leader_m, DT)
-    sensors = Sensors.draw(rng)
+    roads = world.draw_roads(rng, scenarios, flat=not plan.grade)
+    driver = world.driver(known, styles, target, 1.8, DT, rng)
+    drives = simulate(truck, roads, driver, leader_m, DT)
+    sensors = world.logger.draw(rng)
     interface = trucks.make(plan.truck, plan.values, grade=plan.grade).interface
     out = []
     for k in range(count):
         true = {name: values[k] for name, values in drives.channels.items()}
-        channels = record(true, sensors, known, DT, rng)
+        channels = world.logger.record(true, sensors, known, DT, rng)
         if not plan.grade:
             channels.pop("grade")
         out.append(Recording(f"nominal_{k}", DT, channels, interface))

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from deeptruck_exam.hidden import Array
+from deeptruck_exam.effects.law import Array
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Simulator, forced_run

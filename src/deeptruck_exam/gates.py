@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deeptruck_exam.hidden import Array, Planted
+from deeptruck_exam.effects.law import Array
+from deeptruck_exam.effects.planting import Planted
 from deeptruck_model.trucks import CommandFilter, Force, View
 
 Open = Callable[[View], Array]

@@ -15,6 +15,8 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from deeptruck_exam.effects.planting import ALL
+
 A_CASE = "about a minute each with a physics truck, longer with a learned one; a stopped run goes on"
 
 
@@ -27,12 +29,12 @@ class Job:
     effect: str | None = None
     simulator: str = "physics"
     minutes: float = 4.0
-    forms: str = "first"
+    forms: str = ALL
 
     @property
     def folder(self) -> str:
         chosen = f"-{self.effect}" if self.effect else ""
-        forms = "" if self.forms == "first" else f"-{self.forms}"
+        forms = "" if self.forms == ALL else f"-{self.forms}"
         return f"{self.simulator}-{self.level}{chosen}{forms}-{self.seed}"
 
 
@@ -72,7 +74,7 @@ def _end_with_the_run() -> None:
 
 def _examine(out: Path, job: Job, with_rivals: bool, keep: bool) -> dict[str, Any]:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    from deeptruck_exam.examination import examine
+    from deeptruck_exam.run import examine
 
     try:
         return examine(

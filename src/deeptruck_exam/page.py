@@ -11,8 +11,8 @@ import numpy as np
 
 from deeptruck_exam import scoreboard
 from deeptruck_exam.effects import EFFECTS
-from deeptruck_exam.hidden import FORMS
-from deeptruck_exam.proof_figures import RIVALS, draw_all
+from deeptruck_exam.effects.planting import SEALED
+from deeptruck_exam.figures import RIVALS, draw_all
 from deeptruck_exam.scoreboard import Score, mean
 
 HEADINGS = (
@@ -116,8 +116,8 @@ def _by_effect(scored: Sequence[Score]) -> list[str]:
         rows = [r for r in scored if r["keys"] == [key]]
         if rows:
             first, group = mean(r["right_first"] for r in rows), mean(r["in_group"] for r in rows)
-            # the page is read by the tool's authors, who are to stay blind to the newest forms
-            source = f"{effect.forms} form, not told here" if effect.forms == FORMS[-1] else effect.source
+            # the page is read by the tool's authors, who are to stay blind to the sealed family
+            source = "sealed, not told here" if effect.family == SEALED else effect.source
             out.append(f"| {key} | {len(rows)} | {_cell(first)} | {_cell(group)} | {source} |")
     return out
 

@@ -6,11 +6,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from deeptruck_exam import makers
+from deeptruck_exam import worlds
 from deeptruck_exam.choice import choose_effects, mark
-from deeptruck_exam.effects import Effect
+from deeptruck_exam.effects.planting import ALL, SCENARIOS, Effect
 from deeptruck_exam.gates import CONDITIONS
-from deeptruck_exam.hidden import FORMS, SCENARIOS
 from deeptruck_model.errors import InputError
 
 LEVELS = (
@@ -62,15 +61,15 @@ class Plan:
     styles: list[str] = field(default_factory=list)
     headway_s: float = 1.8
     attempt: int = 0
-    forms: str = "first"
+    forms: str = ALL
 
     def rng(self, salt: int) -> np.random.Generator:
         return np.random.default_rng([self.seed, mark(self.level, self.forms), salt, self.attempt])
 
     @property
     def effect_seed(self) -> int:
-        """Of the effects' own random series; with the first forms one seed has the same at every level."""
-        return self.seed if self.forms == "first" else self.seed + mark(self.level, self.forms)
+        """Of the effects' own random series."""
+        return self.seed + mark(self.level, self.forms)
 
 
 def draw_plan(
@@ -80,20 +79,18 @@ def draw_plan(
     simulator: str,
     minutes: float,
     attempt: int = 0,
-    forms: str = "first",
+    forms: str = ALL,
 ) -> Plan:
     """Draw a case. `effect` is a key or a name; None lets the seed choose, cycling through all that suit.
     A later `attempt` draws truck, roads and drivers anew, for the same effects."""
     if level not in LEVELS:
         raise InputError(f"there is no level '{level}'; levels: {', '.join(LEVELS)}")
-    if forms not in FORMS:
-        raise InputError(f"there are no {forms} forms; forms: {', '.join(FORMS)}")
     chosen, excluded = choose_effects(level, seed, effect, forms)
     rng = np.random.default_rng([seed, mark(level, forms), 0, attempt])
     suited = [t for t in POOL if all(t in e.trucks for e in chosen)]
     truck = suited[rng.integers(len(suited))]
     member = np.random.default_rng([77, POOL.index(truck), int(rng.integers(DEEP_TRUCKS))])
-    values = makers.of(forms, simulator).draw_parameters(truck, member if simulator == "deep" else rng)
+    values = worlds.of(forms, simulator, seed).fleet.draw(truck, member if simulator == "deep" else rng)
     needs_grade = any({"descent", "hills"} & set(e.needs) or e.name.startswith("grade") for e in chosen)
     grade = not any(e.key == "road_grade" for e in chosen) and (
         truck != "freightliner" or needs_grade or simulator == "deep" or rng.random() < 0.5

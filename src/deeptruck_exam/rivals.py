@@ -10,9 +10,9 @@ import numpy as np
 from sklearn.ensemble import HistGradientBoostingRegressor
 
 from deeptruck_exam.absorption import retune
+from deeptruck_exam.effects.law import Array
 from deeptruck_exam.evaluation import arrays, open_loop, residual
-from deeptruck_exam.hidden import Array
-from deeptruck_exam.trucks import TUNABLE
+from deeptruck_exam.worlds.trucks import TUNABLE
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
 from deeptruck_model.trucks import PhysicsTruck

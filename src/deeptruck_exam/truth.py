@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from deeptruck_exam.construction import DT, Built, information
-from deeptruck_exam.hidden import Array, Effect
+from deeptruck_exam.effects.law import Array
+from deeptruck_exam.effects.planting import Effect
 
 LEAST = 0.03  # m/s2: below this nobody would say that an effect acts
 
@@ -62,7 +63,7 @@ def _effect(
         "key": effect.key,
         "name": "unknown" if leave_out else effect.name,
         "kind": effect.kind,
-        "forms": effect.forms,
+        "family": effect.family,
         "accepts": [] if leave_out else list(effect.accepts),
         "comparable": {} if leave_out else sizes_of_one_meaning,
         "sizes": sizes,

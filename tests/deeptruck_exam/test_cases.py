@@ -5,12 +5,17 @@ import json
 import numpy as np
 import pytest
 
-from deeptruck_exam import trucks
+from deeptruck_exam import tool
 from deeptruck_exam.absorption import retune
 from deeptruck_exam.cases import Case, make_case, measure, open_truth
+from deeptruck_exam.choice import mark, suitable
+from deeptruck_exam.command import prove
 from deeptruck_exam.construction import build
+from deeptruck_exam.effects.planting import ALL, FAMILIES, FORMS
 from deeptruck_exam.evaluation import arrays, open_loop, residual
+from deeptruck_exam.jobs import Job
 from deeptruck_exam.plans import LEVELS, draw_plan
+from deeptruck_exam.worlds import trucks
 from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import read
@@ -150,3 +155,65 @@ def test_a_perfect_simulator_has_no_open_loop_error():
     errors = open_loop(built.oracle, drives.u, drives.w, drives.y)
     assert errors.speed.shape == (8, 400)
     assert np.abs(errors.speed).max() < 1e-9
+
+
+@pytest.mark.parametrize("forms", (ALL, "fourth"))
+@pytest.mark.parametrize("level", LEVELS)
+def test_every_level_goes_through_all_effects_in_its_own_order(level, forms):
+    count = len(suitable(level, forms)) or 1
+    plans = [draw_plan(level, 1000 + k, None, "physics", 4.0, forms=forms) for k in range(count)]
+    if level == "nothing_missing":
+        assert all(not p.effects for p in plans)
+        return
+    if level != "not_in_library":
+        assert {p.effects[0].key for p in plans} == {e.key for e in suitable(level, forms)}
+    assert all(p.truck in e.trucks for p in plans for e in p.effects)
+    families = {e.family for p in plans for e in p.effects if e.kind != "parameter_error"}
+    assert families <= set(FAMILIES) if forms == ALL else families <= {forms}
+
+
+def test_one_seed_hides_other_effects_at_other_levels():
+    levels = [level for level in LEVELS if level != "nothing_missing"]
+    assert len({mark(level, forms) for level in LEVELS for forms in FORMS}) == len(LEVELS) * len(FORMS)
+    for seed in (0, 7, 100_003):
+        plans = [draw_plan(level, seed, None, "physics", 4.0) for level in levels]
+        assert len({p.effects[0].key for p in plans}) >= len(levels) - 2
+        assert len({p.effect_seed for p in plans}) == len(levels)
+
+
+@pytest.mark.parametrize("forms", FAMILIES)
+def test_a_name_finds_the_family_asked_for(forms):
+    assert draw_plan("noise", 0, "brake_fade", "physics", 1.0, forms=forms).effects[0].family == forms
+
+
+def test_the_sealed_truth_alone_says_the_family(tmp_path):
+    case = make_case(tmp_path / "a", "noise", 12, "dragging_brake", minutes=0.5, forms="third")
+    truth = open_truth(case)
+    assert truth["forms"] == truth["effects"][0]["family"] == "third"
+    assert "third" not in (tmp_path / "a" / "case.json").read_text()
+    assert len({Job("noise", 1, forms=f).folder for f in FORMS}) == len(FORMS)
+
+
+def test_unknown_forms_are_refused_in_one_line(tmp_path):
+    with pytest.raises(InputError, match="--forms: there are no effects of 'eighth'; choose from all, first"):
+        draw_plan("noise", 0, None, "physics", 1.0, forms="eighth")
+    with pytest.raises(InputError, match="sealed"):
+        prove(tmp_path / "p", forms="sealed")
+    assert not (tmp_path / "p").exists()
+
+
+def test_the_tool_is_another_process_that_is_told_the_case_alone(tmp_path, monkeypatch):
+    seen = {}
+    monkeypatch.setattr(
+        tool.subprocess, "run", lambda arguments, **more: seen.update(arguments=arguments) or Done
+    )
+    case = Case(tmp_path, "truck:volvo", ("drive_0",), ("drive_1",), {}, "")
+    assert tool.run_tool(case, tmp_path / "found").returncode == 0
+    recordings = tmp_path / "recordings"
+    told = ["--simulator", "truck:volvo", "--recordings", str(recordings / "drive_0")]
+    told += ["--held-out", str(recordings / "drive_1"), "--out", str(tmp_path / "found")]
+    assert seen["arguments"][-len(told) - 1 :] == ["mismatch", *told]
+
+
+class Done:
+    returncode, stdout, stderr = 0, "", ""

@@ -5,9 +5,9 @@ import json
 import pytest
 
 from deeptruck_exam.command import prove
+from deeptruck_exam.figures import wilson
 from deeptruck_exam.jobs import Job, run_jobs
 from deeptruck_exam.page import write_page
-from deeptruck_exam.proof_figures import wilson
 from deeptruck_exam.scoreboard import by_level, rare_by_information
 from deeptruck_model.errors import InputError
 

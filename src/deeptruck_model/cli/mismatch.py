@@ -146,11 +146,9 @@ def prove(
     forms: Annotated[
         str,
         typer.Option(
-            help="Laws to hide: 'seventh', which the tool's authors have not seen; 'sixth', 'fifth',"
-            " 'fourth', 'third', 'second' or 'first', those of its development (the seeds of older"
-            " scoreboards)."
+            help="Family of effects to hide: 'all', one of the seven ('first' to 'seventh') or 'sealed'."
         ),
-    ] = "seventh",
+    ] = "all",
 ) -> None:
     """Examine the mismatch tool on hidden effects, sealed before it starts; resumes where it stopped.
 

@@ -1,0 +1,1 @@
+"""Wind, wakes and bodies."""

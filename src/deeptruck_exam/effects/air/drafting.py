@@ -1,0 +1,161 @@
+"""Less drag behind a leader."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, index
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_exam.effects.series import ou_series
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="drafting", accepts="drag_area headwind", leader=True)
+
+
+@law("drafting", "first", "highway")
+@sizes(saving=(0.30, 0.55), length_m=(16.0, 35.0), power=(1.0, 1.6))
+class Slipstream(Hidden):
+    """Source: Zabat, Stabile, Farascaroli and Browand, The Aerodynamic Performance of Platoons,
+    UCB-ITS-PRR-95-35 (1995): saving falls off with gap over vehicle length; the rational form is chosen
+    here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        at = self.now(view)
+        gap = self.setting.leader_m[:, at] - view.distance
+        saving = p.saving / (1.0 + (np.maximum(gap, 1.0) / p.length_m) ** p.power)
+        return np.nan_to_num(saving) * view.drag_force
+
+
+@law("far_wake", "second", "highway")
+@sizes(deficit=(0.45, 0.7), length_m=(8.0, 16.0), miss=(0.1, 0.4), wander_s=(15.0, 40.0))
+class FarWake(Hidden):
+    """The leader of some seconds ago made the air that the truck meets now.
+    Source: Schlichting, Boundary-Layer Theory, ch. 24: velocity deficit of an axisymmetric turbulent wake
+    with the power -2/3 of distance, carried at the leader's speed; meandering of the wake is chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(102), self.setting.batch
+        self.leader_mps = np.gradient(self.setting.leader_m, self.setting.dt, axis=1)
+        self.phase = rng.uniform(0.0, 2.0 * np.pi, (batch, 2))
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        last = self.leader_mps.shape[1] - 1
+        now = min(int(view.time / self.setting.dt), last)
+        gap = np.maximum(np.nan_to_num(self.setting.leader_m[:, now] - view.distance, nan=1e6), 1.0)
+        late = gap / np.maximum(view.speed, 3.0) / self.setting.dt
+        then = np.clip(now - late, 0, last).astype(int)
+        wake = self.leader_mps[np.arange(len(gap)), then]
+        turn = 2.0 * np.pi * view.time / p.wander_s
+        met = np.sin(turn + self.phase[:, 0]) + np.sin(0.41 * turn + self.phase[:, 1])
+        hits = 1.0 - p.miss * np.clip(met, 0.0, 1.0)
+        deficit = p.deficit * hits * (1.0 + gap / p.length_m) ** (-2.0 / 3.0)
+        dragged = np.nan_to_num(np.clip(deficit * wake, 0.0, view.speed))
+        return view.drag_force * (1.0 - (1.0 - dragged / np.maximum(view.speed, 1.0)) ** 2)
+
+
+@law("pocket_behind_leader", "third", "highway")
+@sizes(saving=(0.45, 0.70), best_m=(12.0, 22.0), smallest=(0.35, 0.8), fills_s=(1.0, 4.0))
+class PocketBehindLeader(Hidden, saving=0.0):
+    """smallest: saving behind the smallest leader over that behind the largest.
+    Source: McAuliffe, Lammert, Lu, Shladover, Surcel and Kailas, Influences on Energy Savings of Heavy Trucks
+    Using Cooperative Adaptive Cruise Control, SAE 2018-01-1181: the saving is largest at a gap and falls to
+    both sides; its shape, and leaders of all sizes, are chosen here."""
+
+    def prepare(self) -> None:
+        self.leader = self.rng(202).uniform(self.p.smallest, 1.0, self.setting.batch)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        at = self.now(view)
+        gap = np.nan_to_num(self.setting.leader_m[:, at] - view.distance, nan=1e4)
+        near = np.clip(gap, 0.5, 1e4) / p.best_m
+        wanted = p.saving * self.leader * near * np.exp(1.0 - near)
+        s.saving += dt * (wanted - s.saving) / p.fills_s
+        return s.saving * view.drag_force
+
+
+@law("out_of_the_slot", "fourth", "highway")
+@sizes(saving=(0.50, 0.75), level_m=(9.0, 16.0), fades_m=(35.0, 70.0), half_width_m=(0.9, 1.9))
+@sizes(steers_s=(8.0, 25.0))
+class OutOfTheSlot(Hidden):
+    """Whoever drifts half a lane to see past the leader is out of the slot.
+    Source: Track tests of platoons (Lammert, Duran, Diez, Burton and Nicholson, SAE 2014-01-2438; McAuliffe
+    and others, NRC LTR-AL-2017-0008): saving level at short gaps, then exponential in gap, less with lateral
+    offset and in a cross wind; offsets of human steering and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(303), self.setting.batch
+        samples = int(self.setting.duration_s / 0.5) + 4
+        wander = 0.45 * ou_series(rng, (batch, samples), 0.5, self.p.steers_s)
+        offset = np.abs(wander + rng.normal(0.0, 0.3, (batch, 1)))
+        self.hits = np.exp(-((offset / self.p.half_width_m) ** 2)) * rng.uniform(0.85, 1.0, (batch, 1))
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        at = self.now(view)
+        gap = np.nan_to_num(self.setting.leader_m[:, at] - view.distance, nan=1e4)
+        fades = np.exp(-np.maximum(gap - p.level_m, 0.0) / p.fades_m)
+        return p.saving * fades * self.hits[:, int(view.time / 0.5)] * view.drag_force
+
+
+@law("wake_blown_aside", "fifth", "highway")
+@sizes(saving=(0.45, 0.7), reach_m=(80.0, 170.0), side_mps=(0.5, 2.5), wide_m=(2.2, 4.5))
+class WakeBlownAside(Hidden):
+    """The farther the leader, the less side wind it takes.
+    Source: Instrumented pairs of trucks on motorways: saving falls with the logarithm of the gap and is gone
+    where a side wind has carried the wake off the follower (McAuliffe and others, SAE 2020-01-0679, on real
+    traffic and cross wind); side winds and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(402), self.setting.batch
+        slots = int(self.setting.duration_s / 0.5) + 6
+        mean = rng.normal(0.0, 1.0, (batch, 1))
+        self.side = self.p.side_mps * (mean + 0.6 * ou_series(rng, (batch, slots), 0.5, 20.0))
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        at = self.now(view)
+        gap = np.nan_to_num(self.setting.leader_m[:, at] - view.distance, nan=1e5)
+        near = np.log(p.reach_m / np.clip(gap, 6.0, p.reach_m)) / np.log(p.reach_m / 6.0)
+        side = self.side[:, index(view, self.side, 0.5)]
+        carried = np.minimum(gap, 300.0) * side / np.maximum(view.speed, 5.0)
+        return p.saving * near / (1.0 + (carried / p.wide_m) ** 4) * view.drag_force
+
+
+@law("pocket_lost_and_found", "sixth", "highway")
+@sizes(saving=(0.45, 0.7), finds_m=(19.0, 28.0), wider=(1.12, 1.4), settles_s=(0.8, 3.0))
+class PocketLostAndFound(Hidden, found=0.0, inside=0.0):
+    """Whether a gap saves anything depends on where the follower came from. wider: where it is lost, over
+    where it is found.
+    Source: Hammache, Michaelian and Browand, Aerodynamic Forces on Truck Models, Including Two Trucks in
+    Tandem, SAE 2002-01-0530: flow between bodies changes over at a critical gap, not little by little; that
+    it is lost farther off than it is found again, and the sizes, are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        gap = self.gap(view)
+        lost = gap > p.finds_m * p.wider
+        s.found = np.where(gap < p.finds_m, 1.0, np.where(lost, 0.0, s.found))
+        s.inside += dt * (s.found - s.inside) / p.settles_s
+        return p.saving * s.inside * view.drag_force
+
+
+@law("wake_takes_its_time", "seventh", "highway")
+@sizes(drawn=(0.32, 0.55), best_m=(11.0, 19.0), narrow=(0.8, 1.6), runs=(0.3, 0.6))
+class WakeTakesItsTime(Hidden):
+    """The air that is met was drawn along by the leader as fast as he was then. drawn: of the leader's speed,
+    at the best gap; runs: speed of the wake's eddies over the leader's.
+    Source: Lammert and others, Effect of Platooning on Fuel Consumption of Class 8 Vehicles Over a Range of
+    Speeds, Following Distances, and Mass, SAE 2014-01-2438: the saving is largest at a middle gap and less
+    nearer; that air drawn along needs gap over speed to arrive, is chosen here."""
+
+    def prepare(self) -> None:
+        self.leader_mps = np.gradient(self.setting.leader_m, self.setting.dt, axis=1)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        one = self.setting
+        gap = np.maximum(self.gap(view), 1.0)
+        late = gap / np.maximum(p.runs * view.speed, 3.0) / one.dt
+        then = np.clip(self.now(view) - np.minimum(late, 200.0), 0.0, None).astype(int)
+        leader = np.nan_to_num(self.leader_mps[np.arange(len(gap)), then])
+        shape = (gap / p.best_m * np.exp(1.0 - gap / p.best_m)) ** p.narrow
+        share = np.clip(p.drawn * shape * leader / np.maximum(view.speed, 2.0), 0.0, 0.7)
+        return (1.0 - (1.0 - share) ** 2) * view.drag_force

@@ -1,0 +1,156 @@
+"""Bodies that change their drag."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, index
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_exam.effects.series import ou_series, some_drives, spells, within
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="drag_area", accepts="headwind rolling_resistance_speed")
+
+
+@law("drag_area", "first", "highway hills")
+@sizes(gain=(0.25, 0.60), flutter=(0.02, 0.06), share_of_drives=(0.4, 0.7))
+class LooseTarpaulin(Hidden):
+    """In some recordings, from their beginning or from a moment on.
+    Source: Add-on and loose parts change the drag of trucks, Hucho, Aerodynamics of Road Vehicles (1998);
+    sizes and the broad-band flutter are chosen here."""
+
+    def prepare(self) -> None:
+        rng = self.rng(2)
+        batch, duration = self.setting.batch, self.setting.duration_s
+        drives = some_drives(rng, batch, self.p.share_of_drives)
+        moment = np.where(rng.random(batch) < 0.5, -1.0, rng.uniform(0.2, 0.6, batch) * duration)
+        self.from_s = np.where(drives, moment, np.inf)
+        self.flutter = ou_series(rng, (batch, int(duration / 0.05) + 40), 0.05, 0.3)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        at = index(view, self.flutter, 0.05)
+        gain = p.gain + p.flutter * self.flutter[:, at]
+        return np.where(view.time >= self.from_s, -gain * view.drag_force, 0.0)
+
+
+@law("tearing_cover", "second", "highway hills")
+@sizes(gain=(0.45, 0.95), from_mps=(13.0, 17.0), tear_s=(20.0, 60.0), torn_before=(0.0, 0.5))
+class TearingCover(Hidden):
+    """Tears only while driven fast, and never mends; drives start with the tear of the evening before.
+    Source: Drag of loose fabric by its area in the stream: Hoerner, Fluid-Dynamic Drag (1965), on flags and
+    surface irregularities; tearing with the excess of dynamic pressure is chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"torn": self.p.torn_before * self.rng(103).integers(0, 2, batch).astype(float)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        excess = np.clip((view.speed / p.from_mps) ** 2 - 1.0, 0.0, 1.5)
+        s.torn += dt * excess * (1.0 - s.torn) / p.tear_s
+        return -p.gain * s.torn * view.drag_force
+
+
+@law("exchanged_bodies", "third", "highway hills")
+@sizes(larger=(0.45, 0.85), smaller=(0.2, 0.4), bulge=(0.0, 0.3), share_of_drives=(0.5, 0.75))
+class ExchangedBodies(Hidden):
+    """One body a drive; two in three of the exchanged ones are larger than the one that is known.
+    Source: Drag of platform, box and curtain bodies, Hucho, Aerodynamics of Road Vehicles (1998), on
+    commercial vehicles: swap bodies changed between drives, curtains that bulge with speed; sizes chosen
+    here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(203), self.setting.batch
+        drives = some_drives(rng, batch, self.p.share_of_drives)
+        larger = rng.random(batch) < 0.67
+        self.gain = drives * np.where(larger, self.p.larger, -self.p.smaller)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        bulge = 1.0 + p.bulge * (np.clip(view.speed, 0.0, 30.0) / 20.0 - 1.0)
+        return -self.gain * bulge * view.drag_force
+
+
+@law("self_deploying_fairings", "fourth", "highway hills")
+@sizes(gain=(0.5, 0.95), out_mps=(20.0, 22.5), below_mps=(3.0, 5.5), after_s=(4.0, 15.0), fails=(0.1, 0.4))
+class SelfDeployingFairings(Hidden):
+    """The drag of one speed depends on the speeds before.
+    Source: Boat tails and gap seals that unfold by themselves above a road speed and stow below another
+    (supplier manuals of automatic trailer tails; EU Regulation 2019/1892 on rear devices); the simulator
+    knows the truck with all of them out; worn actuators and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(304), self.setting.batch
+        self.works = rng.random(batch) > self.p.fails
+        self.first = rng.random(batch) < 0.5
+
+    def start(self, batch: int) -> dict[str, Array]:
+        out = (self.first & self.works).astype(float)
+        return {"wanted": out, "out": out.copy(), "fast": np.zeros(batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.fast = np.where(view.speed > p.out_mps, s.fast + dt, 0.0)
+        unfold = (s.fast > p.after_s) & self.works
+        stow = view.speed < p.out_mps - p.below_mps
+        s.wanted = np.where(unfold, 1.0, np.where(stow, 0.0, s.wanted))
+        s.out = s.out + np.clip(s.wanted - s.out, -dt / 3.0, dt / 3.0)
+        return -p.gain * (1.0 - s.out) * view.drag_force
+
+
+@law("empty_open_body", "fifth", "highway hills")
+@sizes(gain=(0.28, 0.5), breathes=(0.1, 0.45), from_mps=(12.0, 17.0), rolled_back=(0.3, 0.6))
+class EmptyOpenBody(Hidden, breath=0.0):
+    """Empty on the way back, and on some ways out. The simulator knows the truck with its sheet drawn.
+    Source: Storms, Salari and Babb, Fuel Savings and Aerodynamic Drag Reduction from Rail Car Covers, NASA
+    TM-2008-214583: an empty open body has far more drag than a full or a covered one; the cavity begins to
+    breathe above a speed (Rossiter, ARC R&M 3438, 1964); sizes of tippers, chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(403), self.setting.batch
+        empty = (self.setting.direction < 0) | (rng.random(batch) < self.p.rolled_back)
+        empty[batch - 1] = True
+        self.empty = empty * rng.uniform(0.85, 1.1, batch)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        # it starts at a speed and stops a little below
+        begins = p.from_mps - 1.5 * (s.breath > 0.5)
+        s.breath += dt * ((view.speed > begins) - s.breath) / 2.0
+        return -self.empty * (p.gain + p.breathes * s.breath) * view.drag_force
+
+
+@law("body_creeps_up", "sixth", "highway hills", accepts="headwind")
+@sizes(gain=(0.55, 1.0), rises_s=(30.0, 80.0), lowers_s=(10.0, 25.0), notices_s=(50.0, 120.0))
+class BodyCreepsUp(Hidden):
+    """angle: 1 where the ram's stop is, 25 degrees or so. gain: of the drag area, with the body up.
+    Source: Tipper bodies that rise unnoticed while the power take-off is left in (Prevention of Bridge
+    Strikes, good practice guides of Network Rail, on raised bodies): a pump geared to the engine lifts,
+    weight lowers once it is taken out; frontal area with the sine of the angle; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, late = self.rng(502), self.p.notices_s
+        self.spells = spells(rng, self.setting.batch, (0.6 * late, 1.4 * late), (25.0, 70.0))
+        self.first = rng.uniform(0.0, 0.7, self.setting.batch)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"angle": self.first.copy()}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pumps = within(self.spells, view.time)
+        lifts = pumps * np.clip(view.engine_speed / 140.0, 0.3, 1.5) / p.rises_s
+        s.angle = np.clip(s.angle + dt * (lifts - (1.0 - pumps) / p.lowers_s), 0.0, 1.0)
+        return -p.gain * np.sin(0.5 * np.pi * s.angle) * view.drag_force
+
+
+@law("cover_fills_like_a_canopy", "seventh", "highway hills", accepts="headwind")
+@sizes(gain=(0.5, 0.95), fills_m=(120.0, 420.0), from_mps=(14.0, 18.0), slower=(0.16, 0.4))
+class CoverFillsLikeACanopy(Hidden, way=0.0, slows=0.0):
+    """`way` filled, of fills_m; area with its square. gain: of the drag area, filled; slower: m/s2 of slowing
+    at which its wake overtakes it.
+    Source: Knacke, Parachute Recovery Systems Design Manual (1992): a canopy fills within a number of its
+    lengths at any speed and collapses when its wake overtakes it; a curtain off its rail."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.slows += dt * (np.clip(view.acceleration, -3.0, 3.0) - s.slows) / 0.8
+        fills = (view.speed > p.from_mps) & (s.slows > -p.slower)
+        change = np.where(fills, view.speed / p.fills_m, -s.way / 3.0)
+        s.way = np.clip(s.way + dt * change, 0.0, 1.0)
+        return -p.gain * s.way**2 * view.drag_force

@@ -1,0 +1,283 @@
+"""Wind."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, index
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_exam.effects.series import SAMPLE_S, arrivals, davenport, ou_series
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="headwind", accepts="drag_area")
+
+YAW_DEG = np.array([0.0, 3.0, 6.0, 9.0, 12.0, 15.0, 20.0, 30.0, 60.0])
+YAW_RISE = np.array([0.0, 0.05, 0.17, 0.33, 0.46, 0.52, 0.50, 0.32, 0.0])
+
+
+@law("headwind", "first", "highway hills")
+@sizes(wind_mps=(5.0, 12.0), turbulence=(0.10, 0.22), length_m=(150.0, 300.0), yaw_drag=(1.0, 2.5))
+@sizes(from_deg=(0.0, 360.0))
+class Wind(Hidden):
+    """One wind for all recordings, from one direction; every road has its own winding heading.
+    Source: Gusts by the Dryden (first-order) form of MIL-F-8785C, which approximates Kaimal's spectrum of IEC
+    61400-1; drag area grows with yaw as SAE J1252 measures it; winding heading of the road."""
+
+    def prepare(self) -> None:
+        rng = self.rng(1)
+        samples = int(self.setting.duration_s / 0.1) + 20
+        shape = (self.setting.batch, samples)
+        scale_s = self.p.length_m / max(self.p.wind_mps + 15.0, 1.0)
+        self.gust = self.p.turbulence * self.p.wind_mps * ou_series(rng, shape, 0.1, scale_s)
+        self.side_gust = self.p.turbulence * self.p.wind_mps * ou_series(rng, shape, 0.1, scale_s)
+        routes = int(self.setting.route.max()) + 1
+        self.bearing = rng.uniform(0.0, 2.0 * np.pi, routes)[self.setting.route]
+        self.wave = rng.uniform(1500.0, 5000.0, routes)[self.setting.route]
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        at = index(view, self.gust, 0.1)
+        heading = self.bearing + 0.8 * np.sin(2.0 * np.pi * self.place(view) / self.wave)
+        heading = heading + np.pi * (self.setting.direction < 0)
+        angle = np.deg2rad(p.from_deg) - heading
+        along = view.speed + p.wind_mps * np.cos(angle) + self.gust[:, at]
+        across = p.wind_mps * np.sin(angle) + self.side_gust[:, at]
+        yaw = np.arctan2(across, np.maximum(np.abs(along), 1.0))
+        area = self.truck.drag_area * (1.0 + p.yaw_drag * np.sin(yaw) ** 2)
+        wanted = 0.5 * self.truck.air_density * area * along * np.hypot(along, across)
+        return (view.drag_force - wanted) * np.clip(view.speed / 2.0, 0.0, 1.0)
+
+
+@law("wind_in_gaps", "second", "highway hills")
+@sizes(scale_mps=(8.0, 13.0), shelter=(0.45, 0.8), gap_m=(250.0, 700.0), gust=(0.3, 0.6), per_yaw=(0.3, 0.8))
+class WindInGaps(Hidden):
+    """Every recording has its own day: mean wind and angle to the road. shelter: share of the wind taken
+    behind the trees; gust: of the mean wind; per_yaw: 1/rad.
+    Source: Baker, Ground Vehicles in High Cross Winds, J. Fluids and Structures 5 (1991): drag coefficient
+    linear in yaw; Weibull mean winds (Troen and Petersen, European Wind Atlas, 1989); discrete 1-cos gusts as
+    in CS-25.341; shelter of woods and cuttings fixed to the road is chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(101), self.setting.batch
+        mean = np.clip(self.p.scale_mps * rng.weibull(2.0, batch), 4.0, 17.0)
+        angle = rng.uniform(0.0, 2.0 * np.pi, batch)
+        self.along, self.across = mean * np.cos(angle), np.abs(mean * np.sin(angle))
+        self.phase = rng.uniform(0.0, 2.0 * np.pi, (int(self.setting.route.max()) + 1, 2))
+        slots = int(self.setting.duration_s / 10.0) + 3
+        self.gust = self.p.gust * (rng.random((batch, slots)) < 0.35) * rng.uniform(0.5, 1.0, (batch, slots))
+        self.gust_s = rng.uniform(3.0, 9.0, (batch, slots))
+
+    def exposure(self, at: Array) -> Array:
+        """From 1 - shelter to 1 along the road."""
+        phase, wave = self.phase[self.setting.route], 2.0 * np.pi / self.p.gap_m
+        trees = np.sin(0.5 * wave * at + phase[:, 0]) + 0.7 * np.sin(0.31 * wave * at + phase[:, 1])
+        return 1.0 - self.p.shelter / (1.0 + np.exp(-6.0 * trees))
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        slot = index(view, self.gust, 10.0)
+        inside = np.clip((view.time - 10.0 * slot) / self.gust_s[:, slot], 0.0, 1.0)
+        gust = 0.5 * self.gust[:, slot] * (1.0 - np.cos(2.0 * np.pi * inside))
+        blows = self.exposure(self.place(view)) * (1.0 + gust)
+        met = view.speed + self.along * blows
+        yaw = np.minimum(self.across * blows / np.maximum(np.abs(met), 5.0), 0.5)
+        half_density = 0.5 * self.truck.air_density * self.truck.drag_area
+        wanted = half_density * (1.0 + p.per_yaw * yaw) * met * np.abs(met)
+        return (view.drag_force - wanted) * np.clip(view.speed / 2.0, 0.0, 1.0)
+
+
+@law("passing_front", "third", "highway hills")
+@sizes(after_mps=(8.0, 14.0), before=(0.1, 0.5), turbulence=(0.12, 0.24), scale_m=(80.0, 250.0))
+@sizes(yaw_drag=(1.0, 2.2), from_deg=(0.0, 360.0))
+class PassingFront(Hidden):
+    """before: of the wind after the front; yaw_drag: 1/rad2.
+    Source: Von Karman's spectrum (MIL-HDBK-1797) frozen into the air by Taylor's hypothesis, as a sum of
+    waves met at road plus wind; the mean wind rises and veers as a front passes; drag with yaw squared (SAE
+    J1252 wind tunnel practice); polygon roads, sizes chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(201), self.setting.batch
+        self.front_s = rng.uniform(0.1, 0.7, batch) * self.setting.duration_s
+        self.veer = np.deg2rad(self.p.from_deg + rng.normal(0.0, 25.0, batch))
+        self.wave = 2.0 * np.pi / np.geomspace(25.0, 2500.0, 18)[:, None]
+        power = (1.0 + 70.8 * (self.wave * self.p.scale_m / (2.0 * np.pi)) ** 2) ** (-5.0 / 6.0) * self.wave
+        self.size = self.p.turbulence * np.sqrt(2.0 * power / power.sum())
+        self.phase = rng.uniform(0.0, 2.0 * np.pi, (18, batch))
+        routes = int(self.setting.route.max()) + 1
+        self.bearing = rng.uniform(0.0, 2.0 * np.pi, (routes, 1)) + np.cumsum(
+            rng.normal(0.0, 0.45, (routes, 200)), axis=1
+        )
+
+    def heading(self, at: Array) -> Array:
+        """Of the road, which bends every 700 m, rad."""
+        leg = (at / 700.0).astype(int) % self.bearing.shape[1]
+        return self.bearing[self.setting.route, leg] + np.pi * (self.setting.direction < 0)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        passed = 0.5 + 0.5 * np.tanh((view.time - self.front_s) / 15.0)
+        mean = p.after_mps * (p.before + (1.0 - p.before) * passed)
+        met = self.wave * (view.distance + mean * view.time) + self.phase
+        wind = mean * (1.0 + (self.size * np.sin(met)).sum(axis=0))
+        angle = self.veer + 1.2 * passed - self.heading(self.place(view))
+        along, across = view.speed + wind * np.cos(angle), wind * np.sin(angle)
+        yaw = np.clip(np.arctan2(across, np.maximum(along, 2.0)), -0.6, 0.6)
+        area = self.truck.drag_area * (1.0 + p.yaw_drag * yaw**2)
+        wanted = 0.5 * self.truck.air_density * area * along * np.abs(along)
+        return (view.drag_force - wanted) * np.clip(view.speed / 2.0, 0.0, 1.0)
+
+
+@law("station_gusts", "fourth", "highway hills")
+@sizes(station_mps=(10.0, 17.0), roughness_m=(0.02, 0.12), yaw=(0.7, 1.4), veers_deg=(20.0, 60.0))
+class StationGusts(Hidden):
+    """Every drive has another hour of one windy day; a road keeps to its corridor. yaw: of the table's rise.
+    Source: Davenport, The Spectrum of Horizontal Gustiness near the Ground in High Winds, Q. J. R. Met. Soc.
+    87 (1961), brought from a station's 10 m to a truck's height by the logarithmic law and met faster by a
+    moving observer (Cooper, J. Wind Eng. Ind. Aerodyn. 17, 1984); drag over yaw as tunnel tables of
+    tractor-trailers show it, rising to 15 degrees and then falling; sizes chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(301), self.setting.batch
+        height = np.log(2.7 / self.p.roughness_m)
+        hour = self.p.station_mps * rng.uniform(0.7, 1.15, batch)
+        self.mean = hour * height / np.log(10.0 / self.p.roughness_m)
+        self.angle = rng.uniform(0.0, 2.0 * np.pi) + np.deg2rad(self.p.veers_deg) * rng.normal(
+            0.0, 1.0, batch
+        )
+        corridor = rng.uniform(0.0, 2.0 * np.pi, int(self.setting.route.max()) + 1)
+        self.angle = self.angle - corridor[self.setting.route] - np.pi * (self.setting.direction < 0)
+        per_hz = (1200.0 / (hour + 20.0))[:, None]
+        shape = (batch, 2 * (int(self.setting.duration_s / 0.2) // 2) + 20)
+        self.gust = 1.0 + davenport(rng, shape, 0.2, per_hz) / height
+        self.swing = 0.22 * davenport(rng, shape, 0.2, per_hz)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        at = index(view, self.gust, 0.2)
+        wind = self.mean * np.maximum(self.gust[:, at], 0.0)
+        angle = self.angle + self.swing[:, at]
+        along, across = view.speed + wind * np.cos(angle), wind * np.sin(angle)
+        yaw = np.rad2deg(np.abs(np.arctan2(across, np.maximum(np.abs(along), 3.0))))
+        rise = 1.0 + p.yaw * np.interp(yaw, YAW_DEG, YAW_RISE)
+        wanted = 0.5 * self.truck.air_density * self.truck.drag_area * rise * along * np.hypot(along, across)
+        return (view.drag_force - wanted) * np.clip(view.speed / 2.0, 0.0, 1.0)
+
+
+@law("valley_wind", "fourth", "hills highway")
+@sizes(noon_mps=(8.0, 14.0), night=(0.4, 0.7), narrows=(0.3, 0.7), each_m=(500.0, 1600.0))
+class ValleyWind(Hidden):
+    """Follows the road: a head wind one way is a tail wind the other.
+    Source: Whiteman, Mountain Meteorology (2000), on along-valley winds: up the valley by day, weaker and
+    down it by night, whatever the synoptic wind; faster where the valley narrows; sizes chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(302), self.setting.batch
+        hour = rng.uniform(0.0, 2.0 * np.pi, batch)
+        day = np.sin(hour)
+        self.wind = self.p.noon_mps * np.where(day > 0.0, np.sqrt(np.abs(day)), self.p.night * day)
+        routes = int(self.setting.route.max()) + 1
+        self.wide = self.p.narrows * ou_series(rng, (routes, 1200), 50.0, self.p.each_m)
+        samples = int(self.setting.duration_s / 0.5) + 4
+        self.puff = 0.14 * ou_series(rng, (batch, samples), 0.5, 6.0)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        cell = self.place(view) / 50.0
+        low, rows = cell.astype(int) % 1199, self.setting.route
+        share = cell - np.floor(cell)
+        wide = (1.0 - share) * self.wide[rows, low] + share * self.wide[rows, low + 1]
+        channel = np.exp(np.clip(wide, -1.0, 0.7)) + self.puff[:, int(view.time / 0.5)]
+        met = view.speed + self.setting.direction * self.wind * channel
+        wanted = 0.5 * self.truck.air_density * self.truck.drag_area * met * np.abs(met)
+        return (view.drag_force - wanted) * np.clip(view.speed / 2.0, 0.0, 1.0)
+
+
+@law("wind_over_the_crests", "fifth", "highway hills")
+@sizes(mean_mps=(6.0, 11.0), per_20m=(0.25, 0.6), gusts=(0.25, 0.5), decay_s=(4.0, 14.0), yaw_drag=(0.6, 1.3))
+class WindOverTheCrests(Hidden):
+    """The surroundings are the heights of the last kilometre or so. per_20m: speed-up for each 20 m above the
+    surroundings; gusts: of the mean wind.
+    Source: Jackson and Hunt, Turbulent Wind Flow over a Low Hill, Q. J. R. Met. Soc. 101 (1975): wind grows
+    on a crest and is weak in a hollow; gusts with a sharp front and a long tail (Gao, Shaw and Paw U,
+    Boundary-Layer Met. 47, 1989) as shot noise; drag over yaw as a power 1.4, sizes chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(401), self.setting.batch
+        slots = int(self.setting.duration_s / SAMPLE_S) + 20
+        self.gust = arrivals(rng, (batch, slots), 7.0, self.p.decay_s)
+        bearing = rng.uniform(0.0, 2.0 * np.pi, int(self.setting.route.max()) + 1)
+        day = rng.uniform(0.0, 2.0 * np.pi) + 0.35 * rng.standard_normal(batch)
+        self.angle = day - bearing[self.setting.route] - np.pi * (self.setting.direction < 0)
+        self.mean = self.p.mean_mps * rng.uniform(0.75, 1.2, batch)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"around": np.full(batch, np.nan)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        climbs = np.maximum(view.speed, 0.0) * view.grade * dt
+        above = np.where(np.isnan(s.around), 0.0, s.around) + climbs
+        s.around = above * (1.0 - dt * np.maximum(view.speed, 0.0) / 1200.0)
+        at = index(view, self.gust, SAMPLE_S)
+        blows = (1.0 - p.gusts + p.gusts * np.minimum(self.gust[:, at], 4.0)) * np.exp(
+            np.clip(p.per_20m * s.around / 20.0, -1.2, 0.8)
+        )
+        along = view.speed + self.mean * blows * np.cos(self.angle)
+        across = self.mean * blows * np.sin(self.angle)
+        yaw = np.arctan2(np.abs(across), np.maximum(np.abs(along), 3.0))
+        area = self.truck.drag_area * (1.0 + p.yaw_drag * np.minimum(yaw, 0.7) ** 1.4)
+        wanted = 0.5 * self.truck.air_density * area * along * np.abs(along)
+        return (view.drag_force - wanted) * np.clip(view.speed / 2.0, 0.0, 1.0)
+
+
+@law("downbursts", "sixth", "highway hills")
+@sizes(outflow_mps=(11.0, 20.0), peak_m=(450.0, 950.0), lives_s=(120.0, 330.0))
+class Downbursts(Hidden):
+    """Three in each drive. Off the road's line they blow from the side as well, which costs nothing here.
+    peak_m: from the centre to the strongest wind.
+    Source: Oseguera and Bowles, A Simple, Analytic 3-Dimensional Downburst Model Based on Boundary Layer
+    Stagnation Flow, NASA TM-100632 (1988): air falls to the ground and flows off to all sides, so that a
+    truck meets it from the front, then from behind; growth and decay in minutes after Fujita, The Downburst
+    (1985); places and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, shape = self.rng(501), (3, self.setting.batch)
+        lasts = self.setting.duration_s
+        self.centre = rng.uniform(0.05, 1.0, shape) * 20.0 * lasts
+        self.aside = rng.normal(0.0, 0.5, shape) * self.p.peak_m
+        self.begins = self.centre / 20.0 - rng.uniform(0.25, 0.75, shape) * self.p.lives_s
+        self.size = rng.uniform(0.55, 1.0, shape) * self.p.outflow_mps
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        along = view.distance - self.centre
+        away = np.maximum(np.hypot(along, self.aside), 1.0)
+        radius = away / p.peak_m
+        life = np.sin(np.pi * np.clip((view.time - self.begins) / p.lives_s, 0.0, 1.0))
+        outward = self.size * life * radius * np.exp(0.5 * (1.0 - radius**2))
+        air = view.speed - (outward * along / away).sum(axis=0)
+        wanted = 0.5 * self.truck.air_density * self.truck.drag_area * air * np.abs(air)
+        return (view.drag_force - wanted) * np.clip(view.speed / 2.0, 0.0, 1.0)
+
+
+@law("wind_round_the_oval", "seventh", "highway hills")
+@sizes(wind_mps=(6.0, 11.0), yaw=(1.0, 3.0), round_m=(1400.0, 3200.0), veers_s=(25.0, 90.0))
+class WindRoundTheOval(Hidden):
+    """Straights and bends follow each other along the way; wind along the road is wind at an angle soon. yaw:
+    more drag for each rad squared of yaw.
+    Source: SAE J1263, Road Load Measurement and Dynamometer Simulation Using Coastdown Techniques, and
+    Regulation (EU) 2017/2400, annex VIII: wind is limited and runs are made both ways, because on an oval it
+    comes from all sides, and drag rises with the angle of yaw."""
+
+    def prepare(self) -> None:
+        rng, one = self.rng(701), self.setting
+        self.first = rng.uniform(-np.pi, np.pi)
+        slots = int(one.duration_s) + 2
+        self.veer = 0.4 * ou_series(rng, (1, slots), 1.0, self.p.veers_s)[0]
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        lap = (self.place(view) / p.round_m) % 1.0
+        # half a turn in each bend, a quarter of the lap long
+        turned = np.pi * (np.clip(4.0 * lap - 1.0, 0.0, 1.0) + np.clip(4.0 * lap - 3.0, 0.0, 1.0))
+        angle = self.first + turned + self.veer[int(view.time) % len(self.veer)]
+        along = view.speed + self.setting.direction * p.wind_mps * np.cos(angle)
+        across = p.wind_mps * np.sin(angle)
+        total = np.hypot(along, across)
+        yaw = np.minimum(np.abs(np.arctan2(across, np.maximum(np.abs(along), 1.0))), 0.5)
+        area = 0.5 * self.truck.air_density * self.truck.drag_area * (1.0 + p.yaw * yaw**2)
+        return (view.drag_force - area * total * along) * np.clip(view.speed / 2.0, 0.0, 1.0)

@@ -1,0 +1,111 @@
+"""Air in ways the tool has no name for."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, index, moving
+from deeptruck_exam.effects.places import OnRoad, smooth_stretches
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_exam.effects.series import ou_series
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="unknown")
+
+
+@law("trailer_sway", "first", "highway", trucks="trucksim volvo")
+@sizes(critical_mps=(17.0, 21.0), hz=(0.35, 0.6), drag_n=(2500.0, 6000.0))
+class Sway(Hidden, angle=0.05, rate=0.0):
+    """Source: Self-excited yaw oscillation of trailers above a critical speed (Troger and Zeman, Vehicle
+    System Dynamics 13, 1984), as a van der Pol oscillator; drag with the square of the angle is chosen
+    here."""
+
+    def prepare(self) -> None:
+        self.kick = ou_series(
+            self.rng(32), (self.setting.batch, int(self.setting.duration_s / 0.1) + 20), 0.1, 0.5
+        )
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        omega = 2.0 * np.pi * p.hz
+        growth = 0.12 * np.clip((view.speed - p.critical_mps) / 3.0, -2.0, 1.0)
+        kick = 1.2 * self.kick[:, index(view, self.kick, 0.1)]
+        s.rate += dt * (-(omega**2) * s.angle + 2.0 * omega * (growth - 0.25 * s.angle**2) * s.rate + kick)
+        s.angle = np.clip(s.angle + dt * s.rate, -1.5, 1.5)
+        return -p.drag_n * s.angle**2 * moving(view)
+
+
+@law("wake_bistability", "first", "highway")
+@sizes(low_drag=(0.30, 0.50), up_mps=(19.0, 22.0), hysteresis_mps=(3.0, 6.0), mean_s=(15.0, 40.0))
+class TwoWakes(Hidden):
+    """Source: Grandemange, Gohlke and Cadot, J. Fluid Mech. 722 (2013): the wake of a blunt body has two
+    states; their drag difference and the hysteresis in speed are exaggerated here."""
+
+    def prepare(self) -> None:
+        rng = self.rng(33)
+        samples = int(self.setting.duration_s / 0.1) + 20
+        self.flip = rng.random((self.setting.batch, samples)) < 0.1 / self.p.mean_s
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"attached": np.zeros(batch), "seen": np.full(1, -1.0)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        at = index(view, self.flip, 0.1)
+        if at != s.seen[0]:
+            s.seen[0] = at
+            s.attached = np.where(self.flip[:, at], 1.0 - s.attached, s.attached)
+        s.attached = np.where(view.speed < p.up_mps - p.hysteresis_mps, 0.0, s.attached)
+        return p.low_drag * s.attached * view.drag_force
+
+
+@law("tunnels", "second", "highway hills")
+@sizes(blockage=(0.7, 1.8), along_s=(8.0, 25.0), carried=(0.3, 0.6), gap_m=(400.0, 900.0))
+class Tunnels(OnRoad):
+    """Worst at the portal; slow traffic ahead has set the air in motion by other amounts each time.
+    Source: Drag in a tunnel grows with the blockage and falls as traffic drags the air along (the piston
+    effect of road tunnel ventilation, PIARC); the lag and the sizes of a narrow tunnel are chosen here."""
+
+    def prepare(self) -> None:
+        rng, gap = self.rng(160), self.p.gap_m
+        road = smooth_stretches(rng, self.rows(), (0.6 * gap, 1.6 * gap), (350.0, 900.0))
+        self.road = (road > 0.02).astype(float)
+        self.traffic = rng.uniform(0.0, 4.0, self.setting.batch)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"air": np.zeros(batch), "in": np.zeros(batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        inside = self.read(self.road, view) > 0.0
+        target = np.where(inside, np.maximum(p.carried * view.speed, self.traffic), 0.0)
+        s.air = np.where(inside, s.air + dt * (target - s.air) / p.along_s, 0.0)
+        vars(s)["in"] += dt * (inside - vars(s)["in"]) / 0.6
+        relative = np.maximum(view.speed - s.air, 0.0) / np.maximum(view.speed, 1.0)
+        return vars(s)["in"] * (1.0 - (1.0 + p.blockage) * relative**2) * view.drag_force
+
+
+@law("trucks_that_pass", "fourth", "highway hills")
+@sizes(holds=(1.0, 2.0), draws=(0.7, 1.5), every_s=(5.0, 12.0), width_s=(1.0, 2.0))
+class TrucksThatPass(Hidden):
+    """holds, draws: of the drag at the truck's own speed, but for a minimum of 10 m/s.
+    Source: Pressure pulses of vehicles that pass (Baker, J. Wind Eng. Ind. Aerodyn. 24, 1986; measurements of
+    overtaking, Noger, Regardin and Szechenyi, J. Fluids Struct. 20, 2005): a bow wave holds, a wake draws on,
+    longer for an overtaker than for oncoming traffic; rates, and sizes of a narrow road, are chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(390), self.setting.batch
+        count = int(4.0 * self.setting.duration_s / self.p.every_s) + 20
+        self.at_s = np.cumsum(rng.exponential(self.p.every_s, (batch, count)) + 1.5, axis=1)
+        slow = rng.random((batch, count)) < 0.35  # overtakes, the others come towards
+        self.width = self.p.width_s * np.where(slow, 1.6, 0.7)
+        self.size = rng.uniform(0.5, 1.3, (batch, count))
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        nearest = np.abs(self.at_s - view.time).argmin(axis=1)
+        row = np.arange(len(nearest))
+        x = (view.time - self.at_s[row, nearest]) / self.width[row, nearest]
+        before = p.holds * np.exp(-(((x + 0.5) / 0.4) ** 2))
+        after = p.draws * np.exp(-(((x - 0.6) / 0.5) ** 2))
+        least = 0.5 * self.truck.air_density * self.truck.drag_area * np.maximum(view.speed, 10.0) ** 2
+        pulse = self.size[row, nearest] * (after - before)
+        return pulse * least * np.clip(view.speed / 4.0, 0.0, 1.0)

@@ -1,0 +1,1 @@
+"""Foundation brakes, their air and their heat; retarders the tool has no name for."""

@@ -1,0 +1,158 @@
+"""Brakes that hold when nobody brakes."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="dragging_brake")
+
+
+@law("dragging_brake", "first", "suburban descent")
+@sizes(floor_n=(300.0, 900.0), stuck_n=(900.0, 3000.0), ease_s=(12.0, 45.0), swell=(0.1, 0.5))
+class DraggingBrake(Hidden, stuck=0.0, heat=0.0):
+    """Source: Residual shoe force of a sticking S-cam (Limpert, Brake Design and Safety, describes air brake
+    adjustment); the decay after each application and the swelling with heat are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        applied = np.clip(view.brake_force / 2.0e4, 0.0, 1.0)
+        s.stuck = np.maximum(s.stuck * (1.0 - dt / p.ease_s), p.stuck_n * applied)
+        drag = (p.floor_n + s.stuck) * (1.0 + p.swell * s.heat)
+        s.heat += dt * (drag * view.speed / 4.0e6 - s.heat / 200.0)
+        return -drag * moving(view)
+
+
+@law("spring_brakes_creep", "second", "suburban descent")
+@sizes(hold_bar=(5.6, 6.4), per_bar_n=(2200.0, 4500.0), use_bar=(0.10, 0.25), refill_s=(20.0, 45.0))
+class SpringBrakesCreep(Hidden):
+    """Every application draws air; the faster the engine turns, the sooner the shoes let go. use_bar: for
+    each second of firm braking.
+    Source: Spring brakes apply when their air falls short (Limpert, Brake Design and Safety, on spring
+    brakes; FMVSS 121 S5.1 on the compressor's build-up with engine speed); leak and numbers are chosen
+    here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"air": self.rng(104).uniform(4.8, 6.6, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        used = p.use_bar * np.clip(view.brake_force / 2.5e4, 0.0, 1.5)
+        refill = np.clip(view.engine_speed / 130.0, 0.4, 1.6) * (7.5 - s.air) / p.refill_s
+        s.air = np.clip(s.air + dt * (refill - used - 0.012), 3.5, 7.5)
+        short = np.maximum(p.hold_bar - s.air, 0.0)
+        return -p.per_bar_n * np.minimum(short, 1.5) * moving(view)
+
+
+@law("pads_stay_on", "third", "suburban descent")
+@sizes(kept=(0.10, 0.28), way_m=(250.0, 1100.0), most=(0.012, 0.03))
+class PadsStayOn(Hidden, held=0.0):
+    """most: of the truck's weight.
+    Source: Breuer and Bill, Brake Technology Handbook (SAE, 2008), on residual torque of disc brakes: nothing
+    but disc run-out pushes the pads back, so that drag follows the last application and dies with the way;
+    seized guide pins, sizes chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pressed = np.minimum(p.kept * view.brake_force, p.most * 9.81 * view.mass)
+        rolled = dt * np.maximum(view.speed, 0.0) / p.way_m
+        s.held = np.maximum(s.held * (1.0 - rolled), pressed)
+        return -np.maximum(s.held - view.brake_force, 0.0) * moving(view)
+
+
+@law("slack_adjusted_hot", "fourth", "suburban descent")
+@sizes(per_k_n=(18.0, 38.0), clearance_k=(10.0, 35.0), cools_s=(70.0, 160.0), wears_m=(2500.0, 8000.0))
+class SlackAdjustedHot(Hidden):
+    """Temperatures in K above the air; clearances as the temperature that closes them. per_k_n: of a 20 t
+    truck.
+    Source: Automatic slack adjusters that take up the clearance of a hot, expanded drum leave none when it
+    cools (service manuals of slack adjusters and NTSB/HAR reports on misadjusted brakes): the drag comes
+    minutes after the braking; growth of drums and forces are chosen here."""
+
+    def prepare(self) -> None:
+        self.first = self.rng(311).uniform(40.0, 190.0, self.setting.batch)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"drum": self.first.copy(), "taken": self.first - self.p.clearance_k}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        tight = np.maximum(s.taken - s.drum, 0.0)
+        drag = p.per_k_n * view.mass / 2.0e4 * np.minimum(tight, 130.0)
+        applied = view.brake_force > 0.03 * self.truck.brake_capacity
+        s.taken = np.where(applied, np.maximum(s.taken, s.drum - p.clearance_k), s.taken)
+        s.taken = s.taken - dt * speed * tight / p.wears_m
+        heats = (view.brake_force + drag) * speed / (0.6 * self.truck.brake_heat_capacity)
+        s.drum += dt * (heats - s.drum * (0.5 + speed / 15.0) / p.cools_s)
+        return -drag * moving(view)
+
+
+@law("shoes_frozen_on", "fifth", "suburban descent")
+@sizes(force_n=(1800.0, 4200.0), thaws_j=(0.8e6, 3.0e6), again_s=(5.0, 18.0), water_s=(60.0, 200.0))
+class ShoesFrozenOn(Hidden):
+    """Braking throws meltwater back on the linings, and standing freezes it.
+    Source: Shoes that freeze to wet drums overnight and in long stops (winter bulletins of trailer makers;
+    latent heat of ice in any handbook of physics): the wheel turns, drags, and thaws itself by the work of
+    its own drag; adhesion with the root of what is frozen, sizes chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"ice": self.rng(432).uniform(0.5, 1.0, batch), "water": np.zeros(batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        drag = p.force_n * weight(view) / 2.0e5 * np.sqrt(s.ice)
+        work = (drag + 0.15 * view.brake_force) * np.maximum(view.speed, 0.0)
+        thaw = np.minimum(work / p.thaws_j, s.ice / dt)
+        slow = view.speed < 0.8
+        freeze = slow * s.water * (1.0 - s.ice) / p.again_s
+        s.water = np.clip(s.water + dt * (thaw - freeze - s.water / p.water_s), 0.0, 1.0)
+        s.ice = np.clip(s.ice + dt * (freeze - thaw), 0.0, 1.0)
+        return -drag * moving(view)
+
+
+@law("leaks_into_the_chambers", "sixth", "suburban descent hills")
+@sizes(force=(0.011, 0.023), gathers_s=(4.0, 12.0), seated_s=(2.0, 9.0), opens=(0.1, 0.4))
+class LeaksIntoTheChambers(Hidden):
+    """The longer nobody has braked, the more it drags. force: of the weight; seated_s: the mean; no two
+    applications seat it alike; opens: of the leak, below which the chamber's spring holds the shoes off.
+    Source: The recall of 2013 of Bendix ATR-6 traction relay valves, which leaked inside in the cold and let
+    brakes drag: air gathers in the chambers while nobody brakes, and every application blows it off and seats
+    the valve for a while (Limpert, Brake Design and Safety, on relay and quick release valves); times and
+    forces are chosen here."""
+
+    def prepare(self) -> None:
+        dice = self.rng(504).exponential(1.0, (self.setting.batch, 128))
+        self.seated = self.p.seated_s * np.clip(dice, 0.2, 3.0)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        zero = np.zeros(batch)
+        return {"air": zero, "since": zero.copy(), "count": np.zeros(batch, int)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        braked = view.brake_force > 0.004 * weight(view)
+        s.count = (s.count + (braked & (s.since > 0.0))) % 128
+        s.since = np.where(braked, 0.0, s.since + dt)
+        tight = self.seated[np.arange(len(s.count)), s.count]
+        s.air += dt * np.where(braked, -s.air / 0.3, (s.since > tight) * (1.0 - s.air) / p.gathers_s)
+        pressed = np.maximum(s.air - p.opens, 0.0) / (1.0 - p.opens)
+        return -p.force * pressed * weight(view) * moving(view)
+
+
+@law("held_back_by_the_release_valve", "seventh", "suburban descent hills")
+@sizes(kept=(0.010, 0.024), opens_per_s=(0.05, 0.16), bleeds_s=(10.0, 40.0))
+class HeldBackByTheReleaseValve(Hidden, was=0.0, pace=0.0, kept=0.0):
+    """What counts is how fast the last part of a brake force went, not how large it was. kept: of the weight;
+    opens_per_s: of the weight and second, release that opens it well.
+    Source: FMVSS 121 S5.3.4 on release times, and Limpert, Brake Design and Safety, on quick release valves:
+    one opens only against a difference of pressure, so that a brake let go gently keeps some air, and one let
+    go at once does not; the rest leaves through a bleed."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        force = view.brake_force / weight(view)
+        s.pace += dt * (np.maximum(s.was - force, 0.0) / dt - s.pace) / 0.5
+        presses = force > 0.004
+        stays = p.kept * np.exp(-s.pace / p.opens_per_s)
+        s.kept = np.where(presses, stays, s.kept * (1.0 - dt / p.bleeds_s))
+        s.was = force
+        return -s.kept * weight(view) * ~presses * moving(view)

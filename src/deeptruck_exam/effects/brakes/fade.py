@@ -1,0 +1,227 @@
+"""Brakes that lose force when they are hot."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="brake_fade")
+
+LINING_C = np.array([0.0, 100.0, 140.0, 190.0, 230.0, 280.0, 330.0, 400.0])
+LINING = np.array([1.0, 1.04, 1.05, 0.95, 0.80, 0.63, 0.50, 0.42])
+SKIN_S = np.array([3.0, 15.0, 75.0])[:, None]  # layers below the rubbing face
+SKIN = np.array([0.5, 0.3, 0.2])[:, None]
+
+
+@law("brake_fade", "first", "descent")
+@sizes(surface_share=(0.10, 0.20), onset_c=(110.0, 170.0), width_k=(60.0, 130.0), loss=(0.30, 0.55))
+class BrakeFade(Hidden):
+    """surface_share: of the drums' heat capacity; loss: share of the torque lost when fully hot.
+    Source: Two thermal masses (rubbing surface, drum body) as in Limpert, Brake Design and Safety, and Day,
+    Braking of Road Vehicles (2014); the S-shaped friction curve and its numbers are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        ambient = np.full(batch, self.truck.ambient_temperature)
+        return {"surface": ambient + 20.0, "body": ambient.copy()}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        truck = self.truck
+        hot = (s.surface - p.onset_c) / p.width_k
+        lost = p.loss * np.where(hot > 0.0, 1.0 - np.exp(-(np.maximum(hot, 0.0) ** 2)), 0.0)
+        capacity = 0.6 * truck.brake_heat_capacity
+        inward = 0.02 * capacity * (s.surface - s.body)  # W; 50 s to level out
+        outward = (truck.brake_cooling + truck.brake_cooling_speed * view.speed) * (
+            s.body - truck.ambient_temperature
+        )
+        power = (1.0 - lost) * view.brake_force * view.speed
+        s.surface += dt * (power - inward) / (p.surface_share * capacity)
+        s.body += dt * (inward - outward) / ((1.0 - p.surface_share) * capacity)
+        return lost * view.brake_force * moving(view)
+
+
+@law("stroke_runs_out", "second", "descent")
+@sizes(cold_stroke=(0.50, 0.68), per_100k=(0.20, 0.38), per_force=(0.10, 0.25), steepness=(1.2, 2.2))
+@sizes(share=(0.35, 0.65))
+class StrokeRunsOut(Hidden):
+    """Hot alone or hard alone costs little, hot and hard costs most. cold_stroke: of the stroke at which the
+    force begins to drop; per_force: elastic stretch at full application; share: of the brake force that is
+    out of adjustment.
+    Source: Heusser, Heavy Truck Deceleration Rates as a Function of Brake Adjustment, SAE 910126: hot drums
+    grow, the push rod strokes further, and past the readjustment limit the chamber's force drops steeply;
+    cooling by convection and radiation, numbers chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"drum": np.full(batch, self.truck.ambient_temperature + 30.0)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        truck = self.truck
+        above = s.drum - truck.ambient_temperature
+        applied = view.brake_force / (0.4 * truck.brake_capacity)
+        stroke = p.cold_stroke + p.per_100k * above / 100.0 + p.per_force * np.clip(applied, 0.0, 1.5)
+        lost = p.share * (1.0 - np.exp(-p.steepness * np.maximum(stroke - 1.0, 0.0)))
+        hot, cold = (s.drum + 273.0) / 100.0, (truck.ambient_temperature + 273.0) / 100.0
+        convection = (truck.brake_cooling + truck.brake_cooling_speed * np.maximum(view.speed, 0.0)) * above
+        radiation = 10.0 * (hot**4 - cold**4)  # W; 2 m2 of drums
+        power = (1.0 - lost) * view.brake_force * np.maximum(view.speed, 0.0)
+        s.drum += dt * (power - convection - radiation) / (0.7 * truck.brake_heat_capacity)
+        return lost * view.brake_force * moving(view)
+
+
+@law("soaking_heat", "third", "descent")
+@sizes(effusivity=(3000.0, 6500.0), onset_k=(25.0, 60.0), per_k=(0.0028, 0.0055))
+class SoakingHeat(Hidden):
+    """Warms with the root of time and cools as slowly; no mass has one temperature. effusivity: W s^0.5/K, of
+    all rubbing surfaces of a 20 t truck.
+    Source: Carslaw and Jaeger, Conduction of Heat in Solids (1959): the surface of a half-space heats by the
+    half integral of its heat flow; friction falls in a straight line above an onset (Day, Braking of Road
+    Vehicles, 2014, on fade); the share of brakes that carry the load is chosen here."""
+
+    def prepare(self) -> None:
+        self.rate = 4.0 ** -np.arange(5.0)[:, None]  # 1/s
+        # 1/sqrt(pi t) as a sum of exponentials, four to one apart
+        self.part = np.log(4.0) / np.pi * np.sqrt(self.rate)
+        self.area = self.p.effusivity * self.truck.mass / 2.0e4
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"soaked": np.zeros((5, batch))}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        above = (self.part * s.soaked).sum(axis=0) - p.onset_k
+        lost = np.clip(p.per_k * above, 0.0, 0.65)
+        flow = (1.0 - lost) * view.brake_force * np.maximum(view.speed, 0.0) / self.area
+        s.soaked += dt * (flow - self.rate * s.soaked)
+        return lost * view.brake_force * moving(view)
+
+
+@law("lining_on_the_dynamometer", "fourth", "descent")
+@sizes(severity=(0.9, 1.4), overworked=(0.50, 0.68), recovers_s=(40.0, 120.0))
+class LiningOnTheDynamometer(Hidden):
+    """A drum that has been hot rubs as if hot for a while after it has cooled. overworked: share of the work
+    on 0.4 of the drums' heat capacity.
+    Source: Friction over drum temperature of SAE J661 (first and second fade) and the recovery that comes
+    late in FMVSS 121 S5.4 dynamometer tests: a table that first rises; two axle groups of unlike shares of
+    the work; table and shares are chosen here."""
+
+    def prepare(self) -> None:
+        self.share = np.array([[self.p.overworked], [1.0 - self.p.overworked]])
+        self.capacity = 0.42 * self.truck.brake_heat_capacity * np.array([[0.4], [0.6]])
+
+    def start(self, batch: int) -> dict[str, Array]:
+        first = self.rng(313).uniform(40.0, 130.0, batch)
+        drums = np.tile(self.truck.ambient_temperature + first, (2, 1))
+        return {"drums": drums, "memory": drums.copy()}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        truck = self.truck
+        left = 1.0 - p.severity * (1.0 - np.interp(s.memory, LINING_C, LINING))
+        lost = np.minimum((self.share * (1.0 - left)).sum(axis=0), 0.55)
+        speed = np.maximum(view.speed, 0.0)
+        power = self.share * left * view.brake_force * speed
+        film = truck.brake_cooling + truck.brake_cooling_speed * speed
+        cooling = film * np.array([[0.4], [0.6]]) * (s.drums - truck.ambient_temperature)
+        s.drums += dt * (power - cooling) / self.capacity
+        s.memory = np.maximum(s.drums, s.memory + dt * (s.drums - s.memory) / p.recovers_s)
+        return lost * view.brake_force * moving(view)
+
+
+@law("green_linings", "fourth", "descent")
+@sizes(depth=(0.50, 0.80), onset_c=(90.0, 120.0), e_fold_k=(14.0, 28.0), resin_s=(90.0, 200.0))
+class GreenLinings(Hidden):
+    """The first heat fades, the second does not. resin_s: of gas at the onset.
+    Source: Herring, Mechanism of Brake Fade in Organic Brake Linings, SAE 670146: gas of the decomposing
+    resin lifts the lining; it comes by Arrhenius and is gone once the lining has been hot, why new linings
+    are burnished (SAE J880); rates and sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {
+            "drum": np.full(batch, self.truck.ambient_temperature + 30.0),
+            "resin": self.rng(310).uniform(0.5, 1.0, batch),
+        }
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        truck = self.truck
+        hot = np.exp(np.clip((s.drum - p.onset_c) / p.e_fold_k, -8.0, 2.5))
+        gas = s.resin * hot / p.resin_s
+        s.resin = np.maximum(s.resin - dt * gas, 0.0)
+        lost = p.depth * (1.0 - np.exp(-60.0 * gas))
+        speed = np.maximum(view.speed, 0.0)
+        cooling = (truck.brake_cooling + truck.brake_cooling_speed * speed) * (
+            s.drum - truck.ambient_temperature
+        )
+        power = (1.0 - lost) * view.brake_force * speed
+        s.drum += dt * (power - cooling) / (0.6 * truck.brake_heat_capacity)
+        return lost * view.brake_force * moving(view)
+
+
+@law("hot_bands", "fifth", "descent")
+@sizes(depth=(0.32, 0.58), critical_mps=(6.0, 10.0), warm_k=(28.0, 58.0), grows_s=(5.0, 14.0))
+@sizes(heals_s=(60.0, 160.0))
+class HotBands(Hidden, above=15.0, bands=0.0):
+    """Braking long and gently at speed costs more than a hard stop.
+    Source: Barber, Thermoelastic Instabilities in the Sliding of Conforming Solids, Proc. R. Soc. A 312
+    (1969), and Anderson and Knapp, Hot Spotting in Automotive Friction Systems, Wear 135 (1990): above a
+    critical speed the contact draws together in bands, which glaze; they stay until the disc has cooled and
+    worn; rates and sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        truck = self.truck
+        speed = np.maximum(view.speed, 0.0)
+        lost = p.depth * s.bands**2 * (3.0 - 2.0 * s.bands)
+        power = (1.0 - lost) * view.brake_force * speed
+        # the discs of a made-up truck are lighter than its drums
+        film = truck.brake_cooling + truck.brake_cooling_speed * speed
+        s.above += dt * (power - film * s.above) / (0.35 * truck.brake_heat_capacity)
+        unstable = np.clip(speed / p.critical_mps - 1.0, 0.0, 1.0) * (view.brake_force > 0.01 * weight(view))
+        hot = np.clip(s.above / p.warm_k - 0.6, 0.0, 2.0)
+        rate = unstable * hot * (1.02 - s.bands) / p.grows_s
+        heals = s.bands / p.heals_s / (0.5 + hot)
+        s.bands = np.clip(s.bands + dt * (rate - heals), 0.0, 1.0)
+        return lost * view.brake_force * moving(view)
+
+
+@law("fluid_boils", "sixth", "descent")
+@sizes(stroke=(0.03, 0.075), boils_k=(26.0, 50.0), soaks_s=(20.0, 50.0), span_k=(10.0, 25.0))
+class FluidBoils(Hidden, disc=20.0, fluid=12.0, vapour=0.0):
+    """Two thirds of a gentle brake are lost, a hard one by the same force. stroke: of full braking, lost with
+    all calipers full of vapour.
+    Source: Limpert, Brake Design and Safety, on brake fluid vaporization, and the wet boiling points of FMVSS
+    116: heat soaks from the discs into the calipers, also while nobody brakes, and vapour there takes the
+    first part of every stroke; hydraulic brakes of a distribution truck, sizes chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        truck = self.truck
+        speed = np.maximum(view.speed, 0.0)
+        lost = np.minimum(p.stroke * s.vapour * truck.brake_capacity, 0.65 * view.brake_force)
+        film = truck.brake_cooling + truck.brake_cooling_speed * speed
+        # the discs of a distribution truck weigh a third of drums
+        heat = (view.brake_force - lost) * speed - film * s.disc
+        s.disc += dt * heat / (0.35 * truck.brake_heat_capacity)
+        s.fluid += dt * (s.disc - s.fluid) / p.soaks_s
+        boils = np.clip((s.fluid - p.boils_k) / p.span_k, 0.0, 1.0)
+        s.vapour += dt * (boils - s.vapour) / np.where(boils > s.vapour, 3.0, 12.0)
+        return lost * moving(view)
+
+
+@law("skin_of_the_drum", "seventh", "descent")
+@sizes(most=(0.35, 0.6), half_wpkg=(3.0, 5.0), steep=(2.5, 4.5))
+class SkinOfTheDrum(Hidden):
+    """A single hard stop loses a little at its end; a long descent loses minutes after minutes. most: of the
+    brake force; half_wpkg: steady power over mass at which half of it is lost.
+    Source: UN Regulation No. 13, annex 4, fade tests of type I, and Carslaw and Jaeger, Conduction of Heat in
+    Solids (1959): the rubbing face follows the power with the root of time, here as layers of three depths,
+    and friction falls with the face's temperature as a power law."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"face": np.zeros((3, batch))}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        hot = np.maximum((SKIN * s.face).sum(axis=0), 0.0) / p.half_wpkg
+        lost = p.most * hot**p.steep / (1.0 + hot**p.steep)
+        power = (1.0 - lost) * view.brake_force * np.maximum(view.speed, 0.0) / view.mass
+        s.face = s.face + dt * (power - s.face) / SKIN_S
+        return lost * view.brake_force * moving(view)

@@ -1,0 +1,233 @@
+"""Brakes, retarders and their control in ways the tool has no name for."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.places import CELLS, OnRoad, stretches
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="unknown")
+
+
+@law("eddy_retarder_left_on", "first", "suburban")
+@sizes(force_n=(900.0, 2600.0), critical_mps=(3.0, 7.0), below_mps=(10.0, 15.0))
+class EddyRetarder(Hidden):
+    """Source: Smythe (1942) and Wouterse, IEE Proc. B 138 (1991): eddy-current torque 2/(v/vc + vc/v) about a
+    critical speed; one stage is left energised below a road speed."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        v = np.maximum(view.speed, 0.05)
+        drag = 2.0 * p.force_n / (v / p.critical_mps + p.critical_mps / v)
+        return -drag * (view.speed < p.below_mps) * moving(view)
+
+
+@law("retarder_cold_oil", "first", "highway hills")
+@sizes(drag_n=(900.0, 2400.0), empties_k=(20.0, 45.0))
+class FillingRetarder(Hidden, oil=0.0, filled=1.0):
+    """Fills above 12 m/s, heats, empties with hysteresis.
+    Source: Idling fluid coupling: drag with a power of speed; the filling and emptying with oil temperature
+    is chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        drag = s.filled * p.drag_n * np.maximum(view.speed / 20.0, 0.0) ** 1.7
+        s.oil += dt * (drag * view.speed / 3.0e4 - s.oil / 40.0)
+        s.filled = np.where(s.oil > p.empties_k, 0.0, np.where(s.oil < 0.4 * p.empties_k, 1.0, s.filled))
+        return -drag * moving(view)
+
+
+@law("brake_bites_slow", "first", "suburban")
+@sizes(gain=(0.35, 0.8), speed_mps=(2.0, 5.0))
+class StribeckBrake(Hidden):
+    """Source: Rhee, SAE 740415: lining friction depends on sliding speed, so the last metres of a stop bite
+    harder; a Stribeck shape is chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        bite = p.gain * np.exp(-((np.maximum(view.speed, 0.0) / p.speed_mps) ** 1.3))
+        return -bite * view.brake_force * np.clip(view.speed / 1.0, 0.0, 1.0)
+
+
+@law("wet_brakes", "first", "suburban descent")
+@sizes(loss=(0.45, 0.75), wipe_j=(0.25e6, 0.9e6), wetting_s=(10.0, 35.0))
+class WetBrakes(Hidden, film=1.0):
+    """Source: Newcomb and Spurr, Braking of Road Vehicles (1967), treat wet brakes: water takes torque at
+    first and braking work wipes it off; rates are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        lost = p.loss * s.film**0.7
+        power = (1.0 - lost) * view.brake_force * view.speed
+        rewet = (1.0 - s.film) * np.clip(view.speed / 10.0, 0.0, 1.5) / p.wetting_s * (power < 5e3)
+        s.film = np.clip(s.film + dt * (rewet - power * s.film / p.wipe_j), 0.0, 1.0)
+        return lost * view.brake_force * moving(view)
+
+
+@law("overrun_brake", "second", "suburban hills", trucks="trucksim volvo")
+@sizes(trailer=(0.25, 0.45), threshold=(0.02, 0.05), gain=(1.0, 2.5), damper_s=(0.3, 1.0))
+class OverrunBrake(Hidden, push=0.0):
+    """threshold: of the trailer's weight.
+    Source: Inertia braking of drawbar trailers, UN Regulation No. 13, annex 12: the trailer brakes itself
+    with the push on the coupling, after a threshold, through a damper; numbers of a heavy drawbar trailer,
+    chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        trailer = p.trailer * view.mass
+        pushes = -trailer * (np.clip(view.acceleration, -4.0, 4.0) + GRAVITY * view.grade)
+        lag = np.where(pushes > s.push, p.damper_s, 2.5 * p.damper_s)
+        s.push += dt * (pushes - s.push) / lag
+        braked = p.gain * np.maximum(s.push - p.threshold * trailer * GRAVITY, 0.0)
+        return -np.minimum(braked, 0.35 * trailer * GRAVITY) * moving(view)
+
+
+@law("brakes_made_ready", "second", "suburban hills descent")
+@sizes(force_n=(2500.0, 7000.0), hold_s=(1.5, 4.0), lift_per_s=(0.25, 0.5))
+class BrakesMadeReady(Hidden, pedal=0.0, left=0.0, force=0.0):
+    """An event, not a state: the same closed throttle brakes or not, by how fast it was closed.
+    Source: Brake systems that lay the linings on when the throttle is dropped fast (Breuer and Bill, Brake
+    Technology Handbook, SAE 2008, on assistance functions); here they lay on too hard."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pedal = np.clip(view.u[:, 0] / self.truck.full_command, 0.0, 1.0)
+        falling = (s.pedal - pedal) / 0.15
+        s.pedal += dt * (pedal - s.pedal) / 0.15
+        s.left = np.where((falling > p.lift_per_s) & (view.speed > 3.0), p.hold_s, s.left - dt)
+        s.left = np.where(pedal > s.pedal + 0.03, 0.0, np.maximum(s.left, 0.0))
+        wanted = p.force_n * (weight(view) / 2.0e5) * (s.left > 0.0)
+        s.force += dt * (wanted - s.force) / np.where(wanted > s.force, 0.25, 0.4)
+        return -s.force * moving(view)
+
+
+@law("drums_out_of_round", "second", "suburban descent")
+@sizes(share=(0.35, 0.7), per_turn=(0.8, 1.2), grows=(0.0, 0.4))
+class DrumsOutOfRound(Hidden):
+    """Seen at walking pace alone, because recordings are too slow for more.
+    Source: Brake torque variation once or twice a revolution: Jacobsson, Aspects of Disc Brake Judder, J.
+    Automobile Engineering 217 (2003); all wheels in step and the growth with heat are exaggerated here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        angle = p.per_turn * view.distance / self.truck.wheel_radius
+        hot = 1.0 + p.grows * np.clip((view.brake_temperature - 60.0) / 100.0, 0.0, 1.5)
+        fades = 1.0 / (1.0 + (np.maximum(view.speed, 0.0) / 8.0) ** 4)
+        wave = np.sin(angle) - 0.35  # tight spots grab less than the others slip
+        return -p.share * hot * fades * wave * view.brake_force * np.clip(view.speed, 0.0, 1.0)
+
+
+@law("stretch_brake", "fourth", "suburban descent", trucks="trucksim volvo")
+@sizes(depth=(0.022, 0.050), period_s=(2.0, 4.5), duty=(0.3, 0.5), below_mps=(11.0, 14.0))
+class StretchBrake(Hidden, closed=0.0, force=0.0):
+    """depth: over weight. No pedal is pressed, and no brake command is recorded.
+    Source: Stretch brakes (truck makers' driver guides): while the throttle is closed at low speed the
+    trailer's brakes are pulsed, to keep the train straight; pulses and depth are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        closed = (view.u[:, 0] <= 0.01 * self.truck.full_command) & (view.speed > 1.5)
+        s.closed = np.where(closed & (view.speed < p.below_mps), s.closed + dt, 0.0)
+        within = (s.closed - 0.5) / p.period_s
+        pulse = (s.closed > 0.5) & (within - np.floor(within) < p.duty)
+        s.force += dt * (p.depth * weight(view) * pulse - s.force) / np.where(pulse, 0.2, 0.3)
+        return -s.force * moving(view)
+
+
+@law("timed_trailer_brakes", "fourth", "suburban descent")
+@sizes(level=(0.025, 0.055), ramp_s=(1.5, 4.0), lets_go_s=(0.2, 0.8))
+class TimedTrailerBrakes(Hidden, current=0.0):
+    """level: over weight; magnets grip less as the wheels slow down.
+    Source: Time-delayed controllers of electric trailer brakes (suppliers' installation guides; SAE J2663 on
+    electric brakes): the stop-lamp switch starts a ramp to a dialled level, however gently the driver brakes;
+    ramps and levels are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        lamp = view.u[:, 1] > 0.02
+        rate = np.where(lamp, 1.0 / p.ramp_s, -1.0 / p.lets_go_s)
+        s.current = np.clip(s.current + dt * rate, 0.0, 1.0)
+        grips = np.clip(np.maximum(view.speed, 0.0) / 5.0, 0.0, 1.0) ** 0.5
+        return -p.level * s.current * grips * weight(view) * moving(view)
+
+
+@law("cam_hysteresis", "fifth", "suburban descent")
+@sizes(share=(0.25, 0.5), least=(0.010, 0.025), creeps_s=(2.0, 7.0))
+class CamHysteresis(Hidden, shoe=0.0, peak=0.0):
+    """share: of the peak that is kept, above `least` of the weight; none is kept once the air is gone.
+    Source: S-cam brakes give more torque on the way down than on the way up for one pressure, by friction of
+    cam and shoes (Limpert, Brake Design and Safety, on mechanical efficiency; dynamometer traces of FMVSS
+    121): the play operator of Krasnosel'skii and Pokrovskii; dry bushings, sizes chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pressed = view.brake_force
+        s.peak = np.maximum(s.peak - dt * (s.peak - pressed) / p.creeps_s, pressed)
+        width = p.share * s.peak + p.least * weight(view)
+        s.shoe = np.clip(s.shoe, pressed, pressed + width)
+        s.shoe = np.where(pressed < 1e-3 * weight(view), s.shoe * (1.0 - dt / 0.3), s.shoe)
+        return -np.maximum(s.shoe - pressed, 0.0) * moving(view)
+
+
+@law("antilock_is_fooled", "fifth", "suburban descent")
+@sizes(lost=(0.35, 0.6), from_mps=(3.0, 6.0), cycle_s=(0.7, 1.6), light=(0.008, 0.02))
+class AntilockIsFooled(OnRoad, cycle=0.0, left=0.0):
+    """light: braking over weight below which no wheel comes near locking.
+    Source: On rough roads wheels hop, antilock systems see them lock and let go of the brakes for moments
+    (rough-road detection in UN Regulation No. 13 systems; van der Jagt, Pacejka and Savkoor, Vehicle System
+    Dynamics 18, 1989, on uneven roads): braking is short there; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng = self.rng(473)
+        self.rough = np.zeros((self.rows(), CELLS))
+        for row in self.rough:
+            for first, last in stretches(rng, (60.0, 260.0), (90.0, 420.0)):
+                row[first:last] = rng.uniform(0.6, 1.0)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        hops = self.read(self.rough, view) * np.clip(view.speed / p.from_mps - 0.5, 0.0, 1.0)
+        works = (view.brake_force > p.light * weight(view)) & (hops > 0.0)
+        s.cycle = np.where(works, (s.cycle + dt / p.cycle_s) % 1.0, 0.0)
+        wanted = works * hops * np.where(s.cycle < 0.55, 1.0, 0.35)
+        s.left += dt * (wanted - s.left) / 0.12
+        return p.lost * s.left * view.brake_force * moving(view)
+
+
+@law("dries_its_discs", "sixth", "highway hills suburban")
+@sizes(every_m=(90.0, 240.0), lasts_s=(1.5, 3.5), force=(0.02, 0.042), from_mps=(5.0, 9.0))
+class DriesItsDiscs(Hidden):
+    """The way since the last wiping, or the last braking, decides. force: of the weight.
+    Source: Brake disc wiping in rain (Automotive Handbook, Bosch, on additional functions of stability
+    programs): pads are laid on for a second or two every so many metres while the driver pulls; pressed too
+    hard here; ways and forces are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        zero = np.zeros(batch)
+        return {
+            "way": self.rng(516).uniform(0.0, 1.0, batch) * self.p.every_m,
+            "left": zero,
+            "depth": zero.copy(),
+        }
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        braked = view.brake_force > 0.01 * weight(view)
+        s.way = np.where(braked, 0.0, s.way + dt * np.maximum(view.speed, 0.0))
+        pulls = (self.pedal(view) > 0.05) & (view.speed > p.from_mps)
+        begins = (s.way > p.every_m) & pulls
+        s.left = np.where(begins, p.lasts_s, np.maximum(s.left - dt, 0.0)) * ~braked
+        s.way = np.where(begins, 0.0, s.way)
+        s.depth += dt * ((s.left > 0.0) - s.depth) / 0.25
+        return -p.force * s.depth * weight(view) * moving(view)
+
+
+@law("tests_itself_after_a_start", "seventh", "suburban")
+@sizes(force=(0.035, 0.08), from_mps=(2.5, 5.5), each_s=(0.5, 1.2), pulses=(3.0, 6.99))
+class SelfTestAfterAStart(Hidden, ready=1.0, runs=1000.0, press=0.0):
+    """Once after each time it was slower than walking.
+    Source: Antilock systems test their modulators as a truck drives off (UN Regulation No. 13, annex 13, on
+    checks at rest and by 10 km/h or so): axle after axle is pressed for a moment; a control unit that does it
+    with the brakes on and too late."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        begins = (s.ready > 0.0) & (view.speed > p.from_mps)
+        s.ready = np.where(begins, 0.0, np.where(view.speed < 1.5, 1.0, s.ready))
+        s.runs = np.where(begins, 0.0, s.runs + dt)
+        count = s.runs / p.each_s
+        wanted = (count < int(p.pulses)) & (count % 1.0 < 0.6)
+        s.press = s.press + dt * (wanted - s.press) / 0.08
+        return -p.force * s.press * weight(view) * moving(view)

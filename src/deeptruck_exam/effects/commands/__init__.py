@@ -1,0 +1,1 @@
+"""What lies between recorded commands and the truck: links, limits, aids, pedals."""

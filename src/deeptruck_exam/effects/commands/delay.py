@@ -1,0 +1,222 @@
+"""Commands that arrive late."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from deeptruck_exam.effects.law import STEP_S, Array, Filter, Late, Sizes, State
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_exam.effects.series import ou_series
+
+law = partial(hidden, name="command_delay", accepts="clock_offset")
+
+
+@law("command_delay", "first", "suburban hills descent")
+@sizes(delay_s=(0.25, 0.70), wander_s=(0.01, 0.06))
+class Delay(Late):
+    """Engine and brake command arrive late, by a time that wanders with the load of the network.
+    Source: Nilsson, Real-Time Control Systems with Delays (Lund, 1998): network delay with slow wander; size
+    chosen for gateways and drive-by-wire retrofits."""
+
+    length = 150
+
+    def prepare(self) -> None:
+        samples = int(self.setting.duration_s) + 2
+        wander = ou_series(self.rng(20), (1, samples), 1.0, 15.0)[0]
+        self.delay_s = np.clip(self.p.delay_s + self.p.wander_s * wander, 0.02, 1.4)
+
+    def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
+        self.put(s, u)
+        late_s = float(self.delay_s[min(int(time), len(self.delay_s) - 1)])
+        return self.ago(s, min(round(late_s / dt), self.length - 1))
+
+
+@law("slow_bus", "second", "suburban hills descent")
+@sizes(period_s=(0.35, 0.8), dead_s=(0.12, 0.35), lost=(0.03, 0.15))
+class SlowBus(Late):
+    """Commands are sampled, held until the next message, and some messages are lost.
+    Source: Sampling, hold and message loss of a networked control loop: Hespanha, Naghshtabrizi and Xu, A
+    Survey of Recent Results in Networked Control Systems, Proc. IEEE 95 (2007); sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, p = self.rng(120), self.p
+        slots = int(self.setting.duration_s / p.period_s) + 5
+        arrive = p.period_s * np.arange(slots) + rng.uniform(0.0, 0.3 * p.period_s, slots)
+        self.arrive = arrive[np.append(True, rng.random(slots - 1) > p.lost)]
+        self.steps = max(1, round(p.dead_s / STEP_S))
+        self.length = self.steps + 1
+
+    def start(self, batch: int) -> dict[str, Any]:
+        return {**super().start(batch), "held": np.zeros((batch, 2)), "message": 0}
+
+    def begin(self, s: State, u: Array) -> None:
+        super().begin(s, u)
+        s.held = u.copy()
+
+    def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
+        self.put(s, u)
+        while s.message < len(self.arrive) and time >= self.arrive[s.message]:
+            s.held, s.message = self.ago(s, self.steps).copy(), s.message + 1
+        return np.asarray(s.held)
+
+
+@law("good_and_bad_hours", "third", "suburban hills descent")
+@sizes(quick_s=(0.15, 0.35), slow_s=(0.6, 1.1), stays_s=(15.0, 45.0))
+class GoodAndBadHours(Late):
+    """The line is quick or slow, and goes from one to the other by chance.
+    Source: Elliott, Estimates of Error Rates for Codes on Burst-Noise Channels, Bell System Tech. J. 42
+    (1963): a channel of two states; repeated messages make it slow in the bad one; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, p = self.rng(240), self.p
+        stays = rng.exponential(p.stays_s, 1 + int(4.0 * self.setting.duration_s / p.stays_s) + 8)
+        self.turns = np.cumsum(np.maximum(stays, 1.0))
+        self.quick, self.slow = round(p.quick_s / STEP_S), round(p.slow_s / STEP_S)
+        self.length = self.slow + 1
+
+    def start(self, batch: int) -> dict[str, Any]:
+        return {**super().start(batch), "late": float(self.quick)}
+
+    def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
+        self.put(s, u)
+        bad = int(np.searchsorted(self.turns, time)) % 2
+        # queues drain and fill at half the pace of time, so that commands keep their order
+        s.late += float(np.clip((self.slow if bad else self.quick) - s.late, -0.5, 0.5))
+        return self.ago(s, round(s.late))
+
+
+@law("two_gateways", "fourth", "suburban hills descent")
+@sizes(engine_s=(0.25, 0.6), brake_s=(0.45, 1.0), poll_s=(0.08, 0.3))
+class TwoGateways(Late):
+    """Torque and brake requests go through unlike gateways, each polled by a task of its own period; the
+    phase of the poll drifts through the sender's.
+    Source: Chains of unsynchronised cyclic tasks (Feiertag, Richter, Nordlander and Jonsson, A Compositional
+    Framework for End-to-End Path Delay Calculation, CRTS 2008): a queue and a poll for each of SAE J1939-71's
+    TSC1 and XBR, of other length each; retrofit gateways, sizes chosen here."""
+
+    def prepare(self) -> None:
+        p = self.p
+        self.steps = (max(1, round(p.engine_s / STEP_S)), max(1, round(p.brake_s / STEP_S)))
+        self.length = max(self.steps) + 1
+        self.period = (p.poll_s, 0.618 * p.poll_s)
+        self.phase = self.rng(320).uniform(0.0, p.poll_s, 2)
+
+    def start(self, batch: int) -> dict[str, Any]:
+        return {**super().start(batch), "held": np.zeros((batch, 2)), "next_s": self.phase.copy()}
+
+    def begin(self, s: State, u: Array) -> None:
+        super().begin(s, u)
+        s.held = u.copy()
+
+    def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
+        self.put(s, u)
+        for j in (0, 1):
+            if time >= s.next_s[j]:
+                s.held[:, j] = self.ago(s, self.steps[j])[:, j]
+                s.next_s[j] = time + self.period[j]
+        return np.asarray(s.held)
+
+
+@law("sent_on_change", "fifth", "suburban hills descent")
+@sizes(base_s=(0.25, 0.5), queue_s=(0.2, 0.6), delta=(0.01, 0.04), refresh_s=(0.3, 0.8))
+class SentOnChange(Filter):
+    """A radio link that sends a command when it has changed enough, or after a while; each message waits for
+    those before it. All trucks of a batch share the link's moods, not their messages.
+    Source: Send-on-delta transmission (Miskowicz, Send-On-Delta Concept: An Event-Based Data Reporting
+    Strategy, Sensors 6, 2006) over a link whose messages queue in hurried moments (Kleinrock, Queueing
+    Systems, 1975); remote control retrofits, thresholds and times chosen here."""
+
+    longest = 200  # substeps that can be under way
+
+    def prepare(self) -> None:
+        p, full = self.p, 1.0 if self.setting.truck.by_deceleration else 30.0
+        self.delta = p.delta * np.array([self.full, full])
+        self.refresh = round(p.refresh_s / STEP_S)
+
+    def start(self, batch: int) -> dict[str, Any]:
+        line = np.full((self.longest, batch, 2), np.nan)
+        return {"line": line, "since": np.zeros(batch, int), "busy": np.zeros(batch), "steps": -1}
+
+    def begin(self, s: State, u: Array) -> None:
+        s.sent, s.given = u.copy(), u.copy()
+
+    def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
+        s.steps += 1
+        changed = (np.abs(u - s.sent) > self.delta).any(axis=1)
+        s.since = s.since + 1
+        now = np.flatnonzero(changed | (s.since >= self.refresh))
+        # what hurries comes in rows, and a row makes the link slow
+        # slower than time, so that no message overtakes another
+        s.busy = np.maximum(s.busy - 0.01, 0.0)
+        steps = p.base_s / STEP_S + p.queue_s / STEP_S * s.busy[now]
+        late = np.minimum(steps, self.longest - 2.0).astype(int)
+        s.line[(s.steps + late) % self.longest, now] = u[now]
+        s.sent[now], s.since[now] = u[now], 0
+        s.busy[now] = np.minimum(s.busy[now] + 0.25 * changed[now], 1.0)
+        slot = s.line[s.steps % self.longest]
+        s.given = np.where(np.isnan(slot), s.given, slot)
+        slot[:] = np.nan
+        return np.asarray(s.given)
+
+
+@law("playout_buffer", "sixth", "suburban hills descent")
+@sizes(base_s=(0.2, 0.45), spike_s=(0.25, 0.7), every_s=(6.0, 25.0), falls_s=(4.0, 15.0))
+class PlayoutBuffer(Late):
+    """A receiver that plays commands out late enough for the latest packet it has met: the delay rises at
+    once with a spike of the network, and falls slowly. All trucks of a batch hear the same network.
+    Source: Ramjee, Kurose, Towsley and Schulzrinne, Adaptive Playout Mechanisms for Packetized Audio
+    Applications in Wide-Area Networks, IEEE INFOCOM 1994: delay follows spikes of the network at once and
+    leaves them slowly; remote driving over mobile radio, times are chosen here."""
+
+    length = 400
+
+    def prepare(self) -> None:
+        rng, p = self.rng(511), self.p
+        slots = int(self.setting.duration_s / STEP_S) + 6000
+        spikes = (rng.random(slots) < STEP_S / p.every_s) * p.spike_s * rng.gamma(2.0, 0.5, slots)
+        self.spikes = np.minimum(spikes, 2.5)
+
+    def start(self, batch: int) -> dict[str, Any]:
+        return {**super().start(batch), "late": self.p.base_s, "plays": -self.p.base_s / STEP_S}
+
+    def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
+        self.put(s, u)
+        spike = p.base_s + self.spikes[s.at % len(self.spikes)]
+        s.late = max(spike, s.late - STEP_S * (s.late - p.base_s) / p.falls_s)
+        # it waits for what is late, and catches up without leaving anything out
+        wanted = s.at - min(s.late / STEP_S, self.length - 2.0)
+        s.plays = min(max(s.plays, wanted), s.plays + 2.0)
+        return np.asarray(s.past[round(s.plays) % self.length])
+
+
+@law("slots_of_a_radio", "seventh", "suburban hills descent")
+@sizes(frame_s=(0.25, 0.55), base_s=(0.12, 0.35), lost=(0.03, 0.2))
+class SlotsOfARadio(Filter):
+    """Commands travel in frames: each frame carries what was asked at its start, is played as it ends, and is
+    played on where the next one was lost. All trucks of a batch share the radio.
+    Source: Radio links of driving robots and platoons in time division (Tanenbaum, Computer Networks): a
+    command waits for its slot and for the frame's end, and one that was lost for the next."""
+
+    def prepare(self) -> None:
+        self.steps_of = max(2, round(self.p.frame_s / STEP_S))
+        self.base = max(1, round(self.p.base_s / STEP_S))
+        self.lost = self.rng(711).random(4096) < self.p.lost
+        self.lost[1:] &= ~self.lost[:-1]  # what is lost twice is sent another way
+
+    def start(self, batch: int) -> dict[str, Any]:
+        return {"steps": 0, "way": []}
+
+    def begin(self, s: State, u: Array) -> None:
+        s.given = u.copy()
+
+    def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
+        frame, at = divmod(s.steps, self.steps_of)
+        if at == 0 and not self.lost[frame % len(self.lost)]:
+            s.way.append((s.steps + self.steps_of + self.base, u.copy()))
+        while s.way and s.way[0][0] <= s.steps:
+            s.given = s.way.pop(0)[1]
+        s.steps += 1
+        return np.asarray(s.given)

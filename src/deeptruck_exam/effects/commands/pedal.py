@@ -1,0 +1,80 @@
+"""Pedals and their links. The tool has no name for these."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, TorqueFilter, index, moving
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="unknown")
+
+
+@law("worn_linkage", "fourth", "suburban hills highway")
+@sizes(play=(0.14, 0.30))
+class LinkagePlay(TorqueFilter):
+    """The lever follows the pedal when its play is used up, and stays where it is in between.
+    Source: Lost motion in the throttle linkage of mechanically governed diesels, in every workshop manual;
+    the play operator of Krasnosel'skii and Pokrovskii, Systems with Hysteresis (1989); play chosen here."""
+
+    def begin(self, s: State, u: Array) -> None:
+        s.rod = u[:, 0].copy()
+
+    def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
+        half = 0.5 * p.play * self.full
+        s.rod = np.clip(s.rod, pedal - half, pedal + half)
+        # a closed pedal reaches the stop, which pulls the lever home over half a second
+        s.rod = np.where(pedal <= 0.002 * half, s.rod * (1.0 - dt / 0.5), s.rod)
+        return np.asarray(np.maximum(s.rod, 0.0))
+
+
+@law("connector_drops_out", "fourth", "suburban hills highway")
+@sizes(every_s=(9.0, 22.0), lasts_s=(0.5, 1.6), burst=(0.3, 0.6))
+class ConnectorDropsOut(Hidden):
+    """burst: the chance that one failure is followed by another at once.
+    Source: Intermittent pedal sensors (service bulletins on idle validation; fretting of connectors:
+    Swingler, McBride and Maul, IEEE Trans. Compon. Packag. Technol. 23, 2000): the engine falls to idle for
+    about a second, in bursts, the more the truck shakes; odds are chosen here."""
+
+    def prepare(self) -> None:
+        self.dice = self.rng(381).random((self.setting.batch, int(self.setting.duration_s / 0.1) + 20))
+
+    def start(self, batch: int) -> dict[str, Array]:
+        zero = np.zeros(batch)
+        return {"left": zero, "given": np.ones(batch), "bad": zero.copy(), "seen": np.full(1, -1)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        at = index(view, self.dice, 0.1)
+        if at != s.seen[0]:
+            s.seen[0] = at
+            shakes = np.clip(view.speed / 14.0, 0.2, 1.6)
+            chance = 0.1 / p.every_s * shakes + 0.1 / 3.0 * p.burst * (s.bad > 0.0)
+            s.left = np.where((self.dice[:, at] < chance) & (s.left <= 0.0), p.lasts_s, s.left)
+        s.left = np.maximum(s.left - dt, 0.0)
+        s.bad = np.where(s.left > 0.0, 3.0, np.maximum(s.bad - dt, 0.0))
+        lost = s.left > 0.0
+        s.given += dt * (np.where(lost, 0.0, 1.0) - s.given) / np.where(lost, 0.06, 0.35)
+        return -self.at_wheels(view, (1.0 - s.given) * np.maximum(view.engine_torque, 0.0))
+
+
+@law("pedal_sticks_where_it_rests", "sixth", "suburban hills highway")
+@sizes(sticks=(0.16, 0.34), sets_s=(1.5, 5.0), same=(0.03, 0.06), creeps_s=(3.0, 9.0))
+class PedalSticksWhereItRests(Hidden, stuck=0.0, rests=0.0):
+    """stuck: share of the command that the engine still gets; `rests` s near one place.
+    Source: Sticking pedals recalled in January 2010 (NHTSA; NASA Engineering and Safety Center, Technical
+    Support to NHTSA on Unintended Acceleration, 2011): a pedal held in one place for a while comes back late
+    or not at all, until it is moved far or the driver brakes; forces and times are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = self.pedal(view)
+        below = s.stuck - asked
+        s.rests = np.where(np.abs(below) < p.same, s.rests + dt, np.maximum(s.rests - dt, 0.0))
+        breaks = (below > p.sticks * (1.0 - np.exp(-s.rests / p.sets_s))) | (view.u[:, 1] > 0.0)
+        s.rests = np.where(breaks & (below > p.same), 0.0, s.rests)
+        creeps = asked + below * (1.0 - dt / p.creeps_s)
+        s.stuck = np.where((below < 0.0) | breaks, asked, creeps)
+        more = np.minimum(np.maximum(s.stuck - asked, 0.0), 0.5)
+        return self.at_wheels(view, more * self.truck.peak_torque) * moving(view)

@@ -1,0 +1,155 @@
+"""Commands that are followed at a limited rate."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Sizes, State, TorqueFilter
+from deeptruck_exam.effects.planting import hidden, sizes
+
+law = partial(hidden, name="command_rate_limit", accepts="turbo_lag")
+
+
+@law("command_rate_limit", "first", "suburban hills")
+@sizes(up_per_s=(0.10, 0.28), down_ratio=(1.0, 3.0))
+class RateLimit(TorqueFilter):
+    """Anti-jerk control: torque builds up at a limited rate that softens near the target, and falls faster.
+    Source: Kiencke and Nielsen, Automotive Control Systems (2005), ch. 5: driveline anti-jerk shaping of
+    demanded torque."""
+
+    def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
+        away = pedal - s.given
+        up = self.full * p.up_per_s
+        rate = np.where(away > 0.0, up, up * p.down_ratio) * np.tanh(away / (0.08 * self.full))
+        return np.asarray(s.given + np.clip(rate * dt, -np.abs(away), np.abs(away)))
+
+
+@law("progressive_release", "second", "suburban hills")
+@sizes(first=(0.03, 0.08), growth=(0.25, 0.7), fall=(0.6, 1.5))
+class ProgressiveRelease(TorqueFilter):
+    """Torque is released in proportion to what is there already: slow at first, fast at the end; a lifted
+    pedal takes it back at once but for the last part.
+    Source: Torque brought in gently through the play of the driveline, then faster: Templin and Egardt, An
+    LQR Torque Compensator for Driveline Oscillation Damping, IEEE CCA (2009), on comfort; the progressive law
+    is chosen here."""
+
+    def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
+        there = np.clip(s.given / self.full, 0.0, 1.0)
+        up = self.full * (p.first + p.growth * there) * dt
+        down = self.full * (p.fall * np.sqrt(there) + 0.05) * dt
+        return np.asarray(s.given + np.clip(pedal - s.given, -down, up))
+
+
+@law("limited_jerk", "third", "suburban hills")
+@sizes(per_s=(0.12, 0.30), builds_s=(0.8, 2.5))
+class LimitedJerk(TorqueFilter):
+    """Torque follows with a bounded rate, whose own change is bounded: an S for every step.
+    Source: Biagiotti and Melchiorri, Trajectory Planning for Automatic Machines and Robots (2008): set-points
+    of bounded rate and bounded change of rate; sizes of a gentle drive mode, chosen here."""
+
+    def start(self, batch: int) -> dict[str, Any]:
+        return {"rate": np.zeros(batch)}
+
+    def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
+        most, change = self.full * p.per_s, self.full * p.per_s / p.builds_s
+        away = pedal - s.given
+        wanted = np.sign(away) * np.minimum(np.sqrt(2.0 * change * np.abs(away)), most)
+        rate = s.rate + np.clip(wanted - s.rate, -change * dt, change * dt)
+        there = (np.abs(away) <= np.abs(rate) * dt) & (rate * away >= 0.0)
+        s.rate = np.where(there, 0.0, rate)
+        return np.where(there, pedal, np.maximum(s.given + rate * dt, 0.0))
+
+
+@law("torque_in_steps", "fourth", "suburban hills")
+@sizes(notch=(0.05, 0.11), every_s=(0.4, 0.9))
+class TorqueInSteps(TorqueFilter):
+    """A fleet's economy setting: every so often torque may rise by one notch; it falls by larger ones.
+    Source: Acceleration limits and economy pedals among fleets' electronic features (owner's manuals of heavy
+    diesels): the control unit raises the allowed torque by a notch at a time; notch and interval are chosen
+    here."""
+
+    def start(self, batch: int) -> dict[str, Any]:
+        return {"next_s": 0.0}
+
+    def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
+        given, notch = s.given, self.full * p.notch
+        if time >= s.next_s:
+            given = given + np.clip(pedal - given, -3.0 * notch, notch)
+            s.next_s = time + p.every_s
+        return np.where(pedal <= 0.0, pedal, given)
+
+
+@law("torque_budget", "fifth", "suburban hills")
+@sizes(most=(0.03, 0.10), per_s=(0.07, 0.17), slower=(0.2, 0.6))
+class TorqueBudget(TorqueFilter):
+    """A leaky bucket: small rises pass at once, larger ones have to wait until the budget has filled again,
+    and it fills the slower the more torque is given already.
+    Source: Token buckets (Turner, New Directions in Communications, IEEE Commun. Mag. 24, 1986) as smoothness
+    scores and soft launch of fleets' pedals work: a little torque at any time, much only slowly, the last
+    third slowest; sizes chosen here."""
+
+    def start(self, batch: int) -> dict[str, Any]:
+        return {"budget": np.full(batch, self.p.most * self.full)}
+
+    def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
+        share = np.clip(s.given / self.full, 0.0, 1.0)
+        rate = p.per_s * self.full * (1.0 - p.slower * share)
+        s.budget = np.minimum(s.budget + dt * rate, p.most * self.full)
+        rise = np.minimum(np.maximum(pedal - s.given, 0.0), s.budget)
+        s.budget = s.budget - rise
+        return np.where(pedal < s.given, pedal, s.given + rise)
+
+
+@law("kicks_are_doubted", "sixth", "suburban hills")
+@sizes(gentle_per_s=(0.35, 0.6), doubted=(0.035, 0.09), doubts=(4.0, 10.0), passes_s=(3.0, 9.0))
+class KicksAreDoubted(TorqueFilter):
+    """A kick of the pedal is taken for a slip of the foot: the faster it comes down, the slower torque is let
+    in, until the doubt has passed. What is pressed gently comes as fast as the foot.
+    Source: Acceleration control against pedal error, which takes a fast, deep kick for a mistake (UN
+    Regulation No. 175 and the Japanese guidelines before it): a limit of the rate that the kick itself sets;
+    a retrofit that doubts too much, rates are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Any]:
+        return {"pace": np.zeros(batch), "doubt": np.zeros(batch)}
+
+    def begin(self, s: State, u: Array) -> None:
+        s.given, s.was = u[:, 0].copy(), u[:, 0].copy()
+
+    def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
+        rise = np.maximum(pedal - s.was, 0.0) / self.full
+        s.was = pedal.copy()
+        # commands come in steps of a tenth of a second, feet do not
+        s.pace = s.pace + (rise - dt * s.pace) / 0.3
+        kicks = p.doubts * np.maximum(s.pace - 0.2, 0.0)
+        s.doubt = np.minimum(s.doubt + dt * (kicks - s.doubt / p.passes_s), 1.0)
+        rate = self.full * p.gentle_per_s * (p.doubted / p.gentle_per_s) ** np.clip(s.doubt, 0.0, 1.0)
+        up = np.minimum(np.maximum(pedal - s.given, 0.0), dt * rate)
+        return np.where(pedal < s.given, pedal, s.given + up)
+
+
+@law("robots_profile", "seventh", "suburban hills")
+@sizes(most_per_s=(0.07, 0.16), gathers_per_s2=(0.05, 0.16), back=(1.5, 4.0))
+class RobotsProfile(TorqueFilter):
+    """A driving robot's leg goes to where the pedal is wanted by a profile of limited jerk: it gathers pace,
+    runs at most so fast, and slows down in time.
+    Source: Driving robots move pedals by profiles of limited speed and acceleration, slower down than back
+    (Biagiotti and Melchiorri, Trajectory Planning for Automatic Machines and Robots, 2008)."""
+
+    def begin(self, s: State, u: Array) -> None:
+        s.at, s.pace = u[:, 0].copy(), np.zeros(len(u))
+
+    def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
+        left = (pedal - s.at) / self.full
+        side = np.where(left < 0.0, -1.0, 1.0)
+        away = np.where(left < 0.0, p.back, 1.0)
+        gathers = p.gathers_per_s2 * away
+        most = np.minimum(np.sqrt(2.0 * gathers * np.abs(left)), p.most_per_s * away)
+        towards = side * s.pace
+        s.pace = side * (towards + np.clip(most - towards, -2.0 * gathers * dt, gathers * dt))
+        near = (np.abs(left) < 2e-4) | (np.abs(left) < np.abs(s.pace) * dt)
+        s.pace = np.where(near, 0.0, s.pace)
+        s.at = np.where(near, pedal, s.at + dt * s.pace * self.full)
+        return np.asarray(np.maximum(s.at, 0.0))

@@ -1,0 +1,1 @@
+"""Clutch, gears, shafts, axles; second drives."""

@@ -1,0 +1,185 @@
+"""Play of the driveline, and the shuffle after it is taken up."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="driveline_backlash")
+
+
+@law("driveline_backlash", "first", "suburban hills")
+@sizes(gap_s=(0.15, 0.5), shuffle_hz=(1.5, 3.0), damping=(0.10, 0.25), clonk=(0.3, 0.7))
+class DeadZone(Hidden, side=1.0, since=99.0, jump=0.0):
+    """Source: Lagerberg and Egardt, IEEE Trans. Control Syst. Technol. 15 (2007): dead zone at torque
+    reversal, then a damped shuffle of 2-4 Hz when the teeth meet."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        side = np.where(np.abs(view.traction_force) > 200.0, np.sign(view.traction_force), s.side)
+        crossed = side != s.side
+        s.since = np.where(crossed, 0.0, s.since + dt)
+        s.side = side
+        open_now = s.since < p.gap_s
+        s.jump = np.where(open_now, view.traction_force, s.jump)
+        t = s.since - p.gap_s
+        omega = 2.0 * np.pi * p.shuffle_hz
+        size = np.clip(s.jump, -0.08 * weight(view), 0.08 * weight(view))
+        ring = p.clonk * size * np.exp(-p.damping * omega * t) * np.cos(omega * t)
+        return np.where(open_now, -view.traction_force, np.where(t < 4.0, ring, 0.0)) * moving(view)
+
+
+@law("play_is_crossed", "second", "suburban hills")
+@sizes(play_rad=(0.8, 2.2), wind_up_s=(0.10, 0.35), knock=(0.3, 0.9))
+class PlayIsCrossed(Hidden, side=1.0, way=0.0, rate=0.0, share=1.0, hit=0.0):
+    """Time without torque is the longer the gentler the torque turns; play_rad is at the flywheel.
+    Source: Nordin and Gutman, Controlling Mechanical Systems with Backlash, Automatica 38 (2002): the play is
+    crossed by integrating the speed of the free side, then shafts wind up; angles of a worn heavy driveline,
+    chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        side = np.where(np.abs(view.traction_force) > 50.0, np.sign(view.traction_force), s.side)
+        s.way = np.where(side != s.side, p.play_rad, s.way)
+        s.side = side
+        free = s.way > 0.0
+        push = np.abs(view.engine_torque) / self.truck.engine_inertia
+        s.rate = np.where(free, s.rate + dt * np.clip(push, 4.0, 150.0), 0.0)
+        before = s.way
+        s.way = np.maximum(s.way - dt * s.rate, 0.0)
+        meets = (before > 0.0) & (s.way == 0.0)
+        s.hit = np.where(meets, s.rate, s.hit * (1.0 - dt / 0.06))
+        s.share = np.where(s.way > 0.0, 0.0, s.share + dt * (1.0 - s.share) / p.wind_up_s)
+        knock = p.knock * self.truck.engine_inertia * s.hit * view.ratio / self.truck.wheel_radius / 0.06
+        knock = np.minimum(knock, 0.06 * 9.81 * view.mass)
+        return ((s.share - 1.0) * view.traction_force + s.side * knock * (s.way == 0.0)) * moving(view)
+
+
+@law("two_masses_and_play", "third", "suburban hills")
+@sizes(play_rad=(0.9, 2.2), hz=(1.0, 2.0), damping=(0.04, 0.10), gentle_s=(0.6, 1.6))
+class TwoMassesAndPlay(Hidden, way=0.0, rate=0.0, ratio=0.0, given=1.0):
+    """play_rad at the flywheel; `way`, `rate` of the engine's mass against the wheels, m at the tread.
+    Source: Kiencke and Nielsen, Automotive Control Systems (2005), driveline as two masses with shafts and a
+    dead zone: motion through the play and torsion of the shafts are integrated; after the play the engine
+    gives torque back slowly, as controls do against the clonk (Lagerberg and Egardt, IEEE Trans. Control
+    Syst. Technol. 15, 2007); sizes of a worn driveline, chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        truck = self.truck
+        ratio = np.maximum(view.ratio, 1.0)
+        inertia = truck.engine_inertia * (ratio / truck.wheel_radius) ** 2
+        stiffness, play = inertia * (2.0 * np.pi * p.hz) ** 2, 0.5 * p.play_rad * truck.wheel_radius / ratio
+        s.given = np.minimum(s.given + dt / p.gentle_s, 1.0)
+        force = s.given * view.traction_force
+        meshed = np.sign(force) * play + force / stiffness
+        new = (np.abs(ratio - s.ratio) > 0.01) | (view.shifting > 0.0)  # a gear goes in without a jerk
+        s.way, s.rate = np.where(new, meshed, s.way), np.where(new, 0.0, s.rate)
+        s.ratio = ratio
+        side, deep = np.sign(s.way), np.abs(s.way) - play
+        s.given = np.where((deep < 0.0) & ~new, 0.15, s.given)
+        twist = stiffness * side * deep + 4.0 * np.pi * p.hz * p.damping * inertia * s.rate
+        shaft = np.where(deep > 0.0, side * np.maximum(side * twist, 0.0), 0.0)
+        s.rate = s.rate + dt * (force - shaft) / inertia
+        s.way = s.way + dt * s.rate
+        most = 0.12 * weight(view)
+        return np.clip(shaft - view.traction_force, -most, most) * moving(view)
+
+
+@law("four_plays_in_a_row", "fourth", "suburban hills")
+@sizes(each_s=(0.15, 0.40), held=(0.0, 0.25), ramp_s=(0.2, 0.7))
+class FourPlaysInARow(Hidden, side=1.0, taken=4.0, share=1.0):
+    """held: of the torque, fed while a play is open.
+    Source: Free play adds up over gearbox, joints, axle and hubs (truck service manuals measure each at the
+    yokes), and is taken up one after the other while the control unit feeds torque carefully (Lagerberg,
+    Control and Estimation of Automotive Powertrains with Backlash, Chalmers, 2004): torque comes back in a
+    staircase; times of a worn driveline, chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pull = view.traction_force
+        side = np.where(np.abs(pull) > 150.0, np.sign(pull), s.side)
+        s.taken = np.where(side != s.side, 0.0, s.taken)
+        s.share = np.where(side != s.side, p.held, s.share)
+        s.side = side
+        pushes = np.abs(view.engine_torque)
+        pace = (pushes + 60.0) / (pushes + 240.0)  # a gentle torque crosses slowly
+        s.taken = np.minimum(s.taken + dt * pace / p.each_s, 4.0)
+        step = np.maximum(np.floor(s.taken) / 4.0, p.held)
+        s.share = np.minimum(s.share + dt / p.ramp_s, step)
+        return -(1.0 - s.share) * pull * moving(view)
+
+
+@law("lash_by_the_gear", "fifth", "suburban hills")
+@sizes(play_rad=(0.12, 0.30), winds_s=(0.08, 0.25), knock=(0.3, 0.8), coast=(1.5, 3.0))
+class LashByTheGear(Hidden):
+    """coast: the way back is as many times slower, pushed by friction alone. play_rad: at the wheels.
+    Source: Play at the axle seen from the engine grows with the gear's ratio, and a free engine crosses it in
+    the root of play, inertia and torque (Lagerberg, A Literature Survey on Control of Automotive Powertrains
+    with Backlash, Chalmers R013/2001); the knock that ends it grows with what was gained on the way; a worn
+    axle, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        zero = np.zeros(batch)
+        return {"side": np.ones(batch), "way": zero + 1.0, "pace": zero.copy(), "knock": zero.copy()}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pull = view.traction_force
+        side = np.where(np.abs(pull) > 120.0, np.sign(pull), s.side)
+        turned = side != s.side
+        s.side = side
+        s.way, s.pace = np.where(turned, 0.0, s.way), np.where(turned, 0.0, s.pace)
+        gap = p.play_rad * np.maximum(view.ratio, 2.0)  # rad, at the engine
+        slower = np.where(side < 0.0, p.coast, 1.0)
+        torque = np.clip(np.abs(view.engine_torque), 25.0, 250.0) / slower**2
+        crossing = s.way < 1.0
+        s.pace = np.where(crossing, s.pace + dt * torque / (self.truck.engine_inertia * gap), s.pace)
+        way = np.where(crossing, np.minimum(s.way + dt * s.pace, 1.0), s.way + dt / p.winds_s)
+        s.knock = np.where(
+            crossing & (way >= 1.0), np.minimum(s.pace, 3.0) / 3.0, s.knock * (1.0 - dt / 0.12)
+        )
+        s.way = way
+        held = np.clip(s.way - 1.0, 0.0, 1.0)
+        return (p.knock * s.knock - (1.0 - held)) * pull * moving(view)
+
+
+@law("worn_clutch_damper", "sixth", "suburban hills")
+@sizes(free_rad=(0.10, 0.28), soft_rad=(0.10, 0.25), soft_nm=(900.0, 2200.0), friction_nms=(550.0, 1300.0))
+class WornClutchDamper(Hidden, turn=0.0):
+    """`turn` rad of the disc in its hub; what the springs hold reaches the wheels. soft_nm: for each rad.
+    Source: Clutch dampers have a free angle, a soft stage for idling and a hard one (Shaver, Manual
+    Transmission Clutch Systems, SAE Advances in Engineering 17): with worn windows the disc has to turn
+    through all of them, against friction, before torque has changed sides; angles are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        beyond = np.maximum(np.abs(s.turn) - p.free_rad, 0.0)
+        soft = p.soft_nm * np.minimum(beyond, p.soft_rad)
+        held = np.sign(s.turn) * (soft + 14000.0 * np.maximum(beyond - p.soft_rad, 0.0))
+        away = view.engine_torque - held
+        s.turn = s.turn + dt * away / np.maximum(p.friction_nms, 14000.0 * dt)
+        return -self.at_wheels(view, away) * moving(view)
+
+
+@law("clunk_and_shuffle", "seventh", "suburban hills")
+@sizes(lash_nms2=(60.0, 220.0), hz=(1.4, 2.8), damping=(0.06, 0.16), swings=(0.4, 1.0))
+class ClunkAndShuffle(Hidden, at=0.0, run=0.0, shake=0.0, pace=0.0):
+    """`at` -1..1 through the lash; `shake` and `pace` of the swing, m/s2 and m/s3. lash_nms2: of the lash
+    times the inertia ahead of it; swings: m/s2 for each second under way.
+    Source: Tip-in and tip-out tests (clunk and shuffle: Rahnejat, ed., Tribology and Dynamics of Engine and
+    Powertrain, 2010): torque that changes sides has to run through the lash first, the less torque the
+    longer, and what the parts have gathered on the way swings out in the half-shafts."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        torque = view.engine_torque * (1.0 - view.shifting)
+        crosses = np.abs(s.at + np.sign(torque)) < 1.999
+        s.run = np.where(crosses, s.run + dt * torque / p.lash_nms2, 0.0)
+        step = np.clip(s.at + dt * s.run, -1.0, 1.0)
+        hits = crosses & (np.abs(step) >= 1.0)
+        omega = 2.0 * np.pi * p.hz
+        kick = np.where(hits, p.swings * np.clip(s.run, -1.5, 1.5) * omega, 0.0)
+        s.at = step
+        s.pace = s.pace + kick - dt * (omega**2 * s.shake + 2.0 * p.damping * omega * s.pace)
+        s.shake = s.shake + dt * s.pace
+        lost = self.at_wheels(view, torque) * crosses
+        return (np.clip(s.shake, -1.5, 1.5) * view.mass - lost) * moving(view)

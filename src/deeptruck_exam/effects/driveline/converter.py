@@ -1,0 +1,170 @@
+"""Torque converters and clutches that slip."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Hidden, Setting, Sizes, State, moving
+from deeptruck_exam.effects.planting import Planted, hidden, planted, sizes
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="torque_converter_slip", trucks="freightliner", gateable=False)
+
+
+@planted(
+    "torque_converter_slip",
+    "first",
+    "suburban hills highway",
+    name="torque_converter_slip",
+    accepts="driveline_loss",
+    trucks="freightliner",
+)
+@sizes(capacity=(0.35, 0.75))
+def lockup_fails(setting: Setting, p: Sizes) -> Planted:
+    """Source: Hrovat and Tobler, Bond Graph Modeling of Automotive Torque Converters, J. Franklin Institute
+    319 (1985); here the lock-up clutch is inoperative and worn blades lower the capacity."""
+    return Planted(
+        parameters={
+            "lockup_gear": 7.0,
+            "stall_capacity": setting.truck.stall_capacity * p.capacity,
+        }
+    )
+
+
+@planted(
+    "stator_freewheels",
+    "second",
+    "suburban hills",
+    name="torque_converter_slip",
+    accepts="driveline_loss",
+    trucks="freightliner",
+)
+@sizes(left=(0.05, 0.3), late=(1.35, 1.7))
+def stator_freewheels(setting: Setting, p: Sizes) -> Planted:
+    """Source: Stator whose one-way clutch does not hold: no torque multiplication below coupling (Naunheimer
+    et al., Automotive Transmissions, 2011, on converters); lock-up postponed to higher speeds, chosen
+    here."""
+    truck = setting.truck
+    return Planted(
+        parameters={
+            "stall_torque_ratio": 1.0 + p.left * (truck.stall_torque_ratio - 1.0),
+            "coupling_ratio": 0.9 * truck.coupling_ratio,
+            "lockup_speed": truck.lockup_speed * p.late,
+            "lockup_release_speed": truck.lockup_release_speed * p.late,
+        }
+    )
+
+
+@law("lockup_hunts", "third", "suburban hills highway", accepts="driveline_loss")
+@sizes(lost=(0.12, 0.25), coast=(0.4, 0.8), warms_s=(8.0, 20.0), cools_s=(8.0, 20.0))
+class LockupHunts(Hidden):
+    """While open it takes a share of the pull, and most of the engine's drag when coasting. as the older
+    forms of this name.
+    Source: Lock-up clutches that open against judder (Naunheimer, Bertsche, Ryborz and Novak, Automotive
+    Transmissions, 2011, on converter lock-up); efficiency of an open converter near coupling, one to two
+    tenths lost; opening and closing by the clutch's heat is chosen here."""
+
+    conceal = ("engine_speed",)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        first = self.rng(221).uniform(0.0, 0.9, batch)
+        return {"heat": first, "open": np.zeros(batch), "slips": np.zeros(batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = 0.5 + np.abs(view.engine_torque) / self.truck.peak_torque
+        s.heat += dt * np.where(s.open > 0.5, -1.0 / p.cools_s, load / p.warms_s)
+        s.open = np.where(s.heat > 1.0, 1.0, np.where(s.heat < 0.0, 0.0, s.open))
+        s.slips += dt * (s.open * (view.speed > 4.0) - s.slips) / 0.3
+        pull, push = np.maximum(view.traction_force, 0.0), np.maximum(-view.traction_force, 0.0)
+        return s.slips * (p.coast * push - p.lost * pull) * moving(view)
+
+
+@law("no_lockup_in_cold_oil", "fourth", "suburban hills highway", accepts="driveline_loss")
+@sizes(slip=(0.20, 0.38), coast=(0.4, 0.8), warms_j=(1.0e6, 3.0e6), warms_s=(250.0, 500.0))
+class NoLockupInColdOil(Hidden):
+    """slip: at peak torque and 1200 rpm. It ends when the oil is warm, and the slip itself warms it.
+    Source: Automatic gearboxes keep the converter open until the sump is warm (operator's manuals of heavy
+    automatics on cold operation); slip of a fluid coupling in proportion to torque over speed squared
+    (Föttinger's similarity; Naunheimer and others, Automotive Transmissions, 2011); sizes chosen here."""
+
+    conceal = ("engine_speed",)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"warm": self.rng(332).uniform(-0.6, 0.5, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = np.abs(view.engine_torque) / self.truck.peak_torque
+        slip = np.clip(p.slip * load * (126.0 / np.maximum(view.engine_speed, 60.0)) ** 2, 0.03, 0.5)
+        is_open = np.clip((1.0 - s.warm) / 0.05, 0.0, 1.0) * (view.speed > 3.0)
+        pull, push = np.maximum(view.traction_force, 0.0), np.maximum(-view.traction_force, 0.0)
+        lost = is_open * slip * pull
+        s.warm = np.minimum(s.warm + dt * (lost * view.speed / p.warms_j + 1.0 / p.warms_s), 1.5)
+        return (is_open * p.coast * push - lost) * moving(view)
+
+
+@law("glazed_lockup_clutch", "fifth", "suburban hills highway", accepts="driveline_loss torque_limit")
+@sizes(holds=(0.33, 0.52), left=(0.5, 0.75), heats_j=(0.12e6, 0.5e6), cools_s=(15.0, 45.0))
+class GlazedLockupClutch(Hidden, hot=0.0):
+    """holds: of peak torque, cold; left: of what slips, as drag of the oil in the gap.
+    Source: Lock-up linings glaze and slip above a torque, which heat lowers: the slip heats the lining, and
+    more of it slips (Holgerson, Influence of Operating Conditions on Friction and Temperature Characteristics
+    of a Wet Clutch Engagement, TriboTest 7, 2000); capacities are chosen here."""
+
+    conceal = ("engine_speed",)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        capacity = p.holds * self.truck.peak_torque * (1.0 - 0.45 * s.hot)
+        over = np.maximum(view.engine_torque - capacity, 0.0)
+        lost = (1.0 - p.left * np.exp(-over / (0.8 * capacity))) * over
+        s.hot += dt * (lost * view.engine_speed * 0.3 / p.heats_j - s.hot / p.cools_s)
+        s.hot = np.clip(s.hot, 0.0, 1.0)
+        return -self.at_wheels(view, lost) * (view.speed > 2.0) * moving(view)
+
+
+@law("drains_while_standing", "sixth", "suburban", accepts="driveline_loss shift_interruption")
+@sizes(slips=(0.35, 0.6), drains_s=(3.0, 9.0), fills_s=(5.0, 14.0), needs_fill=(0.7, 0.95))
+class DrainsWhileStanding(Hidden):
+    """slips: of the torque, with an empty one; none once it is filled to `needs_fill`.
+    Source: Converters whose check valve leaks drain into the sump while the truck stands and fill again by
+    the charge pump, which the engine turns (workshop manuals of heavy automatics on drain-back; fill of a
+    coupling sets its torque: Naunheimer and others, Automotive Transmissions, 2011); sizes chosen here."""
+
+    conceal = ("engine_speed",)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"fill": self.rng(513).uniform(0.0, 0.5, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pumps = np.clip(view.engine_speed / 120.0, 0.4, 1.6) / p.fills_s
+        s.fill += dt * np.where(view.speed < 0.3, -s.fill / p.drains_s, pumps * (1.0 - s.fill))
+        empty = np.clip(1.0 - s.fill / p.needs_fill, 0.0, 1.0)
+        lost = p.slips * np.sqrt(empty) * np.maximum(view.engine_torque, 0.0)
+        return -self.at_wheels(view, lost) * moving(view)
+
+
+@law("converter_by_its_test_code", "seventh", "suburban", accepts="driveline_loss shift_interruption")
+@sizes(stall_rads=(165.0, 215.0), open_s=(3.5, 8.0), below_mps=(6.0, 10.0))
+class ConverterByItsTestCode(Hidden, pump=-1.0, gear=0.0, since=0.0):
+    """`pump` rad/s; the turbine turns as the simulator has the engine. stall_rads: at peak torque; open_s:
+    after a change.
+    Source: SAE J643, Hydrodynamic Drive Test Code: the pump's torque with its speed squared, by capacity and
+    torque ratio over the ratio of speeds; open after every change of gear and at low speed, while the
+    simulator believes it locked."""
+
+    conceal = ("engine_speed",)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        turbine = np.maximum(view.engine_speed, 1.0)
+        s.since = np.where(view.gear != s.gear, 0.0, s.since + dt)
+        s.gear = view.gear.copy()
+        is_open = (s.since < p.open_s) | (view.speed < p.below_mps)
+        pump = np.where((s.pump < 0.0) | ~is_open, turbine, s.pump)
+        over = np.clip(turbine / np.maximum(pump, 1.0), 0.0, 1.2)
+        takes = self.truck.peak_torque * (pump / p.stall_rads) ** 2 * np.clip(1.0 - over**6, -0.5, 1.0)
+        gives = takes * np.maximum(1.5 - (1.5 - 1.0) * over / 0.85, 1.0)
+        s.pump = np.maximum(pump + dt * (view.engine_torque - takes) / 2.5, 50.0)
+        felt = np.where(is_open, gives - view.engine_torque, 0.0)
+        most = 0.8 * self.truck.peak_torque
+        return self.at_wheels(view, np.clip(felt, -most, most)) * np.clip(view.speed - 0.5, 0, 1)

@@ -1,0 +1,133 @@
+"""Masses that turn."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="rotating_inertia", accepts="mass payload_change")
+
+
+@law("rotating_inertia", "first", "suburban hills")
+@sizes(engine_kgm2=(4.0, 10.0), wheels_kgm2=(20.0, 150.0))
+class HeavyFlywheel(Hidden):
+    """Source: Wong, Theory of Ground Vehicles (2008), sec. 3.4.2 (mass factor 0.04 + 0.0025 ratio^2): a
+    mixer's hydraulic motor and a heavy flywheel turn with the engine, massive wheels with the road."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        r2 = self.truck.wheel_radius**2
+        engine = p.engine_kgm2 * view.ratio**2 * (1.0 - view.shifting) * (view.speed > 1.5)
+        extra = np.minimum((engine + p.wheels_kgm2) / r2, 0.8 * view.effective_mass)
+        return -extra * view.acceleration * moving(view)
+
+
+@law("damped_flywheel", "second", "suburban hills")
+@sizes(inertia=(5.0, 12.0), coupling_s=(0.15, 0.6), wheels_kg=(200.0, 900.0))
+class DampedFlywheel(Hidden, rotor=-1.0):
+    """inertia: kg m2 at engine speed; wheels_kg: rim mass of dual wheels, as if at the tread.
+    Source: Second inertia behind a torsional damper, as in dual-mass flywheels (Reik, LuK Symposium, 1990) or
+    a pump on the power take-off; viscous coupling and sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.rotor = np.where(s.rotor < 0.0, view.engine_speed, s.rotor)
+        torque = p.inertia * (view.engine_speed - s.rotor) / p.coupling_s
+        s.rotor = s.rotor + dt * (view.engine_speed - s.rotor) / p.coupling_s
+        locked = (view.shifting == 0.0) & (view.speed > 1.5)
+        # a change of gear leaves tens of rad/s: the coupling slips beyond a quarter of full torque
+        most = 0.25 * self.truck.peak_torque
+        driven = self.at_wheels(view, np.clip(torque, -most, most)) * locked
+        return -(driven + p.wheels_kg * np.clip(view.acceleration, -4.0, 4.0)) * moving(view)
+
+
+@law("freewheeling_rotor", "third", "suburban hills")
+@sizes(share=(0.14, 0.28), grips_s=(0.3, 0.9), runs_s=(12.0, 40.0))
+class FreewheelingRotor(Hidden, rotor=-1.0):
+    """share: of the truck's mass, as if at the tread. Speeding up costs, slowing down gives nothing back.
+    Source: An inertia behind an overrunning clutch, as freewheels in Dubbel, Taschenbuch für den Maschinenbau
+    (2018): it is driven up and runs on by itself; a heavy rotor on the propeller shaft, sizes chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.rotor = np.where(s.rotor < 0.0, view.speed, s.rotor)
+        faster = np.maximum(view.speed - s.rotor, 0.0)
+        most = 0.06 * weight(view)
+        torque = np.minimum(p.share * view.mass * faster / p.grips_s, most)
+        s.rotor = s.rotor + dt * (torque / (p.share * view.mass) - s.rotor / p.runs_s * (faster == 0.0))
+        return -torque * moving(view)
+
+
+@law("blower_on_a_centrifugal_clutch", "fourth", "suburban hills")
+@sizes(kgm2=(6.0, 13.0), from_rads=(85.0, 112.0), capacity_nm=(250.0, 700.0))
+class BlowerOnACentrifugalClutch(Hidden, rotor=-1.0):
+    """capacity_nm: at 1.4 times the speed of engagement. A rotor that was left behind has to be caught up.
+    Source: Centrifugal clutches carry a torque that grows with speed squared above engagement (Shigley,
+    Mechanical Engineering Design, on clutches); a blower's rotor on the power take-off is there above that
+    speed and is not below; inertias and speeds are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        w = view.engine_speed
+        s.rotor = np.where(s.rotor < 0.0, w, s.rotor)
+        most = p.capacity_nm * np.clip((np.maximum(w, s.rotor) / p.from_rads) ** 2 - 1.0, 0.0, 1.5)
+        torque = np.clip(p.kgm2 * (w - s.rotor) / 0.12, -most, most) * (1.0 - view.shifting)
+        s.rotor = s.rotor + dt * (torque / p.kgm2 - s.rotor / 45.0)
+        return -self.at_wheels(view, torque) * (view.speed > 1.5)
+
+
+@law("drum_on_a_belt", "fifth", "suburban hills")
+@sizes(kgm2=(6.0, 12.0), holds_nm=(220.0, 520.0), slipping=(0.55, 0.8), stays_s=(40.0, 110.0))
+class DrumOnABelt(Hidden, drum=60.0, slips=0.0):
+    """slipping: friction of a belt that slips over that of one that holds.
+    Source: Rotors driven by V-belts follow up to the friction of the belt (Euler and Eytelwein; Shigley,
+    Mechanical Engineering Design, on belt drives) and slip beyond it, with less friction than before; a
+    threshing or chipping drum the driver couples for a part of the drive; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(462), self.setting.batch
+        self.turns = np.cumsum(rng.uniform(0.5, 1.5, (batch, 24)) * self.p.stays_s, axis=1)
+        self.first = rng.integers(0, 2, batch)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        on = (self.first + (self.turns < view.time).sum(axis=1)) % 3 < 2
+        away = view.engine_speed - s.drum
+        most = p.holds_nm * np.where(s.slips > 0.0, p.slipping, 1.0) * on
+        torque = np.clip(p.kgm2 * away / 0.1, -most, most)
+        s.slips = (np.abs(away) > np.where(s.slips > 0.0, 0.4, most * 0.1 / p.kgm2)).astype(float)
+        s.drum = np.maximum(s.drum + dt * (torque / p.kgm2 - s.drum / 40.0), 0.0)
+        return -self.at_wheels(view, torque) * (view.speed > 1.5)
+
+
+@law("rotor_behind_a_coupling", "sixth", "suburban hills")
+@sizes(kgm2=(7.0, 13.0), coupling_nm=(700.0, 1900.0), windage_nm=(5.0, 25.0))
+class RotorBehindACoupling(Hidden, rotor=-1.0):
+    """Both at 150 rad/s apart from rest: the faster the engine, the firmer the coupling.
+    Source: A heavy rotor behind a hydrodynamic coupling on the power take-off: its torque goes with the
+    difference of the squares of both speeds (Föttinger's similarity; Dubbel, Taschenbuch für den
+    Maschinenbau, on hydrodynamic couplings); chippers and blowers, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.rotor = np.where(s.rotor < 0.0, view.engine_speed, s.rotor)
+        torque = p.coupling_nm * (view.engine_speed**2 - s.rotor**2) / 150.0**2
+        holds = p.windage_nm * (s.rotor / 150.0) ** 2
+        s.rotor = np.maximum(s.rotor + dt * (torque - holds) / p.kgm2, 0.0)
+        return -self.at_wheels(view, torque) * (view.speed > 1.5)
+
+
+@law("flywheel_behind_an_induction_coupling", "seventh", "suburban hills")
+@sizes(share=(0.22, 0.42), most=(0.018, 0.036), slip_mps=(0.25, 0.9), rubs_s=(60.0, 200.0))
+class FlywheelBehindAnInductionCoupling(Hidden, rim=-1.0):
+    """`rim` m/s of the flywheel as at the road: gentle changes carry it along, hard ones leave it behind.
+    share: of the mass, as it is felt at the road; most: of the weight, at the pull-out slip.
+    Source: Rolls and flywheels coupled to axles on vehicle benches; an induction coupling's torque over slip
+    after Kloss (Fitzgerald, Kingsley and Umans, Electric Machinery, on induction machines): it rises to the
+    pull-out slip and falls beyond; a towed generator's flywheel."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.rim = np.where(s.rim < 0.0, view.speed, s.rim)
+        slip = (view.speed - s.rim) / p.slip_mps
+        pulls = p.most * 2.0 * slip / (1.0 + slip**2) * weight(view) * (view.speed > 1.0)
+        s.rim = np.maximum(s.rim + dt * (pulls / (p.share * view.mass) - s.rim / p.rubs_s), 0.0)
+        return -pulls

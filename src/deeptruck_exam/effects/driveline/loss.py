@@ -1,0 +1,130 @@
+"""Losses between flywheel and wheel."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="driveline_loss", accepts="torque_gain")
+
+
+@law("driveline_loss", "first")
+@sizes(mesh=(0.05, 0.11), churning_n=(100.0, 500.0))
+class MeshAndChurning(Hidden):
+    """churning_n: churning at 20 m/s.
+    Source: ISO/TR 14179-2 mesh losses in proportion to load, either way; Changenet and Velex, J. Mech. Des.
+    129 (2007): churning with the power 1.5 of speed."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        churning = p.churning_n * np.maximum(view.speed / 20.0, 0.0) ** 1.5
+        return -(p.mesh * np.abs(view.traction_force) + churning) * moving(view)
+
+
+@law("countershaft_and_hypoid", "second")
+@sizes(countershaft=(0.06, 0.12), axle=(0.02, 0.05), coast=(1.5, 3.0), cold_nm=(30.0, 90.0))
+@sizes(heat_j=(0.6e6, 2.0e6))
+class CountershaftAndHypoid(Hidden, heat=0.0):
+    """cold_nm: at the flywheel.
+    Source: Naunheimer, Bertsche, Ryborz and Novak, Automotive Transmissions (2011), on losses: the direct
+    gear passes no mesh of the countershaft, the others two; hypoid axles lose more on the coast flank; drag
+    of cold oil falls as the loss itself heats it; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        direct = np.abs(view.ratio / self.truck.final_drive - 1.0) < 0.05
+        share = p.axle * np.where(view.traction_force < 0.0, p.coast, 1.0) + p.countershaft * ~direct
+        cold = self.at_wheels(view, p.cold_nm * np.exp(-s.heat))
+        lost = share * np.abs(view.traction_force) + cold
+        s.heat += dt * lost * np.maximum(view.speed, 0.0) / p.heat_j
+        return -lost * moving(view)
+
+
+@law("standard_losses", "third", accepts="torque_gain engine_friction")
+@sizes(constant_nm=(20.0, 60.0), per_1000rpm_nm=(25.0, 75.0), share=(0.03, 0.08))
+class StandardLosses(Hidden):
+    """drag before the gearbox is drag of the engine.
+    Source: Commission Regulation (EU) 2017/2400, annex VI (VECTO): torque loss at the input shaft as a
+    constant, a part linear in its speed and a share of the torque carried; several times the standard values,
+    as of worn bearings and wrong oil."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        drag = p.constant_nm + p.per_1000rpm_nm * view.engine_speed / 104.7
+        lost = self.at_wheels(view, drag) + p.share * np.maximum(view.traction_force, 0.0)
+        return -lost * moving(view)
+
+
+@law("palmgren_and_cold_sumps", "fourth")
+@sizes(cold_n=(1000.0, 2200.0), thins=(1.8, 2.8), load=(0.04, 0.09), warms_j=(1.0e6, 3.5e6))
+class PalmgrenAndColdSumps(Hidden):
+    """Some drives start with the sumps warm from the last. cold_n: of a 20 t truck at 20 m/s.
+    Source: Palmgren, Grundlagen der Wälzlagertechnik: friction of bearings as the power 2/3 of viscosity
+    times speed and a part with the load; viscosity of 75W-90 falls tenfold as a sump warms by its own losses;
+    too much oil of the wrong grade, sizes chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"warm": self.rng(330).uniform(0.0, 0.6, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        size, speed = np.clip(view.mass / 2.0e4, 0.5, 1.6), np.maximum(view.speed, 0.0)
+        viscous = p.cold_n * size * np.exp(-p.thins * s.warm) * (speed / 20.0) ** (2.0 / 3.0)
+        lost = viscous + p.load * np.abs(view.traction_force)
+        s.warm += dt * (lost * speed / (p.warms_j * size) * (1.0 - s.warm) - s.warm / 1800.0)
+        return -lost * moving(view)
+
+
+@law("sliding_of_the_teeth", "fifth")
+@sizes(mesh=(0.05, 0.09), per_decade=(0.25, 0.5), seals_n=(120.0, 420.0), warms_s=(150.0, 420.0))
+class SlidingOfTheTeeth(Hidden):
+    """mesh: at 10 m/s with cold oil; it grows as the oil thins.
+    Source: Benedict and Kelley, Instantaneous Coefficients of Gear Tooth Friction, ASLE Trans. 4 (1961):
+    friction of the mesh falls with the logarithm of sliding speed and viscosity, so that slow and hot gears
+    lose the larger share; drag of seals beside it; a worn hypoid axle, sizes chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"warm": self.rng(461).uniform(0.0, 0.8, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        load = np.abs(view.traction_force)
+        s.warm += dt * (np.clip(load * speed / 1.5e5, 0.0, 1.5) - s.warm) / p.warms_s
+        decades = np.log10(10.0 / np.maximum(speed, 0.8)) + 0.8 * s.warm
+        share = p.mesh * np.clip(1.0 + p.per_decade * decades, 0.4, 2.2)
+        return -(share * load + p.seals_n * np.exp(-0.7 * s.warm)) * moving(view)
+
+
+@law("joint_at_an_angle", "sixth")
+@sizes(friction=(0.05, 0.09), winds=(2.0, 6.0), levels_s=(10.0, 35.0), hangs=(0.15, 0.4))
+class JointAtAnAngle(Hidden, levelled=0.0):
+    """Pulling bends the joint, coasting straightens it; after a long climb it is as at rest. friction: of the
+    pull, at the angle at rest; winds: of the angle at rest, by a pull of a tenth of the weight; hangs: of the
+    angle, by what the springs do not level.
+    Source: Universal Joint and Driveshaft Design Manual (SAE Advances in Engineering 7): a joint's friction
+    grows with torque and angle, and the axle's nose turns up under torque until the levelling of the air
+    springs has made up for it; dry needles, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        turned = p.winds * np.clip(10.0 * view.traction_force / weight(view), -1.0, 2.0)
+        s.levelled += dt * ((1.0 - p.hangs) * turned - s.levelled) / p.levels_s
+        angle = np.clip(np.abs(1.0 + turned - s.levelled), 0.0, 4.0)
+        return -np.minimum(p.friction * angle, 0.35) * np.abs(view.traction_force) * moving(view)
+
+
+@law("oil_is_flung_up", "seventh")
+@sizes(churns=(0.008, 0.018), rubs=(0.05, 0.14), flung_m=(250, 700), returns_s=(12, 40))
+class OilIsFlungUp(Hidden, sump=1.0):
+    """Slow driving and stops fill the sump; fast driving trades churning for rubbing. churns: of the weight,
+    full sump at 15 m/s; rubs: of the pull, dry; flung_m: at 15 m/s.
+    Source: Regulation (EU) 2017/2400, annexes VI and VII, loss maps of gearboxes and axles, and Niemann and
+    Winter, Maschinenelemente, on churning: a full sump costs torque with speed, an empty one makes teeth rub
+    more; gears fling the oil up and it comes back in its own time."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        turns = np.clip(view.speed / 15.0, 0.0, 2.0)
+        flung = s.sump * np.maximum(view.speed, 0.0) * turns / p.flung_m
+        s.sump = np.clip(s.sump + dt * ((1.0 - s.sump) / p.returns_s - flung), 0.0, 1.0)
+        churns = p.churns * s.sump * turns * weight(view)
+        return -(churns + p.rubs * (1.0 - s.sump) * np.abs(view.traction_force)) * moving(view)

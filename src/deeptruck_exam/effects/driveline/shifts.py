@@ -1,0 +1,170 @@
+"""Torque that is interrupted by shifts."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="shift_interruption")
+
+
+@law("shift_interruption", "first", "suburban hills")
+@sizes(hold_s=(0.3, 0.9), return_s=(0.4, 1.0))
+class LateReturn(Hidden, since=99.0, gear=-1.0):
+    """Source: Pettersson and Nielsen, Gear Shifting by Engine Control, IEEE Trans. Control Syst. Technol. 8
+    (2000): torque held off until driveline oscillation has died; hold and raised-cosine return are chosen
+    here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        changed = (s.gear >= 0.0) & (view.gear != s.gear)
+        s.since = np.where(changed | (view.shifting > 0.0), 0.0, s.since + dt)
+        s.gear = view.gear.copy()
+        back = np.clip((s.since - p.hold_s) / p.return_s, 0.0, 1.0)
+        held = 0.5 * (1.0 + np.cos(np.pi * back))
+        return -held * np.maximum(view.traction_force, 0.0)
+
+
+@law("clutch_meters_in", "second", "suburban hills")
+@sizes(sync_s=(0.6, 1.8), metered=(0.25, 0.7), down=(1.0, 2.0))
+class ClutchMetersIn(Hidden, ratio=0.0, open=0.0, carried=1000000.0):
+    """sync_s: open for each unit of the logarithm of the step; metered: share of 0.1 g a second.
+    Source: Friction phase of a launch clutch after a change: speed difference of the step times engine
+    inertia over the clutch's slope, Naunheimer et al., Automotive Transmissions (2011), on shifting elements;
+    torque returns at a metered rate, numbers chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        engaged = (view.shifting == 0.0) & (view.ratio > 0.0)
+        step = np.log(np.maximum(view.ratio, 0.1) / np.where(s.ratio > 0.0, s.ratio, view.ratio + 0.1))
+        changed = engaged & (s.ratio > 0.0) & (np.abs(step) > 0.02)
+        wait = p.sync_s * np.abs(step) * np.where(step > 0.0, p.down, 1.0)
+        s.open = np.where(changed, np.minimum(wait, 1.5), np.maximum(s.open - dt * engaged, 0.0))
+        s.ratio = np.where(engaged, view.ratio, s.ratio)
+        rate = p.metered * view.mass
+        s.carried = np.where(s.open > 0.0, 0.0, np.minimum(s.carried + rate * dt, 1e6))
+        pull = view.traction_force
+        return (np.clip(pull, -s.carried, s.carried) - pull) * engaged * moving(view)
+
+
+@law("dogs_miss", "third", "suburban hills")
+@sizes(odds=(0.45, 0.8), again_s=(0.8, 2.2), quick_s=(0.1, 0.35), back_s=(0.25, 0.6))
+class DogsMiss(Hidden):
+    """Source: Dog clutches that meet tooth on tooth and are tried again (Naunheimer, Bertsche, Ryborz and
+    Novak, Automotive Transmissions, 2011, on gear shifting mechanisms): most changes are quick, some are not,
+    by chance; odds and times are chosen here."""
+
+    def prepare(self) -> None:
+        rng, shape = self.rng(220), (self.setting.batch, 600)
+        missed = rng.random(shape) < self.p.odds
+        self.wait = np.where(missed, self.p.again_s * rng.uniform(0.5, 1.3, shape), self.p.quick_s)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {
+            "gear": np.full(batch, -1.0),
+            "changes": np.zeros(batch, int),
+            "open": np.zeros(batch),
+            "share": np.ones(batch),
+        }
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        changed = (s.gear >= 0.0) & (view.gear != s.gear)
+        s.gear = view.gear.copy()
+        s.changes = (s.changes + changed) % self.wait.shape[1]
+        wait = self.wait[np.arange(len(changed)), s.changes]
+        s.open = np.where(changed, wait, np.maximum(s.open - dt * (view.shifting == 0.0), 0.0))
+        s.share = np.where(s.open > 0.0, 0.0, s.share + dt * (1.0 - s.share) / p.back_s)
+        return -(1.0 - s.share) * np.maximum(view.traction_force, 0.0)
+
+
+@law("shifts_short_of_air", "fourth", "suburban hills")
+@sizes(draws=(0.10, 0.20), refills_s=(15.0, 40.0), dwell_s=(0.15, 0.4), ramp_s=(0.5, 1.3))
+class ShiftsShortOfAir(Hidden):
+    """draws: of the reservoir; dwell_s: with full pressure.
+    Source: Pneumatic shift cylinders of automated gearboxes fed by a small reservoir (service bulletins on
+    slow shifts at low supply pressure): every change draws air, and the next is slower the sooner it comes;
+    torque returns along a straight ramp; volumes and times are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        air = self.rng(331).uniform(0.6, 1.0, batch)
+        return {"gear": np.full(batch, -1.0), "air": air, "wait": np.zeros(batch), "share": np.ones(batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        changed = (s.gear >= 0.0) & (view.gear != s.gear)
+        s.gear = view.gear.copy()
+        s.air = np.clip(s.air + dt * (1.0 - s.air) / p.refills_s - p.draws * changed, 0.4, 1.0)
+        s.wait = np.where(changed, p.dwell_s / s.air**2, np.maximum(s.wait - dt, 0.0))
+        s.share = np.where(s.wait > 0.0, 0.0, np.minimum(s.share + dt / p.ramp_s, 1.0))
+        return -(1.0 - s.share) * np.maximum(view.traction_force, 0.0)
+
+
+@law("gearbox_brake_in_cold_oil", "fifth", "suburban hills")
+@sizes(per_step_s=(0.3, 0.7), down=(1.3, 2.2), returns_s=(0.5, 1.2), worn=(0.5, 1.6), warms_s=(90.0, 240.0))
+class GearboxBrakeInColdOil(Hidden, gear=0.0, since=1000.0, dwell=0.0, warm=0.0):
+    """per_step_s: beyond the known time of a change, for each gear that is passed. worn: longer when the oil
+    is warm.
+    Source: Unsynchronised automated gearboxes (Naunheimer, Bertsche, Ryborz and Novak, Automotive
+    Transmissions, 2011, on central synchronisation): the countershaft has to change speed by the step,
+    quickly upwards in thick oil and slowly downwards; torque returns as half a cosine; a worn gearbox brake,
+    times are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        steps = view.gear - s.gear
+        changed = (steps != 0.0) & (s.gear > 0.0) & (view.speed > 1.0)
+        up = 1.0 + p.worn * s.warm
+        pace = np.where(steps > 0.0, up, p.down)
+        wait = np.minimum(p.per_step_s * np.sqrt(np.abs(steps)) * pace, 1.8)
+        s.dwell = np.where(changed, wait, s.dwell)
+        s.since = np.where(changed, 0.0, s.since + dt * (1.0 - view.shifting))
+        s.gear = view.gear.copy()
+        s.warm = s.warm + dt * (1.0 - s.warm) / p.warms_s
+        back = np.clip((s.since - s.dwell) / p.returns_s, 0.0, 1.0)
+        missing = 0.5 * (1.0 + np.cos(np.pi * back))
+        return -missing * np.maximum(view.traction_force, 0.0) * moving(view)
+
+
+@law("foot_after_the_lever", "sixth", "suburban hills")
+@sizes(hand_s=(0.2, 0.6), foot_s=(0.5, 1.1), spread=(0.3, 0.6), hurries=(5.0, 20.0))
+class FootAfterTheLever(Hidden):
+    """The simulator knows the lever, not the foot. hurries: faster, for each unit of slope.
+    Source: People who change gears by hand come back to the pedal late and softly, no two times alike (AAMVA
+    Commercial Driver License Manual, on shifting gears; log-normal response times: Luce, Response Times,
+    1986), and hurry uphill; torque returns as a bell's flank; times are chosen here."""
+
+    def prepare(self) -> None:
+        dice = self.rng(512).standard_normal((self.setting.batch, 256))
+        self.habit = np.exp(self.p.spread * np.clip(dice, -2.0, 2.0))
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"gear": np.zeros(batch), "since": np.full(batch, 1e3), "count": np.zeros(batch, int)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        changed = (view.gear != s.gear) & (s.gear > 0.0) & (view.speed > 1.0)
+        s.count = (s.count + changed) % 256
+        s.since = np.where(changed, 0.0, s.since + dt * (1.0 - view.shifting))
+        s.gear = view.gear.copy()
+        pace = self.habit[np.arange(len(s.count)), s.count] / (1.0 + p.hurries * np.maximum(view.grade, 0.0))
+        back = np.maximum(s.since - p.hand_s * pace, 0.0) / (p.foot_s * pace)
+        return -np.exp(-(back**2)) * np.maximum(view.traction_force, 0.0) * moving(view)
+
+
+@law("torque_back_by_a_ramp", "seventh", "suburban hills")
+@sizes(ramp_per_s=(0.16, 0.4), waits_s=(0.1, 0.5), down_s=(0.3, 1.0))
+class TorqueBackByARamp(Hidden, gear=0.0, wait=0.0, given=2.0):
+    """`given` over peak torque: what the ramp has reached.
+    Source: Shift quality on proving grounds (Naunheimer and others, Automotive Transmissions, 2011, on
+    automated manual gearboxes): after a change torque comes back by so many newton metres a second, so that
+    the more is asked the longer it takes; a downward change is matched longer."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        changed = (view.gear != s.gear) & (s.gear > 0.0) & (view.speed > 1.0)
+        wait = p.waits_s + p.down_s * (view.gear < s.gear)
+        s.wait = np.where(changed, wait, np.maximum(s.wait - dt * (1.0 - view.shifting), 0.0))
+        s.gear = view.gear.copy()
+        rises = dt * p.ramp_per_s * (s.wait <= 0.0) * (1.0 - view.shifting)
+        s.given = np.where(changed, 0.05, np.minimum(s.given + rises, 2.0))
+        missing = np.maximum(view.engine_torque / self.truck.peak_torque - s.given, 0.0)
+        return -self.at_wheels(view, missing * self.truck.peak_torque) * moving(view)

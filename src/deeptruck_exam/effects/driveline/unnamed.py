@@ -1,0 +1,109 @@
+"""Shafts, axles and joints in ways the tool has no name for."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.places import Bends
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="unknown")
+
+
+@law("torsional_band_loss", "first", "suburban highway hills")
+@sizes(centre_rpm=(1150.0, 1500.0), width_rpm=(60.0, 140.0), loss=(0.18, 0.40))
+class ResonanceBand(Hidden):
+    """Source: Driveline resonance in a band of engine speeds (Kiencke and Nielsen, Automotive Control
+    Systems, 2005, on torsional drivelines); the torque lost in the band is chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        rpm = view.engine_speed * 30.0 / np.pi
+        near = 1.0 / (1.0 + ((rpm - p.centre_rpm) / p.width_rpm) ** 4)
+        lost = p.loss * near * (np.abs(view.engine_torque) + 80.0)
+        return -self.at_wheels(view, lost) * moving(view)
+
+
+@law("eco_roll", "first", "hills highway descent")
+@sizes(from_mps=(9.0, 14.0), share=(0.8, 1.0), after_s=(0.6, 1.6))
+class EcoRoll(Hidden, closed=0.0):
+    """Source: Neutral coasting at a closed throttle, as look-ahead controls exploit it (Hellström, Åslund and
+    Nielsen, Control Engineering Practice 18, 2010); thresholds are chosen here."""
+
+    conceal = ("gear", "engine_speed", "engine_torque")
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        closed = (view.u[:, 0] <= 0.01 * self.truck.full_command) & (view.u[:, 1] <= 0.01)
+        s.closed = np.where(closed & (view.speed > p.from_mps), s.closed + dt, 0.0)
+        rolling = np.clip((s.closed - p.after_s) / 0.5, 0.0, 1.0)
+        return p.share * rolling * np.maximum(-view.traction_force, 0.0)
+
+
+@law("stepping_suspension_lock", "first", "suburban hills")
+@sizes(yield_n=(900.0, 2600.0), stiffness=(0.8, 3.0))
+class DahlBushing(Hidden, held=0.0):
+    """stiffness: of yield force per m/s of speed change.
+    Source: Dahl, A Solid Friction Model, Aerospace Corp. TOR-0158 (1968), in a locked bushing: the force
+    depends on the history of acceleration, not on its value."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        limit = p.yield_n * weight(view) / 200000.0
+        rate = view.acceleration * p.stiffness
+        s.held += dt * rate * (1.0 - np.sign(rate) * s.held)
+        s.held = np.clip(s.held, -1.0, 1.0)
+        return -limit * s.held * moving(view)
+
+
+@law("bearing_runs_hot", "third", "highway hills")
+@sizes(most=(0.012, 0.028), critical_mps=(13.0, 18.0), grows_s=(12.0, 35.0), first=(0.2, 0.5))
+class BearingRunsHot(Hidden):
+    """The same speed may cost little or much: it depends on minutes of history.
+    Source: Stein and Tu, A State-Space Model for Monitoring Thermally Induced Preload in Anti-Friction
+    Spindle Bearings of High-Speed Machine Tools, J. Dyn. Sys. Meas. Control 116 (1994): heat tightens a
+    bearing and tightness heats it, so that drag grows by itself above a speed and dies below; hubs of a
+    truck, sizes chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"tight": self.p.first * self.rng(270).uniform(0.4, 1.6, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        gain = np.clip(np.maximum(view.speed, 0.0) / p.critical_mps, 0.0, 1.6) ** 2 - 1.0
+        s.tight = np.clip(s.tight + dt * gain * s.tight * (1.05 - s.tight) / p.grows_s, 0.06, 1.0)
+        return -p.most * s.tight * weight(view) * moving(view)
+
+
+@law("stuck_after_standing", "third", "suburban")
+@sizes(per_log=(0.018, 0.040), ages_s=(0.4, 1.2), way_m=(10.0, 35.0))
+class StuckAfterStanding(Hidden, stood=0.0, grip=0.0):
+    """Source: Ageing of contacts at rest with the logarithm of time (Dieterich, J. Geophys. Res. 77, 1972;
+    Rabinowicz, Friction and Wear of Materials, 1995): after every stop the truck has to break loose, over
+    some metres; sizes of wet clay and frozen seals, chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        stands = view.speed < 0.05
+        s.stood = np.where(stands, s.stood + dt, 0.0)
+        rolled = dt * np.maximum(view.speed, 0.0) / p.way_m
+        s.grip = np.where(stands, np.maximum(s.grip, np.log1p(s.stood / p.ages_s)), s.grip * (1.0 - rolled))
+        return -p.per_log * np.minimum(s.grip, 3.0) * weight(view) * moving(view)
+
+
+@law("axles_wind_up", "fifth", "suburban hills")
+@sizes(most=(0.016, 0.032), per_rad=(4.0, 10.0), unwinds_m=(80.0, 260.0), tightest=(0.004, 0.009))
+class AxlesWindUp(Bends, wound=0.0):
+    """`wound`: 1 where a tyre slips. Lifting the throttle does not unwind it, the way does. most: of the
+    weight.
+    Source: An inter-axle lock left in on a dry road: in every bend the axles turn unlike ways, the shafts
+    wind up until a tyre slips, and unwind over the straight (truck makers' warnings on differential locks;
+    Lanzer on 4WD wind-up, SAE 860241); stiffness and bends are chosen here."""
+
+    def prepare(self) -> None:
+        self.bend = self.draw_bends(self.rng(472), self.p.tightest)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        way = np.maximum(view.speed, 0.0) * dt
+        turned = p.per_rad * np.abs(self.read(self.bend, view))
+        s.wound = np.clip(s.wound + way * (turned - s.wound / p.unwinds_m), 0.0, 1.0)
+        return -p.most * s.wound**1.3 * weight(view) * moving(view)

@@ -1,0 +1,232 @@
+"""What the engine drives beside the truck: fans, compressors, generators, pumps."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_exam.effects.series import spells, within
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="accessory_load", accepts="engine_friction")
+
+
+@law("accessory_load", "first", "hills highway suburban")
+@sizes(fan_w=(18000.0, 38000.0), compressor_w=(2500.0, 5000.0), heat_s=(15.0, 45.0))
+class ThermostatFan(Hidden):
+    """fan_w at 170 rad/s engine speed.
+    Source: Fan by the affinity laws (power with speed cubed) through an on/off clutch with thermostat
+    hysteresis; compressor in load and unload cycles; powers of a heavy truck, chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        rng = self.rng(7)
+        return {
+            "heat": rng.uniform(0.0, 1.0, batch),
+            "on": np.zeros(batch),
+            "tank": rng.uniform(0.7, 1.0, batch),
+            "pumping": np.zeros(batch),
+        }
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = np.maximum(view.engine_torque, 0.0) * view.engine_speed / self.truck.peak_power
+        s.heat += dt * (0.25 + 1.2 * load - 1.1 * s.on) / p.heat_s
+        s.heat = np.clip(s.heat, 0.0, 1.2)
+        s.on = np.where(s.heat > 1.0, 1.0, np.where(s.heat < 0.35, 0.0, s.on))
+        s.tank -= dt * (0.004 + 0.03 * np.clip(view.brake_force / 2e4, 0.0, 1.0) - 0.02 * s.pumping)
+        s.pumping = np.where(s.tank < 0.75, 1.0, np.where(s.tank > 0.95, 0.0, s.pumping))
+        w = np.maximum(view.engine_speed, 40.0)
+        torque = s.on * p.fan_w * w**2 / 170.0**3 + s.pumping * p.compressor_w / w
+        return -self.at_wheels(view, torque) * moving(view)
+
+
+@law("cooling_compressor", "second", "hills highway suburban")
+@sizes(torque_nm=(130.0, 300.0), on_s=(25.0, 70.0), off_s=(20.0, 60.0), surge=(0.2, 0.6))
+class CoolingCompressor(Hidden, torque=0.0):
+    """Works in its own rhythm, whatever the truck does.
+    Source: Transport refrigeration or a vacuum pump of fixed displacement on the engine: torque does not
+    depend on speed, and running is timed by the load's own heat; duty, surge and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(141), self.setting.batch
+        self.first = rng.uniform(0.0, self.p.on_s + self.p.off_s, batch)
+        self.pace = rng.uniform(0.85, 1.2, batch)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        within = (self.first + self.pace * view.time) % (p.on_s + p.off_s)
+        surge = 1.0 + p.surge * np.exp(-within / 3.0)
+        wanted = np.where(within < p.on_s, p.torque_nm * surge, 0.0)
+        s.torque += dt * (wanted - s.torque) / 0.7
+        return -self.at_wheels(view, s.torque) * moving(view)
+
+
+@law("mixer_drum", "third", "hills highway suburban")
+@sizes(power_w=(14000.0, 30000.0), stiffens=(0.1, 0.5), fast=(1.3, 1.8), each_s=(50.0, 90.0))
+class MixerDrum(Hidden):
+    """A light truck has a small drum.
+    Source: Hydrostatic drive of a constant power, torque in inverse proportion to engine speed (Automotive
+    Handbook, Bosch, on hydrostatic transmissions); a mixer drum whose concrete stiffens, with minutes of fast
+    turning; powers and times chosen here."""
+
+    def prepare(self) -> None:
+        self.first = self.rng(212).uniform(0.0, 1.0, self.setting.batch)
+        self.power = self.p.power_w * np.clip(self.truck.mass / 2.0e4, 0.5, 1.6)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        fast = (view.time / p.each_s + self.first) % 1.0 < 0.35
+        stiff = 1.0 + p.stiffens * view.time / self.setting.duration_s
+        watts = self.power * stiff * np.where(fast, p.fast, 1.0)
+        torque = np.minimum(watts / np.maximum(view.engine_speed, 60.0), 0.10 * self.truck.peak_torque)
+        return -self.at_wheels(view, torque) * moving(view)
+
+
+@law("viscous_fan", "fourth", "hills highway suburban")
+@sizes(fan_nm=(260.0, 430.0), pumps_s=(25.0, 60.0), heats_s=(25.0, 60.0), engages=(0.30, 0.42))
+class ViscousFan(Hidden):
+    """fan_nm: locked at 1700 rpm; pumps_s at 1000 rpm.
+    Source: Viscous fan clutches (suppliers' service literature): after standing the coupling is full of fluid
+    and the fan locks until it has been pumped out, the faster the engine turns; later it engages by the air's
+    heat with hysteresis; torque with fan speed squared; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {
+            "fluid": self.rng(350).uniform(0.5, 1.0, batch),
+            "heat": np.full(batch, 0.25),
+            "valve": np.zeros(batch),
+        }
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        watts = np.maximum(view.engine_torque, 0.0) * view.engine_speed / self.truck.peak_power
+        ram = 0.2 * np.clip(view.speed / 20.0, 0.0, 1.3)
+        s.heat += dt * (0.25 + np.minimum(watts, 1.0) - ram - 0.25 * s.fluid - s.heat) / p.heats_s
+        s.valve = np.where(s.heat > p.engages, 1.0, np.where(s.heat < p.engages - 0.12, 0.0, s.valve))
+        pumps = view.engine_speed / 104.7 / p.pumps_s
+        s.fluid += dt * np.where(s.valve > 0.0, (1.0 - s.fluid) / 4.0, -pumps * (s.fluid - 0.08))
+        slips = s.fluid**0.7 * view.engine_speed / 178.0
+        return -self.at_wheels(view, p.fan_nm * slips**2) * moving(view)
+
+
+@law("packs_on_the_go", "fourth", "suburban")
+@sizes(torque_nm=(170.0, 330.0), stroke_s=(5.0, 11.0), strokes=(1.6, 3.4))
+class PacksOnTheGo(Hidden, stood=0.0, since=1000.0):
+    """Source: Refuse bodies that pack while the truck pulls away (body makers' manuals; NREL's refuse
+    vocational duty cycles): a pump of fixed displacement works one stroke after every stop, pressure rising
+    as the load is squeezed; pressures and times are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        stands = view.speed < 0.05
+        s.since = np.where(stands & (s.stood > 1.0), 0.0, s.since + dt)
+        s.stood = np.where(stands, s.stood + dt, 0.0)
+        stroke = s.since / p.stroke_s
+        works = np.floor(stroke) < np.round(p.strokes)
+        most = np.minimum(p.torque_nm, 0.14 * self.truck.peak_torque)
+        squeeze = 0.25 + 0.75 * (stroke - np.floor(stroke)) ** 2
+        return -self.at_wheels(view, most * squeeze * works) * moving(view)
+
+
+@law("charges_in_overrun", "fifth", "hills highway suburban", accepts="engine_friction engine_brake")
+@sizes(power_w=(16000.0, 32000.0), steady=(0.35, 0.7), energy_j=(0.3e6, 1.2e6), uses=(0.2, 0.4))
+class ChargesInOverrun(Hidden):
+    """uses: of the power, all the time; below a third of the buffer it charges under load too.
+    Source: Large generators for electric refrigeration and buffers charge hard while the truck coasts, not at
+    all under load, and steadily where the buffer is low (intelligent alternator control: Automotive Handbook,
+    Bosch, on energy management); torque is power over speed; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {
+            "buffer": self.rng(453).uniform(0.2, 0.7, batch),
+            "must": np.zeros(batch),
+            "torque": np.zeros(batch),
+        }
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.must = np.where(s.buffer < 0.33, 1.0, np.where(s.buffer > 0.6, 0.0, s.must))
+        coasts = view.engine_torque < 0.0
+        share = np.where(coasts, s.buffer < 0.97, p.steady * s.must)
+        most = 1.3 * p.power_w / 105.0  # N m, the belt's
+        wanted = np.minimum(share * p.power_w / np.maximum(view.engine_speed, 60.0), most)
+        s.torque += dt * (wanted - s.torque) / 0.3
+        gained = s.torque * view.engine_speed - p.uses * p.power_w
+        s.buffer = np.clip(s.buffer + dt * gained / p.energy_j, 0.0, 1.0)
+        return -self.at_wheels(view, s.torque) * moving(view)
+
+
+@law("blows_off_cement", "fifth", "hills highway suburban")
+@sizes(torque_nm=(150.0, 300.0), creeps_s=(8.0, 25.0), left=(0.3, 0.6), on_share=(0.4, 0.7))
+class BlowsOffCement(Hidden):
+    """A saw tooth of torque, in parts of the drives.
+    Source: Compressors and pumps on a clutch-independent power take-off that the driver leaves on between
+    yards (bulk and vacuum tankers, body makers' manuals): a fixed displacement against a back pressure that
+    creeps up and is blown off by a valve; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(454), self.setting.batch
+        first = rng.uniform(0.0, 0.6, batch) * self.setting.duration_s
+        self.from_s = np.where(rng.random(batch) < 0.5, 0.0, first)
+        self.until_s = self.from_s + self.p.on_share * self.setting.duration_s
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"pressure": np.full(batch, self.p.left)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        on = (self.from_s <= view.time) & (view.time < self.until_s)
+        pumped = dt * np.clip(view.engine_speed / 130.0, 0.4, 1.6) / p.creeps_s
+        s.pressure = np.where(s.pressure >= 1.0, p.left, np.minimum(s.pressure + pumped * on, 1.0))
+        return -self.at_wheels(view, p.torque_nm * s.pressure * on) * moving(view)
+
+
+@law("pumps_after_braking", "sixth", "hills highway suburban")
+@sizes(torque_nm=(90.0, 190.0), uses=(1.2, 3.5), leaks_s=(40.0, 110.0), fills_s=(12.0, 32.0))
+class PumpsAfterBraking(Hidden):
+    """air: 0 at cut-in, 1 at cut-out. uses: of the difference between cut-in and cut-out, by one full
+    application; fills_s: at 130 rad/s.
+    Source: Compressors run from cut-in to cut-out, as long as brakes, air springs and leaks have used (FMVSS
+    121 S5.1 on build-up; Automotive Handbook, Bosch, on air supply): after every hard use, and longer at low
+    engine speed; large compressors of a train with a burst bellows, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.first = self.rng(514).uniform(0.0, 1.0, self.setting.batch)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        zero = np.zeros(batch)
+        return {"air": self.first.copy(), "on": (self.first < 0.5).astype(float), "was": zero}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = view.brake_force / self.truck.brake_capacity
+        used = p.uses * np.maximum(asked - s.was, 0.0) + dt / p.leaks_s
+        s.was = asked
+        s.on = np.where(s.air <= 0.0, 1.0, np.where(s.air >= 1.0, 0.0, s.on))
+        pumped = dt * s.on * np.clip(view.engine_speed / 130.0, 0.4, 1.6) / p.fills_s
+        s.air = np.clip(s.air + pumped - used, -1.0, 1.0)
+        torque = p.torque_nm * (0.8 + 0.2 * s.air) * s.on
+        return -self.at_wheels(view, torque) * moving(view)
+
+
+@law("fan_clutch_on_and_off", "seventh", "hills highway suburban")
+@sizes(torque_nm=(190.0, 330.0), on=(0.16, 0.34), off=(0.4, 0.75), warms_s=(12.0, 35.0))
+class FanClutchOnAndOff(Hidden):
+    """The fan itself cools, and so does the wind of driving. torque_nm: at 200 rad/s; on: coolant, as the
+    mean of power over the most; off: of that.
+    Source: SAE J1342, Test Methods for Determining Power Consumption of Engine Cooling Fan-Drive Systems: a
+    fan behind a clutch that is on or off takes torque with speed squared; on by coolant, off well below, and
+    for the air conditioning's pressure; a large fan."""
+
+    def prepare(self) -> None:
+        rng = self.rng(702)
+        self.cools_cab = spells(rng, self.setting.batch, (8.0, 16.0), (25.0, 70.0))
+
+    def start(self, batch: int) -> dict[str, Array]:
+        zero = np.zeros(batch)
+        return {"coolant": zero + 0.8 * self.p.on, "on": zero, "grips": zero.copy()}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        power = np.maximum(view.engine_torque, 0.0) * view.engine_speed / self.truck.peak_power
+        wind = 1.0 + 0.3 * np.clip(view.speed / 20.0, 0.0, 1.3) + 0.9 * s.on
+        s.coolant += dt * (1.3 * power - wind * s.coolant) / p.warms_s
+        s.on = np.where(s.coolant > p.on, 1.0, np.where(s.coolant < p.off * p.on, 0.0, s.on))
+        wanted = np.maximum(s.on, within(self.cools_cab, view.time))
+        s.grips += dt * (wanted - s.grips) / 0.8
+        torque = p.torque_nm * s.grips * (view.engine_speed / 200.0) ** 2
+        return -self.at_wheels(view, torque) * moving(view)

@@ -1,0 +1,177 @@
+"""Torque that is taken back while something is too hot, too cold or too empty."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_exam.effects.series import some_drives
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="torque_derate", accepts="torque_gain")
+
+
+@law("torque_derate", "first", "hills highway")
+@sizes(depth=(0.20, 0.45), from_k=(6.0, 14.0), span_k=(6.0, 14.0), block_s=(60.0, 140.0))
+class CoolantDerate(Hidden, block=0.0, coolant=0.0):
+    """Temperatures in K above the thermostat.
+    Source: Protection derate: a diesel cuts fuelling in proportion above a coolant temperature; coolant and
+    block as two thermal masses with ram-air cooling; structure and numbers are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = np.maximum(view.engine_torque, 0.0) * view.engine_speed / self.truck.peak_power
+        s.block += dt * (60.0 * load - (s.block - s.coolant)) / p.block_s * 2.0
+        cooling = s.coolant * (0.4 + view.speed / 20.0)
+        s.coolant += dt * ((s.block - s.coolant) - cooling) / 30.0
+        cut = p.depth * np.clip((s.coolant - p.from_k) / p.span_k, 0.0, 1.0)
+        return -self.at_wheels(view, cut * np.maximum(view.engine_torque, 0.0))
+
+
+@law("staged_protection", "second", "hills suburban")
+@sizes(step=(0.20, 0.38), limit=(0.17, 0.33), band=(0.12, 0.3), soak_s=(18.0, 45.0))
+class StagedProtection(Hidden):
+    """Charge-air heat: 1 for full power at walking pace.
+    Source: Derates of engine protection come as a step, over a ramp, and stay until well below the limit;
+    heat soak of the charge air in slow driving, steps and limits are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {
+            "heat": self.rng(140).uniform(0.0, 0.3, batch),
+            "on": np.zeros(batch),
+            "cut": np.zeros(batch),
+        }
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        power = np.maximum(view.engine_torque, 0.0) * view.engine_speed / self.truck.peak_power
+        through = 1.0 + np.maximum(view.speed, 0.0) / 25.0  # ram air
+        s.heat += dt * (1.4 * power / through - s.heat) / p.soak_s
+        s.on = np.where(s.heat > p.limit, 1.0, np.where(s.heat < p.limit * (1.0 - p.band), 0.0, s.on))
+        s.cut += np.clip(p.step * s.on - s.cut, -0.10 * dt, 0.10 * dt)
+        return -self.at_wheels(view, s.cut * np.maximum(view.engine_torque, 0.0))
+
+
+@law("clogged_filter", "third", "hills highway")
+@sizes(depth=(0.35, 0.60), flow_power=(0.6, 1.2), loads_s=(150.0, 400.0), burns=(0.5, 2.0))
+class CloggedFilter(Hidden):
+    """Every drive begins with the soot of the last; it burns while much is asked.
+    Source: Back pressure of a loaded particulate filter, Konstandopoulos and others, Fundamental Studies of
+    Diesel Particulate Filters, SAE 2000-01-1016: resistance of the soot times the flow; loss of torque with
+    back pressure, loading and burning off are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"soot": self.rng(210).uniform(0.35, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        flow = np.clip(self.power_share(view), 0.0, 1.2)
+        burning = p.burns * np.clip((flow - 0.7) / 0.2, 0.0, 1.0) * s.soot
+        s.soot = np.clip(s.soot + dt * (0.3 + flow - 2.0 * burning) / p.loads_s, 0.1, 1.0)
+        cut = p.depth * s.soot * flow**p.flow_power
+        return -self.at_wheels(view, cut * np.maximum(view.engine_torque, 0.0))
+
+
+@law("inducement", "fourth", "hills highway")
+@sizes(depth=(0.25, 0.45), per_s=(0.006, 0.02), share_of_drives=(0.5, 0.75))
+class Inducement(Hidden):
+    """A drive begins with the step that the last one ended with, or with none.
+    Source: Inducement after a fault of the urea system (40 CFR 86.007-11; UN Regulation No. 49, annex 11:
+    torque less by a quarter): comes during a drive, along a ramp, and stays until the key is turned; moments
+    and ramps chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(340), self.setting.batch
+        drives = some_drives(rng, batch, self.p.share_of_drives)
+        first = np.where(rng.random(batch) < 0.4, -1e3, rng.uniform(0.05, 0.55, batch))
+        self.from_s = np.where(drives, first * self.setting.duration_s, np.inf)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        since = np.maximum(view.time - self.from_s, 0.0)
+        cut = np.minimum(p.per_s * since, p.depth)
+        return -self.at_wheels(view, cut * np.maximum(view.engine_torque, 0.0))
+
+
+@law("hot_intake", "fourth", "suburban hills")
+@sizes(soak_k=(80.0, 130.0), exponent=(1.2, 2.0), soaks_s=(20.0, 50.0), fresh_mps=(4.5, 9.0))
+class HotIntake(Hidden):
+    """Source: ISO 3046-1: power with a power of the intake temperature; an intake behind the cab breathes the
+    engine's own heat while the truck stands or crawls and fresh air once it moves; heat and exponent are
+    chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"hot": self.rng(341).uniform(0.0, 0.8, batch) * self.p.soak_k}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        watts = np.maximum(view.engine_torque, 0.0) * view.engine_speed / self.truck.peak_power
+        recirculated = np.exp(-((np.maximum(view.speed, 0.0) / p.fresh_mps) ** 2))
+        wanted = p.soak_k * (recirculated + 0.5 * np.minimum(watts, 1.0) * (0.3 + 0.7 * recirculated))
+        s.hot += dt * (wanted - s.hot) / np.where(wanted > s.hot, p.soaks_s, 1.6 * p.soaks_s)
+        left = (298.0 / (298.0 + s.hot)) ** p.exponent
+        return -self.at_wheels(view, (1.0 - left) * np.maximum(view.engine_torque, 0.0))
+
+
+@law("wax_in_the_filter", "fifth", "hills highway")
+@sizes(depth=(0.35, 0.6), clogs_s=(12.0, 35.0), clears_s=(40.0, 110.0), starves=(0.25, 0.5))
+class WaxInTheFilter(Hidden):
+    """starves: power, of the engine's most, that fresh wax still lets through.
+    Source: Waxing of diesel below its cloud point (EN 116, cold filter plugging): the filter passes less the
+    more has flowed, warm return fuel clears it again, and rail pressure falls with what is lacking (workshop
+    notes on loss of power in frost); rates and sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"wax": self.rng(451).uniform(0.0, 0.6, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        torque = np.maximum(view.engine_torque, 0.0)
+        flow = np.clip(torque * view.engine_speed / self.truck.peak_power, 0.0, 1.2)
+        grows = np.maximum(flow - p.starves * s.wax, 0.0) * (1.0 - s.wax) / p.clogs_s
+        s.wax = np.clip(s.wax + dt * (grows - s.wax * (1.2 - flow) / p.clears_s), 0.0, 1.0)
+        lost = p.depth * s.wax * np.clip(flow / p.starves, 0.0, 1.5) / 1.5
+        return -self.at_wheels(view, lost * torque)
+
+
+@law("bank_trips", "sixth", "hills highway")
+@sizes(share=(0.22, 0.40), early=(0.66, 0.82), warms_s=(10.0, 28.0), rests_s=(0.6, 2.5))
+class BankTrips(Hidden):
+    """Whoever lifts his foot has all cylinders again. early: 1 less the mean of power over the most that it
+    bears.
+    Source: Control units cut a bank of injectors whose driver or harness runs hot, and try again after the
+    pedal has been closed (Diesel-Engine Management, Bosch, on monitoring and substitute functions); the trip
+    as of a thermal cut-out, by the square of the load over time; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        zero = np.zeros(batch)
+        return {"heat": zero + 0.02, "out": zero.copy(), "rests": zero.copy()}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        torque = np.maximum(view.engine_torque, 0.0)
+        power = np.clip(torque * view.engine_speed / self.truck.peak_power, 0.0, 1.2)
+        s.heat += dt * (power**2 - s.heat) / p.warms_s
+        trips = (1.0 - p.early) ** 2
+        closed = (view.u[:, 0] < 0.02 * self.truck.full_command) & (view.shifting < 0.5)
+        s.rests = np.where(closed, s.rests + dt, 0.0)
+        again = s.rests > p.rests_s
+        s.out = np.where(again, 0.0, np.where(s.heat > trips, 1.0, s.out))
+        s.heat = np.where(again, np.minimum(s.heat, 0.5 * trips), s.heat)
+        return -self.at_wheels(view, p.share * s.out * torque)
+
+
+@law("turbine_inlet_kept_cool", "seventh", "hills highway")
+@sizes(limit=(0.12, 0.26), metal_s=(5.0, 16.0), takes=(0.08, 0.2), most=(0.35, 0.55))
+class TurbineInletKeptCool(Hidden, metal=0.15, cut=0.0):
+    """Low engine speed is hotter for the same torque: less air for it. limit: of the rise at full torque;
+    takes: share of torque a second, for each unit above.
+    Source: Limits of exhaust temperature ahead of the turbine (Diesel-Engine Management, Bosch, on limitation
+    of injected quantity): an integral control takes fuel while the metal is too hot and gives it back
+    slowly."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        torque = np.maximum(view.engine_torque, 0.0)
+        load = (1.0 - s.cut) * torque / self.truck.peak_torque
+        gas = load * np.clip(130.0 / np.maximum(view.engine_speed, 60.0), 0.6, 1.5) ** 0.6
+        s.metal += dt * (gas - s.metal) / p.metal_s
+        over = s.metal - p.limit
+        change = np.where(over > 0.0, p.takes * over / p.limit, -0.012)
+        s.cut = np.clip(s.cut + dt * change, 0.0, p.most)
+        return -self.at_wheels(view, s.cut * torque)

@@ -1,0 +1,160 @@
+"""Friction of the engine that the simulator does not know."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="engine_friction", accepts="engine_brake accessory_load")
+
+
+@law("engine_friction", "first")
+@sizes(cold_c=(-20.0, 10.0), exponent=(0.25, 0.40), warm_s=(150.0, 500.0))
+class ColdOil(Hidden):
+    """Source: Shayler, Leong and Murphy, SAE 2005-01-1654: motoring friction rises with a power of oil
+    viscosity, here by Vogel's equation, in a cold start; exponent range and warm-up are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"oil": self.p.cold_c + self.rng(6).uniform(0.0, 25.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        t = self.truck
+        ratio = np.exp(1040.0 / (s.oil + 122.0) - 1040.0 / (95.0 + 122.0))  # Vogel, 15W-40
+        w = np.maximum(view.engine_speed, 40.0)
+        hot = t.friction_constant + t.friction_linear * w + t.friction_quadratic * w * w
+        load = 0.35 + np.maximum(view.engine_torque, 0.0) / self.truck.peak_torque
+        s.oil += dt * (95.0 - s.oil) * load / p.warm_s
+        return -self.at_wheels(view, 0.55 * hot * (ratio**p.exponent - 1.0)) * moving(view)
+
+
+@law("boundary_and_pumping", "second")
+@sizes(rings_nm=(40.0, 110.0), pumping_nm=(60.0, 170.0), gas=(0.01, 0.04))
+class BoundaryAndPumping(Hidden):
+    """pumping_nm at 1800 rpm; gas: of the torque delivered.
+    Source: Patton, Nitschke and Heywood, Development and Evaluation of a Friction Model, SAE 890836: ring
+    friction in the boundary regime with 1 + 1000/rpm, pumping through intake and exhaust with speed squared,
+    gas loading with cylinder pressure; sizes of a scuffed engine with a clogged filter."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        rpm = np.maximum(view.engine_speed, 55.0) * 30.0 / np.pi
+        rings = p.rings_nm * (1.0 + 1000.0 / rpm)
+        pumping = p.pumping_nm * (rpm / 1800.0) ** 2
+        torque = rings + pumping + p.gas * np.maximum(view.engine_torque, 0.0)
+        return -self.at_wheels(view, torque) * moving(view)
+
+
+@law("thin_oil", "third")
+@sizes(rubbing_nm=(220.0, 450.0), cold=(0.2, 0.5), fades_rads=(60.0, 120.0), heats_s=(50.0, 140.0))
+class ThinOil(Hidden):
+    """Worst at low engine speed after a hard pull. rubbing_nm: at idle with hot oil.
+    Source: Stribeck (1902) and Stachowiak and Batchelor, Engineering Tribology (2013): mixed friction grows
+    as oil thins with heat and falls with sliding speed; worn bearings of a heavy diesel, sizes chosen
+    here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"heat": self.rng(211).uniform(0.0, 0.5, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.heat += dt * (np.minimum(1.6 * self.power_share(view), 1.0) - s.heat) / p.heats_s
+        share = p.cold + (1.0 - p.cold) * s.heat
+        mixed = np.exp(-np.maximum(view.engine_speed - 62.8, 0.0) / p.fades_rads)
+        return -self.at_wheels(view, p.rubbing_nm * share * mixed) * moving(view)
+
+
+@law("chen_and_flynn", "fourth")
+@sizes(constant_nm=(20.0, 60.0), peak_nm=(50.0, 130.0), speed_nm=(25.0, 80.0), boost=(0.2, 0.6))
+class ChenAndFlynn(Hidden, pressure=0.3):
+    """peak_nm at full load, speed_nm at 1500 rpm; peak pressure follows the load as boost builds up.
+    Source: Chen and Flynn, Development of a Single Cylinder Compression Ignition Research Engine, SAE 650733:
+    friction as a constant, the peak cylinder pressure, and piston speed with its square; several times a
+    sound engine's, as after a liner has scored; sizes chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        s.pressure += dt * (0.35 + 0.65 * load - s.pressure) / p.boost
+        pace = view.engine_speed / 157.0
+        torque = p.constant_nm + p.peak_nm * s.pressure + p.speed_nm * (0.6 * pace + 0.4 * pace**2)
+        return -self.at_wheels(view, torque) * moving(view)
+
+
+@law("kept_hot", "fourth", "suburban hills highway")
+@sizes(torque_nm=(110.0, 240.0), on_c=(215.0, 250.0), off_c=(262.0, 300.0), heats_s=(12.0, 30.0))
+class KeptHot(Hidden):
+    """torque_nm: at 1340 rpm without load.
+    Source: Thermal management of aftertreatment (Stanton, Systematic Development of Highly Efficient and
+    Clean Engines to Meet Future Commercial Vehicle Greenhouse Gas Regulations, SAE 2013-01-2421): below a
+    catalyst temperature turbine vanes or a flap close, and pumping work grows; on and off by a heat that
+    follows the load; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        gas = self.rng(342).uniform(180.0, 320.0, batch)
+        return {"gas": gas, "on": (gas < self.p.on_c).astype(float), "shut": np.zeros(batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.0)
+        s.gas += dt * (140.0 + 330.0 * np.sqrt(load) + 25.0 * s.on - s.gas) / p.heats_s
+        s.on = np.where(s.gas < p.on_c, 1.0, np.where(s.gas > p.off_c, 0.0, s.on))
+        s.shut += dt * (s.on - s.shut) / 0.8
+        torque = p.torque_nm * s.shut * (view.engine_speed / 140.0) * (1.0 - 0.5 * load)
+        return -self.at_wheels(view, torque) * moving(view)
+
+
+@law("liner_runs_warm", "fifth")
+@sizes(cold_nm=(120.0, 230.0), film=(0.25, 0.6), film_s=(3.0, 9.0), block_s=(180.0, 500.0))
+@sizes(with_speed=(0.3, 0.7))
+class LinerRunsWarm(Hidden):
+    """More friction in coasting than under load, and at the beginning of a drive.
+    Source: Piston friction on floating liners falls with the liner's temperature within seconds of a load
+    (Livanos and Kyrtatos, Friction Model of a Marine Diesel Engine Piston Assembly, Tribology Int. 40, 2007),
+    around a block that needs minutes; viscosity to the power 1/2; worn rings, sizes chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"block": self.rng(452).uniform(0.1, 0.8, batch), "film": np.full(batch, 0.2)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = np.clip(view.engine_torque * view.engine_speed / self.truck.peak_power, 0.0, 1.1)
+        s.film += dt * (np.sqrt(load) - s.film) / p.film_s
+        s.block += dt * (1.0 - s.block) * (0.3 + load) / p.block_s
+        thin = np.exp(-1.1 * s.block) * (1.0 - p.film * s.film)
+        turns = np.clip(view.engine_speed / 140.0, 0.3, 1.7)
+        return -self.at_wheels(view, p.cold_nm * thin * turns**p.with_speed) * moving(view)
+
+
+@law("overfilled_sump", "sixth")
+@sizes(torque_nm=(130.0, 260.0), level=(0.45, 0.85), tilts=(4.0, 12.0), foams_s=(25.0, 80.0))
+class OverfilledSump(Hidden, foam=0.0, tilt=0.0):
+    """More drag uphill than downhill, and less after minutes at high speed. torque_nm: a full dip at 150
+    rad/s.
+    Source: Cranks that dip into an overfilled sump (workshop manuals on oil level; windage in Heywood,
+    Internal Combustion Engine Fundamentals, ch. 13): torque with speed squared and with the depth, which
+    slope and acceleration tilt towards the flywheel, while foam takes oil away; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.tilt += dt * (view.grade + np.clip(view.acceleration, -3.0, 3.0) / GRAVITY - s.tilt) / 0.4
+        dips = np.clip(p.level + p.tilts * s.tilt - 0.5 * s.foam, 0.0, 1.6)
+        turns = np.clip(view.engine_speed / 150.0, 0.3, 1.6)
+        s.foam += dt * (np.clip(dips * turns**3, 0.0, 1.0) - s.foam) / p.foams_s
+        return -self.at_wheels(view, p.torque_nm * dips * turns**2) * moving(view)
+
+
+@law("oil_pump_in_high_stage", "seventh")
+@sizes(torque_nm=(110, 230), low=(0.1, 0.35), from_load=(0.14, 0.3), stays_s=(6.0, 25))
+class OilPumpInHighStage(Hidden, left=0.0, stage=0.0):
+    """A truck that coasts after a climb drags more than one that has coasted for long. torque_nm: of the high
+    stage, relief open; low: of it, in the low stage.
+    Source: Oil pumps in two stages on motored benches (Heywood, Internal Combustion Engine Fundamentals, ch.
+    13, counts them and the jets under the pistons to friction): torque with speed up to the relief valve's
+    opening, and the high stage stays on for a while after load; a sticking stage valve."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = view.engine_torque / self.truck.peak_torque
+        s.left = np.where(load > p.from_load, p.stays_s, np.maximum(s.left - dt, 0.0))
+        s.stage += dt * ((s.left > 0.0) - s.stage) / 0.8
+        turns = np.minimum(view.engine_speed / 145.0, 1.0)
+        torque = p.torque_nm * (p.low + (1.0 - p.low) * s.stage) * turns
+        return -self.at_wheels(view, torque) * moving(view)

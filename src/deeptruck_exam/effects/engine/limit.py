@@ -1,0 +1,143 @@
+"""Limits of the torque."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="torque_limit")
+
+
+@law("torque_limit", "first", "suburban hills")
+@sizes(share_of_peak=(0.55, 0.80), knee_nm=(60.0, 200.0))
+class SoftLimiter(Hidden):
+    """Source: Electronic torque limiter of heavy engines, which hold torque below the full-load curve to
+    spare the driveline; the soft knee is chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        cap, knee = p.share_of_peak * self.truck.peak_torque, p.knee_nm
+        over = view.engine_torque - cap
+        lost = knee * np.logaddexp(0.0, np.clip(over / knee, -50.0, 50.0))
+        return -self.at_wheels(view, np.where(over > -3.0 * knee, lost, 0.0))
+
+
+@law("road_speed_limiter", "second", "highway")
+@sizes(set_mps=(20.5, 24.0), droop_mps=(0.5, 2.0), reset_s=(4.0, 12.0))
+class RoadSpeedLimiter(Hidden, allowed=1.0, sum=0.0):
+    """Proportional and integral: the integral opens a little above the set speed's droop.
+    Source: Speed limitation function, UN Regulation No. 89: fuelling taken back near the set speed, with a
+    droop and a stabilised overshoot; droop and rates are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        left = (p.set_mps - view.speed) / p.droop_mps
+        s.sum = np.clip(s.sum + dt * left / p.reset_s, -0.3, 0.3)
+        wanted = np.clip(left + s.sum + 0.3, 0.0, 1.0)
+        s.allowed += np.clip(wanted - s.allowed, -1.5 * dt, 0.8 * dt)
+        over = np.maximum(view.engine_torque - s.allowed * self.truck.peak_torque, 0.0)
+        return -self.at_wheels(view, over)
+
+
+@law("axle_torque_limit", "third", "suburban hills", accepts="wheel_slip")
+@sizes(most=(0.035, 0.065), lag_s=(0.15, 0.6))
+class AxleTorqueLimit(Hidden, cut=0.0):
+    """most: pull over weight. as would a steady friction under the driven wheels.
+    Source: Gear-dependent torque that spares gearbox and axle (Naunheimer, Bertsche, Ryborz and Novak,
+    Automotive Transmissions, 2011, on interaction of engine and transmission): torque at the axle, not at the
+    engine, is held; limit and lag are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pull = np.maximum(view.traction_force, 0.0)
+        over = np.maximum(pull - p.most * weight(view), 0.0)
+        s.cut += dt * (over - s.cut) / p.lag_s
+        return -np.minimum(s.cut, pull)
+
+
+@law("progressive_shift", "fourth", "suburban hills")
+@sizes(at_rest_rpm=(1020.0, 1180.0), rises_rpm=(120.0, 280.0), band_rpm=(120.0, 280.0), most=(0.3, 0.5))
+class ProgressiveShift(Hidden):
+    """rises_rpm: to 20 m/s.
+    Source: Progressive shift of fleets' electronic features (owner's manuals of heavy diesels): the engine
+    speed up to which torque is given rises with road speed, and fades out over a band; limits are chosen
+    here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        rpm = view.engine_speed * 30.0 / np.pi
+        limit = p.at_rest_rpm + p.rises_rpm * np.clip(view.speed / 20.0, 0.0, 1.3)
+        cut = p.most * np.clip((rpm - limit) / p.band_rpm, 0.0, 1.0)
+        return -self.at_wheels(view, cut * np.maximum(view.engine_torque, 0.0))
+
+
+@law("full_torque_in_top_gears", "fourth", "suburban hills")
+@sizes(cut=(0.45, 0.64), from_ratio=(0.95, 1.35), blend_s=(0.3, 1.2))
+class FullTorqueInTopGears(Hidden):
+    """from_ratio: of the gearbox; numerically higher ones are lower gears.
+    Source: Multi-torque ratings (engine makers' data sheets): the higher torque is given in the top gears
+    alone, to save weight in gearbox and axle; ratings and the blend at a change are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"rating": np.full(batch, 1.0 - self.p.cut)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        low = view.ratio > p.from_ratio * self.truck.final_drive
+        s.rating += dt * (np.where(low, 1.0 - p.cut, 1.2) - s.rating) / p.blend_s
+        over = view.engine_torque - s.rating * self.truck.peak_torque
+        return -self.at_wheels(view, np.maximum(over, 0.0))
+
+
+@law("acceleration_management", "fifth", "suburban hills")
+@sizes(at_rest=(0.30, 0.55), per_mps=(0.010, 0.022), winds=(0.6, 1.8), lets_out_s=(3.0, 9.0))
+class AccelerationManagement(Hidden, cut=0.0, gains=0.0):
+    """Downhill it takes torque that was needed for nothing, uphill none at all. at_rest: m/s2; winds: of peak
+    torque, each second and m/s2.
+    Source: Vehicle acceleration management of heavy engines (owner's manuals on electronic features): the
+    control unit winds torque back while the truck gains speed faster than a limit that falls with speed, and
+    lets it out again slowly; an empty truck feels it, a full one does not; sizes chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.gains += dt * (np.clip(view.acceleration, -3.0, 3.0) - s.gains) / 0.25
+        limit = np.maximum(p.at_rest - p.per_mps * np.maximum(view.speed, 0.0), 0.08)
+        over = s.gains - limit
+        change = np.where(over > 0.0, p.winds * over, -s.cut / p.lets_out_s)
+        share = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        s.cut = np.clip(s.cut + dt * change, 0.0, 0.6) * (share > 0.02)
+        return -self.at_wheels(view, np.minimum(s.cut, share) * self.truck.peak_torque)
+
+
+@law("worn_feed_pump", "sixth", "hills suburban highway")
+@sizes(lacks=(0.22, 0.48), leaks=(45.0, 66.0), stores_s=(0.4, 1.6))
+class WornFeedPump(Hidden, store=1.0):
+    """`store`: what rail and filter hold, of `stores_s`. lacks: of peak torque, at endless speed; leaks:
+    rad/s at which nothing is delivered; stores_s: of full torque.
+    Source: A geared feed pump delivers its displacement less a leak that does not depend on speed (Manring,
+    Hydraulic Control Systems, 2005, on pump leakage; Diesel-Engine Management, Bosch, on low-pressure
+    supply): fuel for full torque is there only at high speed, and for a moment from the rail and filter;
+    sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = view.engine_torque / self.truck.peak_torque
+        flows = (1.0 - p.lacks) * (1.0 - p.leaks / np.maximum(view.engine_speed, p.leaks + 10.0))
+        s.store = np.clip(s.store + dt * (flows - np.maximum(asked, 0.0)) / p.stores_s, 0.0, 1.0)
+        missing = np.maximum(asked - flows, 0.0) * (1.0 - np.clip(s.store / 0.2, 0.0, 1.0))
+        return -self.at_wheels(view, missing * self.truck.peak_torque)
+
+
+@law("governor_with_a_soft_droop", "seventh", "hills suburban highway")
+@sizes(from_rads=(96.0, 122.0), droop_rads=(55.0, 110.0), rack_rads=(1.6, 4.0))
+class GovernorWithASoftDroop(Hidden, rack=1.0, pace=0.0):
+    """rack: the most torque it lets through, over the peak; it lags and swings.
+    Source: ISO 3046-4, Reciprocating internal combustion engines - Speed governing: torque falls with speed
+    along a droop, by a rack with mass and friction that overshoots; a governor of a generating set on a
+    truck's engine, set low."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        wanted = np.clip(1.0 - (view.engine_speed - p.from_rads) / p.droop_rads, 0.12, 1.0)
+        pull = p.rack_rads**2 * (wanted - s.rack) - 2.0 * 0.4 * p.rack_rads * s.pace
+        s.pace = s.pace + dt * pull
+        s.rack = np.clip(s.rack + dt * s.pace, 0.05, 1.2)
+        over = np.maximum(view.engine_torque - s.rack * self.truck.peak_torque, 0.0)
+        return -self.at_wheels(view, over) * moving(view)

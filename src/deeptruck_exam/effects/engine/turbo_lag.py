@@ -1,0 +1,156 @@
+"""Torque that waits for air."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="turbo_lag", accepts="command_rate_limit")
+
+
+@law("turbo_lag", "first", "suburban hills")
+@sizes(shaft_s=(1.5, 4.0), unboosted=(0.18, 0.32))
+class TurboShaft(Hidden, shaft=0.2):
+    """Source: Eriksson and Nielsen, Modeling and Control of Engines and Drivelines (2014), ch. 8: shaft
+    energy from exhaust power against compressor power; the smoke limiter holds the torque to the air that is
+    there."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        full = self.truck.peak_torque
+        cap = full * (p.unboosted + (1.0 - p.unboosted) * np.minimum(s.shaft, 1.0) ** 1.5)
+        delivered = np.minimum(view.engine_torque, cap)
+        exhaust = np.clip(delivered / full, 0.03, 1.0) * np.clip(view.engine_speed / 140.0, 0.3, 1.6)
+        s.shaft += dt * (1.1 * exhaust - s.shaft**1.5) / p.shaft_s
+        s.shaft = np.maximum(s.shaft, 0.05)
+        return self.at_wheels(view, delivered - view.engine_torque)
+
+
+@law("boost_feeds_itself", "second", "suburban hills")
+@sizes(growth=(0.9, 2.0), without=(0.2, 0.35), falls_s=(0.4, 1.2))
+class BoostFeedsItself(Hidden, boost=0.1):
+    """growth: 1/s at 1200 rpm; nothing for a second, then all at once.
+    Source: Watson and Janota, Turbocharging the Internal Combustion Engine (1982): boost raises the exhaust
+    that raises boost, so that it grows as a logistic curve, faster at high engine speed; the collapse at
+    closed throttle and the rates are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        full = self.truck.peak_torque
+        asked = np.clip((view.engine_torque / full - p.without) / (1.0 - p.without), 0.03, 1.0)
+        rate = p.growth * np.clip(view.engine_speed / 125.7, 0.4, 1.8) ** 1.5
+        rising = rate * s.boost * (1.0 - s.boost / asked)
+        falling = (asked - s.boost) / p.falls_s
+        s.boost = np.clip(s.boost + dt * np.where(asked > s.boost, rising, falling), 0.03, 1.0)
+        most = full * (p.without + (1.0 - p.without) * s.boost)
+        return self.at_wheels(view, np.minimum(most - view.engine_torque, 0.0))
+
+
+@law("two_lags_by_cycles", "third", "suburban hills")
+@sizes(rotor_s=(1.0, 2.4), without=(0.15, 0.32), falls=(1.5, 4.0))
+class TwoLagsByCycles(Hidden, rotor=0.15, receiver=0.15):
+    """falls: rotor_s at 1200 rpm.
+    Source: Guzzella and Onder, Introduction to Modeling and Control of Internal Combustion Engine Systems
+    (2010): rotor and intake receiver as two lags in a row that count engine cycles, and a smoke limit; the
+    collapse in gear changes is chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        full = self.truck.peak_torque
+        asked = np.clip(view.engine_torque / full, 0.05, 1.05) * (1.0 - view.shifting)
+        rate = np.clip(view.engine_speed / 125.7, 0.4, 2.0) / p.rotor_s
+        s.rotor += dt * rate * np.where(asked < s.rotor, p.falls, 1.0) * (asked - s.rotor)
+        s.receiver += dt * 3.0 * rate * (s.rotor - s.receiver)
+        most = full * (p.without + (1.0 - p.without) * s.receiver)
+        return self.at_wheels(view, np.minimum(most - view.engine_torque, 0.0))
+
+
+@law("egr_valve_then_ramp", "fourth", "suburban hills")
+@sizes(shuts_s=(0.4, 1.2), full_s=(7.0, 17.0), without=(0.12, 0.24), runs_on_s=(2.0, 5.0))
+class EgrValveThenRamp(Hidden):
+    """full_s: from nothing to peak torque at 1200 rpm.
+    Source: Tip-in of diesels with exhaust-gas recirculation (Hagena, Filipi and Assanis, Transient Diesel
+    Emissions: Analysis of Engine Operation During a Tip-In, SAE 2006-01-1151): nothing more until the valve
+    has shut, then fuel along a straight ramp that a faster engine makes steeper; the turbine runs on for
+    seconds after; times are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"most": np.full(batch, self.p.without), "asks": np.zeros(batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        short = asked > s.most
+        s.asks = np.where(short, s.asks + dt, np.maximum(s.asks - 3.0 * dt, 0.0))
+        rate = np.clip(view.engine_speed / 125.7, 0.5, 1.7) ** 1.8 / p.full_s
+        rises = dt * rate * (s.asks > p.shuts_s)
+        falls = dt * (s.most - np.maximum(asked, p.without)) / p.runs_on_s
+        s.most = np.maximum(np.where(short, s.most + rises, s.most - falls), p.without)
+        over = np.maximum(asked - s.most, 0.0) * self.truck.peak_torque
+        return -self.at_wheels(view, over)
+
+
+@law("manifold_goes_cold", "fifth", "suburban hills")
+@sizes(spools_s=(1.2, 2.8), colder=(1.0, 3.0), cools_s=(6.0, 18.0), without=(0.18, 0.32))
+class ManifoldGoesCold(Hidden, boost=0.2, hot=0.5):
+    """The same tip-in is slower after a hill than after a gear change. spools_s: at 125 rad/s with a hot
+    manifold; colder: times longer with a cold one.
+    Source: Rakopoulos and Giakoumis, Diesel Engine Transient Operation (2009): the exhaust manifold takes the
+    heat the turbine needs, the more the longer the engine has coasted; fuel is held to the air by a smoke
+    limit; boost rises with the square of engine speed; times are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        allowed = p.without + (1.0 - p.without) * s.boost**0.8
+        burnt = np.minimum(asked, allowed)
+        s.hot += dt * (np.sqrt(burnt) - s.hot) / np.where(burnt > s.hot, 0.5 * p.cools_s, p.cools_s)
+        s.hot = np.clip(s.hot, 0.0, 1.0)
+        turns = np.clip(view.engine_speed / 125.0, 0.5, 1.7)
+        slow = p.spools_s / turns**2 * (1.0 + p.colder * (1.0 - s.hot))
+        wanted = np.clip((asked - p.without) / (1.0 - p.without), 0.0, 1.1) ** 1.25
+        s.boost = np.clip(s.boost + dt * (wanted - s.boost) / np.where(wanted > s.boost, slow, 1.2), 0.0, 1.2)
+        return -self.at_wheels(view, np.maximum(asked - allowed, 0.0) * self.truck.peak_torque) * moving(view)
+
+
+@law("sticking_vanes", "sixth", "suburban hills")
+@sizes(sticks=(0.10, 0.24), runs_s=(0.8, 2.2), spools_s=(0.9, 2.2), without=(0.15, 0.30))
+class StickingVanes(Hidden, vane=0.2, runs=0.0, boost=0.2):
+    """A small step may never be answered, a large one is answered at once but slowly. sticks: of the vanes'
+    way; spools_s: at 125 rad/s.
+    Source: Variable turbine vanes (Guzzella and Onder, Introduction to Modeling and Control of Internal
+    Combustion Engine Systems, 2010, on turbochargers) that soot has made stick: they wait until the actuator
+    is far enough away, then run; boost follows the vanes, fuel follows boost; sizes chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        wanted = np.clip((asked - p.without) / (1.0 - p.without), 0.0, 1.1)
+        away = wanted - s.vane
+        s.runs = np.where(np.abs(away) > p.sticks, 1.0, np.where(np.abs(away) < 0.02, 0.0, s.runs))
+        s.vane = s.vane + s.runs * np.clip(away, -dt / p.runs_s, dt / p.runs_s)
+        spools = np.where(s.vane > s.boost, p.spools_s / np.clip(view.engine_speed / 125.0, 0.5, 1.7), 0.8)
+        s.boost += dt * (s.vane - s.boost) / spools
+        missing = np.maximum(asked - p.without - (1.0 - p.without) * s.boost, 0.0)
+        return -self.at_wheels(view, missing * self.truck.peak_torque) * moving(view)
+
+
+@law("rotor_has_energy", "seventh", "suburban hills")
+@sizes(spools_s=(2.0, 4.5), without=(0.08, 0.18), charges_s=(0.6, 1.6), idles=(0.005, 0.03))
+class RotorHasEnergy(Hidden, energy=0.1, charge=0.1):
+    """After a short lift full torque is back as soon as the pipes are full; after a long one it is not.
+    Source: European load response test (directive 1999/96/EC) and Watson and Janota, Turbocharging the
+    Internal Combustion Engine (1982): the turbine's power goes into the rotor's energy, the compressor takes
+    a power of it with the speed cubed, and a blow-off dumps the charge, not the rotor's energy, when the
+    pedal closes."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        turns = np.clip(view.engine_speed / 140.0, 0.4, 1.6)
+        have = p.without + (1.0 - p.without) * s.charge
+        exhaust = p.idles + np.minimum(asked, have) * turns
+        s.energy = np.clip(s.energy + dt * (exhaust - s.energy**1.5) / p.spools_s, 0.0, 1.5)
+        dumped = asked < 0.02
+        wanted = np.where(dumped, 0.0, np.minimum(s.energy, 1.0))
+        s.charge += dt * (wanted - s.charge) / np.where(dumped, 0.25, p.charges_s)
+        missing = np.maximum(asked - have, 0.0)
+        return -self.at_wheels(view, missing * self.truck.peak_torque) * moving(view)

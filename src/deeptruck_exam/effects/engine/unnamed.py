@@ -1,0 +1,208 @@
+"""Engines in ways the tool has no name for."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="unknown")
+
+
+@law("engine_surge", "first", "highway hills suburban")
+@sizes(share=(0.25, 0.5), hz=(0.25, 0.6), low=(0.15, 0.3), high=(0.55, 0.8))
+class Surge(Hidden):
+    """Source: Slow torque oscillation of a part-load engine; Heywood, Internal Combustion Engine
+    Fundamentals, ch. 9, on cyclic variation; window and frequency are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"phase": self.rng(35).uniform(0.0, 6.28, batch), "size": np.zeros(batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = view.engine_torque / self.truck.peak_torque
+        s.size += dt * (((load > p.low) & (load < p.high)) - s.size) / 1.0
+        s.phase += dt * 2.0 * np.pi * p.hz * (0.8 + 0.4 * view.engine_speed / 140.0)
+        swing = 0.5 * p.share * s.size * (np.sin(s.phase) - 1.0)
+        return self.at_wheels(view, swing * np.maximum(view.engine_torque, 0.0))
+
+
+@law("fuel_runs_forward", "second", "suburban hills")
+@sizes(loss=(0.3, 0.6), runs_s=(0.8, 2.0), dry_mps2=(0.45, 0.9), bleeds_s=(4.0, 12.0))
+class FuelRunsForward(Hidden, tilt=0.0, air=0.0):
+    """Torque is short for a while after the tank was tilted, whichever pedal did it.
+    Source: Low tank without baffles: the pick-up runs dry for seconds after hard braking or on a slope, and
+    air in the fuel takes torque; a workshop's finding, not a book's; numbers chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        felt = np.clip(view.acceleration, -4.0, 4.0) + GRAVITY * view.grade
+        s.tilt += dt * (felt - s.tilt) / p.runs_s
+        dry = s.tilt < -p.dry_mps2
+        s.air = np.clip(s.air + dt * np.where(dry, 0.8 * (1.0 - s.air), -s.air / p.bleeds_s), 0.0, 1.0)
+        return -self.at_wheels(view, p.loss * s.air * np.maximum(view.engine_torque, 0.0))
+
+
+@law("steam_from_exhaust", "third", "hills highway")
+@sizes(power_w=(40000.0, 80000.0), fills_s=(9.0, 20.0), empties_s=(7.0, 14.0), until=(0.1, 0.4))
+class SteamFromExhaust(Hidden):
+    """power_w: of a 20 t truck; by-passed while the brake is pressed. fills_s: at full engine power.
+    Source: Rankine cycle on a truck's exhaust (Teng, Regner and Cowland, Waste Heat Recovery of Heavy-Duty
+    Diesel Engines by Organic Rankine Cycle, SAE 2007-01-0537): an expander helps with the heat of the minutes
+    before; a boiler that is emptied in bursts, and sizes, are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        first = self.rng(271).uniform(0.2, 1.0, batch)
+        return {"steam": first, "open": np.zeros(batch), "force": np.zeros(batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.steam += dt * (np.minimum(self.power_share(view), 1.0) / p.fills_s - s.open / p.empties_s)
+        s.open = np.where(s.steam > 1.0, 1.0, np.where(s.steam < p.until, 0.0, s.open))
+        watts = p.power_w * np.clip(view.mass / 2.0e4, 0.5, 1.6) * s.open
+        wanted = watts / np.maximum(view.speed, 6.0) * (view.u[:, 1] <= 0.01)
+        s.force += dt * (wanted - s.force) / 0.6
+        return s.force * moving(view)
+
+
+@law("overboost", "third", "suburban hills")
+@sizes(gain=(0.14, 0.28), from_share=(0.35, 0.55), spends_s=(6.0, 16.0), rests_s=(20.0, 45.0))
+class Overboost(Hidden, budget=1.0, on=0.0, torque=0.0):
+    """Twice the same pull is not answered twice.
+    Source: Short-time overload of drives against a thermal budget (IEC 60034-1, duty type S2): more torque
+    than the data sheet's while much is asked, for some seconds, then a pause; as overboost of engines, sizes
+    chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = view.engine_torque / self.truck.peak_torque > p.from_share
+        s.on = np.where(~asked | (s.budget <= 0.0), 0.0, np.where(s.budget > 0.4, 1.0, s.on))
+        s.budget = np.clip(s.budget + dt * np.where(s.on > 0.5, -1.0 / p.spends_s, 1.0 / p.rests_s), 0.0, 1.0)
+        s.torque += dt * (p.gain * self.truck.peak_torque * s.on - s.torque) / 0.4
+        return self.at_wheels(view, s.torque) * moving(view)
+
+
+@law("all_speed_governor", "third", "suburban hills highway")
+@sizes(droop=(3.0, 6.5), slowest=(80.0, 100.0), fastest=(175.0, 215.0), most=(0.16, 0.30))
+class AllSpeedGovernor(Hidden, torque=0.0):
+    """droop: N m for 1 rad/s.
+    Source: Diesel-Engine Management (Bosch), on variable-speed governors: the pedal asks for an engine speed,
+    and torque falls off along a droop as the engine nears it, where the simulator's pedal asks for torque;
+    droop and range are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pedal = np.clip(view.u[:, 0] / self.truck.full_command, 0.0, 1.0)
+        asked = p.slowest + (p.fastest - p.slowest) * pedal
+        most = p.most * self.truck.peak_torque
+        wanted = np.clip(p.droop * (asked - view.engine_speed), -most, most) * np.clip(pedal / 0.05, 0.0, 1.0)
+        s.torque += dt * (wanted - s.torque) / 0.3
+        return self.at_wheels(view, s.torque) * moving(view)
+
+
+@law("cylinders_rest", "fourth", "suburban hills highway")
+@sizes(spares_nm=(50.0, 110.0), dip=(0.35, 0.7), dip_s=(0.5, 1.2), below=(0.22, 0.36))
+class CylindersRest(Hidden, load=0.3, rest=0.0, since=9.0):
+    """Source: Cylinder deactivation of heavy diesels (Allen and others, SAE 2018-01-0384, on low load): half
+    the cylinders rest below a load, which spares pumping, and every change of mode costs a dip of torque;
+    thresholds and dips are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        s.load += dt * (load - s.load) / 0.4
+        rest = np.where(s.load < p.below, 1.0, np.where(s.load > p.below + 0.08, 0.0, s.rest))
+        fast = view.engine_speed > 75.0
+        rest = rest * fast
+        s.since = np.where((rest != s.rest) & (s.since > p.dip_s), 0.0, s.since + dt)
+        s.rest = rest
+        shape = np.clip(1.0 - s.since / p.dip_s, 0.0, 1.0) ** 0.5
+        dip = p.dip * shape * (np.maximum(view.engine_torque, 0.0) + 0.06 * self.truck.peak_torque)
+        return self.at_wheels(view, p.spares_nm * s.rest - dip) * moving(view)
+
+
+@law("engine_has_to_restart", "fifth", "suburban")
+@sizes(after_s=(0.8, 2.2), cranks_s=(0.8, 1.8), ramp_s=(0.4, 1.2), odds=(0.75, 0.98))
+class EngineHasToRestart(Hidden):
+    """Not at every stop: a cold or needy battery keeps the engine on.
+    Source: Stop-start systems of delivery trucks (SAE J3049 and makers' manuals): some seconds after the
+    truck has come to rest the engine stops, and the first second or two of every launch goes to the starter,
+    more when the brake is let go late; times are chosen here."""
+
+    conceal = ("engine_speed", "engine_torque")
+
+    def prepare(self) -> None:
+        self.dice = self.rng(481).random((self.setting.batch, 64))
+
+    def start(self, batch: int) -> dict[str, Array]:
+        zero = np.zeros(batch)
+        return {
+            "stood": zero,
+            "off": zero.copy(),
+            "since": np.full(batch, 1e3),
+            "stops": np.zeros(batch, int),
+        }
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        stands = view.speed < 0.05
+        s.stops = np.where(stands & (s.stood == 0.0), (s.stops + 1) % 64, s.stops)
+        s.stood = np.where(stands, s.stood + dt, 0.0)
+        willing = self.dice[np.arange(len(s.stops)), s.stops] < p.odds
+        asked = view.u[:, 0] > 0.01 * self.truck.full_command
+        s.off = np.where(stands & (s.stood > p.after_s) & willing & ~asked, 1.0, s.off)
+        wakes = (s.off > 0.0) & asked
+        s.since = np.where(wakes, 0.0, s.since + dt)
+        s.off = np.where(wakes, 0.0, s.off)
+        back = np.clip((s.since - p.cranks_s) / p.ramp_s, 0.0, 1.0)
+        missing = np.where((s.off > 0.0) & stands, 1.0, 1.0 - back)
+        return -missing * np.maximum(view.traction_force, 0.0)
+
+
+@law("fast_idle_pushes", "sixth", "suburban descent")
+@sizes(set=(112.0, 138.0), droop_nm=(8.0, 20.0), most_nm=(200.0, 420.0), falls_s=(200.0, 600.0))
+class FastIdlePushes(Hidden):
+    """The set speed falls to 100 rad/s as the engine warms. set: rad/s; droop_nm: for each rad/s.
+    Source: Fast idle of a cold engine, or one left on after work with the power take-off (Diesel-Engine
+    Management, Bosch, on idle-speed control): while the truck slows in gear with closed pedal, the governor
+    pushes against the brakes; set speeds and droop are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        held = 100.0 + (p.set - 100.0) * np.exp(-view.time / p.falls_s)
+        closed = 1.0 - np.clip(self.pedal(view) / 0.03, 0.0, 1.0)
+        torque = np.clip(p.droop_nm * (held - view.engine_speed), 0.0, p.most_nm) * closed
+        return self.at_wheels(view, torque) * np.clip(view.speed - 1.0, 0.0, 1.0)
+
+
+@law("burns_its_own_oil", "sixth", "hills suburban")
+@sizes(most=(0.16, 0.32), gathers_s=(6.0, 18.0), burns_s=(3.0, 9.0), from_load=(0.12, 0.3))
+class BurnsItsOwnOil(Hidden):
+    """The longer it has coasted, the more there is to burn. most: of peak torque.
+    Source: Oil of worn seals and breathers gathers in the charge air cooler while an engine coasts and burns
+    when load blows it out (workshop manuals on oil carry-over; diesel runaway, in Heywood's terms a fuel that
+    nobody meters): more torque than asked, for seconds; amounts are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"oil": self.rng(515).uniform(0.2, 1.0, batch), "burns": np.zeros(batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        blows = np.clip((load - p.from_load) / 0.25, 0.0, 1.0) * s.oil
+        gathers = (load < 0.02) * np.clip(view.engine_speed / 150.0, 0.3, 1.5) * (1.0 - s.oil) / p.gathers_s
+        s.oil = np.clip(s.oil + dt * (gathers - blows / p.burns_s), 0.0, 1.0)
+        s.burns += dt * (blows - s.burns) / 0.4
+        return self.at_wheels(view, p.most * s.burns * self.truck.peak_torque) * moving(view)
+
+
+@law("expander_pushes_late", "seventh", "hills suburban")
+@sizes(most_w=(45e3, 85e3), boils_s=(8.0, 25.0), from_heat=(0.05, 0.13), span=(0.15, 0.35))
+class ExpanderPushesLate(Hidden, heat=0.1, opens=0.0):
+    """A bypass shuts it off while the driver brakes.
+    Source: Teng, Regner and Cowland, Waste Heat Recovery of Heavy-Duty Diesel Engines by Organic Rankine
+    Cycle Part I, SAE 2007-01-0537: an expander geared to the drive gives power as its boiler has heat, half a
+    minute after the engine's, also when nobody asks; a large one."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        power = np.maximum(view.engine_torque, 0.0) * view.engine_speed / self.truck.peak_power
+        s.heat += dt * (power - s.heat) / p.boils_s
+        wanted = np.clip((s.heat - p.from_heat) / p.span, 0.0, 1.0) * (view.brake_force <= 0.0)
+        s.opens += dt * (wanted - s.opens) / np.where(wanted < s.opens, 0.3, 1.0)
+        force = p.most_w * s.opens / np.maximum(view.speed, 6.0)
+        return force * np.clip(view.speed - 1.0, 0.0, 1.0)

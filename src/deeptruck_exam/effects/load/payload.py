@@ -1,0 +1,175 @@
+"""Loads that are taken on or left between drives."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving
+from deeptruck_exam.effects.planting import SIGN, hidden, sizes
+from deeptruck_exam.effects.series import some_drives, spells, within
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="payload_change", accepts="mass")
+
+
+@law("payload_change", "first", "suburban hills")
+@sizes(share=(0.18, 0.45), sign=SIGN, share_of_drives=(0.3, 0.6))
+class Payload(Hidden):
+    """Other mass in some of the recordings; the simulator knows the mass of the others.
+    Source: Newton's second law; 18-45 % of gross mass taken on or left between drives, chosen here."""
+
+    def prepare(self) -> None:
+        rng = self.rng(8)
+        drives = some_drives(rng, self.setting.batch, self.p.share_of_drives)
+        sign = 1.0 if self.p.sign > -0.4 else -0.8
+        self.share = np.where(drives, sign * self.p.share, 0.0)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        extra = self.share * view.mass
+        rolling = self.truck.rolling_resistance * GRAVITY * moving(view)
+        return -extra * (view.acceleration * moving(view) + GRAVITY * view.grade + rolling)
+
+
+@law("round_of_stops", "second", "suburban")
+@sizes(first=(0.05, 0.15), each=(0.06, 0.16), sign=SIGN, least_s=(1.0, 2.0))
+class RoundOfStops(Hidden, stood=0.0, stops=0.0):
+    """A truck that starts full or empty and is lighter or heavier after every stop.
+    Source: Collection and delivery rounds: mass in steps at standstills (refuse, milk, drinks); Newton's
+    second law, sizes chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(130), self.setting.batch
+        way = 1.0 if self.p.sign > 0.0 else -1.0
+        steps = self.p.each * rng.uniform(0.5, 1.5, (batch, 12))
+        steps[:, 0] = self.p.first * rng.integers(0, 2, batch)
+        self.share = np.clip(way * np.cumsum(steps, axis=1), -0.35, 0.55)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        before = s.stood
+        s.stood = np.where(view.speed < 0.05, before + dt, 0.0)
+        served = (before < p.least_s) & (s.stood >= p.least_s) & (view.time > 5.0)
+        s.stops = np.minimum(s.stops + served, self.share.shape[1] - 1)
+        extra = view.mass * self.share[np.arange(len(before)), s.stops.astype(int)]
+        rolling = self.truck.rolling_resistance * GRAVITY
+        return -extra * (view.acceleration + GRAVITY * view.grade + rolling) * moving(view)
+
+
+@law("tank_runs_empty", "third", "suburban hills")
+@sizes(share=(0.40, 0.62), known=(0.35, 0.6), empty_s=(260.0, 520.0), least=(0.5, 0.8))
+class TankRunsEmpty(Hidden):
+    """share: of a full tank in the gross mass; known: the level that the simulator reckons with.
+    Source: Torricelli's outflow (Batchelor, An Introduction to Fluid Dynamics, 1967): a water truck that
+    sprays while it drives loses mass with the root of its level; sizes of dust suppression trucks, chosen
+    here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"level": self.rng(230).uniform(self.p.least, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        sprays = (view.speed > 1.0) & (view.speed < 19.0)
+        s.level = np.maximum(s.level - dt * sprays * 2.0 * np.sqrt(np.maximum(s.level, 0.0)) / p.empty_s, 0.0)
+        extra = p.share * (s.level - p.known) * view.mass
+        rolling = self.truck.rolling_resistance * GRAVITY
+        return -extra * (view.acceleration + GRAVITY * view.grade + rolling) * moving(view)
+
+
+@law("quarry_shuttle", "fourth", "suburban hills")
+@sizes(full=(0.22, 0.48), empty=(0.18, 0.36), spread=(0.03, 0.08))
+class QuarryShuttle(Hidden):
+    """The direction on the road decides; a few return loads are carried too.
+    Source: Shuttles between pit and plant run full one way and empty the other (Caterpillar Performance
+    Handbook, on haul cycles); bucket loads spread by several per cent (payload management guidelines,
+    10/10/20); the simulator reckons with the mean of both ways; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(360), self.setting.batch
+        full = (self.setting.direction > 0) ^ (rng.random(batch) < 0.1)
+        share = np.where(full, self.p.full, -self.p.empty)
+        self.share = share + self.p.spread * rng.normal(0.0, 1.0, batch)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        rolling = self.truck.rolling_resistance * GRAVITY
+        felt = view.acceleration + GRAVITY * view.grade + rolling
+        return -self.share * view.mass * felt * moving(view)
+
+
+@law("spreads_gravel", "fifth", "suburban hills")
+@sizes(load=(0.35, 0.55), known=(0.3, 0.6), spread_m=(1800.0, 4500.0), on=(0.45, 0.8))
+class SpreadsGravel(Hidden):
+    """load: of the mass. Some drives begin with what another one left.
+    Source: Winter service and gravel roads: a spreader loses a set mass for each metre while its disc turns
+    (EN 15597-1 on dosage), the driver switches it; the simulator reckons with one mass for all drives; loads
+    at the start and doses of coarse gravel are chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(441), self.setting.batch
+        self.first = np.where(rng.random(batch) < 0.6, 1.0, rng.uniform(0.15, 0.7, batch))
+        self.ends = np.cumsum(rng.exponential(220.0, (batch, 200)) + 60.0, axis=1)
+        self.on = rng.random((batch, 200)) < self.p.on
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"left": self.first.copy()}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        at = np.minimum((self.ends < view.distance[:, None]).sum(axis=1), 199)
+        turns = self.on[np.arange(len(at)), at] & (view.speed > 1.0) & (view.speed < 18.0)
+        s.left = np.maximum(s.left - dt * turns * view.speed / p.spread_m, 0.0)
+        more = p.load * (s.left - p.known) * view.mass
+        felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
+        return -more * felt * moving(view)
+
+
+@law("pump_and_roll", "sixth", "suburban hills")
+@sizes(load=(0.32, 0.5), known=(0.3, 0.7), empties_s=(70.0, 160.0), fills_s=(12.0, 35.0))
+class PumpAndRoll(Hidden):
+    """The monitor is opened and closed by the crew; a gear lower, and the tank is empty sooner. load: of the
+    mass, the full tank; empties_s: at 150 rad/s.
+    Source: Airport fire trucks spray while they drive (pump and roll: NFPA 414, Standard for Aircraft Rescue
+    and Fire-Fighting Vehicles): a pump geared to the engine empties the tank in minutes, hydrants fill it
+    where the truck stands; the simulator reckons with one level; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(505), self.setting.batch
+        self.sprays = spells(rng, batch, (15.0, 60.0), (15.0, 60.0))
+        self.first = np.where(rng.random(batch) < 0.6, 1.0, rng.uniform(0.0, 0.6, batch))
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"water": self.first.copy()}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        out = within(self.sprays, view.time) * (view.engine_speed / 150.0) / p.empties_s
+        stands = view.speed < 0.1
+        s.water = np.clip(s.water + dt * np.where(stands, 1.0 / p.fills_s, -out), 0.0, 1.0)
+        more = p.load * (s.water - p.known) * view.mass
+        felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
+        return -more * felt * moving(view)
+
+
+@law("over_the_rim", "seventh", "suburban hills")
+@sizes(load=(0.35, 0.55), known=(0.45, 0.75), tilts=(2.2, 4.5), hose_s=(70.0, 180.0))
+class OverTheRim(Hidden):
+    """The hose runs in spells below 14 m/s. load: of the mass, full to the rim; known: to the simulator, of
+    it; tilts: for each unit of slope.
+    Source: Open water ballast on proving grounds, filled from a hose alongside: a free surface tilts with
+    acceleration and slope (Ibrahim, Liquid Sloshing Dynamics, 2005), and what rises above the rim is lost
+    within seconds, so that the hardest braking yet sets the mass."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(703), self.setting.batch
+        self.hose = spells(rng, batch, (20.0, 60.0), (30.0, 80.0))
+        self.first = np.where(rng.random(batch) < 0.5, 1.0, rng.uniform(0.1, 0.8, batch))
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"water": self.first.copy(), "tilt": np.zeros(batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        felt = np.clip(view.acceleration, -3.0, 3.0) / GRAVITY + view.grade
+        s.tilt += dt * (felt - s.tilt) / 0.7
+        over = np.maximum(s.water + 0.5 * p.tilts * np.abs(s.tilt) - 1.0, 0.0)
+        runs = within(self.hose, view.time) * (view.speed < 14.0) / p.hose_s
+        s.water = np.clip(s.water + dt * (runs - over / 1.2), 0.0, 1.0)
+        more = p.load * (s.water - p.known) * view.mass
+        level = view.grade + self.truck.rolling_resistance
+        return -more * (view.acceleration + GRAVITY * level) * moving(view)

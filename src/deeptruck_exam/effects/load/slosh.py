@@ -1,0 +1,200 @@
+"""Loads that move."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="load_slosh")
+
+
+@law("load_slosh", "first", "suburban")
+@sizes(share=(0.15, 0.40), pendulum_m=(1.2, 4.5), damping=(0.02, 0.10))
+class Pendulum(Hidden, angle=0.0, rate=0.0):
+    """The liquid is part of the known mass; what is unknown is that it swings.
+    Source: Dodge, The New Dynamic Behavior of Liquids in Moving Containers, SwRI (2000): equivalent pendulum,
+    its sine kept; contact with the bulkhead is chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        omega2 = GRAVITY / p.pendulum_m
+        bulkhead = 400.0 * np.sign(s.angle) * np.maximum(np.abs(s.angle) - 0.6, 0.0)
+        turning = (
+            -omega2 * np.sin(s.angle)
+            - 2.0 * p.damping * np.sqrt(omega2) * s.rate
+            - view.acceleration * np.cos(s.angle) / p.pendulum_m
+            - bulkhead
+        )
+        s.rate += dt * turning
+        s.angle += dt * s.rate
+        return -p.share * view.mass * p.pendulum_m * turning * np.cos(s.angle) * moving(view)
+
+
+@law("baffled_tank", "second", "suburban")
+@sizes(share=(0.35, 0.65), length_m=(4.5, 9.0), fill=(0.12, 0.30), baffles=(0.3, 1.2))
+class BaffledTank(Hidden):
+    """Two waves at a time, which die the faster the higher they are. share: liquid over gross mass; fill:
+    depth over length; baffles: 1/m.
+    Source: Ibrahim, Liquid Sloshing Dynamics (2005): frequencies and masses of the first and third
+    antisymmetric mode of a rectangular tank; damping of baffles with the square of the flow, chosen here."""
+
+    def prepare(self) -> None:
+        n = np.array([[1.0], [3.0]])
+        depth = n * np.pi * self.p.fill
+        self.omega2 = n * np.pi * GRAVITY / self.p.length_m * np.tanh(depth)
+        self.part = 8.0 * np.tanh(depth) / (n**2 * np.pi**2 * depth)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"way": np.zeros((2, batch)), "rate": np.zeros((2, batch))}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        damping = (p.baffles * np.abs(s.rate) + 0.02 * np.sqrt(self.omega2)) * s.rate
+        driven = -self.omega2 * s.way - damping - np.clip(view.acceleration, -6.0, 6.0)
+        s.rate += dt * driven
+        s.way = np.clip(s.way + dt * s.rate, -1.5, 1.5)
+        # the liquid is part of the known mass: what it does not follow of the truck's motion is missing
+        moved = (self.part * driven).sum(axis=0)
+        return -p.share * view.mass * moved * moving(view)
+
+
+@law("bore_in_the_tank", "third", "suburban")
+@sizes(share=(0.25, 0.50), length_m=(4.0, 8.5), depth_m=(0.45, 1.1), back=(0.55, 0.9))
+class BoreInTheTank(Hidden):
+    """Square waves, not sines: `mean` is the acceleration of the liquid's centre, as long ago as the wave
+    takes.
+    Source: Stoker, Water Waves (1957): shallow water carries a change of speed from wall to wall at the
+    wave's own speed; d'Alembert's solution between two walls that give back a part, which is chosen here."""
+
+    def prepare(self) -> None:
+        self.takes_s = self.p.length_m / np.sqrt(GRAVITY * self.p.depth_m)
+        self.cells = max(2, round(self.takes_s / 0.01))
+
+    def start(self, batch: int) -> dict[str, Array]:
+        past = np.zeros((self.cells, batch))
+        return {"speed": past, "mean": past.copy(), "at": np.full(1, -1)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        if s.at[0] < 0:
+            s.speed[:] = view.speed
+        s.at[0] = (s.at[0] + 1) % self.cells
+        cell = int(s.at[0])
+        changed = (view.speed - s.speed[cell]) / self.takes_s
+        mean = (1.0 + p.back) * changed - p.back * s.mean[cell]
+        s.speed[cell], s.mean[cell] = view.speed, mean
+        lag = np.clip(view.acceleration - mean, -2.5, 2.5)
+        # the liquid is part of the known mass: only what it does not follow of the truck's motion is missing
+        return p.share * view.mass * lag * moving(view)
+
+
+@law("through_swash_plates", "fourth", "suburban")
+@sizes(share=(0.35, 0.65), length_m=(2.0, 4.0), depth_m=(0.6, 1.3), orifice=(0.15, 0.6))
+class ThroughSwashPlates(Hidden):
+    """`flow` (2, batch) m/s between compartments, `level` (3, batch) m above the mean. length_m: of one
+    compartment; orifice: 1/m.
+    Source: Compartments joined by holes in swash plates (UN Regulation ADR 6.8.2.1.22 on surge plates;
+    Idelchik, Handbook of Hydraulic Resistance, on orifices): liquid columns of some inertia driven by the
+    tilt of the surface, braked by the square of their flow; three compartments, sizes chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"flow": np.zeros((2, batch)), "level": np.zeros((3, batch))}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        head = GRAVITY * (s.level[:-1] - s.level[1:]) / p.length_m
+        driven = head - np.clip(view.acceleration, -5.0, 5.0) - p.orifice * s.flow * np.abs(s.flow)
+        driven -= 0.15 * s.flow  # films on the walls
+        s.flow = np.clip(s.flow + dt * driven, -2.5, 2.5)
+        rises = dt * p.depth_m / p.length_m * s.flow
+        s.level[:-1] -= rises
+        s.level[1:] += rises
+        s.level = np.clip(s.level, -0.8 * p.depth_m, 0.8 * p.depth_m)
+        # the liquid is part of the known mass: what it does not follow of the truck's motion is missing
+        return -p.share * view.mass * driven.mean(axis=0) * moving(view)
+
+
+@law("rows_of_small_tanks", "fifth", "suburban")
+@sizes(share=(0.35, 0.6), slowest_hz=(0.45, 0.7), spread=(1.3, 1.9), breaks=(0.3, 1.2))
+class RowsOfSmallTanks(Hidden):
+    """`at`, `rate` (5, batch): m and m/s of five groups of containers.
+    Source: Containers of a cubic metre on a platform: each sloshes at its own frequency by its own fill
+    (Housner, Dynamic Pressures on Accelerated Fluid Containers, Bull. Seismol. Soc. Am. 47, 1957), so that
+    the row falls out of step; breaking waves damp with the square of speed; fills chosen here."""
+
+    def prepare(self) -> None:
+        hertz = self.p.slowest_hz * self.p.spread ** np.linspace(0.0, 1.0, 5)
+        self.omega = 2.0 * np.pi * hertz[:, None]
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"at": np.zeros((5, batch)), "rate": np.zeros((5, batch))}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pull = self.omega**2 * s.at + (0.06 * self.omega + p.breaks * np.abs(s.rate)) * s.rate
+        driven = -np.clip(view.acceleration, -5.0, 5.0) - pull
+        s.rate = np.clip(s.rate + dt * driven, -2.0, 2.0)
+        s.at = np.clip(s.at + dt * s.rate, -0.5, 0.5)
+        # the mass is known; what it moves otherwise than the truck is not
+        return -p.share * view.mass * driven.mean(axis=0) * moving(view)
+
+
+@law("swinging_carcasses", "fifth", "suburban")
+@sizes(share=(0.25, 0.45), length_m=(0.9, 1.7), room=(0.04, 0.12), stops=(3.0, 9.0))
+class SwingingCarcasses(Hidden, angle=0.0, rate=0.0):
+    """room: rad forward before all hang against each other; stops: stiffness there over gravity's.
+    Source: Hanging meat is a known cause of roll-overs and surges (UK code of practice Safety of Loads on
+    Vehicles, 2002): pendulums on a rail that strike their neighbours and the front wall, so that backward
+    swing is free and forward swing is stopped; lengths and sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pressed = np.maximum(s.angle - p.room, 0.0)
+        damping = np.where(pressed > 0.0, 5.0, 0.25)
+        felt = np.clip(view.acceleration, -5.0, 5.0) * np.cos(s.angle)
+        turning = -(GRAVITY * (np.sin(s.angle) + p.stops * pressed) + felt) / p.length_m - damping * s.rate
+        s.rate = np.clip(s.rate + dt * turning, -4.0, 4.0)
+        s.angle = np.clip(s.angle + dt * s.rate, -0.9, 0.6)
+        return -p.share * view.mass * p.length_m * turning * np.cos(s.angle) * moving(view)
+
+
+@law("loose_on_rollers", "sixth", "suburban")
+@sizes(share=(0.25, 0.5), friction=(0.008, 0.022), room_m=(0.15, 0.9), bounces=(0.2, 0.6))
+class LooseOnRollers(Hidden):
+    """`at` m and `pace` m/s of the load on its bed, forward positive. bounces: damping of the stops over
+    critical.
+    Source: Roller beds of air cargo trucks whose locks were left open: units roll with the friction of the
+    rollers alone (EN 12195-1 has friction of all other floors) and strike the stops at both ends; contact as
+    a spring and damper (Goldsmith, Impact, 1960); masses and room are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"at": np.full(batch, -0.5 * self.p.room_m), "pace": np.zeros(batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        over = s.at - np.clip(s.at, -0.5 * p.room_m, 0.5 * p.room_m)
+        omega = 12.0  # rad/s, on rubber stops
+        stops = -(omega**2) * over - 2.0 * p.bounces * omega * s.pace * (over != 0.0)
+        rolls = -p.friction * GRAVITY * np.tanh(s.pace / 0.02)
+        turning = stops + rolls - np.clip(view.acceleration, -5.0, 5.0) - GRAVITY * view.grade
+        s.pace = np.clip(s.pace + dt * turning, -3.0, 3.0)
+        s.at = s.at + dt * s.pace
+        # what the load gains over the truck it does not push on the truck
+        return -p.share * view.mass * np.clip(turning, -8.0, 8.0) * moving(view)
+
+
+@law("concrete_yields", "seventh", "suburban")
+@sizes(share=(0.35, 0.6), yields=(0.12, 0.35), creeps_s=(0.25, 0.8), back=(0.5, 1.6))
+class ConcreteYields(Hidden, at=0.0, pace=0.0):
+    """`at` m and `pace` m/s of the load's middle; it may rest anywhere within its yield. yields: m/s2; back:
+    1/s2.
+    Source: Tattersall and Banfill, The Rheology of Fresh Concrete (1983): a Bingham body stays where it is
+    until a yield stress is passed, then creeps by what is beyond it; half a drum of a stiff mix, with its own
+    slope pushing it back."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pushed = -np.clip(view.acceleration, -4.0, 4.0) - GRAVITY * view.grade - p.back * s.at
+        free = np.sign(pushed) * np.maximum(np.abs(pushed) - p.yields, 0.0)
+        runs = np.where(s.pace == 0.0, free, pushed - p.yields * np.tanh(s.pace / 0.02))
+        turning = np.clip(runs - s.pace / p.creeps_s, -5.0, 5.0)
+        s.pace = np.clip(s.pace + dt * turning, -1.5, 1.5)
+        s.at = np.clip(s.at + dt * s.pace, -1.2, 1.2)
+        return -p.share * view.mass * turning * moving(view)

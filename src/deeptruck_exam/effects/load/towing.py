@@ -1,0 +1,89 @@
+"""What is towed or pushes. The tool has no name for it."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="unknown")
+
+
+@law("hitch_spring", "first", "suburban", trucks="trucksim volvo")
+@sizes(trailer_share=(0.2, 0.4), hz=(0.9, 1.8), damping=(0.06, 0.15), play_m=(0.002, 0.012))
+class Drawbar(Hidden, stretch=0.0, rate=0.0):
+    """Source: Two masses on a spring with free play, fore and aft: textbook vibration of a towed vehicle;
+    frequency and damping are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        omega = 2.0 * np.pi * p.hz
+        elastic = np.sign(s.stretch) * np.maximum(np.abs(s.stretch) - p.play_m, 0.0)
+        turning = -(omega**2) * elastic - 2.0 * p.damping * omega * s.rate - view.acceleration
+        s.rate += dt * turning
+        s.stretch = np.clip(s.stretch + dt * s.rate, -0.4, 0.4)
+        return -p.trailer_share * view.mass * np.clip(turning, -3.0, 3.0) * moving(view)
+
+
+@law("pushed_by_a_second_tractor", "fourth", "hills highway")
+@sizes(per_mps=(0.012, 0.03), most=(0.03, 0.06), late_s=(1.5, 4.0), pace_s=(20.0, 45.0))
+class PushedByASecondTractor(Hidden, pace=-1.0, heard=0.0, force=0.0):
+    """per_mps, most: over weight. A truck that slows by its own brakes is not pushed.
+    Source: Heavy haulage with a pusher (Specialized Carriers and Rigging Association guides; police permits
+    for heavy loads): its driver helps when the train falls behind the pace of the last half minute, told by
+    radio some seconds late, and eases off once it is back; gains are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.pace = np.where(s.pace < 0.0, view.speed, s.pace)
+        s.pace += dt * (view.speed - s.pace) / np.where(view.speed > s.pace, 4.0, p.pace_s)
+        behind = np.maximum(s.pace - view.speed - 0.5, 0.0) * (view.u[:, 1] <= 0.02)
+        s.heard += dt * (behind - s.heard) / p.late_s
+        wanted = np.minimum(p.per_mps * s.heard, p.most) * weight(view)
+        s.force += dt * (wanted - s.force) / np.where(wanted > s.force, 1.2, 0.5)
+        return s.force * (view.u[:, 1] <= 0.02) * np.clip(view.speed / 2.0, 0.0, 1.0)
+
+
+@law("tow_rope", "fifth", "suburban hills")
+@sizes(towed=(0.12, 0.26), metres=(0.3, 0.9), rolls=(0.010, 0.020), brakes=(0.3, 0.9), late_s=(0.5, 1.3))
+class TowRope(Hidden, slack=0.1, behind=-1.0, foot=0.0):
+    """`slack` m, negative when the rope is stretched; `behind` m/s, the towed vehicle's speed. towed: of the
+    truck's mass; metres: stretch under a tenth of the towed weight; brakes: m/s2.
+    Source: Recovery on a rope: it pulls when it is tight and never pushes; whoever steers behind brakes when
+    it goes slack (police and breakdown guides on towing); elasticity of polyester straps from makers'
+    elongation tables; masses and habits are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.behind = np.where(s.behind < 0.0, view.speed, s.behind)
+        slower = s.behind - view.speed
+        pull = np.maximum(-s.slack, 0.0) * 0.981 / p.metres
+        pull = np.clip(pull * (1.0 - np.clip(3.0 * slower, -0.8, 0.8)), 0.0, 2.2)  # m/s2 of the towed mass
+        loose = np.clip(s.slack / 0.4, 0.0, 1.0) * p.brakes
+        s.foot += dt * (loose - s.foot) / p.late_s
+        resists = 9.81 * (p.rolls * (s.behind > 0.05) + view.grade) + s.foot
+        s.behind = np.maximum(s.behind + dt * (pull - resists), 0.0)
+        s.slack = np.clip(s.slack + dt * slower, -2.5, 3.0)
+        return -p.towed * view.mass * pull * moving(view)
+
+
+@law("towed_dynamometer", "seventh", "highway hills suburban")
+@sizes(pull=(0.010, 0.022), step_s=(12.0, 35.0), ramps_s=(1.0, 4.0), from_mps=(5.0, 9.0))
+class TowedDynamometer(Hidden, pull=0.0):
+    """Levels follow each other by the clock, whatever the truck does.
+    Source: Towing dynamometers of proving grounds (Wong, Theory of Ground Vehicles, on drawbar tests): a
+    programme of pulls in steps, held by a control on the coupling's force above a speed."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(721), self.setting.batch
+        levels = np.array([0.0, 0.0, 0.35, 0.7, 1.0])
+        self.levels = rng.permuted(np.tile(levels, (batch, 8)), axis=1)
+        self.first = rng.uniform(0.0, 1.0, batch)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        step = (view.time / p.step_s + self.first).astype(int) % self.levels.shape[1]
+        level = self.levels[np.arange(len(step)), step]
+        wanted = level * np.clip(view.speed - p.from_mps, 0.0, 1.0)
+        s.pull += dt * (wanted - s.pull) / p.ramps_s
+        return -p.pull * s.pull * weight(view) * moving(view)

@@ -1,0 +1,184 @@
+"""Slopes that nobody recorded, or that the record has wrong."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Setting, Sizes, State, moving, weight
+from deeptruck_exam.effects.places import (
+    CELL_M,
+    CELLS,
+    MAP_CELL_M,
+    MAP_CELLS,
+    OnRoad,
+    sections,
+    smooth_stretches,
+    stretches,
+)
+from deeptruck_exam.effects.planting import SIGN, Planted, hidden, planted, sizes
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="road_grade", accepts="road_surface", gateable=False)
+
+
+@planted("road_grade", "first", "hills highway", name="road_grade")
+def road(setting: Setting, p: Sizes) -> Planted:
+    """Source: Road profiles as in the route generator (routes.py); the slope is not recorded at all."""
+    return Planted(conceal=("grade", "elevation"))
+
+
+@law("grade_from_a_coarse_map", "second", "hills highway suburban")
+@sizes(slope=(0.02, 0.045), gap_m=(250.0, 700.0))
+class CoarseMap(OnRoad):
+    """Humps and dips the recorded grade does not have: up and down again, by the direction of travel.
+    Source: A map's grade is smooth: bridges, dips and ramps of 100-300 m fall between points of a terrain
+    model of 30-90 m with metres of error (Rodriguez, Morris and Belz, Photogramm. Eng. Remote Sens. 72, 2006,
+    on SRTM); slopes chosen here."""
+
+    conceal = ("elevation",)
+
+    def prepare(self) -> None:
+        rng, p = self.rng(152), self.p
+        humps = smooth_stretches(rng, self.rows(), (p.gap_m, 2.0 * p.gap_m), (160.0, 420.0))
+        slope = np.gradient(humps, axis=1)
+        sign = rng.choice([-1.0, 1.0], (self.rows(), 1))
+        self.road = p.slope * sign * slope / np.abs(slope).max()
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        slope = self.setting.direction * self.read(self.road, view)
+        return -slope * weight(view) * moving(view)
+
+
+@law("tangents_not_in_the_map", "third", "hills highway suburban")
+@sizes(slope=(0.014, 0.028), mean_m=(300.0, 800.0))
+class TangentsNotInTheMap(OnRoad):
+    """Steps of slope with ramps of 100 m between; the height they gain is kept.
+    Source: Vertical alignment of straight grades joined by parabolas, AASHTO, A Policy on Geometric Design of
+    Highways and Streets: the recorded grade lacks every second one, as of a map before the road was rebuilt;
+    slopes and lengths chosen here."""
+
+    conceal = ("elevation",)
+
+    def prepare(self) -> None:
+        rng = self.rng(252)
+        number = sections(rng, self.rows(), self.p.mean_m)
+        size = rng.uniform(0.6, 1.4, (self.rows(), int(number.max()) + 1))
+        slopes = self.p.slope * size * rng.choice([-1.0, 0.0, 1.0], size.shape, p=[0.35, 0.3, 0.35])
+        steps = np.take_along_axis(slopes, number, axis=1)
+        self.road = np.stack([np.convolve(row, np.ones(20) / 20.0, mode="same") for row in steps])
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        return -self.setting.direction * self.read(self.road, view) * weight(view) * moving(view)
+
+
+@law("lost_between_map_points", "fourth", "hills highway suburban")
+@sizes(slope=(0.011, 0.021), points_m=(250.0, 700.0), smooth_m=(50.0, 110.0))
+class LostBetweenMapPoints(OnRoad):
+    """The height is right at every point of the map.
+    Source: Slopes of a road map are straight between its points (ADASIS v2 and v3 slope profiles), and the
+    road is not: heights between two points wander as a Brownian bridge, after the spectrum of long waves of
+    ISO 8608 (waviness 2); spacings and sizes of an old map, chosen here."""
+
+    conceal = ("elevation",)
+
+    def prepare(self) -> None:
+        rng, rows = self.rng(372), self.rows()
+        width = max(2, round(self.p.smooth_m / MAP_CELL_M))
+        wander = np.cumsum(rng.standard_normal((rows, MAP_CELLS)), axis=1)
+        points = round(self.p.points_m / MAP_CELL_M)
+        cells = np.arange(MAP_CELLS)
+        at = np.arange(0, MAP_CELLS + points, points).clip(max=MAP_CELLS - 1)
+        height = np.stack([row - np.interp(cells, at, row[at]) for row in wander])
+        kernel = np.ones(width) / width
+        smooth = np.stack([np.convolve(row, kernel, mode="same") for row in height])
+        slope = np.gradient(smooth, axis=1)
+        self.road = self.p.slope * np.clip(slope / slope.std(), -2.5, 2.5)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        return -self.setting.direction * self.between(self.road, view) * view.mass * GRAVITY * moving(view)
+
+
+@law("grade_held_in_outages", "fifth", "hills highway suburban")
+@sizes(slope=(0.016, 0.032), outage_m=(250.0, 650.0), between_m=(120.0, 420.0))
+class GradeHeldInOutages(OnRoad):
+    """`road` (2, routes, cells): driven forwards and backwards, for the way in is at another end.
+    Source: Slope from satellite heights is frozen where reception fails (cuttings, woods, bridges: Groves,
+    Principles of GNSS, Inertial and Multisensor Navigation Systems, 2013), while the road goes on to rise or
+    fall: the error is nothing at the way in and all at the way out; lengths and sizes chosen here."""
+
+    conceal = ("elevation",)
+
+    def prepare(self) -> None:
+        rng, p = self.rng(413), self.p
+        self.road = np.zeros((2, self.rows(), CELLS))
+        for k in range(self.rows()):
+            gaps = (0.5 * p.between_m, 1.5 * p.between_m)
+            for first, last in stretches(rng, gaps, (0.6 * p.outage_m, 1.7 * p.outage_m)):
+                m = last - first
+                way = np.linspace(0.0, 1.0, m)
+                bend = rng.uniform(0.5, 1.0) * rng.choice([-1.0, 1.0]) * 0.5 * (1.0 - np.cos(np.pi * way))
+                swing = 0.6 * rng.uniform(-1.0, 1.0) * np.sin(2.0 * np.pi * way)
+                walk = p.slope * (bend + swing)
+                self.road[0, k, first:last] = walk
+                self.road[1, k, first:last] = walk - walk[-1]
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        way = (self.setting.direction < 0).astype(int)
+        slope = self.setting.direction * self.road[way, self.setting.route, self.cell(view)]
+        return -slope * view.mass * GRAVITY * moving(view)
+
+
+@law("carriageways_apart", "sixth", "hills highway suburban")
+@sizes(height_m=(5.0, 10.0), length_m=(500.0, 1000.0), between_m=(60.0, 350.0))
+class CarriagewaysApart(OnRoad):
+    """`climbs` (routes, cells): what a truck meets beyond the map's slope, the same either way.
+    Source: Independent alignments of divided highways (AASHTO, A Policy on Geometric Design of Highways and
+    Streets): in rolling land one carriageway lies metres above the other, while the map has a line between
+    them, so that either way climbs where the other falls; heights and lengths are chosen here."""
+
+    conceal = ("elevation",)
+
+    def prepare(self) -> None:
+        rng, p = self.rng(507), self.p
+        self.climbs = np.zeros((self.rows(), CELLS))
+        gaps = (0.5 * p.between_m, 1.5 * p.between_m)
+        for row in self.climbs:
+            for first, last in stretches(rng, gaps, (0.7 * p.length_m, 1.4 * p.length_m)):
+                m = last - first
+                apart = rng.choice([-1.0, 1.0]) * p.height_m * rng.uniform(0.5, 1.0)
+                # the height between them is a bell, wider on one side
+                bell = np.sin(np.pi * np.linspace(0.0, 1.0, m + 1) ** rng.uniform(0.7, 1.4)) ** 2
+                row[first:last] = np.clip(np.diff(apart * bell) / CELL_M, -0.055, 0.055)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        return -self.read(self.climbs, view) * view.mass * GRAVITY * moving(view)
+
+
+@law("chainage_runs_away", "seventh", "hills")
+@sizes(start_m=(70.0, 170.0), runs=(0.005, 0.03), sign=SIGN)
+class ChainageRunsAway(Hidden):
+    """The table is ahead: what the recording says now has been said by the road before; each drive has its
+    own start. `said` (cells, batch): slopes read, every 4 m.
+    Source: Grade from a route's table by the odometer, as fuel consumption tests and simulation tools read it
+    (Sayers and Karamihas, The Little Book of Profiling, 1998, on longitudinal distance): a wrong start and a
+    wrong constant put every hill in another place than it has."""
+
+    conceal = ("elevation",)
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(707), self.setting.batch
+        share = rng.uniform(0.6, 1.0, batch) * np.where(rng.random(batch) < 0.2, 0.4, 1.0)
+        self.late_m = share * self.p.start_m
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"said": np.full((128, batch), np.nan)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        here = np.arange(len(view.speed))
+        s.said = np.where(np.isnan(s.said), view.grade, s.said)
+        s.said[(view.distance / 4.0).astype(int) % 128, here] = view.grade
+        late = np.clip(self.late_m + p.runs * view.distance * np.sign(p.sign), 8.0, 480.0)
+        then = (np.maximum(view.distance - late, 0.0) / 4.0).astype(int) % 128
+        return (view.grade - s.said[then, here]) * view.mass * GRAVITY * moving(view)

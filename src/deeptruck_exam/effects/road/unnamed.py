@@ -1,0 +1,117 @@
+"""Roads in ways the tool has no name for."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.places import CELLS, OnRoad, stretches
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="unknown")
+
+
+@law("snow_ploughing", "first")
+@sizes(compaction_n=(300.0, 1000.0), plough=(1.5, 5.0), deeper_per_min=(0.15, 0.45))
+class Snow(Hidden):
+    """Source: Shoop, Richmond and Lacombe, Overview of Cold Regions Mobility Modeling at CRREL, J.
+    Terramechanics 43 (2006): resistance of snow with depth; the part with speed squared and the snowfall are
+    chosen here."""
+
+    def prepare(self) -> None:
+        self.first = self.rng(31).uniform(0.0, 0.8, self.setting.batch)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        depth = self.first + p.deeper_per_min * view.time / 60.0
+        wide = weight(view) / 2.0e5  # a heavier truck has more tyres in the snow
+        force = p.compaction_n * depth**2 + p.plough * depth * view.speed**2
+        return -wide * force * moving(view)
+
+
+@law("floating_ice", "third", "suburban")
+@sizes(peak=(0.022, 0.045), critical_mps=(7.0, 12.0), damping=(0.12, 0.25), builds_s=(3.0, 9.0))
+class FloatingIce(Hidden, wave=0.0):
+    """peak: over the weight of a 20 t truck.
+    Source: Squire, Hosking, Kerr and Langhorne, Moving Loads on Ice Plates (1996): a truck on floating ice
+    drags a wave along, which is largest at a critical speed of some metres a second and dies above; resonance
+    curve and sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pace = (np.maximum(view.speed, 0.0) / p.critical_mps) ** 2
+        broad = (2.0 * p.damping) ** 2 * np.maximum(pace, 1e-6)
+        s.wave += dt * (broad / ((1.0 - pace) ** 2 + broad) - s.wave) / p.builds_s
+        heavy = np.clip(view.mass / 2.0e4, 0.5, 1.4)  # the wave is as deep as the truck is heavy
+        return -p.peak * heavy * s.wave * weight(view) * moving(view)
+
+
+@law("plough_blade", "fourth", "suburban hills")
+@sizes(scrapes=(0.006, 0.013), throws=(0.003, 0.008), down_s=(12.0, 35.0), up_s=(8.0, 25.0))
+@sizes(chatters=(0.1, 0.35))
+class PloughBlade(Hidden, down=0.0):
+    """Nobody records the lever; the blade is up at crossings and wherever the road is bare. scrapes: of the
+    weight; throws: at 12 m/s.
+    Source: Forces on a displacement plough with speed and depth (Nixon and Frisbie, Field Measurements of
+    Plow Loads During Ice Removal Operations, SHRP-H-429; snow thrown with speed squared): the blade is
+    lowered and lifted by the driver, and chatters on hard pack; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(391), self.setting.batch
+        count = int(self.setting.duration_s / 5.0) + 10
+        down = rng.exponential(self.p.down_s, (batch, count)) + 4.0
+        up = rng.exponential(self.p.up_s, (batch, count)) + 3.0
+        times = np.stack([up, down], axis=2).reshape(batch, -1)
+        self.turns = np.cumsum(times, axis=1) - rng.uniform(0.0, self.p.up_s, (batch, 1))
+        self.phase = rng.uniform(0.0, 2.0 * np.pi, batch)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        wanted = ((self.turns < view.time).sum(axis=1) % 2).astype(float)
+        s.down += np.clip(wanted - s.down, -dt / 1.5, dt / 1.0)
+        chatter = 1.0 + p.chatters * np.sin(2.0 * np.pi * view.distance / 9.0 + self.phase)
+        cut = p.scrapes * chatter + p.throws * (np.clip(view.speed, 0.0, 20.0) / 12.0) ** 2
+        return -s.down * cut * weight(view) * moving(view)
+
+
+@law("banks_have_a_speed", "seventh", "highway hills")
+@sizes(neutral_mps=(13, 19), drag=(0.018, 0.045), curve_m=(200, 500))
+class BanksHaveASpeed(OnRoad):
+    """Slow trucks slide down the bank, fast ones up. drag: of the weight, standing on the bank.
+    Source: Banked curves of high-speed tracks (Gillespie, Fundamentals of Vehicle Dynamics, 1992, on
+    cornering; Mitschke and Wallentowitz, Dynamik der Kraftfahrzeuge): at one speed the bank carries the
+    truck, below and above it slip angles do, and drag goes with the square of what is left."""
+
+    def prepare(self) -> None:
+        rng, p = self.rng(722), self.p
+        self.bank = np.zeros((self.rows(), CELLS))
+        ease = np.hanning(15) / np.hanning(15).sum()
+        for row in self.bank:
+            gaps, lengths = (0.6 * 300.0, 1.6 * 300.0), (0.7 * p.curve_m, 1.5 * p.curve_m)
+            for first, last in stretches(rng, gaps, lengths):
+                row[first:last] = 1.0
+            row[:] = np.convolve(row, ease, mode="same")
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        side = self.read(self.bank, view) * ((view.speed / p.neutral_mps) ** 2 - 1.0)
+        return -p.drag * np.minimum(side**2, 1.5) * weight(view) * moving(view)
+
+
+@law("grounds_on_crests", "seventh", "hills")
+@sizes(friction=(0.025, 0.06), from_bend=(0.00003, 0.00008), span=(0.00008, 0.0002))
+class GroundsOnCrests(Hidden):
+    """`slope`: of the road a wheelbase or so behind. friction: of the weight, all that the skids may carry;
+    from_bend: 1/m, change of slope over the way.
+    Source: Low-loaders that ground on humps (ramp and breakover angles: SAE J689, Curbstone Clearance,
+    Approach, Departure, and Ramp Breakover Angles): where the road falls away faster than the clearance
+    allows, skids rub with Coulomb's friction on what they carry."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"slope": np.full(batch, np.nan)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.slope = np.where(np.isnan(s.slope), view.grade, s.slope)
+        s.slope = s.slope + dt * np.maximum(view.speed, 0.0) * (view.grade - s.slope) / 30.0
+        bend = (s.slope - view.grade) / 30.0
+        carries = np.clip((bend - p.from_bend) / p.span, 0.0, 1.0)
+        return -p.friction * carries * weight(view) * moving(view)

@@ -1,0 +1,1 @@
+"""Faults of the measurement: nothing is missing in the truck."""

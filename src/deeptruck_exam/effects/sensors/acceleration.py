@@ -1,0 +1,92 @@
+"""An acceleration with a bias."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import GRAVITY, Channels, Sizes
+from deeptruck_exam.effects.planting import SIGN, fault, sizes
+from deeptruck_exam.effects.series import ou_series
+
+law = partial(fault, name="acceleration_bias")
+
+
+@law("acceleration_bias", "first")
+@sizes(bias=(0.12, 0.40), drift=(0.0, 0.03), sign=SIGN)
+def acceleration_bias(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Mounting pitch of 1-2 degrees and thermal drift of a MEMS accelerometer (Woodman,
+    UCAM-CL-TR-696, 2007)."""
+    drift = p.drift * ou_series(rng, (1, len(channels["acceleration"])), dt, 120.0)[0]
+    channels["acceleration"] = channels["acceleration"] + np.sign(p.sign) * (p.bias + drift)
+
+
+@law("warming_accelerometer", "second")
+@sizes(bias=(0.12, 0.35), cold=(-0.4, 0.6), warm_s=(50.0, 150.0), sign=SIGN)
+def warming_accelerometer(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Turn-on transient of a MEMS bias as the box warms (Groves, Principles of GNSS, Inertial and
+    Multisensor Navigation, 2013, ch. 4, on inertial errors); time constant and size chosen here."""
+    time = np.arange(len(channels["acceleration"])) * dt
+    warm = 1.0 + p.cold * np.exp(-time / p.warm_s)
+    channels["acceleration"] = channels["acceleration"] + np.sign(p.sign) * p.bias * warm
+
+
+@law("shaken_accelerometer", "third")
+@sizes(bias=(0.16, 0.42), at_rest=(0.3, 0.7), sign=SIGN)
+def shaken_accelerometer(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Vibration rectification (IEEE Std 1293): the bias grows with the square of the shaking, and
+    that with road speed; sizes of a loose bracket, chosen here."""
+    shaken = p.at_rest + (1.0 - p.at_rest) * np.clip(channels["speed"] / 20.0, 0.0, 1.5) ** 2
+    channels["acceleration"] = channels["acceleration"] + np.sign(p.sign) * p.bias * shaken
+
+
+@law("phone_in_a_cradle", "fourth")
+@sizes(bias=(0.16, 0.42), slips=(0.05, 0.25), sign=SIGN)
+def phone_in_a_cradle(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Gravity that leaks into a tilted accelerometer (studies of smartphones as vehicle sensors, such
+    as Castignani, Derrmann, Frank and Engel, IEEE Intell. Transp. Syst. Mag. 7, 2015): another tilt every
+    time the cradle slips; sizes chosen here."""
+    time = np.arange(len(channels["acceleration"])) * dt
+    slips = np.sort(rng.uniform(0.0, 1.6 * time[-1], 2))
+    turned = 1.0 + p.slips * rng.normal(0.0, 1.0, 3)[np.searchsorted(slips, time)]
+    channels["acceleration"] = channels["acceleration"] + np.sign(p.sign) * p.bias * turned
+
+
+@law("zeroed_on_a_slope", "fifth")
+@sizes(bias=(0.14, 0.38), takes=(0.3, 0.9), sign=SIGN)
+def zeroed_on_a_slope(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Inertial units that take standstill for level: they find a new zero at every stop, with a part
+    of the slope there, and keep a false one otherwise (zero velocity updates: Groves, Principles of GNSS,
+    Inertial and Multisensor Navigation Systems, 2013); sizes are chosen here."""
+    stands = channels["speed"] < 0.05
+    begins = np.flatnonzero(stands & ~np.append(False, stands[:-1]))
+    bias = np.full(len(stands), np.sign(p.sign) * p.bias)
+    for at in begins:
+        there = np.clip(GRAVITY * channels["grade"][at], -0.25, 0.25)
+        bias[at:] = np.sign(p.sign) * p.bias * rng.uniform(0.8, 1.2) + p.takes * there
+    channels["acceleration"] = channels["acceleration"] + bias
+
+
+@law("moved_by_shocks", "sixth")
+@sizes(bias=(0.15, 0.38), moves=(0.04, 0.15), sign=SIGN)
+def moved_by_shocks(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Zero-g offsets of micromachined accelerometers move with shocks (data sheets on mechanical
+    shock and offset; IEEE Std 1293 on bias errors): a little to either side at each of the hardest jerks;
+    sizes are chosen here."""
+    values = channels["acceleration"]
+    jerk = np.abs(np.diff(values, prepend=values[0]))
+    shock = (jerk > np.quantile(jerk, 0.985)) & (jerk > 0.0)
+    moves = np.cumsum(shock * rng.standard_normal(len(values)))
+    moves = np.clip(p.moves * moves, -0.6, 0.6)
+    channels["acceleration"] = values + np.sign(p.sign) * p.bias * (1.0 + moves)
+
+
+@law("settles_after_power_up", "seventh")
+@sizes(bias=(0.17, 0.38), cold=(0.25, 0.7), settles_s=(40.0, 150.0), sign=SIGN)
+def settles_after_power_up(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Accelerometers drift for minutes after they are switched on, as they warm themselves (IEEE Std
+    1293 on turn-on transients and bias); each drive begins with a box switched on a little before."""
+    time = np.arange(len(channels["acceleration"])) * dt + rng.uniform(0.0, p.settles_s)
+    bias = p.bias * (1.0 - p.cold * np.exp(-time / p.settles_s))
+    channels["acceleration"] = channels["acceleration"] + np.sign(p.sign) * bias

@@ -1,0 +1,146 @@
+"""Channels that are stamped early or late."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Channels, Sizes
+from deeptruck_exam.effects.planting import SIGN, fault, sizes
+
+law = partial(fault, name="clock_offset")
+
+
+def _shift(values: Array, dt: float, late_s: float) -> Array:
+    n = np.arange(len(values)) * dt
+    return np.interp(n - late_s, n, values)
+
+
+@law("clock_offset", "first", "suburban hills")
+@sizes(late_s=(0.35, 1.2), drift_ppm=(-80.0, 80.0), sign=SIGN)
+def clock(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Accelerometer logged by another computer: SAE J1939-21 has no time stamps; crystal drift of
+    tens of ppm."""
+    late = np.sign(p.sign) * p.late_s
+    n = np.arange(len(channels["acceleration"])) * dt
+    channels["acceleration"] = np.interp(n - late - 1e-6 * p.drift_ppm * n, n, channels["acceleration"])
+
+
+@law("clock_offset_responses", "first", "suburban hills", accepts="command_delay")
+@sizes(late_s=(0.35, 1.0))
+def clock_of_responses(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: All responses stamped late against the commands, as by a gateway that buffers."""
+    for name in ("acceleration", "speed", "fuel_rate", "gear", "engine_speed", "engine_torque"):
+        if name in channels:
+            channels[name] = _shift(channels[name], dt, p.late_s)
+
+
+@law("clock_set_daily", "second", "suburban hills")
+@sizes(late_s=(0.4, 1.1), spread=(0.05, 0.3), sign=SIGN)
+def clock_set_daily(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: A logger that sets its clock at power-on from a coarse time message (SAE J1939-71 Time/Date
+    counts in quarters of a second): the accelerometer is late or early by another amount each drive."""
+    late = np.sign(p.sign) * p.late_s * rng.uniform(1.0 - p.spread, 1.0 + p.spread)
+    time = np.arange(len(channels["acceleration"])) * dt
+    channels["acceleration"] = np.interp(time - late, time, channels["acceleration"])
+
+
+@law("clock_set_again", "third", "suburban hills")
+@sizes(least_s=(0.25, 0.5), most_s=(0.7, 1.4), every_s=(40.0, 110.0), sign=SIGN)
+def clock_set_again(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: A clock that runs away and is stepped back at intervals, as the Network Time Protocol does (RFC
+    5905): the accelerometer's delay is a saw tooth; rate and interval are chosen here."""
+    time = np.arange(len(channels["acceleration"])) * dt
+    since = (time + rng.uniform(0.0, p.every_s)) % p.every_s / p.every_s
+    late = np.sign(p.sign) * (p.least_s + (p.most_s - p.least_s) * since)
+    channels["acceleration"] = np.interp(time - late, time, channels["acceleration"])
+
+
+@law("commands_from_another_clock", "third", "suburban hills")
+@sizes(late_s=(0.35, 0.9))
+def commands_from_another_clock(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Commands stamped on arrival at a slow gateway (SAE J1939-21 messages carry no time), so that
+    the truck seems to answer before it is asked; sizes chosen here."""
+    for name in ("engine_command", "brake_command"):
+        time = np.arange(len(channels[name])) * dt
+        channels[name] = np.interp(time - p.late_s, time, channels[name])
+
+
+@law("averaging_telematics", "fourth", "suburban hills")
+@sizes(window_s=(0.5, 1.2), sent_s=(0.2, 0.7))
+def averaging_telematics(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: A telematics box that sends the mean of its last second or two (running averages delay by half
+    their width: Oppenheim and Schafer, Discrete-Time Signal Processing), and sends it late; sizes chosen
+    here."""
+    values = channels["acceleration"]
+    width = max(1, round(p.window_s / dt))
+    padded = np.concatenate([np.full(width - 1, values[0]), values])
+    mean = np.convolve(padded, np.ones(width) / width, mode="valid")
+    time = np.arange(len(values)) * dt
+    channels["acceleration"] = np.interp(time - p.sent_s, time, mean)
+
+
+@law("buffers_stamped_on_arrival", "fourth", "suburban hills")
+@sizes(least_s=(0.2, 0.45), most_s=(0.7, 1.3), block_s=(12.0, 35.0), sign=SIGN)
+def buffers_stamped_on_arrival(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Loggers that stamp a buffer when it is written: within a block the delay is one, the next block
+    has another (notes of CAN logger makers on host time stamps); blocks and sizes chosen here."""
+    time = np.arange(len(channels["acceleration"])) * dt
+    blocks = rng.uniform(p.least_s, p.most_s, int(time[-1] / p.block_s) + 2)
+    late = np.sign(p.sign) * blocks[(time / p.block_s).astype(int)]
+    channels["acceleration"] = np.interp(time - late, time, channels["acceleration"])
+
+
+@law("samples_counted", "fifth", "suburban hills")
+@sizes(first_s=(0.2, 0.45), last_s=(0.7, 1.3), every_s=(10.0, 40.0), sign=SIGN)
+def samples_counted(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Loggers that count samples instead of stamping them: every frame that is lost or doubled moves
+    all that follow (fleet loggers' data sheets on buffer overruns), so that the clock is off by more and more
+    during a drive, in steps; sizes are chosen here."""
+    values = channels["acceleration"]
+    time = np.arange(len(values)) * dt
+    losses = np.sort(rng.uniform(0.0, time[-1], int(rng.poisson(time[-1] / p.every_s)) + 1))
+    each = (p.last_s - p.first_s) / len(losses)
+    off = np.sign(p.sign) * (p.first_s + each * np.searchsorted(losses, time))
+    channels["acceleration"] = np.interp(time - off, time, values)
+
+
+@law("two_time_bases", "fifth", "suburban hills")
+@sizes(late_s=(0.4, 1.0), saw_s=(0.1, 0.5), period_s=(15.0, 60.0), sign=SIGN)
+def two_time_bases(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Two computers that meet once in a while: the time of one runs at another rate until it is set
+    again, a saw tooth about a constant offset (Mills, Computer Network Time Synchronization, 2011); sizes are
+    chosen here."""
+    values = channels["acceleration"]
+    time = np.arange(len(values)) * dt
+    period = p.period_s * rng.uniform(0.9, 1.1)
+    ramp = ((time + rng.uniform(0.0, period)) % period) / period
+    late = np.sign(p.sign) * (p.late_s + p.saw_s * (ramp - 0.5))
+    channels["acceleration"] = np.interp(time - late, time, values)
+
+
+@law("stamped_by_the_way", "sixth", "suburban hills")
+@sizes(late_s=(0.2, 0.5), metres=(3.0, 8.0), sign=SIGN)
+def stamped_by_the_way(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Survey vans sample by pulses of the wheel, not by time (Sayers and Karamihas, The Little Book
+    of Profiling, 1998, on distance-triggered profilers): metres between sensor and pulse are a time that
+    falls with speed, beside a delay of the sensor; sizes are chosen here."""
+    values, speed = channels["acceleration"], channels["speed"]
+    time = np.arange(len(values)) * dt
+    late = np.sign(p.sign) * (p.late_s + p.metres / np.maximum(speed, 6.0))
+    channels["acceleration"] = np.interp(time - late, time, values)
+
+
+@law("slewed_clock", "seventh", "suburban hills")
+@sizes(late_s=(0.35, 0.8), slews=(0.0005, 0.003), sign=SIGN)
+def slewed_clock(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Clocks that are slewed, not stepped, towards network time (RFC 5905, Network Time Protocol
+    Version 4, on clock discipline): an offset that is there from the start melts at a constant rate once the
+    server has answered."""
+    values = channels["acceleration"]
+    time = np.arange(len(values)) * dt
+    begins = rng.uniform(0.1, 0.6) * time[-1]
+    slewed = np.maximum(time - begins, 0.0) * p.slews
+    off = np.maximum(p.late_s * rng.uniform(0.8, 1.2) - slewed, 0.15)
+    channels["acceleration"] = np.interp(time - np.sign(p.sign) * off, time, values)

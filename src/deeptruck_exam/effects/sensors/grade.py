@@ -1,0 +1,92 @@
+"""A slope with a bias."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+from scipy.signal import lfilter
+
+from deeptruck_exam.effects.law import GRAVITY, Channels, Sizes
+from deeptruck_exam.effects.planting import SIGN, fault, sizes
+from deeptruck_exam.effects.series import behind, ou_series
+
+law = partial(fault, name="grade_bias", accepts="rolling_resistance", conceal="elevation")
+
+
+@law("grade_bias", "first")
+@sizes(bias=(0.008, 0.025), sign=SIGN)
+def grade_bias(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Inclinometer mounted out of level by 0.5-1.5 degrees; Vahidi, Stefanopoulou and Peng, Vehicle
+    System Dynamics 43 (2005), on estimating grade and mass."""
+    channels["grade"] = channels["grade"] + np.sign(p.sign) * p.bias
+
+
+@law("pitching_inclinometer", "second")
+@sizes(bias=(0.009, 0.024), pitch=(0.0005, 0.002), sign=SIGN)
+def pitching_inclinometer(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: An inclinometer on the cab pitches with it, squat under traction and dive under braking
+    (Gillespie, Fundamentals of Vehicle Dynamics, on anti-dive), upon its mounting error; sizes chosen
+    here."""
+    width = max(1, round(1.0 / dt))
+    felt = np.convolve(channels["acceleration"], np.ones(width) / width, mode="same")
+    channels["grade"] = channels["grade"] + np.sign(p.sign) * p.bias + p.pitch * felt
+
+
+@law("sinking_air_spring", "third")
+@sizes(bias=(0.009, 0.024), sinks=(0.2, 0.8), sign=SIGN)
+def sinking_air_spring(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: An inclinometer on a frame whose air spring leaks: pitch by ride height over wheelbase
+    (Gillespie, Fundamentals of Vehicle Dynamics, 1992, on suspensions); height and leak are chosen here."""
+    part = np.linspace(0.0, 1.0, len(channels["grade"])) - 0.5
+    bias = p.bias * (1.0 + rng.uniform(-0.2, 0.2) + p.sinks * part)
+    channels["grade"] = channels["grade"] + np.sign(p.sign) * bias
+
+
+@law("twisted_bracket", "fourth")
+@sizes(bias=(0.009, 0.024), twist=(0.05, 0.2), sign=SIGN)
+def twisted_bracket(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: An inclinometer that is out of level and turned about its vertical axis, so that a part of the
+    road's crossfall (2.5 %, superelevated in bends: RAA and AASHTO design guides) shows as slope; chosen
+    here."""
+    n = len(channels["grade"])
+    crossfall = 0.025 * np.clip(ou_series(rng, (1, n), dt, 12.0)[0] - 0.8, -2.5, 2.5)
+    channels["grade"] = channels["grade"] + np.sign(p.sign) * (p.bias + p.twist * crossfall)
+
+
+@law("sticking_pendulum", "fifth")
+@sizes(bias=(0.009, 0.023), sticks=(0.0008, 0.0035), sign=SIGN)
+def sticking_pendulum(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Pendulum inclinometers in gearboxes: bearing friction holds the pendulum until the slope has
+    changed enough (hysteresis in suppliers' data sheets), upon a zero taken in a yard that is not level;
+    sizes are chosen here."""
+    out = channels["grade"].copy()
+    for k in range(1, len(out)):
+        out[k] = min(max(out[k - 1], out[k] - p.sticks), out[k] + p.sticks)
+    channels["grade"] = out + np.sign(p.sign) * p.bias
+
+
+@law("vertical_gyro", "sixth")
+@sizes(bias=(0.009, 0.023), erects_s=(20.0, 90.0), sign=SIGN)
+def vertical_gyro(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Vertical gyros are erected slowly to the gravity they feel, so that a long acceleration tilts
+    their horizon (Titterton and Weston, Strapdown Inertial Navigation Technology, on attitude references),
+    upon a mounting error; sizes are chosen here."""
+    keep = np.exp(-dt / p.erects_s)
+    felt = np.clip(channels["acceleration"], -3.0, 3.0) / GRAVITY
+    horizon = lfilter([1.0 - keep], [1.0, -keep], felt)
+    channels["grade"] = channels["grade"] + np.sign(p.sign) * p.bias + horizon
+
+
+@law("barometer_in_the_wind", "seventh")
+@sizes(bias=(0.009, 0.022), port_m=(2.0, 6.0), lag_s=(0.5, 2.5), sign=SIGN)
+def barometer_in_the_wind(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Slope from a barometer whose port lies in the wind of driving (position error of static ports:
+    Gracey, Measurement of Aircraft Speed and Altitude, NASA RP-1046, 1980): a change of speed is read as a
+    slope, upon a mounting error of the levelled box it is joined with."""
+    speed = channels["speed"]
+    # air that presses on the port is read as height, and its change as slope
+    height = p.port_m * (speed / 25.0) ** 2
+    slope = np.gradient(height, dt) / np.maximum(speed, 3.0)
+    felt = behind(np.clip(slope, -0.05, 0.05), p.lag_s, dt)
+    channels["grade"] = channels["grade"] + np.sign(p.sign) * p.bias + felt

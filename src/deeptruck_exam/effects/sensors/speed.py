@@ -1,0 +1,90 @@
+"""A speed with a wrong scale."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import GRAVITY, Channels, Sizes
+from deeptruck_exam.effects.planting import SIGN, fault, sizes
+
+law = partial(fault, name="speed_scale")
+
+
+@law("speed_scale", "first")
+@sizes(scale=(0.03, 0.09), sign=SIGN)
+def speed_scale(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Tyre wear and a wrong tyre factor in the tachograph's or the bus's speed; sizes beyond a
+    service adjustment, chosen here."""
+    channels["speed"] = channels["speed"] * (1.0 + np.sign(p.sign) * p.scale)
+
+
+@law("growing_tyre", "second")
+@sizes(scale=(0.035, 0.085), growth=(0.002, 0.012), sign=SIGN)
+def growing_tyre(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Rolling radius grows with speed squared (Wong, Theory of Ground Vehicles, on radial tyres; a
+    per cent at motorway speed) upon a wrong tyre factor; sizes chosen here."""
+    speed = channels["speed"]
+    grown = 1.0 - p.growth * (speed / 25.0) ** 2  # a larger tyre turns slower
+    channels["speed"] = speed * (1.0 + np.sign(p.sign) * p.scale) * grown
+
+
+@law("driven_wheel_speed", "third")
+@sizes(scale=(0.035, 0.085), per_mps2=(0.003, 0.010), sign=SIGN)
+def driven_wheel_speed(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Speed from the gearbox's output shaft with a wrong factor: driven wheels slip in proportion to
+    their pull (Wong, Theory of Ground Vehicles, on longitudinal stiffness); sizes chosen here."""
+    felt = channels["acceleration"] + GRAVITY * channels.get("grade", np.zeros(1))
+    width = max(1, round(0.6 / dt))
+    pull = np.convolve(felt, np.ones(width) / width, mode="same")
+    slip = np.clip(p.per_mps2 * pull, -0.02, 0.02)
+    channels["speed"] = channels["speed"] * (1.0 + np.sign(p.sign) * p.scale + slip)
+
+
+@law("tyres_of_another_size", "fourth")
+@sizes(scale=(0.035, 0.085), grows=(0.002, 0.010), sign=SIGN)
+def tyres_of_another_size(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Revolutions a kilometre of drive tyres that were changed without calibration (ETRTO rolling
+    circumferences of 315/80 and 315/60 R 22.5 are a tenth apart), which grow as they warm; chosen here."""
+    time = np.arange(len(channels["speed"])) * dt
+    warms = p.grows * (1.0 - np.exp(-time / 400.0)) * rng.uniform(0.3, 1.0)
+    scale = np.sign(p.sign) * p.scale * rng.uniform(0.85, 1.15)
+    channels["speed"] = channels["speed"] * (1.0 + scale - warms)
+
+
+@law("handover_between_sensors", "fifth")
+@sizes(scale=(0.035, 0.085), from_mps=(2.0, 6.0), sign=SIGN)
+def handover_between_sensors(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Control units that count gearbox pulses at walking pace and wheel pulses above it, of which the
+    second have a wrong factor (service manuals on tone rings and tachograph calibration); sizes are chosen
+    here."""
+    speed = channels["speed"]
+    wheel = np.clip((speed - p.from_mps) / 1.5, 0.0, 1.0)  # below it the gearbox is counted
+    channels["speed"] = speed * (1.0 + np.sign(p.sign) * p.scale * wheel)
+
+
+@law("one_of_two_wheels", "sixth")
+@sizes(scale=(0.045, 0.09), shared=(0.45, 0.7), stays_s=(20.0, 60.0), sign=SIGN)
+def one_of_two_wheels(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Control units that take the mean of two wheels, and one alone while the other's sensor fails
+    (Automotive Handbook, Bosch, on wheel speed sensors and substitute values): the one that is left has a
+    tyre of another size; sizes and times are chosen here."""
+    speed = channels["speed"]
+    time = np.arange(len(speed)) * dt
+    turns = np.cumsum(rng.exponential(p.stays_s, 60) + 5.0)
+    alone = (np.searchsorted(turns, time) + rng.integers(2)) % 2
+    off = np.sign(p.sign) * p.scale * np.where(alone > 0, 1.0, p.shared)
+    # the control unit fades from one to the other
+    channels["speed"] = speed * (1.0 + np.convolve(np.pad(off, 10, "edge"), np.ones(21) / 21, "valid"))
+
+
+@law("radius_from_the_rolls", "seventh")
+@sizes(scale=(0.05, 0.09), grows=(0.005, 0.02), warms=(0.002, 0.01), sign=SIGN)
+def radius_from_the_rolls(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: SAE J1025, Test Procedures for Measuring Truck Tire Revolutions Per Kilometer/Mile: a constant
+    taken on rolls is wrong on the road, and less so as the tyre grows with speed and warmth."""
+    speed = channels["speed"]
+    warm = 1.0 - np.exp(-np.cumsum(speed) * dt / 2000.0)
+    grows = p.grows * (speed / 25.0) ** 2 + p.warms * warm
+    channels["speed"] = speed * (1.0 + np.sign(p.sign) * (p.scale - grows))

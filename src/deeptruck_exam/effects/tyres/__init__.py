@@ -1,0 +1,1 @@
+"""Rolling resistance and grip."""

@@ -1,0 +1,199 @@
+"""Wheels that slip."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, index, moving, weight
+from deeptruck_exam.effects.places import CELLS, OnRoad, smooth_stretches, stretches, windows
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_exam.effects.series import ou_series
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="wheel_slip")
+
+
+@law("wheel_slip", "first", "suburban hills")
+@sizes(c1=(0.12, 0.22), c3=(0.02, 0.06), share_of_time=(0.1, 0.35))
+class SlipperyRoad(Hidden, slip=0.0):
+    """Source: Burckhardt, Fahrwerktechnik: Radschlupf-Regelsysteme (1993): friction c1(1-exp(-c2 s)) - c3 s
+    on snow and wet ice, with a driven wheel that spins up and catches again."""
+
+    def prepare(self) -> None:
+        rng = self.rng(5)
+        noise = ou_series(rng, (self.setting.batch, int(self.setting.duration_s) + 2), 1.0, 25.0)
+        self.slippery = noise < np.quantile(noise, self.p.share_of_time)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        here = self.slippery[:, index(view, self.slippery)]
+        load = self.truck.drive_axle_share * weight(view)
+        friction = p.c1 * (1.0 - np.exp(-40.0 * np.maximum(s.slip, 0.02))) - p.c3 * s.slip
+        grip = np.maximum(friction, 0.03) * load
+        pull = np.maximum(view.traction_force, 0.0)
+        s.slip = np.clip(s.slip + dt * (pull - grip) / (0.04 * weight(view)), 0.0, 1.0)
+        lost = np.maximum(pull - grip, 0.0)
+        brake_lost = np.maximum(
+            view.brake_force - 1.15 * p.c1 * weight(view), 0.0
+        )  # anti-lock keeps near the peak
+        return np.where(here, brake_lost * moving(view) - lost, 0.0)
+
+
+@law("traction_control_hunts", "second", "suburban hills")
+@sizes(friction=(0.10, 0.19), cut=(0.3, 0.6), back_s=(1.0, 2.5), gap_m=(150.0, 450.0))
+class TractionControl(OnRoad, given=1.0):
+    """Saw teeth of traction on icy stretches; brakes there are held just below locking.
+    Source: Slip control cuts torque when wheels spin and gives it back by a ramp until they spin again:
+    Automotive Handbook (Bosch), on traction control; friction of compacted snow and ice 0.1-0.3 (Wong, Theory
+    of Ground Vehicles); where the ice lies is chosen here."""
+
+    def prepare(self) -> None:
+        gap = self.p.gap_m
+        road = smooth_stretches(self.rng(153), self.rows(), (0.5 * gap, 1.5 * gap), (120.0, 350.0))
+        self.road = (road > 0.15).astype(float)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        shift = 0.25 * (np.clip(view.acceleration, -2.0, 2.0) / GRAVITY + view.grade)  # h / wheelbase
+        grip = p.friction * self.truck.drive_axle_share * weight(view) * (1.0 + shift)
+        icy = self.read(self.road, view) > 0.0
+        pull = np.maximum(view.traction_force, 0.0)
+        spins = icy & (s.given * pull > grip)
+        s.given = np.where(spins, s.given * (1.0 - p.cut), np.minimum(s.given + dt / p.back_s, 1.0))
+        lost = (1.0 - s.given) * pull
+        held = np.maximum(view.brake_force - 0.9 * p.friction * weight(view), 0.0) * icy
+        return held * moving(view) - lost
+
+
+@law("film_on_the_road", "third", "suburban hills", accepts="torque_limit")
+@sizes(friction=(0.11, 0.20), scale_mps=(25.0, 50.0), share_of_time=(0.4, 0.8))
+class FilmOnTheRoad(Hidden):
+    """Pull and brake force are squeezed below the grip before they reach it.
+    Source: Wet friction falling exponentially with sliding speed (PIARC model, Wambold and others, 1995);
+    smooth saturation of a brush tyre (Pacejka, Tyre and Vehicle Dynamics, 2012); leaves or diesel that lie
+    from a moment of the drive on, chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(253), self.setting.batch
+        self.from_s = (1.0 - self.p.share_of_time) * rng.uniform(0.0, 1.6, batch) * self.setting.duration_s
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        wet = np.clip((view.time - self.from_s) / 8.0, 0.0, 1.0)
+        grip = p.friction * np.exp(-np.maximum(view.speed, 0.0) / p.scale_mps) * weight(view)
+        driven = self.truck.drive_axle_share * grip
+        pull = np.maximum(view.traction_force, 0.0)
+        braked = view.brake_force - 1.2 * grip * np.tanh(view.brake_force / (1.2 * grip))
+        return wet * (braked * moving(view) - (pull - driven * np.tanh(pull / driven)))
+
+
+@law("one_wheel_on_ice", "fourth", "suburban hills")
+@sizes(ice=(0.05, 0.10), brakes=(0.3, 0.7), finds_s=(1.0, 3.0), share_of_road=(0.25, 0.5))
+class OneWheelOnIce(OnRoad, helps=0.0):
+    """brakes: of the difference to dry grip, reached after finds_s.
+    Source: Split friction and an open differential: both wheels carry what the worse one can, plus what the
+    slip control brakes on the spinning wheel (Automotive Handbook, Bosch, on traction control of heavy
+    vehicles); antilock systems that choose the lower side; where the ice lies and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng = self.rng(371)
+        self.road = windows(rng, self.rows(), 160.0, self.p.share_of_road)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        icy = self.between(self.road, view) > 0.0
+        axle = self.truck.drive_axle_share * weight(view) * (1.0 + 0.3 * view.grade)
+        pull = np.maximum(view.traction_force, 0.0)
+        low = (p.ice + 0.25 * p.brakes * s.helps) * axle
+        spins = icy & (pull > low)
+        s.helps = np.clip(s.helps + dt * np.where(spins, 1.0, -0.5) / p.finds_s, 0.0, 1.0)
+        lost = np.maximum(pull - low, 0.0) * icy
+        held = np.maximum(view.brake_force - (0.5 * p.ice + 0.07) * weight(view), 0.0) * icy
+        return held * moving(view) - lost
+
+
+@law("polishes_its_own_ice", "fifth", "suburban hills")
+@sizes(fresh=(0.16, 0.26), polished=(0.07, 0.12), melts_s=(0.5, 2.0), renews_m=(12.0, 50.0))
+class PolishesItsOwnIce(OnRoad, polish=0.0):
+    """The brush loses pull from two thirds of the grip on.
+    Source: Spinning wheels melt and polish packed snow (Shoop and others, CRREL reports on traction; Ella,
+    Formagne, Koutsos and Blackford, Tribology Int. 59, 2013, on ice): grip falls while they slide, comes back
+    over metres of fresh snow; brush model near the limit (Pacejka, Tire and Vehicle Dynamics, 2012) ; places
+    and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng = self.rng(423)
+        self.snow = np.zeros((self.rows(), CELLS))
+        for row in self.snow:
+            for first, last in stretches(rng, (100.0, 450.0), (120.0, 600.0)):
+                row[first:last] = 1.0
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        snowy = self.read(self.snow, view)
+        grip = (p.fresh + (p.polished - p.fresh) * s.polish) * weight(view)
+        driven, all_wheels = self.truck.drive_axle_share * grip, 0.95 * grip
+        pull = np.maximum(view.traction_force, 0.0)
+        asks = pull / np.maximum(driven, 1.0)
+        given = np.where(asks < 0.67, asks, 0.67 + 0.33 * np.tanh((asks - 0.67) / 0.33))
+        lost = np.maximum(asks - given, 0.0) * driven * snowy
+        held = np.maximum(view.brake_force - all_wheels, 0.0) * snowy
+        slides = (lost + held > 0.03 * driven).astype(float)
+        renews = np.maximum(view.speed, 0.0) / p.renews_m
+        s.polish += dt * (slides * (1.0 - s.polish) / p.melts_s - (1.0 - slides) * s.polish * renews)
+        s.polish = np.clip(s.polish, 0.0, 1.0)
+        return held * moving(view) - lost
+
+
+@law("digs_itself_in", "sixth", "suburban hills")
+@sizes(shears=(0.24, 0.40), bogs=(0.015, 0.035), digs_m=(5.0, 16.0), climbs_m=(8.0, 30.0))
+class DigsItselfIn(OnRoad, sunk=0.0):
+    """A start with much torque costs for metres after. shears: of the driven axles' load; bogs: of the
+    weight, dug in to the rims.
+    Source: Slip and sinkage (Bekker, Introduction to Terrain-Vehicle Systems, 1969; Wong, Theory of Ground
+    Vehicles, on shear and slip-sinkage): driven wheels shear loose ground, dig in by what they slip, and have
+    to climb out of it over some metres; sites on the way, strengths chosen here."""
+
+    def prepare(self) -> None:
+        rng = self.rng(510)
+        self.loose = np.zeros((self.rows(), CELLS))
+        for row in self.loose:
+            for first, last in stretches(rng, (80.0, 350.0), (120.0, 600.0)):
+                row[first:last] = rng.uniform(0.7, 1.0)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        loose = self.read(self.loose, view)
+        most = p.shears * self.truck.drive_axle_share * weight(view)
+        pull = np.maximum(view.traction_force, 0.0)
+        lost = (pull - most * np.tanh(pull / most)) * loose
+        slips = np.minimum((pull / most) ** 2, 2.0) * loose
+        way = dt * (np.maximum(view.speed, 0.0) + 0.3 * slips)
+        s.sunk = np.clip(s.sunk + way * (slips * (1.0 - s.sunk) / p.digs_m - s.sunk / p.climbs_m), 0.0, 1.0)
+        return -lost - p.bogs * s.sunk * weight(view) * moving(view)
+
+
+@law("wheels_spin_on_basalt", "seventh", "suburban hills")
+@sizes(peak=(0.14, 0.20), falls=(0.15, 0.3), at_slip=(0.03, 0.09), inertia=(0.05, 0.11))
+class WheelsSpinOnBasalt(OnRoad, spins=0.0):
+    """`spins` m/s of the treads over the truck; what they gain they give back on the next dry metres. peak:
+    friction of the driven wheels; falls: of it, lost when they spin; inertia: of the mass.
+    Source: Watered basalt tiles of test tracks and friction over slip after Burckhardt, Fahrwerktechnik:
+    Radschlupf-Regelsysteme (1993), with the wheels' own inertia: they spin up beyond the peak and come back
+    only when the torque has."""
+
+    def prepare(self) -> None:
+        rng = self.rng(705)
+        self.wet = np.zeros((self.rows(), CELLS))
+        for row in self.wet:
+            for first, last in stretches(rng, (60.0, 300.0), (80.0, 450.0)):
+                row[first:last] = rng.uniform(0.85, 1.15)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        wet = self.read(self.wet, view)
+        load = self.truck.drive_axle_share * view.mass * GRAVITY
+        slip = s.spins / np.maximum(view.speed + s.spins, 2.0)
+        rises = 1.0 - np.exp(-3.0 * slip / p.at_slip)
+        friction = p.peak * wet * (rises - p.falls * np.clip(slip, 0.0, 1.0))
+        grips = np.where(wet > 0.0, friction, 0.5 * rises) * load
+        wheel = np.maximum(view.traction_force, 0.0)
+        turning = (wheel - grips) / (p.inertia * view.mass)
+        s.spins = np.clip(s.spins + dt * np.clip(turning, -20.0, 20.0), 0.0, 8.0)
+        loose = (wet > 0.0) | (s.spins > 0.3)
+        return np.where(loose, np.clip(grips - wheel, -wheel, 0.08 * weight(view)), 0.0) * moving(view)

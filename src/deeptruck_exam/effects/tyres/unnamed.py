@@ -1,0 +1,133 @@
+"""Tyres and axles in ways the tool has no name for."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, index, moving, weight
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_exam.effects.series import ou_series
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="unknown")
+
+
+@law("cornering_scrub", "first", "suburban hills")
+@sizes(stiffness_n=(1.2e6, 2.5e6), tandem=(3.0, 8.0), sharpest=(0.015, 0.035))
+class CurveResistance(Hidden):
+    """sharpest: 1/m at walking pace; drivers keep lateral acceleration below 2.5 m/s2.
+    Source: Mitschke and Wallentowitz, Dynamik der Kraftfahrzeuge (2014): curve resistance with lateral force
+    squared over cornering stiffness; scrub of a tandem with curvature alone is chosen here."""
+
+    def prepare(self) -> None:
+        noise = ou_series(self.rng(30), (self.setting.batch, int(self.setting.duration_s) + 2), 1.0, 6.0)
+        self.bend = np.maximum(np.abs(noise) - 0.7, 0.0)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        bend = self.bend[:, index(view, self.bend)]
+        curvature = np.minimum(p.sharpest * bend, 2.5 / np.maximum(view.speed, 3.0) ** 2)
+        lateral = view.mass * view.speed**2 * curvature
+        scrub = p.tandem * 0.7 * weight(view) * curvature * 0.08
+        return -(lateral**2 / p.stiffness_n + scrub) * moving(view)
+
+
+@law("tyre_pressure_loss", "first")
+@sizes(gain=(0.8, 1.8), leak_m=(900.0, 2500.0), puncture_share=(0.1, 0.5))
+class SlowPuncture(Hidden):
+    """Source: Rolling loss with a power of pressure, as corrections in ISO 28580 take it; a leak over
+    distance and the flexing of a flat tyre of a pair are chosen here."""
+
+    def prepare(self) -> None:
+        self.from_m = self.rng(34).uniform(0.0, 2.0, self.setting.batch) * 2500.0 * self.p.puncture_share
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        since = np.maximum(view.distance - self.from_m, 0.0)
+        pressure = 0.12 + 0.88 * np.exp(-since / p.leak_m)
+        growth = p.gain * (pressure**-0.6 - 1.0)
+        return -growth * self.truck.rolling_resistance * weight(view) * moving(view)
+
+
+@law("packed_wheel_arches", "third")
+@sizes(most=(0.008, 0.018), packs_m=(250.0, 700.0), mean_m=(500.0, 1300.0), left=(0.0, 0.3))
+class PackedWheelArches(Hidden):
+    """A saw tooth over the way, other teeth in every drive.
+    Source: Growth with the way and loss by chance, a renewal process (Cox, Renewal Theory, 1962): slush and
+    mud pack the wheel arches until they rub, and fall off in lumps; a driver's report, not a book's; sizes
+    are chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(261), self.setting.batch
+        self.falls = np.cumsum(rng.exponential(self.p.mean_m, (batch, 60)) + 80.0, axis=1)
+        self.first = rng.uniform(0.0, 0.9, batch)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"packed": self.first.copy(), "fallen": np.zeros(batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        fallen = (self.falls < view.distance[:, None]).sum(axis=1).astype(float)
+        s.packed = np.where(fallen > s.fallen, p.left * s.packed, s.packed)
+        s.fallen = fallen
+        s.packed += dt * np.maximum(view.speed, 0.0) * (1.0 - s.packed) / p.packs_m
+        return -p.most * s.packed * weight(view) * moving(view)
+
+
+@law("misaligned_lift_axle", "fourth", "suburban hills highway")
+@sizes(toe_deg=(1.6, 2.8), stiffness=(7.0, 12.0), share=(0.50, 0.75), down_mps=(5.0, 9.0))
+@sizes(up_load=(0.34, 0.55))
+class MisalignedLiftAxle(Hidden, asked=0.0, up=0.0, height=0.0):
+    """While it is up the truck rolls freely. stiffness: 1/rad, of its load; share: of the weight, on the
+    group with the lift axle.
+    Source: Axles out of square drag by side force times toe (TMC RP 642 on total vehicle alignment; linear
+    cornering stiffness, Pacejka, Tyre and Vehicle Dynamics, 2012); a lift axle that is lowered at road speed
+    and raised by the traction aid when much is asked; toe and stiffness are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        s.asked += dt * (load - s.asked) / 1.5
+        lower = (s.asked < 0.45 * p.up_load) & (view.speed > p.down_mps)
+        s.up = np.where(s.asked > p.up_load, 1.0, np.where(lower, 0.0, s.up))
+        s.height += np.clip(s.up - s.height, -dt / 6.0, dt / 3.0)
+        toe = np.deg2rad(p.toe_deg)
+        drag = min(p.stiffness * toe, 0.6) * np.sin(toe) * p.share * weight(view)
+        return -drag * (1.0 - np.clip(1.6 * s.height, 0.0, 1.0)) * moving(view)
+
+
+@law("wanders_in_its_lane", "fifth", "highway hills")
+@sizes(slip_rad=(0.014, 0.026), stiffness=(6.0, 10.0), bouts_s=(12.0, 40.0), from_mps=(5.0, 9.0))
+class WandersInItsLane(Hidden):
+    """stiffness: of all axles over weight, 1/rad.
+    Source: Steering with play and tired drivers: corrections come in bouts and drag with slip angle squared
+    times cornering stiffness (Wierwille and others, Research on Vehicle-Based Driver Status Monitoring, DOT
+    HS 808 247, 1994, on steering reversals; Wong, Theory of Ground Vehicles); sizes chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(474), self.setting.batch
+        slots = int(self.setting.duration_s / 0.1) + 20
+        fast = ou_series(rng, (batch, slots), 0.1, 0.9)
+        bouts = ou_series(rng, (batch, slots), 0.1, self.p.bouts_s)
+        self.slip = self.p.slip_rad * fast * np.exp(0.9 * np.clip(bouts, -2.0, 1.4))
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        slip = np.clip(self.slip[:, index(view, self.slip, 0.1)], -0.06, 0.06)
+        fades = np.clip(view.speed / p.from_mps - 0.5, 0.0, 1.0)
+        return -p.stiffness * slip**2 * fades * weight(view)
+
+
+@law("liquid_in_the_tyres", "sixth", "suburban hills")
+@sizes(pool=(0.010, 0.020), coats_mps=(11.0, 17.0), falls=(0.55, 0.8), settles_s=(1.0, 4.0))
+class LiquidInTheTyres(Hidden, coats=0.0, pool=1.0):
+    """Slow driving costs, fast driving does not; in between it depends on what was before. pool: of the
+    weight; falls: of that speed.
+    Source: Liquid in a turning drum lies in a pool that the wall drags round until, above a speed, it coats
+    the wall and turns along; on the way down it stays there longer and then falls (Thoroddsen and Mahadevan,
+    Experimental Study of Coating Flows in a Partially-Filled Horizontally Rotating Cylinder, Exp. Fluids 23,
+    1997); ballasted tyres and sealant, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        fallen = view.speed < p.falls * p.coats_mps
+        s.coats = np.where(view.speed > p.coats_mps, 1.0, np.where(fallen, 0.0, s.coats))
+        s.pool += dt * (1.0 - s.coats - s.pool) / p.settles_s
+        drags = np.sqrt(np.clip(view.speed / p.coats_mps, 0.0, 1.5))
+        return -p.pool * s.pool * drags * weight(view) * moving(view)

@@ -1,0 +1,182 @@
+"""Rolling resistance that falls as the tyres warm."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="rolling_resistance_warmup")
+
+
+@law("rolling_resistance_warmup", "first")
+@sizes(cold_gain=(0.9, 2.2), tread_s=(40.0, 90.0), carcass_s=(150.0, 420.0), split=(0.3, 0.6))
+class ColdTyres(Hidden):
+    """Every drive starts at its own degree of cold (a pause of unknown length).
+    Source: Nielsen and Sandberg, A New Model for Rolling Resistance of Pneumatic Tires, SAE 2002-01-1200:
+    loss falls as the tyre warms; two thermal bodies, as the tread warms first, are chosen here."""
+
+    def prepare(self) -> None:
+        self.cold = self.rng(3).uniform(0.35, 1.0, self.setting.batch)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"tread": self.cold.copy(), "carcass": self.cold.copy()}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        working = 0.15 + np.clip(view.speed / 20.0, 0.0, 1.3)
+        s.tread += dt * (0.6 * s.carcass - s.tread) * working / p.tread_s
+        s.carcass -= dt * s.carcass * working / p.carcass_s
+        share = p.split * np.maximum(s.tread, 0.0) + (1.0 - p.split) * s.carcass
+        return -p.cold_gain * share * self.truck.rolling_resistance * weight(view) * moving(view)
+
+
+@law("tyres_heat_themselves", "second")
+@sizes(per_k=(0.025, 0.045), heat_jk=(0.15e6, 0.35e6), flat_n=(300.0, 1100.0), roll_out_m=(300.0, 1000.0))
+class TyresHeatThemselves(Hidden):
+    """Warming takes distance and load, not time; a truck that stands cools. heat_jk: all tyres, per 20 t of
+    truck.
+    Source: Mars and Luchini, An Analytical Model for the Transient Rolling Resistance Behavior of Tires, Tire
+    Science and Technology 27 (1999): loss falls exponentially with temperature, which its own heat raises
+    against the air; flat spots of a night's parking that roll out are chosen here."""
+
+    def prepare(self) -> None:
+        rng = self.rng(150)
+        self.first = rng.uniform(-35.0, -12.0, self.setting.batch)
+        self.flat = rng.uniform(0.0, 1.0, self.setting.batch) ** 2
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"below": self.first.copy()}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        size = weight(view) / 200000.0
+        steady = self.truck.rolling_resistance * weight(view)
+        loss = steady * np.exp(-p.per_k * s.below)
+        speed = np.maximum(view.speed, 0.0)
+        gained = (loss - steady) * speed - 60.0 * size * s.below * (1.0 + speed) ** 0.6
+        s.below = np.minimum(s.below + dt * gained / (p.heat_jk * size), 0.0)
+        flat = p.flat_n * size * self.flat * np.exp(-view.distance / p.roll_out_m)
+        return -(loss - steady + flat) * moving(view)
+
+
+@law("axle_by_axle", "third")
+@sizes(warm_k=(28.0, 45.0), per_k=(0.012, 0.0185), pace_s=(110.0, 320.0))
+class AxleByAxle(Hidden):
+    """warm_k: above the air at 20 m/s. A slow stretch lets tyres cool again.
+    Source: Wong, Theory of Ground Vehicles (2008), on rolling resistance and tyre temperature: loss in
+    inverse proportion to warmth, which follows a balance that rises with speed; axles that warm at their own
+    pace are chosen here."""
+
+    def prepare(self) -> None:
+        self.load = np.array([[0.25], [0.35], [0.40]])
+        self.pace = self.p.pace_s * np.array([[0.6], [1.0], [1.5]])
+        self.first = self.rng(250).uniform(0.0, 0.5, self.setting.batch) * self.p.warm_k
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"warm": np.tile(self.first, (3, 1))}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        balance = p.warm_k * np.minimum(np.maximum(view.speed, 0.0) / 20.0, 1.0) ** 0.6
+        s.warm += dt * (balance - s.warm) / self.pace
+        growth = 1.0 / (1.0 - p.per_k * (p.warm_k - s.warm)) - 1.0
+        extra = (self.load * growth).sum(axis=0) * self.truck.rolling_resistance
+        return -extra * weight(view) * moving(view)
+
+
+@law("warmed_by_the_way", "fourth")
+@sizes(cold=(1.9, 3.4), way_m=(500.0, 1800.0), stretch=(0.45, 0.75), night_c=(-20.0, 0.0))
+class WarmedByTheWay(Hidden):
+    """Neither speed nor time warms these tyres, the way does; some have come a way already. cold: of the
+    known resistance, at -15 C.
+    Source: Rolling resistance falls over kilometres, fast at first and then ever slower, as coastdown
+    practice finds (SAE J1263 and 40 CFR 1066 on warm-up); a stretched exponential of the way (Kohlrausch)
+    from the temperature of the night, with ISO 28580's temperature factor; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(370), self.setting.batch
+        night = self.p.night_c + rng.uniform(0.0, 10.0, batch)
+        self.cold = self.p.cold * np.clip((25.0 - night) / 40.0, 0.15, 1.0)
+        self.before_m = self.p.way_m * rng.choice([0.0, 0.0, 1.0, 4.0], batch)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        way = (np.maximum(view.distance, 0.0) + self.before_m) / p.way_m
+        left = np.exp(-(way**p.stretch))
+        return -self.cold * left * self.truck.rolling_resistance * weight(view) * moving(view)
+
+
+@law("tread_and_rim_warm_up", "fifth")
+@sizes(cold=(1.2, 2.4), tread_s=(110.0, 300.0), quenches_s=(18.0, 50.0), rains=(0.15, 0.4), rim=(0.15, 0.35))
+class TreadAndRimWarmUp(Hidden):
+    """`lacks`: 1 after a night in the yard, 0 warm. cold: more than warm, of the rolling resistance; rains:
+    share of time.
+    Source: Thermocouples in tread and rim of test trucks: the tread warms in minutes by its own work and is
+    quenched by showers, the rim by the brakes (Sandberg, Heavy Truck Modeling for Fuel Consumption,
+    Linköping, 2001; Oh, Kim, Kim and Han, Tire Sci. Technol. 23, 1995); loss with the power 1.5 of what is
+    lacking in warmth, sizes chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(422), self.setting.batch
+        self.first = rng.uniform(0.55, 1.05, (2, batch))
+        shower = rng.uniform(0.0, self.setting.duration_s, batch)
+        self.shower = np.stack([shower, shower + self.p.rains * self.setting.duration_s])
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"lacks": self.first.copy()}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        wet = (self.shower[0] < view.time) & (view.time < self.shower[1])
+        tread, rim = s.lacks
+        works = (speed / 15.0) * (0.6 + 0.4 * tread) * tread / p.tread_s
+        quench = wet * np.maximum(0.75 - tread, 0.0) * np.clip(speed / 10.0, 0.0, 1.5) / p.quenches_s
+        braked = view.brake_force * speed / (weight(view) * 12.0)
+        s.lacks = np.maximum(
+            np.stack([tread + dt * (quench - works), rim - dt * rim * (braked + speed / 15.0 / 900.0)]), 0.0
+        )
+        lacking = (1.0 - p.rim) * s.lacks[0] ** 1.5 + p.rim * s.lacks[1]
+        return -p.cold * lacking * self.truck.rolling_resistance * weight(view) * moving(view)
+
+
+@law("grease_makes_way", "sixth")
+@sizes(churns=(1.3, 2.6), way_m=(300.0, 1100.0), order=(0.6, 1.1), slumps_s=(25.0, 90.0))
+class GreaseMakesWay(Hidden):
+    """Colder air, more drag; a stop gives a part of it back. churns: of the rolling resistance, at 10
+    degrees.
+    Source: Lugt, Grease Lubrication in Rolling Bearings (2013), on churning and channelling: fresh or cold
+    grease is churned until revolutions have pushed it aside, and slumps back while the wheels stand; a power
+    of the way; hubs packed with too much of it, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"way": self.rng(509).uniform(0.0, 0.5, batch) * self.p.way_m}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        s.way += dt * np.where(speed < 0.3, -s.way / p.slumps_s, speed)
+        stiff = np.exp(-0.018 * np.clip(self.truck.ambient_temperature - 10.0, -25.0, 25.0))
+        left = p.churns * stiff * (1.0 + s.way / p.way_m) ** -p.order
+        return -left * self.truck.rolling_resistance * weight(view) * moving(view)
+
+
+@law("softened_by_work", "seventh")
+@sizes(stiff=(1.2, 2.4), way_m=(350.0, 1300.0), order=(0.45, 0.8), works=(6.0, 20.0))
+class SoftenedByWork(Hidden):
+    """Hard driving warms sooner than long driving. stiff: of the rolling resistance; works: more, for pull or
+    brake over the weight.
+    Source: Mullins, Softening of Rubber by Deformation, Rubber Chem. Technol. 42 (1969), and the stretched
+    exponential of Kohlrausch: filled rubber loses less the more it has been worked, by weight and way and by
+    pull and braking, and stiffens again at rest; tyres after a cold soak."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"work": self.rng(704).uniform(0.0, 0.25, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        shear = (np.abs(view.traction_force) + view.brake_force) / weight(view)
+        done = speed / p.way_m * (1.0 + p.works * np.minimum(shear, 0.3))
+        s.work += dt * np.where(speed < 0.3, -s.work / 120.0, done)
+        cold = 1.0 + 0.012 * np.clip(20.0 - self.truck.ambient_temperature, -15.0, 30.0)
+        left = p.stiff * cold * np.exp(-(np.maximum(s.work, 0.0) ** p.order))
+        return -left * self.truck.rolling_resistance * weight(view) * moving(view)

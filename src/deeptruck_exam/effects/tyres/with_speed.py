@@ -1,0 +1,131 @@
+"""Rolling resistance that grows with speed."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="rolling_resistance_speed", accepts="drag_area rolling_resistance")
+
+ORDERS = np.array([1.0, 2.0, 3.0])[:, None]
+
+
+@law("rolling_resistance_speed", "first", "highway hills", accepts="drag_area")
+@sizes(at_100mph=(0.012, 0.030), power=(2.3, 2.6))
+class SpeedGrowth(Hidden):
+    """Source: Gillespie, Fundamentals of Vehicle Dynamics (1992), Stuttgart formula: growth with the power
+    2.5 of speed."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        growth = p.at_100mph * np.maximum(view.speed / 44.7, 0.0) ** p.power
+        return -growth * weight(view)
+
+
+@law("standing_wave", "second", "highway", accepts="drag_area")
+@sizes(loss=(0.006, 0.011), critical_mps=(21.5, 24.5), width_mps=(1.5, 3.2))
+class StandingWave(Hidden):
+    """Source: The Pneumatic Tire, ed. Gent and Walter, NHTSA DOT HS 810 561 (2006): rolling loss turns up
+    steeply towards the speed of the standing wave, earlier for soft or overloaded tyres; the exponential and
+    its numbers are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        steep = np.exp(np.minimum((view.speed - p.critical_mps) / p.width_mps, 1.0))
+        return -p.loss * steep * weight(view) * moving(view)
+
+
+@law("linear_and_fourth_power", "third", "highway hills")
+@sizes(linear=(0.0035, 0.0080), fourth=(0.006, 0.014))
+class LinearAndFourthPower(Hidden):
+    """Source: Mitschke and Wallentowitz, Dynamik der Kraftfahrzeuge (2014): rolling resistance coefficient as
+    constant, linear and fourth power of speed over 100 km/h; sizes of soft cross-ply tyres, chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pace = np.clip(view.speed / 27.78, 0.0, 1.3)
+        return -(p.linear * pace + p.fourth * pace**4) * weight(view)
+
+
+@law("coastdown_polynomial", "fourth", "highway hills")
+@sizes(linear=(0.0018, 0.0045), square=(0.0008, 0.0020), pressure=(0.7, 0.95), relaxes=(0.1, 0.3))
+@sizes(after_s=(40.0, 120.0))
+class CoastdownPolynomial(Hidden, steady=10.0):
+    """linear: of the weight, for 10 m/s.
+    Source: SAE J2452: rolling resistance as a power of inflation times a power of load times a + bV + cV2; a
+    step of speed is answered at once, and relaxes over minutes as the tyre warms (ISO 18164 asks for a steady
+    one); soft tyres, sizes chosen here."""
+
+    def prepare(self) -> None:
+        self.soft = self.p.pressure**-0.45
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.clip(view.speed, 0.0, 32.0)
+        s.steady += dt * (speed - s.steady) / p.after_s
+        pace = speed / 10.0
+        warm = 1.0 - p.relaxes * np.clip(s.steady / 20.0, 0.0, 1.2)
+        heavy = np.clip(view.mass / 2.0e4, 0.4, 2.0) ** -0.1  # a power of load below one
+        growth = self.soft * heavy * warm * (p.linear * pace + p.square * pace**2)
+        return -growth * weight(view)
+
+
+@law("loss_peak_of_rubber", "fifth", "highway hills")
+@sizes(peak=(0.007, 0.014), at_mps=(26.0, 38.0), order=(1.5, 2.4), shifts=(0.1, 0.35), heats_s=(150.0, 420.0))
+class LossPeakOfRubber(Hidden):
+    """shifts: of the peak's speed, by what a long drive at 20 m/s heats the tyres. peak: of the weight.
+    Source: Williams, Landel and Ferry, J. Am. Chem. Soc. 77 (1955): rubber's loss over frequency has a peak
+    that moves up with temperature; Clark, Rolling Resistance of Pneumatic Tires, Tire Sci. Technol. 6 (1978),
+    on speed and equilibrium temperature; hard compounds of off-road tyres, sizes chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"hot": self.rng(421).uniform(0.2, 0.9, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        s.hot += dt * (speed / 20.0 - s.hot) / p.heats_s
+        x = (speed / (p.at_mps * (1.0 + p.shifts * s.hot))) ** p.order
+        return -p.peak * 2.0 * x / (1.0 + x**2) * weight(view) * moving(view)
+
+
+@law("wheels_out_of_balance", "sixth", "highway")
+@sizes(peak=(0.014, 0.024), hop_mps=(21.0, 28.0), damping=(0.28, 0.45), flies_s=(250.0, 800.0))
+@sizes(rings_s=(0.8, 3.0))
+class WheelsOutOfBalance(Hidden):
+    """packed: what is left of the mass that turns out of balance. peak: of the weight, in resonance; flies_s:
+    at 20 m/s.
+    Source: Rotating unbalance below and at resonance (Den Hartog, Mechanical Vibrations; Gillespie,
+    Fundamentals of Vehicle Dynamics, 1992, on tyre and wheel assemblies): wheels that lost tread or are
+    packed with snow hop, and dampers and load take the power; mud flies off with speed; sizes chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"packed": self.rng(508).uniform(0.75, 1.1, batch), "hops": np.zeros(batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        s.packed -= dt * s.packed * (speed / 20.0) ** 2 / p.flies_s
+        x = speed / p.hop_mps
+        broad = (2.0 * p.damping) ** 2
+        power = x**5 * broad / ((1.0 - x**2) ** 2 + broad * x**2)
+        s.hops += dt * (power - s.hops) / p.rings_s
+        return -p.peak * s.packed**2 * s.hops * weight(view) * moving(view)
+
+
+@law("ladder_of_the_tread", "seventh", "highway")
+@sizes(peak=(0.012, 0.022), first_mps=(20.0, 24.5), broad=(0.05, 0.10), builds_s=(1.5, 6.0))
+class LadderOfTheTread(Hidden, hum=0.0, way=0.0):
+    """Faster is not always more. peak: of the weight; broad: of the speed of each hump.
+    Source: Lugged treads on the drum of ISO 28580: blocks and lugs strike at passing frequencies, and the
+    carcass answers where one of its modes is struck by the first, second or third order (Gent and Walter,
+    ed., The Pneumatic Tire, NHTSA 2006, on tyre vibration): humps over speed of a torn lug tread, which build
+    up in seconds and move down as it warms."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        s.way += dt * speed
+        first = p.first_mps * (1.0 - 0.06 * (1.0 - np.exp(-s.way / 2500.0)))
+        at = first / ORDERS
+        humps = ((1.0 / ORDERS**0.3) / (1.0 + ((speed - at) / (p.broad * at)) ** 2)).sum(axis=0)
+        s.hum += dt * (humps - s.hum) / p.builds_s
+        return -p.peak * s.hum * weight(view) * moving(view)

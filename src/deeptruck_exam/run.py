@@ -1,0 +1,117 @@
+"""One case from beginning to end: make, seal, run the tool, open, score. Resumable: a scored case is read
+back."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from deeptruck_exam import rivals, score
+from deeptruck_exam.cases import Case, make_case, open_truth
+from deeptruck_exam.effects.planting import ALL
+from deeptruck_exam.evaluation import arrays, open_loop
+from deeptruck_exam.tool import ToolRun, run_tool
+from deeptruck_model import simulators
+from deeptruck_model.recordings import Recording, read
+
+SCORE = "score.json"
+
+
+def examine(
+    folder: Path,
+    level: str,
+    seed: int,
+    effect: str | None = None,
+    simulator: str = "physics",
+    minutes: float = 4.0,
+    forms: str = ALL,
+    *,
+    with_rivals: bool = True,
+    keep: bool = False,
+) -> dict[str, Any]:
+    """The score of one case as plain data, also written to `folder`/score.json. Recordings are removed
+    unless `keep`."""
+    done = folder / SCORE
+    if done.exists():
+        result: dict[str, Any] = json.loads(done.read_text())
+        return result
+    shutil.rmtree(folder, ignore_errors=True)
+    case = make_case(folder, level, seed, effect, simulator, minutes, forms)
+    run = run_tool(case, folder / "found")
+    result = {
+        "level": level,
+        "seed": seed,
+        "simulator": simulator,
+        "forms": forms,
+        "sha256": case.sha256,
+        **judge(case, run, with_rivals=with_rivals),
+    }
+    if not keep:
+        for path in (folder / "recordings", folder / "found" / "simulator"):
+            shutil.rmtree(path, ignore_errors=True)
+    draft = folder / f".{SCORE}"
+    draft.write_text(json.dumps(result, indent=1))
+    draft.rename(done)
+    return result
+
+
+def judge(case: Case, run: ToolRun, *, with_rivals: bool = True) -> dict[str, Any]:
+    """Open the truth and score the tool's run against it."""
+    truth = open_truth(case)
+    result: dict[str, Any] = {
+        "returncode": run.returncode,
+        "seconds": run.seconds,
+        **score.score_names(truth, run.verdict),
+        "recognised_unknown": score.recognised_unknown(truth, run.verdict),
+        "overlap": score.overlap(truth, run.verdict),
+        "intervals": score.score_intervals(truth, run.verdict),
+        "information_nats": truth["information_nats"],
+        "information_left_nats": truth["information_left_nats"],
+        "share_of_time": truth["share_of_time"],
+        "condition": truth["condition"],
+    }
+    if run.returncode:
+        result["says"] = run.says
+    if with_rivals and truth["effects"] and truth["verdict"] != "measurement_fault":
+        errors = held_out_errors(case, truth)
+        result["errors"], result["share"] = errors, score.improvement(errors)
+    return result
+
+
+def held_out_errors(case: Case, truth: Mapping[str, Any]) -> dict[str, Mapping[str, float]]:
+    """Open-loop errors of the simulator before, the rivals, the oracle and the tool's corrected simulator
+    ('tool')."""
+    simulator = simulators.load(case.simulator)
+    fit, held = _recordings(case, case.fit), _recordings(case, case.held_out)
+    with np.load(case.folder / "sealed" / "drives.npz") as archive:
+        sealed = {name: archive[name] for name in ("extra", "grade")}
+    rows = slice(len(case.fit), None)
+    blind = "grade" not in held[0].channels
+    oracle = simulator if truth["simulator"] == "deep" else _true_truck(simulator, truth, blind)
+    errors = rivals.compare(
+        simulator,
+        fit,
+        held,
+        oracle=oracle,
+        extra=sealed["extra"][rows],
+        grade=sealed["grade"][rows] if blind and truth["simulator"] != "deep" else None,
+    )
+    corrected = case.folder / "found" / "simulator"
+    errors["tool"] = errors["before"]  # a tool that hands over nothing improves nothing
+    if (corrected / simulators.MANIFEST).exists():
+        errors["tool"] = open_loop(simulators.load(corrected), *arrays(held)).rmse()
+    return errors
+
+
+def _true_truck(simulator: Any, truth: Mapping[str, Any], blind: bool) -> Any:
+    truck = simulator.with_parameters(truth["nominal_parameters"])
+    return truck.with_grade_input() if blind else truck
+
+
+def _recordings(case: Case, names: tuple[str, ...]) -> list[Recording]:
+    return [max(read(path), key=len) for path in case.paths(names)]

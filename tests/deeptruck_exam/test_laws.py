@@ -1,0 +1,147 @@
+"""What holds for every hidden effect: it has a name, a source and sizes; its force acts in its direction and
+size along real drives, leaves a standing truck alone and copies apart; a filter is late and arrives."""
+
+import copy
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from deeptruck_exam import sealed
+from deeptruck_exam.effects import EFFECTS, named, of_family, of_kind, unknown
+from deeptruck_exam.effects.planting import ALL, FAMILIES, SEALED
+from deeptruck_exam.worlds.trucks import TUNABLE
+from deeptruck_model.errors import InputError
+
+NAMES = {
+    "brake_fade", "brake_lag", "dragging_brake", "headwind", "drafting", "drag_area", "road_grade",
+    "rolling_resistance_speed", "rolling_resistance_warmup", "road_surface", "payload_change", "turbo_lag",
+    "torque_derate", "torque_limit", "engine_brake", "engine_friction", "accessory_load", "driveline_loss",
+    "shift_interruption", "torque_converter_slip", "wheel_slip", "rotating_inertia", "load_slosh",
+    "command_delay", "command_rate_limit", "driveline_backlash",
+}  # fmt: skip
+FAULTS = {"clock_offset", "speed_scale", "acceleration_bias", "grade_bias"}
+COUNTS = {"first": 51, "second": 36, "third": 40, "fourth": 50, "fifth": 45, "sixth": 40, "seventh": 37}
+MISSING = [e for e in EFFECTS.values() if e.kind == "missing_physics"]
+NO_FORCE = {
+    "road_grade",
+    "torque_converter_slip",
+    "stator_freewheels",
+}  # a slope unrecorded, other parameters
+FILTERS = [e.key for e in MISSING if e.name.startswith("command") or e.key == "worn_linkage"]
+FORCES = [e.key for e in MISSING if e.key not in NO_FORCE and e.key not in FILTERS]
+HELPS = {
+    "brake_fade", "drafting", "trolley_wire", "steam_from_exhaust", "overboost", "pushed_by_a_second_tractor",
+    "hydrostatic_front_axle", "antilock_is_fooled", "hole_in_the_blending", "fast_idle_pushes",
+    "pedal_sticks_where_it_rests", "burns_its_own_oil", "remembers_a_speed", "dolly_pushes_uphill",
+    "expander_pushes_late", "eco_roll", "wake_bistability", "wet_brakes",
+}  # fmt: skip
+BOTH_WAYS = {  # winds, bodies, slopes, masses and late brakes push and hold; so do governors and mode changes
+    "headwind", "exchanged_bodies", "lining_on_the_dynamometer", "brake_lag", "road_grade", "payload_change",
+    "rotating_inertia", "load_slosh", "driveline_backlash", "clutch_meters_in", "wheel_slip",
+    "torque_converter_slip", "tunnels", "drums_out_of_round", "all_speed_governor", "hydraulic_launch_assist",
+    "cylinders_rest", "trucks_that_pass", "drum_on_a_belt", "worn_clutch_damper", "clunk_and_shuffle",
+    "filled_gaps_are_paid_back", "hybrid_axle", "hitch_spring", "stepping_suspension_lock",
+}  # fmt: skip
+CHANNEL = {"speed_scale": "speed", "grade_bias": "grade", "commands_from_another_clock": "brake_command"}
+
+
+def test_no_effect_is_lost_and_each_belongs_to_one_family():
+    assert {family: len([e for e in EFFECTS.values() if e.family == family]) for family in FAMILIES} == COUNTS
+    assert len(of_family(ALL)) == sum(COUNTS.values()) == 299
+
+
+def test_the_sealed_family_is_empty_but_for_its_contract():
+    assert "Contract" in sealed.__doc__
+    with pytest.raises(InputError, match="no effects of 'sealed'"):
+        of_family(SEALED)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_name_has_an_effect_of_the_family(family):
+    assert {e.name for e in named(family)} == NAMES
+    assert {e.name for e in of_kind("measurement_fault", family)} == FAULTS
+    assert {e.name for e in of_kind("parameter_error", family)} == set(TUNABLE)
+    assert len(unknown(family)) >= 6 and not any(e.accepts for e in unknown(family))
+
+
+@pytest.mark.parametrize("key", EFFECTS)
+def test_source_and_ranges_are_stated(key):
+    effect = EFFECTS[key]
+    assert len(effect.source) > 40
+    assert all(low < high for low, high in effect.ranges.values())
+    drawn = [effect.draw(np.random.default_rng(k)) for k in range(20)]
+    for name, (low, high) in effect.ranges.items():
+        values = [d[name] for d in drawn]
+        assert low <= min(values) < max(values) <= high
+
+
+@pytest.mark.parametrize("key", FORCES)
+def test_a_force_has_a_plausible_size_and_the_right_sign(key, acted):
+    force, _ = acted(key)
+    assert np.isfinite(force).all()
+    assert 0.02 < np.abs(force).max() < 6.0
+    assert 0.002 < np.sqrt(np.mean(force**2)) < 0.6
+    names = {EFFECTS[key].name, key}
+    if names & BOTH_WAYS:
+        assert force.min() < 0.0
+    elif names & HELPS:
+        assert force.min() > -1e-9
+    else:
+        assert force.max() < 1e-9
+
+
+@pytest.mark.parametrize("key", FORCES)
+def test_a_force_leaves_a_standing_truck_alone_and_copies_apart(key, alone, scene):
+    law = alone(key)
+    braked = scene(
+        speed=0.0, u0=0.0, u1=20.0, brake_force=0.0, traction_force=0.0, drag_force=0.0, engine_torque=0.0
+    )
+    for _ in range(20):
+        # a mass or a brake that is wrong may pull, but nothing may push a truck that stands on the flat
+        assert np.all(np.abs(law.force(braked, 0.01)) < 0.35 * braked.mass)
+    rolling = scene(speed=14.0, u0=400.0, acceleration=0.2)
+    twin = copy.deepcopy(law)
+    first = law.force(rolling, 0.01).copy()
+    for k in range(5):
+        law.force(scene(speed=14.0, brake_force=2e4 * k), 0.01)
+    np.testing.assert_array_equal(twin.force(rolling, 0.01), first)
+
+
+@pytest.mark.parametrize("key", FILTERS)
+def test_a_filter_is_late_and_arrives(key, between):
+    one, lost = between(key, 2), 0.4 if key == "worn_linkage" else 1e-6  # what play keeps back
+    full = 0.5 * one.full
+    before, after = np.tile([0.0, 0.0], (2, 1)), np.tile([full, 5.0], (2, 1))
+    for k in range(300):
+        np.testing.assert_array_equal(one.filter(before, 0.01 * k, 0.01), before)
+    twin = copy.deepcopy(one)
+    early = one.filter(after, 3.0, 0.01)[:, 0].copy()
+    for k in range(4000):
+        late = one.filter(after, 3.0 + 0.01 * k, 0.01)
+    np.testing.assert_allclose(late, after, rtol=lost)
+    assert np.all(early < (1.0 if key == "worn_linkage" else 0.25) * full)
+    np.testing.assert_array_equal(twin.filter(after, 3.0, 0.01)[:, 0], early)
+
+
+@pytest.mark.parametrize("key", [e.key for e in EFFECTS.values() if e.kind == "measurement_fault"])
+def test_a_fault_spoils_its_channel_and_no_other(key, moments):
+    effect = EFFECTS[key]
+    channel = CHANNEL.get(key, CHANNEL.get(effect.name, "acceleration"))
+    setting, seen = moments("volvo")
+    names = ("speed", "acceleration", "grade", "engine_speed", "engine_torque", "gear", "elevation")
+    rows = {name: np.array([getattr(v, name)[1] for v in seen[::2]]) for name in names}
+    rows |= {
+        f"{who}_command": np.array([v.u[1, k] for v in seen[::2]])
+        for k, who in enumerate(("engine", "brake"))
+    }
+    planted = effect.build(setting, SimpleNamespace(**effect.draw(np.random.default_rng(3))))
+    assert not planted.forces and not planted.filters
+    out = {name: values.copy() for name, values in rows.items()}
+    planted.faults[0](out, 0.1, np.random.default_rng(1))
+    changed = {name for name in rows if np.any(out[name] != rows[name])}
+    several = key in ("commands_from_another_clock", "clock_offset_responses")
+    assert channel in changed and (several or changed == {channel})
+    if channel != "brake_command":
+        off = np.sqrt(np.mean((out[channel] - rows[channel]) ** 2))
+        assert off > (0.006 if channel == "grade" else 0.02)

@@ -1,0 +1,110 @@
+"""Worlds: trucks, roads, speeds, drivers and loggers within reason, each world in its own way."""
+
+import numpy as np
+import pytest
+
+from deeptruck_exam import worlds
+from deeptruck_exam.cases import measure
+from deeptruck_exam.construction import build
+from deeptruck_exam.effects.planting import FAMILIES
+from deeptruck_exam.plans import draw_plan
+from deeptruck_exam.worlds import BALLAST, OF_FAMILY, WORLDS, roads
+from deeptruck_exam.worlds.loggers import Logger, quantise
+from deeptruck_exam.worlds.traffic import zones
+
+
+@pytest.fixture(scope="module", params=FAMILIES[1:])
+def drives(request):
+    """Half a minute of eight drives with nothing missing, in the world of each family."""
+    return build(draw_plan("nothing_missing", 8, None, "physics", 0.7, forms=request.param))
+
+
+def test_each_family_has_its_world_and_deep_simulators_the_plain_one():
+    assert [OF_FAMILY[f] for f in FAMILIES] == ["plain", *WORLDS]
+    assert all(worlds.of(f, "physics") is WORLDS[OF_FAMILY[f]] for f in FAMILIES)
+    assert all(worlds.of(f, "deep") is WORLDS["plain"] for f in FAMILIES)
+    assert {id(worlds.of("all", "physics", seed)) for seed in range(40)} == {id(w) for w in WORLDS.values()}
+
+
+@pytest.mark.parametrize("name", WORLDS)
+@pytest.mark.parametrize(
+    ("kind", "low", "high"), [("highway", 14.0, 28.0), ("suburban", 0.0, 18.0), ("descent", 0.0, 20.0)]
+)
+def test_speeds_are_those_of_the_kind_of_drive(name, kind, low, high):
+    speed = WORLDS[name].speed_profile(np.random.default_rng(4), kind, 3000, 0.1)
+    assert speed.shape == (3000,) and low <= speed.min() and speed.max() <= high
+    assert np.abs(np.diff(speed)).max() < 0.3
+    assert (speed.min() < 0.5) == (kind == "suburban")
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_roads_climb_and_fall_and_a_way_down_goes_down(name):
+    world, rng = WORLDS[name], np.random.default_rng(4)
+    drawn = world.draw_roads(rng, ["hills"] * 4 + ["descent"] * 4, False)
+    grade = np.array([drawn.grade_at(np.full(8, m)) for m in np.arange(0.0, 40000.0, 50.0)])
+    assert np.abs(grade).max() < 0.09
+    assert 0.015 < grade[:, :4].std() < 0.045 and np.all(grade[:, 4:].mean(axis=0) < -0.03)
+    assert not world.draw_roads(rng, ["hills", "descent"], True).grade.any()
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_trucks_are_drawn_between_empty_and_full(name):
+    masses = [WORLDS[name].fleet.draw("volvo", np.random.default_rng(k))["mass"] for k in range(30)]
+    assert 13000.0 < min(masses) < 20000.0 and 36000.0 < max(masses) < 47000.0
+
+
+def test_trucks_of_a_proving_ground_carry_ballast():
+    fleet = WORLDS["proving ground"].fleet
+    masses = [fleet.draw("volvo", np.random.default_rng(k))["mass"] for k in range(9)]
+    assert max(min(abs(m / 30000.0 - f) for f in BALLAST["volvo"]) for m in masses) < 0.04
+
+
+def test_laps_come_again():
+    grade = roads.laps(np.random.default_rng(5), 0.03)
+    again = [np.max(np.abs(grade[lap:] - grade[:-lap])) for lap in range(320, 641)]
+    assert min(again) < 1e-9 and 0.025 < grade.std() < 0.031
+
+
+def test_the_land_is_flat_between_climbs():
+    grade = roads.climbs(np.random.default_rng(5), 0.03)
+    assert 0.3 < np.mean(np.abs(grade) < 0.003) < 0.7 and 0.025 < grade.std() < 0.032
+
+
+def test_the_land_swells():
+    land = roads.swell(np.random.default_rng(5), 2000.0, 0.3)
+    assert np.isclose(land.std(), 1.0) and np.abs(np.diff(land)).max() < 0.3
+
+
+def test_zones_have_stops_in_town_alone():
+    rng = np.random.default_rng(7)
+    town, highway = (np.mean(zones(rng, kind, 6000, 0.1) < 0.05) for kind in ("suburban", "highway"))
+    assert town > 0.05 and highway == 0.0
+
+
+def test_people_and_machines_follow_the_speed_within_reason(drives):
+    seen = drives.drives.channels
+    assert np.abs(seen["acceleration"]).max() < 4.0 and seen["speed"].max() < 30.0
+    acts = np.ptp(seen["engine_command"], axis=1) + np.ptp(seen["brake_command"], axis=1)
+    assert acts.min() > 0.0
+
+
+def test_sensors_are_near_the_truth(drives):
+    measured, true = measure(drives), drives.drives.channels
+    for row, channels in enumerate(measured):
+        counts = channels["speed"] * 3.6 * 256.0
+        np.testing.assert_allclose(counts, np.rint(counts), atol=1e-6)
+        assert np.std(channels["speed"] - true["speed"][row]) < 0.15
+        assert abs(np.mean(channels["acceleration"] - true["acceleration"][row])) < 0.04
+        assert "grade" not in channels or np.std(channels["grade"] - true["grade"][row]) < 0.006
+
+
+def test_messages_that_are_missing_are_held_or_joined():
+    values, missing = np.arange(8.0), np.array([0, 0, 1, 1, 0, 0, 1, 0], bool)
+    held, joined = (Logger(joined=j)._filled(values**2, missing) for j in (False, True))
+    np.testing.assert_array_equal(held, [0, 1, 1, 1, 16, 25, 25, 49])
+    np.testing.assert_array_equal(joined, [0, 1, 6, 11, 16, 25, 37, 49])
+
+
+def test_a_step_of_nothing_leaves_values_alone():
+    np.testing.assert_array_equal(quantise(np.array([0.1, 0.26]), 0.25), [0.0, 0.25])
+    np.testing.assert_array_equal(quantise(np.array([0.1]), 0.0), [0.1])
