@@ -17,10 +17,10 @@ What the layouts were checked against:
 - the extract of J1939DA (March 2021) in Equipment & Tool Institute's
   [j1939-84](https://github.com/Equipment-and-Tool-Institute/j1939-84): positions, SPNs and rates of TSC1,
   XBR, EBC1, ETC1, ETC2, EEC1, EEC2, VDC2;
-- California PATH's J1939 structures (`j1939_struct.h`): TSC1, ERC1, EBC1, EBC2, ETC1, ETC2, EEC1-3,
-  CCVS, XBR;
-- [libJ1939](https://github.com/2kranki/libJ1939) and Optio3's public decoder
-  `ElectronicBrakeController5`: EBC5;
+- California PATH's J1939 structures (`j1939_struct.h`): TSC1, ERC1, EBC1, EBC2, ETC1, ETC2, EEC1-3, CCVS,
+  XBR;
+- [libJ1939](https://github.com/2kranki/libJ1939) and Optio3's public decoder `ElectronicBrakeController5`:
+  EBC5;
 - PACCAR PEC017, page 48: counter and checksum of TSC1;
 - a research truck's public recording, whose frames decode to what such a truck does: EEC1-3, EBC1-2, CCVS1,
   ETC1-2, LFE1, AMB, TSC1;
