@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sys
 import tomllib
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -68,7 +69,18 @@ def readable(
     return signature, returns
 
 
+def load_facades(app: Sphinx) -> None:
+    """Names that a package loads on their first use are there for the reference."""
+    for page in Path(app.srcdir, "api").glob("*.rst"):
+        for name in re.findall(
+            r"automodule:: (\S+)\n   :imported-members:", page.read_text(encoding="utf-8")
+        ):
+            module = import_module(name)
+            vars(module).update({public: getattr(module, public) for public in module.__all__})
+
+
 def setup(app: Sphinx) -> None:
     """Called by Sphinx."""
+    app.connect("builder-inited", load_facades)
     app.connect("autodoc-process-signature", readable)
     app.add_html_math_renderer("mathml", inline_renderers=(mathml, None), block_renderers=(mathml, None))

@@ -7,6 +7,7 @@ import importlib.util
 import re
 import shlex
 import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
@@ -229,6 +230,15 @@ def test_the_history_of_the_mismatch_tool_adds_up() -> None:
             float(x) for key, x in row.items() if x and re.search("_(first|in_group|recall|said)$", key)
         ]
         assert all(0.0 <= share <= 1.0 for share in shares)
+
+
+def test_the_citation_and_the_changelog_are_of_this_version() -> None:
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    assert cited["version"] == version and cited["references"][0]["title"].startswith(
+        "Longitudinal Deep Truck"
+    )
+    assert version in (ROOT / "CHANGELOG.md").read_text()
 
 
 def test_the_picture_of_the_graph_shows_every_node_and_no_topic_that_is_not() -> None:

@@ -56,3 +56,14 @@ def test_what_takes_long_is_told_while_it_does(tmp_path: Path) -> None:
     assert told[0].startswith("setting up")
     assert told[1:3] == ["  torch, 797.1 MB", "  numpy, 16.4 MB"]
     assert "unpacking" in told[3] and len(told) == 4
+
+
+def test_the_site_is_built_with_warnings_as_errors(tmp_path: Path) -> None:
+    setup(tmp_path, 0)
+    python = tmp_path / "venv" / "bin" / "python"
+    python.write_text('#!/bin/sh\necho "$@"\n')
+    python.chmod(0o755)
+    command = ["make", "-s", "docs", f"VENV={tmp_path / 'venv'}"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout.splitlines()[-1] == "-m sphinx -q -W --keep-going -b html docs build/docs"
+    assert "-c constraints.txt -e .[docs]" in (tmp_path / "asked").read_text()
