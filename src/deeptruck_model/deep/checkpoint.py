@@ -33,9 +33,9 @@ KEPT = {  # what each file beside the weights is for; a truck that was saved wit
 }
 
 
-def save(truck: DeepTruck, path: Path) -> None:
+def save(truck: DeepTruck, path: Path, *, overwrite: bool = False) -> None:
     """Write `path` as a whole or not at all; an older deep truck there is replaced, and nothing else."""
-    with DEEP_TRUCK.replacing(path, overwrite=True) as folder:
+    with DEEP_TRUCK.replacing(path, overwrite=overwrite) as folder:
         write(truck, folder)
 
 

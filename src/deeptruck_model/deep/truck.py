@@ -161,11 +161,14 @@ class DeepTruck:
             self.driven,
         )
 
-    def save(self, path: Path) -> None:
-        """Write a simulator directory: simulator.json, model.safetensors and what it learned from."""
+    def save(self, path: Path, *, overwrite: bool = False) -> None:
+        """Write a simulator directory: simulator.json, model.safetensors and what it learned from.
+
+        Only with `overwrite` is an older deep truck replaced. Raises InputError as `files.Result.check` does.
+        """
         from deeptruck_model.deep.checkpoint import save
 
-        save(self, path)
+        save(self, path, overwrite=overwrite)
 
     def torch_module(self) -> TorchTruck:
         """A differentiable copy of the truck; gradients flow to state, u and w."""
