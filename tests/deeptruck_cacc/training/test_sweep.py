@@ -30,7 +30,7 @@ def test_every_combination_is_trained_and_the_best_comes_first(tmp_path):
     with pytest.raises(InputError, match=r"holds notes.txt, which is no part of a sweep"):
         sweep.sweep(TRUCK, out, TINY, overwrite=True)
     (out / "notes.txt").unlink()
-    with pytest.raises(InputError, match=r"holds a sweep already"):
+    with pytest.raises(InputError, match=r"holds a sweep of policies already"):
         sweep.sweep(TRUCK, out, TINY)
     assert len(sweep.sweep(TRUCK, out, TINY, overwrite=True)) == 1
     assert {p.name for p in out.iterdir()} == {"sweep.md", "sweep.json", files.LEDGER, NAME}
