@@ -18,6 +18,7 @@ from examples.demo.runner import Runner, StepError
 from examples.demo.steps import Settings, chosen, plan, real_data
 
 MARK = ".deeptruck-demo"
+WRITTEN = ("logs", "figures")  # beside the folders of the steps
 EXAMPLES = """
 Examples:\n
   python demo.py --out demo\n
@@ -67,6 +68,9 @@ def _claim(out: Path) -> None:
     try:
         if out.exists() and not (out / MARK).exists() and any(out.iterdir()):
             raise InputError(f"{out} exists and is no demo; choose another --out")
+        own = (out / MARK, out / "index.html", *(p for d in WRITTEN for p in (out / d, *(out / d).glob("*"))))
+        if link := next((path for path in own if path.is_symlink()), None):
+            raise InputError(f"{link} is a symbolic link, which is not written through; move it")
         out.mkdir(parents=True, exist_ok=True)
         (out / MARK).touch()
     except OSError as error:

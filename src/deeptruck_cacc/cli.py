@@ -74,10 +74,11 @@ def train(
     """
     from deeptruck_cacc import training
     from deeptruck_model import checks
+    from deeptruck_model.results import apart
 
     settings = partial(_config, trainer, seed, seeds, iterations, scene, memory)
     place = partial(training.check_place, out, resume=resume, overwrite=overwrite)
-    checks.every(settings, partial(checks.simulator, simulator), place)
+    checks.every(settings, partial(apart, out, Path(simulator)), partial(checks.simulator, simulator), place)
     config = settings()
     begun = training.begun(out)
     if training.check(
@@ -227,11 +228,13 @@ def sweep(
 
     from deeptruck_cacc.training import sweep as sweeping
     from deeptruck_model import checks
+    from deeptruck_model.results import apart
     from deeptruck_model.sweeps import read_grid
 
     kind, again = trainer.value, {"resume": resume, "overwrite": overwrite}
     checks.every(
         *(partial(sweeping.combinations, kind, one) for one in map(read_grid, ([text] for text in set_))),
+        partial(apart, out, Path(simulator)),
         partial(checks.simulator, simulator),
         partial(sweeping.check_place, out, **again),
     )

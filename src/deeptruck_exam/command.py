@@ -18,13 +18,13 @@ from deeptruck_exam.cases import Case, make_case
 from deeptruck_exam.concealed import data_folder, examine_concealed
 from deeptruck_exam.effects import of_family
 from deeptruck_exam.effects.planting import ALL
+from deeptruck_exam.folder import PROOF
 from deeptruck_exam.jobs import Job, run_jobs
 from deeptruck_exam.page import write_page
 from deeptruck_exam.plans import LEVELS
 from deeptruck_exam.run import examine, judge
 from deeptruck_exam.scoreboard import print_results
 from deeptruck_exam.tool import ToolRun
-from deeptruck_model import files
 from deeptruck_model.errors import InputError
 
 REPORT_SEED = 100_000
@@ -55,17 +55,13 @@ def prove(
     of_family(forms)
     if out.exists() and not resume:
         raise InputError(f"{out} exists already; resume it, choose another folder or remove it")
-    if out.exists() and not (out / "cases").is_dir() and (not out.is_dir() or any(out.iterdir())):
-        raise InputError(f"{out} holds something else; choose a new or an empty folder")
     wanted = [
         Job(level, seed + k, None, simulator, forms=forms)
         for simulator in simulators
         for level in levels
         for k in range(cases_per_level * (NULL_FACTOR if level == "nothing_missing" else 1))
     ]
-    files.check_folder(out)
-    (out / "cases").mkdir(parents=True, exist_ok=True)
-    with files.writing(out):
+    with PROOF.in_place(out):
         results = run_jobs(out / "cases", wanted, jobs=jobs)
         command = f"deeptruck-model prove --out proof --cases {cases_per_level} --seed {seed} --forms {forms}"
         real = examine_concealed(out / "concealed") if data_folder() else []

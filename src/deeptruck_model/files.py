@@ -10,8 +10,10 @@ from __future__ import annotations
 import errno
 import fcntl
 import glob
+import itertools
 import json
 import os
+import re
 import shutil
 import sys
 import tempfile
@@ -27,6 +29,7 @@ ADVICE = "make room or choose another --out"
 ELSEWHERE = "choose another --out"
 RENAME = "choose another name"
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+_DRAFT = re.compile(r"^\.(.+?)(\.\w{8}\.tmp|\.tmp|\.unfinished|\.\d+\.old)$")  # .NAME.tmp and the like
 LEDGER = ".deeptruck.json"  # in every published folder: what it is, and which files the command wrote there
 
 
@@ -34,10 +37,10 @@ LEDGER = ".deeptruck.json"  # in every published folder: what it is, and which f
 class Result:
     """A folder that one command writes.
 
-    `what` names it in messages, with its article: "a mismatch result". `names` are files that it may hold
-    beside those of its ledger: of unfinished work, or of a copy without the ledger. They are relative to the
-    folder; `*` stands for any part of one name, never for a '/'. `elsewhere` is how messages advise another
-    place.
+    `what` names it in messages, with its article: "a mismatch result"; no two commands have the same.
+    `names` are the files that it may hold where there is no ledger: in unfinished work, or in a copy without
+    it. They are relative to the folder; `*` stands for any part of one name, never for a '/'. `elsewhere` is
+    how messages advise another place.
     """
 
     what: str
@@ -61,6 +64,7 @@ class Result:
         """
         with self._held(out, overwrite):
             draft = None
+            _tell_left_over(out)
             try:
                 draft = Path(tempfile.mkdtemp(prefix=f".{out.name}.", suffix=".tmp", dir=out.parent))
                 draft.chmod(0o777 & ~_umask())
@@ -76,17 +80,30 @@ class Result:
     def going_on(self, out: Path, *, overwrite: bool = False) -> Iterator[Path]:
         """As `replacing`, but where the block fails or is killed the draft stays, to be gone on with.
 
-        Its name is `unfinished(out)`. Whoever does not want to go on calls `forget` first.
+        Its name is `unfinished(out)`; a file of somebody else in it refuses the run, by name. Whoever does
+        not want to go on calls `forget` first.
         """
         with self._held(out, overwrite):
             draft = unfinished(out)
+            _tell_left_over(out)
+            self._ours(draft)
             try:
                 draft.mkdir(exist_ok=True)
+                (draft / LEDGER).unlink(missing_ok=True)  # of a run that died as it was to publish
                 yield draft
                 self._publish(draft, out, overwrite)
             except OSError as error:
                 cure = advice(error, "make room and go on with --resume")
                 raise InputError(f"cannot write {out}: {error.strerror or error}; {cure}") from None
+
+    @contextmanager
+    def in_place(self, out: Path) -> Iterator[None]:
+        """`out` held for work that stays in it from run to run, and of which each file is whole by itself.
+
+        Raises InputError as `check`, but for an older result: with that the work goes on.
+        """
+        with self._held(out, overwrite=True):
+            yield
 
     @contextmanager
     def aside(self, out: Path, *, overwrite: bool = False, whole: Callable[[Path], bool]) -> Iterator[None]:
@@ -98,15 +115,16 @@ class Result:
         """
         old: Path | None = None
         files: list[str] = []
-        if self.check(out, overwrite=overwrite) or out.is_dir():
-            with writing(out):
-                self._check(out, overwrite)
-                files, old = self._ours(out), _beside(out)
-                out.rename(old)
         try:
+            if self.check(out, overwrite=overwrite) or out.is_dir():
+                with writing(out):
+                    self._check(out, overwrite)
+                    files, old = self._ours(out), _beside(out)
+                    out.rename(old)
+            _tell_left_over(out, old)
             yield
         finally:
-            if old is not None:
+            if old is not None and old.exists():
                 self._settle(out, old, files, whole)
 
     def _settle(self, out: Path, old: Path, files: list[str], whole: Callable[[Path], bool]) -> None:
@@ -136,32 +154,41 @@ class Result:
         if not overwrite:
             raise InputError(f"{out} holds {self.what} already; {self.elsewhere}, or add --overwrite")
         for folder in (out, *(path for path in out.rglob("*") if path.is_dir())):
-            if not os.access(folder, os.W_OK | os.X_OK):
+            if not os.access(folder, os.R_OK | os.W_OK | os.X_OK):
                 raise InputError(f"{folder} may not be changed, so it cannot be replaced; {self.elsewhere}")
         return True
 
     def _ours(self, folder: Path) -> list[str]:
         """The files in `folder`, relative to it. Raises InputError, naming it, for one of somebody else."""
-        listed = (glob.escape(name) for name in self._listed(folder))
-        patterns = [name.split("/") for name in (*listed, *self.names, LEDGER)]
+        if folder.is_symlink():
+            raise InputError(f"{folder} is a symbolic link; remove it, or {self.elsewhere}")
+        listed = self._listed(folder)
+        patterns = [name.split("/") for name in (*(self.names if listed is None else listed), LEDGER)]
         files = []
         for path in sorted(folder.rglob("*")):
             parts = path.relative_to(folder).parts
             if path.is_symlink() or not any(_fits(parts, pattern, path) for pattern in patterns):
-                inside = "/".join(parts)
-                raise InputError(
-                    f"{folder} holds {inside}, which is no part of {self.what}; move it, or {self.elsewhere}"
-                )
+                raise self._foreign(folder, "/".join(parts))
             if not path.is_dir():
                 files.append("/".join(parts))
         return files
 
-    def _listed(self, folder: Path) -> list[str]:
+    def _listed(self, folder: Path) -> list[str] | None:
+        """The files of the ledger in `folder`; None where there is none. Raises InputError for that of
+        another command."""
         try:
             ledger = json.loads((folder / LEDGER).read_text())
-            return [str(name) for name in ledger["files"]] if ledger["what"] == self.what else []
+            what, names = str(ledger["what"]), [glob.escape(str(name)) for name in ledger["files"]]
         except (OSError, ValueError, KeyError, TypeError):
-            return []
+            return None
+        if what != self.what:
+            raise self._foreign(folder, what)
+        return names
+
+    def _foreign(self, folder: Path, inside: str) -> InputError:
+        return InputError(
+            f"{folder} holds {inside}, which is no part of {self.what}; move it, or {self.elsewhere}"
+        )
 
     @contextmanager
     def _held(self, out: Path, overwrite: bool) -> Iterator[None]:
@@ -188,13 +215,13 @@ class Result:
         """
         self.sign(draft)
         old = None
-        if self._check(out, overwrite):
-            files, old = self._ours(out), _beside(out)
-            out.rename(old)
         try:
+            if self._check(out, overwrite):
+                files, old = self._ours(out), _beside(out)
+                out.rename(old)
             draft.rename(out)
-        except OSError:
-            if old is not None:
+        except BaseException:  # also where the user interrupts it
+            if old is not None and old.exists() and not out.exists():
                 old.rename(out)
             raise
         if old is not None and not _remove(old, files):
@@ -276,34 +303,6 @@ def write(path: Path, content: bytes, where_full: str = ADVICE) -> None:
             draft.unlink(missing_ok=True)
 
 
-@contextmanager
-def together(folder: Path) -> Iterator[Path]:
-    """A draft folder whose files move into `folder` when the block ends well; else `folder` stays as it was.
-
-    Other files in `folder` are left alone. Raises InputError with one line where it cannot be written.
-    """
-    draft, new = folder / f".{os.getpid()}.tmp", not folder.exists()
-    try:
-        draft.mkdir(parents=True)
-        yield draft
-        for file in sorted(draft.iterdir()):
-            file.replace(folder / file.name)
-    except OSError as error:
-        raise InputError(f"cannot write {folder}: {error.strerror or error}; {advice(error)}") from None
-    finally:
-        shutil.rmtree(draft, ignore_errors=True)
-        if new:
-            with suppress(OSError):  # it holds what was written
-                folder.rmdir()
-
-
-def check_folder(folder: Path) -> None:
-    """Raises InputError where files cannot be written into `folder`; called before long computing."""
-    with together(folder) as draft:
-        (draft / "file").write_bytes(b"")
-        (draft / "file").unlink()
-
-
 def advice(error: BaseException, where_full: str = ADVICE, else_where: str = ELSEWHERE) -> str:
     """What mends an error of writing: room helps a full disk alone, and no folder that may not be written."""
     return where_full if getattr(error, "errno", None) in FULL else else_where
@@ -337,10 +336,13 @@ def free(folder: Path) -> None:
 
 
 def _fits(parts: tuple[str, ...], pattern: list[str], path: Path) -> bool:
-    """Whether a path is what the pattern says, or a folder on the way to it."""
+    """Whether a path is what the pattern says, or a folder on the way to it; a killed run's drafts also."""
     on_the_way = path.is_dir() and len(parts) < len(pattern)
     whole = path.is_file() and len(parts) == len(pattern)
-    return (on_the_way or whole) and all(map(fnmatchcase, parts, pattern))
+    return (on_the_way or whole) and all(
+        fnmatchcase(part, one) or fnmatchcase(_DRAFT.sub(r"\1", part), one)
+        for part, one in zip(parts, pattern, strict=False)
+    )
 
 
 def _remove(folder: Path, files: list[str]) -> bool:
@@ -356,8 +358,23 @@ def _remove(folder: Path, files: list[str]) -> bool:
 
 
 def _beside(out: Path) -> Path:
-    """Where an older result waits."""
-    return out.with_name(f".{out.name}.{os.getpid()}.old")
+    """Where an older result waits: a name that is free, as a killed run may have had the same number."""
+    names = (f".{out.name}.{os.getpid() + number}.old" for number in itertools.count())
+    return next(place for name in names if not os.path.lexists(place := out.with_name(name)))
+
+
+def _tell_left_over(out: Path, own: Path | None = None) -> None:
+    """Say where killed runs left an older result, or a draft; whoever calls holds `out`. They stay."""
+    name = glob.escape(out.name)
+    for place in sorted(out.parent.glob(f".{name}.[0-9]*.old")):
+        if place != own:
+            print(
+                f"note: {place} is an older {out.name}, which a run that was killed had set aside; "
+                "rename it or remove it",
+                file=sys.stderr,
+            )
+    for place in sorted(out.parent.glob(f".{name}.????????.tmp")):
+        print(f"note: {place} is the draft of a run that was killed; remove it", file=sys.stderr)
 
 
 def _umask() -> int:

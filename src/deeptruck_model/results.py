@@ -15,12 +15,13 @@ TRUCK_FILES = (
     "resume.safetensors", "tensorboard/*",
 )  # fmt: skip
 DEEP_TRUCK = Result("a deep truck", TRUCK_FILES)
+PHYSICS_TRUCK = Result("a physics truck", (MANIFEST,))
 SWEEP = Result(
     "a sweep",
     (
         "sweep.json",
         "sweep.md",
-        *(f"*/{seed}/{name}" for seed in ("seed-*", ".seed-*.unfinished") for name in (*TRUCK_FILES, LEDGER)),
+        *(f"*/seed-*/{name}" for name in (*TRUCK_FILES, LEDGER)),
     ),
 )
 EVALUATION = Result("an evaluation", ("metrics.json", "error_statistics.png", "scenarios.png", "samples.png"))

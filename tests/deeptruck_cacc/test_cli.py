@@ -174,7 +174,7 @@ def test_train_evaluate_export_on_a_physics_truck(capsys, tmp_path):
     assert run("evaluate", out, *evaluation) == 0
     assert (tmp_path / "e" / "metrics.json").exists()
     assert run("evaluate", out, *evaluation) == 2
-    assert "e holds an evaluation already" in last_line(capsys)
+    assert "e holds an evaluation of a policy already" in last_line(capsys)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["e", "p", "p.onnx"]
 
 

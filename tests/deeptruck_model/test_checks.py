@@ -154,6 +154,17 @@ def test_what_every_check_says_is_said_once() -> None:
         checks.every(fails, lambda: None, fails)
 
 
+def test_misfits_of_several_checks_are_counted_once() -> None:
+    def fails(says: str) -> None:
+        raise InputError(says)
+
+    def both() -> None:
+        checks.every(lambda: fails("b"), lambda: fails("c"))
+
+    with pytest.raises(InputError, match=r"^3 things do not fit: \(1\) a \(2\) b \(3\) c$"):
+        checks.every(lambda: fails("a"), both)
+
+
 def test_checks_import_nothing_heavy(tmp_path: Path) -> None:
     bag_of(tmp_path / "drive")
     (tmp_path / "light.yaml").write_text("mass: 12000\n")

@@ -47,26 +47,6 @@ def test_a_folder_that_is_a_file_is_one_line(tmp_path: Path) -> None:
         files.write(tmp_path / "file" / "below", b"x")
 
 
-def test_files_that_belong_together_come_together_or_not_at_all(tmp_path: Path, small_disk: None) -> None:
-    (tmp_path / "a").write_bytes(b"old")
-    with pytest.raises(InputError, match="make room"), files.together(tmp_path) as draft:
-        (draft / "a").write_bytes(b"new")
-        (draft / "b").write_bytes(bytes(2000))
-    assert [p.name for p in tmp_path.iterdir()] == ["a"] and (tmp_path / "a").read_bytes() == b"old"
-    with files.together(tmp_path) as draft:
-        (draft / "a").write_bytes(b"new")
-    assert [p.name for p in tmp_path.iterdir()] == ["a"] and (tmp_path / "a").read_bytes() == b"new"
-
-
-def test_a_folder_is_tried_and_left_as_it_was(tmp_path: Path) -> None:
-    files.check_folder(tmp_path / "new")
-    assert not list(tmp_path.iterdir())
-    (tmp_path / "file").write_text("x")
-    for folder in (tmp_path / "file", tmp_path / "file" / "below"):
-        with pytest.raises(InputError, match=r"cannot write .*; choose another --out"):
-            files.check_folder(folder)
-
-
 @pytest.mark.parametrize("number", [errno.ENOTDIR, errno.EROFS, errno.EACCES])
 def test_room_helps_a_full_disk_alone(number: int) -> None:
     assert files.advice(OSError(number, ""), "make room") == "choose another --out"

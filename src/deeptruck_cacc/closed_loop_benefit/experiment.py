@@ -28,6 +28,7 @@ from deeptruck_cacc.training import analytic
 from deeptruck_cacc.training.lent_gradient import with_gradient
 from deeptruck_cacc.training.settings import AnalyticConfig
 from deeptruck_model import driving_cycles, files, mismatch, recordings, simulators
+from deeptruck_model.checks import MANIFEST, METADATA
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
@@ -98,21 +99,23 @@ def correct(case: Case, folder: Path) -> dict[str, Any]:
     """
     found = folder / "found"
     if not (found / "verdict.json").exists():
-        case.old.save(folder / "old")
+        if not (folder / "old" / MANIFEST).exists():  # a killed run may have left the folder empty
+            case.old.save(folder / "old")
         drives = [r for k, d in enumerate(_drives(case)) for r in _through_a_bag(d, folder / f"drive{k}")]
         mended = mismatch.find_mismatch(
             simulators.load(folder / "old"), drives[:-HELD_OUT], drives[-HELD_OUT:]
         )
         mismatch.write(mended, found)
     verdict = json.loads((found / "verdict.json").read_text())
-    if verdict["fit"].get("validated") and not (folder / "corrected").exists():
+    corrected = folder / "corrected" / MANIFEST
+    if verdict["fit"].get("validated") and not corrected.exists():
         mismatch.apply(found, folder / "corrected")
     errors = {k: verdict["fit"].get(k, {}).get("speed_rmse") for k in ("before", "parameters_only", "after")}
     return {
         "verdict": verdict["verdict"],
         "found": [f["effect"] for f in verdict["findings"]],
         "free_run_speed_rmse": errors,
-        "applied": (folder / "corrected").exists(),
+        "applied": corrected.exists(),
     }
 
 
@@ -133,7 +136,7 @@ def _drives(case: Case) -> list[Recording]:
 
 
 def _through_a_bag(drive: Recording, bag: Path) -> list[Recording]:
-    if not bag.exists():
+    if not (bag / METADATA).exists():
         recordings.write_bag(bag, [drive], interface=drive.interface)
     return list(recordings.read(bag, rate_hz=1.0 / drive.dt))
 
@@ -142,7 +145,7 @@ def _simulators(name: str, case: Case, work: Path) -> dict[str, tuple[str, Simul
     """Where policies are kept, and the simulator they learn on; without a correction, the old one stands."""
     folder = work / "cases" / name
     corrected = folder / "corrected"
-    mended = simulators.load(corrected if corrected.exists() else folder / "old")
+    mended = simulators.load(corrected if (corrected / MANIFEST).exists() else folder / "old")
     return {
         "old": (case.old_name.replace(" ", "_"), simulators.load(folder / "old")),
         "corrected": (f"{name}_corrected", mended),

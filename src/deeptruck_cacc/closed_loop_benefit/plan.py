@@ -10,14 +10,19 @@ from pathlib import Path
 from deeptruck_cacc.controllers.policy import POLICY
 from deeptruck_model import checks, files
 from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch.folders import APPLIED, FOUND
+from deeptruck_model.results import PHYSICS_TRUCK
 
 EFFECTS = ("road_grade", "brake_fade", "payload", "brake_lag", "command_delay")
 FIGURES, PAGE, PICTURE, WORK = "pays.json", "pays.md", "pays.png", "work"
 _KEPT = (
-    *(f"cases/*/{'*/' * depth}*" for depth in range(1, 5)),  # drives, verdict and simulators of each effect
+    *(f"cases/*/old/{name}" for name in (*PHYSICS_TRUCK.names, files.LEDGER)),
+    *(f"cases/*/drive*/{name}" for name in ("metadata.yaml", "*_0.mcap", files.LEDGER)),
+    *(f"cases/*/found/{name}" for name in (*FOUND.names, files.LEDGER)),
+    *(f"cases/*/{place}/base/{files.LEDGER}" for place in ("found/simulator", "corrected")),
+    *(f"cases/*/corrected/{name}" for name in (*APPLIED.names, files.LEDGER)),
     *(f"policies/*/*/{name}" for name in POLICY.names),
     "exams/*.json",
-    "exams/.*.json.tmp",
 )
 BENEFIT = files.Result(
     "a benefit of correction", (FIGURES, PAGE, PICTURE, *(f"{WORK}/{name}" for name in _KEPT))

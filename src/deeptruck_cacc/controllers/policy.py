@@ -29,7 +29,6 @@ POLICY = files.Result(
     (
         *(f"{folder}{name}" for folder in ("", "seeds/*/") for name in _KEPT),
         "checkpoint/state.safetensors",
-        "checkpoint/.state.safetensors.tmp",
     ),
 )
 

@@ -10,6 +10,7 @@ from deeptruck_cacc.controllers.policy import Policy
 from deeptruck_cacc.environments.hard_scenes import HARD
 from deeptruck_model import checks, files
 from deeptruck_model.errors import InputError
+from deeptruck_model.results import apart
 
 METRICS, CURVE, STABILITY = "metrics.json", "learning_curve.png", "string_stability.png"
 FIELD = ("gap_closing", "long_following")
@@ -25,7 +26,7 @@ _FILES = (
     STABILITY,
     *(f"{name}.png" for name in (*HARD, *VARIANTS, *(f"recorded_{n}" for n in LEADERS))),
 )
-EVALUATION = files.Result("an evaluation", (*_FILES, *(f"*/{name}" for name in _FILES)))
+EVALUATION = files.Result("an evaluation of a policy", (*_FILES, *(f"*/{name}" for name in _FILES)))
 
 
 def check(
@@ -48,6 +49,7 @@ def check(
         fit,
         partial(checks.simulator, simulator),
         partial(EVALUATION.check, out, overwrite=overwrite),
+        partial(apart, out, Path(policy), Path(simulator)),
     )
 
 

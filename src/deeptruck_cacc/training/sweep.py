@@ -19,7 +19,7 @@ from deeptruck_model.sweeps import Settings
 CONFIGS = {"analytic": AnalyticConfig, "trpo": TrpoSeedsConfig}
 TABLE, ROWS = "sweep.md", "sweep.json"
 SWEEP = files.Result(
-    "a sweep", (TABLE, ROWS, *(f"*/{name}" for name in (*POLICY.names, files.LEDGER)))
+    "a sweep of policies", (TABLE, ROWS, *(f"*/{name}" for name in (*POLICY.names, files.LEDGER)))
 )  # a '*' is a policy, or one that is unfinished
 
 

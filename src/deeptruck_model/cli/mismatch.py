@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deeptruck_model import checks, files
+from deeptruck_model import checks
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import folders
+from deeptruck_model.results import BAG, apart
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch import Mismatch
@@ -41,6 +42,7 @@ def mismatch(
     held_out = held_out or []
     checks.every(
         lambda: folders.FOUND.check(out, overwrite=overwrite),
+        lambda: apart(out, Path(simulator), *recordings, *held_out),
         lambda: checks.inputs(simulator, [*recordings, *held_out]),
     )
     from rich.console import Console
@@ -97,7 +99,9 @@ def apply(
     Example: deeptruck-model apply found --out better
     """
     checks.every(
-        lambda: folders.APPLIED.check(out, overwrite=overwrite), lambda: folders.check_applicable(directory)
+        lambda: folders.APPLIED.check(out, overwrite=overwrite),
+        lambda: apart(out, directory),
+        lambda: folders.check_applicable(directory),
     )
     from deeptruck_model.mismatch import apply as apply_correction
 
@@ -109,13 +113,15 @@ def road(
     directory: Annotated[Path, typer.Argument(help="Folder that 'mismatch' wrote.")],
     recordings: Annotated[list[Path], typer.Argument(help="The bags it was run on, without a grade.")],
     out: Annotated[Path, typer.Option(help="New bag.")],
+    overwrite: Overwrite = False,
 ) -> None:
     """Write recordings again with the slope that was recovered as their grade, to train a truck on it.
 
     Example: deeptruck-model road found a b c --out with_road
     """
     checks.every(
-        lambda: files.check_new(out),
+        lambda: BAG.check(out, overwrite=overwrite),
+        lambda: apart(out, directory, *recordings),
         lambda: folders.check_road(directory),
         *(lambda path=path: checks.bag(path) for path in recordings),
     )
@@ -124,7 +130,7 @@ def road(
 
     roads = Roads.read(directory)
     made, left_out = with_road(roads, [r for bag in recordings for r in rec.read(bag)])
-    rec.write_bag(out, made, interface=made[0].interface)
+    rec.write_bag(out, made, interface=made[0].interface, overwrite=overwrite)
     print(f"{len(made)} recordings with a grade in {out}")
     if left_out:
         print(f"  note: left out, as no slope was told of them: {', '.join(left_out)}")
@@ -154,6 +160,9 @@ def prove(
 
     Example: deeptruck-model prove --out proof --cases 5 --simulator physics
     """
+    from deeptruck_exam.folder import PROOF
+
+    PROOF.check(out, overwrite=True)  # nothing is replaced: what is scored there is kept
     from deeptruck_exam.command import prove as run
     from deeptruck_exam.plans import LEVELS
 

@@ -43,9 +43,9 @@ class Trained(Protocol):
     def details(self) -> Mapping[str, Any]: ...
 
 
-def save(truck: Trained, path: Path) -> None:
-    """Write `path` as a whole or not at all; an older deep truck there is replaced, and nothing else."""
-    with DEEP_TRUCK.replacing(path, overwrite=True) as folder:
+def save(truck: Trained, path: Path, *, overwrite: bool = False) -> None:
+    """Write `path` as a whole or not at all; only with `overwrite` is an older deep truck replaced."""
+    with DEEP_TRUCK.replacing(path, overwrite=overwrite) as folder:
         write(truck, folder)
 
 

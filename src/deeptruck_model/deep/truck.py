@@ -161,9 +161,12 @@ class DeepTruck:
             self.driven,
         )
 
-    def save(self, path: Path) -> None:
-        """Write a simulator directory: simulator.json, model.safetensors and what it learned from."""
-        saving.save(self, path)
+    def save(self, path: Path, *, overwrite: bool = False) -> None:
+        """Write a simulator directory: simulator.json, model.safetensors and what it learned from.
+
+        Only with `overwrite` is an older deep truck replaced. Raises InputError as `files.Result.check` does.
+        """
+        saving.save(self, path, overwrite=overwrite)
 
     def torch_module(self) -> TorchTruck:
         """A differentiable copy of the truck; gradients flow to state, u and w."""

@@ -10,7 +10,7 @@ from deeptruck_model import checks, files
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.columns import load_columns
 from deeptruck_model.recordings.topic_map import load_yaml
-from deeptruck_model.results import BAG
+from deeptruck_model.results import BAG, apart
 
 CAN_SUFFIXES = (".log", ".asc", ".blf", ".mf4", ".candump", ".trc", ".mcap")
 BAG_SUFFIXES = (".db3", ".bag")
@@ -25,6 +25,7 @@ def check(table: Path, columns: Meaning, out: Path, *, overwrite: bool = False) 
         lambda: _check_table(table),
         lambda: columns_of_log(table, columns) if is_can_log(table) else load_columns(columns),
         lambda: BAG.check(out, overwrite=overwrite),
+        lambda: apart(out, table),
         lambda: files.check_new(sealed(out)),
     )
 

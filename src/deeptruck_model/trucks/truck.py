@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model import reading
 from deeptruck_model.errors import InputError
+from deeptruck_model.results import PHYSICS_TRUCK
 from deeptruck_model.signals import TruckInterface
 from deeptruck_model.simulators import MANIFEST, Run
 from deeptruck_model.trucks import kernel
@@ -179,8 +180,11 @@ class PhysicsTruck:
             _refuse(row)
         return Run(y, {name: seen[:, :, j] for j, name in enumerate(INSIDE)} if inside else {})
 
-    def save(self, path: Path) -> None:
-        """Write a simulator directory. Raises InputError for a truck with forces: code is not data."""
+    def save(self, path: Path, *, overwrite: bool = False) -> None:
+        """Write a simulator directory; only with `overwrite` is an older one of a physics truck replaced.
+
+        Raises InputError as `files.Result.check` does, and for a truck with forces: code is not data.
+        """
         if self.forces or self.command_filters or len(self.record) > 1:
             raise InputError("a truck with forces, command filters or batch parameters cannot be saved")
         manifest = {
@@ -190,10 +194,8 @@ class PhysicsTruck:
             "dt": self._dt,
             "truck": self.specification.to_dict(),
         }
-        path.mkdir(parents=True, exist_ok=True)
-        draft = path / f".{MANIFEST}"
-        draft.write_text(json.dumps(manifest, indent=1))
-        draft.rename(path / MANIFEST)
+        with PHYSICS_TRUCK.replacing(path, overwrite=overwrite) as draft:
+            (draft / MANIFEST).write_text(json.dumps(manifest, indent=1))
 
     def _with(self, specification: Specification) -> PhysicsTruck:
         return PhysicsTruck(

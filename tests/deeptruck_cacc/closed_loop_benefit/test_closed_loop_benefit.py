@@ -83,6 +83,7 @@ def test_downhill_changes_the_road_alone():
     np.testing.assert_array_equal(flat.leader_acceleration, steep.leader_acceleration)
 
 
+@pytest.mark.long
 def test_one_case_from_drives_to_page(tmp_path, monkeypatch):
     """The payload at a hundredth of the effort: the tool must find it, and the shield must gain by it."""
     monkeypatch.setattr(experiment, "DRIVES", 3)

@@ -64,6 +64,7 @@ def test_a_truck_with_a_gradient_keeps_it(toy):
     assert with_gradient(toy) is toy
 
 
+@pytest.mark.long
 def test_training_on_a_physics_truck_gets_better_and_holds_the_gap(trucksim, tmp_path):
     scores = []
     for iterations in (1, 40):

@@ -30,7 +30,7 @@ def test_every_combination_is_trained_and_the_best_comes_first(tmp_path):
     with pytest.raises(InputError, match=r"holds notes.txt, which is no part of a sweep"):
         sweep.sweep(TRUCK, out, TINY, overwrite=True)
     (out / "notes.txt").unlink()
-    with pytest.raises(InputError, match=r"holds a sweep already"):
+    with pytest.raises(InputError, match=r"holds a sweep of policies already"):
         sweep.sweep(TRUCK, out, TINY)
     assert len(sweep.sweep(TRUCK, out, TINY, overwrite=True)) == 1
     assert {p.name for p in out.iterdir()} == {"sweep.md", "sweep.json", files.LEDGER, NAME}
@@ -58,6 +58,7 @@ def test_a_killed_sweep_goes_on_only_where_asked(tmp_path):
     assert (out / first.parent.name / "policy.json").stat().st_mtime_ns == stamp  # not trained again
 
 
+@pytest.mark.long
 def test_another_process_gives_the_same(tmp_path):
     plain = sweep.sweep(TRUCK, tmp_path / "plain", TINY)
     apart = sweep.sweep(TRUCK, tmp_path / "apart", TINY, workers=2)

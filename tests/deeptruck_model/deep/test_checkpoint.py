@@ -73,13 +73,15 @@ def test_damage_is_one_clear_line(saved, damage, says):
 
 
 def test_saving_replaces_a_simulator_and_nothing_else(truck, saved, tmp_path):
-    truck.save(saved)
+    with pytest.raises(InputError, match="holds a deep truck already"):
+        truck.save(saved)
+    truck.save(saved, overwrite=True)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["sim"]
     other = tmp_path / "thesis"
     other.mkdir()
     (other / "chapter1.txt").write_text("dear reader")
     with pytest.raises(InputError, match=r"holds chapter1\.txt, which is no part of a deep truck"):
-        truck.save(other)
+        truck.save(other, overwrite=True)
     assert [p.name for p in other.iterdir()] == ["chapter1.txt"]
 
 

@@ -60,9 +60,9 @@ def test_only_a_deep_truck_of_the_same_signals_is_adapted(truck, drive, small, t
     arguments = replace(small, start=str(tmp_path / "known"))
     with pytest.raises(InputError, match=r"other signals.*: brake_command is only in the truck; train"):
         train([drive(60, interface=TruckInterface("x", brake_unit=None))], tmp_path / "sim", arguments)
-    trucks.load("volvo").save(tmp_path / "known")
+    trucks.load("volvo").save(tmp_path / "physics")
     with pytest.raises(InputError, match="no deep truck"):
-        train([drive(60)], tmp_path / "sim", arguments)
+        train([drive(60)], tmp_path / "sim", replace(small, start=str(tmp_path / "physics")))
 
 
 def test_paper_mode_learns(drive, small, tmp_path):

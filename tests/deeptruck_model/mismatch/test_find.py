@@ -122,11 +122,13 @@ def test_a_wrong_mass_is_a_parameter_error_of_the_right_size() -> None:
     assert said["fit"]["validated"] and said["fit"]["improvement_ci95"][0] > 0.5
 
 
+@pytest.mark.long
 def test_a_load_that_runs_out_on_the_way_is_named() -> None:
     said = run(drives(TRUCK.with_forces([Sprayed()]), 4), [])
     assert said["findings"][0]["effect"] == "payload_change"
 
 
+@pytest.mark.long
 def test_a_drag_area_that_changed_on_the_way_is_named_and_the_fit_improves() -> None:
     before, after = drives(TRUCK, 2), drives(TRUCK.with_forces([LargerDragArea()]), 3, seed=30)
     said = run([*before[:2], *after[:2]], [after[2]])

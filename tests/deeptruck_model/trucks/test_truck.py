@@ -108,7 +108,7 @@ def test_saved_truck_drives_alike(tmp_path: Path) -> None:
     u = np.tile([60.0, 0.0], (1, 100, 1))
     y = [t.rollout(u, np.zeros((1, 100, 1)), np.array([[0.0, 9.0, 1.0]])).y for t in (truck, again)]
     np.testing.assert_array_equal(y[0], y[1])
-    assert [p.name for p in (tmp_path / "sim").iterdir()] == ["simulator.json"]
+    assert {p.name for p in (tmp_path / "sim").iterdir()} == {"simulator.json", ".deeptruck.json"}
 
 
 def test_damaged_directory_is_refused(tmp_path: Path) -> None:

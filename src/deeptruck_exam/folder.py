@@ -1,0 +1,30 @@
+"""What `prove` leaves in its folder, in which it works run after run. Standard library only."""
+
+from __future__ import annotations
+
+from deeptruck_model.files import LEDGER, Result
+from deeptruck_model.mismatch.folders import FOUND
+from deeptruck_model.results import TRUCK_FILES
+
+_BAG = ("metadata.yaml", "*_0.mcap", LEDGER)
+_FOUND = tuple(f"found/{name}" for name in (*FOUND.names, LEDGER))
+_CASE = (
+    "case.json", "score.json", ".score.json", "simulator.yaml", "sealed/truth.json", "sealed/drives.npz",
+    *(f"recordings/*/{name}" for name in _BAG),
+    *(f"found/simulator/base/{name}" for name in (*TRUCK_FILES, LEDGER)),
+    *_FOUND,
+)  # fmt: skip
+_REAL = (
+    *(f"{place}/{name}" for place in ("import", "import_*", "recordings/*") for name in _BAG),
+    *(f"simulator/{name}" for name in (*TRUCK_FILES, LEDGER)),
+    *(f"found/simulator/base/{name}" for name in (*TRUCK_FILES, LEDGER)),
+    *_FOUND,
+)
+PROOF = Result(
+    "a proof",
+    (
+        "proof.md", "scoreboard.json", ".proof.md", ".scoreboard.json", "*.png", "concealed/concealed.json",
+        *(f"cases/*/{name}" for name in _CASE),
+        *(f"concealed/*/{name}" for name in _REAL),
+    ),
+)  # fmt: skip

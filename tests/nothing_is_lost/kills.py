@@ -1,0 +1,240 @@
+"""Kill -9 and Ctrl-C at random moments: what is left is whole, and a second start gives what one gives.
+
+    python tests/nothing_is_lost/kills.py [--runs 200] [--only train] [--seed 0]
+
+Each command runs once undisturbed, for its result and its length; then it is ended at moments drawn over
+that length, and started again. Judged are the bytes of the weights, the place, processes and shared memory.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import uuid
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+MARK = "DEEPTRUCK_KILLS"  # in the environment of every process that a run starts
+FAREWELL_S = 60.0
+LIMIT_S = 600.0
+SHARED = Path("/dev/shm")
+
+
+@dataclass(frozen=True)
+class Command:
+    """What is run in a folder with the bags `a` and `b`; `result` are the files whose bytes are compared."""
+
+    name: str
+    words: tuple[str, ...]
+    result: str  # a pattern in `out`
+    again: tuple[str, ...]  # what is added to go on
+
+
+COMMANDS = (
+    Command("train", ("deeptruck-model", "train", "a", "--budget", "300", "--out", "out"),
+            "model.safetensors", ("--resume",)),
+    Command("sweep", ("deeptruck-model", "sweep", "a", "--set", "learning_rate=0.003,0.006", "--budget", "60",
+                      "--workers", "2", "--out", "out"), "*/seed-*/model.safetensors", ("--resume",)),
+    Command("mismatch", ("deeptruck-model", "mismatch", "--simulator", "truck:trucksim", "--recordings", "a",
+                         "b", "--out", "out"), "verdict.json", ("--overwrite",)),
+    Command("cacc train", ("deeptruck-cacc", "train", "--simulator", "truck:trucksim", "--iterations", "6",
+                           "--out", "out"), "policy.safetensors", ("--resume",)),
+    Command("record", ("start_simulation.py", "--simulator", "truck:trucksim", "--leader", "sine:speed=18",
+                       "--lockstep", "--duration", "8", "--record", "out"),
+            "metadata.yaml", ("--overwrite",)),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Disturbed:
+    """One run that was ended: by which signal, after how long, and what was wrong, if anything."""
+
+    command: str
+    number: signal.Signals
+    after_s: float
+    ended_before: bool
+    wrong: tuple[str, ...]
+
+
+class Bench:
+    """A folder with two short drives, and one command that is run in it undisturbed first."""
+
+    def __init__(self, command: Command, folder: Path) -> None:
+        self.command, self.folder, self.out = command, folder, folder / "out"
+        _write_drives(folder)
+        began = time.monotonic()
+        done = self._start()
+        _, says = done.communicate(timeout=LIMIT_S)
+        if done.returncode:
+            raise SystemExit(f"{command.name} fails undisturbed: {says}")
+        self.length_s = time.monotonic() - began
+        self.wanted = self._result()
+        self._clear()
+
+    def disturb(self, number: signal.Signals, after_s: float) -> Disturbed:
+        """End a run after `after_s`, look at what is left, start again and compare."""
+        before, mark = set(SHARED.iterdir()), uuid.uuid4().hex
+        run = self._start(mark=mark)
+        time.sleep(after_s)
+        ended_before = run.poll() is not None
+        run.send_signal(number)
+        run.communicate(timeout=FAREWELL_S)
+        wrong = [*self._left_over(mark, before), *self._half_written()]
+        wrong += self._go_on()
+        self._clear()
+        return Disturbed(self.command.name, number, after_s, ended_before, tuple(wrong))
+
+    def _start(self, *more: str, mark: str = "") -> subprocess.Popen[str]:
+        program, *words = self.command.words
+        script = ROOT / "ros2_ws" / program
+        start = (
+            [sys.executable, str(script)] if script.exists() else [str(Path(sys.executable).parent / program)]
+        )
+        return subprocess.Popen(
+            [*start, *words, *more],
+            cwd=self.folder,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+            env={**os.environ, MARK: mark, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+        )
+
+    def _left_over(self, mark: str, before: set[Path]) -> Iterator[str]:
+        """Processes of the run, and shared memory that came meanwhile and that nobody has open."""
+        end = time.monotonic() + FAREWELL_S
+        while (left := list(_marked(mark))) and time.monotonic() < end:
+            time.sleep(0.2)
+        for process, says in left:
+            yield f"process left: {says}"
+            os.kill(process, signal.SIGKILL)
+        for entry in set(SHARED.iterdir()) - before:
+            if not _is_open(entry):
+                yield f"shared memory left: {entry}"
+
+    def _half_written(self) -> Iterator[str]:
+        """A folder under its final name is empty, or holds the whole result."""
+        if self.command.name == "record" or not self.out.exists() or not any(self.out.iterdir()):
+            return
+        if self._result() != self.wanted:
+            yield f"half a result under its final name: {sorted(p.name for p in self.out.iterdir())}"
+
+    def _go_on(self) -> Iterator[str]:
+        if self.command.name == "record" and (left := self._repaired()):
+            yield left
+        run = self._start(*self.command.again)
+        _, says = run.communicate(timeout=LIMIT_S)
+        if run.returncode:
+            yield f"cannot be started again: {says.strip()}"
+        elif self._result() != self.wanted:
+            yield "started again, it gives something else"
+
+    def _repaired(self) -> str:
+        """What hinders the bag that a killed recorder left from being mended; '' where nothing does."""
+        if not list(self.out.glob("*.mcap")):
+            return ""
+        script = Path(sys.executable).parent / "deeptruck-model"
+        done = subprocess.run(
+            [script, "repair", "out"], cwd=self.folder, capture_output=True, text=True, check=False
+        )
+        left = done.stderr if done.returncode else ""
+        for name in ("*.cut", "*.before"):
+            for path in self.out.glob(name):
+                path.unlink()
+        return left
+
+    def _result(self) -> dict[str, str]:
+        """The compared files by name: bytes; of a bag, its messages by topic."""
+        found = {}
+        for path in sorted(self.out.glob(self.command.result)):
+            found[path.relative_to(self.out).as_posix()] = _content(path)
+        return found
+
+    def _clear(self) -> None:
+        for path in self.folder.iterdir():
+            if path.name not in ("a", "b"):
+                shutil.rmtree(path) if path.is_dir() else path.unlink()
+
+
+def _content(path: Path) -> str:
+    if path.name == "metadata.yaml":
+        import yaml
+
+        found = yaml.safe_load(path.read_text())["rosbag2_bagfile_information"]
+        topics = found["topics_with_message_count"]
+        return json.dumps({t["topic_metadata"]["name"]: t["message_count"] for t in topics}, sort_keys=True)
+    return path.read_bytes().hex()
+
+
+def _write_drives(folder: Path) -> None:
+    from deeptruck_model import driving_cycles, trucks
+    from deeptruck_model.recordings import write_bag
+
+    truck = trucks.load("trucksim").with_parameters({"mass": 30e3})
+    for seed, name in enumerate("ab"):
+        drive = driving_cycles.drive(truck, seconds=120.0, seed=seed, name=name)
+        write_bag(folder / name, [drive], interface=truck.interface)
+
+
+def _marked(mark: str) -> Iterator[tuple[int, str]]:
+    """Processes that carry the mark: number and command line."""
+    for path in Path("/proc").glob("[0-9]*"):
+        try:
+            if f"{MARK}={mark}".encode() in (path / "environ").read_bytes():
+                yield int(path.name), (path / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+        except OSError:  # it has ended, or is another user's
+            continue
+
+
+def _is_open(entry: Path) -> bool:
+    for path in Path("/proc").glob("[0-9]*/maps"):
+        try:
+            if str(entry) in path.read_text():
+                return True
+        except OSError:
+            continue
+    return False
+
+
+def disturbed(names: Sequence[str], runs: int, seed: int) -> Iterator[Disturbed]:
+    """`runs` disturbed runs, shared among the commands."""
+    draw = random.Random(seed)
+    chosen = [command for command in COMMANDS if command.name in names]
+    for index, command in enumerate(chosen):
+        with tempfile.TemporaryDirectory() as folder:
+            bench = Bench(command, Path(folder))
+            for _ in range(len(range(index, runs, len(chosen)))):
+                number = draw.choice((signal.SIGKILL, signal.SIGINT))
+                yield bench.disturb(number, draw.uniform(0.0, bench.length_s))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    names = [command.name for command in COMMANDS]
+    parser.add_argument("--runs", type=int, default=200)
+    parser.add_argument("--only", action="append", choices=names)
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    count = bad = 0
+    for one in disturbed(given.only or names, given.runs, given.seed):
+        count, bad = count + 1, bad + bool(one.wrong)
+        when = "after its end" if one.ended_before else f"after {one.after_s:.1f} s"
+        print(
+            f"{count}: {one.command}, {one.number.name} {when}: {'; '.join(one.wrong) or 'well'}", flush=True
+        )
+    print(f"{count} runs, {bad} with something wrong")
+    raise SystemExit(bool(bad))
+
+
+if __name__ == "__main__":
+    main()

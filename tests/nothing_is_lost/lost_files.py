@@ -1,0 +1,170 @@
+"""A place with files of the user in it, a run that fails somewhere, and what is left of both."""
+
+from __future__ import annotations
+
+import errno
+import os
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from deeptruck_nodes import bag_place
+
+from deeptruck_cacc.closed_loop_benefit.plan import BENEFIT
+from deeptruck_cacc.controllers.policy import POLICY
+from deeptruck_cacc.evaluation import output
+from deeptruck_cacc.training import sweep as policy_sweep
+from deeptruck_exam.folder import PROOF
+from deeptruck_model import results
+from deeptruck_model.files import LEDGER, Result, unfinished
+from deeptruck_model.mismatch import folders
+
+RESUMABLE = (results.DEEP_TRUCK, results.SWEEP, POLICY, policy_sweep.SWEEP, BENEFIT)
+AT_ONCE = (
+    results.PHYSICS_TRUCK, results.EVALUATION, results.COVERAGE, results.BAG, results.EXPERIMENT,
+    folders.FOUND, folders.APPLIED, output.EVALUATION,
+)  # fmt: skip
+RECORDED = bag_place.BAG
+KINDS = (*RESUMABLE, *AT_ONCE, PROOF, RECORDED)
+
+STEPS = ("rename", "replace", "mkdir", "unlink", "rmdir", "chmod", "listdir", "scandir", "stat", "open")
+ERRORS: dict[str, Callable[[], BaseException]] = {
+    "full": lambda: OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)),
+    "denied": lambda: PermissionError(errno.EACCES, os.strerror(errno.EACCES)),
+    "interrupted": KeyboardInterrupt,
+}
+
+
+@contextmanager
+def failing(at: int, error: str, *, after: bool) -> Iterator[None]:
+    """The `at`-th call that looks at or changes the disk raises, before or after it has done its work."""
+    true = {name: getattr(os, name) for name in STEPS}
+    calls = 0
+
+    def guarded(name: str) -> Callable[..., Any]:
+        def call(*given: Any, **named: Any) -> Any:
+            nonlocal calls
+            calls += 1
+            if calls != at + 1:
+                return true[name](*given, **named)
+            if after:  # only an interrupt comes once the work is done
+                true[name](*given, **named)
+                raise KeyboardInterrupt
+            raise ERRORS[error]()
+
+        return call
+
+    try:
+        for name in STEPS:
+            setattr(os, name, guarded(name))
+        yield
+    finally:
+        for name, function in true.items():
+            setattr(os, name, function)
+
+
+def own_names(kind: Result) -> list[str]:
+    """Files that the command writes."""
+    names = [name.replace("*", "a") for name in kind.names if not name.endswith(LEDGER)]
+    return names or ["a_0.mcap", "metadata.yaml"]
+
+
+def is_own(kind: Result, name: str) -> bool:
+    """Whether a file without a ledger beside it counts as the command's, by its name."""
+    parts = PurePosixPath(name).parts
+    patterns = [PurePosixPath(pattern) for pattern in (*kind.names, LEDGER)]
+    return any(len(parts) == len(p.parts) and PurePosixPath(name).match(str(p)) for p in patterns)
+
+
+@dataclass
+class Place:
+    """A folder `root` in which the command writes `root/out`."""
+
+    kind: Result
+    root: Path
+    foreign: dict[Path, str] = field(default_factory=dict)
+
+    @property
+    def out(self) -> Path:
+        return self.root / "out"
+
+    def put_older(self, *, ledger: bool) -> None:
+        """A finished result, as the command leaves it, or a copy without its ledger."""
+        self.fill(self.out, "older")
+        if ledger:
+            self.kind.sign(self.out)
+
+    def fill(self, folder: Path, content: str) -> None:
+        for name in own_names(self.kind):
+            path = folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(content)
+
+    def put_foreign(self, path: Path, shape: str, *, ledger: bool) -> None:
+        """Something of the user's at `path`, where it is free and no file that the command may write."""
+        if any(p.is_file() or p.is_symlink() for p in (path, *path.parents)) or path.exists():
+            return
+        path.parent.mkdir(parents=True, exist_ok=True)
+        number = len(self.foreign)
+        if shape == "link":
+            target = self._file(self.root / "elsewhere" / str(number) / "target")
+            path.symlink_to(target)
+        elif shape == "link to a folder":
+            inside = own_names(self.kind)[0].split("/")[-1]
+            target = self._file(self.root / "elsewhere" / str(number) / inside)
+            path.symlink_to(target.parent)
+        elif shape == "folder":
+            self._file(path / "notes.txt")
+        elif not self._takes_for_its_own(path, ledger):
+            self._file(path)
+            if shape == "read-only":
+                path.chmod(0o444)
+                path.parent.chmod(0o555)
+
+    def _takes_for_its_own(self, path: Path, ledger: bool) -> bool:
+        for folder in (unfinished(self.out), self.out):
+            if path.is_relative_to(folder):
+                known = ledger and folder == self.out
+                return not known and is_own(self.kind, path.relative_to(folder).as_posix())
+        return False
+
+    def _file(self, path: Path) -> Path:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(f"mine {len(self.foreign)}")
+        self.foreign[path] = path.read_text()
+        return path
+
+    def lost(self, says: str) -> list[Path]:
+        """Files of the user that are not where they stood, nor where the messages say."""
+        told = [Path(word.rstrip(";,")) for word in says.split() if word.startswith(str(self.root))]
+        return [path for path, text in self.foreign.items() if not self._is_there(path, text, told)]
+
+    def _is_there(self, path: Path, text: str, told: list[Path]) -> bool:
+        places = [path]
+        if path.is_relative_to(self.out):
+            places += [folder / path.relative_to(self.out) for folder in told]
+        return any(place.is_file() and place.read_text() == text for place in places)
+
+    def content(self, folder: Path) -> dict[str, str]:
+        """The files of the command in `folder`, by name."""
+        paths = (p for p in folder.rglob("*") if p.is_file() and not p.is_symlink() and p.name != LEDGER)
+        found = {p.relative_to(folder).as_posix(): p.read_text() for p in paths}
+        return {name: text for name, text in found.items() if not text.startswith("mine")}
+
+    def writable_again(self) -> None:
+        for path in (self.root, *self.root.rglob("*")):
+            if path.is_dir() and not path.is_symlink():
+                path.chmod(0o755)
+
+
+@contextmanager
+def place(kind: Result) -> Iterator[Place]:
+    with tempfile.TemporaryDirectory() as name:
+        made = Place(kind, Path(name))
+        try:
+            yield made
+        finally:
+            made.writable_again()

@@ -1,0 +1,232 @@
+"""Nothing of the user's is lost, wherever it lies and wherever a run fails; an older result is whole or
+replaced whole."""
+
+from __future__ import annotations
+
+import ast
+import io
+from collections.abc import Callable
+from contextlib import redirect_stderr, suppress
+from pathlib import Path
+
+import lost_files
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from lost_files import ERRORS, KINDS, RECORDED, RESUMABLE, Place, own_names, place
+
+from deeptruck_model import files
+from deeptruck_model.errors import InputError
+from deeptruck_model.files import LEDGER, Result
+
+ROOT = Path(__file__).parents[2]
+SHAPES = ("file", "read-only", "link", "link to a folder", "folder")
+QUICK = settings(max_examples=400, deadline=None, suppress_health_check=list(HealthCheck))
+
+
+def foreign_names(kind: Result) -> list[str]:
+    """Names that a user may give, drawn also from the command's own in wrong places."""
+    own = own_names(kind)
+    wrong = [name for file in own for name in (f"{file}/{file}", f"deep/er/{file}", f"{file}.bak")]
+    inner = sorted({str(Path(file).parent / "notes.txt") for file in own})
+    first = sorted({file.split("/")[0] for file in own})
+    return [
+        "notes.txt",
+        ".hidden",
+        "metadata.yaml.before",
+        LEDGER,
+        "index.html",
+        *own,
+        *wrong,
+        *inner,
+        *first,
+    ]
+
+
+@st.composite
+def users(draw: st.DrawFn, kind: Result) -> list[tuple[str, str]]:
+    """Where something of the user's lies, relative to the folder beside `out`, and what it is."""
+    inside = st.sampled_from(foreign_names(kind))
+    beside = st.sampled_from(
+        (
+            "notes.txt",
+            "out.txt",
+            ".out.abcdefgh.tmp/a",
+            ".out.1.old/a",
+            ".out.unfinished",
+            ".out",
+            "out",
+            ".a.tmp",
+        )
+    )
+    folder = st.sampled_from(("out", "out", ".out.unfinished"))
+    path = st.one_of(st.tuples(folder, inside).map("/".join), beside)
+    return draw(st.lists(st.tuples(path, st.sampled_from(SHAPES)), max_size=3))
+
+
+FAILURES = st.one_of(
+    st.none(),
+    st.tuples(st.integers(0, 400), st.sampled_from(sorted(ERRORS)), st.just(False)),
+    st.tuples(st.integers(0, 400), st.just("interrupted"), st.just(True)),
+)
+COMPUTING = st.sampled_from(("well", "well", "full", "interrupted", "refused", "a file comes"))
+
+
+def compute(here: Place, folder: Path, how: str) -> None:
+    """What the command does in the block: it writes its files, or half of them and fails."""
+    names = own_names(here.kind)
+    for name in names if how in ("well", "a file comes") else names[: len(names) // 2]:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text("newer")
+    if how == "a file comes" and here.out != folder and here.out.is_dir():
+        here.put_foreign(here.out / "came.txt", "file", ledger=True)
+    elif how == "refused":
+        raise InputError("no")
+    elif how in ERRORS:
+        raise ERRORS[how]()
+
+
+def replaced(here: Place, overwrite: bool, how: str, anew: bool) -> None:
+    with here.kind.replacing(here.out, overwrite=overwrite) as draft:
+        compute(here, draft, how)
+
+
+def gone_on(here: Place, overwrite: bool, how: str, anew: bool) -> None:
+    with here.kind.going_on(here.out, overwrite=overwrite) as draft:
+        if anew:
+            here.kind.forget(here.out)
+            draft.mkdir()
+        compute(here, draft, how)
+
+
+def recorded(here: Place, overwrite: bool, how: str, anew: bool) -> None:
+    def whole(bag: Path) -> bool:
+        return (bag / "metadata.yaml").exists()
+
+    with here.kind.aside(here.out, overwrite=overwrite, whole=whole):
+        here.out.mkdir()
+        compute(here, here.out, how)
+        here.kind.sign(here.out)
+
+
+Way = Callable[[Place, bool, str, bool], None]
+WAYS: list[tuple[Result, Way]] = [
+    *((kind, replaced) for kind in KINDS if kind is not RECORDED),
+    *((kind, gone_on) for kind in RESUMABLE),
+    (RECORDED, recorded),
+]
+
+
+@given(data=st.data())
+@QUICK
+def test_what_the_user_put_there_is_there_afterwards(data: st.DataObject) -> None:
+    kind, way = data.draw(st.sampled_from(WAYS))
+    older, ledger, overwrite, anew = (data.draw(st.booleans()) for _ in range(4))
+    with place(kind) as here:
+        if older:
+            here.put_older(ledger=ledger)
+        for name, shape in data.draw(users(kind)):
+            here.put_foreign(here.root / name, shape, ledger=older and ledger)
+        before, says = here.content(here.out), io.StringIO()
+        how, failure = data.draw(COMPUTING), data.draw(FAILURES)
+        with redirect_stderr(says), suppress(InputError, OSError, KeyboardInterrupt):
+            if failure is None:
+                way(here, overwrite, how, anew)
+            else:
+                at, error, after = failure
+                with lost_files.failing(at, error, after=after):
+                    way(here, overwrite, how, anew)
+        assert not here.lost(says.getvalue()), says.getvalue()
+        assert_whole(here, before, way, says.getvalue())
+
+
+def assert_whole(here: Place, before: dict[str, str], way: Way, says: str) -> None:
+    """`out` is what it was, or the newer result; a recorder's may be unfinished, with the older one told."""
+    newer = dict.fromkeys(own_names(here.kind), "newer")
+    now = here.content(here.out) if here.out.is_dir() and not here.out.is_symlink() else before
+    if way is recorded and now not in (before, newer):
+        kept = [p for p in here.root.glob(".out.*.old") if here.content(p) == before and str(p) in says]
+        assert kept or not before
+    else:
+        assert now in (before, newer)
+
+
+def test_no_two_commands_write_the_same_kind_and_all_are_tried_here() -> None:
+    made = [
+        node.args[0].value
+        for path in sources()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and called(node) == "Result" and isinstance(node.args[0], ast.Constant)
+    ]
+    assert sorted(made) == sorted(kind.what for kind in KINDS)
+    assert len({kind.what for kind in KINDS}) == len(KINDS)
+
+
+def sources() -> list[Path]:
+    packages = (ROOT / "src", ROOT / "ros2_ws", ROOT / "examples")
+    found = [path for package in packages for path in package.rglob("*.py")]
+    return [path for path in (*found, ROOT / "demo.py") if not {"build", "install"} & {*path.parts}]
+
+
+def called(node: ast.Call) -> str:
+    return node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+
+
+# Who else may delete or rename, and what: each its own work of the same run, or what it knows as its own.
+ALLOWED = {
+    "deeptruck_model/files.py": "the rule itself",
+    "deeptruck_model/recordings/bag_writer.py": "the empty draft, in whose place the writer makes its own",
+    "deeptruck_model/recordings/crash_safe.py": "metadata.yaml of the bag that it has just made",
+    "deeptruck_model/recordings/reindex.py": "the mended bag; what was cut off or replaced is kept beside it",
+    "deeptruck_model/deep/card.py": "the resume point in the draft of its own run",
+    "truck_bridge/can_logs/live.py": "the log that it has just made and in which nothing was heard",
+    "examples/demo/runner.py": "what a step of the demo made and nobody changed since",
+    "examples/demo/page.py": "index.html of the demo's own folder",
+}
+EXAM = "deeptruck_exam/"  # its cases; files.Result has refused a folder with anything else in it
+DELETES = {"rmtree", "unlink", "rmdir", "removedirs", "rename", "renames", "move"}
+BY_MODULE = {("os", "replace"), ("os", "remove")}
+
+
+def deletes(node: ast.Call) -> bool:
+    """Whether a call deletes or renames. `Path.replace` has one argument, `str.replace` and others more."""
+    name = called(node)
+    if not isinstance(node.func, ast.Attribute):
+        return name == "rmtree"
+    owner = getattr(node.func.value, "id", "")
+    path_replace = name == "replace" and len(node.args) == 1 and not node.keywords
+    return name in DELETES or (owner, name) in BY_MODULE or path_replace
+
+
+def test_nobody_else_deletes_or_renames() -> None:
+    found = {
+        path.relative_to(ROOT).as_posix().removeprefix("src/")
+        for path in sources()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and deletes(node)
+    }
+    assert {name for name in found if not name.startswith(EXAM)} == set(ALLOWED)
+
+
+@given(name=st.sampled_from(("a.csv", "new/a.csv")), failure=FAILURES, how=COMPUTING, there=st.booleans())
+@QUICK
+def test_a_single_file_never_takes_the_place_of_another(
+    name: str, failure: tuple[int, str, bool] | None, how: str, there: bool
+) -> None:
+    with place(RECORDED) as here:
+        path = here.root / name
+        if there:
+            here.put_foreign(path, "file", ledger=False)
+        here.put_foreign(here.root / ".a.csv", "file", ledger=False)
+        at, error, after = failure or (10**6, "full", False)
+        with (
+            suppress(InputError, OSError, KeyboardInterrupt),
+            lost_files.failing(at, error, after=after),
+            files.new_file(path) as draft,
+        ):
+            draft.write_text("newer")
+            if how == "a file comes":
+                here.put_foreign(path, "file", ledger=False)
+            elif how in ERRORS:
+                raise ERRORS[how]()
+        assert not here.lost("")
+        assert path in here.foreign or not path.exists() or path.read_text() == "newer"

@@ -1,0 +1,125 @@
+"""Real command lines whose --out holds a file of the user: refused by its name, with --overwrite too."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from pathlib import Path
+
+import pytest
+
+from deeptruck_model import results, trucks
+from deeptruck_model.errors import InputError
+
+FOLDERS = (
+    "deeptruck-model import none.csv --columns none.yaml --out out",
+    "deeptruck-model coverage none --out out",
+    "deeptruck-model train none --out out",
+    "deeptruck-model sweep none --set learning_rate=0.003 --out out",
+    "deeptruck-model evaluate truck:trucksim none --out out",
+    "deeptruck-model calibrate none none --out out",
+    "deeptruck-model mismatch --simulator truck:trucksim --recordings none --out out",
+    "deeptruck-model apply none --out out",
+    "deeptruck-model road none none --out out",
+    "deeptruck-cacc train --simulator truck:trucksim --out out",
+    "deeptruck-cacc sweep --simulator truck:trucksim --set learning_rate=0.003 --out out",
+    "deeptruck-cacc evaluate baseline:cacc --simulator truck:trucksim --out out",
+    "deeptruck-cacc pays --out out",
+)
+INSIDE = (
+    "deeptruck-model coverage bag --out bag/out",
+    "deeptruck-model train bag --out bag/out",
+    "deeptruck-model evaluate truck:trucksim bag --out bag/out",
+    "deeptruck-model mismatch --simulator truck:trucksim --recordings bag --out bag/out",
+    "deeptruck-model apply bag --out bag/out",
+    "deeptruck-model road found bag --out bag/out",
+    "deeptruck-cacc train --simulator bag --out bag/out",
+    "deeptruck-cacc evaluate bag --simulator truck:trucksim --out bag/out",
+)
+FILES = (
+    "deeptruck-model export none --out mine.txt",
+    "deeptruck-cacc export none --out mine.txt",
+    "truck-bridge decode none.log --vehicle trucksim --out mine.txt",
+    "truck-bridge convert none.log mine.txt",
+)
+MAIN = {
+    "deeptruck-model": "deeptruck_model.cli",
+    "deeptruck-cacc": "deeptruck_cacc.cli",
+    "truck-bridge": "truck_bridge.cli",
+}
+
+
+def refused(line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> str:
+    """What a command line says that ends with exit code 2."""
+    program, *words = line.split()
+    monkeypatch.setattr(sys, "argv", [program, *words])
+    with pytest.raises(SystemExit) as end:
+        importlib.import_module(MAIN[program]).main()
+    assert end.value.code == 2
+    return " ".join(capsys.readouterr().err.split())
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("line", FOLDERS)
+@pytest.mark.parametrize("more", ["", " --overwrite"])
+def test_a_folder_with_a_foreign_file_is_refused(
+    line: str, more: str, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (here / "out").mkdir()
+    (here / "out" / "mine.txt").write_text("mine")
+    assert "out holds mine.txt, which is no part of" in refused(line + more, monkeypatch, capsys)
+    assert [p.name for p in here.rglob("*")] == ["out", "mine.txt"]
+
+
+def test_an_examination_goes_on_where_nothing_else_lies(
+    here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    case = here / "out" / "cases" / "physics-noise-100000"
+    case.mkdir(parents=True)
+    (case / "mine.txt").write_text("mine")
+    says = refused("deeptruck-model prove --out out", monkeypatch, capsys)
+    assert "out holds cases/physics-noise-100000/mine.txt, which is no part of a proof" in says
+
+
+@pytest.mark.parametrize("line", INSIDE)
+def test_an_out_inside_what_is_read_is_refused(
+    line: str, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (here / "bag").mkdir()
+    assert "bag/out is bag or inside it, which is read here" in refused(line, monkeypatch, capsys)
+
+
+@pytest.mark.parametrize("line", FILES)
+def test_a_file_that_is_there_is_not_written(
+    line: str, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (here / "mine.txt").write_text("mine")
+    refused(line, monkeypatch, capsys)
+    assert (here / "mine.txt").read_text() == "mine" and len(list(here.iterdir())) == 1
+
+
+def test_saving_a_truck_replaces_only_what_a_truck_is_and_where_it_is_asked_to(here: Path) -> None:
+    truck, path = trucks.load("trucksim"), here / "sim"
+    truck.save(path)
+    with pytest.raises(InputError, match="holds a physics truck already"):
+        truck.save(path)
+    truck.save(path, overwrite=True)
+    (path / "mine.txt").write_text("mine")
+    with pytest.raises(InputError, match=r"holds mine\.txt, which is no part of a physics truck"):
+        truck.save(path, overwrite=True)
+
+
+def test_what_a_killed_run_left_is_told_and_stays(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in (".out.17.old", ".out.abcd_123.tmp"):
+        (here / name).mkdir()
+    with results.COVERAGE.replacing(here / "out"):
+        pass
+    says = capsys.readouterr().err
+    assert f"{here / '.out.17.old'} is an older out" in says
+    assert f"{here / '.out.abcd_123.tmp'} is the draft of a run that was killed" in says
+    assert {".out.17.old", ".out.abcd_123.tmp", "out"} == {path.name for path in here.iterdir()}
