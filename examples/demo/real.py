@@ -8,24 +8,32 @@ from typing import Annotated
 
 import typer
 
+from deeptruck_model import console, files
 from deeptruck_model.recordings import import_table, split, write_bag
 
 COLUMNS = Path(__file__).parents[2] / "layouts" / "columns" / "veh002.yaml"
+DRIVES = files.Result("a folder of the real truck's drives")
 
 
 def main(
     table: Annotated[Path, typer.Argument(help="veh002_all.csv")],
     out: Annotated[Path, typer.Option(help="Folder for the bags train and test.")],
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace drives that are there.")] = False,
 ) -> None:
     """Import and split by time: 80 % to learn from (the trainer validates within), the last 20 % to test."""
-    out.mkdir(parents=True, exist_ok=True)
-    with TemporaryDirectory(prefix=".whole.", dir=out) as scratch:
+    with DRIVES.replacing(out, overwrite=overwrite) as draft, TemporaryDirectory() as scratch:
         recordings = import_table(table, COLUMNS, Path(scratch) / "whole").recordings
-    first, _, last = split(recordings, (0.8, 0.0, 0.2))
-    for name, part in (("train", first), ("test", last)):
-        write_bag(out / name, part, interface=recordings[0].interface)
-        print(f"{name}: {sum(len(r) * r.dt for r in part) / 60:.0f} min in {len(part)} pieces")
+        first, _, last = split(recordings, (0.8, 0.0, 0.2))
+        for name, part in (("train", first), ("test", last)):
+            write_bag(draft / name, part, interface=recordings[0].interface)
+            print(f"{name}: {sum(len(r) * r.dt for r in part) / 60:.0f} min in {len(part)} pieces")
+
+
+def _guarded() -> None:
+    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    app.command()(main)
+    console.run(app, "real")
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    _guarded()

@@ -90,42 +90,16 @@ class Runner:
         identity = {"command": step.command, "after": [self._mark(need)["done"] for need in step.needs]}
         before = self._mark(step.name)
         same = {key: before.get(key) for key in identity} == json.loads(json.dumps(identity))
-        if same and before.get("done") and all((self.out / path).exists() for path in step.makes[:1]):
+        if same and before.get("done") and (self.out / step.makes).exists():
             p.state, p.seconds = "kept", before["seconds"]
             return
-        made = before.get("made", {})
-        if not (same and step.resumable):
-            self._remove(made)
-            made = {}
         p.begun = time.monotonic()
-        made = self._execute_and_note(step, p, identity, made)
+        self._write_mark(step.name, {**identity, "done": None, "seconds": 0.0})
+        self._execute(step, p, "--resume" if same and step.resumable else "--overwrite")
         if step.doubts is not None and step.doubts():
-            self._remove(made)
-            made = self._execute_and_note(step, p, identity, {})
+            self._execute(step, p, "--overwrite")
         p.seconds, p.state = time.monotonic() - p.begun, "done"
-        done = {"done": time.time(), "seconds": p.seconds, "made": made}
-        self._write_mark(step.name, {**identity, **done})
-
-    def _execute_and_note(
-        self, step: Step, p: Progress, identity: dict[str, Any], made: dict[str, str]
-    ) -> dict[str, str]:
-        """Run the command; returns and writes down, however it ends, which files it made."""
-        foreign = {name: state for name, state in self._files(step).items() if made.get(name) != state}
-        unfinished: dict[str, Any] = {**identity, "done": None, "seconds": 0.0}
-        self._write_mark(step.name, {**unfinished, "made": made})
-        try:
-            self._execute(step, p)
-        finally:
-            there = self._files(step)
-            made = {name: state for name, state in there.items() if foreign.get(name) != state}
-            self._write_mark(step.name, {**unfinished, "made": made})
-        return made
-
-    def _files(self, step: Step) -> dict[str, str]:
-        """The files at the places of a step, each with its state: one that changed is somebody else's."""
-        places = [self.out / made for made in step.makes]
-        files = [path for place in places for path in (place, *place.rglob("*"))]
-        return {str(path.relative_to(self.out)): _state(path) for path in files if _is_file(path)}
+        self._write_mark(step.name, {**identity, "done": time.time(), "seconds": p.seconds})
 
     def _write_mark(self, name: str, content: dict[str, Any]) -> None:
         (self.out / "logs" / f"{name}.json").write_text(json.dumps(content))
@@ -137,25 +111,13 @@ class Runner:
             return {}
         return found
 
-    def _remove(self, made: dict[str, str]) -> None:
-        """Delete files that a step made and nobody changed, and folders that this leaves empty.
-
-        What else lies there stays, and the step's command says what it makes of it.
-        """
-        for name, state in made.items():
-            path = self.out / name
-            if _is_file(path) and _state(path) == state:
-                path.unlink()
-            for folder in path.relative_to(self.out).parents[:-1]:
-                with contextlib.suppress(OSError):  # it holds something, or is gone
-                    (self.out / folder).rmdir()
-
-    def _execute(self, step: Step, p: Progress) -> None:
+    def _execute(self, step: Step, p: Progress, how: str) -> None:
+        """Run the command; `how` it treats what stands at its place. The rule on writing is the command's."""
         log = self.out / "logs" / f"{step.name}.log"
         raw = log.with_suffix(".raw")
         with raw.open("wb") as output:
             process = subprocess.Popen(
-                step.command,
+                (*step.command, how),
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
@@ -187,16 +149,6 @@ class Runner:
         domain = (first + list(self.progress).index(step.name)) % 102
         quiet = {"OMP_NUM_THREADS": "1", "MPLBACKEND": "Agg", "COLUMNS": "120", "TTY_COMPATIBLE": "1"}
         return {**os.environ, **quiet, "ROS_DOMAIN_ID": str(domain), "PYTHONUNBUFFERED": "1"}
-
-
-def _is_file(path: Path) -> bool:
-    return path.is_file() and not path.is_symlink()
-
-
-def _state(path: Path) -> str:
-    """What tells a file from one that was changed."""
-    found = path.stat()
-    return f"{found.st_size} bytes at {found.st_mtime_ns}"
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:

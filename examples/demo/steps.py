@@ -18,19 +18,19 @@ REAL_TABLE = Path("vt_heavy_truck") / "veh002_all.csv"
 class Settings:
     """How much of everything."""
 
-    hours: float = 2.0
+    hours: float = 1.0
     """driven data the deep truck learns from, besides what the node graph records"""
-    graph_s: float = 300.0
+    graph_s: float = 120.0
     """driven in the node graph, lock-step"""
-    updates: int = 8000
+    updates: int = 4000
     """of the deep truck; 0 leaves the choice to the trainer"""
-    iterations: int = 60
+    iterations: int = 40
     """of the policy"""
     follow_s: float = 70.0
     """of following, in simulation and over CAN; the radar jumps at 63 s"""
-    mismatch_s: float = 600.0
+    mismatch_s: float = 300.0
     """of each of the recordings that the mismatch tool gets"""
-    real_updates: int = 4000
+    real_updates: int = 2000
     """of the model of the real truck"""
 
     @classmethod
@@ -41,17 +41,18 @@ class Settings:
 
 @dataclass(frozen=True)
 class Step:
-    """One command. `makes` are paths below the demo's folder: what it made there goes before it runs anew.
+    """One command; it takes --overwrite, which replaces what it wrote itself and nothing else.
 
-    A step that is `resumable` goes on by itself after a kill, so what it had made is kept. Others make way
-    for one that runs in `real_time`. What has `doubts` about its result is tried once more.
+    `makes` is a path below the demo's folder. A step that is `resumable` takes --resume too, and goes on
+    after a kill. Others make way for one that runs in `real_time`. What has `doubts` about its result is
+    tried once more.
     """
 
     name: str
     title: str
     command: tuple[str, ...]
     needs: tuple[str, ...] = ()
-    makes: tuple[str, ...] = ()
+    makes: str = ""
     resumable: bool = False
     real_time: bool = False
     doubts: Callable[[], Sequence[str]] | None = None
@@ -101,7 +102,6 @@ def _python(script: str, *words: str | Path) -> tuple[str, ...]:
 
 def _learn(out: Path, s: Settings) -> Sequence[Step]:
     drives = out / "drives"
-    made = ("drives/cycle", "drives/test", "drives/leader.csv", "drives/heavy", "drives/heavy.yaml")
     driven = _python(
         "examples/demo/drives.py", "--out", drives,
         "--hours", f"{s.hours:g}", "--mismatch-s", f"{s.mismatch_s:g}",
@@ -110,24 +110,24 @@ def _learn(out: Path, s: Settings) -> Sequence[Step]:
         "ros2_ws/start_simulation.py", "--simulator", "truck:trucksim", "--policy", "baseline:acc",
         "--leader", f"recorded:path={drives / 'leader.csv'}", "--road", "random:grade=0.015,seed=1",
         "--initial-speed", "15", "--lockstep", "--duration", f"{s.graph_s:g}",
-        "--record", drives / "graph", "--overwrite", "--runs", out / "runs",
+        "--record", out / "graph", "--runs", out / "runs",
     )  # fmt: skip
     train = _console(
-        "deeptruck-model", "train", drives / "cycle", drives / "graph",
-        "--out", out / "simulator", "--budget", f"{s.updates}", "--resume",
+        "deeptruck-model", "train", drives / "cycle", out / "graph",
+        "--out", out / "simulator", "--budget", f"{s.updates}",
     )  # fmt: skip
     evaluate = _console(
         "deeptruck-model", "evaluate", out / "simulator", drives / "test", "--out", out / "open_loop"
     )
     coverage = _console(
-        "deeptruck-model", "coverage", drives / "cycle", drives / "graph", "--out", out / "coverage"
+        "deeptruck-model", "coverage", drives / "cycle", out / "graph", "--out", out / "coverage"
     )
     return (
-        Step("drive", "drive the truck through the paper's driving cycle", driven, (), made),
-        Step("record", "the same truck in the node graph, recorded", graph, ("drive",), ("drives/graph",)),
-        Step("train", "learn the deep truck", train, ("record",), ("simulator", "simulator.partial"), True),
-        Step("evaluate", "open-loop errors on a drive it has not seen", evaluate, ("train",), ("open_loop",)),
-        Step("coverage", "what the recordings hold", coverage, ("record",), ("coverage",)),
+        Step("drive", "drive the truck through the paper's driving cycle", driven, (), "drives"),
+        Step("record", "the same truck in the node graph, recorded", graph, ("drive",), "graph"),
+        Step("train", "learn the deep truck", train, ("record",), "simulator", True),
+        Step("evaluate", "open-loop errors on a drive it has not seen", evaluate, ("train",), "open_loop"),
+        Step("coverage", "what the recordings hold", coverage, ("record",), "coverage"),
     )
 
 
@@ -136,7 +136,7 @@ def _follow(out: Path, s: Settings) -> Sequence[Step]:
     policy = out / "policy"
     train = _console(
         "deeptruck-cacc", "train", "--trainer", "analytic", "--simulator", out / "simulator", "--out", policy,
-        "--seeds", "1", "--iterations", f"{s.iterations}", "--resume",
+        "--seeds", "1", "--iterations", f"{s.iterations}",
     )  # fmt: skip
     scene = (
         "--leader", "steps:speeds=20/23/18/20,every=15,acceleration=0.6", "--radar", "field",
@@ -144,20 +144,20 @@ def _follow(out: Path, s: Settings) -> Sequence[Step]:
     )  # fmt: skip
     simulate = _python(
         "ros2_ws/start_simulation.py", "--simulator", out / "simulator", "--policy", policy, *scene,
-        "--lockstep", "--record", out / "following" / "simulation", "--overwrite",
+        "--lockstep", "--record", out / "following" / "simulation",
     )  # fmt: skip
     vehicle = _python(
         "ros2_ws/start_vehicle.py", "--vehicle", "trucksim", "--emulator", "--engage",
         "--interface", "loopback", "--channel", "demo", "--policy", policy, *scene,
-        "--record", out / "following" / "can", "--overwrite",
+        "--record", out / "following" / "can",
     )  # fmt: skip
     return (
-        Step("policy", "learn to follow on the deep truck", train, ("train",), ("policy",), True),
+        Step("policy", "learn to follow on the deep truck", train, ("train",), "policy", True),
         Step(
-            "can", "the same policy over CAN, real time", vehicle, ("policy",), ("following/can",),
+            "can", "the same policy over CAN, real time", vehicle, ("policy",), "following/can",
             real_time=True, doubts=lambda: _losses(out / "following" / "can"),
         ),
-        Step("simulate", "follow in the node graph", simulate, ("policy",), ("following/simulation",)),
+        Step("simulate", "follow in the node graph", simulate, ("policy",), "following/simulation"),
     )  # fmt: skip
 
 
@@ -168,14 +168,14 @@ def _losses(bag: Path) -> Sequence[str]:
 
 
 def _explain(out: Path) -> Sequence[Step]:
-    heavy = out / "drives" / "heavy"
+    other = out / "drives" / "other"
     command = _console(
         "deeptruck-model", "mismatch", "--simulator", "truck:trucksim",
-        "--recordings", heavy / "a", heavy / "b", heavy / "c", "--held-out", heavy / "d",
+        "--recordings", other / "a", other / "b", other / "c", "--held-out", other / "d",
         "--out", out / "mismatch",
     )  # fmt: skip
     title = "what the simulator leaves out on another truck"
-    return (Step("mismatch", title, command, ("drive",), ("mismatch",)),)
+    return (Step("mismatch", title, command, ("drive",), "mismatch"),)
 
 
 def _real(out: Path, s: Settings, real: Path | None) -> Sequence[Step]:
@@ -183,27 +183,27 @@ def _real(out: Path, s: Settings, real: Path | None) -> Sequence[Step]:
     if real is None:
         return ()
     folder = out / "real"
-    importing = _python("examples/demo/real.py", real / REAL_TABLE, "--out", folder)
+    importing = _python("examples/demo/real.py", real / REAL_TABLE, "--out", folder / "drives")
     train = _console(
-        "deeptruck-model", "train", folder / "train", "--out", folder / "simulator",
-        "--budget", f"{s.real_updates}", "--resume",
+        "deeptruck-model", "train", folder / "drives" / "train", "--out", folder / "simulator",
+        "--budget", f"{s.real_updates}",
     )  # fmt: skip
     evaluate = _console(
-        "deeptruck-model", "evaluate", folder / "simulator", folder / "test",
+        "deeptruck-model", "evaluate", folder / "simulator", folder / "drives" / "test",
         "--out", folder / "open_loop", "--horizon", "60",
     )  # fmt: skip
     return (
-        Step("import", "a real truck's table becomes a bag", importing, (), ("real/train", "real/test")),
+        Step("import", "a real truck's table becomes a bag", importing, (), "real/drives"),
         Step(
             "real",
             "learn the real truck",
             train,
             ("import",),
-            ("real/simulator", "real/simulator.partial"),
+            "real/simulator",
             True,
         ),
         Step(
             "check", "open-loop errors on the real truck's last drives", evaluate, ("real",),
-            ("real/open_loop",),
+            "real/open_loop",
         ),
     )  # fmt: skip
