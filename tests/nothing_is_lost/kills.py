@@ -20,10 +20,13 @@ import tempfile
 import time
 import uuid
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
+PROGRAMS = Path(sys.executable).parent
+SAYS = "says.txt"
 MARK = "DEEPTRUCK_KILLS"  # in the environment of every process that a run starts
 FAREWELL_S = 60.0
 LIMIT_S = 600.0
@@ -71,12 +74,16 @@ class Bench:
 
     def __init__(self, command: Command, folder: Path) -> None:
         self.command, self.folder, self.out = command, folder, folder / "out"
+        self.started: list[subprocess.Popen[bytes]] = []
         _write_drives(folder)
+
+    def undisturbed(self) -> None:
+        """The result that is wanted, and how long it takes."""
         began = time.monotonic()
         done = self._start()
-        _, says = done.communicate(timeout=LIMIT_S)
+        done.wait(LIMIT_S)
         if done.returncode:
-            raise SystemExit(f"{command.name} fails undisturbed: {says}")
+            raise SystemExit(f"{self.command.name} fails undisturbed: {self._says()}")
         self.length_s = time.monotonic() - began
         self.wanted = self._result()
         self._clear()
@@ -87,28 +94,39 @@ class Bench:
         run = self._start(mark=mark)
         time.sleep(after_s)
         ended_before = run.poll() is not None
-        run.send_signal(number)
-        run.communicate(timeout=FAREWELL_S)
+        with suppress(ProcessLookupError):  # Ctrl-C reaches all of them, kill -9 only whom it names
+            os.killpg(run.pid, number) if number == signal.SIGINT else os.kill(run.pid, number)
+        run.wait(FAREWELL_S)
         wrong = [*self._left_over(mark, before), *self._half_written()]
         wrong += self._go_on()
         self._clear()
         return Disturbed(self.command.name, number, after_s, ended_before, tuple(wrong))
 
-    def _start(self, *more: str, mark: str = "") -> subprocess.Popen[str]:
+    def _start(self, *more: str, mark: str = "") -> subprocess.Popen[bytes]:
         program, *words = self.command.words
         script = ROOT / "ros2_ws" / program
-        start = (
-            [sys.executable, str(script)] if script.exists() else [str(Path(sys.executable).parent / program)]
-        )
-        return subprocess.Popen(
-            [*start, *words, *more],
-            cwd=self.folder,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            text=True,
-            start_new_session=True,
-            env={**os.environ, MARK: mark, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-        )
+        start = [sys.executable, str(script)] if script.exists() else [str(PROGRAMS / program)]
+        with (self.folder / SAYS).open("w") as says:
+            run = subprocess.Popen(
+                [*start, *words, *more],
+                cwd=self.folder,
+                stdout=subprocess.DEVNULL,
+                stderr=says,
+                start_new_session=True,
+                env={**os.environ, MARK: mark, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            )
+        self.started.append(run)
+        return run
+
+    def _says(self) -> str:
+        return " ".join((self.folder / SAYS).read_text().split())
+
+    def end(self) -> None:
+        """End what still runs, where the bench itself is interrupted."""
+        for run in self.started:
+            if run.poll() is None:
+                run.kill()
+                run.wait()
 
     def _left_over(self, mark: str, before: set[Path]) -> Iterator[str]:
         """Processes of the run, and shared memory that came meanwhile and that nobody has open."""
@@ -133,9 +151,9 @@ class Bench:
         if self.command.name == "record" and (left := self._repaired()):
             yield left
         run = self._start(*self.command.again)
-        _, says = run.communicate(timeout=LIMIT_S)
+        run.wait(LIMIT_S)
         if run.returncode:
-            yield f"cannot be started again: {says.strip()}"
+            yield f"cannot be started again: {self._says()}"
         elif self._result() != self.wanted:
             yield "started again, it gives something else"
 
@@ -143,7 +161,7 @@ class Bench:
         """What hinders the bag that a killed recorder left from being mended; '' where nothing does."""
         if not list(self.out.glob("*.mcap")):
             return ""
-        script = Path(sys.executable).parent / "deeptruck-model"
+        script = PROGRAMS / "deeptruck-model"
         done = subprocess.run(
             [script, "repair", "out"], cwd=self.folder, capture_output=True, text=True, check=False
         )
@@ -213,9 +231,13 @@ def disturbed(names: Sequence[str], runs: int, seed: int) -> Iterator[Disturbed]
     for index, command in enumerate(chosen):
         with tempfile.TemporaryDirectory() as folder:
             bench = Bench(command, Path(folder))
-            for _ in range(len(range(index, runs, len(chosen)))):
-                number = draw.choice((signal.SIGKILL, signal.SIGINT))
-                yield bench.disturb(number, draw.uniform(0.0, bench.length_s))
+            try:
+                bench.undisturbed()
+                for _ in range(index, runs, len(chosen)):
+                    number = draw.choice((signal.SIGKILL, signal.SIGINT))
+                    yield bench.disturb(number, draw.uniform(0.0, bench.length_s))
+            finally:
+                bench.end()
 
 
 def main() -> None:

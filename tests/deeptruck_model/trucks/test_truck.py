@@ -50,7 +50,7 @@ def test_load_through_simulators_with_nested_and_flat_overrides(tmp_path: Path) 
         ("mass: heavy", "must be a number in kg"),
         ("mass: -5", "1000 to 100000"),
         ("mass: .nan", "1000 to 100000"),
-        ("mass: [1", "is not YAML"),
+        ("mass: [1", "is not valid YAML"),
         ("- mass", "must hold a table"),
         ("ratios: [1, 2]", "falling"),
         ("full_load: {speed: [100, 50], torque: [1, 2]}", "rising"),
@@ -71,7 +71,7 @@ def test_unknown_truck_parameter_or_file() -> None:
         trucks.load("truksim")
     with pytest.raises(InputError, match="did you mean drag_area"):
         trucks.load("volvo").with_parameters({"dragarea": 5.0})
-    with pytest.raises(InputError, match="cannot read"):
+    with pytest.raises(InputError, match="cannot be read"):
         trucks.load("volvo", "/nowhere/at/all.yaml")
 
 
