@@ -11,6 +11,7 @@ from deeptruck_cacc.environments import scenes
 from deeptruck_cacc.environments.hard_scenes import HARD, settled
 from deeptruck_cacc.environments.scenes import Drawer, Scene
 from deeptruck_model import trucks
+from deeptruck_model.constants import ROUNDED_GRAVITY
 from deeptruck_model.driving_cycles import CycleSettings, RoadSettings, SpeedSettings
 from deeptruck_model.trucks import CommandFilter, Force, PhysicsTruck, View
 
@@ -27,7 +28,7 @@ class UnsensedRoad:
         """N, positive forward."""
         x = 2 * np.pi * view.distance
         slope = 0.030 + 0.007 * np.sin(x / 900.0) + 0.003 * np.sin(x / 2300.0 + 1.0)
-        return np.asarray(-view.mass * 9.81 * slope)
+        return np.asarray(-view.mass * ROUNDED_GRAVITY * slope)
 
 
 class SlowBrake:

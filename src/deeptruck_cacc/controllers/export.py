@@ -14,6 +14,7 @@ from deeptruck_cacc.controllers.policy import MlpPolicy
 from deeptruck_cacc.controllers.radar_filter import RadarFilter
 from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, FeatureMap
 from deeptruck_model import files
+from deeptruck_model.constants import ROUNDED_GRAVITY
 
 Array = NDArray[np.float64]
 
@@ -134,7 +135,7 @@ def _power(g: _Graph, f: FeatureMap, signals: str, rate: str, ideal: str) -> tup
     errors = g.add("Add", g.add("Mul", behind, g.constant(2.0)), g.add("Div", far, closing))
     wanted = g.clip(g.add("Add", pull, g.add("Div", errors, closing)), -2.0, 1.0)
     error = g.add("Sub", gap, target)
-    slope = g.add("Mul", grade, g.constant(9.81))
+    slope = g.add("Mul", grade, g.constant(ROUNDED_GRAVITY))
     weight = g.add("Mul", speed, g.constant(1 / 8.0))
     late = g.add("Tanh", g.add("Mul", g.add("Div", error, moving), g.constant(1 / 0.3)))
     doubled = [g.add("Mul", x, g.constant(2.0)) for x in (pull, wanted)]

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.scaling import ActionScale
+from deeptruck_model.constants import ROUNDED_GRAVITY
 from deeptruck_model.signals import SPEED, TruckInterface
 from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]
-G = 9.81
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class PedalMap:
         """A textbook truck, for use before any simulator of the real one exists."""
         speed = np.linspace(0.0, 35.0, 36)
         mass, power, force = 20e3, 270e3, 60e3
-        resistance = 0.006 * G + 0.5 * 1.2 * 6.0 * speed**2 / mass
+        resistance = 0.006 * ROUNDED_GRAVITY + 0.5 * 1.2 * 6.0 * speed**2 / mass
         full = np.minimum(power / np.maximum(speed, 1.0), force) / mass - resistance
         return cls(speed, -resistance - 0.1, full, -resistance - 4.5, ActionScale.of(interface))
 
@@ -62,7 +62,7 @@ class PedalMap:
 
     def commands(self, acceleration: Array, speed: Array, grade: Array) -> tuple[Array, Array]:
         """(engine_command, brake_command), each (batch,), for a wanted acceleration on a grade."""
-        wanted = acceleration + G * grade
+        wanted = acceleration + ROUNDED_GRAVITY * grade
         coast, full, brake = (np.interp(speed, self.speed, t) for t in (self.coast, self.full, self.brake))
         throttle = np.clip((wanted - coast) / (full - coast), 0.0, 1.0)
         braking = np.clip((wanted - coast) / (brake - coast), 0.0, 1.0)

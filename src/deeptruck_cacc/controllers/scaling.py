@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.radar_filter import RadarFilter
+from deeptruck_model.constants import ROUNDED_GRAVITY
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 
@@ -170,7 +171,7 @@ class FeatureMap:
         closing = self.closing_s + self.closing_share * time_gap
         wanted = np.clip(pull + (2 * behind + far / closing) / closing, -2.0, 1.0)
         late = np.tanh((gap - target) / np.maximum(speed, 1.0) / 0.3)
-        power = (np.stack([wanted, rate]) + 9.81 * grade) * speed / 8.0
+        power = (np.stack([wanted, rate]) + ROUNDED_GRAVITY * grade) * speed / 8.0
         return np.column_stack([pull / 0.5, behind, far / 2.0, late, wanted / 0.5, *power])
 
     def to_dict(self) -> dict[str, Any]:

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_cacc.controllers.pedals import G, PedalMap
+from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.environments.rollouts import Trace
 from deeptruck_cacc.environments.scenes import Scene
+from deeptruck_model.constants import ROUNDED_GRAVITY
 
 Array = NDArray[np.float64]
 
@@ -59,7 +60,7 @@ def within_reach(scene: Scene, pedals: PedalMap, dt: float, memory_s: float = 10
     since = np.full(scene.batch, np.inf)
     for k, now in enumerate(leader):
         wanted = (now - speed) / scene.time_gap
-        full = np.interp(speed, pedals.speed, pedals.full) - G * scene.grade[:, k]
+        full = np.interp(speed, pedals.speed, pedals.full) - ROUNDED_GRAVITY * scene.grade[:, k]
         since = np.where(wanted > full, 0.0, since + dt)
         out[k] = since > memory_s
         speed = speed + dt * wanted

@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from deeptruck_cacc.controllers.pedals import G, PedalMap
+from deeptruck_cacc.controllers.pedals import PedalMap
+from deeptruck_model.constants import ROUNDED_GRAVITY
 from deeptruck_model.signals import ACCELERATION, FUEL, SPEED, TruckInterface
 from deeptruck_model.simulators import Simulator
 
@@ -94,7 +95,7 @@ class LentModule(torch.nn.Module):
         out = coast + engine * (u[:, 0] - least) / span
         if u.shape[1] > 1:
             out = out + brake * u[:, 1] / full_brake
-        return out - G * w[:, 0] if w.shape[1] else out
+        return out - ROUNDED_GRAVITY * w[:, 0] if w.shape[1] else out
 
 
 def _as_true(estimate: Tensor, true: Tensor) -> Tensor:

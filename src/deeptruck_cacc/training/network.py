@@ -14,6 +14,7 @@ from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.controllers.policy import MlpPolicy
 from deeptruck_cacc.controllers.radar_filter import RadarFilter
 from deeptruck_cacc.controllers.scaling import ActionScale, FeatureMap
+from deeptruck_model.constants import ROUNDED_GRAVITY
 from deeptruck_model.signals import TruckInterface
 
 # Scales at which a follower starts through the tanh of three layers; the brake's is small, so that it brakes
@@ -140,7 +141,7 @@ class SeedBatch(torch.nn.Module):
         pull, behind, far = (leader - ideal) / time_gap, ideal - speed, gap - time_gap * ideal
         closing = self.features.closing_s + self.features.closing_share * time_gap
         wanted = (pull + (2 * behind + far / closing) / closing).clamp(-2.0, 1.0)
-        powers = [(x + 9.81 * grade) * speed / 8.0 for x in (wanted, rate)]
+        powers = [(x + ROUNDED_GRAVITY * grade) * speed / 8.0 for x in (wanted, rate)]
         late = torch.tanh((gap - target) / moving / 0.3)
         return torch.stack([pull / 0.5, behind, far / 2.0, late, wanted / 0.5, *powers], dim=1), pull
 

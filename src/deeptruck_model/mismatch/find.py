@@ -33,6 +33,7 @@ from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.report import findings, identifiability, validation
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import PARAMETERS, gather
+from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
 
@@ -69,17 +70,19 @@ def find_mismatch(
     with_unnamed: bool = False,
     exclude: Sequence[str] = (),
     say: Callable[[str], None] = lambda step: None,
+    rules: Rules = Rules(),
 ) -> Mismatch:
     """Compare a simulator with recordings. On data that is merely poor the verdict is `undetermined`.
 
     `with_unnamed` puts what has no name into the corrected simulator too, as laws of the recorded signals.
-    `exclude` leaves effects out of the library, for examinations of the tool.
+    `exclude` leaves effects out of the library, for examinations of the tool. `rules` are the
+    thresholds by which the verdict is reached.
 
     Raises InputError where simulator and recordings do not belong together, or for an effect there is not.
     """
     _check_excluded(exclude)
     with threadpool_limits(1):
-        return _find(simulator, recordings, held_out, seed, with_unnamed, list(exclude), say)
+        return _find(simulator, recordings, held_out, seed, with_unnamed, list(exclude), say, rules)
 
 
 def _check_excluded(names: Sequence[str]) -> None:
@@ -107,16 +110,16 @@ class _Checked:
 
 
 def _checked(
-    simulator: Simulator, recordings: Sequence[Recording], held_out: Sequence[Recording]
+    simulator: Simulator, recordings: Sequence[Recording], held_out: Sequence[Recording], rules: Rules
 ) -> _Checked:
     same_signals(simulator, [*recordings, *held_out])
     fit, held, twice = each_once(recordings, held_out)
-    drives, flags, caveats = with_held_out(fit, held, simulator.dt)
-    drives, rejected = checks.clean(drives)
+    drives, flags, caveats = with_held_out(fit, held, simulator.dt, rules)
+    drives, rejected = checks.clean(drives, rules)
     measured = checks.acceleration_is_measured(drives)
-    faults = checks.sensor_faults(drives) if measured else []
+    faults = checks.sensor_faults(drives, rules) if measured else []
     response = simulator.interface.y
-    whole = [prepare(checks.mended(r, faults), measured, response) for r in drives]
+    whole = [prepare(checks.mended(r, faults), measured, response, rules) for r in drives]
     prepared = tuple(learned(simulator, p) for p in whole)
     strange = sum(int((p.valid & ~q.valid).sum()) for p, q in zip(whole, prepared, strict=True))
     if strange:
@@ -126,7 +129,7 @@ def _checked(
         "rejected": [{"rule": r.rule, "samples": r.samples} for r in rejected],
         "coverage": "coverage.png",
     }
-    useless = unusable(fitted, rejected)
+    useless = unusable(fitted, rejected, rules)
     return _Checked(prepared, tuple(flags), tuple(faults), data, (*twice, *caveats), useless)
 
 
@@ -138,13 +141,14 @@ def _find(
     with_unnamed: bool,
     exclude: list[str],
     say: Callable[[str], None],
+    rules: Rules,
 ) -> Mismatch:
     say("checking the data")
-    c = _checked(simulator, recordings, held_out)
+    c = _checked(simulator, recordings, held_out, rules)
     if c.useless:
         return _useless(c)
     say("driving the simulator along the recordings")
-    e = gather(simulator, c.prepared, c.held_out, seed=seed)
+    e = gather(simulator, c.prepared, c.held_out, seed=seed, rules=rules)
     if little := too_little(e):
         return _useless(replace(c, useless=little, data=_data(c, e)))
     e, x = linearised.explained(simulator, e, c.prepared, c.held_out, seed, exclude, say)

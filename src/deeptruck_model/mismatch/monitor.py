@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.data.checks import noise_of
-from deeptruck_model.mismatch.data.prepared import MOVING, SETTLE_S, heard, quantum
+from deeptruck_model.mismatch.data.prepared import SETTLE_S, heard, quantum
 from deeptruck_model.mismatch.residual.components import TYPICAL_MASS
-from deeptruck_model.mismatch.residual.evidence import DOUBT
 from deeptruck_model.mismatch.residual.gather import JITTER_RUNS
+from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Simulator
 
@@ -70,10 +70,11 @@ class Monitor:
         threshold: float = 0.05,
         hold_s: float = 3.0,
         seed: int = 0,
+        rules: Rules = Rules(),
     ) -> None:
         self._simulator, self._dt = simulator, simulator.dt
         self._window_s, self._threshold, self._hold_s = window_s, threshold, hold_s
-        self._rng = np.random.default_rng(seed)
+        self._rng, self._rules = np.random.default_rng(seed), rules
         self.mass = simulator.parameters().get("mass", TYPICAL_MASS)
         self.located: list[Located] = []
         self._commands: deque[tuple[float, Array]] = deque()
@@ -165,7 +166,7 @@ class Monitor:
             self._settled = end + SETTLE_S
         self._inputs.append(np.array([after, *u]))
         predicted = self._predict(u, w, (after - before) / self._dt, after)
-        if end < self._settled or after < MOVING:
+        if end < self._settled or after < self._rules.least_speed:
             return self._judge(end, math.nan, math.nan)
         residual = (after - before) / self._dt - float(predicted[0])
         return self._judge(end, residual, float(predicted[1:].std(ddof=1)))
@@ -200,7 +201,7 @@ class Monitor:
             return Sample(time, math.nan, math.nan, math.nan)
         self._recent.append((residual, disagreement))
         smoothed, spread = np.mean(self._recent, axis=0)
-        allowed = DOUBT * float(spread)
+        allowed = self._rules.doubt * float(spread)
         enough = len(self._recent) == self._recent.maxlen
         if enough and abs(smoothed) > self._threshold + allowed:
             self._standing_out.append((time, residual))

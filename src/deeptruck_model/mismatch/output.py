@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from deeptruck_model import simulators
+from deeptruck_model.constants import GRAVITY
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.folders import APPLIED, FOUND, check_applicable
 from deeptruck_model.mismatch.report.what_now import Asked
@@ -51,7 +52,7 @@ def _write_profiles(m: Mismatch, path: Path) -> None:
             if f.cause is None:
                 continue
             force = e.newtons(f.cause.force)
-            force /= -9.80665 * e.mass if f.cause.effect == "road_grade" else 1.0
+            force /= -GRAVITY * e.mass if f.cause.effect == "road_grade" else 1.0
             for s in e.stretches:
                 for k in range(s.start, s.stop - every + 1, every):
                     value = float(force[k : k + every].mean())

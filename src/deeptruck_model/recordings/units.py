@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.constants import GRAVITY
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import BRAKE_UNITS, CHANNELS, ENGINE_UNITS
 
@@ -32,7 +33,7 @@ _LINEAR: dict[str, dict[str, tuple[float, float]]] = {
     "m/s^2": {
         "m/s^2": (1.0, 0.0),
         "m/s2": (1.0, 0.0),
-        "g": (9.80665, 0.0),
+        "g": (GRAVITY, 0.0),
         "ft/s^2": (0.3048, 0.0),
         "ft/s2": (0.3048, 0.0),
     },

@@ -7,10 +7,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
+from deeptruck_model.constants import GRAVITY
 from truck_bridge.emulator.receiver import Receiver
 from truck_bridge.vehicles import Vehicle
-
-STANDARD_GRAVITY = 9.80665
 
 
 @dataclass
@@ -127,7 +126,7 @@ def _ebc5(truck: Truck) -> Values:
 
 
 def _vdc2(truck: Truck) -> Values:
-    along = STANDARD_GRAVITY * truck.slope / math.hypot(1.0, truck.slope)  # an accelerometer feels the slope
+    along = GRAVITY * truck.slope / math.hypot(1.0, truck.slope)  # an accelerometer feels the slope
     return {
         "LongitudinalAcceleration": truck.acceleration + along,
         "LateralAcceleration": 0.0,

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.constants import ROUNDED_GRAVITY
 from deeptruck_model.deep.kernels.compiled import FloatArray
 from deeptruck_model.deep.network import Scales
 from deeptruck_model.errors import InputError
@@ -21,7 +22,7 @@ HELD_OUT = 0.15  # share of the data, always the later part, that selects the ch
 SPLIT_FROM_S = 120.0  # pieces from this length on are split inside; shorter ones go whole to one side
 CONSISTENCY_S = 20.0
 LACKING = 0.1  # share of the driving that may be left out for the sake of an input that the rest has
-BRAKED, GRAVITY = -0.6, 9.81  # m/s^2; a laden truck coasts down at less
+BRAKED = -0.6  # m/s^2; a laden truck coasts down at less
 
 
 def common_interface(recordings: Sequence[Recording]) -> TruckInterface:
@@ -76,7 +77,7 @@ def unexplained(recording: Recording, interface: TruckInterface) -> NDArray[np.b
     if interface.brake_unit is not None or interface.engine_unit not in ("g/s", "cm^3/s"):
         return np.zeros(len(recording), bool)
     grade = recording.channels.get("grade", 0.0) if interface.grade else 0.0
-    return np.asarray(recording.channels["acceleration"] + GRAVITY * grade < BRAKED)
+    return np.asarray(recording.channels["acceleration"] + ROUNDED_GRAVITY * grade < BRAKED)
 
 
 def cut(recording: Recording, interface: TruckInterface) -> list[Recording]:

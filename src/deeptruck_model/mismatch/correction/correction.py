@@ -21,23 +21,23 @@ from deeptruck_model.mismatch.mechanisms.carriers import factors
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.linearised import accepted
 from deeptruck_model.mismatch.posterior.nuisances import left_beside
-from deeptruck_model.mismatch.posterior.penalties import ENOUGH
-from deeptruck_model.mismatch.posterior.search import PINNED, POSSIBLE, Model, Search
+from deeptruck_model.mismatch.posterior.search import PINNED, Model, Search
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.simulators import Simulator
 
-WEAK = 60.0  # nats; a stronger cause is told also where no held-out drive shows it
-CLEAR = 120.0  # the same for what acts on other drives too, and for what comes and goes: knots follow a drift
-STRONG_LEARNED = 150.0  # nats; beside a learned simulator a stronger one is told also where drives are worse
 OF_RECORDINGS = frozenset({"when", "each", "recordings", "first"})  # settings
-CLEARLY = 0.6  # of the error as given, at which a parameter is told by few nats
 ROAD = "road_grade"
-NO_BETTER = 0.97  # of the error with other parameters alone, or as given
 
 
 def in_vain(
-    x: Explanation, fit: dict[str, Any], *, learned: bool = False, slopes_recorded: bool = True
+    x: Explanation,
+    fit: dict[str, Any],
+    *,
+    learned: bool = False,
+    slopes_recorded: bool = True,
+    rules: Rules = Rules(),
 ) -> bool:
     """Whether little was found, and corrected by it the simulator drives worse on recordings held out, or the
     others best with nothing corrected, or with all parameters and no name; or no better than one with other
@@ -50,33 +50,38 @@ def in_vain(
         return False
     before, tuned, after = (fit[name]["speed_rmse"] for name in ("before", "parameters_only", "after"))
     most = max(c.gain for c in x.causes)
-    if learned and most < STRONG_LEARNED and after > before:
+    if learned and most < rules.strong_learned and after > before:
         return True
-    if most < ENOUGH and all(c.kind == "parameter_error" for c in x.causes):
-        return bool(after > CLEARLY * before)
+    if most < rules.least_gain and all(c.kind == "parameter_error" for c in x.causes):
+        return bool(after > rules.clearly_better * before)
     physics = [c for c in x.causes if c.kind != "parameter_error"]
     names = [c.shape for c in x.causes if c.shape is not None]
-    if most < CLEAR and physics and all(c.predictable for c in physics) and _laws_drive_no_better(fit):
+    if (
+        most < rules.clear
+        and physics
+        and all(c.predictable for c in physics)
+        and _laws_drive_no_better(fit, rules)
+    ):
         return True
-    if most < CLEAR and physics and all(_asked_of_other_drives(c, slopes_recorded) for c in physics):
-        if after > NO_BETTER * before:
+    if most < rules.clear and physics and all(_asked_of_other_drives(c, slopes_recorded) for c in physics):
+        if after > rules.no_better * before:
             return True
-        enough = WEAK if any(_comes_and_goes(c) for c in physics) else CLEAR
+        enough = rules.weak if any(_comes_and_goes(c) for c in physics) else rules.clear
         if most < enough and after == tuned:
             return True  # all parameters went in instead
-    if most >= WEAK:
+    if most >= rules.weak:
         return False
     lasting = any(_lasting(shape) for shape in names) or 0 < len(names) < len(x.causes)
     left_out = after == before and not any("when" in shape.settings for shape in names)
-    return bool(left_out or after > before or ((learned or lasting) and after > NO_BETTER * tuned))
+    return bool(left_out or after > before or ((learned or lasting) and after > rules.no_better * tuned))
 
 
-def _laws_drive_no_better(fit: dict[str, Any]) -> bool:
+def _laws_drive_no_better(fit: dict[str, Any], rules: Rules) -> bool:
     """Whether laws without a name, which nothing is corrected by, would help no held-out drive."""
     if "free_model" not in fit:
         return False
     others = min(fit[name]["speed_rmse"] for name in ("before", "parameters_only"))
-    return bool(fit["free_model"]["speed_rmse"] > NO_BETTER * others)
+    return bool(fit["free_model"]["speed_rmse"] > rules.no_better * others)
 
 
 def _asked_of_other_drives(cause: Cause, slopes_recorded: bool) -> bool:
@@ -265,7 +270,7 @@ def _terms(shapes: Sequence[Shape], model: Model) -> list[Term]:
 
 
 def _change(e: Evidence, model: Model, free: Iterable[str]) -> dict[str, float]:
-    return {p: float(np.clip(e.total_change(p, model.change(p)), *POSSIBLE[p])) for p in free}
+    return {p: float(np.clip(e.total_change(p, model.change(p)), *e.rules.possible(p))) for p in free}
 
 
 def _mean_square(errors: Errors) -> float:
@@ -344,7 +349,7 @@ def corrected_and_driven(
     """The correction, driven; and the explanation, without causes where they are weak and drive no better."""
     made = correct(simulator, e, x, fitted)
     weighed = _weighed(simulator, made, held_out, with_unnamed) if x.causes else {}
-    if in_vain(x, weighed, learned=e.own_error > 0, slopes_recorded=e.has("grade")):
+    if in_vain(x, weighed, learned=e.own_error > 0, slopes_recorded=e.has("grade"), rules=e.rules):
         x = replace(x, causes=(), lawful=None)
         made = correct(simulator, e, x, fitted)
     return x, shown(simulator, made, held_out, with_unnamed)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 
+from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import CHANNELS
 
@@ -102,12 +103,6 @@ def _errors_in_both(
     return float(b[0]), float(b[1]), float(b[2] / max(abs(b[0]), 1e-6)), se
 
 
-OFFSET = 0.05  # m/s^2; an ordinary accelerometer mounted by hand is no better
-SLOPE = 0.03  # relative
-LAG_S = 0.3  # filters of ordinary sensors reach this
-CERTAIN = 5.0  # standard errors
-IMPOSSIBLE = 12.0  # m/s^2; no truck does this
-BRAKES, SLOWS = -1.2, -0.5  # m/s^2 over a second: surely braking; no coasting on most roads
 STUCK = "brake_command never moves in a drive in which the truck brakes: was it recorded?"
 
 
@@ -130,7 +125,7 @@ class SensorFault:
     says: str
 
 
-def clean(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Rejection]]:
+def clean(recordings: Sequence[Recording], rules: Rules) -> tuple[list[Recording], list[Rejection]]:
     """Recordings with impossible samples made NaN, and how many went by which rule."""
     counts: dict[str, int] = {}
     out = []
@@ -145,10 +140,10 @@ def clean(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Reject
                 counts,
             )
         speed = channels["speed"]
-        jump = np.abs(derivative(speed, r.dt)) > IMPOSSIBLE
-        _reject(speed, jump, f"speed jumps by more than {IMPOSSIBLE:g} m/s^2", counts)
+        jump = np.abs(derivative(speed, r.dt)) > rules.impossible_acceleration
+        _reject(speed, jump, f"speed jumps by more than {rules.impossible_acceleration:g} m/s^2", counts)
         if "brake_command" in r.interface.u:
-            _reject(channels["brake_command"], _unrecorded_braking(r, speed), STUCK, counts)
+            _reject(channels["brake_command"], _unrecorded_braking(r, speed, rules), STUCK, counts)
         for name in ("speed", *r.interface.u, *r.interface.w):
             missing = int(np.isnan(r.channels[name]).sum())
             if missing:
@@ -163,12 +158,14 @@ def _reject(x: Array, bad: NDArray[np.bool_], rule: str, counts: dict[str, int])
         x[bad] = np.nan
 
 
-def _unrecorded_braking(r: Recording, speed: Array) -> NDArray[np.bool_]:
+def _unrecorded_braking(r: Recording, speed: Array, rules: Rules) -> NDArray[np.bool_]:
     """Where the truck slows (n,), if it brakes though its brake command never moves."""
     command = r.channels["brake_command"]
     slowing = uniform_filter1d(np.nan_to_num(derivative(speed, r.dt)), max(round(1.0 / r.dt), 1))
     never_moves = np.isfinite(command).any() and np.nanmin(command) == np.nanmax(command)
-    braked: NDArray[np.bool_] = (slowing < SLOWS) & bool(never_moves and (slowing < BRAKES).any())
+    braked: NDArray[np.bool_] = (slowing < rules.no_coasting) & bool(
+        never_moves and (slowing < rules.surely_braking).any()
+    )
     return braked
 
 
@@ -184,7 +181,7 @@ def acceleration_is_measured(recordings: Sequence[Recording]) -> bool:
     return any(np.isfinite(r.channels["acceleration"]).sum() > 50 for r in recordings)
 
 
-def sensor_faults(recordings: Sequence[Recording]) -> list[SensorFault]:
+def sensor_faults(recordings: Sequence[Recording], rules: Rules) -> list[SensorFault]:
     """Faults between speed and accelerometer, pooled over the recordings. No truck model enters."""
     seen = [compare(r.channels["speed"], r.channels["acceleration"], r.dt) for r in recordings]
     seen = [k for k in seen if np.isfinite(k.slope)]
@@ -194,15 +191,15 @@ def sensor_faults(recordings: Sequence[Recording]) -> list[SensorFault]:
     slope, slope_se = _pool([k.slope for k in seen], [k.slope_se for k in seen])
     lag, lag_se = _pool([k.lag_s for k in seen], [k.lag_se for k in seen])
     faults = []
-    if abs(offset) > OFFSET and abs(offset) > CERTAIN * offset_se:
+    if abs(offset) > rules.accelerometer_bias and abs(offset) > rules.sensor_fault_sure * offset_se:
         says = f"the accelerometer is {offset:+.3f} m/s^2 off the derivative of speed whatever happens"
         faults.append(SensorFault("acceleration_bias", offset, offset_se, "m/s^2", says))
-    if abs(slope - 1) > SLOPE and abs(slope - 1) > CERTAIN * slope_se:
+    if abs(slope - 1) > rules.speed_scale and abs(slope - 1) > rules.sensor_fault_sure * slope_se:
         says = (
             f"speed changes {1 / slope:.3f} times as much as the accelerometer says: one of the two is scaled"
         )
         faults.append(SensorFault("speed_scale", 1 / slope, slope_se / slope**2, "1", says))
-    if abs(lag) > LAG_S and abs(lag) > CERTAIN * lag_se:
+    if abs(lag) > rules.clock_offset_s and abs(lag) > rules.sensor_fault_sure * lag_se:
         says = f"acceleration is stamped {lag:+.2f} s against speed"
         faults.append(SensorFault("clock_offset", lag, lag_se, "s", says))
     return faults

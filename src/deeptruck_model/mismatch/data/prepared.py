@@ -13,12 +13,11 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data import checks
 from deeptruck_model.mismatch.data.checks import noise_of, observed_acceleration
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import SPEED
 from deeptruck_model.simulators import Simulator
 
-HELD_OUT_SHARE = 0.3
-LEAST_S = 60.0
 SAME_DRIVES = (
     "few recordings and no other held out: the last 30 % of each was set aside, "
     "so what is claimed holds for the same drives only"
@@ -94,13 +93,13 @@ def _same(one: Recording, other: Recording) -> bool:
 
 
 def with_held_out(
-    fit: list[Recording], held: list[Recording], dt: float
+    fit: list[Recording], held: list[Recording], dt: float, rules: Rules
 ) -> tuple[list[Recording], list[bool], list[str]]:
     """Recordings and which of them are held out; where none was given, the last part is set aside."""
     if held:
         return fit + held, [False] * len(fit) + [True] * len(held), []
     if len(fit) >= 4:
-        count = max(1, round(HELD_OUT_SHARE * len(fit)))
+        count = max(1, round(rules.held_out_share * len(fit)))
         return (
             fit,
             [False] * (len(fit) - count) + [True] * count,
@@ -108,8 +107,8 @@ def with_held_out(
         )
     pieces, flags = [], []
     for r in fit:
-        cut = int(len(r) * (1 - HELD_OUT_SHARE))
-        if (len(r) - cut) * dt < LEAST_S:
+        cut = int(len(r) * (1 - rules.held_out_share))
+        if (len(r) - cut) * dt < rules.least_driving_s:
             pieces.append(r)
             flags.append(False)
             continue
@@ -118,17 +117,17 @@ def with_held_out(
     return pieces, flags, [SAME_DRIVES]
 
 
-def unusable(prepared: Sequence[Prepared], rejected: Sequence[checks.Rejection]) -> str | None:
+def unusable(prepared: Sequence[Prepared], rejected: Sequence[checks.Rejection], rules: Rules) -> str | None:
     """Why nothing can be said from the recordings that are not held out, or None."""
     seconds = sum(float(p.valid.sum()) * p.dt for p in prepared)
-    if seconds < LEAST_S:
+    if seconds < rules.least_driving_s:
         if rejected:
             most = rejected[0]
             why = f"{most.rule} ({most.samples} samples)"
             return f"only {seconds:.0f} s of usable driving; most was set aside because: {why}"
         return f"only {seconds:.0f} s of usable driving: record at least several minutes above walking pace"
     speed = np.concatenate([p.y[p.valid, 1] for p in prepared])
-    if np.std(speed) < 0.3:
+    if np.std(speed) < rules.least_speed_sd:
         return (
             "the speed is constant throughout, so no force can be told from another: "
             "accelerate, brake and coast between 5 and 25 m/s"
@@ -139,7 +138,7 @@ def unusable(prepared: Sequence[Prepared], rejected: Sequence[checks.Rejection])
 def too_little(e: Evidence) -> str | None:
     """Why nothing can be said where the simulator drives most of what is fitted in another gear, or None."""
     seconds = float((e.valid & ~e.held_out).sum()) * e.dt
-    if seconds >= LEAST_S or not e.other_gear:
+    if seconds >= e.rules.least_driving_s or not e.other_gear:
         return None
     return (
         f"only {seconds:.0f} s of driving in the gear that was recorded: look whether gear and engine_speed "
@@ -150,8 +149,6 @@ def too_little(e: Evidence) -> str | None:
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-MOVING = 1.5  # m/s; below it standstill logic and wheel sensors rule, not longitudinal dynamics
-UNRECORDED_BRAKING = -0.5  # m/s^2; where braking is not recorded, slowing harder than this tells nothing
 SETTLE_S = 6.0  # the simulator's unknown inner state at the start needs this long to be forgotten
 STRANGE_S = 1.0  # in which a learned simulator gets over driving that it never learned from
 
@@ -175,7 +172,10 @@ class Prepared:
 
 
 def prepare(
-    recording: Recording, measured_acceleration: bool, response: Sequence[str] | None = None
+    recording: Recording,
+    measured_acceleration: bool,
+    response: Sequence[str] | None = None,
+    rules: Rules = Rules(),
 ) -> Prepared:
     """Fill what is missing, mark it invalid for as long as it can disturb, and estimate acceleration.
 
@@ -194,9 +194,9 @@ def prepare(
     accelerometer = recording.channels["acceleration"] if measured_acceleration else None
     observed = observed_acceleration(speed, accelerometer, dt)
     filled |= {"speed": smooth, "acceleration": observed}
-    dead = widen(bad, round(0.3 / dt), round(2.0 / dt)) | (smooth < MOVING)
+    dead = widen(bad, round(0.3 / dt), round(2.0 / dt)) | (smooth < rules.least_speed)
     if recording.interface.brake_unit is None:
-        slowing = gaussian_filter1d(observed, max(1.0, 1.0 / dt)) < UNRECORDED_BRAKING
+        slowing = gaussian_filter1d(observed, max(1.0, 1.0 / dt)) < rules.no_coasting
         dead |= widen(slowing, round(2.0 / dt), round(3.0 / dt))
     dead[: round(SETTLE_S / dt)] = True
     dead[len(dead) - round(1.0 / dt) :] = True

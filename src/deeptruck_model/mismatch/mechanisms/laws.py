@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.expression import (
     Change,
     Expression,
@@ -43,7 +44,7 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
     SIMULATED,
     SPEED,
 )
-from deeptruck_model.mismatch.residual.evidence import GRAVITY, Evidence
+from deeptruck_model.mismatch.residual.evidence import Evidence
 
 KNOTS = 5  # of a function of one variable
 LEAST_CARRIER = 0.01  # rms

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.expression import lift
 from deeptruck_model.mismatch.mechanisms.base import (
     Column,
@@ -19,7 +20,7 @@ from deeptruck_model.mismatch.mechanisms.over_time import (
     slow_columns,
     slow_settings,
 )
-from deeptruck_model.mismatch.residual.evidence import GRAVITY, Evidence
+from deeptruck_model.mismatch.residual.evidence import Evidence
 
 FINE_M, HILLY = 100.0, 0.02  # knots of a hilly road, and the sd of its slope
 ROUGH = 0.1  # m/s^2: soft ground

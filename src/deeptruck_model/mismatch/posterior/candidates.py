@@ -11,7 +11,7 @@ from deeptruck_model.mismatch.expression import Rerun
 from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes, merge
 from deeptruck_model.mismatch.mechanisms.regimes import Products, gated
 from deeptruck_model.mismatch.posterior.penalties import slow_price
-from deeptruck_model.mismatch.posterior.search import ONE_SIZE, TEMPER, Model, Search
+from deeptruck_model.mismatch.posterior.search import ONE_SIZE, Model, Search
 from deeptruck_model.mismatch.residual.noise import whiten
 
 Array = NDArray[np.float64]
@@ -19,8 +19,6 @@ Array = NDArray[np.float64]
 SCREENED = 2  # shapes of each mechanism that are fitted in full
 FEW_COLUMNS = 8  # of shapes that are confined to a regime before they are fitted
 CONFINED = 3  # so many shapes of each mechanism
-OWN_REGIME = 0.15  # share of what a mechanism does that must lie in its regime: no slip of a locked converter
-WORTH_A_REGIME = 6.0  # nats
 
 
 def screen(search: Search, base: Model, noise: Model | None = None) -> list[tuple[float, Shape]]:
@@ -45,7 +43,7 @@ def _screen_confined(
     few = [s for _, s in laws if s.columns.shape[1] <= FEW_COLUMNS][:CONFINED]
     few = [s for s in few if s.mechanism.effect not in ONE_SIZE]
     regimes = [r for s in few for r in screen_regimes(search, base, s, noise)[:1]]
-    better = [r for r in regimes if r[0] > laws[0][0] + WORTH_A_REGIME]
+    better = [r for r in regimes if r[0] > laws[0][0] + search.rules.regime_gain]
     return sorted(better, key=lambda item: -item[0])[:1]
 
 
@@ -59,7 +57,7 @@ def screen_shapes(
     for s in options:
         C = whiten(s.columns, noise.fit.ar, search.rows, weight)
         gain = float(_approximate_gains(Products.stacked([Products.of(C, yw, Xw)]), Xty, H0, s)[0])
-        scored.append((gain - TEMPER * float(np.log(s.trials)), s))
+        scored.append((gain - search.rules.temper * float(np.log(s.trials)), s))
     return sorted(scored, key=lambda item: -item[0])
 
 
@@ -77,10 +75,10 @@ def screen_regimes(
     if not gates:
         return []
     gains = _approximate_gains(products, Xw.T @ yw, H0, shape)
-    lies_there = np.trace(products.CtC, axis1=1, axis2=2) > OWN_REGIME * float(np.sum(C**2))
+    lies_there = np.trace(products.CtC, axis1=1, axis2=2) > search.rules.regime_share * float(np.sum(C**2))
     best = [k for k in np.argsort(-gains, kind="stable") if lies_there[k]][:SCREENED]
     made = [(float(gains[k]), gated(shape, gates[k], search.e, search.regimes.count)) for k in best]
-    return [(gain - TEMPER * float(np.log(s.trials)), s) for gain, s in made]
+    return [(gain - search.rules.temper * float(np.log(s.trials)), s) for gain, s in made]
 
 
 def _approximate_gains(products: Products, Xty: Array, H0: Array, s: Shape) -> Array:
@@ -103,7 +101,6 @@ def _approximate_gains(products: Products, Xty: Array, H0: Array, s: Shape) -> A
 
 
 MORE_SHAPES = 2  # further shapes a mechanism may be widened by
-WORTH_A_SHAPE = 4.0  # nats a further shape of the same mechanism must gain
 MOST_COLUMNS = 8  # profiles with more columns are wide enough as they are
 FITTED = 8  # mechanisms that are fitted in full in each round
 SECOND_SHAPES = 9  # among the first of these, more than one shape of a mechanism
@@ -178,7 +175,7 @@ def enriched(search: Search, model: Model) -> Model:
             if str(s.settings) not in taken and s.columns.shape[1] <= MOST_COLUMNS
         ]
         best = max(options, key=lambda m: m.score, default=model)
-        if best.score < model.score + WORTH_A_SHAPE:
+        if best.score < model.score + search.rules.form_gain:
             break
         model = best
     return model
@@ -190,7 +187,7 @@ def _confined(search: Search, model: Model) -> Model:
     confined = [s for _, s in screen_regimes(search, base, _everywhere(search, last), model)]
     options = [search.model((*others, s), model.free, model.fit) for s in confined]
     best = max(options, key=lambda m: m.score, default=model)
-    return best if best.score > model.score + WORTH_A_SHAPE else model
+    return best if best.score > model.score + search.rules.form_gain else model
 
 
 def _everywhere(search: Search, shape: Shape) -> Shape:

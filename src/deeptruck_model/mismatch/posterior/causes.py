@@ -8,7 +8,7 @@ can cause: the same way with the other sign, and turned round with the same sign
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +17,13 @@ from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes
 from deeptruck_model.mismatch.posterior.free_law import FreeModel
 from deeptruck_model.mismatch.posterior.search import Model
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.rules import Rules
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 STEP_M, LENGTH_M = 100.0, 6000.0  # a shorter window of a smooth force is like many others
 EVERY = 8  # steps between the windows that are sought again
-CHANCE = 0.99  # of the windows agree less than this by chance
-LEAST_SHARE, LEAST_WINDOWS = 0.05, 3  # of the windows, and how many that do not overlap
 
 
 @dataclass(frozen=True)
@@ -70,24 +69,24 @@ def road_lock(e: Evidence, force: Array) -> RoadLock | None:
     """Where a slow specific force (n,) came again; None where no road was seen twice."""
     windows = Windows.of(e, force)
     picked = np.arange(0, len(windows.at), EVERY)
-    if len(picked) < LEAST_WINDOWS / LEAST_SHARE:
+    if len(picked) < e.rules.road_windows / e.rules.road_share:
         return None
     a = windows.force[picked]
     same, other = _best(windows, picked, a), _best(windows, picked, -a[:, ::-1])
     chance = np.concatenate([_best(windows, picked, -a), _best(windows, picked, a[:, ::-1])])
-    limit = float(np.quantile(chance, CHANCE))
-    same_km, other_km = _beyond_chance(same > limit), _beyond_chance(other > limit)
+    limit = float(np.quantile(chance, e.rules.road_by_chance))
+    same_km, other_km = _beyond_chance(same > limit, e.rules), _beyond_chance(other > limit, e.rules)
     if not same_km and not other_km:
         return None
     again = np.maximum(same if same_km else -1.0, other if other_km else -1.0)
     return RoadLock(same_km, other_km, float(np.median(again[again > limit])), limit)
 
 
-def _beyond_chance(found: NDArray[np.bool_]) -> float:
+def _beyond_chance(found: NDArray[np.bool_], rules: Rules) -> float:
     """Kilometres of the windows that were found again, 0 where they are so few that chance alone finds
     them."""
     km = round(EVERY * STEP_M / 1000.0 * int(found.sum()), 1)
-    enough = found.mean() >= LEAST_SHARE and km >= LEAST_WINDOWS * LENGTH_M / 1000.0
+    enough = found.mean() >= rules.road_share and km >= rules.road_windows * LENGTH_M / 1000.0
     return km if enough else 0.0
 
 
@@ -101,16 +100,6 @@ def _best(windows: Windows, picked: Indices, force: Array) -> Array:
         alike[row, here] = -1.0
     best: Array = alike.max(axis=1)
     return best
-
-
-GROUP = 9.0  # nats within which two names count as not told apart, or ...
-GROUP_SHARE = 0.15  # of the gain: no form is quite right, and the larger an effect the more nats that costs
-GROUP_SHARE_SLOW = 0.25  # the same for what comes and goes as it likes
-GROUP_SHARE_RARE = 0.35  # the same for what was seen in a few windows: one event looks like another there
-# Most that a name may be given, by how many others are told beside it: a law that nobody here has read is as
-# far from every form as these are from one another (docs/results/mismatch.md).
-SURE = (0.8, 0.65, 0.4)
-SURE_UNKNOWN = 0.6
 
 
 @dataclass(frozen=True)
@@ -132,6 +121,7 @@ class Cause:
     road: RoadLock | None = None  # where the force came again on the same stretch of road
     other_form: bool = False  # it acts by its own signals, but otherwise than the library's form
     lawless: bool = False  # an unknown force that comes and goes, and not one that the signals predict
+    rules: Rules = field(default_factory=Rules)  # by which it is told from others
 
     @property
     def predictable(self) -> bool:
@@ -141,27 +131,30 @@ class Cause:
 
     @property
     def believed(self) -> float:
-        """The probability that is told: what the fit says, but no more than such names proved right."""
+        """The probability that is told: what the fit says, but no more than such names proved right. A law
+        that nobody here has read is as far from every form as these are from one another."""
         if self.kind != "missing_physics":
             return self.probability
-        others = min(len(self.not_told_from), len(SURE) - 1)
-        return min(self.probability, SURE_UNKNOWN if self.effect == "unknown" else SURE[others])
+        if self.effect == "unknown":
+            return min(self.probability, self.rules.most_probable_unknown)
+        most = self.rules.most_probable
+        return min(self.probability, most[min(len(self.not_told_from), len(most) - 1)])
 
     @property
     def not_told_from(self) -> list[str]:
         """Names that do nearly as well."""
-        near = max(GROUP, _group_share(self.shape) * self.gain)
+        near = max(self.rules.group_gain, _group_share(self.shape, self.rules) * self.gain)
         names = [name for name, worse in self.rivals if worse < near and name != self.effect]
         return list(dict.fromkeys([*names, *(["unknown"] if self.other_form else [])]))
 
 
-def _group_share(shape: Shape | None) -> float:
+def _group_share(shape: Shape | None, rules: Rules) -> float:
     """Share of a gain within which other names are not told apart."""
     if shape is None:
-        return GROUP_SHARE
+        return rules.group_share
     if "when" in shape.settings:
-        return GROUP_SHARE_RARE
-    return GROUP_SHARE_SLOW if comes_and_goes(shape) else GROUP_SHARE
+        return rules.group_share_windows
+    return rules.group_share_time_varying if comes_and_goes(shape) else rules.group_share
 
 
 @dataclass(frozen=True)

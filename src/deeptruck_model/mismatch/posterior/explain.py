@@ -9,25 +9,15 @@ import numpy as np
 from deeptruck_model.mismatch.mechanisms import comes_and_goes
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation, road_lock
 from deeptruck_model.mismatch.posterior.free_law import FreeModel, LeftOver, left_over
-from deeptruck_model.mismatch.posterior.penalties import ENOUGH, large_enough, price
+from deeptruck_model.mismatch.posterior.penalties import large_enough, price
 from deeptruck_model.mismatch.posterior.rivals import named_cause, tuned_causes
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.posterior.slow_force import SlowForce, plain_truck, slow_force
 from deeptruck_model.mismatch.posterior.stepwise import grow
 from deeptruck_model.mismatch.posterior.windows import bursts
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.rules import Rules
 
-ENOUGH_FREE = 75.0  # nats the free model must gain on what is left before 'unknown' is said
-OWN_ERRORS = 2.0  # times a learned simulator's own error, which is no less elsewhere, that it must be
-BEND = 0.3  # share of a name's gain that laws beside it must have: no form is quite right
-DOUBT = 0.15  # the same beyond which no name is sure
-ENOUGH_TO_DOUBT = 40.0  # nats of it
-BEND_OF_PARAMETERS = 0.06  # the same where parameters alone were found: these enter as they are
-EXPLAINS = 0.55  # share of what is explainable that a name must explain, else it is only the nearest relative
-TRIFLE = 0.03  # a cause with a smaller share of what is explained is as likely a bend in the form of another
-BENT = 0.15  # share of the main cause's gain that a parameter beside it must have
-BEFORE_PARAMETERS = 0.25  # of the largest share, below which physics is told after parameters
-ANOTHER_FORM = 0.3  # the same where the rest acts by the name's own signals
 ROADS = {"road_grade", "road_surface"}
 SLOW_NAMES = {"road_grade", "road_surface", "headwind", "payload_change"}
 
@@ -57,7 +47,7 @@ def _beyond_its_own(search: Search, left: LeftOver) -> LeftOver:
 def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[Cause]:
     named = [named_cause(search, model, shape) for shape in model.named]
     named = [
-        c for c in named if not c.rivals or c.rivals[0][1] > -ENOUGH
+        c for c in named if not c.rivals or c.rivals[0][1] > -search.rules.least_gain
     ]  # a name that another beats is no name
     explained = max(model.score - null.score, 1e-9)
     names = sum(c.gain for c in named)
@@ -65,24 +55,36 @@ def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[C
     tuned = tuned_causes(search, left.lawful if unknown and left.lawful else model)
     if named or tuned:  # a form that is not quite right bends the parameters a little; that is no finding
         most = max([c.gain for c in named + tuned] + ([left.gain] if unknown else []))
-        tuned = [c for c in tuned if c.gain > BENT * most]
+        tuned = [c for c in tuned if c.gain > search.rules.beside_main * most]
     causes = named + tuned
     total = explained + max(left.gain, 0.0)
     weight = sum(max(c.gain, 0.0) for c in causes) or 1.0
     causes = [replace(c, share=max(c.gain, 0.0) / weight * explained / total) for c in causes]
-    causes = _unverified(search.e, [c for c in causes if c.share > TRIFLE])
+    causes = _unverified(search.e, [c for c in causes if c.share > search.rules.trifle])
     if not unknown:
-        return _in_order(_in_doubt(search.e, left, causes))
-    rest = Cause("missing_physics", "unknown", left.gain, left.gain / total, 0.9, left.free.prediction)
+        return _in_order(_in_doubt(search.e, left, causes), search.rules)
+    rest = Cause(
+        "missing_physics",
+        "unknown",
+        left.gain,
+        left.gain / total,
+        0.9,
+        left.free.prediction,
+        rules=search.rules,
+    )
     physics = [c for c in causes if c.kind == "missing_physics"]
     main = max(physics, key=lambda c: c.gain, default=rest)
-    if names > ANOTHER_FORM * (names + left.gain) and main.shape and left.is_form_of(main.shape, search.e):
+    if (
+        names > search.rules.another_form * (names + left.gain)
+        and main.shape
+        and left.is_form_of(main.shape, search.e)
+    ):
         whole = replace(main, share=main.share + rest.share, force=main.force + rest.force, other_form=True)
-        return _in_order([whole, *[c for c in causes if c is not main]])
-    if physics and names < EXPLAINS * (names + left.gain):
+        return _in_order([whole, *[c for c in causes if c is not main]], search.rules)
+    if physics and names < search.rules.explains * (names + left.gain):
         rest = replace(rest, nearest=main.effect, rivals=_perhaps_the_same(main))
-        return [rest, *_in_order([c for c in causes if c not in physics])]
-    return _in_order([*causes, rest])
+        return [rest, *_in_order([c for c in causes if c not in physics], search.rules)]
+    return _in_order([*causes, rest], search.rules)
 
 
 def _one_unknown(causes: list[Cause]) -> list[Cause]:
@@ -93,7 +95,7 @@ def _one_unknown(causes: list[Cause]) -> list[Cause]:
         return causes
     force = np.sum([c.force for c in unknown], axis=0)
     whole = replace(unknown[0], share=sum(c.share for c in unknown), force=force)
-    return _in_order([whole, *(c for c in causes if c.effect != "unknown")])
+    return _in_order([whole, *(c for c in causes if c.effect != "unknown")], whole.rules)
 
 
 def _unverified(e: Evidence, causes: list[Cause]) -> list[Cause]:
@@ -117,7 +119,7 @@ def _in_doubt(e: Evidence, left: LeftOver, causes: list[Cause]) -> list[Cause]:
     """The causes, of which the main name may be that of a relative where laws without a name explain clearly
     more beside it."""
     physics = [c for c in causes if c.kind == "missing_physics"]
-    doubtful = left.gain > max(ENOUGH_TO_DOUBT, DOUBT * sum(c.gain for c in physics))
+    doubtful = left.gain > max(e.rules.doubt_gain, e.rules.doubt_share * sum(c.gain for c in physics))
     if not physics or not doubtful or not large_enough(e, left.free.prediction):
         return causes
     main = max(physics, key=lambda c: c.gain)
@@ -139,19 +141,20 @@ def _worth_calling_unknown(e: Evidence, left: LeftOver, explained: float, names:
     """
     force = left.free.prediction[e.valid]
     return (
-        left.gain > ENOUGH_FREE
+        left.gain > e.rules.unknown_gain
         and large_enough(e, left.free.prediction)
-        and float(np.sqrt(np.mean(force**2))) > OWN_ERRORS * e.own_error
-        and left.gain > (BEND * names if names else BEND_OF_PARAMETERS * explained)
+        and float(np.sqrt(np.mean(force**2))) > e.rules.unknown_discrepancies * e.own_error
+        and left.gain
+        > (e.rules.unknown_share * names if names else e.rules.unknown_share_parameters * explained)
     )
 
 
-def _in_order(causes: list[Cause]) -> list[Cause]:
+def _in_order(causes: list[Cause], rules: Rules) -> list[Cause]:
     """By share, but what was left out before parameters: these moved to make up for it."""
     most = max((c.share for c in causes), default=0.0)
 
     def rank(c: Cause) -> tuple[bool, float]:
-        return c.kind == "parameter_error" or c.share < BEFORE_PARAMETERS * most, -c.share
+        return c.kind == "parameter_error" or c.share < rules.before_parameters * most, -c.share
 
     return sorted(causes, key=rank)
 
@@ -185,7 +188,7 @@ def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list
         possible = ["road_grade"]
     slow = float(np.sum(found.force[e.valid] ** 2))
     share = slow / (slow + sum(float(np.sum(c.force[e.valid] ** 2)) for c in causes)) if causes else 1.0
-    if share < BEND:
+    if share < e.rules.unknown_share:
         return causes  # what a form that is not quite right leaves over is slow too
     share = min(share, slow / float(np.sum(residual[e.valid] ** 2)))
     rivals = tuple((n, 0.0) for n in possible if n != effect)
@@ -199,13 +202,14 @@ def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list
         rivals=rivals,
         needed=found.needed,
         road=road,
+        rules=e.rules,
     )
     rest = [
         replace(c, share=c.share * (1 - cause.share))
         for c in causes
         if c.effect != "unknown" or effect != "unknown"
     ]
-    return _in_order([*rest, cause])
+    return _in_order([*rest, cause], e.rules)
 
 
 def _with_bursts(search: Search, model: Model, causes: list[Cause]) -> list[Cause]:
@@ -215,7 +219,7 @@ def _with_bursts(search: Search, model: Model, causes: list[Cause]) -> list[Caus
         return causes
     share = found.gain / (found.gain + sum(c.gain for c in causes))
     rest = [replace(c, share=c.share * (1 - share)) for c in causes]
-    return _in_order([*rest, replace(found, share=share)])
+    return _in_order([*rest, replace(found, share=share)], search.rules)
 
 
 def _follows_anything_slow(cause: Cause) -> bool:

@@ -16,18 +16,18 @@ from deeptruck_model.mismatch.mechanisms import law_signal
 from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.posterior.free_law import features
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.rules import Rules
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 PERIOD_S = 1.0
-NOTABLE_SHARE = 0.05  # of the free model's importance
 
 
-def drivers(x: Explanation, most: int) -> tuple[str, ...]:
+def drivers(x: Explanation, most: int, rules: Rules) -> tuple[str, ...]:
     """The signals that the free model of what is left over leans on, most important first."""
     share = x.left_over.importance
-    return tuple([name for name in share if share[name] > NOTABLE_SHARE][:most])
+    return tuple([name for name in share if share[name] > rules.formula_importance][:most])
 
 
 def explained(e: Evidence, x: Explanation) -> Array:
@@ -86,11 +86,7 @@ DRIVERS = 3
 CELLS = 256  # points the formula is fitted to, each the mean over equally many seconds
 LEAST_IN_CELL = 12
 DIGITS = 3
-GRID = 21  # places along the range of each signal where a formula must stay below ...
-BEYOND = 3.0  # times the largest force
-LEAST_R2 = 0.1  # held out; a formula that predicts less would be taken for a law
-NEAR_BEST = 0.98  # of the best held-out r2: how much fit a simpler formula may give away,
-NOT_MORE_LEFT = 2.0  # but it may not leave twice as much: a straight line is within 2 % of many a parabola
+GRID = 21  # places along the range of each signal where a formula must stay bounded
 SYMBOLS = "add,sub,mul,div,square,exp,tanh,sin,fmax,fmin,abs,constant,variable"
 FUNCTIONS = {"fmax": sympy.Max, "fmin": sympy.Min, "max": sympy.Max, "min": sympy.Min, "abs": sympy.Abs}
 FUNCTIONS |= {"square": lambda x: x**2}
@@ -122,17 +118,19 @@ def formula(e: Evidence, x: Explanation, seed: int = 0) -> Formula | None:
 
     None where there is too little data or no formula predicts much.
     """
-    named = drivers(x, DRIVERS)
+    named = drivers(x, DRIVERS, e.rules)
     y, columns, out = unexplained(e, x, named)
     if not named or min((~out).sum(), out.sum()) < 4 * LEAST_IN_CELL:
         return None
-    return fit(columns, y * e.mass, out, seed)
+    return fit(columns, y * e.mass, out, seed, e.rules)
 
 
-def fit(columns: dict[str, Array], y: Array, held_out: Mask, seed: int = 0) -> Formula | None:
+def fit(
+    columns: dict[str, Array], y: Array, held_out: Mask, seed: int = 0, rules: Rules = Rules()
+) -> Formula | None:
     """Symbolic regression of y (n,) on named columns (n,), most important first, judged on `held_out` rows.
 
-    None where no formula predicts LEAST_R2 of their variance.
+    None where no formula predicts `formula_r2` of their variance.
     """
     symbols = [sympy.Symbol(name, real=True) for name in columns]
     X = np.stack(list(columns.values()), axis=1)
@@ -140,12 +138,16 @@ def fit(columns: dict[str, Array], y: Array, held_out: Mask, seed: int = 0) -> F
     for count in range(1, len(symbols) + 1):  # fewer signals leave finer cells
         front = _front(*cells(X[~held_out, :count], y[~held_out]), seed)
         candidates += [_readable(text, symbols) for text in front]
-    candidates = [c for c in candidates if _bounded(c, symbols, X, y)]
+    candidates = [c for c in candidates if _bounded(c, symbols, X, y, rules)]
     scored = [(_r2(c, symbols, X[held_out], y[held_out]), _length(c), c) for c in candidates]
     best = max((r2 for r2, _, _ in scored), default=0.0)
-    if best < LEAST_R2:
+    if best < rules.formula_r2:
         return None
-    good = [s for s in scored if s[0] >= NEAR_BEST * best and 1.0 - s[0] <= NOT_MORE_LEFT * (1.0 - best)]
+    good = [
+        s
+        for s in scored
+        if s[0] >= rules.formula_near_best * best and 1.0 - s[0] <= rules.formula_most_left * (1.0 - best)
+    ]
     r2, _, chosen = min(good, key=lambda s: (s[1], -s[0]))
     return Formula(_text(chosen), r2, tuple(s.name for s in symbols if s in chosen.free_symbols))
 
@@ -213,14 +215,14 @@ def _r2(x: sympy.Expr, symbols: Sequence[sympy.Symbol], X: Array, y: Array) -> f
     return float(r2) if np.isfinite(r2) else -np.inf
 
 
-def _bounded(x: sympy.Expr, symbols: Sequence[sympy.Symbol], X: Array, y: Array) -> bool:
+def _bounded(x: sympy.Expr, symbols: Sequence[sympy.Symbol], X: Array, y: Array, rules: Rules) -> bool:
     """Whether a formula stays within what was seen, all over the range of its signals: no pole between the
     cells it was fitted to."""
     sides = [np.linspace(column.min(), column.max(), GRID) for column in X.T]
     places = np.concatenate([X, np.stack([g.ravel() for g in np.meshgrid(*sides)], axis=1)])
     with np.errstate(all="ignore"):
         force = np.broadcast_to(sympy.lambdify(symbols, x, "numpy", dummify=True)(*places.T), len(places))
-    return bool(np.isfinite(force).all() and np.abs(force).max() < BEYOND * np.abs(y).max())
+    return bool(np.isfinite(force).all() and np.abs(force).max() < rules.formula_beyond * np.abs(y).max())
 
 
 class _Printer(StrPrinter):

@@ -160,15 +160,11 @@ def _permuted(
     return out
 
 
-MOST = 4  # laws side by side
 TRIED = 3  # of the best by approximate gain are fitted in full
-WORTH = 10.0  # nats a further law must gain beyond the price of its freedom
 PRIOR_SD = 0.3
 ALIKE = {"engine_command": "engine", "brake_command": "brake", "drag": "speed"}
-MOSTLY = 0.6  # of the squared force
 # Where a form may differ from the one that is known.
 ANYWHERE = frozenset({"speed", "elapsed", "ratio", "lever", "gear", "engine_speed"})
-TREES_R2 = 0.06  # share of held-out variance below which trees have found nothing
 
 
 @dataclass(frozen=True)
@@ -190,7 +186,7 @@ class LeftOver:
             own |= {"engine", "brake"}
         sizes = [(_acts_by(settings), size) for settings, size in _parts(e, self.lawful)]
         within = sum(size for signals, size in sizes if signals & own and signals <= own | ANYWHERE)
-        return within > MOSTLY * sum(size for _, size in sizes)
+        return within > e.rules.another_form_squares * sum(size for _, size in sizes)
 
 
 def left_over(search: Search, model: Model) -> LeftOver:
@@ -198,10 +194,10 @@ def left_over(search: Search, model: Model) -> LeftOver:
     e = search.e
     left = e.residual - search.prediction(model)
     trees = free_model(e, left, search.series.relative)
-    gain = max(search.gain_of(model, trees.prediction), 0.0) if trees.r2 > TREES_R2 else 0.0
+    gain = max(search.gain_of(model, trees.prediction), 0.0) if trees.r2 > search.rules.trees_r2 else 0.0
     known = _beside_a_late_sensor(search, model)
     grown = _grown(search, known)
-    if grown.score - known.score <= max(gain, WORTH):
+    if grown.score - known.score <= max(gain, search.rules.law_gain):
         return LeftOver(trees, gain, None)
     return LeftOver(_as_free_model(e, left, grown, trees), grown.score - known.score, grown)
 
@@ -218,13 +214,13 @@ def _beside_a_late_sensor(search: Search, model: Model) -> Model:
 def _grown(search: Search, model: Model) -> Model:
     """The model with as many laws beside its names as pay."""
     options, best = laws(search.e), model
-    for _ in range(MOST):
+    for _ in range(search.rules.most_laws):
         taken = best.named[-1] if len(best.named) > len(model.named) else None
         tried = [s for _, s in screen_shapes(search, best, options)[:TRIED]]
         wider = [merge(taken, s) if taken is not None else s for s in tried]
         models = [search.model((*model.named, s), model.free, best.fit) for s in wider]
         step = max(models, key=lambda m: m.score, default=best)
-        if step.score < best.score + WORTH:
+        if step.score < best.score + search.rules.law_gain:
             break
         best = step
     return best

@@ -18,7 +18,7 @@ from deeptruck_model.mismatch.mechanisms import Shape, shape
 from deeptruck_model.mismatch.posterior import nuisances
 from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.posterior.explain import explain
-from deeptruck_model.mismatch.posterior.search import POSSIBLE, Model, Search, changed_by
+from deeptruck_model.mismatch.posterior.search import Model, Search, changed_by
 from deeptruck_model.mismatch.posterior.stepwise import first_guess
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import STEP, gather
@@ -48,7 +48,6 @@ def _accepted(simulator: Simulator, name: str, change: float, near: float) -> fl
     return 0.0
 
 
-WORTH_MOVING = 20.0  # nats
 # Beyond this relative change parameters are set in the simulator, and all is linearised again; and once more.
 RETUNE, SETTLED, RETUNES = 0.05, 0.02, 3
 _guesses: WeakKeyDictionary[Search, Model] = WeakKeyDictionary()  # a search is large: no longer than it
@@ -65,18 +64,21 @@ def explained(
 ) -> tuple[Evidence, Explanation]:
     """The explanation, and the evidence about whose parameters it was found."""
     say("searching for what is missing")
-    itself = nuisances.known(simulator, prepared[0].measured_acceleration, seed)
+    itself = nuisances.known(simulator, prepared[0].measured_acceleration, seed, evidence.rules)
     if itself is not None:
         say("learning the simulator's own error from the recordings it keeps")
         evidence = nuisances.allow_for(evidence, itself)
     elif not simulator.parameters():
-        evidence = replace(evidence, own_error=nuisances.UNKNOWN, slow_noise=nuisances.UNKNOWN)
+        unmeasured = evidence.rules.unmeasured_discrepancy
+        evidence = replace(evidence, own_error=unmeasured, slow_noise=unmeasured)
     around = _Around(simulator, tuple(prepared), tuple(held_out), seed, tuple(exclude), say)
     search = nuisances.beside_it(Search(evidence, exclude=exclude), exclude)
     search = _followed(around, _beside_parameters(around, search), _first_guess)
     found = explain(search)
     anew = around.parameters_of(search, found.model, RETUNE)
-    if anew is None or not _better(search, found.model, anew, _again(found.model, anew), WORTH_MOVING):
+    if anew is None or not _better(
+        search, found.model, anew, _again(found.model, anew), search.rules.moved_gain
+    ):
         return search.e, found
     return anew.e, explain(anew)  # names moved the parameters where the first guess had not
 
@@ -100,10 +102,12 @@ class _Around:
             return None
         self.say("searching around the refitted parameters")
         total = {p: search.e.total_change(p, c) for p, c in change.items()}
-        possible = {p: float(np.clip(c, *POSSIBLE[p])) for p, c in total.items() if abs(c) > 0.005}
+        possible = {
+            p: float(np.clip(c, *search.rules.possible(p))) for p, c in total.items() if abs(c) > 0.005
+        }
         moved = accepted(self.simulator, possible, near=STEP)
         tuned = self.simulator.with_parameters({p: own[p] * (1 + c) for p, c in moved.items()})
-        e = gather(tuned, self.prepared, self.held_out, seed=self.seed, moved=moved)
+        e = gather(tuned, self.prepared, self.held_out, seed=self.seed, moved=moved, rules=search.rules)
         return nuisances.beside_it(Search(e, exclude=self.exclude), self.exclude)
 
 
@@ -120,7 +124,9 @@ def _followed(around: _Around, search: Search, guess: Callable[[Search], Model])
     for turn in range(RETUNES):
         here = guess(search)
         anew = around.parameters_of(search, here, SETTLED if turn else RETUNE)
-        if anew is None or not _better(search, here, anew, guess(anew), 0.0 if turn else WORTH_MOVING):
+        if anew is None or not _better(
+            search, here, anew, guess(anew), 0.0 if turn else search.rules.moved_gain
+        ):
             break
         search = anew
     return search

@@ -18,15 +18,15 @@ from deeptruck_model.mismatch.data.prepared import Prepared, learned, prepare
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape
 from deeptruck_model.mismatch.posterior.candidates import candidates, screen_shapes
 from deeptruck_model.mismatch.posterior.free_law import left_over
-from deeptruck_model.mismatch.posterior.penalties import ENOUGH, enough, practical
+from deeptruck_model.mismatch.posterior.penalties import enough, practical
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.residual import sensor_filter
-from deeptruck_model.mismatch.residual.evidence import SLOW_NOISE, SLOW_NOISE_S, Evidence
+from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import gather
+from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
 
-LONGEST_S = 0.5  # of the delays tried: a share of a longer one is a path that is slow, not late
 BOTH = {"all"}
 FITTED = 2  # of them in full
 
@@ -47,9 +47,9 @@ def left_beside(e: Evidence, model: Model) -> Evidence:
     """The evidence without that lateness, and without a sensor's filter, where the names of a model leave
     next to nothing of it: a brake that lags has a little of both, and parameters alone are to be fitted as
     anybody would fit them."""
-    if e.late is not None and _worth(e, replace(e, late=None), model) < ENOUGH:
+    if e.late is not None and _worth(e, replace(e, late=None), model) < e.rules.least_gain:
         e = replace(e, late=None)
-    if sensor_filter.rows(e) and _worth(e, replace(e, filtered=False), model) < ENOUGH:
+    if sensor_filter.rows(e) and _worth(e, replace(e, filtered=False), model) < e.rules.least_gain:
         e = replace(e, filtered=False)
     return e
 
@@ -66,24 +66,22 @@ def _small(search: Search) -> list[Shape]:
     if not search.e.has(*mechanism.needs):
         return []
     lines = [(s, s.settings["lines"]) for s in search.shapes(mechanism)]
-    return [s for s, line in lines if set(line) == BOTH and line["all"] <= LONGEST_S]
+    return [s for s, line in lines if set(line) == BOTH and line["all"] <= search.rules.nuisance_delay_s]
 
 
 Array = NDArray[np.float64]
 
-LEAST_S = 120.0
-UNKNOWN = 0.04  # m/s^2 rms, for a learned simulator that keeps no recordings: that of one trained on an hour
-SAFETY = 1.5  # the price is this much of what the search gains on the truck's own recordings
 
-
-def known(simulator: Simulator, measured_acceleration: bool, seed: int) -> Evidence | None:
+def known(simulator: Simulator, measured_acceleration: bool, seed: int, rules: Rules) -> Evidence | None:
     """The simulator's own recordings as evidence; None where it keeps none that can be used."""
     kept: Sequence[Recording] = getattr(simulator, "reference", ())
     try:
-        prepared: list[Prepared] = [learned(simulator, prepare(r, measured_acceleration)) for r in kept]
-        if sum(float(p.valid.sum()) * p.dt for p in prepared) < LEAST_S:
+        prepared: list[Prepared] = [
+            learned(simulator, prepare(r, measured_acceleration, rules=rules)) for r in kept
+        ]
+        if sum(float(p.valid.sum()) * p.dt for p in prepared) < rules.own_driving_s:
             return None
-        return gather(simulator, prepared, [False] * len(prepared), seed=seed)
+        return gather(simulator, prepared, [False] * len(prepared), seed=seed, rules=rules)
     except InputError:
         return None
 
@@ -110,19 +108,19 @@ def _prices(own: Evidence, ratio: float) -> dict[str, float]:
         held = search.model((), base.free - {p})
         prices[f"parameter:{p}"] = base.score - held.score if p in base.free else 0.0
     prices["unknown"] = left_over(search, base).gain
-    scale = SAFETY * max(ratio, 0.5)
+    scale = own.rules.discrepancy_safety * max(ratio, 0.5)
     return {name: max(price, 0.0) * scale for name, price in prices.items()}
 
 
 def _slow_noise(own: Evidence) -> float:
-    """Sd (m/s^2) of the means over SLOW_NOISE_S of the simulator's own error, other driving allowed for."""
-    per = max(1, round(SLOW_NOISE_S / own.dt))
+    """Sd (m/s^2) of the means over `slow_noise_s` of the simulator's own error, other driving allowed for."""
+    per = max(1, round(own.rules.slow_noise_s / own.dt))
     means = []
     for s in own.stretches:
         rows = np.arange(s.start, s.start + (s.stop - s.start) // per * per).reshape(-1, per)
         means += own.residual[rows[own.valid[rows].all(axis=1)]].mean(axis=1).tolist()
     spread = 1.4826 * float(np.median(np.abs(means))) if means else 0.0
-    return max(SLOW_NOISE, SAFETY * spread)
+    return max(own.rules.slow_noise, own.rules.discrepancy_safety * spread)
 
 
 def _slow_rms(own: Evidence) -> float:

@@ -14,22 +14,11 @@ from deeptruck_model.mismatch.residual.noise import whiten
 
 Array = NDArray[np.float64]
 
-ENOUGH = 20.0  # nats a name must gain: the price of the search, and of noise not quite as modelled
-ENOUGH_LEARNED = 35.0  # the same for a learned simulator, whose own error is never quite known
-SLOW_PRICE, SLOW_SHARE = 25.0, 0.1  # nats, and of the gain
-PRACTICAL_FORCE = 0.012  # m/s^2 rms over all time, what a slope sensor 0.1 % off makes, or ...
-PRACTICAL_WHEN_ACTING = 0.02  # m/s^2 rms over the tenth of the time when it acts most
-SURELY = 1.96  # posterior sd
-IMPOSSIBLE = 4.0  # prior sd; priors say what is physically possible
-# Beyond what sensor filters and message periods make late.
-PRACTICAL_S = {"delay": 0.15, "time_constant": 0.1}
-OTHER_DRIVING = 2.0  # times the own error that a learned simulator may have where it is driven otherwise
 ONCE = ("first", "each")  # settings by which a size belongs to a recording
-LEARNABLE = 0.05  # m/s^2 rms; a well-trained simulator's own error is smaller
 
 
 def enough(search: Search) -> float:
-    return ENOUGH_LEARNED if search.e.own_error > 0 else ENOUGH
+    return search.rules.least_gain_learned if search.e.own_error > 0 else search.rules.least_gain
 
 
 def price(search: Search, model: Model) -> float:
@@ -67,7 +56,7 @@ def _own_size(search: Search, last: Shape) -> Array | None:
     model = _on_its_own(search.own, last.mechanism, last.settings)
     name = last.mechanism.effect
     sd: Array = np.sqrt(np.diag(model.covariance(name)))
-    return OTHER_DRIVING * np.abs(model.coefficients(name)) + sd
+    return search.rules.other_driving * np.abs(model.coefficients(name)) + sd
 
 
 def _own_spread(own: Search, last: Shape) -> Array:
@@ -79,7 +68,7 @@ def _own_spread(own: Search, last: Shape) -> Array:
         model = _on_its_own(own, last.mechanism, kept | gate | each_recording(own.e))
         b = model.coefficients(last.mechanism.effect)
         sd = np.sqrt(np.diag(model.covariance(last.mechanism.effect)))
-        size = OTHER_DRIVING * float(np.sqrt(np.mean(b**2))) + float(np.mean(sd))
+        size = own.rules.other_driving * float(np.sqrt(np.mean(b**2))) + float(np.mean(sd))
         sizes += [size] * len(last.mechanism.build(part))
     return np.array(sizes)
 
@@ -100,19 +89,26 @@ def slow_price(model: Model, base: Model) -> float:
     so do the zeros of slope sensors, and knots follow many a law that is not quite right here."""
     if not model.named or not comes_and_goes(model.named[-1]):
         return 0.0
-    return max(SLOW_PRICE, SLOW_SHARE * (model.score - base.score))
+    return max(model.rules.time_varying_penalty, model.rules.time_varying_share * (model.score - base.score))
 
 
 def practical(search: Search, model: Model, shape: Shape) -> bool:
     b = model.coefficients(shape.mechanism.effect)
-    for name, least in PRACTICAL_S.items():
+    rules = search.rules
+    for name, least in (
+        ("delay", rules.least_delay_s),
+        ("time_constant", rules.least_time_constant_s),
+    ):
         parts = [(p, value) for p, value in zip(shape.parts, b, strict=True) if p.name.startswith(name)]
         times = [value * part.factor for part, value in parts]
         if times and abs(sum(times)) < least:
             return False
     if _beyond_possible(model, shape):
         return False
-    if not comes_and_goes(shape) and (np.abs(b - shape.prior.mean) > IMPOSSIBLE * shape.prior.sd).any():
+    if (
+        not comes_and_goes(shape)
+        and (np.abs(b - shape.prior.mean) > search.rules.most_prior_sd * shape.prior.sd).any()
+    ):
         return False
     force = shape.columns @ b
     return beyond_learning(search.e, shape, force) or large_enough(search.e, force)
@@ -121,7 +117,7 @@ def practical(search: Search, model: Model, shape: Shape) -> bool:
 def _beyond_possible(model: Model, shape: Shape) -> bool:
     """Whether a coefficient is surely larger than it can be."""
     sd = np.sqrt(np.diag(model.covariance(shape.mechanism.effect)))
-    surely = np.abs(model.coefficients(shape.mechanism.effect)) - SURELY * sd
+    surely = np.abs(model.coefficients(shape.mechanism.effect)) - model.rules.surely * sd
     return any(size * part.factor > part.most for part, size in zip(shape.parts, surely, strict=True))
 
 
@@ -138,7 +134,7 @@ def beyond_learning(e: Evidence, shape: Shape, force: Array) -> bool:
         "dragging_brake",
     ):
         return False  # always the same at the same speed, so it would have been learned
-    return shape.mechanism.hidden and float(np.sqrt(np.mean(force[e.valid] ** 2))) > LEARNABLE
+    return shape.mechanism.hidden and float(np.sqrt(np.mean(force[e.valid] ** 2))) > e.rules.learnable
 
 
 def large_enough(e: Evidence, force: Array) -> bool:
@@ -146,4 +142,5 @@ def large_enough(e: Evidence, force: Array) -> bool:
     acting = np.sort(np.abs(force[e.valid]))
     rms = float(np.sqrt(np.mean(acting**2)))
     top = float(np.sqrt(np.mean(acting[-max(1, len(acting) // 10) :] ** 2)))
-    return rms > max(PRACTICAL_FORCE, e.own_error) or top > max(PRACTICAL_WHEN_ACTING, 2.0 * e.own_error)
+    acting_least = max(e.rules.least_force_acting, e.rules.acting_discrepancies * e.own_error)
+    return rms > max(e.rules.least_force, e.own_error) or top > acting_least

@@ -9,18 +9,15 @@ from scipy.ndimage import gaussian_filter1d
 from deeptruck_model.mismatch.mechanisms import LIBRARY, UNNAMED, Shape, comes_and_goes
 from deeptruck_model.mismatch.posterior import windows
 from deeptruck_model.mismatch.posterior.candidates import candidates, enriched, screen, screen_shapes
-from deeptruck_model.mismatch.posterior.causes import GROUP_SHARE, Cause
+from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.penalties import (
-    ENOUGH,
-    SLOW_PRICE,
-    SLOW_SHARE,
     enough,
     large_enough,
     practical,
     price,
     slow_price,
 )
-from deeptruck_model.mismatch.posterior.search import TEMPER, Model, Search
+from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.posterior.stepwise import WIDENED
 
 Array = NDArray[np.float64]
@@ -30,31 +27,29 @@ INSTEAD = 4  # mechanisms tried in place of each parameter
 DEAD_TIME = "delay"  # of the brake: the same force as a delay of its command
 SLOPE = "road_grade"  # a force that goes by nothing but its time is what a slope, or its sensor, is off by
 SLOW_S = 8.0  # smoothing of a slow force where it has no knots of its own
-PARAMETER_PRACTICAL = 0.025  # relative
-NEARLY_RIGHT = 0.015  # the same, as any simulator may be off; the interval must not reach it
-FEW = 0.5 * ENOUGH  # nats of a parameter that held-out drives must show
-ORDINARY_ZERO = 0.002  # of a slope sensor, rise over run; in one truck all drives have the same ...
-SURE_OF_IT = 240.0  # ... so that nats do not tell it from what rolls harder, but for many hours of driving
 
 
 def named_cause(search: Search, model: Model, shape: Shape) -> Cause:
     """One named effect with the names that would do nearly as well in its place."""
+    rules = search.rules
     base = search.background(tuple(n for n in model.named if n is not shape))
     gain = model.score - base.score
     instead = _instead_of(search, base, shape)
-    own = model.score - (max(SLOW_PRICE, SLOW_SHARE * gain) if comes_and_goes(shape) else 0.0)
+    own = model.score - (
+        max(rules.time_varying_penalty, rules.time_varying_share * gain) if comes_and_goes(shape) else 0.0
+    )
     own -= price(search, search.model((*base.named, shape), base.free | model.free, model.fit))
     rivals = sorted(((n, own - _paid(search, base, m, own)) for n, m in instead), key=lambda rival: rival[1])
-    odds = 1.0 + sum(np.exp(-worse / TEMPER) for _, worse in rivals) + np.exp(-gain / TEMPER)
+    odds = 1.0 + sum(np.exp(-worse / rules.temper) for _, worse in rivals) + np.exp(-gain / rules.temper)
     lawless = _lawless(search, model, shape)
-    if lawless is not None and lawless.score > model.score + max(ENOUGH, GROUP_SHARE * gain):
+    if lawless is not None and lawless.score > model.score + max(rules.least_gain, rules.group_share * gain):
         force = lawless.named[-1].columns @ lawless.coefficients(UNNAMED.effect)
         more = gain + lawless.score - model.score
         alike = tuple((m.effect, 0.0) for m in search.library if m.effect == SLOPE)
         odds = 0.5 if alike else 0.9
         return Cause(
             "missing_physics", "unknown", more, 0.0, odds, force,
-            rivals=alike, nearest=shape.mechanism.effect, lawless=True,
+            rivals=alike, nearest=shape.mechanism.effect, lawless=True, rules=rules,
         )  # fmt: skip
     if lawless is not None:  # perhaps something else comes and goes
         unnamed = (UNNAMED.effect, max(model.score - lawless.score, 0.0))
@@ -71,6 +66,7 @@ def named_cause(search: Search, model: Model, shape: Shape) -> Cause:
         shape,
         tuple(rivals),
         alternatives=tuple(instead[:ALTERNATIVES]),
+        rules=rules,
     )
 
 
@@ -184,7 +180,7 @@ def _clear_beside_as_given(search: Search, model: Model, before: Model, after: M
         return False
     name = next(iter(after.free - before.free))
     given = search.model(before.named, before.free, before.fit, pinned=name)
-    return after.score - given.score > ENOUGH
+    return after.score - given.score > search.rules.least_gain
 
 
 def _a_slope_sensors_zero(search: Search, before: Model, after: Model) -> float:
@@ -192,7 +188,7 @@ def _a_slope_sensors_zero(search: Search, before: Model, after: Model) -> float:
     the same one, so that they show nothing."""
     (zero,) = search.shapes(LIBRARY["grade_bias"])
     instead = search.model((*before.named, zero), before.free, before.fit)
-    if instead.score < after.score - ENOUGH:
+    if instead.score < after.score - search.rules.least_gain:
         return float("inf")
     return float(np.abs(instead.coefficients("grade_bias")).max())
 
@@ -201,13 +197,14 @@ def _parameter(
     search: Search, model: Model, before: Model, after: Model, others: list[tuple[str, Model]]
 ) -> Cause | None:
     """The parameter that `after` frees beyond `before`; None where it hardly moves or hardly matters."""
+    rules = search.rules
     name = next(iter(after.free - before.free))
     gain = after.score - before.score
     value = search.e.total_change(name, model.change(name))
     least = enough(search) + search.e.tolerance.get(f"parameter:{name}", 0.0)
     force = search.e.sensitivity[name] * value  # of the simulator as given, to first order
-    unsure = abs(value) < NEARLY_RIGHT + 1.96 * model.change_sd(name)
-    if unsure or abs(value) < PARAMETER_PRACTICAL:
+    unsure = abs(value) < rules.nearly_right + rules.surely * model.change_sd(name)
+    if unsure or abs(value) < rules.least_change:
         return None
     large = large_enough(search.e, force)
     if gain < least or not large:
@@ -215,11 +212,11 @@ def _parameter(
             return None
         if not large and np.isfinite(_a_slope_sensors_zero(search, before, after)):
             return None
-        gain = FEW
-    if gain < SURE_OF_IT and _a_slope_sensors_zero(search, before, after) < ORDINARY_ZERO:
+        gain = rules.weak_gain
+    if gain < rules.slope_zero_gain and _a_slope_sensors_zero(search, before, after) < rules.slope_zero:
         return None
     rivals = tuple((n, after.score - m.score) for n, m in others)
-    odds = 1.0 + sum(np.exp(-max(w, 0.0) / TEMPER) for _, w in rivals) + np.exp(-gain / TEMPER)
+    odds = 1.0 + sum(np.exp(-max(w, 0.0) / rules.temper) for _, w in rivals) + np.exp(-gain / rules.temper)
     return Cause(
         "parameter_error",
         name,
@@ -231,4 +228,5 @@ def _parameter(
         rivals,
         alternatives=tuple(others[:ALTERNATIVES]),
         whole=after,
+        rules=rules,
     )

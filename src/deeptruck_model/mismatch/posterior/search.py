@@ -23,21 +23,12 @@ from deeptruck_model.mismatch.mechanisms import (
 from deeptruck_model.mismatch.mechanisms.regimes import Regimes
 from deeptruck_model.mismatch.residual import sensor_filter
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.residual.noise import Fit, Prior, Series, fit, whiten
+from deeptruck_model.mismatch.residual.noise import TAIL, Fit, Prior, Series, fit, whiten
+from deeptruck_model.mismatch.rules import Rules
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-TEMPER = 3.0  # evidence is this much too sure, the noise model being approximate; priors are charged likewise
-# Relative change of a parameter from the simulator's. All scaled down alike change next to nothing, and so
-# would make up for whatever is not scaled with them.
-POSSIBLE = {
-    "mass": (-0.8, 3.0),
-    "drag_area": (-0.6, 2.0),
-    "rolling_resistance": (-0.85, 3.0),
-    "torque_gain": (-0.35, 2.0),
-    "brake_gain": (-0.5, 2.0),
-}
 LARGEST_SLOPE = 0.75  # what four times the mass does
 HELD, PINNED = 0.01, 0.001
 FREE = {"mass": 0.3, "drag_area": 0.3, "rolling_resistance": 0.4, "torque_gain": 0.15, "brake_gain": 0.25}
@@ -54,6 +45,7 @@ class Model:
     fit: Fit
     score: float
     layout: tuple[tuple[str, slice], ...] = field(default=())
+    rules: Rules = field(default_factory=Rules)
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -75,7 +67,7 @@ class Model:
         """Posterior covariance of the coefficients of an effect, as much wider as evidence is too sure, or as
         recordings disagree, whichever is the more."""
         part = dict(self.layout)[name]
-        own = TEMPER * self.fit.covariance[part, part]
+        own = self.rules.temper * self.fit.covariance[part, part]
         sd = np.sqrt(np.diag(own))
         wider = np.maximum(self.fit.between[part] / np.maximum(sd, 1e-12), 1.0)
         out: Array = own * np.outer(wider, wider)
@@ -102,7 +94,7 @@ class Search:
         """`only` of its rows (n,); `sigma`, m/s^2, is the noise by which rows are weighed, else measured;
         `held` the relative change by which parameters may move that are not free."""
         self._held = held
-        self.e = evidence
+        self.e, self.rules = evidence, evidence.rules
         self.parameters = tuple(evidence.sensitivity)
         self._late, self._lateness = sensor_filter.known(evidence)
         self.series: Series = evidence.series(1e9, only)
@@ -143,8 +135,10 @@ class Search:
         if known is None or again:
             X, prior, layout = self._design(named, free, pinned)
             found = fit(self.series, X, prior, start)
-            cost = TEMPER * sum(np.log(n.trials) - np.log(n.mechanism.chance(self.e)) for n in named)
-            model = Model(named, free, found, found.evidence - float(cost), layout)
+            cost = self.rules.temper * sum(
+                np.log(n.trials) - np.log(n.mechanism.chance(self.e)) for n in named
+            )
+            model = Model(named, free, found, found.evidence - float(cost), layout, self.rules)
             beyond = {p for p in free if not self._possible(p, model)}
             if beyond:
                 model = self.model(named, free - beyond, start, again=again, pinned=pinned)
@@ -152,8 +146,9 @@ class Search:
         return self._models[key]
 
     def _possible(self, parameter: str, model: Model) -> bool:
-        """Whether a parameter stays within what a truck can have: no rolling resistance is negative."""
-        low, high = POSSIBLE[parameter]
+        """Whether a parameter stays within what a truck can have: no rolling resistance is negative. All
+        scaled down alike change next to nothing, and would make up for whatever is not scaled with them."""
+        low, high = self.rules.possible(parameter)
         change = changed_by(parameter, model.change(parameter))
         return low < self.e.total_change(parameter, change) < high
 
@@ -167,7 +162,7 @@ class Search:
                 self.model(named, grown.free | {p}, grown.fit) for p in self.parameters if p not in grown.free
             ]
             step = max(options, key=lambda m: m.score, default=grown)
-            if step.score < grown.score + 1.0:
+            if step.score < grown.score + self.rules.freed_gain:
                 break
             grown = step
         return max((best, grown, everything), key=lambda m: m.score)
@@ -178,7 +173,7 @@ class Search:
         if self._memo is None or self._memo[0] is not base or self._memo[1] is not fit:
             X, prior, _ = self._design(base.named, base.free)
             z = fit.innovations[self.rows]
-            weight = np.sqrt(6.0 / (5.0 + z**2)) / (self.series.relative[self.rows] * fit.sigma)
+            weight = np.sqrt((TAIL + 1) / (TAIL + z**2)) / (self.series.relative[self.rows] * fit.sigma)
             Xw = whiten(X, fit.ar, self.rows, weight)
             yw = whiten(self.series.y - X @ base.fit.b, fit.ar, self.rows, weight)
             H0: Array = np.linalg.inv(Xw.T @ Xw + np.diag(1 / prior.sd**2)).astype(np.float64)

@@ -9,7 +9,7 @@ what engine and friction do is fitted to those, and the slow rest is the road's,
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +17,15 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import nnls
 from scipy.stats import theilslopes
 
+from deeptruck_model.constants import AIR_DENSITY, DIESEL_J_PER_CM3, GRAVITY
 from deeptruck_model.mismatch.residual.components import (
-    AIR_DENSITY,
-    DIESEL_J_PER_CM3,
     DRIVELINE,
     EFFICIENCY,
+    MASSES,
     TYPICAL_DRAG_AREA,
 )
-from deeptruck_model.mismatch.residual.evidence import GRAVITY, Evidence
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.rules import Rules
 
 Array = NDArray[np.float64]
 
@@ -32,11 +33,8 @@ BRAKE_S, BRAKING = 2.0, 0.02  # braking is left out until it has let go, s and s
 FAST_S = 8.0  # changes within so long are no road's
 SMOOTH_S = 0.7
 LAGS_S = (0.0, 0.5, 1.0)  # of the force behind torque or fuel
-GAIN_DOUBT = 0.1
-LEAST_R2 = 0.4  # of the fast changes; below, the line is no truck
 SLOWEST = 5.0  # m/s
 TURNS = 20
-MASSES = (800.0, 60000.0)  # kg
 DRAGS = (5e-5, 5e-4)  # 1/m, drag over mass times speed squared: from a laden truck to a small car
 STRIDE = 10  # Theil's slopes are of every pair
 DOUBTFUL = 2.0  # robust sds from where a sample counts less
@@ -58,7 +56,7 @@ def plain_truck(e: Evidence) -> PlainTruck | None:
     """The best line by its r2; None where none explains the fast changes, or no engine was recorded."""
     tried = [_fitted(e, traction, factor) for traction, factor in _tractions(e)]
     best = max((t for t in tried if t is not None), key=lambda t: t.r2, default=None)
-    return best if best is not None and best.r2 > LEAST_R2 else None
+    return best if best is not None and best.r2 > e.rules.line_r2 else None
 
 
 def _tractions(e: Evidence) -> Iterator[tuple[Array, float]]:
@@ -90,7 +88,7 @@ def _fitted(e: Evidence, traction: Array, factor: float) -> PlainTruck | None:
     if e.has("brake_command"):
         command = np.nan_to_num(e["brake_command"])
         use &= e.lag(command, BRAKE_S) < BRAKING * max(float(command.max(initial=0.0)), 1e-9)
-    if use.sum() * e.dt < 300.0:
+    if use.sum() * e.dt < e.rules.line_s:
         return None
     y, X = _fast(e, changed), np.stack([_fast(e, traction), -_fast(e, friction)], axis=1)
     y, X = y[use], X[use]
@@ -113,7 +111,7 @@ def _fitted(e: Evidence, traction: Array, factor: float) -> PlainTruck | None:
         left += float(np.clip(-slope, *DRAGS)) * speed**2
     left = np.where(use, left - np.median(left[use]), np.nan)
     pull = b[0] * traction[use]
-    return PlainTruck(left, r2, GAIN_DOUBT * float(np.std(pull)))
+    return PlainTruck(left, r2, e.rules.line_gain_doubt * float(np.std(pull)))
 
 
 def _fast(e: Evidence, x: Array) -> Array:
@@ -126,30 +124,28 @@ def _fast(e: Evidence, x: Array) -> Array:
 
 
 WIDTH_S = 8.0
-NOTABLE = 0.08  # m/s^2 rms; ordinary wind alone gives a light vehicle nearly as much
-NOISE = 3.0  # times what white noise would leave after smoothing
-LARGEST = {
-    "road_grade": 0.07,
-    "headwind": 9.0,
-    "torque_derate": 0.25,
-}  # slope ratio, m/s, share of engine force
-LEAST_S = 600.0
 
 
 @dataclass(frozen=True)
 class SlowForce:
     """The force (n,) in m/s^2, 0 where it is not known, its rms, and the size it would need as each possible
-    name (see LARGEST for units)."""
+    name: slope, m/s, share of the engine's force."""
 
     force: Array
     rms: float
     needed: dict[str, float]
+    rules: Rules = field(default_factory=Rules)
 
     @property
     def possible(self) -> list[str]:
         """Names whose needed size is physically possible, the least remarkable first."""
-        fits = [name for name, size in self.needed.items() if size <= LARGEST[name]]
-        return sorted(fits, key=lambda name: self.needed[name] / LARGEST[name])
+        largest = {
+            "road_grade": self.rules.slow_force_grade,
+            "headwind": self.rules.slow_force_wind,
+            "torque_derate": self.rules.slow_force_derate,
+        }
+        fits = [name for name, size in self.needed.items() if size <= largest[name]]
+        return sorted(fits, key=lambda name: self.needed[name] / largest[name])
 
 
 def slow_force(e: Evidence, left: Array, weight: Array, sigma: float, doubt: float = 0.0) -> SlowForce | None:
@@ -158,12 +154,12 @@ def slow_force(e: Evidence, left: Array, weight: Array, sigma: float, doubt: flo
     `weight` (n,) is the weight of each sample, `sigma` the sd of one sample's noise, `doubt` the rms of what
     `left` may hold for another reason.
     """
-    if e.valid.sum() * e.dt < LEAST_S:
+    if e.valid.sum() * e.dt < e.rules.slow_force_s:
         return None
     centred, known = _slow_part(e, left, weight)
     rms = float(np.sqrt(np.mean(centred[known] ** 2)))
-    noise = NOISE * sigma / np.sqrt(2.0 * np.sqrt(np.pi) * WIDTH_S / e.dt)
-    if rms < max(float(np.hypot(NOTABLE, doubt)), noise):
+    noise = e.rules.slow_force_noise * sigma / np.sqrt(2.0 * np.sqrt(np.pi) * WIDTH_S / e.dt)
+    if rms < max(float(np.hypot(e.rules.slow_force, doubt)), noise):
         return None
     speed, pull = np.maximum(e["speed"], 3.0), np.maximum(e["engine"], 0.0)
     per_wind = 2.0 * e["drag"] / speed
@@ -172,7 +168,7 @@ def slow_force(e: Evidence, left: Array, weight: Array, sigma: float, doubt: flo
         "headwind": _size(centred, per_wind, known),
         "torque_derate": _size(centred, pull, known),
     }
-    return SlowForce(np.where(known, centred, 0.0), rms, needed)
+    return SlowForce(np.where(known, centred, 0.0), rms, needed, e.rules)
 
 
 def _slow_part(e: Evidence, left: Array, weight: Array) -> tuple[Array, NDArray[np.bool_]]:

@@ -8,9 +8,6 @@ from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes, shape
 from deeptruck_model.mismatch.posterior import windows
 from deeptruck_model.mismatch.posterior.candidates import candidates, enriched
 from deeptruck_model.mismatch.posterior.penalties import (
-    ENOUGH,
-    SLOW_PRICE,
-    SLOW_SHARE,
     enough,
     practical,
     price,
@@ -19,13 +16,8 @@ from deeptruck_model.mismatch.posterior.penalties import (
 from deeptruck_model.mismatch.posterior.search import Model, Search
 
 WIDENED = 4  # of the best names are given more freedom of form before the first is chosen
-MOST = 4  # effects at once
 EXCHANGES = 3
-ENOUGH_RARE = 45.0  # nats for what is seen in a few windows alone, which were chosen for being off
 SETTLING = 2  # times
-WORTH_AN_EXCHANGE = 3.0  # nats
-BESIDE = 0.33  # a further name must gain this share of the others' gain: a form not quite right invites more,
-APART = 0.04  # or this share, where it acts when the others do not
 
 
 def first_guess(search: Search) -> Model:
@@ -39,7 +31,7 @@ def grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], .
     """Add the best mechanism while it is worth it; then drop those that no longer are."""
     ranking: tuple[tuple[str, float], ...] = ()
     bare = base
-    while len(base.named) < MOST:
+    while len(base.named) < search.rules.most_terms:
         options = candidates(search, base)
         if not ranking:
             ranking = tuple((m.effects[-1], m.score - base.score) for m in options)
@@ -58,7 +50,7 @@ def grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], .
     base = _settled(search, _exchanged(search, base))
     best = max(_rare(search, base, bare), key=lambda m: m.score - _for_freedom(m, bare))
     gave_way = any(all(s is not n for n in best.named) for s in base.named)
-    if gave_way and len(best.named) < MOST:  # it may be there as well
+    if gave_way and len(best.named) < search.rules.most_terms:  # it may be there as well
         best = _one_more(search, best, bare, candidates(search, best))
     return best, ranking
 
@@ -66,7 +58,9 @@ def grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], .
 def _one_more(search: Search, base: Model, bare: Model, options: list[Model]) -> Model:
     """The best of the options, each one name more than `base`, where it is worth it; else `base`."""
     options = [m for m in options if practical(search, m, m.named[-1])]
-    options = [enriched(search, m) for m in options[:WIDENED] if m.score > base.score + ENOUGH / 2]
+    options = [
+        enriched(search, m) for m in options[:WIDENED] if m.score > base.score + search.rules.least_gain / 2
+    ]
     best = max(options, key=lambda m: m.score - price(search, m) - slow_price(m, base), default=base)
     least = enough(search) + price(search, best) + _beside(search, best) * (base.score - bare.score)
     least += slow_price(best, base)
@@ -77,14 +71,14 @@ def _rare(search: Search, base: Model, bare: Model) -> list[Model]:
     """The model with what acts in a few windows alone, and the same without what comes and goes, whose knots
     follow such windows too, and without any law, which may stand in for it."""
     lasting = tuple(s for s in base.named if not comes_and_goes(s))
-    most = windows.MOST_BESIDE if base.named else windows.MOST
+    most = search.rules.windows_most_beside if base.named else search.rules.windows_most
     found = _now_and_then(search, base, bare, most)
     slow = found is base and len(lasting) < len(base.named)
     instead = [search.background(lasting)] if slow else []
     if base.named and all(m is not bare for m in instead):
         instead.append(bare)
     instead = [m for m in instead if _gains_in_windows(search, base, m)]
-    return [found, *(_now_and_then(search, m, bare, windows.MOST_BESIDE) for m in instead)]
+    return [found, *(_now_and_then(search, m, bare, search.rules.windows_most_beside) for m in instead)]
 
 
 def _gains_in_windows(search: Search, model: Model, without: Model) -> bool:
@@ -92,13 +86,13 @@ def _gains_in_windows(search: Search, model: Model, without: Model) -> bool:
     not, what acts there alone is no better."""
     inside = windows.within(windows.windows(search.e, without), search.e)
     gained = model.fit.pointwise - without.fit.pointwise
-    return bool(inside.any() and gained[inside].sum() > 0.5 * gained.sum())
+    return bool(inside.any() and gained[inside].sum() > search.rules.windows_share * gained.sum())
 
 
 def _for_freedom(model: Model, bare: Model) -> float:
     """Nats by which what comes and goes must do better, and what acts in windows that were chosen for it."""
-    coming = SLOW_PRICE if any(comes_and_goes(s) for s in model.named) else 0.0
-    chosen = SLOW_SHARE if any("when" in s.settings for s in model.named) else 0.0
+    coming = model.rules.time_varying_penalty if any(comes_and_goes(s) for s in model.named) else 0.0
+    chosen = model.rules.time_varying_share if any("when" in s.settings for s in model.named) else 0.0
     return coming + chosen * (model.score - bare.score)
 
 
@@ -130,11 +124,11 @@ def _beside(search: Search, model: Model) -> float:
     """
     forces = [s.columns @ model.coefficients(s.mechanism.effect) for s in model.named]
     if len(forces) < 2:
-        return BESIDE
+        return search.rules.beside_most
     last, others = np.abs(forces[-1]), np.abs(sum(forces[:-1], start=np.zeros(len(search.e))))
     sizes = float(np.sqrt(np.sum(last**2) * np.sum(others**2)))
     together = float(last @ others) / max(sizes, 1e-12)
-    return APART + (BESIDE - APART) * together
+    return search.rules.beside_least + (search.rules.beside_most - search.rules.beside_least) * together
 
 
 def _now_and_then(search: Search, base: Model, bare: Model, most: float) -> Model:
@@ -146,7 +140,7 @@ def _now_and_then(search: Search, base: Model, bare: Model, most: float) -> Mode
     tried = [m for where in (spans, narrow) for m in windows.candidates(search, base, where)]
     tried = [m for m in tried if practical(search, m, m.named[-1])]
     best = max(tried, key=lambda m: m.score, default=base)
-    least = ENOUGH_RARE + _beside(search, best) * (base.score - bare.score)
+    least = search.rules.windows_gain + _beside(search, best) * (base.score - bare.score)
     return best if best.score > base.score + least else base
 
 
@@ -166,7 +160,7 @@ def _exchanged(search: Search, model: Model) -> Model:
             best = max(options, key=lambda m: m.score - price(search, m) - slow_price(m, base), default=model)
             better = search.background(best.named)
             own = slow_price(search.model((*others, given), model.free, model.fit), base)
-            if better.score - slow_price(better, base) > model.score - own + WORTH_AN_EXCHANGE:
+            if better.score - slow_price(better, base) > model.score - own + search.rules.swap_gain:
                 model = better
                 break
         if model is before:

@@ -23,7 +23,7 @@ from deeptruck_model.mismatch.mechanisms import (
 from deeptruck_model.mismatch.posterior.candidates import screen_shapes
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.penalties import large_enough
-from deeptruck_model.mismatch.posterior.search import TEMPER, Model, Search
+from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 Array = NDArray[np.float64]
@@ -31,24 +31,19 @@ Mask = NDArray[np.bool_]
 Span = tuple[int, float, float]  # recording, from and to in s since its start
 
 LENGTHS_S = (0.6, 2.0, 6.0)
-PLAIN = 6.5  # sd by which the mean over a window must be off
 LARGEST = 6.0  # a single sample counts as no more than this
 AROUND_S = 1.5
-CREEPING = 2.5  # m/s: slower, idling engines and slipping clutches turn on a hair of speed
-MOST_BESIDE = 0.06  # share of the time; beyond, it is no exception
-MOST = 0.2  # the same where nothing has a name, whose form would leave something over in windows too
-PER_WINDOW = 6.0  # nats: the price of having looked for it
 FITTED = 6
 LARGEST_LOG = 600.0  # of trials, which hundreds of windows would take beyond what a float holds
-LONGEST_S = 300.0  # what lasts longer is not narrowed: it did not set in and let go
 SUDDEN = 0.5  # m/s^2, prior sd of a force without a name
 # A clock or a sensor is off always or not at all, and loads and tyres change for longer than a window.
 ALWAYS = ("clock_offset", "grade_bias", "payload_change", "rolling_resistance_warmup")
 
 
-def windows(e: Evidence, model: Model, most: float = MOST_BESIDE) -> list[Span]:
+def windows(e: Evidence, model: Model, most: float | None = None) -> list[Span]:
     """Spans in which the innovations of a model are off together; none where they are no exception, which may
     be `most` of the time."""
+    most = e.rules.windows_most_beside if most is None else most
     z = np.clip(np.nan_to_num(model.fit.innovations), -LARGEST, LARGEST)
     known = np.isfinite(model.fit.innovations)
     off = np.zeros(len(e), dtype=bool)
@@ -56,8 +51,10 @@ def windows(e: Evidence, model: Model, most: float = MOST_BESIDE) -> list[Span]:
         width = max(2, round(length_s / e.dt))
         kernel = np.ones(width)
         count = np.maximum(np.convolve(known, kernel, mode="same"), 1.0)
-        off |= (np.abs(np.convolve(z, kernel, mode="same")) > PLAIN * np.sqrt(count)) & (count >= width / 2)
-    off &= ~_near_other_gear(e) & (e["speed"] > CREEPING)
+        off |= (np.abs(np.convolve(z, kernel, mode="same")) > e.rules.window_off * np.sqrt(count)) & (
+            count >= width / 2
+        )
+    off &= ~_near_other_gear(e) & (e["speed"] > e.rules.window_speed)
     near = np.convolve(off, np.ones(2 * round(AROUND_S / e.dt) + 1), mode="same") > 0.5
     if not off.any() or near[e.valid].mean() > most:
         return []
@@ -92,16 +89,16 @@ def narrowed(search: Search, model: Model, spans: list[Span]) -> list[Span]:
     inside = np.zeros(len(e), dtype=bool)
     for i, first, last in spans:
         rows = np.flatnonzero((e.record == i) & (e["elapsed"] >= first) & (e["elapsed"] <= last))
-        long = last - first > LONGEST_S
-        for begin, end in [(0, len(rows))] if long else steps(left[rows]):
+        long = last - first > search.rules.window_longest_s
+        for begin, end in [(0, len(rows))] if long else steps(left[rows], search.rules.window_off):
             inside[rows[begin:end]] = True
     return _spans(e, inside)
 
 
-def steps(left: Array) -> list[tuple[int, int]]:
-    """Pieces [begin, end) of a series (n,) in units of its noise whose sums stand out most: one, then others
-    before and after it (circular binary segmentation, Olshen et al., Biostatistics 5, 2004, in its simplest
-    form)."""
+def steps(left: Array, off: float) -> list[tuple[int, int]]:
+    """Pieces [begin, end) of a series (n,) in units of its noise whose sums stand out most, by `off` sd at
+    least: one, then others before and after it (circular binary segmentation, Olshen et al., Biostatistics 5,
+    2004, in its simplest form)."""
     if len(left) < 2:
         return []
     total = np.concatenate([[0.0], np.cumsum(left)])
@@ -109,17 +106,19 @@ def steps(left: Array) -> list[tuple[int, int]]:
     width = np.maximum(count[None, :] - count[:, None], 1)
     stands_out = np.triu(np.abs(total[None, :] - total[:, None]) / np.sqrt(width), 2)
     begin, end = (int(k) for k in np.unravel_index(np.argmax(stands_out), stands_out.shape))
-    if stands_out[begin, end] < PLAIN:
+    if stands_out[begin, end] < off:
         return []
-    after = [(end + b, end + c) for b, c in steps(left[end:])]
-    return [*steps(left[:begin]), *_without_pauses(left, begin, end), *after]
+    after = [(end + b, end + c) for b, c in steps(left[end:], off)]
+    return [*steps(left[:begin], off), *_without_pauses(left, begin, end, off), *after]
 
 
-def _without_pauses(left: Array, begin: int, end: int) -> list[tuple[int, int]]:
+def _without_pauses(left: Array, begin: int, end: int, off: float) -> list[tuple[int, int]]:
     """The piece [begin, end) without those parts of it in which less than half of it is left."""
     inside = left[begin:end]
     mean = float(inside.mean())
-    pauses = [(b, c) for b, c in steps(inside - mean) if np.sign(mean) * inside[b:c].mean() < abs(mean) / 2]
+    pauses = [
+        (b, c) for b, c in steps(inside - mean, off) if np.sign(mean) * inside[b:c].mean() < abs(mean) / 2
+    ]
     edges = [begin, *(begin + k for pause in pauses for k in pause), end]
     return [(b, c) for b, c in zip(edges[::2], edges[1::2], strict=True) if c - b > 1]
 
@@ -136,7 +135,9 @@ def during(given: Shape, spans: list[Span], e: Evidence) -> Shape:
     """The shape confined to the spans."""
     settings = given.settings | {"when": [list(span) for span in spans]}
     parts = tuple(build(given.mechanism, settings))
-    trials = given.trials * float(np.exp(min(PER_WINDOW / TEMPER * len(spans), LARGEST_LOG)))
+    trials = given.trials * float(
+        np.exp(min(e.rules.window_penalty / e.rules.temper * len(spans), LARGEST_LOG))
+    )
     return replace(
         given,
         settings=settings,
@@ -198,22 +199,19 @@ def _fitted(
     return best
 
 
-ENOUGH_BURSTS = 120.0  # nats beyond the price of each window; sizes follow the noise of each
-
-
 def bursts(search: Search, model: Model) -> Cause | None:
     """What a model leaves over in short windows, of any size and sign in each.
 
     None where it is little, or the simulator a learned one, whose own error comes in bursts too.
     """
     e = search.e
-    spans = windows(e, model, MOST) if e.own_error == 0 else []
+    spans = windows(e, model, e.rules.windows_most) if e.own_error == 0 else []
     spans = narrowed(search, model, spans)
     if not spans:
         return None
     noisy = search.model((*model.named, unnamed(search, spans)), model.free, model.fit)
     gain = noisy.score - model.score
     force = noisy.named[-1].columns @ noisy.coefficients(UNNAMED.effect)
-    if gain < ENOUGH_BURSTS or not large_enough(e, force):
+    if gain < search.rules.bursts_gain or not large_enough(e, force):
         return None
-    return Cause("missing_physics", UNNAMED.effect, gain, 1.0, 0.9, force, lawless=True)
+    return Cause("missing_physics", UNNAMED.effect, gain, 1.0, 0.9, force, lawless=True, rules=e.rules)

@@ -12,9 +12,9 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from deeptruck_model.mismatch.posterior.penalties import ENOUGH
 from deeptruck_model.mismatch.report.drawing import BLUE, GREEN, GREY, INK, ORANGE, SKY, figure, tidy, words
 from deeptruck_model.mismatch.report.wording import spoken
+from deeptruck_model.mismatch.rules import Rules
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.correction.improvement import Errors
@@ -69,7 +69,7 @@ def _parameters(x: Explanation) -> str:
 
 def _ends(gains: Sequence[float]) -> tuple[float, float]:
     """Where bars are cut: well beyond the names, and not so far below zero that the others are squeezed."""
-    limit = ROOM * max(*gains, 2 * ENOUGH)
+    limit = ROOM * max(*gains, 2 * Rules.least_gain)
     return min(0.0, max(min(gains), -limit)), limit
 
 
@@ -95,8 +95,8 @@ def _bars(ax: Axes, bars: list[tuple[str, float, str]]) -> None:
         ax.barh(k, min(max(gain, low), limit), color=tone, height=0.7)
         _number(ax, k, gain, low, limit)
     ax.axvline(0, color=INK, lw=0.8)
-    ax.axvline(ENOUGH, color=GREEN, lw=1, ls="--")
-    ax.text(ENOUGH, -0.75, " needed to be stated", fontsize=8, color=GREEN, va="bottom")
+    ax.axvline(Rules.least_gain, color=GREEN, lw=1, ls="--")
+    ax.text(Rules.least_gain, -0.75, " needed to be stated", fontsize=8, color=GREEN, va="bottom")
     tidy(ax)
     ax.grid(axis="y", visible=False)
     ax.set_xlim(low - (ROOM_BELOW * (limit - low) if low < 0.0 else 0.0), limit)

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from deeptruck_model.mismatch.data.checks import derivative
-from deeptruck_model.mismatch.data.prepared import MOVING, SETTLE_S
+from deeptruck_model.mismatch.data.prepared import SETTLE_S
 from deeptruck_model.mismatch.report import error_figures, regime_figure, timeline_figure
 from deeptruck_model.mismatch.report.drawing import BLUE, GREY, ORANGE, figure, png, strips, tidy
 from deeptruck_model.mismatch.report.given import as_given
 from deeptruck_model.mismatch.report.wording import counted
+from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import coverage
 from deeptruck_model.recordings.coverage_figure import draw as draw_coverage
 from deeptruck_model.signals import SPEED
@@ -28,7 +29,7 @@ Array = NDArray[np.float64]
 
 SMOOTH_S = 1.0
 GAPS = (
-    f"The force has gaps where nothing is compared: slower than {MOVING:g} m/s, and in the first "
+    f"The force has gaps where nothing is compared: slower than {Rules.least_speed:g} m/s, and in the first "
     f"{SETTLE_S:g} s and the last second of a recording. Nor is it compared beside samples that are missing "
     "or were set aside."
 )

@@ -13,8 +13,8 @@ from typing import Any
 from deeptruck_model.mismatch.correction.correction import Chosen
 from deeptruck_model.mismatch.correction.worth import Errors, Worth, errors, refitted_is_much_better, worth
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.posterior.search import POSSIBLE
 from deeptruck_model.mismatch.report.wording import number, opened, prose, spoken
+from deeptruck_model.mismatch.residual.gather import PARAMETERS
 
 LONGEST = 30  # words in a sentence
 HIDING_N = 600.0  # of a steady force: a third of what the tyres of a laden truck take
@@ -165,8 +165,8 @@ def _mixed(name: Name) -> bool:
     """Whether it is undecided between a parameter that is off and physics that is left out."""
     if name.kind is Kind.PARAMETER:
         physics = [r for r in name.rivals if r in LIBRARY and LIBRARY[r].kind == "missing_physics"]
-        return any(r not in POSSIBLE for r in physics)
-    return any(r in POSSIBLE and r not in LIBRARY for r in name.rivals)
+        return any(r not in PARAMETERS for r in physics)
+    return any(r in PARAMETERS and r not in LIBRARY for r in name.rivals)
 
 
 def _shown(h: Headline) -> list[str]:

@@ -9,28 +9,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.correction.correction import corrected
 from deeptruck_model.mismatch.mechanisms import LIBRARY, comes_and_goes
 from deeptruck_model.mismatch.posterior.causes import Explanation
-from deeptruck_model.mismatch.posterior.penalties import PRACTICAL_FORCE, SLOW_PRICE, enough
-from deeptruck_model.mismatch.posterior.rivals import (
-    NEARLY_RIGHT,
-    ORDINARY_ZERO,
-    PARAMETER_PRACTICAL,
-    SURE_OF_IT,
-)
-from deeptruck_model.mismatch.posterior.search import FREE, TEMPER, Model, Search
-from deeptruck_model.mismatch.posterior.windows import PER_WINDOW
+from deeptruck_model.mismatch.posterior.penalties import enough
+from deeptruck_model.mismatch.posterior.search import FREE, Model, Search
 from deeptruck_model.mismatch.report.findings import TOLD_BY, Finding, in_sentences
-from deeptruck_model.mismatch.residual.evidence import GRAVITY, Evidence
+from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.signals import SPEED
 from deeptruck_model.simulators import Simulator, free_run
 
 Array = NDArray[np.float64]
 
 SECONDS = 60.0
-SEEN = 0.1  # m/s: what a speed sensor and a driver's repetition leave uncertain at once, and ...
-DRIFT = 0.01  # m/s^2: ... what a slope or a breath of wind of that size makes of it
 ROLLING = 1.0  # m/s; below it a truck stands, and nothing differs
 
 
@@ -92,7 +84,7 @@ def separation(simulator: Simulator, e: Evidence, one: Model, other: Model) -> S
     speeds = [free_run(corrected(simulator, e, m), u, w, y0).y[:, :, SPEED] for m in (one, other)]
     time = np.arange(u.shape[1]) * simulator.dt
     apart = np.abs(speeds[0] - speeds[1]) * (np.minimum(*speeds) > ROLLING)
-    telling = apart / (SEEN + DRIFT * time)
+    telling = apart / (e.rules.manoeuvre_speed + e.rules.manoeuvre_drift * time)
     i, k = np.unravel_index(int(np.argmax(telling)), telling.shape)
     return Separation(MANOEUVRES[i].words, float(apart[i, k]), float(time[k]), float(telling[i, k]))
 
@@ -154,13 +146,17 @@ def smallest_visible(e: Evidence, x: Explanation) -> dict[str, Any]:
     hidden = _Hidden(search, search.model((), frozenset(), x.null.fit))
     out: dict[str, Any] = {}
     for p, column in e.sensitivity.items():
-        size = hidden.least(column, PARAMETER_PRACTICAL, enough(search), NEARLY_RIGHT)
+        size = hidden.least(column, e.rules.least_change, enough(search), e.rules.nearly_right)
         out[p] = {"relative": round(min(size, 2 * FREE[p]), 4)}
     for force, name, nats in (
         (np.ones(len(e)), "all the time", enough(search)),
-        (_a_part(e, 0.02), "2 % of the time", enough(search) + SLOW_PRICE + PER_WINDOW),
+        (
+            _a_part(e, 0.02),
+            "2 % of the time",
+            enough(search) + e.rules.time_varying_penalty + e.rules.window_penalty,
+        ),
     ):
-        size = hidden.least(force, PRACTICAL_FORCE, nats)
+        size = hidden.least(force, e.rules.least_force, nats)
         out[f"steady force {name}"] = {"newton": round(size * e.mass, 1)}
     return out
 
@@ -176,7 +172,7 @@ class _Hidden:
         """The size of a force (n,), from `size` on, that costs `nats` and is surely above `surely`."""
         e = self.search.e
         acting = np.abs(column[e.valid])
-        size = max(size, max(PRACTICAL_FORCE, e.own_error) / max(_rms(acting[acting > 0]), 1e-9))
+        size = max(size, max(e.rules.least_force, e.own_error) / max(_rms(acting[acting > 0]), 1e-9))
         if self._seen(column, size, nats, surely):
             return size
         for _ in range(STEPS):
@@ -191,15 +187,23 @@ class _Hidden:
 
     def _seen(self, column: Array, size: float, nats: float, surely: float) -> bool:
         cost = -self.search.gain_of_given(self.model, -size * column)
-        sd = size * np.sqrt(TEMPER / max(2.0 * cost, 1e-9))
-        return cost > nats and size - 1.96 * sd > surely and not self._as_a_zero(column, size, cost)
+        sd = size * np.sqrt(self.search.rules.temper / max(2.0 * cost, 1e-9))
+        return (
+            cost > nats
+            and size - self.search.rules.surely * sd > surely
+            and not self._as_a_zero(column, size, cost)
+        )
 
     def _as_a_zero(self, column: Array, size: float, cost: float) -> bool:
         """Whether an ordinary zero of the slope sensor would do nearly as well."""
         e = self.search.e
         zero = size * float(np.mean(column[e.valid]))
         rest = cost * (1.0 - zero**2 / max(size * _rms(column[e.valid]), 1e-9) ** 2)
-        return abs(zero) < ORDINARY_ZERO * GRAVITY and rest < enough(self.search) and cost < SURE_OF_IT
+        return (
+            abs(zero) < e.rules.slope_zero * GRAVITY
+            and rest < enough(self.search)
+            and cost < e.rules.slope_zero_gain
+        )
 
 
 def _rms(x: Array) -> float:

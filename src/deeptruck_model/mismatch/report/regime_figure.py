@@ -44,7 +44,7 @@ def regime_map(e: Evidence) -> Figure | None:
 
 def shape(e: Evidence, x: Explanation, equation: str) -> Figure | None:
     """What no name explains against the one or two signals it varies with most, with its formula as title."""
-    names = formula.drivers(x, 2)
+    names = formula.drivers(x, 2, e.rules)
     y, columns, _ = formula.averaged(e, e.residual - formula.explained(e, x), names)
     if not names or len(y) < 60:
         return None

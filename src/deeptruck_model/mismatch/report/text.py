@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.posterior.penalties import ENOUGH
 from deeptruck_model.mismatch.report import headline, wording
 from deeptruck_model.mismatch.report.drawing import colour, words
 from deeptruck_model.mismatch.report.wording import apart, opened, percent, prose, spoken
+from deeptruck_model.mismatch.rules import Rules
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.find import Mismatch
@@ -68,8 +68,8 @@ def _why(name: str, gain: float, nearest: str | None, winner: str | None) -> str
     """Why a name that gained some nats is not stated."""
     if name == nearest:
         return "explains too little of what a free model explains"
-    if gain < ENOUGH:
-        return f"too little evidence: {ENOUGH:.0f} nats are needed"
+    if gain < Rules.least_gain:
+        return f"too little evidence: {Rules.least_gain:.0f} nats are needed"
     if winner is not None:
         return f"{winner} explains the same better"
     return (

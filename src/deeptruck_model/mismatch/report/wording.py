@@ -8,11 +8,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.posterior.causes import SURE
-from deeptruck_model.mismatch.posterior.penalties import ENOUGH
 from deeptruck_model.mismatch.report.drawing import remembered, words
 from deeptruck_model.mismatch.report.findings import SETTING_UNITS
 from deeptruck_model.mismatch.residual.evidence import unit
+from deeptruck_model.mismatch.rules import Rules
 
 IDENTIFIER = re.compile(r"\b[a-z][a-z0-9]*(?:_[a-z0-9]+)+\b")
 QUOTED = re.compile(r"((?<!\w)'[^']+'(?!\w))")
@@ -187,7 +186,7 @@ IN_PLACE = (  # the bars of the figure are another comparison, and have other nu
     "These nats are of the one put in place of the other in the whole explanation. The figure of names below "
     "tries each alone."
 )
-UNDECIDED = f"So little decides nothing (below {ENOUGH:.0f} nats), and the probability is shared."
+UNDECIDED = f"So little decides nothing (below {Rules.least_gain:.0f} nats), and the probability is shared."
 REFITTED = (
     "Beside all parameters refitted none of them gained what a name needs at a size it can have, so that the "
     "parameter is told."
@@ -229,7 +228,7 @@ def _beats_all(worse: dict[str, float]) -> str:
 
 def _at_the_limit(f: dict[str, Any]) -> list[str]:
     """Why a name is no surer than it is."""
-    most = SURE[min(len(f["cannot_be_told_from"]), len(SURE) - 1)]
+    most = Rules.most_probable[min(len(f["cannot_be_told_from"]), len(Rules.most_probable) - 1)]
     limited = f["kind"] == "missing_physics" and f["probability"] == most
     return [LIMIT.format(percent(most))] if limited else []
 
@@ -239,7 +238,7 @@ def _does_better(name: str, better: Sequence[str], worse: dict[str, float]) -> s
     each = [f"{spoken(n)} by {-worse[n]:.1f} nats" for n in better]
     listed = " and ".join(filter(None, [", ".join(each[:-1]), each[-1]]))
     said = opened(f"in place of {spoken(name)}, these fit the data better than it does: {listed}.")
-    little = max(-worse[n] for n in better) < ENOUGH
+    little = max(-worse[n] for n in better) < Rules.least_gain
     return f"{said} {UNDECIDED}" if little else said
 
 

@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from deeptruck_model.constants import AIR_DENSITY, DIESEL_J_PER_CM3, GRAVITY
 from deeptruck_model.mismatch.expression import Expression, Signal, maximum
 from deeptruck_model.mismatch.residual.effective_mass import felt
-from deeptruck_model.mismatch.residual.evidence import GRAVITY, Evidence, gears, lever, turns
+from deeptruck_model.mismatch.residual.evidence import Evidence, gears, lever, turns
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Run, Simulator, forced_run
 
@@ -99,13 +100,11 @@ class Shares:
 LOOK_BACK_S = 2.0
 WARM_UP_S = 8.0
 ASK_EVERY_S = 0.4
-AIR_DENSITY = 1.2  # kg/m^3
 TYPICAL_DRAG_AREA = 6.0  # m^2, SuperTruck-era tractor-trailer to unaided box: 5-7 (NACFE)
 TYPICAL_ROLLING = 0.006  # SAE J1269-class truck tyres 0.005-0.008
-DIESEL_J_PER_CM3 = 35.8e3
 EFFICIENCY = 0.40  # of a diesel at the wheels' side of the clutch
 DRIVELINE = 0.93
-TYPICAL_MASS = 20000.0
+TYPICAL_MASS, MASSES = 20000.0, (800.0, 60000.0)  # kg
 ENGINE, BRAKE, DRAG = Signal("engine"), Signal("brake"), Signal("drag")
 SENSITIVITY: dict[str, Expression] = {  # for simulators without parameters of their own
     name: felt(force)
@@ -217,7 +216,7 @@ def _from_questions(
     use = grid.valid() & np.isfinite(X).all(axis=1) & np.isfinite(known) & (np.abs(known) < 6.0)
     scale = np.maximum(np.abs(X[use]).mean(axis=0), 1e-12) if use.any() else np.ones(4)
     share = nnls(X[use] / scale, known[use])[0] / scale if use.sum() > 20 else np.zeros(4)
-    mass = float(np.clip(per_mass / share[0], 800.0, 60000.0)) if per_mass and share[0] > 0 else TYPICAL_MASS
+    mass = float(np.clip(per_mass / share[0], *MASSES)) if per_mass and share[0] > 0 else TYPICAL_MASS
     out["engine"], out["brake"] = share[0] * np.nan_to_num(traction), share[1] * brake
     drag = share[2] if share[2] > 1e-6 else 0.5 * AIR_DENSITY * TYPICAL_DRAG_AREA / mass
     out["drag"] = drag * out["speed"] ** 2

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.expression import Expression, Lag, Signal, lift
-from deeptruck_model.mismatch.residual.evidence import GRAVITY, Evidence
+from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.signals import TruckInterface
 from deeptruck_model.simulators import Simulator
 

@@ -11,6 +11,7 @@ from scipy.ndimage import maximum_filter1d
 from scipy.signal import lfilter
 
 from deeptruck_model.mismatch.residual.noise import Series
+from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.signals import printed
 
 Array = NDArray[np.float64]
@@ -95,11 +96,8 @@ def unit(name: str, commands: Mapping[str, str]) -> str:
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
-GRAVITY = 9.80665
 LEAST_ANSWER = 0.5  # where brakes make up for a force its size is not known
-DOUBT = 2.0  # the jittered runs see only part of what a simulator can be wrong about
 DOUBT_ROWS = 5  # a doubtful sample also marks those it is whitened with
-SLOW_NOISE, SLOW_NOISE_S = 0.015, 10.0  # m/s^2 sd of a physics truck's mean over so long that may be noise
 BLOCK_LEARNED_S = 1.0  # a learned simulator's timing is not good enough for more
 BLOCK_S = 0.2  # long enough to average sensor noise, short enough for a driveline
 
@@ -144,13 +142,14 @@ class Evidence:
         default_factory=dict
     )  # nats a name gains from the simulator's own error alone
     own_error: float = 0.0  # rms of what the simulator itself learned imperfectly, m/s^2
-    slow_noise: float = SLOW_NOISE  # m/s^2 sd of the mean over SLOW_NOISE_S that may still be noise
+    slow_noise: float = Rules.slow_noise  # m/s^2 sd of the mean over so long that may still be noise
     itself: Evidence | None = None  # a learned simulator along the recordings it keeps
     other_gear: int = 0  # samples left out because the simulator drives in another gear than the recorded one
     moved: dict[str, float] = field(default_factory=dict)  # relative changes the parameters have already had
     command_units: dict[str, str] = field(default_factory=dict)
     filtered: bool = True  # whether a sensor's filter is known beside all else
     late: Array | None = None  # (n, k) m/s^2 of a lateness that is known beside all else, and no finding
+    rules: Rules = field(default_factory=Rules)  # by which all of this is judged
 
     def __len__(self) -> int:
         return len(self.residual)
@@ -199,13 +198,13 @@ class Evidence:
         """The regression target, with blocks where the simulator disagrees with itself given less weight."""
         relative = self.doubt(sigma)
         valid = self.valid if only is None else self.valid & only
-        slow = float(np.sqrt(self.dt / SLOW_NOISE_S)) / self.slow_noise
-        return Series(np.where(valid, self.residual, 0.0), valid, self.starts, relative, slow)
+        slow = float(np.sqrt(self.dt / self.rules.slow_noise_s)) / self.slow_noise
+        return Series(np.where(valid, self.residual, 0.0), valid, self.starts, relative, slow, self.rules)
 
     def doubt(self, sigma: float) -> Array:
         """Factor >= 1 by which a sample is less certain, (n,), where the simulator disagrees with itself."""
         near = maximum_filter1d(self.disagreement, 2 * DOUBT_ROWS + 1)
-        out: Array = np.sqrt(1.0 + (DOUBT * near / max(sigma, 1e-9)) ** 2)
+        out: Array = np.sqrt(1.0 + (self.rules.doubt * near / max(sigma, 1e-9)) ** 2)
         return out
 
     # -- filters that start afresh with every recording ---------------------------------------

@@ -21,6 +21,7 @@ from deeptruck_model.mismatch.residual.evidence import (
     Evidence,
     Stretch,
 )
+from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Run, Simulator, forced_run
 
@@ -60,11 +61,7 @@ def _alike(lengths: Sequence[int]) -> list[list[int]]:
 
 Mask = NDArray[np.bool_]
 
-LASTING_S = 1.5  # a shift that comes a little sooner or later is part of what may be missing
 NEAR_S = 0.5  # around a different gear, while the engine changes its speed
-APART = 0.18  # of the logarithms of engine speeds; neighbouring gears are 0.2 to 0.4 apart
-MOVING = 2.0  # m/s
-MOST = 0.6  # share of the time beyond which the two do not number, or build, their gears alike
 
 
 def other_gear(
@@ -72,6 +69,7 @@ def other_gear(
     runs: Sequence[Run],
     numbered_alike: bool = False,
     held_out: Sequence[bool] = (),
+    rules: Rules = Rules(),
 ) -> tuple[list[Mask], list[Mask]]:
     """Native samples (n,) of each recording where the simulator's gear is another one; for long, and at all.
 
@@ -79,22 +77,22 @@ def other_gear(
     """
     apart = _by_label(prepared, runs, numbered_alike) if "gear" in runs[0].inside else None
     if apart is None and "engine_speed" in runs[0].inside:
-        apart = [_by_engine_speed(p, run) for p, run in zip(prepared, runs, strict=True)]
-    if apart is None or _never_alike(apart, held_out):
+        apart = [_by_engine_speed(p, run, rules) for p, run in zip(prepared, runs, strict=True)]
+    if apart is None or _never_alike(apart, held_out, rules):
         nowhere = [np.zeros(len(p.recording), dtype=bool) for p in prepared]
         return nowhere, nowhere
     dt = prepared[0].dt
-    lasting = np.ones(round(LASTING_S / dt) + 1, dtype=bool)
+    lasting = np.ones(round(rules.other_gear_s / dt) + 1, dtype=bool)
     for_long = [binary_opening(a, lasting) if a.any() else a for a in apart]
     near = np.ones(2 * round(NEAR_S / dt) + 1, dtype=bool)
     return [binary_dilation(a, near) if a.any() else a for a in for_long], apart
 
 
-def _never_alike(apart: Sequence[Mask], held_out: Sequence[bool]) -> bool:
+def _never_alike(apart: Sequence[Mask], held_out: Sequence[bool], rules: Rules) -> bool:
     """Whether gears cannot be compared; of the recordings to be fitted too, which another logger may have
     made than those held out, and of which nothing would be left."""
     fitted = [a for a, out in zip(apart, held_out or [False] * len(apart), strict=True) if not out]
-    return any(np.concatenate(part).mean() > MOST for part in (apart, fitted))
+    return any(np.concatenate(part).mean() > rules.other_gear_most for part in (apart, fitted))
 
 
 def believed(simulator: Simulator, prepared: Sequence[Prepared]) -> list[Run]:
@@ -135,13 +133,13 @@ def _mode(x: Array) -> float:
     return float(values[np.argmax(counts)])
 
 
-def _by_engine_speed(p: Prepared, run: Run) -> Mask:
+def _by_engine_speed(p: Prepared, run: Run, rules: Rules) -> Mask:
     if "engine_speed" not in p.recording.channels:
         return np.zeros(len(p.recording), dtype=bool)
     recorded, simulated = p.recording.channels["engine_speed"], run.inside["engine_speed"][0]
     with np.errstate(divide="ignore", invalid="ignore"):
-        apart = np.abs(np.log(recorded / simulated)) > APART
-    return apart & (p.y[:, SPEED] > MOVING) & np.isfinite(recorded)
+        apart = np.abs(np.log(recorded / simulated)) > rules.other_gear_apart
+    return apart & (p.y[:, SPEED] > rules.other_gear_speed) & np.isfinite(recorded)
 
 
 PARAMETERS = ("mass", "drag_area", "rolling_resistance", "torque_gain", "brake_gain")
@@ -157,6 +155,7 @@ def gather(
     *,
     seed: int = 0,
     moved: Mapping[str, float] | None = None,
+    rules: Rules = Rules(),
 ) -> Evidence:
     """Run the simulator forced along every drive, as it is, with jittered inputs and with moved parameters.
 
@@ -169,9 +168,9 @@ def gather(
     simulated = grid.stack([r.y[0, :, ACCELERATION] for r in runs])
     observed = grid.stack([p.observed for p in prepared])
     if simulator.parameters():
-        other, apart = other_gear(prepared, runs, held_out=held_out)
+        other, apart = other_gear(prepared, runs, held_out=held_out, rules=rules)
     else:
-        other, apart = other_gear(prepared, believed(simulator, prepared), True, held_out)
+        other, apart = other_gear(prepared, believed(simulator, prepared), True, held_out, rules)
     signals, mass = components.signals(simulator, prepared, runs, grid)
     signals["gear apart"] = grid.any(apart).astype(float)
     turning = _turning(runs, grid)
@@ -188,6 +187,8 @@ def gather(
         mass=mass,
         moved=dict(moved or {}),
         rerun=_rerunner(simulator, prepared, grid, simulated),
+        slow_noise=rules.slow_noise,
+        rules=rules,
         command_units={name: simulator.interface.unit(name) for name in simulator.interface.u},
     )
     evidence.signals["answer"] = effective_mass.rows(simulator, evidence, turning)

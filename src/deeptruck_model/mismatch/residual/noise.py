@@ -7,13 +7,14 @@ contaminated residual would hide slow effects and turn fast ones into each other
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln
 from scipy.stats import t as student_t
 
+from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.trucks.compiled import entry
 
 Array = NDArray[np.float64]
@@ -22,8 +23,6 @@ Rows = NDArray[np.intp]
 
 ORDER = 5  # of the autoregression
 TAIL = 5.0  # degrees of freedom of the innovations
-LEAST_DRIVES = 4  # to tell how much they disagree
-FLOOR = 0.01  # m/s^2 in 0.2 s; no simulator is better: data without noise must not make its form significant
 
 
 @dataclass(frozen=True)
@@ -40,6 +39,7 @@ class Series:
     starts: Mask
     relative: Array
     slow: float = 0.0
+    rules: Rules = field(default_factory=Rules)
 
     def usable(self) -> Mask:
         """Samples whose ORDER predecessors are valid and of the same stretch."""
@@ -101,7 +101,7 @@ def fit(series: Series, X: Array, prior: Prior, start: Fit | None = None) -> Fit
             b, active = _solve(yw, Xw, weight[use] / (rel * sigma) ** 2, prior)
             e = (yw - Xw @ b) / rel
             w = (TAIL + 1) / (TAIL + (e / sigma) ** 2)
-            sigma = max(float(np.sqrt(np.mean(w * e**2))), FLOOR)
+            sigma = max(float(np.sqrt(np.mean(w * e**2))), series.rules.noise_floor)
             weight[use] = w
     return _finish(series, use, b, active, yw, Xw, rel, sigma, ar, prior)
 
@@ -111,7 +111,14 @@ def _untold(series: Series, prior: Prior) -> Fit:
     n, k = len(series.y), len(prior.mean)
     covariance, zero = np.diag(prior.sd**2), np.zeros(n)
     return Fit(
-        prior.mean.copy(), covariance, np.zeros(k), 0.0, FLOOR, np.zeros(ORDER), np.full(n, np.nan), zero
+        prior.mean.copy(),
+        covariance,
+        np.zeros(k),
+        0.0,
+        series.rules.noise_floor,
+        np.zeros(ORDER),
+        np.full(n, np.nan),
+        zero,
     )
 
 
@@ -141,22 +148,22 @@ def _finish(
     covariance[np.ix_(active, active)] = np.linalg.inv(H)
     between = np.zeros(len(b))
     between[active] = _between(
-        Xa * (w * scaled * rel * sigma)[:, None], series.starts, use, covariance[active][:, active]
+        Xa * (w * scaled * rel * sigma)[:, None], series, use, covariance[active][:, active]
     )
     innovations, pointwise = np.full(len(series.y), np.nan), np.zeros(len(series.y))
     innovations[use], pointwise[use] = scaled, point
     return Fit(b, covariance, between, evidence, sigma, ar, innovations, pointwise)
 
 
-def _between(gradient: Array, starts: Mask, use: Mask, covariance: Array) -> Array:
+def _between(gradient: Array, series: Series, use: Mask, covariance: Array) -> Array:
     """Sd of the coefficients from the gradients of the log likelihood (m, k), summed over each recording.
 
     Where a form is not quite right every drive asks for another size of it, which no noise within a drive
     tells: the cluster-robust variance of Liang and Zeger, widened by Student's t for few recordings.
     """
-    drive = np.cumsum(starts)[use]
+    drive = np.cumsum(series.starts)[use]
     count = len(np.unique(drive))
-    if count < LEAST_DRIVES:
+    if count < series.rules.least_drives:
         return np.zeros(len(covariance))
     score = np.stack([gradient[drive == k].sum(axis=0) for k in np.unique(drive)]) @ covariance
     wider = count / (count - 1) * (student_t.ppf(0.975, count - 1) / 1.96) ** 2

@@ -8,6 +8,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from deeptruck_model.mismatch.data import checks
 from deeptruck_model.mismatch.data.checks import derivative
+from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
 
@@ -44,7 +45,7 @@ def test_braking_with_a_command_that_never_moves_was_not_recorded(
     r.channels["speed"][1000:1100] = np.linspace(20.0, 5.0 if slows else 19.0, 100)
     r.channels["speed"][1100:] = r.channels["speed"][1099]
     r.channels["brake_command"][2000:2100] = 30.0 if moves else 0.0
-    (cleaned,), rejected = checks.clean([r])
+    (cleaned,), rejected = checks.clean([r], Rules())
     lost = np.flatnonzero(np.isnan(cleaned.channels["brake_command"]))
     assert (checks.STUCK in {item.rule for item in rejected}) == told == bool(len(lost))
     if told:
@@ -58,7 +59,7 @@ def test_impossible_samples_go_by_rule_and_are_counted() -> None:
     r.channels["brake_command"][300:310] = -1.0
     r.channels["grade"][400:420] = np.nan
     before = {name: x.copy() for name, x in r.channels.items()}
-    (cleaned,), rejected = checks.clean([r])
+    (cleaned,), rejected = checks.clean([r], Rules())
     count = {item.rule: item.samples for item in rejected}
     assert count["speed outside -1 .. 60 m/s"] == 1
     assert count["brake_command outside 0 .. 200 percent"] == 10
@@ -71,7 +72,7 @@ def test_impossible_samples_go_by_rule_and_are_counted() -> None:
 
 
 def test_good_data_loses_nothing() -> None:
-    (cleaned,), rejected = checks.clean([drive(1)])
+    (cleaned,), rejected = checks.clean([drive(1)], Rules())
     assert rejected == [] and np.isfinite(cleaned.y).all()
 
 
@@ -87,7 +88,7 @@ def test_a_derived_acceleration_is_no_second_sensor(shift: int) -> None:
 
 def test_honest_sensors_are_not_accused() -> None:
     for seed in range(0, 24, 3):
-        assert checks.sensor_faults([drive(seed + k) for k in range(3)]) == []
+        assert checks.sensor_faults([drive(seed + k) for k in range(3)], Rules()) == []
 
 
 @pytest.mark.parametrize(
@@ -102,7 +103,7 @@ def test_honest_sensors_are_not_accused() -> None:
 def test_each_fault_is_called_by_its_name_and_size(
     fault: dict[str, float], effect: str, size: float, tolerance: float
 ) -> None:
-    found = {f.effect: f for f in checks.sensor_faults([drive(k, **fault) for k in range(3)])}
+    found = {f.effect: f for f in checks.sensor_faults([drive(k, **fault) for k in range(3)], Rules())}
     assert found[effect].value == pytest.approx(size, abs=tolerance)
     assert abs(found[effect].value - size) < 5 * max(found[effect].se, tolerance / 5)
     assert effect == "clock_offset" or set(found) == {effect}
@@ -111,7 +112,7 @@ def test_each_fault_is_called_by_its_name_and_size(
 @pytest.mark.parametrize(("fault", "channel"), [({"scale": 1.06}, "speed"), ({"late": 8}, "acceleration")])
 def test_a_fault_that_was_found_is_mended(fault: dict[str, float], channel: str) -> None:
     bad, good = drive(5, **fault), drive(5)
-    mended = checks.mended(bad, checks.sensor_faults([bad]))
+    mended = checks.mended(bad, checks.sensor_faults([bad], Rules()))
     inner = slice(50, -50)
     left = np.std((mended.channels[channel] - good.channels[channel])[inner])
     assert left < 0.4 * np.std((bad.channels[channel] - good.channels[channel])[inner])
@@ -120,4 +121,4 @@ def test_a_fault_that_was_found_is_mended(fault: dict[str, float], channel: str)
 def test_without_an_accelerometer_nothing_is_said() -> None:
     r = drive(6)
     r.channels["acceleration"] = np.full(N, np.nan)
-    assert checks.sensor_faults([r]) == []
+    assert checks.sensor_faults([r], Rules()) == []

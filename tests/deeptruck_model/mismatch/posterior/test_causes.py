@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape, comes_and_goes, shapes
-from deeptruck_model.mismatch.posterior.causes import SURE, SURE_UNKNOWN, Cause
+from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.windows import during
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.rules import Rules
 
 RIVALS = (("drafting", 5.0), ("drag_area", 20.0), ("road_grade", 27.0), ("mass", 40.0))
 
@@ -45,9 +46,9 @@ def test_another_form_may_be_something_unknown(lasting: Shape) -> None:
 
 def test_a_name_is_believed_no_more_than_such_names_proved_right(lasting: Shape) -> None:
     alone = replace(cause(lasting), rivals=())
-    assert alone.believed == min(alone.probability, SURE[0])
+    assert alone.believed == min(alone.probability, Rules.most_probable[0])
     beside = replace(alone, probability=0.99, rivals=tuple((name, 1.0) for name in ("a", "b", "c")))
-    assert beside.believed == SURE[-1]
+    assert beside.believed == Rules.most_probable[-1]
     assert replace(beside, probability=0.1).believed == 0.1
     assert replace(beside, kind="parameter_error").believed == 0.99
-    assert replace(alone, effect="unknown").believed == SURE_UNKNOWN
+    assert replace(alone, effect="unknown").believed == Rules.most_probable_unknown

@@ -14,8 +14,9 @@ from deeptruck_model.mismatch.posterior import explain, stepwise
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.posterior.slow_force import SlowForce
-from deeptruck_model.mismatch.posterior.windows import MOST, MOST_BESIDE, during, within
+from deeptruck_model.mismatch.posterior.windows import during, within
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.rules import Rules
 
 
 def cause(e: Evidence, gain: float = 200.0, shape: Shape | None = None) -> Cause:
@@ -105,9 +106,10 @@ def test_few_windows_are_sought_without_what_comes_and_goes_too(
     search = Search(nothing_missing)
     bare, coming = search.background(()), search.background((gusts,))
     assert stepwise._rare(search, bare, bare) == [bare]
-    assert asked == [MOST]
+    assert asked == [Rules.windows_most]
     assert stepwise._rare(search, coming, bare) == [coming, bare]
-    assert asked == [MOST, MOST_BESIDE, MOST_BESIDE]  # beside names, whose forms leave something over
+    beside = Rules.windows_most_beside  # beside names, whose forms leave something over
+    assert asked == [Rules.windows_most, beside, beside]
     law = next(s for s in shapes(LIBRARY["driveline_loss"], nothing_missing) if not comes_and_goes(s))
     lasting = search.background((law,))
     assert stepwise._rare(search, lasting, bare) == [lasting, bare]  # and in place of a law

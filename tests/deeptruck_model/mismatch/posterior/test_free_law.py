@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
+from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.expression import Slosh
 from deeptruck_model.mismatch.mechanisms import LIBRARY, law_signal, laws, leans_on
 from deeptruck_model.mismatch.posterior.causes import Cause
-from deeptruck_model.mismatch.posterior.explain import ENOUGH_FREE, explain
+from deeptruck_model.mismatch.posterior.explain import explain
 from deeptruck_model.mismatch.posterior.free_law import left_over
 from deeptruck_model.mismatch.posterior.search import Search
-from deeptruck_model.mismatch.residual.evidence import GRAVITY, Evidence
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.rules import Rules
 
 
 def swing(e: Evidence) -> np.ndarray:
@@ -31,7 +33,7 @@ def band(e: Evidence) -> np.ndarray:
 def test_in_noise_there_is_no_law(nothing_missing: Evidence) -> None:
     search = Search(nothing_missing)
     found = left_over(search, search.background(()))
-    assert found.gain < ENOUGH_FREE / 2
+    assert found.gain < Rules.unknown_gain / 2
     assert explain(search).causes == ()
 
 
@@ -50,7 +52,7 @@ def test_a_force_without_a_name_is_told_by_what_it_follows(
     e = replace(nothing_missing, residual=nothing_missing.residual + force(nothing_missing))
     search = Search(e, exclude=LIBRARY)
     found = left_over(search, search.background(()))
-    assert found.lawful is not None and found.gain > 2 * ENOUGH_FREE
+    assert found.lawful is not None and found.gain > 2 * Rules.unknown_gain
     assert next(iter(found.free.importance)) == of
     assert np.corrcoef(found.free.prediction, force(e))[0, 1] > 0.8
     assert [c.effect for c in explain(search).causes] == ["unknown"]
@@ -98,4 +100,4 @@ def test_a_slope_that_is_told_late_is_no_law(nothing_missing: Evidence) -> None:
         residual=e.residual - GRAVITY * (grade - told),
     )
     search = Search(late, exclude=LIBRARY)
-    assert left_over(search, search.background(())).gain < ENOUGH_FREE / 2
+    assert left_over(search, search.background(())).gain < Rules.unknown_gain / 2

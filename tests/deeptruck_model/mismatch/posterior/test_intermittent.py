@@ -12,6 +12,7 @@ from deeptruck_model.mismatch.posterior.explain import explain
 from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.report.findings import from_cause
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.rules import Rules
 
 TIME = np.arange(6000) * 0.2
 STUCK = ((TIME > 300) & (TIME < 306)) | ((TIME > 801) & (TIME < 809))
@@ -58,7 +59,7 @@ def test_windows_are_narrowed_to_where_the_force_itself_acts(stuck: Evidence) ->
 def test_what_lasts_is_not_narrowed_and_hundreds_of_windows_have_a_price(stuck: Evidence) -> None:
     search = Search(stuck)
     model = search.background(())
-    whole = [(0, 10.0, 10.0 + windows.LONGEST_S + 1.0)]
+    whole = [(0, 10.0, 10.0 + Rules.window_longest_s + 1.0)]
     ((record, first, last),) = windows.narrowed(search, model, whole)
     assert record == 0 and (round(first), round(last)) == (10, 311)
     many = [(0, float(t), t + 0.5) for t in range(500)]
@@ -69,12 +70,12 @@ def test_pauses_are_left_out_and_steps_of_other_sizes_are_kept() -> None:
     force = np.zeros(200)
     force[40:80], force[80:90], force[100:120] = 2.0, 6.0, 2.0
     noise = np.random.default_rng(0).normal(0.0, 0.5, 200)
-    pieces = windows.steps(force + noise)
+    pieces = windows.steps(force + noise, Rules.window_off)
     inside = np.zeros(200, dtype=bool)
     for begin, end in pieces:
         inside[begin:end] = True
     assert (inside == (force > 0)).mean() > 0.97
-    assert windows.steps(noise) == [] and windows.steps(noise[:1]) == []
+    assert windows.steps(noise, Rules.window_off) == [] and windows.steps(noise[:1], Rules.window_off) == []
 
 
 def test_bursts_that_follow_nothing_are_unknown(nothing_missing: Evidence) -> None:

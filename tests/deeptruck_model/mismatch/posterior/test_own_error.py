@@ -12,7 +12,8 @@ import pytest
 from deeptruck_model.mismatch.posterior import nuisances
 from deeptruck_model.mismatch.posterior.explain import explain
 from deeptruck_model.mismatch.posterior.search import Search
-from deeptruck_model.mismatch.residual.evidence import SLOW_NOISE, Evidence
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.rules import Rules
 
 
 def flawed(e: Evidence) -> Evidence:
@@ -22,7 +23,7 @@ def flawed(e: Evidence) -> Evidence:
 
 def test_a_truck_that_keeps_nothing_has_no_known_error() -> None:
     bare: Any = SimpleNamespace(reference=())
-    assert nuisances.known(bare, measured_acceleration=False, seed=0) is None
+    assert nuisances.known(bare, measured_acceleration=False, seed=0, rules=Rules()) is None
 
 
 def test_a_flaw_that_was_always_there_is_no_finding(nothing_missing: Evidence) -> None:
@@ -58,5 +59,5 @@ def test_slow_noise_is_as_strong_as_the_trucks_own_drifts(nothing_missing: Evide
     drift = 0.05 * np.sin(2 * np.pi * np.arange(len(nothing_missing)) * nothing_missing.dt / 90.0)
     drifting = replace(nothing_missing, residual=nothing_missing.residual + drift)
     quiet, restless = (nuisances.allow_for(nothing_missing, own) for own in (nothing_missing, drifting))
-    assert quiet.slow_noise == SLOW_NOISE < 0.04 < restless.slow_noise < 0.1
+    assert quiet.slow_noise == Rules.slow_noise < 0.04 < restless.slow_noise < 0.1
     assert restless.series(0.03).slow < quiet.series(0.03).slow

@@ -8,10 +8,13 @@ from typing import Any
 import pytest
 
 from deeptruck_model.mismatch.posterior import penalties
+from deeptruck_model.mismatch.rules import Rules
 
 
 def model(score: float, *settings: dict[str, Any]) -> Any:
-    return SimpleNamespace(score=score, named=tuple(SimpleNamespace(settings=s) for s in settings))
+    return SimpleNamespace(
+        rules=Rules(), score=score, named=tuple(SimpleNamespace(settings=s) for s in settings)
+    )
 
 
 @pytest.mark.parametrize(("gain", "paid"), [(80.0, 25.0), (1000.0, 100.0)])

@@ -11,6 +11,7 @@ import pytest
 
 from deeptruck_model.mismatch.posterior import rivals
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.rules import Rules
 
 
 def looked_at(e: Evidence, gain: float, change: float, sd: float, zero: tuple[float, float]) -> bool:
@@ -19,7 +20,10 @@ def looked_at(e: Evidence, gain: float, change: float, sd: float, zero: tuple[fl
     large = {name: 5.0 * column for name, column in e.sensitivity.items()}
     instead = SimpleNamespace(score=zero[0], coefficients=lambda name: np.array([zero[1]]))
     search: Any = SimpleNamespace(
-        e=replace(e, sensitivity=large), shapes=lambda mechanism: ["zero"], model=lambda *_: instead
+        rules=Rules(),
+        e=replace(e, sensitivity=large),
+        shapes=lambda mechanism: ["zero"],
+        model=lambda *_: instead,
     )
     before: Any = SimpleNamespace(free=frozenset(), score=0.0, named=(), fit=None)
     after: Any = SimpleNamespace(free=frozenset({"torque_gain"}), score=gain)

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.posterior.slow_force import SlowForce, slow_force
-from deeptruck_model.mismatch.residual.evidence import GRAVITY, Evidence, Stretch
+from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
 
 N, SIGMA = 3600, 0.1
 TIME = np.arange(N, dtype=float)

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.posterior.explain import explain
-from deeptruck_model.mismatch.posterior.rivals import ORDINARY_ZERO
 from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.report.findings import TOLD_BY, Finding
 from deeptruck_model.mismatch.report.identifiability import smallest_visible, with_manoeuvres
-from deeptruck_model.mismatch.residual.evidence import GRAVITY, Evidence, Stretch
+from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
+from deeptruck_model.mismatch.rules import Rules
 
 
 def finding(group: list[str]) -> Finding:
@@ -66,4 +67,4 @@ def test_what_is_as_large_as_was_promised_is_seen(
 def test_a_steady_force_must_be_more_than_a_zero_of_the_slope_sensor(nothing_missing: Evidence) -> None:
     quiet = replace(nothing_missing, residual=0.1 * nothing_missing.residual)
     seen = smallest_visible(quiet, explain(Search(quiet)))["steady force all the time"]["newton"]
-    assert seen > ORDINARY_ZERO * GRAVITY * quiet.mass
+    assert seen > Rules.slope_zero * GRAVITY * quiet.mass

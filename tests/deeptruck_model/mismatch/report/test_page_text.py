@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.posterior.causes import SURE, Cause
+from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.report import findings, text, wording
 from deeptruck_model.mismatch.report.findings import strength
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.rules import Rules
 
 UNSURE = {"kind": "missing_physics", "probability": 0.3}
 
@@ -69,9 +70,9 @@ def test_where_no_nats_were_told_none_are_explained() -> None:
 @pytest.mark.parametrize(
     ("kind", "probability", "explained"),
     [
-        ("missing_physics", SURE[0], True),
+        ("missing_physics", Rules.most_probable[0], True),
         ("missing_physics", 0.7, False),
-        ("parameter_error", SURE[0], False),
+        ("parameter_error", Rules.most_probable[0], False),
     ],
 )
 def test_a_name_that_beats_all_others_says_why_it_is_not_surer(
@@ -85,7 +86,7 @@ def test_a_name_that_beats_all_others_says_why_it_is_not_surer(
 
 def test_a_name_beside_another_says_why_it_is_not_surer() -> None:
     """'50 %' stood beside a lead of 6.5 nats without a reason."""
-    finding = {"effect": "headwind", "kind": "missing_physics", "probability": SURE[1]}
+    finding = {"effect": "headwind", "kind": "missing_physics", "probability": Rules.most_probable[1]}
     said = wording.apart(finding | {"cannot_be_told_from": ["rolling_resistance"]})
     assert said.endswith(wording.LIMIT.format("65 %"))
 

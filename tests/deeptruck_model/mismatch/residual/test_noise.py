@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from deeptruck_model.mismatch.residual.noise import FLOOR, ORDER, Fit, Prior, Series, fit, whiten
+from deeptruck_model.mismatch.residual.noise import ORDER, Fit, Prior, Series, fit, whiten
+from deeptruck_model.mismatch.rules import Rules
 
 N, COLOUR = 4000, np.array([0.6, 0.2])
 
@@ -100,7 +101,7 @@ def test_without_noise_rounding_is_not_significant() -> None:
     X = columns(10)
     y = 1e-5 * np.sin(np.arange(N) / 7.0) + 1e-5 * X[:, 0]
     null, one = fit(series(y), X[:, :0], prior(0)), fit(series(y), X[:, :1], prior(1))
-    assert null.sigma == FLOOR and one.evidence < null.evidence + 1.0
+    assert null.sigma == Rules.noise_floor and one.evidence < null.evidence + 1.0
 
 
 def test_priors_join_side_by_side() -> None:
@@ -126,4 +127,4 @@ def test_recordings_that_disagree_widen_the_interval() -> None:
 def test_where_no_sample_counts_the_prior_is_all_that_is_known() -> None:
     found = fit(series(noise(6), np.zeros(N, dtype=bool)), columns(6), prior(2))
     assert (found.b == 0.0).all() and np.diag(found.covariance) == pytest.approx(1.0)
-    assert found.evidence == 0.0 and found.sigma == FLOOR and np.isnan(found.innovations).all()
+    assert found.evidence == 0.0 and found.sigma == Rules.noise_floor and np.isnan(found.innovations).all()
