@@ -6,7 +6,7 @@ terminal and file say the same.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
@@ -67,6 +67,43 @@ class Size:
 
 
 @dataclass(frozen=True)
+class Named:
+    """The name of an effect or a signal, within a sentence."""
+
+    name: str
+
+
+Part = str | Named
+
+
+@dataclass(frozen=True)
+class Sentence:
+    """Words, and the names among them: verdict.json has names as they are, people get them in words."""
+
+    parts: tuple[Part, ...]
+
+    @staticmethod
+    def of(*parts: Part) -> Sentence:
+        return Sentence(parts)
+
+    @staticmethod
+    def named(names: Sequence[str]) -> tuple[Part, ...]:
+        """Names in a row."""
+        row = [part for name in names for part in (", ", Named(name))]
+        return tuple(row[1:])
+
+    def __str__(self) -> str:
+        return "".join(part.name if isinstance(part, Named) else part for part in self.parts)
+
+    def and_then(self, *more: Part) -> Sentence:
+        """With another sentence behind it, whose first letter becomes a capital."""
+        first, *rest = more
+        if isinstance(first, str):
+            first = first[:1].upper() + first[1:]
+        return Sentence((*self.parts, ". ", first, *rest))
+
+
+@dataclass(frozen=True)
 class Rival:
     """Another name, and by how many nats the whole explanation is worse with it."""
 
@@ -80,11 +117,11 @@ class Finding:
 
     kind: Kind
     effect: str
-    says: str
+    says: Sentence
     equation: str
     parameters: Mapping[str, Size]
     probability: float
-    would_be_told_by: str
+    would_be_told_by: Sentence
     depends_on: tuple[str, ...]
     cannot_be_told_from: tuple[str, ...] = ()
     share_of_explainable_error: float = 0.0
@@ -104,10 +141,10 @@ class Finding:
         out: dict[str, Any] = {
             "kind": self.kind,
             "effect": self.effect,
-            "says": self.says,
+            "says": str(self.says),
             "equation": self.equation,
             "parameters": {n: {"value": s.value, "unit": s.unit, "ci95": s.ci95} for n, s in sizes.items()},
-            "would_be_told_by": self.would_be_told_by,
+            "would_be_told_by": str(self.would_be_told_by),
             "depends_on": self.depends_on,
             "probability": self.probability,
             "cannot_be_told_from": self.cannot_be_told_from,
@@ -132,8 +169,8 @@ class Finding:
         laws = sizes.pop(LAWS_R2, None)
         road = entry.get("road")
         return Finding(
-            Kind(entry["kind"]), entry["effect"], entry["says"], entry["equation"], sizes,
-            entry["probability"], entry["would_be_told_by"], tuple(entry["depends_on"]),
+            Kind(entry["kind"]), entry["effect"], Sentence.of(entry["says"]), entry["equation"], sizes,
+            entry["probability"], Sentence.of(entry["would_be_told_by"]), tuple(entry["depends_on"]),
             tuple(entry["cannot_be_told_from"]), entry["share_of_explainable_error"],
             entry.get("evidence_nats"), tuple(Rival(**r) for r in entry.get("rivals", ())),
             nearest=entry.get("nearest"), laws_r2=laws.value if laws else None,

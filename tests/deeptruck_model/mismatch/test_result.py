@@ -16,7 +16,16 @@ from deeptruck_model import mismatch as tool
 from deeptruck_model.mismatch.posterior.causes import Cause, RoadLock
 from deeptruck_model.mismatch.report import findings
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.result import Bound, Conclusion, Finding, Kind, Mismatch, Size, Verdict
+from deeptruck_model.mismatch.result import (
+    Bound,
+    Conclusion,
+    Finding,
+    Kind,
+    Mismatch,
+    Sentence,
+    Size,
+    Verdict,
+)
 
 SCHEMA = json.loads(importlib.resources.files(tool).joinpath("verdict.schema.json").read_text())
 KEPT = Path(__file__).parent / "verdicts"  # as they were written before there were types
@@ -99,7 +108,8 @@ def test_a_bound_is_open_where_it_is_infinite(low: float, high: float, said: str
 
 def test_numbers_that_json_has_not_become_null_and_those_of_numpy_plain() -> None:
     sizes = {"force": Size(float(np.nan), "N", (np.float64(1.0), np.float64(2.0)))}
-    found = Finding(Kind.PHYSICS, "headwind", "air moves", "F = 0", sizes, 0.9, "coast", ())
+    air = Sentence.of("air moves")
+    found = Finding(Kind.PHYSICS, "headwind", air, "F = 0", sizes, 0.9, Sentence.of("coast"), ())
     (entry,) = Verdict(Conclusion.PHYSICS, (found,)).to_json()["findings"]
     assert entry["parameters"]["force"] == {"value": None, "unit": "N", "ci95": [1.0, 2.0]}
     assert type(entry["parameters"]["force"]["ci95"][0]) is float and type(entry["kind"]) is str

@@ -14,7 +14,7 @@ from deeptruck_model.mismatch.posterior.causes import Cause, Explanation, RoadLo
 from deeptruck_model.mismatch.posterior.formula import Formula
 from deeptruck_model.mismatch.posterior.search import Model
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.result import Finding, Kind, Rival, Size
+from deeptruck_model.mismatch.result import Finding, Kind, Named, Part, Rival, Sentence, Size
 
 MOSTLY = 0.6  # of the time, beyond which a force is no event
 ONE_WAY = 0.5  # of its rms that the mean of a force must have, to tell its size
@@ -38,10 +38,10 @@ def strength(cause: Cause, e: Evidence) -> str:
 class Told:
     """What depends on what kind of cause it is: the sentence, the equation, the sizes, and what to drive."""
 
-    says: str
+    says: Sentence
     equation: str
     parameters: dict[str, Size]
-    would_be_told_by: str
+    would_be_told_by: Sentence
     depends_on: tuple[str, ...]
     laws_r2: float | None = None
 
@@ -58,10 +58,10 @@ def slow(cause: Cause) -> Told:
     what = m.says if m else "a slow force that no signal predicts"
     units = ("ratio", "m/s", "1")
     return Told(
-        f"{what}: {rms:.3f} m/s^2 rms. It would be {sizes}{_again(cause.road)}",
+        Sentence.of(f"{what}: {rms:.3f} m/s^2 rms. It would be {sizes}{_again(cause.road)}"),
         m.equation if m else "F = f(t)",
         {f"rms_as_{n}": Size(v, u) for (n, v), u in zip(needed.items(), units, strict=True)},
-        m.told_by if m else "drive the same stretch in both directions",
+        Sentence.of(m.told_by if m else "drive the same stretch in both directions"),
         m.depends_on if m else ("time",),
     )
 
@@ -90,28 +90,33 @@ def _again(road: RoadLock | None) -> str:
 
 def comes_and_goes(cause: Cause, e: Evidence) -> Told:
     """An unknown force that no signal predicts and that acts like none of the known ones."""
-    near = f". The nearest name, {cause.nearest}, does not explain how it acts" if cause.nearest else ""
+    near = _nearest(cause, "does not explain how it acts")
     now_and_then = bool(np.mean(cause.force[e.valid] == 0.0) > 0.5)
     return Told(
-        f"{UNNAMED.says}: {strength(cause, e)}{near}",
+        Sentence.of(f"{UNNAMED.says}: {strength(cause, e)}", *near),
         UNNAMED.equation,
         {},
-        AT_ITS_MOMENTS if now_and_then else UNNAMED.told_by,
+        Sentence.of(AT_ITS_MOMENTS if now_and_then else UNNAMED.told_by),
         ("time",) if now_and_then else UNNAMED.depends_on,
     )
+
+
+def _nearest(cause: Cause, fails: str) -> tuple[Part, ...]:
+    """Which name comes nearest to a force without one, and what it fails in."""
+    return (". The nearest name, ", Named(cause.nearest), f", {fails}") if cause.nearest else ()
 
 
 def unknown(cause: Cause, e: Evidence, explanation: Explanation) -> Told:
     left = explanation.left_over
     drivers = [name for name, share in left.importance.items() if share > 0.1][:4]
-    near = f". The nearest name, {cause.nearest}, does not explain it" if cause.nearest else ""
-    one = drivers[0] if drivers else "one signal"
+    near = _nearest(cause, "does not explain it")
+    one: Part = Named(drivers[0]) if drivers else "one signal"
+    says = f"a force that no mechanism of the library explains: {strength(cause, e)}. It varies with "
     return Told(
-        f"a force that no mechanism of the library explains: {strength(cause, e)}. It varies with "
-        f"{', '.join(drivers) or 'nothing recorded'}{near}",
+        Sentence.of(says, *(Sentence.named(drivers) or ("nothing recorded",)), *near),
         f"F = f({', '.join(drivers)})",
         {},
-        f"drive so that {one} changes while the others change little",
+        Sentence.of("drive so that ", one, " changes while the others change little"),
         tuple(drivers),
         left.r2,
     )
@@ -157,11 +162,11 @@ def from_sensor(fault: SensorFault) -> Finding:
     return Finding(
         kind=Kind.SENSOR,
         effect=fault.effect,
-        says=fault.says,
+        says=Sentence.of(fault.says),
         equation="accelerometer(t) = slope * dv/dt(t - lag) + offset",
         parameters={"value": Size(fault.value, fault.unit, ci)},
         probability=0.99,
-        would_be_told_by="move the truck by a known distance and compare each sensor with it",
+        would_be_told_by=Sentence.of("move the truck by a known distance and compare each sensor with it"),
         depends_on=("speed", "acceleration"),
     )
 
@@ -221,12 +226,14 @@ def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> Told:
     m = shape.mechanism
     gates = [gate[0] for gate in _gates(shape) if gate[0] not in m.depends_on]
     return Told(
-        f"{m.says}: {strength(cause, e)}{_now_and_then(shape)}{_confined(shape, e.mass)}"
-        f"{_curved(shape)}"
-        f"{OTHER_FORM if cause.other_form else ''}",
+        Sentence.of(
+            f"{m.says}: {strength(cause, e)}{_now_and_then(shape)}{_confined(shape, e.mass)}",
+            *_curved(shape),
+            OTHER_FORM if cause.other_form else "",
+        ),
         m.equation,
         _sizes(shape, explanation.model, e) | picked(shape),
-        m.told_by,
+        Sentence.of(m.told_by),
         (*m.depends_on, *gates),
     )
 
@@ -263,11 +270,11 @@ def _confined(shape: Shape, mass: float) -> str:
     return ""
 
 
-def _curved(shape: Shape) -> str:
+def _curved(shape: Shape) -> tuple[Part, ...]:
     """Over what an effect runs in a curve of its own, where it does."""
     parts = shape.settings.get("parts", [shape.settings])
     over = [OWN[shape.mechanism.effect][part["own"]].by for part in parts if "own" in part]
-    return f". It is a curve of its own over {', '.join(dict.fromkeys(over))}" if over else ""
+    return (". It is a curve of its own over ", *Sentence.named(list(dict.fromkeys(over)))) if over else ()
 
 
 def _now_and_then(shape: Shape) -> str:
@@ -321,18 +328,14 @@ def _parameter(cause: Cause, e: Evidence, explanation: Explanation, own: dict[st
     base, unit = (own[cause.effect], unit) if cause.effect in own else (1.0, "of the simulator's")
     ci = (base * (1 + change - 1.96 * sd), base * (1 + change + 1.96 * sd))
     return Told(
-        f"{says}: {abs(100 * change):.1f} % {'more' if change > 0 else 'less'} (+-{196 * sd:.1f} %)",
+        Sentence.of(
+            f"{says}: {abs(100 * change):.1f} % {'more' if change > 0 else 'less'} (+-{196 * sd:.1f} %)"
+        ),
         f"{cause.effect} -> {cause.effect} * (1 {change:+.3f})",
         {cause.effect: Size(base * (1 + change), unit, ci)},
-        TOLD_BY[cause.effect],
+        Sentence.of(TOLD_BY[cause.effect]),
         (cause.effect,),
     )
-
-
-def in_sentences(*parts: str) -> str:
-    """The parts as sentences in a row, without the last full stop; empty ones left out."""
-    first, *more = filter(None, parts)
-    return ". ".join([first, *(part[:1].upper() + part[1:] for part in more)])
 
 
 def known(effect: str) -> bool:

@@ -21,9 +21,9 @@ from deeptruck_model.mismatch.posterior.rivals import (
 )
 from deeptruck_model.mismatch.posterior.search import FREE, TEMPER, Model, Search
 from deeptruck_model.mismatch.posterior.windows import PER_WINDOW
-from deeptruck_model.mismatch.report.findings import TOLD_BY, in_sentences
+from deeptruck_model.mismatch.report.findings import TOLD_BY
 from deeptruck_model.mismatch.residual.evidence import GRAVITY, Evidence
-from deeptruck_model.mismatch.result import Finding, SmallestVisible
+from deeptruck_model.mismatch.result import Finding, Named, Part, SmallestVisible
 from deeptruck_model.signals import SPEED
 from deeptruck_model.simulators import Simulator, free_run
 
@@ -79,10 +79,11 @@ def checked(found: Finding, simulator: Simulator, e: Evidence, model: Model) -> 
     rivals = [(name, other) for name, other in cause.alternatives if name in group and _law(other)]
     if not rivals or not _law(model):
         return found
-    said = [_said(name, separation(simulator, e, model, other)) for name, other in rivals]
-    words = in_sentences(
-        found.would_be_told_by, f"of {len(MANOEUVRES)} others, simulated on a flat road, {said[0]}", *said[1:]
-    )
+    first, *more = [_said(name, separation(simulator, e, model, other)) for name, other in rivals]
+    others = f"of {len(MANOEUVRES)} others, simulated on a flat road, "
+    words = found.would_be_told_by.and_then(others, *first)
+    for said in more:
+        words = words.and_then(*said)
     return replace(found, would_be_told_by=words)
 
 
@@ -97,10 +98,10 @@ def separation(simulator: Simulator, e: Evidence, one: Model, other: Model) -> S
     return Separation(MANOEUVRES[i].words, float(apart[i, k]), float(time[k]), float(telling[i, k]))
 
 
-def _said(rival: str, s: Separation) -> str:
+def _said(rival: str, s: Separation) -> tuple[Part, ...]:
     if s.telling < 1.0:
-        return f"none tells it from {rival} ({s.apart:.2f} m/s at most)"
-    return f"{s.words} tells it from {rival}: {s.apart:.1f} m/s apart after {s.after_s:.0f} s"
+        return "none tells it from ", Named(rival), f" ({s.apart:.2f} m/s at most)"
+    return f"{s.words} tells it from ", Named(rival), f": {s.apart:.1f} m/s apart after {s.after_s:.0f} s"
 
 
 def _law(model: Model) -> bool:
@@ -141,7 +142,7 @@ def with_manoeuvres(found: Sequence[Finding]) -> list[Finding]:
     for f in found:
         if group := f.cannot_be_told_from:
             rival = LIBRARY[group[0]].told_by if group[0] in LIBRARY else TOLD_BY.get(group[0], "")
-            f = replace(f, would_be_told_by=in_sentences(f.would_be_told_by, rival))
+            f = replace(f, would_be_told_by=f.would_be_told_by.and_then(rival)) if rival else f
         out.append(f)
     return out
 

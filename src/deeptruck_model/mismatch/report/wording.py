@@ -11,11 +11,10 @@ from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.posterior.penalties import ENOUGH
 from deeptruck_model.mismatch.report.drawing import remembered, words
 from deeptruck_model.mismatch.residual.evidence import unit
-from deeptruck_model.mismatch.result import Bound, Finding, Kind, Regime, Size
+from deeptruck_model.mismatch.result import Bound, Finding, Kind, Named, Regime, Sentence, Size
 
 IDENTIFIER = re.compile(r"\b[a-z][a-z0-9]*(?:_[a-z0-9]+)+\b")
 QUOTED = re.compile(r"((?<!\w)'[^']+'(?!\w))")
-SIGNALS = re.compile(r"(?<=It varies with )[^.;:]+|(?<=rive so that )[^;:]+?(?= changes while)")
 SPOKEN = {  # names that are no words of their own once the underscores are gone
     "rolling_resistance_speed": "rolling resistance that grows with speed",
     "rolling_resistance_warmup": "rolling resistance of cold tyres",
@@ -68,17 +67,17 @@ def spoken(name: str) -> str:
     return SPOKEN.get(name, words(name))
 
 
-def prose(text: str) -> str:
-    """A finding's own words without identifiers, and with signs as they are printed; what is quoted, such as
-    the name of a recording, stays as it is."""
+def prose(text: str | Sentence) -> str:
+    """Words for people: names spoken, and signs as they are printed; what is quoted, such as the name of a
+    recording, stays as it is."""
+    if isinstance(text, Sentence):
+        return "".join(spoken(p.name) if isinstance(p, Named) else prose(p) for p in text.parts)
     parts = QUOTED.split(text)
     return "".join(part if k % 2 else _unquoted(part) for k, part in enumerate(parts))
 
 
 def _unquoted(text: str) -> str:
-    text = SIGNALS.sub(lambda found: ", ".join(spoken(n) for n in found[0].split(", ")), remembered(text))
-    text = IDENTIFIER.sub(lambda found: spoken(found[0]), text)
-    text = re.sub(r"\bsimulated\b(?! acceleration| on)", "simulated acceleration", text)
+    text = IDENTIFIER.sub(lambda found: spoken(found[0]), remembered(text))
     text = re.sub(r"\b\d+(\.\d+)?e[+-]\d+\b", lambda found: number(float(found[0])), text)
     return text.replace("+-", "±").replace("^2", "²").replace("^3", "³")
 

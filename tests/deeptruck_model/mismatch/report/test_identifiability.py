@@ -14,22 +14,27 @@ from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.report.findings import TOLD_BY
 from deeptruck_model.mismatch.report.identifiability import smallest_visible, with_manoeuvres
 from deeptruck_model.mismatch.residual.evidence import GRAVITY, Evidence, Stretch
-from deeptruck_model.mismatch.result import Finding, Kind
+from deeptruck_model.mismatch.result import Finding, Kind, Sentence
 
 
 def finding(*group: str) -> Finding:
-    alone = Finding(Kind.PHYSICS, "headwind", "air moves", "F = 0", {}, 0.9, "drive both ways", ())
+    says, by = Sentence.of("air moves"), Sentence.of("drive both ways")
+    alone = Finding(Kind.PHYSICS, "headwind", says, "F = 0", {}, 0.9, by, ())
     return replace(alone, cannot_be_told_from=group)
+
+
+def _opened(text: str) -> str:
+    return text[:1].upper() + text[1:]
 
 
 def test_the_manoeuvre_of_the_nearest_rival_is_told_beside_its_own() -> None:
     alone, law, parameter, nameless = with_manoeuvres(
         [finding(), finding("drafting", "mass"), finding("mass"), finding("unknown")]
     )
-    assert alone.would_be_told_by == "drive both ways"
-    assert law.would_be_told_by.endswith(LIBRARY["drafting"].told_by)
-    assert parameter.would_be_told_by.endswith(TOLD_BY["mass"])
-    assert nameless.would_be_told_by == "drive both ways"
+    assert str(alone.would_be_told_by) == "drive both ways"
+    assert str(law.would_be_told_by).endswith(_opened(LIBRARY["drafting"].told_by))
+    assert str(parameter.would_be_told_by).endswith(_opened(TOLD_BY["mass"]))
+    assert str(nameless.would_be_told_by) == "drive both ways"
 
 
 def test_more_driving_asks_for_no_larger_effects_and_rare_ones_must_be_larger(

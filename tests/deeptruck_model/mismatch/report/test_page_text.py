@@ -13,7 +13,7 @@ from deeptruck_model.mismatch.posterior.causes import SURE, Cause
 from deeptruck_model.mismatch.report import findings, text, wording
 from deeptruck_model.mismatch.report.findings import strength
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.result import Bound, Finding, Kind, Regime, Rival
+from deeptruck_model.mismatch.result import Bound, Finding, Kind, Named, Regime, Rival, Sentence
 
 INF = float("inf")
 
@@ -22,11 +22,11 @@ def finding(effect: str, worse: Mapping[str, float], group: tuple[str, ...], **m
     """With rivals that are worse by so many nats, of which `group` is not told apart."""
     usual: dict[str, Any] = {
         "kind": Kind.PHYSICS,
-        "says": "a force",
+        "says": Sentence.of("a force"),
         "equation": "F = 0",
         "parameters": {},
         "probability": 0.3,
-        "would_be_told_by": "coast down",
+        "would_be_told_by": Sentence.of("coast down"),
         "depends_on": (),
         "rivals": tuple(Rival(name, nats) for name, nats in worse.items()),
     }
@@ -143,11 +143,15 @@ def test_a_condition_is_in_words(where: list[Bound], said: str) -> None:
 
 
 def test_what_an_unknown_force_varies_with_is_in_words() -> None:
-    said = wording.prose("a force: +3 N. It varies with elapsed, engine. The nearest name, turbo_lag, is far")
-    assert (
-        "varies with time since the recording began, engine force per mass. The nearest name, turbo lag"
-        in said
+    drivers = Sentence.named(["elapsed", "engine", "simulated"])
+    said = Sentence.of(
+        "a force: +-3 N. It varies with ", *drivers, ". The nearest name, ", Named("turbo_lag")
     )
+    assert wording.prose(said) == (
+        "a force: ±3 N. It varies with time since the recording began, engine force per mass, "
+        "simulated acceleration. The nearest name, turbo lag"
+    )
+    assert str(said).endswith("It varies with elapsed, engine, simulated. The nearest name, turbo_lag")
 
 
 def test_every_special_word_is_for_a_name_that_there_is() -> None:
@@ -156,9 +160,10 @@ def test_every_special_word_is_for_a_name_that_there_is() -> None:
 
 def test_what_would_settle_it_is_in_words() -> None:
     group = ("rolling_resistance_speed", "unknown")
-    told_by = "coast down; of 8 others, none tells it from rolling_resistance_speed"
+    told_by = Sentence.of("coast down; of 8 others, none tells it from ", Named(group[0]))
     warm = "rolling_resistance_warmup"
-    shown = text.told(0, finding(warm, {}, group, says=warm, would_be_told_by=told_by))
+    says = Sentence.of(Named(warm))
+    shown = text.told(0, finding(warm, {}, group, says=says, would_be_told_by=told_by))
     assert not re.search(r"[a-z]_[a-z]", f"{shown.name} {shown.says} {shown.to_be_sure} {shown.apart}")
     assert shown.to_be_sure.endswith("tells it from rolling resistance that grows with speed.")
 
