@@ -6,7 +6,7 @@ terminal and file say the same.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
@@ -19,6 +19,7 @@ from deeptruck_model.mismatch.data.checks import Rejection
 from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation, RoadLock
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.sentence import Sentence
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
@@ -64,43 +65,6 @@ class Size:
     unit: str
     ci95: Interval | None = None
     picked: bool = False  # not fitted: the best of a few that were tried
-
-
-@dataclass(frozen=True)
-class Named:
-    """The name of an effect or a signal, within a sentence."""
-
-    name: str
-
-
-Part = str | Named
-
-
-@dataclass(frozen=True)
-class Sentence:
-    """Words, and the names among them: verdict.json has names as they are, people get them in words."""
-
-    parts: tuple[Part, ...]
-
-    @staticmethod
-    def of(*parts: Part) -> Sentence:
-        return Sentence(parts)
-
-    @staticmethod
-    def named(names: Sequence[str]) -> tuple[Part, ...]:
-        """Names in a row."""
-        row = [part for name in names for part in (", ", Named(name))]
-        return tuple(row[1:])
-
-    def __str__(self) -> str:
-        return "".join(part.name if isinstance(part, Named) else part for part in self.parts)
-
-    def and_then(self, *more: Part) -> Sentence:
-        """With another sentence behind it, whose first letter becomes a capital."""
-        first, *rest = more
-        if isinstance(first, str):
-            first = first[:1].upper() + first[1:]
-        return Sentence((*self.parts, ". ", first, *rest))
 
 
 @dataclass(frozen=True)

@@ -16,16 +16,8 @@ from deeptruck_model import mismatch as tool
 from deeptruck_model.mismatch.posterior.causes import Cause, RoadLock
 from deeptruck_model.mismatch.report import findings
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.result import (
-    Bound,
-    Conclusion,
-    Finding,
-    Kind,
-    Mismatch,
-    Sentence,
-    Size,
-    Verdict,
-)
+from deeptruck_model.mismatch.result import Bound, Conclusion, Finding, Kind, Mismatch, Size, Verdict
+from deeptruck_model.mismatch.sentence import Sentence
 
 SCHEMA = json.loads(importlib.resources.files(tool).joinpath("verdict.schema.json").read_text())
 KEPT = Path(__file__).parent / "verdicts"  # as they were written before there were types

@@ -14,7 +14,8 @@ from deeptruck_model.mismatch.posterior.causes import Cause, Explanation, RoadLo
 from deeptruck_model.mismatch.posterior.formula import Formula
 from deeptruck_model.mismatch.posterior.search import Model
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.result import Finding, Kind, Named, Part, Rival, Sentence, Size
+from deeptruck_model.mismatch.result import Finding, Kind, Rival, Size
+from deeptruck_model.mismatch.sentence import Named, Part, Sentence
 
 MOSTLY = 0.6  # of the time, beyond which a force is no event
 ONE_WAY = 0.5  # of its rms that the mean of a force must have, to tell its size

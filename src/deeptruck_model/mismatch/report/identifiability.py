@@ -23,7 +23,8 @@ from deeptruck_model.mismatch.posterior.search import FREE, TEMPER, Model, Searc
 from deeptruck_model.mismatch.posterior.windows import PER_WINDOW
 from deeptruck_model.mismatch.report.findings import TOLD_BY
 from deeptruck_model.mismatch.residual.evidence import GRAVITY, Evidence
-from deeptruck_model.mismatch.result import Finding, Named, Part, SmallestVisible
+from deeptruck_model.mismatch.result import Finding, SmallestVisible
+from deeptruck_model.mismatch.sentence import Named, Part
 from deeptruck_model.signals import SPEED
 from deeptruck_model.simulators import Simulator, free_run
 

@@ -11,7 +11,8 @@ from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.posterior.penalties import ENOUGH
 from deeptruck_model.mismatch.report.drawing import remembered, words
 from deeptruck_model.mismatch.residual.evidence import unit
-from deeptruck_model.mismatch.result import Bound, Finding, Kind, Named, Regime, Sentence, Size
+from deeptruck_model.mismatch.result import Bound, Finding, Kind, Regime, Size
+from deeptruck_model.mismatch.sentence import Named, Sentence
 
 IDENTIFIER = re.compile(r"\b[a-z][a-z0-9]*(?:_[a-z0-9]+)+\b")
 QUOTED = re.compile(r"((?<!\w)'[^']+'(?!\w))")

@@ -14,7 +14,8 @@ from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.report.findings import TOLD_BY
 from deeptruck_model.mismatch.report.identifiability import smallest_visible, with_manoeuvres
 from deeptruck_model.mismatch.residual.evidence import GRAVITY, Evidence, Stretch
-from deeptruck_model.mismatch.result import Finding, Kind, Sentence
+from deeptruck_model.mismatch.result import Finding, Kind
+from deeptruck_model.mismatch.sentence import Sentence
 
 
 def finding(*group: str) -> Finding:

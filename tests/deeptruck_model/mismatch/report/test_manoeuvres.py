@@ -13,7 +13,8 @@ from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.report.identifiability import MANOEUVRES, checked, separation
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.result import Finding, Kind, Sentence
+from deeptruck_model.mismatch.result import Finding, Kind
+from deeptruck_model.mismatch.sentence import Sentence
 
 TRUCK = trucks.load("trucksim")
 
@@ -71,7 +72,7 @@ def test_it_is_said_which_manoeuvre_tells(lossy: Evidence, models: dict[str, Mod
     found = finding(lossy, models["loss"], "nothing", models["nothing"])
     words = str(checked(found, TRUCK, lossy, models["loss"]).would_be_told_by)
     assert (
-        words.startswith(f"coast; of {len(MANOEUVRES)} others, simulated on a flat road, ")
+        words.startswith(f"coast. Of {len(MANOEUVRES)} others, simulated on a flat road, ")
         and "tells it from nothing" in words
     )
 

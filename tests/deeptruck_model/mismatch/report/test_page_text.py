@@ -13,7 +13,8 @@ from deeptruck_model.mismatch.posterior.causes import SURE, Cause
 from deeptruck_model.mismatch.report import findings, text, wording
 from deeptruck_model.mismatch.report.findings import strength
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.result import Bound, Finding, Kind, Named, Regime, Rival, Sentence
+from deeptruck_model.mismatch.result import Bound, Finding, Kind, Regime, Rival
+from deeptruck_model.mismatch.sentence import Named, Sentence
 
 INF = float("inf")
 
