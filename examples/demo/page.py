@@ -12,6 +12,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from matplotlib.figure import Figure
 
 from deeptruck_model.mismatch.report import headline, page, validation, wording
+from deeptruck_model.mismatch.result import Verdict
 from deeptruck_model.recordings import read
 from examples.demo import figures, following
 from examples.demo.runner import Progress
@@ -118,12 +119,13 @@ def _following(out: Path) -> dict[str, Any]:
 
 
 def _mismatch(out: Path) -> dict[str, Any]:
-    verdict: dict[str, Any] = json.loads((out / "mismatch" / "verdict.json").read_text())
+    verdict = Verdict.read(json.loads((out / "mismatch" / "verdict.json").read_text()))
+    fit = verdict.fit
     return {
         "sentence": headline.text(verdict),
-        "says": [wording.prose(finding["says"]) for finding in verdict["findings"]],
-        "fit": verdict["fit"] if "before" in verdict["fit"] else None,
-        "validation": validation.said(verdict["fit"]),
+        "says": [wording.prose(finding.says) for finding in verdict.findings],
+        "fit": fit.to_json() if fit is not None and fit.errors is not None else None,
+        "validation": validation.said(fit),
         "names": page.ROWS,
     }
 

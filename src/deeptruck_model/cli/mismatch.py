@@ -77,15 +77,16 @@ def _tell(found: Mismatch, asked: Asked) -> None:
     from deeptruck_model.mismatch.report.given import record_next
     from deeptruck_model.mismatch.report.wording import opened, percent, prose, spoken
 
-    print(f"{found.verdict['verdict']}: see {asked.out / 'report.html'}")
-    print("\n".join(headline.sentences(headline.of(found.verdict))))
-    for f in found.verdict["findings"]:
+    result = found.result
+    print(f"{result.kind}: see {asked.out / 'report.html'}")
+    print("\n".join(headline.sentences(headline.of(result))))
+    for f in result.findings:
         name = headline.group(headline.name(f))
-        sure = f"Probability of {spoken(f['effect'])}: {percent(f['probability'])}"
-        print(f"  {opened(name)}: {prose(f['says'])}. {sure}.")
-    for step in what_now.steps(found.verdict, record_next(found), asked):
+        sure = f"Probability of {spoken(f.effect)}: {percent(f.probability)}"
+        print(f"  {opened(name)}: {prose(f.says)}. {sure}.")
+    for step in what_now.steps(result, record_next(found), asked):
         print(step.says, *filter(None, [step.command]), sep="\n    ")
-    for caveat in found.verdict["caveats"]:
+    for caveat in result.caveats:
         print(f"note: {prose(caveat)}")
 
 

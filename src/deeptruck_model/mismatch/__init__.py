@@ -9,8 +9,9 @@ from deeptruck_model.lazy import names
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, load_directory
-    from deeptruck_model.mismatch.find import Mismatch, find_mismatch
+    from deeptruck_model.mismatch.find import find_mismatch
     from deeptruck_model.mismatch.output import apply, write
+    from deeptruck_model.mismatch.result import Mismatch
 
 __all__ = ["CorrectedTruck", "Mismatch", "apply", "find_mismatch", "load_directory", "write"]
 
@@ -18,7 +19,8 @@ __getattr__ = names(
     __name__,
     {
         "correction.corrected_truck": ("CorrectedTruck", "load_directory"),
-        "find": ("Mismatch", "find_mismatch"),
+        "find": ("find_mismatch",),
         "output": ("apply", "write"),
+        "result": ("Mismatch",),
     },
 )

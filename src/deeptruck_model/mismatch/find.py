@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +13,6 @@ from threadpoolctl import threadpool_limits
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import locate
 from deeptruck_model.mismatch.correction import correction
-from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
-from deeptruck_model.mismatch.correction.improvement import Errors
 from deeptruck_model.mismatch.data import checks
 from deeptruck_model.mismatch.data.prepared import (
     Prepared,
@@ -33,6 +30,7 @@ from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.report import findings, identifiability, validation
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import PARAMETERS, gather
+from deeptruck_model.mismatch.result import Conclusion, DataReport, Finding, Mismatch, Verdict
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
@@ -44,21 +42,6 @@ NAMED = (*LIBRARY, *findings.NAMES, "acceleration_bias", "speed_scale", "unknown
 OTHER_GEAR = "the simulator drives in another gear than was recorded"
 STRANGE = "the simulator has learned from no driving at such speeds, commands and slopes"
 OF_THIS_MASS = "forces in N are for a mass of {:.3g} t: the simulator does not tell its own; scale them"
-
-
-@dataclass(frozen=True)
-class Mismatch:
-    """Everything the tool found: the verdict as in verdict.json, and what the report draws."""
-
-    verdict: dict[str, Any]
-    evidence: Evidence | None
-    explanation: Explanation | None
-    findings: tuple[findings.Finding, ...]
-    segments: tuple[locate.Segment, ...]
-    errors: dict[str, Errors]
-    corrected: CorrectedTruck | None
-    prepared: tuple[Prepared, ...]
-    excluded: tuple[str, ...] = ()  # effects that were to be left out of the library
 
 
 def find_mismatch(
@@ -101,7 +84,7 @@ class _Checked:
     prepared: tuple[Prepared, ...]
     held_out: tuple[bool, ...]
     faults: tuple[checks.SensorFault, ...]
-    data: dict[str, Any]
+    data: DataReport
     caveats: tuple[str, ...]
     useless: str | None  # why nothing can be said
 
@@ -125,11 +108,8 @@ def _checked(
     if strange:
         rejected = sorted([*rejected, checks.Rejection(STRANGE, strange)], key=lambda r: -r.samples)
     fitted = [p for p, out in zip(prepared, flags, strict=True) if not out]
-    data = {
-        "rejected": [{"rule": r.rule, "samples": r.samples} for r in rejected],
-        "coverage": "coverage.png",
-    }
     useless = unusable(fitted, rejected, rules)
+    data = DataReport(tuple(rejected))
     return _Checked(prepared, tuple(flags), tuple(faults), data, (*twice, *caveats), useless)
 
 
@@ -158,93 +138,64 @@ def _find(
     )
     say("locating it")
     found = _findings(simulator, c, e, x)
-    causes = tuple(f.cause for f in found if f.cause is not None)
-    segments = locate.segments(e, causes)
-    force = sum((cause.force for cause in causes), start=np.zeros(len(e)))
-    regimes = locate.regimes(e, force if causes else e.residual)
-    verdict = {
-        "schema": 1,
-        "verdict": _overall(found),
-        "findings": [f.data for f in found],
-        "segments": _listed(segments, len(found) - len(causes)),
-        "regimes": [vars(r) for r in regimes],
-        "fit": fit,
-        "data": _data(c, e) | ({} if found else _visible(e, x)),
-        "caveats": [
+    causes = {place: f.cause for place, f in enumerate(found) if f.cause is not None}
+    force = sum((cause.force for cause in causes.values()), start=np.zeros(len(e)))
+    data = _data(c, e)
+    verdict = Verdict(
+        kind=_conclusion(found),
+        findings=tuple(found),
+        segments=tuple(locate.segments(e, causes)),
+        regimes=tuple(locate.regimes(e, force if causes else e.residual)),
+        fit=fit,
+        data=data if found else replace(data, smallest_visible=identifiability.smallest_visible(e, x)),
+        caveats=(
             *c.caveats,
             *([LEFT_OUT.format(", ".join(exclude))] if exclude else []),
             *_of_this_mass(simulator, e, found),
             *validation.caveats(fit, bool(causes)),
-        ],
-    }
-    return Mismatch(
-        verdict, e, x, tuple(found), tuple(segments), errors, corrected, c.prepared, tuple(exclude)
+        ),
     )
+    return Mismatch(verdict, e, x, errors, corrected, c.prepared, tuple(exclude))
 
 
-def _of_this_mass(simulator: Simulator, e: Evidence, found: Sequence[findings.Finding]) -> list[str]:
+def _of_this_mass(simulator: Simulator, e: Evidence, found: Sequence[Finding]) -> list[str]:
     forces = any(f.cause is not None for f in found)
     return [OF_THIS_MASS.format(e.mass / 1000.0)] if forces and not simulator.parameters() else []
 
 
 def _useless(c: _Checked) -> Mismatch:
     """What is left to say where the recordings tell nothing of the truck."""
-    found = [findings.from_sensor(f) for f in c.faults]
-    verdict = {
-        "schema": 1,
-        "verdict": "measurement_fault" if found else "undetermined",
-        "findings": [f.data for f in found],
-        "segments": [],
-        "regimes": [],
-        "fit": {},
-        "data": c.data,
-        "caveats": [*c.caveats, c.useless],
-    }
-    return Mismatch(verdict, None, None, tuple(found), (), {}, None, c.prepared)
+    found = tuple(findings.from_sensor(f) for f in c.faults)
+    kind = Conclusion.SENSOR if found else Conclusion.UNDETERMINED
+    caveats = (*c.caveats, c.useless) if c.useless else c.caveats
+    return Mismatch(Verdict(kind, found, data=c.data, caveats=caveats), None, None, {}, None, c.prepared)
 
 
-def _findings(simulator: Simulator, c: _Checked, e: Evidence, x: Explanation) -> list[findings.Finding]:
+def _findings(simulator: Simulator, c: _Checked, e: Evidence, x: Explanation) -> list[Finding]:
     own = simulator.parameters()
     found = [findings.from_sensor(f) for f in c.faults]
     found += [findings.from_cause(cause, e, x, own) for cause in x.causes]
     found = [
         identifiability.checked(f, simulator, e, x.model) for f in identifiability.with_manoeuvres(found)
     ]
-    for f in found:
-        if f.cause is not None and f.cause.predictable:
-            f.data.update(formula.describe(e, x))
-    return found
-
-
-def _data(c: _Checked, e: Evidence) -> dict[str, Any]:
-    data = dict(c.data)
-    if e.other_gear:
-        data["rejected"] = [*data["rejected"], {"rule": OTHER_GEAR, "samples": e.other_gear}]
-    return data
-
-
-def _visible(e: Evidence, x: Explanation) -> dict[str, Any]:
-    return {"smallest_visible": identifiability.smallest_visible(e, x)}
-
-
-def _listed(segments: Sequence[locate.Segment], offset: int) -> list[dict[str, Any]]:
     return [
-        {
-            "recording": s.recording,
-            "start_s": round(s.start_s, 2),
-            "end_s": round(s.end_s, 2),
-            "finding": s.finding + offset,
-            "mean_force_n": round(s.mean_force_n, 1),
-        }
-        for s in segments
+        findings.with_formula(f, formula.formula(e, x)) if f.cause is not None and f.cause.predictable else f
+        for f in found
     ]
 
 
-def _overall(found: Sequence[findings.Finding]) -> str:
+def _data(c: _Checked, e: Evidence) -> DataReport:
+    if not e.other_gear:
+        return c.data
+    return replace(c.data, rejected=(*c.data.rejected, checks.Rejection(OTHER_GEAR, e.other_gear)))
+
+
+def _conclusion(found: Sequence[Finding]) -> Conclusion:
+    """The kind of the finding that explains most."""
     if not found:
-        return "nothing_missing"
-    explaining = [f for f in found if f.data["share_of_explainable_error"] > 0]
-    return str((explaining or found)[0].data["kind"])
+        return Conclusion.NOTHING
+    explaining = [f for f in found if f.share_of_explainable_error > 0]
+    return Conclusion((explaining or found)[0].kind)
 
 
 __all__ = ["PARAMETERS", "Mismatch", "find_mismatch"]

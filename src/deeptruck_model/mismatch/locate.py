@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from sklearn.tree import DecisionTreeRegressor
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.free_law import features
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch, unit
+from deeptruck_model.mismatch.result import Bound, Regime, Segment
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -22,33 +22,10 @@ NOTABLE = 0.02  # m/s^2
 MOST_SEGMENTS = 60
 
 
-@dataclass(frozen=True)
-class Segment:
-    """A stretch of one recording in which a finding acts; rows are of the stacked evidence."""
-
-    recording: str
-    start_s: float
-    end_s: float
-    finding: int
-    mean_force_n: float
-    start: int
-    stop: int
-    energy: float
-
-
-@dataclass(frozen=True)
-class Regime:
-    """A region of driving conditions with its share of the error and of the time."""
-
-    where: str
-    share_of_error: float
-    share_of_time: float
-
-
-def segments(e: Evidence, causes: tuple[Cause, ...]) -> list[Segment]:
-    """Stretches where each finding's force stands out, most important first."""
+def segments(e: Evidence, causes: Mapping[int, Cause]) -> list[Segment]:
+    """Stretches where each cause, given by the place of its finding, stands out; most important first."""
     out: list[Segment] = []
-    for i, cause in enumerate(causes):
+    for i, cause in causes.items():
         smooth = uniform_filter1d(cause.force, max(1, round(1.0 / e.dt)))
         size = np.abs(smooth[e.valid])
         if not len(size) or size.max() < 1e-6:
@@ -110,12 +87,14 @@ def regimes(e: Evidence, error: Array, most: int = 6) -> list[Regime]:
         share = float(power[inside].sum() / power.sum())
         time = float(inside.mean())
         if share > 1.3 * time:
-            out.append(Regime(_describe(tree, node, list(named), e.command_units), share, time))
+            out.append(Regime(_bounds(tree, node, list(named), e.command_units), share, time))
     return sorted(out, key=lambda r: -r.share_of_error)[:most]
 
 
-def _describe(tree: DecisionTreeRegressor, leaf: int, names: list[str], units: Mapping[str, str]) -> str:
-    """The path to a leaf in words, each signal once."""
+def _bounds(
+    tree: DecisionTreeRegressor, leaf: int, names: list[str], units: Mapping[str, str]
+) -> tuple[Bound, ...]:
+    """The path to a leaf, each signal once."""
     t = tree.tree_
     bounds: dict[str, list[float]] = {}
     node = 0
@@ -129,20 +108,10 @@ def _describe(tree: DecisionTreeRegressor, leaf: int, names: list[str], units: M
         else:
             low_high[0] = max(low_high[0], at)
             node = int(t.children_right[node])
-    words = [_words(name, low, high, unit(name, units)) for name, (low, high) in bounds.items()]
-    return " and ".join(words) or "everywhere"
+    return tuple(Bound(name, low, high, unit(name, units)) for name, (low, high) in bounds.items())
 
 
 def _under(t: Any, node: int) -> set[int]:
     if t.children_left[node] == -1:
         return {node}
     return _under(t, int(t.children_left[node])) | _under(t, int(t.children_right[node]))
-
-
-def _words(name: str, low: float, high: float, measured_in: str) -> str:
-    after = f" {measured_in}" if measured_in else ""
-    if np.isinf(low):
-        return f"{name} < {high:.3g}{after}"
-    if np.isinf(high):
-        return f"{name} > {low:.3g}{after}"
-    return f"{name} {low:.3g} .. {high:.3g}{after}"

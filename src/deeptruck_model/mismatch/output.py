@@ -6,18 +6,13 @@ import csv
 import json
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from deeptruck_model import simulators
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.folders import APPLIED, FOUND, check_applicable
 from deeptruck_model.mismatch.report.what_now import Asked
-
-if TYPE_CHECKING:
-    from deeptruck_model.mismatch.find import Mismatch
+from deeptruck_model.mismatch.result import Mismatch
 
 
 def write(mismatch: Mismatch, out: Path, *, overwrite: bool = False) -> None:
@@ -32,7 +27,7 @@ def fill(draft: Path, mismatch: Mismatch, asked: Asked) -> None:
     """Write the files of a result into the folder `draft`, which becomes `asked.out`. Raises OSError."""
     from deeptruck_model.mismatch.report import page
 
-    (draft / "verdict.json").write_text(json.dumps(plain(mismatch.verdict), indent=1))
+    (draft / "verdict.json").write_text(json.dumps(mismatch.verdict, indent=1))
     if mismatch.evidence is not None:
         _write_profiles(mismatch, draft / "profiles.csv")
     if mismatch.corrected is not None:
@@ -48,7 +43,7 @@ def _write_profiles(m: Mismatch, path: Path) -> None:
     with path.open("w", newline="") as file:
         rows = csv.writer(file)
         rows.writerow(["recording", "time_s", "distance_m", "name", "value"])
-        for f in m.findings:
+        for f in m.result.findings:
             if f.cause is None:
                 continue
             force = e.newtons(f.cause.force)
@@ -67,21 +62,6 @@ def _write_profiles(m: Mismatch, path: Path) -> None:
                             f"{value:.6g}",
                         ]
                     )
-
-
-def plain(x: Any) -> Any:
-    """JSON data without NaN, infinities and numpy types."""
-    if isinstance(x, dict):
-        return {str(k): plain(v) for k, v in x.items()}
-    if isinstance(x, (list, tuple)):
-        return [plain(v) for v in x]
-    if isinstance(x, (bool, np.bool_)):
-        return bool(x)
-    if isinstance(x, (int, np.integer)):
-        return int(x)
-    if isinstance(x, (float, np.floating)):
-        return float(x) if np.isfinite(x) else None
-    return x
 
 
 def apply(directory: Path, out: Path, *, overwrite: bool = False) -> None:

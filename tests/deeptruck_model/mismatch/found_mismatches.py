@@ -2,20 +2,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 
-from deeptruck_model.mismatch.correction.improvement import Errors
-from deeptruck_model.mismatch.data.checks import SensorFault
+from deeptruck_model.mismatch.data.checks import Rejection, SensorFault
 from deeptruck_model.mismatch.data.prepared import prepare
-from deeptruck_model.mismatch.find import Mismatch
-from deeptruck_model.mismatch.locate import Regime, Segment
 from deeptruck_model.mismatch.mechanisms import LIBRARY, shapes
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
+from deeptruck_model.mismatch.posterior.formula import Formula
 from deeptruck_model.mismatch.posterior.free_law import FreeModel
 from deeptruck_model.mismatch.posterior.search import Model
 from deeptruck_model.mismatch.report import findings
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
 from deeptruck_model.mismatch.residual.noise import Fit
+from deeptruck_model.mismatch.result import (
+    Bound,
+    Chosen,
+    Compared,
+    Conclusion,
+    DataReport,
+    Errors,
+    Finding,
+    FitResult,
+    Improvement,
+    Mismatch,
+    Regime,
+    Rmse,
+    Segment,
+    SmallestVisible,
+    Verdict,
+)
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
 
@@ -110,7 +129,9 @@ def mismatch(kind: str, count: int = 3) -> Mismatch:
     prepared = tuple(prepare(recording(k), True) for k in range(count))
     if kind == "undetermined":
         reason = "the speed is constant throughout: accelerate between 5 and 25 m/s"
-        return Mismatch(verdict(kind, [], caveats=[reason]), None, None, (), (), {}, None, prepared)
+        return Mismatch(
+            Verdict(Conclusion.UNDETERMINED, data=DATA, caveats=(reason,)), None, None, {}, None, prepared
+        )
     e = evidence(prepared, FORCES[kind])
     x, causes = explanation(kind, e)
     found = [findings.from_cause(c, e, x, {"mass": MASS, "drag_area": 6.0}) for c in causes]
@@ -121,13 +142,13 @@ def mismatch(kind: str, count: int = 3) -> Mismatch:
             )
         )
     if kind == "unknown":
-        found[0].data.update(equation="F = 1600 * sin(0.5 * speed)", formula_r2=0.8, depends_on=["speed"])
+        found[0] = findings.with_formula(found[0], Formula("1600 * sin(0.5 * speed)", 0.8, ("speed",)))
     rows = [(s.start + 100, s.start + 250) for s in e.stretches]
-    segments = [
+    segments = tuple(
         Segment(s.name, 20.0, 50.0, 0, 1200.0, a, z, 5.0) for s, (a, z) in zip(e.stretches, rows, strict=True)
-    ]
+    )
     return Mismatch(
-        verdict(kind, found), e, x, tuple(found), tuple(segments if causes else ()),
+        replace(verdict(kind, found), segments=segments if causes else ()), e, x,
         {name: errors(prepared, size) for name, size in DRIFTS.items()},
         None, prepared,
     )  # fmt: skip
@@ -163,31 +184,25 @@ def explanation(kind: str, e: Evidence) -> tuple[Explanation, list[Cause]]:
     return x, causes
 
 
-def verdict(kind: str, found, caveats=()) -> dict:
-    rows = {
-        n: {"speed_rmse": s, "acceleration_rmse": 0.05}
-        for n, s in (("before", 0.6), ("parameters_only", 0.4), ("after", 0.1))
-    }
-    fit = {"held_out": ["a"], "horizon_s": 20.0, "windows": 4, "validated": bool(found), **rows}
-    fit |= {"chosen": "findings", "corrected": [f.data["effect"] for f in found]}
-    fit |= {"improvement_ci95": [0.5, 0.8], "improvement_over_parameters_ci95": [0.1, 0.3]}
-    fit |= {"improvement_recordings": 1}
-    data: dict = {
-        "rejected": [{"rule": "speed missing or invalid", "samples": 12}],
-        "coverage": "coverage.png",
-    }
-    if kind == "nothing_missing":
-        data["smallest_visible"] = {
-            "mass": {"relative": 0.02},
-            "steady force all the time": {"newton": 81.234},
-        }
-    return {
-        "schema": 1,
-        "verdict": "missing_physics" if kind == "unknown" else kind,
-        "findings": [f.data for f in found],
-        "segments": [],
-        "regimes": [] if kind == "undetermined" else [vars(Regime("brake > 0.3 m/s^2", 0.7, 0.1))],
-        "fit": {} if kind == "undetermined" else fit,
-        "data": data,
-        "caveats": list(caveats),
-    }  # fmt: skip
+DATA = DataReport((Rejection("speed missing or invalid", 12),))
+SEEN = SmallestVisible({"mass": 0.02}, 81.234, 240.0)
+
+
+def fit(found: Sequence[Finding], **more: Any) -> FitResult:
+    """A correction that helps, by all that was found; `more` are other values of it."""
+    usual = FitResult(
+        ("a",), 20.0, 4, Chosen.FINDINGS, tuple(f.effect for f in found), bool(found),
+        Compared(Rmse(0.6, 0.05), Rmse(0.4, 0.05), Rmse(0.1, 0.05)), Improvement((0.5, 0.8), (0.1, 0.3), 1),
+    )  # fmt: skip
+    return replace(usual, **more)
+
+
+def verdict(kind: str, found: Sequence[Finding]) -> Verdict:
+    """The verdict with these findings."""
+    return Verdict(
+        Conclusion.PHYSICS if kind == "unknown" else Conclusion(kind),
+        tuple(found),
+        regimes=(Regime((Bound("brake", 0.3, np.inf, "m/s^2"),), 0.7, 0.1),),
+        fit=fit(found),
+        data=replace(DATA, smallest_visible=SEEN) if kind == "nothing_missing" else DATA,
+    )

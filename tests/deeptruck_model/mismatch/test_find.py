@@ -21,7 +21,7 @@ import pytest
 
 from deeptruck_model import driving_cycles, mismatch, simulators, trucks
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch import find, output
+from deeptruck_model.mismatch import find
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
 
@@ -81,7 +81,7 @@ def drives(
 
 def verdict(found: mismatch.Mismatch) -> dict[str, Any]:
     """The verdict as a program reads it; every one of them must keep to the schema."""
-    plain: dict[str, Any] = json.loads(json.dumps(output.plain(found.verdict), allow_nan=False))
+    plain: dict[str, Any] = json.loads(json.dumps(found.verdict, allow_nan=False))
     jsonschema.validate(plain, SCHEMA)
     return plain
 
@@ -229,12 +229,13 @@ def test_results_are_written_all_or_nothing(tmp_path: Path) -> None:
 
 KILLED = """
 import sys, time
-from types import SimpleNamespace
 from pathlib import Path
-from types import SimpleNamespace
-from deeptruck_model.mismatch import output, report, tool
-report.write = lambda *_: (print("writing", flush=True), time.sleep(60))
-output.write(tool.Mismatch({"verdict": "undetermined"}, None, None, (), (), {}, None, ()), Path(sys.argv[1]))
+from deeptruck_model.mismatch import output
+from deeptruck_model.mismatch.report import page
+from deeptruck_model.mismatch.result import Conclusion, Mismatch, Verdict
+page.write = lambda *_: (print("writing", flush=True), time.sleep(60))
+nothing = Mismatch(Verdict(Conclusion.UNDETERMINED), None, None, {}, None, ())
+output.write(nothing, Path(sys.argv[1]))
 """
 
 

@@ -32,7 +32,7 @@ def cause(force: np.ndarray) -> Cause:
 def test_a_stretch_is_found_with_its_time_force_and_finding(evidence: Evidence) -> None:
     one, two = np.zeros(N), np.zeros(N)
     one[1000:1100], two[400:450] = -0.2, 0.1
-    first, second = locate.segments(evidence, (cause(two), cause(one)))
+    first, second = locate.segments(evidence, {0: cause(two), 1: cause(one)})
     assert (first.recording, first.finding, second.recording, second.finding) == ("b", 1, "a", 0)
     assert (first.start_s, first.end_s) == pytest.approx((20.0, 40.0), abs=0.5)
     assert (second.start_s, second.end_s) == pytest.approx((90.0, 100.0), abs=0.5)  # since the bag's begin
@@ -43,9 +43,9 @@ def test_near_stretches_are_one_and_blinks_are_none(evidence: Evidence) -> None:
     force = np.zeros(N)
     force[100:130] = force[135:170] = 0.2
     force[600] = 0.2
-    (only,) = locate.segments(evidence, (cause(force),))
+    (only,) = locate.segments(evidence, {0: cause(force)})
     assert (only.start_s, only.end_s) == pytest.approx((30.0, 44.0), abs=0.5)
-    assert locate.segments(evidence, (cause(np.zeros(N)),)) == []
+    assert locate.segments(evidence, {0: cause(np.zeros(N))}) == []
 
 
 def test_a_regime_is_described_by_what_drives_the_error(evidence: Evidence) -> None:

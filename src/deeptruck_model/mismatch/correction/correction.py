@@ -7,14 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from enum import StrEnum
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
-from deeptruck_model.mismatch.correction.improvement import Errors, compare, free_windows, joined
+from deeptruck_model.mismatch.correction.improvement import compared, free_windows, improvement, joined
 from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes, held_steady
 from deeptruck_model.mismatch.mechanisms.carriers import factors
@@ -24,6 +22,7 @@ from deeptruck_model.mismatch.posterior.nuisances import left_beside
 from deeptruck_model.mismatch.posterior.search import PINNED, Model, Search
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.result import Chosen, Compared, Errors, FitResult, Improvement
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.simulators import Simulator
 
@@ -33,7 +32,8 @@ ROAD = "road_grade"
 
 def in_vain(
     x: Explanation,
-    fit: dict[str, Any],
+    errors: Compared | None,
+    chosen: Chosen,
     *,
     learned: bool = False,
     slopes_recorded: bool = True,
@@ -45,43 +45,40 @@ def in_vain(
     is a learned simulator, whose own error may be found. Of what has no name the laws must help these drives.
 
     A road helps other drives no more than another road does; where no slopes are recorded it is there.
+    `errors` are on the held-out recordings, None where there were no free runs; `chosen` is what went in.
     """
-    if not x.causes or any(c.needed is not None for c in x.causes) or "after" not in fit:
+    if not x.causes or any(c.needed is not None for c in x.causes) or errors is None:
         return False
-    before, tuned, after = (fit[name]["speed_rmse"] for name in ("before", "parameters_only", "after"))
+    before, tuned, after = errors.before.speed, errors.parameters_only.speed, errors.after.speed
     most = max(c.gain for c in x.causes)
     if learned and most < rules.strong_learned and after > before:
         return True
     if most < rules.least_gain and all(c.kind == "parameter_error" for c in x.causes):
-        return bool(after > rules.clearly_better * before)
+        return after > rules.clearly_better * before
     physics = [c for c in x.causes if c.kind != "parameter_error"]
     names = [c.shape for c in x.causes if c.shape is not None]
-    if (
-        most < rules.clear
-        and physics
-        and all(c.predictable for c in physics)
-        and _laws_drive_no_better(fit, rules)
-    ):
+    lawful = physics and all(c.predictable for c in physics)
+    if most < rules.clear and lawful and _laws_drive_no_better(errors, rules):
         return True
     if most < rules.clear and physics and all(_asked_of_other_drives(c, slopes_recorded) for c in physics):
         if after > rules.no_better * before:
             return True
         enough = rules.weak if any(_comes_and_goes(c) for c in physics) else rules.clear
-        if most < enough and after == tuned:
-            return True  # all parameters went in instead
+        if most < enough and chosen is Chosen.PARAMETERS:
+            return True
     if most >= rules.weak:
         return False
     lasting = any(_lasting(shape) for shape in names) or 0 < len(names) < len(x.causes)
-    left_out = after == before and not any("when" in shape.settings for shape in names)
-    return bool(left_out or after > before or ((learned or lasting) and after > rules.no_better * tuned))
+    left_out = chosen is Chosen.NOTHING and not any("when" in shape.settings for shape in names)
+    return left_out or after > before or ((learned or lasting) and after > rules.no_better * tuned)
 
 
-def _laws_drive_no_better(fit: dict[str, Any], rules: Rules) -> bool:
+def _laws_drive_no_better(errors: Compared, rules: Rules) -> bool:
     """Whether laws without a name, which nothing is corrected by, would help no held-out drive."""
-    if "free_model" not in fit:
+    if errors.free_model is None:
         return False
-    others = min(fit[name]["speed_rmse"] for name in ("before", "parameters_only"))
-    return bool(fit["free_model"]["speed_rmse"] > rules.no_better * others)
+    others = min(errors.before.speed, errors.parameters_only.speed)
+    return errors.free_model.speed > rules.no_better * others
 
 
 def _asked_of_other_drives(cause: Cause, slopes_recorded: bool) -> bool:
@@ -108,15 +105,6 @@ HORIZON_S = 20.0  # of the free runs that are told: of long ones there are too f
 WEIGHED_S = 40.0  # of those that weak findings are weighed by: what is missing stands out of sensor noise
 COMPARED = ("before", "parameters_only", "after")
 FOLDS = 3  # of the recordings that are not held out, to choose what goes in
-
-
-class Chosen(StrEnum):
-    """What goes into a corrected simulator."""
-
-    NOTHING = "nothing"
-    FINDINGS = "findings"
-    PARAMETERS = "parameters"  # all refitted, and no name
-    LAWS = "laws"  # the findings, and laws for what has no name
 
 
 @dataclass(frozen=True)
@@ -285,30 +273,30 @@ def _horizon(prepared: Sequence[Prepared], most_s: float = HORIZON_S) -> float:
 
 def shown(
     simulator: Simulator, made: Corrections, held_out: Sequence[Prepared], with_unnamed: bool
-) -> tuple[dict[str, Errors], CorrectedTruck, dict[str, Any]]:
+) -> tuple[dict[str, Errors], CorrectedTruck, FitResult]:
     """Errors of free runs on the held-out recordings, the corrected simulator marked as validated or not, and
-    `fit` of verdict.json. `with_unnamed` corrects by the laws without a name too, where there are any.
+    what it is worth. `with_unnamed` corrects by the laws without a name too, where there are any.
     """
     after, chosen = made.after(with_unnamed)
-    named, horizon_s = _compared(simulator, made, after), _horizon(held_out)
+    named, horizon_s = _side_by_side(simulator, made, after), _horizon(held_out)
     errors = {name: free_windows(s, held_out, horizon_s) for name, s in named.items()}
-    windows = errors["before"].speed
-    fit: dict[str, Any] = {
-        "held_out": [p.recording.name for p in held_out],
-        "horizon_s": horizon_s,
-        "windows": len(windows),
-        "chosen": chosen.value,
-        "corrected": sorted({t.effect for t in after.terms} | set(after.moved)),
-    }
-    if len(windows):
-        judged = _judged(errors, made.crossed if after is made.named else {})
-        fit |= compare(errors, judged)
-        fit["improvement_recordings"] = len(np.unique(judged["before"].recording))
-    fit["validated"] = bool(after.terms or after.moved) and _better(fit)
-    return errors, after.marked(fit["validated"]), fit
+    told = compared(errors)
+    judged = _judged(errors, made.crossed if after is made.named else {})
+    gained = improvement(judged) if told is not None else None
+    fit = FitResult(
+        held_out=tuple(p.recording.name for p in held_out),
+        horizon_s=horizon_s,
+        windows=len(errors["before"].speed),
+        chosen=chosen,
+        corrected=tuple(sorted({t.effect for t in after.terms} | set(after.moved))),
+        validated=bool(after.terms or after.moved) and _better(told, gained),
+        errors=told,
+        improvement=gained,
+    )
+    return errors, after.marked(fit.validated), fit
 
 
-def _compared(simulator: Simulator, made: Corrections, after: CorrectedTruck) -> dict[str, Simulator]:
+def _side_by_side(simulator: Simulator, made: Corrections, after: CorrectedTruck) -> dict[str, Simulator]:
     """The simulators that are driven beside each other, by the names of `fit`."""
     named: dict[str, Simulator] = {"before": simulator, "parameters_only": made.tuned, "after": after}
     return named | ({"free_model": made.unnamed} if made.unnamed is not None else {})
@@ -324,18 +312,18 @@ def _judged(errors: dict[str, Errors], others: dict[str, Errors]) -> dict[str, E
 
 def _weighed(
     simulator: Simulator, made: Corrections, held_out: Sequence[Prepared], with_unnamed: bool
-) -> dict[str, dict[str, float]]:
-    """RMSE of each simulator in free runs of WEIGHED_S on the held-out recordings; empty without any."""
-    named = _compared(simulator, made, made.after(with_unnamed)[0])
+) -> Compared | None:
+    """Errors in free runs of WEIGHED_S on the held-out recordings; None without any."""
+    named = _side_by_side(simulator, made, made.after(with_unnamed)[0])
     horizon_s = _horizon(held_out, WEIGHED_S)
-    errors = {name: free_windows(s, held_out, horizon_s) for name, s in named.items()}
-    return {name: e.rmse() for name, e in errors.items() if len(e.speed)}
+    return compared({name: free_windows(s, held_out, horizon_s) for name, s in named.items()})
 
 
-def _better(fit: dict[str, Any]) -> bool:
+def _better(errors: Compared | None, gained: Improvement | None) -> bool:
     """Surely so over all that was driven unseen, and no worse over what was held out."""
-    sure = bool(fit.get("improvement_ci95", [0.0])[0] > 0.0)
-    return sure and bool(fit["after"]["speed_rmse"] <= fit["before"]["speed_rmse"])
+    if errors is None or gained is None:
+        return False
+    return gained.ci95[0] > 0.0 and errors.after.speed <= errors.before.speed
 
 
 def corrected_and_driven(
@@ -345,14 +333,16 @@ def corrected_and_driven(
     fitted: Sequence[Prepared],
     held_out: Sequence[Prepared],
     with_unnamed: bool,
-) -> tuple[Explanation, tuple[dict[str, Errors], CorrectedTruck, dict[str, Any]]]:
+) -> tuple[Explanation, tuple[dict[str, Errors], CorrectedTruck, FitResult]]:
     """The correction, driven; and the explanation, without causes where they are weak and drive no better."""
     made = correct(simulator, e, x, fitted)
-    weighed = _weighed(simulator, made, held_out, with_unnamed) if x.causes else {}
-    if in_vain(x, weighed, learned=e.own_error > 0, slopes_recorded=e.has("grade"), rules=e.rules):
+    weighed = _weighed(simulator, made, held_out, with_unnamed) if x.causes else None
+    chosen = made.after(with_unnamed)[1]
+    learned, slopes = e.own_error > 0, e.has("grade")
+    if in_vain(x, weighed, chosen, learned=learned, slopes_recorded=slopes, rules=e.rules):
         x = replace(x, causes=(), lawful=None)
         made = correct(simulator, e, x, fitted)
     return x, shown(simulator, made, held_out, with_unnamed)
 
 
-__all__ = ["HORIZON_S", "Chosen", "correct", "corrected", "corrected_and_driven", "shown"]
+__all__ = ["HORIZON_S", "correct", "corrected", "corrected_and_driven", "shown"]

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +10,7 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.data.prepared import Prepared, fed, padded
 from deeptruck_model.mismatch.residual.evidence import turns
+from deeptruck_model.mismatch.result import Compared, Errors, Improvement, Interval
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Simulator
 
@@ -21,22 +20,6 @@ SETTLE_S = 6.0  # forced along the recording before each free window
 BOOTSTRAPS = 1000
 LEAST = 1e-3  # m/s; errors this small are as good as none, and none can be no improvement
 EXOGENOUS = ("gap", "leader_speed", "ambient_temperature", "elevation", "gear", "engine_speed")
-
-
-@dataclass(frozen=True)
-class Errors:
-    """Errors of free windows, (windows, steps), and the recording and sample each begins at."""
-
-    speed: Array
-    acceleration: Array
-    recording: NDArray[np.intp]
-    start: NDArray[np.intp]
-
-    def rmse(self) -> dict[str, float]:
-        return {
-            "speed_rmse": float(np.sqrt(np.mean(self.speed**2))),
-            "acceleration_rmse": float(np.sqrt(np.mean(self.acceleration**2))),
-        }
 
 
 def free_windows(simulator: Simulator, prepared: Sequence[Prepared], horizon_s: float) -> Errors:
@@ -130,18 +113,21 @@ def _starts(p: Prepared, settle: int, horizon: int) -> list[int]:
     return out
 
 
-def compare(errors: Mapping[str, Errors], judged: Mapping[str, Errors], seed: int = 0) -> dict[str, Any]:
-    """RMSE of each simulator, and bootstrap intervals over recordings of the relative improvement.
+def compared(errors: Mapping[str, Errors]) -> Compared | None:
+    """RMSE of each simulator by its name in `Compared`; None without a free run."""
+    if not len(errors["before"].speed):
+        return None
+    return Compared(**{name: e.rmse() for name, e in errors.items()})
 
-    These are over the free runs in `judged`: the same, and others of drives that were not fitted either."""
-    out: dict[str, Any] = {name: e.rmse() for name, e in errors.items()}
+
+def improvement(judged: Mapping[str, Errors], seed: int = 0) -> Improvement:
+    """Bootstrap intervals over recordings of the relative improvement, over the free runs in `judged`."""
     before, after, tuned = judged["before"], judged["after"], judged["parameters_only"]
-    out["improvement_ci95"] = _interval(before, after, seed)
-    out["improvement_over_parameters_ci95"] = _interval(tuned, after, seed)
-    return out
+    recordings = len(np.unique(before.recording))
+    return Improvement(_interval(before, after, seed), _interval(tuned, after, seed), recordings)
 
 
-def _interval(old: Errors, new: Errors, seed: int) -> list[float]:
+def _interval(old: Errors, new: Errors, seed: int) -> Interval:
     """95 % interval of 1 - rmse_new / rmse_old for speed."""
     rng = np.random.default_rng(seed)
     owners = np.unique(old.recording)
@@ -153,4 +139,5 @@ def _interval(old: Errors, new: Errors, seed: int) -> list[float]:
     for _ in range(BOOTSTRAPS):
         pick = np.concatenate([groups[i] for i in rng.integers(0, len(groups), len(groups))])
         gains.append(1.0 - np.sqrt((b[pick].mean() + LEAST**2) / (a[pick].mean() + LEAST**2)))
-    return [float(x) for x in np.quantile(gains, [0.025, 0.975])]
+    low, high = np.quantile(gains, [0.025, 0.975])
+    return float(low), float(high)

@@ -1,16 +1,14 @@
 """What the held-out free runs show of the correction, beside the simulator as given and refitted parameters.
 
-Read from `fit` of verdict.json, once, so that terminal and page cannot say two things of it.
+Read from the result once, so that terminal and page cannot say two things of it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum, auto
-from typing import Any
 
-from deeptruck_model.mismatch.correction.correction import Chosen
+from deeptruck_model.mismatch.result import Chosen, FitResult
 
 NOTICED = 0.7  # of the error, below which other parameters are worth a word where nothing was found, and ...
 NOTICED_M_S = 0.05  # by how much they must help, in free runs of 20 s
@@ -28,7 +26,7 @@ class Worth(Enum):
 
 
 @dataclass(frozen=True)
-class Errors:
+class SpeedErrors:
     """Speed errors, rms in m/s, of free runs of `horizon_s` on the held-out recordings."""
 
     horizon_s: float
@@ -37,37 +35,34 @@ class Errors:
     corrected: float
 
 
-def worth(fit: Mapping[str, Any]) -> Worth:
-    """What the `fit` of verdict.json shows."""
-    if "after" not in fit:
+def worth(fit: FitResult | None) -> Worth:
+    """What the free runs show."""
+    if fit is None or fit.errors is None or fit.improvement is None:
         return Worth.NOT_DRIVEN
-    if not fit["validated"]:
+    if not fit.validated:
         return Worth.NOT_BETTER
-    if fit["chosen"] == Chosen.PARAMETERS:
+    if fit.chosen is Chosen.PARAMETERS:
         return Worth.PARAMETERS_ALONE
-    low, high = fit["improvement_over_parameters_ci95"]
+    low, high = fit.improvement.over_parameters_ci95
     if low > 0.0:
         return Worth.BETTER
     return Worth.WORSE if high < 0.0 else Worth.AS_GOOD
 
 
-def errors(fit: Mapping[str, Any]) -> Errors | None:
-    """The errors in `fit`; None where no free run could be driven."""
-    if "after" not in fit:
+def errors(fit: FitResult | None) -> SpeedErrors | None:
+    """The speed errors; None where no free run could be driven."""
+    if fit is None or fit.errors is None:
         return None
-    given, refitted, corrected = (
-        float(fit[name]["speed_rmse"]) for name in ("before", "parameters_only", "after")
-    )
-    return Errors(float(fit["horizon_s"]), given, refitted, corrected)
+    e = fit.errors
+    return SpeedErrors(fit.horizon_s, e.before.speed, e.parameters_only.speed, e.after.speed)
 
 
-def refitted_is_surely_better(fit: Mapping[str, Any]) -> bool:
+def refitted_is_surely_better(fit: FitResult) -> bool:
     """Whether refitted parameters surely drive better than the simulator after its correction."""
-    beside = fit.get("improvement_over_parameters_ci95")
-    return beside is not None and bool(beside[1] < 0.0)
+    return fit.improvement is not None and fit.improvement.over_parameters_ci95[1] < 0.0
 
 
-def refitted_is_much_better(fit: Mapping[str, Any]) -> bool:
+def refitted_is_much_better(fit: FitResult | None) -> bool:
     """Whether refitted parameters help held-out drives so much that the simulator is hardly right."""
     e = errors(fit)
     return e is not None and e.refitted < min(NOTICED * e.given, e.given - NOTICED_M_S)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import sympy
@@ -99,18 +98,6 @@ class Formula:
     text: str
     held_out_r2: float
     drivers: tuple[str, ...]
-
-
-def describe(e: Evidence, x: Explanation) -> dict[str, Any]:
-    """`equation`, `depends_on` and `formula_r2` for the finding of an unknown force; {} where none holds."""
-    found = formula(e, x)
-    if found is None:
-        return {}
-    return {
-        "equation": f"F = {found.text}",
-        "depends_on": list(found.drivers),
-        "formula_r2": round(found.held_out_r2, 3),
-    }
 
 
 def formula(e: Evidence, x: Explanation, seed: int = 0) -> Formula | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,15 +11,12 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from deeptruck_model.mismatch.data.prepared import Prepared
+from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.report.drawing import BLUE, GREEN, GREY, INK, ORANGE, SKY, figure, tidy, words
 from deeptruck_model.mismatch.report.wording import spoken
+from deeptruck_model.mismatch.result import Errors
 from deeptruck_model.mismatch.rules import Rules
-
-if TYPE_CHECKING:
-    from deeptruck_model.mismatch.correction.improvement import Errors
-    from deeptruck_model.mismatch.data.prepared import Prepared
-    from deeptruck_model.mismatch.posterior.causes import Explanation
-
 
 MOST_NAMES = 14
 PALE = "#cccccc"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -11,19 +10,16 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from deeptruck_model.mismatch.data.checks import derivative
-from deeptruck_model.mismatch.data.prepared import SETTLE_S
+from deeptruck_model.mismatch.data.prepared import SETTLE_S, Prepared
 from deeptruck_model.mismatch.report import error_figures, regime_figure, timeline_figure
 from deeptruck_model.mismatch.report.drawing import BLUE, GREY, ORANGE, figure, png, strips, tidy
 from deeptruck_model.mismatch.report.given import as_given
 from deeptruck_model.mismatch.report.wording import counted
+from deeptruck_model.mismatch.result import Kind, Mismatch
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import coverage
 from deeptruck_model.recordings.coverage_figure import draw as draw_coverage
 from deeptruck_model.signals import SPEED
-
-if TYPE_CHECKING:
-    from deeptruck_model.mismatch.data.prepared import Prepared
-    from deeptruck_model.mismatch.find import Mismatch
 
 Array = NDArray[np.float64]
 
@@ -53,7 +49,7 @@ def draw(m: Mismatch) -> dict[str, Picture]:
     out = {"timeline": _timeline(m)}
     out |= _where_and_what(m)
     out |= _errors(m)
-    if any(f.data["kind"] == "measurement_fault" and f.cause is None for f in m.findings):
+    if any(f.kind is Kind.SENSOR and f.cause is None for f in m.result.findings):
         out["sensors"] = Picture(
             png(sensors([p for p in m.prepared if p.measured_acceleration], _speed_scale(m))),
             "Accelerometer against the derivative of speed, means over 1 s. Off the grey line a sensor is at "
@@ -70,7 +66,7 @@ def _timeline(m: Mismatch) -> Picture:
     made, ends, left_out = timeline_figure.timeline(m)
     count = f"{left_out} more recording{'s are' if left_out > 1 else ' is'}"
     more = f" {count} not drawn: those with the most to see are." if left_out else ""
-    shaded = " Shaded: the strongest stretches in which a finding acts." if m.segments else ""
+    shaded = " Shaded: the strongest stretches in which a finding acts." if m.result.segments else ""
     gaps = f" {_gaps(m)}" if m.evidence is not None else ""
     whole = png(made)
     return Picture(whole, f"The recordings along time.{shaded}{gaps}{more}", strips(whole, ends))
@@ -100,8 +96,8 @@ def _where_and_what(m: Mismatch) -> dict[str, Picture]:
         "explanation. So these bars differ by other numbers. "
         "1 nat is a factor of e in odds.",
     )
-    unnamed = next((f for f in m.findings if f.cause is not None and f.cause.predictable), None)
-    shape = regime_figure.shape(m.evidence, m.explanation, unnamed.data["equation"]) if unnamed else None
+    unnamed = next((f for f in m.result.findings if f.cause is not None and f.cause.predictable), None)
+    shape = regime_figure.shape(m.evidence, m.explanation, unnamed.equation) if unnamed else None
     if shape is not None:
         out["unknown"] = Picture(
             png(shape),
@@ -129,8 +125,8 @@ def _errors(m: Mismatch) -> dict[str, Picture]:
 
 def _speed_scale(m: Mismatch) -> float:
     """By what speeds were divided when they were mended; 1 where they were not."""
-    found = [f.data for f in m.findings if f.data["effect"] == "speed_scale" and f.cause is None]
-    return float(found[0]["parameters"]["value"]["value"]) if found else 1.0
+    found = [f for f in m.result.findings if f.effect == "speed_scale" and f.cause is None]
+    return found[0].parameters["value"].value if found else 1.0
 
 
 def sensors(prepared: list[Prepared], speed_scale: float = 1.0) -> Figure:

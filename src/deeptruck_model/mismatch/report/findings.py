@@ -1,9 +1,8 @@
-"""Findings as people and programs read them: the sentences, parameters and groups of verdict.json."""
+"""Findings as people and programs read them: sentences, sizes and groups."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +11,11 @@ from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.expression import Rerun
 from deeptruck_model.mismatch.mechanisms import LIBRARY, OWN, UNNAMED, Column, Shape, carriers
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation, RoadLock
+from deeptruck_model.mismatch.posterior.formula import Formula
 from deeptruck_model.mismatch.posterior.search import Model
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.result import Finding, Kind, Rival, Size
+from deeptruck_model.mismatch.sentence import Named, Part, Sentence
 
 MOSTLY = 0.6  # of the time, beyond which a force is no event
 ONE_WAY = 0.5  # of its rms that the mean of a force must have, to tell its size
@@ -33,7 +35,19 @@ def strength(cause: Cause, e: Evidence) -> str:
     return f"{size} while it acts, {100.0 * share:.0f} % of the time"
 
 
-def slow(cause: Cause) -> dict[str, Any]:
+@dataclass(frozen=True)
+class Told:
+    """What depends on what kind of cause it is: the sentence, the equation, the sizes, and what to drive."""
+
+    says: Sentence
+    equation: str
+    parameters: dict[str, Size]
+    would_be_told_by: Sentence
+    depends_on: tuple[str, ...]
+    laws_r2: float | None = None
+
+
+def slow(cause: Cause) -> Told:
     """A slow force, and what size it would need under each name: sizes decide here, not the fit."""
     needed = cause.needed or {}
     rms = float(np.sqrt(np.mean(cause.force**2)))
@@ -43,26 +57,23 @@ def slow(cause: Cause) -> dict[str, Any]:
     )
     m = LIBRARY.get(cause.effect)
     what = m.says if m else "a slow force that no signal predicts"
-    return {
-        "says": f"{what}: {rms:.3f} m/s^2 rms. It would be {sizes}{_again(cause.road)}",
-        "equation": m.equation if m else "F = f(t)",
-        "parameters": {
-            f"rms_as_{n}": {"value": v, "unit": u, "ci95": None}
-            for (n, v), u in zip(needed.items(), ("ratio", "m/s", "1"), strict=True)
-        },
-        "would_be_told_by": m.told_by if m else "drive the same stretch in both directions",
-        "depends_on": list(m.depends_on) if m else ["time"],
-        **_decided(cause),
-    }
+    units = ("ratio", "m/s", "1")
+    return Told(
+        Sentence.of(f"{what}: {rms:.3f} m/s^2 rms. It would be {sizes}{_again(cause.road)}"),
+        m.equation if m else "F = f(t)",
+        {f"rms_as_{n}": Size(v, u) for (n, v), u in zip(needed.items(), units, strict=True)},
+        Sentence.of(m.told_by if m else "drive the same stretch in both directions"),
+        m.depends_on if m else ("time",),
+    )
 
 
-def _decided(cause: Cause) -> dict[str, Any]:
+def _decided_by(cause: Cause) -> str | None:
     """What gave a slow force its name: that it came again with the road, or its size alone."""
-    road = cause.road
-    if road is None:
-        return {"decided_by": "physically possible size, not the fit"}
-    numbers = {name: round(value, 3) for name, value in vars(road).items()}
-    return {"decided_by": "it comes again where the same road is driven again", "road": numbers}
+    if cause.needed is None:
+        return None
+    if cause.road is None:
+        return "physically possible size, not the fit"
+    return "it comes again where the same road is driven again"
 
 
 def _again(road: RoadLock | None) -> str:
@@ -78,35 +89,38 @@ def _again(road: RoadLock | None) -> str:
     )
 
 
-def comes_and_goes(cause: Cause, e: Evidence) -> dict[str, Any]:
+def comes_and_goes(cause: Cause, e: Evidence) -> Told:
     """An unknown force that no signal predicts and that acts like none of the known ones."""
-    near = f". The nearest name, {cause.nearest}, does not explain how it acts" if cause.nearest else ""
+    near = _nearest(cause, "does not explain how it acts")
     now_and_then = bool(np.mean(cause.force[e.valid] == 0.0) > 0.5)
-    return {
-        "says": f"{UNNAMED.says}: {strength(cause, e)}{near}",
-        "equation": UNNAMED.equation,
-        "parameters": {},
-        "would_be_told_by": AT_ITS_MOMENTS if now_and_then else UNNAMED.told_by,
-        "depends_on": ["time"] if now_and_then else list(UNNAMED.depends_on),
-        **({"nearest": cause.nearest} if cause.nearest else {}),
-    }
+    return Told(
+        Sentence.of(f"{UNNAMED.says}: {strength(cause, e)}", *near),
+        UNNAMED.equation,
+        {},
+        Sentence.of(AT_ITS_MOMENTS if now_and_then else UNNAMED.told_by),
+        ("time",) if now_and_then else UNNAMED.depends_on,
+    )
 
 
-def unknown(cause: Cause, e: Evidence, explanation: Explanation) -> dict[str, Any]:
+def _nearest(cause: Cause, fails: str) -> tuple[Part, ...]:
+    """Which name comes nearest to a force without one, and what it fails in."""
+    return (". The nearest name, ", Named(cause.nearest), f", {fails}") if cause.nearest else ()
+
+
+def unknown(cause: Cause, e: Evidence, explanation: Explanation) -> Told:
     left = explanation.left_over
     drivers = [name for name, share in left.importance.items() if share > 0.1][:4]
-    near = f". The nearest name, {cause.nearest}, does not explain it" if cause.nearest else ""
-    return {
-        "says": f"a force that no mechanism of the library explains: {strength(cause, e)}. It varies with "
-        f"{', '.join(drivers) or 'nothing recorded'}{near}",
-        "equation": "F = f(" + ", ".join(drivers) + ")",
-        "parameters": {"held_out_r2": {"value": left.r2, "unit": "1", "ci95": None}},
-        "would_be_told_by": "drive so that "
-        + (drivers[0] if drivers else "one signal")
-        + " changes while the others change little",
-        "depends_on": drivers,
-        **({"nearest": cause.nearest} if cause.nearest else {}),
-    }
+    near = _nearest(cause, "does not explain it")
+    one: Part = Named(drivers[0]) if drivers else "one signal"
+    says = f"a force that no mechanism of the library explains: {strength(cause, e)}. It varies with "
+    return Told(
+        Sentence.of(says, *(Sentence.named(drivers) or ("nothing recorded",)), *near),
+        f"F = f({', '.join(drivers)})",
+        {},
+        Sentence.of("drive so that ", one, " changes while the others change little"),
+        tuple(drivers),
+        left.r2,
+    )
 
 
 Array = NDArray[np.float64]
@@ -143,84 +157,95 @@ OTHER_FORM = ". It acts otherwise than in the form that is known here, and may b
 TELLING_PARAMETERS = 12  # a profile along the road has hundreds; people get the ones that matter
 
 
-@dataclass(frozen=True)
-class Finding:
-    """One entry of `findings` in verdict.json, with the cause it came from."""
-
-    data: dict[str, Any]
-    cause: Cause | None = field(default=None)
-
-
 def from_sensor(fault: SensorFault) -> Finding:
     """A fault between two sensors, certain and beside all physics."""
-    ci = [fault.value - 1.96 * fault.se, fault.value + 1.96 * fault.se]
-    alone = "move the truck by a known distance and compare each sensor with it"
+    ci = (fault.value - 1.96 * fault.se, fault.value + 1.96 * fault.se)
     return Finding(
-        {
-            "kind": "measurement_fault",
-            "effect": fault.effect,
-            "says": fault.says,
-            "equation": "accelerometer(t) = slope * dv/dt(t - lag) + offset",
-            "parameters": {"value": {"value": fault.value, "unit": fault.unit, "ci95": ci}},
-            "probability": 0.99,
-            "cannot_be_told_from": [],
-            "would_be_told_by": alone,
-            "share_of_explainable_error": 0.0,
-            "depends_on": ["speed", "acceleration"],
-        }
+        kind=Kind.SENSOR,
+        effect=fault.effect,
+        says=Sentence.of(fault.says),
+        equation="accelerometer(t) = slope * dv/dt(t - lag) + offset",
+        parameters={"value": Size(fault.value, fault.unit, ci)},
+        probability=0.99,
+        would_be_told_by=Sentence.of("move the truck by a known distance and compare each sensor with it"),
+        depends_on=("speed", "acceleration"),
     )
 
 
 def from_cause(cause: Cause, e: Evidence, explanation: Explanation, own: dict[str, float]) -> Finding:
     """A cause in words and numbers. `own` holds the simulator's parameters (SI) where it has them."""
-    if cause.needed is not None:
-        words = slow(cause)
-    elif cause.lawless:
-        words = comes_and_goes(cause, e)
-    elif cause.effect == "unknown":
-        words = unknown(cause, e, explanation)
-    elif cause.shape is None:
-        words = _parameter(cause, e, explanation, own)
-    else:
-        words = _mechanism(cause, e, explanation)
+    told = _told(cause, e, explanation, own)
     return Finding(
-        {
-            "kind": cause.kind,
-            "effect": cause.effect,
-            **words,
-            "probability": round(cause.believed, 3),
-            "cannot_be_told_from": cause.not_told_from,
-            "share_of_explainable_error": round(cause.share, 3),
-            "evidence_nats": round(cause.gain, 1),
-            "rivals": [{"effect": n, "worse_by_nats": round(w, 1)} for n, w in cause.rivals[:8]],
-        },
-        cause,
+        kind=Kind(cause.kind),
+        effect=cause.effect,
+        says=told.says,
+        equation=told.equation,
+        parameters=told.parameters,
+        probability=round(cause.believed, 3),
+        would_be_told_by=told.would_be_told_by,
+        depends_on=told.depends_on,
+        cannot_be_told_from=tuple(cause.not_told_from),
+        share_of_explainable_error=round(cause.share, 3),
+        evidence_nats=round(cause.gain, 1),
+        rivals=tuple(Rival(name, round(worse, 1)) for name, worse in cause.rivals[:8]),
+        capped=cause.effect != "unknown" and cause.probability > cause.believed,
+        nearest=cause.nearest if cause.effect == "unknown" and cause.needed is None else None,
+        laws_r2=told.laws_r2,
+        decided_by=_decided_by(cause),
+        road=cause.road if cause.needed is not None else None,
+        cause=cause,
     )
 
 
-def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> dict[str, Any]:
+def _told(cause: Cause, e: Evidence, explanation: Explanation, own: dict[str, float]) -> Told:
+    if cause.needed is not None:
+        return slow(cause)
+    if cause.lawless:
+        return comes_and_goes(cause, e)
+    if cause.effect == "unknown":
+        return unknown(cause, e, explanation)
+    if cause.shape is None:
+        return _parameter(cause, e, explanation, own)
+    return _mechanism(cause, e, explanation)
+
+
+def with_formula(finding: Finding, formula: Formula | None) -> Finding:
+    """The finding of a force without a name with the formula of its laws, where there is one."""
+    if formula is None:
+        return finding
+    return replace(
+        finding,
+        equation=f"F = {formula.text}",
+        depends_on=formula.drivers,
+        formula_r2=round(formula.held_out_r2, 3),
+    )
+
+
+def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> Told:
     shape = cause.shape
     assert shape is not None
     m = shape.mechanism
-    parameters = _sizes(shape, explanation.model, e) | chosen(shape)
-    return {
-        "says": f"{m.says}: {strength(cause, e)}{_now_and_then(shape)}{_confined(shape, e.mass)}"
-        f"{_curved(shape)}"
-        f"{OTHER_FORM if cause.other_form else ''}",
-        "equation": m.equation,
-        "parameters": parameters,
-        "would_be_told_by": m.told_by,
-        "depends_on": [*m.depends_on, *[gate[0] for gate in _gates(shape) if gate[0] not in m.depends_on]],
-    }
+    gates = [gate[0] for gate in _gates(shape) if gate[0] not in m.depends_on]
+    return Told(
+        Sentence.of(
+            f"{m.says}: {strength(cause, e)}{_now_and_then(shape)}{_confined(shape, e.mass)}",
+            *_curved(shape),
+            OTHER_FORM if cause.other_form else "",
+        ),
+        m.equation,
+        _sizes(shape, explanation.model, e) | picked(shape),
+        Sentence.of(m.told_by),
+        (*m.depends_on, *gates),
+    )
 
 
-def chosen(shape: Shape) -> dict[str, Any]:
+def picked(shape: Shape) -> dict[str, Size]:
     """Settings that have a size, as parameters without an interval; of two parts with one, the first's."""
-    out: dict[str, Any] = {}
+    out: dict[str, Size] = {}
     for part in [shape.settings, *shape.settings.get("parts", [])]:
         for name, value in part.items():
             if isinstance(value, float) and name in SETTING_UNITS:
-                out.setdefault(name, {"value": value, "unit": SETTING_UNITS[name], "ci95": None})
+                out.setdefault(name, Size(value, SETTING_UNITS[name], picked=True))
     return out
 
 
@@ -246,11 +271,11 @@ def _confined(shape: Shape, mass: float) -> str:
     return ""
 
 
-def _curved(shape: Shape) -> str:
+def _curved(shape: Shape) -> tuple[Part, ...]:
     """Over what an effect runs in a curve of its own, where it does."""
     parts = shape.settings.get("parts", [shape.settings])
     over = [OWN[shape.mechanism.effect][part["own"]].by for part in parts if "own" in part]
-    return f". It is a curve of its own over {', '.join(dict.fromkeys(over))}" if over else ""
+    return (". It is a curve of its own over ", *Sentence.named(list(dict.fromkeys(over)))) if over else ()
 
 
 def _now_and_then(shape: Shape) -> str:
@@ -261,7 +286,7 @@ def _now_and_then(shape: Shape) -> str:
     return f". It was seen now and then alone, {times} for {seconds:.0f} s together" if spans else ""
 
 
-def _sizes(shape: Shape, model: Model, e: Evidence) -> dict[str, Any]:
+def _sizes(shape: Shape, model: Model, e: Evidence) -> dict[str, Size]:
     """The most telling parameters by name. Columns of one name, from a widened shape, add up to one size.
 
     When within a sample a command came nobody knows, so that no delay is known better than that.
@@ -286,7 +311,7 @@ def _sizes(shape: Shape, model: Model, e: Evidence) -> dict[str, Any]:
     }
     telling = sorted(sizes, key=lambda n: -abs(sizes[n][0]) / max(sizes[n][1], 1e-12))[:TELLING_PARAMETERS]
     return {
-        name: {"value": value, "unit": unit, "ci95": [value - 1.96 * sd, value + 1.96 * sd] if sd else None}
+        name: Size(value, unit, (value - 1.96 * sd, value + 1.96 * sd) if sd else None)
         for name, (value, sd, unit) in sizes.items()
         if name in telling
     }
@@ -297,25 +322,21 @@ def _timing(part: Column, e: Evidence) -> float:
     return (e.dt / 4) ** 2 / 3 if part.unit == "s" and isinstance(part.expression, Rerun) else 0.0
 
 
-def _parameter(cause: Cause, e: Evidence, explanation: Explanation, own: dict[str, float]) -> dict[str, Any]:
+def _parameter(cause: Cause, e: Evidence, explanation: Explanation, own: dict[str, float]) -> Told:
     unit, says = NAMES[cause.effect]
     change = e.total_change(cause.effect, explanation.model.change(cause.effect))
     sd = explanation.model.change_sd(cause.effect) * (1.0 + e.moved.get(cause.effect, 0.0))
     base, unit = (own[cause.effect], unit) if cause.effect in own else (1.0, "of the simulator's")
-    ci = [base * (1 + change - 1.96 * sd), base * (1 + change + 1.96 * sd)]
-    return {
-        "says": f"{says}: {abs(100 * change):.1f} % {'more' if change > 0 else 'less'} (+-{196 * sd:.1f} %)",
-        "equation": f"{cause.effect} -> {cause.effect} * (1 {change:+.3f})",
-        "parameters": {cause.effect: {"value": base * (1 + change), "unit": unit, "ci95": ci}},
-        "would_be_told_by": TOLD_BY[cause.effect],
-        "depends_on": [cause.effect],
-    }
-
-
-def in_sentences(*parts: str) -> str:
-    """The parts as sentences in a row, without the last full stop; empty ones left out."""
-    first, *more = filter(None, parts)
-    return ". ".join([first, *(part[:1].upper() + part[1:] for part in more)])
+    ci = (base * (1 + change - 1.96 * sd), base * (1 + change + 1.96 * sd))
+    return Told(
+        Sentence.of(
+            f"{says}: {abs(100 * change):.1f} % {'more' if change > 0 else 'less'} (+-{196 * sd:.1f} %)"
+        ),
+        f"{cause.effect} -> {cause.effect} * (1 {change:+.3f})",
+        {cause.effect: Size(base * (1 + change), unit, ci)},
+        Sentence.of(TOLD_BY[cause.effect]),
+        (cause.effect,),
+    )
 
 
 def known(effect: str) -> bool:

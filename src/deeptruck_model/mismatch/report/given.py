@@ -5,20 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from deeptruck_model.mismatch.data.prepared import SAME_DRIVES
+from deeptruck_model.mismatch.data.prepared import SAME_DRIVES, Prepared
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.report import headline
 from deeptruck_model.mismatch.report.wording import condition, counted, prose, spoken
+from deeptruck_model.mismatch.result import Conclusion, Finding, Mismatch, Verdict
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
-
-if TYPE_CHECKING:
-    from deeptruck_model.mismatch.data.prepared import Prepared
-    from deeptruck_model.mismatch.find import Mismatch
 
 
 def summary(m: Mismatch) -> str:
@@ -64,10 +60,10 @@ def as_given(prepared: Sequence[Prepared]) -> list[Recording]:
     return out
 
 
-def caveats(verdict: dict[str, Any]) -> list[str]:
+def caveats(verdict: Verdict) -> list[str]:
     """What limits what is claimed; where nothing is, not whom the claim is about."""
-    claimed = verdict["verdict"] != "undetermined"
-    return [c for c in verdict["caveats"] if claimed or c != SAME_DRIVES]
+    claimed = verdict.kind is not Conclusion.UNDETERMINED
+    return [c for c in verdict.caveats if claimed or c != SAME_DRIVES]
 
 
 LEAST_S = 20.0  # of driving under a condition, below which little can be seen there
@@ -79,28 +75,27 @@ TOURS = (
 
 def record_next(m: Mismatch) -> list[str]:
     """What to drive and to record, most useful first: each a sentence or a few."""
-    kind = m.verdict["verdict"]
-    if kind == "undetermined":
+    v = m.result
+    if v.kind is Conclusion.UNDETERMINED:
         return [f"To be able to say anything, {TOURS}.", *_to_test(m)]
-    out = [text for f in m.findings if (text := _to_tell(f.data))]
-    if any(f.cause is not None for f in m.findings) and not m.verdict["fit"].get("validated"):
-        regimes = m.verdict["regimes"]
-        where = condition(regimes[0]["where"]) if regimes else "the conditions in which it acts"
+    out = [text for f in v.findings if (text := _to_tell(f))]
+    if any(f.cause is not None for f in v.findings) and not v.validated:
+        where = condition(v.regimes[0]) if v.regimes else "the conditions in which it acts"
         out.append(f"To be able to validate the correction: more separate drives, held out, with {where}.")
-    elif kind == "measurement_fault":
-        out.append(f"To find out which sensor is at fault: {prose(m.findings[0].data['would_be_told_by'])}.")
+    elif v.kind is Conclusion.SENSOR:
+        out.append(f"To find out which sensor is at fault: {prose(v.findings[0].would_be_told_by)}.")
     if hardly := _hardly_driven(m):
         out.append(f"Hardly driven, so effects there would not be seen: {', '.join(hardly)}.")
     return out + _to_test(m)
 
 
-def _to_tell(finding: dict[str, Any]) -> str:
+def _to_tell(finding: Finding) -> str:
     """What tells a finding from those it is undecided with; empty where it is decided."""
-    told = prose(finding["would_be_told_by"])
-    if group := finding["cannot_be_told_from"]:
+    told = prose(finding.would_be_told_by)
+    if group := finding.cannot_be_told_from:
         names = headline.either(group, headline.RIVALS)
-        return f"To tell {spoken(finding['effect'])} from {names}: {told}."
-    return f"To learn more about the unknown force: {told}." if finding["effect"] == "unknown" else ""
+        return f"To tell {spoken(finding.effect)} from {names}: {told}."
+    return f"To learn more about the unknown force: {told}." if finding.effect == "unknown" else ""
 
 
 def _to_test(m: Mismatch) -> list[str]:

@@ -5,16 +5,21 @@ Terminal, page and demo print these same sentences. None has more than LONGEST w
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
-from typing import Any
 
-from deeptruck_model.mismatch.correction.correction import Chosen
-from deeptruck_model.mismatch.correction.worth import Errors, Worth, errors, refitted_is_much_better, worth
+from deeptruck_model.mismatch.correction.worth import (
+    SpeedErrors,
+    Worth,
+    errors,
+    refitted_is_much_better,
+    worth,
+)
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.report.wording import number, opened, prose, spoken
 from deeptruck_model.mismatch.residual.gather import PARAMETERS
+from deeptruck_model.mismatch.result import Chosen, Conclusion, Finding, Kind, Verdict
 
 LONGEST = 30  # words in a sentence
 HIDING_N = 600.0  # of a steady force: a third of what the tyres of a laden truck take
@@ -26,14 +31,6 @@ SHOWN = {
     Worth.AS_GOOD: "These drives do not tell which of the last two predicts better.",
     Worth.WORSE: "So refitted parameters predict these drives better than what was found.",
 }
-
-
-class Kind(Enum):
-    """What a name stands for."""
-
-    PHYSICS = auto()
-    PARAMETER = auto()
-    SENSOR = auto()
 
 
 class Claim(Enum):
@@ -64,58 +61,55 @@ class Headline:
     left_out: tuple[Name, ...] = ()
     laws: bool = False  # the correction holds laws without a name too
     worth: Worth | None = None  # None where nothing was to be corrected
-    errors: Errors | None = None
+    errors: SpeedErrors | None = None
     seen_n: float = 0.0  # the smallest steady force that would have been seen, N; 0 where that is not known
     reason: str = ""  # why nothing can be said
 
 
-def text(verdict: Mapping[str, Any]) -> str:
+def text(verdict: Verdict) -> str:
     """The sentences on a verdict as one text."""
     return " ".join(sentences(of(verdict)))
 
 
-def of(verdict: Mapping[str, Any]) -> Headline:
-    """What the data of verdict.json come down to."""
-    if verdict["verdict"] == "undetermined":
-        reason = verdict["caveats"][-1] if verdict["caveats"] else "the recordings do not tell"
+def of(verdict: Verdict) -> Headline:
+    """What the verdict comes down to."""
+    if verdict.kind is Conclusion.UNDETERMINED:
+        reason = verdict.caveats[-1] if verdict.caveats else "the recordings do not tell"
         return Headline(Claim.UNDETERMINED, reason=reason)
-    if not verdict["findings"]:
+    if not verdict.findings:
         return _nothing(verdict)
-    found = sorted(verdict["findings"], key=lambda f: _order(f, verdict["verdict"]))
-    simulated = [f for f in found if f["kind"] != "measurement_fault"]
+    found = sorted(verdict.findings, key=lambda f: _order(f, verdict.kind))
+    simulated = [f for f in found if f.kind is not Kind.SENSOR]
     if not simulated:
         return Headline(Claim.FOUND, tuple(map(name, found)))
-    fit = verdict["fit"]
-    corrected = fit.get("corrected", [])
+    fit = verdict.fit
+    corrected = fit.corrected if fit is not None else ()
     return Headline(
         Claim.FOUND,
         tuple(map(name, found)),
-        tuple(name(f) for f in simulated if f["effect"] not in corrected),
-        fit.get("chosen") == Chosen.LAWS,
+        tuple(name(f) for f in simulated if f.effect not in corrected),
+        fit is not None and fit.chosen is Chosen.LAWS,
         worth(fit),
         errors(fit),
     )
 
 
-def _order(finding: Mapping[str, Any], main_kind: str) -> tuple[bool, float]:
-    return finding["kind"] != main_kind, -finding["share_of_explainable_error"]
+def _order(finding: Finding, main: Conclusion) -> tuple[bool, float]:
+    return Conclusion(finding.kind) is not main, -finding.share_of_explainable_error
 
 
-def _nothing(verdict: Mapping[str, Any]) -> Headline:
-    fit = verdict["fit"]
-    steady = verdict["data"].get("smallest_visible", {}).get("steady force all the time", {})
-    seen_n = float(steady.get("newton") or 0.0)
+def _nothing(verdict: Verdict) -> Headline:
+    seen = verdict.data.smallest_visible
+    seen_n = seen.always_n if seen is not None else 0.0
     if seen_n > HIDING_N:
         return Headline(Claim.MUCH_COULD_HIDE, seen_n=seen_n)
-    claim = Claim.OFF_WITHOUT_A_NAME if refitted_is_much_better(fit) else Claim.AGREES
-    return Headline(claim, errors=errors(fit), seen_n=seen_n)
+    claim = Claim.OFF_WITHOUT_A_NAME if refitted_is_much_better(verdict.fit) else Claim.AGREES
+    return Headline(claim, errors=errors(verdict.fit), seen_n=seen_n)
 
 
-def name(finding: Mapping[str, Any]) -> Name:
-    """A finding of verdict.json, as it is named."""
-    kinds = {"missing_physics": Kind.PHYSICS, "parameter_error": Kind.PARAMETER}
-    kind = kinds.get(finding["kind"], Kind.SENSOR)
-    return Name(finding["effect"], kind, tuple(finding["cannot_be_told_from"]))
+def name(finding: Finding) -> Name:
+    """A finding as it is named."""
+    return Name(finding.effect, finding.kind, finding.cannot_be_told_from)
 
 
 def sentences(h: Headline) -> list[str]:
@@ -190,7 +184,7 @@ def _shown(h: Headline) -> list[str]:
     return [*said, _compared(h.errors, rest), SHOWN[h.worth]]
 
 
-def _compared(e: Errors, corrected: str = "") -> str:
+def _compared(e: SpeedErrors, corrected: str = "") -> str:
     runs = f"In {number(e.horizon_s)} s free runs on held-out recordings, the speed error is"
     given, refitted = (
         f"{number(e.given)} m/s as given",

@@ -15,8 +15,10 @@ from deeptruck_model.mismatch.mechanisms import LIBRARY, comes_and_goes
 from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.posterior.penalties import enough
 from deeptruck_model.mismatch.posterior.search import FREE, Model, Search
-from deeptruck_model.mismatch.report.findings import TOLD_BY, Finding, in_sentences
+from deeptruck_model.mismatch.report.findings import TOLD_BY
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.result import Finding, SmallestVisible
+from deeptruck_model.mismatch.sentence import Named, Part
 from deeptruck_model.signals import SPEED
 from deeptruck_model.simulators import Simulator, free_run
 
@@ -66,16 +68,16 @@ def checked(found: Finding, simulator: Simulator, e: Evidence, model: Model) -> 
     if cause is None or not simulator.parameters():
         return found
     model = cause.whole or model
-    group = found.data["cannot_be_told_from"]
+    group = found.cannot_be_told_from
     rivals = [(name, other) for name, other in cause.alternatives if name in group and _law(other)]
     if not rivals or not _law(model):
         return found
-    said = [_said(name, separation(simulator, e, model, other)) for name, other in rivals]
-    would = found.data["would_be_told_by"]
-    words = in_sentences(
-        would, f"of {len(MANOEUVRES)} others, simulated on a flat road, {said[0]}", *said[1:]
-    )
-    return replace(found, data=found.data | {"would_be_told_by": words})
+    first, *more = [_said(name, separation(simulator, e, model, other)) for name, other in rivals]
+    others = f"of {len(MANOEUVRES)} others, simulated on a flat road, "
+    words = found.would_be_told_by.and_then(others, *first)
+    for said in more:
+        words = words.and_then(*said)
+    return replace(found, would_be_told_by=words)
 
 
 def separation(simulator: Simulator, e: Evidence, one: Model, other: Model) -> Separation:
@@ -89,10 +91,10 @@ def separation(simulator: Simulator, e: Evidence, one: Model, other: Model) -> S
     return Separation(MANOEUVRES[i].words, float(apart[i, k]), float(time[k]), float(telling[i, k]))
 
 
-def _said(rival: str, s: Separation) -> str:
+def _said(rival: str, s: Separation) -> tuple[Part, ...]:
     if s.telling < 1.0:
-        return f"none tells it from {rival} ({s.apart:.2f} m/s at most)"
-    return f"{s.words} tells it from {rival}: {s.apart:.1f} m/s apart after {s.after_s:.0f} s"
+        return "none tells it from ", Named(rival), f" ({s.apart:.2f} m/s at most)"
+    return f"{s.words} tells it from ", Named(rival), f": {s.apart:.1f} m/s apart after {s.after_s:.0f} s"
 
 
 def _law(model: Model) -> bool:
@@ -123,6 +125,7 @@ def _usual(e: Evidence, channel: str) -> float:
     return float(np.nanquantile(x, 0.98)) if len(x) else 0.0
 
 
+RARE = 0.02  # of the time: a force that acts so seldom
 STEP, STEPS, HALVINGS = 1.5, 9, 3  # by which a hidden force is enlarged, how often, and made finer
 
 
@@ -130,35 +133,26 @@ def with_manoeuvres(found: Sequence[Finding]) -> list[Finding]:
     """Findings whose `would_be_told_by` names the manoeuvre that separates the nearest rival."""
     out = []
     for f in found:
-        group = f.data["cannot_be_told_from"]
-        if group:
+        if group := f.cannot_be_told_from:
             rival = LIBRARY[group[0]].told_by if group[0] in LIBRARY else TOLD_BY.get(group[0], "")
-            told = in_sentences(f.data["would_be_told_by"], rival)
-            f = Finding(f.data | {"would_be_told_by": told}, f.cause)
+            f = replace(f, would_be_told_by=f.would_be_told_by.and_then(rival)) if rival else f
         out.append(f)
     return out
 
 
-def smallest_visible(e: Evidence, x: Explanation) -> dict[str, Any]:
+def smallest_visible(e: Evidence, x: Explanation) -> SmallestVisible:
     """The relative error of each parameter, and the steady force (N), that would have been reported: each is
     hidden in the recordings and enlarged until it costs the simulator as given as much as a finding takes."""
     search = Search(e)
     hidden = _Hidden(search, search.model((), frozenset(), x.null.fit))
-    out: dict[str, Any] = {}
+    parameters = {}
     for p, column in e.sensitivity.items():
         size = hidden.least(column, e.rules.least_change, enough(search), e.rules.nearly_right)
-        out[p] = {"relative": round(min(size, 2 * FREE[p]), 4)}
-    for force, name, nats in (
-        (np.ones(len(e)), "all the time", enough(search)),
-        (
-            _a_part(e, 0.02),
-            "2 % of the time",
-            enough(search) + e.rules.time_varying_penalty + e.rules.window_penalty,
-        ),
-    ):
-        size = hidden.least(force, e.rules.least_force, nats)
-        out[f"steady force {name}"] = {"newton": round(size * e.mass, 1)}
-    return out
+        parameters[p] = round(min(size, 2 * FREE[p]), 4)
+    always = hidden.least(np.ones(len(e)), e.rules.least_force, enough(search))
+    nats = enough(search) + e.rules.time_varying_penalty + e.rules.window_penalty
+    rarely = hidden.least(_a_part(e, RARE), e.rules.least_force, nats)
+    return SmallestVisible(parameters, round(always * e.mass, 1), round(rarely * e.mass, 1))
 
 
 @dataclass(frozen=True)

@@ -5,19 +5,16 @@ from __future__ import annotations
 import base64
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from jinja2 import Environment, StrictUndefined
 
-from deeptruck_model.mismatch.correction.correction import Chosen
 from deeptruck_model.mismatch.report import figures, given, headline, validation, what_now, wording
 from deeptruck_model.mismatch.report import text as page_text
 from deeptruck_model.mismatch.report.drawing import words
 from deeptruck_model.mismatch.report.given import record_next
 from deeptruck_model.mismatch.report.what_now import Asked
-
-if TYPE_CHECKING:
-    from deeptruck_model.mismatch.find import Mismatch
+from deeptruck_model.mismatch.result import ALWAYS, RARELY, Chosen, FitResult, Mismatch, SmallestVisible
 
 TEMPLATE = "report.html.jinja"
 ROWS = {  # of the table before and after
@@ -50,7 +47,7 @@ def page(mismatch: Mismatch, drawn: dict[str, figures.Picture], asked: Asked) ->
 
 
 def _content(m: Mismatch, drawn: dict[str, figures.Picture], asked: Asked) -> dict[str, Any]:
-    v = m.verdict
+    v = m.result
     gained, nothing = page_text.rejected_names(m)
     first, *more = headline.sentences(headline.of(v))
     to_drive = record_next(m)
@@ -60,22 +57,20 @@ def _content(m: Mismatch, drawn: dict[str, figures.Picture], asked: Asked) -> di
         "now": what_now.steps(v, to_drive, asked),
         "summary": given.summary(m),
         "findings": page_text.findings(m),
-        "smallest": [_visible(n, s) for n, s in v["data"].get("smallest_visible", {}).items()],
+        "smallest": _smallest(v.data.smallest_visible),
         "figures": {name: _embedded(picture) for name, picture in drawn.items()},
         "regimes": [
             {
-                "where": wording.condition(r["where"]),
-                "error": wording.percent(r["share_of_error"]),
-                "time": wording.percent(r["share_of_time"]),
+                "where": wording.condition(r),
+                "error": wording.percent(r.share_of_error),
+                "time": wording.percent(r.share_of_time),
             }
-            for r in v["regimes"]
+            for r in v.regimes
         ],
-        "fit": _fit(v["fit"]),
+        "fit": _fit(v.fit),
         "gained": gained,
         "nothing": nothing,
-        "samples": [
-            {"rule": wording.prose(r["rule"]), "samples": r["samples"]} for r in v["data"]["rejected"]
-        ],
+        "samples": [{"rule": wording.prose(r.rule), "samples": r.samples} for r in v.data.rejected],
         "next": to_drive,
         "caveats": [wording.opened(wording.prose(c)) for c in given.caveats(v)],
     }
@@ -86,29 +81,32 @@ def _embedded(picture: figures.Picture) -> dict[str, Any]:
     return {"sources": [f"data:image/png;base64,{part}" for part in parts], "caption": picture.caption}
 
 
-def _visible(name: str, size: dict[str, float]) -> dict[str, str]:
-    text = f"{100 * size['relative']:.1f} %" if "relative" in size else f"{wording.number(size['newton'])} N"
-    return {"name": words(name), "size": text}
+def _smallest(seen: SmallestVisible | None) -> list[dict[str, str]]:
+    """The table of what would have been seen."""
+    if seen is None:
+        return []
+    parameters = [{"name": words(n), "size": f"{100 * size:.1f} %"} for n, size in seen.parameters.items()]
+    forces = ((ALWAYS, seen.always_n), (RARELY, seen.rarely_n))
+    return [*parameters, *({"name": name, "size": f"{wording.number(n)} N"} for name, n in forces)]
 
 
-def _fit(fit: dict[str, Any]) -> dict[str, Any] | None:
+def _fit(fit: FitResult | None) -> dict[str, Any] | None:
     """The before/after table; None where there was no free run to compare."""
-    if "before" not in fit:
+    if fit is None or fit.errors is None:
         return None
-    names = ROWS | ({"after": ALONE} if fit["chosen"] == Chosen.PARAMETERS else {})
+    names = ROWS | ({"after": ALONE} if fit.chosen is Chosen.PARAMETERS else {})
     rows = [
         {
             "name": names[name],
-            "speed": wording.number(fit[name]["speed_rmse"]),
-            "acceleration": wording.number(fit[name]["acceleration_rmse"]),
+            "speed": wording.number(rmse.speed),
+            "acceleration": wording.number(rmse.acceleration),
         }
-        for name in ROWS
-        if name in fit
+        for name, rmse in fit.errors.each().items()
     ]
     return {
         "rows": rows,
-        "runs": wording.counted(fit["windows"], "free run"),
-        "horizon": wording.number(fit["horizon_s"]),
-        "held_out": ", ".join(fit["held_out"]),
+        "runs": wording.counted(fit.windows, "free run"),
+        "horizon": wording.number(fit.horizon_s),
+        "held_out": ", ".join(fit.held_out),
         "said": validation.said(fit),
     }

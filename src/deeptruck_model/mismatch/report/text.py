@@ -2,51 +2,81 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.report import headline, wording
 from deeptruck_model.mismatch.report.drawing import colour, words
 from deeptruck_model.mismatch.report.wording import apart, opened, percent, prose, spoken
+from deeptruck_model.mismatch.result import Finding, Mismatch
 from deeptruck_model.mismatch.rules import Rules
 
-if TYPE_CHECKING:
-    from deeptruck_model.mismatch.find import Mismatch
+
+@dataclass(frozen=True)
+class Told:
+    """A finding in the words of the page; `facts` by what each is called."""
+
+    name: str
+    kind: str
+    colour: str
+    says: str
+    sizes: list[wording.Row]
+    equation: str
+    facts: dict[str, str]
+    depends_on: str
+    apart: str
+    to_be_sure: str
 
 
-def findings(m: Mismatch) -> list[dict[str, Any]]:
+@dataclass(frozen=True)
+class Unstated:
+    """A name that gained some nats, and why it is not stated."""
+
+    name: str
+    gain: str
+    why: str
+
+
+def findings(m: Mismatch) -> list[Told]:
     """What the page shows of each finding."""
-    return [_finding(k, f.data) for k, f in enumerate(m.findings)]
+    return [told(k, f) for k, f in enumerate(m.result.findings)]
 
 
-def _finding(k: int, f: dict[str, Any]) -> dict[str, Any]:
-    probability = percent(f["probability"])
-    if f["cannot_be_told_from"]:
-        probability = f"{probability}, of {spoken(f['effect'])}"
-    facts = {"probability": probability}
-    if f["share_of_explainable_error"] > 0:
-        facts["explains"] = f"{percent(f['share_of_explainable_error'])} of the explainable error"
-    if "held_out_r2" in f["parameters"]:
-        r2 = max(f["parameters"]["held_out_r2"]["value"] or 0.0, 0.0)
-        facts["laws predict"] = f"{percent(r2)} of the variance that names leave, on recordings not fitted to"
-    if "formula_r2" in f:
-        r2 = max(f["formula_r2"], 0.0)
-        facts["the formula predicts"] = f"{percent(r2)} of the variance of these laws, on held-out recordings"
-    return {
-        "name": opened(headline.group(headline.name(f))),
-        "kind": words(f["kind"]),
-        "colour": colour(k),
-        "says": f"{opened(prose(f['says']))}.",
-        "sizes": wording.rows(f["parameters"]),
-        "equation": f["equation"],
-        "facts": facts,
-        "depends_on": ", ".join(spoken(d) for d in f["depends_on"]),
-        "apart": apart(f),
-        "to_be_sure": f"{opened(prose(f['would_be_told_by']))}.",
-    }
+def told(k: int, f: Finding) -> Told:
+    """A finding, the k-th, in words."""
+    return Told(
+        name=opened(headline.group(headline.name(f))),
+        kind=words(f.kind),
+        colour=colour(k),
+        says=f"{opened(prose(f.says))}.",
+        sizes=wording.rows(f.parameters),
+        equation=f.equation,
+        facts=_facts(f),
+        depends_on=", ".join(spoken(d) for d in f.depends_on),
+        apart=apart(f),
+        to_be_sure=f"{opened(prose(f.would_be_told_by))}.",
+    )
 
 
-def rejected_names(m: Mismatch) -> tuple[list[dict[str, str]], list[str]]:
+def _facts(f: Finding) -> dict[str, str]:
+    of = f", of {spoken(f.effect)}" if f.cannot_be_told_from else ""
+    facts = {"probability": f"{percent(f.probability)}{of}"}
+    if f.share_of_explainable_error > 0:
+        facts["explains"] = f"{percent(f.share_of_explainable_error)} of the explainable error"
+    if f.laws_r2 is not None:
+        r2 = percent(_at_least_zero(f.laws_r2))
+        facts["laws predict"] = f"{r2} of the variance that names leave, on recordings not fitted to"
+    if f.formula_r2 is not None:
+        r2 = percent(_at_least_zero(f.formula_r2))
+        facts["the formula predicts"] = f"{r2} of the variance of these laws, on held-out recordings"
+    return facts
+
+
+def _at_least_zero(r2: float) -> float:
+    return r2 if r2 > 0.0 else 0.0  # also where it is NaN
+
+
+def rejected_names(m: Mismatch) -> tuple[list[Unstated], list[str]]:
     """Names that gained something and why they are not stated; and names that gained nothing."""
     if m.explanation is None or m.evidence is None:
         return [], []
@@ -57,7 +87,7 @@ def rejected_names(m: Mismatch) -> tuple[list[dict[str, str]], list[str]]:
     for name, gain in sorted(m.explanation.ranking, key=lambda named: -named[1]):
         if name in stated or gain < 1.0:
             continue
-        gained.append({"name": spoken(name), "gain": f"{gain:.1f}", "why": _why(name, gain, nearest, winner)})
+        gained.append(Unstated(spoken(name), f"{gain:.1f}", _why(name, gain, nearest, winner)))
     seen = stated | {n for n, g in m.explanation.ranking if g >= 1.0}
     tried = [n for n, x in LIBRARY.items() if n not in m.excluded and m.evidence.has(*x.needs)]
     nothing = [spoken(n) for n in tried if n not in seen]

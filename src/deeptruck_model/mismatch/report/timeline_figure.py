@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -29,11 +28,9 @@ from deeptruck_model.mismatch.report.drawing import (
 )
 from deeptruck_model.mismatch.report.given import as_given
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
+from deeptruck_model.mismatch.result import Mismatch
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import printed
-
-if TYPE_CHECKING:
-    from deeptruck_model.mismatch.find import Mismatch
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -70,8 +67,7 @@ def tracks(m: Mismatch) -> list[Track]:
     force = e.residual + moved
     unnamed = any(c.predictable for c in m.explanation.causes)
     stated = moved + (formula.with_unnamed if unnamed else formula.explained)(e, m.explanation)
-    offset = sum(f.cause is None for f in m.findings)
-    spans = [(s.start, s.stop, s.finding + offset, s.energy) for s in m.segments]
+    spans = [(s.start, s.stop, s.finding, s.energy) for s in m.result.segments]
     return [_track(e, s, force, stated if m.explanation.causes else None, spans) for s in e.stretches]
 
 
@@ -219,7 +215,7 @@ def _legend(made: Figure, m: Mismatch) -> None:
         entries.append(Line2D([], [], color=MINT, lw=RESIDUAL_WIDTH, label="residual force, mean over 1 s"))
     if m.explanation is not None and m.explanation.causes:
         entries.append(Line2D([], [], color=WINE, lw=1.1, label="as explained (same panel)"))
-    for k, f in enumerate(m.findings):
+    for k, f in enumerate(m.result.findings):
         if f.cause is not None:
-            entries.append(Patch(color=colour(k), alpha=0.35, label=f"{words(f.data['effect'])} acts"))
+            entries.append(Patch(color=colour(k), alpha=0.35, label=f"{words(f.effect)} acts"))
     made.legend(handles=entries, loc="upper left", ncols=4, fontsize=8, frameon=False, borderaxespad=0.2)

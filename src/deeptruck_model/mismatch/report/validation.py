@@ -6,17 +6,11 @@ Only the first decides whether it may be applied; the second says what the names
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
-
-from deeptruck_model.mismatch.correction.correction import Chosen
 from deeptruck_model.mismatch.correction.worth import (
-    Worth,
-    errors,
     refitted_is_much_better,
     refitted_is_surely_better,
-    worth,
 )
+from deeptruck_model.mismatch.result import Chosen, FitResult, Improvement, Interval
 
 LEAST_RESAMPLED = 3  # recordings; with fewer the interval is over the free runs
 ASKED = (
@@ -47,28 +41,29 @@ TUNED = (
 HELPS = 0.9  # of the error, below which what has no name is worth asking for
 
 
-def said(fit: dict[str, Any]) -> list[str]:
-    """Sentences on the `fit` of verdict.json; none where there were no free runs."""
-    if worth(fit) is Worth.NOT_DRIVEN:
+def said(fit: FitResult | None) -> list[str]:
+    """Sentences on what the correction does; none where there were no free runs."""
+    if fit is None or fit.improvement is None:
         return []
-    if fit["chosen"] == Chosen.NOTHING:
+    if fit.chosen is Chosen.NOTHING:
         more = [UNSTATED] if refitted_is_surely_better(fit) else []
         return ["Nothing was changed, so before and after are the same.", *more]
-    return [ASKED, *_passed(fit), *_beside_parameters(fit)]
+    return [ASKED, *_passed(fit, fit.improvement), *_beside_parameters(fit, fit.improvement)]
 
 
-def _passed(fit: dict[str, Any]) -> list[str]:
-    gained = f"it is {_change(fit['improvement_ci95'])} (95 % interval over {_resampled(fit)})"
-    if fit["validated"]:
+def _passed(fit: FitResult, improvement: Improvement) -> list[str]:
+    over = _resampled(fit, improvement.recordings)
+    gained = f"it is {_change(improvement.ci95)} (95 % interval over {over})"
+    if fit.validated:
         return [f"Yes, {gained}.", "The correction passed validation and may be applied."]
     return [f"No, {gained}.", "The correction did not pass validation and is not applied."]
 
 
-def _beside_parameters(fit: dict[str, Any]) -> list[str]:
-    if fit["chosen"] == Chosen.PARAMETERS:
+def _beside_parameters(fit: FitResult, improvement: Improvement) -> list[str]:
+    if fit.chosen is Chosen.PARAMETERS:
         return ["The correction is refitted parameters alone: they drove the fitted recordings best."]
-    beside = fit["improvement_over_parameters_ci95"]
-    what = "the findings and laws without a name are" if fit["chosen"] == Chosen.LAWS else "the findings are"
+    beside = improvement.over_parameters_ci95
+    what = "the findings and laws without a name are" if fit.chosen is Chosen.LAWS else "the findings are"
     better = BETTER.format(what=what)
     end = better if beside[0] > 0.0 else WORSE if refitted_is_surely_better(fit) else EQUAL
     return [
@@ -78,7 +73,7 @@ def _beside_parameters(fit: dict[str, Any]) -> list[str]:
     ]
 
 
-def _change(ci: Sequence[float]) -> str:
+def _change(ci: Interval) -> str:
     """The interval of a relative improvement in words: '3 to 74 % larger'."""
     low, high = (round(100 * x) for x in ci)
     if low == high:
@@ -90,29 +85,27 @@ def _change(ci: Sequence[float]) -> str:
     return f"between {-low} % larger and {high} % smaller"
 
 
-def _resampled(fit: dict[str, Any]) -> str:
-    runs = f"free runs of {fit['horizon_s']:.0f} s"
-    recordings = fit["improvement_recordings"]
+def _resampled(fit: FitResult, recordings: int) -> str:
+    runs = f"free runs of {fit.horizon_s:.0f} s"
     if recordings < LEAST_RESAMPLED:
         return runs
-    own = ", each driven by a fit that had not seen it" if recordings > len(fit["held_out"]) else ""
+    own = ", each driven by a fit that had not seen it" if recordings > len(fit.held_out) else ""
     return f"{recordings} recordings{own}, in {runs}"
 
 
-def caveats(fit: dict[str, Any], found: bool) -> list[str]:
+def caveats(fit: FitResult, found: bool) -> list[str]:
     """What to know before the corrected simulator is applied."""
-    e = errors(fit)
-    out = [NOT_BETTER if e else NOT_DRIVEN] if found and not fit["validated"] else []
+    e = fit.errors
+    out = [NOT_BETTER if e else NOT_DRIVEN] if found and not fit.validated else []
     if e is not None and not found and refitted_is_much_better(fit):
-        out.append(TUNED.format(before=e.given, tuned=e.refitted))
-    if e is not None and unnamed_would_help(fit):
-        out.append(UNNAMED.format(after=e.corrected, free=fit["free_model"]["speed_rmse"]))
+        out.append(TUNED.format(before=e.before.speed, tuned=e.parameters_only.speed))
+    if e is not None and e.free_model is not None and unnamed_would_help(fit):
+        out.append(UNNAMED.format(after=e.after.speed, free=e.free_model.speed))
     return out
 
 
-def unnamed_would_help(fit: dict[str, Any]) -> bool:
+def unnamed_would_help(fit: FitResult | None) -> bool:
     """Whether laws for what has no name would clearly help held-out drives, and are not corrected by."""
-    e = errors(fit)
-    if e is None or "free_model" not in fit or fit["chosen"] == Chosen.LAWS:
+    if fit is None or fit.errors is None or fit.errors.free_model is None or fit.chosen is Chosen.LAWS:
         return False
-    return bool(fit["free_model"]["speed_rmse"] < HELPS * e.corrected)
+    return fit.errors.free_model.speed < HELPS * fit.errors.after.speed

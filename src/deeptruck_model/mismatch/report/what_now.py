@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from deeptruck_model.mismatch.report.validation import unnamed_would_help
+from deeptruck_model.mismatch.result import Verdict
 
 NEW_DRIVE = "NEW_DRIVE"
 
@@ -44,14 +43,13 @@ def beside(out: Path, ending: str) -> str:
     return str(out.with_name(f"{out.resolve().name}_{ending}"))
 
 
-def steps(verdict: Mapping[str, Any], drive_next: list[str], asked: Asked) -> list[Step]:
+def steps(verdict: Verdict, drive_next: list[str], asked: Asked) -> list[Step]:
     """What to do now, most useful first. `drive_next` says what to record, most useful first."""
     out = []
-    fit = verdict["fit"]
-    if fit.get("validated"):
+    if verdict.validated:
         better = _line("apply", str(asked.out), "--out", beside(asked.out, "corrected"))
         out.append(Step("Take the corrected simulator over:", better))
-    if verdict["findings"] and unnamed_would_help(fit):
+    if verdict.findings and unnamed_would_help(verdict.fit):
         again = asked.command(ending="with_laws", more=("--with-unnamed",))
         out.append(Step("Put laws for what has no name into the correction too:", again))
     if drive_next:

@@ -5,18 +5,17 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.report.drawing import remembered, words
-from deeptruck_model.mismatch.report.findings import SETTING_UNITS
 from deeptruck_model.mismatch.residual.evidence import unit
+from deeptruck_model.mismatch.result import Bound, Finding, Kind, Regime, Size
 from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.sentence import Named, Sentence
 
 IDENTIFIER = re.compile(r"\b[a-z][a-z0-9]*(?:_[a-z0-9]+)+\b")
 QUOTED = re.compile(r"((?<!\w)'[^']+'(?!\w))")
-SIGNALS = re.compile(r"(?<=It varies with )[^.;:]+|(?<=rive so that )[^;:]+?(?= changes while)")
-CONDITION = re.compile(r"(?P<name>.+?) (?:(?P<side>[<>]) (?P<at>.+)|(?P<low>-?[\d.e+-]+) \.\. (?P<high>.+))")
 SPOKEN = {  # names that are no words of their own once the underscores are gone
     "rolling_resistance_speed": "rolling resistance that grows with speed",
     "rolling_resistance_warmup": "rolling resistance of cold tyres",
@@ -69,35 +68,34 @@ def spoken(name: str) -> str:
     return SPOKEN.get(name, words(name))
 
 
-def prose(text: str) -> str:
-    """A finding's own words without identifiers, and with signs as they are printed; what is quoted, such as
-    the name of a recording, stays as it is."""
+def prose(text: str | Sentence) -> str:
+    """Words for people: names spoken, and signs as they are printed; what is quoted, such as the name of a
+    recording, stays as it is."""
+    if isinstance(text, Sentence):
+        return "".join(spoken(p.name) if isinstance(p, Named) else prose(p) for p in text.parts)
     parts = QUOTED.split(text)
     return "".join(part if k % 2 else _unquoted(part) for k, part in enumerate(parts))
 
 
 def _unquoted(text: str) -> str:
-    text = SIGNALS.sub(lambda found: ", ".join(spoken(n) for n in found[0].split(", ")), remembered(text))
-    text = IDENTIFIER.sub(lambda found: spoken(found[0]), text)
-    text = re.sub(r"\bsimulated\b(?! acceleration| on)", "simulated acceleration", text)
+    text = IDENTIFIER.sub(lambda found: spoken(found[0]), remembered(text))
     text = re.sub(r"\b\d+(\.\d+)?e[+-]\d+\b", lambda found: number(float(found[0])), text)
     return text.replace("+-", "±").replace("^2", "²").replace("^3", "³")
 
 
-def condition(where: str) -> str:
-    """A regime of verdict.json as people say it: 'engine 0.2 .. 0.4 m/s² and brake < 0.1 m/s²'."""
-    return " and ".join(_one_condition(part) for part in where.split(" and "))
+def condition(regime: Regime) -> str:
+    """A regime as people say it: 'engine force per mass from 0.2 to 0.4 m/s² and speed above 20 m/s'."""
+    return " and ".join(map(_condition, regime.bounds)) or "everywhere"
 
 
-def _one_condition(text: str) -> str:
-    found = CONDITION.fullmatch(text)
-    if not found:
-        return prose(text)
-    if found["side"]:
-        border = f"{'above' if found['side'] == '>' else 'below'} {found['at']}"
+def _condition(b: Bound) -> str:
+    if math.isinf(b.low):
+        border = f"below {b.high:.3g}"
+    elif math.isinf(b.high):
+        border = f"above {b.low:.3g}"
     else:
-        border = f"from {found['low']} to {found['high']}"
-    return f"{spoken(found['name'])} {prose(border)}"
+        border = f"from {b.low:.3g} to {b.high:.3g}"
+    return prose(f"{spoken(b.signal)} {border} {b.unit}".rstrip())
 
 
 def opened(text: str) -> str:
@@ -112,25 +110,25 @@ ADD_UP = "what acts at a moment is the sum of all that hold there: {}"
 THERE_ALONE = "in that recording or near that moment alone"
 HELD_AT_ZERO = "it cannot be less, and no more was seen"
 ENDS = "by its form the curve ends there at zero"
-Parameters = Mapping[str, Mapping[str, Any]]
+Parameters = Mapping[str, Size]
 
 
-def rows(parameters: Parameters) -> list[dict[str, str]]:
+@dataclass(frozen=True)
+class Row:
+    """A size in words."""
+
+    name: str
+    text: str
+
+
+def rows(parameters: Parameters) -> list[Row]:
     """Name and text of every size, then how they add up where they are of several kinds."""
-    fitted = {p["unit"] for n, p in parameters.items() if p["ci95"] is not None}
-    shown = {n: p for n, p in parameters.items() if _told(n, p, fitted)}
-    sizes = [{"name": _named(n, shown), "text": _text(n, p, shown)} for n, p in shown.items()]
+    fitted = {p.unit for p in parameters.values() if p.ci95 is not None}
+    # what only chose a place on a grid is not told beside the size that was fitted about it
+    shown = {n: p for n, p in parameters.items() if not (p.picked and p.unit in fitted)}
+    sizes = [Row(_named(n, shown), _text(n, p, shown)) for n, p in shown.items()]
     kinds = _kinds(shown)
-    return [*sizes, *([{"name": "together", "text": ADD_UP.format(kinds)}] if kinds else [])]
-
-
-def _told(name: str, p: Mapping[str, Any], fitted: set[str]) -> bool:
-    """Whether people get it: not what only chose a place on a grid, about which the size was fitted."""
-    return p["value"] is not None and name != "held_out_r2" and not (_chosen(name, p) and p["unit"] in fitted)
-
-
-def _chosen(name: str, p: Mapping[str, Any]) -> bool:
-    return p["ci95"] is None and name in SETTING_UNITS
+    return [*sizes, *([Row("together", ADD_UP.format(kinds))] if kinds else [])]
 
 
 def _named(name: str, shown: Parameters) -> str:
@@ -143,7 +141,7 @@ def _named(name: str, shown: Parameters) -> str:
         return " ".join(filter(None, [f"at {words(by)} of {number(x)}", unit(by, {})]))
     if own:
         return f"{words(own['name'])}[{own['where']}]"
-    return re.sub(" (s|m|hz)$", "", words(name)) if _chosen(name, shown[name]) else words(name)
+    return re.sub(" (s|m|hz)$", "", words(name)) if shown[name].picked else words(name)
 
 
 def _places(by: str, shown: Parameters) -> list[float]:
@@ -151,11 +149,11 @@ def _places(by: str, shown: Parameters) -> list[float]:
     return [float(f["x"]) for f in found if f and f["by"] == by]
 
 
-def _text(name: str, p: Mapping[str, Any], shown: Parameters) -> str:
-    text = measured(p["value"], p["unit"], p["ci95"])
-    if _chosen(name, p):
+def _text(name: str, p: Size, shown: Parameters) -> str:
+    text = measured(p.value, p.unit, p.ci95)
+    if p.picked:
         return f"about {text}, the best of a few that were tried"
-    if p["value"] != 0.0 or p["ci95"] is not None:
+    if p.value != 0.0 or p.ci95 is not None:
         return text
     curve = AT.fullmatch(name)
     places = _places(curve["by"], shown) if curve else []
@@ -168,7 +166,7 @@ def _kinds(shown: Parameters) -> str:
     kinds: dict[str, str] = {}
     for name, p in shown.items():
         curve, own = AT.fullmatch(name), IN.fullmatch(name)
-        if _chosen(name, p):
+        if p.picked:
             continue
         if curve:
             kinds[f"at {curve['by']}"] = f"the curve over {words(curve['by'])}"
@@ -178,7 +176,7 @@ def _kinds(shown: Parameters) -> str:
             )
         else:
             kinds[name] = prose(name)
-    mixed = any(k.startswith(("at ", "[")) for k in kinds) and len({p["unit"] for p in shown.values()}) == 1
+    mixed = any(k.startswith(("at ", "[")) for k in kinds) and len({p.unit for p in shown.values()}) == 1
     return ", ".join(kinds.values()) if mixed and len(kinds) > 1 else ""
 
 
@@ -197,23 +195,23 @@ LIMIT = (
 )
 
 
-def apart(f: dict[str, Any]) -> str:
+def apart(f: Finding) -> str:
     """What it cannot be told from and what decided; empty where there was no rival."""
-    worse = {r["effect"]: float(r["worse_by_nats"]) for r in f.get("rivals", [])}
-    group = f["cannot_be_told_from"]
+    worse = {r.effect: r.worse_by_nats for r in f.rivals}
+    group = f.cannot_be_told_from
     if not group:
         return " ".join(filter(None, [_beats_all(worse), *_at_the_limit(f)]))
     better = [n for n in group if worse.get(n, 0.0) < 0.0]
     others = [n for n in group if n not in better]
     said = [f"It cannot be told from {', '.join(spoken(n) for n in group)}."]
     if better:
-        said.append(_does_better(f["effect"], better, worse))
-        said += [REFITTED] if f["kind"] == "parameter_error" else []
+        said.append(_does_better(f.effect, better, worse))
+        said += [REFITTED] if f.kind is Kind.PARAMETER else []
     if others:
-        first, *more = (_decided(f["effect"], n, worse.get(n)) for n in others)
+        first, *more = (_decided(f.effect, n, worse.get(n)) for n in others)
         said.append(f"What decided{' against the others' if better else ''}: {first}.")
         said += [opened(f"{one}.") for one in more]
-    in_place = [IN_PLACE] if " nats" in " ".join(said) else []
+    in_place = [IN_PLACE] if any(worse.get(n) for n in group) else []
     return " ".join([*said, *in_place, *_at_the_limit(f)])
 
 
@@ -226,11 +224,9 @@ def _beats_all(worse: dict[str, float]) -> str:
     return f"It is told from every other name; the next best, {spoken(nearest)}, is {lead} worse."
 
 
-def _at_the_limit(f: dict[str, Any]) -> list[str]:
+def _at_the_limit(f: Finding) -> list[str]:
     """Why a name is no surer than it is."""
-    most = Rules.most_probable[min(len(f["cannot_be_told_from"]), len(Rules.most_probable) - 1)]
-    limited = f["kind"] == "missing_physics" and f["probability"] == most
-    return [LIMIT.format(percent(most))] if limited else []
+    return [LIMIT.format(percent(f.probability))] if f.capped else []
 
 
 def _does_better(name: str, better: Sequence[str], worse: dict[str, float]) -> str:

@@ -13,11 +13,11 @@ import pytest
 from deeptruck_model import simulators, trucks
 from deeptruck_model.mismatch.correction import correction
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
-from deeptruck_model.mismatch.correction.improvement import Errors
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape, comes_and_goes, held_steady, laws
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
+from deeptruck_model.mismatch.result import Chosen, Errors
 
 TRUCK = trucks.load("trucksim")
 ONE: Any = [None]  # the recording that is not held out; its errors are made up
@@ -144,9 +144,9 @@ def test_the_interval_is_over_all_recordings_each_unseen(
     made = correction.Corrections(after, after, None, crossed)
     held_out: Any = [SimpleNamespace(recording=SimpleNamespace(name=n)) for n in "ab"]
     _, marked, fit = correction.shown(TRUCK, made, held_out, with_unnamed=False)
-    assert fit["improvement_recordings"] == 8 and fit["windows"] == 8
-    assert fit["improvement_ci95"][0] > 0.2 and fit["validated"] and marked.validated
-    assert (fit["chosen"], fit["corrected"], fit["horizon_s"]) == ("findings", ["torque_gain"], 20.0)
+    assert fit.improvement is not None and fit.improvement.recordings == 8 and fit.windows == 8
+    assert fit.improvement.ci95[0] > 0.2 and fit.validated and marked.validated
+    assert (fit.chosen, fit.corrected, fit.horizon_s) == (Chosen.FINDINGS, ("torque_gain",), 20.0)
 
 
 def test_each_correction_is_driven_where_it_was_not_fitted(
@@ -198,9 +198,9 @@ def test_laws_without_a_name_go_in_beside_the_names_and_only_when_asked(nothing_
     assert [t.effect for t in made.unnamed.terms] == ["unknown"]
     _, unasked, fit = correction.shown(TRUCK, made, [], with_unnamed=False)
     _, asked, told = correction.shown(TRUCK, made, [], with_unnamed=True)
-    assert (told["chosen"], told["corrected"]) == ("laws", ["unknown"])
+    assert (told.chosen, told.corrected) == (Chosen.LAWS, ("unknown",))
     assert not unasked.terms and [t.effect for t in asked.terms] == ["unknown"]
-    assert fit["windows"] == 0
+    assert fit.windows == 0 and fit.errors is None and fit.improvement is None
 
 
 def test_a_truck_with_laws_can_be_kept(nothing_missing: Evidence, tmp_path: Path) -> None:

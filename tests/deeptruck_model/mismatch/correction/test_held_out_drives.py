@@ -10,12 +10,16 @@ import pytest
 
 from deeptruck_model.mismatch.correction.correction import in_vain
 from deeptruck_model.mismatch.posterior.causes import Cause
+from deeptruck_model.mismatch.result import Chosen, Compared, Rmse
 
 
-def errors(*, after: float, tuned: float) -> dict[str, Any]:
-    """`fit` of a verdict, of a simulator whose own error is 0.1 m/s."""
-    values = {"before": 0.1, "after": after, "parameters_only": tuned}
-    return {name: {"speed_rmse": value} for name, value in values.items()}
+def errors(*, after: float, tuned: float, laws: float | None = None) -> Compared:
+    """Of a simulator whose own error is 0.1 m/s."""
+    free_model = None if laws is None else Rmse(laws, 0.1)
+    return Compared(Rmse(0.1, 0.1), Rmse(tuned, 0.1), Rmse(after, 0.1), free_model)
+
+
+FOUND = Chosen.FINDINGS
 
 
 @pytest.mark.parametrize(
@@ -28,8 +32,8 @@ def test_what_is_weak_and_drives_worse_is_not_told(
     causes = tuple(Cause("missing_physics", "headwind", g, 0.5, 0.9, np.zeros(1)) for g in gains)
     fit = errors(after=after, tuned=0.05)
     explanation: Any = SimpleNamespace(causes=causes)
-    assert in_vain(explanation, fit) == vain
-    assert not in_vain(explanation, {})  # no held-out drive was long enough to tell
+    assert in_vain(explanation, fit, FOUND) == vain
+    assert not in_vain(explanation, None, FOUND)  # no held-out drive was long enough to tell
 
 
 @pytest.mark.parametrize(
@@ -49,7 +53,7 @@ def test_a_weak_law_must_drive_better_than_other_parameters(
     causes = (Cause("missing_physics", "load_slosh", 33.0, 0.5, 0.9, np.zeros(1), shape),)
     fit = errors(after=after, tuned=0.05)
     explanation: Any = SimpleNamespace(causes=causes)
-    assert in_vain(explanation, fit) == vain
+    assert in_vain(explanation, fit, FOUND) == vain
 
 
 @pytest.mark.parametrize(
@@ -69,7 +73,7 @@ def test_a_road_without_recorded_slopes_need_not_help_on_another_road(
     causes = (Cause("missing_physics", effect, gain, 1.0, 0.9, np.zeros(1), shape),)
     explanation: Any = SimpleNamespace(causes=causes)
     fit = errors(after=0.1, tuned=0.1)
-    assert in_vain(explanation, fit, slopes_recorded=recorded) == vain
+    assert in_vain(explanation, fit, Chosen.NOTHING, slopes_recorded=recorded) == vain
 
 
 @pytest.mark.parametrize(
@@ -90,34 +94,35 @@ def test_a_law_that_helps_no_other_drive_must_be_clear(
     )
     explanation: Any = SimpleNamespace(causes=causes)
     fit = errors(after=after, tuned=0.1)
-    assert in_vain(explanation, fit) == (vain and not beside)
+    assert in_vain(explanation, fit, FOUND) == (vain and not beside)
 
 
 @pytest.mark.parametrize(
-    ("gain", "after", "tuned", "vain"),
+    ("gain", "after", "chosen", "vain"),
     [
-        (84.0, 0.099, 0.1, True),
-        (84.0, 0.09, 0.1, False),
-        (55.0, 0.08, 0.08, True),
-        (84.0, 0.08, 0.08, False),
+        (84.0, 0.099, FOUND, True),
+        (84.0, 0.09, FOUND, False),
+        (55.0, 0.08, Chosen.PARAMETERS, True),
+        (55.0, 0.08, FOUND, False),
+        (84.0, 0.08, Chosen.PARAMETERS, False),
     ],
 )
 def test_what_comes_and_goes_must_help_other_drives_a_little(
-    gain: float, after: float, tuned: float, vain: bool
+    gain: float, after: float, chosen: Chosen, vain: bool
 ) -> None:
     """And not by the parameters that were moved instead of it."""
     shape: Any = SimpleNamespace(settings={"knots": [4]})
     causes = (Cause("missing_physics", "dragging_brake", gain, 1.0, 0.9, np.zeros(1), shape),)
-    fit = errors(after=after, tuned=tuned)
+    fit = errors(after=after, tuned=0.08)
     explanation: Any = SimpleNamespace(causes=causes)
-    assert in_vain(explanation, fit) == vain
+    assert in_vain(explanation, fit, chosen) == vain
 
 
 def test_a_slow_force_is_told_by_its_size_and_not_by_a_drive() -> None:
     slow = Cause("missing_physics", "road_grade", 0.0, 0.5, 0.9, np.zeros(1), needed={"road_grade": 0.01})
     fit = errors(after=0.2, tuned=0.1)
     explanation: Any = SimpleNamespace(causes=(slow,))
-    assert not in_vain(explanation, fit)
+    assert not in_vain(explanation, fit, FOUND)
 
 
 @pytest.mark.parametrize(("after", "vain"), [(0.05, False), (0.08, True)])
@@ -125,7 +130,7 @@ def test_a_parameter_of_few_nats_needs_drives_that_show_it(after: float, vain: b
     causes = (Cause("parameter_error", "mass", 10.0, 0.5, 0.9, np.zeros(1)),)
     fit = errors(after=after, tuned=0.05)
     explanation: Any = SimpleNamespace(causes=causes)
-    assert in_vain(explanation, fit) == vain
+    assert in_vain(explanation, fit, FOUND) == vain
 
 
 @pytest.mark.parametrize(
@@ -137,8 +142,8 @@ def test_beside_a_learned_simulator_more_must_be_shown(gain: float, after: float
     causes = (Cause("missing_physics", "road_surface", gain, 0.5, 0.9, np.zeros(1), shape),)
     fit = errors(after=after, tuned=0.05)
     explanation: Any = SimpleNamespace(causes=causes)
-    assert in_vain(explanation, fit, learned=True) == vain
-    assert not in_vain(explanation, fit | {"after": {"speed_rmse": 0.09}})
+    assert in_vain(explanation, fit, FOUND, learned=True) == vain
+    assert not in_vain(explanation, errors(after=0.09, tuned=0.05), FOUND)
 
 
 @pytest.mark.parametrize(("beside", "vain"), [({"knots": [4]}, True), ({"when": [(0, 1.0, 9.0)]}, False)])
@@ -149,24 +154,25 @@ def test_a_law_beside_what_comes_and_goes_must_help_other_drives(beside: dict[st
         for name, s in zip(("load_slosh", "engine_friction"), shapes, strict=True)
     )
     explanation: Any = SimpleNamespace(causes=causes)
-    assert in_vain(explanation, errors(after=0.12, tuned=0.13)) == vain
+    assert in_vain(explanation, errors(after=0.12, tuned=0.13), FOUND) == vain
 
 
 def test_a_law_is_not_told_where_all_parameters_went_in_instead() -> None:
     shape: Any = SimpleNamespace(settings={"tau_s": 1.0})
     causes = (Cause("missing_physics", "load_slosh", 84.0, 1.0, 0.9, np.zeros(1), shape),)
     explanation: Any = SimpleNamespace(causes=causes)
-    assert in_vain(explanation, errors(after=0.08, tuned=0.08))
+    instead = errors(after=0.08, tuned=0.08)
+    assert in_vain(explanation, instead, Chosen.PARAMETERS)
+    assert not in_vain(explanation, instead, FOUND)  # no better by chance alone
 
 
 @pytest.mark.parametrize(
     ("gain", "laws", "vain"),
-    [(79.0, {"free_model": 0.18}, True), (79.0, {"free_model": 0.04}, False), (79.0, {}, False),
-     (130.0, {"free_model": 0.18}, False)],
-)  # fmt: skip
-def test_laws_without_a_name_must_help_other_drives(gain: float, laws: dict[str, float], vain: bool) -> None:
+    [(79.0, 0.18, True), (79.0, 0.04, False), (79.0, None, False), (130.0, 0.18, False)],
+)
+def test_laws_without_a_name_must_help_other_drives(gain: float, laws: float | None, vain: bool) -> None:
     """An unknown force that varied with the slope had been told of a truck in which nothing was missing."""
     causes = (Cause("missing_physics", "unknown", gain, 0.8, 0.9, np.zeros(1)),)
     explanation: Any = SimpleNamespace(causes=causes)
-    fit = errors(after=0.06, tuned=0.05) | {name: {"speed_rmse": error} for name, error in laws.items()}
-    assert in_vain(explanation, fit) == vain
+    fit = errors(after=0.06, tuned=0.05, laws=laws)
+    assert in_vain(explanation, fit, FOUND) == vain

@@ -8,8 +8,9 @@ import pytest
 from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.mismatch.correction import improvement
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
-from deeptruck_model.mismatch.correction.improvement import Errors, compare, free_windows
+from deeptruck_model.mismatch.correction.improvement import compared, free_windows
 from deeptruck_model.mismatch.data.prepared import Prepared, prepare
+from deeptruck_model.mismatch.result import Errors
 
 TRUCK = trucks.load("trucksim")
 MASS = TRUCK.parameters()["mass"]
@@ -43,19 +44,18 @@ def test_a_better_simulator_has_an_interval_above_zero_and_a_worse_one_below(
     wrong = TRUCK.with_parameters({"mass": 1.3 * MASS})
     before, right = (free_windows(s, prepared, 30.0) for s in (wrong, TRUCK))
     errors = {"before": before, "parameters_only": before, "after": right}
-    said = compare(errors, errors)
-    assert said["after"]["speed_rmse"] < said["before"]["speed_rmse"]
-    assert 0.3 < said["improvement_ci95"][0] <= said["improvement_ci95"][1] <= 1.0
-    assert said["improvement_over_parameters_ci95"] == said["improvement_ci95"]
+    said, gained = compared(errors), improvement.improvement(errors)
+    assert said is not None and said.after.speed < said.before.speed
+    assert 0.3 < gained.ci95[0] <= gained.ci95[1] <= 1.0
+    assert gained.over_parameters_ci95 == gained.ci95
     errors = {"before": right, "parameters_only": right, "after": before}
-    worse = compare(errors, errors)
-    assert worse["improvement_ci95"][1] < 0.0
+    assert improvement.improvement(errors).ci95[1] < 0.0
 
 
 def test_equal_simulators_have_not_improved(prepared: list[Prepared]) -> None:
     same = free_windows(TRUCK, prepared, 30.0)
     errors = {"before": same, "parameters_only": same, "after": same}
-    assert compare(errors, errors)["improvement_ci95"] == [0, 0]
+    assert improvement.improvement(errors).ci95 == (0, 0)
 
 
 def test_few_recordings_are_resampled_by_window() -> None:

@@ -44,10 +44,10 @@ def test_it_is_named_and_its_regime_is_said(fast_only: Evidence) -> None:
     others = ["torque_converter_slip", "torque_derate", "torque_limit"]
     found = explain(Search(fast_only, exclude=others))
     assert found.causes and found.causes[0].effect == "driveline_loss"
-    data = from_cause(found.causes[0], fast_only, found, {}).data
-    border = re.search(r"shows only where the speed is above ([\d.]+) m/s", data["says"])
+    told = from_cause(found.causes[0], fast_only, found, {})
+    border = re.search(r"shows only where the speed is above ([\d.]+) m/s", str(told.says))
     assert border is not None and 18.0 < float(border[1]) < 20.0  # the borders around 19 are 18.3 and 19.4
-    assert "speed" in data["depends_on"]
+    assert "speed" in told.depends_on
     assert np.abs(found.causes[0].force[fast_only["speed"] < 18.0]).max() < 1e-9
 
 

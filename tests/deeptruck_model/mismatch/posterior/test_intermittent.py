@@ -39,7 +39,7 @@ def test_what_sticks_now_and_then_is_named_and_acts_nowhere_else(stuck: Evidence
     assert found.causes and found.causes[0].shape is not None and "when" in found.causes[0].shape.settings
     names = {found.causes[0].effect, *found.causes[0].not_told_from}
     assert "dragging_brake" in names
-    assert "seen now and then alone" in from_cause(found.causes[0], stuck, found, {}).data["says"]
+    assert "seen now and then alone" in from_cause(found.causes[0], stuck, found, {}).says.parts[0]
     near = np.convolve(STUCK, np.ones(61), mode="same") > 0
     assert np.abs(found.causes[0].force[~near]).max() < 1e-9
 
@@ -88,6 +88,6 @@ def test_bursts_that_follow_nothing_are_unknown(nothing_missing: Evidence) -> No
     found = explain(Search(e))
     (cause,) = found.causes
     assert cause.effect == "unknown" and cause.lawless
-    said = from_cause(cause, e, found, {}).data
-    assert "moments listed under segments" in said["would_be_told_by"] and "nearest" not in said
+    said = from_cause(cause, e, found, {})
+    assert "moments listed under segments" in str(said.would_be_told_by) and said.nearest is None
     assert np.corrcoef(cause.force, force)[0, 1] > 0.9

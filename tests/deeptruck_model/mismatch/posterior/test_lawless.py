@@ -41,8 +41,8 @@ def test_a_push_that_does_not_care_about_speed_is_no_wind(pushed: Explanation) -
 
 
 def test_it_is_told_with_the_nearest_name(pushed: Explanation, nothing_missing: Evidence) -> None:
-    data = from_cause(pushed.causes[0], nothing_missing, pushed, {}).data
-    assert pushed.causes[0].nearest in data["says"] and data["nearest"] == pushed.causes[0].nearest
+    told = from_cause(pushed.causes[0], nothing_missing, pushed, {})
+    assert pushed.causes[0].nearest in str(told.says) and told.nearest == pushed.causes[0].nearest
     assert np.corrcoef(pushed.causes[0].force, swell(nothing_missing))[0, 1] > 0.9
 
 

@@ -44,5 +44,5 @@ def test_what_lies_far_below_is_cut_with_an_arrow() -> None:
 def test_rejected_names_stand_by_their_nats() -> None:
     found = mismatch("missing_physics")
     x = replace(found.explanation, ranking=RANKING)
-    gained, _, _ = page_text.rejected_names(replace(found, explanation=x))
-    assert [g["name"] for g in gained] == ["dragging brake", "headwind"]
+    gained, _ = page_text.rejected_names(replace(found, explanation=x))
+    assert [g.name for g in gained] == ["dragging brake", "headwind"]

@@ -56,7 +56,7 @@ def test_a_recording_that_was_cut_in_two_is_drawn_as_one() -> None:
 @pytest.mark.parametrize(("kind", "said"), [("undetermined", False), ("nothing_missing", True)])
 def test_nothing_is_said_of_claims_where_there_is_none(kind: str, said: bool) -> None:
     found = mismatch(kind)
-    found.verdict["caveats"].insert(0, SAME_DRIVES)
+    found = replace(found, result=replace(found.result, caveats=(SAME_DRIVES, *found.result.caveats)))
     text = " ".join(Page(page.page(found, {}, Asked(Path("found")))).text)
     assert ("what is claimed holds" in text) is said
 
@@ -64,7 +64,7 @@ def test_nothing_is_said_of_claims_where_there_is_none(kind: str, said: bool) ->
 def test_one_free_run_is_one() -> None:
     assert (counted(1, "free run"), counted(2, "free run")) == ("1 free run", "2 free runs")
     found = mismatch("missing_physics")
-    found.verdict["fit"]["windows"] = 1
+    found = replace(found, result=replace(found.result, fit=replace(found.result.fit, windows=1)))
     assert "1 free run of 20 s" in " ".join(Page(page.page(found, {}, Asked(Path("found")))).text)
     alone = {n: replace(e, **{k: v[:1] for k, v in vars(e).items()}) for n, e in found.errors.items()}
     assert "of 1 free run on" in draw(replace(found, errors=alone))["errors"].caption

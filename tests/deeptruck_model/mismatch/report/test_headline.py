@@ -6,21 +6,45 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from found_mismatches import mismatch, verdict
+from found_mismatches import fit, mismatch, verdict
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deeptruck_model.mismatch.correction.worth import Errors, Worth
+from deeptruck_model.mismatch.correction.worth import SpeedErrors, Worth
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.report import findings, headline
-from deeptruck_model.mismatch.report.headline import Claim, Headline, Kind, Name
+from deeptruck_model.mismatch.report.headline import Claim, Headline, Name
+from deeptruck_model.mismatch.result import (
+    Chosen,
+    Compared,
+    Improvement,
+    Kind,
+    Rmse,
+    SmallestVisible,
+    Verdict,
+)
 
 PARAMETERS = tuple(findings.NAMES)
 SENSORS = ("acceleration_bias", "speed_scale", "clock_offset", "grade_bias")
 MASS = Name("mass", Kind.PARAMETER)
 WIND = Name("headwind", Kind.PHYSICS, ("rolling_resistance_speed",))
 UNKNOWN = Name("unknown", Kind.PHYSICS)
-ERRORS = Errors(20.0, 1.98, 0.0467, 0.0243)
+ERRORS = SpeedErrors(20.0, 1.98, 0.0467, 0.0243)
+
+
+def corrected(kind: str, **fitted: Any) -> Verdict:
+    """A verdict with findings of this kind, and a correction with these values."""
+    found = mismatch(kind).result.findings
+    return replace(verdict(kind, found), fit=fit(found, **fitted))
+
+
+def unchanged(tuned: float, before: float = 0.6, always_n: float = 81.0) -> Verdict:
+    """A verdict without findings, with speed errors (m/s) and the smallest steady force that is seen (N)."""
+    errors = Compared(Rmse(before, 0.1), Rmse(tuned, 0.1), Rmse(before, 0.1))
+    found = verdict("nothing_missing", [])
+    seen = SmallestVisible({}, always_n, 900.0)
+    driven = fit([], errors=errors, chosen=Chosen.NOTHING)
+    return replace(found, fit=driven, data=replace(found.data, smallest_visible=seen))
 
 
 def said(*found: Name, **claimed: Any) -> list[str]:
@@ -72,34 +96,30 @@ def test_a_force_that_is_not_in_the_correction_is_not_credited() -> None:
 
 
 def test_no_name_is_credited_where_parameters_alone_went_in() -> None:
-    v = verdict("missing_physics", mismatch("missing_physics").findings)
-    v["fit"] |= {"chosen": "parameters", "corrected": ["drag_area", "mass"]}
+    v = corrected("missing_physics", chosen=Chosen.PARAMETERS, corrected=("drag_area", "mass"))
     text = headline.text(v)
     assert headline.PARAMETERS_ALONE in text and "what was found" not in text
 
 
 @pytest.mark.parametrize(
     ("beside", "worth"),
-    [([0.1, 0.3], Worth.BETTER), ([-0.8, 0.1], Worth.AS_GOOD), ([-0.5, -0.1], Worth.WORSE)],
+    [((0.1, 0.3), Worth.BETTER), ((-0.8, 0.1), Worth.AS_GOOD), ((-0.5, -0.1), Worth.WORSE)],
 )
-def test_the_verdict_follows_from_the_interval(beside: list[float], worth: Worth) -> None:
-    v = verdict("missing_physics", mismatch("missing_physics").findings)
-    v["fit"]["improvement_over_parameters_ci95"] = beside
+def test_the_verdict_follows_from_the_interval(beside: tuple[float, float], worth: Worth) -> None:
+    v = corrected("missing_physics", improvement=Improvement((0.5, 0.8), beside, 1))
     assert headline.of(v).worth is worth and headline.text(v).endswith(headline.SHOWN[worth])
 
 
 def test_what_went_in_is_read_and_not_guessed() -> None:
-    v = verdict("missing_physics", mismatch("unknown").findings)
-    assert headline.of(v).left_out == ()
-    v["fit"]["corrected"] = []
-    assert [n.effect for n in headline.of(v).left_out] == ["unknown"]
+    assert headline.of(corrected("unknown")).left_out == ()
+    left_out = headline.of(corrected("unknown", corrected=())).left_out
+    assert [n.effect for n in left_out] == ["unknown"]
 
 
 def test_a_failed_validation_is_said() -> None:
-    v = verdict("missing_physics", mismatch("missing_physics").findings)
-    v["fit"]["validated"] = False
+    v = corrected("missing_physics", validated=False)
     assert "No correction proved better on held-out recordings" in headline.text(v)
-    v["fit"] = {"held_out": [], "horizon_s": 20.0, "windows": 0, "validated": False}
+    v = corrected("missing_physics", windows=0, validated=False, errors=None, improvement=None)
     assert "No held-out drive is long enough without a gap" in headline.text(v)
 
 
@@ -111,17 +131,13 @@ def test_a_fault_of_a_sensor_beside_physics_has_its_own_sentence() -> None:
 
 @pytest.mark.parametrize(("newton", "claim"), [(240.0, Claim.AGREES), (1620.0, Claim.MUCH_COULD_HIDE)])
 def test_where_much_could_hide_nothing_is_said_to_agree(newton: float, claim: Claim) -> None:
-    v = verdict("nothing_missing", [])
-    v["data"]["smallest_visible"] = {"steady force all the time": {"newton": newton}}
-    v["fit"]["chosen"], v["fit"]["parameters_only"] = "nothing", v["fit"]["before"]
+    v = unchanged(0.6, always_n=newton)
     assert headline.of(v).claim is claim and "would have been seen" in headline.text(v)
 
 
 @pytest.mark.parametrize(("tuned", "agrees"), [(0.005, False), (0.25, True)])
 def test_a_simulator_that_other_parameters_mend_does_not_agree(tuned: float, agrees: bool) -> None:
-    v = verdict("nothing_missing", [])
-    sizes = {"before": 0.257, "parameters_only": tuned, "after": 0.257}
-    v["fit"] |= {name: {"speed_rmse": size} for name, size in sizes.items()}
+    v = unchanged(tuned, before=0.257)
     assert ("the simulator agrees" in headline.text(v)) == agrees
     assert ("The simulator is off" in headline.text(v)) != agrees
 
@@ -140,7 +156,7 @@ SIZES = st.floats(1e-4, 99.0)
         left_out=FOUND | st.just(()),
         laws=st.booleans(),
         worth=st.sampled_from(Worth),
-        errors=st.builds(Errors, st.floats(10.0, 20.0), SIZES, SIZES, SIZES),
+        errors=st.builds(SpeedErrors, st.floats(10.0, 20.0), SIZES, SIZES, SIZES),
     )
 )
 def test_whatever_was_found_no_sentence_is_long(h: Headline) -> None:

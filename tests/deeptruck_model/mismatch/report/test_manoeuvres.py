@@ -11,9 +11,10 @@ from deeptruck_model import trucks
 from deeptruck_model.mismatch.mechanisms import LIBRARY, comes_and_goes
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.search import Model, Search
-from deeptruck_model.mismatch.report.findings import Finding
 from deeptruck_model.mismatch.report.identifiability import MANOEUVRES, checked, separation
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.result import Finding, Kind
+from deeptruck_model.mismatch.sentence import Sentence
 
 TRUCK = trucks.load("trucksim")
 
@@ -45,13 +46,21 @@ def finding(e: Evidence, model: Model, rival: str, other: Model) -> Finding:
         "missing_physics", shape.mechanism.effect, 90.0, 1.0, 0.9, np.zeros(len(e)), shape,
         ((rival, 3.0),), alternatives=((rival, other),),
     )  # fmt: skip
-    return Finding({"would_be_told_by": "coast", "cannot_be_told_from": [rival]}, cause)
+    return told("coast", rival, cause)
+
+
+def told(by: str, rival: str, cause: Cause) -> Finding:
+    """A finding that is told by a manoeuvre, but not from a rival."""
+    kind, says, would = Kind(cause.kind), Sentence.of("something is off"), Sentence.of(by)
+    return Finding(
+        kind, cause.effect, says, "F = 0", {}, 0.9, would, (), cannot_be_told_from=(rival,), cause=cause
+    )
 
 
 def test_one_explanation_is_not_told_from_itself(lossy: Evidence, models: dict[str, Model]) -> None:
     assert separation(TRUCK, lossy, models["loss"], models["loss"]).telling == 0.0
     alike = checked(finding(lossy, models["loss"], "twin", models["loss"]), TRUCK, lossy, models["loss"])
-    assert "none tells it from twin" in alike.data["would_be_told_by"]
+    assert "none tells it from twin" in str(alike.would_be_told_by)
 
 
 def test_a_lost_eighth_of_the_pull_shows_in_a_pull(lossy: Evidence, models: dict[str, Model]) -> None:
@@ -61,9 +70,9 @@ def test_a_lost_eighth_of_the_pull_shows_in_a_pull(lossy: Evidence, models: dict
 
 def test_it_is_said_which_manoeuvre_tells(lossy: Evidence, models: dict[str, Model]) -> None:
     found = finding(lossy, models["loss"], "nothing", models["nothing"])
-    words = checked(found, TRUCK, lossy, models["loss"]).data["would_be_told_by"]
+    words = str(checked(found, TRUCK, lossy, models["loss"]).would_be_told_by)
     assert (
-        words.startswith(f"coast; of {len(MANOEUVRES)} others, simulated on a flat road, ")
+        words.startswith(f"coast. Of {len(MANOEUVRES)} others, simulated on a flat road, ")
         and "tells it from nothing" in words
     )
 
@@ -80,8 +89,8 @@ def test_a_parameter_is_driven_against_the_law_in_its_place(
         "parameter_error", "torque_gain", 90.0, 1.0, 0.9, np.zeros(len(lossy)), None,
         (("driveline_loss", 3.0),), alternatives=(("driveline_loss", models["loss"]),), whole=models["gain"],
     )  # fmt: skip
-    found = Finding({"would_be_told_by": "pull", "cannot_be_told_from": ["driveline_loss"]}, cause)
-    words = checked(found, TRUCK, lossy, models["nothing"]).data["would_be_told_by"]
+    found = told("pull", "driveline_loss", cause)
+    words = str(checked(found, TRUCK, lossy, models["nothing"]).would_be_told_by)
     s = separation(TRUCK, lossy, models["gain"], models["loss"])
     says = f"{s.words} tells it" if s.telling >= 1.0 else "none tells it"
     assert s.telling > 0.0 and f" others, simulated on a flat road, {says} from driveline_loss" in words

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,26 @@ from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.report import findings, text, wording
 from deeptruck_model.mismatch.report.findings import strength
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.result import Bound, Finding, Kind, Regime, Rival
 from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.mismatch.sentence import Named, Sentence
 
-UNSURE = {"kind": "missing_physics", "probability": 0.3}
+INF = float("inf")
+
+
+def finding(effect: str, worse: Mapping[str, float], group: tuple[str, ...], **more: Any) -> Finding:
+    """With rivals that are worse by so many nats, of which `group` is not told apart."""
+    usual: dict[str, Any] = {
+        "kind": Kind.PHYSICS,
+        "says": Sentence.of("a force"),
+        "equation": "F = 0",
+        "parameters": {},
+        "probability": 0.3,
+        "would_be_told_by": Sentence.of("coast down"),
+        "depends_on": (),
+        "rivals": tuple(Rival(name, nats) for name, nats in worse.items()),
+    }
+    return Finding(effect=effect, cannot_be_told_from=group, **(usual | more))
 
 
 @pytest.mark.parametrize(
@@ -27,18 +45,11 @@ UNSURE = {"kind": "missing_physics", "probability": 0.3}
 def test_unknown_is_in_a_group_by_its_signals_or_as_a_force_that_comes_and_goes(
     rivals: dict[str, float], said: str
 ) -> None:
-    finding: dict[str, Any] = {
-        "effect": "headwind",
-        **UNSURE,
-        "cannot_be_told_from": ["unknown"],
-        "rivals": [{"effect": name, "worse_by_nats": worse} for name, worse in rivals.items()],
-    }
-    assert said in wording.apart(finding)
+    assert said in wording.apart(finding("headwind", rivals, ("unknown",)))
 
 
 def told(effect: str, **worse: float) -> str:
-    rivals = [{"effect": n, "worse_by_nats": w} for n, w in worse.items()]
-    return wording.apart(UNSURE | {"effect": effect, "cannot_be_told_from": [*worse], "rivals": rivals})
+    return wording.apart(finding(effect, worse, tuple(worse)))
 
 
 def test_a_rival_that_does_better_is_said_to() -> None:
@@ -50,10 +61,11 @@ def test_a_rival_that_does_better_is_said_to() -> None:
 
 
 def test_a_parameter_that_a_name_beats_says_why_it_is_told_nevertheless() -> None:
-    finding = UNSURE | {"effect": "drag_area", "cannot_be_told_from": ["headwind"]}
-    rivals = {"rivals": [{"effect": "headwind", "worse_by_nats": -61.0}]}
-    assert wording.REFITTED in wording.apart(finding | rivals | {"kind": "parameter_error"})
-    assert wording.REFITTED not in wording.apart(finding | rivals)
+    parameter, physics = (
+        wording.apart(finding("drag_area", {"headwind": -61.0}, ("headwind",), kind=kind))
+        for kind in (Kind.PARAMETER, Kind.PHYSICS)
+    )
+    assert wording.REFITTED in parameter and wording.REFITTED not in physics
 
 
 def test_a_rival_that_does_little_better_leaves_it_undecided() -> None:
@@ -68,27 +80,30 @@ def test_where_no_nats_were_told_none_are_explained() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "probability", "explained"),
+    ("kind", "sure", "explained"),
     [
-        ("missing_physics", Rules.most_probable[0], True),
+        ("missing_physics", 0.95, True),
         ("missing_physics", 0.7, False),
-        ("parameter_error", Rules.most_probable[0], False),
+        ("parameter_error", 0.95, False),
     ],
 )
 def test_a_name_that_beats_all_others_says_why_it_is_not_surer(
-    kind: str, probability: float, explained: bool
+    kind: str, sure: float, explained: bool, nothing_missing: Evidence
 ) -> None:
-    finding = {"effect": "headwind", "kind": kind, "probability": probability, "cannot_be_told_from": []}
-    said = wording.apart(finding | {"rivals": [{"effect": "road_grade", "worse_by_nats": 20.0}]})
+    sizes = {"road_grade": 0.01, "headwind": 3.0, "torque_derate": 0.1}
+    rivals = (("road_grade", 20.0),)
+    cause = Cause(kind, "headwind", 50.0, 1.0, sure, np.zeros(1), rivals=rivals, needed=sizes)
+    slow: Any = None  # of a slow force nothing is read from the explanation
+    said = wording.apart(findings.from_cause(cause, nothing_missing, slow, {}))
     assert said.startswith("It is told from every other name; the next best, road grade, is 20 nats worse.")
     assert said.endswith(wording.LIMIT.format("80 %")) == explained
 
 
 def test_a_name_beside_another_says_why_it_is_not_surer() -> None:
     """'50 %' stood beside a lead of 6.5 nats without a reason."""
-    finding = {"effect": "headwind", "kind": "missing_physics", "probability": Rules.most_probable[1]}
-    said = wording.apart(finding | {"cannot_be_told_from": ["rolling_resistance"]})
-    assert said.endswith(wording.LIMIT.format("65 %"))
+    most = Rules.most_probable[1]
+    capped = finding("headwind", {}, ("rolling_resistance",), probability=most, capped=True)
+    assert wording.apart(capped).endswith(wording.LIMIT.format("65 %"))
 
 
 def test_no_name_of_the_program_is_in_a_sentence() -> None:
@@ -106,30 +121,40 @@ def test_no_name_of_the_program_is_in_a_sentence() -> None:
     ("where", "said"),
     [
         (
-            "change of brake_command > 9.2 percent",
+            [Bound("change of brake_command", 9.2, INF, "percent")],
             "change of the brake command within about 1 s above 9.2 percent",
         ),
         (
-            "engine 0.287 .. 0.481 m/s² and brake < 0.243 m/s²",
+            [Bound("engine", 0.287, 0.481, "m/s²"), Bound("brake", -INF, 0.243, "m/s²")],
             "engine force per mass from 0.287 to 0.481 m/s² and brake force per mass below 0.243 m/s²",
         ),
-        ("engine over 60 s < 0.0806 m/s²", "engine force per mass over 60 s below 0.0806 m/s²"),
-        ("engine_command -6.62 .. 1.9e+03 N m", "engine command from -6.62 to 1900 N m"),
-        ("elapsed > 33.1 s", "time since the recording began above 33.1 s"),
-        ("braking power over 300 s > 1.05 W/kg", "braking power per mass over 300 s above 1.05 W/kg"),
-        ("everywhere", "everywhere"),
+        (
+            [Bound("engine over 60 s", -INF, 0.0806, "m/s²")],
+            "engine force per mass over 60 s below 0.0806 m/s²",
+        ),
+        ([Bound("engine_command", -6.62, 1899.7, "N m")], "engine command from -6.62 to 1900 N m"),
+        ([Bound("elapsed", 33.1, INF, "s")], "time since the recording began above 33.1 s"),
+        (
+            [Bound("braking power over 300 s", 1.05, INF, "W/kg")],
+            "braking power per mass over 300 s above 1.05 W/kg",
+        ),
+        ([], "everywhere"),
     ],
 )
-def test_a_condition_is_in_words(where: str, said: str) -> None:
-    assert wording.condition(where) == said
+def test_a_condition_is_in_words(where: list[Bound], said: str) -> None:
+    assert wording.condition(Regime(tuple(where), 0.5, 0.1)) == said
 
 
 def test_what_an_unknown_force_varies_with_is_in_words() -> None:
-    said = wording.prose("a force: +3 N. It varies with elapsed, engine. The nearest name, turbo_lag, is far")
-    assert (
-        "varies with time since the recording began, engine force per mass. The nearest name, turbo lag"
-        in said
+    drivers = Sentence.named(["elapsed", "engine", "simulated"])
+    said = Sentence.of(
+        "a force: +-3 N. It varies with ", *drivers, ". The nearest name, ", Named("turbo_lag")
     )
+    assert wording.prose(said) == (
+        "a force: ±3 N. It varies with time since the recording began, engine force per mass, "
+        "simulated acceleration. The nearest name, turbo lag"
+    )
+    assert str(said).endswith("It varies with elapsed, engine, simulated. The nearest name, turbo_lag")
 
 
 def test_every_special_word_is_for_a_name_that_there_is() -> None:
@@ -137,23 +162,13 @@ def test_every_special_word_is_for_a_name_that_there_is() -> None:
 
 
 def test_what_would_settle_it_is_in_words() -> None:
-    finding: dict[str, Any] = {
-        "effect": "rolling_resistance_warmup",
-        "kind": "missing_physics",
-        "says": "rolling_resistance_warmup",
-        "parameters": {},
-        "probability": 0.9,
-        "share_of_explainable_error": 0.0,
-        "equation": "F = 0",
-        "depends_on": [],
-        "cannot_be_told_from": ["rolling_resistance_speed", "unknown"],
-        "would_be_told_by": "coast down; of 8 others, none tells it from rolling_resistance_speed",
-    }
-    shown = text._finding(0, finding)
-    assert not re.search(
-        r"[a-z]_[a-z]", f"{shown['name']} {shown['says']} {shown['to_be_sure']} {shown['apart']}"
-    )
-    assert shown["to_be_sure"].endswith("tells it from rolling resistance that grows with speed.")
+    group = ("rolling_resistance_speed", "unknown")
+    told_by = Sentence.of("coast down; of 8 others, none tells it from ", Named(group[0]))
+    warm = "rolling_resistance_warmup"
+    says = Sentence.of(Named(warm))
+    shown = text.told(0, finding(warm, {}, group, says=says, would_be_told_by=told_by))
+    assert not re.search(r"[a-z]_[a-z]", f"{shown.name} {shown.says} {shown.to_be_sure} {shown.apart}")
+    assert shown.to_be_sure.endswith("tells it from rolling resistance that grows with speed.")
 
 
 @pytest.mark.parametrize(

@@ -45,7 +45,7 @@ def written(tmp_path_factory):
 class TestEveryVerdict:
     def test_the_sentence_comes_first(self, written, kind):
         page = Page(written[kind].html)
-        expected = _sentences(written[kind].found.verdict)
+        expected = _sentences(written[kind].found.result)
         assert page.text[: len(expected)] == expected
         assert page.tags[page.tags.index("body") + 1] == "h1"
         assert page.text[0].endswith(".")
@@ -109,7 +109,7 @@ def test_what_to_do_now_can_be_copied(written):
 
 def test_a_call_from_python_is_not_repeated():
     found = mismatch("missing_physics")
-    steps = what_now.steps(found.verdict, record_next(found), Asked(Path("found")))
+    steps = what_now.steps(found.result, record_next(found), Asked(Path("found")))
     assert [s.command for s in steps] == ["deeptruck-model apply found --out found_corrected", ""]
 
 
@@ -177,10 +177,10 @@ def test_more_than_a_dozen_recordings_are_counted_but_not_all_drawn(tmp_path):
 
 def test_the_formula_enters_from_the_evidence():
     found = mismatch("unknown", count=6)
-    described = formula.describe(found.evidence, found.explanation)
-    assert described["depends_on"][0] == "speed"
-    assert "sin" in described["equation"]
-    assert described["formula_r2"] > 0.7
+    law = formula.formula(found.evidence, found.explanation)
+    assert law.drivers[0] == "speed"
+    assert "sin" in law.text
+    assert law.held_out_r2 > 0.7
 
 
 @pytest.mark.parametrize(

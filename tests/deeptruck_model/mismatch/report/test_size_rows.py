@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 
 from deeptruck_model.mismatch.report import wording
-
-
-def size(value: float, unit: str, ci: tuple[float, float] | None = None) -> dict[str, Any]:
-    return {"value": value, "unit": unit, "ci95": ci and list(ci)}
-
+from deeptruck_model.mismatch.result import Size
 
 DRAGGING = {
-    "force": size(427.9, "N", (265.6, 590.1)),
-    "at braking power over 60 s -1.25e-05": size(0.0, "N"),
-    "at braking power over 60 s 2.44": size(2222.8, "N", (1628.9, 2816.6)),
-    "force[b_0]": size(1295.9, "N", (-22.8, 2614.6)),
-    "force[b_1]": size(0.0, "N"),
+    "force": Size(427.9, "N", (265.6, 590.1)),
+    "at braking power over 60 s -1.25e-05": Size(0.0, "N"),
+    "at braking power over 60 s 2.44": Size(2222.8, "N", (1628.9, 2816.6)),
+    "force[b_0]": Size(1295.9, "N", (-22.8, 2614.6)),
+    "force[b_1]": Size(0.0, "N"),
 }
 
 
-def shown(parameters: dict[str, Any]) -> dict[str, str]:
-    return {row["name"]: row["text"] for row in wording.rows(parameters)}
+def shown(parameters: dict[str, Size]) -> dict[str, str]:
+    return {row.name: row.text for row in wording.rows(parameters)}
 
 
 def test_a_place_on_a_curve_has_its_unit_and_next_to_nothing_is_nothing() -> None:
@@ -62,18 +56,21 @@ def test_sizes_of_several_kinds_say_how_they_add_up() -> None:
     ("parameters", "names"),
     [
         (
-            {"time_constant": size(0.595, "s", (0.54, 0.65)), "tau_s": size(0.6, "s")},
+            {"time_constant": Size(0.595, "s", (0.54, 0.65)), "tau_s": Size(0.6, "s", picked=True)},
             ["time constant"],
         ),
-        ({"force": size(400.0, "N", (300.0, 500.0)), "decay_s": size(20.0, "s")}, ["force", "decay"]),
+        (
+            {"force": Size(400.0, "N", (300.0, 500.0)), "decay_s": Size(20.0, "s", picked=True)},
+            ["force", "decay"],
+        ),
     ],
 )
 def test_a_place_on_a_grid_is_not_told_beside_the_size_fitted_about_it(
-    parameters: dict[str, Any], names: list[str]
+    parameters: dict[str, Size], names: list[str]
 ) -> None:
     assert list(shown(parameters)) == names
 
 
 def test_what_was_picked_from_a_few_is_told_so() -> None:
-    rows = shown({"force": size(400.0, "N", (300.0, 500.0)), "decay_s": size(20.0, "s")})
+    rows = shown({"force": Size(400.0, "N", (300.0, 500.0)), "decay_s": Size(20.0, "s", picked=True)})
     assert rows["decay"] == "about 20 s, the best of a few that were tried"

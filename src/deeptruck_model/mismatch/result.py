@@ -1,0 +1,443 @@
+"""What the tool found, as types. `Verdict.to_json` gives verdict.json, and nothing else does.
+
+Rooms below give the parts; the report reads them. Numbers are rounded where a finding is made, so that page,
+terminal and file say the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
+from deeptruck_model.mismatch.data.checks import Rejection
+from deeptruck_model.mismatch.data.prepared import Prepared
+from deeptruck_model.mismatch.posterior.causes import Cause, Explanation, RoadLock
+from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.sentence import Sentence
+
+Array = NDArray[np.float64]
+Interval = tuple[float, float]
+
+SCHEMA = 1
+COVERAGE = "coverage.png"
+LAWS_R2 = "held_out_r2"  # the name under which verdict.json has `Finding.laws_r2`
+ALWAYS, RARELY = "steady force all the time", "steady force 2 % of the time"
+
+
+class Kind(StrEnum):
+    """What a finding is."""
+
+    PHYSICS = "missing_physics"
+    PARAMETER = "parameter_error"
+    SENSOR = "measurement_fault"
+
+
+class Conclusion(StrEnum):
+    """What it comes down to: the kind of the main finding, or why there is none."""
+
+    PHYSICS = "missing_physics"
+    PARAMETER = "parameter_error"
+    SENSOR = "measurement_fault"
+    NOTHING = "nothing_missing"
+    UNDETERMINED = "undetermined"
+
+
+class Chosen(StrEnum):
+    """What goes into a corrected simulator."""
+
+    NOTHING = "nothing"
+    FINDINGS = "findings"
+    PARAMETERS = "parameters"  # all refitted, and no name
+    LAWS = "laws"  # the findings, and laws for what has no name
+
+
+@dataclass(frozen=True)
+class Size:
+    """A size in `unit` with its 95 % interval, where it was fitted."""
+
+    value: float
+    unit: str
+    ci95: Interval | None = None
+    picked: bool = False  # not fitted: the best of a few that were tried
+
+
+@dataclass(frozen=True)
+class Rival:
+    """Another name, and by how many nats the whole explanation is worse with it."""
+
+    effect: str
+    worse_by_nats: float
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing found. `share_of_explainable_error` and `probability` are from 0 to 1."""
+
+    kind: Kind
+    effect: str
+    says: Sentence
+    equation: str
+    parameters: Mapping[str, Size]
+    probability: float
+    would_be_told_by: Sentence
+    depends_on: tuple[str, ...]
+    cannot_be_told_from: tuple[str, ...] = ()
+    share_of_explainable_error: float = 0.0
+    evidence_nats: float | None = None  # None for a fault that shows between sensors alone
+    rivals: tuple[Rival, ...] = ()
+    capped: bool = False  # the fit alone would be surer than `probability`
+    nearest: str | None = None  # of a force without a name: the name that comes nearest
+    laws_r2: float | None = None  # of a force without a name: r2 of its laws on recordings not fitted to
+    formula_r2: float | None = None  # held-out r2 of the formula in `equation`, where one was found
+    decided_by: str | None = None  # of a slow force: what gave it its name
+    road: RoadLock | None = None
+    cause: Cause | None = field(default=None, compare=False)  # None for a fault between sensors
+
+    def to_json(self) -> dict[str, Any]:
+        """An entry of `findings`."""
+        sizes = dict(self.parameters) | ({} if self.laws_r2 is None else {LAWS_R2: Size(self.laws_r2, "1")})
+        out: dict[str, Any] = {
+            "kind": self.kind,
+            "effect": self.effect,
+            "says": str(self.says),
+            "equation": self.equation,
+            "parameters": {n: {"value": s.value, "unit": s.unit, "ci95": s.ci95} for n, s in sizes.items()},
+            "would_be_told_by": str(self.would_be_told_by),
+            "depends_on": self.depends_on,
+            "probability": self.probability,
+            "cannot_be_told_from": self.cannot_be_told_from,
+            "share_of_explainable_error": self.share_of_explainable_error,
+        }
+        if self.evidence_nats is not None:
+            out["evidence_nats"] = self.evidence_nats
+            out["rivals"] = [vars(r) for r in self.rivals]
+        road = {n: round(v, 3) for n, v in vars(self.road).items()} if self.road is not None else None
+        only_if = {
+            "nearest": self.nearest,
+            "decided_by": self.decided_by,
+            "road": road,
+            "formula_r2": self.formula_r2,
+        }
+        return out | {name: value for name, value in only_if.items() if value is not None}
+
+    @staticmethod
+    def read(entry: Mapping[str, Any]) -> Finding:
+        """An entry of `findings` of verdict.json."""
+        sizes = {n: Size(s["value"], s["unit"], _interval(s["ci95"])) for n, s in entry["parameters"].items()}
+        laws = sizes.pop(LAWS_R2, None)
+        road = entry.get("road")
+        return Finding(
+            Kind(entry["kind"]), entry["effect"], Sentence.of(entry["says"]), entry["equation"], sizes,
+            entry["probability"], Sentence.of(entry["would_be_told_by"]), tuple(entry["depends_on"]),
+            tuple(entry["cannot_be_told_from"]), entry["share_of_explainable_error"],
+            entry.get("evidence_nats"), tuple(Rival(**r) for r in entry.get("rivals", ())),
+            nearest=entry.get("nearest"), laws_r2=laws.value if laws else None,
+            formula_r2=entry.get("formula_r2"), decided_by=entry.get("decided_by"),
+            road=RoadLock(**road) if road else None,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A stretch of one recording in which a finding (by its place) acts; rows are of the stacked evidence."""
+
+    recording: str
+    start_s: float
+    end_s: float
+    finding: int
+    mean_force_n: float
+    start: int
+    stop: int
+    energy: float
+
+    def to_json(self) -> dict[str, Any]:
+        """An entry of `segments`."""
+        return {
+            "recording": self.recording,
+            "start_s": round(self.start_s, 2),
+            "end_s": round(self.end_s, 2),
+            "finding": self.finding,
+            "mean_force_n": round(self.mean_force_n, 1),
+        }
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A range of a signal, open on a side that is infinite."""
+
+    signal: str
+    low: float
+    high: float
+    unit: str
+
+    def __str__(self) -> str:
+        after = f" {self.unit}" if self.unit else ""
+        if np.isinf(self.low):
+            return f"{self.signal} < {self.high:.3g}{after}"
+        if np.isinf(self.high):
+            return f"{self.signal} > {self.low:.3g}{after}"
+        return f"{self.signal} {self.low:.3g} .. {self.high:.3g}{after}"
+
+
+@dataclass(frozen=True)
+class Regime:
+    """A region of driving, everywhere without bounds, with its share of the error and of the time."""
+
+    bounds: tuple[Bound, ...]
+    share_of_error: float
+    share_of_time: float
+
+    @property
+    def where(self) -> str:
+        """The bounds in one line."""
+        return " and ".join(map(str, self.bounds)) or "everywhere"
+
+    def to_json(self) -> dict[str, Any]:
+        """An entry of `regimes`."""
+        return {
+            "where": self.where,
+            "share_of_error": self.share_of_error,
+            "share_of_time": self.share_of_time,
+        }
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of free windows, (windows, steps), and the recording and sample each begins at."""
+
+    speed: Array
+    acceleration: Array
+    recording: NDArray[np.intp]
+    start: NDArray[np.intp]
+
+    def rmse(self) -> Rmse:
+        """Over all windows and steps."""
+        speed, acceleration = (float(np.sqrt(np.mean(x**2))) for x in (self.speed, self.acceleration))
+        return Rmse(speed, acceleration)
+
+
+@dataclass(frozen=True)
+class Rmse:
+    """Of speed (m/s) and acceleration (m/s^2) in free runs."""
+
+    speed: float
+    acceleration: float
+
+    def to_json(self) -> dict[str, float]:
+        """An entry of `fit`."""
+        return {"speed_rmse": self.speed, "acceleration_rmse": self.acceleration}
+
+    @staticmethod
+    def read(entry: Mapping[str, float]) -> Rmse:
+        """An entry of `fit` of verdict.json."""
+        return Rmse(entry["speed_rmse"], entry["acceleration_rmse"])
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Errors of the simulators in the same free runs: as given, with all parameters refitted and no name,
+    corrected, and corrected by laws for what has no name too."""
+
+    before: Rmse
+    parameters_only: Rmse
+    after: Rmse
+    free_model: Rmse | None = None
+
+    def each(self) -> dict[str, Rmse]:
+        """By the names of verdict.json, those that there are."""
+        return {name: rmse for name, rmse in vars(self).items() if rmse is not None}
+
+
+@dataclass(frozen=True)
+class Improvement:
+    """95 % intervals of the relative improvement of the speed error, over that many recordings."""
+
+    ci95: Interval
+    over_parameters_ci95: Interval
+    recordings: int
+
+    def to_json(self) -> dict[str, Any]:
+        """Its entries of `fit`."""
+        return {
+            "improvement_ci95": self.ci95,
+            "improvement_over_parameters_ci95": self.over_parameters_ci95,
+            "improvement_recordings": self.recordings,
+        }
+
+    @staticmethod
+    def read(fit: Mapping[str, Any]) -> Improvement:
+        """From `fit` of verdict.json."""
+        (a, b), (c, d) = fit["improvement_ci95"], fit["improvement_over_parameters_ci95"]
+        return Improvement((a, b), (c, d), fit["improvement_recordings"])
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """What the correction does for `windows` free runs of `horizon_s` on the held-out recordings.
+
+    `errors` and `improvement` are None where no recording is long enough for a free run.
+    """
+
+    held_out: tuple[str, ...]
+    horizon_s: float
+    windows: int
+    chosen: Chosen
+    corrected: tuple[str, ...]  # effects and parameters that the corrected simulator holds
+    validated: bool
+    errors: Compared | None = None
+    improvement: Improvement | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """`fit`."""
+        names = ("held_out", "horizon_s", "windows", "chosen", "corrected")
+        out = {name: getattr(self, name) for name in names}
+        if self.errors is not None:
+            out |= {name: rmse.to_json() for name, rmse in self.errors.each().items()}
+        if self.improvement is not None:
+            out |= self.improvement.to_json()
+        return out | {"validated": self.validated}
+
+    @staticmethod
+    def read(fit: Mapping[str, Any]) -> FitResult | None:
+        """`fit` of verdict.json; None where nothing could be driven."""
+        if not fit:
+            return None
+        names = ("before", "parameters_only", "after", "free_model")
+        driven = {name: Rmse.read(fit[name]) for name in names if name in fit}
+        return FitResult(
+            tuple(fit["held_out"]), fit["horizon_s"], fit["windows"], Chosen(fit["chosen"]),
+            tuple(fit["corrected"]), fit["validated"],
+            Compared(**driven) if driven else None,
+            Improvement.read(fit) if driven else None,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class SmallestVisible:
+    """What would have been reported: relative errors of parameters, and steady forces (N)."""
+
+    parameters: Mapping[str, float]
+    always_n: float  # a force that acts all the time
+    rarely_n: float  # one that acts for 2 % of it
+
+    def to_json(self) -> dict[str, Any]:
+        """`data.smallest_visible`."""
+        forces = {ALWAYS: {"newton": self.always_n}, RARELY: {"newton": self.rarely_n}}
+        return {name: {"relative": size} for name, size in self.parameters.items()} | forces
+
+    @staticmethod
+    def read(entry: Mapping[str, Any] | None) -> SmallestVisible | None:
+        """`data.smallest_visible` of verdict.json."""
+        if entry is None:
+            return None
+        relative = {name: size["relative"] for name, size in entry.items() if "relative" in size}
+        return SmallestVisible(relative, entry[ALWAYS]["newton"], entry[RARELY]["newton"])
+
+
+@dataclass(frozen=True)
+class DataReport:
+    """What was wrong with the recordings; and, where nothing is missing, what would have been seen."""
+
+    rejected: tuple[Rejection, ...] = ()
+    smallest_visible: SmallestVisible | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """`data`."""
+        out: dict[str, Any] = {"rejected": [vars(r) for r in self.rejected], "coverage": COVERAGE}
+        if self.smallest_visible is not None:
+            out["smallest_visible"] = self.smallest_visible.to_json()
+        return out
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """All that verdict.json tells. `fit` is None where nothing could be driven."""
+
+    kind: Conclusion
+    findings: tuple[Finding, ...] = ()
+    segments: tuple[Segment, ...] = ()
+    regimes: tuple[Regime, ...] = ()
+    fit: FitResult | None = None
+    data: DataReport = DataReport()
+    caveats: tuple[str, ...] = ()
+
+    @property
+    def validated(self) -> bool:
+        """Whether the corrected simulator passed validation."""
+        return self.fit is not None and self.fit.validated
+
+    def to_json(self) -> dict[str, Any]:
+        """verdict.json as plain JSON data: no NaN, no infinities, no numpy types."""
+        out: dict[str, Any] = _plain(
+            {
+                "schema": SCHEMA,
+                "verdict": self.kind,
+                "findings": [f.to_json() for f in self.findings],
+                "segments": [s.to_json() for s in self.segments],
+                "regimes": [r.to_json() for r in self.regimes],
+                "fit": self.fit.to_json() if self.fit is not None else {},
+                "data": self.data.to_json(),
+                "caveats": self.caveats,
+            }
+        )
+        return out
+
+    @staticmethod
+    def read(verdict: Mapping[str, Any]) -> Verdict:
+        """What verdict.json tells of findings, fit, data and caveats; where it acts is left out."""
+        data = verdict["data"]
+        return Verdict(
+            Conclusion(verdict["verdict"]),
+            tuple(Finding.read(f) for f in verdict["findings"]),
+            fit=FitResult.read(verdict["fit"]),
+            data=DataReport(
+                tuple(Rejection(**r) for r in data["rejected"]),
+                SmallestVisible.read(data.get("smallest_visible")),
+            ),
+            caveats=tuple(verdict["caveats"]),
+        )
+
+
+@dataclass(frozen=True)
+class Mismatch:
+    """Everything the tool found: its result, and what the report draws. None where nothing can be said."""
+
+    result: Verdict
+    evidence: Evidence | None
+    explanation: Explanation | None
+    errors: Mapping[str, Errors]
+    corrected: CorrectedTruck | None
+    prepared: tuple[Prepared, ...]
+    excluded: tuple[str, ...] = ()  # effects that were to be left out of the library
+
+    @property
+    def verdict(self) -> dict[str, Any]:
+        """The content of verdict.json."""
+        return self.result.to_json()
+
+
+def _interval(ci95: list[float] | None) -> Interval | None:
+    return (ci95[0], ci95[1]) if ci95 else None
+
+
+def _plain(x: Any) -> Any:
+    """JSON data without NaN, infinities, enums and numpy types."""
+    if isinstance(x, dict):
+        return {str(k): _plain(v) for k, v in x.items()}
+    if isinstance(x, (list, tuple)):
+        return [_plain(v) for v in x]
+    if isinstance(x, StrEnum):
+        return x.value
+    if isinstance(x, (bool, np.bool_)):
+        return bool(x)
+    if isinstance(x, (int, np.integer)):
+        return int(x)
+    if isinstance(x, (float, np.floating)):
+        return float(x) if np.isfinite(x) else None
+    return x
