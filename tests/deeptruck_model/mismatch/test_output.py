@@ -24,7 +24,7 @@ def test_a_result_without_its_list_of_files_is_known_by_their_names(tmp_path: Pa
 def test_one_kind_of_result_does_not_replace_another(tmp_path: Path) -> None:
     with FOUND.replacing(tmp_path / "found") as draft:
         (draft / "verdict.json").write_text("{}")
-    with pytest.raises(InputError, match=r"verdict\.json, which is no part of a corrected simulator"):
+    with pytest.raises(InputError, match="a mismatch result, which is no part of a corrected simulator"):
         APPLIED.check(tmp_path / "found", overwrite=True)
 
 

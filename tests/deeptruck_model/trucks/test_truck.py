@@ -51,7 +51,7 @@ def test_load_through_simulators_with_nested_and_flat_overrides(tmp_path: Path) 
         ("mass: -5", "1000 to 100000"),
         ("mass: .nan", "1000 to 100000"),
         ("mass: [1", "is not valid YAML"),
-        ("- mass", "must hold a table"),
+        ("- mass", "must hold 'key: value' pairs"),
         ("ratios: [1, 2]", "falling"),
         ("full_load: {speed: [100, 50], torque: [1, 2]}", "rising"),
         ("interface: {engine_unit: g/s}", "N m"),
