@@ -99,5 +99,6 @@ def test_commands_from_bag_to_figures(drive, tmp_path):
     assert "warning: the truck was trained on bag: its errors there are optimistic" in evaluated.stderr
     unseen = drive(60, seed=9)
     write_bag(tmp_path / "unseen", [unseen], interface=unseen.interface)
-    other = runner.invoke(app, ["evaluate", sim, str(tmp_path / "unseen"), "--out", str(tmp_path / "out")])
+    again = ["--out", str(tmp_path / "out"), "--overwrite"]
+    other = runner.invoke(app, ["evaluate", sim, str(tmp_path / "unseen"), *again])
     assert other.exit_code == 0 and "the truck was trained on" not in other.stderr
