@@ -21,11 +21,12 @@ from deeptruck_exam.folder import PROOF
 from deeptruck_model import results
 from deeptruck_model.files import LEDGER, Result, unfinished
 from deeptruck_model.mismatch import folders
+from examples.demo import drives, real
 
 RESUMABLE = (results.DEEP_TRUCK, results.SWEEP, POLICY, policy_sweep.SWEEP, BENEFIT)
 AT_ONCE = (
     results.PHYSICS_TRUCK, results.EVALUATION, results.COVERAGE, results.BAG, results.EXPERIMENT,
-    folders.FOUND, folders.APPLIED, output.EVALUATION,
+    folders.FOUND, folders.APPLIED, output.EVALUATION, drives.DRIVES, real.DRIVES,
 )  # fmt: skip
 RECORDED = bag_place.BAG
 KINDS = (*RESUMABLE, *AT_ONCE, PROOF, RECORDED)
