@@ -30,7 +30,6 @@ from deeptruck_model.simulators import Simulator
 WEAK = 60.0  # nats; a stronger cause is told also where no held-out drive shows it
 CLEAR = 120.0  # the same for what acts on other drives too, and for what comes and goes: knots follow a drift
 STRONG_LEARNED = 150.0  # nats; beside a learned simulator a stronger one is told also where drives are worse
-OF_RECORDINGS = frozenset({"when", "each", "recordings", "first"})  # settings
 CLEARLY = 0.6  # of the error as given, at which a parameter is told by few nats
 ROAD = "road_grade"
 NO_BETTER = 0.97  # of the error with other parameters alone, or as given
@@ -66,8 +65,8 @@ def in_vain(
             return True  # all parameters went in instead
     if most >= WEAK:
         return False
-    lasting = any(_lasting(shape) for shape in names) or 0 < len(names) < len(x.causes)
-    left_out = after == before and not any("when" in shape.settings for shape in names)
+    lasting = any(shape.variant.is_a_law for shape in names) or 0 < len(names) < len(x.causes)
+    left_out = after == before and not any(shape.variant.acts_in_windows for shape in names)
     return bool(left_out or after > before or ((learned or lasting) and after > NO_BETTER * tuned))
 
 
@@ -81,20 +80,12 @@ def _laws_drive_no_better(fit: dict[str, Any]) -> bool:
 
 def _asked_of_other_drives(cause: Cause, slopes_recorded: bool) -> bool:
     """Whether it must help them: a law, or what comes and goes but a road that is surely there."""
-    law = cause.shape is not None and _lasting(cause.shape)
+    law = cause.shape is not None and cause.shape.variant.is_a_law
     return law or (_comes_and_goes(cause) and (slopes_recorded or cause.effect != ROAD))
 
 
 def _comes_and_goes(cause: Cause) -> bool:
     return cause.lawless or (cause.shape is not None and comes_and_goes(cause.shape))
-
-
-def _lasting(shape: Shape) -> bool:
-    """Whether it is a law, and neither bound to recordings nor to a while."""
-    parts = shape.settings.get("parts", [shape.settings])
-    return not any(
-        part.get("knots") or not OF_RECORDINGS.isdisjoint(part) for part in [shape.settings, *parts]
-    )
 
 
 Mask = NDArray[np.bool_]
@@ -259,7 +250,7 @@ def _recipes(e: Evidence, x: Explanation) -> list[_Recipe]:
 
 def _terms(shapes: Sequence[Shape], model: Model) -> list[Term]:
     return [
-        Term(s.mechanism.effect, s.settings, tuple(model.coefficients(s.mechanism.effect).tolist()))
+        Term(s.mechanism.effect, s.variant, tuple(model.coefficients(s.mechanism.effect).tolist()))
         for s in shapes
     ]
 

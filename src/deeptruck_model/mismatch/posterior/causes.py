@@ -159,7 +159,7 @@ def _group_share(shape: Shape | None) -> float:
     """Share of a gain within which other names are not told apart."""
     if shape is None:
         return GROUP_SHARE
-    if "when" in shape.settings:
+    if shape.variant.acts_in_windows:
         return GROUP_SHARE_RARE
     return GROUP_SHARE_SLOW if comes_and_goes(shape) else GROUP_SHARE
 
