@@ -16,6 +16,7 @@ from pages import Page
 
 from deeptruck_model import cli, driving_cycles, mismatch, simulators, trucks
 from deeptruck_model.mismatch.report import headline
+from deeptruck_model.mismatch.result import Verdict
 from deeptruck_model.recordings import write_bag
 
 SCRIPT = Path(sys.executable).with_name("deeptruck-model")
@@ -75,7 +76,7 @@ def test_from_bags_to_a_corrected_simulator(tmp_path: Path) -> None:
     assert said["fit"]["held_out"] == ["d"] and said["fit"]["validated"]
     assert {"verdict.json", "report.html", "profiles.csv", "simulator"} <= {p.name for p in out.iterdir()}
     page = Page((out / "report.html").read_text())
-    sentences = headline.sentences(headline.of(said))
+    sentences = headline.sentences(headline.of(Verdict.read(said)))
     assert done.stdout.splitlines()[1 : 1 + len(sentences)] == sentences
     assert page.text[:2] == [sentences[0], " ".join(sentences[1:])]
     command = f"deeptruck-model apply {out} --out {out}_corrected"

@@ -16,7 +16,7 @@ from deeptruck_model import reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import heard
 from deeptruck_model.mismatch.expression import Rerun, Stream
-from deeptruck_model.mismatch.mechanisms import KNOWN, build
+from deeptruck_model.mismatch.mechanisms import KNOWN, Variant, build, saved
 from deeptruck_model.mismatch.mechanisms.carriers import CARRIERS
 from deeptruck_model.mismatch.residual import effective_mass
 from deeptruck_model.mismatch.residual.command_path import CommandPath
@@ -30,15 +30,16 @@ Array = NDArray[np.float64]
 
 # 1: forces gave force per mass of acceleration; 2: brakes that hold a deceleration felt nothing that changes.
 # 3: forces were of the size they had about other parameters. Coefficients of all three mean something else.
-SCHEMA = 4
+# 4: terms were settings by name, and not variants.
+SCHEMA = 5
 
 
 @dataclass(frozen=True)
 class Term:
-    """A mechanism of the library with its settings and coefficients, as stored."""
+    """A variant of a mechanism of the library, and its coefficients."""
 
     effect: str
-    settings: dict[str, Any]
+    variant: Variant
     coefficients: tuple[float, ...]
 
 
@@ -84,7 +85,7 @@ class CorrectedTruck:
         weighted = [(SENSITIVITY[name], change) for name, change in moved.items() if name not in own]
         paths = []
         for term in self.terms:
-            for column, b in zip(build(KNOWN[term.effect], term.settings), term.coefficients, strict=True):
+            for column, b in zip(build(KNOWN[term.effect], term.variant), term.coefficients, strict=True):
                 if isinstance(column.expression, Rerun):
                     paths.append((column.expression.path, column.expression.amount, b))
                 elif b != 0.0:
@@ -221,7 +222,11 @@ class CorrectedTruck:
             "dt": self.dt,
             "parameters": self.moved,
             "terms": [
-                {"effect": t.effect, "settings": t.settings, "coefficients": list(t.coefficients)}
+                {
+                    "effect": t.effect,
+                    "variant": saved.to_json(t.variant),
+                    "coefficients": list(t.coefficients),
+                }
                 for t in self.terms
             ],
             "shares": self.shares.to_dict() if self.shares else None,
@@ -271,14 +276,17 @@ def load_directory(path: Path, manifest: dict[str, Any]) -> CorrectedTruck:
     """A corrected truck from its directory. Raises InputError where this library cannot read it."""
     if manifest.get("schema") != SCHEMA:
         raise InputError(
-            f"{path} was corrected by another version, whose forces have other sizes;"
+            f"{path} was corrected by another version, whose terms are kept in another form;"
             " run the mismatch tool again"
         )
     try:
-        terms = [Term(t["effect"], t["settings"], tuple(t["coefficients"])) for t in manifest["terms"]]
-        unknown = [t.effect for t in terms if t.effect not in KNOWN]
+        unknown = [t["effect"] for t in manifest["terms"] if t["effect"] not in KNOWN]
         if unknown:
             raise InputError(f"{path} has terms this version does not know: {', '.join(unknown)}")
+        terms = [
+            Term(t["effect"], saved.variant_of(t["variant"]), tuple(t["coefficients"]))
+            for t in manifest["terms"]
+        ]
         shares = Shares.from_dict(manifest["shares"]) if manifest.get("shares") else None
         base = load_simulator(path / "base")
         gears = tuple(float(gear) for gear in manifest.get("gears", ()))
@@ -300,7 +308,6 @@ def _check_numbers(
 ) -> None:
     """Raises ValueError for numbers and names that no correction has."""
     numbers = [*gears, *moved.values(), *carried.values(), *(b for t in terms for b in t.coefficients)]
-    numbers += [value for t in terms for value in t.settings.values() if isinstance(value, float)]
     if not all(isinstance(x, int | float) and math.isfinite(x) for x in numbers):
         raise ValueError("it holds a value that is no number")
     if not set(carried) <= set(CARRIERS):

@@ -26,7 +26,6 @@ from deeptruck_model.mismatch.result import Chosen, Compared, Errors, FitResult,
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.simulators import Simulator
 
-OF_RECORDINGS = frozenset({"when", "each", "recordings", "first"})  # settings
 ROAD = "road_grade"
 
 
@@ -68,8 +67,8 @@ def in_vain(
             return True
     if most >= rules.weak:
         return False
-    lasting = any(_lasting(shape) for shape in names) or 0 < len(names) < len(x.causes)
-    left_out = chosen is Chosen.NOTHING and not any("when" in shape.settings for shape in names)
+    lasting = any(shape.variant.is_a_law for shape in names) or 0 < len(names) < len(x.causes)
+    left_out = chosen is Chosen.NOTHING and not any(shape.variant.acts_in_windows for shape in names)
     return left_out or after > before or ((learned or lasting) and after > rules.no_better * tuned)
 
 
@@ -83,20 +82,12 @@ def _laws_drive_no_better(errors: Compared, rules: Rules) -> bool:
 
 def _asked_of_other_drives(cause: Cause, slopes_recorded: bool) -> bool:
     """Whether it must help them: a law, or what comes and goes but a road that is surely there."""
-    law = cause.shape is not None and _lasting(cause.shape)
+    law = cause.shape is not None and cause.shape.variant.is_a_law
     return law or (_comes_and_goes(cause) and (slopes_recorded or cause.effect != ROAD))
 
 
 def _comes_and_goes(cause: Cause) -> bool:
     return cause.lawless or (cause.shape is not None and comes_and_goes(cause.shape))
-
-
-def _lasting(shape: Shape) -> bool:
-    """Whether it is a law, and neither bound to recordings nor to a while."""
-    parts = shape.settings.get("parts", [shape.settings])
-    return not any(
-        part.get("knots") or not OF_RECORDINGS.isdisjoint(part) for part in [shape.settings, *parts]
-    )
 
 
 Mask = NDArray[np.bool_]
@@ -252,7 +243,7 @@ def _recipes(e: Evidence, x: Explanation) -> list[_Recipe]:
 
 def _terms(shapes: Sequence[Shape], model: Model) -> list[Term]:
     return [
-        Term(s.mechanism.effect, s.settings, tuple(model.coefficients(s.mechanism.effect).tolist()))
+        Term(s.mechanism.effect, s.variant, tuple(model.coefficients(s.mechanism.effect).tolist()))
         for s in shapes
     ]
 

@@ -4,7 +4,6 @@ from deeptruck_model.mismatch.mechanisms import air_and_tyres, brakes, commands,
 from deeptruck_model.mismatch.mechanisms.base import (
     Column,
     Mechanism,
-    Settings,
     Shape,
     build,
     comes_and_goes,
@@ -16,6 +15,7 @@ from deeptruck_model.mismatch.mechanisms.base import (
 from deeptruck_model.mismatch.mechanisms.laws import LATE_SENSOR, LAW, acts_by, law_signal, laws, leans_on
 from deeptruck_model.mismatch.mechanisms.over_time import UNNAMED
 from deeptruck_model.mismatch.mechanisms.own_forms import OWN
+from deeptruck_model.mismatch.mechanisms.variants import Constants, Variant
 
 LIBRARY: dict[str, Mechanism] = {
     m.effect: m
@@ -32,9 +32,10 @@ __all__ = [
     "OWN",
     "UNNAMED",
     "Column",
+    "Constants",
     "Mechanism",
-    "Settings",
     "Shape",
+    "Variant",
     "acts_by",
     "build",
     "comes_and_goes",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,22 +11,29 @@ from deeptruck_model.mismatch.expression import Expression, InRecording, Signal,
 from deeptruck_model.mismatch.mechanisms.base import (
     Column,
     Mechanism,
-    Settings,
 )
 from deeptruck_model.mismatch.mechanisms.over_time import (
     MOST_KNOTS,
     each_recording,
     from_then_on,
     in_each,
-    slow_columns,
-    slow_settings,
-    step_settings,
+    moments,
+    spline_columns,
+    splines,
 )
 from deeptruck_model.mismatch.mechanisms.symbols import (
     DISTANCE,
     DRAG,
     ELAPSED,
     SPEED,
+)
+from deeptruck_model.mismatch.mechanisms.variants import (
+    Constants,
+    FromMoment,
+    PerRecording,
+    Simple,
+    Spline,
+    Static,
 )
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
@@ -39,20 +47,33 @@ SIDE = 0.4  # sd of the drag that wind from the side adds, SAE J1252: 5 to 10 % 
 PER_SQUARE = DRAG / maximum(SPEED, 1.0) ** 2
 
 
-def _headwind_settings(e: Evidence) -> Iterator[Settings]:
+@dataclass(frozen=True)
+class Wind(Constants):
+    """One wind throughout."""
+
+    wind_m_s: float
+
+
+@dataclass(frozen=True)
+class Winds(Constants):
+    """A wind of each drive, linear around one; `side` adds to it drag area by what blows from the side."""
+
+    around_m_s: float
+    side: bool = False
+
+
+def _headwinds(e: Evidence) -> Iterator[Simple]:
     """One wind throughout, one for each recording, or a slowly turning one; linear around calm or around a
     wind. What blows from the side acts as more drag area."""
     for wind in (-12.0, -8.0, -4.0, 4.0, 8.0, 12.0):
-        yield {"wind_m_s": wind}
-    names = [s.name for s in e.stretches]
+        yield Static(Wind(wind))
+    names = tuple(s.name for s in e.stretches)
     for around in AROUND_M_S:
         if 1 < len(names) <= MOST_KNOTS:
-            yield {"recordings": names, "around_m_s": around}
+            yield PerRecording(names, 1.0 / len(names), Winds(around), weather=True)
     for around in AROUND_M_S:
-        for slow in slow_settings(e, _per_wind(around), GUST_M_S):
-            yield slow | {"recordings": names, "around_m_s": around}
-    for slow in slow_settings(e, -DRAG, SIDE):
-        yield slow | {"recordings": names, "around_m_s": 0.0, "side": True}
+        yield from splines(e, _per_wind(around), GUST_M_S, constants=Winds(around), levels=True)
+    yield from splines(e, -DRAG, SIDE, constants=Winds(0.0, side=True), levels=True)
 
 
 def _per_wind(around_m_s: float) -> Expression:
@@ -60,91 +81,140 @@ def _per_wind(around_m_s: float) -> Expression:
     return -(PER_SQUARE * (SPEED * 2.0 + around_m_s))
 
 
-def _headwind(s: Settings) -> list[Column]:
-    if "wind_m_s" in s:
-        air = SPEED + s["wind_m_s"]
-        change = air * absolute(air) - SPEED**2
-        return [Column(-(PER_SQUARE * change), 0.3, "wind", "m/s", s["wind_m_s"], mean=1.0)]
-    linear = _per_wind(s["around_m_s"])
-    names = s["recordings"]
-    mean = 1.0 / len(names)  # in a simulation blows the mean of the recorded winds
-    steady = [
+def _headwind(v: Simple) -> list[Column]:
+    match v:
+        case Static(Wind(wind_m_s)):
+            air = SPEED + wind_m_s
+            change = air * absolute(air) - SPEED**2
+            return [Column(-(PER_SQUARE * change), 0.3, "wind", "m/s", wind_m_s, mean=1.0)]
+        case PerRecording(names=names, constants=Winds(around_m_s)):
+            return _steady_winds(names, _per_wind(around_m_s))
+        case Spline(names=names, constants=Winds(around_m_s, side)):
+            linear = _per_wind(around_m_s)
+            steady = _steady_winds(names, linear)
+            if side:
+                return steady + spline_columns(v, -DRAG, "more_drag", "1", sign=1, steady=False)
+            return steady + spline_columns(v, linear, "wind", "m/s", sign=0, steady=False, most=SWING_M_S)
+    raise TypeError(f"{v!r} is no wind")
+
+
+def _steady_winds(names: tuple[str, ...], linear: Expression) -> list[Column]:
+    """A wind for each recording; in a simulation blows the mean of them."""
+    mean = 1.0 / len(names)
+    return [
         Column(linear * InRecording(i, elsewhere=mean), STEADY_M_S, f"wind[{name}]", "m/s", sign=0)
         for i, name in enumerate(names)
     ]
-    if "side" in s:
-        return steady + slow_columns(s, -DRAG, "more_drag", "1", sign=1, steady=False)
-    if "knots" not in s:
-        return steady
-    return steady + slow_columns(s, linear, "wind", "m/s", sign=0, steady=False, most=SWING_M_S)
 
 
-def _drafting_settings(e: Evidence) -> Iterator[Settings]:
+@dataclass(frozen=True)
+class Gap(Constants):
+    """The gap over which air drag comes back, and that at which a simulation without a leader follows."""
+
+    length_m: float
+    usual_m: float = NOBODY_M
+
+
+def _draftings(e: Evidence) -> Iterator[Simple]:
     """A simulation without a vehicle ahead follows at the gap that was recorded."""
     gap = e["gap"][e.valid]
     usual = float(np.nanmedian(gap)) if np.isfinite(gap).any() else NOBODY_M
     for length_m in (8.0, 20.0, 50.0):
-        yield {"length_m": length_m, "usual_m": usual}
+        yield Static(Gap(length_m, usual))
         if 1 < len(e.stretches) <= MOST_KNOTS:  # behind another vehicle on every drive
-            yield {"length_m": length_m, "usual_m": usual} | each_recording(e)
+            yield each_recording(e, Gap(length_m, usual))
 
 
-def _drafting(s: Settings) -> list[Column]:
-    near = exp(-(Signal("gap", missing=NOBODY_M, simulated=s.get("usual_m", NOBODY_M)) / s["length_m"]))
-    if "each" in s:
-        return [Column(DRAG * near * here, 0.4, f"share_of_drag[{name}]") for name, here in in_each(s)]
+def _drafting(v: Simple) -> list[Column]:
+    if not isinstance(v.constants, Gap):
+        raise TypeError(f"{v!r} is no drafting")
+    gap = Signal("gap", missing=NOBODY_M, simulated=v.constants.usual_m)
+    near = exp(-(gap / v.constants.length_m))
+    if isinstance(v, PerRecording):
+        return [Column(DRAG * near * here, 0.4, f"share_of_drag[{name}]") for name, here in in_each(v)]
     return [Column(DRAG * near, 0.4, "share_of_drag")]
 
 
-def _drag_area_settings(e: Evidence) -> Iterator[Settings]:
+def _drag_areas(e: Evidence) -> Iterator[Simple]:
     """A constant difference is a parameter error; missing physics is drag area that changes."""
-    yield from step_settings(e)
+    yield from moments(e)
     if len(e.stretches) > 2:
         yield each_recording(e)
-    yield from slow_settings(e, -DRAG, 0.5)
+    yield from splines(e, -DRAG, 0.5)
 
 
-def _drag_area(s: Settings) -> list[Column]:
-    if "knots" in s:
-        return slow_columns(s, -DRAG, "change", "1", sign=0)
-    if "each" in s:
-        return [Column(-(DRAG * here), 0.2, f"change[{name}]", sign=0) for name, here in in_each(s)]
-    return [Column(-(DRAG * from_then_on(s)), 0.3, "change", sign=0)]
+def _drag_area(v: Simple) -> list[Column]:
+    match v:
+        case PerRecording():
+            return [Column(-(DRAG * here), 0.2, f"change[{name}]", sign=0) for name, here in in_each(v)]
+        case FromMoment():
+            return [Column(-(DRAG * from_then_on(v)), 0.3, "change", sign=0)]
+    return spline_columns(v, -DRAG, "change", "1", sign=0)
 
 
-def _rolling_settings(e: Evidence) -> Iterator[Settings]:
-    yield from ({"order": order} for order in (1, 2, 4))
-    yield {"orders": [1, 4]}  # Mitschke's polynomial
+@dataclass(frozen=True)
+class SpeedPowers(Constants):
+    """The powers of speed with which rolling resistance grows, of 1, 2 and 4."""
+
+    orders: tuple[int, ...]
 
 
-def _rolling_speed(s: Settings) -> list[Column]:
-    if "orders" in s:
-        return [column for order in s["orders"] for column in _rolling_speed({"order": order})]
-    if s["order"] == 4:
-        return [Column(-((SPEED / 20.0) ** 4), 0.03, "fourth_power", "N s^4/m^4", 20.0**-4, per_mass=True)]
-    if s["order"] == 2:
-        return [Column(-((SPEED / 20.0) ** 2), 0.03, "square", "N s^2/m^2", 1 / 400.0, per_mass=True)]
-    return [Column(-(SPEED / 20.0), 0.03, "slope", "N s/m", 1 / 20.0, per_mass=True)]
+def _rollings(e: Evidence) -> Iterator[Static]:
+    yield from (Static(SpeedPowers((order,))) for order in (1, 2, 4))
+    yield Static(SpeedPowers((1, 4)))  # Mitschke's polynomial
 
 
-def _warm_up_settings(e: Evidence) -> Iterator[Settings]:
+def _rolling_speed(v: Simple) -> list[Column]:
+    if not isinstance(v.constants, SpeedPowers):
+        raise TypeError(f"{v!r} is no rolling resistance")
+    return [_rolling_power(order) for order in v.constants.orders]
+
+
+def _rolling_power(order: int) -> Column:
+    if order == 4:
+        return Column(-((SPEED / 20.0) ** 4), 0.03, "fourth_power", "N s^4/m^4", 20.0**-4, per_mass=True)
+    if order == 2:
+        return Column(-((SPEED / 20.0) ** 2), 0.03, "square", "N s^2/m^2", 1 / 400.0, per_mass=True)
+    return Column(-(SPEED / 20.0), 0.03, "slope", "N s/m", 1 / 20.0, per_mass=True)
+
+
+@dataclass(frozen=True)
+class WarmsInTime(Constants):
+    tau_s: float
+
+
+@dataclass(frozen=True)
+class WarmsByTurning(Constants):
+    length_m: float
+
+
+def _warm_ups(e: Evidence) -> Iterator[Simple]:
     """Every drive may start as cold as the others, or as cold as it happens to be; time warms, or turning."""
-    ways: list[Settings] = [{"tau_s": tau_s} for tau_s in (60.0, 200.0, 600.0, 1500.0)]
-    ways += [{"length_m": length_m} for length_m in (2000.0, 6000.0)]
+    ways: list[Constants] = [WarmsInTime(tau_s) for tau_s in (60.0, 200.0, 600.0, 1500.0)]
+    ways += [WarmsByTurning(length_m) for length_m in (2000.0, 6000.0)]
     for way in ways:
-        yield way
+        yield Static(way)
         if 1 < len(e.stretches) <= MOST_KNOTS:
-            yield way | each_recording(e)
+            yield each_recording(e, way)
 
 
-def _warm_up(s: Settings) -> list[Column]:
-    still_cold = exp(-(ELAPSED / s["tau_s"] if "tau_s" in s else DISTANCE / s["length_m"]))
-    if "each" in s:
+def _warm_up(v: Simple) -> list[Column]:
+    still_cold = exp(-_warmed(v.constants))
+    if isinstance(v, PerRecording):
         return [
             Column(-(still_cold * here), 0.05, f"cold_force[{name}]", "N", per_mass=True)
-            for name, here in in_each(s)
+            for name, here in in_each(v)
         ]
     return [Column(-still_cold, 0.03, "cold_force", "N", per_mass=True)]
+
+
+def _warmed(by: Constants) -> Expression:
+    match by:
+        case WarmsInTime(tau_s):
+            return ELAPSED / tau_s
+        case WarmsByTurning(length_m):
+            return DISTANCE / length_m
+    raise TypeError(f"{by!r} warms no tyres")
 
 
 MECHANISMS = (
@@ -156,7 +226,7 @@ MECHANISMS = (
         ("speed", "time"),
         "SAE J1263 wind correction",
         "drive the same stretch both ways at two speeds",
-        _headwind_settings,
+        _headwinds,
         _headwind,
         hidden=True,
     ),
@@ -168,7 +238,7 @@ MECHANISMS = (
         ("gap", "speed"),
         "Browand et al., PATH UCB-ITS-PRR-2004-20",
         "follow at several gaps at constant speed",
-        _drafting_settings,
+        _draftings,
         _drafting,
         hidden=True,
     ),
@@ -180,7 +250,7 @@ MECHANISMS = (
         ("speed", "time", "recording"),
         "SAE J1263: aerodynamic drag; change of body",
         "coast down from high speed before and after the change",
-        _drag_area_settings,
+        _drag_areas,
         _drag_area,
         hidden=True,
         prior=0.7,
@@ -193,7 +263,7 @@ MECHANISMS = (
         ("speed",),
         "SAE J2452; Mitschke, Dynamik der Kraftfahrzeuge",
         "coast down from high speed on a calm day, both ways",
-        _rolling_settings,
+        _rollings,
         _rolling_speed,
     ),
     Mechanism(
@@ -204,7 +274,7 @@ MECHANISMS = (
         ("time since start",),
         "ISO 28580 warm-up times",
         "repeat the same stretch cold and after an hour",
-        _warm_up_settings,
+        _warm_ups,
         _warm_up,
         hidden=True,
     ),

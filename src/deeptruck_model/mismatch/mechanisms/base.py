@@ -1,9 +1,9 @@
 """What a mechanism is: a piece of physics by the way it acts, not by one formula.
 
 A mechanism says which signals drive it, in which direction it can only act, and how large it can be. It
-offers a few shapes: settings (time constants, thresholds, knots: whatever enters nonlinearly) from which
-`build` makes columns in m/s^2 per unit coefficient, each with a prior and perhaps a sign. Settings are chosen
-by evidence, coefficients are fitted.
+offers a few variants with constants (time constants, thresholds, knots: whatever enters nonlinearly) from
+which `build` makes columns in m/s^2 per unit coefficient, each with a prior and perhaps a sign. Variants are
+chosen by evidence, coefficients are fitted.
 """
 
 from __future__ import annotations
@@ -11,21 +11,27 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.expression import During, Expression, Lag, Rerun, Signal, maximum
-from deeptruck_model.mismatch.mechanisms.own_forms import OWN, SIZE, curve, forms
+from deeptruck_model.mismatch.mechanisms.own_forms import OWN, SIZE, curve, curves
 from deeptruck_model.mismatch.mechanisms.symbols import ENGINE, LEVER, PULL, SPEED
+from deeptruck_model.mismatch.mechanisms.variants import (
+    Gate,
+    Gated,
+    OwnCurve,
+    Simple,
+    Sum,
+    Variant,
+    Windowed,
+)
 from deeptruck_model.mismatch.residual.effective_mass import felt
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import Prior
 
 Array = NDArray[np.float64]
-Settings = dict[str, Any]  # plain JSON values
-
 
 # A regime is where driving has been for a moment. The noise of a speed that just then stands at a border
 # would open and close it, and is in the acceleration too; what the simulator says of its engine has none.
@@ -71,8 +77,8 @@ class Mechanism:
     depends_on: tuple[str, ...]
     source: str
     told_by: str
-    settings: Callable[[Evidence], Iterator[Settings]] = field(repr=False)
-    build: Callable[[Settings], list[Column]] = field(repr=False)
+    variants: Callable[[Evidence], Iterator[Variant]] = field(repr=False)
+    build: Callable[[Simple], list[Column]] = field(repr=False)
     kind: str = "missing_physics"
     hidden: bool = False
     prior: float = 1.0
@@ -86,32 +92,42 @@ class Mechanism:
 
 @dataclass(frozen=True)
 class Shape:
-    """A mechanism with settings, evaluated: columns (n, k) and their prior."""
+    """A variant of a mechanism, evaluated: columns (n, k) and their prior."""
 
     mechanism: Mechanism
-    settings: Settings
+    variant: Variant
     parts: tuple[Column, ...]
     columns: Array
     prior: Prior
-    trials: float  # how many alternatives these settings were picked from; paid for in evidence
+    trials: float  # how many alternatives it was picked from; paid for in evidence
 
 
-def build(mechanism: Mechanism, settings: Settings) -> list[Column]:
-    """The columns of a shape; several settings under "parts" give columns side by side."""
-    if "parts" in settings:
-        columns = [c for part in settings["parts"] for c in build(mechanism, part)]
-    elif "own" in settings:
-        columns = _own_columns(mechanism.effect, settings)
-    else:
-        columns = mechanism.build(settings)
-    if "when" in settings:
-        columns = [replace(c, expression=During((c.expression,), settings["when"])) for c in columns]
-    if "gate" in settings:
-        signal, side, at = settings["gate"]
-        above = GATES[signal][0] > at
-        gate = above if side == "above" else 1.0 - above
-        columns = [replace(c, expression=c.expression * gate) for c in columns]
+def build(mechanism: Mechanism, variant: Variant) -> list[Column]:
+    """The columns of a variant; those of a sum side by side."""
+    columns = _forces(mechanism, variant)
     return [replace(c, expression=_felt(c.expression)) for c in columns] if mechanism.force else columns
+
+
+def _forces(mechanism: Mechanism, variant: Variant) -> list[Column]:
+    match variant:
+        case Sum(summands):
+            return [c for part in summands for c in build(mechanism, part)]
+        case Windowed(of, spans):
+            return [replace(c, expression=During((c.expression,), spans)) for c in _forces(mechanism, of)]
+        case Gated(of, gate):
+            inside = _inside(gate)
+            return [replace(c, expression=c.expression * inside) for c in _forces(mechanism, of)]
+        case OwnCurve():
+            return _own_columns(mechanism.effect, variant)
+        case Simple():
+            return mechanism.build(variant)
+    raise TypeError(f"{variant!r} is no variant of a term")
+
+
+def _inside(gate: Gate) -> Expression:
+    """One within a regime, zero elsewhere."""
+    above = GATES[gate.signal][0] > gate.at
+    return above if gate.side == "above" else 1.0 - above
 
 
 def _felt(force: Expression) -> Expression:
@@ -124,33 +140,32 @@ def _asked(x: Expression) -> bool:
     return of_simulator or isinstance(x, Rerun) or any(_asked(part) for part in x.inputs)
 
 
-def _own_columns(effect: str, s: Settings) -> list[Column]:
+def _own_columns(effect: str, own: OwnCurve) -> list[Column]:
     """The pieces of a curve of `own_forms`."""
-    form, at = OWN[effect][s["own"]], s["at"]
-    names = [f"at {form.by} {x:.3g}" for x in at]
+    form = OWN[effect][own.index]
+    names = [f"at {form.by} {x:.3g}" for x in own.at]
     return [
         Column(
-            (form.carrier * (1.0 / s["scale"])) * piece,
+            (form.carrier * (1.0 / own.scale)) * piece,
             form.sd if form.share else SIZE,
             names[0],
             "1" if form.share else "N",
             per_mass=not form.share,
             course=tuple(zip(names, values, strict=True)),
         )
-        for piece, values in curve(form, at)
+        for piece, values in curve(form, own.at)
     ]
 
 
 def comes_and_goes(shape: Shape) -> bool:
     """Whether a shape has knots in time or along the road, and so can follow any slow force."""
-    return any(part.get("knots") for part in shape.settings.get("parts", [shape.settings]))
+    return shape.variant.varies_in_time
 
 
 def held_steady(coming: Shape, e: Evidence) -> Shape:
     """A shape without its coming and going: one size throughout, which is all that another drive may ask."""
-    if not comes_and_goes(coming) or "parts" in coming.settings:
-        return coming
-    return shape(coming.mechanism, coming.settings | {"knots": [], "trials": 1.0}, e)
+    steady = coming.variant.steady()
+    return coming if steady == coming.variant else shape(coming.mechanism, steady, e)
 
 
 def merge(first: Shape, other: Shape) -> Shape:
@@ -158,13 +173,12 @@ def merge(first: Shape, other: Shape) -> Shape:
 
     What is added starts from zero, not from the mean its own shape had.
     """
-    parts = [*first.settings.get("parts", [first.settings]), other.settings]
     prior = Prior(
         np.zeros_like(other.prior.mean), other.prior.sd + abs(other.prior.mean) / 2, other.prior.sign
     )
     return Shape(
         first.mechanism,
-        {"parts": parts},
+        Sum((*first.variant.parts, other.variant)),
         first.parts + other.parts,
         np.concatenate([first.columns, other.columns], axis=1),
         Prior.join(first.prior, prior),
@@ -172,23 +186,23 @@ def merge(first: Shape, other: Shape) -> Shape:
     )
 
 
-def every_settings(mechanism: Mechanism, e: Evidence) -> Iterator[Settings]:
+def every_variant(mechanism: Mechanism, e: Evidence) -> Iterator[Variant]:
     """The textbook's forms of a mechanism, and what other courses its own variables may give it."""
-    return itertools.chain(mechanism.settings(e), forms(mechanism.effect, e))
+    return itertools.chain(mechanism.variants(e), curves(mechanism.effect, e))
 
 
 def shapes(mechanism: Mechanism, e: Evidence) -> list[Shape]:
     """Every shape of a mechanism on this evidence that is not zero throughout."""
-    made = [shape(mechanism, settings, e) for settings in every_settings(mechanism, e)]
+    made = [shape(mechanism, variant, e) for variant in every_variant(mechanism, e)]
     return [s for s in made if np.abs(s.columns[e.valid]).max(initial=0.0) > 1e-6]
 
 
-def shape(mechanism: Mechanism, settings: Settings, e: Evidence) -> Shape:
+def shape(mechanism: Mechanism, variant: Variant, e: Evidence) -> Shape:
     """One shape of a mechanism on this evidence."""
-    parts = build(mechanism, settings)
+    parts = build(mechanism, variant)
     columns = np.stack([p.expression.rows(e) for p in parts], axis=1)
     prior = Prior(*(np.array([getattr(p, f) for p in parts], dtype=float) for f in ("mean", "sd", "sign")))
-    return Shape(mechanism, settings, tuple(parts), columns, prior, float(settings.get("trials", 1.0)))
+    return Shape(mechanism, variant, tuple(parts), columns, prior, variant.trials)
 
 
 def lever_reference(e: Evidence) -> float:

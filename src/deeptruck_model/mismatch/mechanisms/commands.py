@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,8 +13,8 @@ from deeptruck_model.mismatch.expression import Rerun, lift
 from deeptruck_model.mismatch.mechanisms.base import (
     Column,
     Mechanism,
-    Settings,
 )
+from deeptruck_model.mismatch.mechanisms.variants import Constants, Simple, Static
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 DELAYS_S = (0.1, 0.2, 0.3, 0.4, 0.5, 0.65, 0.8, 1.0, 1.25)
@@ -21,20 +22,29 @@ APART_S = (0.15, 0.3, 0.5, 0.8, 1.25)  # of engine and brake, where each has a l
 FULL_RANGE_S = (0.4, 0.6, 0.9, 1.4, 2.0, 3.0, 4.5, 7.0)
 
 
-def _delay_settings(e: Evidence) -> Iterator[Settings]:
+@dataclass(frozen=True)
+class Delays(Constants):
+    """Each command ("all", "engine" or "brake") and by how many s it is late."""
+
+    lines: tuple[tuple[str, float], ...]
+
+
+def _delays(e: Evidence) -> Iterator[Static]:
     """Both commands, the engine's alone, or each by its own; a late brake alone is the brake's dead time."""
     for which in ("all", "engine") if e.has("brake_command") else ("all",):
         for tau_s in DELAYS_S:
-            yield {"lines": {which: tau_s}}
+            yield Static(Delays(((which, tau_s),)))
     if e.has("brake_command"):
         for engine_s, brake_s in itertools.permutations(APART_S, 2):
-            yield {"lines": {"engine": engine_s, "brake": brake_s}}
+            yield Static(Delays((("engine", engine_s), ("brake", brake_s))))
 
 
-def _delay(s: Settings) -> list[Column]:
+def _delay(v: Simple) -> list[Column]:
+    if not isinstance(v.constants, Delays):
+        raise TypeError(f"{v!r} is no delay")
     return [
         Column(Rerun(f"delay_{which}", tau_s), 0.3, _delay_of(which), "s", tau_s, mean=1.0)
-        for which, tau_s in s["lines"].items()
+        for which, tau_s in v.constants.lines
     ]
 
 
@@ -42,7 +52,16 @@ def _delay_of(which: str) -> str:
     return "delay" if which == "all" else f"delay_{which}"
 
 
-def _rate_settings(e: Evidence) -> Iterator[Settings]:
+@dataclass(frozen=True)
+class RateLimits(Constants):
+    """How commands are slewed (a name of `CommandPath`), and each with its rate in units of the command per
+    s."""
+
+    how: str
+    rates: tuple[tuple[str, float], ...]
+
+
+def _rates(e: Evidence) -> Iterator[Static]:
     """One command or both, by how long the full range takes; one may be slewed only up or only down. Torque
     is often shaped: eased into its target, and taken away faster than it is added."""
     spans = {}
@@ -53,31 +72,32 @@ def _rate_settings(e: Evidence) -> Iterator[Settings]:
         shaped = ("soft", "shaped") if some == ["engine"] else ()
         for how in ("rate", "climb", "drop", *shaped):
             for s in FULL_RANGE_S if spans[some[0]] > 0 else ():
-                yield {"how": how, "rates": {w: spans[w] / s for w in some}}
+                yield Static(RateLimits(how, tuple((w, spans[w] / s) for w in some)))
     if len(spans) == 2 and min(spans.values()) > 0:
-        yield from (
-            {"how": "rate", "rates": {w: span / s for w, span in spans.items()}} for s in FULL_RANGE_S
-        )
+        for s in FULL_RANGE_S:
+            yield Static(RateLimits("rate", tuple((w, span / s) for w, span in spans.items())))
 
 
-def _rate(s: Settings) -> list[Column]:
+def _rate(v: Simple) -> list[Column]:
+    if not isinstance(v.constants, RateLimits):
+        raise TypeError(f"{v!r} is no rate limit")
     return [
-        Column(Rerun(f"{s['how']}_{which}", rate), 0.3, f"share_{which}", mean=1.0)
-        for which, rate in s["rates"].items()
+        Column(Rerun(f"{v.constants.how}_{which}", rate), 0.3, f"share_{which}", mean=1.0)
+        for which, rate in v.constants.rates
     ]
 
 
-def _clock_settings(e: Evidence) -> Iterator[Settings]:
+def _clocks(e: Evidence) -> Iterator[Static]:
     """Early commands only a clock can make; late ones look like a delay."""
     for tau_s in (*(-d for d in DELAYS_S), *DELAYS_S):
-        yield {"lines": {"all": tau_s}}
+        yield Static(Delays((("all", tau_s),)))
 
 
-def _grade_settings(e: Evidence) -> Iterator[Settings]:
-    yield {}
+def _grade_offsets(e: Evidence) -> Iterator[Static]:
+    yield Static()
 
 
-def _grade_bias(s: Settings) -> list[Column]:
+def _grade_bias(v: Simple) -> list[Column]:
     return [Column(lift(-GRAVITY), 0.01, "bias", "ratio", sign=0)]
 
 
@@ -90,7 +110,7 @@ MECHANISMS = (
         ("command rate",),
         "J1939 message period plus actuator dead time",
         "step one command at a time, on one clock with the response",
-        _delay_settings,
+        _delays,
         _delay,
     ),
     Mechanism(
@@ -101,7 +121,7 @@ MECHANISMS = (
         ("command rate",),
         "SAE J1939-71 TSC1 override ramping",
         "step commands of different size: a limit makes large ones late, a lag does not",
-        _rate_settings,
+        _rates,
         _rate,
     ),
     Mechanism(
@@ -112,7 +132,7 @@ MECHANISMS = (
         ("command rate",),
         "comparison of channels, no truck physics",
         "record one event on both clocks",
-        _clock_settings,
+        _clocks,
         _delay,
         kind="measurement_fault",
         prior=0.5,
@@ -125,7 +145,7 @@ MECHANISMS = (
         ("nothing",),
         "inclinometer mounting angle",
         "stand on the same spot in both directions",
-        _grade_settings,
+        _grade_offsets,
         _grade_bias,
         kind="measurement_fault",
         prior=0.7,

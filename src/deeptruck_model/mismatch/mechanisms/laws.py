@@ -8,7 +8,8 @@ them, so that a name is only as good as the share it explains of what any law do
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,6 @@ from deeptruck_model.mismatch.expression import (
 from deeptruck_model.mismatch.mechanisms.base import (
     Column,
     Mechanism,
-    Settings,
     Shape,
     shapes,
 )
@@ -44,6 +44,7 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
     SIMULATED,
     SPEED,
 )
+from deeptruck_model.mismatch.mechanisms.variants import Constants, Simple, Static
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 KNOTS = 5  # of a function of one variable
@@ -95,7 +96,28 @@ VARIABLES: dict[str, Expression] = (
 NEEDS = {SINCE + "a shift": "gear"} | {name: name for name in RECORDED}
 
 
-def _settings(e: Evidence) -> Iterator[Settings]:
+How = Literal["late", "late up or down", "swinging"]
+HOWS: tuple[How, ...] = ("late", "late up or down", "swinging")
+
+
+@dataclass(frozen=True)
+class Law(Constants):
+    """A carrier of `CARRIERS` times a function of a variable of `VARIABLES`, by its knots."""
+
+    carrier: str
+    of: str
+    at: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Follower(Constants):
+    """What follows a force of `SENSED`."""
+
+    force: str
+    how: How
+
+
+def _variants(e: Evidence) -> Iterator[Static]:
     """Every carrier with every variable, and every follower."""
     rms = {name: float(np.sqrt(np.mean(x.rows(e)[e.valid] ** 2))) for name, (x, _) in CARRIERS.items()}
     known = {of: x for of, x in VARIABLES.items() if of not in NEEDS or e.has(NEEDS[of])}
@@ -103,41 +125,50 @@ def _settings(e: Evidence) -> Iterator[Settings]:
         at = _knots(of, x.rows(e)[e.valid])
         for carrier in CARRIERS if len(at) > 2 else ():
             if rms[carrier] > LEAST_CARRIER and not (carrier == "simulated" and e.own_error > 0):
-                yield {"carrier": carrier, "of": of, "at": at}
+                yield Static(Law(carrier, of, at))
     for name, force in FORCES.items():
         if name == "simulated" and e.own_error > 0:
             continue  # what a learned simulator learned badly is in its acceleration too, and no law of it
         if float(np.std(force.rows(e)[e.valid])) > LEAST_CARRIER:
-            for how in ("late", "late up or down", "swinging"):
+            for how in HOWS:
                 if name != "simulated" or how == "swinging":  # what answers late throughout is the sensor
-                    yield {"follower": name, "how": how}
+                    yield Static(Follower(name, how))
 
 
-def _knots(of: str, x: NDArray[np.float64]) -> list[float]:
+def _knots(of: str, x: NDArray[np.float64]) -> tuple[float, ...]:
     """Values of a variable x (n,) between which a law runs straight: as much driving between any two, but
     soon after an event, where most happens."""
     if of.startswith(SINCE):
-        return [t for t in SOON_S if x.min() <= t <= x.max()]
+        return tuple(t for t in SOON_S if x.min() <= t <= x.max())
     return apart(np.quantile(x, np.linspace(0.0, 1.0, KNOTS)))
 
 
-def _columns(s: Settings) -> list[Column]:
-    if "of" in s:
-        carrier, sd = CARRIERS[s["carrier"]]
-        x, at = VARIABLES[s["of"]], s["at"]
-        hats = [Interpolated((x,), tuple(at), tuple(row)) for row in np.eye(len(at)).tolist()]
-        return [
-            Column(carrier * hat, sd, f"{s['carrier']} at {v:.3g}", sign=0)
-            for v, hat in zip(at, hats, strict=True)
-        ]
-    force = SENSED[s["follower"]]
-    if s["how"] == "swinging":
-        parts: list[Expression] = [Slosh((force,), f, 0.1) for f in SWINGS_HZ]
-    else:
-        late = [_late(force, tau, order) - force for tau in LAGS_S for order in ORDERS]
-        split = [minimum(x, 0.0) for x in late[::2]] + [maximum(x, 0.0) for x in late[::2]]
-        parts = late if s["how"] == "late" else split
-    return [Column(x, 0.4, f"{s['how']} {i}", sign=0) for i, x in enumerate(parts)]
+def _columns(v: Simple) -> list[Column]:
+    match v.constants:
+        case Law() as law:
+            return _of_law(law)
+        case Follower(name, how):
+            parts = _followers(SENSED[name], how)
+            return [Column(x, 0.4, f"{how} {i}", sign=0) for i, x in enumerate(parts)]
+    raise TypeError(f"{v!r} is no law")
+
+
+def _of_law(law: Law) -> list[Column]:
+    carrier, sd = CARRIERS[law.carrier]
+    x, at = VARIABLES[law.of], law.at
+    hats = [Interpolated((x,), at, tuple(row)) for row in np.eye(len(at)).tolist()]
+    return [
+        Column(carrier * hat, sd, f"{law.carrier} at {v:.3g}", sign=0)
+        for v, hat in zip(at, hats, strict=True)
+    ]
+
+
+def _followers(force: Expression, how: How) -> list[Expression]:
+    if how == "swinging":
+        return [Slosh((force,), f, 0.1) for f in SWINGS_HZ]
+    late: list[Expression] = [_late(force, tau, order) - force for tau in LAGS_S for order in ORDERS]
+    split = [minimum(x, 0.0) for x in late[::2]] + [maximum(x, 0.0) for x in late[::2]]
+    return late if how == "late" else split
 
 
 LAW = Mechanism(
@@ -148,7 +179,7 @@ LAW = Mechanism(
     (),
     "",
     "vary one signal alone, with everything else held",
-    _settings,
+    _variants,
     _columns,
 )
 
@@ -162,9 +193,7 @@ LATE_SENSOR = Mechanism(
     "",
     "",
     lambda e: (
-        {"follower": name, "how": "late"}
-        for name in ("simulated", "slope")
-        if name != "slope" or e.has("grade")
+        Static(Follower(name, "late")) for name in ("simulated", "slope") if name != "slope" or e.has("grade")
     ),
     _columns,
     kind="measurement_fault",
@@ -178,19 +207,24 @@ def laws(e: Evidence) -> list[Shape]:
     return [replace(s, trials=float(len(found))) for s in found]
 
 
-def leans_on(settings: Settings) -> tuple[str, ...]:
-    """The signals of a law by name, the most telling first."""
-    if "follower" in settings:
-        return (settings["follower"],)
-    carrier = settings["carrier"]
-    return (settings["of"], *([carrier] if carrier in ("engine", "brake", "simulated") else []))
+def leans_on(law: Constants) -> tuple[str, ...]:
+    """The signals of a law by name, the most telling first. Raises TypeError for what is no law."""
+    match law:
+        case Follower(force):
+            return (force,)
+        case Law(carrier, of):
+            return (of, *([carrier] if carrier in ("engine", "brake", "simulated") else []))
+    raise TypeError(f"{law!r} is no law")
 
 
-def acts_by(settings: Settings) -> frozenset[str]:
-    """The signals that a law is made of."""
-    if "follower" in settings:
-        return frozenset({settings["follower"]})
-    return CARRIED_BY[settings["carrier"]] | VARIABLES[settings["of"]].signals()
+def acts_by(law: Constants) -> frozenset[str]:
+    """The signals that a law is made of. Raises TypeError for what is no law."""
+    match law:
+        case Follower(force):
+            return frozenset({force})
+        case Law(carrier, of):
+            return CARRIED_BY[carrier] | VARIABLES[of].signals()
+    raise TypeError(f"{law!r} is no law")
 
 
 def law_signal(name: str) -> Expression:

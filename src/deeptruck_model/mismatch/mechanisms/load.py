@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,65 +11,82 @@ from deeptruck_model.mismatch.expression import Signal, Slosh
 from deeptruck_model.mismatch.mechanisms.base import (
     Column,
     Mechanism,
-    Settings,
 )
 from deeptruck_model.mismatch.mechanisms.over_time import (
     each_recording,
+    from_each,
     from_then_on,
     in_each,
-    slow_columns,
-    slow_settings,
+    spline_columns,
+    splines,
 )
 from deeptruck_model.mismatch.mechanisms.symbols import (
     SIMULATED,
 )
+from deeptruck_model.mismatch.mechanisms.variants import Constants, FromMoment, PerRecording, Simple, Static
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 MASS = Signal("sensitivity:mass")
 MOST_OF_MASS = 2.0  # to first order: a laden truck that is unloaded loses less
 
 
-def _payload_settings(e: Evidence) -> Iterator[Settings]:
+def _payloads(e: Evidence) -> Iterator[Simple]:
     """A load changes at a standstill or between recordings."""
     slow = e["speed"] < 1.0
     entering = np.flatnonzero(np.diff(slow.astype(int)) > 0) + 1
     points = sorted({s.start for s in e.stretches} | set(entering.tolist()))
     points = [p for p in points if 0.04 * len(e) < p < 0.96 * len(e)]
-    points = points[:: max(1, len(points) // 24)]
-    record, elapsed = e.record, e["elapsed"]
-    for p in points:
-        first, after = int(record[p]), float(elapsed[p])
-        yield {"first": first, "after_s": after, "count": len(e.stretches), "trials": len(points)}
+    yield from from_each(points[:: max(1, len(points) // 24)], e)
     if 2 < len(e.stretches) <= 40:
         yield each_recording(e)
-    yield from slow_settings(e, MASS, 0.5, quick=False)  # sprayed, spread or discharged on the way
+    yield from splines(e, MASS, 0.5, quick=False)  # sprayed, spread or discharged on the way
 
 
-def _payload(s: Settings) -> list[Column]:
-    if "each" in s:
-        return [
-            Column(MASS * here, 0.3, f"change[{name}]", "kg", per_mass=True, sign=0, most=MOST_OF_MASS)
-            for name, here in in_each(s)
-        ]
-    if "knots" in s:
-        return slow_columns(s, MASS, "change", "kg", sign=0, per_mass=True)
-    return [Column(MASS * from_then_on(s), 0.4, "change", "kg", per_mass=True, sign=0, most=MOST_OF_MASS)]
+def _payload(v: Simple) -> list[Column]:
+    match v:
+        case PerRecording():
+            return [
+                Column(MASS * here, 0.3, f"change[{name}]", "kg", per_mass=True, sign=0, most=MOST_OF_MASS)
+                for name, here in in_each(v)
+            ]
+        case FromMoment():
+            later = MASS * from_then_on(v)
+            return [Column(later, 0.4, "change", "kg", per_mass=True, sign=0, most=MOST_OF_MASS)]
+    return spline_columns(v, MASS, "change", "kg", sign=0, per_mass=True)
 
 
-def _slosh_settings(e: Evidence) -> Iterator[Settings]:
+@dataclass(frozen=True)
+class Swing(Constants):
+    """One swinging mass."""
+
+    frequency_hz: float
+    damping: float
+
+
+@dataclass(frozen=True)
+class Modes(Constants):
+    """A bore that runs to and fro: several frequencies side by side."""
+
+    modes_hz: tuple[float, ...]
+    damping: float
+
+
+def _sloshes(e: Evidence) -> Iterator[Static]:
     for frequency_hz in (0.15, 0.2, 0.3, 0.4, 0.55, 0.75):
         for damping in (0.04, 0.12, 0.3):  # free surface to well baffled
-            yield {"frequency_hz": frequency_hz, "damping": damping}
-    yield {"modes_hz": [0.15, 0.25, 0.4, 0.6, 0.9, 1.3], "damping": 0.1}  # a bore that runs to and fro
+            yield Static(Swing(frequency_hz, damping))
+    yield Static(Modes((0.15, 0.25, 0.4, 0.6, 0.9, 1.3), 0.1))
 
 
-def _slosh(s: Settings) -> list[Column]:
-    if "modes_hz" in s:
-        return [
-            Column(Slosh((SIMULATED,), hz, s["damping"]), 0.2, f"mass_share_at_{hz:g}_Hz")
-            for hz in s["modes_hz"]
-        ]
-    return [Column(Slosh((SIMULATED,), s["frequency_hz"], s["damping"]), 0.3, "mass_share")]
+def _slosh(v: Simple) -> list[Column]:
+    match v.constants:
+        case Modes(modes_hz, damping):
+            return [
+                Column(Slosh((SIMULATED,), hz, damping), 0.2, f"mass_share_at_{hz:g}_Hz") for hz in modes_hz
+            ]
+        case Swing(frequency_hz, damping):
+            return [Column(Slosh((SIMULATED,), frequency_hz, damping), 0.3, "mass_share")]
+    raise TypeError(f"{v!r} is no slosh")
 
 
 MECHANISMS = (
@@ -80,7 +98,7 @@ MECHANISMS = (
         ("recording", "time"),
         "definition; mass enters as in Gillespie eq. 2-9b",
         "accelerate with the same torque before and after loading",
-        _payload_settings,
+        _payloads,
         _payload,
         hidden=True,
     ),
@@ -92,7 +110,7 @@ MECHANISMS = (
         ("acceleration history",),
         "Abramson, NASA SP-106",
         "brake to a stop, and wait at constant speed afterwards",
-        _slosh_settings,
+        _sloshes,
         _slosh,
         prior=0.3,
     ),

@@ -7,7 +7,7 @@ as it likes, and names compete by what they act on and in which direction, not b
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -40,6 +40,7 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
     SIMULATED,
     SPEED,
 )
+from deeptruck_model.mismatch.mechanisms.variants import OwnCurve
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 PER_POWER = -(1.0 / maximum(SPEED, 3.0))
@@ -49,7 +50,6 @@ BRAKED = Since((BRAKE > 0.05,)) < Since(
 )  # the first touch of the brake may set a retarder going
 Array = NDArray[np.float64]
 
-FORMS_PRICE = 3.0  # a form is one of so many shapes more that its name is looked for in
 EVEN = (0.02, 0.35, 0.65, 0.98)
 SOON = (0.02, 0.12, 0.25, 0.4, 0.55, 0.75, 0.98)  # of seconds
 UPPER = (0.4, 0.7, 0.85, 0.93, 0.97, 0.995)
@@ -250,8 +250,8 @@ OWN: dict[str, tuple[Form, ...]] = {
 }
 
 
-def forms(effect: str, e: Evidence) -> Iterator[dict[str, Any]]:
-    """Settings of every form of a name that these recordings can show.
+def curves(effect: str, e: Evidence) -> Iterator[OwnCurve]:
+    """Every curve of a name that these recordings can show.
 
     None for a learned simulator: what it learned badly runs in curves too.
     """
@@ -265,7 +265,7 @@ def forms(effect: str, e: Evidence) -> Iterator[dict[str, Any]]:
         at = apart(knots(x[acts], form.knots))
         if len(at) > 1:
             scale = float(np.sqrt(np.mean(carrier[acts] ** 2)))
-            yield {"own": k, "at": at, "scale": 1.0 if form.share else scale, "trials": FORMS_PRICE}
+            yield OwnCurve(k, at, 1.0 if form.share else scale)
 
 
 def knots(x: Array, quantiles: tuple[float, ...]) -> Array:
@@ -277,16 +277,16 @@ def knots(x: Array, quantiles: tuple[float, ...]) -> Array:
     return np.append(np.quantile(below, quantiles), limit)
 
 
-def apart(at: NDArray[np.floating[Any]]) -> list[float]:
+def apart(at: NDArray[np.floating[Any]]) -> tuple[float, ...]:
     """Ascending knots, without those too near the one before: between them a curve would follow noise."""
     out = [float(at[0])]
     for x in at[1:]:
         if x - out[-1] > NEAREST * (at[-1] - at[0]):
             out.append(float(x))
-    return out
+    return tuple(out)
 
 
-def curve(form: Form, at: list[float]) -> Iterator[tuple[Expression, list[float]]]:
+def curve(form: Form, at: Sequence[float]) -> Iterator[tuple[Expression, list[float]]]:
     """The pieces a curve is made of, none of which may be negative, and each one's values at the knots."""
     values = np.eye(len(at)) if form.trend == "any" else np.triu(np.ones((len(at), len(at))))
     if form.trend == "falling":

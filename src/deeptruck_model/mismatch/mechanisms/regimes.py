@@ -8,17 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.mechanisms.base import GATES, Shape, build
+from deeptruck_model.mismatch.mechanisms.variants import Gate, Gated
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 Array = NDArray[np.float64]
-Gate = tuple[str, str, float]  # signal, above or below, value
 
 BINS = 10
+SIDES: tuple[Literal["below", "above"], ...] = ("below", "above")
 
 
 @dataclass(frozen=True)
@@ -83,22 +85,21 @@ class Regimes:
         parts = []
         for name, edges in self.borders.items():
             bins = Products.stacked([Products.of(C[r], y[r], X[r]) for r in self.rows[name]])
-            gates += [(name, side, float(edge)) for side in ("below", "above") for edge in edges]
+            gates += [Gate(name, side, float(edge)) for side in SIDES for edge in edges]
             parts.append(bins.below_and_above())
         return gates, Products.joined(parts) if parts else Products(*([np.zeros((0, 0, 0))] * 3))
 
 
 def gated(shape: Shape, gate: Gate, e: Evidence, trials: int) -> Shape:
     """The shape confined to one side of a border."""
-    settings = shape.settings | {"gate": list(gate)}
-    parts = tuple(build(shape.mechanism, settings))
+    variant = Gated(shape.variant, gate)
+    parts = tuple(build(shape.mechanism, variant))
     columns = shape.columns * _inside(gate, e)[:, None]
     if "holds" in e.signals and e["holds"].any():  # what sets in at a border is felt for a while
         columns = np.stack([p.expression.rows(e) for p in parts], axis=1)
-    return replace(shape, settings=settings, parts=parts, columns=columns, trials=shape.trials * trials)
+    return replace(shape, variant=variant, parts=parts, columns=columns, trials=shape.trials * trials)
 
 
 def _inside(gate: Gate, e: Evidence) -> NDArray[np.bool_]:
-    signal, side, at = gate
-    x = GATES[signal][0].rows(e)
-    return x > at if side == "above" else x <= at
+    x = GATES[gate.signal][0].rows(e)
+    return x > gate.at if gate.side == "above" else x <= gate.at

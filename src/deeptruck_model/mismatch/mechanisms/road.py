@@ -11,15 +11,15 @@ from deeptruck_model.mismatch.expression import lift
 from deeptruck_model.mismatch.mechanisms.base import (
     Column,
     Mechanism,
-    Settings,
 )
 from deeptruck_model.mismatch.mechanisms.over_time import (
     MOST_KNOTS,
-    profile_settings,
+    profile,
     share_out,
-    slow_columns,
-    slow_settings,
+    spline_columns,
+    splines,
 )
+from deeptruck_model.mismatch.mechanisms.variants import Simple, Spline
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 FINE_M, HILLY = 100.0, 0.02  # knots of a hilly road, and the sd of its slope
@@ -27,31 +27,30 @@ ROUGH = 0.1  # m/s^2: soft ground
 SLOPE, SURFACE = lift(-GRAVITY), lift(-1.0)
 
 
-def _grade_settings(e: Evidence) -> Iterator[Settings]:
+def _grades(e: Evidence) -> Iterator[Spline]:
     """Slopes of a plain come as slowly as wind does; those of hills are finer and larger than anything
     else."""
-    yield from slow_settings(e, SLOPE, HILLY, "distance")
+    yield from splines(e, SLOPE, HILLY, "distance")
     yield from _fine(e, HILLY)
 
 
-def _fine(e: Evidence, sd: float) -> Iterator[Settings]:
+def _fine(e: Evidence, sd: float) -> Iterator[Spline]:
     lengths = [float(np.ptp(e["distance"][s.rows])) for s in e.stretches]
     for knot in (FINE_M, 2.5 * FINE_M):
-        knots = share_out(lengths, knot, MOST_KNOTS)
-        yield profile_settings(e, "distance", knots, knot) | {"sd": sd}
+        yield profile(e, "distance", share_out(lengths, knot, MOST_KNOTS), knot, sd)
 
 
-def _grade(s: Settings) -> list[Column]:
-    return slow_columns(s, SLOPE, "grade", "ratio", sign=0, steady=False)
+def _grade(v: Simple) -> list[Column]:
+    return spline_columns(v, SLOPE, "grade", "ratio", sign=0, steady=False)
 
 
-def _surface_settings(e: Evidence) -> Iterator[Settings]:
-    yield from slow_settings(e, SURFACE, ROUGH, "distance")
+def _surfaces(e: Evidence) -> Iterator[Spline]:
+    yield from splines(e, SURFACE, ROUGH, "distance")
     yield from _fine(e, ROUGH)
 
 
-def _surface(s: Settings) -> list[Column]:
-    return slow_columns(s, SURFACE, "force", "N", sign=1, per_mass=True)
+def _surface(v: Simple) -> list[Column]:
+    return spline_columns(v, SURFACE, "force", "N", sign=1, per_mass=True)
 
 
 MECHANISMS = (
@@ -63,7 +62,7 @@ MECHANISMS = (
         ("distance along the road",),
         "definition of grade",
         "drive the same stretch in both directions",
-        _grade_settings,
+        _grades,
         _grade,
         hidden=True,
         unlikely_with="grade",
@@ -76,7 +75,7 @@ MECHANISMS = (
         ("distance along the road",),
         "rolling resistance of road textures: MIRIAM project",
         "drive the same stretch in both directions",
-        _surface_settings,
+        _surfaces,
         _surface,
         hidden=True,
         prior=0.05,  # without a second pass it is any drag that comes and goes

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch.expression import Rerun
 from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes, merge
 from deeptruck_model.mismatch.mechanisms.regimes import Products, gated
+from deeptruck_model.mismatch.mechanisms.variants import Gated
 from deeptruck_model.mismatch.posterior.penalties import slow_price
 from deeptruck_model.mismatch.posterior.search import ONE_SIZE, Model, Search
 from deeptruck_model.mismatch.residual.noise import whiten
@@ -66,7 +67,7 @@ def screen_regimes(
 ) -> list[tuple[float, Shape]]:
     """Approximate gain of a shape confined to one side of each border, best first; the best alone are
     made. The noise is that of `noise`, or of `base`."""
-    if any(isinstance(c.expression, Rerun) for c in shape.parts) or "gate" in shape.settings:
+    if any(isinstance(c.expression, Rerun) for c in shape.parts) or shape.variant.gate:
         return []
     noise = noise or base
     yw, Xw, H0, weight = search.whitened(base, noise)
@@ -168,11 +169,10 @@ def enriched(search: Search, model: Model) -> Model:
         return model
     for _ in range(MORE_SHAPES):
         *others, last = model.named
-        taken = [str(part) for part in last.settings.get("parts", [last.settings])]
         options = [
             search.model((*others, merge(last, s)), model.free, model.fit)
             for s in search.shapes(last.mechanism)
-            if str(s.settings) not in taken and s.columns.shape[1] <= MOST_COLUMNS
+            if s.variant not in last.variant.parts and s.columns.shape[1] <= MOST_COLUMNS
         ]
         best = max(options, key=lambda m: m.score, default=model)
         if best.score < model.score + search.rules.form_gain:
@@ -192,5 +192,5 @@ def _confined(search: Search, model: Model) -> Model:
 
 def _everywhere(search: Search, shape: Shape) -> Shape:
     """The shape that was confined to a regime, without it: its border was chosen under other noise."""
-    plain = {k: v for k, v in shape.settings.items() if k != "gate"}
-    return next((s for s in search.shapes(shape.mechanism) if s.settings == plain), shape)
+    plain = shape.variant.of if isinstance(shape.variant, Gated) else shape.variant
+    return next((s for s in search.shapes(shape.mechanism) if s.variant == plain), shape)

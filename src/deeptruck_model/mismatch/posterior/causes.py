@@ -152,7 +152,7 @@ def _group_share(shape: Shape | None, rules: Rules) -> float:
     """Share of a gain within which other names are not told apart."""
     if shape is None:
         return rules.group_share
-    if "when" in shape.settings:
+    if shape.variant.acts_in_windows:
         return rules.group_share_windows
     return rules.group_share_time_varying if comes_and_goes(shape) else rules.group_share
 

@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from deeptruck_model.mismatch.mechanisms import (
     LATE_SENSOR,
-    Settings,
+    Constants,
     Shape,
     acts_by,
     law_signal,
@@ -184,7 +184,7 @@ class LeftOver:
         own = _plain(frozenset[str]().union(*(part.expression.signals() for part in name.parts)))
         if "simulated" in own:  # what swings with the acceleration swings with the forces that make it
             own |= {"engine", "brake"}
-        sizes = [(_acts_by(settings), size) for settings, size in _parts(e, self.lawful)]
+        sizes = [(_acts_by(law), size) for law, size in _parts(e, self.lawful)]
         within = sum(size for signals, size in sizes if signals & own and signals <= own | ANYWHERE)
         return within > e.rules.another_form_squares * sum(size for _, size in sizes)
 
@@ -231,8 +231,8 @@ def _as_free_model(e: Evidence, left: Array, grown: Model, trees: FreeModel) -> 
     law = grown.named[-1]
     force = law.columns @ grown.coefficients(law.mechanism.effect)
     weight: dict[str, float] = {}
-    for settings, size in _parts(e, grown):
-        for rank, name in enumerate(leans_on(settings)):
+    for each, size in _parts(e, grown):
+        for rank, name in enumerate(leans_on(each)):
             weight[name] = weight.get(name, 0.0) + size / (1 + rank)
     total = sum(weight.values()) or 1.0
     importance = {n: w / total for n, w in sorted(weight.items(), key=lambda item: -item[1])}
@@ -240,18 +240,19 @@ def _as_free_model(e: Evidence, left: Array, grown: Model, trees: FreeModel) -> 
     return FreeModel(force, _crossed_r2(e, left, law.columns, grown.fit.sigma), importance, known)
 
 
-def _parts(e: Evidence, grown: Model) -> list[tuple[Settings, float]]:
+def _parts(e: Evidence, grown: Model) -> list[tuple[Constants, float]]:
     """Each law of a model, and the sum of its squared force."""
     law = grown.named[-1]
     forces = law.columns * grown.coefficients(law.mechanism.effect)
-    parts = law.settings.get("parts", [law.settings])
+    parts = law.variant.leaves
     ends = np.cumsum([len(law.mechanism.build(part)) for part in parts])
     each = np.split(forces, ends[:-1], axis=1)
-    return [(p, float(np.sum(f.sum(axis=1)[e.valid] ** 2))) for p, f in zip(parts, each, strict=True)]
+    sizes = [float(np.sum(f.sum(axis=1)[e.valid] ** 2)) for f in each]
+    return [(part.constants, size) for part, size in zip(parts, sizes, strict=True)]
 
 
-def _acts_by(settings: Settings) -> frozenset[str]:
-    return _plain(acts_by(settings))
+def _acts_by(law: Constants) -> frozenset[str]:
+    return _plain(acts_by(law))
 
 
 def _plain(signals: frozenset[str]) -> frozenset[str]:

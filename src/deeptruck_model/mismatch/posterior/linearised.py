@@ -164,5 +164,5 @@ def _again(model: Model, search: Search) -> Model:
 
 
 def _on(e: Evidence, s: Shape) -> Shape:
-    made = shape(s.mechanism, s.settings, e)
+    made = shape(s.mechanism, s.variant, e)
     return replace(s, parts=made.parts, columns=made.columns)

@@ -15,7 +15,8 @@ from scipy.ndimage import uniform_filter1d
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import Prepared, learned, prepare
-from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape
+from deeptruck_model.mismatch.mechanisms import LIBRARY, Constants, Shape
+from deeptruck_model.mismatch.mechanisms.commands import Delays
 from deeptruck_model.mismatch.posterior.candidates import candidates, screen_shapes
 from deeptruck_model.mismatch.posterior.free_law import left_over
 from deeptruck_model.mismatch.posterior.penalties import enough, practical
@@ -27,7 +28,7 @@ from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
 
-BOTH = {"all"}
+BOTH = "all"
 FITTED = 2  # of them in full
 
 
@@ -65,8 +66,14 @@ def _small(search: Search) -> list[Shape]:
     mechanism = LIBRARY["command_delay"]
     if not search.e.has(*mechanism.needs):
         return []
-    lines = [(s, s.settings["lines"]) for s in search.shapes(mechanism)]
-    return [s for s, line in lines if set(line) == BOTH and line["all"] <= search.rules.nuisance_delay_s]
+    longest_s = search.rules.nuisance_delay_s
+    return [s for s in search.shapes(mechanism) if _late_together(s.variant.constants, longest_s)]
+
+
+def _late_together(constants: Constants, longest_s: float) -> bool:
+    """Whether both commands are late by one small delay."""
+    lines = constants.lines if isinstance(constants, Delays) else ()
+    return any(which == BOTH and tau_s <= longest_s for which, tau_s in lines)
 
 
 Array = NDArray[np.float64]

@@ -6,15 +6,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from deeptruck_model.mismatch.mechanisms import Mechanism, Settings, Shape, comes_and_goes, shape
+from deeptruck_model.mismatch.mechanisms import Mechanism, Shape, Variant, comes_and_goes, shape
 from deeptruck_model.mismatch.mechanisms.over_time import each_recording
+from deeptruck_model.mismatch.mechanisms.variants import (
+    FromMoment,
+    Gate,
+    Gated,
+    OwnCurve,
+    PerRecording,
+    Simple,
+    Spline,
+)
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import whiten
 
 Array = NDArray[np.float64]
-
-ONCE = ("first", "each")  # settings by which a size belongs to a recording
 
 
 def enough(search: Search) -> float:
@@ -27,7 +34,7 @@ def price(search: Search, model: Model) -> float:
         return 0.0
     last = model.named[-1]
     b = model.coefficients(last.mechanism.effect)
-    if beyond_learning(search.e, last, last.columns @ b) and not _has(last, *ONCE):
+    if beyond_learning(search.e, last, last.columns @ b) and not _sized_by_recording(last):
         return 0.0
     own = _own_size(search, last)
     if own is None:
@@ -49,11 +56,11 @@ def _within(search: Search, base: Model, last: Shape, own: Array) -> Array:
 def _own_size(search: Search, last: Shape) -> Array | None:
     """How large the coefficients of a shape may be by the simulator's own error: as on the recordings it
     keeps, other driving allowed for. None where it keeps none, or the shape belongs to these recordings."""
-    if search.own is None or _has(last, "when", "recordings") or comes_and_goes(last):
+    if search.own is None or _only_here(last.variant):
         return None
-    if _has(last, *ONCE):
+    if _sized_by_recording(last):
         return _own_spread(search.own, last)
-    model = _on_its_own(search.own, last.mechanism, last.settings)
+    model = _on_its_own(search.own, last.mechanism, last.variant)
     name = last.mechanism.effect
     sd: Array = np.sqrt(np.diag(model.covariance(name)))
     return search.rules.other_driving * np.abs(model.coefficients(name)) + sd
@@ -62,26 +69,45 @@ def _own_size(search: Search, last: Shape) -> Array | None:
 def _own_spread(own: Search, last: Shape) -> Array:
     """The same where a coefficient belongs to a recording: as these differ among those the truck keeps."""
     sizes = []
-    gate = {key: value for key, value in last.settings.items() if key == "gate"}
-    for part in last.settings.get("parts", [last.settings]):
-        kept = {key: value for key, value in part.items() if key not in (*ONCE, "after_s", "count")}
-        model = _on_its_own(own, last.mechanism, kept | gate | each_recording(own.e))
+    for gate, leaf in _gated_leaves(last.variant):
+        kept = _in_each_recording(leaf, own.e)
+        model = _on_its_own(own, last.mechanism, Gated(kept, gate) if gate else kept)
         b = model.coefficients(last.mechanism.effect)
         sd = np.sqrt(np.diag(model.covariance(last.mechanism.effect)))
         size = own.rules.other_driving * float(np.sqrt(np.mean(b**2))) + float(np.mean(sd))
-        sizes += [size] * len(last.mechanism.build(part))
+        sizes += [size] * len(last.mechanism.build(leaf))
     return np.array(sizes)
 
 
-def _on_its_own(own: Search, mechanism: Mechanism, settings: Settings) -> Model:
+def _on_its_own(own: Search, mechanism: Mechanism, variant: Variant) -> Model:
     base = own.background(())
-    return own.model((shape(mechanism, settings, own.e),), base.free, base.fit)
+    return own.model((shape(mechanism, variant, own.e),), base.free, base.fit)
 
 
-def _has(last: Shape, *keys: str) -> bool:
-    """Whether a setting of a shape, or of any of its parts, is one of these."""
-    each = [last.settings, *last.settings.get("parts", [])]
-    return any(key in part for part in each for key in keys)
+def _gated_leaves(variant: Variant) -> list[tuple[Gate | None, Simple]]:
+    return [(part.gate, leaf) for part in variant.parts for leaf in part.leaves]
+
+
+def _in_each_recording(leaf: Simple, e: Evidence) -> Simple:
+    """The same with a coefficient for each recording of other evidence."""
+    return leaf if isinstance(leaf, Spline | OwnCurve) else each_recording(e, leaf.constants)
+
+
+def _sized_by_recording(last: Shape) -> bool:
+    """Whether a size of a shape belongs to a recording, though it is the truck's."""
+    return any(
+        isinstance(leaf, FromMoment) or (isinstance(leaf, PerRecording) and not leaf.weather)
+        for leaf in last.variant.leaves
+    )
+
+
+def _only_here(variant: Variant) -> bool:
+    """Whether its sizes are those of windows, of weather or of knots, of which other driving says nothing."""
+    weather = any(
+        (isinstance(leaf, PerRecording) and leaf.weather) or (isinstance(leaf, Spline) and leaf.levels)
+        for leaf in variant.leaves
+    )
+    return weather or variant.acts_in_windows or variant.varies_in_time
 
 
 def slow_price(model: Model, base: Model) -> float:

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from deeptruck_model.mismatch.mechanisms import LIBRARY, UNNAMED, Shape, comes_and_goes
+from deeptruck_model.mismatch.mechanisms import LIBRARY, UNNAMED, Constants, Shape, comes_and_goes
+from deeptruck_model.mismatch.mechanisms.brakes import DEAD_TIME, BrakeLag
 from deeptruck_model.mismatch.posterior import windows
 from deeptruck_model.mismatch.posterior.candidates import candidates, enriched, screen, screen_shapes
 from deeptruck_model.mismatch.posterior.causes import Cause
@@ -24,7 +25,6 @@ Array = NDArray[np.float64]
 
 ALTERNATIVES = 3  # rivals whose whole explanation is kept, to be driven against each other
 INSTEAD = 4  # mechanisms tried in place of each parameter
-DEAD_TIME = "delay"  # of the brake: the same force as a delay of its command
 SLOPE = "road_grade"  # a force that goes by nothing but its time is what a slope, or its sensor, is off by
 SLOW_S = 8.0  # smoothing of a slow force where it has no knots of its own
 
@@ -54,7 +54,7 @@ def named_cause(search: Search, model: Model, shape: Shape) -> Cause:
     if lawless is not None:  # perhaps something else comes and goes
         unnamed = (UNNAMED.effect, max(model.score - lawless.score, 0.0))
         rivals = sorted([*rivals, unnamed], key=lambda rival: rival[1])
-    if shape.settings.get("side") == DEAD_TIME and any(m.effect == "command_delay" for m in search.library):
+    if _is_dead_time(shape.variant.constants) and any(m.effect == "command_delay" for m in search.library):
         rivals = [("command_delay", 0.0), *((n, worse) for n, worse in rivals if n != "command_delay")]
     return Cause(
         shape.mechanism.kind,
@@ -82,8 +82,8 @@ def _paid(search: Search, base: Model, rival: Model, own: float) -> float:
 def _instead_of(search: Search, base: Model, shape: Shape) -> list[tuple[str, Model]]:
     """The best model with each other possible name, or one more parameter, in place of a shape; best
     first."""
-    if "when" in shape.settings:
-        spans = [(int(i), first, last) for i, first, last in shape.settings["when"]]
+    if shape.variant.acts_in_windows:
+        spans = list(shape.variant.spans)
         tried = windows.candidates(search, base, spans)
     else:
         tried = candidates(search, base)
@@ -111,8 +111,8 @@ def _lawless(search: Search, model: Model, shape: Shape) -> Model | None:
     if search.e.own_error > 0:
         return None  # a learned truck follows slow forces in part, so that none of them acts as it should
     others = tuple(n for n in model.named if n is not shape)
-    if "when" in shape.settings:
-        spans = [(int(i), first, last) for i, first, last in shape.settings["when"]]
+    if shape.variant.acts_in_windows:
+        spans = list(shape.variant.spans)
         return search.model((*others, windows.unnamed(search, spans)), model.free, model.fit)
     if not comes_and_goes(shape):
         return None
@@ -120,6 +120,11 @@ def _lawless(search: Search, model: Model, shape: Shape) -> Model | None:
     scored = screen_shapes(search, base, search.shapes(UNNAMED))[:2]
     options = [enriched(search, search.model((*others, s), model.free, model.fit)) for _, s in scored]
     return max(options, key=lambda m: m.score, default=None)
+
+
+def _is_dead_time(constants: Constants) -> bool:
+    """Whether it is a dead time of the brake: the same force as a delay of its command."""
+    return isinstance(constants, BrakeLag) and constants.side == DEAD_TIME
 
 
 def _force(search: Search, model: Model, shape: Shape) -> Array:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes, shape
+from deeptruck_model.mismatch.mechanisms.commands import Delays
+from deeptruck_model.mismatch.mechanisms.variants import Static
 from deeptruck_model.mismatch.posterior import windows
 from deeptruck_model.mismatch.posterior.candidates import candidates, enriched
 from deeptruck_model.mismatch.posterior.penalties import (
@@ -92,7 +94,7 @@ def _gains_in_windows(search: Search, model: Model, without: Model) -> bool:
 def _for_freedom(model: Model, bare: Model) -> float:
     """Nats by which what comes and goes must do better, and what acts in windows that were chosen for it."""
     coming = model.rules.time_varying_penalty if any(comes_and_goes(s) for s in model.named) else 0.0
-    chosen = model.rules.time_varying_share if any("when" in s.settings for s in model.named) else 0.0
+    chosen = model.rules.time_varying_share if any(s.variant.acts_in_windows for s in model.named) else 0.0
     return coming + chosen * (model.score - bare.score)
 
 
@@ -109,12 +111,12 @@ def _settled(search: Search, model: Model) -> Model:
 
 def _about_its_size(search: Search, model: Model, s: Shape) -> Shape:
     """A shape of delays at the delays it was fitted to; any other as it is."""
-    lines = s.settings.get("lines")
-    if lines is None:
+    if not (isinstance(s.variant, Static) and isinstance(s.variant.constants, Delays)):
         return s
     sizes = model.coefficients(s.mechanism.effect).tolist()
-    fitted = {which: round(tau_s * b, 3) for (which, tau_s), b in zip(lines.items(), sizes, strict=True)}
-    return shape(s.mechanism, s.settings | {"lines": fitted}, search.e)
+    lines = zip(s.variant.constants.lines, sizes, strict=True)
+    fitted = tuple((which, round(tau_s * b, 3)) for (which, tau_s), b in lines)
+    return shape(s.mechanism, Static(Delays(fitted)), search.e)
 
 
 def _beside(search: Search, model: Model) -> float:

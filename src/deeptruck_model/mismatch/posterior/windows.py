@@ -20,6 +20,7 @@ from deeptruck_model.mismatch.mechanisms import (
     held_steady,
     shape,
 )
+from deeptruck_model.mismatch.mechanisms.variants import OwnCurve, Span, Sum, Windowed
 from deeptruck_model.mismatch.posterior.candidates import screen_shapes
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.penalties import large_enough
@@ -28,7 +29,6 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Span = tuple[int, float, float]  # recording, from and to in s since its start
 
 LENGTHS_S = (0.6, 2.0, 6.0)
 LARGEST = 6.0  # a single sample counts as no more than this
@@ -133,14 +133,14 @@ def within(spans: list[Span], e: Evidence) -> Mask:
 
 def during(given: Shape, spans: list[Span], e: Evidence) -> Shape:
     """The shape confined to the spans."""
-    settings = given.settings | {"when": [list(span) for span in spans]}
-    parts = tuple(build(given.mechanism, settings))
+    variant = Windowed(given.variant, tuple(spans))
+    parts = tuple(build(given.mechanism, variant))
     trials = given.trials * float(
         np.exp(min(e.rules.window_penalty / e.rules.temper * len(spans), LARGEST_LOG))
     )
     return replace(
         given,
-        settings=settings,
+        variant=variant,
         parts=parts,
         columns=given.columns * within(spans, e)[:, None],
         trials=trials,
@@ -150,7 +150,7 @@ def during(given: Shape, spans: list[Span], e: Evidence) -> Shape:
 def unnamed(search: Search, spans: list[Span]) -> Shape:
     """A force without a name in the spans alone, of any size and sign in each."""
     steady = held_steady(search.shapes(UNNAMED)[0], search.e)
-    each = {"parts": [steady.settings | {"when": [list(span)]} for span in spans]}
+    each = Sum(tuple(Windowed(steady.variant, (span,)) for span in spans))
     made = during(shape(UNNAMED, each, search.e), spans, search.e)
     return replace(made, prior=replace(made.prior, sd=np.full(len(spans), SUDDEN)))
 
@@ -158,7 +158,7 @@ def unnamed(search: Search, spans: list[Span]) -> Shape:
 def _steady(search: Search, mechanism: Mechanism) -> list[Shape]:
     """The shapes of a mechanism that few windows can show; of what comes and goes, its mean."""
     shapes = search.shapes(mechanism)
-    plain = [s for s in shapes if not {"each", "recordings", "own"} & set(s.settings)]
+    plain = [s for s in shapes if not (s.variant.per_recording or isinstance(s.variant, OwnCurve))]
     lasting = [s for s in plain if not comes_and_goes(s)]
     coming = [s for s in plain if comes_and_goes(s)]
     return [*lasting, *(held_steady(s, search.e) for s in coming[:1])]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.expression import Rerun
 from deeptruck_model.mismatch.mechanisms import LIBRARY, OWN, UNNAMED, Column, Shape, carriers
+from deeptruck_model.mismatch.mechanisms.variants import OwnCurve
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation, RoadLock
 from deeptruck_model.mismatch.posterior.formula import Formula
 from deeptruck_model.mismatch.posterior.search import Model
@@ -225,7 +226,6 @@ def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> Told:
     shape = cause.shape
     assert shape is not None
     m = shape.mechanism
-    gates = [gate[0] for gate in _gates(shape) if gate[0] not in m.depends_on]
     return Told(
         Sentence.of(
             f"{m.says}: {strength(cause, e)}{_now_and_then(shape)}{_confined(shape, e.mass)}",
@@ -235,52 +235,51 @@ def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> Told:
         m.equation,
         _sizes(shape, explanation.model, e) | picked(shape),
         Sentence.of(m.told_by),
-        (*m.depends_on, *gates),
+        (*m.depends_on, *_confined_by(shape)),
     )
 
 
 def picked(shape: Shape) -> dict[str, Size]:
     """Settings that have a size, as parameters without an interval; of two parts with one, the first's."""
     out: dict[str, Size] = {}
-    for part in [shape.settings, *shape.settings.get("parts", [])]:
-        for name, value in part.items():
-            if isinstance(value, float) and name in SETTING_UNITS:
-                out.setdefault(name, Size(value, SETTING_UNITS[name], picked=True))
+    for name, value in shape.variant.numbers():
+        if name in SETTING_UNITS:
+            out.setdefault(name, Size(value, SETTING_UNITS[name], picked=True))
     return out
 
 
-def _gates(shape: Shape) -> list[tuple[str, str, float]]:
-    """The regime to which all of a shape is confined: signal, side and border; at most one."""
-    parts = [part.get("gate") for part in shape.settings.get("parts", [shape.settings])]
-    same = "gate" not in shape.settings and parts[0] is not None and all(p == parts[0] for p in parts)
-    gate = shape.settings.get("gate") or (parts[0] if same else None)
-    return [tuple(gate)] if gate else []
+def _confined_by(shape: Shape) -> list[str]:
+    """The signal by which an effect is confined to a regime, where its mechanism does not depend on it."""
+    gate = shape.variant.gate
+    return [gate.signal] if gate and gate.signal not in shape.mechanism.depends_on else []
 
 
 def _confined(shape: Shape, mass: float) -> str:
     """In which regime alone an effect acts, where it does."""
-    for signal, side, at in _gates(shape):
-        border = {
-            "speed": f"the speed is {side} {at:.1f} m/s",
-            "grade": f"the grade is {side} {100 * at:.1f} %",
-            "lever": f"the engine turns {side} {at:.1f} rad per metre",
-            "engine": f"the engine's force is {side} {at * mass:.0f} N",
-            "engine torque": f"the engine's torque is {side} {at * mass:.0f} N m",
-        }[signal]
-        return f". It shows only where {border}"
-    return ""
+    gate = shape.variant.gate
+    if gate is None:
+        return ""
+    side, at = gate.side, gate.at
+    border = {
+        "speed": f"the speed is {side} {at:.1f} m/s",
+        "grade": f"the grade is {side} {100 * at:.1f} %",
+        "lever": f"the engine turns {side} {at:.1f} rad per metre",
+        "engine": f"the engine's force is {side} {at * mass:.0f} N",
+        "engine torque": f"the engine's torque is {side} {at * mass:.0f} N m",
+    }[gate.signal]
+    return f". It shows only where {border}"
 
 
 def _curved(shape: Shape) -> tuple[Part, ...]:
     """Over what an effect runs in a curve of its own, where it does."""
-    parts = shape.settings.get("parts", [shape.settings])
-    over = [OWN[shape.mechanism.effect][part["own"]].by for part in parts if "own" in part]
+    own = [leaf.index for leaf in shape.variant.leaves if isinstance(leaf, OwnCurve)]
+    over = [OWN[shape.mechanism.effect][index].by for index in own]
     return (". It is a curve of its own over ", *Sentence.named(list(dict.fromkeys(over)))) if over else ()
 
 
 def _now_and_then(shape: Shape) -> str:
     """That an effect was seen in a few windows alone, where it was."""
-    spans = shape.settings.get("when", [])
+    spans = shape.variant.spans
     seconds = sum(last - first for _, first, last in spans)
     times = "once" if len(spans) == 1 else f"{len(spans)} times"
     return f". It was seen now and then alone, {times} for {seconds:.0f} s together" if spans else ""

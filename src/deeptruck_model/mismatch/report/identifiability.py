@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.correction.correction import corrected
-from deeptruck_model.mismatch.mechanisms import LIBRARY, comes_and_goes
+from deeptruck_model.mismatch.mechanisms import LIBRARY, Variant
 from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.posterior.penalties import enough
 from deeptruck_model.mismatch.posterior.search import FREE, Model, Search
@@ -100,8 +100,12 @@ def _said(rival: str, s: Separation) -> tuple[Part, ...]:
 def _law(model: Model) -> bool:
     """Whether an explanation acts alike on every drive: nothing that comes and goes, no fault of a sensor."""
     kinds = {n.mechanism.kind for n in model.named}
-    once = any(comes_and_goes(n) or {"when", "each", "recordings"} & set(n.settings) for n in model.named)
+    once = any(_of_these_drives(n.variant) for n in model.named)
     return kinds <= {"missing_physics"} and not once
+
+
+def _of_these_drives(variant: Variant) -> bool:
+    return variant.varies_in_time or variant.acts_in_windows or variant.per_recording
 
 
 def _commands(simulator: Simulator, e: Evidence) -> tuple[Array, Array, Array]:

@@ -14,6 +14,8 @@ from deeptruck_model import simulators, trucks
 from deeptruck_model.mismatch.correction import correction
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape, comes_and_goes, held_steady, laws
+from deeptruck_model.mismatch.mechanisms.laws import Follower, Law
+from deeptruck_model.mismatch.mechanisms.variants import Constants
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
@@ -188,9 +190,13 @@ def test_where_nothing_is_missing_nothing_is_corrected(nothing_missing: Evidence
     assert made.tuned.moved
 
 
+def is_law(constants: Constants, carrier: str, of: str) -> bool:
+    return isinstance(constants, Law) and (constants.carrier, constants.of) == (carrier, of)
+
+
 def test_laws_without_a_name_go_in_beside_the_names_and_only_when_asked(nothing_missing: Evidence) -> None:
     e = nothing_missing
-    law = next(s for s in laws(e) if s.settings.get("of") == "speed" and s.settings["carrier"] == "engine")
+    law = next(s for s in laws(e) if is_law(s.variant.constants, "engine", "speed"))
     search = Search(e)
     lawful = search.model((law,), frozenset())
     made = correction.correct(TRUCK, e, explanation((), search.model((), frozenset()), lawful), [])
@@ -204,8 +210,8 @@ def test_laws_without_a_name_go_in_beside_the_names_and_only_when_asked(nothing_
 
 
 def test_a_truck_with_laws_can_be_kept(nothing_missing: Evidence, tmp_path: Path) -> None:
-    law = next(s for s in laws(nothing_missing) if s.settings.get("follower") == "brake")
-    term = Term("unknown", law.settings, tuple(np.linspace(0.0, 0.1, law.columns.shape[1]).tolist()))
+    law = next(s for s in laws(nothing_missing) if s.variant.constants == Follower("brake", "late"))
+    term = Term("unknown", law.variant, tuple(np.linspace(0.0, 0.1, law.columns.shape[1]).tolist()))
     truck = CorrectedTruck(TRUCK, [term], {}, None, True)
     truck.save(tmp_path / "kept")
     again = simulators.load(tmp_path / "kept")

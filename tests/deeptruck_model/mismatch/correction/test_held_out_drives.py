@@ -9,8 +9,12 @@ import numpy as np
 import pytest
 
 from deeptruck_model.mismatch.correction.correction import in_vain
+from deeptruck_model.mismatch.mechanisms.variants import Gate, Gated, Spline, Static, Variant, Windowed
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.result import Chosen, Compared, Rmse
+
+SPLINE = Spline("elapsed", (4,), ("a",), 20.0, 0.25, 0.1)
+WINDOWED = Windowed(Static(), ((0, 1.0, 9.0),))
 
 
 def errors(*, after: float, tuned: float, laws: float | None = None) -> Compared:
@@ -37,19 +41,19 @@ def test_what_is_weak_and_drives_worse_is_not_told(
 
 
 @pytest.mark.parametrize(
-    ("settings", "after", "vain"),
+    ("variant", "after", "vain"),
     [
-        ({}, 0.05, True),
-        ({}, 0.04, False),
-        ({"knots": [4]}, 0.06, False),
-        ({"when": [(0, 1.0, 9.0)]}, 0.05, False),
+        (Static(), 0.05, True),
+        (Static(), 0.04, False),
+        (SPLINE, 0.06, False),
+        (WINDOWED, 0.05, False),
     ],
 )
 def test_a_weak_law_must_drive_better_than_other_parameters(
-    settings: dict[str, Any], after: float, vain: bool
+    variant: Variant, after: float, vain: bool
 ) -> None:
     """What comes and goes helps no other drive anyway."""
-    shape: Any = SimpleNamespace(settings=settings)
+    shape: Any = SimpleNamespace(variant=variant)
     causes = (Cause("missing_physics", "load_slosh", 33.0, 0.5, 0.9, np.zeros(1), shape),)
     fit = errors(after=after, tuned=0.05)
     explanation: Any = SimpleNamespace(causes=causes)
@@ -69,7 +73,7 @@ def test_a_road_without_recorded_slopes_need_not_help_on_another_road(
     effect: str, gain: float, recorded: bool, vain: bool
 ) -> None:
     """A hilly drive of a real car had been called nothing missing."""
-    shape: Any = SimpleNamespace(settings={"knots": [4]})
+    shape: Any = SimpleNamespace(variant=SPLINE)
     causes = (Cause("missing_physics", effect, gain, 1.0, 0.9, np.zeros(1), shape),)
     explanation: Any = SimpleNamespace(causes=causes)
     fit = errors(after=0.1, tuned=0.1)
@@ -79,14 +83,14 @@ def test_a_road_without_recorded_slopes_need_not_help_on_another_road(
 @pytest.mark.parametrize(
     ("gain", "after", "vain"), [(84.0, 0.099, True), (84.0, 0.09, False), (130.0, 0.099, False)]
 )
-@pytest.mark.parametrize("beside", [{}, {"when": [(0, 1.0, 9.0)]}])
+@pytest.mark.parametrize("beside", [Static(), WINDOWED])
 def test_a_law_that_helps_no_other_drive_must_be_clear(
-    beside: dict[str, Any], gain: float, after: float, vain: bool
+    beside: Variant, gain: float, after: float, vain: bool
 ) -> None:
     """Beside what acts now and then, which no other drive need show, it is not asked."""
     shapes: Any = [
-        SimpleNamespace(settings={"gate": ["lever", "above", 7.0]}),
-        SimpleNamespace(settings=beside),
+        SimpleNamespace(variant=Gated(Static(), Gate("lever", "above", 7.0))),
+        SimpleNamespace(variant=beside),
     ]
     causes = tuple(
         Cause("missing_physics", name, g, 0.5, 0.9, np.zeros(1), s)
@@ -94,7 +98,7 @@ def test_a_law_that_helps_no_other_drive_must_be_clear(
     )
     explanation: Any = SimpleNamespace(causes=causes)
     fit = errors(after=after, tuned=0.1)
-    assert in_vain(explanation, fit, FOUND) == (vain and not beside)
+    assert in_vain(explanation, fit, FOUND) == (vain and not beside.acts_in_windows)
 
 
 @pytest.mark.parametrize(
@@ -111,7 +115,7 @@ def test_what_comes_and_goes_must_help_other_drives_a_little(
     gain: float, after: float, chosen: Chosen, vain: bool
 ) -> None:
     """And not by the parameters that were moved instead of it."""
-    shape: Any = SimpleNamespace(settings={"knots": [4]})
+    shape: Any = SimpleNamespace(variant=SPLINE)
     causes = (Cause("missing_physics", "dragging_brake", gain, 1.0, 0.9, np.zeros(1), shape),)
     fit = errors(after=after, tuned=0.08)
     explanation: Any = SimpleNamespace(causes=causes)
@@ -138,7 +142,7 @@ def test_a_parameter_of_few_nats_needs_drives_that_show_it(after: float, vain: b
     [(100.0, 0.11, True), (100.0, 0.06, False), (50.0, 0.06, True), (200.0, 0.11, False)],
 )
 def test_beside_a_learned_simulator_more_must_be_shown(gain: float, after: float, vain: bool) -> None:
-    shape: Any = SimpleNamespace(settings={"knots": [4]})
+    shape: Any = SimpleNamespace(variant=SPLINE)
     causes = (Cause("missing_physics", "road_surface", gain, 0.5, 0.9, np.zeros(1), shape),)
     fit = errors(after=after, tuned=0.05)
     explanation: Any = SimpleNamespace(causes=causes)
@@ -146,9 +150,9 @@ def test_beside_a_learned_simulator_more_must_be_shown(gain: float, after: float
     assert not in_vain(explanation, errors(after=0.09, tuned=0.05), FOUND)
 
 
-@pytest.mark.parametrize(("beside", "vain"), [({"knots": [4]}, True), ({"when": [(0, 1.0, 9.0)]}, False)])
-def test_a_law_beside_what_comes_and_goes_must_help_other_drives(beside: dict[str, Any], vain: bool) -> None:
-    shapes: Any = [SimpleNamespace(settings={"tau_s": 1.0}), SimpleNamespace(settings=beside)]
+@pytest.mark.parametrize(("beside", "vain"), [(SPLINE, True), (WINDOWED, False)])
+def test_a_law_beside_what_comes_and_goes_must_help_other_drives(beside: Variant, vain: bool) -> None:
+    shapes: Any = [SimpleNamespace(variant=Static()), SimpleNamespace(variant=beside)]
     causes = tuple(
         Cause("missing_physics", name, 96.0, 0.5, 0.9, np.zeros(1), s)
         for name, s in zip(("load_slosh", "engine_friction"), shapes, strict=True)
@@ -158,7 +162,7 @@ def test_a_law_beside_what_comes_and_goes_must_help_other_drives(beside: dict[st
 
 
 def test_a_law_is_not_told_where_all_parameters_went_in_instead() -> None:
-    shape: Any = SimpleNamespace(settings={"tau_s": 1.0})
+    shape: Any = SimpleNamespace(variant=Static())
     causes = (Cause("missing_physics", "load_slosh", 84.0, 1.0, 0.9, np.zeros(1), shape),)
     explanation: Any = SimpleNamespace(causes=causes)
     instead = errors(after=0.08, tuned=0.08)

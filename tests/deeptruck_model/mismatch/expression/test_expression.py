@@ -9,7 +9,7 @@ import pytest
 
 from deeptruck_model.mismatch import expression as ex
 from deeptruck_model.mismatch.mechanisms import LIBRARY, build
-from deeptruck_model.mismatch.mechanisms.base import every_settings
+from deeptruck_model.mismatch.mechanisms.base import every_variant
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
 
 DT, SIZES = 0.19, (300, 200)  # no time constant is a whole number of steps, where rounding would decide
@@ -171,9 +171,9 @@ def test_every_mechanism_is_the_same_both_ways(effect: str, monkeypatch: pytest.
     """As fitted and as simulated; where a column belongs to one recording, as if this were elsewhere."""
     for part in (ex.InRecording, ex.Knot):
         monkeypatch.setattr(part, "over", lambda self, values, e: np.full(len(e), float(self.elsewhere)))
-    settings = list(every_settings(LIBRARY[effect], EVIDENCE))
-    assert settings, "a mechanism without a shape on rich data can never be named"
-    columns = [c.expression for s in settings for c in build(LIBRARY[effect], s)[:5]]
+    variants = list(every_variant(LIBRARY[effect], EVIDENCE))
+    assert variants, "a mechanism without a shape on rich data can never be named"
+    columns = [c.expression for v in variants for c in build(LIBRARY[effect], v)[:5]]
     apart = [x for x in columns if not isinstance(x, ex.Rerun)]
     assert not any(isinstance(p, ex.Rerun) for x in apart for p in parts(x)), "a command path is no force"
     if apart:
@@ -187,8 +187,8 @@ def test_every_mechanism_says_what_it_is(effect: str) -> None:
     m = LIBRARY[effect]
     assert m.effect == effect and m.kind in ("missing_physics", "measurement_fault")
     assert all((m.equation, m.says, m.source, m.told_by, m.needs, m.depends_on))
-    for s in m.settings(EVIDENCE):
-        for column in build(m, s):
+    for v in m.variants(EVIDENCE):
+        for column in build(m, v):
             assert column.sd > 0 and column.name and column.unit and column.sign in (0, 1)
         break
 

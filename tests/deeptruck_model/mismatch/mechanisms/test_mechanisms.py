@@ -8,14 +8,17 @@ import numpy as np
 import pytest
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY, shape
-from deeptruck_model.mismatch.mechanisms.base import Settings
+from deeptruck_model.mismatch.mechanisms.brakes import Keeps
+from deeptruck_model.mismatch.mechanisms.driveline import PlayTaken
+from deeptruck_model.mismatch.mechanisms.engine import Boost
+from deeptruck_model.mismatch.mechanisms.variants import Constants, Static
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 
-def column(e: Evidence, effect: str, settings: Settings, **signals: np.ndarray) -> np.ndarray:
+def column(e: Evidence, effect: str, constants: Constants, **signals: np.ndarray) -> np.ndarray:
     """The one column of a shape on these recordings with other signals, where forces are felt whole."""
     whole = {"answer": np.ones(len(e)), "holds": np.zeros(len(e)), "made up": np.zeros(len(e))}
-    made = shape(LIBRARY[effect], settings, replace(e, signals=e.signals | whole | signals))
+    made = shape(LIBRARY[effect], Static(constants), replace(e, signals=e.signals | whole | signals))
     assert made.columns.shape[1] == 1
     return made.columns[:, 0]
 
@@ -31,7 +34,7 @@ def test_shoes_that_do_not_let_go_keep_a_share_of_their_force(
     e = nothing_missing
     brake = np.zeros(len(e))
     brake[at(e, 20) : at(e, 25)], brake[at(e, 60) : at(e, 65)] = 2.0, 0.5
-    drag = column(e, "dragging_brake", {"keeps_s": 10.0}, brake=brake)
+    drag = column(e, "dragging_brake", Keeps(10.0), brake=brake)
     assert (drag[: at(e, 20)] == 0.0).all()
     assert drag[at(e, 35)] == pytest.approx(-2.0 * np.exp(-1.0), rel=0.05)
     assert drag[at(e, 75)] == pytest.approx(-0.5 * np.exp(-1.0), rel=0.05)
@@ -42,8 +45,7 @@ def test_boost_that_stays_outlasts_a_shift(nothing_missing: Evidence, stays: boo
     e = nothing_missing
     engine = np.full(len(e), 1.0)
     engine[at(e, 40) : at(e, 40.4)] = 0.0
-    settings = {"tau_s": 1.6, "aspirated": 0.0, "reference": None} | ({"stays": True} if stays else {})
-    late = column(e, "turbo_lag", settings, engine=engine)
+    late = column(e, "turbo_lag", Boost(1.6, stays=stays), engine=engine)
     after = -late[at(e, 40.6)]
     assert (after > lost) if not stays else (lost < after < 0.4)
 
@@ -52,6 +54,6 @@ def test_a_play_is_taken_up_once_for_each_change_of_sign(nothing_missing: Eviden
     e = nothing_missing
     engine = np.full(len(e), -0.2)
     engine[at(e, 50) : at(e, 80)] = 0.4
-    lost = -column(e, "driveline_backlash", {"reach": 0.4, "holds": 0.0, "reference": None}, engine=engine)
+    lost = -column(e, "driveline_backlash", PlayTaken(0.4, 0.0), engine=engine)
     crossing = lost[at(e, 50) : at(e, 80)]
     assert crossing.sum() * e.dt == pytest.approx(0.4) and (crossing[round(2.0 / e.dt) :] == 0.0).all()

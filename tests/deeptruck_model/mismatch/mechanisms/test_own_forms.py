@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.mechanisms.own_forms import OWN, Form, apart, curve, forms, knots
+from deeptruck_model.mismatch.mechanisms.own_forms import OWN, Form, apart, curve, curves, knots
 from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.posterior.stepwise import grow
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -40,12 +40,12 @@ def test_no_curve_leaves_its_trend_whatever_its_sizes(
 
 def test_a_form_is_offered_where_its_variable_moves_and_its_carrier_acts(nothing_missing: Evidence) -> None:
     e = nothing_missing
-    assert {s["own"] for s in forms("brake_fade", e)} == set(range(len(OWN["brake_fade"])))
+    assert {c.index for c in curves("brake_fade", e)} == set(range(len(OWN["brake_fade"])))
     still = replace(e, signals=e.signals | {"speed": np.full(len(e), 15.0)})
-    assert not list(forms("rolling_resistance_speed", still))
+    assert not list(curves("rolling_resistance_speed", still))
     never = replace(e, signals=e.signals | {"brake": np.zeros(len(e))})
-    assert not list(forms("brake_fade", never))
-    assert not list(forms("rotating_inertia", e))  # the ratio is not known here
+    assert not list(curves("brake_fade", never))
+    assert not list(curves("rotating_inertia", e))  # the ratio is not known here
 
 
 def test_a_name_is_found_in_a_form_of_its_own(nothing_missing: Evidence) -> None:
@@ -70,8 +70,8 @@ def test_forms_are_data_and_need_no_fit() -> None:
 
 def test_knots_stand_apart() -> None:
     """A truck that cruises at one speed would have several knots within the noise of its sensor."""
-    assert apart(np.array([1.0, 21.98, 22.0, 22.02, 25.0])) == [1.0, 21.98, 25.0]
-    assert apart(np.array([5.0, 5.0, 5.0])) == [5.0]
+    assert apart(np.array([1.0, 21.98, 22.0, 22.02, 25.0])) == (1.0, 21.98, 25.0)
+    assert apart(np.array([5.0, 5.0, 5.0])) == (5.0,)
 
 
 def test_a_time_that_is_mostly_long_ago_has_its_knots_where_it_is_not() -> None:

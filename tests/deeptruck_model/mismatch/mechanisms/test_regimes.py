@@ -12,6 +12,7 @@ from deeptruck_model.mismatch.expression import Stream
 from deeptruck_model.mismatch.mechanisms import LIBRARY, build
 from deeptruck_model.mismatch.mechanisms.base import GATES
 from deeptruck_model.mismatch.mechanisms.regimes import gated
+from deeptruck_model.mismatch.mechanisms.variants import Gate
 from deeptruck_model.mismatch.posterior.explain import explain
 from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.report.findings import from_cause
@@ -30,7 +31,8 @@ def test_the_sums_over_bins_are_those_of_the_confined_columns(nothing_missing: E
     regimes = Search(nothing_missing).regimes.of(nothing_missing, use)
     C, y, X = (np.random.default_rng(k).normal(size=(use.sum(), n)) for k, n in ((0, 2), (1, 1), (2, 3)))
     gates, p = regimes.products(C, y[:, 0], X)
-    for i, (signal, side, at) in enumerate(gates):
+    for i, gate in enumerate(gates):
+        signal, side, at = gate.signal, gate.side, gate.at
         x = GATES[signal][0].rows(nothing_missing)[use]
         inside = (x > at if side == "above" else x <= at)[:, None]
         assert pytest.approx((C * inside).T @ C) == p.CtC[i]
@@ -62,8 +64,8 @@ def test_a_confined_shape_acts_alike_in_a_simulation(
 ) -> None:
     e = nothing_missing
     e = replace(e, signals=e.signals | {"lever": np.where(e["speed"] > 15.0, 6.0, 12.0)})
-    shape = gated(Search(e).shapes(LIBRARY["driveline_loss"])[0], (signal, side, at), e, 36)
-    stream = Stream([c.expression for c in build(shape.mechanism, shape.settings)])
+    shape = gated(Search(e).shapes(LIBRARY["driveline_loss"])[0], Gate(signal, side, at), e, 36)
+    stream = Stream([c.expression for c in build(shape.mechanism, shape.variant)])
     memory, out = stream.begin(1), []
     for k in range(600):
         now = {name: x[k : k + 1] for name, x in e.signals.items()}

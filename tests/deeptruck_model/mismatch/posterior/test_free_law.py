@@ -11,7 +11,8 @@ from scipy.ndimage import gaussian_filter1d
 
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.expression import Slosh
-from deeptruck_model.mismatch.mechanisms import LIBRARY, law_signal, laws, leans_on
+from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape, law_signal, laws, leans_on
+from deeptruck_model.mismatch.mechanisms.laws import Law
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.explain import explain
 from deeptruck_model.mismatch.posterior.free_law import left_over
@@ -58,16 +59,21 @@ def test_a_force_without_a_name_is_told_by_what_it_follows(
     assert [c.effect for c in explain(search).causes] == ["unknown"]
 
 
+def of_law(term: Shape) -> Law:
+    constants = term.variant.constants
+    return constants if isinstance(constants, Law) else Law("", "", ())
+
+
 def test_a_law_is_its_carrier_shared_out_among_knots(nothing_missing: Evidence) -> None:
-    shared = [s for s in laws(nothing_missing) if s.settings.get("carrier") == "brake"]
+    shared = [s for s in laws(nothing_missing) if of_law(s).carrier == "brake"]
     assert shared
     for s in shared:
         np.testing.assert_allclose(s.columns.sum(axis=1), nothing_missing["brake"], atol=1e-12)
-        assert leans_on(s.settings) == (s.settings["of"], "brake")
+        assert leans_on(of_law(s)) == (of_law(s).of, "brake")
 
 
 def test_laws_of_signals_that_were_not_recorded_are_not_tried(nothing_missing: Evidence) -> None:
-    used = {s.settings.get("of") for s in laws(nothing_missing)}
+    used = {of_law(s).of for s in laws(nothing_missing)}
     assert "speed" in used and not used & {"ratio", "gap", "time since a shift"}
 
 

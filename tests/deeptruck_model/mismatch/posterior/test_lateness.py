@@ -9,6 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY
+from deeptruck_model.mismatch.mechanisms.commands import Delays
+from deeptruck_model.mismatch.mechanisms.variants import Static
 from deeptruck_model.mismatch.posterior import nuisances
 from deeptruck_model.mismatch.posterior.candidates import candidates
 from deeptruck_model.mismatch.posterior.search import Search
@@ -61,7 +63,9 @@ def test_what_a_name_explains_is_not_left_to_it(truck: Evidence, lags: bool) -> 
     force = 0.25 * truck.rerun("delay_all", 0.4)
     late = replace(truck, residual=truck.residual + force, late=force[:, None])
     search = Search(late)
-    brake = next(s for s in search.shapes(LIBRARY["command_delay"]) if set(s.settings["lines"]) == {"all"})
+    brake = next(
+        s for s in search.shapes(LIBRARY["command_delay"]) if s.variant == Static(Delays((("all", 0.1),)))
+    )
     column = replace(brake, columns=force[:, None], prior=replace(brake.prior, mean=np.ones(1)))
     model = search.model((column,) if lags else (), frozenset())
     assert (nuisances.left_beside(late, model).late is None) == lags

@@ -7,19 +7,20 @@ from typing import Any
 
 import pytest
 
+from deeptruck_model.mismatch.mechanisms.variants import Spline, Static, Variant
 from deeptruck_model.mismatch.posterior import penalties
 from deeptruck_model.mismatch.rules import Rules
 
 
-def model(score: float, *settings: dict[str, Any]) -> Any:
-    return SimpleNamespace(
-        rules=Rules(), score=score, named=tuple(SimpleNamespace(settings=s) for s in settings)
-    )
+def model(score: float, *variants: Variant) -> Any:
+    named = tuple(SimpleNamespace(variant=v) for v in variants)
+    return SimpleNamespace(rules=Rules(), score=score, named=named)
 
 
 @pytest.mark.parametrize(("gain", "paid"), [(80.0, 25.0), (1000.0, 100.0)])
 def test_what_comes_and_goes_pays_for_following_anything(gain: float, paid: float) -> None:
     base = model(500.0)
-    assert penalties.slow_price(model(500.0 + gain, {"knots": [4, 4]}), base) == pytest.approx(paid)
-    assert penalties.slow_price(model(500.0 + gain, {"tau_s": 1.0}), base) == 0.0
+    spline = Spline("elapsed", (4, 4), ("a", "b"), 20.0, 0.125, 0.1)
+    assert penalties.slow_price(model(500.0 + gain, spline), base) == pytest.approx(paid)
+    assert penalties.slow_price(model(500.0 + gain, Static()), base) == 0.0
     assert penalties.slow_price(base, base) == 0.0

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from deeptruck_model.mismatch.mechanisms.variants import FromMoment
 from deeptruck_model.mismatch.posterior.candidates import candidates
 from deeptruck_model.mismatch.posterior.free_law import left_over
 from deeptruck_model.mismatch.posterior.penalties import price
@@ -69,7 +70,9 @@ def test_masses_of_drives_cost_as_they_differ_among_those_it_keeps(nothing_missi
         search = learned(laden(1, 0.1), own)
         base = search.background(())
         payload = next(m for m in search.library if m.effect == "payload_change")
-        later = next(s for s in search.shapes(payload) if s.settings.get("first") == 1)
+        later = next(
+            s for s in search.shapes(payload) if isinstance(s.variant, FromMoment) and s.variant.first == 1
+        )
         model = search.model((later,), base.free, base.fit)
         shares.append(price(search, model) / (model.score - base.score))
     assert shares[0] < 0.4 and shares[1] > 0.8

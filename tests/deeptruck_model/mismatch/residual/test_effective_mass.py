@@ -9,6 +9,7 @@ from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.mismatch.data.prepared import prepare
 from deeptruck_model.mismatch.expression import Signal, Stream
 from deeptruck_model.mismatch.expression.nodes import Constant
+from deeptruck_model.mismatch.mechanisms.variants import Static
 from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.residual import effective_mass, gather
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -82,7 +83,7 @@ def test_a_hidden_force_comes_back_in_newtons(name: str) -> None:
     e = gather.gather(believed, prepared, [False] * len(prepared))
     search = Search(e)
     mechanism = next(m for m in search.library if m.effect == "dragging_brake")
-    steady = next(s for s in search.shapes(mechanism) if s.settings.get("decay_s", 0.0) is None)
+    steady = next(s for s in search.shapes(mechanism) if s.variant == Static())
     found = search.model((steady,), frozenset())
     assert found.coefficients("dragging_brake")[0] * e.mass == pytest.approx(2000.0, rel=0.03)
 
