@@ -177,7 +177,7 @@ def test_many_short_bags_with_holes(drive, small, tmp_path):
 
 
 def test_a_gradient_that_is_not_finite_is_skipped(drive, small, tmp_path, monkeypatch):
-    gradient, calls = training.kernels.gradient, []
+    gradient, calls = training.loss.gradient, []
 
     def sometimes(network, *rest):
         losses = gradient(network, *rest)
@@ -187,7 +187,7 @@ def test_a_gradient_that_is_not_finite_is_skipped(drive, small, tmp_path, monkey
             network.bias.grad[1] = np.inf
         return losses
 
-    monkeypatch.setattr(training.kernels, "gradient", sometimes)
+    monkeypatch.setattr(training.loss, "gradient", sometimes)
     truck = train([drive(120)], tmp_path / "sim", replace(small, members=2))
     assert np.isfinite(truck.details["training"]["validation_loss"]).all()
 

@@ -134,7 +134,7 @@ def test_an_unknown_force_shows_its_formula_and_shape(written):
 
 def test_nothing_missing_says_what_would_have_been_seen(written):
     text = text_of(written, "nothing_missing")
-    assert "a steady force above 81.2 N would have been seen" in text
+    assert "A steady force above 81.2 N would have been seen." in text
     assert "The smallest effect that would have been seen" in text
     assert "mass 2.0 %" in text
 
@@ -147,7 +147,7 @@ def test_a_sensor_fault_shows_the_sensors_against_each_other(written):
 def test_undetermined_gives_the_reason_and_draws_no_model(written):
     folder = written["undetermined"].folder
     assert {p.name for p in folder.glob("*.png")} == {"timeline.png", "coverage.png"}
-    assert "the speed is constant throughout" in text_of(written, "undetermined")
+    assert "The speed is constant throughout" in text_of(written, "undetermined")
 
 
 def test_before_and_after_show_parameters_only_beside(written):
