@@ -14,8 +14,6 @@ import can
 import numpy as np
 import pyarrow as pa
 from damage import Reader
-from deeptruck_cacc.policy import MlpPolicy, load_policy
-from deeptruck_cacc.scaling import ActionScale, FeatureMap
 from mcap.writer import CompressionType, Writer
 from pyarrow import parquet
 from rosbags.rosbag1 import Writer as Writer1
@@ -23,6 +21,9 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
+from deeptruck_cacc.controllers.loading import load_policy
+from deeptruck_cacc.controllers.policy import MlpPolicy
+from deeptruck_cacc.controllers.scaling import ActionScale, FeatureMap
 from deeptruck_model import simulators, trucks
 from deeptruck_model.recordings import Recording, import_table, read, write_bag
 from deeptruck_model.recordings.bag_metadata import definition
