@@ -36,7 +36,8 @@ class Run:
 
 def runs(drives: Path, out: Path) -> list[Run]:
     """The dozen runs, in an order in which what one writes may be read by the next."""
-    sim, heavy = str(out / "train-0"), [str(drives / "heavy" / name) for name in "abcd"]
+    other = next(drives.glob("*/d")).parent  # of the truck that differs from the simulator
+    sim, differing = str(out / "train-0"), [str(other / name) for name in "abcd"]
     model, cacc = "deeptruck_model.cli", "deeptruck_cacc.cli"
     physics = ["--simulator", "truck:trucksim"]
 
@@ -64,13 +65,15 @@ def runs(drives: Path, out: Path) -> list[Run]:
             [cacc, "evaluate", "baseline:cacc", *physics, "--rollouts", "10"],
             "metrics.json",
         ),
-        mismatch("mismatch-demo", *physics, "--recordings", *heavy[:3], "--held-out", heavy[3]),
-        mismatch("mismatch-alone", *physics, "--recordings", *heavy[:2]),
+        mismatch("mismatch-demo", *physics, "--recordings", *differing[:3], "--held-out", differing[3]),
+        mismatch("mismatch-alone", *physics, "--recordings", *differing[:2]),
         mismatch("mismatch-null", *physics, "--recordings", str(drives / "cycle"), str(drives / "test")),
         mismatch(
             "mismatch-other-truck", "--simulator", "truck:freightliner", "--recordings", str(drives / "cycle")
         ),
-        mismatch("mismatch-deep", "--simulator", sim, "--recordings", *heavy[:2], "--held-out", heavy[3]),
+        mismatch(
+            "mismatch-deep", "--simulator", sim, "--recordings", *differing[:2], "--held-out", differing[3]
+        ),
     ]
 
 
