@@ -42,7 +42,7 @@ REFUSED = (
     "deeptruck-model evaluate truck:trucksim drive --out drive",
     "deeptruck-model calibrate truck:trucksim drive --out out",
     "deeptruck-model export none --out out.onnx",
-    "deeptruck-model experiment field --out link",
+    "deeptruck-model experiment field --out drive/metadata.yaml",
     "deeptruck-model mismatch --simulator truck:trucksim --recordings none --out out",
     "deeptruck-model mismatch --simulator truck:trucksim --recordings percent --out out",
     "deeptruck-model mismatch --simulator truck:trucksim --recordings drive --out link",
@@ -97,7 +97,8 @@ def main() -> None:
         prepare(Path(name))
         wanted = [command for command in (*REFUSED, *HELP) if arguments.only in command]
         told = {command: least(command, Path(name), arguments.repeats) for command in wanted}
-    page = written([told[c] for c in REFUSED if c in told], [told[c] for c in HELP if c in told])
+    tables = ([told[c] for c in some if c in told] for some in (REFUSED, HELP))
+    page = written(*tables, arguments.repeats)
     print(page)
     if not arguments.only:
         RESULTS.write_text(page)
@@ -151,14 +152,15 @@ def _cpu_s() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def written(refused: list[Told], helped: list[Told]) -> str:
+def written(refused: list[Told], helped: list[Told], repeats: int) -> str:
     """The page."""
     load = os.getloadavg()[0] / (os.cpu_count() or 1)
     lines = [
         "# Time to the error",
         "",
-        "`python benchmarks/bench_errors.py`; each command in a process of its own, the least of some runs,",
-        f"start and imports included. The machine's load was {load:.1f} processes a core: CPU time is the",
+        f"`python benchmarks/bench_errors.py --repeats {repeats}`; each command in a process of its own, the",
+        f"least of its runs, start and imports included. The machine's load was {load:.1f} processes a core: "
+        "CPU time is the",
         "fairer of the two. The aims on an idle machine: 1 s to an error, 0.5 s of CPU for `--help`.",
         "",
         "| command | exit code | lines | s | CPU s |",

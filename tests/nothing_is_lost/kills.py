@@ -43,19 +43,37 @@ class Command:
     again: tuple[str, ...]  # what is added to go on
 
 
-COMMANDS = (
-    Command("train", ("deeptruck-model", "train", "a", "--budget", "300", "--out", "out"),
-            "model.safetensors", ("--resume",)),
-    Command("sweep", ("deeptruck-model", "sweep", "a", "--set", "learning_rate=0.003,0.006", "--budget", "60",
-                      "--workers", "2", "--out", "out"), "*/seed-*/model.safetensors", ("--resume",)),
-    Command("mismatch", ("deeptruck-model", "mismatch", "--simulator", "truck:trucksim", "--recordings", "a",
-                         "b", "--out", "out"), "verdict.json", ("--overwrite",)),
-    Command("cacc train", ("deeptruck-cacc", "train", "--simulator", "truck:trucksim", "--iterations", "6",
-                           "--out", "out"), "policy.safetensors", ("--resume",)),
-    Command("record", ("start_simulation.py", "--simulator", "truck:trucksim", "--leader", "sine:speed=18",
-                       "--lockstep", "--duration", "8", "--record", "out"),
-            "metadata.yaml", ("--overwrite",)),
-)  # fmt: skip
+COMMANDS = tuple(
+    Command(name, tuple(line.split()), result, (again,))
+    for name, line, result, again in (
+        ("train", "deeptruck-model train a --budget 300 --out out", "model.safetensors", "--resume"),
+        (
+            "sweep",
+            "deeptruck-model sweep a --set learning_rate=0.003,0.006 --set budget=60 --workers 2 --out out",
+            "*/seed-*/model.safetensors",
+            "--resume",
+        ),
+        (
+            "mismatch",
+            "deeptruck-model mismatch --simulator truck:trucksim --recordings a b --out out",
+            "verdict.json",
+            "--overwrite",
+        ),
+        (
+            "cacc train",
+            "deeptruck-cacc train --simulator truck:trucksim --iterations 6 --out out",
+            "policy.safetensors",
+            "--resume",
+        ),
+        (
+            "record",
+            "start_simulation.py --simulator truck:trucksim --policy baseline:cacc --leader sine:speed=18 "
+            "--lockstep --duration 8 --record out",
+            "metadata.yaml",
+            "--overwrite",
+        ),
+    )
+)
 
 
 @dataclass(frozen=True)
