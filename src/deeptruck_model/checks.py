@@ -19,6 +19,7 @@ from typing import Any
 
 import yaml
 
+from deeptruck_model import reading
 from deeptruck_model.errors import InputError, MisfitsError
 from deeptruck_model.signals import TruckInterface
 
@@ -210,20 +211,13 @@ def manifest(path: Path) -> dict[str, Any]:
     """The manifest of a simulator directory. Raises InputError where it is missing, damaged or unknown."""
     if not path.exists():
         raise InputError(f"{path} does not exist; give a simulator directory, or {_trucks()}")
-    try:
-        data: dict[str, Any] = json.loads((path / MANIFEST).read_text())
-    except (FileNotFoundError, NotADirectoryError):
+    if not (path / MANIFEST).exists():
         raise InputError(
             f"{path} is not a simulator directory: it has no {MANIFEST}; 'deeptruck-model train' makes one"
-        ) from None
-    except OSError as error:
-        raise InputError(f"{path / MANIFEST} cannot be read: {error.strerror}") from None
-    except (ValueError, RecursionError) as error:
-        raise InputError(
-            f"{path / MANIFEST} is damaged ({error}); train or save the simulator again"
-        ) from None
+        )
+    data = reading.json_object(path / MANIFEST, reading.SAVE_AGAIN)
     kinds = sorted(entry.name for entry in entry_points(group=KINDS))
-    if not isinstance(data, dict) or data.get("kind") not in kinds:
+    if data.get("kind") not in kinds:
         raise InputError(f"{path / MANIFEST} has no known kind; installed are {', '.join(kinds) or 'none'}")
     return data
 
