@@ -116,7 +116,9 @@ def test_the_safety_core_stands_alone() -> None:
     assert not foreign
 
 
-FLOOR = tuple(f"deeptruck_model.{name}" for name in ("errors", "files", "reading", "console", "checks"))
+FLOOR = tuple(
+    f"deeptruck_model.{name}" for name in ("errors", "files", "reading", "console", "checks", "constants")
+)
 
 
 def test_the_emulator_is_the_only_window_between_bridge_and_model() -> None:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from deeptruck_model.files import LEDGER, Result
-from deeptruck_model.mismatch.folders import FOUND
-from deeptruck_model.results import TRUCK_FILES
+from deeptruck_model.results import FOUND, TRUCK_FILES
 
 _BAG = ("metadata.yaml", "*_0.mcap", LEDGER)
 _FOUND = tuple(f"found/{name}" for name in (*FOUND.names, LEDGER))

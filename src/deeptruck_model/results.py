@@ -30,6 +30,28 @@ COVERAGE = Result("a coverage", ("coverage.json", "coverage.png"))
 BAG = Result("an imported bag")
 EXPERIMENT = Result("an experiment")
 
+FIGURES = (
+    "timeline",
+    "regimes",
+    "ranking",
+    "unknown",
+    "errors",
+    "horizon_and_regime",
+    "sensors",
+    "coverage",
+)
+FOUND = Result(
+    "a mismatch result",
+    (
+        "verdict.json",
+        "profiles.csv",
+        "report.html",
+        *(f"{name}.png" for name in FIGURES),
+        "simulator/simulator.json",
+        "simulator/base/simulator.json",
+    ),
+)
+
 
 def check_start(kind: Result, out: Path, *, resume: bool, overwrite: bool) -> None:
     """Whether work that can be gone on with may begin at `out`; nothing is touched.

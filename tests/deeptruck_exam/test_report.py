@@ -94,5 +94,5 @@ def test_bad_requests_are_one_line(tmp_path):
     (tmp_path / "mine.txt").touch()
     with pytest.raises(InputError, match=r"holds mine\.txt, which is no part of a proof"):
         prove(tmp_path)
-    with pytest.raises(InputError, match=r"holds mine\.txt, which is no part of a proof"):
+    with pytest.raises(InputError, match="is a file"):
         prove(tmp_path / "mine.txt")

@@ -26,7 +26,7 @@ from examples.demo import drives, real
 RESUMABLE = (results.DEEP_TRUCK, results.SWEEP, POLICY, policy_sweep.SWEEP, BENEFIT)
 AT_ONCE = (
     results.PHYSICS_TRUCK, results.EVALUATION, results.COVERAGE, results.BAG, results.EXPERIMENT,
-    folders.FOUND, folders.APPLIED, output.EVALUATION, drives.DRIVES, real.DRIVES,
+    results.FOUND, folders.APPLIED, output.EVALUATION, drives.DRIVES, real.DRIVES,
 )  # fmt: skip
 RECORDED = bag_place.BAG
 KINDS = (*RESUMABLE, *AT_ONCE, PROOF, RECORDED)

@@ -10,7 +10,7 @@ import typer
 from deeptruck_model import checks
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import folders
-from deeptruck_model.results import BAG, apart
+from deeptruck_model.results import BAG, FOUND, apart
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch import Mismatch
@@ -41,14 +41,14 @@ def mismatch(
     """
     held_out = held_out or []
     checks.every(
-        lambda: folders.FOUND.check(out, overwrite=overwrite),
+        lambda: FOUND.check(out, overwrite=overwrite),
         lambda: apart(out, Path(simulator), *recordings, *held_out),
         lambda: checks.inputs(simulator, [*recordings, *held_out]),
     )
     from rich.console import Console
 
     with (
-        folders.FOUND.replacing(out, overwrite=overwrite) as draft,
+        FOUND.replacing(out, overwrite=overwrite) as draft,
         Console(stderr=True).status("reading") as status,
     ):
         from deeptruck_model import recordings as rec

@@ -10,27 +10,6 @@ from typing import Any
 from deeptruck_model import files
 from deeptruck_model.errors import InputError
 
-FIGURES = (
-    "timeline",
-    "regimes",
-    "ranking",
-    "unknown",
-    "errors",
-    "horizon_and_regime",
-    "sensors",
-    "coverage",
-)
-FOUND = files.Result(
-    "a mismatch result",
-    (
-        "verdict.json",
-        "profiles.csv",
-        "report.html",
-        *(f"{name}.png" for name in FIGURES),
-        "simulator/simulator.json",
-        "simulator/base/simulator.json",
-    ),
-)
 APPLIED = files.Result("a corrected simulator", ("simulator.json", "base/simulator.json"))
 PROFILE = "road_grade"  # the name in profiles.csv of a slope that was recovered
 FIND_FIRST = "run 'deeptruck-model mismatch --out {}' first"

@@ -10,9 +10,10 @@ from pathlib import Path
 from deeptruck_model import simulators
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.folders import APPLIED, FOUND, check_applicable
+from deeptruck_model.mismatch.folders import APPLIED, check_applicable
 from deeptruck_model.mismatch.report.what_now import Asked
 from deeptruck_model.mismatch.result import Mismatch
+from deeptruck_model.results import FOUND
 
 
 def write(mismatch: Mismatch, out: Path, *, overwrite: bool = False) -> None:

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.folders import APPLIED, FIGURES, FOUND, check_applicable, check_road
+from deeptruck_model.mismatch.folders import APPLIED, check_applicable, check_road
+from deeptruck_model.results import FIGURES, FOUND
 
 
 def test_a_result_without_its_list_of_files_is_known_by_their_names(tmp_path: Path) -> None:
