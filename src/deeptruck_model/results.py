@@ -12,7 +12,7 @@ from deeptruck_model.files import LEDGER, Result
 TRUCK_FILES = (
     MANIFEST, WEIGHTS, "MODEL_CARD.md", "metrics.json", "coverage.json", "driven.safetensors",
     "reference.safetensors",
-    "resume.safetensors", "tensorboard/*",
+    "resume.safetensors", "tensorboard/events.out.tfevents.*",
 )  # fmt: skip
 DEEP_TRUCK = Result("a deep truck", TRUCK_FILES)
 PHYSICS_TRUCK = Result("a physics truck", (MANIFEST,))

@@ -23,7 +23,7 @@ Observation = Mapping[str, Any]
 MANIFEST, WEIGHTS = "policy.json", "policy.safetensors"
 GO_ON = "make room and go on with --resume"
 MENDED = "mend that and go on with --resume"
-_KEPT = (MANIFEST, WEIGHTS, "learning_curve.jsonl", "tensorboard/*")
+_KEPT = (MANIFEST, WEIGHTS, "learning_curve.jsonl", "tensorboard/events.out.tfevents.*")
 POLICY = files.Result(
     "a policy",
     (
