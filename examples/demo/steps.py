@@ -22,7 +22,7 @@ class Settings:
     """driven data the deep truck learns from, besides what the node graph records"""
     graph_s: float = 120.0
     """driven in the node graph, lock-step"""
-    updates: int = 4000
+    updates: int = 3000
     """of the deep truck; 0 leaves the choice to the trainer"""
     iterations: int = 40
     """of the policy"""
