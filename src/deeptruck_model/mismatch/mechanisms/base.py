@@ -111,7 +111,7 @@ def build(mechanism: Mechanism, variant: Variant) -> list[Column]:
 def _forces(mechanism: Mechanism, variant: Variant) -> list[Column]:
     match variant:
         case Sum(summands):
-            return [c for part in summands for c in build(mechanism, part)]
+            return [c for part in summands for c in _forces(mechanism, part)]
         case Windowed(of, spans):
             return [replace(c, expression=During((c.expression,), spans)) for c in _forces(mechanism, of)]
         case Gated(of, gate):
