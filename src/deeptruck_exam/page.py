@@ -18,6 +18,8 @@ from deeptruck_exam.scoreboard import Score, mean
 HEADINGS = (
     "right first",
     "in group",
+    "set size",
+    "log score",
     "recall",
     "precision",
     "false statement",
