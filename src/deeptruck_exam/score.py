@@ -6,9 +6,9 @@ alone, and only where the tool itself states the true name beside it. A constant
 mass that differs between drives is `payload_change`; the other name is wrong first, and right in the group
 when stated. 'unknown' counts only where it is the finding itself: beside other names it costs nothing.
 
-The log score (Good, J. R. Stat. Soc. B 14, 1952) pays for what a verdict told of the truth: the probability of
-the first finding for its own name, what is left for the others of its group in equal parts, and a tenth of
-that for all names outside. A large group and a probability that is too sure both cost."""
+The log score (Good, J. R. Stat. Soc. B 14, 1952) pays for what a verdict told of the truth: the
+probability of the first finding for its own name, what is left for the others of its group in equal
+parts, and a tenth of that for all names outside. A large group and a probability that is too sure cost."""
 
 from __future__ import annotations
 
