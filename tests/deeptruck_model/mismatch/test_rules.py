@@ -26,7 +26,7 @@ NUMERICS = {
     "correction/correction.py": {"FOLDS"},
     "correction/recovered_road.py": {"LEAST"},
     "correction/worth.py": {"NOTICED", "NOTICED_M_S"},
-    "posterior/candidates.py": {"FEW_COLUMNS", "FITTED", "MOST_COLUMNS", "SECOND_SHAPES"},
+    "posterior/candidates.py": {"FEW_COLUMNS", "FITTED", "MOST_COLUMNS", "SECOND_TERMS"},
     "posterior/causes.py": {"LENGTH_M"},
     "posterior/formula.py": {"CELLS", "LEAST_IN_CELL"},
     "posterior/slow_force.py": {"BRAKE_S", "BRAKING", "SLOWEST"},

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.correction.improvement import compared, free_windows, improvement, joined
 from deeptruck_model.mismatch.data.prepared import Prepared
-from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes, held_steady
+from deeptruck_model.mismatch.mechanisms import CandidateTerm, comes_and_goes, held_steady
 from deeptruck_model.mismatch.mechanisms.carriers import factors
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.linearised import accepted
@@ -55,7 +55,7 @@ def in_vain(
     if most < rules.least_gain and all(c.kind == "parameter_error" for c in x.causes):
         return after > rules.clearly_better * before
     physics = [c for c in x.causes if c.kind != "parameter_error"]
-    names = [c.shape for c in x.causes if c.shape is not None]
+    names = [c.term for c in x.causes if c.term is not None]
     lawful = physics and all(c.predictable for c in physics)
     if most < rules.clear and lawful and _laws_drive_no_better(errors, rules):
         return True
@@ -67,8 +67,8 @@ def in_vain(
             return True
     if most >= rules.weak:
         return False
-    lasting = any(shape.variant.is_a_law for shape in names) or 0 < len(names) < len(x.causes)
-    left_out = chosen is Chosen.NOTHING and not any(shape.variant.acts_in_windows for shape in names)
+    lasting = any(term.variant.is_a_law for term in names) or 0 < len(names) < len(x.causes)
+    left_out = chosen is Chosen.NOTHING and not any(term.variant.acts_in_windows for term in names)
     return left_out or after > before or ((learned or lasting) and after > rules.no_better * tuned)
 
 
@@ -82,12 +82,12 @@ def _laws_drive_no_better(errors: Compared, rules: Rules) -> bool:
 
 def _asked_of_other_drives(cause: Cause, slopes_recorded: bool) -> bool:
     """Whether it must help them: a law, or what comes and goes but a road that is surely there."""
-    law = cause.shape is not None and cause.shape.variant.is_a_law
+    law = cause.term is not None and cause.term.variant.is_a_law
     return law or (_comes_and_goes(cause) and (slopes_recorded or cause.effect != ROAD))
 
 
 def _comes_and_goes(cause: Cause) -> bool:
-    return cause.lawless or (cause.shape is not None and comes_and_goes(cause.shape))
+    return cause.lawless or (cause.term is not None and comes_and_goes(cause.term))
 
 
 Mask = NDArray[np.bool_]
@@ -132,8 +132,8 @@ class _Fold:
 class _Recipe:
     """What is fitted, and which of it goes into the simulator: mechanisms, and parameters by name."""
 
-    fitted: tuple[Shape, ...]
-    kept: tuple[Shape, ...]
+    fitted: tuple[CandidateTerm, ...]
+    kept: tuple[CandidateTerm, ...]
     free: frozenset[str]
     what: Chosen = Chosen.FINDINGS
 
@@ -206,8 +206,8 @@ def _with_laws(x: Explanation) -> _Recipe | None:
     return _Recipe(x.lawful.named, _physics(x.lawful.named), x.lawful.free, Chosen.LAWS)
 
 
-def _physics(shapes: Iterable[Shape]) -> tuple[Shape, ...]:
-    return tuple(s for s in shapes if s.mechanism.kind == "missing_physics")
+def _physics(terms: Iterable[CandidateTerm]) -> tuple[CandidateTerm, ...]:
+    return tuple(s for s in terms if s.mechanism.kind == "missing_physics")
 
 
 def corrected(simulator: Simulator, e: Evidence, model: Model) -> CorrectedTruck:
@@ -241,10 +241,10 @@ def _recipes(e: Evidence, x: Explanation) -> list[_Recipe]:
     return out
 
 
-def _terms(shapes: Sequence[Shape], model: Model) -> list[Term]:
+def _terms(terms: Sequence[CandidateTerm], model: Model) -> list[Term]:
     return [
         Term(s.mechanism.effect, s.variant, tuple(model.coefficients(s.mechanism.effect).tolist()))
-        for s in shapes
+        for s in terms
     ]
 
 

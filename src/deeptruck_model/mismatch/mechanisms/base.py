@@ -91,7 +91,7 @@ class Mechanism:
 
 
 @dataclass(frozen=True)
-class Shape:
+class CandidateTerm:
     """A variant of a mechanism, evaluated: columns (n, k) and their prior."""
 
     mechanism: Mechanism
@@ -157,26 +157,26 @@ def _own_columns(effect: str, own: OwnCurve) -> list[Column]:
     ]
 
 
-def comes_and_goes(shape: Shape) -> bool:
-    """Whether a shape has knots in time or along the road, and so can follow any slow force."""
-    return shape.variant.varies_in_time
+def comes_and_goes(term: CandidateTerm) -> bool:
+    """Whether a candidate term has knots in time or along the road, and so can follow any slow force."""
+    return term.variant.varies_in_time
 
 
-def held_steady(coming: Shape, e: Evidence) -> Shape:
-    """A shape without its coming and going: one size throughout, which is all that another drive may ask."""
+def held_steady(coming: CandidateTerm, e: Evidence) -> CandidateTerm:
+    """A term without its coming and going: one size throughout, which is all that another drive may ask."""
     steady = coming.variant.steady()
-    return coming if steady == coming.variant else shape(coming.mechanism, steady, e)
+    return coming if steady == coming.variant else candidate_term(coming.mechanism, steady, e)
 
 
-def merge(first: Shape, other: Shape) -> Shape:
-    """One shape with the columns of both: a mechanism's true form may lie between two of its shapes.
+def merge(first: CandidateTerm, other: CandidateTerm) -> CandidateTerm:
+    """One term with the columns of both: a mechanism's true form may lie between two of its terms.
 
-    What is added starts from zero, not from the mean its own shape had.
+    What is added starts from zero, not from the mean its own candidate term had.
     """
     prior = Prior(
         np.zeros_like(other.prior.mean), other.prior.sd + abs(other.prior.mean) / 2, other.prior.sign
     )
-    return Shape(
+    return CandidateTerm(
         first.mechanism,
         Sum((*first.variant.parts, other.variant)),
         first.parts + other.parts,
@@ -191,18 +191,18 @@ def every_variant(mechanism: Mechanism, e: Evidence) -> Iterator[Variant]:
     return itertools.chain(mechanism.variants(e), curves(mechanism.effect, e))
 
 
-def shapes(mechanism: Mechanism, e: Evidence) -> list[Shape]:
-    """Every shape of a mechanism on this evidence that is not zero throughout."""
-    made = [shape(mechanism, variant, e) for variant in every_variant(mechanism, e)]
+def candidate_terms(mechanism: Mechanism, e: Evidence) -> list[CandidateTerm]:
+    """Every candidate term of a mechanism on this evidence that is not zero throughout."""
+    made = [candidate_term(mechanism, variant, e) for variant in every_variant(mechanism, e)]
     return [s for s in made if np.abs(s.columns[e.valid]).max(initial=0.0) > 1e-6]
 
 
-def shape(mechanism: Mechanism, variant: Variant, e: Evidence) -> Shape:
-    """One shape of a mechanism on this evidence."""
+def candidate_term(mechanism: Mechanism, variant: Variant, e: Evidence) -> CandidateTerm:
+    """One candidate term of a mechanism on this evidence."""
     parts = build(mechanism, variant)
     columns = np.stack([p.expression.rows(e) for p in parts], axis=1)
     prior = Prior(*(np.array([getattr(p, f) for p in parts], dtype=float) for f in ("mean", "sd", "sign")))
-    return Shape(mechanism, variant, tuple(parts), columns, prior, variant.trials)
+    return CandidateTerm(mechanism, variant, tuple(parts), columns, prior, variant.trials)
 
 
 def lever_reference(e: Evidence) -> float:

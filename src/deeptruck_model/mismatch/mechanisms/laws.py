@@ -29,10 +29,10 @@ from deeptruck_model.mismatch.expression import (
     minimum,
 )
 from deeptruck_model.mismatch.mechanisms.base import (
+    CandidateTerm,
     Column,
     Mechanism,
-    Shape,
-    shapes,
+    candidate_terms,
 )
 from deeptruck_model.mismatch.mechanisms.own_forms import apart
 from deeptruck_model.mismatch.mechanisms.symbols import (
@@ -201,9 +201,9 @@ LATE_SENSOR = Mechanism(
 )
 
 
-def laws(e: Evidence) -> list[Shape]:
+def laws(e: Evidence) -> list[CandidateTerm]:
     """Every law on this evidence; each pays for having been picked among them."""
-    found = shapes(LAW, e)
+    found = candidate_terms(LAW, e)
     return [replace(s, trials=float(len(found))) for s in found]
 
 

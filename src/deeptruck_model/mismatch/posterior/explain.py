@@ -45,7 +45,7 @@ def _beyond_its_own(search: Search, left: LeftOver) -> LeftOver:
 
 
 def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[Cause]:
-    named = [named_cause(search, model, shape) for shape in model.named]
+    named = [named_cause(search, model, term) for term in model.named]
     named = [
         c for c in named if not c.rivals or c.rivals[0][1] > -search.rules.least_gain
     ]  # a name that another beats is no name
@@ -76,8 +76,8 @@ def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[C
     main = max(physics, key=lambda c: c.gain, default=rest)
     if (
         names > search.rules.another_form * (names + left.gain)
-        and main.shape
-        and left.is_form_of(main.shape, search.e)
+        and main.term
+        and left.is_form_of(main.term, search.e)
     ):
         whole = replace(main, share=main.share + rest.share, force=main.force + rest.force, other_form=True)
         return _in_order([whole, *[c for c in causes if c is not main]], search.rules)
@@ -223,7 +223,7 @@ def _with_bursts(search: Search, model: Model, causes: list[Cause]) -> list[Caus
 
 
 def _follows_anything_slow(cause: Cause) -> bool:
-    return cause.shape is not None and comes_and_goes(cause.shape)
+    return cause.term is not None and comes_and_goes(cause.term)
 
 
 def _beside_a_learned_truck(e: Evidence) -> SlowForce | None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import Prepared
-from deeptruck_model.mismatch.mechanisms import Shape, shape
+from deeptruck_model.mismatch.mechanisms import CandidateTerm, candidate_term
 from deeptruck_model.mismatch.posterior import nuisances
 from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.posterior.explain import explain
@@ -163,6 +163,6 @@ def _again(model: Model, search: Search) -> Model:
     return search.background(tuple(_on(search.e, s) for s in model.named))
 
 
-def _on(e: Evidence, s: Shape) -> Shape:
-    made = shape(s.mechanism, s.variant, e)
+def _on(e: Evidence, s: CandidateTerm) -> CandidateTerm:
+    made = candidate_term(s.mechanism, s.variant, e)
     return replace(s, parts=made.parts, columns=made.columns)

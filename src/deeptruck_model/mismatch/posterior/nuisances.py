@@ -15,9 +15,9 @@ from scipy.ndimage import uniform_filter1d
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import Prepared, learned, prepare
-from deeptruck_model.mismatch.mechanisms import LIBRARY, Constants, Shape
+from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, Constants
 from deeptruck_model.mismatch.mechanisms.commands import Delays
-from deeptruck_model.mismatch.posterior.candidates import candidates, screen_shapes
+from deeptruck_model.mismatch.posterior.candidates import candidates, screen_terms
 from deeptruck_model.mismatch.posterior.free_law import left_over
 from deeptruck_model.mismatch.posterior.penalties import enough, practical
 from deeptruck_model.mismatch.posterior.search import Model, Search
@@ -36,7 +36,7 @@ def beside_it(search: Search, exclude: Iterable[str] = ()) -> Search:
     """The same search beside the lateness of all commands together that is too small to be told; as it was
     where there is none, or one that is a finding."""
     base = search.background(())
-    small = [shape for _, shape in screen_shapes(search, base, _small(search))[:FITTED]]
+    small = [term for _, term in screen_terms(search, base, _small(search))[:FITTED]]
     tried = [search.model((s,), base.free, base.fit) for s in small]
     best = max(tried, key=lambda m: m.score, default=base)
     if best.score < base.score + enough(search) or practical(search, best, best.named[-1]):
@@ -62,12 +62,12 @@ def _worth(e: Evidence, bare: Evidence, model: Model) -> float:
     return beside.model(model.named, model.free).score - without.model(model.named, model.free).score
 
 
-def _small(search: Search) -> list[Shape]:
+def _small(search: Search) -> list[CandidateTerm]:
     mechanism = LIBRARY["command_delay"]
     if not search.e.has(*mechanism.needs):
         return []
     longest_s = search.rules.nuisance_delay_s
-    return [s for s in search.shapes(mechanism) if _late_together(s.variant.constants, longest_s)]
+    return [s for s in search.candidate_terms(mechanism) if _late_together(s.variant.constants, longest_s)]
 
 
 def _late_together(constants: Constants, longest_s: float) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes, shape
+from deeptruck_model.mismatch.mechanisms import CandidateTerm, candidate_term, comes_and_goes
 from deeptruck_model.mismatch.mechanisms.commands import Delays
 from deeptruck_model.mismatch.mechanisms.variants import Static
 from deeptruck_model.mismatch.posterior import windows
@@ -109,14 +109,14 @@ def _settled(search: Search, model: Model) -> Model:
     return model
 
 
-def _about_its_size(search: Search, model: Model, s: Shape) -> Shape:
-    """A shape of delays at the delays it was fitted to; any other as it is."""
+def _about_its_size(search: Search, model: Model, s: CandidateTerm) -> CandidateTerm:
+    """A candidate term of delays at the delays it was fitted to; any other as it is."""
     if not (isinstance(s.variant, Static) and isinstance(s.variant.constants, Delays)):
         return s
     sizes = model.coefficients(s.mechanism.effect).tolist()
     lines = zip(s.variant.constants.lines, sizes, strict=True)
     fitted = tuple((which, round(tau_s * b, 3)) for (which, tau_s), b in lines)
-    return shape(s.mechanism, Static(Delays(fitted)), search.e)
+    return candidate_term(s.mechanism, Static(Delays(fitted)), search.e)
 
 
 def _beside(search: Search, model: Model) -> float:

@@ -36,9 +36,7 @@ def test_the_windows_are_where_the_brake_sticks(stuck: Evidence) -> None:
 
 def test_what_sticks_now_and_then_is_named_and_acts_nowhere_else(stuck: Evidence) -> None:
     found = explain(Search(stuck))
-    assert (
-        found.causes and found.causes[0].shape is not None and found.causes[0].shape.variant.acts_in_windows
-    )
+    assert found.causes and found.causes[0].term is not None and found.causes[0].term.variant.acts_in_windows
     names = {found.causes[0].effect, *found.causes[0].not_told_from}
     assert "dragging_brake" in names
     assert "seen now and then alone" in from_cause(found.causes[0], stuck, found, {}).says.parts[0]

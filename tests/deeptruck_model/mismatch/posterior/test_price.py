@@ -71,7 +71,9 @@ def test_masses_of_drives_cost_as_they_differ_among_those_it_keeps(nothing_missi
         base = search.background(())
         payload = next(m for m in search.library if m.effect == "payload_change")
         later = next(
-            s for s in search.shapes(payload) if isinstance(s.variant, FromMoment) and s.variant.first == 1
+            s
+            for s in search.candidate_terms(payload)
+            if isinstance(s.variant, FromMoment) and s.variant.first == 1
         )
         model = search.model((later,), base.free, base.fit)
         shares.append(price(search, model) / (model.score - base.score))

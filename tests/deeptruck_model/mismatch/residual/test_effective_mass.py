@@ -83,7 +83,7 @@ def test_a_hidden_force_comes_back_in_newtons(name: str) -> None:
     e = gather.gather(believed, prepared, [False] * len(prepared))
     search = Search(e)
     mechanism = next(m for m in search.library if m.effect == "dragging_brake")
-    steady = next(s for s in search.shapes(mechanism) if s.variant == Static())
+    steady = next(s for s in search.candidate_terms(mechanism) if s.variant == Static())
     found = search.model((steady,), frozenset())
     assert found.coefficients("dragging_brake")[0] * e.mass == pytest.approx(2000.0, rel=0.03)
 
