@@ -33,7 +33,7 @@ NUMERICS = {
     "posterior/windows.py": {"AROUND_S", "FITTED"},
     "residual/effective_mass.py": {"BRAKED", "RELEASED_S"},
     "residual/evidence.py": {"LOCKED_M_S", "SELDOM", "WIDTH"},
-    "residual/gather.py": {"ALIKE", "LEAST_ANSWER"},
+    "residual/gather.py": {"ALIKE", "LEAST_EFFECTIVE_MASS_GAIN"},
 }
 
 

@@ -27,7 +27,7 @@ from deeptruck_model.mismatch.mechanisms.variants import (
     Variant,
     Windowed,
 )
-from deeptruck_model.mismatch.residual.effective_mass import felt
+from deeptruck_model.mismatch.residual.effective_mass import with_effective_mass
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import Prior
 
@@ -105,7 +105,11 @@ class CandidateTerm:
 def build(mechanism: Mechanism, variant: Variant) -> list[Column]:
     """The columns of a variant; those of a sum side by side."""
     columns = _forces(mechanism, variant)
-    return [replace(c, expression=_felt(c.expression)) for c in columns] if mechanism.force else columns
+    return (
+        [replace(c, expression=_with_effective_mass(c.expression)) for c in columns]
+        if mechanism.force
+        else columns
+    )
 
 
 def _forces(mechanism: Mechanism, variant: Variant) -> list[Column]:
@@ -130,9 +134,9 @@ def _inside(gate: Gate) -> Expression:
     return above if gate.side == "above" else 1.0 - above
 
 
-def _felt(force: Expression) -> Expression:
+def _with_effective_mass(force: Expression) -> Expression:
     """The acceleration a force gives; what the simulator itself was asked for is one already."""
-    return force if _asked(force) else felt(force)
+    return force if _asked(force) else with_effective_mass(force)
 
 
 def _asked(x: Expression) -> bool:

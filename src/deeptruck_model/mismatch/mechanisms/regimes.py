@@ -95,7 +95,7 @@ def gated(term: CandidateTerm, gate: Gate, e: Evidence, trials: int) -> Candidat
     variant = Gated(term.variant, gate)
     parts = tuple(build(term.mechanism, variant))
     columns = term.columns * _inside(gate, e)[:, None]
-    if "holds" in e.signals and e["holds"].any():  # what sets in at a border is felt for a while
+    if "holds" in e.signals and e["holds"].any():  # what sets in at a border acts for a while
         columns = np.stack([p.expression.rows(e) for p in parts], axis=1)
     return replace(term, variant=variant, parts=parts, columns=columns, trials=term.trials * trials)
 

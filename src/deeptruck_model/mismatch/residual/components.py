@@ -17,7 +17,7 @@ from scipy.optimize import nnls
 
 from deeptruck_model.constants import AIR_DENSITY, DIESEL_J_PER_CM3, GRAVITY
 from deeptruck_model.mismatch.expression import Expression, Signal, maximum
-from deeptruck_model.mismatch.residual.effective_mass import felt
+from deeptruck_model.mismatch.residual.effective_mass import with_effective_mass
 from deeptruck_model.mismatch.residual.evidence import Evidence, gears, lever, turns
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Run, Simulator, forced_run
@@ -107,7 +107,7 @@ DRIVELINE = 0.93
 TYPICAL_MASS, MASSES = 20000.0, (800.0, 60000.0)  # kg
 ENGINE, BRAKE, DRAG = Signal("engine"), Signal("brake"), Signal("drag")
 SENSITIVITY: dict[str, Expression] = {  # for simulators without parameters of their own
-    name: felt(force)
+    name: with_effective_mass(force)
     for name, force in {
         "mass": BRAKE + DRAG - ENGINE,
         "drag_area": -DRAG,

@@ -96,7 +96,7 @@ def unit(name: str, commands: Mapping[str, str]) -> str:
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
-LEAST_ANSWER = 0.5  # where brakes make up for a force its size is not known
+LEAST_EFFECTIVE_MASS_GAIN = 0.5  # where brakes make up for a force its size is not known
 DOUBT_ROWS = 5  # a doubtful sample also marks those it is whitened with
 BLOCK_LEARNED_S = 1.0  # a learned simulator's timing is not good enough for more
 BLOCK_S = 0.2  # long enough to average sensor noise, short enough for a driveline
@@ -175,8 +175,8 @@ class Evidence:
 
     def newtons(self, acceleration: Array) -> Array:
         """The forces that give these accelerations, (n,); too small where the brakes make up for them."""
-        answer = self.signals.get("answer", np.ones(len(self)))
-        out: Array = acceleration * self.mass / np.maximum(answer, LEAST_ANSWER)
+        gain = self.signals.get("effective_mass_gain", np.ones(len(self)))
+        out: Array = acceleration * self.mass / np.maximum(gain, LEAST_EFFECTIVE_MASS_GAIN)
         return out
 
     @property

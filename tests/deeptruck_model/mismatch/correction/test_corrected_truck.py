@@ -218,8 +218,8 @@ def test_a_term_by_the_gear_goes_with_the_gear_that_is_simulated() -> None:
     inside = {name: x[0] for name, x in BASE.inside(state).items()}
     lever = inside["ratio"] / BASE.parameters()["wheel_radius"]
     assert inside["engine_speed"] / y[0, SPEED] > 1.3 * lever  # the clutch slips
-    felt = inside["mass"] / inside["effective_mass"]
-    assert slipping - y[0, ACCELERATION] == pytest.approx(-0.02 * lever * felt)
+    gain = inside["mass"] / inside["effective_mass"]
+    assert slipping - y[0, ACCELERATION] == pytest.approx(-0.02 * lever * gain)
 
 
 @pytest.mark.parametrize("shares", [None, SHARES])

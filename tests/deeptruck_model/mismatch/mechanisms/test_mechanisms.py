@@ -16,8 +16,8 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 
 
 def column(e: Evidence, effect: str, constants: Constants, **signals: np.ndarray) -> np.ndarray:
-    """The one column of a term on these recordings with other signals, where forces are felt whole."""
-    whole = {"answer": np.ones(len(e)), "holds": np.zeros(len(e)), "made up": np.zeros(len(e))}
+    """The one column of a term on these recordings with other signals, where the gain is one."""
+    whole = {"effective_mass_gain": np.ones(len(e)), "holds": np.zeros(len(e)), "made up": np.zeros(len(e))}
     made = candidate_term(LIBRARY[effect], Static(constants), replace(e, signals=e.signals | whole | signals))
     assert made.columns.shape[1] == 1
     return made.columns[:, 0]
