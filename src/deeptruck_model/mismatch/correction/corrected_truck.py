@@ -21,7 +21,7 @@ from deeptruck_model.mismatch.mechanisms.carriers import CARRIERS
 from deeptruck_model.mismatch.residual import effective_mass
 from deeptruck_model.mismatch.residual.command_path import CommandPath
 from deeptruck_model.mismatch.residual.components import SENSITIVITY, Shares
-from deeptruck_model.mismatch.residual.evidence import lever, turns
+from deeptruck_model.mismatch.residual.evidence import overall_ratio, turns
 from deeptruck_model.signals import ACCELERATION, SPEED, TruckInterface
 from deeptruck_model.simulators import MANIFEST, Run, Simulator
 from deeptruck_model.simulators import load as load_simulator
@@ -268,7 +268,7 @@ class CorrectedTruck:
             now.setdefault(name, x[:, min(state.row, x.shape[1] - 1)])
         if "ratio" in now:
             in_gear = inside["ratio"] / self._radius if self._radius and "ratio" in inside else None
-            now["lever"] = lever(now["ratio"], self.gears, in_gear)
+            now["lever"] = overall_ratio(now["ratio"], self.gears, in_gear)
         turning = effective_mass.free(inside)
         now["effective_mass_gain"] = np.ones(len(y)) if turning is None else turning
         return now

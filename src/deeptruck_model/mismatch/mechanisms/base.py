@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.expression import During, Expression, Lag, Rerun, Signal, maximum
 from deeptruck_model.mismatch.mechanisms.own_forms import OWN, SIZE, curve, curves
-from deeptruck_model.mismatch.mechanisms.symbols import ENGINE, LEVER, PULL, SPEED
+from deeptruck_model.mismatch.mechanisms.symbols import ENGINE, OVERALL_RATIO, PULL, SPEED
 from deeptruck_model.mismatch.mechanisms.variants import (
     Gate,
     Gated,
@@ -38,10 +38,10 @@ Array = NDArray[np.float64]
 GATE_S = 1.5
 GATES: dict[str, tuple[Expression, tuple[str, ...]]] = {  # what borders run through, and what it needs
     "speed": (Lag((SPEED,), GATE_S), ("speed",)),
-    "lever": (Lag((LEVER,), GATE_S), ("lever",)),
+    "lever": (Lag((OVERALL_RATIO,), GATE_S), ("lever",)),
     "grade": (Lag((Signal("grade"),), GATE_S), ("grade",)),
     "engine": (Lag((ENGINE,), GATE_S), ("engine",)),
-    "engine torque": (PULL / maximum(LEVER, 0.05), ("engine", "lever")),
+    "engine torque": (PULL / maximum(OVERALL_RATIO, 0.05), ("engine", "lever")),
 }
 
 
@@ -209,7 +209,7 @@ def candidate_term(mechanism: Mechanism, variant: Variant, e: Evidence) -> Candi
     return CandidateTerm(mechanism, variant, tuple(parts), columns, prior, variant.trials)
 
 
-def lever_reference(e: Evidence) -> float:
+def overall_ratio_reference(e: Evidence) -> float:
     """Median overall ratio (rad/m) while driving, so that columns in engine terms stay of order one."""
     if "ratio" not in e.signals:
         return 1.0

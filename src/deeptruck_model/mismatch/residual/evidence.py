@@ -44,7 +44,7 @@ def gears(ratio: Array, speed: Array) -> tuple[float, ...]:
     return tuple(sorted(found))
 
 
-def lever(ratio: Array, known: Sequence[float], in_gear: Array | None = None) -> Array:
+def overall_ratio(ratio: Array, known: Sequence[float], in_gear: Array | None = None) -> Array:
     """The gear's own turns per metre near one of the `known`. Elsewhere a clutch slips: what it would be
     `in_gear`, where a simulator tells, or the ratio, but never beyond the lowest."""
     if not known:
