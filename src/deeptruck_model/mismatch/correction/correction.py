@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.correction.improvement import compared, free_windows, improvement, joined
 from deeptruck_model.mismatch.data.prepared import Prepared
-from deeptruck_model.mismatch.mechanisms import CandidateTerm, comes_and_goes, held_steady
+from deeptruck_model.mismatch.mechanisms import CandidateTerm, held_steady, is_time_varying
 from deeptruck_model.mismatch.mechanisms.carriers import factors
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.linearised import accepted
@@ -81,13 +81,13 @@ def _laws_drive_no_better(errors: Compared, rules: Rules) -> bool:
 
 
 def _asked_of_other_drives(cause: Cause, slopes_recorded: bool) -> bool:
-    """Whether it must help them: a law, or what comes and goes but a road that is surely there."""
+    """Whether it must help them: a law, or what is time-varying but a road that is surely there."""
     law = cause.term is not None and cause.term.variant.is_a_law
     return law or (_comes_and_goes(cause) and (slopes_recorded or cause.effect != ROAD))
 
 
 def _comes_and_goes(cause: Cause) -> bool:
-    return cause.lawless or (cause.term is not None and comes_and_goes(cause.term))
+    return cause.time_varying or (cause.term is not None and is_time_varying(cause.term))
 
 
 Mask = NDArray[np.bool_]
@@ -146,7 +146,7 @@ class _Recipe:
 def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequence[Prepared]) -> Corrections:
     """Corrected simulators, without and with what has no name.
 
-    What comes and goes is of no use on another drive but for its mean, and a parameter that nobody states as
+    What is time-varying is of no use on another drive but for its mean, and a parameter that nobody states as
     wrong may only have been bent. So what goes in is what free runs ask for along `prepared`, the recordings
     that are not held out, each by a fit to others of them.
     """
@@ -225,11 +225,11 @@ def _truck(
 
 
 def _recipes(e: Evidence, x: Explanation) -> list[_Recipe]:
-    """What comes and goes with its mean, held steady or left out, each with all moved parameters, with the
+    """What is time-varying with its mean, held steady or left out, each with all moved parameters, with the
     stated ones alone and with none."""
     stated = {c.effect for c in x.causes}
     told = [s for s in _physics(x.model.named) if s.mechanism.effect in stated]
-    lasting = [s for s in told if not comes_and_goes(s)]
+    lasting = [s for s in told if not is_time_varying(s)]
     parameters = frozenset(c.effect for c in x.causes if c.kind == "parameter_error")
     out = []
     for free in sorted({x.model.free, parameters & x.model.free, frozenset()}, key=lambda f: -len(f)):

@@ -8,8 +8,8 @@ from deeptruck_model.mismatch.mechanisms.base import (
     build,
     candidate_term,
     candidate_terms,
-    comes_and_goes,
     held_steady,
+    is_time_varying,
     merge,
 )
 from deeptruck_model.mismatch.mechanisms.laws import LATE_SENSOR, LAW, acts_by, law_signal, laws, leans_on
@@ -40,8 +40,8 @@ __all__ = [
     "build",
     "candidate_term",
     "candidate_terms",
-    "comes_and_goes",
     "held_steady",
+    "is_time_varying",
     "law_signal",
     "laws",
     "leans_on",

@@ -161,15 +161,15 @@ def _own_columns(effect: str, own: OwnCurve) -> list[Column]:
     ]
 
 
-def comes_and_goes(term: CandidateTerm) -> bool:
+def is_time_varying(term: CandidateTerm) -> bool:
     """Whether a candidate term has knots in time or along the road, and so can follow any slow force."""
     return term.variant.varies_in_time
 
 
-def held_steady(coming: CandidateTerm, e: Evidence) -> CandidateTerm:
-    """A term without its coming and going: one size throughout, which is all that another drive may ask."""
-    steady = coming.variant.steady()
-    return coming if steady == coming.variant else candidate_term(coming.mechanism, steady, e)
+def held_steady(term: CandidateTerm, e: Evidence) -> CandidateTerm:
+    """A term that does not vary in time: one size throughout, which is all that another drive may ask."""
+    steady = term.variant.steady()
+    return term if steady == term.variant else candidate_term(term.mechanism, steady, e)
 
 
 def merge(first: CandidateTerm, other: CandidateTerm) -> CandidateTerm:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.expression import Rerun
-from deeptruck_model.mismatch.mechanisms import CandidateTerm, comes_and_goes, merge
+from deeptruck_model.mismatch.mechanisms import CandidateTerm, is_time_varying, merge
 from deeptruck_model.mismatch.mechanisms.regimes import Products, gated
 from deeptruck_model.mismatch.mechanisms.variants import Gated
 from deeptruck_model.mismatch.posterior.penalties import slow_price
@@ -26,14 +26,14 @@ def screen(search: Search, base: Model, noise: Model | None = None) -> list[tupl
     """Approximate gain of the best terms of every mechanism on top of `base`, best first; the noise is
     that of `noise`, or of `base`."""
     out = []
-    taken = any(comes_and_goes(n) for n in base.named)
+    taken = any(is_time_varying(n) for n in base.named)
     for mechanism in search.library:
         if mechanism.effect not in base.effects:
             scored = screen_terms(search, base, search.candidate_terms(mechanism), noise)
-            laws = [item for item in scored if not comes_and_goes(item[1])]
+            laws = [item for item in scored if not is_time_varying(item[1])]
             out += laws[:SCREENED] + _screen_confined(search, base, laws, noise)
-            if not taken:  # two forces that come and go as they like cannot be told from one
-                out += [item for item in scored if comes_and_goes(item[1])][:1]
+            if not taken:  # two time-varying forces cannot be told from one
+                out += [item for item in scored if is_time_varying(item[1])][:1]
     return sorted(out, key=lambda item: -item[0])
 
 
@@ -145,7 +145,7 @@ def _fitted(
         effect = term.mechanism.effect
         if effect not in seen and len(seen) >= FITTED:
             continue
-        if effect in seen and rank >= SECOND_TERMS and not comes_and_goes(term):
+        if effect in seen and rank >= SECOND_TERMS and not is_time_varying(term):
             continue
         seen.add(effect)
         named, start = (*base.named, term), (leader or base).fit
@@ -165,7 +165,7 @@ def enriched(search: Search, model: Model) -> Model:
     if last.mechanism.effect in ONE_SIZE:
         return model
     model = _confined(search, model)
-    if comes_and_goes(last):
+    if is_time_varying(last):
         return model
     for _ in range(MORE_TERMS):
         *others, last = model.named

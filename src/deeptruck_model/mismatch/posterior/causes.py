@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.mechanisms import CandidateTerm, comes_and_goes
+from deeptruck_model.mismatch.mechanisms import CandidateTerm, is_time_varying
 from deeptruck_model.mismatch.posterior.free_law import FreeModel
 from deeptruck_model.mismatch.posterior.search import Model
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -120,14 +120,14 @@ class Cause:
     whole: Model | None = None  # the explanation these stand beside, where it is not the final one
     road: RoadLock | None = None  # where the force came again on the same stretch of road
     other_form: bool = False  # it acts by its own signals, but otherwise than the library's form
-    lawless: bool = False  # an unknown force that comes and goes, and not one that the signals predict
+    time_varying: bool = False  # an unknown force that is time-varying, and not one that the signals predict
     rules: Rules = field(default_factory=Rules)  # by which it is told from others
 
     @property
     def predictable(self) -> bool:
         """Whether it is unknown, but the signals predict it: it has a candidate term over them, and perhaps a
         formula."""
-        return self.effect == "unknown" and not self.lawless and self.needed is None
+        return self.effect == "unknown" and not self.time_varying and self.needed is None
 
     @property
     def believed(self) -> float:
@@ -154,7 +154,7 @@ def _group_share(term: CandidateTerm | None, rules: Rules) -> float:
         return rules.group_share
     if term.variant.acts_in_windows:
         return rules.group_share_windows
-    return rules.group_share_time_varying if comes_and_goes(term) else rules.group_share
+    return rules.group_share_time_varying if is_time_varying(term) else rules.group_share
 
 
 @dataclass(frozen=True)

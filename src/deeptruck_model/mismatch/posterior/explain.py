@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from deeptruck_model.mismatch.mechanisms import comes_and_goes
+from deeptruck_model.mismatch.mechanisms import is_time_varying
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation, road_lock
 from deeptruck_model.mismatch.posterior.free_law import FreeModel, LeftOver, left_over
 from deeptruck_model.mismatch.posterior.penalties import large_enough, price
@@ -88,7 +88,7 @@ def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[C
 
 
 def _one_unknown(causes: list[Cause]) -> list[Cause]:
-    """The causes, where what comes and goes without a name and what the signals predict are one finding: the
+    """The causes, where what is time-varying without a name and what the signals predict are one finding: the
     one that gained more, with both forces."""
     unknown = sorted((c for c in causes if c.effect == "unknown"), key=lambda c: -c.gain)
     if len(unknown) < 2:
@@ -99,7 +99,7 @@ def _one_unknown(causes: list[Cause]) -> list[Cause]:
 
 
 def _unverified(e: Evidence, causes: list[Cause]) -> list[Cause]:
-    """The causes; beside a recorded slope, a road that comes and goes and was driven once may as well be
+    """The causes; beside a recorded slope, a road that is time-varying and was driven once may as well be
     nothing that has a name."""
 
     def once(c: Cause) -> bool:
@@ -127,7 +127,7 @@ def _in_doubt(e: Evidence, left: LeftOver, causes: list[Cause]) -> list[Cause]:
 
 
 def _perhaps_the_same(main: Cause) -> tuple[tuple[str, float], ...]:
-    """Names that may be all there is: what is finer than the knots of a force that comes and goes is left
+    """Names that may be all there is: what is finer than the knots of a force that is time-varying is left
     over."""
     if not _follows_anything_slow(main):
         return ()
@@ -162,7 +162,7 @@ def _in_order(causes: list[Cause], rules: Rules) -> list[Cause]:
 def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list[Cause]) -> list[Cause]:
     """Add a slow force that only its size tells from noise, unless a name already stands for one."""
     e = search.e
-    if any(c.effect in SLOW_NAMES or c.lawless or _follows_anything_slow(c) for c in causes):
+    if any(c.effect in SLOW_NAMES or c.time_varying or _follows_anything_slow(c) for c in causes):
         return causes
     if e.own_error > 0 and e.has("grade"):
         return causes  # it has slopes as an input: what is slow and left is its own error as likely
@@ -223,7 +223,7 @@ def _with_bursts(search: Search, model: Model, causes: list[Cause]) -> list[Caus
 
 
 def _follows_anything_slow(cause: Cause) -> bool:
-    return cause.term is not None and comes_and_goes(cause.term)
+    return cause.term is not None and is_time_varying(cause.term)
 
 
 def _beside_a_learned_truck(e: Evidence) -> SlowForce | None:

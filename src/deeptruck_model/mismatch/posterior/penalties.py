@@ -11,7 +11,7 @@ from deeptruck_model.mismatch.mechanisms import (
     Mechanism,
     Variant,
     candidate_term,
-    comes_and_goes,
+    is_time_varying,
 )
 from deeptruck_model.mismatch.mechanisms.over_time import each_recording
 from deeptruck_model.mismatch.mechanisms.variants import (
@@ -117,9 +117,9 @@ def _only_here(variant: Variant) -> bool:
 
 
 def slow_price(model: Model, base: Model) -> float:
-    """Nats more that the last name of a model must gain beyond `base` where it comes and goes as it likes:
+    """Nats more that the last name of a model must gain beyond `base` where it is time-varying:
     so do the zeros of slope sensors, and knots follow many a law that is not quite right here."""
-    if not model.named or not comes_and_goes(model.named[-1]):
+    if not model.named or not is_time_varying(model.named[-1]):
         return 0.0
     return max(model.rules.time_varying_penalty, model.rules.time_varying_share * (model.score - base.score))
 
@@ -138,7 +138,7 @@ def practical(search: Search, model: Model, term: CandidateTerm) -> bool:
     if _beyond_possible(model, term):
         return False
     if (
-        not comes_and_goes(term)
+        not is_time_varying(term)
         and (np.abs(b - term.prior.mean) > search.rules.most_prior_sd * term.prior.sd).any()
     ):
         return False

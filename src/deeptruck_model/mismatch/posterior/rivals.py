@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from deeptruck_model.mismatch.mechanisms import LIBRARY, UNNAMED, CandidateTerm, Constants, comes_and_goes
+from deeptruck_model.mismatch.mechanisms import LIBRARY, UNNAMED, CandidateTerm, Constants, is_time_varying
 from deeptruck_model.mismatch.mechanisms.brakes import DEAD_TIME, BrakeLag
 from deeptruck_model.mismatch.posterior import windows
 from deeptruck_model.mismatch.posterior.candidates import candidates, enriched, screen, screen_terms
@@ -36,23 +36,25 @@ def named_cause(search: Search, model: Model, term: CandidateTerm) -> Cause:
     gain = model.score - base.score
     instead = _instead_of(search, base, term)
     own = model.score - (
-        max(rules.time_varying_penalty, rules.time_varying_share * gain) if comes_and_goes(term) else 0.0
+        max(rules.time_varying_penalty, rules.time_varying_share * gain) if is_time_varying(term) else 0.0
     )
     own -= price(search, search.model((*base.named, term), base.free | model.free, model.fit))
     rivals = sorted(((n, own - _paid(search, base, m, own)) for n, m in instead), key=lambda rival: rival[1])
     odds = 1.0 + sum(np.exp(-worse / rules.temper) for _, worse in rivals) + np.exp(-gain / rules.temper)
-    lawless = _lawless(search, model, term)
-    if lawless is not None and lawless.score > model.score + max(rules.least_gain, rules.group_share * gain):
-        force = lawless.named[-1].columns @ lawless.coefficients(UNNAMED.effect)
-        more = gain + lawless.score - model.score
+    unnamed_model = _unnamed_time_varying(search, model, term)
+    if unnamed_model is not None and unnamed_model.score > model.score + max(
+        rules.least_gain, rules.group_share * gain
+    ):
+        force = unnamed_model.named[-1].columns @ unnamed_model.coefficients(UNNAMED.effect)
+        more = gain + unnamed_model.score - model.score
         alike = tuple((m.effect, 0.0) for m in search.library if m.effect == SLOPE)
         odds = 0.5 if alike else 0.9
         return Cause(
             "missing_physics", "unknown", more, 0.0, odds, force,
-            rivals=alike, nearest=term.mechanism.effect, lawless=True, rules=rules,
+            rivals=alike, nearest=term.mechanism.effect, time_varying=True, rules=rules,
         )  # fmt: skip
-    if lawless is not None:  # perhaps something else comes and goes
-        unnamed = (UNNAMED.effect, max(model.score - lawless.score, 0.0))
+    if unnamed_model is not None:  # perhaps something else is time-varying
+        unnamed = (UNNAMED.effect, max(model.score - unnamed_model.score, 0.0))
         rivals = sorted([*rivals, unnamed], key=lambda rival: rival[1])
     if _is_dead_time(term.variant.constants) and any(m.effect == "command_delay" for m in search.library):
         rivals = [("command_delay", 0.0), *((n, worse) for n, worse in rivals if n != "command_delay")]
@@ -102,8 +104,8 @@ def _best_of_each_name(models: list[tuple[str, Model]]) -> list[tuple[str, Model
     return list(best.items())
 
 
-def _lawless(search: Search, model: Model, term: CandidateTerm) -> Model | None:
-    """The same model with an unnamed force in place of one that comes and goes; None for a law.
+def _unnamed_time_varying(search: Search, model: Model, term: CandidateTerm) -> Model | None:
+    """The same model with an unnamed force in place of one that is time-varying; None for a law.
 
     A name for such a force says how it acts, with speed squared or with the pull; one that acts otherwise is
     told by this alone.
@@ -114,7 +116,7 @@ def _lawless(search: Search, model: Model, term: CandidateTerm) -> Model | None:
     if term.variant.acts_in_windows:
         spans = list(term.variant.spans)
         return search.model((*others, windows.unnamed(search, spans)), model.free, model.fit)
-    if not comes_and_goes(term):
+    if not is_time_varying(term):
         return None
     base = search.model(others, model.free, model.fit)
     scored = screen_terms(search, base, search.candidate_terms(UNNAMED))[:2]

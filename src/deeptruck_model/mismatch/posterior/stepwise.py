@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from deeptruck_model.mismatch.mechanisms import CandidateTerm, candidate_term, comes_and_goes
+from deeptruck_model.mismatch.mechanisms import CandidateTerm, candidate_term, is_time_varying
 from deeptruck_model.mismatch.mechanisms.commands import Delays
 from deeptruck_model.mismatch.mechanisms.variants import Static
 from deeptruck_model.mismatch.posterior import windows
@@ -70,9 +70,9 @@ def _one_more(search: Search, base: Model, bare: Model, options: list[Model]) ->
 
 
 def _rare(search: Search, base: Model, bare: Model) -> list[Model]:
-    """The model with what acts in a few windows alone, and the same without what comes and goes, whose knots
+    """The model with what acts in a few windows alone, and the same without what is time-varying, whose knots
     follow such windows too, and without any law, which may stand in for it."""
-    lasting = tuple(s for s in base.named if not comes_and_goes(s))
+    lasting = tuple(s for s in base.named if not is_time_varying(s))
     most = search.rules.windows_most_beside if base.named else search.rules.windows_most
     found = _now_and_then(search, base, bare, most)
     slow = found is base and len(lasting) < len(base.named)
@@ -92,10 +92,10 @@ def _gains_in_windows(search: Search, model: Model, without: Model) -> bool:
 
 
 def _for_freedom(model: Model, bare: Model) -> float:
-    """Nats by which what comes and goes must do better, and what acts in windows that were chosen for it."""
-    coming = model.rules.time_varying_penalty if any(comes_and_goes(s) for s in model.named) else 0.0
+    """Nats by which what is time-varying must do better, and what acts in windows that were chosen for it."""
+    varying = model.rules.time_varying_penalty if any(is_time_varying(s) for s in model.named) else 0.0
     chosen = model.rules.time_varying_share if any(s.variant.acts_in_windows for s in model.named) else 0.0
-    return coming + chosen * (model.score - bare.score)
+    return varying + chosen * (model.score - bare.score)
 
 
 def _settled(search: Search, model: Model) -> Model:

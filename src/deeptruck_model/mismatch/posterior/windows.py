@@ -17,8 +17,8 @@ from deeptruck_model.mismatch.mechanisms import (
     Mechanism,
     build,
     candidate_term,
-    comes_and_goes,
     held_steady,
+    is_time_varying,
 )
 from deeptruck_model.mismatch.mechanisms.variants import OwnCurve, Span, Sum, Windowed
 from deeptruck_model.mismatch.posterior.candidates import screen_terms
@@ -156,12 +156,12 @@ def unnamed(search: Search, spans: list[Span]) -> CandidateTerm:
 
 
 def _steady(search: Search, mechanism: Mechanism) -> list[CandidateTerm]:
-    """The candidate terms of a mechanism that few windows can show; of what comes and goes, its mean."""
+    """The candidate terms of a mechanism that few windows can show; of what is time-varying, its mean."""
     terms = search.candidate_terms(mechanism)
     plain = [s for s in terms if not (s.variant.per_recording or isinstance(s.variant, OwnCurve))]
-    lasting = [s for s in plain if not comes_and_goes(s)]
-    coming = [s for s in plain if comes_and_goes(s)]
-    return [*lasting, *(held_steady(s, search.e) for s in coming[:1])]
+    lasting = [s for s in plain if not is_time_varying(s)]
+    varying = [s for s in plain if is_time_varying(s)]
+    return [*lasting, *(held_steady(s, search.e) for s in varying[:1])]
 
 
 def candidates(search: Search, base: Model, spans: list[Span]) -> list[Model]:
@@ -214,4 +214,4 @@ def bursts(search: Search, model: Model) -> Cause | None:
     force = noisy.named[-1].columns @ noisy.coefficients(UNNAMED.effect)
     if gain < search.rules.bursts_gain or not large_enough(e, force):
         return None
-    return Cause("missing_physics", UNNAMED.effect, gain, 1.0, 0.9, force, lawless=True, rules=e.rules)
+    return Cause("missing_physics", UNNAMED.effect, gain, 1.0, 0.9, force, time_varying=True, rules=e.rules)

@@ -90,7 +90,7 @@ def _again(road: RoadLock | None) -> str:
     )
 
 
-def comes_and_goes(cause: Cause, e: Evidence) -> Told:
+def _time_varying(cause: Cause, e: Evidence) -> Told:
     """An unknown force that no signal predicts and that acts like none of the known ones."""
     near = _nearest(cause, "does not explain how it acts")
     now_and_then = bool(np.mean(cause.force[e.valid] == 0.0) > 0.5)
@@ -201,8 +201,8 @@ def from_cause(cause: Cause, e: Evidence, explanation: Explanation, own: dict[st
 def _told(cause: Cause, e: Evidence, explanation: Explanation, own: dict[str, float]) -> Told:
     if cause.needed is not None:
         return slow(cause)
-    if cause.lawless:
-        return comes_and_goes(cause, e)
+    if cause.time_varying:
+        return _time_varying(cause, e)
     if cause.effect == "unknown":
         return unknown(cause, e, explanation)
     if cause.term is None:

@@ -98,7 +98,7 @@ def _said(rival: str, s: Separation) -> tuple[Part, ...]:
 
 
 def _law(model: Model) -> bool:
-    """Whether an explanation acts alike on every drive: nothing that comes and goes, no fault of a sensor."""
+    """Whether an explanation acts alike on every drive: nothing that is time-varying, no fault of a sensor."""
     kinds = {n.mechanism.kind for n in model.named}
     once = any(_of_these_drives(n.variant) for n in model.named)
     return kinds <= {"missing_physics"} and not once

@@ -13,7 +13,7 @@ import pytest
 from deeptruck_model import simulators, trucks
 from deeptruck_model.mismatch.correction import correction
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
-from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, comes_and_goes, held_steady, laws
+from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, held_steady, is_time_varying, laws
 from deeptruck_model.mismatch.mechanisms.laws import Follower, Law
 from deeptruck_model.mismatch.mechanisms.variants import Constants
 from deeptruck_model.mismatch.posterior.causes import Cause
@@ -28,7 +28,7 @@ ONE: Any = [None]  # the recording that is not held out; its errors are made up
 def law_and_gusts(e: Evidence) -> tuple[CandidateTerm, CandidateTerm]:
     search = Search(e)
     law = search.candidate_terms(LIBRARY["driveline_loss"])[0]
-    gusts = next(s for s in search.candidate_terms(LIBRARY["headwind"]) if comes_and_goes(s))
+    gusts = next(s for s in search.candidate_terms(LIBRARY["headwind"]) if is_time_varying(s))
     return law, gusts
 
 
@@ -122,7 +122,7 @@ def test_what_comes_and_goes_can_be_held_steady(nothing_missing: Evidence) -> No
     law, gusts = law_and_gusts(nothing_missing)
     held = held_steady(gusts, nothing_missing)
     assert held_steady(law, nothing_missing) is law
-    assert held.columns.shape[1] < gusts.columns.shape[1] and not comes_and_goes(held)
+    assert held.columns.shape[1] < gusts.columns.shape[1] and not is_time_varying(held)
     assert held.mechanism is gusts.mechanism
 
 

@@ -52,7 +52,7 @@ def test_what_is_weak_and_drives_worse_is_not_told(
 def test_a_weak_law_must_drive_better_than_other_parameters(
     variant: Variant, after: float, vain: bool
 ) -> None:
-    """What comes and goes helps no other drive anyway."""
+    """What is time-varying helps no other drive anyway."""
     term: Any = SimpleNamespace(variant=variant)
     causes = (Cause("missing_physics", "load_slosh", 33.0, 0.5, 0.9, np.zeros(1), term),)
     fit = errors(after=after, tuned=0.05)

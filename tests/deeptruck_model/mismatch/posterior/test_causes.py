@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, candidate_terms, comes_and_goes
+from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, candidate_terms, is_time_varying
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.windows import during
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -23,13 +23,13 @@ def cause(term: CandidateTerm | None, gain: float = 100.0, **more: bool) -> Caus
 @pytest.fixture
 def lasting(nothing_missing: Evidence) -> CandidateTerm:
     return next(
-        s for s in candidate_terms(LIBRARY["driveline_loss"], nothing_missing) if not comes_and_goes(s)
+        s for s in candidate_terms(LIBRARY["driveline_loss"], nothing_missing) if not is_time_varying(s)
     )
 
 
 def test_the_less_is_told_the_wider_the_group(nothing_missing: Evidence, lasting: CandidateTerm) -> None:
-    """15 % of the gain for a law, more for what comes and goes as it likes, most for a few windows."""
-    gusts = next(s for s in candidate_terms(LIBRARY["headwind"], nothing_missing) if comes_and_goes(s))
+    """15 % of the gain for a law, more for what is time-varying, most for a few windows."""
+    gusts = next(s for s in candidate_terms(LIBRARY["headwind"], nothing_missing) if is_time_varying(s))
     rare = during(lasting, [(0, 10.0, 20.0)], nothing_missing)
     names = [len(cause(s).not_told_from) for s in (lasting, gusts, rare)]
     assert names == [1, 2, 3]

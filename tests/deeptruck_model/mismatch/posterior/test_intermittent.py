@@ -87,7 +87,7 @@ def test_bursts_that_follow_nothing_are_unknown(nothing_missing: Evidence) -> No
     e = replace(nothing_missing, residual=nothing_missing.residual + force)
     found = explain(Search(e))
     (cause,) = found.causes
-    assert cause.effect == "unknown" and cause.lawless
+    assert cause.effect == "unknown" and cause.time_varying
     said = from_cause(cause, e, found, {})
     assert "moments listed under segments" in str(said.would_be_told_by) and said.nearest is None
     assert np.corrcoef(cause.force, force)[0, 1] > 0.9

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from deeptruck_model import trucks
-from deeptruck_model.mismatch.mechanisms import LIBRARY, comes_and_goes
+from deeptruck_model.mismatch.mechanisms import LIBRARY, is_time_varying
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.report.identifiability import MANOEUVRES, checked, separation
@@ -31,7 +31,7 @@ def lossy(nothing_missing: Evidence) -> Evidence:
 @pytest.fixture(scope="module")
 def models(lossy: Evidence) -> dict[str, Model]:
     search = Search(lossy)
-    gusts = next(s for s in search.candidate_terms(LIBRARY["headwind"]) if comes_and_goes(s))
+    gusts = next(s for s in search.candidate_terms(LIBRARY["headwind"]) if is_time_varying(s))
     return {
         "loss": search.model((search.candidate_terms(LIBRARY["driveline_loss"])[0],), frozenset()),
         "gain": search.model((), frozenset({"torque_gain"})),
