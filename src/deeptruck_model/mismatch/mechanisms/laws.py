@@ -124,10 +124,10 @@ def _variants(e: Evidence) -> Iterator[Static]:
     for of, x in known.items():
         at = _knots(of, x.rows(e)[e.valid])
         for carrier in CARRIERS if len(at) > 2 else ():
-            if rms[carrier] > LEAST_CARRIER and not (carrier == "simulated" and e.own_error > 0):
+            if rms[carrier] > LEAST_CARRIER and not (carrier == "simulated" and e.model_discrepancy > 0):
                 yield Static(Law(carrier, of, at))
     for name, force in FORCES.items():
-        if name == "simulated" and e.own_error > 0:
+        if name == "simulated" and e.model_discrepancy > 0:
             continue  # what a learned simulator learned badly is in its acceleration too, and no law of it
         if float(np.std(force.rows(e)[e.valid])) > LEAST_CARRIER:
             for how in HOWS:

@@ -256,7 +256,7 @@ def curves(effect: str, e: Evidence) -> Iterator[OwnCurve]:
     None for a learned simulator: what it learned badly runs in curves too.
     """
     for k, form in enumerate(OWN.get(effect, ())):
-        if e.own_error > 0 or not e.has(*form.needs):
+        if e.model_discrepancy > 0 or not e.has(*form.needs):
             continue
         carrier, x = np.abs(form.carrier.rows(e)), form.of.rows(e)
         acts = e.valid & (carrier > ACTING * float(np.quantile(carrier[e.valid], 0.98))) & (carrier > 0)

@@ -39,7 +39,7 @@ def explain(search: Search) -> Explanation:
 
 
 def _beyond_its_own(search: Search, left: LeftOver) -> LeftOver:
-    """What is left over without the nats that a learned simulator's own error gives for it."""
+    """What is left over without the nats that a learned simulator's model discrepancy gives for it."""
     own = price(search, left.lawful) if left.lawful else search.e.tolerance.get("unknown", 0.0)
     return replace(left, gain=max(left.gain - own, 0.0)) if own > 0.0 else left
 
@@ -143,7 +143,7 @@ def _worth_calling_unknown(e: Evidence, left: LeftOver, explained: float, names:
     return (
         left.gain > e.rules.unknown_gain
         and large_enough(e, left.free.prediction)
-        and float(np.sqrt(np.mean(force**2))) > e.rules.unknown_discrepancies * e.own_error
+        and float(np.sqrt(np.mean(force**2))) > e.rules.unknown_discrepancies * e.model_discrepancy
         and left.gain
         > (e.rules.unknown_share * names if names else e.rules.unknown_share_parameters * explained)
     )
@@ -164,10 +164,10 @@ def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list
     e = search.e
     if any(c.effect in SLOW_NAMES or c.time_varying or _follows_anything_slow(c) for c in causes):
         return causes
-    if e.own_error > 0 and e.has("grade"):
-        return causes  # it has slopes as an input: what is slow and left is its own error as likely
+    if e.model_discrepancy > 0 and e.has("grade"):
+        return causes  # it has slopes as an input: what is slow and left is its model discrepancy as likely
     residual = e.residual - search.prediction(model) - left.prediction
-    found = _beside_a_learned_truck(e) if e.own_error > 0 else None
+    found = _beside_a_learned_truck(e) if e.model_discrepancy > 0 else None
     if found is None:
         sigma = float(1.4826 * np.median(np.abs(residual[e.valid])))
         found = slow_force(e, residual, 1.0 / search.series.relative**2, sigma)
@@ -175,7 +175,7 @@ def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list
         return causes
     known = {m.effect for m in search.library}
     possible = [n for n in found.possible if n in known and (n != "road_grade" or not e.has("grade"))]
-    if not possible and e.own_error > 0:
+    if not possible and e.model_discrepancy > 0:
         return causes  # larger than any it can be, it is the learned truck's own
     effect = possible[0] if possible else "unknown"
     if any(c.effect == effect for c in causes):

@@ -73,7 +73,7 @@ def features(e: Evidence) -> dict[str, Array]:
             out[f"change of {name}"] = e[name] - e.lag(e[name], 1.0)
     pull, power = np.maximum(e["engine"], 0.0), e["brake"] * e["speed"]
     out["engine over 3 s"], out["engine over 60 s"] = e.lag(pull, 3.0), e.lag(pull, 60.0, "zero")
-    if e.own_error == 0.0:  # what a learned simulator learned badly is in its acceleration too
+    if e.model_discrepancy == 0.0:  # what a learned simulator learned badly is in its acceleration too
         out["simulated"], out["acceleration over 2 s"] = e["simulated"], e.lag(e["simulated"], 2.0)
     if power.max(initial=0.0) > 0:
         out["braking power over 60 s"], out["braking power over 300 s"] = (

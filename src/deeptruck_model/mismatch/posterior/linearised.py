@@ -66,11 +66,11 @@ def explained(
     say("searching for what is missing")
     itself = nuisances.known(simulator, prepared[0].measured_acceleration, seed, evidence.rules)
     if itself is not None:
-        say("learning the simulator's own error from the recordings it keeps")
+        say("learning the simulator's model discrepancy from the recordings it keeps")
         evidence = nuisances.allow_for(evidence, itself)
     elif not simulator.parameters():
         unmeasured = evidence.rules.unmeasured_discrepancy
-        evidence = replace(evidence, own_error=unmeasured, slow_noise=unmeasured)
+        evidence = replace(evidence, model_discrepancy=unmeasured, slow_noise=unmeasured)
     around = _Around(simulator, tuple(prepared), tuple(held_out), seed, tuple(exclude), say)
     search = nuisances.beside_it(Search(evidence, exclude=exclude), exclude)
     search = _followed(around, _beside_parameters(around, search), _first_guess)

@@ -1,4 +1,4 @@
-"""A learned simulator's own error, known from recordings it was not fitted to and keeps with it.
+"""A learned simulator's model discrepancy, known from recordings it was not fitted to and keeps with it.
 
 What a deep truck learned imperfectly looks like missing physics. So whatever the search would gain on the
 truck's own recordings is the price that a finding on new recordings must exceed.
@@ -94,13 +94,13 @@ def known(simulator: Simulator, measured_acceleration: bool, seed: int, rules: R
 
 
 def allow_for(evidence: Evidence, own: Evidence) -> Evidence:
-    """The evidence with what the simulator's own error makes of names, sizes and slow noise."""
-    own = replace(own, own_error=_slow_rms(own), slow_noise=_slow_noise(own))
+    """The evidence with what the simulator's model discrepancy makes of names, sizes and slow noise."""
+    own = replace(own, model_discrepancy=_slow_rms(own), slow_noise=_slow_noise(own))
     ratio = float(evidence.valid.sum()) / max(float(own.valid.sum()), 1.0)
     return replace(
         evidence,
         tolerance=_prices(own, ratio),
-        own_error=own.own_error,
+        model_discrepancy=own.model_discrepancy,
         slow_noise=own.slow_noise,
         itself=own,
     )
@@ -120,7 +120,7 @@ def _prices(own: Evidence, ratio: float) -> dict[str, float]:
 
 
 def _slow_noise(own: Evidence) -> float:
-    """Sd (m/s^2) of the means over `slow_noise_s` of the simulator's own error, other driving allowed for."""
+    """Sd (m/s^2) of the means over `slow_noise_s` of the model discrepancy, other driving allowed for."""
     per = max(1, round(own.rules.slow_noise_s / own.dt))
     means = []
     for s in own.stretches:
@@ -131,7 +131,7 @@ def _slow_noise(own: Evidence) -> float:
 
 
 def _slow_rms(own: Evidence) -> float:
-    """Rms (m/s^2) of what is left of the simulator's own error in means of a second, without most noise."""
+    """Rms (m/s^2) of what is left of the model discrepancy in means of a second, without most noise."""
     smooth = uniform_filter1d(np.where(own.valid, own.residual, 0.0), max(1, round(1.0 / own.dt)))
     quiet = np.sort(np.abs(smooth[own.valid]))[: int(0.98 * own.valid.sum())]  # without the rare jolt
     return float(np.sqrt(np.mean(quiet**2)))

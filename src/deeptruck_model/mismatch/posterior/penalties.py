@@ -31,12 +31,12 @@ Array = NDArray[np.float64]
 
 
 def enough(search: Search) -> float:
-    return search.rules.least_gain_learned if search.e.own_error > 0 else search.rules.least_gain
+    return search.rules.least_gain_learned if search.e.model_discrepancy > 0 else search.rules.least_gain
 
 
 def price(search: Search, model: Model) -> float:
-    """Nats the last name of a model would gain from the simulator's own error alone."""
-    if not model.named or search.e.own_error == 0:
+    """Nats the last name of a model would gain from the simulator's model discrepancy alone."""
+    if not model.named or search.e.model_discrepancy == 0:
         return 0.0
     last = model.named[-1]
     b = model.coefficients(last.mechanism.effect)
@@ -60,7 +60,7 @@ def _within(search: Search, base: Model, last: CandidateTerm, own: Array) -> Arr
 
 
 def _own_size(search: Search, last: CandidateTerm) -> Array | None:
-    """How large the coefficients of a term may be by the simulator's own error: as on the recordings it
+    """How large the coefficients of a term may be by the model discrepancy: as on the recordings it
     keeps, other driving allowed for. None where it keeps none, or the term belongs to these recordings."""
     if search.own is None or _only_here(last.variant):
         return None
@@ -174,5 +174,5 @@ def large_enough(e: Evidence, force: Array) -> bool:
     acting = np.sort(np.abs(force[e.valid]))
     rms = float(np.sqrt(np.mean(acting**2)))
     top = float(np.sqrt(np.mean(acting[-max(1, len(acting) // 10) :] ** 2)))
-    acting_least = max(e.rules.least_force_acting, e.rules.acting_discrepancies * e.own_error)
-    return rms > max(e.rules.least_force, e.own_error) or top > acting_least
+    acting_least = max(e.rules.least_force_acting, e.rules.acting_discrepancies * e.model_discrepancy)
+    return rms > max(e.rules.least_force, e.model_discrepancy) or top > acting_least

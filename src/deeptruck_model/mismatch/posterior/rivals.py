@@ -110,7 +110,7 @@ def _unnamed_time_varying(search: Search, model: Model, term: CandidateTerm) -> 
     A name for such a force says how it acts, with speed squared or with the pull; one that acts otherwise is
     told by this alone.
     """
-    if search.e.own_error > 0:
+    if search.e.model_discrepancy > 0:
         return None  # a learned truck follows slow forces in part, so that none of them acts as it should
     others = tuple(n for n in model.named if n is not term)
     if term.variant.acts_in_windows:
@@ -183,7 +183,7 @@ def _instead(search: Search, model: Model) -> list[Model]:
 def _clear_beside_as_given(search: Search, model: Model, before: Model, after: Model) -> bool:
     """Whether a parameter explains enough beside one that is just as given, and nothing else is missing. What
     is held may move a little, which hides small errors; held-out drives then have to show them clearly."""
-    if model.named or search.e.own_error > 0.0:
+    if model.named or search.e.model_discrepancy > 0.0:
         return False
     name = next(iter(after.free - before.free))
     given = search.model(before.named, before.free, before.fit, pinned=name)

@@ -135,7 +135,7 @@ def _beside(search: Search, model: Model) -> float:
 
 def _now_and_then(search: Search, base: Model, bare: Model, most: float) -> Model:
     """Add a mechanism that acts in a few windows alone, `most` of the time, where one explains them."""
-    spans = windows.windows(search.e, base, most) if search.e.own_error == 0 else []
+    spans = windows.windows(search.e, base, most) if search.e.model_discrepancy == 0 else []
     if not spans:
         return base
     narrow = windows.narrowed(search, base, spans)

@@ -202,10 +202,10 @@ def _fitted(
 def bursts(search: Search, model: Model) -> Cause | None:
     """What a model leaves over in short windows, of any size and sign in each.
 
-    None where it is little, or the simulator a learned one, whose own error comes in bursts too.
+    None where it is little, or the simulator a learned one, whose model discrepancy comes in bursts too.
     """
     e = search.e
-    spans = windows(e, model, e.rules.windows_most) if e.own_error == 0 else []
+    spans = windows(e, model, e.rules.windows_most) if e.model_discrepancy == 0 else []
     spans = narrowed(search, model, spans)
     if not spans:
         return None

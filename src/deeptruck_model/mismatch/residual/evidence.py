@@ -140,8 +140,8 @@ class Evidence:
     rerun: Callable[[str, float], Array]
     tolerance: dict[str, float] = field(
         default_factory=dict
-    )  # nats a name gains from the simulator's own error alone
-    own_error: float = 0.0  # rms of what the simulator itself learned imperfectly, m/s^2
+    )  # nats a name gains from the simulator's model discrepancy alone
+    model_discrepancy: float = 0.0  # rms of what the simulator itself learned imperfectly, m/s^2
     slow_noise: float = Rules.slow_noise  # m/s^2 sd of the mean over so long that may still be noise
     itself: Evidence | None = None  # a learned simulator along the recordings it keeps
     other_gear: int = 0  # samples left out because the simulator drives in another gear than the recorded one

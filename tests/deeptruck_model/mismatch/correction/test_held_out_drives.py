@@ -18,7 +18,7 @@ WINDOWED = Windowed(Static(), ((0, 1.0, 9.0),))
 
 
 def errors(*, after: float, tuned: float, laws: float | None = None) -> Compared:
-    """Of a simulator whose own error is 0.1 m/s."""
+    """Of a simulator whose model discrepancy is 0.1 m/s."""
     free_model = None if laws is None else Rmse(laws, 0.1)
     return Compared(Rmse(0.1, 0.1), Rmse(tuned, 0.1), Rmse(after, 0.1), free_model)
 

@@ -72,17 +72,17 @@ def test_a_road_that_was_driven_once_may_be_no_road_where_slopes_are_known(
 
 
 @pytest.mark.parametrize(
-    ("own_error", "slopes", "told"),
+    ("model_discrepancy", "slopes", "told"),
     [(0.0, True, "torque_derate"), (0.03, True, None), (0.03, False, "road_grade")],
 )
 def test_a_slow_force_beside_a_learned_truck_is_its_own_where_slopes_are_recorded(
     nothing_missing: Evidence,
     monkeypatch: pytest.MonkeyPatch,
-    own_error: float,
+    model_discrepancy: float,
     slopes: bool,
     told: str | None,
 ) -> None:
-    e = replace(nothing_missing, own_error=own_error, itself=nothing_missing)
+    e = replace(nothing_missing, model_discrepancy=model_discrepancy, itself=nothing_missing)
     if slopes:
         e = replace(e, signals=e.signals | {"grade": np.zeros(len(e))})
     slow = SlowForce(

@@ -22,7 +22,7 @@ def with_limit(e: Evidence, share: float, seed: int) -> Evidence:
 
 
 def learned(e: Evidence, own: Evidence) -> Search:
-    return Search(replace(e, own_error=0.01, itself=replace(own, own_error=0.01)))
+    return Search(replace(e, model_discrepancy=0.01, itself=replace(own, model_discrepancy=0.01)))
 
 
 def best(search: Search) -> tuple[Model, float]:
