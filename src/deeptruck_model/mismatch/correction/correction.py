@@ -41,7 +41,7 @@ def in_vain(
     """Whether little was found, and corrected by it the simulator drives worse on recordings held out, or the
     others best with nothing corrected, or with all parameters and no name; or no better than one with other
     parameters, where laws were found or parameters beside a name, which hold on other drives too, or where it
-    is a learned simulator, whose discrepancy may be found. Of what has no name the laws must help these drives.
+    is a learned simulator, whose discrepancy may be found. Of the unnamed the laws must help these drives.
 
     A road helps other drives no more than another road does; where no slopes are recorded it is there.
     `errors` are on the held-out recordings, None where there were no free runs; `chosen` is what went in.

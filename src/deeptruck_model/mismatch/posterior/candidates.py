@@ -11,7 +11,7 @@ from deeptruck_model.mismatch.expression import Rerun
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, is_time_varying, merge
 from deeptruck_model.mismatch.mechanisms.regimes import Products, gated
 from deeptruck_model.mismatch.mechanisms.variants import Gated
-from deeptruck_model.mismatch.posterior.penalties import slow_price
+from deeptruck_model.mismatch.posterior.penalties import time_varying_penalty
 from deeptruck_model.mismatch.posterior.search import ONE_SIZE, Model, Search
 from deeptruck_model.mismatch.residual.noise import whiten
 
@@ -116,7 +116,7 @@ def candidates(search: Search, base: Model) -> list[Model]:
     """
 
     def worth(model: Model) -> float:
-        return model.score - slow_price(model, base)
+        return model.score - time_varying_penalty(model, base)
 
     best = _fitted(search, base, screen(search, base), {})
     if best:
@@ -150,8 +150,8 @@ def _fitted(
         seen.add(effect)
         named, start = (*base.named, term), (leader or base).fit
         model = search.model(named, everything, start, again=leader is not None)
-        worth = model.score - slow_price(model, base)
-        if effect not in best or worth > best[effect].score - slow_price(best[effect], base):
+        worth = model.score - time_varying_penalty(model, base)
+        if effect not in best or worth > best[effect].score - time_varying_penalty(best[effect], base):
             best[effect] = model
     return best
 

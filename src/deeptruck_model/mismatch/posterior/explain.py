@@ -9,7 +9,7 @@ import numpy as np
 from deeptruck_model.mismatch.mechanisms import is_time_varying
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation, road_lock
 from deeptruck_model.mismatch.posterior.free_law import FreeModel, LeftOver, left_over
-from deeptruck_model.mismatch.posterior.penalties import large_enough, price
+from deeptruck_model.mismatch.posterior.penalties import discrepancy_penalty, large_enough
 from deeptruck_model.mismatch.posterior.rivals import named_cause, tuned_causes
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.posterior.slow_force import SlowForce, plain_truck, slow_force
@@ -40,7 +40,7 @@ def explain(search: Search) -> Explanation:
 
 def _beyond_its_own(search: Search, left: LeftOver) -> LeftOver:
     """What is left over without the nats that a learned simulator's model discrepancy gives for it."""
-    own = price(search, left.lawful) if left.lawful else search.e.tolerance.get("unknown", 0.0)
+    own = discrepancy_penalty(search, left.lawful) if left.lawful else search.e.tolerance.get("unknown", 0.0)
     return replace(left, gain=max(left.gain - own, 0.0)) if own > 0.0 else left
 
 

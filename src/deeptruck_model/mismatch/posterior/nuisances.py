@@ -1,7 +1,7 @@
 """A learned simulator's model discrepancy, known from recordings it was not fitted to and keeps with it.
 
 What a deep truck learned imperfectly looks like missing physics. So whatever the search would gain on the
-truck's own recordings is the price that a finding on new recordings must exceed.
+truck's own recordings is the penalty that a finding on new recordings must exceed.
 """
 
 from __future__ import annotations
@@ -99,24 +99,24 @@ def allow_for(evidence: Evidence, own: Evidence) -> Evidence:
     ratio = float(evidence.valid.sum()) / max(float(own.valid.sum()), 1.0)
     return replace(
         evidence,
-        tolerance=_prices(own, ratio),
+        tolerance=_penalties(own, ratio),
         model_discrepancy=own.model_discrepancy,
         slow_noise=own.slow_noise,
         itself=own,
     )
 
 
-def _prices(own: Evidence, ratio: float) -> dict[str, float]:
+def _penalties(own: Evidence, ratio: float) -> dict[str, float]:
     """Nats that each name gains on the simulator's own recordings, scaled to the amount of new data."""
     search = Search(own)
     base = search.background(())
-    prices = {m.effects[-1]: m.score - base.score for m in candidates(search, base)}
+    penalties = {m.effects[-1]: m.score - base.score for m in candidates(search, base)}
     for p in search.parameters:
         held = search.model((), base.free - {p})
-        prices[f"parameter:{p}"] = base.score - held.score if p in base.free else 0.0
-    prices["unknown"] = left_over(search, base).gain
+        penalties[f"parameter:{p}"] = base.score - held.score if p in base.free else 0.0
+    penalties["unknown"] = left_over(search, base).gain
     scale = own.rules.discrepancy_safety * max(ratio, 0.5)
-    return {name: max(price, 0.0) * scale for name, price in prices.items()}
+    return {name: max(penalty, 0.0) * scale for name, penalty in penalties.items()}
 
 
 def _slow_noise(own: Evidence) -> float:

@@ -34,7 +34,7 @@ def enough(search: Search) -> float:
     return search.rules.least_gain_learned if search.e.model_discrepancy > 0 else search.rules.least_gain
 
 
-def price(search: Search, model: Model) -> float:
+def discrepancy_penalty(search: Search, model: Model) -> float:
     """Nats the last name of a model would gain from the simulator's model discrepancy alone."""
     if not model.named or search.e.model_discrepancy == 0:
         return 0.0
@@ -116,7 +116,7 @@ def _only_here(variant: Variant) -> bool:
     return weather or variant.acts_in_windows or variant.varies_in_time
 
 
-def slow_price(model: Model, base: Model) -> float:
+def time_varying_penalty(model: Model, base: Model) -> float:
     """Nats more that the last name of a model must gain beyond `base` where it is time-varying:
     so do the zeros of slope sensors, and knots follow many a law that is not quite right here."""
     if not model.named or not is_time_varying(model.named[-1]):

@@ -12,11 +12,11 @@ from deeptruck_model.mismatch.posterior import windows
 from deeptruck_model.mismatch.posterior.candidates import candidates, enriched, screen, screen_terms
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.penalties import (
+    discrepancy_penalty,
     enough,
     large_enough,
     practical,
-    price,
-    slow_price,
+    time_varying_penalty,
 )
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.posterior.stepwise import WIDENED
@@ -38,7 +38,7 @@ def named_cause(search: Search, model: Model, term: CandidateTerm) -> Cause:
     own = model.score - (
         max(rules.time_varying_penalty, rules.time_varying_share * gain) if is_time_varying(term) else 0.0
     )
-    own -= price(search, search.model((*base.named, term), base.free | model.free, model.fit))
+    own -= discrepancy_penalty(search, search.model((*base.named, term), base.free | model.free, model.fit))
     rivals = sorted(((n, own - _paid(search, base, m, own)) for n, m in instead), key=lambda rival: rival[1])
     odds = 1.0 + sum(np.exp(-worse / rules.temper) for _, worse in rivals) + np.exp(-gain / rules.temper)
     unnamed_model = _unnamed_time_varying(search, model, term)
@@ -77,8 +77,8 @@ def _paid(search: Search, base: Model, rival: Model, own: float) -> float:
     error gives takes long to know, and matters only where a rival does better than `own`."""
     if len(rival.named) <= len(base.named):
         return rival.score
-    score = rival.score - slow_price(rival, base)
-    return score - price(search, rival) if score > own else score
+    score = rival.score - time_varying_penalty(rival, base)
+    return score - discrepancy_penalty(search, rival) if score > own else score
 
 
 def _instead_of(search: Search, base: Model, term: CandidateTerm) -> list[tuple[str, Model]]:

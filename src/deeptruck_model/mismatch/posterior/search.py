@@ -3,7 +3,7 @@
 Every model is a set of terms beside the simulator's own parameters, which are either held (they may move by
 HELD) or free (by the FREE share that is physically plausible). Log evidence is the sum of the log
 probabilities with which each part of the data is predicted from the rest, so it ranks by prediction and
-charges for every coefficient.
+penalises every coefficient.
 """
 
 from __future__ import annotations

@@ -10,10 +10,10 @@ from deeptruck_model.mismatch.mechanisms.variants import Static
 from deeptruck_model.mismatch.posterior import windows
 from deeptruck_model.mismatch.posterior.candidates import candidates, enriched
 from deeptruck_model.mismatch.posterior.penalties import (
+    discrepancy_penalty,
     enough,
     practical,
-    price,
-    slow_price,
+    time_varying_penalty,
 )
 from deeptruck_model.mismatch.posterior.search import Model, Search
 
@@ -26,7 +26,7 @@ def first_guess(search: Search) -> Model:
     """Parameters alone, or with the one best mechanism: enough to see how far the parameters are off."""
     base = search.background(())
     best = max(candidates(search, base), key=lambda m: m.score, default=base)
-    return best if best.score > base.score + enough(search) + price(search, best) else base
+    return best if best.score > base.score + enough(search) + discrepancy_penalty(search, best) else base
 
 
 def grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], ...]]:
@@ -63,9 +63,15 @@ def _one_more(search: Search, base: Model, bare: Model, options: list[Model]) ->
     options = [
         enriched(search, m) for m in options[:WIDENED] if m.score > base.score + search.rules.least_gain / 2
     ]
-    best = max(options, key=lambda m: m.score - price(search, m) - slow_price(m, base), default=base)
-    least = enough(search) + price(search, best) + _beside(search, best) * (base.score - bare.score)
-    least += slow_price(best, base)
+    best = max(
+        options,
+        key=lambda m: m.score - discrepancy_penalty(search, m) - time_varying_penalty(m, base),
+        default=base,
+    )
+    least = (
+        enough(search) + discrepancy_penalty(search, best) + _beside(search, best) * (base.score - bare.score)
+    )
+    least += time_varying_penalty(best, base)
     return base if best.score < base.score + least else search.background(best.named)
 
 
@@ -159,10 +165,14 @@ def _exchanged(search: Search, model: Model) -> Model:
                 for m in candidates(search, base)[:WIDENED]
                 if practical(search, m, m.named[-1])
             ]
-            best = max(options, key=lambda m: m.score - price(search, m) - slow_price(m, base), default=model)
+            best = max(
+                options,
+                key=lambda m: m.score - discrepancy_penalty(search, m) - time_varying_penalty(m, base),
+                default=model,
+            )
             better = search.background(best.named)
-            own = slow_price(search.model((*others, given), model.free, model.fit), base)
-            if better.score - slow_price(better, base) > model.score - own + search.rules.swap_gain:
+            own = time_varying_penalty(search.model((*others, given), model.free, model.fit), base)
+            if better.score - time_varying_penalty(better, base) > model.score - own + search.rules.swap_gain:
                 model = better
                 break
         if model is before:

@@ -56,7 +56,7 @@ def test_windows_are_narrowed_to_where_the_force_itself_acts(stuck: Evidence) ->
     ]  # of the second drive, which begins at 600 s
 
 
-def test_what_lasts_is_not_narrowed_and_hundreds_of_windows_have_a_price(stuck: Evidence) -> None:
+def test_what_lasts_is_not_narrowed_and_hundreds_of_windows_have_a_penalty(stuck: Evidence) -> None:
     search = Search(stuck)
     model = search.background(())
     whole = [(0, 10.0, 10.0 + Rules.window_longest_s + 1.0)]

@@ -43,7 +43,7 @@ def test_what_a_perfect_truck_keeps_costs_little(nothing_missing: Evidence) -> N
 
 def test_more_new_driving_makes_the_same_flaw_dearer(nothing_missing: Evidence) -> None:
     own = flawed(nothing_missing)
-    once, twice = nuisances._prices(own, 1.0), nuisances._prices(own, 2.0)
+    once, twice = nuisances._penalties(own, 1.0), nuisances._penalties(own, 2.0)
     assert once["parameter:brake_gain"] > 0.0
     assert {n: 2.0 * x for n, x in once.items()} == pytest.approx(twice)
 
