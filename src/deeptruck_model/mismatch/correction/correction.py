@@ -147,7 +147,7 @@ def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequenc
     """Corrected simulators, without and with what has no name.
 
     What is time-varying is of no use on another drive but for its mean, and a parameter that nobody states as
-    wrong may only have been bent. So what goes in is what free runs ask for along `prepared`, the recordings
+    wrong may only be biased. So what goes in is what free runs ask for along `prepared`, the recordings
     that are not held out, each by a fit to others of them.
     """
     e = left_beside(e, x.model)

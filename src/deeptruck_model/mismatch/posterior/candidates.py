@@ -32,7 +32,7 @@ def screen(search: Search, base: Model, noise: Model | None = None) -> list[tupl
             scored = screen_terms(search, base, search.candidate_terms(mechanism), noise)
             laws = [item for item in scored if not is_time_varying(item[1])]
             out += laws[:SCREENED] + _screen_confined(search, base, laws, noise)
-            if not taken:  # two time-varying forces cannot be told from one
+            if not taken:  # two time-varying forces are not distinguishable from one
                 out += [item for item in scored if is_time_varying(item[1])][:1]
     return sorted(out, key=lambda item: -item[0])
 

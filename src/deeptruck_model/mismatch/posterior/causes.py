@@ -121,7 +121,7 @@ class Cause:
     road: RoadLock | None = None  # where the force came again on the same stretch of road
     other_form: bool = False  # it acts by its own signals, but otherwise than the library's form
     time_varying: bool = False  # an unknown force that is time-varying, and not one that the signals predict
-    rules: Rules = field(default_factory=Rules)  # by which it is told from others
+    rules: Rules = field(default_factory=Rules)  # by which it is distinguishable from others
 
     @property
     def predictable(self) -> bool:
@@ -149,7 +149,7 @@ class Cause:
 
 
 def _group_share(term: CandidateTerm | None, rules: Rules) -> float:
-    """Share of a gain within which other names are not told apart."""
+    """Share of a gain within which other names are not distinguishable."""
     if term is None:
         return rules.group_share
     if term.variant.acts_in_windows:

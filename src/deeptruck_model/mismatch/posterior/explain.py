@@ -53,7 +53,7 @@ def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[C
     names = sum(c.gain for c in named)
     unknown = _worth_calling_unknown(search.e, left, explained, names)
     tuned = tuned_causes(search, left.lawful if unknown and left.lawful else model)
-    if named or tuned:  # a form that is not quite right bends the parameters a little; that is no finding
+    if named or tuned:  # a form that is not quite right biases the parameters a little; that is no finding
         most = max([c.gain for c in named + tuned] + ([left.gain] if unknown else []))
         tuned = [c for c in tuned if c.gain > search.rules.beside_main * most]
     causes = named + tuned
@@ -135,7 +135,7 @@ def _perhaps_the_same(main: Cause) -> tuple[tuple[str, float], ...]:
 
 
 def _worth_calling_unknown(e: Evidence, left: LeftOver, explained: float, names: float) -> bool:
-    """Whether what is left over is a finding, and not the bend in a form that is not quite right.
+    """Whether what is left over is a finding, and not omitted-variable bias of a form not quite right.
 
     `explained` are the nats of all that was found, `names` those of missing physics with a name.
     """
@@ -179,7 +179,7 @@ def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list
         return causes  # larger than any it can be, it is the learned truck's own
     effect = possible[0] if possible else "unknown"
     if any(c.effect == effect for c in causes):
-        return causes  # what is left of it is the bend of its form
+        return causes  # what is left of it is the omitted-variable bias of its form
     if "road_grade" in possible:
         effect = "road_grade"  # where slope is not recorded it is there, and the other two only may be
     road = road_lock(e, found.force)

@@ -92,8 +92,8 @@ def _instead_of(search: Search, base: Model, term: CandidateTerm) -> list[tuple[
         tried = [enriched(search, m) for m in tried[:WIDENED]] + tried[WIDENED:]
     tried = [m for m in tried if practical(search, m, m.named[-1])]
     instead = [(m.effects[-1], m) for m in tried if m.effects[-1] != term.mechanism.effect]
-    bent = [p for p in search.parameters if p not in base.free]
-    return _best_of_each_name(instead + [(p, search.model(base.named, base.free | {p})) for p in bent])
+    biased = [p for p in search.parameters if p not in base.free]
+    return _best_of_each_name(instead + [(p, search.model(base.named, base.free | {p})) for p in biased])
 
 
 def _best_of_each_name(models: list[tuple[str, Model]]) -> list[tuple[str, Model]]:

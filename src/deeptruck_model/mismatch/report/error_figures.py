@@ -22,7 +22,7 @@ MOST_NAMES = 14
 PALE = "#cccccc"
 KINDS = {
     BLUE: "stated",
-    SKY: "not told apart from it",
+    SKY: "not distinguishable from it",
     PALE: "rejected",
     GREY: "parameters only, over the simulator as given",
     ORANGE: "what is left, by a free model",

@@ -1,4 +1,4 @@
-"""Which names a cause cannot be told from."""
+"""Which names a cause is not distinguishable from."""
 
 from __future__ import annotations
 

@@ -134,7 +134,7 @@ def test_they_are_sought_in_place_of_names_that_gain_in_windows_alone(
 def test_what_gave_way_to_windows_is_tried_again_beside_them(
     nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A wind had given way to an event of seconds, and parameters were bent in its place."""
+    """A wind had given way to an event of seconds, and parameters were biased in its place."""
     e = nothing_missing
     search = Search(replace(e, residual=e.residual - 0.12 * np.abs(e["engine"]) * (e["speed"] > 19.0)))
     bare = search.background(())
