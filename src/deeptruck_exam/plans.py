@@ -27,7 +27,7 @@ LEVELS = (
     "parameter_error",
     "nothing_missing",
 )
-WRONG = {  # relative standard deviation of the simulator's own error at level wrong_parameters
+WRONG = {  # relative standard deviation of the simulator's model discrepancy at level wrong_parameters
     "mass": 0.06,
     "drag_area": 0.08,
     "rolling_resistance": 0.10,

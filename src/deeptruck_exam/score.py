@@ -1,7 +1,7 @@
 """Opens a sealed truth beside the tool's verdict and says what was right. All rules are in this file.
 
 Right first: the first finding bears the true name. In the group: the true name is the first finding's or
-among those it says it cannot be told from. An equivalent name ('accepts' of an effect) counts in the group
+among those it calls not distinguishable. An equivalent name ('accepts' of an effect) counts in the group
 alone, and only where the tool itself states the true name beside it. A constant wrong mass is `mass`; a
 mass that differs between drives is `payload_change`; the other name is wrong first, and right in the group
 when stated. 'unknown' counts only where it is the finding itself: beside other names it costs nothing.
@@ -23,7 +23,7 @@ SILENT = 0.9  # the probability of nothing that a silent verdict tells
 
 
 def group(finding: Mapping[str, Any]) -> set[str]:
-    """The finding's name and all it cannot be told from."""
+    """The finding's name and all it is not distinguishable from."""
     return {str(finding.get("effect")), *map(str, finding.get("cannot_be_told_from") or ())}
 
 

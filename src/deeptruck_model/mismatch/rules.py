@@ -235,7 +235,7 @@ class Rules:
     windows_share: float = _of(
         0.5, "of the gain", "that must lie in windows for a term there to take another's place", CHOSEN
     )
-    window_penalty: float = _of(6.0, "nats", "of each window: the price of having looked for it", CHOSEN)
+    window_penalty: float = _of(6.0, "nats", "of each window: the penalty of having looked for it", CHOSEN)
     windows_gain: float = _of(45.0, "nats", "a term in windows alone", CHOSEN)
     bursts_gain: float = _of(120.0, "nats", "forces of any size in windows, without a name", CHOSEN)
 

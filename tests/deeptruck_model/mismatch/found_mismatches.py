@@ -10,7 +10,7 @@ import numpy as np
 
 from deeptruck_model.mismatch.data.checks import Rejection, SensorFault
 from deeptruck_model.mismatch.data.prepared import prepare
-from deeptruck_model.mismatch.mechanisms import LIBRARY, shapes
+from deeptruck_model.mismatch.mechanisms import LIBRARY, candidate_terms
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.formula import Formula
 from deeptruck_model.mismatch.posterior.free_law import FreeModel
@@ -155,7 +155,7 @@ def mismatch(kind: str, count: int = 3) -> Mismatch:
 
 
 def explanation(kind: str, e: Evidence) -> tuple[Explanation, list[Cause]]:
-    fade = shapes(LIBRARY["brake_fade"], e)[0]
+    fade = candidate_terms(LIBRARY["brake_fade"], e)[0]
     named = [fade] if kind == "missing_physics" else []
     free = {"mass"} if kind == "parameter_error" else set()
     full = model(named, e, np.array([0.1]), free, 900.0)

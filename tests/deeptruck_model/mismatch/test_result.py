@@ -46,7 +46,7 @@ def slow_cause(e: Evidence, kind: str) -> Cause:
     more: dict[str, Any] = {
         "slow": {"effect": "headwind", "needed": SIZES, "nearest": "road_grade"},
         "road": {"effect": "road_grade", "needed": SIZES, "road": ROAD},
-        "lawless": {"effect": "unknown", "lawless": True, "nearest": "headwind"},
+        "time_varying": {"effect": "unknown", "time_varying": True, "nearest": "headwind"},
     }[kind]
     return Cause("missing_physics", gain=50.0, share=0.7, probability=0.7, force=force, **more)
 
@@ -61,7 +61,7 @@ def test_a_finding_has_the_entries_it_had(kind: str) -> None:
     assert equal(mismatch(kind).verdict["findings"], kept("findings")[kind])
 
 
-@pytest.mark.parametrize("kind", ["slow", "road", "lawless"])
+@pytest.mark.parametrize("kind", ["slow", "road", "time_varying"])
 def test_a_slow_force_has_the_entries_it_had(kind: str, physics: Mismatch) -> None:
     assert physics.evidence is not None and physics.explanation is not None
     cause = slow_cause(physics.evidence, kind)

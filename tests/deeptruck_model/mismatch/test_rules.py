@@ -26,14 +26,14 @@ NUMERICS = {
     "correction/correction.py": {"FOLDS"},
     "correction/recovered_road.py": {"LEAST"},
     "correction/worth.py": {"NOTICED", "NOTICED_M_S"},
-    "posterior/candidates.py": {"FEW_COLUMNS", "FITTED", "MOST_COLUMNS", "SECOND_SHAPES"},
+    "posterior/candidates.py": {"FEW_COLUMNS", "FITTED", "MOST_COLUMNS", "SECOND_TERMS"},
     "posterior/causes.py": {"LENGTH_M"},
     "posterior/formula.py": {"CELLS", "LEAST_IN_CELL"},
     "posterior/slow_force.py": {"BRAKE_S", "BRAKING", "SLOWEST"},
     "posterior/windows.py": {"AROUND_S", "FITTED"},
     "residual/effective_mass.py": {"BRAKED", "RELEASED_S"},
     "residual/evidence.py": {"LOCKED_M_S", "SELDOM", "WIDTH"},
-    "residual/gather.py": {"ALIKE", "LEAST_ANSWER"},
+    "residual/gather.py": {"ALIKE", "LEAST_EFFECTIVE_MASS_GAIN"},
 }
 
 

@@ -21,14 +21,14 @@ from deeptruck_model.mismatch.mechanisms.carriers import CARRIERS
 from deeptruck_model.mismatch.residual import effective_mass
 from deeptruck_model.mismatch.residual.command_path import CommandPath
 from deeptruck_model.mismatch.residual.components import SENSITIVITY, Shares
-from deeptruck_model.mismatch.residual.evidence import lever, turns
+from deeptruck_model.mismatch.residual.evidence import overall_ratio, turns
 from deeptruck_model.signals import ACCELERATION, SPEED, TruckInterface
 from deeptruck_model.simulators import MANIFEST, Run, Simulator
 from deeptruck_model.simulators import load as load_simulator
 
 Array = NDArray[np.float64]
 
-# 1: forces gave force per mass of acceleration; 2: brakes that hold a deceleration felt nothing that changes.
+# 1: forces gave force per mass of acceleration; 2: a force that changed did nothing while brakes held.
 # 3: forces were of the size they had about other parameters. Coefficients of all three mean something else.
 # 4: terms were settings by name, and not variants.
 SCHEMA = 5
@@ -150,10 +150,12 @@ class CorrectedTruck:
         inner, y = self.base.step(state.base, commands, w)
         now = self._now(inner, y, u, w, state)
         (left,), braked = self._held.step(state.memory[0], now, self.dt)
-        now["answer"] = now["answer"] * left
+        now["effective_mass_gain"] = now["effective_mass_gain"] * left
         now |= effective_mass.holding(self.interface, now, left)
         if "engine" in now:
-            now["sensitivity:mass"] = now["answer"] * (now["brake"] + now["drag"] - now["engine"])
+            now["sensitivity:mass"] = now["effective_mass_gain"] * (
+                now["brake"] + now["drag"] - now["engine"]
+            )
         values, memory = self._stream.step(state.memory[1], now, self.dt)
         extra = sum((b * v for b, v in zip(self._weights, values, strict=True)), start=np.zeros(len(y)))
         y = y.copy()
@@ -266,9 +268,9 @@ class CorrectedTruck:
             now.setdefault(name, x[:, min(state.row, x.shape[1] - 1)])
         if "ratio" in now:
             in_gear = inside["ratio"] / self._radius if self._radius and "ratio" in inside else None
-            now["lever"] = lever(now["ratio"], self.gears, in_gear)
+            now["lever"] = overall_ratio(now["ratio"], self.gears, in_gear)
         turning = effective_mass.free(inside)
-        now["answer"] = np.ones(len(y)) if turning is None else turning
+        now["effective_mass_gain"] = np.ones(len(y)) if turning is None else turning
         return now
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.correction.improvement import compared, free_windows, improvement, joined
 from deeptruck_model.mismatch.data.prepared import Prepared
-from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes, held_steady
+from deeptruck_model.mismatch.mechanisms import CandidateTerm, held_steady, is_time_varying
 from deeptruck_model.mismatch.mechanisms.carriers import factors
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.linearised import accepted
@@ -41,7 +41,7 @@ def in_vain(
     """Whether little was found, and corrected by it the simulator drives worse on recordings held out, or the
     others best with nothing corrected, or with all parameters and no name; or no better than one with other
     parameters, where laws were found or parameters beside a name, which hold on other drives too, or where it
-    is a learned simulator, whose own error may be found. Of what has no name the laws must help these drives.
+    is a learned simulator, whose discrepancy may be found. Of the unnamed the laws must help these drives.
 
     A road helps other drives no more than another road does; where no slopes are recorded it is there.
     `errors` are on the held-out recordings, None where there were no free runs; `chosen` is what went in.
@@ -55,7 +55,7 @@ def in_vain(
     if most < rules.least_gain and all(c.kind == "parameter_error" for c in x.causes):
         return after > rules.clearly_better * before
     physics = [c for c in x.causes if c.kind != "parameter_error"]
-    names = [c.shape for c in x.causes if c.shape is not None]
+    names = [c.term for c in x.causes if c.term is not None]
     lawful = physics and all(c.predictable for c in physics)
     if most < rules.clear and lawful and _laws_drive_no_better(errors, rules):
         return True
@@ -67,8 +67,8 @@ def in_vain(
             return True
     if most >= rules.weak:
         return False
-    lasting = any(shape.variant.is_a_law for shape in names) or 0 < len(names) < len(x.causes)
-    left_out = chosen is Chosen.NOTHING and not any(shape.variant.acts_in_windows for shape in names)
+    lasting = any(term.variant.is_a_law for term in names) or 0 < len(names) < len(x.causes)
+    left_out = chosen is Chosen.NOTHING and not any(term.variant.acts_in_windows for term in names)
     return left_out or after > before or ((learned or lasting) and after > rules.no_better * tuned)
 
 
@@ -81,13 +81,13 @@ def _laws_drive_no_better(errors: Compared, rules: Rules) -> bool:
 
 
 def _asked_of_other_drives(cause: Cause, slopes_recorded: bool) -> bool:
-    """Whether it must help them: a law, or what comes and goes but a road that is surely there."""
-    law = cause.shape is not None and cause.shape.variant.is_a_law
+    """Whether it must help them: a law, or what is time-varying but a road that is surely there."""
+    law = cause.term is not None and cause.term.variant.is_a_law
     return law or (_comes_and_goes(cause) and (slopes_recorded or cause.effect != ROAD))
 
 
 def _comes_and_goes(cause: Cause) -> bool:
-    return cause.lawless or (cause.shape is not None and comes_and_goes(cause.shape))
+    return cause.time_varying or (cause.term is not None and is_time_varying(cause.term))
 
 
 Mask = NDArray[np.bool_]
@@ -132,8 +132,8 @@ class _Fold:
 class _Recipe:
     """What is fitted, and which of it goes into the simulator: mechanisms, and parameters by name."""
 
-    fitted: tuple[Shape, ...]
-    kept: tuple[Shape, ...]
+    fitted: tuple[CandidateTerm, ...]
+    kept: tuple[CandidateTerm, ...]
     free: frozenset[str]
     what: Chosen = Chosen.FINDINGS
 
@@ -146,8 +146,8 @@ class _Recipe:
 def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequence[Prepared]) -> Corrections:
     """Corrected simulators, without and with what has no name.
 
-    What comes and goes is of no use on another drive but for its mean, and a parameter that nobody states as
-    wrong may only have been bent. So what goes in is what free runs ask for along `prepared`, the recordings
+    What is time-varying is of no use on another drive but for its mean, and a parameter that nobody states as
+    wrong may only be biased. So what goes in is what free runs ask for along `prepared`, the recordings
     that are not held out, each by a fit to others of them.
     """
     e = left_beside(e, x.model)
@@ -206,8 +206,8 @@ def _with_laws(x: Explanation) -> _Recipe | None:
     return _Recipe(x.lawful.named, _physics(x.lawful.named), x.lawful.free, Chosen.LAWS)
 
 
-def _physics(shapes: Iterable[Shape]) -> tuple[Shape, ...]:
-    return tuple(s for s in shapes if s.mechanism.kind == "missing_physics")
+def _physics(terms: Iterable[CandidateTerm]) -> tuple[CandidateTerm, ...]:
+    return tuple(s for s in terms if s.mechanism.kind == "missing_physics")
 
 
 def corrected(simulator: Simulator, e: Evidence, model: Model) -> CorrectedTruck:
@@ -225,11 +225,11 @@ def _truck(
 
 
 def _recipes(e: Evidence, x: Explanation) -> list[_Recipe]:
-    """What comes and goes with its mean, held steady or left out, each with all moved parameters, with the
+    """What is time-varying with its mean, held steady or left out, each with all moved parameters, with the
     stated ones alone and with none."""
     stated = {c.effect for c in x.causes}
     told = [s for s in _physics(x.model.named) if s.mechanism.effect in stated]
-    lasting = [s for s in told if not comes_and_goes(s)]
+    lasting = [s for s in told if not is_time_varying(s)]
     parameters = frozenset(c.effect for c in x.causes if c.kind == "parameter_error")
     out = []
     for free in sorted({x.model.free, parameters & x.model.free, frozenset()}, key=lambda f: -len(f)):
@@ -241,10 +241,10 @@ def _recipes(e: Evidence, x: Explanation) -> list[_Recipe]:
     return out
 
 
-def _terms(shapes: Sequence[Shape], model: Model) -> list[Term]:
+def _terms(terms: Sequence[CandidateTerm], model: Model) -> list[Term]:
     return [
         Term(s.mechanism.effect, s.variant, tuple(model.coefficients(s.mechanism.effect).tolist()))
-        for s in shapes
+        for s in terms
     ]
 
 
@@ -329,7 +329,7 @@ def corrected_and_driven(
     made = correct(simulator, e, x, fitted)
     weighed = _weighed(simulator, made, held_out, with_unnamed) if x.causes else None
     chosen = made.after(with_unnamed)[1]
-    learned, slopes = e.own_error > 0, e.has("grade")
+    learned, slopes = e.model_discrepancy > 0, e.has("grade")
     if in_vain(x, weighed, chosen, learned=learned, slopes_recorded=slopes, rules=e.rules):
         x = replace(x, causes=(), lawful=None)
         made = correct(simulator, e, x, fitted)

@@ -129,7 +129,7 @@ def unusable(prepared: Sequence[Prepared], rejected: Sequence[checks.Rejection],
     speed = np.concatenate([p.y[p.valid, 1] for p in prepared])
     if np.std(speed) < rules.least_speed_sd:
         return (
-            "the speed is constant throughout, so no force can be told from another: "
+            "the speed is constant throughout, so no force is distinguishable from another: "
             "accelerate, brake and coast between 5 and 25 m/s"
         )
     return None

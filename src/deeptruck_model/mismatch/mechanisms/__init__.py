@@ -2,15 +2,15 @@
 
 from deeptruck_model.mismatch.mechanisms import air_and_tyres, brakes, commands, driveline, engine, load, road
 from deeptruck_model.mismatch.mechanisms.base import (
+    CandidateTerm,
     Column,
     Mechanism,
-    Shape,
     build,
-    comes_and_goes,
+    candidate_term,
+    candidate_terms,
     held_steady,
+    is_time_varying,
     merge,
-    shape,
-    shapes,
 )
 from deeptruck_model.mismatch.mechanisms.laws import LATE_SENSOR, LAW, acts_by, law_signal, laws, leans_on
 from deeptruck_model.mismatch.mechanisms.over_time import UNNAMED
@@ -31,19 +31,19 @@ __all__ = [
     "LIBRARY",
     "OWN",
     "UNNAMED",
+    "CandidateTerm",
     "Column",
     "Constants",
     "Mechanism",
-    "Shape",
     "Variant",
     "acts_by",
     "build",
-    "comes_and_goes",
+    "candidate_term",
+    "candidate_terms",
     "held_steady",
+    "is_time_varying",
     "law_signal",
     "laws",
     "leans_on",
     "merge",
-    "shape",
-    "shapes",
 ]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.expression import During, Expression, Lag, Rerun, Signal, maximum
 from deeptruck_model.mismatch.mechanisms.own_forms import OWN, SIZE, curve, curves
-from deeptruck_model.mismatch.mechanisms.symbols import ENGINE, LEVER, PULL, SPEED
+from deeptruck_model.mismatch.mechanisms.symbols import ENGINE, OVERALL_RATIO, PULL, SPEED
 from deeptruck_model.mismatch.mechanisms.variants import (
     Gate,
     Gated,
@@ -27,7 +27,7 @@ from deeptruck_model.mismatch.mechanisms.variants import (
     Variant,
     Windowed,
 )
-from deeptruck_model.mismatch.residual.effective_mass import felt
+from deeptruck_model.mismatch.residual.effective_mass import with_effective_mass
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import Prior
 
@@ -38,10 +38,10 @@ Array = NDArray[np.float64]
 GATE_S = 1.5
 GATES: dict[str, tuple[Expression, tuple[str, ...]]] = {  # what borders run through, and what it needs
     "speed": (Lag((SPEED,), GATE_S), ("speed",)),
-    "lever": (Lag((LEVER,), GATE_S), ("lever",)),
+    "lever": (Lag((OVERALL_RATIO,), GATE_S), ("lever",)),
     "grade": (Lag((Signal("grade"),), GATE_S), ("grade",)),
     "engine": (Lag((ENGINE,), GATE_S), ("engine",)),
-    "engine torque": (PULL / maximum(LEVER, 0.05), ("engine", "lever")),
+    "engine torque": (PULL / maximum(OVERALL_RATIO, 0.05), ("engine", "lever")),
 }
 
 
@@ -91,7 +91,7 @@ class Mechanism:
 
 
 @dataclass(frozen=True)
-class Shape:
+class CandidateTerm:
     """A variant of a mechanism, evaluated: columns (n, k) and their prior."""
 
     mechanism: Mechanism
@@ -105,7 +105,11 @@ class Shape:
 def build(mechanism: Mechanism, variant: Variant) -> list[Column]:
     """The columns of a variant; those of a sum side by side."""
     columns = _forces(mechanism, variant)
-    return [replace(c, expression=_felt(c.expression)) for c in columns] if mechanism.force else columns
+    return (
+        [replace(c, expression=_with_effective_mass(c.expression)) for c in columns]
+        if mechanism.force
+        else columns
+    )
 
 
 def _forces(mechanism: Mechanism, variant: Variant) -> list[Column]:
@@ -130,9 +134,9 @@ def _inside(gate: Gate) -> Expression:
     return above if gate.side == "above" else 1.0 - above
 
 
-def _felt(force: Expression) -> Expression:
+def _with_effective_mass(force: Expression) -> Expression:
     """The acceleration a force gives; what the simulator itself was asked for is one already."""
-    return force if _asked(force) else felt(force)
+    return force if _asked(force) else with_effective_mass(force)
 
 
 def _asked(x: Expression) -> bool:
@@ -157,26 +161,26 @@ def _own_columns(effect: str, own: OwnCurve) -> list[Column]:
     ]
 
 
-def comes_and_goes(shape: Shape) -> bool:
-    """Whether a shape has knots in time or along the road, and so can follow any slow force."""
-    return shape.variant.varies_in_time
+def is_time_varying(term: CandidateTerm) -> bool:
+    """Whether a candidate term has knots in time or along the road, and so can follow any slow force."""
+    return term.variant.varies_in_time
 
 
-def held_steady(coming: Shape, e: Evidence) -> Shape:
-    """A shape without its coming and going: one size throughout, which is all that another drive may ask."""
-    steady = coming.variant.steady()
-    return coming if steady == coming.variant else shape(coming.mechanism, steady, e)
+def held_steady(term: CandidateTerm, e: Evidence) -> CandidateTerm:
+    """A term that does not vary in time: one size throughout, which is all that another drive may ask."""
+    steady = term.variant.steady()
+    return term if steady == term.variant else candidate_term(term.mechanism, steady, e)
 
 
-def merge(first: Shape, other: Shape) -> Shape:
-    """One shape with the columns of both: a mechanism's true form may lie between two of its shapes.
+def merge(first: CandidateTerm, other: CandidateTerm) -> CandidateTerm:
+    """One term with the columns of both: a mechanism's true form may lie between two of its terms.
 
-    What is added starts from zero, not from the mean its own shape had.
+    What is added starts from zero, not from the mean its own candidate term had.
     """
     prior = Prior(
         np.zeros_like(other.prior.mean), other.prior.sd + abs(other.prior.mean) / 2, other.prior.sign
     )
-    return Shape(
+    return CandidateTerm(
         first.mechanism,
         Sum((*first.variant.parts, other.variant)),
         first.parts + other.parts,
@@ -191,16 +195,16 @@ def every_variant(mechanism: Mechanism, e: Evidence) -> Iterator[Variant]:
     return itertools.chain(mechanism.variants(e), curves(mechanism.effect, e))
 
 
-def shapes(mechanism: Mechanism, e: Evidence) -> list[Shape]:
-    """Every shape of a mechanism on this evidence that is not zero throughout."""
-    made = [shape(mechanism, variant, e) for variant in every_variant(mechanism, e)]
+def candidate_terms(mechanism: Mechanism, e: Evidence) -> list[CandidateTerm]:
+    """Every candidate term of a mechanism on this evidence that is not zero throughout."""
+    made = [candidate_term(mechanism, variant, e) for variant in every_variant(mechanism, e)]
     made = [s for s in made if np.abs(s.columns[e.valid]).max(initial=0.0) > 1e-6]
     count = distinct(made, e)
     return [replace(s, trials=s.trials * count) for s in made]
 
 
-def distinct(made: Sequence[Shape], e: Evidence) -> float:
-    """How many different forces the shapes of a mechanism are: each is an alternative, and is paid for.
+def distinct(made: Sequence[CandidateTerm], e: Evidence) -> float:
+    """How many different forces the terms of a mechanism are: each is an alternative, and is paid for.
 
     Many that are nearly alike are one: the exponential of the entropy of the eigenvalues of how they
     correlate (the effective rank of Roy and Vetterli, EUSIPCO 2007), over every fifth row.
@@ -214,15 +218,15 @@ def distinct(made: Sequence[Shape], e: Evidence) -> float:
     return float(np.exp(-np.sum(share * np.log(share))))
 
 
-def shape(mechanism: Mechanism, variant: Variant, e: Evidence) -> Shape:
-    """One shape of a mechanism on this evidence."""
+def candidate_term(mechanism: Mechanism, variant: Variant, e: Evidence) -> CandidateTerm:
+    """One candidate term of a mechanism on this evidence."""
     parts = build(mechanism, variant)
     columns = np.stack([p.expression.rows(e) for p in parts], axis=1)
     prior = Prior(*(np.array([getattr(p, f) for p in parts], dtype=float) for f in ("mean", "sd", "sign")))
-    return Shape(mechanism, variant, tuple(parts), columns, prior, variant.trials)
+    return CandidateTerm(mechanism, variant, tuple(parts), columns, prior, variant.trials)
 
 
-def lever_reference(e: Evidence) -> float:
+def overall_ratio_reference(e: Evidence) -> float:
     """Median overall ratio (rad/m) while driving, so that columns in engine terms stay of order one."""
     if "ratio" not in e.signals:
         return 1.0

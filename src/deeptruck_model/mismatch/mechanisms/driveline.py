@@ -24,7 +24,7 @@ from deeptruck_model.mismatch.expression import (
 from deeptruck_model.mismatch.mechanisms.base import (
     Column,
     Mechanism,
-    lever_reference,
+    overall_ratio_reference,
     quantile,
 )
 from deeptruck_model.mismatch.mechanisms.over_time import spline_columns, splines
@@ -33,8 +33,8 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
     ENGINE,
     ENGINE_SPEED,
     GEAR,
-    LEVER,
     OMEGA,
+    OVERALL_RATIO,
     PULL,
     RATIO,
     SIMULATED,
@@ -68,9 +68,9 @@ def _losses(e: Evidence) -> Iterator[Static]:
         if 1 < len(used) <= 16:
             yield Static(LossByGear(tuple(used)))
     if e.has("ratio"):
-        yield Static(LossByRatio("ratio", lever_reference(e)))
+        yield Static(LossByRatio("ratio", overall_ratio_reference(e)))
     if e.has("ratio", "engine_speed"):
-        yield Static(LossByRatio("input", lever_reference(e)))
+        yield Static(LossByRatio("input", overall_ratio_reference(e)))
 
 
 def _loss(v: Simple) -> list[Column]:
@@ -78,14 +78,14 @@ def _loss(v: Simple) -> list[Column]:
         case LossByGear(gears):
             return [Column(-(PULL * (absolute(GEAR - g) < 0.5)), 0.1, f"share_gear_{g:.0f}") for g in gears]
         case LossByRatio("input", reference):
-            drag = -(LEVER / reference)
+            drag = -(OVERALL_RATIO / reference)
             return [
                 Column(drag, 0.05, "drag", "N", per_mass=True),
                 Column(drag * (ENGINE_SPEED / OMEGA), 0.05, "drag_per_speed", "N", per_mass=True),
                 Column(-PULL, 0.1, "share"),
             ]
         case LossByRatio("ratio", reference):
-            return [Column(-(PULL * maximum(LEVER / reference - 1.0, 0.0)), 0.1, "share_per_ratio")]
+            return [Column(-(PULL * maximum(OVERALL_RATIO / reference - 1.0, 0.0)), 0.1, "share_per_ratio")]
     return [Column(-absolute(ENGINE), 0.15, "share")]
 
 
@@ -213,7 +213,7 @@ class Turning(Constants):
 
 def _inertias(e: Evidence) -> Iterator[Static]:
     for share in (0.001, 0.002, 0.004, 0.008, 0.016, 0.03, 0.06, 0.12):
-        yield Static(Turning(lever_reference(e), share))
+        yield Static(Turning(overall_ratio_reference(e), share))
 
 
 def _inertia(v: Simple) -> list[Column]:
@@ -221,8 +221,9 @@ def _inertia(v: Simple) -> list[Column]:
     if not isinstance(v.constants, Turning):
         raise TypeError(f"{v!r} is no inertia")
     reference, part = v.constants.reference, v.constants.share
-    lever = minimum(LEVER / reference, 20.0)  # first gear over top gear; beyond, the clutch slips
-    share = (lever**2) * part
+    # first gear over top gear; beyond, the clutch slips
+    overall_ratio = minimum(OVERALL_RATIO / reference, 20.0)
+    share = (overall_ratio**2) * part
     return [Column(-(SIMULATED * (share / (share + 1.0))), 0.3, "share_of_mass", "1", part, mean=1.0)]
 
 
@@ -254,7 +255,7 @@ def _backlashes(e: Evidence) -> Iterator[Static]:
         yield Static(TipIn(window_s))
     yield Static(Stages((0.3, 0.7, 1.2, 2.0)))  # several plays, one after the other
     if np.isfinite(size):
-        reference = lever_reference(e) if "ratio" in e.signals else None
+        reference = overall_ratio_reference(e) if "ratio" in e.signals else None
         for turns_s in (0.15, 0.3, 0.6, 1.2):  # by a strong pull
             for soft in (0.0, 0.3):  # what a soft spring in it holds of that
                 yield Static(PlayTaken(strong * turns_s, strong * soft, reference))
@@ -265,9 +266,9 @@ def _backlash(v: Simple) -> list[Column]:
     tip_in, tip_out = Since((change > 0.1,)), Since((change < -0.1,))
     match v.constants:
         case PlayTaken(reach, holds, reference):
-            lever = LEVER / reference if reference else lift(1.0)
-            play = Play((ENGINE / maximum(lever, 0.05),), reach, holds)
-            return [Column(-(play * lever), 0.5, "share")]
+            overall_ratio = OVERALL_RATIO / reference if reference else lift(1.0)
+            play = Play((ENGINE / maximum(overall_ratio, 0.05),), reach, holds)
+            return [Column(-(play * overall_ratio), 0.5, "share")]
         case Stages(until_s):
             return [
                 Column(-(ENGINE * _between(t, first, last)), 0.6, f"{side}_share_{first:g}_to_{last:g}_s")

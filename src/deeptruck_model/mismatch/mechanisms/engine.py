@@ -23,7 +23,7 @@ from deeptruck_model.mismatch.mechanisms.base import (
     Array,
     Column,
     Mechanism,
-    lever_reference,
+    overall_ratio_reference,
     quantile,
 )
 from deeptruck_model.mismatch.mechanisms.over_time import (
@@ -38,8 +38,8 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
     ENGINE,
     ENGINE_COMMAND,
     ENGINE_SPEED,
-    LEVER,
     OMEGA,
+    OVERALL_RATIO,
     PULL,
     SPEED,
 )
@@ -64,7 +64,7 @@ def _turbos(e: Evidence) -> Iterator[Static]:
     """All of the torque may lag, or what is above what the engine gives without boost, or more so at low
     revolutions."""
     pull = np.maximum(e["engine"], 0.0)
-    reference = lever_reference(e)
+    reference = overall_ratio_reference(e)
     known = "ratio" in e.signals
     torque = pull * reference / np.maximum(e["ratio"], 0.05 * reference) if known else pull
     full = quantile(e, torque, pull > 0.02, 0.98)
@@ -83,14 +83,14 @@ def _turbo(v: Simple) -> list[Column]:
     how = v.constants
     if not isinstance(how, Boost):
         raise TypeError(f"{v!r} is no lag of a boost")
-    lever = LEVER / how.reference if how.reference else lift(1.0)
-    boosted = maximum(PULL / maximum(lever, 0.05) - how.aspirated, 0.0)
+    overall_ratio = OVERALL_RATIO / how.reference if how.reference else lift(1.0)
+    boosted = maximum(PULL / maximum(overall_ratio, 0.05) - how.aspirated, 0.0)
     boost: Expression = boosted
     for _ in range(how.order):  # a boost that feeds itself begins slowly
         boost = RisingLag((boost,), how.tau_s / how.order)
     if how.stays:
         boost = Lag((boosted,), how.tau_s)
-    late = minimum(boost - boosted, 0.0) * lever
+    late = minimum(boost - boosted, 0.0) * overall_ratio
     if how.slow_when_slow:
         late = late * minimum(OMEGA / maximum(ENGINE_SPEED, 50.0), 2.0)
     return [Column(late, 0.7, "share")]
@@ -162,7 +162,7 @@ class Top(Constants):
 
 def _limits(e: Evidence) -> Iterator[Static]:
     pull, speed = np.maximum(e["engine"], 0.0), e["speed"]
-    reference = lever_reference(e)
+    reference = overall_ratio_reference(e)
     torque = pull * reference / np.maximum(e["ratio"], 0.05 * reference) if "ratio" in e.signals else pull
     gearing = reference if "ratio" in e.signals else None
     tops: tuple[tuple[Literal["torque", "power", "speed"], Array], ...]
@@ -182,7 +182,7 @@ def _limit(v: Simple) -> list[Column]:
         case Top("power", top):
             over = maximum(PULL - top / maximum(SPEED, 1.0), 0.0)
         case Top("torque", top, reference):
-            over = maximum(PULL - LEVER / reference * top if reference else PULL - top, 0.0)
+            over = maximum(PULL - OVERALL_RATIO / reference * top if reference else PULL - top, 0.0)
         case _:
             raise TypeError(f"{v!r} is no limit")
     return [Column(-over, 0.5, "share")]
@@ -219,7 +219,7 @@ class Staged(Constants):
 def _engine_brakes(e: Evidence) -> Iterator[Simple]:
     command = e["engine_command"][e.valid]
     small = 0.03 * float(np.nanmax(np.abs(command), initial=0.0))
-    reference = lever_reference(e)
+    reference = overall_ratio_reference(e)
     if np.nanmin(command, initial=0.0) < 0:
         full = float(-np.nanmin(command))
         yield Static(Demanded(full, 0, geared=False))
@@ -255,7 +255,7 @@ def _overrun(how: Overrun) -> list[Column]:
     if how.after_s:
         coast = coast * (Since((1.0 - coast,)) > how.after_s)
     if how.by == "engine_speed":
-        drive = coast * (LEVER / how.reference) * (ENGINE_SPEED / OMEGA)
+        drive = coast * (OVERALL_RATIO / how.reference) * (ENGINE_SPEED / OMEGA)
         parts = [Column(-drive, 0.1, "force_at_150_rad_s", "N", per_mass=True)]
         if how.order == 2:
             parts.append(Column(-(drive * ENGINE_SPEED / OMEGA), 0.1, "force_square", "N", per_mass=True))
@@ -276,7 +276,7 @@ class Friction(Constants):
 
 
 def _frictions(e: Evidence) -> Iterator[Simple]:
-    reference = lever_reference(e)
+    reference = overall_ratio_reference(e)
     for order in (0, 1):
         yield Static(Friction(reference, order))
     for cold_s in (60.0, 200.0, 600.0, 1500.0):
@@ -289,7 +289,7 @@ def _friction(v: Simple) -> list[Column]:
     how = v.constants
     if not isinstance(how, Friction):
         raise TypeError(f"{v!r} is no friction")
-    drive = LEVER / how.reference
+    drive = OVERALL_RATIO / how.reference
     if how.order == 1:
         drive = drive * ENGINE_SPEED / OMEGA
     if how.cold_s is not None:
@@ -317,15 +317,15 @@ def _accessory_loads(e: Evidence) -> Iterator[Simple]:
     yield Static()
     yield from splines(e, PER_POWER, 2.0)
     if e.has("ratio", "engine_speed"):
-        reference = lever_reference(e)
+        reference = overall_ratio_reference(e)
         for order in (0, 2):
             torque = _at_the_engine(reference, order)
             yield from splines(e, torque, 0.3, constants=AtTheEngine(reference, order))
 
 
 def _at_the_engine(reference: float, order: int) -> Expression:
-    lever = LEVER / reference
-    return -(lever * (ENGINE_SPEED / OMEGA) ** order) if order else -lever
+    overall_ratio = OVERALL_RATIO / reference
+    return -(overall_ratio * (ENGINE_SPEED / OMEGA) ** order) if order else -overall_ratio
 
 
 def _accessories(v: Simple) -> list[Column]:

@@ -29,10 +29,10 @@ from deeptruck_model.mismatch.expression import (
     minimum,
 )
 from deeptruck_model.mismatch.mechanisms.base import (
+    CandidateTerm,
     Column,
     Mechanism,
-    Shape,
-    shapes,
+    candidate_terms,
 )
 from deeptruck_model.mismatch.mechanisms.own_forms import apart
 from deeptruck_model.mismatch.mechanisms.symbols import (
@@ -124,10 +124,10 @@ def _variants(e: Evidence) -> Iterator[Static]:
     for of, x in known.items():
         at = _knots(of, x.rows(e)[e.valid])
         for carrier in CARRIERS if len(at) > 2 else ():
-            if rms[carrier] > LEAST_CARRIER and not (carrier == "simulated" and e.own_error > 0):
+            if rms[carrier] > LEAST_CARRIER and not (carrier == "simulated" and e.model_discrepancy > 0):
                 yield Static(Law(carrier, of, at))
     for name, force in FORCES.items():
-        if name == "simulated" and e.own_error > 0:
+        if name == "simulated" and e.model_discrepancy > 0:
             continue  # what a learned simulator learned badly is in its acceleration too, and no law of it
         if float(np.std(force.rows(e)[e.valid])) > LEAST_CARRIER:
             for how in HOWS:
@@ -201,9 +201,9 @@ LATE_SENSOR = Mechanism(
 )
 
 
-def laws(e: Evidence) -> list[Shape]:
+def laws(e: Evidence) -> list[CandidateTerm]:
     """Every law on this evidence; each pays for having been picked among them."""
-    found = shapes(LAW, e)
+    found = candidate_terms(LAW, e)
     return [replace(s, trials=float(len(found))) for s in found]
 
 

@@ -54,7 +54,7 @@ UNNAMED = Mechanism(
 
 SLOW_KNOT_S = (20.0, 40.0)  # shortest and longest distance of the finer knots
 COARSER = 3.0
-SLOW_SIZES = (0.025, 0.1)  # m/s^2 sd of a force that comes and goes
+SLOW_SIZES = (0.025, 0.1)  # m/s^2 sd of a force that is time-varying
 MOST_KNOTS = 80
 
 

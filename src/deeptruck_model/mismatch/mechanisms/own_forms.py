@@ -34,8 +34,8 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
     ENGINE,
     ENGINE_SPEED,
     GEAR,
-    LEVER,
     OMEGA,
+    OVERALL_RATIO,
     PULL,
     SIMULATED,
     SPEED,
@@ -84,11 +84,11 @@ def _heated(power: Expression, over_s: float) -> Expression:
 
 SHIFTED = Since((absolute(Change((GEAR,))) > 0.5,))
 UP, DOWN = Since((Change((GEAR,)) > 0.5,)), Since((Change((GEAR,)) < -0.5,))
-TORQUE = PULL / maximum(LEVER, 0.05)
+TORQUE = PULL / maximum(OVERALL_RATIO, 0.05)
 STOOD = minimum(Since((SPEED < 0.5,)), 60.0)
 GEARED = ("ratio", "engine_speed")
-PUMP = LEVER * -1.0  # a pump takes a torque, a fan one with speed squared
-FAN = LEVER * (ENGINE_SPEED / OMEGA) ** 2 * -1.0
+PUMP = OVERALL_RATIO * -1.0  # a pump takes a torque, a fan one with speed squared
+FAN = OVERALL_RATIO * (ENGINE_SPEED / OMEGA) ** 2 * -1.0
 LATE = RisingLag((PULL,), 1.0) - PULL
 GRIPPED = PULL - BRAKE  # what the tyres hold
 
@@ -161,12 +161,12 @@ OWN: dict[str, tuple[Form, ...]] = {
         )
     ),
     "engine_brake": tuple(
-        Form(-(when * lever), of, by, "rising", level=by != "time", share=False, needs=needs)
+        Form(-(when * overall_ratio), of, by, "rising", level=by != "time", share=False, needs=needs)
         for when in (COASTING, COASTING * (BRAKE > 0.05), COASTING * BRAKED)
-        for lever, of, by, needs in (
+        for overall_ratio, of, by, needs in (
             (lift(1.0), SPEED, "speed", ()),
-            (LEVER, ENGINE_SPEED, "engine speed", ("ratio", "engine_speed")),
-            (LEVER, minimum(Since((1.0 - when,)), 6.0), "time", ("ratio",)),
+            (OVERALL_RATIO, ENGINE_SPEED, "engine speed", ("ratio", "engine_speed")),
+            (OVERALL_RATIO, minimum(Since((1.0 - when,)), 6.0), "time", ("ratio",)),
         )
     ),
     "accessory_load": (
@@ -197,7 +197,7 @@ OWN: dict[str, tuple[Form, ...]] = {
     ),
     "engine_friction": (
         Form(
-            LEVER * -1.0,
+            OVERALL_RATIO * -1.0,
             ENGINE_SPEED,
             "engine speed",
             "rising",
@@ -205,10 +205,10 @@ OWN: dict[str, tuple[Form, ...]] = {
             share=False,
             needs=("ratio", "engine_speed"),
         ),
-        Form(LEVER * -1.0, ELAPSED, "time since start", "falling", share=False, needs=("ratio",)),
+        Form(OVERALL_RATIO * -1.0, ELAPSED, "time since start", "falling", share=False, needs=("ratio",)),
     ),
     "driveline_loss": (
-        Form(PULL * -1.0, LEVER, "ratio", "any", needs=("ratio",)),
+        Form(PULL * -1.0, OVERALL_RATIO, "ratio", "any", needs=("ratio",)),
         Form(absolute(ENGINE) * -1.0, SPEED, "speed", "rising", level=True),
         Form(
             absolute(ENGINE) * -1.0,
@@ -246,7 +246,7 @@ OWN: dict[str, tuple[Form, ...]] = {
         Form(force * -1.0, absolute(force), by, "rising", sd=0.6, knots=UPPER)
         for force, by in ((PULL, "traction force"), (GRIPPED, "force of the tyres"))
     ),
-    "rotating_inertia": (Form(SIMULATED * -1.0, LEVER, "ratio", "rising", needs=("ratio",)),),
+    "rotating_inertia": (Form(SIMULATED * -1.0, OVERALL_RATIO, "ratio", "rising", needs=("ratio",)),),
 }
 
 
@@ -256,7 +256,7 @@ def curves(effect: str, e: Evidence) -> Iterator[OwnCurve]:
     None for a learned simulator: what it learned badly runs in curves too.
     """
     for k, form in enumerate(OWN.get(effect, ())):
-        if e.own_error > 0 or not e.has(*form.needs):
+        if e.model_discrepancy > 0 or not e.has(*form.needs):
             continue
         carrier, x = np.abs(form.carrier.rows(e)), form.of.rows(e)
         acts = e.valid & (carrier > ACTING * float(np.quantile(carrier[e.valid], 0.98))) & (carrier > 0)

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.mechanisms.base import GATES, Shape, build
+from deeptruck_model.mismatch.mechanisms.base import GATES, CandidateTerm, build
 from deeptruck_model.mismatch.mechanisms.variants import Gate, Gated
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
@@ -90,14 +90,14 @@ class Regimes:
         return gates, Products.joined(parts) if parts else Products(*([np.zeros((0, 0, 0))] * 3))
 
 
-def gated(shape: Shape, gate: Gate, e: Evidence, trials: int) -> Shape:
-    """The shape confined to one side of a border."""
-    variant = Gated(shape.variant, gate)
-    parts = tuple(build(shape.mechanism, variant))
-    columns = shape.columns * _inside(gate, e)[:, None]
-    if "holds" in e.signals and e["holds"].any():  # what sets in at a border is felt for a while
+def gated(term: CandidateTerm, gate: Gate, e: Evidence, trials: int) -> CandidateTerm:
+    """The candidate term confined to one side of a border."""
+    variant = Gated(term.variant, gate)
+    parts = tuple(build(term.mechanism, variant))
+    columns = term.columns * _inside(gate, e)[:, None]
+    if "holds" in e.signals and e["holds"].any():  # what sets in at a border acts for a while
         columns = np.stack([p.expression.rows(e) for p in parts], axis=1)
-    return replace(shape, variant=variant, parts=parts, columns=columns, trials=shape.trials * trials)
+    return replace(term, variant=variant, parts=parts, columns=columns, trials=term.trials * trials)
 
 
 def _inside(gate: Gate, e: Evidence) -> NDArray[np.bool_]:

@@ -78,6 +78,6 @@ MECHANISMS = (
         _surfaces,
         _surface,
         hidden=True,
-        prior=0.05,  # without a second pass it is any drag that comes and goes
+        prior=0.05,  # without a second pass it is any drag that is time-varying
     ),
 )

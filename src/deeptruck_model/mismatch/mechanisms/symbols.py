@@ -7,6 +7,7 @@ DRAG, ROLLING = Signal("drag"), Signal("rolling")
 ELAPSED, DISTANCE, SIMULATED = Signal("elapsed"), Signal("distance"), Signal("simulated")
 ENGINE_COMMAND, BRAKE_COMMAND = Signal("engine_command"), Signal("brake_command")
 ENGINE_SPEED, RATIO, GEAR = Signal("engine_speed"), Signal("ratio"), Signal("gear")
-LEVER = Signal("lever")  # turns per metre, but no more than the lowest gear gives: a clutch may slip
+# Turns per metre, but no more than the lowest gear gives: a clutch may slip. Saved borders name it "lever".
+OVERALL_RATIO = Signal("lever")
 PULL = maximum(ENGINE, 0.0)
 OMEGA = 150.0  # rad/s, a diesel's working speed

@@ -1,4 +1,4 @@
-"""Approximate gains of many shapes at once, by which those worth a fit are chosen."""
+"""Approximate gains of many candidate terms at once, by which those worth a fit are chosen."""
 
 from __future__ import annotations
 
@@ -8,38 +8,38 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.expression import Rerun
-from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes, merge
+from deeptruck_model.mismatch.mechanisms import CandidateTerm, is_time_varying, merge
 from deeptruck_model.mismatch.mechanisms.regimes import Products, gated
 from deeptruck_model.mismatch.mechanisms.variants import Gated
-from deeptruck_model.mismatch.posterior.penalties import slow_price
+from deeptruck_model.mismatch.posterior.penalties import time_varying_penalty
 from deeptruck_model.mismatch.posterior.search import ONE_SIZE, Model, Search
 from deeptruck_model.mismatch.residual.noise import whiten
 
 Array = NDArray[np.float64]
 
-SCREENED = 2  # shapes of each mechanism that are fitted in full
-FEW_COLUMNS = 8  # of shapes that are confined to a regime before they are fitted
-CONFINED = 3  # so many shapes of each mechanism
+SCREENED = 2  # candidate terms of each mechanism that are fitted in full
+FEW_COLUMNS = 8  # of candidate terms that are confined to a regime before they are fitted
+CONFINED = 3  # so many candidate terms of each mechanism
 
 
-def screen(search: Search, base: Model, noise: Model | None = None) -> list[tuple[float, Shape]]:
-    """Approximate gain of the best shapes of every mechanism on top of `base`, best first; the noise is
+def screen(search: Search, base: Model, noise: Model | None = None) -> list[tuple[float, CandidateTerm]]:
+    """Approximate gain of the best terms of every mechanism on top of `base`, best first; the noise is
     that of `noise`, or of `base`."""
     out = []
-    taken = any(comes_and_goes(n) for n in base.named)
+    taken = any(is_time_varying(n) for n in base.named)
     for mechanism in search.library:
         if mechanism.effect not in base.effects:
-            scored = screen_shapes(search, base, search.shapes(mechanism), noise)
-            laws = [item for item in scored if not comes_and_goes(item[1])]
+            scored = screen_terms(search, base, search.candidate_terms(mechanism), noise)
+            laws = [item for item in scored if not is_time_varying(item[1])]
             out += laws[:SCREENED] + _screen_confined(search, base, laws, noise)
-            if not taken:  # two forces that come and go as they like cannot be told from one
-                out += [item for item in scored if comes_and_goes(item[1])][:1]
+            if not taken:  # two time-varying forces are not distinguishable from one
+                out += [item for item in scored if is_time_varying(item[1])][:1]
     return sorted(out, key=lambda item: -item[0])
 
 
 def _screen_confined(
-    search: Search, base: Model, laws: list[tuple[float, Shape]], noise: Model | None
-) -> list[tuple[float, Shape]]:
+    search: Search, base: Model, laws: list[tuple[float, CandidateTerm]], noise: Model | None
+) -> list[tuple[float, CandidateTerm]]:
     """The best law of a mechanism that gains clearly more where it acts in one regime alone; or none."""
     few = [s for _, s in laws if s.columns.shape[1] <= FEW_COLUMNS][:CONFINED]
     few = [s for s in few if s.mechanism.effect not in ONE_SIZE]
@@ -48,10 +48,10 @@ def _screen_confined(
     return sorted(better, key=lambda item: -item[0])[:1]
 
 
-def screen_shapes(
-    search: Search, base: Model, options: Sequence[Shape], noise: Model | None = None
-) -> list[tuple[float, Shape]]:
-    """Approximate gain of each shape on top of `base`, best first."""
+def screen_terms(
+    search: Search, base: Model, options: Sequence[CandidateTerm], noise: Model | None = None
+) -> list[tuple[float, CandidateTerm]]:
+    """Approximate gain of each candidate term on top of `base`, best first."""
     noise = noise or base
     yw, Xw, H0, weight = search.whitened(base, noise)
     Xty, scored = Xw.T @ yw, []
@@ -63,26 +63,26 @@ def screen_shapes(
 
 
 def screen_regimes(
-    search: Search, base: Model, shape: Shape, noise: Model | None = None
-) -> list[tuple[float, Shape]]:
-    """Approximate gain of a shape confined to one side of each border, best first; the best alone are
+    search: Search, base: Model, term: CandidateTerm, noise: Model | None = None
+) -> list[tuple[float, CandidateTerm]]:
+    """Approximate gain of a term confined to one side of each border, best first; the best alone are
     made. The noise is that of `noise`, or of `base`."""
-    if any(isinstance(c.expression, Rerun) for c in shape.parts) or shape.variant.gate:
+    if any(isinstance(c.expression, Rerun) for c in term.parts) or term.variant.gate:
         return []
     noise = noise or base
     yw, Xw, H0, weight = search.whitened(base, noise)
-    C = whiten(shape.columns, noise.fit.ar, search.rows, weight)
+    C = whiten(term.columns, noise.fit.ar, search.rows, weight)
     gates, products = search.regimes.products(C, yw, Xw)
     if not gates:
         return []
-    gains = _approximate_gains(products, Xw.T @ yw, H0, shape)
+    gains = _approximate_gains(products, Xw.T @ yw, H0, term)
     lies_there = np.trace(products.CtC, axis1=1, axis2=2) > search.rules.regime_share * float(np.sum(C**2))
     best = [k for k in np.argsort(-gains, kind="stable") if lies_there[k]][:SCREENED]
-    made = [(float(gains[k]), gated(shape, gates[k], search.e, search.regimes.count)) for k in best]
+    made = [(float(gains[k]), gated(term, gates[k], search.e, search.regimes.count)) for k in best]
     return [(gain - search.rules.temper * float(np.log(s.trials)), s) for gain, s in made]
 
 
-def _approximate_gains(products: Products, Xty: Array, H0: Array, s: Shape) -> Array:
+def _approximate_gains(products: Products, Xty: Array, H0: Array, s: CandidateTerm) -> Array:
     """Evidence (G,) gained by more columns, all whitened and weighted, of G sets of products; signs are
     respected one by one."""
     XtC = products.XtC
@@ -101,10 +101,10 @@ def _approximate_gains(products: Products, Xty: Array, H0: Array, s: Shape) -> A
     return out
 
 
-MORE_SHAPES = 2  # further shapes a mechanism may be widened by
+MORE_TERMS = 2  # further candidate terms a mechanism may be widened by
 MOST_COLUMNS = 8  # profiles with more columns are wide enough as they are
 FITTED = 8  # mechanisms that are fitted in full in each round
-SECOND_SHAPES = 9  # among the first of these, more than one shape of a mechanism
+SECOND_TERMS = 9  # among the first of these, more than one candidate term of a mechanism
 LEADING = 4  # mechanisms also tried without freeing the parameters
 
 
@@ -116,7 +116,7 @@ def candidates(search: Search, base: Model) -> list[Model]:
     """
 
     def worth(model: Model) -> float:
-        return model.score - slow_price(model, base)
+        return model.score - time_varying_penalty(model, base)
 
     best = _fitted(search, base, screen(search, base), {})
     if best:
@@ -133,7 +133,7 @@ def candidates(search: Search, base: Model) -> list[Model]:
 def _fitted(
     search: Search,
     base: Model,
-    screened: list[tuple[float, Shape]],
+    screened: list[tuple[float, CandidateTerm]],
     best: dict[str, Model],
     leader: Model | None = None,
 ) -> dict[str, Model]:
@@ -141,17 +141,17 @@ def _fitted(
     the noise of the leader where there is one."""
     everything = frozenset(search.parameters)
     best, seen = dict(best), set[str]()
-    for rank, (_, shape) in enumerate(screened):
-        effect = shape.mechanism.effect
+    for rank, (_, term) in enumerate(screened):
+        effect = term.mechanism.effect
         if effect not in seen and len(seen) >= FITTED:
             continue
-        if effect in seen and rank >= SECOND_SHAPES and not comes_and_goes(shape):
+        if effect in seen and rank >= SECOND_TERMS and not is_time_varying(term):
             continue
         seen.add(effect)
-        named, start = (*base.named, shape), (leader or base).fit
+        named, start = (*base.named, term), (leader or base).fit
         model = search.model(named, everything, start, again=leader is not None)
-        worth = model.score - slow_price(model, base)
-        if effect not in best or worth > best[effect].score - slow_price(best[effect], base):
+        worth = model.score - time_varying_penalty(model, base)
+        if effect not in best or worth > best[effect].score - time_varying_penalty(best[effect], base):
             best[effect] = model
     return best
 
@@ -159,19 +159,19 @@ def _fitted(
 def enriched(search: Search, model: Model) -> Model:
     """The same explanation with its last mechanism given more freedom where that pays.
 
-    First it may be confined to a regime of driving, then widened by more of its shapes.
+    First it may be confined to a regime of driving, then widened by more of its candidate terms.
     """
     last = model.named[-1]
     if last.mechanism.effect in ONE_SIZE:
         return model
     model = _confined(search, model)
-    if comes_and_goes(last):
+    if is_time_varying(last):
         return model
-    for _ in range(MORE_SHAPES):
+    for _ in range(MORE_TERMS):
         *others, last = model.named
         options = [
             search.model((*others, merge(last, s)), model.free, model.fit)
-            for s in search.shapes(last.mechanism)
+            for s in search.candidate_terms(last.mechanism)
             if s.variant not in last.variant.parts and s.columns.shape[1] <= MOST_COLUMNS
         ]
         best = max(options, key=lambda m: m.score, default=model)
@@ -190,7 +190,7 @@ def _confined(search: Search, model: Model) -> Model:
     return best if best.score > model.score + search.rules.form_gain else model
 
 
-def _everywhere(search: Search, shape: Shape) -> Shape:
-    """The shape that was confined to a regime, without it: its border was chosen under other noise."""
-    plain = shape.variant.of if isinstance(shape.variant, Gated) else shape.variant
-    return next((s for s in search.shapes(shape.mechanism) if s.variant == plain), shape)
+def _everywhere(search: Search, term: CandidateTerm) -> CandidateTerm:
+    """The term that was confined to a regime, without it: its border was chosen under other noise."""
+    plain = term.variant.of if isinstance(term.variant, Gated) else term.variant
+    return next((s for s in search.candidate_terms(term.mechanism) if s.variant == plain), term)

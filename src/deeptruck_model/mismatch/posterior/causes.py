@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes
+from deeptruck_model.mismatch.mechanisms import CandidateTerm, is_time_varying
 from deeptruck_model.mismatch.posterior.free_law import FreeModel
 from deeptruck_model.mismatch.posterior.search import Model
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -104,7 +104,7 @@ def _best(windows: Windows, picked: Indices, force: Array) -> Array:
 
 @dataclass(frozen=True)
 class Cause:
-    """One accepted cause: a mechanism (with its shape), a parameter, or what no name explains (`unknown`)."""
+    """One accepted cause: a mechanism (with its term), a parameter, or what no name explains (`unknown`)."""
 
     kind: str
     effect: str
@@ -112,7 +112,7 @@ class Cause:
     share: float
     probability: float
     force: Array  # specific force it adds to the simulator, (n,), m/s^2
-    shape: Shape | None = None
+    term: CandidateTerm | None = None
     rivals: tuple[tuple[str, float], ...] = ()  # other names and by how many nats they are worse
     nearest: str | None = None
     needed: dict[str, float] | None = None  # for a slow force: the size each possible name would need
@@ -120,14 +120,14 @@ class Cause:
     whole: Model | None = None  # the explanation these stand beside, where it is not the final one
     road: RoadLock | None = None  # where the force came again on the same stretch of road
     other_form: bool = False  # it acts by its own signals, but otherwise than the library's form
-    lawless: bool = False  # an unknown force that comes and goes, and not one that the signals predict
-    rules: Rules = field(default_factory=Rules)  # by which it is told from others
+    time_varying: bool = False  # an unknown force that is time-varying, and not one that the signals predict
+    rules: Rules = field(default_factory=Rules)  # by which it is distinguishable from others
 
     @property
     def predictable(self) -> bool:
-        """Whether it is unknown, but the signals predict it: it has a shape over them, and perhaps a
+        """Whether it is unknown, but the signals predict it: it has a candidate term over them, and perhaps a
         formula."""
-        return self.effect == "unknown" and not self.lawless and self.needed is None
+        return self.effect == "unknown" and not self.time_varying and self.needed is None
 
     @property
     def believed(self) -> float:
@@ -143,18 +143,18 @@ class Cause:
     @property
     def not_told_from(self) -> list[str]:
         """Names that do nearly as well."""
-        near = max(self.rules.group_gain, _group_share(self.shape, self.rules) * self.gain)
+        near = max(self.rules.group_gain, _group_share(self.term, self.rules) * self.gain)
         names = [name for name, worse in self.rivals if worse < near and name != self.effect]
         return list(dict.fromkeys([*names, *(["unknown"] if self.other_form else [])]))
 
 
-def _group_share(shape: Shape | None, rules: Rules) -> float:
-    """Share of a gain within which other names are not told apart."""
-    if shape is None:
+def _group_share(term: CandidateTerm | None, rules: Rules) -> float:
+    """Share of a gain within which other names are not distinguishable."""
+    if term is None:
         return rules.group_share
-    if shape.variant.acts_in_windows:
+    if term.variant.acts_in_windows:
         return rules.group_share_windows
-    return rules.group_share_time_varying if comes_and_goes(shape) else rules.group_share
+    return rules.group_share_time_varying if is_time_varying(term) else rules.group_share
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from deeptruck_model.mismatch.mechanisms import comes_and_goes
+from deeptruck_model.mismatch.mechanisms import is_time_varying
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation, road_lock
 from deeptruck_model.mismatch.posterior.free_law import FreeModel, LeftOver, left_over
-from deeptruck_model.mismatch.posterior.penalties import large_enough, price
+from deeptruck_model.mismatch.posterior.penalties import discrepancy_penalty, large_enough
 from deeptruck_model.mismatch.posterior.rivals import named_cause, tuned_causes
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.posterior.slow_force import SlowForce, plain_truck, slow_force
@@ -39,13 +39,13 @@ def explain(search: Search) -> Explanation:
 
 
 def _beyond_its_own(search: Search, left: LeftOver) -> LeftOver:
-    """What is left over without the nats that a learned simulator's own error gives for it."""
-    own = price(search, left.lawful) if left.lawful else search.e.tolerance.get("unknown", 0.0)
+    """What is left over without the nats that a learned simulator's model discrepancy gives for it."""
+    own = discrepancy_penalty(search, left.lawful) if left.lawful else search.e.tolerance.get("unknown", 0.0)
     return replace(left, gain=max(left.gain - own, 0.0)) if own > 0.0 else left
 
 
 def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[Cause]:
-    named = [named_cause(search, model, shape) for shape in model.named]
+    named = [named_cause(search, model, term) for term in model.named]
     named = [
         c for c in named if not c.rivals or c.rivals[0][1] > -search.rules.least_gain
     ]  # a name that another beats is no name
@@ -53,7 +53,7 @@ def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[C
     names = sum(c.gain for c in named)
     unknown = _worth_calling_unknown(search.e, left, explained, names)
     tuned = tuned_causes(search, left.lawful if unknown and left.lawful else model)
-    if named or tuned:  # a form that is not quite right bends the parameters a little; that is no finding
+    if named or tuned:  # a form that is not quite right biases the parameters a little; that is no finding
         most = max([c.gain for c in named + tuned] + ([left.gain] if unknown else []))
         tuned = [c for c in tuned if c.gain > search.rules.beside_main * most]
     causes = named + tuned
@@ -76,8 +76,8 @@ def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[C
     main = max(physics, key=lambda c: c.gain, default=rest)
     if (
         names > search.rules.another_form * (names + left.gain)
-        and main.shape
-        and left.is_form_of(main.shape, search.e)
+        and main.term
+        and left.is_form_of(main.term, search.e)
     ):
         whole = replace(main, share=main.share + rest.share, force=main.force + rest.force, other_form=True)
         return _in_order([whole, *[c for c in causes if c is not main]], search.rules)
@@ -88,7 +88,7 @@ def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[C
 
 
 def _one_unknown(causes: list[Cause]) -> list[Cause]:
-    """The causes, where what comes and goes without a name and what the signals predict are one finding: the
+    """The causes, where what is time-varying without a name and what the signals predict are one finding: the
     one that gained more, with both forces."""
     unknown = sorted((c for c in causes if c.effect == "unknown"), key=lambda c: -c.gain)
     if len(unknown) < 2:
@@ -99,7 +99,7 @@ def _one_unknown(causes: list[Cause]) -> list[Cause]:
 
 
 def _unverified(e: Evidence, causes: list[Cause]) -> list[Cause]:
-    """The causes; beside a recorded slope, a road that comes and goes and was driven once may as well be
+    """The causes; beside a recorded slope, a road that is time-varying and was driven once may as well be
     nothing that has a name."""
 
     def once(c: Cause) -> bool:
@@ -127,7 +127,7 @@ def _in_doubt(e: Evidence, left: LeftOver, causes: list[Cause]) -> list[Cause]:
 
 
 def _perhaps_the_same(main: Cause) -> tuple[tuple[str, float], ...]:
-    """Names that may be all there is: what is finer than the knots of a force that comes and goes is left
+    """Names that may be all there is: what is finer than the knots of a force that is time-varying is left
     over."""
     if not _follows_anything_slow(main):
         return ()
@@ -135,7 +135,7 @@ def _perhaps_the_same(main: Cause) -> tuple[tuple[str, float], ...]:
 
 
 def _worth_calling_unknown(e: Evidence, left: LeftOver, explained: float, names: float) -> bool:
-    """Whether what is left over is a finding, and not the bend in a form that is not quite right.
+    """Whether what is left over is a finding, and not omitted-variable bias of a form not quite right.
 
     `explained` are the nats of all that was found, `names` those of missing physics with a name.
     """
@@ -143,7 +143,7 @@ def _worth_calling_unknown(e: Evidence, left: LeftOver, explained: float, names:
     return (
         left.gain > e.rules.unknown_gain
         and large_enough(e, left.free.prediction)
-        and float(np.sqrt(np.mean(force**2))) > e.rules.unknown_discrepancies * e.own_error
+        and float(np.sqrt(np.mean(force**2))) > e.rules.unknown_discrepancies * e.model_discrepancy
         and left.gain
         > (e.rules.unknown_share * names if names else e.rules.unknown_share_parameters * explained)
     )
@@ -162,12 +162,12 @@ def _in_order(causes: list[Cause], rules: Rules) -> list[Cause]:
 def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list[Cause]) -> list[Cause]:
     """Add a slow force that only its size tells from noise, unless a name already stands for one."""
     e = search.e
-    if any(c.effect in SLOW_NAMES or c.lawless or _follows_anything_slow(c) for c in causes):
+    if any(c.effect in SLOW_NAMES or c.time_varying or _follows_anything_slow(c) for c in causes):
         return causes
-    if e.own_error > 0 and e.has("grade"):
-        return causes  # it has slopes as an input: what is slow and left is its own error as likely
+    if e.model_discrepancy > 0 and e.has("grade"):
+        return causes  # it has slopes as an input: what is slow and left is its model discrepancy as likely
     residual = e.residual - search.prediction(model) - left.prediction
-    found = _beside_a_learned_truck(e) if e.own_error > 0 else None
+    found = _beside_a_learned_truck(e) if e.model_discrepancy > 0 else None
     if found is None:
         sigma = float(1.4826 * np.median(np.abs(residual[e.valid])))
         found = slow_force(e, residual, 1.0 / search.series.relative**2, sigma)
@@ -175,11 +175,11 @@ def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list
         return causes
     known = {m.effect for m in search.library}
     possible = [n for n in found.possible if n in known and (n != "road_grade" or not e.has("grade"))]
-    if not possible and e.own_error > 0:
+    if not possible and e.model_discrepancy > 0:
         return causes  # larger than any it can be, it is the learned truck's own
     effect = possible[0] if possible else "unknown"
     if any(c.effect == effect for c in causes):
-        return causes  # what is left of it is the bend of its form
+        return causes  # what is left of it is the omitted-variable bias of its form
     if "road_grade" in possible:
         effect = "road_grade"  # where slope is not recorded it is there, and the other two only may be
     road = road_lock(e, found.force)
@@ -223,7 +223,7 @@ def _with_bursts(search: Search, model: Model, causes: list[Cause]) -> list[Caus
 
 
 def _follows_anything_slow(cause: Cause) -> bool:
-    return cause.shape is not None and comes_and_goes(cause.shape)
+    return cause.term is not None and is_time_varying(cause.term)
 
 
 def _beside_a_learned_truck(e: Evidence) -> SlowForce | None:

@@ -31,7 +31,7 @@ def drivers(x: Explanation, most: int, rules: Rules) -> tuple[str, ...]:
 
 def explained(e: Evidence, x: Explanation) -> Array:
     """Specific force (n,) of the findings that have a name: stated mechanisms, and parameters as fitted."""
-    return _modelled(e, x, {c.effect for c in x.causes if c.shape is not None})
+    return _modelled(e, x, {c.effect for c in x.causes if c.term is not None})
 
 
 def with_unnamed(e: Evidence, x: Explanation) -> Array:
@@ -41,9 +41,9 @@ def with_unnamed(e: Evidence, x: Explanation) -> Array:
 
 def _modelled(e: Evidence, x: Explanation, effects: set[str]) -> Array:
     total = np.zeros(len(e))
-    for shape in x.model.named:
-        if shape.mechanism.effect in effects:
-            total += shape.columns @ x.model.coefficients(shape.mechanism.effect)
+    for term in x.model.named:
+        if term.mechanism.effect in effects:
+            total += term.columns @ x.model.coefficients(term.mechanism.effect)
     for name, column in e.sensitivity.items():
         total += column * x.model.change(name)
     return total

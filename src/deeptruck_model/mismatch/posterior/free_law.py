@@ -15,16 +15,16 @@ from threadpoolctl import threadpool_limits
 
 from deeptruck_model.mismatch.mechanisms import (
     LATE_SENSOR,
+    CandidateTerm,
     Constants,
-    Shape,
     acts_by,
+    candidate_terms,
     law_signal,
     laws,
     leans_on,
     merge,
-    shapes,
 )
-from deeptruck_model.mismatch.posterior.candidates import screen_shapes
+from deeptruck_model.mismatch.posterior.candidates import screen_terms
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
@@ -73,7 +73,7 @@ def features(e: Evidence) -> dict[str, Array]:
             out[f"change of {name}"] = e[name] - e.lag(e[name], 1.0)
     pull, power = np.maximum(e["engine"], 0.0), e["brake"] * e["speed"]
     out["engine over 3 s"], out["engine over 60 s"] = e.lag(pull, 3.0), e.lag(pull, 60.0, "zero")
-    if e.own_error == 0.0:  # what a learned simulator learned badly is in its acceleration too
+    if e.model_discrepancy == 0.0:  # what a learned simulator learned badly is in its acceleration too
         out["simulated"], out["acceleration over 2 s"] = e["simulated"], e.lag(e["simulated"], 2.0)
     if power.max(initial=0.0) > 0:
         out["braking power over 60 s"], out["braking power over 300 s"] = (
@@ -176,8 +176,8 @@ class LeftOver:
     gain: float
     lawful: Model | None
 
-    def is_form_of(self, name: Shape, e: Evidence) -> bool:
-        """Whether the laws mostly act by the signals that a named shape acts by: then they are another form
+    def is_form_of(self, name: CandidateTerm, e: Evidence) -> bool:
+        """Whether the laws mostly act by the signals that a named term acts by: then they are another form
         of it rather than something else."""
         if self.lawful is None:
             return False
@@ -205,7 +205,7 @@ def left_over(search: Search, model: Model) -> LeftOver:
 def _beside_a_late_sensor(search: Search, model: Model) -> Model:
     """The model with whatever filters the sensors have: lags of all forces together, or of the slope, are no
     physics."""
-    each = shapes(LATE_SENSOR, search.e)
+    each = candidate_terms(LATE_SENSOR, search.e)
     options = [*each, *([merge(each[0], each[1])] if len(each) > 1 else [])]
     models = [search.model((*model.named, s), model.free, model.fit) for s in options]
     return max([model, *models], key=lambda m: m.score)
@@ -216,7 +216,7 @@ def _grown(search: Search, model: Model) -> Model:
     options, best = laws(search.e), model
     for _ in range(search.rules.most_laws):
         taken = best.named[-1] if len(best.named) > len(model.named) else None
-        tried = [s for _, s in screen_shapes(search, best, options)[:TRIED]]
+        tried = [s for _, s in screen_terms(search, best, options)[:TRIED]]
         wider = [merge(taken, s) if taken is not None else s for s in tried]
         models = [search.model((*model.named, s), model.free, best.fit) for s in wider]
         step = max(models, key=lambda m: m.score, default=best)

@@ -14,7 +14,7 @@ import numpy as np
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import Prepared
-from deeptruck_model.mismatch.mechanisms import Shape, shape
+from deeptruck_model.mismatch.mechanisms import CandidateTerm, candidate_term
 from deeptruck_model.mismatch.posterior import nuisances
 from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.posterior.explain import explain
@@ -66,11 +66,11 @@ def explained(
     say("searching for what is missing")
     itself = nuisances.known(simulator, prepared[0].measured_acceleration, seed, evidence.rules)
     if itself is not None:
-        say("learning the simulator's own error from the recordings it keeps")
+        say("learning the simulator's model discrepancy from the recordings it keeps")
         evidence = nuisances.allow_for(evidence, itself)
     elif not simulator.parameters():
         unmeasured = evidence.rules.unmeasured_discrepancy
-        evidence = replace(evidence, own_error=unmeasured, slow_noise=unmeasured)
+        evidence = replace(evidence, model_discrepancy=unmeasured, slow_noise=unmeasured)
     around = _Around(simulator, tuple(prepared), tuple(held_out), seed, tuple(exclude), say)
     search = nuisances.beside_it(Search(evidence, exclude=exclude), exclude)
     search = _followed(around, _beside_parameters(around, search), _first_guess)
@@ -163,6 +163,6 @@ def _again(model: Model, search: Search) -> Model:
     return search.background(tuple(_on(search.e, s) for s in model.named))
 
 
-def _on(e: Evidence, s: Shape) -> Shape:
-    made = shape(s.mechanism, s.variant, e)
+def _on(e: Evidence, s: CandidateTerm) -> CandidateTerm:
+    made = candidate_term(s.mechanism, s.variant, e)
     return replace(s, parts=made.parts, columns=made.columns)

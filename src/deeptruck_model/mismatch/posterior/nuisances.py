@@ -1,7 +1,7 @@
-"""A learned simulator's own error, known from recordings it was not fitted to and keeps with it.
+"""A learned simulator's model discrepancy, known from recordings it was not fitted to and keeps with it.
 
 What a deep truck learned imperfectly looks like missing physics. So whatever the search would gain on the
-truck's own recordings is the price that a finding on new recordings must exceed.
+truck's own recordings is the penalty that a finding on new recordings must exceed.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from scipy.ndimage import uniform_filter1d
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import Prepared, learned, prepare
-from deeptruck_model.mismatch.mechanisms import LIBRARY, Constants, Shape
+from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, Constants
 from deeptruck_model.mismatch.mechanisms.commands import Delays
-from deeptruck_model.mismatch.posterior.candidates import candidates, screen_shapes
+from deeptruck_model.mismatch.posterior.candidates import candidates, screen_terms
 from deeptruck_model.mismatch.posterior.free_law import left_over
 from deeptruck_model.mismatch.posterior.penalties import enough, practical
 from deeptruck_model.mismatch.posterior.search import Model, Search
@@ -36,7 +36,7 @@ def beside_it(search: Search, exclude: Iterable[str] = ()) -> Search:
     """The same search beside the lateness of all commands together that is too small to be told; as it was
     where there is none, or one that is a finding."""
     base = search.background(())
-    small = [shape for _, shape in screen_shapes(search, base, _small(search))[:FITTED]]
+    small = [term for _, term in screen_terms(search, base, _small(search))[:FITTED]]
     tried = [search.model((s,), base.free, base.fit) for s in small]
     best = max(tried, key=lambda m: m.score, default=base)
     if best.score < base.score + enough(search) or practical(search, best, best.named[-1]):
@@ -62,12 +62,12 @@ def _worth(e: Evidence, bare: Evidence, model: Model) -> float:
     return beside.model(model.named, model.free).score - without.model(model.named, model.free).score
 
 
-def _small(search: Search) -> list[Shape]:
+def _small(search: Search) -> list[CandidateTerm]:
     mechanism = LIBRARY["command_delay"]
     if not search.e.has(*mechanism.needs):
         return []
     longest_s = search.rules.nuisance_delay_s
-    return [s for s in search.shapes(mechanism) if _late_together(s.variant.constants, longest_s)]
+    return [s for s in search.candidate_terms(mechanism) if _late_together(s.variant.constants, longest_s)]
 
 
 def _late_together(constants: Constants, longest_s: float) -> bool:
@@ -94,33 +94,33 @@ def known(simulator: Simulator, measured_acceleration: bool, seed: int, rules: R
 
 
 def allow_for(evidence: Evidence, own: Evidence) -> Evidence:
-    """The evidence with what the simulator's own error makes of names, sizes and slow noise."""
-    own = replace(own, own_error=_slow_rms(own), slow_noise=_slow_noise(own))
+    """The evidence with what the simulator's model discrepancy makes of names, sizes and slow noise."""
+    own = replace(own, model_discrepancy=_slow_rms(own), slow_noise=_slow_noise(own))
     ratio = float(evidence.valid.sum()) / max(float(own.valid.sum()), 1.0)
     return replace(
         evidence,
-        tolerance=_prices(own, ratio),
-        own_error=own.own_error,
+        tolerance=_penalties(own, ratio),
+        model_discrepancy=own.model_discrepancy,
         slow_noise=own.slow_noise,
         itself=own,
     )
 
 
-def _prices(own: Evidence, ratio: float) -> dict[str, float]:
+def _penalties(own: Evidence, ratio: float) -> dict[str, float]:
     """Nats that each name gains on the simulator's own recordings, scaled to the amount of new data."""
     search = Search(own)
     base = search.background(())
-    prices = {m.effects[-1]: m.score - base.score for m in candidates(search, base)}
+    penalties = {m.effects[-1]: m.score - base.score for m in candidates(search, base)}
     for p in search.parameters:
         held = search.model((), base.free - {p})
-        prices[f"parameter:{p}"] = base.score - held.score if p in base.free else 0.0
-    prices["unknown"] = left_over(search, base).gain
+        penalties[f"parameter:{p}"] = base.score - held.score if p in base.free else 0.0
+    penalties["unknown"] = left_over(search, base).gain
     scale = own.rules.discrepancy_safety * max(ratio, 0.5)
-    return {name: max(price, 0.0) * scale for name, price in prices.items()}
+    return {name: max(penalty, 0.0) * scale for name, penalty in penalties.items()}
 
 
 def _slow_noise(own: Evidence) -> float:
-    """Sd (m/s^2) of the means over `slow_noise_s` of the simulator's own error, other driving allowed for."""
+    """Sd (m/s^2) of the means over `slow_noise_s` of the model discrepancy, other driving allowed for."""
     per = max(1, round(own.rules.slow_noise_s / own.dt))
     means = []
     for s in own.stretches:
@@ -131,7 +131,7 @@ def _slow_noise(own: Evidence) -> float:
 
 
 def _slow_rms(own: Evidence) -> float:
-    """Rms (m/s^2) of what is left of the simulator's own error in means of a second, without most noise."""
+    """Rms (m/s^2) of what is left of the model discrepancy in means of a second, without most noise."""
     smooth = uniform_filter1d(np.where(own.valid, own.residual, 0.0), max(1, round(1.0 / own.dt)))
     quiet = np.sort(np.abs(smooth[own.valid]))[: int(0.98 * own.valid.sum())]  # without the rare jolt
     return float(np.sqrt(np.mean(quiet**2)))

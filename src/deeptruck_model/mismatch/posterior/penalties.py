@@ -6,7 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from deeptruck_model.mismatch.mechanisms import Mechanism, Shape, Variant, comes_and_goes, shape
+from deeptruck_model.mismatch.mechanisms import (
+    CandidateTerm,
+    Mechanism,
+    Variant,
+    candidate_term,
+    is_time_varying,
+)
 from deeptruck_model.mismatch.mechanisms.over_time import each_recording
 from deeptruck_model.mismatch.mechanisms.variants import (
     FromMoment,
@@ -25,12 +31,12 @@ Array = NDArray[np.float64]
 
 
 def enough(search: Search) -> float:
-    return search.rules.least_gain_learned if search.e.own_error > 0 else search.rules.least_gain
+    return search.rules.least_gain_learned if search.e.model_discrepancy > 0 else search.rules.least_gain
 
 
-def price(search: Search, model: Model) -> float:
-    """Nats the last name of a model would gain from the simulator's own error alone."""
-    if not model.named or search.e.own_error == 0:
+def discrepancy_penalty(search: Search, model: Model) -> float:
+    """Nats the last name of a model would gain from the simulator's model discrepancy alone."""
+    if not model.named or search.e.model_discrepancy == 0:
         return 0.0
     last = model.named[-1]
     b = model.coefficients(last.mechanism.effect)
@@ -43,8 +49,8 @@ def price(search: Search, model: Model) -> float:
     return max(search.gain_of_given(base, last.columns @ _within(search, base, last, own)), 0.0)
 
 
-def _within(search: Search, base: Model, last: Shape, own: Array) -> Array:
-    """The coefficients of a shape that explain most without being larger than `own`, each (k,)."""
+def _within(search: Search, base: Model, last: CandidateTerm, own: Array) -> Array:
+    """The coefficients of a candidate term that explain most without being larger than `own`, each (k,)."""
     left, X, H0, weight = search.whitened(base)
     columns = whiten(last.columns, base.fit.ar, search.rows, weight)
     columns = columns - X @ (H0 @ (X.T @ columns))
@@ -53,9 +59,9 @@ def _within(search: Search, base: Model, last: Shape, own: Array) -> Array:
     return out
 
 
-def _own_size(search: Search, last: Shape) -> Array | None:
-    """How large the coefficients of a shape may be by the simulator's own error: as on the recordings it
-    keeps, other driving allowed for. None where it keeps none, or the shape belongs to these recordings."""
+def _own_size(search: Search, last: CandidateTerm) -> Array | None:
+    """How large the coefficients of a term may be by the model discrepancy: as on the recordings it
+    keeps, other driving allowed for. None where it keeps none, or the term belongs to these recordings."""
     if search.own is None or _only_here(last.variant):
         return None
     if _sized_by_recording(last):
@@ -66,7 +72,7 @@ def _own_size(search: Search, last: Shape) -> Array | None:
     return search.rules.other_driving * np.abs(model.coefficients(name)) + sd
 
 
-def _own_spread(own: Search, last: Shape) -> Array:
+def _own_spread(own: Search, last: CandidateTerm) -> Array:
     """The same where a coefficient belongs to a recording: as these differ among those the truck keeps."""
     sizes = []
     for gate, leaf in _gated_leaves(last.variant):
@@ -81,7 +87,7 @@ def _own_spread(own: Search, last: Shape) -> Array:
 
 def _on_its_own(own: Search, mechanism: Mechanism, variant: Variant) -> Model:
     base = own.background(())
-    return own.model((shape(mechanism, variant, own.e),), base.free, base.fit)
+    return own.model((candidate_term(mechanism, variant, own.e),), base.free, base.fit)
 
 
 def _gated_leaves(variant: Variant) -> list[tuple[Gate | None, Simple]]:
@@ -93,8 +99,8 @@ def _in_each_recording(leaf: Simple, e: Evidence) -> Simple:
     return leaf if isinstance(leaf, Spline | OwnCurve) else each_recording(e, leaf.constants)
 
 
-def _sized_by_recording(last: Shape) -> bool:
-    """Whether a size of a shape belongs to a recording, though it is the truck's."""
+def _sized_by_recording(last: CandidateTerm) -> bool:
+    """Whether a size of a candidate term belongs to a recording, though it is the truck's."""
     return any(
         isinstance(leaf, FromMoment) or (isinstance(leaf, PerRecording) and not leaf.weather)
         for leaf in last.variant.leaves
@@ -110,57 +116,57 @@ def _only_here(variant: Variant) -> bool:
     return weather or variant.acts_in_windows or variant.varies_in_time
 
 
-def slow_price(model: Model, base: Model) -> float:
-    """Nats more that the last name of a model must gain beyond `base` where it comes and goes as it likes:
+def time_varying_penalty(model: Model, base: Model) -> float:
+    """Nats more that the last name of a model must gain beyond `base` where it is time-varying:
     so do the zeros of slope sensors, and knots follow many a law that is not quite right here."""
-    if not model.named or not comes_and_goes(model.named[-1]):
+    if not model.named or not is_time_varying(model.named[-1]):
         return 0.0
     return max(model.rules.time_varying_penalty, model.rules.time_varying_share * (model.score - base.score))
 
 
-def practical(search: Search, model: Model, shape: Shape) -> bool:
-    b = model.coefficients(shape.mechanism.effect)
+def practical(search: Search, model: Model, term: CandidateTerm) -> bool:
+    b = model.coefficients(term.mechanism.effect)
     rules = search.rules
     for name, least in (
         ("delay", rules.least_delay_s),
         ("time_constant", rules.least_time_constant_s),
     ):
-        parts = [(p, value) for p, value in zip(shape.parts, b, strict=True) if p.name.startswith(name)]
+        parts = [(p, value) for p, value in zip(term.parts, b, strict=True) if p.name.startswith(name)]
         times = [value * part.factor for part, value in parts]
         if times and abs(sum(times)) < least:
             return False
-    if _beyond_possible(model, shape):
+    if _beyond_possible(model, term):
         return False
     if (
-        not comes_and_goes(shape)
-        and (np.abs(b - shape.prior.mean) > search.rules.most_prior_sd * shape.prior.sd).any()
+        not is_time_varying(term)
+        and (np.abs(b - term.prior.mean) > search.rules.most_prior_sd * term.prior.sd).any()
     ):
         return False
-    force = shape.columns @ b
-    return beyond_learning(search.e, shape, force) or large_enough(search.e, force)
+    force = term.columns @ b
+    return beyond_learning(search.e, term, force) or large_enough(search.e, force)
 
 
-def _beyond_possible(model: Model, shape: Shape) -> bool:
+def _beyond_possible(model: Model, term: CandidateTerm) -> bool:
     """Whether a coefficient is surely larger than it can be."""
-    sd = np.sqrt(np.diag(model.covariance(shape.mechanism.effect)))
-    surely = np.abs(model.coefficients(shape.mechanism.effect)) - model.rules.surely * sd
-    return any(size * part.factor > part.most for part, size in zip(shape.parts, surely, strict=True))
+    sd = np.sqrt(np.diag(model.covariance(term.mechanism.effect)))
+    surely = np.abs(model.coefficients(term.mechanism.effect)) - model.rules.surely * sd
+    return any(size * part.factor > part.most for part, size in zip(term.parts, surely, strict=True))
 
 
-def beyond_learning(e: Evidence, shape: Shape, force: Array) -> bool:
+def beyond_learning(e: Evidence, term: CandidateTerm, force: Array) -> bool:
     """Whether the force has a driver that the simulator cannot see and is larger than what is imperfectly
     learned.
 
     It cannot have been absorbed, so meeting it on the simulator's own recordings too only says that it was
     missing there.
     """
-    if shape.columns.shape[1] < 3 and shape.mechanism.effect in (
+    if term.columns.shape[1] < 3 and term.mechanism.effect in (
         "headwind",
         "accessory_load",
         "dragging_brake",
     ):
         return False  # always the same at the same speed, so it would have been learned
-    return shape.mechanism.hidden and float(np.sqrt(np.mean(force[e.valid] ** 2))) > e.rules.learnable
+    return term.mechanism.hidden and float(np.sqrt(np.mean(force[e.valid] ** 2))) > e.rules.learnable
 
 
 def large_enough(e: Evidence, force: Array) -> bool:
@@ -168,5 +174,5 @@ def large_enough(e: Evidence, force: Array) -> bool:
     acting = np.sort(np.abs(force[e.valid]))
     rms = float(np.sqrt(np.mean(acting**2)))
     top = float(np.sqrt(np.mean(acting[-max(1, len(acting) // 10) :] ** 2)))
-    acting_least = max(e.rules.least_force_acting, e.rules.acting_discrepancies * e.own_error)
-    return rms > max(e.rules.least_force, e.own_error) or top > acting_least
+    acting_least = max(e.rules.least_force_acting, e.rules.acting_discrepancies * e.model_discrepancy)
+    return rms > max(e.rules.least_force, e.model_discrepancy) or top > acting_least

@@ -6,17 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from deeptruck_model.mismatch.mechanisms import LIBRARY, UNNAMED, Constants, Shape, comes_and_goes
+from deeptruck_model.mismatch.mechanisms import LIBRARY, UNNAMED, CandidateTerm, Constants, is_time_varying
 from deeptruck_model.mismatch.mechanisms.brakes import DEAD_TIME, BrakeLag
 from deeptruck_model.mismatch.posterior import windows
-from deeptruck_model.mismatch.posterior.candidates import candidates, enriched, screen, screen_shapes
+from deeptruck_model.mismatch.posterior.candidates import candidates, enriched, screen, screen_terms
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.penalties import (
+    discrepancy_penalty,
     enough,
     large_enough,
     practical,
-    price,
-    slow_price,
+    time_varying_penalty,
 )
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.posterior.stepwise import WIDENED
@@ -29,41 +29,43 @@ SLOPE = "road_grade"  # a force that goes by nothing but its time is what a slop
 SLOW_S = 8.0  # smoothing of a slow force where it has no knots of its own
 
 
-def named_cause(search: Search, model: Model, shape: Shape) -> Cause:
+def named_cause(search: Search, model: Model, term: CandidateTerm) -> Cause:
     """One named effect with the names that would do nearly as well in its place."""
     rules = search.rules
-    base = search.background(tuple(n for n in model.named if n is not shape))
+    base = search.background(tuple(n for n in model.named if n is not term))
     gain = model.score - base.score
-    instead = _instead_of(search, base, shape)
+    instead = _instead_of(search, base, term)
     own = model.score - (
-        max(rules.time_varying_penalty, rules.time_varying_share * gain) if comes_and_goes(shape) else 0.0
+        max(rules.time_varying_penalty, rules.time_varying_share * gain) if is_time_varying(term) else 0.0
     )
-    own -= price(search, search.model((*base.named, shape), base.free | model.free, model.fit))
+    own -= discrepancy_penalty(search, search.model((*base.named, term), base.free | model.free, model.fit))
     rivals = sorted(((n, own - _paid(search, base, m, own)) for n, m in instead), key=lambda rival: rival[1])
     odds = 1.0 + sum(np.exp(-worse / rules.temper) for _, worse in rivals) + np.exp(-gain / rules.temper)
-    lawless = _lawless(search, model, shape)
-    if lawless is not None and lawless.score > model.score + max(rules.least_gain, rules.group_share * gain):
-        force = lawless.named[-1].columns @ lawless.coefficients(UNNAMED.effect)
-        more = gain + lawless.score - model.score
+    unnamed_model = _unnamed_time_varying(search, model, term)
+    if unnamed_model is not None and unnamed_model.score > model.score + max(
+        rules.least_gain, rules.group_share * gain
+    ):
+        force = unnamed_model.named[-1].columns @ unnamed_model.coefficients(UNNAMED.effect)
+        more = gain + unnamed_model.score - model.score
         alike = tuple((m.effect, 0.0) for m in search.library if m.effect == SLOPE)
         odds = 0.5 if alike else 0.9
         return Cause(
             "missing_physics", "unknown", more, 0.0, odds, force,
-            rivals=alike, nearest=shape.mechanism.effect, lawless=True, rules=rules,
+            rivals=alike, nearest=term.mechanism.effect, time_varying=True, rules=rules,
         )  # fmt: skip
-    if lawless is not None:  # perhaps something else comes and goes
-        unnamed = (UNNAMED.effect, max(model.score - lawless.score, 0.0))
+    if unnamed_model is not None:  # perhaps something else is time-varying
+        unnamed = (UNNAMED.effect, max(model.score - unnamed_model.score, 0.0))
         rivals = sorted([*rivals, unnamed], key=lambda rival: rival[1])
-    if _is_dead_time(shape.variant.constants) and any(m.effect == "command_delay" for m in search.library):
+    if _is_dead_time(term.variant.constants) and any(m.effect == "command_delay" for m in search.library):
         rivals = [("command_delay", 0.0), *((n, worse) for n, worse in rivals if n != "command_delay")]
     return Cause(
-        shape.mechanism.kind,
-        shape.mechanism.effect,
+        term.mechanism.kind,
+        term.mechanism.effect,
         gain,
         0.0,
         float(1.0 / odds),
-        _force(search, model, shape),
-        shape,
+        _force(search, model, term),
+        term,
         tuple(rivals),
         alternatives=tuple(instead[:ALTERNATIVES]),
         rules=rules,
@@ -75,23 +77,23 @@ def _paid(search: Search, base: Model, rival: Model, own: float) -> float:
     error gives takes long to know, and matters only where a rival does better than `own`."""
     if len(rival.named) <= len(base.named):
         return rival.score
-    score = rival.score - slow_price(rival, base)
-    return score - price(search, rival) if score > own else score
+    score = rival.score - time_varying_penalty(rival, base)
+    return score - discrepancy_penalty(search, rival) if score > own else score
 
 
-def _instead_of(search: Search, base: Model, shape: Shape) -> list[tuple[str, Model]]:
-    """The best model with each other possible name, or one more parameter, in place of a shape; best
+def _instead_of(search: Search, base: Model, term: CandidateTerm) -> list[tuple[str, Model]]:
+    """The best model with each other possible name, or one more parameter, in place of a candidate term; best
     first."""
-    if shape.variant.acts_in_windows:
-        spans = list(shape.variant.spans)
+    if term.variant.acts_in_windows:
+        spans = list(term.variant.spans)
         tried = windows.candidates(search, base, spans)
     else:
         tried = candidates(search, base)
         tried = [enriched(search, m) for m in tried[:WIDENED]] + tried[WIDENED:]
     tried = [m for m in tried if practical(search, m, m.named[-1])]
-    instead = [(m.effects[-1], m) for m in tried if m.effects[-1] != shape.mechanism.effect]
-    bent = [p for p in search.parameters if p not in base.free]
-    return _best_of_each_name(instead + [(p, search.model(base.named, base.free | {p})) for p in bent])
+    instead = [(m.effects[-1], m) for m in tried if m.effects[-1] != term.mechanism.effect]
+    biased = [p for p in search.parameters if p not in base.free]
+    return _best_of_each_name(instead + [(p, search.model(base.named, base.free | {p})) for p in biased])
 
 
 def _best_of_each_name(models: list[tuple[str, Model]]) -> list[tuple[str, Model]]:
@@ -102,22 +104,22 @@ def _best_of_each_name(models: list[tuple[str, Model]]) -> list[tuple[str, Model
     return list(best.items())
 
 
-def _lawless(search: Search, model: Model, shape: Shape) -> Model | None:
-    """The same model with an unnamed force in place of one that comes and goes; None for a law.
+def _unnamed_time_varying(search: Search, model: Model, term: CandidateTerm) -> Model | None:
+    """The same model with an unnamed force in place of one that is time-varying; None for a law.
 
     A name for such a force says how it acts, with speed squared or with the pull; one that acts otherwise is
     told by this alone.
     """
-    if search.e.own_error > 0:
+    if search.e.model_discrepancy > 0:
         return None  # a learned truck follows slow forces in part, so that none of them acts as it should
-    others = tuple(n for n in model.named if n is not shape)
-    if shape.variant.acts_in_windows:
-        spans = list(shape.variant.spans)
+    others = tuple(n for n in model.named if n is not term)
+    if term.variant.acts_in_windows:
+        spans = list(term.variant.spans)
         return search.model((*others, windows.unnamed(search, spans)), model.free, model.fit)
-    if not comes_and_goes(shape):
+    if not is_time_varying(term):
         return None
     base = search.model(others, model.free, model.fit)
-    scored = screen_shapes(search, base, search.shapes(UNNAMED))[:2]
+    scored = screen_terms(search, base, search.candidate_terms(UNNAMED))[:2]
     options = [enriched(search, search.model((*others, s), model.free, model.fit)) for _, s in scored]
     return max(options, key=lambda m: m.score, default=None)
 
@@ -127,19 +129,19 @@ def _is_dead_time(constants: Constants) -> bool:
     return isinstance(constants, BrakeLag) and constants.side == DEAD_TIME
 
 
-def _force(search: Search, model: Model, shape: Shape) -> Array:
+def _force(search: Search, model: Model, term: CandidateTerm) -> Array:
     """What a mechanism adds, (n,). A profile whose knots did not reach every recording goes on as a smooth
     residual."""
     e = search.e
-    force = shape.columns @ model.coefficients(shape.mechanism.effect)
-    if shape.mechanism.effect != "road_grade":
+    force = term.columns @ model.coefficients(term.mechanism.effect)
+    if term.mechanism.effect != "road_grade":
         return force
     left = np.where(e.valid, e.residual - search.prediction(model) + force, 0.0)
     weight = e.valid / search.series.relative**2
     width = SLOW_S / e.dt
     smooth = gaussian_filter1d(left * weight, width) / np.maximum(gaussian_filter1d(weight, width), 1e-3)
     reached = np.zeros(len(e), dtype=bool)
-    for i in np.unique(e.record[np.abs(shape.columns).max(axis=1) > 0]):
+    for i in np.unique(e.record[np.abs(term.columns).max(axis=1) > 0]):
         reached |= e.record == i
     return np.where(reached, force, smooth)
 
@@ -169,11 +171,11 @@ def tuned_causes(search: Search, model: Model) -> list[Cause]:
 
 def _instead(search: Search, model: Model) -> list[Model]:
     """The best mechanisms in place of one more parameter: what grows with speed may be drag or tyres."""
-    best: dict[str, Shape] = {}
-    for _, shape in screen(search, model):
-        best.setdefault(shape.mechanism.effect, shape)
+    best: dict[str, CandidateTerm] = {}
+    for _, term in screen(search, model):
+        best.setdefault(term.mechanism.effect, term)
     tried = [
-        search.model((*model.named, shape), model.free, model.fit) for shape in list(best.values())[:INSTEAD]
+        search.model((*model.named, term), model.free, model.fit) for term in list(best.values())[:INSTEAD]
     ]
     return sorted(tried, key=lambda m: -m.score)
 
@@ -181,7 +183,7 @@ def _instead(search: Search, model: Model) -> list[Model]:
 def _clear_beside_as_given(search: Search, model: Model, before: Model, after: Model) -> bool:
     """Whether a parameter explains enough beside one that is just as given, and nothing else is missing. What
     is held may move a little, which hides small errors; held-out drives then have to show them clearly."""
-    if model.named or search.e.own_error > 0.0:
+    if model.named or search.e.model_discrepancy > 0.0:
         return False
     name = next(iter(after.free - before.free))
     given = search.model(before.named, before.free, before.fit, pinned=name)
@@ -191,7 +193,7 @@ def _clear_beside_as_given(search: Search, model: Model, before: Model, after: M
 def _a_slope_sensors_zero(search: Search, before: Model, after: Model) -> float:
     """The zero that would do nearly as well, rise over run; infinite where none would. Held-out drives have
     the same one, so that they show nothing."""
-    (zero,) = search.shapes(LIBRARY["grade_bias"])
+    (zero,) = search.candidate_terms(LIBRARY["grade_bias"])
     instead = search.model((*before.named, zero), before.free, before.fit)
     if instead.score < after.score - search.rules.least_gain:
         return float("inf")

@@ -1,9 +1,9 @@
 """Which mechanisms, beside which parameter errors, explain the residual: a search by evidence.
 
-Every model is a set of shapes beside the simulator's own parameters, which are either held (they may move by
+Every model is a set of terms beside the simulator's own parameters, which are either held (they may move by
 HELD) or free (by the FREE share that is physically plausible). Log evidence is the sum of the log
 probabilities with which each part of the data is predicted from the rest, so it ranks by prediction and
-charges for every coefficient.
+penalises every coefficient.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.mechanisms import (
     LIBRARY,
+    CandidateTerm,
     Mechanism,
-    Shape,
-    shapes,
+    candidate_terms,
 )
 from deeptruck_model.mismatch.mechanisms.regimes import Regimes
 from deeptruck_model.mismatch.residual import sensor_filter
@@ -40,7 +40,7 @@ ONE_SIZE = ("command_delay", "clock_offset", "grade_bias")
 class Model:
     """A fitted explanation. `free`: simulator parameters set free; `score`: evidence with priors, in nats."""
 
-    named: tuple[Shape, ...]
+    named: tuple[CandidateTerm, ...]
     free: frozenset[str]
     fit: Fit
     score: float
@@ -108,19 +108,19 @@ class Search:
         ]
         self.regimes = Regimes.of(evidence, self.series.usable())
         self.own = Search(evidence.itself) if evidence.itself is not None else None
-        self._shapes: dict[str, list[Shape]] = {}
+        self._candidate_terms: dict[str, list[CandidateTerm]] = {}
         self._memo: tuple[Model, Fit, tuple[Array, Array, Array, Array]] | None = None
         self._models: dict[tuple[object, ...], Model] = {}
 
-    def shapes(self, mechanism: Mechanism) -> list[Shape]:
-        """All shapes of a mechanism on this evidence, made once."""
-        if mechanism.effect not in self._shapes:
-            self._shapes[mechanism.effect] = shapes(mechanism, self.e)
-        return self._shapes[mechanism.effect]
+    def candidate_terms(self, mechanism: Mechanism) -> list[CandidateTerm]:
+        """All candidate terms of a mechanism on this evidence, made once."""
+        if mechanism.effect not in self._candidate_terms:
+            self._candidate_terms[mechanism.effect] = candidate_terms(mechanism, self.e)
+        return self._candidate_terms[mechanism.effect]
 
     def model(
         self,
-        named: tuple[Shape, ...],
+        named: tuple[CandidateTerm, ...],
         free: frozenset[str],
         start: Fit | None = None,
         *,
@@ -152,7 +152,7 @@ class Search:
         change = changed_by(parameter, model.change(parameter))
         return low < self.e.total_change(parameter, change) < high
 
-    def background(self, named: tuple[Shape, ...]) -> Model:
+    def background(self, named: tuple[CandidateTerm, ...]) -> Model:
         """The best model with these mechanisms and any set of free parameters that a greedy search finds."""
         best = self.model(named, frozenset())
         everything = self.model(named, frozenset(self.parameters))
@@ -204,7 +204,7 @@ class Search:
         return self._design(model.named, model.free)
 
     def _design(
-        self, named: tuple[Shape, ...], free: frozenset[str], pinned: str = ""
+        self, named: tuple[CandidateTerm, ...], free: frozenset[str], pinned: str = ""
     ) -> tuple[Array, Prior, tuple[tuple[str, slice], ...]]:
         blocks = [n.columns for n in named] + [self.e.sensitivity[p][:, None] for p in self.parameters]
         blocks.append(self._late)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from deeptruck_model.mismatch.mechanisms import Shape, comes_and_goes, shape
+from deeptruck_model.mismatch.mechanisms import CandidateTerm, candidate_term, is_time_varying
 from deeptruck_model.mismatch.mechanisms.commands import Delays
 from deeptruck_model.mismatch.mechanisms.variants import Static
 from deeptruck_model.mismatch.posterior import windows
 from deeptruck_model.mismatch.posterior.candidates import candidates, enriched
 from deeptruck_model.mismatch.posterior.penalties import (
+    discrepancy_penalty,
     enough,
     practical,
-    price,
-    slow_price,
+    time_varying_penalty,
 )
 from deeptruck_model.mismatch.posterior.search import Model, Search
 
@@ -26,7 +26,7 @@ def first_guess(search: Search) -> Model:
     """Parameters alone, or with the one best mechanism: enough to see how far the parameters are off."""
     base = search.background(())
     best = max(candidates(search, base), key=lambda m: m.score, default=base)
-    return best if best.score > base.score + enough(search) + price(search, best) else base
+    return best if best.score > base.score + enough(search) + discrepancy_penalty(search, best) else base
 
 
 def grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], ...]]:
@@ -63,16 +63,22 @@ def _one_more(search: Search, base: Model, bare: Model, options: list[Model]) ->
     options = [
         enriched(search, m) for m in options[:WIDENED] if m.score > base.score + search.rules.least_gain / 2
     ]
-    best = max(options, key=lambda m: m.score - price(search, m) - slow_price(m, base), default=base)
-    least = enough(search) + price(search, best) + _beside(search, best) * (base.score - bare.score)
-    least += slow_price(best, base)
+    best = max(
+        options,
+        key=lambda m: m.score - discrepancy_penalty(search, m) - time_varying_penalty(m, base),
+        default=base,
+    )
+    least = (
+        enough(search) + discrepancy_penalty(search, best) + _beside(search, best) * (base.score - bare.score)
+    )
+    least += time_varying_penalty(best, base)
     return base if best.score < base.score + least else search.background(best.named)
 
 
 def _rare(search: Search, base: Model, bare: Model) -> list[Model]:
-    """The model with what acts in a few windows alone, and the same without what comes and goes, whose knots
+    """The model with what acts in a few windows alone, and the same without what is time-varying, whose knots
     follow such windows too, and without any law, which may stand in for it."""
-    lasting = tuple(s for s in base.named if not comes_and_goes(s))
+    lasting = tuple(s for s in base.named if not is_time_varying(s))
     most = search.rules.windows_most_beside if base.named else search.rules.windows_most
     found = _now_and_then(search, base, bare, most)
     slow = found is base and len(lasting) < len(base.named)
@@ -92,10 +98,10 @@ def _gains_in_windows(search: Search, model: Model, without: Model) -> bool:
 
 
 def _for_freedom(model: Model, bare: Model) -> float:
-    """Nats by which what comes and goes must do better, and what acts in windows that were chosen for it."""
-    coming = model.rules.time_varying_penalty if any(comes_and_goes(s) for s in model.named) else 0.0
+    """Nats by which what is time-varying must do better, and what acts in windows that were chosen for it."""
+    varying = model.rules.time_varying_penalty if any(is_time_varying(s) for s in model.named) else 0.0
     chosen = model.rules.time_varying_share if any(s.variant.acts_in_windows for s in model.named) else 0.0
-    return coming + chosen * (model.score - bare.score)
+    return varying + chosen * (model.score - bare.score)
 
 
 def _settled(search: Search, model: Model) -> Model:
@@ -109,14 +115,14 @@ def _settled(search: Search, model: Model) -> Model:
     return model
 
 
-def _about_its_size(search: Search, model: Model, s: Shape) -> Shape:
-    """A shape of delays at the delays it was fitted to; any other as it is."""
+def _about_its_size(search: Search, model: Model, s: CandidateTerm) -> CandidateTerm:
+    """A candidate term of delays at the delays it was fitted to; any other as it is."""
     if not (isinstance(s.variant, Static) and isinstance(s.variant.constants, Delays)):
         return s
     sizes = model.coefficients(s.mechanism.effect).tolist()
     lines = zip(s.variant.constants.lines, sizes, strict=True)
     fitted = tuple((which, round(tau_s * b, 3)) for (which, tau_s), b in lines)
-    return shape(s.mechanism, Static(Delays(fitted)), search.e)
+    return candidate_term(s.mechanism, Static(Delays(fitted)), search.e)
 
 
 def _beside(search: Search, model: Model) -> float:
@@ -135,7 +141,7 @@ def _beside(search: Search, model: Model) -> float:
 
 def _now_and_then(search: Search, base: Model, bare: Model, most: float) -> Model:
     """Add a mechanism that acts in a few windows alone, `most` of the time, where one explains them."""
-    spans = windows.windows(search.e, base, most) if search.e.own_error == 0 else []
+    spans = windows.windows(search.e, base, most) if search.e.model_discrepancy == 0 else []
     if not spans:
         return base
     narrow = windows.narrowed(search, base, spans)
@@ -159,10 +165,14 @@ def _exchanged(search: Search, model: Model) -> Model:
                 for m in candidates(search, base)[:WIDENED]
                 if practical(search, m, m.named[-1])
             ]
-            best = max(options, key=lambda m: m.score - price(search, m) - slow_price(m, base), default=model)
+            best = max(
+                options,
+                key=lambda m: m.score - discrepancy_penalty(search, m) - time_varying_penalty(m, base),
+                default=model,
+            )
             better = search.background(best.named)
-            own = slow_price(search.model((*others, given), model.free, model.fit), base)
-            if better.score - slow_price(better, base) > model.score - own + search.rules.swap_gain:
+            own = time_varying_penalty(search.model((*others, given), model.free, model.fit), base)
+            if better.score - time_varying_penalty(better, base) > model.score - own + search.rules.swap_gain:
                 model = better
                 break
         if model is before:

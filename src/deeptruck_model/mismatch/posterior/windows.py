@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.mechanisms import (
     UNNAMED,
+    CandidateTerm,
     Mechanism,
-    Shape,
     build,
-    comes_and_goes,
+    candidate_term,
     held_steady,
-    shape,
+    is_time_varying,
 )
 from deeptruck_model.mismatch.mechanisms.variants import OwnCurve, Span, Sum, Windowed
-from deeptruck_model.mismatch.posterior.candidates import screen_shapes
+from deeptruck_model.mismatch.posterior.candidates import screen_terms
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.penalties import large_enough
 from deeptruck_model.mismatch.posterior.search import Model, Search
@@ -131,8 +131,8 @@ def within(spans: list[Span], e: Evidence) -> Mask:
     return inside
 
 
-def during(given: Shape, spans: list[Span], e: Evidence) -> Shape:
-    """The shape confined to the spans."""
+def during(given: CandidateTerm, spans: list[Span], e: Evidence) -> CandidateTerm:
+    """The candidate term confined to the spans."""
     variant = Windowed(given.variant, tuple(spans))
     parts = tuple(build(given.mechanism, variant))
     trials = given.trials * float(
@@ -147,21 +147,21 @@ def during(given: Shape, spans: list[Span], e: Evidence) -> Shape:
     )
 
 
-def unnamed(search: Search, spans: list[Span]) -> Shape:
+def unnamed(search: Search, spans: list[Span]) -> CandidateTerm:
     """A force without a name in the spans alone, of any size and sign in each."""
-    steady = held_steady(search.shapes(UNNAMED)[0], search.e)
+    steady = held_steady(search.candidate_terms(UNNAMED)[0], search.e)
     each = Sum(tuple(Windowed(steady.variant, (span,)) for span in spans))
-    made = during(shape(UNNAMED, each, search.e), spans, search.e)
+    made = during(candidate_term(UNNAMED, each, search.e), spans, search.e)
     return replace(made, prior=replace(made.prior, sd=np.full(len(spans), SUDDEN)))
 
 
-def _steady(search: Search, mechanism: Mechanism) -> list[Shape]:
-    """The shapes of a mechanism that few windows can show; of what comes and goes, its mean."""
-    shapes = search.shapes(mechanism)
-    plain = [s for s in shapes if not (s.variant.per_recording or isinstance(s.variant, OwnCurve))]
-    lasting = [s for s in plain if not comes_and_goes(s)]
-    coming = [s for s in plain if comes_and_goes(s)]
-    return [*lasting, *(held_steady(s, search.e) for s in coming[:1])]
+def _steady(search: Search, mechanism: Mechanism) -> list[CandidateTerm]:
+    """The candidate terms of a mechanism that few windows can show; of what is time-varying, its mean."""
+    terms = search.candidate_terms(mechanism)
+    plain = [s for s in terms if not (s.variant.per_recording or isinstance(s.variant, OwnCurve))]
+    lasting = [s for s in plain if not is_time_varying(s)]
+    varying = [s for s in plain if is_time_varying(s)]
+    return [*lasting, *(held_steady(s, search.e) for s in varying[:1])]
 
 
 def candidates(search: Search, base: Model, spans: list[Span]) -> list[Model]:
@@ -183,12 +183,12 @@ def candidates(search: Search, base: Model, spans: list[Span]) -> list[Model]:
 
 
 def _fitted(
-    search: Search, base: Model, options: list[Shape], best: dict[str, Model], leader: Model | None
+    search: Search, base: Model, options: list[CandidateTerm], best: dict[str, Model], leader: Model | None
 ) -> dict[str, Model]:
     """The best model of each of the first FITTED names, and of those in `best`; from the noise of the leader
     where there is one."""
     best, new = dict(best), set[str]()
-    for _, option in screen_shapes(search, base, options, leader):
+    for _, option in screen_terms(search, base, options, leader):
         effect = option.mechanism.effect
         if effect not in new and len(new) >= FITTED:
             continue
@@ -202,10 +202,10 @@ def _fitted(
 def bursts(search: Search, model: Model) -> Cause | None:
     """What a model leaves over in short windows, of any size and sign in each.
 
-    None where it is little, or the simulator a learned one, whose own error comes in bursts too.
+    None where it is little, or the simulator a learned one, whose model discrepancy comes in bursts too.
     """
     e = search.e
-    spans = windows(e, model, e.rules.windows_most) if e.own_error == 0 else []
+    spans = windows(e, model, e.rules.windows_most) if e.model_discrepancy == 0 else []
     spans = narrowed(search, model, spans)
     if not spans:
         return None
@@ -214,4 +214,4 @@ def bursts(search: Search, model: Model) -> Cause | None:
     force = noisy.named[-1].columns @ noisy.coefficients(UNNAMED.effect)
     if gain < search.rules.bursts_gain or not large_enough(e, force):
         return None
-    return Cause("missing_physics", UNNAMED.effect, gain, 1.0, 0.9, force, lawless=True, rules=e.rules)
+    return Cause("missing_physics", UNNAMED.effect, gain, 1.0, 0.9, force, time_varying=True, rules=e.rules)

@@ -16,7 +16,7 @@ from PIL import Image
 from deeptruck_model.mismatch.residual.evidence import unit
 
 DPI = 110
-# Okabe and Ito's colours, told apart by all kinds of colour vision
+# Okabe and Ito's colours, distinguishable by all kinds of colour vision
 INK, GREY, BLUE, ORANGE, GREEN = "#222222", "#999999", "#0072B2", "#E69F00", "#009E73"
 VERMILION, PURPLE, SKY = "#D55E00", "#CC79A7", "#56B4E9"
 WINE, MINT = "#882255", "#80CEB9"  # Tol's, a thin line that is seen on a wide pale one

@@ -22,7 +22,7 @@ MOST_NAMES = 14
 PALE = "#cccccc"
 KINDS = {
     BLUE: "stated",
-    SKY: "not told apart from it",
+    SKY: "not distinguishable from it",
     PALE: "rejected",
     GREY: "parameters only, over the simulator as given",
     ORANGE: "what is left, by a free model",
@@ -36,11 +36,11 @@ def ranking(x: Explanation) -> Figure:
 
     Parameters alone may gain far more than what matters between names, so long bars are cut at the edge.
     """
-    first = next((c for c in x.causes if c.shape is not None), None)
+    first = next((c for c in x.causes if c.term is not None), None)
     group = set(first.not_told_from) if first else set()
     bars: list[tuple[str, float, str]] = []
     tuned = x.parameters_only.score - x.null.score
-    stated = {c.effect for c in x.causes if c.shape is not None}
+    stated = {c.effect for c in x.causes if c.term is not None}
     moved = {c.effect for c in x.causes if c.kind == "parameter_error"}
     bars.append((_parameters(x), tuned, BLUE if moved == x.parameters_only.free and moved else GREY))
     for name, gain in sorted(x.ranking, key=lambda named: -named[1])[:MOST_NAMES]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.expression import Rerun
-from deeptruck_model.mismatch.mechanisms import LIBRARY, OWN, UNNAMED, Column, Shape, carriers
+from deeptruck_model.mismatch.mechanisms import LIBRARY, OWN, UNNAMED, CandidateTerm, Column, carriers
 from deeptruck_model.mismatch.mechanisms.variants import OwnCurve
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation, RoadLock
 from deeptruck_model.mismatch.posterior.formula import Formula
@@ -90,7 +90,7 @@ def _again(road: RoadLock | None) -> str:
     )
 
 
-def comes_and_goes(cause: Cause, e: Evidence) -> Told:
+def _time_varying(cause: Cause, e: Evidence) -> Told:
     """An unknown force that no signal predicts and that acts like none of the known ones."""
     near = _nearest(cause, "does not explain how it acts")
     now_and_then = bool(np.mean(cause.force[e.valid] == 0.0) > 0.5)
@@ -201,11 +201,11 @@ def from_cause(cause: Cause, e: Evidence, explanation: Explanation, own: dict[st
 def _told(cause: Cause, e: Evidence, explanation: Explanation, own: dict[str, float]) -> Told:
     if cause.needed is not None:
         return slow(cause)
-    if cause.lawless:
-        return comes_and_goes(cause, e)
+    if cause.time_varying:
+        return _time_varying(cause, e)
     if cause.effect == "unknown":
         return unknown(cause, e, explanation)
-    if cause.shape is None:
+    if cause.term is None:
         return _parameter(cause, e, explanation, own)
     return _mechanism(cause, e, explanation)
 
@@ -223,40 +223,40 @@ def with_formula(finding: Finding, formula: Formula | None) -> Finding:
 
 
 def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> Told:
-    shape = cause.shape
-    assert shape is not None
-    m = shape.mechanism
+    term = cause.term
+    assert term is not None
+    m = term.mechanism
     return Told(
         Sentence.of(
-            f"{m.says}: {strength(cause, e)}{_now_and_then(shape)}{_confined(shape, e.mass)}",
-            *_curved(shape),
+            f"{m.says}: {strength(cause, e)}{_now_and_then(term)}{_confined(term, e.mass)}",
+            *_curved(term),
             OTHER_FORM if cause.other_form else "",
         ),
         m.equation,
-        _sizes(shape, explanation.model, e) | picked(shape),
+        _sizes(term, explanation.model, e) | picked(term),
         Sentence.of(m.told_by),
-        (*m.depends_on, *_confined_by(shape)),
+        (*m.depends_on, *_confined_by(term)),
     )
 
 
-def picked(shape: Shape) -> dict[str, Size]:
+def picked(term: CandidateTerm) -> dict[str, Size]:
     """Settings that have a size, as parameters without an interval; of two parts with one, the first's."""
     out: dict[str, Size] = {}
-    for name, value in shape.variant.numbers():
+    for name, value in term.variant.numbers():
         if name in SETTING_UNITS:
             out.setdefault(name, Size(value, SETTING_UNITS[name], picked=True))
     return out
 
 
-def _confined_by(shape: Shape) -> list[str]:
+def _confined_by(term: CandidateTerm) -> list[str]:
     """The signal by which an effect is confined to a regime, where its mechanism does not depend on it."""
-    gate = shape.variant.gate
-    return [gate.signal] if gate and gate.signal not in shape.mechanism.depends_on else []
+    gate = term.variant.gate
+    return [gate.signal] if gate and gate.signal not in term.mechanism.depends_on else []
 
 
-def _confined(shape: Shape, mass: float) -> str:
+def _confined(term: CandidateTerm, mass: float) -> str:
     """In which regime alone an effect acts, where it does."""
-    gate = shape.variant.gate
+    gate = term.variant.gate
     if gate is None:
         return ""
     side, at = gate.side, gate.at
@@ -270,35 +270,35 @@ def _confined(shape: Shape, mass: float) -> str:
     return f". It shows only where {border}"
 
 
-def _curved(shape: Shape) -> tuple[Part, ...]:
+def _curved(term: CandidateTerm) -> tuple[Part, ...]:
     """Over what an effect runs in a curve of its own, where it does."""
-    own = [leaf.index for leaf in shape.variant.leaves if isinstance(leaf, OwnCurve)]
-    over = [OWN[shape.mechanism.effect][index].by for index in own]
+    own = [leaf.index for leaf in term.variant.leaves if isinstance(leaf, OwnCurve)]
+    over = [OWN[term.mechanism.effect][index].by for index in own]
     return (". It is a curve of its own over ", *Sentence.named(list(dict.fromkeys(over)))) if over else ()
 
 
-def _now_and_then(shape: Shape) -> str:
+def _now_and_then(term: CandidateTerm) -> str:
     """That an effect was seen in a few windows alone, where it was."""
-    spans = shape.variant.spans
+    spans = term.variant.spans
     seconds = sum(last - first for _, first, last in spans)
     times = "once" if len(spans) == 1 else f"{len(spans)} times"
     return f". It was seen now and then alone, {times} for {seconds:.0f} s together" if spans else ""
 
 
-def _sizes(shape: Shape, model: Model, e: Evidence) -> dict[str, Size]:
-    """The most telling parameters by name. Columns of one name, from a widened shape, add up to one size.
+def _sizes(term: CandidateTerm, model: Model, e: Evidence) -> dict[str, Size]:
+    """The most telling parameters by name. Columns of one name, from a widened term, add up to one size.
 
     When within a sample a command came nobody knows, so that no delay is known better than that.
     """
-    values, covariance = model.coefficients(shape.mechanism.effect), model.covariance(shape.mechanism.effect)
+    values, covariance = model.coefficients(term.mechanism.effect), model.covariance(term.mechanism.effect)
     by = carriers.factors(e.moved, {p: e.total_change(p, model.change(p)) for p in model.free})
     weights: dict[str, Array] = {}
     told: dict[str, Column] = {}
-    for k, part in enumerate(shape.parts):
+    for k, part in enumerate(term.parts):
         for name, weight in part.course or ((part.name, 1.0),):
             factor = weight * part.factor * (e.mass if part.per_mass else 1.0)
             factor *= carriers.ratio(part, e, by) if e.moved else 1.0
-            weights.setdefault(name, np.zeros(len(shape.parts)))[k] = factor
+            weights.setdefault(name, np.zeros(len(term.parts)))[k] = factor
             told[name] = part
     sizes: dict[str, tuple[float, float, str]] = {
         name: (

@@ -45,7 +45,7 @@ class Claim(Enum):
 
 @dataclass(frozen=True)
 class Name:
-    """A finding, and what it cannot be told from: it is then told as a group and not alone."""
+    """A finding, and what it is not distinguishable from: it is then told as a group and not alone."""
 
     effect: str
     kind: Kind
@@ -202,7 +202,7 @@ def _not_in(left_out: Sequence[Name], names: int) -> str:
 
 
 def group(name: Name, rivals: int = RIVALS) -> str:
-    """A name with what it cannot be told from: 'headwind or rolling resistance that grows with speed'."""
+    """A name with what is not distinguishable: 'headwind or rolling resistance that grows with speed'."""
     return either([name.effect, *name.rivals], rivals + 1)
 
 

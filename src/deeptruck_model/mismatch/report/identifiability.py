@@ -98,7 +98,7 @@ def _said(rival: str, s: Separation) -> tuple[Part, ...]:
 
 
 def _law(model: Model) -> bool:
-    """Whether an explanation acts alike on every drive: nothing that comes and goes, no fault of a sensor."""
+    """Whether an explanation acts alike on every drive: nothing time-varying, no fault of a sensor."""
     kinds = {n.mechanism.kind for n in model.named}
     once = any(_of_these_drives(n.variant) for n in model.named)
     return kinds <= {"missing_physics"} and not once
@@ -170,7 +170,7 @@ class _Hidden:
         """The size of a force (n,), from `size` on, that costs `nats` and is surely above `surely`."""
         e = self.search.e
         acting = np.abs(column[e.valid])
-        size = max(size, max(e.rules.least_force, e.own_error) / max(_rms(acting[acting > 0]), 1e-9))
+        size = max(size, max(e.rules.least_force, e.model_discrepancy) / max(_rms(acting[acting > 0]), 1e-9))
         if self._seen(column, size, nats, surely):
             return size
         for _ in range(STEPS):

@@ -67,7 +67,7 @@ def shape(e: Evidence, x: Explanation, equation: str) -> Figure | None:
 
 
 def _telling_pair(y: Array, columns: dict[str, Array]) -> tuple[str, str]:
-    """The two signals whose cell means explain most of the variance of y, charged for the number of cells."""
+    """The two signals whose cell means explain most of the variance of y, with a penalty for each cell."""
     places = {n: _place(c, _edges(c)) for n, c in columns.items() if len(_edges(c)) > 2}
     scores = {(a, b): _adjusted_r2(y, places[a] * 64 + places[b]) for a, b in combinations(places, 2)}
     best = max(scores, key=lambda k: scores[k])

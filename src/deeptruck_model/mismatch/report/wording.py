@@ -1,4 +1,4 @@
-"""What a finding cannot be told from, and what decided for it nevertheless."""
+"""What a finding is not distinguishable from, and what decided for it nevertheless."""
 
 from __future__ import annotations
 
@@ -196,14 +196,14 @@ LIMIT = (
 
 
 def apart(f: Finding) -> str:
-    """What it cannot be told from and what decided; empty where there was no rival."""
+    """What it is not distinguishable from and what decided; empty where there was no rival."""
     worse = {r.effect: r.worse_by_nats for r in f.rivals}
     group = f.cannot_be_told_from
     if not group:
         return " ".join(filter(None, [_beats_all(worse), *_at_the_limit(f)]))
     better = [n for n in group if worse.get(n, 0.0) < 0.0]
     others = [n for n in group if n not in better]
-    said = [f"It cannot be told from {', '.join(spoken(n) for n in group)}."]
+    said = [f"It is not distinguishable from {', '.join(spoken(n) for n in group)}."]
     if better:
         said.append(_does_better(f.effect, better, worse))
         said += [REFITTED] if f.kind is Kind.PARAMETER else []
@@ -216,12 +216,12 @@ def apart(f: Finding) -> str:
 
 
 def _beats_all(worse: dict[str, float]) -> str:
-    """That it is told from all others, and by how much from the next best."""
+    """That it is distinguishable from all others, and by how much from the next best."""
     nearest = min(worse, key=lambda n: worse[n], default=None)
     if nearest is None:
         return ""
     lead = f"{worse[nearest]:.0f} nats"
-    return f"It is told from every other name; the next best, {spoken(nearest)}, is {lead} worse."
+    return f"It is distinguishable from every other name; the next best, {spoken(nearest)}, is {lead} worse."
 
 
 def _at_the_limit(f: Finding) -> list[str]:

@@ -17,8 +17,8 @@ from scipy.optimize import nnls
 
 from deeptruck_model.constants import AIR_DENSITY, DIESEL_J_PER_CM3, GRAVITY
 from deeptruck_model.mismatch.expression import Expression, Signal, maximum
-from deeptruck_model.mismatch.residual.effective_mass import felt
-from deeptruck_model.mismatch.residual.evidence import Evidence, gears, lever, turns
+from deeptruck_model.mismatch.residual.effective_mass import with_effective_mass
+from deeptruck_model.mismatch.residual.evidence import Evidence, gears, overall_ratio, turns
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Run, Simulator, forced_run
 
@@ -107,7 +107,7 @@ DRIVELINE = 0.93
 TYPICAL_MASS, MASSES = 20000.0, (800.0, 60000.0)  # kg
 ENGINE, BRAKE, DRAG = Signal("engine"), Signal("brake"), Signal("drag")
 SENSITIVITY: dict[str, Expression] = {  # for simulators without parameters of their own
-    name: felt(force)
+    name: with_effective_mass(force)
     for name, force in {
         "mass": BRAKE + DRAG - ENGINE,
         "drag_area": -DRAG,
@@ -189,7 +189,7 @@ def _from_inside(out: dict[str, Array], simulator: Simulator, runs: Sequence[Run
     out["modelled_torque"] = grid.stack(inside("engine_torque"))
     radius = simulator.parameters().get("wheel_radius")
     if radius and "ratio" in runs[0].inside:
-        out["gear lever"] = grid.stack(inside("ratio")) / radius
+        out["ratio in gear"] = grid.stack(inside("ratio")) / radius
     return mass
 
 
@@ -260,13 +260,13 @@ def _ask(simulator: Simulator, p: Prepared) -> tuple[Array, list[Array]]:
 
 
 def _ratio(out: dict[str, Array]) -> None:
-    """Engine turns per metre (rad/m), where engine speed is known; the lever they are without slip and noise,
-    and the engine speed that goes with it."""
+    """Engine turns per metre (rad/m), where engine speed is known; the overall gear ratio, without slip
+    and noise, and the engine speed that goes with it."""
     if "engine_speed" not in out:
         return
     ratio = out["ratio"] = turns(out["engine_speed"], out["speed"])
     known = gears(ratio, out["speed"])
-    out["lever"] = lever(ratio, known, out.pop("gear lever", None))
+    out["lever"] = overall_ratio(ratio, known, out.pop("ratio in gear", None))
     out["engine_speed"] = np.where(
         np.isin(out["lever"], known), out["lever"] * out["speed"], out["engine_speed"]
     )

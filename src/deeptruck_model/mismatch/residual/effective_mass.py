@@ -27,17 +27,17 @@ BRAKED = 0.05  # m/s^2: the brake switch
 HOLD_S, ORDER = 0.25, 3  # valves, and the controller that holds the deceleration: lags in a row
 RELEASED_S = 1.0  # for which such brakes still make up for a force after the pedal is let go
 
-ANSWER = Signal("answer", missing=1.0)
+EFFECTIVE_MASS_GAIN = Signal("effective_mass_gain", missing=1.0)
 HOLDS = Signal("holds", missing=0.0)  # one while brakes hold a commanded deceleration
 MADE_UP = Signal("made up", missing=0.0)  # the share of a steady force that they have made up for by then
 
 
 @dataclass(frozen=True, eq=False)
-class Felt(Expression):
+class WithEffectiveMass(Expression):
     """The acceleration that a force per mass gives, (n,).
 
-    `answer` is that of a steady force of one. What changes while brakes hold a deceleration is felt until
-    these have made up for it.
+    `effective_mass_gain` is that of a steady force. What changes while brakes hold
+    a deceleration acts until these have made up for it.
     """
 
     inputs: tuple[Expression, ...]
@@ -64,9 +64,9 @@ class Felt(Expression):
         return force * gain + made_up * force - holds * late, after
 
 
-def felt(force: Expression) -> Expression:
+def with_effective_mass(force: Expression) -> Expression:
     """What a force per mass gives on the truck along a recording or in a simulation."""
-    return Felt((force, ANSWER, HOLDS, MADE_UP))
+    return WithEffectiveMass((force, EFFECTIVE_MASS_GAIN, HOLDS, MADE_UP))
 
 
 def free(inside: Mapping[str, Array]) -> Array | None:

@@ -44,7 +44,7 @@ def gears(ratio: Array, speed: Array) -> tuple[float, ...]:
     return tuple(sorted(found))
 
 
-def lever(ratio: Array, known: Sequence[float], in_gear: Array | None = None) -> Array:
+def overall_ratio(ratio: Array, known: Sequence[float], in_gear: Array | None = None) -> Array:
     """The gear's own turns per metre near one of the `known`. Elsewhere a clutch slips: what it would be
     `in_gear`, where a simulator tells, or the ratio, but never beyond the lowest."""
     if not known:
@@ -96,7 +96,7 @@ def unit(name: str, commands: Mapping[str, str]) -> str:
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
-LEAST_ANSWER = 0.5  # where brakes make up for a force its size is not known
+LEAST_EFFECTIVE_MASS_GAIN = 0.5  # where brakes make up for a force its size is not known
 DOUBT_ROWS = 5  # a doubtful sample also marks those it is whitened with
 BLOCK_LEARNED_S = 1.0  # a learned simulator's timing is not good enough for more
 BLOCK_S = 0.2  # long enough to average sensor noise, short enough for a driveline
@@ -140,8 +140,8 @@ class Evidence:
     rerun: Callable[[str, float], Array]
     tolerance: dict[str, float] = field(
         default_factory=dict
-    )  # nats a name gains from the simulator's own error alone
-    own_error: float = 0.0  # rms of what the simulator itself learned imperfectly, m/s^2
+    )  # nats a name gains from the simulator's model discrepancy alone
+    model_discrepancy: float = 0.0  # rms of what the simulator itself learned imperfectly, m/s^2
     slow_noise: float = Rules.slow_noise  # m/s^2 sd of the mean over so long that may still be noise
     itself: Evidence | None = None  # a learned simulator along the recordings it keeps
     other_gear: int = 0  # samples left out because the simulator drives in another gear than the recorded one
@@ -175,8 +175,8 @@ class Evidence:
 
     def newtons(self, acceleration: Array) -> Array:
         """The forces that give these accelerations, (n,); too small where the brakes make up for them."""
-        answer = self.signals.get("answer", np.ones(len(self)))
-        out: Array = acceleration * self.mass / np.maximum(answer, LEAST_ANSWER)
+        gain = self.signals.get("effective_mass_gain", np.ones(len(self)))
+        out: Array = acceleration * self.mass / np.maximum(gain, LEAST_EFFECTIVE_MASS_GAIN)
         return out
 
     @property

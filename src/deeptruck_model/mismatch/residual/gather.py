@@ -17,7 +17,7 @@ from deeptruck_model.mismatch.residual.command_path import changed
 from deeptruck_model.mismatch.residual.evidence import (
     BLOCK_LEARNED_S,
     BLOCK_S,
-    LEAST_ANSWER,
+    LEAST_EFFECTIVE_MASS_GAIN,
     Evidence,
     Stretch,
 )
@@ -191,14 +191,14 @@ def gather(
         rules=rules,
         command_units={name: simulator.interface.unit(name) for name in simulator.interface.u},
     )
-    evidence.signals["answer"] = effective_mass.rows(simulator, evidence, turning)
+    evidence.signals["effective_mass_gain"] = effective_mass.rows(simulator, evidence, turning)
     left = effective_mass.held(simulator.interface).rows(evidence)
     evidence.signals.update(effective_mass.holding(simulator.interface, evidence.signals, left))
     sensitivity = _sensitivity(simulator, prepared, grid, evidence)
     evidence = replace(evidence, sensitivity=sensitivity)
     named = {f"sensitivity:{name}": column for name, column in sensitivity.items()}
-    felt = {"answer": effective_mass.rows(simulator, evidence, turning)}
-    return replace(evidence, signals=evidence.signals | named | felt)
+    gain = {"effective_mass_gain": effective_mass.rows(simulator, evidence, turning)}
+    return replace(evidence, signals=evidence.signals | named | gain)
 
 
 def _turning(runs: Sequence[Run], grid: _Grid) -> Array:
@@ -294,7 +294,7 @@ def _rerun_slope(
         return slope
     dt = prepared[0].dt
     apart = grid.any([_shifts(a, dt) | _shifts(b, dt) for a, b in zip(low, high, strict=True)])
-    apart &= e["answer"] > LEAST_ANSWER  # beyond, brakes answer and not the engine
+    apart &= e["effective_mass_gain"] > LEAST_EFFECTIVE_MASS_GAIN  # beyond, brakes act and not the engine
     known = np.nan_to_num(components.sensitivity(e, name))
     return known + fill(np.where(apart, np.nan, slope - known))
 

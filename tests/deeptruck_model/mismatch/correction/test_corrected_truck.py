@@ -203,7 +203,7 @@ def test_a_force_against_motion_does_not_push_a_standing_truck_back() -> None:
 
 
 def test_a_term_by_the_gear_goes_with_the_gear_that_is_simulated() -> None:
-    """A slipping clutch is no lever, and the gear of a drive at another speed is not this truck's."""
+    """A slipping clutch has no gear ratio, and the gear of a drive at another speed is not this truck's."""
     friction = Term("engine_friction", Static(Friction(1.0, 0)), (0.02,))
     truck = CorrectedTruck(BASE, [friction], {}, None, False, [20.0])
     u, w, y0 = inputs(20.0)
@@ -216,10 +216,10 @@ def test_a_term_by_the_gear_goes_with_the_gear_that_is_simulated() -> None:
     state, y = BASE.step(BASE.reset(y0), u[:, 0], w[:, 0])
     slipping = truck.step(truck.reset(y0), u[:, 0], w[:, 0])[1][0, ACCELERATION]
     inside = {name: x[0] for name, x in BASE.inside(state).items()}
-    lever = inside["ratio"] / BASE.parameters()["wheel_radius"]
-    assert inside["engine_speed"] / y[0, SPEED] > 1.3 * lever  # the clutch slips
-    felt = inside["mass"] / inside["effective_mass"]
-    assert slipping - y[0, ACCELERATION] == pytest.approx(-0.02 * lever * felt)
+    overall_ratio = inside["ratio"] / BASE.parameters()["wheel_radius"]
+    assert inside["engine_speed"] / y[0, SPEED] > 1.3 * overall_ratio  # the clutch slips
+    gain = inside["mass"] / inside["effective_mass"]
+    assert slipping - y[0, ACCELERATION] == pytest.approx(-0.02 * overall_ratio * gain)
 
 
 @pytest.mark.parametrize("shares", [None, SHARES])

@@ -13,7 +13,7 @@ import pytest
 from deeptruck_model import simulators, trucks
 from deeptruck_model.mismatch.correction import correction
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
-from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape, comes_and_goes, held_steady, laws
+from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, held_steady, is_time_varying, laws
 from deeptruck_model.mismatch.mechanisms.laws import Follower, Law
 from deeptruck_model.mismatch.mechanisms.variants import Constants
 from deeptruck_model.mismatch.posterior.causes import Cause
@@ -25,10 +25,10 @@ TRUCK = trucks.load("trucksim")
 ONE: Any = [None]  # the recording that is not held out; its errors are made up
 
 
-def law_and_gusts(e: Evidence) -> tuple[Shape, Shape]:
+def law_and_gusts(e: Evidence) -> tuple[CandidateTerm, CandidateTerm]:
     search = Search(e)
-    law = search.shapes(LIBRARY["driveline_loss"])[0]
-    gusts = next(s for s in search.shapes(LIBRARY["headwind"]) if comes_and_goes(s))
+    law = search.candidate_terms(LIBRARY["driveline_loss"])[0]
+    gusts = next(s for s in search.candidate_terms(LIBRARY["headwind"]) if is_time_varying(s))
     return law, gusts
 
 
@@ -64,8 +64,8 @@ def test_of_all_that_was_found_the_part_goes_in_that_drives_best(
     law, gusts = law_and_gusts(e)
     model = Search(e).model((law, gusts), frozenset({"torque_gain", "brake_gain"}))
     causes = tuple(
-        Cause(kind, effect, 90.0, 0.3, 0.9, np.zeros(len(e)), shape)
-        for kind, effect, shape in (
+        Cause(kind, effect, 90.0, 0.3, 0.9, np.zeros(len(e)), term)
+        for kind, effect, term in (
             ("missing_physics", "driveline_loss", law),
             ("missing_physics", "headwind", gusts),
             ("parameter_error", "brake_gain", None),
@@ -122,7 +122,7 @@ def test_what_comes_and_goes_can_be_held_steady(nothing_missing: Evidence) -> No
     law, gusts = law_and_gusts(nothing_missing)
     held = held_steady(gusts, nothing_missing)
     assert held_steady(law, nothing_missing) is law
-    assert held.columns.shape[1] < gusts.columns.shape[1] and not comes_and_goes(held)
+    assert held.columns.shape[1] < gusts.columns.shape[1] and not is_time_varying(held)
     assert held.mechanism is gusts.mechanism
 
 

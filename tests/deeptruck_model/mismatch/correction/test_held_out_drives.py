@@ -18,7 +18,7 @@ WINDOWED = Windowed(Static(), ((0, 1.0, 9.0),))
 
 
 def errors(*, after: float, tuned: float, laws: float | None = None) -> Compared:
-    """Of a simulator whose own error is 0.1 m/s."""
+    """Of a simulator whose model discrepancy is 0.1 m/s."""
     free_model = None if laws is None else Rmse(laws, 0.1)
     return Compared(Rmse(0.1, 0.1), Rmse(tuned, 0.1), Rmse(after, 0.1), free_model)
 
@@ -52,9 +52,9 @@ def test_what_is_weak_and_drives_worse_is_not_told(
 def test_a_weak_law_must_drive_better_than_other_parameters(
     variant: Variant, after: float, vain: bool
 ) -> None:
-    """What comes and goes helps no other drive anyway."""
-    shape: Any = SimpleNamespace(variant=variant)
-    causes = (Cause("missing_physics", "load_slosh", 33.0, 0.5, 0.9, np.zeros(1), shape),)
+    """What is time-varying helps no other drive anyway."""
+    term: Any = SimpleNamespace(variant=variant)
+    causes = (Cause("missing_physics", "load_slosh", 33.0, 0.5, 0.9, np.zeros(1), term),)
     fit = errors(after=after, tuned=0.05)
     explanation: Any = SimpleNamespace(causes=causes)
     assert in_vain(explanation, fit, FOUND) == vain
@@ -73,8 +73,8 @@ def test_a_road_without_recorded_slopes_need_not_help_on_another_road(
     effect: str, gain: float, recorded: bool, vain: bool
 ) -> None:
     """A hilly drive of a real car had been called nothing missing."""
-    shape: Any = SimpleNamespace(variant=SPLINE)
-    causes = (Cause("missing_physics", effect, gain, 1.0, 0.9, np.zeros(1), shape),)
+    term: Any = SimpleNamespace(variant=SPLINE)
+    causes = (Cause("missing_physics", effect, gain, 1.0, 0.9, np.zeros(1), term),)
     explanation: Any = SimpleNamespace(causes=causes)
     fit = errors(after=0.1, tuned=0.1)
     assert in_vain(explanation, fit, Chosen.NOTHING, slopes_recorded=recorded) == vain
@@ -88,13 +88,13 @@ def test_a_law_that_helps_no_other_drive_must_be_clear(
     beside: Variant, gain: float, after: float, vain: bool
 ) -> None:
     """Beside what acts now and then, which no other drive need show, it is not asked."""
-    shapes: Any = [
+    terms: Any = [
         SimpleNamespace(variant=Gated(Static(), Gate("lever", "above", 7.0))),
         SimpleNamespace(variant=beside),
     ]
     causes = tuple(
         Cause("missing_physics", name, g, 0.5, 0.9, np.zeros(1), s)
-        for name, g, s in zip(("driveline_backlash", "engine_friction"), (gain, 52.0), shapes, strict=True)
+        for name, g, s in zip(("driveline_backlash", "engine_friction"), (gain, 52.0), terms, strict=True)
     )
     explanation: Any = SimpleNamespace(causes=causes)
     fit = errors(after=after, tuned=0.1)
@@ -115,8 +115,8 @@ def test_what_comes_and_goes_must_help_other_drives_a_little(
     gain: float, after: float, chosen: Chosen, vain: bool
 ) -> None:
     """And not by the parameters that were moved instead of it."""
-    shape: Any = SimpleNamespace(variant=SPLINE)
-    causes = (Cause("missing_physics", "dragging_brake", gain, 1.0, 0.9, np.zeros(1), shape),)
+    term: Any = SimpleNamespace(variant=SPLINE)
+    causes = (Cause("missing_physics", "dragging_brake", gain, 1.0, 0.9, np.zeros(1), term),)
     fit = errors(after=after, tuned=0.08)
     explanation: Any = SimpleNamespace(causes=causes)
     assert in_vain(explanation, fit, chosen) == vain
@@ -142,8 +142,8 @@ def test_a_parameter_of_few_nats_needs_drives_that_show_it(after: float, vain: b
     [(100.0, 0.11, True), (100.0, 0.06, False), (50.0, 0.06, True), (200.0, 0.11, False)],
 )
 def test_beside_a_learned_simulator_more_must_be_shown(gain: float, after: float, vain: bool) -> None:
-    shape: Any = SimpleNamespace(variant=SPLINE)
-    causes = (Cause("missing_physics", "road_surface", gain, 0.5, 0.9, np.zeros(1), shape),)
+    term: Any = SimpleNamespace(variant=SPLINE)
+    causes = (Cause("missing_physics", "road_surface", gain, 0.5, 0.9, np.zeros(1), term),)
     fit = errors(after=after, tuned=0.05)
     explanation: Any = SimpleNamespace(causes=causes)
     assert in_vain(explanation, fit, FOUND, learned=True) == vain
@@ -152,18 +152,18 @@ def test_beside_a_learned_simulator_more_must_be_shown(gain: float, after: float
 
 @pytest.mark.parametrize(("beside", "vain"), [(SPLINE, True), (WINDOWED, False)])
 def test_a_law_beside_what_comes_and_goes_must_help_other_drives(beside: Variant, vain: bool) -> None:
-    shapes: Any = [SimpleNamespace(variant=Static()), SimpleNamespace(variant=beside)]
+    terms: Any = [SimpleNamespace(variant=Static()), SimpleNamespace(variant=beside)]
     causes = tuple(
         Cause("missing_physics", name, 96.0, 0.5, 0.9, np.zeros(1), s)
-        for name, s in zip(("load_slosh", "engine_friction"), shapes, strict=True)
+        for name, s in zip(("load_slosh", "engine_friction"), terms, strict=True)
     )
     explanation: Any = SimpleNamespace(causes=causes)
     assert in_vain(explanation, errors(after=0.12, tuned=0.13), FOUND) == vain
 
 
 def test_a_law_is_not_told_where_all_parameters_went_in_instead() -> None:
-    shape: Any = SimpleNamespace(variant=Static())
-    causes = (Cause("missing_physics", "load_slosh", 84.0, 1.0, 0.9, np.zeros(1), shape),)
+    term: Any = SimpleNamespace(variant=Static())
+    causes = (Cause("missing_physics", "load_slosh", 84.0, 1.0, 0.9, np.zeros(1), term),)
     explanation: Any = SimpleNamespace(causes=causes)
     instead = errors(after=0.08, tuned=0.08)
     assert in_vain(explanation, instead, Chosen.PARAMETERS)

@@ -1,4 +1,4 @@
-"""Shapes of mechanisms that have a memory of their own, each on signals made for it."""
+"""Candidate terms of mechanisms that have a memory of their own, each on signals made for it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.mechanisms import LIBRARY, shape
+from deeptruck_model.mismatch.mechanisms import LIBRARY, candidate_term
 from deeptruck_model.mismatch.mechanisms.brakes import Keeps
 from deeptruck_model.mismatch.mechanisms.driveline import PlayTaken
 from deeptruck_model.mismatch.mechanisms.engine import Boost
@@ -16,9 +16,9 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 
 
 def column(e: Evidence, effect: str, constants: Constants, **signals: np.ndarray) -> np.ndarray:
-    """The one column of a shape on these recordings with other signals, where forces are felt whole."""
-    whole = {"answer": np.ones(len(e)), "holds": np.zeros(len(e)), "made up": np.zeros(len(e))}
-    made = shape(LIBRARY[effect], Static(constants), replace(e, signals=e.signals | whole | signals))
+    """The one column of a term on these recordings with other signals, where the gain is one."""
+    whole = {"effective_mass_gain": np.ones(len(e)), "holds": np.zeros(len(e)), "made up": np.zeros(len(e))}
+    made = candidate_term(LIBRARY[effect], Static(constants), replace(e, signals=e.signals | whole | signals))
     assert made.columns.shape[1] == 1
     return made.columns[:, 0]
 

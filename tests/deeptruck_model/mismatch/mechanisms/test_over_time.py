@@ -1,4 +1,4 @@
-"""What comes and goes: its sizes say in which recording, and when or where."""
+"""What is time-varying: its sizes say in which recording, and when or where."""
 
 from __future__ import annotations
 

@@ -64,12 +64,12 @@ def test_a_confined_shape_acts_alike_in_a_simulation(
 ) -> None:
     e = nothing_missing
     e = replace(e, signals=e.signals | {"lever": np.where(e["speed"] > 15.0, 6.0, 12.0)})
-    shape = gated(Search(e).shapes(LIBRARY["driveline_loss"])[0], Gate(signal, side, at), e, 36)
-    stream = Stream([c.expression for c in build(shape.mechanism, shape.variant)])
+    term = gated(Search(e).candidate_terms(LIBRARY["driveline_loss"])[0], Gate(signal, side, at), e, 36)
+    stream = Stream([c.expression for c in build(term.mechanism, term.variant)])
     memory, out = stream.begin(1), []
     for k in range(600):
         now = {name: x[k : k + 1] for name, x in e.signals.items()}
         values, memory = stream.step(memory, now, e.dt)
         out.append(np.broadcast_to(values[0], 1)[0])
-    assert np.array(out) == pytest.approx(shape.columns[:600, 0])
+    assert np.array(out) == pytest.approx(term.columns[:600, 0])
     assert 0 < np.count_nonzero(out) < 600

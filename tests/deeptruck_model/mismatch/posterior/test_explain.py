@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape, comes_and_goes, shapes
+from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, candidate_terms, is_time_varying
 from deeptruck_model.mismatch.posterior import explain, stepwise
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.search import Search
@@ -19,16 +19,16 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Rules
 
 
-def cause(e: Evidence, gain: float = 200.0, shape: Shape | None = None) -> Cause:
+def cause(e: Evidence, gain: float = 200.0, term: CandidateTerm | None = None) -> Cause:
     rivals = (("headwind", 10.0), ("accessory_load", 150.0))
-    effect = shape.mechanism.effect if shape is not None else "torque_derate"
-    return Cause("missing_physics", effect, gain, 0.9, 0.9, np.zeros(len(e)), shape, rivals)
+    effect = term.mechanism.effect if term is not None else "torque_derate"
+    return Cause("missing_physics", effect, gain, 0.9, 0.9, np.zeros(len(e)), term, rivals)
 
 
 @pytest.fixture(scope="module")
-def gusts(nothing_missing: Evidence) -> Shape:
-    shapes = Search(nothing_missing).shapes(LIBRARY["dragging_brake"])
-    return next(s for s in shapes if comes_and_goes(s))
+def gusts(nothing_missing: Evidence) -> CandidateTerm:
+    terms = Search(nothing_missing).candidate_terms(LIBRARY["dragging_brake"])
+    return next(s for s in terms if is_time_varying(s))
 
 
 @pytest.mark.parametrize(
@@ -50,9 +50,9 @@ def test_a_parameter_is_not_doubted(nothing_missing: Evidence) -> None:
 
 
 def test_what_is_left_of_a_force_that_comes_and_goes_may_be_that_force(
-    nothing_missing: Evidence, gusts: Shape
+    nothing_missing: Evidence, gusts: CandidateTerm
 ) -> None:
-    names = explain._perhaps_the_same(cause(nothing_missing, shape=gusts))
+    names = explain._perhaps_the_same(cause(nothing_missing, term=gusts))
     assert [n for n, _ in names] == ["dragging_brake", "headwind"]
     assert explain._perhaps_the_same(cause(nothing_missing)) == ()
 
@@ -63,8 +63,8 @@ def test_a_road_that_was_driven_once_may_be_no_road_where_slopes_are_known(
 ) -> None:
     e = nothing_missing
     e = replace(e, signals=e.signals | ({"grade": np.zeros(len(e))} if recorded else {}))
-    shape = next(s for s in Search(e).shapes(LIBRARY["road_grade"]) if comes_and_goes(s))
-    (road,) = explain._unverified(e, [cause(e, shape=shape)])
+    term = next(s for s in Search(e).candidate_terms(LIBRARY["road_grade"]) if is_time_varying(s))
+    (road,) = explain._unverified(e, [cause(e, term=term)])
     assert ("unknown" in road.not_told_from) == recorded
     assert road.probability == (0.5 if recorded else 0.9)
     (other,) = explain._unverified(e, [cause(e)])
@@ -72,17 +72,17 @@ def test_a_road_that_was_driven_once_may_be_no_road_where_slopes_are_known(
 
 
 @pytest.mark.parametrize(
-    ("own_error", "slopes", "told"),
+    ("model_discrepancy", "slopes", "told"),
     [(0.0, True, "torque_derate"), (0.03, True, None), (0.03, False, "road_grade")],
 )
 def test_a_slow_force_beside_a_learned_truck_is_its_own_where_slopes_are_recorded(
     nothing_missing: Evidence,
     monkeypatch: pytest.MonkeyPatch,
-    own_error: float,
+    model_discrepancy: float,
     slopes: bool,
     told: str | None,
 ) -> None:
-    e = replace(nothing_missing, own_error=own_error, itself=nothing_missing)
+    e = replace(nothing_missing, model_discrepancy=model_discrepancy, itself=nothing_missing)
     if slopes:
         e = replace(e, signals=e.signals | {"grade": np.zeros(len(e))})
     slow = SlowForce(
@@ -96,7 +96,7 @@ def test_a_slow_force_beside_a_learned_truck_is_its_own_where_slopes_are_recorde
 
 
 def test_few_windows_are_sought_without_what_comes_and_goes_too(
-    nothing_missing: Evidence, gusts: Shape, monkeypatch: pytest.MonkeyPatch
+    nothing_missing: Evidence, gusts: CandidateTerm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked = []
     monkeypatch.setattr(
@@ -104,13 +104,15 @@ def test_few_windows_are_sought_without_what_comes_and_goes_too(
     )
     monkeypatch.setattr(stepwise, "_gains_in_windows", lambda search, model, without: True)
     search = Search(nothing_missing)
-    bare, coming = search.background(()), search.background((gusts,))
+    bare, varying = search.background(()), search.background((gusts,))
     assert stepwise._rare(search, bare, bare) == [bare]
     assert asked == [Rules.windows_most]
-    assert stepwise._rare(search, coming, bare) == [coming, bare]
+    assert stepwise._rare(search, varying, bare) == [varying, bare]
     beside = Rules.windows_most_beside  # beside names, whose forms leave something over
     assert asked == [Rules.windows_most, beside, beside]
-    law = next(s for s in shapes(LIBRARY["driveline_loss"], nothing_missing) if not comes_and_goes(s))
+    law = next(
+        s for s in candidate_terms(LIBRARY["driveline_loss"], nothing_missing) if not is_time_varying(s)
+    )
     lasting = search.background((law,))
     assert stepwise._rare(search, lasting, bare) == [lasting, bare]  # and in place of a law
 
@@ -122,7 +124,7 @@ def test_they_are_sought_in_place_of_names_that_gain_in_windows_alone(
     e, spans = nothing_missing, [(0, 100.0, 108.0), (1, 300.0, 308.0)]
     inside = within(spans, e) if now_and_then else np.ones(len(e), dtype=bool)
     search = Search(replace(e, residual=e.residual - 0.3 * np.abs(e["engine"]) * inside))
-    law = next(s for s in search.shapes(LIBRARY["driveline_loss"]) if not comes_and_goes(s))
+    law = next(s for s in search.candidate_terms(LIBRARY["driveline_loss"]) if not is_time_varying(s))
     law = during(law, spans, e) if now_and_then else law
     bare, named = (search.model(names, frozenset()) for names in ((), (law,)))
     assert named.score > bare.score + 20.0
@@ -132,7 +134,7 @@ def test_they_are_sought_in_place_of_names_that_gain_in_windows_alone(
 def test_what_gave_way_to_windows_is_tried_again_beside_them(
     nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A wind had given way to an event of seconds, and parameters were bent in its place."""
+    """A wind had given way to an event of seconds, and parameters were biased in its place."""
     e = nothing_missing
     search = Search(replace(e, residual=e.residual - 0.12 * np.abs(e["engine"]) * (e["speed"] > 19.0)))
     bare = search.background(())
@@ -145,7 +147,7 @@ def test_an_engine_brake_whose_stages_nobody_told_acts_where_the_engine_is_asked
     nothing_missing: Evidence,
 ) -> None:
     e = nothing_missing
-    stages = [s for s in Search(e).shapes(LIBRARY["engine_brake"]) if comes_and_goes(s)]
+    stages = [s for s in Search(e).candidate_terms(LIBRARY["engine_brake"]) if is_time_varying(s)]
     asked = e["engine_command"] > 0.1 * np.nanmax(e["engine_command"])
     assert stages and asked.any()
     for s in stages:
@@ -153,7 +155,7 @@ def test_an_engine_brake_whose_stages_nobody_told_acts_where_the_engine_is_asked
 
 
 def test_what_has_no_name_is_one_finding(nothing_missing: Evidence) -> None:
-    """A verdict had listed `unknown` twice: what comes and goes, and what the signals predict."""
+    """A verdict had listed `unknown` twice: what is time-varying, and what the signals predict."""
     push = np.full(len(nothing_missing), 0.1)
     named = replace(cause(nothing_missing), share=0.6)
     unknown = [

@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.expression import Slosh
-from deeptruck_model.mismatch.mechanisms import LIBRARY, Shape, law_signal, laws, leans_on
+from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, law_signal, laws, leans_on
 from deeptruck_model.mismatch.mechanisms.laws import Law
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.explain import explain
@@ -59,7 +59,7 @@ def test_a_force_without_a_name_is_told_by_what_it_follows(
     assert [c.effect for c in explain(search).causes] == ["unknown"]
 
 
-def of_law(term: Shape) -> Law:
+def of_law(term: CandidateTerm) -> Law:
     constants = term.variant.constants
     return constants if isinstance(constants, Law) else Law("", "", ())
 
@@ -82,7 +82,7 @@ def test_a_law_of_a_names_own_signals_is_another_form_of_it(nothing_missing: Evi
     search = Search(e, exclude=LIBRARY)
     found = left_over(search, search.background(()))
     everything = Search(e)
-    loss, fade = (everything.shapes(LIBRARY[name])[0] for name in ("driveline_loss", "brake_fade"))
+    loss, fade = (everything.candidate_terms(LIBRARY[name])[0] for name in ("driveline_loss", "brake_fade"))
     assert found.is_form_of(loss, e) and not found.is_form_of(fade, e)
     assert not left_over(Search(nothing_missing), Search(nothing_missing).background(())).is_form_of(loss, e)
 

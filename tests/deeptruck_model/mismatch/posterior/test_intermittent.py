@@ -36,9 +36,7 @@ def test_the_windows_are_where_the_brake_sticks(stuck: Evidence) -> None:
 
 def test_what_sticks_now_and_then_is_named_and_acts_nowhere_else(stuck: Evidence) -> None:
     found = explain(Search(stuck))
-    assert (
-        found.causes and found.causes[0].shape is not None and found.causes[0].shape.variant.acts_in_windows
-    )
+    assert found.causes and found.causes[0].term is not None and found.causes[0].term.variant.acts_in_windows
     names = {found.causes[0].effect, *found.causes[0].not_told_from}
     assert "dragging_brake" in names
     assert "seen now and then alone" in from_cause(found.causes[0], stuck, found, {}).says.parts[0]
@@ -58,7 +56,7 @@ def test_windows_are_narrowed_to_where_the_force_itself_acts(stuck: Evidence) ->
     ]  # of the second drive, which begins at 600 s
 
 
-def test_what_lasts_is_not_narrowed_and_hundreds_of_windows_have_a_price(stuck: Evidence) -> None:
+def test_what_lasts_is_not_narrowed_and_hundreds_of_windows_have_a_penalty(stuck: Evidence) -> None:
     search = Search(stuck)
     model = search.background(())
     whole = [(0, 10.0, 10.0 + Rules.window_longest_s + 1.0)]
@@ -89,7 +87,7 @@ def test_bursts_that_follow_nothing_are_unknown(nothing_missing: Evidence) -> No
     e = replace(nothing_missing, residual=nothing_missing.residual + force)
     found = explain(Search(e))
     (cause,) = found.causes
-    assert cause.effect == "unknown" and cause.lawless
+    assert cause.effect == "unknown" and cause.time_varying
     said = from_cause(cause, e, found, {})
     assert "moments listed under segments" in str(said.would_be_told_by) and said.nearest is None
     assert np.corrcoef(cause.force, force)[0, 1] > 0.9

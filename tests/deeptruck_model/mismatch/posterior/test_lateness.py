@@ -64,7 +64,9 @@ def test_what_a_name_explains_is_not_left_to_it(truck: Evidence, lags: bool) -> 
     late = replace(truck, residual=truck.residual + force, late=force[:, None])
     search = Search(late)
     brake = next(
-        s for s in search.shapes(LIBRARY["command_delay"]) if s.variant == Static(Delays((("all", 0.1),)))
+        s
+        for s in search.candidate_terms(LIBRARY["command_delay"])
+        if s.variant == Static(Delays((("all", 0.1),)))
     )
     column = replace(brake, columns=force[:, None], prior=replace(brake.prior, mean=np.ones(1)))
     model = search.model((column,) if lags else (), frozenset())

@@ -21,6 +21,6 @@ def model(score: float, *variants: Variant) -> Any:
 def test_what_comes_and_goes_pays_for_following_anything(gain: float, paid: float) -> None:
     base = model(500.0)
     spline = Spline("elapsed", (4, 4), ("a", "b"), 20.0, 0.125, 0.1)
-    assert penalties.slow_price(model(500.0 + gain, spline), base) == pytest.approx(paid)
-    assert penalties.slow_price(model(500.0 + gain, Static()), base) == 0.0
-    assert penalties.slow_price(base, base) == 0.0
+    assert penalties.time_varying_penalty(model(500.0 + gain, spline), base) == pytest.approx(paid)
+    assert penalties.time_varying_penalty(model(500.0 + gain, Static()), base) == 0.0
+    assert penalties.time_varying_penalty(base, base) == 0.0

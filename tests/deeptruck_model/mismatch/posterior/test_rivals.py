@@ -22,7 +22,7 @@ def looked_at(e: Evidence, gain: float, change: float, sd: float, zero: tuple[fl
     search: Any = SimpleNamespace(
         rules=Rules(),
         e=replace(e, sensitivity=large),
-        shapes=lambda mechanism: ["zero"],
+        candidate_terms=lambda mechanism: ["zero"],
         model=lambda *_: instead,
     )
     before: Any = SimpleNamespace(free=frozenset(), score=0.0, named=(), fit=None)

@@ -15,11 +15,11 @@ from deeptruck_model.mismatch.result import Size
 def test_times_of_every_part_of_a_shape_are_told() -> None:
     """A brake that rubs for 30 s after its release was told without them, as another part stood beside."""
     gated = Gated(Static(Keeps(3.0)), Gate("speed", "above", 7.0))
-    shape: Any = SimpleNamespace(variant=Sum((Static(Keeps(30.0)), Static(RubsFree(200.0)), gated)))
-    told = {name: size.value for name, size in findings.picked(shape).items()}
+    term: Any = SimpleNamespace(variant=Sum((Static(Keeps(30.0)), Static(RubsFree(200.0)), gated)))
+    told = {name: size.value for name, size in findings.picked(term).items()}
     assert told == {"keeps_s": 30.0, "frees_m": 200.0}
 
 
 def test_a_shape_of_one_part_tells_its_own() -> None:
-    shape: Any = SimpleNamespace(variant=Static(WarmsInTime(0.6)))
-    assert findings.picked(shape) == {"tau_s": Size(0.6, "s", picked=True)}
+    term: Any = SimpleNamespace(variant=Static(WarmsInTime(0.6)))
+    assert findings.picked(term) == {"tau_s": Size(0.6, "s", picked=True)}

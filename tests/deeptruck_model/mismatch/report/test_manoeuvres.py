@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from deeptruck_model import trucks
-from deeptruck_model.mismatch.mechanisms import LIBRARY, comes_and_goes
+from deeptruck_model.mismatch.mechanisms import LIBRARY, is_time_varying
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.report.identifiability import MANOEUVRES, checked, separation
@@ -31,9 +31,9 @@ def lossy(nothing_missing: Evidence) -> Evidence:
 @pytest.fixture(scope="module")
 def models(lossy: Evidence) -> dict[str, Model]:
     search = Search(lossy)
-    gusts = next(s for s in search.shapes(LIBRARY["headwind"]) if comes_and_goes(s))
+    gusts = next(s for s in search.candidate_terms(LIBRARY["headwind"]) if is_time_varying(s))
     return {
-        "loss": search.model((search.shapes(LIBRARY["driveline_loss"])[0],), frozenset()),
+        "loss": search.model((search.candidate_terms(LIBRARY["driveline_loss"])[0],), frozenset()),
         "gain": search.model((), frozenset({"torque_gain"})),
         "nothing": search.model((), frozenset()),
         "gusts": search.model((gusts,), frozenset()),
@@ -41,9 +41,9 @@ def models(lossy: Evidence) -> dict[str, Model]:
 
 
 def finding(e: Evidence, model: Model, rival: str, other: Model) -> Finding:
-    shape = model.named[0]
+    term = model.named[0]
     cause = Cause(
-        "missing_physics", shape.mechanism.effect, 90.0, 1.0, 0.9, np.zeros(len(e)), shape,
+        "missing_physics", term.mechanism.effect, 90.0, 1.0, 0.9, np.zeros(len(e)), term,
         ((rival, 3.0),), alternatives=((rival, other),),
     )  # fmt: skip
     return told("coast", rival, cause)

@@ -21,7 +21,7 @@ INF = float("inf")
 
 
 def finding(effect: str, worse: Mapping[str, float], group: tuple[str, ...], **more: Any) -> Finding:
-    """With rivals that are worse by so many nats, of which `group` is not told apart."""
+    """With rivals that are worse by so many nats, of which `group` is not distinguishable."""
     usual: dict[str, Any] = {
         "kind": Kind.PHYSICS,
         "says": Sentence.of("a force"),
@@ -95,7 +95,8 @@ def test_a_name_that_beats_all_others_says_why_it_is_not_surer(
     cause = Cause(kind, "headwind", 50.0, 1.0, sure, np.zeros(1), rivals=rivals, needed=sizes)
     slow: Any = None  # of a slow force nothing is read from the explanation
     said = wording.apart(findings.from_cause(cause, nothing_missing, slow, {}))
-    assert said.startswith("It is told from every other name; the next best, road grade, is 20 nats worse.")
+    said_first = "It is distinguishable from every other name; the next best, road grade, is 20 nats worse."
+    assert said.startswith(said_first)
     assert said.endswith(wording.LIMIT.format("80 %")) == explained
 
 

@@ -115,7 +115,7 @@ def test_a_call_from_python_is_not_repeated():
 
 def test_a_group_is_told_with_what_decided_and_the_manoeuvre(written):
     text = text_of(written, "missing_physics")
-    assert "It cannot be told from dragging brake." in text
+    assert "It is not distinguishable from dragging brake." in text
     assert "Brake fade or dragging brake" in text
     assert "What decided: against dragging brake" in text
     assert "To tell brake fade from dragging brake:" in text

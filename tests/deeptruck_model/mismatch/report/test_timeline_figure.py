@@ -1,4 +1,4 @@
-"""The recordings along time: lines that are told apart, axes that say what they are."""
+"""The recordings along time: distinguishable lines, axes that say what they are."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the simulated acceleration is made of, and the lever the engine has."""
+"""What the simulated acceleration is made of, and the overall gear ratio the engine has."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from deeptruck_model.mismatch.residual import components
-from deeptruck_model.mismatch.residual.evidence import lever
+from deeptruck_model.mismatch.residual.evidence import overall_ratio
 
 
 def test_a_slipping_clutch_is_no_lever() -> None:
@@ -56,5 +56,5 @@ def test_the_noise_of_two_sensors_moves_no_lever() -> None:
 
 def test_a_simulator_tells_the_lever_of_a_slipping_clutch() -> None:
     ratio, gears = np.array([12.0, 60.0, 30.0]), (12.0, 24.0)
-    assert lever(ratio, gears).tolist() == [12.0, 24.0, 24.0]
-    assert lever(ratio, gears, np.array([11.9, 48.0, 24.1])).tolist() == [12.0, 48.0, 24.1]
+    assert overall_ratio(ratio, gears).tolist() == [12.0, 24.0, 24.0]
+    assert overall_ratio(ratio, gears, np.array([11.9, 48.0, 24.1])).tolist() == [12.0, 48.0, 24.1]

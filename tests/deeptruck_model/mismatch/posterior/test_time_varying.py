@@ -1,4 +1,4 @@
-"""A force that comes and goes as no known one does is unknown; one that acts as a wind does is a wind."""
+"""A force that is time-varying as no known one does is unknown; one that acts as a wind does is a wind."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ROADS = ("road_grade", "road_surface")
 
 
 def swell(e: Evidence) -> np.ndarray:
-    """Something that comes and goes within minutes, rms 1."""
+    """Something that is time-varying within minutes, rms 1."""
     return np.sqrt(2.0) * np.sin(2.0 * np.pi * np.arange(len(e)) * e.dt / 170.0)
 
 
@@ -37,7 +37,7 @@ def pushed(nothing_missing: Evidence) -> Explanation:
 def test_a_push_that_does_not_care_about_speed_is_no_wind(pushed: Explanation) -> None:
     assert [c.effect for c in pushed.causes] == ["unknown"]
     cause = pushed.causes[0]
-    assert cause.lawless and not cause.predictable and cause.nearest is not None
+    assert cause.time_varying and not cause.predictable and cause.nearest is not None
 
 
 def test_it_is_told_with_the_nearest_name(pushed: Explanation, nothing_missing: Evidence) -> None:

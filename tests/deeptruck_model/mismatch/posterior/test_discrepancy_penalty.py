@@ -10,7 +10,7 @@ import pytest
 from deeptruck_model.mismatch.mechanisms.variants import FromMoment
 from deeptruck_model.mismatch.posterior.candidates import candidates
 from deeptruck_model.mismatch.posterior.free_law import left_over
-from deeptruck_model.mismatch.posterior.penalties import price
+from deeptruck_model.mismatch.posterior.penalties import discrepancy_penalty
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
@@ -22,7 +22,7 @@ def with_limit(e: Evidence, share: float, seed: int) -> Evidence:
 
 
 def learned(e: Evidence, own: Evidence) -> Search:
-    return Search(replace(e, own_error=0.01, itself=replace(own, own_error=0.01)))
+    return Search(replace(e, model_discrepancy=0.01, itself=replace(own, model_discrepancy=0.01)))
 
 
 def best(search: Search) -> tuple[Model, float]:
@@ -34,18 +34,18 @@ def best(search: Search) -> tuple[Model, float]:
 def test_a_name_costs_what_the_truck_itself_does_wrong(nothing_missing: Evidence) -> None:
     search = learned(with_limit(nothing_missing, 0.5, 1), with_limit(nothing_missing, 0.5, 2))
     model, gain = best(search)
-    assert gain > 100.0 and price(search, model) > 0.8 * gain
+    assert gain > 100.0 and discrepancy_penalty(search, model) > 0.8 * gain
 
 
 def test_it_costs_little_where_the_truck_was_right(nothing_missing: Evidence) -> None:
     search = learned(with_limit(nothing_missing, 0.5, 1), with_limit(nothing_missing, 0.0, 2))
     model, gain = best(search)
-    assert gain > 100.0 and price(search, model) < 0.5 * gain
+    assert gain > 100.0 and discrepancy_penalty(search, model) < 0.5 * gain
 
 
 def test_nothing_is_to_be_paid_beside_a_physics_truck(nothing_missing: Evidence) -> None:
     search = Search(with_limit(nothing_missing, 0.5, 1))
-    assert price(search, best(search)[0]) == 0.0
+    assert discrepancy_penalty(search, best(search)[0]) == 0.0
 
 
 @pytest.mark.parametrize(("share", "dear"), [(0.5, True), (0.0, False)])
@@ -53,7 +53,7 @@ def test_laws_cost_the_same(nothing_missing: Evidence, share: float, dear: bool)
     search = learned(with_limit(nothing_missing, 0.5, 1), with_limit(nothing_missing, share, 2))
     left = left_over(search, search.background(()))
     assert left.lawful is not None and left.gain > 100.0
-    assert (price(search, left.lawful) > 0.6 * left.gain) == dear
+    assert (discrepancy_penalty(search, left.lawful) > 0.6 * left.gain) == dear
 
 
 def test_masses_of_drives_cost_as_they_differ_among_those_it_keeps(nothing_missing: Evidence) -> None:
@@ -71,8 +71,10 @@ def test_masses_of_drives_cost_as_they_differ_among_those_it_keeps(nothing_missi
         base = search.background(())
         payload = next(m for m in search.library if m.effect == "payload_change")
         later = next(
-            s for s in search.shapes(payload) if isinstance(s.variant, FromMoment) and s.variant.first == 1
+            s
+            for s in search.candidate_terms(payload)
+            if isinstance(s.variant, FromMoment) and s.variant.first == 1
         )
         model = search.model((later,), base.free, base.fit)
-        shares.append(price(search, model) / (model.score - base.score))
+        shares.append(discrepancy_penalty(search, model) / (model.score - base.score))
     assert shares[0] < 0.4 and shares[1] > 0.8

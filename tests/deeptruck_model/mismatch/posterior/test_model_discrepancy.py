@@ -29,7 +29,7 @@ def test_a_truck_that_keeps_nothing_has_no_known_error() -> None:
 def test_a_flaw_that_was_always_there_is_no_finding(nothing_missing: Evidence) -> None:
     own = flawed(nothing_missing)
     left = nuisances.allow_for(flawed(nothing_missing), own)
-    assert left.tolerance["parameter:brake_gain"] > 0.0 and left.own_error > 0.03
+    assert left.tolerance["parameter:brake_gain"] > 0.0 and left.model_discrepancy > 0.03
     assert explain(Search(left)).causes == ()
     new = nuisances.allow_for(flawed(nothing_missing), nothing_missing)
     assert [c.effect for c in explain(Search(new)).causes] == ["brake_gain"]
@@ -38,12 +38,12 @@ def test_a_flaw_that_was_always_there_is_no_finding(nothing_missing: Evidence) -
 def test_what_a_perfect_truck_keeps_costs_little(nothing_missing: Evidence) -> None:
     left = nuisances.allow_for(nothing_missing, nothing_missing)
     assert left.residual == pytest.approx(nothing_missing.residual)
-    assert max(left.tolerance.values()) < 20.0 and left.own_error < 0.03
+    assert max(left.tolerance.values()) < 20.0 and left.model_discrepancy < 0.03
 
 
 def test_more_new_driving_makes_the_same_flaw_dearer(nothing_missing: Evidence) -> None:
     own = flawed(nothing_missing)
-    once, twice = nuisances._prices(own, 1.0), nuisances._prices(own, 2.0)
+    once, twice = nuisances._penalties(own, 1.0), nuisances._penalties(own, 2.0)
     assert once["parameter:brake_gain"] > 0.0
     assert {n: 2.0 * x for n, x in once.items()} == pytest.approx(twice)
 
