@@ -23,8 +23,9 @@ def monday(bag: Callable[..., Path]) -> Path:
 @pytest.fixture(scope="module")
 def trained_once(monday: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("trained") / "sim"
+    words = ["deeptruck-model", "train", str(monday), "--out", str(out), "--budget", "60"]
     with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as ended:
-        patch.setattr(sys, "argv", ["deeptruck-model", "train", str(monday), "--out", str(out), "--budget", "60"])
+        patch.setattr(sys, "argv", words)
         cli.main()
     assert not ended.value.code
     return out
