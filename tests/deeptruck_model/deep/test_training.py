@@ -28,7 +28,7 @@ def speed_error(truck, recording):
 
 def test_learns_a_truck(drive, small, tmp_path):
     """Identity case: predicting the start speed for ever is far worse than a few seconds of training."""
-    truck = train([drive(1200)], tmp_path / "sim", replace(small, updates=700))
+    truck = train([drive(900)], tmp_path / "sim", replace(small, updates=350))
     test = drive(600, seed=9)
     runs = trials(truck, [test], 30, 20.0)
     still = np.nanmean(np.abs(runs.measured[..., 1] - runs.measured[:, :1, 1]))
