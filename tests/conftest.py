@@ -6,20 +6,48 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 for name, value in {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MPLBACKEND": "Agg"}.items():
     os.environ.setdefault(name, value)
 
-COMPILE = """
+TRUCK = """
 import numpy as np
-from deeptruck_model import simulators
+from deeptruck_model import driving_cycles, simulators
 truck = simulators.load("truck:trucksim")
 u, w, y = np.zeros((1, 5, 2)), np.zeros((1, 5, 1)), np.full((1, 5, 3), 10.0)
 truck.step(truck.reset(y[:, 0]), u[:, 0], w[:, 0])
 simulators.free_run(truck, u, w, y[:, 0])
+driving_cycles.drive(truck, seconds=30.0, seed=0)
+"""
+NETWORK = """
+import numpy as np
+from deeptruck_model.deep import DeepTruck, Shape, TruckNetwork
+from deeptruck_model.deep.kernels import loss
+from deeptruck_model.deep.network import Scales
+from deeptruck_model.signals import TruckInterface
+network = TruckNetwork(Shape(2, 1, 3, 8, 8), Scales(*np.ones((2, 6), np.float32)), 0.1)
+"""
+RUN = """
+truck = DeepTruck(network, TruckInterface("toy"))
+u, w, y = np.zeros((1, 5, 2)), np.zeros((1, 5, 1)), np.full((1, 5, 3), 10.0)
+truck.step(truck.reset(y[:, 0]), u[:, 0], w[:, 0])
+truck.rollout(u, w, y[:, 0], None)
+"""
+LEARN = """
+x, target = np.zeros((1, 3, 2, 3), np.float32), np.ones((1, 4, 2, 3), np.float32)
+loss.gradient(network, x, target, np.ones(3, np.float32), "deployment")
 """
 
 
-def pytest_configure(config: object) -> None:
-    """Compile the truck once, before workers and nodes with deadlines each wait for their own compilation."""
-    if not hasattr(config, "workerinput"):
-        subprocess.run([sys.executable, "-c", COMPILE], check=True, timeout=300)
+def pytest_configure(config: pytest.Config) -> None:
+    """Compile what many tests need once, before workers and nodes with deadlines each wait for their own
+    compilation: the truck always, the network where there are workers to share it."""
+    if hasattr(config, "workerinput"):
+        return
+    shared = bool(config.getoption("numprocesses", None))
+    sources = [TRUCK + NETWORK + RUN, NETWORK + LEARN] if shared else [TRUCK]
+    running = [subprocess.Popen([sys.executable, "-c", source]) for source in sources]
+    for process in running:
+        if process.wait(timeout=300):
+            raise pytest.UsageError("what the tests share does not compile; the lines above say why")

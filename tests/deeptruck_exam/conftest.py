@@ -1,5 +1,6 @@
 """Hidden laws along recorded moments of real drives, and alone in a made-up moment."""
 
+from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,6 +17,11 @@ STEP_S = 0.01 * EVERY
 SLOW = ("brake_fade", "torque_derate", "wheel_slip", "torque_converter_slip")  # heat and ice take minutes
 STIFF = ("load_slosh", "driveline_backlash")  # which need the truck's own steps
 FIELDS = [name for name in View.__annotations__ if name != "time"]
+
+
+@cache
+def truck_of(name):
+    return trucks.make(name, {})
 
 
 class Recorder:
@@ -60,7 +66,7 @@ def moments():
 
     def drive(name):
         rng, world = np.random.default_rng(11), WORLDS["plain"]
-        truck, recorder = trucks.make(name, {}), Recorder()
+        truck, recorder = truck_of(name), Recorder()
         kinds = ["highway", "suburban", "hills", "descent"] * 2
         n = round(600 * MINUTES)
         target = np.stack([world.speed_profile(rng, kind, n, 0.1) for kind in kinds])
@@ -107,7 +113,7 @@ def alone():
 
     def make(key, name="trucksim", batch=2):
         effect = EFFECTS[key]
-        truck = trucks.make(name if name in effect.trucks else effect.trucks[0], {})
+        truck = truck_of(name if name in effect.trucks else effect.trucks[0])
         setting = setting_of(truck, np.full((batch, 600), np.nan), batch, 60.0)
         setting.start_m[:], setting.route[:] = 9000.0, 0
         sizes = {n: 0.5 * (low + high) for n, (low, high) in effect.ranges.items()}
@@ -124,7 +130,7 @@ def between():
 
     def make(key, batch=1):
         effect = EFFECTS[key]
-        truck = trucks.make(effect.trucks[-1], {})
+        truck = truck_of(effect.trucks[-1])
         setting = setting_of(truck, np.full((batch, 600), np.nan), batch, 60.0)
         sizes = effect.draw(np.random.default_rng(1), scale=4.0)
         (one,) = effect.build(setting, SimpleNamespace(**sizes)).filters

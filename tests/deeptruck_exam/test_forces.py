@@ -75,9 +75,13 @@ def channels():
 
 
 @cache
+def truck_of(name):
+    return trucks.namespace(trucks.make(name, {}))
+
+
+@cache
 def moments(name):
-    truck = trucks.namespace(trucks.make(name, {}))
-    return [moment(k, truck) for k in range(STEPS)]
+    return [moment(k, truck_of(name)) for k in range(STEPS)]
 
 
 def what_it_does(effect, setting):
@@ -96,10 +100,10 @@ def what_it_does(effect, setting):
     return np.concatenate(rows) if rows else np.zeros(1)
 
 
-def setting_for(truck):
+def setting_for(name):
     leader = np.linspace(20.0, 20.0 + 13.0 * 60.0, 600)[None] + np.array([[0.0], [6.0], [12.0]])
     places = np.array([9000.0, 9500.0, 12000.0]), np.array([1.0, -1.0, 1.0]), np.array([0, 1, 1])
-    return Setting(trucks.namespace(truck), BATCH, 60.0, 0.1, 7, *places, leader)
+    return Setting(truck_of(name), BATCH, 60.0, 0.1, 7, *places, leader)
 
 
 def figures(values):
@@ -119,7 +123,7 @@ def test_every_effect_is_pinned():
 @pytest.mark.parametrize("key", EFFECTS)
 def test_an_effect_does_what_it_did(key):
     effect = EFFECTS[key]
-    known, setting = KNOWN[key], setting_for(trucks.make(effect.trucks[-1], {}))
+    known, setting = KNOWN[key], setting_for(effect.trucks[-1])
     np.testing.assert_allclose(
         figures(what_it_does(effect, setting)), known, rtol=1e-5, atol=1e-6 * max(known[0], 1e-6)
     )

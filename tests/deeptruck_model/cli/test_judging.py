@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import json
+import shutil
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+
+from deeptruck_model import cli
 
 Script = Callable[..., tuple[int, str, str]]
 
@@ -16,10 +20,21 @@ def monday(bag: Callable[..., Path]) -> Path:
     return bag("monday", 600.0)
 
 
+@pytest.fixture(scope="module")
+def trained_once(monday: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("trained") / "sim"
+    words = ["deeptruck-model", "train", str(monday), "--out", str(out), "--budget", "60"]
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as ended:
+        patch.setattr(sys, "argv", words)
+        cli.main()
+    assert not ended.value.code
+    return out
+
+
 @pytest.fixture
-def simulator(monday: Path, script: Script, tmp_path: Path) -> Path:
-    assert script("train", monday, "--out", tmp_path / "sim", "--budget", 60)[0] == 0
-    return tmp_path / "sim"
+def simulator(trained_once: Path, tmp_path: Path) -> Path:
+    """A simulator that was trained on `monday`; each test has a copy of its own."""
+    return Path(shutil.copytree(trained_once, tmp_path / "sim"))
 
 
 def test_the_card_names_the_recordings(simulator: Path) -> None:

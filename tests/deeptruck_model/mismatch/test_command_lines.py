@@ -53,6 +53,7 @@ def test_each_command_is_late_by_its_own() -> None:
     assert verdict["fit"]["after"]["speed_rmse"] < 0.3 * verdict["fit"]["before"]["speed_rmse"]
 
 
+@pytest.mark.long
 def test_a_dead_time_of_the_brake_is_a_delay_of_its_command_too() -> None:
     drives = [drive(seed, {"engine": 0.0, "brake": 0.6}) for seed in range(4)]
     (found,) = mismatch.find_mismatch(TRUCK, drives[:3], drives[3:]).verdict["findings"]

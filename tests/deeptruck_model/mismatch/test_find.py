@@ -71,7 +71,7 @@ def sensed(r: Recording, seed: int, *, bias: float = 0.0) -> Recording:
 
 
 def drives(
-    truck: trucks.PhysicsTruck, count: int = 4, seconds: float = 240.0, seed: int = 0, **sensor: float
+    truck: trucks.PhysicsTruck, count: int = 3, seconds: float = 240.0, seed: int = 0, **sensor: float
 ):
     return [
         sensed(driving_cycles.drive(truck, seconds=seconds, seed=seed + k), seed + k, **sensor)
@@ -106,7 +106,7 @@ def test_forces_of_a_simulator_without_a_mass_say_of_which_they_are() -> None:
 
 def test_nothing_missing_is_said_with_what_would_have_been_seen() -> None:
     recorded = drives(TRUCK)
-    said = run(recorded[:3], recorded[3:])
+    said = run(recorded[:-1], recorded[-1:])
     assert (said["verdict"], said["findings"], said["segments"]) == ("nothing_missing", [], [])
     assert said["data"]["smallest_visible"]["mass"]["relative"] < 0.1
     assert not said["fit"]["validated"]
@@ -114,7 +114,7 @@ def test_nothing_missing_is_said_with_what_would_have_been_seen() -> None:
 
 def test_a_wrong_mass_is_a_parameter_error_of_the_right_size() -> None:
     recorded = drives(TRUCK.with_parameters({"mass": 1.2 * MASS}))
-    said = run(recorded[:3], recorded[3:])
+    said = run(recorded[:-1], recorded[-1:])
     assert said["verdict"] == "parameter_error" and effects(said) == ["mass"]
     mass = said["findings"][0]["parameters"]["mass"]
     assert mass["unit"] == "kg" and mass["value"] == pytest.approx(1.2 * MASS, rel=0.03)
@@ -142,16 +142,17 @@ def test_a_drag_area_that_changed_on_the_way_is_named_and_the_fit_improves() -> 
     assert said["fit"]["after"]["speed_rmse"] < said["fit"]["before"]["speed_rmse"]
 
 
+@pytest.mark.long  # docs/mismatch.md has such a brake, and its test is no long one
 def test_a_brake_lag_is_named_with_its_time() -> None:
-    recorded = drives(TRUCK.with_forces([], [LazyBrake()]), seed=50)
-    said = run(recorded[:3], recorded[3:])
+    recorded = drives(TRUCK.with_forces([], [LazyBrake()]), 4, seed=50)
+    said = run(recorded[:-1], recorded[-1:])
     assert said["verdict"] == "missing_physics" and effects(said)[0] == "brake_lag"
     assert 0.2 < said["findings"][0]["parameters"]["time_constant"]["value"] < 1.0
 
 
 def test_a_biased_accelerometer_is_a_measurement_fault_and_nothing_else() -> None:
     recorded = drives(TRUCK, bias=0.15)
-    said = run(recorded[:3], recorded[3:])
+    said = run(recorded[:-1], recorded[-1:])
     assert said["verdict"] == "measurement_fault" and effects(said) == ["acceleration_bias"]
     assert said["findings"][0]["parameters"]["value"]["value"] == pytest.approx(0.15, abs=0.02)
 

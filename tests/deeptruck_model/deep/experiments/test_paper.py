@@ -12,7 +12,7 @@ from deeptruck_model.recordings import write_bag
 
 
 def test_field_experiment_writes_tables_and_figures(tmp_path):
-    metrics = paper.field(tmp_path, seeds=2, updates=20)
+    metrics = paper.field(tmp_path, seeds=2, updates=4)
     assert metrics["volvo"]["trials"] == 10 and metrics["freightliner"]["horizon_s"] == pytest.approx(15.0)
     assert (tmp_path / "volvo" / "error_statistics.png").stat().st_size > 10_000
     assert "freightliner, 16 min: worst of 2 seeds" in (tmp_path / "README.md").read_text()

@@ -19,11 +19,9 @@ def without_fuel(r: Recording) -> Recording:
 
 
 def test_a_log_without_fuel_tells_the_mass_too() -> None:
-    drives = [driving_cycles.drive(HEAVY, seconds=200.0, seed=k, name=f"d{k}") for k in range(4)]
+    drives = [driving_cycles.drive(HEAVY, seconds=200.0, seed=k, name=f"d{k}") for k in range(3)]
     bare = [without_fuel(r) for r in drives]
-    found = mismatch.find_mismatch(TRUCK, bare[:3], bare[3:]).verdict
+    found = mismatch.find_mismatch(TRUCK, bare[:2], bare[2:]).verdict
     assert found["findings"][0]["effect"] == "mass" and found["fit"]["validated"]
-    value = found["findings"][0]["parameters"]
-    with_fuel = mismatch.find_mismatch(TRUCK, drives[:3], drives[3:]).verdict["findings"][0]["parameters"]
-    for name, told in value.items():
-        assert told["value"] == pytest.approx(with_fuel[name]["value"], rel=0.02)
+    told = found["findings"][0]["parameters"]["mass"]["value"]
+    assert told == pytest.approx(HEAVY.parameters()["mass"], rel=0.02)
