@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import re
 import signal
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
+LATE = 0.9  # part of the work behind which results are written
 HEAD = """# Ended at random moments
 
-`python tests/nothing_is_lost/kills.py --runs 200 --page docs/results/kills.md` writes this page.
+`python tests/nothing_is_lost/kills.py --runs 200 | tee LOG` ends runs, `kills.py --page docs/results/kills.md LOG` writes this.
 
 Each run was ended at a random moment of its work, a third of them in its last tenth, and then started again.
 `kill -9` ends the process that was started alone; Ctrl-C reaches all of them. Wrong is a run that left a half
@@ -18,45 +20,60 @@ once it was started again. Compared are the bytes of weights and verdict; of a b
 
 | command | `kill -9` | Ctrl-C | of these in the last tenth | only after its end | wrong |
 | --- | ---: | ---: | ---: | ---: | ---: |
-"""
+"""  # noqa: E501
+LINE = re.compile(
+    r"\d+: (?P<command>[a-z ]+), (?P<signal>SIG[A-Z]+) at (?P<part>[\d.]+)"
+    r"(?P<end>, after its end)?: (?P<says>.*)"
+)
+WELL, ENDED = "well", ", after its end"
 
 
-class Ended(Protocol):
-    """What the page says of one run; see `kills.Disturbed`."""
+@dataclass(frozen=True)
+class Disturbed:
+    """One run that was ended: by which signal, at which part of its work, and what was wrong, if anything."""
 
-    @property
-    def command(self) -> str: ...
-    @property
-    def number(self) -> signal.Signals: ...
-    @property
-    def part(self) -> float: ...
-    @property
-    def ended_before(self) -> bool: ...
-    @property
-    def wrong(self) -> tuple[str, ...]: ...
+    command: str
+    number: signal.Signals
+    part: float
+    ended_before: bool
+    wrong: tuple[str, ...]
 
-
-def page(found: Sequence[Ended], older: Path) -> str:
-    """The page with a row for each command in `found`, after the rows that `older` has of others."""
-    names = list(dict.fromkeys(one.command for one in found))
-    rows = [line for line in _rows(older) if line.split("|")[1].strip() not in names]
-    rows += [_row(name, [one for one in found if one.command == name]) for name in names]
-    counts = [[int(cell) for cell in row.split("|")[2:-1]] for row in rows]
-    runs, wrong = sum(sum(row[:2]) for row in counts), sum(row[-1] for row in counts)
-    said = [f"- {one.command}, {one.number.name}: {'; '.join(one.wrong)}" for one in found if one.wrong]
-    return "\n".join([HEAD.rstrip(), *rows, "", f"{runs} runs, {wrong} wrong.", *said, ""])
+    def __str__(self) -> str:
+        end = ENDED if self.ended_before else ""
+        return f"{self.command}, {self.number.name} at {self.part:.3f}{end}: {'; '.join(self.wrong) or WELL}"
 
 
-def _rows(older: Path) -> list[str]:
-    lines = older.read_text().splitlines() if older.exists() else []
-    return [line for line in lines if line.startswith("| ") and not line.startswith(("| command", "| ---"))]
+def read(log: Path) -> list[Disturbed]:
+    """The runs in what `kills.py` printed."""
+    return [
+        Disturbed(
+            found["command"],
+            signal.Signals[found["signal"]],
+            float(found["part"]),
+            bool(found["end"]),
+            () if found["says"] == WELL else (found["says"],),
+        )
+        for line in log.read_text().splitlines()
+        if (found := LINE.fullmatch(line))
+    ]
 
 
-def _row(name: str, runs: Sequence[Ended]) -> str:
+def page(runs: Sequence[Disturbed]) -> str:
+    """The page with a row for each command."""
+    rows = [
+        _row(name, [one for one in runs if one.command == name])
+        for name in dict.fromkeys(one.command for one in runs)
+    ]
+    wrong = [one for one in runs if one.wrong]
+    said = [f"- {one}" for one in wrong]
+    return "\n".join([HEAD.rstrip(), *rows, "", f"{len(runs)} runs, {len(wrong)} wrong.", *said, ""])
+
+
+def _row(name: str, runs: Sequence[Disturbed]) -> str:
     cells = (
         sum(one.number == signal.SIGKILL for one in runs),
         sum(one.number == signal.SIGINT for one in runs),
-        sum(one.part >= 0.9 for one in runs),
+        sum(one.part >= LATE for one in runs),
         sum(one.ended_before for one in runs),
         sum(bool(one.wrong) for one in runs),
     )
