@@ -38,7 +38,7 @@ from deeptruck_model.checks import METADATA
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.bag_file import RECORD_HEAD
 from deeptruck_model.recordings.bag_metadata import Topic
-from deeptruck_model.recordings.crash_safe import write_metadata
+from deeptruck_model.recordings.crash_safe import described
 from deeptruck_model.recordings.mcap_chunks import (
     ENTRY,
     UNREADABLE,
@@ -382,6 +382,6 @@ def _describe(path: Path, file: Path, found: _Found) -> None:
         if "json" in metadata.metadata
     }
     statistics = _statistics(found)
-    write_metadata(
-        path, file.name, topics, statistics.message_start_time, statistics.message_end_time, custom
-    )
+    content = described(file.name, topics, statistics.message_start_time, statistics.message_end_time, custom)
+    with files.new_file(path / METADATA) as draft:  # of a name that nobody else has
+        draft.write_text(content, encoding="utf-8")

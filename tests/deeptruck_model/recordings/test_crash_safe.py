@@ -225,6 +225,7 @@ def torn_bag(path: Path) -> tuple[Path, bytes]:
 
 def test_a_repair_keeps_what_it_cuts_off_and_touches_nothing_else(tmp_path: Path) -> None:
     file, data = torn_bag(tmp_path / "bag")
+    (tmp_path / "bag" / ".metadata.yaml.tmp").write_text("mine")
     old = (tmp_path / "bag" / "metadata.yaml").read_bytes()
     said = repair(tmp_path / "bag")
     assert said is not None and "the torn end is in bag_0.mcap.cut" in said
@@ -233,7 +234,15 @@ def test_a_repair_keeps_what_it_cuts_off_and_touches_nothing_else(tmp_path: Path
     assert file.read_bytes().startswith(data[: -len(torn)])
     assert (tmp_path / "bag" / "metadata.yaml.before").read_bytes() == old
     assert (tmp_path / "bag" / "notes.txt").read_text() == "mine"
-    names = ("bag_0.mcap", "bag_0.mcap.cut", "metadata.yaml", "metadata.yaml.before", "notes.txt")
+    assert (tmp_path / "bag" / ".metadata.yaml.tmp").read_text() == "mine"
+    names = (
+        ".metadata.yaml.tmp",
+        "bag_0.mcap",
+        "bag_0.mcap.cut",
+        "metadata.yaml",
+        "metadata.yaml.before",
+        "notes.txt",
+    )
     assert sorted(p.name for p in (tmp_path / "bag").iterdir()) == list(names)
     assert contents(tmp_path / "bag") == {"/a": list(range(50)), "/b": list(range(50))}
 
