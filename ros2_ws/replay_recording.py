@@ -10,6 +10,7 @@ import typer
 from deeptruck_nodes import runs
 
 from deeptruck_model import console
+from deeptruck_model.files import OVERWRITE_HELP
 
 EXAMPLES = """
 Examples:\n
@@ -28,7 +29,7 @@ def main(
         list[str] | None, typer.Option(help="Only this topic; may be given more than once.")
     ] = None,
     record: Annotated[Path | None, typer.Option(help="Record what is played; a new folder.")] = None,
-    overwrite: Annotated[bool, typer.Option(help="Replace an older bag of a recorder.")] = False,
+    overwrite: Annotated[bool, typer.Option(help=OVERWRITE_HELP)] = False,
     monitor: Annotated[
         str, typer.Option(help="Simulator to compare the played truck with: /mismatch/residual.")
     ] = "",

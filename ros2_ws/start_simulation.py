@@ -10,6 +10,7 @@ import typer
 from deeptruck_nodes import runs
 
 from deeptruck_model import console
+from deeptruck_model.files import OVERWRITE_HELP
 
 EXAMPLES = """
 Examples:\n
@@ -27,7 +28,7 @@ def main(
     simulator: Annotated[str, typer.Option(help="Simulator directory, or truck:NAME[:overrides.yaml].")],
     policy: Annotated[str, typer.Option(help="Policy directory, or baseline:NAME.")],
     record: Annotated[Path | None, typer.Option(help="Bag to record; a new folder.")] = None,
-    overwrite: Annotated[bool, typer.Option(help="Replace an older bag of a recorder.")] = False,
+    overwrite: Annotated[bool, typer.Option(help=OVERWRITE_HELP)] = False,
     leader: Annotated[
         str, typer.Option(help="What the vehicle ahead does, see below.")
     ] = "constant:speed=20",

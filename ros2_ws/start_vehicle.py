@@ -10,6 +10,7 @@ import typer
 from deeptruck_nodes import runs
 
 from deeptruck_model import console
+from deeptruck_model.files import OVERWRITE_HELP
 
 EXAMPLES = """
 Examples:\n
@@ -48,7 +49,7 @@ InitialGap = Annotated[float, typer.Option(help="m; 0: a time gap of 2 s.")]
 Seed = Annotated[int, typer.Option(help="Of the radar's errors.")]
 # The run
 Record = Annotated[Path | None, typer.Option(help="Bag to record; a new folder.")]
-Overwrite = Annotated[bool, typer.Option(help="Replace an older bag of a recorder.")]
+Overwrite = Annotated[bool, typer.Option(help=OVERWRITE_HELP)]
 Duration = Annotated[float, typer.Option(help="s; 0: until Ctrl-C.", min=0.0)]
 Monitor = Annotated[
     str, typer.Option(help="Simulator to compare the truck with while it drives: /mismatch/residual.")

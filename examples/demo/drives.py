@@ -66,7 +66,7 @@ def main(
     out: Annotated[Path, typer.Option(help="Folder for the bags.")],
     hours: Annotated[float, typer.Option(help="Of the driving cycle, h.")],
     mismatch_s: Annotated[float, typer.Option(help="Of each drive of the other truck, s.")],
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace drives that are there.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help=files.OVERWRITE_HELP)] = False,
 ) -> None:
     """Write the bags, all or none."""
     with DRIVES.replacing(out, overwrite=overwrite) as draft:

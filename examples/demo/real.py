@@ -18,7 +18,7 @@ DRIVES = files.Result("a folder of the real truck's drives")
 def main(
     table: Annotated[Path, typer.Argument(help="veh002_all.csv")],
     out: Annotated[Path, typer.Option(help="Folder for the bags train and test.")],
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace drives that are there.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help=files.OVERWRITE_HELP)] = False,
 ) -> None:
     """Import and split by time: 80 % to learn from (the trainer validates within), the last 20 % to test."""
     with DRIVES.replacing(out, overwrite=overwrite) as draft, TemporaryDirectory() as scratch:

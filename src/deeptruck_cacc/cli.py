@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from deeptruck_model import console
+from deeptruck_model import console, files
 from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ SimulatorPath = Annotated[
 Resume = Annotated[
     bool, typer.Option("--resume", help="Go on where a killed run of the same command stopped.")
 ]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help=files.OVERWRITE_HELP)]
 
 
 class Trainer(StrEnum):
@@ -66,7 +67,7 @@ def train(
         bool | None, typer.Option(help="Slow features (no steady error), or the paper's memoryless policy.")
     ] = None,
     resume: Resume = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a policy that is there.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Train a policy. About a minute of one core with the default trainer.
 
@@ -127,9 +128,7 @@ def evaluate(
     all_seeds: Annotated[
         bool, typer.Option("--all-seeds", help="Every POLICY/seeds/K, and the worst of them.")
     ] = False,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace an evaluation that is there.")
-    ] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Drive a policy through the paper's scenes and field runs; write tables and figures.
 
@@ -160,7 +159,7 @@ def export(
     Example: deeptruck-cacc export policies/mytruck --out mytruck.onnx
     """
     from deeptruck_cacc.controllers.loading import load_trained
-    from deeptruck_model import checks, files
+    from deeptruck_model import checks
 
     if policy.startswith("baseline:"):
         raise InputError(f"{policy} is not a trained policy; only those have an ONNX form")
@@ -183,7 +182,7 @@ def pays(
     seeds: Annotated[int, typer.Option(help="Policies of each simulator.", min=1)] = 3,
     iterations: Annotated[int, typer.Option(help="Updates of each training.", min=1)] = 90,
     resume: Resume = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a result that is there.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Does correcting the simulator pay? Train on the old and the corrected one, drive the true truck.
 
@@ -218,7 +217,7 @@ def sweep(
         Engine, typer.Option(help="ray: on the cluster that RAY_ADDRESS names; extra 'ray'.")
     ] = Engine.processes,
     resume: Resume = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a sweep that is there.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Train a grid of settings and seeds, and rank them by validation.
 

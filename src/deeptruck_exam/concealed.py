@@ -10,7 +10,6 @@ from __future__ import annotations
 import csv
 import json
 import os
-import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -22,7 +21,7 @@ from deeptruck_exam.cases import Case
 from deeptruck_exam.effects.law import GRAVITY, Array
 from deeptruck_exam.evaluation import arrays, residual
 from deeptruck_exam.tool import ToolRun, run_tool
-from deeptruck_model import simulators
+from deeptruck_model import files, simulators
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, import_table, read, split, write_bag
 
@@ -104,7 +103,7 @@ def examine_concealed(
             print(f"{source.name}: skipped, no {source.log} in ${REAL_DATA}")
             continue
         results.append(_examine(source, folder, layouts, out / source.name.replace(" ", "_"), updates))
-        path.write_text(json.dumps(results, indent=1))
+        files.write(path, json.dumps(results, indent=1).encode())
     return results
 
 
@@ -167,9 +166,8 @@ def _write_blind(part: Sequence[Recording], bag: Path, hide: Sequence[str] = HID
 def _read(log: Path, layout: Path | dict[str, Any], bag: Path) -> list[Recording]:
     """Every piece of a log with all its channels; imported anew each time, because the bag is of no other
     use."""
-    shutil.rmtree(bag, ignore_errors=True)
     bag.parent.mkdir(parents=True, exist_ok=True)
-    return import_table(log, layout, bag).recordings
+    return import_table(log, layout, bag, overwrite=True).recordings
 
 
 def conceal(recording: Recording, hide: Sequence[str] = HIDE) -> Recording:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from deeptruck_model.files import LEDGER, Result
+from pathlib import Path
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.files import ELSEWHERE, LEDGER, Result
 from deeptruck_model.results import FOUND, TRUCK_FILES
 
 _BAG = ("metadata.yaml", "*_0.mcap", LEDGER)
@@ -19,6 +22,7 @@ _REAL = (
     *(f"found/simulator/base/{name}" for name in (*TRUCK_FILES, LEDGER)),
     *_FOUND,
 )
+CASE = Result("an examined case", _CASE, "choose another folder")
 PROOF = Result(
     "a proof",
     (
@@ -27,3 +31,14 @@ PROOF = Result(
         *(f"concealed/*/{name}" for name in _REAL),
     ),
 )  # fmt: skip
+
+
+def check(out: Path) -> None:
+    """Whether a proof can be worked on in `out`: a new folder, or one that has cases.
+
+    Raises InputError as `Result.check`, and for a folder without cases: its proof.md may be anybody's.
+    """
+    PROOF.check(out, overwrite=True)  # nothing is replaced: what is scored there is kept
+    if out.is_dir() and any(out.iterdir()) and not (out / "cases").is_dir():
+        inside = min(path.name for path in out.iterdir())
+        raise InputError(f"{out} holds {inside} and no cases, so it is no proof; {ELSEWHERE}")

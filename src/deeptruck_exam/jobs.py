@@ -16,6 +16,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from deeptruck_exam.effects.planting import ALL
+from deeptruck_model.sweeps import end_with_parent
 
 A_CASE = "about a minute each with a physics truck, longer with a learned one; a stopped run goes on"
 
@@ -68,7 +69,8 @@ def run_jobs(
 
 
 def _end_with_the_run() -> None:
-    """Without a word of its own where the run is interrupted."""
+    """Without a word of its own where the run is interrupted, and where it is killed."""
+    end_with_parent()
     signal.signal(signal.SIGINT, lambda *_: os._exit(130))
 
 

@@ -14,6 +14,7 @@ from deeptruck_exam.effects import EFFECTS
 from deeptruck_exam.effects.planting import SEALED
 from deeptruck_exam.figures import RIVALS, draw_all
 from deeptruck_exam.scoreboard import Score, mean
+from deeptruck_model import files
 
 HEADINGS = (
     "right first",
@@ -47,9 +48,7 @@ def write_page(
 
 
 def _replace(path: Path, text: str) -> None:
-    draft = path.with_name(f".{path.name}")
-    draft.write_text(text)
-    draft.rename(path)
+    files.write(path, text.encode())
 
 
 def figures_of_merit(scored: Sequence[Score]) -> dict[str, Any]:

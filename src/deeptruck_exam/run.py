@@ -4,7 +4,6 @@ back."""
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,8 +14,9 @@ from deeptruck_exam import rivals, score
 from deeptruck_exam.cases import Case, make_case, open_truth
 from deeptruck_exam.effects.planting import ALL
 from deeptruck_exam.evaluation import arrays, open_loop
+from deeptruck_exam.folder import CASE
 from deeptruck_exam.tool import ToolRun, run_tool
-from deeptruck_model import simulators
+from deeptruck_model import files, simulators
 from deeptruck_model.recordings import Recording, read
 
 SCORE = "score.json"
@@ -40,7 +40,7 @@ def examine(
     if done.exists():
         result: dict[str, Any] = json.loads(done.read_text())
         return result
-    shutil.rmtree(folder, ignore_errors=True)
+    CASE.clear(folder)
     case = make_case(folder, level, seed, effect, simulator, minutes, forms)
     run = run_tool(case, folder / "found")
     result = {
@@ -52,11 +52,8 @@ def examine(
         **judge(case, run, with_rivals=with_rivals),
     }
     if not keep:
-        for path in (folder / "recordings", folder / "found" / "simulator"):
-            shutil.rmtree(path, ignore_errors=True)
-    draft = folder / f".{SCORE}"
-    draft.write_text(json.dumps(result, indent=1))
-    draft.rename(done)
+        CASE.clear(folder, "recordings", "found/simulator")
+    files.write(done, json.dumps(result, indent=1).encode())
     return result
 
 

@@ -30,6 +30,7 @@ ELSEWHERE = "choose another --out"
 RENAME = "choose another name"
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 _DRAFT = re.compile(r"^\.(.+?)(\.\w{8}\.tmp|\.tmp|\.unfinished|\.\d+\.old)$")  # .NAME.tmp and the like
+OVERWRITE_HELP = "Replace what this command wrote there, once the new one is whole."
 LEDGER = ".deeptruck.json"  # in every published folder: what it is, and which files the command wrote there
 
 
@@ -135,6 +136,22 @@ class Result:
         elif not _remove(old, files):
             print(f"note: {old} keeps what this command did not write", file=sys.stderr)
 
+    def signed(self, folder: Path) -> bool:
+        """Whether the ledger in `folder` says that this command made it."""
+        with suppress(OSError, ValueError, KeyError, TypeError):
+            return bool(json.loads((folder / LEDGER).read_text())["what"] == self.what)
+        return False
+
+    def clear(self, folder: Path, *inside: str) -> None:
+        """Remove what this command wrote in `folder`, or in these folders inside it.
+
+        Raises InputError for a file of somebody else, by its name; then nothing is removed.
+        """
+        if folder.exists() or folder.is_symlink():
+            within = tuple(f"{name}/" for name in inside)
+            found = self._ours(folder)
+            _remove(folder, [name for name in found if not within or name.startswith(within)])
+
     def forget(self, out: Path) -> None:
         """Remove what a run left unfinished. Raises InputError for a file of somebody else there."""
         if (draft := unfinished(out)).exists():
@@ -147,6 +164,10 @@ class Result:
             raise InputError(f"{out} is a symbolic link; give the folder it points to, {out.resolve()}")
         if out.exists() and not out.is_dir():
             raise InputError(f"{out} is a file; {self.elsewhere}")
+        if _is_mounted(out):
+            raise InputError(
+                f"{out} is a mount point, which no result can take the place of; give a new folder in it"
+            )
         check_writable(out, self.elsewhere)
         if not out.is_dir() or not any(out.iterdir()):
             return False
@@ -375,6 +396,17 @@ def _tell_left_over(out: Path, own: Path | None = None) -> None:
             )
     for place in sorted(out.parent.glob(f".{name}.????????.tmp")):
         print(f"note: {place} is the draft of a run that was killed; remove it", file=sys.stderr)
+
+
+def _is_mounted(folder: Path) -> bool:
+    """Whether a folder is a mount point; one of the same disk, as containers have them, is only listed."""
+    if not folder.is_dir():
+        return False
+    place = str(folder.resolve())
+    with suppress(OSError):
+        listed = (line.split(" ")[4] for line in Path("/proc/self/mountinfo").read_text().splitlines())
+        return place in (name.replace("\\040", " ") for name in listed)
+    return os.path.ismount(place)
 
 
 def _umask() -> int:

@@ -10,7 +10,8 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from itertools import product
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
+from threading import Thread
 from typing import Any, TypeVar, get_args, get_type_hints
 
 from deeptruck_model.errors import InputError
@@ -45,7 +46,7 @@ def run(
 def _in_processes(work: Callable[[Job], Result], jobs: Sequence[Job], workers: int) -> Iterator[Result]:
     left = dict(enumerate(jobs))
     for _ in range(RETRIES + 1):
-        pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
+        pool = ProcessPoolExecutor(workers, get_context("spawn"), initializer=end_with_parent)
         running = {pool.submit(work, job): key for key, job in left.items()}
         try:
             for done in as_completed(running):
@@ -57,6 +58,18 @@ def _in_processes(work: Callable[[Job], Result], jobs: Sequence[Job], workers: i
             pool.shutdown(cancel_futures=True)
         return
     raise InputError(KILLED)
+
+
+def end_with_parent() -> None:
+    """In a worker: end where the parent was killed, which could then tell nobody; else it trains on alone."""
+    parent = parent_process()
+    if parent is not None:
+        Thread(target=_end_behind, args=(parent.join,), daemon=True).start()
+
+
+def _end_behind(wait: Callable[[], object]) -> None:
+    wait()
+    os._exit(1)
 
 
 def _on_ray(work: Callable[[Job], Result], jobs: Sequence[Job], workers: int) -> Iterator[Result]:

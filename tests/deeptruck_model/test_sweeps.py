@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -184,3 +185,29 @@ def test_settings_are_called_as_the_options_of_train_are():
 def test_what_cannot_be_set_is_said(option, says):
     with pytest.raises(InputError, match=says):
         list(sweeps.combinations(sweeps.read_grid([option]), Arguments, "the deep truck", OPTIONS))
+
+
+WORKERS = """
+import os, sys, time
+from deeptruck_model import sweeps
+
+def work(number):
+    print(os.getpid(), flush=True)
+    time.sleep(120)
+
+if __name__ == "__main__":
+    list(sweeps.run(work, [1, 2], workers=2))
+"""
+
+
+def test_workers_end_with_a_run_that_is_killed(tmp_path):
+    (tmp_path / "many.py").write_text(WORKERS)
+    with subprocess.Popen([sys.executable, tmp_path / "many.py"], stdout=subprocess.PIPE, text=True) as run:
+        pids = [int(run.stdout.readline()) for _ in range(2)]
+        run.kill()
+    end = time.monotonic() + 60
+    while (left := [pid for pid in pids if Path(f"/proc/{pid}").exists()]) and time.monotonic() < end:
+        time.sleep(0.1)
+    for pid in left:
+        os.kill(pid, signal.SIGKILL)
+    assert left == []

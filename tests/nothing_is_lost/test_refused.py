@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 from pathlib import Path
 
 import pytest
+import typer
 
+from deeptruck_exam.folder import CASE
+from deeptruck_exam.run import examine
 from deeptruck_model import results, trucks
+from deeptruck_model.deep.sweep import sweep
 from deeptruck_model.errors import InputError
+from deeptruck_model.files import OVERWRITE_HELP
 
 FOLDERS = (
     "deeptruck-model import none.csv --columns none.yaml --out out",
@@ -30,6 +36,8 @@ INSIDE = (
     "deeptruck-model coverage bag --out bag/out",
     "deeptruck-model train bag --out bag/out",
     "deeptruck-model evaluate truck:trucksim bag --out bag/out",
+    "deeptruck-model calibrate bag none --out bag --overwrite",
+    "deeptruck-model train none --from bag --out bag --overwrite",
     "deeptruck-model mismatch --simulator truck:trucksim --recordings bag --out bag/out",
     "deeptruck-model apply bag --out bag/out",
     "deeptruck-model road found bag --out bag/out",
@@ -86,12 +94,63 @@ def test_an_examination_goes_on_where_nothing_else_lies(
     assert "out holds cases/physics-noise-100000/mine.txt, which is no part of a proof" in says
 
 
+def test_a_proof_is_worked_on_where_its_cases_are(
+    here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (here / "out").mkdir()
+    (here / "out" / "proof.md").write_text("mine")
+    says = refused("deeptruck-model prove --out out", monkeypatch, capsys)
+    assert "out holds proof.md and no cases, so it is no proof" in says
+    assert (here / "out" / "proof.md").read_text() == "mine"
+
+
+def test_a_case_is_made_where_nothing_else_lies(here: Path) -> None:
+    (here / "out").mkdir()
+    (here / "out" / "mine.txt").write_text("mine")
+    with pytest.raises(InputError, match=r"out holds mine\.txt, which is no part of an examined case"):
+        examine(here / "out", "noise", 0)
+    assert (here / "out" / "mine.txt").read_text() == "mine"
+
+
+def test_of_a_case_only_its_own_files_are_removed(here: Path) -> None:
+    names = ("recordings/drive_0/metadata.yaml", "found/simulator/simulator.json", "found/verdict.json")
+    for name in names:
+        (here / name).parent.mkdir(parents=True, exist_ok=True)
+        (here / name).touch()
+    CASE.clear(here, "recordings", "found/simulator")
+    assert [p.relative_to(here).as_posix() for p in here.rglob("*")] == ["found", "found/verdict.json"]
+
+
+def test_a_sweep_is_gone_on_with_where_one_is(here: Path) -> None:
+    (here / "out").mkdir()
+    (here / "out" / "sweep.md").write_text("mine")
+    with pytest.raises(InputError, match="out holds a sweep already"):
+        sweep([here / "none"], here / "out", {"budget": [10]}, resumes=True)
+    assert (here / "out" / "sweep.md").read_text() == "mine"
+
+
+@pytest.mark.parametrize("place", ["/dev/shm", "/proc"])
+def test_a_mount_point_is_refused_before_anything_is_computed(place: str) -> None:
+    """Nothing can be renamed to it, which would only be seen once all is computed."""
+    if not os.path.ismount(place):
+        pytest.skip(f"{place} is no mount point here")
+    with pytest.raises(InputError, match="is a mount point"):
+        results.COVERAGE.check(Path(place))
+
+
+def test_overwrite_is_explained_by_one_text() -> None:
+    apps = [importlib.import_module(name).app for name in MAIN.values()]
+    commands = [c for app in apps for c in typer.main.get_group(app).commands.values()]
+    texts = [p.help for c in commands for p in c.params if p.name == "overwrite"]  # type: ignore[attr-defined]
+    assert len(texts) > 10 and set(texts) == {OVERWRITE_HELP}
+
+
 @pytest.mark.parametrize("line", INSIDE)
 def test_an_out_inside_what_is_read_is_refused(
     line: str, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (here / "bag").mkdir()
-    assert "bag/out is bag or inside it, which is read here" in refused(line, monkeypatch, capsys)
+    assert "is bag or inside it, which is read here" in refused(line, monkeypatch, capsys)
 
 
 @pytest.mark.parametrize("line", FILES)

@@ -103,6 +103,14 @@ def test_a_bag_is_not_recorded_over_while_it_is_played(tmp_path: Path) -> None:
     assert (tmp_path / "bag" / "metadata.yaml").exists()
 
 
+def test_a_drive_is_not_recorded_over_while_the_leader_follows_it(tmp_path: Path) -> None:
+    given = {"simulator": "truck:trucksim", "policy": "baseline:acc", "overwrite": True}
+    with pytest.raises(InputError, match="is the drive of the leader; choose another --record"):
+        script("start_simulation")(
+            leader=f"recorded:path={tmp_path / 'drive'}", record=tmp_path / "drive", **given
+        )
+
+
 def test_own_parameters_win_over_the_options_and_name_only_nodes_of_the_run(
     refused: Callable[..., str], tmp_path: Path
 ) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -57,6 +58,7 @@ def train(
     if check(out, trainer=trainer, config=config, source=source, resume=resume, overwrite=overwrite):
         return load_trained(out)
     run = _trainer(trainer, config)
+    import_module("torch")  # the limit reaches only what is loaded
     # one thread: of small matrices a second one only waits, at full load
     with _draft(out, resume=resume, overwrite=overwrite) as draft, threadpool_limits(1):
         return run(simulator, draft, config, reward=reward, resume=resume, source=source, tell=tell)

@@ -61,7 +61,7 @@ def train(
     Example: deeptruck-model train drives/monday drives/tuesday --out simulators/mytruck
     """
     checks.every(
-        lambda: results.apart(out, *bags),
+        lambda: results.apart(out, *bags, *([start] if start else [])),
         lambda: results.check_start(results.DEEP_TRUCK, out, resume=resume, overwrite=overwrite or resume),
         lambda: checks.same_truck(bags),
         *([lambda: checks.adapted(str(start), bags)] if start else []),

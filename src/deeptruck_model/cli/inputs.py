@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from deeptruck_model import files
 from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
 Overwrite = Annotated[
     bool,
-    typer.Option("--overwrite", help="Replace what this command wrote there, once the new one is whole."),
+    typer.Option("--overwrite", help=files.OVERWRITE_HELP),
 ]
 Bags = Annotated[list[Path], typer.Argument(metavar="BAG...", help="Bags (folders) of one truck.")]
 

@@ -72,7 +72,7 @@ def calibrate(
     Example: deeptruck-model calibrate simulators/mytruck drives/friday --out simulators/calibrated
     """
     checks.every(
-        lambda: results.apart(out, *bags),
+        lambda: results.apart(out, *bags, Path(simulator)),
         lambda: results.DEEP_TRUCK.check(out, overwrite=overwrite),
         lambda: checks.deep_simulator(simulator),
         lambda: checks.inputs(simulator, bags),

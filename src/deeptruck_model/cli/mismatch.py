@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from deeptruck_model import checks
+from deeptruck_model.cli.inputs import Overwrite
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import folders
 from deeptruck_model.results import BAG, FOUND, apart
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 Bags = Annotated[
     list[Path], typer.Option(help="Recordings (bags) to explain; repeat the option or list several.")
 ]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an older result of this command.")]
 
 
 def mismatch(
@@ -161,9 +161,9 @@ def prove(
 
     Example: deeptruck-model prove --out proof --cases 5 --simulator physics
     """
-    from deeptruck_exam.folder import PROOF
+    from deeptruck_exam.folder import check
 
-    PROOF.check(out, overwrite=True)  # nothing is replaced: what is scored there is kept
+    check(out)
     from deeptruck_exam.command import prove as run
     from deeptruck_exam.plans import LEVELS
 

@@ -58,7 +58,8 @@ def sweep(
     if not resumes:
         check_start(SWEEP, out, resume=False, overwrite=overwrite)
     paths = tuple(str(Path(bag).resolve()) for bag in bags)
-    with SWEEP.going_on(out, overwrite=overwrite or resumes) as draft:
+    goes_on = resumes and SWEEP.signed(out)  # by its names alone it may be somebody else's
+    with SWEEP.going_on(out, overwrite=overwrite or goes_on) as draft:
         if resumes:
             _take_over(out, draft)
         else:

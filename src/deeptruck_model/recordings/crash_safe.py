@@ -118,7 +118,10 @@ class CrashSafeWriter:
     def _write_metadata(self) -> None:
         topics = [Topic(name, channel.type_name, channel.count) for name, channel in self._topics.items()]
         start = min(self._first_ns, self._last_ns)
-        write_metadata(self.path, self.file.name, topics, start, self._last_ns, self.custom_data)
+        content = described(self.file.name, topics, start, self._last_ns, self.custom_data)
+        unfinished = self.path / ".metadata.yaml.tmp"
+        unfinished.write_text(content, encoding="utf-8")
+        unfinished.replace(self.path / "metadata.yaml")
 
     def _guarded(self, action: Any, *arguments: Any) -> None:
         try:
@@ -137,12 +140,8 @@ class _Channel:
         self.id, self.type_name, self.count = channel_id, type_name, 0
 
 
-def write_metadata(
-    folder: Path, file_name: str, topics: list[Topic], start_ns: int, end_ns: int, custom: dict[str, str]
-) -> None:
-    """Write a folder's metadata.yaml under a temporary name and rename it."""
+def described(file_name: str, topics: list[Topic], start_ns: int, end_ns: int, custom: dict[str, str]) -> str:
+    """The metadata.yaml of a folder with one file."""
     for value in custom.values():
         json.loads(value)  # custom data is JSON by agreement: BagSource.custom_data reads it back so
-    unfinished = folder / ".metadata.yaml.tmp"
-    unfinished.write_text(metadata_yaml(file_name, topics, start_ns, end_ns, custom), encoding="utf-8")
-    unfinished.replace(folder / "metadata.yaml")
+    return metadata_yaml(file_name, topics, start_ns, end_ns, custom)

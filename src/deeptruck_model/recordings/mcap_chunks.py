@@ -26,7 +26,7 @@ from deeptruck_model.recordings.bag_file import RECORD_HEAD, DamagedError
 
 _MESSAGE_HEAD = 22  # channel, sequence, log time, publish time
 _GROUP_BYTES = 4 * 2**20
-_ENTRY = np.dtype([("log_ns", "<u8"), ("offset", "<u8")])
+ENTRY = np.dtype([("log_ns", "<u8"), ("offset", "<u8")])
 _MESSAGE = np.dtype(
     [
         ("opcode", "u1"),
@@ -39,8 +39,9 @@ _MESSAGE = np.dtype(
 )
 LATEST_NS = 2**62  # the year 2116: what is stamped later was not
 # what the libraries raise on bytes that were not written so; sizes are checked before
-_UNREADABLE = (
-    McapError, EOFError, struct.error, ValueError, KeyError, IndexError, RuntimeError, zstandard.ZstdError,
+UNREADABLE = (
+    McapError, EOFError, struct.error, ValueError, KeyError, IndexError, OverflowError, RuntimeError,
+    zstandard.ZstdError,
 )  # fmt: skip
 
 
@@ -90,8 +91,8 @@ def _summary(file: Path) -> Summary | None:
     try:
         with file.open("rb") as stream:
             return make_reader(stream).get_summary()
-    except _UNREADABLE as error:
-        raise DamagedError(f"its summary cannot be read ({_why(error)})") from None
+    except UNREADABLE as error:
+        raise DamagedError(f"its summary cannot be read ({why(error)})") from None
 
 
 def _check_places(summary: Summary, size: int) -> None:
@@ -142,18 +143,18 @@ def _read(stream: BinaryIO, index: ChunkIndex) -> tuple[bytes, dict[int, NDArray
     try:
         if raw[0] != Opcode.CHUNK:
             raise ValueError("it is none")
-        data = _content(Chunk.read(ReadDataStream(BytesIO(raw[RECORD_HEAD : index.chunk_length]))))
+        data = content_of(Chunk.read(ReadDataStream(BytesIO(raw[RECORD_HEAD : index.chunk_length]))))
         if not index.message_index_length:
             return data, scan_messages(data)
         entries = dict(message_indexes(raw[index.chunk_length :]))
         if set(entries) != set(index.message_index_offsets):
             raise ValueError("it lacks a message index")
-    except _UNREADABLE as error:
-        raise DamagedError(f"its chunk at byte {index.chunk_start_offset}: {_why(error)}") from None
+    except UNREADABLE as error:
+        raise DamagedError(f"its chunk at byte {index.chunk_start_offset}: {why(error)}") from None
     return data, entries
 
 
-def _content(chunk: Chunk) -> bytes:
+def content_of(chunk: Chunk) -> bytes:
     """What is in a chunk, unpacked. The unpackers grow as they go: a size in the data is not trusted."""
     unpack = _UNPACK.get(chunk.compression)
     if unpack is None:
@@ -193,7 +194,8 @@ def _check_entries(data: bytes, channel: int, entries: NDArray[np.void], index: 
         raise DamagedError(f"the message index of its chunk at byte {index.chunk_start_offset} does not fit")
 
 
-def _why(error: BaseException) -> str:
+def why(error: BaseException) -> str:
+    """What an error says, in one line."""
     return " ".join(str(error).split()) or type(error).__name__
 
 
@@ -244,7 +246,7 @@ def message_indexes(raw: bytes) -> Iterator[tuple[int, NDArray[np.void]]]:
         count = int.from_bytes(content[2:6], "little")
         if opcode != Opcode.MESSAGE_INDEX or len(content) != length or length != 6 + count:
             raise ValueError("its message index does not fit")
-        yield int.from_bytes(content[:2], "little"), np.frombuffer(content[6:], _ENTRY)
+        yield int.from_bytes(content[:2], "little"), np.frombuffer(content[6:], ENTRY)
         at += RECORD_HEAD + length
 
 
@@ -258,4 +260,4 @@ def scan_messages(data: bytes) -> dict[int, NDArray[np.void]]:
             channel, _, log_ns = struct.unpack_from("<HIQ", data, at + RECORD_HEAD)
             found.setdefault(channel, []).append((log_ns, at))
         at += RECORD_HEAD + length
-    return {channel: np.array(entries, _ENTRY) for channel, entries in found.items()}
+    return {channel: np.array(entries, ENTRY) for channel, entries in found.items()}

@@ -8,13 +8,13 @@ import os
 import shutil
 import struct
 import tempfile
-import zlib
 from dataclasses import dataclass, field
 from io import BytesIO
 from itertools import chain, count
 from pathlib import Path
 from typing import BinaryIO
 
+import numpy as np
 from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
@@ -31,17 +31,50 @@ from mcap.records import (
     Statistics,
 )
 from mcap.stream_reader import get_chunk_data_stream
+from numpy.typing import NDArray
 
 from deeptruck_model import files
 from deeptruck_model.checks import METADATA
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.bag_file import RECORD_HEAD
 from deeptruck_model.recordings.bag_metadata import Topic
-from deeptruck_model.recordings.crash_safe import write_metadata
-from deeptruck_model.recordings.mcap_chunks import message_indexes, scan_messages
+from deeptruck_model.recordings.crash_safe import described
+from deeptruck_model.recordings.mcap_chunks import (
+    ENTRY,
+    UNREADABLE,
+    content_of,
+    message_indexes,
+    scan_messages,
+    why,
+)
 
-_MADE_ANEW = (Opcode.MESSAGE_INDEX, Opcode.DATA_END, Opcode.FOOTER)
+_END = {Opcode.DATA_END: 4, Opcode.FOOTER: 20}  # bytes of the records behind which all is made anew
 _MAGIC = b"\x89MCAP0\r\n"
+
+
+@dataclass(frozen=True)
+class _WholeChunk:
+    """A chunk that is as it was written, and where its messages are, by channel."""
+
+    chunk: Chunk
+    entries: dict[int, NDArray[np.void]]
+
+    @classmethod
+    def of(cls, content: bytes) -> _WholeChunk | None:
+        """The chunk in a record; None where that is damaged."""
+        try:
+            chunk = Chunk.read(ReadDataStream(BytesIO(content)))
+            records = 32 + len(chunk.compression.encode())  # behind times, size, checksum and compression
+            if int.from_bytes(content[records : records + 8], "little") != len(content) - records - 8:
+                return None
+            return cls(chunk, scan_messages(content_of(chunk)))
+        except UNREADABLE:
+            return None
+
+    def has_index(self, begin: bytes, length: int) -> bool:
+        """Whether a record of this length can be the index of one of its channels; `begin` names which."""
+        messages = self.entries.get(int.from_bytes(begin[:2], "little"), ())
+        return len(begin) < 2 or length == 6 + ENTRY.itemsize * len(messages)
 
 
 @dataclass
@@ -50,7 +83,8 @@ class _Found:
 
     end: int
     cut: int = 0  # where the scan ended in the file as it was found
-    torn: bool = False  # whether data lies behind that, not only an index that is made anew
+    torn: bool = False  # whether more lies behind that than an index, which is made anew
+    tail: _WholeChunk | None = None  # the last chunk: not all its message indexes may be there
     header: bool = False
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
@@ -93,7 +127,7 @@ def _mend(path: Path, file: Path) -> tuple[_Found, Path | None]:
         shutil.copyfile(file, draft)
         shutil.copymode(file, draft)
         with draft.open("r+b") as stream:
-            found = _scan(stream, stream.seek(0, os.SEEK_END), file)
+            found = _scanned(stream, file)
             _finish(stream, found)
             stream.flush()
             os.fsync(stream.fileno())
@@ -114,6 +148,13 @@ def _mend(path: Path, file: Path) -> tuple[_Found, Path | None]:
         return found, cut
     finally:
         draft.unlink(missing_ok=True)
+
+
+def _scanned(stream: BinaryIO, file: Path) -> _Found:
+    try:
+        return _scan(stream, stream.seek(0, os.SEEK_END), file)
+    except UNREADABLE as error:
+        raise InputError(f"{file} is damaged ({why(error)}), beyond repair; it is left as it was") from None
 
 
 def _behind(file: Path, at: int) -> bytes:
@@ -156,67 +197,100 @@ def _is_whole(file: Path) -> bool:
 
 
 def _scan(stream: BinaryIO, size: int, file: Path) -> _Found:
+    """What is whole from the beginning on; message indexes that do not fit their chunk are mended."""
     found = _Found(end=min(size, len(_MAGIC)))
     at = len(_MAGIC)
-    tail: Chunk | None = None  # the last chunk: whether its message indexes are all there is not known
-    opcode = 0
     while at + RECORD_HEAD <= size:
         stream.seek(at)
         opcode, length = struct.unpack("<BQ", stream.read(RECORD_HEAD))
-        if at + RECORD_HEAD + length > size or opcode in (Opcode.DATA_END, Opcode.FOOTER):
+        if opcode in _END or at + RECORD_HEAD + length > size:
+            found.torn = not _is_made_anew(opcode, length, stream.read(2), found.tail)
             break
-        content = stream.read(length)
-        if opcode == Opcode.CHUNK:
-            chunk = Chunk.read(ReadDataStream(BytesIO(content)))
-            if zlib.crc32(chunk.data) != chunk.uncompressed_crc and not chunk.compression:
-                break
-            tail = chunk
-            found.chunks.append(_chunk_index(chunk, at, length + RECORD_HEAD))
-        elif opcode == Opcode.MESSAGE_INDEX and found.chunks:
-            _note_index(found, tail, content, at)
-        elif opcode in (Opcode.HEADER, Opcode.METADATA):
-            _note_loose(found, opcode, content, at)
-        else:
-            raise InputError(f"{file} was written in a way repair does not know (record type {opcode})")
+        if not _take(found, opcode, stream.read(length), at, stream, file):
+            found.torn = True
+            break
         at += RECORD_HEAD + length
         found.end = at
     else:
-        opcode = 0
-    found.cut, found.torn = min(at, size), at < size and opcode not in _MADE_ANEW
-    if tail is not None:
-        _index_again(stream, found, tail)
+        found.torn = at < size
+    found.cut = min(at, size)
+    if found.tail is not None:
+        _index_again(stream, found, found.tail.chunk)
     return found
 
 
-def _chunk_index(chunk: Chunk, at: int, length: int) -> ChunkIndex:
+def _take(found: _Found, opcode: int, content: bytes, at: int, stream: BinaryIO, file: Path) -> bool:
+    """Note one record; False where it is damaged."""
+    if opcode == Opcode.CHUNK:
+        if (whole := _WholeChunk.of(content)) is None:
+            return False
+        found.tail = whole
+        found.chunks.append(_chunk_index(whole, at, len(content) + RECORD_HEAD))
+    elif opcode == Opcode.MESSAGE_INDEX:
+        if found.tail is None or not found.tail.has_index(content, len(content)):
+            return False
+        _note_index(found, found.tail, content, at, stream)
+    elif opcode in (Opcode.HEADER, Opcode.METADATA):
+        _note_loose(found, opcode, content, at)
+    else:
+        raise InputError(f"{file} was written in a way repair does not know (record type {opcode})")
+    return True
+
+
+def _is_made_anew(opcode: int, length: int, begin: bytes, tail: _WholeChunk | None) -> bool:
+    """Whether what begins with this record and is cut off is no more than an index, or the end of a file."""
+    if opcode == Opcode.MESSAGE_INDEX:
+        return tail is not None and tail.has_index(begin, length)
+    return _END.get(Opcode(opcode)) == length if opcode in _END else False
+
+
+def _chunk_index(whole: _WholeChunk, at: int, length: int) -> ChunkIndex:
+    """Of a chunk at `at`; its times are those of its messages, as no checksum is over those in its head."""
+    times = [int(ns) for entries in whole.entries.values() for ns in entries["log_ns"]]
     return ChunkIndex(
         chunk_length=length,
         chunk_start_offset=at,
-        compression=chunk.compression,
-        compressed_size=len(chunk.data),
-        message_end_time=chunk.message_end_time,
+        compression=whole.chunk.compression,
+        compressed_size=len(whole.chunk.data),
+        message_end_time=max(times, default=0),
         message_index_length=0,
         message_index_offsets={},
-        message_start_time=chunk.message_start_time,
-        uncompressed_size=chunk.uncompressed_size,
+        message_start_time=min(times, default=0),
+        uncompressed_size=whole.chunk.uncompressed_size,
     )
 
 
-def _note_index(found: _Found, chunk: Chunk | None, content: bytes, at: int) -> None:
+def _note_index(found: _Found, whole: _WholeChunk, content: bytes, at: int, stream: BinaryIO) -> None:
+    """Note a message index; one that leads elsewhere than to the chunk's messages is written again."""
     channel = int.from_bytes(content[:2], "little")
-    if channel not in found.channels and chunk is not None:
-        _learn_channels(found, chunk)
+    if channel not in found.channels:
+        _learn_channels(found, whole.chunk)
+    entries = whole.entries.get(channel, np.zeros(0, ENTRY))
+    if not np.array_equal(np.sort(np.frombuffer(content[6:], ENTRY)), np.sort(entries)) or (
+        int.from_bytes(content[2:6], "little") != len(content) - 6
+    ):
+        stream.seek(at)
+        stream.write(_index_record(channel, entries))
     index = found.chunks[-1]
     index.message_index_offsets[channel] = at
     index.message_index_length += RECORD_HEAD + len(content)
-    found.counts[channel] = found.counts.get(channel, 0) + (len(content) - 6) // 16
+    found.counts[channel] = found.counts.get(channel, 0) + len(entries)
+
+
+def _index_record(channel: int, entries: NDArray[np.void]) -> bytes:
+    builder = RecordBuilder()
+    MessageIndex(channel, [(int(log_ns), int(offset)) for log_ns, offset in entries]).write(builder)
+    return builder.end()
 
 
 def _note_loose(found: _Found, opcode: int, content: bytes, at: int) -> None:
     if opcode == Opcode.HEADER:
         found.header = True
         return
-    metadata = Metadata.read(ReadDataStream(BytesIO(content)))
+    try:
+        metadata = Metadata.read(ReadDataStream(BytesIO(content)))
+    except UNREADABLE:
+        return  # it stays where it is, and nothing leads to it
     found.metadata.append((MetadataIndex(at, RECORD_HEAD + len(content), metadata.name), metadata))
 
 
@@ -308,6 +382,6 @@ def _describe(path: Path, file: Path, found: _Found) -> None:
         if "json" in metadata.metadata
     }
     statistics = _statistics(found)
-    write_metadata(
-        path, file.name, topics, statistics.message_start_time, statistics.message_end_time, custom
-    )
+    content = described(file.name, topics, statistics.message_start_time, statistics.message_end_time, custom)
+    with files.new_file(path / METADATA) as draft:  # of a name that nobody else has
+        draft.write_text(content, encoding="utf-8")

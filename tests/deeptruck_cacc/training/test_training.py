@@ -1,6 +1,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -32,6 +35,22 @@ def trained(tmp_path_factory, request):
     out = tmp_path_factory.mktemp("trained") / "policy"
     config = analytic.AnalyticConfig(seeds=2, rollouts=10, iterations=40, window=60, learning_rate=1e-3)
     return toy, out, train(toy, out, config=config)
+
+
+ONE_THREAD = """
+from deeptruck_cacc import training
+told = lambda *a, **k: print("threads", __import__("torch").get_num_threads())
+training._trainer = lambda *a: told
+training.train(None, "out")
+"""
+
+
+def test_a_training_has_one_thread_where_nothing_had_loaded_torch_before(tmp_path):
+    """Of such small matrices a second one only waits, and computes many times as much while it does."""
+    environment = os.environ | {"OMP_NUM_THREADS": "2"}
+    start = [sys.executable, "-c", ONE_THREAD]
+    told = subprocess.check_output(start, cwd=tmp_path, env=environment, text=True)
+    assert told == "threads 1\n"
 
 
 def test_identity_case_meets_the_papers_figures(trained):

@@ -3,6 +3,7 @@ from __future__ import annotations
 import os
 import random
 import signal
+import struct
 import subprocess
 import sys
 import time
@@ -11,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
@@ -223,6 +225,7 @@ def torn_bag(path: Path) -> tuple[Path, bytes]:
 
 def test_a_repair_keeps_what_it_cuts_off_and_touches_nothing_else(tmp_path: Path) -> None:
     file, data = torn_bag(tmp_path / "bag")
+    (tmp_path / "bag" / ".metadata.yaml.tmp").write_text("mine")
     old = (tmp_path / "bag" / "metadata.yaml").read_bytes()
     said = repair(tmp_path / "bag")
     assert said is not None and "the torn end is in bag_0.mcap.cut" in said
@@ -231,7 +234,15 @@ def test_a_repair_keeps_what_it_cuts_off_and_touches_nothing_else(tmp_path: Path
     assert file.read_bytes().startswith(data[: -len(torn)])
     assert (tmp_path / "bag" / "metadata.yaml.before").read_bytes() == old
     assert (tmp_path / "bag" / "notes.txt").read_text() == "mine"
-    names = ("bag_0.mcap", "bag_0.mcap.cut", "metadata.yaml", "metadata.yaml.before", "notes.txt")
+    assert (tmp_path / "bag" / ".metadata.yaml.tmp").read_text() == "mine"
+    names = (
+        ".metadata.yaml.tmp",
+        "bag_0.mcap",
+        "bag_0.mcap.cut",
+        "metadata.yaml",
+        "metadata.yaml.before",
+        "notes.txt",
+    )
     assert sorted(p.name for p in (tmp_path / "bag").iterdir()) == list(names)
     assert contents(tmp_path / "bag") == {"/a": list(range(50)), "/b": list(range(50))}
 
@@ -271,3 +282,45 @@ def test_a_bag_that_is_still_written_is_not_repaired(tmp_path: Path, monkeypatch
     with pytest.raises(InputError, match="is still being written"):
         repair(tmp_path / "bag")
     assert file.read_bytes() == data + b"more"
+
+
+def records(data: bytes) -> list[tuple[int, int, int]]:
+    """(opcode, place, length of the content) of the records of an unfinished file."""
+    found, at = [], 8
+    while at < len(data):
+        opcode, length = struct.unpack_from("<BQ", data, at)
+        found.append((opcode, at, length))
+        at += 9 + length
+    return found
+
+
+@pytest.mark.parametrize(
+    ("record", "byte", "becomes"),
+    [
+        (Opcode.CHUNK, 0, Opcode.FOOTER),
+        (Opcode.CHUNK, 0, Opcode.MESSAGE_INDEX),
+        (Opcode.CHUNK, 9 + 39, 1),  # of the length of what is in it
+        (Opcode.CHUNK, 9 + 200, 255),
+        (Opcode.MESSAGE_INDEX, 0, Opcode.DATA_END),
+        (Opcode.MESSAGE_INDEX, 8, 1),  # of its length
+        (Opcode.MESSAGE_INDEX, 9, 77),  # of its channel
+        (Opcode.MESSAGE_INDEX, 9 + 14, 255),  # of where a message is
+        (Opcode.METADATA, 9 + 5, 255),
+    ],
+)
+def test_a_flipped_byte_loses_nothing(tmp_path: Path, record: int, byte: int, becomes: int) -> None:
+    """Each message is in the mended bag, or in what is kept beside it; what is mended can be read."""
+    writer = CrashSafeWriter(tmp_path / "bag", custom_data={"deeptruck.x": "1"})
+    for begin in range(0, 50, 10):
+        fill(writer, range(begin, begin + 10))
+        writer.flush()
+    data = bytearray(writer.file.read_bytes())
+    places = [at for opcode, at, _ in records(bytes(data)) if opcode == record]
+    data[places[len(places) // 2] + byte] = becomes
+    writer.file.write_bytes(data)
+    assert repair(tmp_path / "bag") is not None
+    kept = b"".join(path.read_bytes() for path in (tmp_path / "bag").glob("*.mcap*"))
+    assert all(kept.count(payload(count)) >= 1 for count in range(50))
+    with writer.file.open("rb") as stream:
+        by_index = sum(1 for _ in make_reader(stream, validate_crcs=True).iter_messages())
+    assert by_index == sum(map(len, contents(tmp_path / "bag").values()))

@@ -99,6 +99,18 @@ def bag_is_playable(bag: Path, topics: list[str]) -> None:
             raise InputError(f"{bag} has no topic {name}; it has: {', '.join(sorted(held))}")
 
 
+def leader_stays(profile: str, record: Path | None) -> None:
+    """Raises InputError where the bag that a leader follows is to be recorded over."""
+    kind, _, rest = profile.partition(":")
+    given = dict(part.partition("=")[::2] for part in rest.split(","))
+    if (
+        kind == "recorded"
+        and record is not None
+        and record.resolve() == Path(given.get("path", "")).resolve()
+    ):
+        raise InputError(f"{record} is the drive of the leader; choose another --record")
+
+
 def elsewhere(bag: Path, record: Path | None) -> None:
     """Raises InputError where a bag that is played is to be recorded over."""
     if record is not None and record.resolve() == bag.resolve():
