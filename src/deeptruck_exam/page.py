@@ -19,6 +19,8 @@ from deeptruck_model import files
 HEADINGS = (
     "right first",
     "in group",
+    "set size",
+    "log score",
     "recall",
     "precision",
     "false statement",

@@ -4,14 +4,22 @@ Right first: the first finding bears the true name. In the group: the true name 
 among those it calls not distinguishable. An equivalent name ('accepts' of an effect) counts in the group
 alone, and only where the tool itself states the true name beside it. A constant wrong mass is `mass`; a
 mass that differs between drives is `payload_change`; the other name is wrong first, and right in the group
-when stated."""
+when stated. 'unknown' counts only where it is the finding itself: beside other names it costs nothing.
+
+The log score (Good, J. R. Stat. Soc. B 14, 1952) pays for what a verdict told of the truth: the
+probability of the first finding for its own name, what is left for the others of its group in equal
+parts, and a tenth of that for all names outside. A large group and a probability that is too sure cost."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 Verdict = Mapping[str, Any]
+NAMES = 33  # that a verdict can give, 'unknown' and 'nothing' among them
+OUTSIDE = 0.1  # of what is left beside the first name: for the names outside its group
+SILENT = 0.9  # the probability of nothing that a silent verdict tells
 
 
 def group(finding: Mapping[str, Any]) -> set[str]:
@@ -19,8 +27,33 @@ def group(finding: Mapping[str, Any]) -> set[str]:
     return {str(finding.get("effect")), *map(str, finding.get("cannot_be_told_from") or ())}
 
 
+def bears(finding: Mapping[str, Any], name: str) -> bool:
+    """Whether the finding is the name, or says that it cannot be told from it."""
+    return name == finding.get("effect") or (name != "unknown" and name in group(finding))
+
+
+def told(truth: str, findings: Sequence[Mapping[str, Any]]) -> float:
+    """The probability that the first finding gives to the name; of 'nothing' where there is no truth."""
+    if not findings:
+        return SILENT if truth == "nothing" else (1.0 - SILENT) / (NAMES - 1)
+    first = findings[0]
+    others = group(first) - {first.get("effect")}
+    p = min(max(float(first.get("probability") or 0.5), 0.01), 0.99)
+    if truth == first.get("effect"):
+        return p
+    if truth in others:
+        return (1.0 - p) * (1.0 - OUTSIDE) / len(others)
+    outside = OUTSIDE if others else 1.0
+    return (1.0 - p) * outside / (NAMES - 1 - len(others))
+
+
+def log_score(true: Sequence[str], findings: Sequence[Mapping[str, Any]]) -> float | None:
+    """Log of `told`, in nats; None where several effects are hidden."""
+    return math.log(told(true[0] if true else "nothing", findings)) if len(true) < 2 else None
+
+
 def score_names(truth: Mapping[str, Any], verdict: Verdict) -> dict[str, Any]:
-    """Names: outcome, right_first, in_group, recall, precision, kind_right."""
+    """Names: outcome, right_first, in_group, set_size, log_score, recall, precision, kind_right."""
     findings = list(verdict.get("findings") or ())
     true = [str(e["name"]) for e in truth["effects"]]
     said = [str(f.get("effect")) for f in findings]
@@ -32,14 +65,18 @@ def score_names(truth: Mapping[str, Any], verdict: Verdict) -> dict[str, Any]:
         "outcome": _outcome(true, findings, verdict),
     }
     result["right_first"] = bool(true) and bool(said) and said[0] in true
-    result["in_group"] = bool(true) and bool(findings) and bool(group(findings[0]) & set(true))
+    result["in_group"] = bool(true) and bool(findings) and any(bears(findings[0], t) for t in true)
+    result["set_size"] = len(group(findings[0])) if true and findings else None
+    result["log_score"] = log_score(true, findings)
     if true:
         result["kind_right"] = verdict.get("verdict") == truth["verdict"]
-        result["recall"] = sum(any(t in group(f) for f in findings) for t in true) / len(true)
+        result["recall"] = sum(any(bears(f, t) for f in findings) for t in true) / len(true)
         result["precision"] = (
-            sum(bool(group(f) & set(true)) for f in findings) / len(findings) if findings else None
+            sum(any(bears(f, t) for t in true) for f in findings) / len(findings) if findings else None
         )
-        result["false_names"] = [n for f, n in zip(findings, said, strict=True) if not group(f) & set(true)]
+        result["false_names"] = [
+            n for f, n in zip(findings, said, strict=True) if not any(bears(f, t) for t in true)
+        ]
     return result
 
 
@@ -53,17 +90,16 @@ def _outcome(true: Sequence[str], findings: Sequence[Mapping[str, Any]], verdict
         return "false_alarm"
     if findings[0].get("effect") in true:
         return "right"
-    if group(findings[0]) & set(true):
+    if any(bears(findings[0], t) for t in true):
         return "group"
     return "unknown" if findings[0].get("effect") == "unknown" else "wrong"
 
 
 def recognised_unknown(truth: Mapping[str, Any], verdict: Verdict) -> bool | None:
-    """Where the truth has no name: whether 'unknown' was said, alone or beside a nearest name. None
-    elsewhere."""
+    """Where the truth has no name: whether a finding is 'unknown'. None elsewhere."""
     if not any(e["name"] == "unknown" for e in truth["effects"]):
         return None
-    return any("unknown" in group(f) for f in verdict.get("findings") or ())
+    return any(f.get("effect") == "unknown" for f in verdict.get("findings") or ())
 
 
 def overlap(truth: Mapping[str, Any], verdict: Verdict) -> float | None:

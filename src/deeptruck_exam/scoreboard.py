@@ -63,6 +63,8 @@ def rates(rows: Sequence[Score]) -> dict[str, float | None]:
     return {
         "right first": mean(r["right_first"] for r in with_truth),
         "in group": mean(r["in_group"] for r in with_truth),
+        "set size": mean(r["set_size"] for r in with_truth),
+        "log score": mean(r["log_score"] for r in with_truth),
         "recall": mean(r["recall"] for r in with_truth),
         "precision": mean(r["precision"] for r in with_truth),
         "silent": mean(r["outcome"] in ("silent", "undetermined") for r in rows),

@@ -27,6 +27,8 @@ def result(level, true, said, seed=0, **more):
         else ("wrong" if said and true else "silent" if not said else "false_alarm"),
         "right_first": right,
         "in_group": right,
+        "set_size": 1 if true and said else None,
+        "log_score": -0.2 if right else -3.0,
         "recall": float(right),
         "precision": float(right) if said else None,
         "recognised_unknown": None,

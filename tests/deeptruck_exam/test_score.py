@@ -1,5 +1,7 @@
 """Rules of scoring, on verdicts written by hand."""
 
+import math
+
 import pytest
 
 from deeptruck_exam import score
@@ -55,13 +57,42 @@ def test_several():
     assert (result["recall"], result["precision"], result["false_names"]) == (0.5, 0.5, ["turbo_lag"])
 
 
-def test_unknown_is_recognised_alone_or_beside_a_nearest_name_but_not_instead():
+def test_unknown_counts_only_as_a_finding_of_its_own():
     asked = truth("unknown")
     assert score.recognised_unknown(asked, verdict("unknown"))
     assert score.recognised_unknown(asked, verdict("headwind", "unknown"))
-    assert score.recognised_unknown(asked, verdict(("headwind", "unknown")))
+    assert not score.recognised_unknown(asked, verdict(("headwind", "unknown")))
+    assert score_names(asked, verdict(("headwind", "unknown")))["outcome"] == "wrong"
     assert not score.recognised_unknown(asked, verdict("headwind"))
     assert score.recognised_unknown(truth("headwind"), verdict("headwind")) is None
+
+
+def test_large_groups_and_probabilities_that_are_too_sure_cost():
+    def told(probability, *names):
+        said = verdict(names)
+        said["findings"][0]["probability"] = probability
+        return score_names(truth("brake_fade"), said)
+
+    alone, beside, among = (
+        told(0.8, "brake_fade"),
+        told(0.6, "headwind", "brake_fade"),
+        told(0.6, "a", "b", "brake_fade"),
+    )
+    assert (alone["set_size"], beside["set_size"], among["set_size"]) == (1, 2, 3)
+    assert alone["log_score"] == pytest.approx(math.log(0.8))
+    assert beside["log_score"] == pytest.approx(math.log(0.4 * 0.9))
+    assert among["log_score"] == pytest.approx(math.log(0.2 * 0.9))
+    assert told(0.9, "headwind")["log_score"] < told(0.5, "headwind")["log_score"] < beside["log_score"]
+
+
+def test_the_probabilities_of_all_names_are_one_together():
+    (finding,) = verdict(("a", "b", "c"))["findings"]
+    finding["probability"] = 0.7
+    others = score.NAMES - 1 - 2
+    assert sum(score.told(n, [finding]) for n in "abc") + others * score.told(
+        "x", [finding]
+    ) == pytest.approx(1.0)
+    assert score.told("nothing", []) + (score.NAMES - 1) * score.told("a", []) == pytest.approx(1.0)
 
 
 def test_overlap_of_segments():

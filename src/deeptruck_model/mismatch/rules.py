@@ -17,6 +17,7 @@ SENSORS = "ordinary sensors"
 TRUCKS = "what trucks do"
 STATISTICS = "convention"
 CHOSEN = "chosen"  # nothing outside states it
+FITTED = "fitted"  # to the log score on development cases
 
 
 T = TypeVar("T")
@@ -129,6 +130,9 @@ class Rules:
     )
     beside_least: float = _of(0.04, "of the others' gain", "the same where it acts when they do not", CHOSEN)
     swap_gain: float = _of(3.0, "nats", "for one term to take the place of another", CHOSEN)
+    unnamed_share: float = _of(
+        0.15, "of its gain", "what an unnamed time-varying force must gain beyond a name", CHOSEN
+    )
     moved_gain: float = _of(20.0, "nats", "for parameters to be moved and all linearised again", CHOSEN)
 
     # parameters
@@ -148,16 +152,12 @@ class Rules:
     )
 
     # groups: what is not distinguishable
-    group_gain: float = _of(
-        9.0, "nats", "names are not distinguishable within it, or within a share of the gain:", CHOSEN
+    coarse: float = _of(
+        0.05, "of its gain", "evidence for names is divided by it: no law is exactly of a form", FITTED
     )
-    group_share: float = _of(0.15, "of its gain", "of a law", CHOSEN)
-    group_share_time_varying: float = _of(0.25, "of its gain", "of a time-varying term", CHOSEN)
-    group_share_windows: float = _of(0.35, "of its gain", "of a term in a few windows alone", CHOSEN)
-    most_probable: tuple[float, ...] = _of(
-        (0.8, 0.65, 0.4), "1", "largest probability of a name alone, beside one other, beside more", CHOSEN
-    )
-    most_probable_unknown: float = _of(0.6, "1", "largest probability of `unknown`", CHOSEN)
+    credible: float = _of(0.8, "1", "probability that a group of names holds the right one", FITTED)
+    recognised: float = _of(0.8, "1", "probability that a law is one of the names it is like", FITTED)
+    recognised_unknown: float = _of(0.6, "1", "probability that what is like no name is `unknown`", FITTED)
     manoeuvre_speed: float = _of(
         0.1, "m/s", "a manoeuvre tells two names apart if speeds differ by more than this ...", SENSORS
     )

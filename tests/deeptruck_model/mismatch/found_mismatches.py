@@ -164,10 +164,10 @@ def explanation(kind: str, e: Evidence) -> tuple[Explanation, list[Cause]]:
     rivals = (("dragging_brake", 3.0), ("mass", 40.0))
     causes = {
         "missing_physics": [
-            Cause("missing_physics", "brake_fade", 90.0, 0.9, 0.8, fade.columns[:, 0], fade, rivals)
+            Cause("missing_physics", "brake_fade", 90.0, 0.9, fade.columns[:, 0], fade, rivals)
         ],
-        "unknown": [Cause("missing_physics", "unknown", 90.0, 0.9, 0.9, left.prediction, nearest="headwind")],
-        "parameter_error": [Cause("parameter_error", "mass", 90.0, 1.0, 1.0, 0.1 * e.sensitivity["mass"])],
+        "unknown": [Cause("missing_physics", "unknown", 90.0, 0.9, left.prediction, nearest="headwind")],
+        "parameter_error": [Cause("parameter_error", "mass", 90.0, 1.0, 0.1 * e.sensitivity["mass"])],
     }.get(kind, [])
     ranking = (
         ("brake_fade", 90.0),

@@ -26,7 +26,7 @@ def evidence() -> Evidence:
 
 
 def cause(force: np.ndarray) -> Cause:
-    return Cause("missing_physics", "dragging_brake", 50.0, 1.0, 0.9, force)
+    return Cause("missing_physics", "dragging_brake", 50.0, 1.0, force)
 
 
 def test_a_stretch_is_found_with_its_time_force_and_finding(evidence: Evidence) -> None:

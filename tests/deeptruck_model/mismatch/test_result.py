@@ -48,7 +48,7 @@ def slow_cause(e: Evidence, kind: str) -> Cause:
         "road": {"effect": "road_grade", "needed": SIZES, "road": ROAD},
         "time_varying": {"effect": "unknown", "time_varying": True, "nearest": "headwind"},
     }[kind]
-    return Cause("missing_physics", gain=50.0, share=0.7, probability=0.7, force=force, **more)
+    return Cause("missing_physics", gain=50.0, share=0.7, force=force, **more)
 
 
 @pytest.fixture(scope="module")

@@ -110,7 +110,7 @@ def test_the_table_is_put_between_the_marks(tmp_path: Path) -> None:
 
 
 def test_every_rule_says_what_it_is() -> None:
-    sources = {rules.SENSORS, rules.TRUCKS, rules.STATISTICS, rules.CHOSEN}
+    sources = {rules.SENSORS, rules.TRUCKS, rules.STATISTICS, rules.CHOSEN, rules.FITTED}
     for f in fields(Rules):
         assert f.metadata["unit"] and f.metadata["means"] and f.metadata["source"] in sources, f.name
 

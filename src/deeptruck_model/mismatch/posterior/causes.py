@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.mechanisms import CandidateTerm, is_time_varying
+from deeptruck_model.mismatch.mechanisms import CandidateTerm
 from deeptruck_model.mismatch.posterior.free_law import FreeModel
 from deeptruck_model.mismatch.posterior.search import Model
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 STEP_M, LENGTH_M = 100.0, 6000.0  # a shorter window of a smooth force is like many others
+MOST_LOG = 30.0  # of the odds of a name against the one that was told
 EVERY = 8  # steps between the windows that are sought again
 
 
@@ -110,7 +111,6 @@ class Cause:
     effect: str
     gain: float
     share: float
-    probability: float
     force: Array  # specific force it adds to the simulator, (n,), m/s^2
     term: CandidateTerm | None = None
     rivals: tuple[tuple[str, float], ...] = ()  # other names and by how many nats they are worse
@@ -130,31 +130,41 @@ class Cause:
         return self.effect == "unknown" and not self.time_varying and self.needed is None
 
     @property
+    def names(self) -> dict[str, float]:
+        """The probability of each name in its place, given that it is one of these; most probable first.
+
+        No law is exactly of the library's form, and how far it strays grows with its size: evidence is
+        divided by a share of all that was gained (a coarsened posterior: Miller and Dunson, Journal of the
+        American Statistical Association 114, 2019), so that more data alone decides nothing.
+        """
+        scale = max(self.rules.temper, self.rules.coarse * self.gain)
+        worse = dict(reversed(self.rivals))
+        worse |= {"unknown": 0.0} if self.other_form else {}
+        worse[self.effect] = 0.0
+        weight = {name: float(np.exp(min(-x / scale, MOST_LOG))) for name, x in worse.items()}
+        nothing = float(np.exp(-self.gain / scale)) if self.gain > 0.0 else 0.0
+        total = nothing + sum(weight.values())
+        order = sorted(weight, key=lambda name: (-weight[name], name != self.effect))
+        return {name: weight[name] / total for name in order}
+
+    @property
     def believed(self) -> float:
-        """The probability that is told: what the fit says, but no more than such names proved right. A law
-        that nobody here has read is as far from every form as these are from one another."""
+        """The probability that is told. A law that nobody here has read may be none of the names."""
+        fitted = self.names[self.effect]
         if self.kind != "missing_physics":
-            return self.probability
-        if self.effect == "unknown":
-            return min(self.probability, self.rules.most_probable_unknown)
-        most = self.rules.most_probable
-        return min(self.probability, most[min(len(self.not_told_from), len(most) - 1)])
+            return fitted
+        rules = self.rules
+        return fitted * (rules.recognised_unknown if self.effect == "unknown" else rules.recognised)
 
     @property
     def not_told_from(self) -> list[str]:
-        """Names that do nearly as well."""
-        near = max(self.rules.group_gain, _group_share(self.term, self.rules) * self.gain)
-        names = [name for name, worse in self.rivals if worse < near and name != self.effect]
-        return list(dict.fromkeys([*names, *(["unknown"] if self.other_form else [])]))
-
-
-def _group_share(term: CandidateTerm | None, rules: Rules) -> float:
-    """Share of a gain within which other names are not distinguishable."""
-    if term is None:
-        return rules.group_share
-    if term.variant.acts_in_windows:
-        return rules.group_share_windows
-    return rules.group_share_time_varying if is_time_varying(term) else rules.group_share
+        """The other names of the smallest set that holds the right one with probability `credible`."""
+        names = self.names
+        before = np.cumsum([0.0, *names.values()])[:-1]
+        kept = [
+            name for name, sum_before in zip(names, before, strict=True) if sum_before < self.rules.credible
+        ]
+        return [name for name in kept if name != self.effect]
 
 
 @dataclass(frozen=True)

@@ -68,7 +68,6 @@ def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[C
         "unknown",
         left.gain,
         left.gain / total,
-        0.9,
         left.free.prediction,
         rules=search.rules,
     )
@@ -112,7 +111,7 @@ def _unverified(e: Evidence, causes: list[Cause]) -> list[Cause]:
 def _perhaps_unknown(c: Cause) -> Cause:
     """The cause with 'unknown' as likely as its name."""
     others = (rival for rival in c.rivals if rival[0] != "unknown")
-    return replace(c, rivals=(*others, ("unknown", 0.0)), probability=min(c.probability, 0.5))
+    return replace(c, rivals=(*others, ("unknown", 0.0)))
 
 
 def _in_doubt(e: Evidence, left: LeftOver, causes: list[Cause]) -> list[Cause]:
@@ -197,7 +196,6 @@ def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list
         effect,
         0.0,
         min(share, 1.0),
-        round(1.0 / (1.0 + 0.5 * len(rivals)), 2),
         found.force,
         rivals=rivals,
         needed=found.needed,

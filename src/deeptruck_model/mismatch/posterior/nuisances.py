@@ -15,7 +15,7 @@ from scipy.ndimage import uniform_filter1d
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import Prepared, learned, prepare
-from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, Constants
+from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, Constants, distinct
 from deeptruck_model.mismatch.mechanisms.commands import Delays
 from deeptruck_model.mismatch.posterior.candidates import candidates, screen_terms
 from deeptruck_model.mismatch.posterior.free_law import left_over
@@ -67,7 +67,9 @@ def _small(search: Search) -> list[CandidateTerm]:
     if not search.e.has(*mechanism.needs):
         return []
     longest_s = search.rules.nuisance_delay_s
-    return [s for s in search.candidate_terms(mechanism) if _late_together(s.variant.constants, longest_s)]
+    small = [s for s in search.candidate_terms(mechanism) if _late_together(s.variant.constants, longest_s)]
+    count = distinct(small, search.e)
+    return [replace(s, trials=count) for s in small]
 
 
 def _late_together(constants: Constants, longest_s: float) -> bool:

@@ -40,17 +40,15 @@ def named_cause(search: Search, model: Model, term: CandidateTerm) -> Cause:
     )
     own -= discrepancy_penalty(search, search.model((*base.named, term), base.free | model.free, model.fit))
     rivals = sorted(((n, own - _paid(search, base, m, own)) for n, m in instead), key=lambda rival: rival[1])
-    odds = 1.0 + sum(np.exp(-worse / rules.temper) for _, worse in rivals) + np.exp(-gain / rules.temper)
     unnamed_model = _unnamed_time_varying(search, model, term)
     if unnamed_model is not None and unnamed_model.score > model.score + max(
-        rules.least_gain, rules.group_share * gain
+        rules.least_gain, rules.unnamed_share * gain
     ):
         force = unnamed_model.named[-1].columns @ unnamed_model.coefficients(UNNAMED.effect)
         more = gain + unnamed_model.score - model.score
         alike = tuple((m.effect, 0.0) for m in search.library if m.effect == SLOPE)
-        odds = 0.5 if alike else 0.9
         return Cause(
-            "missing_physics", "unknown", more, 0.0, odds, force,
+            "missing_physics", "unknown", more, 0.0, force,
             rivals=alike, nearest=term.mechanism.effect, time_varying=True, rules=rules,
         )  # fmt: skip
     if unnamed_model is not None:  # perhaps something else is time-varying
@@ -63,7 +61,6 @@ def named_cause(search: Search, model: Model, term: CandidateTerm) -> Cause:
         term.mechanism.effect,
         gain,
         0.0,
-        float(1.0 / odds),
         _force(search, model, term),
         term,
         tuple(rivals),
@@ -223,13 +220,11 @@ def _parameter(
     if gain < rules.slope_zero_gain and _a_slope_sensors_zero(search, before, after) < rules.slope_zero:
         return None
     rivals = tuple((n, after.score - m.score) for n, m in others)
-    odds = 1.0 + sum(np.exp(-max(w, 0.0) / rules.temper) for _, w in rivals) + np.exp(-gain / rules.temper)
     return Cause(
         "parameter_error",
         name,
         gain,
         0.0,
-        float(1.0 / odds),
         force,
         None,
         rivals,

@@ -214,4 +214,4 @@ def bursts(search: Search, model: Model) -> Cause | None:
     force = noisy.named[-1].columns @ noisy.coefficients(UNNAMED.effect)
     if gain < search.rules.bursts_gain or not large_enough(e, force):
         return None
-    return Cause("missing_physics", UNNAMED.effect, gain, 1.0, 0.9, force, time_varying=True, rules=e.rules)
+    return Cause("missing_physics", UNNAMED.effect, gain, 1.0, force, time_varying=True, rules=e.rules)

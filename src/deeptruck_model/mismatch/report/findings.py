@@ -189,7 +189,7 @@ def from_cause(cause: Cause, e: Evidence, explanation: Explanation, own: dict[st
         share_of_explainable_error=round(cause.share, 3),
         evidence_nats=round(cause.gain, 1),
         rivals=tuple(Rival(name, round(worse, 1)) for name, worse in cause.rivals[:8]),
-        capped=cause.effect != "unknown" and cause.probability > cause.believed,
+        capped=cause.effect != "unknown" and cause.kind == "missing_physics" and not cause.not_told_from,
         nearest=cause.nearest if cause.effect == "unknown" and cause.needed is None else None,
         laws_r2=told.laws_r2,
         decided_by=_decided_by(cause),

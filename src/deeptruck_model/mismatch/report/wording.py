@@ -190,8 +190,8 @@ REFITTED = (
     "parameter is told."
 )
 LIMIT = (
-    "The fit alone would be surer. The probability is {} at most, with which such names proved right: a "
-    "truck may hold a force unlike every form that was tried."
+    f"The fit alone would be surer than {{}}: {percent(1.0 - Rules.recognised)} of such names proved wrong, "
+    "as a truck may hold a force unlike every form that was tried."
 )
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaln
+from scipy.special import gammaln, log_ndtr
 from scipy.stats import t as student_t
 
 from deeptruck_model.mismatch.rules import Rules
@@ -106,6 +106,46 @@ def fit(series: Series, X: Array, prior: Prior, start: Fit | None = None) -> Fit
     return _finish(series, use, b, active, yw, Xw, rel, sigma, ar, prior)
 
 
+def _occam(X: Array, weight: Array, left: Array, b: Array, prior: Prior) -> float:
+    """Log of the integral over all coefficients that their signs allow, less the log likelihood at b (nats).
+
+    The log posterior is a parabola about b, whose top may lie beyond a sign: a column that was dropped at
+    zero is paid for too, by the share of the posterior with the right sign (Laplace's method).
+    """
+    precision, gap = 1 / prior.sd**2, b - prior.mean
+    H = (X * weight[:, None]).T @ X + np.diag(precision)
+    covariance = np.linalg.inv(H)
+    slope = X.T @ (weight * left) - precision * gap
+    step = covariance @ slope
+    signed = np.flatnonzero(prior.sign > 0)
+    out = 0.5 * (slope @ step - precision @ gap**2 + np.log(precision).sum() - np.linalg.slogdet(H)[1])
+    out += log_orthant((b + step)[signed], covariance[np.ix_(signed, signed)])
+    return float(out - log_ndtr(prior.mean[signed] / prior.sd[signed]).sum())
+
+
+def log_orthant(mean: Array, covariance: Array) -> float:
+    """Log probability that a normal vector (k,) has no negative entry.
+
+    One entry after the other is cut off at zero, and the rest is taken as normal with the moments that
+    leaves (Mendell and Elston, Biometrics 30, 1974); the least likely goes first.
+    """
+    mean, covariance, out = mean.copy(), covariance.copy(), 0.0
+    left = list(range(len(mean)))
+    while left:
+        i = min(left, key=lambda k: mean[k] / np.sqrt(covariance[k, k]))
+        left.remove(i)
+        sd = np.sqrt(covariance[i, i])
+        at = mean[i] / sd
+        log_p = float(log_ndtr(at))
+        hazard = float(np.exp(-0.5 * (at**2 + np.log(2.0 * np.pi)) - log_p))
+        across = covariance[:, i] / sd
+        mean += across * hazard
+        covariance -= np.outer(across, across) * hazard * (hazard + at)
+        np.fill_diagonal(covariance, np.maximum(np.diag(covariance), 1e-30))
+        out += log_p
+    return out
+
+
 def _untold(series: Series, prior: Prior) -> Fit:
     """What is known where not one sample counts, as in a part of the recordings: the prior."""
     n, k = len(series.y), len(prior.mean)
@@ -140,10 +180,7 @@ def _finish(
     precision = 1 / prior.sd[active] ** 2
     Xa = Xw[:, active]
     H = (Xa * w[:, None]).T @ Xa + np.diag(precision)
-    gap = b[active] - prior.mean[active]
-    evidence = float(point.sum() - 0.5 * precision @ gap**2 + 0.5 * np.log(precision).sum())
-    evidence -= 0.5 * float(np.linalg.slogdet(H)[1]) if active.any() else 0.0
-    evidence += float(np.log(2.0) * np.count_nonzero(prior.sign[active]))  # half-normal priors
+    evidence = float(point.sum()) + _occam(Xw, w, yw - Xw @ b, b, prior)
     covariance = np.zeros((len(b), len(b)))
     covariance[np.ix_(active, active)] = np.linalg.inv(H)
     between = np.zeros(len(b))

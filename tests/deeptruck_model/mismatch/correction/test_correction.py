@@ -64,7 +64,7 @@ def test_of_all_that_was_found_the_part_goes_in_that_drives_best(
     law, gusts = law_and_gusts(e)
     model = Search(e).model((law, gusts), frozenset({"torque_gain", "brake_gain"}))
     causes = tuple(
-        Cause(kind, effect, 90.0, 0.3, 0.9, np.zeros(len(e)), term)
+        Cause(kind, effect, 90.0, 0.3, np.zeros(len(e)), term)
         for kind, effect, term in (
             ("missing_physics", "driveline_loss", law),
             ("missing_physics", "headwind", gusts),
@@ -94,7 +94,7 @@ def test_nothing_goes_in_where_the_truck_as_given_drives_best(
     monkeypatch.setattr(
         correction, "free_windows", lambda made, *_: run(float(len(made.terms) + len(made.moved)))
     )
-    cause = Cause("missing_physics", "driveline_loss", 50.0, 1.0, 0.9, np.zeros(len(e)), law)
+    cause = Cause("missing_physics", "driveline_loss", 50.0, 1.0, np.zeros(len(e)), law)
     made = correction.correct(
         TRUCK, e, explanation((cause,), Search(e).model((law,), frozenset({"torque_gain"}))), ONE
     )
@@ -107,7 +107,7 @@ def test_what_was_not_stated_never_goes_in(
 ) -> None:
     law, gusts = law_and_gusts(nothing_missing)
     model = Search(nothing_missing).model((law, gusts), frozenset())
-    cause = Cause("missing_physics", "driveline_loss", 90.0, 1.0, 0.9, np.zeros(len(nothing_missing)), law)
+    cause = Cause("missing_physics", "driveline_loss", 90.0, 1.0, np.zeros(len(nothing_missing)), law)
     after = correction.correct(TRUCK, nothing_missing, explanation((cause,), model), ONE).named
     assert [t.effect for t in after.terms] == ["driveline_loss"] and not after.moved
     nothing: set[str] = set()

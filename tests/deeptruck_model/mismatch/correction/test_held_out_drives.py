@@ -33,7 +33,7 @@ FOUND = Chosen.FINDINGS
 def test_what_is_weak_and_drives_worse_is_not_told(
     gains: tuple[float, ...], after: float, vain: bool
 ) -> None:
-    causes = tuple(Cause("missing_physics", "headwind", g, 0.5, 0.9, np.zeros(1)) for g in gains)
+    causes = tuple(Cause("missing_physics", "headwind", g, 0.5, np.zeros(1)) for g in gains)
     fit = errors(after=after, tuned=0.05)
     explanation: Any = SimpleNamespace(causes=causes)
     assert in_vain(explanation, fit, FOUND) == vain
@@ -54,7 +54,7 @@ def test_a_weak_law_must_drive_better_than_other_parameters(
 ) -> None:
     """What is time-varying helps no other drive anyway."""
     term: Any = SimpleNamespace(variant=variant)
-    causes = (Cause("missing_physics", "load_slosh", 33.0, 0.5, 0.9, np.zeros(1), term),)
+    causes = (Cause("missing_physics", "load_slosh", 33.0, 0.5, np.zeros(1), term),)
     fit = errors(after=after, tuned=0.05)
     explanation: Any = SimpleNamespace(causes=causes)
     assert in_vain(explanation, fit, FOUND) == vain
@@ -74,7 +74,7 @@ def test_a_road_without_recorded_slopes_need_not_help_on_another_road(
 ) -> None:
     """A hilly drive of a real car had been called nothing missing."""
     term: Any = SimpleNamespace(variant=SPLINE)
-    causes = (Cause("missing_physics", effect, gain, 1.0, 0.9, np.zeros(1), term),)
+    causes = (Cause("missing_physics", effect, gain, 1.0, np.zeros(1), term),)
     explanation: Any = SimpleNamespace(causes=causes)
     fit = errors(after=0.1, tuned=0.1)
     assert in_vain(explanation, fit, Chosen.NOTHING, slopes_recorded=recorded) == vain
@@ -93,7 +93,7 @@ def test_a_law_that_helps_no_other_drive_must_be_clear(
         SimpleNamespace(variant=beside),
     ]
     causes = tuple(
-        Cause("missing_physics", name, g, 0.5, 0.9, np.zeros(1), s)
+        Cause("missing_physics", name, g, 0.5, np.zeros(1), s)
         for name, g, s in zip(("driveline_backlash", "engine_friction"), (gain, 52.0), terms, strict=True)
     )
     explanation: Any = SimpleNamespace(causes=causes)
@@ -116,14 +116,14 @@ def test_what_comes_and_goes_must_help_other_drives_a_little(
 ) -> None:
     """And not by the parameters that were moved instead of it."""
     term: Any = SimpleNamespace(variant=SPLINE)
-    causes = (Cause("missing_physics", "dragging_brake", gain, 1.0, 0.9, np.zeros(1), term),)
+    causes = (Cause("missing_physics", "dragging_brake", gain, 1.0, np.zeros(1), term),)
     fit = errors(after=after, tuned=0.08)
     explanation: Any = SimpleNamespace(causes=causes)
     assert in_vain(explanation, fit, chosen) == vain
 
 
 def test_a_slow_force_is_told_by_its_size_and_not_by_a_drive() -> None:
-    slow = Cause("missing_physics", "road_grade", 0.0, 0.5, 0.9, np.zeros(1), needed={"road_grade": 0.01})
+    slow = Cause("missing_physics", "road_grade", 0.0, 0.5, np.zeros(1), needed={"road_grade": 0.01})
     fit = errors(after=0.2, tuned=0.1)
     explanation: Any = SimpleNamespace(causes=(slow,))
     assert not in_vain(explanation, fit, FOUND)
@@ -131,7 +131,7 @@ def test_a_slow_force_is_told_by_its_size_and_not_by_a_drive() -> None:
 
 @pytest.mark.parametrize(("after", "vain"), [(0.05, False), (0.08, True)])
 def test_a_parameter_of_few_nats_needs_drives_that_show_it(after: float, vain: bool) -> None:
-    causes = (Cause("parameter_error", "mass", 10.0, 0.5, 0.9, np.zeros(1)),)
+    causes = (Cause("parameter_error", "mass", 10.0, 0.5, np.zeros(1)),)
     fit = errors(after=after, tuned=0.05)
     explanation: Any = SimpleNamespace(causes=causes)
     assert in_vain(explanation, fit, FOUND) == vain
@@ -143,7 +143,7 @@ def test_a_parameter_of_few_nats_needs_drives_that_show_it(after: float, vain: b
 )
 def test_beside_a_learned_simulator_more_must_be_shown(gain: float, after: float, vain: bool) -> None:
     term: Any = SimpleNamespace(variant=SPLINE)
-    causes = (Cause("missing_physics", "road_surface", gain, 0.5, 0.9, np.zeros(1), term),)
+    causes = (Cause("missing_physics", "road_surface", gain, 0.5, np.zeros(1), term),)
     fit = errors(after=after, tuned=0.05)
     explanation: Any = SimpleNamespace(causes=causes)
     assert in_vain(explanation, fit, FOUND, learned=True) == vain
@@ -154,7 +154,7 @@ def test_beside_a_learned_simulator_more_must_be_shown(gain: float, after: float
 def test_a_law_beside_what_comes_and_goes_must_help_other_drives(beside: Variant, vain: bool) -> None:
     terms: Any = [SimpleNamespace(variant=Static()), SimpleNamespace(variant=beside)]
     causes = tuple(
-        Cause("missing_physics", name, 96.0, 0.5, 0.9, np.zeros(1), s)
+        Cause("missing_physics", name, 96.0, 0.5, np.zeros(1), s)
         for name, s in zip(("load_slosh", "engine_friction"), terms, strict=True)
     )
     explanation: Any = SimpleNamespace(causes=causes)
@@ -163,7 +163,7 @@ def test_a_law_beside_what_comes_and_goes_must_help_other_drives(beside: Variant
 
 def test_a_law_is_not_told_where_all_parameters_went_in_instead() -> None:
     term: Any = SimpleNamespace(variant=Static())
-    causes = (Cause("missing_physics", "load_slosh", 84.0, 1.0, 0.9, np.zeros(1), term),)
+    causes = (Cause("missing_physics", "load_slosh", 84.0, 1.0, np.zeros(1), term),)
     explanation: Any = SimpleNamespace(causes=causes)
     instead = errors(after=0.08, tuned=0.08)
     assert in_vain(explanation, instead, Chosen.PARAMETERS)
@@ -176,7 +176,7 @@ def test_a_law_is_not_told_where_all_parameters_went_in_instead() -> None:
 )
 def test_laws_without_a_name_must_help_other_drives(gain: float, laws: float | None, vain: bool) -> None:
     """An unknown force that varied with the slope had been told of a truck in which nothing was missing."""
-    causes = (Cause("missing_physics", "unknown", gain, 0.8, 0.9, np.zeros(1)),)
+    causes = (Cause("missing_physics", "unknown", gain, 0.8, np.zeros(1)),)
     explanation: Any = SimpleNamespace(causes=causes)
     fit = errors(after=0.06, tuned=0.05, laws=laws)
     assert in_vain(explanation, fit, FOUND) == vain

@@ -22,7 +22,7 @@ from deeptruck_model.mismatch.rules import Rules
 def cause(e: Evidence, gain: float = 200.0, term: CandidateTerm | None = None) -> Cause:
     rivals = (("headwind", 10.0), ("accessory_load", 150.0))
     effect = term.mechanism.effect if term is not None else "torque_derate"
-    return Cause("missing_physics", effect, gain, 0.9, 0.9, np.zeros(len(e)), term, rivals)
+    return Cause("missing_physics", effect, gain, 0.9, np.zeros(len(e)), term, rivals)
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +44,7 @@ def test_no_name_is_sure_beside_laws_that_explain_much_more(
 
 
 def test_a_parameter_is_not_doubted(nothing_missing: Evidence) -> None:
-    mass = Cause("parameter_error", "mass", 200.0, 0.9, 0.9, np.zeros(len(nothing_missing)))
+    mass = Cause("parameter_error", "mass", 200.0, 0.9, np.zeros(len(nothing_missing)))
     beside: Any = SimpleNamespace(gain=100.0, free=SimpleNamespace(prediction=np.ones(len(nothing_missing))))
     assert explain._in_doubt(nothing_missing, beside, [mass]) == [mass]
 
@@ -66,7 +66,7 @@ def test_a_road_that_was_driven_once_may_be_no_road_where_slopes_are_known(
     term = next(s for s in Search(e).candidate_terms(LIBRARY["road_grade"]) if is_time_varying(s))
     (road,) = explain._unverified(e, [cause(e, term=term)])
     assert ("unknown" in road.not_told_from) == recorded
-    assert road.probability == (0.5 if recorded else 0.9)
+    assert (road.names.get("unknown") == road.names[road.effect]) == recorded
     (other,) = explain._unverified(e, [cause(e)])
     assert "unknown" not in other.not_told_from
 
@@ -159,8 +159,7 @@ def test_what_has_no_name_is_one_finding(nothing_missing: Evidence) -> None:
     push = np.full(len(nothing_missing), 0.1)
     named = replace(cause(nothing_missing), share=0.6)
     unknown = [
-        Cause("missing_physics", "unknown", gain, share, 0.9, push)
-        for gain, share in ((90.0, 0.2), (120.0, 0.3))
+        Cause("missing_physics", "unknown", gain, share, push) for gain, share in ((90.0, 0.2), (120.0, 0.3))
     ]
     lag, one = explain._one_unknown([named, *unknown])
     assert (lag.effect, one.effect, one.gain, one.share) == ("torque_derate", "unknown", 120.0, 0.5)

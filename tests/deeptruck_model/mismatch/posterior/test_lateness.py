@@ -51,10 +51,10 @@ def test_only_what_is_too_small_to_be_told_is_known(
 
 
 def test_nothing_makes_up_for_it(truck: Evidence) -> None:
-    """A tail of a tenth of a second is worth enough to rate limits and brakes."""
+    """A tail of a tenth of a second is worth much to rate limits and brakes."""
     late = replace(truck, residual=truck.residual + 0.25 * truck.rerun("delay_all", 0.4))
     gains = [_most(search) for search in (Search(late), nuisances.beside_it(Search(late)))]
-    assert gains[0] > 20.0 > gains[1]
+    assert gains[0] > 15.0 > 5.0 > gains[1]
 
 
 @pytest.mark.parametrize("lags", [True, False])

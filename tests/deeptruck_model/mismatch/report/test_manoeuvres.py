@@ -43,7 +43,7 @@ def models(lossy: Evidence) -> dict[str, Model]:
 def finding(e: Evidence, model: Model, rival: str, other: Model) -> Finding:
     term = model.named[0]
     cause = Cause(
-        "missing_physics", term.mechanism.effect, 90.0, 1.0, 0.9, np.zeros(len(e)), term,
+        "missing_physics", term.mechanism.effect, 90.0, 1.0, np.zeros(len(e)), term,
         ((rival, 3.0),), alternatives=((rival, other),),
     )  # fmt: skip
     return told("coast", rival, cause)
@@ -86,7 +86,7 @@ def test_a_parameter_is_driven_against_the_law_in_its_place(
     lossy: Evidence, models: dict[str, Model]
 ) -> None:
     cause = Cause(
-        "parameter_error", "torque_gain", 90.0, 1.0, 0.9, np.zeros(len(lossy)), None,
+        "parameter_error", "torque_gain", 90.0, 1.0, np.zeros(len(lossy)), None,
         (("driveline_loss", 3.0),), alternatives=(("driveline_loss", models["loss"]),), whole=models["gain"],
     )  # fmt: skip
     found = told("pull", "driveline_loss", cause)

@@ -79,32 +79,31 @@ def test_where_no_nats_were_told_none_are_explained() -> None:
     assert told("rolling_resistance", brake_gain=3.0).endswith(wording.IN_PLACE)
 
 
-@pytest.mark.parametrize(
-    ("kind", "sure", "explained"),
-    [
-        ("missing_physics", 0.95, True),
-        ("missing_physics", 0.7, False),
-        ("parameter_error", 0.95, False),
-    ],
-)
+@pytest.mark.parametrize(("kind", "explained"), [("missing_physics", True), ("parameter_error", False)])
 def test_a_name_that_beats_all_others_says_why_it_is_not_surer(
-    kind: str, sure: float, explained: bool, nothing_missing: Evidence
+    kind: str, explained: bool, nothing_missing: Evidence
 ) -> None:
     sizes = {"road_grade": 0.01, "headwind": 3.0, "torque_derate": 0.1}
     rivals = (("road_grade", 20.0),)
-    cause = Cause(kind, "headwind", 50.0, 1.0, sure, np.zeros(1), rivals=rivals, needed=sizes)
+    cause = Cause(kind, "headwind", 50.0, 1.0, np.zeros(1), rivals=rivals, needed=sizes)
     slow: Any = None  # of a slow force nothing is read from the explanation
-    said = wording.apart(findings.from_cause(cause, nothing_missing, slow, {}))
+    found = findings.from_cause(cause, nothing_missing, slow, {})
+    said = wording.apart(found)
     said_first = "It is distinguishable from every other name; the next best, road grade, is 20 nats worse."
     assert said.startswith(said_first)
-    assert said.endswith(wording.LIMIT.format("80 %")) == explained
+    assert said.endswith(wording.LIMIT.format(wording.percent(found.probability))) == explained
+    assert (found.probability <= Rules.recognised) == explained
 
 
-def test_a_name_beside_another_says_why_it_is_not_surer() -> None:
-    """'50 %' stood beside a lead of 6.5 nats without a reason."""
-    most = Rules.most_probable[1]
-    capped = finding("headwind", {}, ("rolling_resistance",), probability=most, capped=True)
-    assert wording.apart(capped).endswith(wording.LIMIT.format("65 %"))
+def test_a_name_beside_another_is_as_sure_as_its_share(nothing_missing: Evidence) -> None:
+    sizes = {"road_grade": 0.01, "headwind": 3.0, "torque_derate": 0.1}
+    cause = Cause(
+        "missing_physics", "headwind", 50.0, 1.0, np.zeros(1), rivals=(("road_grade", 0.0),), needed=sizes
+    )
+    slow: Any = None
+    found = findings.from_cause(cause, nothing_missing, slow, {})
+    assert found.cannot_be_told_from == ("road_grade",)
+    assert found.probability == pytest.approx(Rules.recognised / 2, abs=0.001)
 
 
 def test_no_name_of_the_program_is_in_a_sentence() -> None:
@@ -178,5 +177,5 @@ def test_what_would_settle_it_is_in_words() -> None:
 def test_a_force_of_both_signs_has_an_rms(nothing_missing: Evidence, swings: bool, said: str) -> None:
     e = nothing_missing
     sign = np.where(np.arange(len(e)) // 50 % 2, -1.0, 1.0) if swings else 1.0
-    force = Cause("missing_physics", "headwind", 50.0, 1.0, 0.9, sign * np.full(len(e), 3000.0 / e.mass))
+    force = Cause("missing_physics", "headwind", 50.0, 1.0, sign * np.full(len(e), 3000.0 / e.mass))
     assert strength(force, e) == said  # all the time, and so without the time in which it acts
