@@ -114,7 +114,7 @@ def _occam(X: Array, weight: Array, left: Array, b: Array, prior: Prior) -> floa
     """
     precision, gap = 1 / prior.sd**2, b - prior.mean
     H = (X * weight[:, None]).T @ X + np.diag(precision)
-    covariance = np.linalg.inv(H)
+    covariance: Array = np.linalg.inv(H).astype(np.float64)
     slope = X.T @ (weight * left) - precision * gap
     step = covariance @ slope
     signed = np.flatnonzero(prior.sign > 0)
