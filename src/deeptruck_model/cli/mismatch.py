@@ -32,6 +32,10 @@ def mismatch(
         bool,
         typer.Option("--with-unnamed", help="Correct what has no name too, by laws of the recorded signals."),
     ] = False,
+    mass_kg: Annotated[
+        float | None,
+        typer.Option(help="Mass of the truck, kg, where the simulator does not tell it: forces in newtons."),
+    ] = None,
     exclude: Annotated[list[str] | None, typer.Option(hidden=True, metavar="EFFECT")] = None,
     overwrite: Overwrite = False,
 ) -> None:
@@ -63,7 +67,14 @@ def mismatch(
             [r for bag in bags for r in rec.read(bag, rate_hz=rate)] for bags in (recordings, held_out)
         )
         found = find_mismatch(
-            truck, fit, held, seed=seed, with_unnamed=with_unnamed, exclude=exclude or (), say=status.update
+            truck,
+            fit,
+            held,
+            seed=seed,
+            with_unnamed=with_unnamed,
+            exclude=exclude or (),
+            say=status.update,
+            mass_kg=mass_kg,
         )
         status.update("writing the report")
         asked = Asked(out, simulator, tuple(recordings), tuple(held_out))

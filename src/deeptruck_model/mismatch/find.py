@@ -41,7 +41,9 @@ LEFT_OUT = "left out of the library, as was asked for: {}"
 NAMED = (*LIBRARY, *findings.NAMES, "acceleration_bias", "speed_scale", "unknown")
 OTHER_GEAR = "the simulator drives in another gear than was recorded"
 STRANGE = "the simulator has learned from no driving at such speeds, commands and slopes"
-OF_THIS_MASS = "forces in N are for a mass of {:.3g} t: the simulator does not tell its own; scale them"
+WITHOUT_MASS = (
+    "forces are told per kilogram (m/s^2), as the simulator does not tell its mass; state it by --mass-kg"
+)
 
 
 def find_mismatch(
@@ -54,18 +56,32 @@ def find_mismatch(
     exclude: Sequence[str] = (),
     say: Callable[[str], None] = lambda step: None,
     rules: Rules = Rules(),
+    mass_kg: float | None = None,
 ) -> Mismatch:
     """Compare a simulator with recordings. On data that is merely poor the verdict is `undetermined`.
 
     `with_unnamed` puts what has no name into the corrected simulator too, as laws of the recorded signals.
     `exclude` leaves effects out of the library, for examinations of the tool. `rules` are the
-    thresholds by which the verdict is reached.
+    thresholds by which the verdict is reached. `mass_kg` is the mass of a simulator that does not tell its
+    own: without it forces are told per kilogram.
 
-    Raises InputError where simulator and recordings do not belong together, or for an effect there is not.
+    Raises InputError where simulator and recordings do not belong together, for an effect there is not, and
+    for a mass that cannot be or is another than the simulator's.
     """
     _check_excluded(exclude)
+    _check_mass(simulator, mass_kg)
     with threadpool_limits(1):
-        return _find(simulator, recordings, held_out, seed, with_unnamed, list(exclude), say, rules)
+        return _find(simulator, recordings, held_out, seed, with_unnamed, list(exclude), say, rules, mass_kg)
+
+
+def _check_mass(simulator: Simulator, mass_kg: float | None) -> None:
+    if mass_kg is None:
+        return
+    if not 0.0 < mass_kg < np.inf:
+        raise InputError(f"a mass of {mass_kg:g} kg cannot be; state what the truck weighs, in kg")
+    own = simulator.parameters().get("mass")
+    if own is not None and abs(mass_kg - own) > 1e-6 * own:
+        raise InputError(f"the simulator's own mass is {own:g} kg; leave --mass-kg out, or set its parameter")
 
 
 def _check_excluded(names: Sequence[str]) -> None:
@@ -122,13 +138,14 @@ def _find(
     exclude: list[str],
     say: Callable[[str], None],
     rules: Rules,
+    mass_kg: float | None,
 ) -> Mismatch:
     say("checking the data")
     c = _checked(simulator, recordings, held_out, rules)
     if c.useless:
         return _useless(c)
     say("driving the simulator along the recordings")
-    e = gather(simulator, c.prepared, c.held_out, seed=seed, rules=rules)
+    e = gather(simulator, c.prepared, c.held_out, seed=seed, rules=rules, mass_kg=mass_kg)
     if little := too_little(e):
         return _useless(replace(c, useless=little, data=_data(c, e)))
     e, x = linearised.explained(simulator, e, c.prepared, c.held_out, seed, exclude, say)
@@ -151,16 +168,16 @@ def _find(
         caveats=(
             *c.caveats,
             *([LEFT_OUT.format(", ".join(exclude))] if exclude else []),
-            *_of_this_mass(simulator, e, found),
+            *_without_mass(e, found),
             *validation.caveats(fit, bool(causes)),
         ),
     )
     return Mismatch(verdict, e, x, errors, corrected, c.prepared, tuple(exclude))
 
 
-def _of_this_mass(simulator: Simulator, e: Evidence, found: Sequence[Finding]) -> list[str]:
+def _without_mass(e: Evidence, found: Sequence[Finding]) -> list[str]:
     forces = any(f.cause is not None for f in found)
-    return [OF_THIS_MASS.format(e.mass / 1000.0)] if forces and not simulator.parameters() else []
+    return [WITHOUT_MASS] if forces and not e.mass_known else []
 
 
 def _useless(c: _Checked) -> Mismatch:
@@ -179,7 +196,9 @@ def _findings(simulator: Simulator, c: _Checked, e: Evidence, x: Explanation) ->
         identifiability.checked(f, simulator, e, x.model) for f in identifiability.with_manoeuvres(found)
     ]
     return [
-        findings.with_formula(f, formula.formula(e, x)) if f.cause is not None and f.cause.predictable else f
+        findings.with_formula(f, formula.formula(e, x), e.unit)
+        if f.cause is not None and f.cause.predictable
+        else f
         for f in found
     ]
 

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.data.checks import noise_of
 from deeptruck_model.mismatch.data.prepared import SETTLE_S, heard, quantum
-from deeptruck_model.mismatch.residual.components import TYPICAL_MASS
 from deeptruck_model.mismatch.residual.gather import JITTER_RUNS
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.signals import ACCELERATION, SPEED
@@ -52,7 +51,7 @@ class Located:
 
     start: float
     end: float
-    mean_force_n: float
+    mean_m_s2: float  # force per mass
 
 
 class Monitor:
@@ -75,7 +74,7 @@ class Monitor:
         self._simulator, self._dt = simulator, simulator.dt
         self._window_s, self._threshold, self._hold_s = window_s, threshold, hold_s
         self._rng, self._rules = np.random.default_rng(seed), rules
-        self.mass = simulator.parameters().get("mass", TYPICAL_MASS)
+        self.mass_kg: float | None = simulator.parameters().get("mass")
         self.located: list[Located] = []
         self._commands: deque[tuple[float, Array]] = deque()
         self._conditions: deque[tuple[float, Array]] = deque()
@@ -213,8 +212,8 @@ class Monitor:
         return Sample(time, residual, float(smoothed) if enough else math.nan, allowed)
 
     def _stretch(self) -> Located:
-        force = float(np.mean([r for _, r in self._standing_out])) * self.mass
-        return Located(self._standing_out[0][0], self._standing_out[-1][0], force)
+        mean = float(np.mean([r for _, r in self._standing_out]))
+        return Located(self._standing_out[0][0], self._standing_out[-1][0], mean)
 
     def _held(self, heard: deque[tuple[float, Array]], time: float) -> Array | None:
         """What was in force at `time`: the newest value stamped no later."""

@@ -320,16 +320,23 @@ class FitResult:
 
 @dataclass(frozen=True)
 class SmallestVisible:
-    """What would have been reported: relative errors of parameters, and steady forces (N)."""
+    """What would have been reported: relative errors of parameters, and steady forces (m/s^2)."""
 
     parameters: Mapping[str, float]
-    always_n: float  # a force that acts all the time
-    rarely_n: float  # one that acts for 2 % of it
+    always: float  # a force that acts all the time
+    rarely: float  # one that acts for 2 % of it
+    mass_kg: float | None  # None where it is not known
 
     def to_json(self) -> dict[str, Any]:
         """`data.smallest_visible`."""
-        forces = {ALWAYS: {"newton": self.always_n}, RARELY: {"newton": self.rarely_n}}
+        forces = {ALWAYS: self._force(self.always), RARELY: self._force(self.rarely)}
         return {name: {"relative": size} for name, size in self.parameters.items()} | forces
+
+    def _force(self, acceleration: float) -> dict[str, float]:
+        if self.mass_kg is None:
+            return {"m_s2": acceleration}
+        newtons = round(acceleration * self.mass_kg, 1)
+        return {"newton": newtons, "m_s2": acceleration, "mass_kg": self.mass_kg}
 
     @staticmethod
     def read(entry: Mapping[str, Any] | None) -> SmallestVisible | None:
@@ -337,7 +344,8 @@ class SmallestVisible:
         if entry is None:
             return None
         relative = {name: size["relative"] for name, size in entry.items() if "relative" in size}
-        return SmallestVisible(relative, entry[ALWAYS]["newton"], entry[RARELY]["newton"])
+        always, rarely = entry[ALWAYS], entry[RARELY]
+        return SmallestVisible(relative, always["m_s2"], rarely["m_s2"], always.get("mass_kg"))
 
 
 @dataclass(frozen=True)

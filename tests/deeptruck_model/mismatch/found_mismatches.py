@@ -142,7 +142,9 @@ def mismatch(kind: str, count: int = 3) -> Mismatch:
             )
         )
     if kind == "unknown":
-        found[0] = findings.with_formula(found[0], Formula("1600 * sin(0.5 * speed)", 0.8, ("speed",)))
+        found[0] = findings.with_formula(
+            found[0], Formula("1600 * sin(0.5 * speed)", 0.8, ("speed",)), e.unit
+        )
     rows = [(s.start + 100, s.start + 250) for s in e.stretches]
     segments = tuple(
         Segment(s.name, 20.0, 50.0, 0, 1200.0, a, z, 5.0) for s, (a, z) in zip(e.stretches, rows, strict=True)
@@ -185,7 +187,7 @@ def explanation(kind: str, e: Evidence) -> tuple[Explanation, list[Cause]]:
 
 
 DATA = DataReport((Rejection("speed missing or invalid", 12),))
-SEEN = SmallestVisible({"mass": 0.02}, 81.234, 240.0)
+SEEN = SmallestVisible({"mass": 0.02}, 81.234 / 20000.0, 240.0 / 20000.0, 20000.0)
 
 
 def fit(found: Sequence[Finding], **more: Any) -> FitResult:

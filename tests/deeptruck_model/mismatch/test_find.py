@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import jsonschema
 import numpy as np
@@ -22,6 +22,7 @@ import pytest
 from deeptruck_model import driving_cycles, mismatch, simulators, trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import find
+from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
 
@@ -94,14 +95,21 @@ def run(recordings: Sequence[Recording], held_out: Sequence[Recording] = ()) -> 
     return verdict(mismatch.find_mismatch(TRUCK, recordings, held_out))
 
 
-def test_forces_of_a_simulator_without_a_mass_say_of_which_they_are() -> None:
-    """A car's slopes came to 7000 N, of the 20 t that are taken where nothing tells a mass."""
-    e: Any = SimpleNamespace(mass=20000.0)
-    learned: Any = SimpleNamespace(parameters=dict)
+def test_forces_without_a_mass_are_told_per_kilogram() -> None:
+    """A small car's slopes came to 7000 N, of the 20 t that are taken where nothing tells a mass."""
+    known, unknown = (cast(Evidence, SimpleNamespace(mass_known=told)) for told in (True, False))
     found: Any = [SimpleNamespace(cause=SimpleNamespace())]
-    (said,) = find._of_this_mass(learned, e, found)
-    assert "20 t" in said and "scale" in said
-    assert find._of_this_mass(TRUCK, e, found) == find._of_this_mass(learned, e, []) == []
+    (said,) = find._without_mass(unknown, found)
+    assert "m/s^2" in said and "--mass-kg" in said
+    assert find._without_mass(known, found) == find._without_mass(unknown, []) == []
+
+
+@pytest.mark.parametrize(
+    ("mass_kg", "says"), [(-1.0, "cannot be"), (float("nan"), "cannot be"), (900.0, "own mass is")]
+)
+def test_a_mass_that_cannot_be_is_refused(mass_kg: float, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        mismatch.find_mismatch(TRUCK, [], mass_kg=mass_kg)
 
 
 def test_nothing_missing_is_said_with_what_would_have_been_seen() -> None:

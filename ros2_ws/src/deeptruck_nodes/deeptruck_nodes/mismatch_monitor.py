@@ -66,7 +66,9 @@ class MismatchMonitor(DeeptruckNode):
 
     def _sentence(self, alarm: Located) -> str:
         lasts = alarm.end - alarm.start
-        return f"the truck is not as simulated: {alarm.mean_force_n:+.0f} N for {lasts:.0f} s"
+        mass_kg, mean = self._monitor.mass_kg, alarm.mean_m_s2
+        size = f"{mean:+.3f} m/s^2" if mass_kg is None else f"{mean * mass_kg:+.0f} N"
+        return f"the truck is not as simulated: {size} for {lasts:.0f} s"
 
     def _values(self, s: Sample) -> dict[str, object]:
         """The newest stretch located in the window, and how many there are."""
@@ -76,7 +78,9 @@ class MismatchMonitor(DeeptruckNode):
         if stretches:
             last = stretches[-1]
             start, end = (self._stamp(t) / SECOND for t in (last.start, last.end))
-            values |= {"start_s": f"{start:.2f}", "end_s": f"{end:.2f}", "mean_force_n": last.mean_force_n}
+            values |= {"start_s": f"{start:.2f}", "end_s": f"{end:.2f}", "mean_m_s2": last.mean_m_s2}
+            if self._monitor.mass_kg is not None:
+                values["mean_force_n"] = last.mean_m_s2 * self._monitor.mass_kg
         return values
 
     def _stamp(self, seconds: float) -> int:

@@ -93,7 +93,8 @@ FUNCTIONS |= {"square": lambda x: x**2}
 
 @dataclass(frozen=True)
 class Formula:
-    """Force in N as text in the signals' names, its r2 on recordings it was not fitted to, its signals."""
+    """Force as text in the signals' names, in the evidence's unit of force; its r2 on recordings it was not
+    fitted to; its signals."""
 
     text: str
     held_out_r2: float
@@ -101,7 +102,7 @@ class Formula:
 
 
 def formula(e: Evidence, x: Explanation, seed: int = 0) -> Formula | None:
-    """The simplest formula (N) that predicts the unexplained force on held-out recordings as well as any.
+    """The simplest formula that predicts the unexplained force on held-out recordings as well as any.
 
     None where there is too little data or no formula predicts much.
     """
@@ -109,7 +110,7 @@ def formula(e: Evidence, x: Explanation, seed: int = 0) -> Formula | None:
     y, columns, out = unexplained(e, x, named)
     if not named or min((~out).sum(), out.sum()) < 4 * LEAST_IN_CELL:
         return None
-    return fit(columns, y * e.mass, out, seed, e.rules)
+    return fit(columns, y * e.unit.scale, out, seed, e.rules)
 
 
 def fit(

@@ -8,12 +8,16 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from PIL import Image
 
-from deeptruck_model.mismatch.residual.evidence import unit
+from deeptruck_model.mismatch.residual.evidence import Evidence, unit
+
+Array = NDArray[np.float64]
 
 DPI = 110
 # Okabe and Ito's colours, distinguishable by all kinds of colour vision
@@ -97,3 +101,8 @@ def strips(picture: bytes, ends: Sequence[float]) -> tuple[bytes, ...]:
             whole.crop((0, top, whole.width, bottom)).save(buffer, format="png")
             out.append(buffer.getvalue())
     return tuple(out)
+
+
+def drawn(e: Evidence, force: Array) -> tuple[Array, str]:
+    """A force per mass (m/s^2) as it is drawn, and its unit: kN where the mass is known."""
+    return (force * e.mass / 1000.0, "kN") if e.mass_known else (force, "m/s²")

@@ -14,7 +14,7 @@ from deeptruck_model.mismatch.mechanisms.variants import OwnCurve
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation, RoadLock
 from deeptruck_model.mismatch.posterior.formula import Formula
 from deeptruck_model.mismatch.posterior.search import Model
-from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.evidence import Evidence, ForceUnit
 from deeptruck_model.mismatch.result import Finding, Kind, Rival, Size
 from deeptruck_model.mismatch.sentence import Named, Part, Sentence
 
@@ -24,12 +24,13 @@ AT_ITS_MOMENTS = "record more signals, and look what else happens at the moments
 
 
 def strength(cause: Cause, e: Evidence) -> str:
-    """How strong a force is where it acts, in N, and for how much of the time."""
+    """How strong a force is where it acts, and for how much of the time."""
     large = np.abs(cause.force[e.valid])
     acting = large > 0.3 * float(np.quantile(large, 0.995)) + 1e-9
-    newtons = e.newtons(cause.force)[e.valid][acting] if acting.any() else np.zeros(1)
-    mean, rms = float(np.mean(newtons)), float(np.sqrt(np.mean(newtons**2)))
-    size = f"{mean:+.0f} N on average" if abs(mean) > ONE_WAY * rms else f"{rms:.0f} N rms, forward and back,"
+    force = e.newtons(cause.force)[e.valid][acting] / e.mass if acting.any() else np.zeros(1)
+    mean, rms = float(np.mean(force)), float(np.sqrt(np.mean(force**2)))
+    one_way = abs(mean) > ONE_WAY * rms
+    size = f"{e.unit.told(mean, '+')} on average" if one_way else f"{e.unit.told(rms)} rms, forward and back,"
     share = float(np.mean(acting))
     if share > MOSTLY:
         return size.rstrip(",")
@@ -210,13 +211,13 @@ def _told(cause: Cause, e: Evidence, explanation: Explanation, own: dict[str, fl
     return _mechanism(cause, e, explanation)
 
 
-def with_formula(finding: Finding, formula: Formula | None) -> Finding:
+def with_formula(finding: Finding, formula: Formula | None, force: ForceUnit) -> Finding:
     """The finding of a force without a name with the formula of its laws, where there is one."""
     if formula is None:
         return finding
     return replace(
         finding,
-        equation=f"F = {formula.text}",
+        equation=f"{force.symbol} = {formula.text}",
         depends_on=formula.drivers,
         formula_r2=round(formula.held_out_r2, 3),
     )
@@ -228,7 +229,7 @@ def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> Told:
     m = term.mechanism
     return Told(
         Sentence.of(
-            f"{m.says}: {strength(cause, e)}{_now_and_then(term)}{_confined(term, e.mass)}",
+            f"{m.says}: {strength(cause, e)}{_now_and_then(term)}{_confined(term, e.unit)}",
             *_curved(term),
             OTHER_FORM if cause.other_form else "",
         ),
@@ -254,7 +255,7 @@ def _confined_by(term: CandidateTerm) -> list[str]:
     return [gate.signal] if gate and gate.signal not in term.mechanism.depends_on else []
 
 
-def _confined(term: CandidateTerm, mass: float) -> str:
+def _confined(term: CandidateTerm, force: ForceUnit) -> str:
     """In which regime alone an effect acts, where it does."""
     gate = term.variant.gate
     if gate is None:
@@ -264,8 +265,8 @@ def _confined(term: CandidateTerm, mass: float) -> str:
         "speed": f"the speed is {side} {at:.1f} m/s",
         "grade": f"the grade is {side} {100 * at:.1f} %",
         "lever": f"the engine turns {side} {at:.1f} rad per metre",
-        "engine": f"the engine's force is {side} {at * mass:.0f} N",
-        "engine torque": f"the engine's torque is {side} {at * mass:.0f} N m",
+        "engine": f"the engine's force is {side} {force.told(at)}",
+        "engine torque": f"the engine's torque is {side} {at * force.scale:.3g} {force.of('N m')}",
     }[gate.signal]
     return f". It shows only where {border}"
 
@@ -296,7 +297,7 @@ def _sizes(term: CandidateTerm, model: Model, e: Evidence) -> dict[str, Size]:
     told: dict[str, Column] = {}
     for k, part in enumerate(term.parts):
         for name, weight in part.course or ((part.name, 1.0),):
-            factor = weight * part.factor * (e.mass if part.per_mass else 1.0)
+            factor = weight * part.factor * (e.unit.scale if part.per_mass else 1.0)
             factor *= carriers.ratio(part, e, by) if e.moved else 1.0
             weights.setdefault(name, np.zeros(len(term.parts)))[k] = factor
             told[name] = part
@@ -304,7 +305,7 @@ def _sizes(term: CandidateTerm, model: Model, e: Evidence) -> dict[str, Size]:
         name: (
             float(g @ values),
             float(np.sqrt(max(float(g @ covariance @ g), 0.0) + _timing(told[name], e))),
-            told[name].unit,
+            e.unit.of(told[name].unit) if told[name].per_mass else told[name].unit,
         )
         for name, g in weights.items()
     }

@@ -17,12 +17,12 @@ from deeptruck_model.mismatch.correction.worth import (
     worth,
 )
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.report.wording import number, opened, prose, spoken
+from deeptruck_model.mismatch.report.wording import force, number, opened, prose, spoken
 from deeptruck_model.mismatch.residual.gather import PARAMETERS
 from deeptruck_model.mismatch.result import Chosen, Conclusion, Finding, Kind, Verdict
 
 LONGEST = 30  # words in a sentence
-HIDING_N = 600.0  # of a steady force: a third of what the tyres of a laden truck take
+HIDING = 0.03  # m/s^2 of a steady force: half of what tyres take
 NAMED, RIVALS = 4, 3  # names, and others that each may be, in one sentence
 
 PARAMETERS_ALONE = "The correction is refitted parameters alone, which drove the fitted recordings best."
@@ -62,7 +62,7 @@ class Headline:
     laws: bool = False  # the correction holds laws without a name too
     worth: Worth | None = None  # None where nothing was to be corrected
     errors: SpeedErrors | None = None
-    seen_n: float = 0.0  # the smallest steady force that would have been seen, N; 0 where that is not known
+    seen: str = ""  # the smallest steady force that would have been seen; empty where that is not known
     reason: str = ""  # why nothing can be said
 
 
@@ -100,11 +100,11 @@ def _order(finding: Finding, main: Conclusion) -> tuple[bool, float]:
 
 def _nothing(verdict: Verdict) -> Headline:
     seen = verdict.data.smallest_visible
-    seen_n = seen.always_n if seen is not None else 0.0
-    if seen_n > HIDING_N:
-        return Headline(Claim.MUCH_COULD_HIDE, seen_n=seen_n)
+    said = force(seen.always, seen.mass_kg) if seen is not None else ""
+    if seen is not None and seen.always > HIDING:
+        return Headline(Claim.MUCH_COULD_HIDE, seen=said)
     claim = Claim.OFF_WITHOUT_A_NAME if refitted_is_much_better(verdict.fit) else Claim.AGREES
-    return Headline(claim, errors=errors(verdict.fit), seen_n=seen_n)
+    return Headline(claim, errors=errors(verdict.fit), seen=said)
 
 
 def name(finding: Finding) -> Name:
@@ -118,7 +118,7 @@ def sentences(h: Headline) -> list[str]:
         return ["Nothing can be said yet.", f"{opened(prose(h.reason))}."]
     if h.claim is Claim.FOUND:
         return [*_found(h.found), *_shown(h)]
-    seen = [f"A steady force above {number(h.seen_n)} N would have been seen."] if h.seen_n else []
+    seen = [f"A steady force above {h.seen} would have been seen."] if h.seen else []
     if h.claim is Claim.MUCH_COULD_HIDE:
         return [
             "Nothing was found, but much could hide in what the simulator has learned imperfectly.",

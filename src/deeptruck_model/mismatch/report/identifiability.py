@@ -145,7 +145,7 @@ def with_manoeuvres(found: Sequence[Finding]) -> list[Finding]:
 
 
 def smallest_visible(e: Evidence, x: Explanation) -> SmallestVisible:
-    """The relative error of each parameter, and the steady force (N), that would have been reported: each is
+    """The relative error of each parameter, and the steady force, that would have been reported: each is
     hidden in the recordings and enlarged until it costs the simulator as given as much as a finding takes."""
     search = Search(e)
     hidden = _Hidden(search, search.model((), frozenset(), x.null.fit))
@@ -156,7 +156,7 @@ def smallest_visible(e: Evidence, x: Explanation) -> SmallestVisible:
     always = hidden.least(np.ones(len(e)), e.rules.least_force, enough(search))
     nats = enough(search) + e.rules.time_varying_penalty + e.rules.window_penalty
     rarely = hidden.least(_a_part(e, RARE), e.rules.least_force, nats)
-    return SmallestVisible(parameters, round(always * e.mass, 1), round(rarely * e.mass, 1))
+    return SmallestVisible(parameters, always, rarely, e.mass if e.mass_known else None)
 
 
 @dataclass(frozen=True)

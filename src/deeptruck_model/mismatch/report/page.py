@@ -86,8 +86,8 @@ def _smallest(seen: SmallestVisible | None) -> list[dict[str, str]]:
     if seen is None:
         return []
     parameters = [{"name": words(n), "size": f"{100 * size:.1f} %"} for n, size in seen.parameters.items()]
-    forces = ((ALWAYS, seen.always_n), (RARELY, seen.rarely_n))
-    return [*parameters, *({"name": name, "size": f"{wording.number(n)} N"} for name, n in forces)]
+    forces = ((ALWAYS, seen.always), (RARELY, seen.rarely))
+    return [*parameters, *({"name": name, "size": wording.force(x, seen.mass_kg)} for name, x in forces)]
 
 
 def _fit(fit: FitResult | None) -> dict[str, Any] | None:

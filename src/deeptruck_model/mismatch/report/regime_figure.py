@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.posterior import formula
 from deeptruck_model.mismatch.posterior.free_law import features
-from deeptruck_model.mismatch.report.drawing import BLUE, GREY, figure, label, tidy
+from deeptruck_model.mismatch.report.drawing import BLUE, GREY, drawn, figure, label, tidy
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.posterior.causes import Explanation
@@ -34,7 +34,8 @@ def regime_map(e: Evidence) -> Figure | None:
     made = figure(10.0, 4.0)
     left = made.add_axes((0.07, 0.14, 0.42, 0.76))
     right = made.add_axes((0.57, 0.14, 0.42, 0.76))
-    _mean_map(left, columns[a], columns[b], y * e.mass / 1000)
+    force, unit = drawn(e, y)
+    _mean_map(left, columns[a], columns[b], force, unit)
     _share_map(right, columns[a], columns[b], y)
     for ax in (left, right):
         ax.set_xlabel(label(a, e.command_units), fontsize=9)
@@ -48,7 +49,7 @@ def shape(e: Evidence, x: Explanation, equation: str) -> Figure | None:
     y, columns, _ = formula.averaged(e, e.residual - formula.explained(e, x), names)
     if not names or len(y) < 60:
         return None
-    force = y * e.mass / 1000
+    force, unit = drawn(e, y)
     panels = len(names) + (len(names) == 2)
     made = figure(10.0, 3.9)
     width = 0.86 / panels
@@ -56,10 +57,10 @@ def shape(e: Evidence, x: Explanation, equation: str) -> Figure | None:
         ax = made.add_axes((0.07 + k * width, 0.15, width - 0.075, 0.68))
         _binned(ax, columns[name], force)
         ax.set_xlabel(label(name, e.command_units), fontsize=9)
-        ax.set_ylabel("unexplained force, kN", fontsize=9)
+        ax.set_ylabel(f"unexplained force, {unit}", fontsize=9)
     if panels == 3:
         ax = made.add_axes((0.07 + 2 * width, 0.15, width + 0.05, 0.68))
-        _mean_map(ax, columns[names[0]], columns[names[1]], force)
+        _mean_map(ax, columns[names[0]], columns[names[1]], force, unit)
         ax.set_xlabel(label(names[0], e.command_units), fontsize=9)
         ax.set_ylabel(label(names[1], e.command_units), fontsize=9)
     made.suptitle(equation if len(equation) < 120 else f"{equation[:117]}...", fontsize=10)
@@ -109,12 +110,12 @@ def _sums(a: Array, b: Array, weights: Array) -> tuple[Array, Array, Array, Arra
     return x, z, count * formula.PERIOD_S, total
 
 
-def _mean_map(ax: Axes, a: Array, b: Array, force: Array) -> None:
+def _mean_map(ax: Axes, a: Array, b: Array, force: Array, unit: str) -> None:
     x, z, seconds, total = _sums(a, b, force)
     mean = np.where(seconds >= LEAST_S, total / np.maximum(seconds / formula.PERIOD_S, 1.0), np.nan)
     reach = max(float(np.nanmax(np.abs(mean), initial=0.0)), 1e-3)
     mesh = ax.pcolormesh(x, z, mean, cmap="RdBu_r", vmin=-reach, vmax=reach)
-    _bar(ax, mesh, "mean residual force, kN")
+    _bar(ax, mesh, f"mean residual force, {unit}")
 
 
 def _share_map(ax: Axes, a: Array, b: Array, y: Array) -> None:

@@ -22,6 +22,7 @@ from deeptruck_model.mismatch.report.drawing import (
     VERMILION,
     WINE,
     colour,
+    drawn,
     figure,
     tidy,
     words,
@@ -52,10 +53,11 @@ class Track:
     title: str
     time: Array
     signals: dict[str, Array]
-    force: Array | None  # N
+    force: Array | None  # in `unit`
     explained: Array | None
     spans: tuple[Span, ...]
     weight: float
+    unit: str = "kN"
 
 
 def tracks(m: Mismatch) -> list[Track]:
@@ -81,8 +83,8 @@ def _track(
     own = [x for x in spans if s.start <= x[0] < s.stop]
     smooth = max(1, round(SMOOTH_S / e.dt))
 
-    def newton(x: Array) -> Array:
-        out = uniform_filter1d(np.nan_to_num(e.newtons(x)[s.rows]), smooth)
+    def smoothed(x: Array) -> Array:
+        out = uniform_filter1d(np.nan_to_num(drawn(e, e.newtons(x) / e.mass)[0][s.rows]), smooth)
         return np.where(e.valid[s.rows], out, np.nan)
 
     seconds = [
@@ -95,10 +97,11 @@ def _track(
         s.name + (", held out" if s.held_out else ""),
         e["time"][s.rows],
         {n: e[n][s.rows] for n in names if e.has(n)},
-        newton(force),
-        None if stated is None else newton(stated),
+        smoothed(force),
+        None if stated is None else smoothed(stated),
         tuple(seconds),
         float(sum(x[3] for x in own)),
+        drawn(e, force)[1],
     )
 
 
@@ -190,10 +193,10 @@ def _commands(ax: Axes, t: Track, thin: slice, units: tuple[str, str]) -> None:
 def _forces(ax: Axes, t: Track, thin: slice) -> None:
     assert t.force is not None
     ax.axhline(0, color=GREY, lw=0.6)
-    ax.plot(t.time[thin], t.force[thin] / 1000, color=MINT, lw=RESIDUAL_WIDTH)
+    ax.plot(t.time[thin], t.force[thin], color=MINT, lw=RESIDUAL_WIDTH)
     if t.explained is not None:
-        ax.plot(t.time[thin], t.explained[thin] / 1000, color=WINE, lw=1.1)
-    ax.set_ylabel("force, kN", fontsize=8)
+        ax.plot(t.time[thin], t.explained[thin], color=WINE, lw=1.1)
+    ax.set_ylabel(f"force, {t.unit}", fontsize=8)
 
 
 def _second(ax: Axes, text: str) -> Axes:

@@ -27,6 +27,13 @@ SPOKEN = {  # names that are no words of their own once the underscores are gone
 }
 
 
+def force(acceleration: float, mass_kg: float | None) -> str:
+    """A force per mass (m/s^2) in newtons where the mass is known."""
+    if mass_kg is None:
+        return f"{number(acceleration)} m/s²"
+    return f"{number(acceleration * mass_kg)} N"
+
+
 def number(x: float, step: float | None = None) -> str:
     """Plain digits: three significant ones without idle zeros, or rounded to `step`."""
     if not math.isfinite(x):

@@ -131,9 +131,14 @@ RECORDED = (
 
 
 def signals(
-    simulator: Simulator, prepared: Sequence[Prepared], runs: Sequence[Run], grid: Any
-) -> tuple[dict[str, Array], float]:
-    """The stacked signals mechanisms are made of, and the mass (kg) that turns specific forces into N."""
+    simulator: Simulator,
+    prepared: Sequence[Prepared],
+    runs: Sequence[Run],
+    grid: Any,
+    mass_kg: float | None = None,
+) -> tuple[dict[str, Array], float, bool]:
+    """The stacked signals mechanisms are made of, the mass (kg) that turns specific forces into N, and
+    whether it is known: stated, or told by the simulator."""
     out: dict[str, Array] = {
         "speed": grid.stack([p.y[:, SPEED] for p in prepared]),
         "acceleration": grid.stack([p.observed for p in prepared]),
@@ -150,11 +155,12 @@ def signals(
                 [p.recording.channels.get(name, np.full(len(p.recording), np.nan)) for p in prepared]
             )
     if "traction_force" in runs[0].inside:
-        mass = _from_inside(out, simulator, runs, grid)
+        mass, is_known = _from_inside(out, simulator, runs, grid), True
     else:
-        mass = _from_questions(out, simulator, prepared, runs, grid)
+        known = mass_kg or simulator.parameters().get("mass")
+        mass, is_known = _from_questions(out, simulator, prepared, runs, grid, known), known is not None
     _ratio(out)
-    return out, mass
+    return out, mass, is_known
 
 
 def _known(name: str, prepared: Sequence[Prepared], grid: Any) -> bool:
@@ -194,9 +200,14 @@ def _from_inside(out: dict[str, Array], simulator: Simulator, runs: Sequence[Run
 
 
 def _from_questions(
-    out: dict[str, Array], simulator: Simulator, prepared: Sequence[Prepared], runs: Sequence[Run], grid: Any
+    out: dict[str, Array],
+    simulator: Simulator,
+    prepared: Sequence[Prepared],
+    runs: Sequence[Run],
+    grid: Any,
+    known_mass: float | None,
 ) -> float:
-    """Specific forces of a black box, and a mass.
+    """Specific forces of a black box, and its mass: what is known, else an estimate.
 
     Its own simulated acceleration is split by non-negative least squares into traction, brake, drag and
     rolling, with the grade as known. Traction is the first of these that is recorded: power over speed from
@@ -216,7 +227,8 @@ def _from_questions(
     use = grid.valid() & np.isfinite(X).all(axis=1) & np.isfinite(known) & (np.abs(known) < 6.0)
     scale = np.maximum(np.abs(X[use]).mean(axis=0), 1e-12) if use.any() else np.ones(4)
     share = nnls(X[use] / scale, known[use])[0] / scale if use.sum() > 20 else np.zeros(4)
-    mass = float(np.clip(per_mass / share[0], *MASSES)) if per_mass and share[0] > 0 else TYPICAL_MASS
+    estimate = float(np.clip(per_mass / share[0], *MASSES)) if per_mass and share[0] > 0 else TYPICAL_MASS
+    mass = known_mass or estimate
     out["engine"], out["brake"] = share[0] * np.nan_to_num(traction), share[1] * brake
     drag = share[2] if share[2] > 1e-6 else 0.5 * AIR_DENSITY * TYPICAL_DRAG_AREA / mass
     out["drag"] = drag * out["speed"] ** 2

@@ -93,6 +93,30 @@ def unit(name: str, commands: Mapping[str, str]) -> str:
     return printed(commands.get(name.removeprefix("change of "), "")) or UNITS.get(name) or next(starts, "")
 
 
+@dataclass(frozen=True)
+class ForceUnit:
+    """How forces are told: `scale` of them is one m/s^2. Without a mass they are told per kilogram."""
+
+    name: str
+    scale: float
+
+    @property
+    def symbol(self) -> str:
+        """Of such a force in an equation."""
+        return "F" if self.scale > 1.0 else "F/m"
+
+    def told(self, acceleration: float, sign: str = "") -> str:
+        """A force per mass (m/s^2) with its unit; `sign` as in a format, "+" for always."""
+        digits = 0 if self.scale > 1.0 else 3
+        return f"{acceleration * self.scale:{sign}.{digits}f} {self.name}"
+
+    def of(self, unit: str) -> str:
+        """The unit of a size that `unit` says in newtons."""
+        return unit if self.scale > 1.0 else self.name if unit == "N" else f"{unit}/kg"
+
+
+PER_KILOGRAM = ForceUnit("m/s^2", 1.0)
+
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
@@ -136,7 +160,7 @@ class Evidence:
     valid: Mask
     signals: dict[str, Array]
     sensitivity: dict[str, Array]
-    mass: float
+    mass: float  # kg; a typical one where it is not known
     rerun: Callable[[str, float], Array]
     tolerance: dict[str, float] = field(
         default_factory=dict
@@ -150,6 +174,7 @@ class Evidence:
     filtered: bool = True  # whether a sensor's filter is known beside all else
     late: Array | None = None  # (n, k) m/s^2 of a lateness that is known beside all else, and no finding
     rules: Rules = field(default_factory=Rules)  # by which all of this is judged
+    mass_known: bool = True
 
     def __len__(self) -> int:
         return len(self.residual)
@@ -172,6 +197,11 @@ class Evidence:
             if name not in self.signals or np.isfinite(self.signals[name][self.valid]).mean() < 0.5:
                 return False
         return True
+
+    @property
+    def unit(self) -> ForceUnit:
+        """In which forces are told to people."""
+        return ForceUnit("N", self.mass) if self.mass_known else PER_KILOGRAM
 
     def newtons(self, acceleration: Array) -> Array:
         """The forces that give these accelerations, (n,); too small where the brakes make up for them."""

@@ -156,10 +156,12 @@ def gather(
     seed: int = 0,
     moved: Mapping[str, float] | None = None,
     rules: Rules = Rules(),
+    mass_kg: float | None = None,
 ) -> Evidence:
     """Run the simulator forced along every drive, as it is, with jittered inputs and with moved parameters.
 
-    `moved` are relative changes already made to parameters the simulator was given with.
+    `moved` are relative changes already made to parameters the simulator was given with. `mass_kg` is stated
+    for a simulator that does not tell its mass.
     """
     runs = forced(simulator, prepared, [p.u for p in prepared])
     dt = prepared[0].dt
@@ -171,7 +173,7 @@ def gather(
         other, apart = other_gear(prepared, runs, held_out=held_out, rules=rules)
     else:
         other, apart = other_gear(prepared, believed(simulator, prepared), True, held_out, rules)
-    signals, mass = components.signals(simulator, prepared, runs, grid)
+    signals, mass, mass_known = components.signals(simulator, prepared, runs, grid, mass_kg)
     signals["gear apart"] = grid.any(apart).astype(float)
     turning = _turning(runs, grid)
     evidence = Evidence(
@@ -185,6 +187,7 @@ def gather(
         signals=signals | {"simulated": simulated},
         sensitivity={},
         mass=mass,
+        mass_known=mass_known,
         moved=dict(moved or {}),
         rerun=_rerunner(simulator, prepared, grid, simulated),
         slow_noise=rules.slow_noise,

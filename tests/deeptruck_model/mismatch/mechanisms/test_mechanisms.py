@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.mechanisms import LIBRARY, candidate_term
+from deeptruck_model.mismatch.mechanisms import LIBRARY, candidate_term, distinct
 from deeptruck_model.mismatch.mechanisms.brakes import Keeps
 from deeptruck_model.mismatch.mechanisms.driveline import PlayTaken
 from deeptruck_model.mismatch.mechanisms.engine import Boost
@@ -57,3 +57,14 @@ def test_a_play_is_taken_up_once_for_each_change_of_sign(nothing_missing: Eviden
     lost = -column(e, "driveline_backlash", PlayTaken(0.4, 0.0), engine=engine)
     crossing = lost[at(e, 50) : at(e, 80)]
     assert crossing.sum() * e.dt == pytest.approx(0.4) and (crossing[round(2.0 / e.dt) :] == 0.0).all()
+
+
+def test_every_different_force_of_a_mechanism_is_an_alternative(nothing_missing: Evidence) -> None:
+    e = nothing_missing
+    one = candidate_term(LIBRARY["turbo_lag"], Static(Boost(1.6, stays=False)), e)
+    rng = np.random.default_rng(0)
+    other = [replace(one, columns=rng.standard_normal(one.columns.shape)) for _ in range(4)]
+    assert distinct([one], e) == 1.0
+    assert distinct([one, replace(one, columns=-2.0 * one.columns)], e) == pytest.approx(1.0)
+    assert distinct(other, e) == pytest.approx(4.0, rel=0.01)
+    assert 1.0 < distinct([one, one, one, other[0]], e) < 2.0

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
+import pytest
+
+from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.mechanisms.air_and_tyres import WarmsInTime
 from deeptruck_model.mismatch.mechanisms.brakes import Keeps, RubsFree
 from deeptruck_model.mismatch.mechanisms.variants import Gate, Gated, Static, Sum
+from deeptruck_model.mismatch.posterior.causes import Cause
+from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.report import findings
+from deeptruck_model.mismatch.report.wording import force
+from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.result import Size
 
 
@@ -23,3 +32,25 @@ def test_times_of_every_part_of_a_shape_are_told() -> None:
 def test_a_shape_of_one_part_tells_its_own() -> None:
     term: Any = SimpleNamespace(variant=Static(WarmsInTime(0.6)))
     assert findings.picked(term) == {"tau_s": Size(0.6, "s", picked=True)}
+
+
+@pytest.mark.parametrize(("known", "unit"), [(True, "N"), (False, "m/s^2")])
+def test_without_a_mass_no_force_is_told_in_newtons(
+    nothing_missing: Evidence, known: bool, unit: str
+) -> None:
+    e = replace(nothing_missing, mass_known=known)
+    search = Search(e)
+    steady = next(t for t in search.candidate_terms(LIBRARY["dragging_brake"]) if t.parts[0].per_mass)
+    model = search.model((steady,), frozenset())
+    cause = Cause("missing_physics", "dragging_brake", 90.0, 1.0, np.full(len(e), -0.2), steady)
+    x: Any = SimpleNamespace(model=model)
+    found = findings.from_cause(cause, e, x, {})
+    told = [*str(found.says).split(), *(size.unit for size in found.parameters.values())]
+    assert unit in told and ("N" in told) == known
+
+
+@pytest.mark.parametrize(("mass_kg", "said"), [(20000.0, "400 N"), (None, "0.02 m/s²")])
+def test_what_would_have_been_seen_is_in_newtons_where_the_mass_is_known(
+    mass_kg: float | None, said: str
+) -> None:
+    assert force(0.02, mass_kg) == said

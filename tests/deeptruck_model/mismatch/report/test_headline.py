@@ -42,7 +42,7 @@ def unchanged(tuned: float, before: float = 0.6, always_n: float = 81.0) -> Verd
     """A verdict without findings, with speed errors (m/s) and the smallest steady force that is seen (N)."""
     errors = Compared(Rmse(before, 0.1), Rmse(tuned, 0.1), Rmse(before, 0.1))
     found = verdict("nothing_missing", [])
-    seen = SmallestVisible({}, always_n, 900.0)
+    seen = SmallestVisible({}, always_n / 20000.0, 0.045, 20000.0)
     driven = fit([], errors=errors, chosen=Chosen.NOTHING)
     return replace(found, fit=driven, data=replace(found.data, smallest_visible=seen))
 

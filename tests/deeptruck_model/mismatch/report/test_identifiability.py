@@ -54,7 +54,7 @@ def test_more_driving_asks_for_no_larger_effects_and_rare_ones_must_be_larger(
     seen = [smallest_visible(e, explain(Search(e))) for e in (half, nothing_missing)]
     for p in nothing_missing.sensitivity:  # a little of it may be in any simulator, however long it is driven
         assert 0.0 < seen[1].parameters[p] <= seen[0].parameters[p] * 1.02
-    assert 0.0 < seen[1].always_n < seen[1].rarely_n
+    assert 0.0 < seen[1].always < seen[1].rarely
 
 
 @pytest.mark.parametrize(("share", "seen"), [(1.3, True), (0.5, False)])
@@ -70,5 +70,5 @@ def test_what_is_as_large_as_was_promised_is_seen(
 
 def test_a_steady_force_must_be_more_than_a_zero_of_the_slope_sensor(nothing_missing: Evidence) -> None:
     quiet = replace(nothing_missing, residual=0.1 * nothing_missing.residual)
-    seen = smallest_visible(quiet, explain(Search(quiet))).always_n
+    seen = smallest_visible(quiet, explain(Search(quiet))).always * quiet.mass
     assert seen > Rules.slope_zero * GRAVITY * quiet.mass

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from scipy.stats import multivariate_normal
 
-from deeptruck_model.mismatch.residual.noise import ORDER, Fit, Prior, Series, fit, whiten
+from deeptruck_model.mismatch.residual.noise import ORDER, Fit, Prior, Series, fit, log_orthant, whiten
 from deeptruck_model.mismatch.rules import Rules
 
 N, COLOUR = 4000, np.array([0.6, 0.2])
@@ -73,6 +74,30 @@ def test_a_coefficient_of_impossible_sign_is_zero() -> None:
     found = fit(series(noise(6) - 0.3 * X[:, 0] + 0.2 * X[:, 1]), X, prior(2, sign=1.0))
     assert found.b[0] == 0.0 and found.covariance[0, 0] == 0.0
     assert found.b[1] == pytest.approx(0.2, abs=0.05)
+
+
+def test_a_column_that_its_sign_takes_out_is_paid_for() -> None:
+    """Dropped for nothing, forms with many signed pieces would be tried for free."""
+    X = columns(5)
+    y = series(noise(6) - 0.3 * X[:, 0])
+    assert fit(y, X[:, :1], prior(1, sign=1.0)).evidence < fit(y, X[:, :0], prior(0)).evidence - 2.0
+
+
+def test_a_sign_that_the_data_confirm_is_worth_its_prior_probability() -> None:
+    X = columns(5)
+    y = series(noise(6) + 0.3 * X[:, 0])
+    free, signed = (fit(y, X[:, :1], prior(1, sign=sign)).evidence for sign in (0.0, 1.0))
+    assert signed - free == pytest.approx(np.log(2.0), abs=1e-3)
+
+
+@pytest.mark.parametrize("k", [1, 3, 6])
+def test_probability_that_no_coefficient_is_negative(k: int) -> None:
+    rng = np.random.default_rng(k)
+    for _ in range(5):
+        A = rng.standard_normal((k, 2 * k))
+        mean, covariance = rng.standard_normal(k), A @ A.T / (2 * k)
+        exact = np.log(multivariate_normal(-mean, covariance, seed=0).cdf(np.zeros(k)))
+        assert log_orthant(mean, covariance) == pytest.approx(exact, abs=0.3)
 
 
 def test_invalid_samples_and_what_follows_them_do_not_matter() -> None:

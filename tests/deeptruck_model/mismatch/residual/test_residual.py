@@ -71,6 +71,9 @@ def test_a_black_box_is_split_into_what_it_is_made_of(drives: list[Recording], o
     prepared = [prepare(r, False) for r in drives]
     asked = gather.gather(BlackBox(TRUCK), prepared, [False, True])
     assert asked.dt == pytest.approx(1.0) and asked.mass == pytest.approx(MASS, rel=0.3)
+    assert not asked.mass_known and own.mass_known
+    stated = gather.gather(BlackBox(TRUCK), prepared, [False, True], mass_kg=23456.0)
+    assert stated.mass_known and stated.mass == 23456.0
 
     def seconds(x: np.ndarray) -> np.ndarray:
         return np.concatenate([x[s.rows].reshape(-1, 5).mean(axis=1) for s in own.stretches])
