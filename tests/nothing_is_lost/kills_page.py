@@ -14,9 +14,9 @@ HEAD = """# Ended at random moments
 `python tests/nothing_is_lost/kills.py --runs 200 | tee LOG` ends runs, `kills.py --page docs/results/kills.md LOG` writes this.
 
 Each run was ended at a random moment of its work, a third of them in its last tenth, and then started again.
-`kill -9` ends the process that was started alone; Ctrl-C reaches all of them. Wrong is a run that left a half
-result under its final name, a process or shared memory, or that gave another result than an undisturbed one
-once it was started again. Compared are the bytes of weights and verdict; of a bag, its messages by topic.
+`kill -9` ends the process that was started alone; Ctrl-C reaches all of them. A run is wrong if it left a half
+result under its final name, a process or shared memory. It is wrong too if, once started again, it gave another
+result than an undisturbed one. Compared are the bytes of weights and verdict; of a bag, its messages by topic.
 
 | command | `kill -9` | Ctrl-C | of these in the last tenth | only after its end | wrong |
 | --- | ---: | ---: | ---: | ---: | ---: |
