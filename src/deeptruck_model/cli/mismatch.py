@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from deeptruck_model import checks
+from deeptruck_model.cli.inputs import TopicMap, mapped
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import folders
 from deeptruck_model.results import BAG, FOUND, apart
@@ -32,6 +33,7 @@ def mismatch(
         bool,
         typer.Option("--with-unnamed", help="Correct what has no name too, by laws of the recorded signals."),
     ] = False,
+    topic_map: TopicMap = None,
     exclude: Annotated[list[str] | None, typer.Option(hidden=True, metavar="EFFECT")] = None,
     overwrite: Overwrite = False,
 ) -> None:
@@ -43,7 +45,7 @@ def mismatch(
     checks.every(
         lambda: FOUND.check(out, overwrite=overwrite),
         lambda: apart(out, Path(simulator), *recordings, *held_out),
-        lambda: checks.inputs(simulator, [*recordings, *held_out]),
+        lambda: checks.inputs(simulator, [*recordings, *held_out], mapped=mapped(topic_map)),
     )
     from rich.console import Console
 
@@ -60,13 +62,14 @@ def mismatch(
         truck = simulators.load(simulator)
         rate = 1.0 / truck.dt
         fit, held = (
-            [r for bag in bags for r in rec.read(bag, rate_hz=rate)] for bags in (recordings, held_out)
+            rec.read_all(bags, topic_map=topic_map, rate_hz=rate, among=others)
+            for bags, others in ((recordings, held_out), (held_out, recordings))
         )
         found = find_mismatch(
             truck, fit, held, seed=seed, with_unnamed=with_unnamed, exclude=exclude or (), say=status.update
         )
         status.update("writing the report")
-        asked = Asked(out, simulator, tuple(recordings), tuple(held_out))
+        asked = Asked(out, simulator, tuple(recordings), tuple(held_out), topic_map)
         fill(draft, found, asked)
     _tell(found, asked)
 
@@ -114,6 +117,7 @@ def road(
     directory: Annotated[Path, typer.Argument(help="Folder that 'mismatch' wrote.")],
     recordings: Annotated[list[Path], typer.Argument(help="The bags it was run on, without a grade.")],
     out: Annotated[Path, typer.Option(help="New bag.")],
+    topic_map: TopicMap = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Write recordings again with the slope that was recovered as their grade, to train a truck on it.
@@ -124,13 +128,13 @@ def road(
         lambda: BAG.check(out, overwrite=overwrite),
         lambda: apart(out, directory, *recordings),
         lambda: folders.check_road(directory),
-        *(lambda path=path: checks.bag(path) for path in recordings),
+        lambda: checks.inputs(None, recordings, mapped=mapped(topic_map)),
     )
     from deeptruck_model import recordings as rec
     from deeptruck_model.mismatch.correction.recovered_road import Roads, with_road
 
     roads = Roads.read(directory)
-    made, left_out = with_road(roads, [r for bag in recordings for r in rec.read(bag)])
+    made, left_out = with_road(roads, rec.read_all(recordings, topic_map=topic_map))
     rec.write_bag(out, made, interface=made[0].interface, overwrite=overwrite)
     print(f"{len(made)} recordings with a grade in {out}")
     if left_out:
