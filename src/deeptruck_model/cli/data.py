@@ -93,7 +93,7 @@ def _tell_topics(found: Suggestion) -> None:
     likely = {id(one.field): one for several in found.candidates.values() for one in several}
     for topic in found.survey.topics:
         said = topic.why or rate(topic)
-        print(reading.plain(f"{topic.name}  {topic.msgtype}  {said}"))
+        print("  ".join(map(reading.plain, (topic.name, topic.msgtype, said))))
         for field in topic.fields:
             one = likely.get(id(field))
             channel = f"  {one.channel}, {one.unit or 'unit not known'}" if one else ""

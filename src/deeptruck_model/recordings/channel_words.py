@@ -37,8 +37,8 @@ BY_TYPE: dict[str, dict[str, tuple[str, str, str]]] = {  # message type: field: 
 WITH_QUATERNION = ("sensor_msgs/msg/Imu", "nav_msgs/msg/Odometry")
 
 COMMANDED = frozenset((
-    "cmd", "command", "commanded", "target", "desired", "setpoint", "reference", "ref", "request", "requested",
-    "demand", "goal", "limit", "max", "min",
+    "cmd", "command", "commanded", "target", "desired", "setpoint", "reference", "ref", "request",
+    "requested", "demand", "goal", "limit", "max", "min",
 ))  # fmt: skip
 LEADER = frozenset(("lead", "leader", "front", "preceding", "ahead", "radar"))
 

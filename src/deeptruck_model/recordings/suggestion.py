@@ -67,7 +67,20 @@ class Candidate:
     def remark(self) -> str:
         """Why, and what the bag holds there."""
         still = "; never changes here" if self.field.still else ""
-        return f"{self.why}; {span(self.field)} at {rate(self.topic)}{still}"
+        return f"{self.why}; {span(self.field)} at {rate(self.topic)}{still}{self._beyond()}"
+
+    def _beyond(self) -> str:
+        """A warning where the values, in this unit, are none of a truck."""
+        if not self.unit:
+            return ""
+        ends = conversion(self.channel, self.unit)(np.array([self.field.low, self.field.high]))
+        known = CHANNELS[self.channel]
+        within = known.low <= ends.min() and ends.max() <= known.high
+        return (
+            ""
+            if within
+            else f"; beyond {known.low:g} to {known.high:g}, what a truck can: is the unit right?"
+        )
 
 
 @dataclass(frozen=True)
