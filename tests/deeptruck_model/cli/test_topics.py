@@ -109,6 +109,14 @@ def test_train_and_evaluate_by_a_map(here: Path, script: Script, foreign: Callab
     assert code == 2 and "truck:volvo takes" in errors
 
 
+def test_sweep_by_a_map(here: Path, script: Script, foreign: Callable[..., Path]) -> None:
+    source = foreign(here / "mine", 150.0)
+    script("suggest", source, "--out", "topics.yaml")
+    words = ("--set", "budget=2", "--out", "rates", "--topic-map", "topics.yaml")
+    code, _, errors = script("sweep", source, *words)
+    assert code == 0 and len(list(Path("rates").glob("*/seed-0/simulator.json"))) == 1, errors
+
+
 def test_without_out_the_map_is_printed(here: Path, script: Script, foreign: Callable[..., Path]) -> None:
     _, said, _ = script("suggest", foreign(here / "mine", 10.0))
     assert "\nspeed: {topic: /can/speed_kmh, field: data, unit: km/h}" in said
