@@ -54,24 +54,37 @@ class SimulatorFacts:
 
 
 @dataclass(frozen=True)
+class Mapped:
+    """What a topic map says: the topic of each channel that it names, and the units it gives commands."""
+
+    topics: Mapping[str, str]
+    units: Mapping[str, str]
+
+
+@dataclass(frozen=True)
 class BagFacts:
     """What a bag says of itself.
 
     `interface` is None where none is stored; `messages` is their number by topic, None where only the bag's
-    content tells.
+    content tells. `mapped` is the topic map that it is read by, None for our own topics.
     """
 
     path: Path
     interface: TruckInterface | None
     messages: Mapping[str, int] | None
+    mapped: Mapped | None = None
 
     def lacks(self, channel: str) -> bool:
         """Whether the channel is certainly not there; False where only the bag's content tells."""
-        topic = TOPICS.get(channel)
+        if self.mapped is not None and channel not in self.mapped.topics:
+            return True
+        topic = (self.mapped.topics if self.mapped else TOPICS).get(channel)
         return topic is not None and self.messages is not None and not self.messages.get(topic)
 
     def unit(self, channel: str) -> str | None:
         """The unit of a command; None where it is not told."""
+        if self.mapped is not None and channel in self.mapped.units:
+            return self.mapped.units[channel]
         if self.interface is None or (channel == "brake_command" and self.interface.brake_unit is None):
             return None
         return self.interface.unit(channel)
@@ -99,11 +112,10 @@ def refuse(misfits: Iterable[str]) -> None:
         raise MisfitsError(found)
 
 
-def inputs(simulator_text: str | None, bags: Sequence[Path], *, mapped: bool = False) -> None:
-    """Whether the simulator and the bags are there and fit one another.
+def inputs(simulator_text: str | None, bags: Sequence[Path], *, mapped: Mapped | None = None) -> None:
+    """Whether the simulator and the bags, read by the topic map `mapped`, are there and fit one another.
 
-    `mapped` says that a topic map names the topics and units of the bags, which are then not judged. Raises
-    one InputError with every misfit.
+    Raises one InputError with every misfit.
     """
     found: list[str] = []
 
@@ -115,7 +127,7 @@ def inputs(simulator_text: str | None, bags: Sequence[Path], *, mapped: bool = F
 
     facts = None if simulator_text is None else tried(lambda: simulator(simulator_text))
     known = [tried(partial(bag, path, mapped=mapped)) for path in dict.fromkeys(bags)]
-    if facts is not None and not mapped:
+    if facts is not None:
         found += [misfit for one in known if one is not None for misfit in misfits(facts, one)]
     refuse(found)
 
@@ -139,7 +151,7 @@ def misfits(facts: SimulatorFacts, one: BagFacts) -> list[str]:
     return found
 
 
-def same_truck(bags: Sequence[Path]) -> None:
+def same_truck(bags: Sequence[Path], *, mapped: Mapped | None = None) -> None:
     """Raises InputError where bags cannot be trained on together: their commands differ in unit, or none has
     an engine command."""
     found: list[str] = []
@@ -147,7 +159,7 @@ def same_truck(bags: Sequence[Path]) -> None:
     first: dict[str, tuple[str, Path]] = {}
     for path in bags:
         try:
-            one = bag(path)
+            one = bag(path, mapped=mapped)
         except InputError as error:
             found.append(str(error))
             continue
@@ -162,7 +174,7 @@ def same_truck(bags: Sequence[Path]) -> None:
     refuse(found)
 
 
-def adapted(start: str, bags: Sequence[Path]) -> None:
+def adapted(start: str, bags: Sequence[Path], *, mapped: Mapped | None = None) -> None:
     """Raises InputError where a training cannot start from the deep truck `start` on these bags."""
     facts = simulator(start)
     if facts.kind != "deep":
@@ -170,7 +182,7 @@ def adapted(start: str, bags: Sequence[Path]) -> None:
     found: list[str] = []
     for path in bags:
         with suppress(InputError):  # said by who looks at the bags themselves
-            found += misfits(facts, bag(path))
+            found += misfits(facts, bag(path, mapped=mapped))
     refuse(f"{misfit}, or train from scratch, without --from" for misfit in found)
 
 
@@ -255,17 +267,17 @@ def _physics_truck(text: str, name: str, overrides: str | None) -> SimulatorFact
     return SimulatorFacts(text, "physics", truck.interface, 0.1)
 
 
-def bag(path: Path, *, mapped: bool = False) -> BagFacts:
+def bag(path: Path, *, mapped: Mapped | None = None, any_topics: bool = False) -> BagFacts:
     """A bag by its metadata: a rosbag2 folder, or a lone .mcap, .db3 or .bag file.
 
-    Raises InputError where there is no finished bag, or it holds no speed on our topics; with `mapped`, a
-    topic map names others.
+    Raises InputError where there is no finished bag, or it holds no speed on our topics, or not all topics of
+    the map `mapped`; with `any_topics` they may be others.
     """
     if not path.exists():
         raise InputError(f"{path} does not exist")
     if path.is_file():
         _check_magic(path)
-        return BagFacts(path, None, None)
+        return BagFacts(path, None, None, mapped)
     _check_folder(path)
     information = _information(path / METADATA)
     try:
@@ -273,18 +285,30 @@ def bag(path: Path, *, mapped: bool = False) -> BagFacts:
         missing = [name for name in information["relative_file_paths"] if not (path / name).is_file()]
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{path / METADATA} is damaged ({error!r}); {_MEND}") from None
-    one = BagFacts(path, _interface(path, information), messages)
+    one = BagFacts(path, _interface(path, information), messages, mapped)
     if missing:
         raise InputError(f"{path} has lost {', '.join(missing)}; restore it, or give another bag")
     if one.messages is not None and not any(one.messages.values()):
         raise InputError(f"{path} is empty, it holds no message; {RECORD_AGAIN}")
-    if one.messages is not None and one.lacks("speed") and not mapped:
-        present = ", ".join(sorted(name for name, count in one.messages.items() if count))
-        raise InputError(
-            f"{path} has no speed: no message on {TOPICS['speed']} (topics there: {present}); "
-            "name yours in a topic map"
-        )
+    if not any_topics:
+        _check_topics(one)
     return one
+
+
+def _check_topics(one: BagFacts) -> None:
+    held = sorted(name for name, count in (one.messages or {}).items() if count)
+    present = f"(topics there: {', '.join(held)})"
+    for channel, topic in one.mapped.topics.items() if one.mapped and one.messages else ():
+        if topic not in held:
+            raise InputError(
+                f"{one.path} has no message on {topic}, where the topic map has '{channel}' {present}; "
+                "change that line, or leave it out"
+            )
+    if one.lacks("speed"):
+        raise InputError(
+            f"{one.path} has no speed: no message on {TOPICS['speed']} {present}; name yours in a topic map, "
+            "--topic-map FILE: 'deeptruck-model suggest' proposes one"
+        )
 
 
 _MEND = "remove it and mend the bag with 'deeptruck-model repair'"

@@ -124,7 +124,28 @@ def test_all_misfits_come_in_one_line(tmp_path: Path) -> None:
         "bar has brake_command in bar, the simulator truck:trucksim takes percent",
     ):
         assert words in line
-    checks.inputs("truck:trucksim", [percent, bar], mapped=True)
+
+
+def mapped(**units: str) -> checks.Mapped:
+    topics = ("/truck/twist", "/truck/command", "/truck/command", "/road")
+    return checks.Mapped(dict(zip(checks.TOPICS, topics, strict=True)), units)
+
+
+def test_a_topic_map_is_judged_as_the_bag_is(tmp_path: Path) -> None:
+    percent = bag_of(tmp_path / "percent", TruckInterface("p", engine_unit="percent"))
+    fits = bag_of(tmp_path / "fits")
+    checks.inputs("truck:trucksim", [percent, fits], mapped=mapped(engine_command="N m"))
+    with pytest.raises(InputError, match="fits has engine_command in percent, the simulator"):
+        checks.inputs("truck:trucksim", [fits], mapped=mapped(engine_command="percent"))
+    only_speed = checks.Mapped({"speed": "/truck/twist"}, {})
+    with pytest.raises(InputError, match="fits has no engine_command, brake_command, grade, which"):
+        checks.inputs("truck:trucksim", [fits], mapped=only_speed)
+    with pytest.raises(InputError, match="no bag has an engine_command"):
+        checks.same_truck([fits], mapped=only_speed)
+    elsewhere = checks.Mapped({"speed": "/odom"}, {})
+    with pytest.raises(InputError, match="no message on /odom, where the topic map has 'speed'"):
+        checks.bag(fits, mapped=elsewhere)
+    checks.same_truck([fits, percent], mapped=mapped(engine_command="N m", brake_command="percent"))
 
 
 def test_bags_of_two_trucks_are_not_trained_on_together(tmp_path: Path) -> None:

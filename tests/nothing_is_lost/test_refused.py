@@ -45,6 +45,7 @@ INSIDE = (
     "deeptruck-cacc evaluate bag --simulator truck:trucksim --out bag/out",
 )
 FILES = (
+    "deeptruck-model suggest none --out mine.txt",
     "deeptruck-model export none --out mine.txt",
     "deeptruck-cacc export none --out mine.txt",
     "truck-bridge decode none.log --vehicle trucksim --out mine.txt",

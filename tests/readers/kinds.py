@@ -25,7 +25,7 @@ from deeptruck_cacc.controllers.loading import load_policy
 from deeptruck_cacc.controllers.policy import MlpPolicy
 from deeptruck_cacc.controllers.scaling import ActionScale, FeatureMap
 from deeptruck_model import simulators, trucks
-from deeptruck_model.recordings import Recording, import_table, read, write_bag
+from deeptruck_model.recordings import Recording, import_table, read, suggest, write_bag
 from deeptruck_model.recordings.bag_metadata import definition
 from deeptruck_model.recordings.columns import load_columns
 from deeptruck_model.recordings.topic_map import load as load_topic_map
@@ -55,6 +55,12 @@ def read_bag(file: Path) -> list[Any]:
         (r.name, r.dt, r.start_s, r.interface.to_dict(), r.channels)
         for r in read(bag, interface=None if bag == file.parent else TRUCK)
     ]
+
+
+def propose_map(file: Path) -> list[Any]:
+    """What a bag of unknown topics is taken for."""
+    found = suggest(file.parent if (file.parent / "metadata.yaml").exists() else file)
+    return [found.survey.topics, found.text().partition("\n")[2]]
 
 
 def our_bag(folder: Path) -> Path:
@@ -420,6 +426,8 @@ READERS = [
     Reader("rosbags sqlite, lone", lone(rosbag2(SQLITE)), read_bag),
     Reader("rosbags sqlite metadata.yaml", metadata_of(rosbag2(SQLITE)), read_bag),
     Reader("ros 1 bag", rosbag1, read_bag),
+    Reader("unknown mcap", mcap(CompressionType.NONE), propose_map, checked=True),
+    Reader("unknown sqlite", rosbag2(SQLITE), propose_map),
     Reader("csv", csv_table, read_table),
     Reader("parquet", parquet_table, read_table),
     Reader("columns", columns_yaml, load_columns),

@@ -1,30 +1,44 @@
-"""`deeptruck-model import`, `coverage` and `repair`: what users do with their own logs and bags."""
+"""`deeptruck-model suggest`, `import`, `coverage` and `repair`: users' own logs and bags."""
 
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deeptruck_model import checks, results
-from deeptruck_model.cli.inputs import Overwrite
+from deeptruck_model import checks, files, reading, results
+from deeptruck_model.cli.inputs import Overwrite, TopicMap, mapped
 from deeptruck_model.errors import InputError
 
-_IMPORT_HELP = """Turn a table (CSV, Parquet) or a CAN log into a bag, as COLUMNS.yaml says.
+if TYPE_CHECKING:
+    from deeptruck_model.recordings import Suggestion
+
+_IMPORT_HELP = """Turn a table (CSV, Parquet), a CAN log, or a bag with other topics into a bag of ours.
 
 Examples:
 
   deeptruck-model import drive.csv --columns layouts/columns/veh002.yaml --out drive
 
   deeptruck-model import candump.log --columns truck.yaml --out drive
+
+  deeptruck-model import mybag --columns topics.yaml --out drive
 """
 _COVERAGE_HELP = """Show what bags hold: time over speed, acceleration and grade; channels, ranges, gaps.
 
 Example:
 
   deeptruck-model coverage drive1 drive2 --out coverage
+"""
+_SUGGEST_HELP = """List the topics and numbers of a bag, and propose a topic map for --topic-map.
+
+Examples:
+
+  deeptruck-model suggest mybag --out topics.yaml
+
+  deeptruck-model train mybag --topic-map topics.yaml --out simulator
 """
 _REPAIR_HELP = """Make a bag whose recorder was killed whole again, in place.
 
@@ -42,18 +56,62 @@ Bags = Annotated[list[Path], typer.Argument(metavar="BAG...", help="rosbag2 fold
 
 def register(app: typer.Typer) -> None:
     """Add this room's commands to the console script."""
+    app.command("suggest", help=_SUGGEST_HELP)(suggest_map)
     app.command("import", help=_IMPORT_HELP)(import_log)
     app.command("coverage", help=_COVERAGE_HELP)(show_coverage)
     app.command("repair", help=_REPAIR_HELP)(repair_bag)
 
 
+def suggest_map(
+    bag: Annotated[Path, typer.Argument(help="rosbag2 folder, .mcap, .db3 or .bag file")],
+    out: Annotated[
+        Path | None, typer.Option(help="YAML file to write; without it the map is printed", metavar="FILE")
+    ] = None,
+) -> None:
+    """Say what a bag holds, and which of it may be which channel."""
+    checks.every(
+        *([lambda: files.check_new(out), lambda: results.apart(out, bag)] if out else []),
+        lambda: checks.bag(bag, any_topics=True),
+    )
+    from deeptruck_model.recordings import suggest
+
+    found = suggest(bag)
+    _tell_topics(found)
+    if out is None:
+        print(f"\n{found.text()}")
+    else:
+        with files.new_file(out) as draft:
+            draft.write_text(found.text(), encoding="utf-8")
+        print(f"\nproposed topic map: {out}; check it, then give it as --topic-map {out}")
+    for line in found.lacking:
+        print(f"note: {line}", file=sys.stderr)
+
+
+def _tell_topics(found: Suggestion) -> None:
+    from deeptruck_model.recordings.suggestion import rate, span
+
+    likely = {id(one.field): one for several in found.candidates.values() for one in several}
+    for topic in found.survey.topics:
+        said = topic.why or rate(topic)
+        print("  ".join(map(reading.plain, (topic.name, topic.msgtype, said))))
+        for field in topic.fields:
+            one = likely.get(id(field))
+            channel = f"  {one.channel}, {one.unit or 'unit not known'}" if one else ""
+            print(f"  {reading.plain(field.path)}  {span(field)}{channel}")
+
+
 def import_log(
-    table: Annotated[Path, typer.Argument(metavar="TABLE|CAN_LOG", help="CSV or Parquet table, or CAN log")],
-    columns: Annotated[Path, typer.Option(help="COLUMNS.yaml: what the columns mean")],
+    table: Annotated[
+        Path,
+        typer.Argument(metavar="TABLE|CAN_LOG|BAG", help="CSV or Parquet table, CAN log, or bag to convert"),
+    ],
+    columns: Annotated[
+        Path, typer.Option(help="COLUMNS.yaml: what the columns mean; of a bag, its topic map")
+    ],
     out: Annotated[Path, typer.Option(help="the bag to write, a new folder")],
     overwrite: Overwrite = False,
 ) -> None:
-    """Import one table or CAN log."""
+    """Import one table, CAN log or bag."""
     from deeptruck_model.recordings import import_checks
 
     import_checks.check(table, columns, out, overwrite=overwrite)
@@ -73,35 +131,27 @@ def import_log(
 def show_coverage(
     bags: Bags,
     out: Annotated[Path, typer.Option(help="folder for coverage.json and coverage.png")],
-    topic_map: Annotated[Path | None, typer.Option(help="YAML that maps channels to your topics")] = None,
+    topic_map: TopicMap = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Draw what the bags hold."""
     checks.every(
         lambda: results.apart(out, *bags),
         lambda: results.COVERAGE.check(out, overwrite=overwrite),
-        lambda: checks.inputs(None, bags, mapped=topic_map is not None),
-        *([lambda: _check_map(topic_map)] if topic_map else []),
+        lambda: checks.inputs(None, bags, mapped=mapped(topic_map)),
     )
     from rich.progress import track
 
-    from deeptruck_model.recordings import coverage, read
+    from deeptruck_model.recordings import coverage, read_all
 
-    read_bags = track(bags, description="reading", disable=len(bags) < 2)
-    recordings = [recording for bag in read_bags for recording in read(bag, topic_map=topic_map)]
-    found = coverage(recordings)
+    bar = partial(track, description="reading", disable=len(bags) < 2)
+    found = coverage(read_all(bags, topic_map=topic_map, progress=bar))
     found.save(out, overwrite=overwrite)
     for recording in found.recordings:
         print(f"{recording['name']}: {recording['duration_s']:.1f} s at {1 / recording['dt']:g} Hz")
     print(f"{found.duration_s / 3600:.3f} h; see {out / 'coverage.png'} and coverage.json")
     for line in found.warnings:
         print(f"warning: {line}", file=sys.stderr)
-
-
-def _check_map(topic_map: Path) -> None:
-    from deeptruck_model.recordings.topic_map import load
-
-    load(topic_map)
 
 
 def repair_bag(bag: Annotated[Path, typer.Argument(help="the folder of the unfinished bag")]) -> None:

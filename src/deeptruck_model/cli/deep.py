@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from deeptruck_model import checks, files, results
-from deeptruck_model.cli.inputs import Bags, Overwrite, deep_truck, read
+from deeptruck_model.cli.inputs import Bags, Overwrite, TopicMap, deep_truck, mapped, read
 from deeptruck_model.cli.judging import calibrate, evaluate
 
 FEW_MINUTES = 10.0
@@ -55,6 +55,7 @@ def train(
     members: Annotated[
         int, typer.Option(help="Models in the ensemble; 3 or more give intervals.", min=1, max=100)
     ] = 1,
+    topic_map: TopicMap = None,
 ) -> None:
     """Train a deep truck on recordings of one truck.
 
@@ -63,8 +64,8 @@ def train(
     checks.every(
         lambda: results.apart(out, *bags, *([start] if start else [])),
         lambda: results.check_start(results.DEEP_TRUCK, out, resume=resume, overwrite=overwrite or resume),
-        lambda: checks.same_truck(bags),
-        *([lambda: checks.adapted(str(start), bags)] if start else []),
+        lambda: checks.same_truck(bags, mapped=mapped(topic_map)),
+        *([lambda: checks.adapted(str(start), bags, mapped=mapped(topic_map))] if start else []),
     )
     from deeptruck_model.deep import Arguments
 
@@ -79,7 +80,7 @@ def train(
     from deeptruck_model.deep import finished
     from deeptruck_model.deep import train as train_truck
 
-    recordings = read(bags)
+    recordings = read(bags, topic_map)
     if resume and finished(recordings, out, arguments):
         typer.echo(f"{out}: finished before, with these recordings and arguments; nothing was left to do")
         return
@@ -119,6 +120,7 @@ def sweep(
         bool,
         typer.Option("--resume", help="Go on where a killed sweep stopped, or add to a finished one."),
     ] = False,
+    topic_map: TopicMap = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Train a grid of settings and seeds, and rank them on held-out driving.
@@ -133,7 +135,7 @@ def sweep(
         lambda: results.apart(out, *bags),
         lambda: results.check_start(results.SWEEP, out, resume=resume, overwrite=overwrite or resume),
         lambda: combinations(sweeps.read_grid(set_ or [])),
-        lambda: checks.same_truck(bags),
+        lambda: checks.same_truck(bags, mapped=mapped(topic_map)),
     )
 
     def say(line: str) -> None:
@@ -146,6 +148,7 @@ def sweep(
         seeds=seeds,
         workers=workers,
         engine=engine.value,
+        topic_map=topic_map,
         resumes=resume,
         overwrite=overwrite,
         tell=say,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from deeptruck_model import files
+from deeptruck_model.checks import Mapped
 from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
@@ -19,6 +20,12 @@ Overwrite = Annotated[
     typer.Option("--overwrite", help=files.OVERWRITE_HELP),
 ]
 Bags = Annotated[list[Path], typer.Argument(metavar="BAG...", help="Bags (folders) of one truck.")]
+TopicMap = Annotated[
+    Path | None,
+    typer.Option(
+        help="YAML that says which of your topics is which channel; 'suggest' proposes one.", metavar="FILE"
+    ),
+]
 
 
 def present(*paths: Path, cure: str = "") -> None:
@@ -38,8 +45,17 @@ def deep_truck(simulator: str) -> DeepTruck:
     return truck
 
 
-def read(bags: list[Path]) -> list[Recording]:
-    """The recordings of all bags, in their order. Raises InputError as `recordings.read` does."""
-    from deeptruck_model import recordings
+def mapped(topic_map: Path | None) -> Mapped | None:
+    """What the topic map says, None without one. Raises InputError where it is missing or none."""
+    if topic_map is None:
+        return None
+    from deeptruck_model.recordings.topic_map import facts
 
-    return [recording for bag in bags for recording in recordings.read(bag)]
+    return facts(topic_map)
+
+
+def read(bags: list[Path], topic_map: Path | None = None) -> list[Recording]:
+    """The recordings of all bags, in their order. Raises InputError as `recordings.read` does."""
+    from deeptruck_model.recordings import read_all
+
+    return read_all(bags, topic_map=topic_map)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from deeptruck_model import checks, results
-from deeptruck_model.cli.inputs import Bags, Overwrite, deep_truck, read
+from deeptruck_model.cli.inputs import Bags, Overwrite, TopicMap, deep_truck, mapped, read
 from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ def evaluate(
     trials: Annotated[int, typer.Option(help="Free runs.", min=1)] = 90,
     horizon: Annotated[float, typer.Option(help="Length of a free run in s.", min=1.0)] = 40.0,
     seed: Annotated[int, typer.Option(help="Seed of the starts.", min=0)] = 0,
+    topic_map: TopicMap = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Open-loop error statistics of a simulator on recordings: metrics.json and figures.
@@ -36,12 +37,12 @@ def evaluate(
         lambda: results.apart(out, *bags, Path(simulator)),
         lambda: results.EVALUATION.check(out, overwrite=overwrite),
         lambda: _finite(horizon),
-        lambda: checks.inputs(simulator, bags),
+        lambda: checks.inputs(simulator, bags, mapped=mapped(topic_map)),
     )
     from deeptruck_model import simulators
     from deeptruck_model.deep import evaluate as evaluate_simulator
 
-    truck, recordings = simulators.load(simulator), read(bags)
+    truck, recordings = simulators.load(simulator), read(bags, topic_map)
     metrics = evaluate_simulator(truck, recordings, out, trials, horizon, seed, overwrite=overwrite)
     typer.echo(f"{metrics['trials']} free runs of {metrics['horizon_s']:.0f} s")
     for name, values in metrics.items():
@@ -65,6 +66,7 @@ def calibrate(
     simulator: Annotated[str, typer.Argument(metavar="SIM", help="Simulator directory of a deep truck.")],
     bags: Bags,
     out: Annotated[Path, typer.Option(help="Simulator directory to write.", metavar="SIM")],
+    topic_map: TopicMap = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Set the 90 % intervals by drives that the truck was not trained on; an hour or more is worth it.
@@ -75,12 +77,12 @@ def calibrate(
         lambda: results.apart(out, *bags, Path(simulator)),
         lambda: results.DEEP_TRUCK.check(out, overwrite=overwrite),
         lambda: checks.deep_simulator(simulator),
-        lambda: checks.inputs(simulator, bags),
+        lambda: checks.inputs(simulator, bags, mapped=mapped(topic_map)),
     )
     from deeptruck_model.deep import card, remarks, uncertainty
     from deeptruck_model.deep.data import duplicates
 
-    truck, recordings = deep_truck(simulator), read(bags)
+    truck, recordings = deep_truck(simulator), read(bags, topic_map)
     duplicates.refuse_twice(recordings)
     calibrated = uncertainty.calibrated(truck, recordings)
     card.publish_calibrated(calibrated, recordings, Path(simulator), out, overwrite)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from deeptruck_model import checks
-from deeptruck_model.cli.inputs import Overwrite
+from deeptruck_model.cli.inputs import Overwrite, TopicMap, mapped
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import folders
 from deeptruck_model.results import BAG, FOUND, apart
@@ -36,6 +36,7 @@ def mismatch(
         float | None,
         typer.Option(help="Mass of the truck, kg, where the simulator does not tell it: forces in newtons."),
     ] = None,
+    topic_map: TopicMap = None,
     exclude: Annotated[list[str] | None, typer.Option(hidden=True, metavar="EFFECT")] = None,
     overwrite: Overwrite = False,
 ) -> None:
@@ -47,7 +48,7 @@ def mismatch(
     checks.every(
         lambda: FOUND.check(out, overwrite=overwrite),
         lambda: apart(out, Path(simulator), *recordings, *held_out),
-        lambda: checks.inputs(simulator, [*recordings, *held_out]),
+        lambda: checks.inputs(simulator, [*recordings, *held_out], mapped=mapped(topic_map)),
     )
     from rich.console import Console
 
@@ -64,7 +65,8 @@ def mismatch(
         truck = simulators.load(simulator)
         rate = 1.0 / truck.dt
         fit, held = (
-            [r for bag in bags for r in rec.read(bag, rate_hz=rate)] for bags in (recordings, held_out)
+            rec.read_all(bags, topic_map=topic_map, rate_hz=rate, among=others)
+            for bags, others in ((recordings, held_out), (held_out, recordings))
         )
         found = find_mismatch(
             truck,
@@ -77,7 +79,7 @@ def mismatch(
             mass_kg=mass_kg,
         )
         status.update("writing the report")
-        asked = Asked(out, simulator, tuple(recordings), tuple(held_out))
+        asked = Asked(out, simulator, tuple(recordings), tuple(held_out), topic_map, mass_kg)
         fill(draft, found, asked)
     _tell(found, asked)
 
@@ -125,6 +127,7 @@ def road(
     directory: Annotated[Path, typer.Argument(help="Folder that 'mismatch' wrote.")],
     recordings: Annotated[list[Path], typer.Argument(help="The bags it was run on, without a grade.")],
     out: Annotated[Path, typer.Option(help="New bag.")],
+    topic_map: TopicMap = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Write recordings again with the slope that was recovered as their grade, to train a truck on it.
@@ -135,13 +138,13 @@ def road(
         lambda: BAG.check(out, overwrite=overwrite),
         lambda: apart(out, directory, *recordings),
         lambda: folders.check_road(directory),
-        *(lambda path=path: checks.bag(path) for path in recordings),
+        lambda: checks.inputs(None, recordings, mapped=mapped(topic_map)),
     )
     from deeptruck_model import recordings as rec
     from deeptruck_model.mismatch.correction.recovered_road import Roads, with_road
 
     roads = Roads.read(directory)
-    made, left_out = with_road(roads, [r for bag in recordings for r in rec.read(bag)])
+    made, left_out = with_road(roads, rec.read_all(recordings, topic_map=topic_map))
     rec.write_bag(out, made, interface=made[0].interface, overwrite=overwrite)
     print(f"{len(made)} recordings with a grade in {out}")
     if left_out:

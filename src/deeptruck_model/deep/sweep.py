@@ -30,6 +30,7 @@ class Job(NamedTuple):
     bags: tuple[str, ...]
     folder: str
     settings: sweeps.Settings
+    topic_map: str | None = None
 
 
 def sweep(
@@ -40,6 +41,7 @@ def sweep(
     seeds: int = 1,
     workers: int = 1,
     engine: str = "processes",
+    topic_map: str | Path | None = None,
     resumes: bool = False,
     overwrite: bool = False,
     tell: Callable[[str], None] = lambda line: None,
@@ -50,8 +52,8 @@ def sweep(
     The trucks are `out`/SETTINGS/seed-N; `out` also gets sweep.json and sweep.md, all at the end and
     together. A killed sweep, or a finished one with more settings or seeds, goes on with `resumes`: what is
     finished is never trained again, nor after a worker was killed. `overwrite` begins anew. The workers of a
-    Ray cluster must reach `bags` and `out`. Raises InputError for an unknown setting or value, or data that
-    cannot be trained on.
+    Ray cluster must reach `bags`, `out` and `topic_map`, which is that of `recordings.read`. Raises
+    InputError for an unknown setting or value, or data that cannot be trained on.
     """
     chosen = combinations(grid)
     out = Path(out).absolute()
@@ -59,6 +61,7 @@ def sweep(
         check_start(SWEEP, out, resume=False, overwrite=overwrite)
     paths = tuple(str(Path(bag).resolve()) for bag in bags)
     goes_on = resumes and SWEEP.signed(out)  # by its names alone it may be somebody else's
+    by_map = None if topic_map is None else str(Path(topic_map).resolve())
     with SWEEP.going_on(out, overwrite=overwrite or goes_on) as draft:
         if resumes:
             _take_over(out, draft)
@@ -66,7 +69,7 @@ def sweep(
             SWEEP.forget(out)
             draft.mkdir(exist_ok=True)
         jobs = [
-            Job(paths, str(_folder(draft, settings, seed)), {**settings, "seed": seed})
+            Job(paths, str(_folder(draft, settings, seed)), {**settings, "seed": seed}, by_map)
             for seed in range(seeds)
             for settings in chosen
         ]
@@ -106,7 +109,7 @@ def train_one(job: Job) -> str:
     of it where that is not a truck."""
     from deeptruck_model.deep.training import DivergedError, train
 
-    drives = [drive for bag in job.bags for drive in recordings.read(bag)]
+    drives = recordings.read_all(job.bags, topic_map=job.topic_map)
     with redirect_stderr(io.StringIO()):  # progress bars of several workers would overwrite each other
         try:
             train(drives, Path(job.folder), arguments_of(job.settings), resumes=True)

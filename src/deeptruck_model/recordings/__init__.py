@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from deeptruck_model.recordings.recording import Recording
     from deeptruck_model.recordings.reindex import repair
     from deeptruck_model.recordings.resample import Series, uniform
+    from deeptruck_model.recordings.several import read_all
     from deeptruck_model.recordings.splits import data_hash, split
+    from deeptruck_model.recordings.suggestion import Suggestion, suggest
 
 __all__ = [
     "Coverage",
@@ -22,13 +24,16 @@ __all__ = [
     "Imported",
     "Recording",
     "Series",
+    "Suggestion",
     "coverage",
     "data_hash",
     "grade_from_elevation",
     "import_table",
     "read",
+    "read_all",
     "repair",
     "split",
+    "suggest",
     "uniform",
     "write_bag",
 ]
@@ -45,6 +50,8 @@ __getattr__ = lazy.names(
         "recording": ("Recording",),
         "reindex": ("repair",),
         "resample": ("Series", "uniform"),
+        "several": ("read_all",),
         "splits": ("data_hash", "split"),
+        "suggestion": ("Suggestion", "suggest"),
     },
 )

@@ -15,7 +15,7 @@ from deeptruck_model.recordings.layout import Columns, Walker
 from deeptruck_model.recordings.ordering import REORDER_NS, Queue
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.resample import MARGIN_S, Resampler, Series
-from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS, Source, TopicMap, load
+from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS, NO_SPEED, Source, TopicMap, load
 from deeptruck_model.signals import BRAKE_UNITS, ENGINE_UNITS, TruckInterface
 
 Array = NDArray[np.float64]
@@ -68,7 +68,7 @@ def _read(
 
 def _check_topics(bag: BagSource, sources: dict[str, Source], asked: bool) -> None:
     if "speed" not in sources:
-        raise InputError("the topic map has no 'speed'; a recording needs at least that channel")
+        raise InputError(NO_SPEED)
     topics, walker = bag.topics, Walker(bag.definitions, ros1=bag.ros1, bag=str(bag.path))
     for channel, source in sources.items():
         if source.topic not in topics:

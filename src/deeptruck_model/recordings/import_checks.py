@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from deeptruck_model import checks, files
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.columns import load_columns
-from deeptruck_model.recordings.topic_map import load_yaml
+from deeptruck_model.recordings.topic_map import facts, is_topic_map, load_yaml
 from deeptruck_model.results import BAG, apart
 
 CAN_SUFFIXES = (".log", ".asc", ".blf", ".mf4", ".candump", ".trc", ".mcap")
 BAG_SUFFIXES = (".db3", ".bag")
-USE_THE_BAG = "a bag is not imported but used as it is ('deeptruck-model coverage BAG')"
+A_MAP = (
+    "a bag is converted by a topic map, lines such as 'speed: {topic: /odom, field: twist.twist.linear.x}' "
+    "('deeptruck-model suggest BAG' proposes one); a bag of our topics is used as it is"
+)
 
 Meaning = Mapping[str, Any] | str | Path
 
@@ -22,17 +25,40 @@ Meaning = Mapping[str, Any] | str | Path
 def check(table: Path, columns: Meaning, out: Path, *, overwrite: bool = False) -> None:
     """Raises one InputError with every misfit."""
     checks.every(
-        lambda: _check_table(table),
-        lambda: columns_of_log(table, columns) if is_can_log(table) else load_columns(columns),
+        *_of_source(table, columns),
         lambda: BAG.check(out, overwrite=overwrite),
         lambda: apart(out, table),
         lambda: files.check_new(sealed(out)),
     )
 
 
+def _of_source(table: Path, columns: Meaning) -> list[Callable[[], object]]:
+    """What is to be checked of a table, CAN log or bag, and of what says its meaning."""
+    if is_bag(table, columns):
+        return [lambda: checks.inputs(None, [table], mapped=facts(columns))]
+    return [
+        lambda: _check_table(table),
+        lambda: columns_of_log(table, columns) if is_can_log(table) else load_columns(columns),
+    ]
+
+
 def sealed(out: Path) -> Path:
     """The file beside the bag that gets the concealed channels."""
     return out.with_name(out.name + ".sealed.csv")
+
+
+def is_bag(path: Path, columns: Meaning) -> bool:
+    """Whether a bag is to be converted: what is one by its name, or an .mcap file that a topic map goes with.
+
+    Raises InputError for a bag with the description of a table or CAN log.
+    """
+    certain = path.suffix.lower() in BAG_SUFFIXES or (path / checks.METADATA).exists()
+    if not certain and path.suffix.lower() != ".mcap":
+        return False
+    mapped = is_topic_map(_mapping(columns))
+    if certain and not mapped:
+        raise InputError(f"{path} is no table: {A_MAP}")
+    return mapped
 
 
 def is_can_log(path: Path) -> bool:
@@ -42,18 +68,20 @@ def is_can_log(path: Path) -> bool:
 
 def columns_of_log(log: Path, columns: Meaning) -> dict[str, Any]:
     """COLUMNS for a CAN log, as its importer reads them. Raises InputError for those of a table."""
-    meaning = load_yaml(Path(columns)) if isinstance(columns, str | Path) else dict(columns)
+    meaning = _mapping(columns)
     if "time" in meaning:
         raise InputError(
             f"{log} is read as a CAN log, for its suffix, but these columns describe a table (they have a "
-            f"'time'); {USE_THE_BAG}, and a table needs another suffix, such as .csv"
+            f"'time'); {A_MAP}, and a table needs another suffix, such as .csv"
         )
     return meaning
 
 
+def _mapping(columns: Meaning) -> dict[str, Any]:
+    return load_yaml(Path(columns)) if isinstance(columns, str | Path) else dict(columns)
+
+
 def _check_table(table: Path) -> None:
-    if table.suffix.lower() in BAG_SUFFIXES or (table / checks.METADATA).exists():
-        raise InputError(f"{table} is no table: {USE_THE_BAG}")
     if not table.exists():
         raise InputError(f"{table} does not exist")
     if not table.is_file():

@@ -1,4 +1,4 @@
-"""From a user's log that is no bag, a table or a CAN log, to a bag with the project's topics."""
+"""From a user's log, a table, a CAN log or a bag with other topics, to a bag with the project's topics."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import import_checks
 from deeptruck_model.recordings.bag_writer import lay_out, write_bag
 from deeptruck_model.recordings.columns import DATE_UNITS, TIME_UNITS, Column, Columns, load_columns
+from deeptruck_model.recordings.extract import read
 from deeptruck_model.recordings.grade import GRADE_WINDOW_M, grade_from_elevation
 from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, period
 from deeptruck_model.recordings.recording import Recording
@@ -54,11 +55,12 @@ def import_table(
     *,
     overwrite: bool = False,
 ) -> Imported:
-    """Turn a CSV or Parquet table, or a CAN log, into the rosbag2 folder `out`, as COLUMNS.yaml says.
+    """Turn a CSV or Parquet table, a CAN log, or a bag into the rosbag2 folder `out`, as COLUMNS.yaml says.
 
-    The recordings keep the table's rate. Acceleration is derived from speed, and grade from an elevation
-    that is not concealed, where the table has none; the bag notes it. Concealed channels go only to
-    `<out>.sealed.csv`. A CAN log (by its suffix) is handed to the first entry point of
+    Of a bag with other topics `columns` is the topic map, and `out` holds the recordings that `read` gives
+    by it. The recordings of a table keep its rate. Acceleration is derived from speed, and grade from an
+    elevation that is not concealed, where the table has none; the bag notes it. Concealed channels go only
+    to `<out>.sealed.csv`. A CAN log (by its suffix) is handed to the first entry point of
     'deeptruck.importers', a function `(log: Path, columns: dict) -> (channels, interface)`: `channels`
     maps our channel names to (times (n,) in s, ascending, values (n,)) in canonical units, `interface` is
     the dict of a TruckInterface; the message of its ValueError becomes the InputError. This function puts
@@ -67,6 +69,10 @@ def import_table(
     """
     table, out = Path(table), Path(out)
     import_checks.check(table, columns, out, overwrite=overwrite)
+    if import_checks.is_bag(table, columns):
+        recordings = read(table, topic_map=columns)
+        write_bag(out, recordings, interface=recordings[0].interface, overwrite=overwrite)
+        return Imported(out, recordings)
     if import_checks.is_can_log(table):
         return _import_can_log(table, columns, out, overwrite)
     meaning = load_columns(columns)

@@ -30,6 +30,7 @@ _SIZES = {
 }
 _CODES = {"bool": "u1", "byte": "u1", "char": "u1", "octet": "u1", "float32": "f4", "float64": "f8"}
 _NAMED = re.compile(r"^(?P<values>.*?)\[(?P<names>\w+)=(?P<wanted>.+)\]$")
+_BRACKETS = re.compile(r"\[[^\]]*\]")
 _NUMBERED = re.compile(r"^(?P<values>.*?)\[(?P<index>\d+)\]$")
 
 STAMP = ("header.stamp.sec", "header.stamp.nanosec")
@@ -38,13 +39,14 @@ STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 @dataclass
 class Layout:
     """Offsets in one message: number arrays by path as (offset, count, dtype), texts, and the bytes that fix
-    them.
+    them. `lists` are the paths of arrays and sequences among both.
     """
 
     size: int
     numbers: dict[str, tuple[int, int, str]] = field(default_factory=dict)
     texts: dict[str, list[str]] = field(default_factory=dict)
     fixed: list[tuple[int, bytes]] = field(default_factory=list)
+    lists: set[str] = field(default_factory=set)
 
     def locate(self, path: str) -> tuple[int, str] | None:
         """(offset, dtype) of `twist.linear.x`, `data[3]` or `position[name=gear]`; None where it is not
@@ -75,12 +77,11 @@ class Walker:
 
     def has(self, msgtype: str, path: str) -> bool:
         """Whether a type defines this path (the indices and names inside brackets are not looked at)."""
-        name, _, rest = path.partition(".")
+        name, _, rest = _BRACKETS.sub("", path).partition(".")
         fields = dict(self.definitions[msgtype][1]) if msgtype in self.definitions else {}
-        bare = name.partition("[")[0]
-        if bare not in fields:
+        if name not in fields:
             return False
-        kind, detail = fields[bare]
+        kind, detail = fields[name]
         if kind.name in ("ARRAY", "SEQUENCE"):
             kind, detail = detail[0]
         if kind.name == "NAME":
@@ -131,6 +132,8 @@ class Walker:
     def _values(
         self, base: str, path: str, count: int, listed: bool, data: bytes, at: int, order: str, layout: Layout
     ) -> int:
+        if listed:
+            layout.lists.add(path)
         if base in ("string", "wstring"):
             return self._texts(path, count, listed, data, at, order, layout)
         size = _SIZES[base]

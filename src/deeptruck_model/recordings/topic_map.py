@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from deeptruck_model import reading
+from deeptruck_model.checks import Mapped
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.units import Conversion, conversion
 from deeptruck_model.signals import CHANNELS
@@ -40,6 +41,7 @@ DEFAULT_TOPICS: dict[str, Source] = {
 }
 
 TopicMap = Mapping[str, Any]
+NO_SPEED = "the topic map has no 'speed'; a recording needs at least that channel"
 _LARGEST = 1e12  # of a factor, an offset or a time in a YAML file
 
 
@@ -54,6 +56,26 @@ def load(topic_map: TopicMap | str | Path) -> dict[str, Source]:
         with reading.of(topic_map):
             return load(data)
     return {channel: _source(channel, entry) for channel, entry in topic_map.items()}
+
+
+def facts(topic_map: TopicMap | str | Path) -> Mapped:
+    """A topic map as checks of bags need it. Raises InputError as `load`, and where it has no speed."""
+    sources = load(topic_map)
+    if "speed" not in sources:
+        where = f"{topic_map}: " if isinstance(topic_map, str | Path) else ""
+        raise InputError(f"{where}{NO_SPEED}")
+    return Mapped(
+        {channel: source.topic for channel, source in sources.items()},
+        {channel: source.convert.unit for channel, source in sources.items() if source.convert},
+    )
+
+
+def is_topic_map(meaning: Mapping[str, Any]) -> bool:
+    """Whether a mapping has channels with topics, as no description of a table or CAN log has."""
+    return any(
+        isinstance(entry, Source) or (isinstance(entry, Mapping) and "topic" in entry)
+        for entry in meaning.values()
+    )
 
 
 def load_yaml(path: Path) -> dict[str, Any]:

@@ -133,14 +133,14 @@ def test_files_that_are_not_there(tmp_path: Path) -> None:
         import_table(table, columns, tmp_path / "bag")
 
 
-def test_a_bag_is_not_imported(tmp_path: Path) -> None:
-    """Neither as a table nor, where its suffix is that of a CAN log, with the columns of one."""
+def test_a_bag_is_not_imported_by_columns(tmp_path: Path) -> None:
+    """Neither as a table nor, where its suffix is that of a CAN log, as such; it needs a topic map."""
     bag = write_csv(tmp_path / "drive.csv", {"v": np.full(50, 5.0)})
     meaning = {"time": {"rate_hz": 10}, "channels": SPEED}
     import_table(bag, meaning, tmp_path / "bag")
     (file,) = (tmp_path / "bag").glob("*.mcap")
     for source, says in (
-        (tmp_path / "bag", "is no table: a bag is not"),
+        (tmp_path / "bag", "is no table: a bag is converted by a topic map"),
         (file, "describe a table .* a bag is"),
     ):
         with pytest.raises(InputError, match=says) as error:

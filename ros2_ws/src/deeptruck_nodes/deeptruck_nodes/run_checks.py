@@ -91,7 +91,7 @@ def bag_is_playable(bag: Path, topics: list[str]) -> None:
     """Raises InputError where no bag is there, or not these topics; one that is not finished is mended."""
     if bag.is_dir() and any(bag.glob("*.mcap")) and not (bag / checks.METADATA).exists():
         return
-    held = checks.bag(bag, mapped=True).messages
+    held = checks.bag(bag, any_topics=True).messages
     if held is None:
         return
     for name in topics:

@@ -70,7 +70,8 @@ def with_road(roads: Roads, recordings: Sequence[Recording]) -> tuple[list[Recor
 
     Raises InputError where a recording has a grade, two are of different trucks, or none has a slope.
     """
-    others = [r.name for r in recordings if r.interface != recordings[0].interface]
+    signals = [replace(r.interface, name="") for r in recordings]
+    others = [r.name for r, own in zip(recordings, signals, strict=True) if own != signals[0]]
     if others:
         raise InputError(
             f"'{others[0]}' and '{recordings[0].name}' have other signals or units; give drives of one truck"

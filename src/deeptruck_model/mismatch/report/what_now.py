@@ -20,13 +20,26 @@ class Asked:
     simulator: str = ""
     recordings: tuple[Path, ...] = ()
     held_out: tuple[Path, ...] = ()
+    topic_map: Path | None = None
+    mass_kg: float | None = None
 
     def command(self, *, ending: str, more: tuple[str, ...] = ()) -> str:
         """The call again, with `more` at its end, into a new folder whose name ends on `ending`."""
         if not self.simulator:
             return ""
         held = ("--held-out", *map(str, self.held_out)) if self.held_out else ()
-        words = ("--simulator", self.simulator, "--recordings", *map(str, self.recordings), *held, *more)
+        by_map = ("--topic-map", str(self.topic_map)) if self.topic_map else ()
+        weighing = ("--mass-kg", f"{self.mass_kg:g}") if self.mass_kg else ()
+        words = (
+            "--simulator",
+            self.simulator,
+            "--recordings",
+            *map(str, self.recordings),
+            *held,
+            *by_map,
+            *weighing,
+            *more,
+        )
         return _line("mismatch", *words, "--out", beside(self.out, ending))
 
 

@@ -51,6 +51,13 @@ def test_the_slope_is_the_grade_at_its_time_and_interpolated_between(
     assert "grade" not in drives[0].channels
 
 
+def test_the_name_of_the_truck_makes_no_other_truck(drives: list[Recording], tmp_path: Path) -> None:
+    """Bags with topics of the user's own have no truck stored, and are called as the bag is."""
+    named = [replace(drive, interface=replace(drive.interface, name=drive.name)) for drive in drives]
+    roads = Roads.read(found(tmp_path / "found", [*hill("drive0", range(60)), *hill("drive1", range(60))]))
+    assert len(with_road(roads, named)[0]) == 2
+
+
 def test_what_tells_no_slope_is_refused(drives: list[Recording], tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no readable profiles"):
         Roads.read(tmp_path)

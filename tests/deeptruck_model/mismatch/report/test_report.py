@@ -113,6 +113,12 @@ def test_a_call_from_python_is_not_repeated():
     assert [s.command for s in steps] == ["deeptruck-model apply found --out found_corrected", ""]
 
 
+def test_a_call_is_repeated_with_its_topic_map():
+    asked = Asked(Path("found"), "truck:trucksim", (Path("a"),), topic_map=Path("my topics.yaml"))
+    again = "--simulator truck:trucksim --recordings a --topic-map 'my topics.yaml' --out found_again"
+    assert asked.command(ending="again") == f"deeptruck-model mismatch {again}"
+
+
 def test_a_group_is_told_with_what_decided_and_the_manoeuvre(written):
     text = text_of(written, "missing_physics")
     assert "It is not distinguishable from dragging brake." in text

@@ -1,0 +1,61 @@
+"""Several bags together: read by one topic map, no two drives by the same name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from deeptruck_model.recordings.extract import read
+from deeptruck_model.recordings.recording import Recording
+from deeptruck_model.recordings.topic_map import TopicMap
+
+
+def read_all(
+    bags: Sequence[str | Path],
+    *,
+    topic_map: TopicMap | str | Path | None = None,
+    rate_hz: float = 10.0,
+    among: Sequence[str | Path] = (),
+    progress: Callable[[Sequence[str | Path]], Iterable[str | Path]] = iter,
+) -> list[Recording]:
+    """The recordings of all bags, in their order, as `read` has them.
+
+    A recording is called as its bag; where two bags have one name, the folders above them are put before it.
+    `among` are the other bags of the same command, from whose names these must differ too.
+    `progress` goes through the bags as they are read, as a progress bar does.
+    """
+    names = distinct([Path(bag) for bag in (*bags, *among)])
+    return [
+        recording
+        for bag in progress(bags)
+        for recording in _called(names[Path(bag)], read(bag, topic_map=topic_map, rate_hz=rate_hz))
+    ]
+
+
+def distinct(bags: Sequence[Path]) -> dict[Path, str]:
+    """A name for each bag: as little of its path's end as no other bag's path ends on."""
+    ends = {bag: (*bag.resolve().parts[:-1], _own_name(bag)) for bag in bags}
+    places = {bag.resolve(): end for bag, end in ends.items()}
+    return {
+        bag: _name(bag, end, [other for place, other in places.items() if place != bag.resolve()])
+        for bag, end in ends.items()
+    }
+
+
+def _own_name(bag: Path) -> str:
+    return bag.stem if bag.is_file() else bag.resolve().name
+
+
+def _name(bag: Path, end: tuple[str, ...], others: Sequence[tuple[str, ...]]) -> str:
+    for depth in range(1, len(end)):
+        if all(other[-depth:] != end[-depth:] for other in others):
+            return "/".join(end[-depth:])
+    return str(bag.resolve())  # a folder and a file beside it that differ in the file's suffix alone
+
+
+def _called(name: str, recordings: list[Recording]) -> list[Recording]:
+    """The recordings of one bag by another name; the numbers of its pieces stay."""
+    if len(recordings) == 1:
+        return [replace(recordings[0], name=name)]
+    return [replace(recording, name=f"{name}#{k}") for k, recording in enumerate(recordings)]

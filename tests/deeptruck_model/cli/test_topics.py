@@ -1,0 +1,190 @@
+"""From a bag with topics of the user's own to a simulator: suggest, then --topic-map or import."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from deeptruck_model.recordings import Recording, read
+
+Script = Callable[..., tuple[int, str, str]]
+TYPES = get_typestore(Stores.ROS2_JAZZY)
+S = 1_000_000_000
+TAKES_A_MAP = (
+    "train bag --out out",
+    "sweep bag --set learning_rate=0.003 --out out",
+    "coverage bag --out out",
+    "evaluate truck:trucksim bag --out out",
+    "calibrate sim bag --out out",
+    "mismatch --simulator truck:trucksim --recordings bag --out out",
+    "road found bag --out out",
+)
+
+
+def number(value: float) -> Any:
+    return TYPES.types["std_msgs/msg/Float64"](value)
+
+
+@pytest.fixture
+def foreign(bag: Callable[..., Path]) -> Callable[..., Path]:
+    """foreign(path, seconds, storage) -> a drive of `trucksim` on topics of somebody else."""
+
+    def _foreign(path: Path, seconds: float, storage: StoragePlugin = StoragePlugin.MCAP) -> Path:
+        (drive,) = read(bag(path.name, seconds))
+        kind = "std_msgs/msg/Float64"
+        named = {
+            "/can/speed_kmh": 3.6 * drive.channels["speed"],
+            "/can/torque_request_nm": drive.channels["engine_command"],
+            "/can/brake_percent": drive.channels["brake_command"],
+            "/map/slope_percent": 100.0 * drive.channels["grade"],
+            "/can/fuel_lph": 3.6 * drive.channels["fuel_rate"],
+        }
+        with Writer(path, version=9, storage_plugin=storage) as writer:
+            for topic, values in named.items():
+                connection = writer.add_connection(topic, kind, typestore=TYPES)
+                for k, value in enumerate(values):
+                    content = TYPES.serialize_cdr(number(float(value)), kind)
+                    writer.write(connection, S + k * S // 10, content)
+        return path
+
+    return _foreign
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+def test_suggest_then_import(
+    here: Path, script: Script, foreign: Callable[..., Path], storage: StoragePlugin
+) -> None:
+    """The converted bag holds what reading by the map gives, and needs no map."""
+    source = foreign(here / "mine", 60.0, storage)
+    code, said, errors = script("suggest", source, "--out", "topics.yaml")
+    assert (code, errors) == (0, "") and "/can/speed_kmh  std_msgs/msg/Float64  10 Hz\n" in said
+    assert "data  " in said and "speed, km/h" in said and "proposed topic map: topics.yaml" in said
+    assert script("import", source, "--columns", "topics.yaml", "--out", "drive")[0] == 0
+    (ours,), (mapped,) = read("drive"), read(source, topic_map="topics.yaml")
+    assert same(ours, mapped) and ours.interface == mapped.interface
+    assert ours.interface.engine_unit == "N m" and "grade" in ours.channels
+
+
+def same(one: Recording, other: Recording) -> bool:
+    pairs = [(one.channels[name], other.channels[name]) for name in other.channels]
+    return set(one.channels) == set(other.channels) and all(
+        np.array_equal(a, b, equal_nan=True) for a, b in pairs
+    )
+
+
+def test_a_lone_mcap_file_is_converted_too(here: Path, script: Script, foreign: Callable[..., Path]) -> None:
+    source = foreign(here / "mine", 30.0)
+    (file,) = source.glob("*.mcap")
+    script("suggest", source, "--out", "topics.yaml")
+    assert script("import", file, "--columns", "topics.yaml", "--out", "drive")[0] == 0
+    assert same(read("drive")[0], read(source, topic_map="topics.yaml")[0])
+
+
+def test_train_and_evaluate_by_a_map(here: Path, script: Script, foreign: Callable[..., Path]) -> None:
+    """Two bags of one name: their drives stay apart."""
+    bags = [foreign(here / "a" / "drive", 150.0), foreign(here / "b" / "drive", 170.0)]
+    assert script("suggest", bags[0], "--out", "topics.yaml")[0] == 0
+    words = ("--topic-map", "topics.yaml")
+    code, _, errors = script("train", *bags, "--out", "sim", "--budget", "2", *words)
+    assert code == 0, errors
+    card = Path("sim/MODEL_CARD.md").read_text()
+    assert "a/drive" in card and "b/drive" in card
+    code, said, errors = script("evaluate", "sim", bags[1], "--out", "open_loop", "--trials", "2", *words)
+    assert code == 0 and "2 free runs" in said, errors
+    code, _, errors = script("evaluate", "truck:volvo", bags[1], "--out", "other", *words)
+    assert code == 2 and "truck:volvo takes" in errors
+
+
+def test_sweep_by_a_map(here: Path, script: Script, foreign: Callable[..., Path]) -> None:
+    source = foreign(here / "mine", 150.0)
+    script("suggest", source, "--out", "topics.yaml")
+    words = ("--set", "budget=2", "--out", "rates", "--topic-map", "topics.yaml")
+    code, _, errors = script("sweep", source, *words)
+    assert code == 0 and len(list(Path("rates").glob("*/seed-0/simulator.json"))) == 1, errors
+
+
+def test_without_out_the_map_is_printed(here: Path, script: Script, foreign: Callable[..., Path]) -> None:
+    _, said, _ = script("suggest", foreign(here / "mine", 10.0))
+    assert "\nspeed: {topic: /can/speed_kmh, field: data, unit: km/h}" in said
+    assert [path.name for path in here.iterdir()] == ["mine"]
+
+
+def test_what_lacks_is_said(here: Path, script: Script) -> None:
+    with Writer(here / "mine", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection("/speed", "std_msgs/msg/Float64", typestore=TYPES)
+        writer.write(connection, S, TYPES.serialize_cdr(number(1.0), "std_msgs/msg/Float64"))
+    code, _, errors = script("suggest", "mine", "--out", "topics.yaml")
+    assert code == 0 and "note: brake_command has no line yet, needed to learn the brakes" in errors
+    code, _, errors = script("train", "mine", "--topic-map", "topics.yaml", "--out", "sim")
+    assert code == 2 and "no bag has an engine_command" in errors and not Path("sim").exists()
+
+
+@pytest.mark.parametrize("line", TAKES_A_MAP)
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (None, "topics.yaml cannot be read: it does not exist"),
+        ("- speed\n", "topics.yaml must hold 'key: value' pairs"),
+        ("speed: {topic: /v}\n", "topics.yaml: topic map: 'speed' needs topic and field"),
+        ("grade: {topic: /g, field: data}\n", "topics.yaml: the topic map has no 'speed'"),
+    ],
+)
+def test_a_map_that_is_none_is_one_line(
+    here: Path, script: Script, line: str, content: str | None, says: str
+) -> None:
+    if content is not None:
+        (here / "topics.yaml").write_text(content)
+    code, _, errors = script(*line.split(), "--topic-map", "topics.yaml")
+    assert code == 2 and says in errors and errors.count("\n") == 1
+    assert {path.name for path in here.iterdir()} <= {"topics.yaml"}
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("suggest", "none"), "none does not exist"),
+        (("suggest", "table.csv"), "cannot be read as a bag"),
+        (("import", "mine", "--columns", "none.yaml", "--out", "out"), "none.yaml cannot be read"),
+        (
+            ("import", "mine", "--columns", "other.yaml", "--out", "out"),
+            "no message on /v, where the topic map",
+        ),
+        (
+            ("import", "mine", "--columns", "other.yaml", "--out", "mine/out"),
+            "or inside it, which is read here",
+        ),
+    ],
+)
+def test_bad_input_of_suggest_and_import(
+    here: Path, script: Script, foreign: Callable[..., Path], words: tuple[str, ...], says: str
+) -> None:
+    foreign(here / "mine", 10.0)
+    (here / "table.csv").write_text("a,b\n1,2\n")
+    (here / "other.yaml").write_text("speed: {topic: /v, field: data}\n")
+    code, _, errors = script(*words)
+    assert code == 2 and says in errors and errors.count("\n") == 1 and not Path("out").exists()
+
+
+def test_a_wrong_map_costs_no_heavy_import(here: Path) -> None:
+    code = (
+        "import sys\nfrom deeptruck_model import cli\n"
+        "sys.argv = ['deeptruck-model', 'train', 'bag', '--topic-map', 'none.yaml', '--out', 'sim']\n"
+        "try:\n    cli.main()\nexcept SystemExit as end:\n    code = end.code\n"
+        "print(code, sorted({'torch', 'numba', 'scipy', 'matplotlib', 'rosbags', 'mcap'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "2 []\n"
