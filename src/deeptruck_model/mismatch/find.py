@@ -160,7 +160,7 @@ def _find(
 
 def _of_this_mass(simulator: Simulator, e: Evidence, found: Sequence[Finding]) -> list[str]:
     forces = any(f.cause is not None for f in found)
-    return [OF_THIS_MASS.format(e.mass / 1000.0)] if forces and not simulator.parameters() else []
+    return [OF_THIS_MASS.format(e.mass / 1000.0)] if forces and "mass" not in simulator.parameters() else []
 
 
 def _useless(c: _Checked) -> Mismatch:

@@ -201,7 +201,7 @@ def _from_questions(
     Its own simulated acceleration is split by non-negative least squares into traction, brake, drag and
     rolling, with the grade as known. Traction is the first of these that is recorded: power over speed from
     measured torque, from commanded torque, from fuel; without engine speed or fuel, the answer to
-    counterfactual runs.
+    counterfactual runs. A mass that the simulator tells is the mass.
     """
     simulated = grid.stack([r.y[0, :, ACCELERATION] for r in runs])
     speed = np.maximum(out["speed"], 1.0)
@@ -217,6 +217,7 @@ def _from_questions(
     scale = np.maximum(np.abs(X[use]).mean(axis=0), 1e-12) if use.any() else np.ones(4)
     share = nnls(X[use] / scale, known[use])[0] / scale if use.sum() > 20 else np.zeros(4)
     mass = float(np.clip(per_mass / share[0], *MASSES)) if per_mass and share[0] > 0 else TYPICAL_MASS
+    mass = simulator.parameters().get("mass", mass)
     out["engine"], out["brake"] = share[0] * np.nan_to_num(traction), share[1] * brake
     drag = share[2] if share[2] > 1e-6 else 0.5 * AIR_DENSITY * TYPICAL_DRAG_AREA / mass
     out["drag"] = drag * out["speed"] ** 2
