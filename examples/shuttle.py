@@ -19,6 +19,7 @@ from deeptruck_model.signals import TruckInterface
 
 Array = NDArray[np.float64]
 
+INTERFACE = TruckInterface("shuttle", engine_unit="N m", brake_unit="percent", grade=True, fuel=False)
 AIR_DENSITY, GRAVITY = 1.2, 9.81  # kg/m^3, m/s^2
 LEVER = 4.0  # N at the road for one N m of the engine
 FULL_BRAKE = 6.0  # m/s^2
@@ -31,7 +32,7 @@ class Shuttle:
 
     body: Mapping[str, float]
     dt: float = 0.1  # s
-    interface: TruckInterface = TruckInterface("shuttle", engine_unit="N m", brake_unit="percent", fuel=False)
+    interface: TruckInterface = INTERFACE
 
     def reset(self, y0: Array) -> Array:
         """The state at acceleration and speed y0 (batch, 2)."""

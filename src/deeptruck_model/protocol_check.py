@@ -1,7 +1,7 @@
 """Drive a simulator a few seconds and say whether it keeps what the protocol of `simulators.Simulator` asks.
 
-Each probe returns what it saw, or raises: `Missing` for what every tool here needs, `Noted` for what only
-some do. What somebody else's code raises counts as missing.
+Each probe returns what it saw, or raises: `MissingError` for what every tool here needs, `NotedError` for
+what only some do. What somebody else's code raises counts as missing.
 """
 
 from __future__ import annotations
@@ -53,11 +53,11 @@ class Row:
         return {name: str(value) for name, value in asdict(self).items()}
 
 
-class Missing(Exception):
+class MissingError(Exception):
     """Needed and not there: what, and how to mend it."""
 
 
-class Noted(Exception):
+class NotedError(Exception):
     """Not needed everywhere: what, and how to mend it."""
 
 
@@ -74,9 +74,9 @@ def missing(rows: Sequence[Row]) -> list[Row]:
 def _row(about: str, probe: Callable[[Simulator], str], simulator: Simulator) -> Row:
     try:
         return Row(about, State.YES, probe(simulator))
-    except Missing as what:
+    except MissingError as what:
         return Row(about, State.NO, *what.args)
-    except Noted as what:
+    except NotedError as what:
         return Row(about, State.NOTE, *what.args)
     except Exception as error:  # of somebody else's code
         said = str(error) if isinstance(error, InputError) else repr(error)
@@ -125,9 +125,9 @@ def _interface(s: Simulator) -> str:
 
 def _dt(s: Simulator) -> str:
     if not 0.0 < s.dt <= 60.0:
-        raise Missing(f"a step of {s.dt} s", "give s, above 0 and at most 60")
+        raise MissingError(f"a step of {s.dt} s", "give s, above 0 and at most 60")
     if s.dt > 0.1 + 1e-9:
-        raise Noted(f"a step of {s.dt:g} s", "0.1 s or less follows what brakes and a controller do")
+        raise NotedError(f"a step of {s.dt:g} s", "0.1 s or less follows what brakes and a controller do")
     return f"a step of {s.dt:g} s; recordings are read at {1 / s.dt:g} Hz for it"
 
 
@@ -135,10 +135,10 @@ def _reset_and_step(s: Simulator) -> str:
     y = drive(s, SPEEDS)
     expected = (len(y), len(SPEEDS), len(s.interface.y))
     if y.shape != expected or not np.isfinite(y).all():
-        raise Missing(f"y of {y.shape}, or no number", f"answer finite numbers of {expected[1:]}")
+        raise MissingError(f"y of {y.shape}, or no number", f"answer finite numbers of {expected[1:]}")
     first = _idle(s, start(s, 20.0), 1)[1][0, SPEED]
     if abs(first - 20.0) > LIKELY * s.dt:
-        raise Missing(
+        raise MissingError(
             f"{first:.3g} m/s one step after a reset at 20 m/s", "begin at y0, and answer speed in m/s"
         )
     return f"{DRIVE_S:g} s from {', '.join(f'{v:g}' for v in SPEEDS)} m/s at idle, all numbers"
@@ -149,7 +149,7 @@ def _acceleration(s: Simulator) -> str:
     speed = np.concatenate([np.array(SPEEDS)[None], y[:, :, SPEED]])
     off = np.abs(np.diff(speed, axis=0) / s.dt - y[:, :, ACCELERATION]).max()
     if off > ROUNDING:
-        raise Missing(
+        raise MissingError(
             f"acceleration is up to {off:.2g} m/s^2 from the change of speed over dt",
             "answer the mean acceleration over the step, in m/s^2: (v after - v before) / dt",
         )
@@ -161,14 +161,16 @@ def _batches(s: Simulator) -> str:
     for row, speed in enumerate(SPEEDS):
         alone = drive(s, [speed], engine=ENGINE[s.interface.engine_unit])[:, 0]
         if not np.allclose(alone, together[:, row], rtol=1e-6, atol=1e-6):
-            raise Missing(f"from {speed:g} m/s it drives otherwise in a batch", "keep the rows apart")
+            raise MissingError(f"from {speed:g} m/s it drives otherwise in a batch", "keep the rows apart")
     return "a batch drives as each of its rows does alone"
 
 
 def _repeats(s: Simulator) -> str:
     first, again = (drive(s, SPEEDS, engine=ENGINE[s.interface.engine_unit]) for _ in range(2))
     if not np.array_equal(first, again):
-        raise Missing("the same drive differs when repeated", "keep no memory but in the state; fix the seed")
+        raise MissingError(
+            "the same drive differs when repeated", "keep no memory but in the state; fix the seed"
+        )
     return "the same drive twice is the same to the last digit"
 
 
@@ -179,7 +181,9 @@ def _old_states(s: Simulator) -> str:
     s.force(s.step(state, commands(i, 1, engine=ENGINE[i.engine_unit]), road(i, 1))[0], before * 0.5)
     s.force(state, before * 0.5)
     if not np.array_equal(before, _idle(s, state, 1)[1]):
-        raise Missing("step or force changes the state that it is given", "return a copy: copy.deepcopy(state)")
+        raise MissingError(
+            "step or force changes the state that it is given", "return a copy: copy.deepcopy(state)"
+        )
     return "step and force leave the state usable that they are given"
 
 
@@ -189,7 +193,7 @@ def _force(s: Simulator) -> str:
     told[:, SPEED] = 20.0
     speed = _idle(s, s.force(state, told), 1)[1][0, SPEED]
     if abs(speed - 20.0) > LIKELY * s.dt:
-        raise Missing(f"{speed:.3g} m/s after force() to 20 m/s", "take the y that force is given")
+        raise MissingError(f"{speed:.3g} m/s after force() to 20 m/s", "take the y that force is given")
     return "goes on from a recorded response"
 
 
@@ -197,11 +201,13 @@ def _force_of_nothing(s: Simulator) -> str:
     state, y = _idle(s, start(s, 10.0), 1)
     kept, own = _idle(s, s.force(state, np.full_like(y, np.nan)), 1)[1], _idle(s, state, 1)[1]
     if not np.allclose(kept, own, atol=1e-9):
-        raise Missing("force() with NaN changes what follows", "keep your own response where y is NaN")
+        raise MissingError("force() with NaN changes what follows", "keep your own response where y is NaN")
     alone = np.full_like(y, np.nan)
     alone[:, SPEED] = 10.0
     if not np.isfinite(_idle(s, s.force(state, alone), 1)[1]).all():
-        raise Missing("force() with speed alone makes no number", "keep your own response where y is NaN")
+        raise MissingError(
+            "force() with speed alone makes no number", "keep your own response where y is NaN"
+        )
     return "keeps its own response where nothing was recorded"
 
 
@@ -211,7 +217,7 @@ def _obeys(s: Simulator, name: str, more: dict[str, float], sign: float, said: s
     unit = s.interface.unit(name)
     if change < SEEN:
         what = "hardly anything" if change > -SEEN else "the opposite"
-        raise Missing(
+        raise MissingError(
             f"{name} of {amount:g} {unit} does {what}", f"look at its column, unit ({unit}) and sign"
         )
     return f"{amount:g} {unit} {said} it by {change:.2g} m/s in {DRIVE_S:g} s"
@@ -224,13 +230,15 @@ def _engine(s: Simulator) -> str:
 def _brake(s: Simulator) -> str:
     unit = s.interface.brake_unit
     if unit is None:
-        raise Noted("no brake command", "controllers and the emulator need one; the mismatch tool coasts")
+        raise NotedError(
+            "no brake command", "controllers and the emulator need one; the mismatch tool coasts"
+        )
     return _obeys(s, "brake_command", {"brake": BRAKE[unit]}, -1.0, "slows")
 
 
 def _grade(s: Simulator) -> str:
     if not s.interface.grade:
-        raise Noted("no grade", "recordings on hills show as a mismatch; take the grade in w")
+        raise NotedError("no grade", "recordings on hills show as a mismatch; take the grade in w")
     return _obeys(s, "grade", {"grade": GRADE}, -1.0, "slows")
 
 
@@ -241,7 +249,7 @@ def _command_of_nothing(s: Simulator) -> str:
     except InputError:
         return "is refused"
     if np.isfinite(y).all():
-        raise Noted("a command that is NaN is driven on with", "raise deeptruck_model.errors.InputError")
+        raise NotedError("a command that is NaN is driven on with", "raise deeptruck_model.errors.InputError")
     return "is passed on as NaN"
 
 
@@ -250,27 +258,29 @@ def _inside(s: Simulator) -> str:
     state = _idle(s, start(s, *SPEEDS), batch)[0]
     seen = s.inside(state)
     if not seen:
-        raise Noted("tells nothing", "gear, engine_speed and forces in inside() help the mismatch tool")
+        raise NotedError("tells nothing", "gear, engine_speed and forces in inside() help the mismatch tool")
     for name, x in seen.items():
         if np.shape(x) != (batch,):
-            raise Missing(f"inside has {name} of {np.shape(x)}", f"give one value a row: ({batch},)")
+            raise MissingError(f"inside has {name} of {np.shape(x)}", f"give one value a row: ({batch},)")
         c = CHANNELS.get(name)
         if c is not None and not np.all((np.asarray(x) >= c.low) & (np.asarray(x) <= c.high)):
-            raise Missing(f"inside has {name} beyond {c.low:g} to {c.high:g} {c.unit}", f"give it in {c.unit}")
+            raise MissingError(
+                f"inside has {name} beyond {c.low:g} to {c.high:g} {c.unit}", f"give it in {c.unit}"
+            )
     return ", ".join(seen)
 
 
 def _parameters(s: Simulator) -> str:
     own = s.parameters()
     if not own:
-        raise Noted("none", "with parameters() and with_parameters() the mismatch tool refits them")
+        raise NotedError("none", "with parameters() and with_parameters() the mismatch tool refits them")
     bad = [name for name, value in own.items() if not np.isfinite(value)]
     if bad:
-        raise Missing(f"{', '.join(bad)} is no finite number", "give SI numbers, or leave it out")
+        raise MissingError(f"{', '.join(bad)} is no finite number", "give SI numbers, or leave it out")
     name = "mass" if "mass" in own else next(name for name in own)
     other = s.with_parameters({name: own[name] * 1.04}).parameters()
     if s.parameters() != own or not np.isclose(other[name], own[name] * 1.04):
-        raise Missing(
+        raise MissingError(
             f"with_parameters of {name} changes the simulator itself, or nothing", "return a changed copy"
         )
     return f"{len(own)}: {', '.join(list(own)[:8])}{' ...' if len(own) > 8 else ''}"

@@ -88,7 +88,7 @@ def _value(value: Any) -> str:
 
 
 def simulator_hash(path: str) -> str:
-    """SHA-256 over the files of a simulator directory or an outside simulator, or over a physics truck's name."""
+    """SHA-256 over the files of a directory or an outside simulator, or over the name of a physics truck."""
     digest = hashlib.sha256()
     if path.startswith(SCHEME):
         return hashlib.sha256(json.dumps(refer(path.removeprefix(SCHEME)).to_dict()).encode()).hexdigest()

@@ -17,6 +17,7 @@ Overwrite = Annotated[
     bool,
     typer.Option("--overwrite", help="Replace what this command wrote there, once the new one is whole."),
 ]
+SIMULATOR = "Simulator directory, truck:NAME[:overrides.yaml] or python:MODULE:FACTORY[:arguments.yaml]."
 Bags = Annotated[list[Path], typer.Argument(metavar="BAG...", help="Bags (folders) of one truck.")]
 
 

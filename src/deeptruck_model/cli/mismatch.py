@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from deeptruck_model import checks
+from deeptruck_model.cli.inputs import SIMULATOR
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import folders
 from deeptruck_model.results import BAG, FOUND, apart
@@ -23,7 +24,7 @@ Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace an older r
 
 
 def mismatch(
-    simulator: Annotated[str, typer.Option(help="Simulator directory, or truck:NAME[:overrides.yaml].")],
+    simulator: Annotated[str, typer.Option(help=SIMULATOR)],
     recordings: Bags,
     out: Annotated[Path, typer.Option(help="Folder for verdict.json, report.html and simulator/.")],
     held_out: Annotated[list[Path] | None, typer.Option(help="Recordings used only to judge.")] = None,

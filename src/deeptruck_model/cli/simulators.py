@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from deeptruck_model import files
+from deeptruck_model.cli.inputs import SIMULATOR
 from deeptruck_model.errors import InputError
 from deeptruck_model.outside import saved
 from deeptruck_model.outside.reference import SCHEME, made, refer
@@ -17,11 +18,9 @@ from deeptruck_model.outside.truck import lacks
 if TYPE_CHECKING:
     from deeptruck_model.protocol_check import Row
 
-FORMS = f"Simulator directory, truck:NAME[:overrides.yaml] or {SCHEME}MODULE:FACTORY[:arguments.yaml]."
-
 
 def check_simulator(
-    simulator: Annotated[str, typer.Argument(metavar="SIM", help=FORMS)],
+    simulator: Annotated[str, typer.Argument(metavar="SIM", help=SIMULATOR)],
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Write the table as JSON too, a new file.")
     ] = None,
@@ -35,23 +34,24 @@ def check_simulator(
     """
     if json_file is not None:
         files.check_new(json_file)
-    place = _accepted(simulator) if accept else None
-    table = _members(simulator)
-    if not table:
-        table = _driven(simulator)
+    place = _stands_for(simulator) if accept else None
+    table = _members(simulator) or _driven(simulator, place)
     _tell(table)
     if json_file is not None:
         with files.new_file(json_file) as draft:
-            draft.write_text(json.dumps({"simulator": simulator, "rows": [r.to_dict() for r in table]}, indent=1))
+            told = {"simulator": simulator, "rows": [row.to_dict() for row in table]}
+            draft.write_text(json.dumps(told, indent=1))
     _judge(simulator, table)
-    typer.echo(f"{simulator} is fit for use" + (f"; {place} stands for it as it is now" if place else ""))
+    if place is not None:
+        saved.accept(place)
+        typer.echo(f"accepted: {place} stands for it as it is now")
+    typer.echo(f"{simulator} is fit for use")
 
 
-def _accepted(simulator: str) -> Path:
+def _stands_for(simulator: str) -> Path:
     place = saved.stands_for(Path(simulator))
     if place is None:
         raise InputError(f"{simulator} stands for no outside simulator; leave out --accept")
-    saved.accept(place)
     return place
 
 
@@ -68,11 +68,13 @@ def _members(simulator: str) -> list[Row]:
     return [Row(name, State.NO, says, mend) for name, (says, _, mend) in zip(lacking, parts, strict=True)]
 
 
-def _driven(simulator: str) -> list[Row]:
+def _driven(simulator: str, changed: Path | None) -> list[Row]:
+    """The table of a simulator, or of what the folder `changed` stands for, as it is now."""
     from deeptruck_model import checks, protocol_check, simulators
 
-    checks.simulator(simulator)
-    truck = simulators.load(simulator)
+    if changed is None:
+        checks.simulator(simulator)
+    truck = simulators.load(simulator) if changed is None else saved.as_it_is(changed)
     table = protocol_check.examine(truck)
     if protocol_check.missing(table):
         return table

@@ -51,8 +51,8 @@ class Reference:
 def refer(text: str, arguments_at: Path | None = None) -> Reference:
     """What PACKAGE.MODULE:FACTORY[:ARGUMENTS.yaml] names, before anything of the module is run.
 
-    `arguments_at` is where the arguments are looked for if they are not where the text says. Raises InputError
-    for another form, a module that is not found, or arguments that are no mapping.
+    `arguments_at` is where the arguments are looked for if they are not where the text says. Raises
+    InputError for another form, a module that is not found, or arguments that are no mapping.
     """
     named = SCHEME + text
     module, _, rest = text.partition(":")

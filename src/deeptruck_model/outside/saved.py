@@ -1,4 +1,4 @@
-"""A folder that stands for an outside simulator: where it came from, and the hashes of the files that made it.
+"""A folder that stands for an outside simulator: where it came from, and the hashes of its files.
 
 The base of a corrected simulator is such a folder. A correction is worth nothing on another simulator, so
 that what has changed since is not loaded until somebody says that it is the same.
@@ -80,13 +80,16 @@ def stands_for(path: Path) -> Path | None:
     return None
 
 
-def accept(path: Path) -> Reference:
+def as_it_is(path: Path) -> OutsideTruck:
+    """What the folder `path` of kind 'outside' stands for, changed or not. Raises InputError without it."""
+    return adopted(_reference(path, reading.json_object(path / MANIFEST, MAKE_AGAIN)))
+
+
+def accept(path: Path) -> None:
     """Take the files as they are now for those that were meant, in the folder `path` of kind 'outside'.
 
     Raises InputError where they are not found.
     """
     manifest = reading.json_object(path / MANIFEST, MAKE_AGAIN)
-    reference = _reference(path, manifest)
-    told = manifest | reference.to_dict() | {"simulator": manifest["simulator"]}
+    told = manifest | _reference(path, manifest).to_dict()
     files.write(path / MANIFEST, json.dumps(told, indent=1).encode())
-    return reference
