@@ -60,7 +60,10 @@ class Half:
         ("python:{m}:Half", r"it has parameters\(\) and no with_parameters"),
         ("python:{m}:raises:none.yaml", "none.yaml cannot be read: it does not exist"),
         ("python:{m}:raises:list.yaml", "list.yaml must hold 'key: value' pairs"),
-        ("python:{m}_broken:make", r"importing \w+ raised ModuleNotFoundError at .* \(No module named 'gone'\)"),
+        (
+            "python:{m}_broken:make",
+            r"importing \w+ raised ModuleNotFoundError at .* \(No module named 'gone'\)",
+        ),
         ("python:{m}_cut:make", "raised SyntaxError"),
     ],
 )

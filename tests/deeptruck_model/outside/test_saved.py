@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
 import numpy as np
@@ -97,4 +96,4 @@ def test_an_object_that_nobody_can_make_again_is_named(shuttle: Path) -> None:
     CorrectedTruck(inner, [], {}, None, False).save(Path("lone"))
     with pytest.raises(InputError, match=r"an object of shuttle_\w+\.Shuttle, .* write a factory for it"):
         simulators.load("lone")
-    assert os.listdir("lone/base") == [checks.MANIFEST]
+    assert [file.name for file in Path("lone/base").iterdir()] == [checks.MANIFEST]
