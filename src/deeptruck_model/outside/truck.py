@@ -40,7 +40,7 @@ def lacks(simulator: Any) -> dict[str, str]:
     interface, dt = getattr(simulator, "interface", None), getattr(simulator, "dt", None)
     if interface is not None and not isinstance(interface, TruckInterface):
         found["interface"] = f"its interface is a {type(interface).__name__}; make it {NEEDED['interface']}"
-    if dt is not None and not (isinstance(dt, Real) and 0.0 < dt <= LONGEST_DT):
+    if dt is not None and not (isinstance(dt, Real) and 0.0 < float(dt) <= LONGEST_DT):
         found["dt"] = f"its dt is {str(dt)[:40]}; give s, above 0 and at most {LONGEST_DT:g}"
     if hasattr(simulator, "parameters") and not hasattr(simulator, "with_parameters"):
         found["with_parameters"] = "it has parameters() and no with_parameters(values); add it, or omit both"
