@@ -25,7 +25,9 @@ Every parameter of every node: docs/nodes.md.
 
 
 def main(
-    simulator: Annotated[str, typer.Option(help="Simulator directory, or truck:NAME[:overrides.yaml].")],
+    simulator: Annotated[
+        str, typer.Option(help="Simulator directory, truck:NAME[:overrides.yaml] or python:MODULE:FACTORY.")
+    ],
     policy: Annotated[str, typer.Option(help="Policy directory, or baseline:NAME.")],
     record: Annotated[Path | None, typer.Option(help="Bag to record; a new folder.")] = None,
     overwrite: Annotated[bool, typer.Option(help=OVERWRITE_HELP)] = False,

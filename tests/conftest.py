@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
+import uuid
+from pathlib import Path
 
 import pytest
 
@@ -51,3 +54,13 @@ def pytest_configure(config: pytest.Config) -> None:
     for process in running:
         if process.wait(timeout=300):
             raise pytest.UsageError("what the tests share does not compile; the lines above say why")
+
+
+@pytest.fixture
+def shuttle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The example of an outside simulator as a module of its own name in the current directory."""
+    file = tmp_path / f"shuttle_{uuid.uuid4().hex}.py"
+    shutil.copy(Path(__file__).parents[1] / "examples" / "shuttle.py", file)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])  # as importing from there puts it first
+    return file

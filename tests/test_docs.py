@@ -21,7 +21,7 @@ from typer.main import get_command
 
 import deeptruck_cacc.cli
 import truck_bridge.cli
-from deeptruck_model.cli import data, deep, mismatch, spread
+from deeptruck_model.cli import data, deep, mismatch, simulators, spread
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -65,7 +65,7 @@ def script(path: Path) -> ModuleType:
 def programs() -> dict[str, typer.Typer]:
     """Everything the documents may call, as the parser it calls."""
     model = typer.Typer()
-    for module in (data, deep, mismatch):
+    for module in (data, deep, simulators, mismatch):
         module.register(model)
     known = {
         "deeptruck-model": model,

@@ -25,7 +25,10 @@ PolicyPath = Annotated[
     str, typer.Argument(metavar="POLICY", help="Policy directory, or baseline:acc|cacc|idm|pi|mpc.")
 ]
 SimulatorPath = Annotated[
-    str, typer.Option("--simulator", metavar="SIM", help="Simulator directory, or truck:NAME.")
+    str,
+    typer.Option(
+        "--simulator", metavar="SIM", help="Simulator directory, truck:NAME or python:MODULE:FACTORY."
+    ),
 ]
 Resume = Annotated[
     bool, typer.Option("--resume", help="Go on where a killed run of the same command stopped.")

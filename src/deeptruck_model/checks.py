@@ -21,12 +21,16 @@ import yaml
 
 from deeptruck_model import reading
 from deeptruck_model.errors import InputError, MisfitsError
+from deeptruck_model.outside import saved
+from deeptruck_model.outside.reference import FORM, SCHEME
+from deeptruck_model.outside.truck import KIND, look
 from deeptruck_model.signals import TruckInterface
 
 MANIFEST = (
     "simulator.json"  # {"kind": "physics|deep|corrected", "schema": 1, "interface": {...}, "dt": 0.1, ...}
 )
 KINDS = "deeptruck.simulators"  # entry points: kinds of simulator directories, and who loads each
+SCHEMES = "deeptruck.simulator_schemes"  # by what stands before a colon: a function of what stands behind it
 METADATA = "metadata.yaml"  # what a rosbag2 folder says of itself; without one the bag is not finished
 INTERFACE_KEY, NOTES_KEY = "deeptruck.interface", "deeptruck.notes"  # stored with a bag, as JSON
 WEIGHTS = "model.safetensors"  # of a deep truck
@@ -187,17 +191,23 @@ def adapted(start: str, bags: Sequence[Path], *, mapped: Mapped | None = None) -
 
 
 def simulator(text: str) -> SimulatorFacts:
-    """A simulator directory, or `truck:NAME[:overrides.yaml]`, by what it says of itself.
+    """What simulators.load takes, by what it says of itself; one of `python:` is made for that.
 
-    Raises InputError for a truck or override that is not there, or a directory that is none.
+    Raises InputError for a truck or override that is not there, a factory that makes no simulator, or a
+    directory that is none.
     """
     if text.startswith("truck:"):
         _, name, *overrides = text.split(":", 2)
         return _physics_truck(text, name, overrides[0] if overrides else None)
+    if text.startswith(SCHEME):
+        return SimulatorFacts(text, KIND, *look(text.removeprefix(SCHEME)))
+    if by_scheme(text):  # of another package, which alone knows what it is
+        scheme, _, rest = text.partition(":")
+        other = entry_points(group=SCHEMES)[scheme].load()(rest)
+        return SimulatorFacts(text, scheme, other.interface, other.dt)
     path = Path(text)
     data = manifest(path)
-    if data["kind"] == "corrected":
-        manifest(path / "base")
+    _check_beneath(path, data)
     if data["kind"] == "deep" and not (path / WEIGHTS).is_file():
         raise InputError(f"{path} has lost {WEIGHTS}; restore that file, or train again")
     try:
@@ -211,6 +221,20 @@ def simulator(text: str) -> SimulatorFacts:
         ) from None
 
 
+def _check_beneath(path: Path, data: dict[str, Any]) -> None:
+    """Raises InputError where what a directory corrects is lost, or is an outside simulator that changed."""
+    if data["kind"] == "corrected":
+        _check_beneath(path / "base", manifest(path / "base"))
+    elif data["kind"] == KIND:
+        saved.check(path, data)
+
+
+def by_scheme(text: str) -> bool:
+    """Whether a simulator is named by what stands before a colon, and not by the path of a directory."""
+    scheme, _, rest = text.partition(":")
+    return bool(rest) and scheme in {entry.name for entry in entry_points(group=SCHEMES)}
+
+
 def deep_simulator(text: str) -> SimulatorFacts:
     """A simulator directory of a deep truck. Raises InputError for any other."""
     facts = simulator(text)
@@ -222,7 +246,7 @@ def deep_simulator(text: str) -> SimulatorFacts:
 def manifest(path: Path) -> dict[str, Any]:
     """The manifest of a simulator directory. Raises InputError where it is missing, damaged or unknown."""
     if not path.exists():
-        raise InputError(f"{path} does not exist; give a simulator directory, or {_trucks()}")
+        raise InputError(f"{path} does not exist; give a simulator directory, {_trucks()}, or {FORM}")
     if not (path / MANIFEST).exists():
         raise InputError(
             f"{path} is not a simulator directory: it has no {MANIFEST}; 'deeptruck-model train' makes one"
@@ -241,7 +265,7 @@ def trucks() -> tuple[str, ...]:
 
 
 def _trucks() -> str:
-    return " or ".join(f"truck:{name}" for name in trucks())
+    return ", ".join(f"truck:{name}" for name in trucks())
 
 
 def _pool() -> Any:

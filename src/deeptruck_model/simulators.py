@@ -16,15 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model import reading
-from deeptruck_model.checks import KINDS, MANIFEST
+from deeptruck_model.checks import KINDS, MANIFEST, SCHEMES
 from deeptruck_model.checks import manifest as read_manifest
 from deeptruck_model.signals import TruckInterface
 
 __all__ = ["MANIFEST", "Array", "Run", "Simulator", "forced_run", "free_run", "load", "read_manifest"]
 
 Array = NDArray[np.float64]
-
-SCHEMES = "deeptruck.simulator_schemes"  # by what stands before a colon: a function of what stands behind it
 
 
 @runtime_checkable
@@ -110,7 +108,8 @@ def _run(simulator: Simulator, u: Array, w: Array, y0: Array, recorded: Array | 
 
 
 def load(path: str | Path) -> Simulator:
-    """Load a simulator: a simulator directory, or `truck:NAME[:overrides.yaml]` for a physics truck.
+    """Load a simulator: a simulator directory, `truck:NAME[:overrides.yaml]` for a physics truck, or
+    `python:MODULE:FACTORY[:arguments.yaml]` for what a function of somebody else's returns.
 
     Who can load which kind of directory, and what stands before a colon, is registered by entry points of
     installed packages: `checks.KINDS` and SCHEMES. This module knows none of them.

@@ -57,7 +57,7 @@ def test_simulators_tell_what_they_are(tmp_path: Path) -> None:
         ("truck:trucksim:{dir}/none.yaml", "none.yaml cannot be read: it does not exist"),
         ("{dir}/none", "none does not exist"),
         ("{dir}/empty", "is not a simulator directory: it has no simulator.json"),
-        ("{dir}/odd", "has no known kind; installed are corrected, deep, physics"),
+        ("{dir}/odd", "has no known kind; installed are corrected, deep, outside, physics"),
         ("{dir}/cut", "simulator.json is damaged"),
         ("{dir}/bare", "simulator.json is damaged"),
         ("{dir}/weightless", "has lost model.safetensors"),

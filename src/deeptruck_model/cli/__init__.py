@@ -41,8 +41,8 @@ def spread(arguments: list[str]) -> list[str]:
 
 def main() -> None:
     """Entry point."""
-    from deeptruck_model.cli import data, deep, mismatch
+    from deeptruck_model.cli import data, deep, mismatch, simulators
 
-    for module in (data, deep, mismatch):
+    for module in (data, deep, simulators, mismatch):
         module.register(app)
     console.run(app, "deeptruck-model", spread(sys.argv[1:]))

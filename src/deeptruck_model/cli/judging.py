@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from deeptruck_model import checks, results
-from deeptruck_model.cli.inputs import Bags, Overwrite, TopicMap, deep_truck, mapped, read
+from deeptruck_model.cli.inputs import SIMULATOR, Bags, Overwrite, TopicMap, deep_truck, mapped, read
 from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ TOO_NARROW = "intervals that it sets come out too narrow; calibrate with drives 
 
 
 def evaluate(
-    simulator: Annotated[str, typer.Argument(metavar="SIM", help="Simulator directory, or truck:NAME.")],
+    simulator: Annotated[str, typer.Argument(metavar="SIM", help=SIMULATOR)],
     bags: Bags,
     out: Annotated[Path, typer.Option(help="Folder for metrics.json and the figures.", metavar="DIR")],
     trials: Annotated[int, typer.Option(help="Free runs.", min=1)] = 90,

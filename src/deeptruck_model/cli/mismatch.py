@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from deeptruck_model import checks
-from deeptruck_model.cli.inputs import Overwrite, TopicMap, mapped
+from deeptruck_model.cli.inputs import SIMULATOR, Overwrite, TopicMap, mapped
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import folders
 from deeptruck_model.results import BAG, FOUND, apart
@@ -23,7 +23,7 @@ Bags = Annotated[
 
 
 def mismatch(
-    simulator: Annotated[str, typer.Option(help="Simulator directory, or truck:NAME[:overrides.yaml].")],
+    simulator: Annotated[str, typer.Option(help=SIMULATOR)],
     recordings: Bags,
     out: Annotated[Path, typer.Option(help="Folder for verdict.json, report.html and simulator/.")],
     held_out: Annotated[list[Path] | None, typer.Option(help="Recordings used only to judge.")] = None,

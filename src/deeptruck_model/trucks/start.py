@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isnan
 from typing import Any
 
 from deeptruck_model.trucks.brakes import brake_capacity
@@ -55,7 +56,14 @@ def settle(s: Any, p: Any, acceleration: float, speed: float) -> None:
 
 @part
 def replace_speed(s: Any, p: Any, acceleration: float, speed: float) -> None:
-    """Put a recorded response in place of the simulated one; a locked engine turns with it."""
-    s.acceleration, s.speed = acceleration, speed
+    """Put a recorded response in place of the simulated one; a locked engine turns with it.
+
+    Where it is NaN, the simulated one stays.
+    """
+    if not isnan(acceleration):
+        s.acceleration = acceleration
+    if isnan(speed):
+        return
+    s.speed = speed
     if s.clutch == LOCKED:
         s.engine_speed = s.ratio / p.wheel_radius * speed

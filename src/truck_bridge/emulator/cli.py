@@ -41,7 +41,8 @@ def main_command(
     interface: Annotated[str, typer.Option(help="python-can interface.")] = "loopback",
     channel: Annotated[str, typer.Option(help="Channel of the interface.")] = "deeptruck",
     truck: Annotated[
-        str | None, typer.Option(help="What drives: truck:NAME[:overrides.yaml] or a simulator directory.")
+        str | None,
+        typer.Option(help="What drives: truck:NAME, a simulator directory or python:MODULE:FACTORY."),
     ] = None,
     grade: Annotated[str, typer.Option(help="Slope (rise/run), or a CSV with columns distance,grade.")] = "0",
     speed: Annotated[float, typer.Option(help="Speed at the start, m/s.")] = 0.0,

@@ -9,6 +9,7 @@ truck_bridge.emulator`.
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Callable, Mapping
 
 import can
@@ -45,7 +46,8 @@ class EcuEmulator:
         self.driver = Driver()
         self._bus = bus
         self._truck = _as_driven(truck if truck is not None else load_truck(vehicle.truck))
-        self.parameters: Mapping[str, float] = self._truck.parameters()
+        # what the truck does not tell of itself is on the bus as 'not available'
+        self.parameters: Mapping[str, float] = defaultdict(lambda: math.nan, self._truck.parameters())
         self._grade = grade
         y0 = np.zeros((1, len(self._truck.interface.y)))
         y0[0, 1] = speed

@@ -49,7 +49,7 @@ def simulate(common: Common, given: Sections, *, policy: str, simulator: str, lo
         **_monitor(common),
         "leader": {},
         "controller": _controller(policy, interface),
-        "truck_sim": {"simulator": _absolute(simulator, "truck:")},
+        "truck_sim": {"simulator": _named(simulator)},
     }
     sections = _merged(sections, given, common, misfits)
     _look_at_driving(misfits, common, sections, policy, interface)
@@ -166,20 +166,21 @@ def _monitor(common: Common) -> Sections:
     """The monitor's parameters where one was asked for."""
     if not common.monitor:
         return {}
-    return {"mismatch_monitor": {"simulator": _absolute(common.monitor, "truck:")}}
+    return {"mismatch_monitor": {"simulator": _named(common.monitor)}}
 
 
 def _controller(policy: str, interface: TruckInterface | None) -> dict[str, Any]:
     told = {} if interface is None else {"interface": json.dumps(interface.to_dict())}
     return {
         **told,
-        "policy": _absolute(policy, "baseline:"),
+        "policy": policy if policy.startswith("baseline:") else str(Path(policy).absolute()),
         "uses_grade": bool(interface and interface.grade),
     }
 
 
-def _absolute(path: str, exempt: str) -> str:
-    return path if path.startswith(exempt) else str(Path(path).absolute())
+def _named(simulator: str) -> str:
+    """A simulator as the nodes find it, which start where this program did."""
+    return simulator if checks.by_scheme(simulator) else str(Path(simulator).absolute())
 
 
 def _merged(sections: Sections, given: Sections, common: Common, misfits: Misfits) -> Sections:

@@ -22,6 +22,7 @@ from deeptruck_model.mismatch.residual import effective_mass
 from deeptruck_model.mismatch.residual.command_path import CommandPath
 from deeptruck_model.mismatch.residual.components import SENSITIVITY, Shares
 from deeptruck_model.mismatch.residual.evidence import overall_ratio, turns
+from deeptruck_model.outside.truck import keep
 from deeptruck_model.signals import ACCELERATION, SPEED, TruckInterface
 from deeptruck_model.simulators import MANIFEST, Run, Simulator
 from deeptruck_model.simulators import load as load_simulator
@@ -216,7 +217,7 @@ class CorrectedTruck:
     def save(self, path: Path) -> None:
         """Write the directory: base/ and the manifest with terms, parameter changes and validation."""
         path.mkdir(parents=True, exist_ok=True)
-        self.original.save(path / "base")
+        keep(self.original, path / "base")
         manifest = {
             "schema": SCHEMA,
             "kind": "corrected",

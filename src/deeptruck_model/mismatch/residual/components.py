@@ -212,7 +212,7 @@ def _from_questions(
     Its own simulated acceleration is split by non-negative least squares into traction, brake, drag and
     rolling, with the grade as known. Traction is the first of these that is recorded: power over speed from
     measured torque, from commanded torque, from fuel; without engine speed or fuel, the answer to
-    counterfactual runs.
+    counterfactual runs. A mass that the simulator tells is the mass.
     """
     simulated = grid.stack([r.y[0, :, ACCELERATION] for r in runs])
     speed = np.maximum(out["speed"], 1.0)

@@ -1,0 +1,88 @@
+"""What the mismatch tool will be able to tell of a simulator, from what it says of itself."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from deeptruck_model.mismatch.residual.gather import PARAMETERS
+from deeptruck_model.protocol_check import Row, State, drive, start
+from deeptruck_model.signals import SPEED
+from deeptruck_model.simulators import Simulator
+
+FORCES = (  # all of them, where there is a traction_force: each is read wherever the first is there
+    "traction_force",
+    "mass",
+    "brake_force",
+    "drag_force",
+    "rolling_force",
+    "gear",
+    "engine_speed",
+    "engine_torque",
+)
+STEP, SHOWS = 0.2, 1e-6  # share of a parameter, and m/s of change that it makes
+
+
+def rows(simulator: Simulator) -> list[Row]:
+    """Rows for a simulator that passed the protocol check."""
+    seen = simulator.inside(start(simulator, 15.0))
+    own = simulator.parameters()
+    out = [_refitted(simulator), _components(set(seen)), _newtons(set(seen), own), _gears(set(seen))]
+    return out if own else [*out, _learned(simulator)]
+
+
+def _refitted(s: Simulator) -> Row:
+    own = s.parameters()
+    named = [name for name in PARAMETERS if own.get(name)]
+    moves = [name for name in named if _moves(s, name, own[name])]
+    idle = ", ".join(name for name in named if name not in moves)
+    rest = ", ".join(name for name in PARAMETERS if name not in named) or "none"
+    says = f"{', '.join(moves) or 'none'}; as a force beside it: {rest}"
+    if idle:
+        mend = "make with_parameters act on what drives, or leave them out of parameters()"
+        return Row("refitted", State.NO, f"{idle} changes nothing of a drive", mend)
+    mend = "" if moves else f"tell and take any of {', '.join(PARAMETERS)} as parameters"
+    return Row("refitted", State.YES if moves else State.NOTE, says, mend)
+
+
+def _moves(s: Simulator, name: str, value: float) -> bool:
+    from deeptruck_model.protocol_check import BRAKE, ENGINE
+
+    i, other = s.interface, s.with_parameters({name: value * (1 + STEP)})
+    pedals = [{"engine": ENGINE[i.engine_unit]}]
+    pedals += [] if i.brake_unit is None else [{"brake": BRAKE[i.brake_unit]}]
+    apart = [(drive(s, [15.0], **p) - drive(other, [15.0], **p))[:, 0, SPEED] for p in pedals]
+    return max(float(np.abs(x).max()) for x in apart) > SHOWS
+
+
+def _components(seen: set[str]) -> Row:
+    lacking = [name for name in FORCES if name not in seen]
+    if "traction_force" in seen and lacking:
+        mend = "tell all of these, or no traction_force"
+        return Row("forces", State.NO, f"inside tells traction_force and not {', '.join(lacking)}", mend)
+    if not lacking:
+        return Row("forces", State.YES, "traction, brake, drag and rolling are its own")
+    says = "split from its acceleration by recorded engine_torque and engine_speed, else fuel_rate"
+    return Row("forces", State.NOTE, says, f"tell {', '.join(FORCES)} in inside(), in SI")
+
+
+def _newtons(seen: set[str], own: dict[str, float]) -> Row:
+    if "mass" in own or "traction_force" in seen:
+        return Row("forces in N", State.YES, "by its own mass")
+    says = "by a mass guessed from recorded engine_torque or fuel_rate, else of 20 t"
+    return Row("forces in N", State.NOTE, says, "tell mass (kg) in parameters()")
+
+
+def _gears(seen: set[str]) -> Row:
+    told = [name for name in ("gear", "engine_speed") if name in seen]
+    if told:
+        return Row("gears", State.YES, f"{', '.join(told)} beside what is recorded, where it is")
+    says = "driving in another gear than was recorded is not seen"
+    return Row("gears", State.NOTE, says, "tell gear and engine_speed (rad/s) in inside()")
+
+
+def _learned(s: Simulator) -> Row:
+    """Without parameters it counts as learned: its own errors are known by its own recordings alone."""
+    if getattr(s, "reference", ()):
+        return Row("own errors", State.YES, "known from the recordings in its `reference`")
+    says = "without parameters it counts as learned, and its own errors count as the truck's"
+    return Row("own errors", State.NOTE, says, "give recordings that it was made from as `reference`")

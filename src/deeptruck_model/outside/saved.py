@@ -1,0 +1,95 @@
+"""A folder that stands for an outside simulator: where it came from, and the hashes of its files.
+
+The base of a corrected simulator is such a folder. A correction is worth nothing on another simulator, so
+that what has changed since is not loaded until somebody says that it is the same.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from deeptruck_model import files, reading
+from deeptruck_model.errors import InputError
+from deeptruck_model.outside.reference import SCHEME, Reference, refer
+from deeptruck_model.outside.truck import KIND, MANIFEST, SCHEMA, OutsideTruck, adopted
+from deeptruck_model.signals import TruckInterface
+
+MAKE_AGAIN = "run 'deeptruck-model mismatch' again"
+
+
+def check(path: Path, manifest: Mapping[str, Any]) -> Reference:
+    """What the folder `path` stands for, as it is found now; nothing of it is run.
+
+    Raises InputError where it is not found, or is not what it was.
+    """
+    reference = _reference(path, manifest)
+    for what, file in (("module", reference.module_file), ("arguments", reference.arguments)):
+        was, is_ = manifest.get(f"{what}_sha256"), getattr(reference, f"{what}_sha256")
+        if was != is_:
+            raise InputError(
+                f"{path} stands for {reference.text} with a {file} of SHA-256 {str(was)[:12]}, which is now "
+                f"{str(is_)[:12]}: {MAKE_AGAIN}, or accept it with "
+                f"'deeptruck-model check-simulator {path} --accept'"
+            )
+    return reference
+
+
+def _reference(path: Path, manifest: Mapping[str, Any]) -> Reference:
+    if manifest.get("schema") != SCHEMA:
+        raise InputError(f"{path} was saved by another version; {MAKE_AGAIN}")
+    text, at = manifest.get("simulator"), manifest.get("arguments_file")
+    if text is None and "object" in manifest:
+        raise InputError(
+            f"{path} stands for an object of {reading.plain(str(manifest['object']))}, which cannot be made "
+            f"again; write a factory for it and name it as {SCHEME}MODULE:FACTORY"
+        )
+    if not isinstance(text, str) or not text.startswith(SCHEME) or not isinstance(at, str | None):
+        raise InputError(f"{path / MANIFEST} is damaged (it names no simulator); {MAKE_AGAIN}")
+    try:
+        return refer(text.removeprefix(SCHEME), None if at is None else Path(at))
+    except InputError as error:
+        was = reading.plain(str(manifest.get("module_file")))
+        raise InputError(f"{path}: {error} (its module was {was})") from None
+
+
+def load_directory(path: Path, manifest: dict[str, Any]) -> OutsideTruck:
+    """The simulator that a folder of kind 'outside' stands for. Raises InputError as `check`."""
+    truck = adopted(check(path, manifest))
+    try:
+        values = {str(name): float(value) for name, value in manifest.get("parameters", {}).items()}
+        dt, interface = float(manifest["dt"]), TruckInterface.from_dict(manifest["interface"])
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(
+            f"{path / MANIFEST} is damaged ({reading.plain(repr(error))}); {MAKE_AGAIN}"
+        ) from None
+    if (interface, dt) != (truck.interface, truck.dt):
+        raise InputError(f"{path}: {manifest['simulator']} has another interface or dt now; {MAKE_AGAIN}")
+    return truck.with_parameters(values)
+
+
+def stands_for(path: Path) -> Path | None:
+    """The folder of kind 'outside' that is `path` or what it corrects; None where there is none."""
+    while (path / MANIFEST).is_file():
+        kind = reading.json_object(path / MANIFEST, MAKE_AGAIN).get("kind")
+        if kind == KIND:
+            return path
+        path = path / "base"
+    return None
+
+
+def as_it_is(path: Path) -> OutsideTruck:
+    """What the folder `path` of kind 'outside' stands for, changed or not. Raises InputError without it."""
+    return adopted(_reference(path, reading.json_object(path / MANIFEST, MAKE_AGAIN)))
+
+
+def accept(path: Path) -> None:
+    """Take the files as they are now for those that were meant, in the folder `path` of kind 'outside'.
+
+    Raises InputError where they are not found.
+    """
+    manifest = reading.json_object(path / MANIFEST, MAKE_AGAIN)
+    told = manifest | _reference(path, manifest).to_dict()
+    files.write(path / MANIFEST, json.dumps(told, indent=1).encode())

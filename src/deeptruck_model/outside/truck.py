@@ -1,0 +1,190 @@
+"""Somebody else's simulator as one of ours: what it answers is checked, what it may leave out is there."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from numbers import Real
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.outside.reference import Reference, asked, made, refer
+from deeptruck_model.signals import TruckInterface
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+KIND, MANIFEST, SCHEMA = "outside", "simulator.json", 1
+LONGEST_DT = 60.0  # s
+NEEDED = {  # what the object must have, and the form of it
+    "interface": "a deeptruck_model.signals.TruckInterface",
+    "dt": "its step in s",
+    "reset": "reset(y0) -> state",
+    "step": "step(state, u, w) -> (state, y)",
+    "force": "force(state, y) -> state",
+}
+
+
+def lacks(simulator: Any) -> dict[str, str]:
+    """What an object lacks to be a simulator: by the member, in words that say what mends it."""
+    found = {}
+    for name, form in NEEDED.items():
+        what = getattr(simulator, name, None)
+        if what is None or (name in ("reset", "step", "force") and not callable(what)):
+            found[name] = f"it has no {name}; add {form}"
+    interface, dt = getattr(simulator, "interface", None), getattr(simulator, "dt", None)
+    if interface is not None and not isinstance(interface, TruckInterface):
+        found["interface"] = f"its interface is a {type(interface).__name__}; make it {NEEDED['interface']}"
+    if dt is not None and not (isinstance(dt, Real) and 0.0 < float(dt) <= LONGEST_DT):
+        found["dt"] = f"its dt is {str(dt)[:40]}; give s, above 0 and at most {LONGEST_DT:g}"
+    if hasattr(simulator, "parameters") and not hasattr(simulator, "with_parameters"):
+        found["with_parameters"] = "it has parameters() and no with_parameters(values); add it, or omit both"
+    return found
+
+
+class OutsideTruck:
+    """A Simulator around an object that lacks nothing of NEEDED.
+
+    `values` are parameters that it was given since its factory made it. What it has beyond the protocol
+    (rollout, driven, command_range ...) is passed on.
+    """
+
+    def __init__(self, inner: Any, reference: Reference, values: Mapping[str, float] | None = None) -> None:
+        self._inner, self._reference, self._values = inner, reference, dict(values or {})
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        beyond = getattr(self._inner, name)
+        return self._checked_rollout(beyond) if name == "rollout" else beyond
+
+    @property
+    def interface(self) -> TruckInterface:
+        own: TruckInterface = self._inner.interface
+        return own
+
+    @property
+    def dt(self) -> float:
+        return float(self._inner.dt)
+
+    def reset(self, y0: Array) -> Any:
+        with self._asked("reset"):
+            return self._inner.reset(y0)
+
+    def step(self, state: Any, u: Array, w: Array) -> tuple[Any, Array]:
+        with self._asked("step"):
+            after, y = self._inner.step(state, u, w)
+            return after, _numbers(y, (len(u), len(self.interface.y)))
+
+    def force(self, state: Any, y: Array) -> Any:
+        with self._asked("force"):
+            return self._inner.force(state, y)
+
+    def inside(self, state: Any) -> dict[str, Array]:
+        if not hasattr(self._inner, "inside"):
+            return {}
+        import numpy as np
+
+        with self._asked("inside"):
+            return {str(n): np.asarray(x, np.float64) for n, x in self._inner.inside(state).items()}
+
+    def parameters(self) -> dict[str, float]:
+        if not hasattr(self._inner, "parameters"):
+            return {}
+        with self._asked("parameters"):
+            return {str(name): float(value) for name, value in self._inner.parameters().items()}
+
+    def with_parameters(self, values: Mapping[str, float]) -> OutsideTruck:
+        unknown = sorted(set(values) - set(self.parameters()))
+        if unknown:
+            raise InputError(f"{self._reference.text} has no parameter {', '.join(unknown)}")
+        if not values:
+            return self
+        with self._asked("with_parameters"):
+            other = self._inner.with_parameters(dict(values))
+        return OutsideTruck(other, self._reference, {**self._values, **values})
+
+    def save(self, path: Path) -> None:
+        """Write where it came from, with the hashes of its files; `saved.load_directory` makes it again."""
+        told = {"interface": self.interface.to_dict(), "dt": self.dt, "parameters": self._values}
+        _write(path, self._reference.to_dict() | told)
+
+    def _checked_rollout(self, rollout: Callable[..., Any]) -> Callable[..., Any]:
+        def checked(u: Array, w: Array, y0: Array, recorded: Array | None = None) -> Any:
+            with self._asked("rollout"):
+                run = rollout(u, w, y0, recorded)
+                _numbers(run.y[:, 1:], (len(u), u.shape[1] - 1, len(self.interface.y)))
+                return run
+
+        return checked
+
+    def _asked(self, method: str) -> Any:
+        return asked(self._reference.text, method)
+
+
+def _numbers(y: Any, shape: tuple[int, ...]) -> Array:
+    import numpy as np
+
+    numbers = np.asarray(y, np.float64)
+    if numbers.shape != shape:
+        raise InputError(f"its y has shape {numbers.shape}, expected {shape}; mend its step")
+    if not np.isfinite(numbers).all():
+        raise InputError("its y is not finite: it diverged, or was driven where it cannot be; mend its step")
+    return numbers
+
+
+def adopted(reference: Reference) -> OutsideTruck:
+    """What the factory makes, as a Simulator. Raises InputError where that is none."""
+    inner = made(reference)
+    if missing := lacks(inner):
+        what = f"what {reference.factory} returns is no simulator: {', '.join(missing.values())}"
+        raise InputError(f"{reference.text}: {what}")
+    return OutsideTruck(inner, reference)
+
+
+_looked_at: dict[Reference, tuple[TruckInterface, float]] = {}
+_waiting: dict[Reference, OutsideTruck] = {}  # looked at, and not yet taken: a factory may be slow
+
+
+def look(text: str) -> tuple[TruckInterface, float]:
+    """Interface and dt of PACKAGE.MODULE:FACTORY[:ARGUMENTS.yaml]. Raises InputError as `load_text`."""
+    reference = refer(text)
+    if reference not in _looked_at:
+        truck = _waiting[reference] = adopted(reference)
+        _looked_at[reference] = truck.interface, truck.dt
+    return _looked_at[reference]
+
+
+def load_text(text: str) -> OutsideTruck:
+    """The simulator of PACKAGE.MODULE:FACTORY[:ARGUMENTS.yaml].
+
+    Raises InputError where it is not found, cannot be made, or is no simulator.
+    """
+    reference = refer(text)
+    waiting = _waiting.pop(reference, None)
+    return adopted(reference) if waiting is None else waiting
+
+
+def keep(simulator: Any, path: Path) -> None:
+    """Save a simulator that is corrected as the folder `path`.
+
+    Of one that was given as an object and saves nothing that can be loaded, what it was is written.
+    """
+    with suppress(NotImplementedError):  # nobody else's object needs to know how to save itself
+        if hasattr(simulator, "save"):
+            simulator.save(path)
+    if (path / MANIFEST).is_file():
+        return
+    kind = type(simulator)
+    told = {"interface": simulator.interface.to_dict(), "dt": simulator.dt, "parameters": {}}
+    _write(path, {"simulator": None, "object": f"{kind.__module__}.{kind.__qualname__}"} | told)
+
+
+def _write(path: Path, told: Mapping[str, Any]) -> None:
+    path.mkdir(parents=True, exist_ok=True)
+    (path / MANIFEST).write_text(json.dumps({"kind": KIND, "schema": SCHEMA, **told}, indent=1))

@@ -1,0 +1,83 @@
+"""What the mismatch tool will tell follows from what a simulator tells; and a foreign one is corrected."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from deeptruck_model import mismatch, simulators, trucks
+from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch import told
+from deeptruck_model.mismatch.residual.gather import PARAMETERS
+from deeptruck_model.protocol_check import State
+from deeptruck_model.recordings import Recording
+
+
+def rows(simulator: Any) -> dict[str, Any]:
+    return {row.about: row for row in told.rows(simulator)}
+
+
+def test_of_a_physics_truck_everything_is_told() -> None:
+    found = rows(trucks.load("trucksim"))
+    assert {row.state for row in found.values()} == {State.YES}
+    assert found["refitted"].says == f"{', '.join(PARAMETERS)}; as a force beside it: none"
+
+
+def test_of_a_truck_that_tells_nothing_the_rest_is_guessed(shuttle: Path) -> None:
+    truck = simulators.load(f"python:{shuttle.stem}:make")
+    assert rows(truck)["forces in N"].says == "by its own mass"
+    assert rows(truck)["forces"].state is State.NOTE
+    truck.parameters = dict  # type: ignore[method-assign]
+    found = rows(truck)
+    assert {row.state for row in found.values()} == {State.NOTE}
+    assert "20 t" in found["forces in N"].says and "counts as learned" in found["own errors"].says
+
+
+def test_half_of_the_forces_and_parameters_that_do_nothing_are_missing(shuttle: Path) -> None:
+    with shuttle.open("a") as file:
+        file.write(
+            "\n\nclass Half(Shuttle):\n"
+            "    def inside(self, state): return {'traction_force': state, 'gear': state}\n"
+            "    def with_parameters(self, values): return Half({**self.body})\n"
+            "\n\ndef half(): return Half(BODY)\n"
+        )
+    found = rows(simulators.load(f"python:{shuttle.stem}:half"))
+    assert found["forces"].state is State.NO and "not mass, brake_force" in found["forces"].says
+    assert found["refitted"].state is State.NO and "changes nothing" in found["refitted"].says
+
+
+def drives(truck: Any, count: int) -> list[Recording]:
+    """Two minutes each of pedals that come and go on hills, with the noise of a wheel-speed sensor."""
+    out = []
+    for seed in range(count):
+        rng = np.random.default_rng(seed)
+        held = np.repeat(rng.uniform(-800.0, 1600.0, 30), 40)
+        u = np.stack([np.maximum(held, 0.0), np.maximum(-held, 0.0) / 40.0], axis=1)[None]
+        w = np.repeat(rng.normal(0.0, 0.01, 12), 100)[None, :, None]
+        y = simulators.free_run(truck, u, w, np.array([[0.0, 15.0]])).y[0]
+        channels = {
+            "engine_command": u[0, :, 0],
+            "brake_command": u[0, :, 1],
+            "grade": w[0, :, 0],
+            "speed": y[:, 1] + rng.normal(0.0, 0.003, len(y)),
+            "acceleration": y[:, 0] + rng.normal(0.0, 0.02, len(y)),
+        }
+        out.append(Recording(f"drive{seed}", 0.1, channels, truck.interface))
+    return out
+
+
+def test_an_outside_simulator_is_corrected_kept_and_loaded_again(shuttle: Path) -> None:
+    truck = simulators.load(f"python:{shuttle.stem}:make")
+    *fit, held = drives(truck.with_parameters({"brake_gain": 0.75}), 3)
+    found = mismatch.find_mismatch(truck, fit, [held])
+    assert [f.effect for f in found.result.findings] == ["brake_gain"] and found.result.fit.validated
+    assert found.evidence.mass == 20000.0 and not [c for c in found.result.caveats if "forces in N" in c]
+    found.corrected.save(Path("better"))
+    better = simulators.load("better")
+    assert better.parameters()["brake_gain"] == pytest.approx(0.75, rel=0.03)
+    shuttle.write_text(shuttle.read_text().replace("LEVER = 4.0", "LEVER = 4.5"))
+    with pytest.raises(InputError, match="SHA-256"):
+        simulators.load("better")

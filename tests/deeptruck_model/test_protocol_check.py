@@ -1,0 +1,161 @@
+"""Each fault that somebody else's simulator can have is found by the row that is about it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from deeptruck_model import protocol_check, trucks
+from deeptruck_model.protocol_check import State
+from deeptruck_model.signals import TruckInterface
+
+SHUTTLE = TruckInterface("shuttle", fuel=False)
+
+
+@dataclass
+class Sound:
+    """A truck that keeps the protocol; the state is its speed and how often it was stepped."""
+
+    body: float = 20000.0
+    dt: float = 0.1
+    interface: TruckInterface = SHUTTLE
+
+    def reset(self, y0: Any) -> Any:
+        return {"speed": np.array(y0[:, 1]), "steps": 0}
+
+    def accelerate(self, speed: Any, u: Any, w: Any) -> Any:
+        return 4.0 * u[:, 0] / self.body - 0.06 * u[:, 1] - 9.81 * w[:, 0] - 1e-4 * speed**2
+
+    def step(self, state: Any, u: Any, w: Any) -> Any:
+        speed = np.maximum(state["speed"] + self.accelerate(state["speed"], u, w) * self.dt, 0.0)
+        y = np.stack([(speed - state["speed"]) / self.dt, speed], axis=1)
+        return {"speed": speed, "steps": state["steps"] + 1}, y
+
+    def force(self, state: Any, y: Any) -> Any:
+        return state | {"speed": np.where(np.isnan(y[:, 1]), state["speed"], y[:, 1])}
+
+    def inside(self, state: Any) -> Any:
+        return {"engine_speed": 4.0 * state["speed"]}
+
+    def parameters(self) -> dict[str, float]:
+        return {"mass": self.body}
+
+    def with_parameters(self, values: Any) -> Any:
+        return replace(self, body=values["mass"])
+
+    def save(self, path: Any) -> None: ...
+
+
+def changed(**methods: Callable[..., Any]) -> Any:
+    return type("Changed", (Sound,), methods)()
+
+
+def not_ok(simulator: Any) -> dict[str, protocol_check.Row]:
+    return {r.about: r for r in protocol_check.examine(simulator) if r.state is not State.YES}
+
+
+def step_of(change: Callable[..., Any]) -> Callable[..., Any]:
+    def step(self: Sound, state: Any, u: Any, w: Any) -> Any:
+        return change(self, state, u, w, *Sound.step(self, state, u, w))
+
+    return step
+
+
+def in_km_h(self: Any, state: Any, u: Any, w: Any, after: Any, y: Any) -> Any:
+    return after, y * [1.0, 3.6]
+
+
+def in_g(self: Any, state: Any, u: Any, w: Any, after: Any, y: Any) -> Any:
+    return after, y / [9.81, 1.0]
+
+
+def noisy(self: Any, state: Any, u: Any, w: Any, after: Any, y: Any) -> Any:
+    return after, y + np.random.default_rng().normal(0.0, 1e-9, y.shape)
+
+
+def mixed(self: Any, state: Any, u: Any, w: Any, after: Any, y: Any) -> Any:
+    return after | {"speed": y[:, 1] + 1e-3 * y[:, 1].mean()}, y
+
+
+def in_place(self: Any, state: Any, u: Any, w: Any, after: Any, y: Any) -> Any:
+    state.update(after)
+    return state, y
+
+
+def no_number(self: Any, state: Any, u: Any, w: Any, after: Any, y: Any) -> Any:
+    return after, y * np.nan
+
+
+def test_a_sound_simulator_and_the_pool_lack_nothing() -> None:
+    assert not not_ok(Sound())
+    for name in trucks.pool():
+        assert set(not_ok(trucks.load(name))) <= {"grade"}
+
+
+FORCED: dict[str, Callable[..., Any]] = {
+    "deaf": lambda self, state, y: state,
+    "numb": lambda self, state, y: state | {"speed": y[:, 1]},
+    "own": lambda self, state, y: state.update(speed=y[:, 1]) or state,
+}
+
+
+@pytest.mark.parametrize(
+    ("methods", "about", "says"),
+    [
+        ({"step": step_of(no_number)}, "reset, step", "or no number"),
+        ({"step": step_of(in_km_h)}, "reset, step", "m/s one step after a reset at 20 m/s"),
+        ({"step": step_of(in_g)}, "acceleration", "from the change of speed over dt"),
+        ({"step": step_of(noisy)}, "determinism", "differs when repeated"),
+        ({"step": step_of(mixed)}, "batches", "otherwise in a batch"),
+        ({"step": step_of(in_place)}, "old states", "changes the state that it is given"),
+        ({"force": FORCED["own"]}, "old states", "changes the state that it is given"),
+        ({"force": FORCED["deaf"]}, "force", "after force"),
+        ({"force": FORCED["numb"]}, "force with NaN", "changes what follows"),
+        (
+            {"accelerate": lambda self, v, u, w: Sound.accelerate(self, v, -u, w)},
+            "engine command",
+            "the opposite",
+        ),
+        (
+            {"accelerate": lambda self, v, u, w: Sound.accelerate(self, v, u * [1, 0], w)},
+            "brake command",
+            "hardly anything",
+        ),
+        ({"accelerate": lambda self, v, u, w: Sound.accelerate(self, v, u, -w)}, "grade", "the opposite"),
+        ({"inside": lambda self, state: {"gear": np.ones(7)}}, "inside", "gear of"),
+        (
+            {"inside": lambda self, state: {"engine_speed": np.full(3, 1500.0)}},
+            "inside",
+            "engine_speed beyond 0 to 700 rad/s",
+        ),
+        ({"parameters": lambda self: {"mass": np.nan}}, "parameters", "mass is no finite number"),
+        (
+            {"with_parameters": lambda self, values: self},
+            "parameters",
+            "changes the simulator itself, or noth",
+        ),
+        ({"reset": lambda self, y0: 1 / 0}, "reset, step", "ZeroDivisionError"),
+    ],
+)
+def test_each_fault_is_found(methods: dict[str, Any], about: str, says: str) -> None:
+    rows = not_ok(changed(**methods))
+    assert about in rows and rows[about].state is State.NO, rows
+    assert re.search(says, rows[about].says) and rows[about].mend
+
+
+def test_what_only_some_need_is_noted() -> None:
+    bare = changed(
+        inside=lambda self, state: {},
+        parameters=lambda self: {},
+        accelerate=lambda self, v, u, w: 2e-4 * np.nan_to_num(u[:, 0]),
+    )
+    bare.interface, bare.dt = TruckInterface("b", brake_unit=None, grade=False, fuel=False), 0.5
+    rows = not_ok(bare)
+    assert set(rows) == {"dt", "brake command", "grade", "command of NaN", "inside", "parameters"}
+    assert all(row.state is State.NOTE and row.mend for row in rows.values())
+    assert not protocol_check.missing(list(rows.values()))
