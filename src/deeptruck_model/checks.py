@@ -116,6 +116,12 @@ def refuse(misfits: Iterable[str]) -> None:
         raise MisfitsError(found)
 
 
+def mass(mass_kg: float | None) -> None:
+    """Raises InputError for a mass (kg) that no vehicle can have."""
+    if mass_kg is not None and not 0.0 < mass_kg < float("inf"):
+        raise InputError(f"a mass of {mass_kg:g} kg cannot be; state what the truck weighs, in kg")
+
+
 def inputs(simulator_text: str | None, bags: Sequence[Path], *, mapped: Mapped | None = None) -> None:
     """Whether the simulator and the bags, read by the topic map `mapped`, are there and fit one another.
 

@@ -199,3 +199,11 @@ def test_checks_import_nothing_heavy(tmp_path: Path) -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert json.loads(done.stdout) == [True, []]
+
+
+@pytest.mark.parametrize("mass_kg", [-1.0, 0.0, float("nan"), float("inf")])
+def test_a_mass_that_cannot_be_is_refused_at_once(mass_kg: float) -> None:
+    checks.mass(None)
+    checks.mass(900.0)
+    with pytest.raises(InputError, match="state what the truck weighs"):
+        checks.mass(mass_kg)

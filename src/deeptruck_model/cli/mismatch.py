@@ -49,6 +49,7 @@ def mismatch(
         lambda: FOUND.check(out, overwrite=overwrite),
         lambda: apart(out, Path(simulator), *recordings, *held_out),
         lambda: checks.inputs(simulator, [*recordings, *held_out], mapped=mapped(topic_map)),
+        lambda: checks.mass(mass_kg),
     )
     from rich.console import Console
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from deeptruck_model.checks import mass
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import locate
 from deeptruck_model.mismatch.correction import correction
@@ -77,8 +78,7 @@ def find_mismatch(
 def _check_mass(simulator: Simulator, mass_kg: float | None) -> None:
     if mass_kg is None:
         return
-    if not 0.0 < mass_kg < np.inf:
-        raise InputError(f"a mass of {mass_kg:g} kg cannot be; state what the truck weighs, in kg")
+    mass(mass_kg)
     own = simulator.parameters().get("mass")
     if own is not None and abs(mass_kg - own) > 1e-6 * own:
         raise InputError(f"the simulator's own mass is {own:g} kg; leave --mass-kg out, or set its parameter")

@@ -47,8 +47,8 @@ def _write_profiles(m: Mismatch, path: Path) -> None:
         for f in m.result.findings:
             if f.cause is None:
                 continue
-            force = e.newtons(f.cause.force)
-            force /= -GRAVITY * e.mass if f.cause.effect == "road_grade" else 1.0
+            force = e.newtons(f.cause.force) / e.mass
+            force *= -1.0 / GRAVITY if f.cause.effect == "road_grade" else e.unit.scale
             for s in e.stretches:
                 for k in range(s.start, s.stop - every + 1, every):
                     value = float(force[k : k + every].mean())

@@ -13,7 +13,8 @@ import pytest
 from found_mismatches import VERDICTS, mismatch
 
 from deeptruck_model import mismatch as tool
-from deeptruck_model.mismatch.posterior.causes import Cause, RoadLock
+from deeptruck_model.mismatch.posterior.causes import Cause
+from deeptruck_model.mismatch.posterior.road_lock import RoadLock
 from deeptruck_model.mismatch.report import findings
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.result import Bound, Conclusion, Finding, Kind, Mismatch, Size, Verdict

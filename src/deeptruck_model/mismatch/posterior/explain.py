@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from deeptruck_model.mismatch.mechanisms import is_time_varying
-from deeptruck_model.mismatch.posterior.causes import Cause, Explanation, road_lock
+from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.free_law import FreeModel, LeftOver, left_over
 from deeptruck_model.mismatch.posterior.penalties import discrepancy_penalty, large_enough
 from deeptruck_model.mismatch.posterior.rivals import named_cause, tuned_causes
+from deeptruck_model.mismatch.posterior.road_lock import road_lock
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.posterior.slow_force import SlowForce, plain_truck, slow_force
 from deeptruck_model.mismatch.posterior.stepwise import grow

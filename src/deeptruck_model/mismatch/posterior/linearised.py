@@ -107,7 +107,16 @@ class _Around:
         }
         moved = accepted(self.simulator, possible, near=STEP)
         tuned = self.simulator.with_parameters({p: own[p] * (1 + c) for p, c in moved.items()})
-        e = gather(tuned, self.prepared, self.held_out, seed=self.seed, moved=moved, rules=search.rules)
+        mass_kg = search.e.mass if search.e.mass_known else None
+        e = gather(
+            tuned,
+            self.prepared,
+            self.held_out,
+            seed=self.seed,
+            moved=moved,
+            rules=search.rules,
+            mass_kg=mass_kg,
+        )
         return nuisances.beside_it(Search(e, exclude=self.exclude), self.exclude)
 
 

@@ -36,7 +36,7 @@ WORDS = {
 }
 
 
-MEMORY = re.compile(r"\b(engine|acceleration|braking power) over (\d+) s\b")
+MEMORY = re.compile(r"(?<!simulated )\b(engine|acceleration|braking power) over (\d+) s\b")
 REMEMBERED = {
     "engine": "engine force per mass",
     "acceleration": "simulated acceleration",

@@ -11,8 +11,9 @@ from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.expression import Rerun
 from deeptruck_model.mismatch.mechanisms import LIBRARY, OWN, UNNAMED, CandidateTerm, Column, carriers
 from deeptruck_model.mismatch.mechanisms.variants import OwnCurve
-from deeptruck_model.mismatch.posterior.causes import Cause, Explanation, RoadLock
+from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.formula import Formula
+from deeptruck_model.mismatch.posterior.road_lock import RoadLock
 from deeptruck_model.mismatch.posterior.search import Model
 from deeptruck_model.mismatch.residual.evidence import Evidence, ForceUnit
 from deeptruck_model.mismatch.result import Finding, Kind, Rival, Size

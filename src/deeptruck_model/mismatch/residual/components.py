@@ -157,7 +157,7 @@ def signals(
     if "traction_force" in runs[0].inside:
         mass, is_known = _from_inside(out, simulator, runs, grid), True
     else:
-        known = mass_kg or simulator.parameters().get("mass")
+        known = simulator.parameters().get("mass", mass_kg)
         mass, is_known = _from_questions(out, simulator, prepared, runs, grid, known), known is not None
     _ratio(out)
     return out, mass, is_known

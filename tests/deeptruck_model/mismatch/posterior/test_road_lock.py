@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from deeptruck_model.mismatch.posterior.causes import road_lock
+from deeptruck_model.mismatch.posterior.road_lock import road_lock
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
 
 SPEED, DT, KM = 20.0, 0.2, 30

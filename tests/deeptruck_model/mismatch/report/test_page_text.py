@@ -179,3 +179,10 @@ def test_a_force_of_both_signs_has_an_rms(nothing_missing: Evidence, swings: boo
     sign = np.where(np.arange(len(e)) // 50 % 2, -1.0, 1.0) if swings else 1.0
     force = Cause("missing_physics", "headwind", 50.0, 1.0, sign * np.full(len(e), 3000.0 / e.mass))
     assert strength(force, e) == said  # all the time, and so without the time in which it acts
+
+
+def test_a_short_memory_is_put_in_words_once() -> None:
+    """A page said 'simulated simulated acceleration over 2 s': words pass through here more than once."""
+    said = wording.prose("acceleration over 2 s above 0.85 m/s^2")
+    assert "simulated acceleration over 2 s" in said
+    assert wording.prose(said) == said
