@@ -17,6 +17,7 @@ Each run was ended at a random moment of its work, a third of them in its last t
 `kill -9` ends the process that was started alone; Ctrl-C reaches all of them. A run is wrong if it left a half
 result under its final name, a process or shared memory. It is wrong too if, once started again, it gave another
 result than an undisturbed one. Compared are the bytes of weights and verdict; of a bag, its messages by topic.
+Shared memory is looked for on the whole machine, so that other programs that end meanwhile count too.
 
 | command | `kill -9` | Ctrl-C | of these in the last tenth | only after its end | wrong |
 | --- | ---: | ---: | ---: | ---: | ---: |
