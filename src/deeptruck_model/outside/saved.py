@@ -29,10 +29,10 @@ def check(path: Path, manifest: Mapping[str, Any]) -> Reference:
     for what, file in (("module", reference.module_file), ("arguments", reference.arguments)):
         was, is_ = manifest.get(f"{what}_sha256"), getattr(reference, f"{what}_sha256")
         if was != is_:
+            name = what if file is None else file.name
             raise InputError(
-                f"{path} stands for {reference.text} with a {file} of SHA-256 {str(was)[:12]}, which is now "
-                f"{str(is_)[:12]}: {MAKE_AGAIN}, or accept it with "
-                f"'deeptruck-model check-simulator {path} --accept'"
+                f"{name} of SHA-256 {str(was)[:12]} is {str(is_)[:12]} now: accept it with "
+                f"'deeptruck-model check-simulator {path} --accept', or {MAKE_AGAIN}"
             )
     return reference
 

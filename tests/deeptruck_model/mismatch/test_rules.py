@@ -27,7 +27,7 @@ NUMERICS = {
     "correction/recovered_road.py": {"LEAST"},
     "correction/worth.py": {"NOTICED", "NOTICED_M_S"},
     "posterior/candidates.py": {"FEW_COLUMNS", "FITTED", "MOST_COLUMNS", "SECOND_TERMS"},
-    "posterior/causes.py": {"LENGTH_M"},
+    "posterior/road_lock.py": {"LENGTH_M"},
     "posterior/formula.py": {"CELLS", "LEAST_IN_CELL"},
     "posterior/slow_force.py": {"BRAKE_S", "BRAKING", "SLOWEST"},
     "posterior/windows.py": {"AROUND_S", "FITTED"},
