@@ -1,8 +1,8 @@
 """What other controllers demand of the truck beside us, held to what the vehicle file gives each of them.
 
-J1939-71 has TSC1 for it (PGN 0). Byte 1 holds the override control mode (SPN 695, bits 1 and 2: 0 hands back,
-1 speed, 2 torque, 3 a limit of both), conditions (SPN 696) and priority (SPN 897); bytes 2 and 3 the requested
-speed (SPN 898), byte 4 the torque (SPN 518), byte 5 the transmission rate (SPN 3349). The rate is measured:
+J1939-71 has TSC1 for it (PGN 0). Byte 1 holds the override control mode (SPN 695, bits 1 and 2; 0 hands back,
+1 is speed, 2 torque, 3 a limit of both), conditions (SPN 696) and priority (SPN 897). Bytes 2 and 3 hold the
+requested speed (SPN 898), byte 4 torque (SPN 518), byte 5 transmission rate (SPN 3349). The rate is measured:
 what a frame says of itself proves nothing.
 """
 
@@ -22,7 +22,7 @@ class _Demand:
     """What one controller demands of one axis."""
 
     on: bool = False
-    since: float = -math.inf
+    since: float = math.nan
     last: float = -math.inf  # the newest message that demands
     due: float = -math.inf  # the next message, at the least period
 
@@ -70,7 +70,7 @@ class Demands:
         for allowed, demand in self._demands.values():
             if demand.on and self._quiet(allowed, demand, now):
                 demand.on = False
-                found.append(self._refuse(f"{allowed.name}: too seldom", now))
+                found.append(self._refuse(f"{allowed.name}: not repeated in time", now))
         return found
 
     def _refuse(self, reason: str, now: float) -> str:
