@@ -29,11 +29,12 @@ from mutants_alike import ALIKE
 HERE = Path(__file__).resolve().parent
 PROMISE = ("frames", "engagement", "handing_back", "losing", "arming")
 TESTS = {  # for each module, the tests most likely to notice first
-    "core": (*PROMISE, "exact_times", "limits", "hearing"),
+    "core": (*PROMISE, "demands", "exact_times", "limits", "hearing"),
+    "demands": ("demands", "losing"),
     "hearing": ("hearing", *PROMISE, "limits"),
     "motion": ("motion", "limits", *PROMISE),
     "checks": ("hearing", *PROMISE, "limits"),
-    "tables": ("limits", *PROMISE, "hearing"),
+    "tables": ("limits", *PROMISE, "hearing", "demands"),
 }
 RESULT = HERE.parents[1] / "docs" / "results" / "bridge_mutation.md"
 SECONDS = 90  # a mutant that runs longer hangs, and is noticed

@@ -108,9 +108,31 @@ def twice(key, message, signals, sender="engine"):
     return put("receive", key, spec)
 
 
+LIMIT = {"modes": [3], "longest": 5, "period": [0.008, 0.05]}
+
+
+def test_what_others_may_demand_reaches_the_core(vehicle):
+    allowed = {demand.name: demand for demand in vehicle.table.allowed}
+    brake = allowed["brake to engine"]
+    assert (brake.key, brake.modes, brake.longest_s, brake.period_s) == (0x0B, (3,), 5, (0.008, 0.05))
+    assert allowed["brake to retarder"].key == 0x0F0B
+    assert allowed["transmission to engine"].key == 0x03
+
+
+def test_brakes_may_only_limit(vehicle):
+    assert {d.modes for d in vehicle.table.allowed if d.name.startswith("brake")} == {(3,)}
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [
+        (lambda d: d.pop("demands"), "key 'demands' is missing"),
+        (put("demands", "moon", {"engine": LIMIT}), "no address for 'moon'"),
+        (put("demands", "brake", "brake", LIMIT), "demands.brake.brake: only what TSC1 commands"),
+        (put("demands", "brake", "rocket", LIMIT), "can be allowed: engine, retarder"),
+        (put("demands", "brake", "engine", "modes", [0]), "must be one of 1, 2, 3"),
+        (put("demands", "brake", "engine", "longest", 0), "must be a number"),
+        (put("demands", "brake", "engine", "period", [0.05, 0.01]), "demands.brake.engine.period needs two"),
         (put("colour", "red"), "unknown key 'colour'"),
         (put("transmit", "engine", "perod", 0.02), "did you mean 'period'"),
         (lambda d: d.pop("bridge"), "key 'bridge' is missing"),

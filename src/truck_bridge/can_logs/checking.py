@@ -14,6 +14,8 @@ from truck_bridge.vehicles import Vehicle
 STEP_S = 0.01  # the core is asked so often between frames
 HOLE_S = 1.0  # a log with a longer hole has been paused: hearing starts anew
 
+Times = dict[str, tuple[float, float]]  # first and last time of each reason, s from the start of the log
+
 
 @dataclass
 class Checked:
@@ -26,6 +28,8 @@ class Checked:
     heard: Counter[str] = field(default_factory=Counter)  # frames by message
     refusals: Counter[str] = field(default_factory=Counter)
     losses: Counter[str] = field(default_factory=Counter)
+    refused_s: Times = field(default_factory=dict)
+    lost_s: Times = field(default_factory=dict)
     obstacles: Counter[str] = field(default_factory=Counter)  # what stood against engaging: turns of 10 ms
     driver_s: Counter[str] = field(default_factory=Counter)  # how long the driver acted, by signal
 
@@ -48,15 +52,19 @@ class _Replay:
         self._table: Table = replace(vehicle.table, override=(), needs_lead=False, engage_speed=(0.0, 1e3))
         self._names = {message.key: message.name for message in vehicle.table.heard}
         self._safety = Safety(self._table)
-        self._now = 0.0
+        self._now = self._start = 0.0
+        self._seen = Counter[str](), Counter[str]()
         self._found = Checked(vehicle.name)
 
     def run(self, path: Path) -> Checked:
         for frame in read(path, self._found.notes):
+            if self._found.frames == 0:
+                self._start = frame.time
             if self._found.frames == 0 or not 0 <= frame.time - self._now <= HOLE_S:
                 self._begin(frame.time)
             self._wait(frame.time)
             self._hear(frame)
+            self._note(frame.time)
         self._count()
         return self._found
 
@@ -64,11 +72,21 @@ class _Replay:
         self._count()
         self._safety = Safety(self._table)
         self._safety.arm(now)
-        self._now = now
+        self._now, self._seen = now, (Counter(), Counter())
 
     def _count(self) -> None:
         self._found.refusals += self._safety.refusals
         self._found.losses += self._safety.losses
+
+    def _note(self, now: float) -> None:
+        """When each reason came."""
+        counts, at = (self._safety.refusals, self._safety.losses), now - self._start
+        for times, count, seen in zip(
+            (self._found.refused_s, self._found.lost_s), counts, self._seen, strict=True
+        ):
+            for reason in count - seen:
+                times[reason] = (times.get(reason, (at, at))[0], at)
+            seen.update(count - seen)
 
     def _hear(self, frame: Frame) -> None:
         self._found.frames += 1
@@ -90,6 +108,7 @@ class _Replay:
         found.seconds += STEP_S
         safety.command({axis.name: axis.rest for axis in self._table.axes}, True, self._now)
         safety.tick(self._now)
+        self._note(self._now)
         if safety.state is State.ENGAGED:
             found.engaged_s += STEP_S
         elif safety.state is not State.STANDBY:
@@ -109,8 +128,8 @@ def lines(found: Checked) -> Iterator[str]:
     yield from found.notes
     yield f"heard for {found.vehicle}: {_listed(found.heard)}"
     yield f"could have been engaged for {found.engaged_s:.1f} s"
-    yield f"refused: {_listed(found.refusals)}"
-    yield f"control would have been lost: {_listed(found.losses)}"
+    yield f"refused: {_timed(found.refusals, found.refused_s)}"
+    yield f"control would have been lost: {_timed(found.losses, found.lost_s)}"
     if found.engaged_s == 0:
         yield f"never engaged because: {', '.join(name for name, _ in found.obstacles.most_common())}"
     times = ", ".join(f"{name} {seconds:.1f} s" for name, seconds in found.driver_s.items())
@@ -119,3 +138,13 @@ def lines(found: Checked) -> Iterator[str]:
 
 def _listed(counts: Counter[str]) -> str:
     return ", ".join(f"{name} {count}" for name, count in counts.most_common()) or "nothing"
+
+
+def _timed(counts: Counter[str], times: Times) -> str:
+    """Each reason with its count and its first and last time."""
+    told = []
+    for name, count in counts.most_common():
+        first, last = times[name]
+        when = f"at {first:.2f} s" if count == 1 else f"{count} times, {first:.2f} to {last:.2f} s"
+        told.append(f"{name} ({when})")
+    return ", ".join(told) or "nothing"

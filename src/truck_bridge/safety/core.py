@@ -17,6 +17,7 @@ from collections.abc import Mapping
 from enum import Enum
 
 from truck_bridge.safety.checks import checksum_ok, counter_ok
+from truck_bridge.safety.demands import Demands
 from truck_bridge.safety.hearing import Hearing
 from truck_bridge.safety.motion import Motion
 from truck_bridge.safety.tables import SIGNED, Axis, Table
@@ -50,12 +51,17 @@ class Safety:
         self._forget()
 
     def _forget(self) -> None:
-        self.hearing = Hearing(self.table, self.refusals)
+        self._listen()
         self._motions = {axis.can_id: Motion(axis) for axis in self.table.axes}
         self._demands: dict[str, float] = {}
         self._commanded = -math.inf
         self._link = True
         self._now = self._engaged_at = self._faded_at = -math.inf
+
+    def _listen(self) -> None:
+        """Anew: nothing heard yet."""
+        self.hearing = Hearing(self.table, self.refusals)
+        self.others = Demands(self.table, self.refusals)
 
     # the person and the controller
 
@@ -124,6 +130,8 @@ class Safety:
         found += [f"driver: {name}" for name in hearing.driver_acts()]
         found += [f"truck: {name}" for name in hearing.forbids()]
         found += [f"implausible: {pair}" for pair in hearing.implausible()]
+        if now - self.others.refused <= table.timing.quiet:
+            found.append("another controller demands what it may not")
         if table.needs_lead and not lead_vehicle:
             found.append("no vehicle ahead")
         low, high = table.engage_speed
@@ -171,6 +179,8 @@ class Safety:
             self._rewind(now)
         elif gap > self.table.timing.stall:
             self.release(now, "stalled")
+        for reason in self.others.broken_off(now):
+            self.fade(now, reason)
         if self.state is State.ENGAGED:
             self._watch(now)
         if self.state is State.FADING:
@@ -185,7 +195,7 @@ class Safety:
     def _rewind(self, now: float) -> None:
         """The clock went back: nothing heard or sent has a meaningful age any more."""
         self.release(now, "clock went back")
-        self.hearing = Hearing(self.table, self.refusals)
+        self._listen()
         self._commanded = -math.inf
         for motion in self._motions.values():
             motion.time = now - motion.axis.period_s
@@ -215,17 +225,12 @@ class Safety:
         if source == self.table.address and can_id not in self.table.always:
             if own is None or own.data != data:  # an echo of our own frame is no conflict
                 self.release(now, "another node uses our address")
-        elif source not in self.table.friends and self._commands_truck(can_id):
-            self.fade(now, "another node commands the truck")
-        message = self.hearing.take(can_id, data, now)
-        if message:
+        elif demanded := self.others.take(can_id, data, now):
+            self.fade(now, demanded)
+        if message := self.hearing.take(can_id, data, now):
             self.fade(now, message)
         for name in self.hearing.driver_acts():
             self.release(now, f"driver: {name}")
-
-    def _commands_truck(self, can_id: int) -> bool:
-        """True for one of our command messages, whoever sends it."""
-        return any((axis.can_id ^ can_id) & 0x03FF_FF00 == 0 for axis in self.table.axes)
 
     # frames out
 

@@ -58,9 +58,7 @@ class Axis:
     check: str  # none, tsc1 or xbr
     limits: Limits
     rest: float = 0.0  # the demand that asks for nothing
-    idle_at_rest: bool = (
-        False  # a demand of rest is sent as the release frame (XBR of 0 would hold the speed)
-    )
+    idle_at_rest: bool = False  # rest is sent as the release frame (XBR of 0 would hold the speed)
     start_from: str = ""  # heard signal (same unit) where the demand starts at engagement
 
 
@@ -87,6 +85,17 @@ class Heard:
 
 
 @dataclass(frozen=True)
+class Allowed:
+    """What another controller may demand of one axis. `key` is the identifier without its priority."""
+
+    name: str  # "brake to engine"
+    key: int
+    modes: tuple[int, ...]  # override control modes of TSC1 (J1939-71, SPN 695)
+    longest_s: float  # a demand
+    period_s: tuple[float, float]  # between messages, least (on average) and most
+
+
+@dataclass(frozen=True)
 class Driveline:
     """Wheel speed against engine speed: speed = engine_speed rolling_radius / (gear_ratio final_drive)."""
 
@@ -105,6 +114,7 @@ class Timing:
     handover_scale: float = 0.5
     fade_longest: float = 4.0
     persist: float = 0.5  # an implausible pair of signals for so long is a fault
+    quiet: float = 1.0  # after a demand that its sender may not make, no engagement for so long
     releases: int = 4  # release frames on each axis before silence
 
 
@@ -116,11 +126,9 @@ class Table:
     axes: tuple[Axis, ...]
     heard: tuple[Heard, ...]
     always: tuple[int, ...]  # identifiers that may leave whenever armed: address claim, and its request
-    friends: tuple[int, ...]  # source addresses that may command our axes beside us: transmission, brakes
+    allowed: tuple[Allowed, ...]  # what transmission, brakes ... may demand of our axes; nobody else anything
     override: tuple[tuple[str, float], ...]  # driver signals, at or above which the driver takes over
-    forbidden: tuple[
-        tuple[str, float], ...
-    ]  # truck signals at a value that forbids control: parking brake set ...
+    forbidden: tuple[tuple[str, float], ...]  # truck signals at a value that forbids control: parking brake
     driveline: Driveline | None
     engage_speed: tuple[float, float]
     needs_lead: bool

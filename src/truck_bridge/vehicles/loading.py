@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import fields
 from importlib import resources
 from itertools import pairwise
@@ -16,6 +17,7 @@ from truck_bridge.errors import InputError
 from truck_bridge.j1939 import checksums, ids
 from truck_bridge.j1939.codec import Codec, Layout, Signal
 from truck_bridge.safety import Axis, Driveline, Field, Heard, Limits, Measured, Table, Timing
+from truck_bridge.safety.tables import Allowed
 from truck_bridge.units import to_si
 from truck_bridge.vehicles.schema import VEHICLE, check
 from truck_bridge.vehicles.vehicle import Transmitted, Vehicle
@@ -74,7 +76,7 @@ def _build(data: dict[str, Any], codec: Codec) -> Vehicle:
         axes=tuple(message.axis for message in sent.values()),
         heard=heard,
         always=_claims(own),
-        friends=tuple(data["addresses"].values()),
+        allowed=tuple(_allowed(data, sent)),
         override=tuple((name, float(value)) for name, value in data["driver"].items()),
         forbidden=tuple((name, float(value)) for name, value in data["forbidden"].items()),
         driveline=_driveline(data.get("driveline")),
@@ -123,6 +125,19 @@ def _transmitted(key: str, spec: dict[str, Any], data: dict[str, Any], codec: Co
         start_from=spec.get("start_from", ""),
     )
     return Transmitted(axis, layout, spec["demand"], spec["active"], spec["release"], spec["phase"])
+
+
+def _allowed(data: dict[str, Any], sent: dict[str, Transmitted]) -> Iterator[Allowed]:
+    """What each controller may demand by TSC1; the only message whose modes the core knows."""
+    for who, axes in data["demands"].items():
+        for axis, spec in axes.items():
+            place = f"demands.{who}.{axis}"
+            if axis not in sent or sent[axis].layout.name != "TSC1":
+                known = [name for name, message in sent.items() if message.layout.name == "TSC1"]
+                raise InputError(f"{place}: only what TSC1 commands can be allowed: {', '.join(known)}")
+            key = sent[axis].axis.can_id & 0x03FF_FF00 | _address(data, who)
+            period = _pair(f"{place}.period", spec["period"])
+            yield Allowed(f"{who} to {axis}", key, tuple(spec["modes"]), spec["longest"], period)
 
 
 def _limits(key: str, spec: dict[str, Any]) -> Limits:

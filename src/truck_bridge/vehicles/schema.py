@@ -62,6 +62,7 @@ TRANSMIT = {
     "start_from": Optional(str),
     "limits": LIMITS,
 }
+DEMAND = {"modes": [OneOf(1, 2, 3)], "longest": SECONDS, "period": [SECONDS]}
 RECEIVE = {
     "message": Optional(str),
     "from": str,
@@ -89,6 +90,7 @@ VEHICLE: dict[str, Any] = {
         {"rolling_radius": Number(0.1, 2), "final_drive": Number(0.5, 20), "tolerance": Number(0.01, 1)}
     ),
     "transmit": {"engine": TRANSMIT, "retarder": Optional(TRANSMIT), "brake": TRANSMIT},
+    "demands": MapOf(MapOf(DEMAND)),
     "receive": MapOf(RECEIVE),
     "driver": MapOf(ANY),
     "forbidden": MapOf(ANY),

@@ -16,6 +16,7 @@ from truck_bridge.emulator.ecus import EcuEmulator
 HERE = Path(__file__).parent
 RESEARCH = HERE.parent / "research_truck.yaml"
 REAL = Path(os.environ.get("DEEPTRUCK_REAL_DATA", "../shared/data")) / "j1939_csu" / "normal.log"
+FORGED = REAL.with_name("tsc1.log")
 EEC1, EBC2 = 0x0CF00400, 0x18FEBF0B
 
 
@@ -90,6 +91,27 @@ def test_another_node_that_commands_is_noticed_and_the_bridge_itself_is_not(tmp_
     assert found.losses == {"another node commands the truck": 1}
 
 
+def demand(first, last, mode, step=0.01):
+    """TSC1 to the engine from the brake controller's address, handed back at the end."""
+    times = [first + step * k for k in range(round((last - first) / step) + 1)]
+    frames = [(t, 0x0C00000B, bytes([0xFC | mode]) + b"\xff" * 7) for t in times]
+    return [*frames, (times[-1] + step, 0x0C00000B, b"\xfc" + b"\xff" * 7)]
+
+
+def test_what_the_brakes_may_demand_is_sound(tmp_path):
+    assert checked(tmp_path, "trucksim", sorted([*driven("trucksim"), *demand(2.0, 4.0, mode=3)])).clean
+
+
+def test_a_forged_demand_of_a_known_address_is_told_with_its_times(tmp_path):
+    found = checked(tmp_path, "trucksim", sorted([*driven("trucksim"), *demand(2.0, 3.0, mode=1)]))
+    assert found.refusals == {"brake to engine: control mode 1": 101}
+    assert found.losses == {"brake to engine: control mode 1": 1}
+    assert found.engaged_s == pytest.approx(4.0, abs=0.2)  # until 2 s, and from a second after the last
+    said = list(lines(found))
+    assert "refused: brake to engine: control mode 1 (101 times, 2.00 to 3.00 s)" in said
+    assert "control would have been lost: brake to engine: control mode 1 (at 2.00 s)" in said
+
+
 def test_the_driver_is_named_and_does_not_take_over(tmp_path):
     codec = vehicles.load("trucksim").codec
     pedal = codec["EEC2"].encode({"AcceleratorPedalPosition": 30.0})
@@ -121,3 +143,14 @@ def test_a_real_truck_is_never_refused_falsely():
     assert found.losses == {}
     assert sum(found.heard.values()) == 7497
     assert found.engaged_s > 29.8
+
+
+@pytest.mark.skipif(not FORGED.is_file(), reason=f"{FORGED} is not there (set DEEPTRUCK_REAL_DATA)")
+def test_a_demand_forged_from_the_brake_controllers_address_is_found():
+    """Speed control of the engine from address 0x0B, between true limits by the transmission."""
+    found = can_logs.check(FORGED, vehicles.load(RESEARCH))
+    reason = "brake to engine: control mode 1"
+    assert found.refusals == {reason: 923, "brake to engine: not repeated in time": 1}
+    assert found.losses == {reason: 1}
+    assert found.lost_s[reason] == pytest.approx((14.98, 14.98), abs=0.01)
+    assert found.refused_s[reason] == pytest.approx((14.98, 24.40), abs=0.01)
