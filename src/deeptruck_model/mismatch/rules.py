@@ -157,7 +157,7 @@ class Rules:
     )
     credible: float = _of(0.8, "1", "probability that a group of names holds the right one", FITTED)
     recognised: float = _of(0.8, "1", "probability that a law is one of the names it is like", FITTED)
-    recognised_unknown: float = _of(0.6, "1", "probability that what is like no name is `unknown`", FITTED)
+    recognised_unknown: float = _of(0.6, "1", "probability that what is like no name is `unknown`", CHOSEN)
     manoeuvre_speed: float = _of(
         0.1, "m/s", "a manoeuvre tells two names apart if speeds differ by more than this ...", SENSORS
     )
