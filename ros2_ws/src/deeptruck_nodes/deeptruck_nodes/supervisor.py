@@ -75,13 +75,11 @@ class Supervisor:
         """why the run ended, in a few words"""
 
     def run(self, duration: float = 0.0) -> int:
-        """Run until a program ends the run, `duration` s (0: no limit) have passed, or SIGINT or SIGTERM.
+        """Run until a program ends the run, `duration` s (0: no limit) have passed, or SIGINT, SIGTERM or SIGHUP.
 
         Returns the exit code: 0 after a wanted end, 2 where a program refused its input, else 1.
         """
-        before = {
-            number: signal.signal(number, self._on_signal) for number in (signal.SIGINT, signal.SIGTERM)
-        }
+        before = {number: signal.signal(number, self._on_signal) for number in _ends()}
         try:
             for program in self._programs:
                 self._children.append(self._start(program))
@@ -181,6 +179,12 @@ class Supervisor:
                 return True
             time.sleep(0.01)
         return child.process.poll() is not None
+
+
+def _ends() -> list[signal.Signals]:
+    """The signals that end a run; SIGHUP does not where it is ignored, as under nohup."""
+    hangs_up = signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN
+    return [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hangs_up else [])]
 
 
 def _die_with_parent() -> None:
