@@ -114,8 +114,9 @@ class Result:
         writes holds the folder and signs it. A new one that is not whole is kept, which is said. Raises
         InputError as `check`.
         """
-        self.check(out, overwrite=overwrite)
-        if not out.is_dir():
+        if not self.check(out, overwrite=overwrite):
+            with suppress(FileNotFoundError):
+                out.rmdir()  # an empty one
             self._tidy(out)
             yield out
             return
@@ -210,15 +211,16 @@ class Result:
         return self._ours(out)
 
     def _listed(self, out: Path) -> Ledger:
-        """The ledger of a folder that is not empty. Raises InputError where it is not this command's alone."""
+        """The ledger of a folder that is not empty. Raises InputError for one of which not all is ours."""
         known = ledger.read(out)
         if known is not None and known.what != self.what:
             raise self._foreign(out, known.what)
         if self.names or known is not None:
             self._ours(out)
         if known is None:
+            first = min(path.name for path in out.iterdir())
             raise InputError(
-                f"{out} is not empty and has no {LEDGER}, by which this command knows what it wrote; "
+                f"{out} holds {first} but no {LEDGER}, by which this command knows what it wrote; "
                 f"{self.elsewhere}, or remove it yourself"
             )
         return known
@@ -308,7 +310,7 @@ class Result:
 
 
 def _fits(parts: tuple[str, ...], pattern: list[str], path: Path, exact: bool) -> bool:
-    """Whether a path is what the pattern says, or a folder on the way to it; unless `exact`, a draft of it."""
+    """Whether a path is what the pattern says, a folder on the way to it, or, unless `exact`, its draft."""
     on_the_way = path.is_dir() and len(parts) < len(pattern)
     whole = path.is_file() and len(parts) == len(pattern)
     return (on_the_way or whole) and all(

@@ -52,7 +52,8 @@ def write_bag(
     Pieces keep their distance in time, or are moved apart so far that reading cuts them again (see
     `lay_out`). Values survive exactly, NaN included, but for gap, which sensor_msgs/Range carries as
     float32. Whole or not there. With `overwrite` a bag of the same `kind` is replaced, which says for
-    whom it is written, and nothing else. Raises InputError for an existing path, recordings of different dt, or a full disk.
+    whom it is written, and nothing else. Raises InputError for an existing path, recordings of different
+    dt, or a full disk.
     """
     path = Path(path)
     starts = lay_out(recordings)

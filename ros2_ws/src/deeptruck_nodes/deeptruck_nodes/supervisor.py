@@ -75,7 +75,7 @@ class Supervisor:
         """why the run ended, in a few words"""
 
     def run(self, duration: float = 0.0) -> int:
-        """Run until a program ends the run, `duration` s (0: no limit) have passed, or SIGINT, SIGTERM or SIGHUP.
+        """Run until a program ends the run, `duration` s (0: no limit) have passed, or a signal asks for it.
 
         Returns the exit code: 0 after a wanted end, 2 where a program refused its input, else 1.
         """
