@@ -270,11 +270,12 @@ def test_a_file_of_the_users_refuses_to_be_replaced(capsys, finished, inside):
     assert content(finished) == before
 
 
-def test_a_copy_without_the_ledger_is_still_known_as_a_policy(capsys, finished):
+def test_a_copy_without_the_ledger_may_be_anybodys(capsys, finished):
     (finished / "p" / files.LEDGER).unlink()
-    assert run(*training(finished)) == 2 and "holds a policy already" in last_line(capsys)
-    assert run(*training(finished), "--seed", "3", "--overwrite") == 0
-    assert load_policy(finished / "p").card["seed"] == 3
+    before = content(finished)
+    assert run(*training(finished), "--seed", "3", "--overwrite") == 2
+    assert f"but no {files.LEDGER}, by which this command knows" in last_line(capsys)
+    assert content(finished) == before and load_policy(finished / "p").card["seed"] != 3
 
 
 def test_an_export_replaces_nothing(capsys, finished):

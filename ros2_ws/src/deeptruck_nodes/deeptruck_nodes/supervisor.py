@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from deeptruck_nodes.lifeline import VARIABLE, LifelineHolder
@@ -104,7 +106,7 @@ class Supervisor:
                 env={**self._environment, VARIABLE: str(lifeline.child)},
                 pass_fds=(lifeline.child, self._lock),
                 start_new_session=True,  # Ctrl-C reaches the supervisor alone, which then keeps the order
-                preexec_fn=_die_with_parent,  # noqa: PLW1509 (there is one thread)
+                preexec_fn=partial(_die_with, os.getpid()),  # noqa: PLW1509 (there is one thread)
             )
         lifeline.handed_over()
         return _Child(program, process, log, lifeline)
@@ -187,9 +189,11 @@ def _ends() -> list[signal.Signals]:
     return [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hangs_up else [])]
 
 
-def _die_with_parent() -> None:
+def _die_with(parent: int) -> None:
     """Runs in the child: the kernel ends it when a killed supervisor cannot."""
     _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    if os.getppid() != parent:  # killed before the kernel was asked
+        os._exit(1)
 
 
 _LIBC = ctypes.CDLL(None)
