@@ -245,7 +245,9 @@ def test_a_damaged_checkpoint_is_named_with_advice_that_is_taken(capsys, unfinis
     assert run(*training(unfinished), "--resume") == 2
     assert "state.safetensors is damaged" in last_line(capsys)
     assert run(*training(unfinished), "--overwrite") == 0
-    assert [p.name for p in unfinished.iterdir()] == ["p"]
+    (kept,) = (p for p in unfinished.iterdir() if p.name != "p")
+    assert f"had begun is kept as {kept}; remove it" in capsys.readouterr().err
+    assert (kept / "checkpoint" / "state.safetensors").exists()
 
 
 def test_the_old_policy_stands_until_the_new_one_is_whole(capsys, finished):

@@ -43,6 +43,9 @@ INSIDE = (
     "deeptruck-model road found bag --out bag/out",
     "deeptruck-cacc train --simulator bag --out bag/out",
     "deeptruck-cacc evaluate bag --simulator truck:trucksim --out bag/out",
+    "deeptruck-model check-simulator bag --json bag/x.json",
+    "deeptruck-model export bag --out bag/x.onnx",
+    "deeptruck-cacc export bag --out bag/x.onnx",
 )
 FILES = (
     "deeptruck-model suggest none --out mine.txt",
