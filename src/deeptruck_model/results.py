@@ -70,9 +70,9 @@ def check_start(kind: Result, out: Path, *, resume: bool, overwrite: bool) -> No
         )
 
 
-def apart(out: Path, *inputs: Path) -> None:
+def apart(out: Path, *inputs: Path, elsewhere: str = files.ELSEWHERE) -> None:
     """Raises InputError where `out` is one of the inputs or lies inside one."""
     place = out.resolve()
     for given in inputs:
         if place == given.resolve() or given.resolve() in place.parents:
-            raise InputError(f"{out} is {given} or inside it, which is read here; {files.ELSEWHERE}")
+            raise InputError(f"{out} is {given} or inside it, which is read here; {elsewhere}")

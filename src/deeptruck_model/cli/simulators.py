@@ -34,7 +34,7 @@ def check_simulator(
     """
     if json_file is not None:
         files.check_new(json_file)
-        results.apart(json_file, Path(simulator))
+        results.apart(json_file, Path(simulator), elsewhere="choose another --json")
     place = _stands_for(simulator) if accept else None
     table = _members(simulator) or _driven(simulator, place)
     _tell(table)
