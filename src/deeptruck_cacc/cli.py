@@ -163,10 +163,13 @@ def export(
     """
     from deeptruck_cacc.controllers.loading import load_trained
     from deeptruck_model import checks
+    from deeptruck_model.results import apart
 
     if policy.startswith("baseline:"):
         raise InputError(f"{policy} is not a trained policy; only those have an ONNX form")
-    checks.every(lambda: load_trained(Path(policy)), partial(files.check_new, out))
+    checks.every(
+        lambda: load_trained(Path(policy)), partial(files.check_new, out), partial(apart, out, Path(policy))
+    )
     from deeptruck_cacc.controllers.export import export_onnx
 
     export_onnx(load_trained(Path(policy)), out)

@@ -17,6 +17,7 @@ from deeptruck_exam.construction import DT, Built, build_case
 from deeptruck_exam.effects.law import Array
 from deeptruck_exam.effects.planting import ALL
 from deeptruck_exam.effects.series import ou_series
+from deeptruck_exam.folder import CASE
 from deeptruck_exam.plans import Plan
 from deeptruck_exam.truth import describe
 from deeptruck_exam.worlds import trucks
@@ -80,6 +81,7 @@ def make_case(
         Recording(name, DT, channels, interface) for name, channels in zip(names, measured, strict=True)
     ]
     out.mkdir(parents=True)
+    CASE.claim(out)
     for recording in recordings:
         write_bag(out / "recordings" / recording.name, [recording], interface=interface)
     believed = plan.believed

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from deeptruck_model.errors import InputError
-from deeptruck_model.files import ELSEWHERE, LEDGER, Result
+from deeptruck_model.files import LEDGER, Result
 from deeptruck_model.results import FOUND, TRUCK_FILES
 
 _BAG = ("metadata.yaml", "*_0.mcap", LEDGER)
 _FOUND = tuple(f"found/{name}" for name in (*FOUND.names, LEDGER))
 _CASE = (
-    "case.json", "score.json", ".score.json", "simulator.yaml", "sealed/truth.json", "sealed/drives.npz",
+    LEDGER, "case.json", "score.json", ".score.json", "simulator.yaml", "sealed/truth.json",
+    "sealed/drives.npz",
     *(f"recordings/*/{name}" for name in _BAG),
     *(f"found/simulator/base/{name}" for name in (*TRUCK_FILES, LEDGER)),
     *_FOUND,
@@ -34,11 +34,8 @@ PROOF = Result(
 
 
 def check(out: Path) -> None:
-    """Whether a proof can be worked on in `out`: a new folder, or one that has cases.
+    """Whether a proof can be worked on in `out`: a new folder, or one that has its ledger.
 
-    Raises InputError as `Result.check`, and for a folder without cases: its proof.md may be anybody's.
+    Raises InputError as `Result.check`.
     """
     PROOF.check(out, overwrite=True)  # nothing is replaced: what is scored there is kept
-    if out.is_dir() and any(out.iterdir()) and not (out / "cases").is_dir():
-        inside = min(path.name for path in out.iterdir())
-        raise InputError(f"{out} holds {inside} and no cases, so it is no proof; {ELSEWHERE}")

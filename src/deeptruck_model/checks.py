@@ -19,7 +19,7 @@ from typing import Any
 
 import yaml
 
-from deeptruck_model import reading
+from deeptruck_model import files, reading
 from deeptruck_model.errors import InputError, MisfitsError
 from deeptruck_model.outside import saved
 from deeptruck_model.outside.reference import FORM, SCHEME
@@ -304,7 +304,9 @@ def bag(path: Path, *, mapped: Mapped | None = None, any_topics: bool = False) -
     the map `mapped`; with `any_topics` they may be others.
     """
     if not path.exists():
-        raise InputError(f"{path} does not exist")
+        beside = "".join(f"; {line}" for line in files.left_beside(path))
+        raise InputError(f"{path} does not exist{beside}")
+    files.tell_left_beside(path)
     if path.is_file():
         _check_magic(path)
         return BagFacts(path, None, None, mapped)

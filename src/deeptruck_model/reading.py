@@ -1,12 +1,13 @@
 """What every reader does before it trusts a file of the user's, in one place. Standard library and YAML only.
 
 JSON, YAML and CSV have no checksum: a digit that changed on a disk reads as another number, and nobody can
-see it. What can be seen (a pipe in the place of a file, text that is none, values that no reader expects) is
-refused with one line that names the file and says how to mend it.
+see it, unless a manifest beside tells the SHA-256. What can be seen (a pipe in the place of a file, text that
+is none, values that no reader expects) is refused with one line that names the file and says how to mend it.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import stat
@@ -52,6 +53,28 @@ def text(path: Path, cure: str) -> str:
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path} is damaged or no text ({_why(error)}); {cure}") from None
+
+
+def sha256(path: Path) -> str:
+    """Of a file's bytes, in hexadecimal digits."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def check_saved(folder: Path, manifest: str, told: object, cure: str) -> None:
+    """Raises InputError where a file in `folder` is not the one whose SHA-256 its manifest has told.
+
+    `told` maps names to digests; None, as in folders of earlier versions, tells nothing. For files that a
+    reader has just read: the formats have no checksum, so a changed bit would be another number in silence.
+    """
+    if told is None:
+        return
+    if not isinstance(told, dict):
+        raise InputError(f"{folder / manifest} is damaged (sha256 is no table); {cure}")
+    for name, digest in told.items():
+        path = folder / Path(name).name
+        if path.is_file() and sha256(path) != digest:
+            raise InputError(f"{path} is damaged or of another save: {manifest} has another SHA-256; {cure}")
 
 
 def json_object(path: Path, cure: str) -> dict[str, Any]:

@@ -15,6 +15,7 @@ TRUCK_FILES = (
     "resume.safetensors", "tensorboard/events.out.tfevents.*",
 )  # fmt: skip
 DEEP_TRUCK = Result("a deep truck", TRUCK_FILES)
+CALIBRATED = Result("a calibrated deep truck", TRUCK_FILES)
 PHYSICS_TRUCK = Result("a physics truck", (MANIFEST,))
 SWEEP = Result(
     "a sweep",
@@ -26,8 +27,10 @@ SWEEP = Result(
 )
 EVALUATION = Result("an evaluation", ("metrics.json", "error_statistics.png", "scenarios.png", "samples.png"))
 COVERAGE = Result("a coverage", ("coverage.json", "coverage.png"))
-# by their list of files alone: a bag that the user recorded looks the same, and a README.md may be anybody's
+# by their ledger alone: a bag that the user recorded looks the same, and a README.md may be anybody's
 BAG = Result("an imported bag")
+WRITTEN_BAG = Result("a written bag")  # by a program that calls `write_bag`
+BAG_WITH_ROAD = Result("a bag with a recovered slope")
 EXPERIMENT = Result("an experiment")
 
 FIGURES = (
@@ -67,9 +70,9 @@ def check_start(kind: Result, out: Path, *, resume: bool, overwrite: bool) -> No
         )
 
 
-def apart(out: Path, *inputs: Path) -> None:
+def apart(out: Path, *inputs: Path, elsewhere: str = files.ELSEWHERE) -> None:
     """Raises InputError where `out` is one of the inputs or lies inside one."""
     place = out.resolve()
     for given in inputs:
         if place == given.resolve() or given.resolve() in place.parents:
-            raise InputError(f"{out} is {given} or inside it, which is read here; {files.ELSEWHERE}")
+            raise InputError(f"{out} is {given} or inside it, which is read here; {elsewhere}")

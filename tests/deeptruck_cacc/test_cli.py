@@ -245,7 +245,9 @@ def test_a_damaged_checkpoint_is_named_with_advice_that_is_taken(capsys, unfinis
     assert run(*training(unfinished), "--resume") == 2
     assert "state.safetensors is damaged" in last_line(capsys)
     assert run(*training(unfinished), "--overwrite") == 0
-    assert [p.name for p in unfinished.iterdir()] == ["p"]
+    (kept,) = (p for p in unfinished.iterdir() if p.name != "p")
+    assert f"had begun is kept as {kept}; remove it" in capsys.readouterr().err
+    assert (kept / "checkpoint" / "state.safetensors").exists()
 
 
 def test_the_old_policy_stands_until_the_new_one_is_whole(capsys, finished):
@@ -270,11 +272,12 @@ def test_a_file_of_the_users_refuses_to_be_replaced(capsys, finished, inside):
     assert content(finished) == before
 
 
-def test_a_copy_without_the_ledger_is_still_known_as_a_policy(capsys, finished):
+def test_a_copy_without_the_ledger_may_be_anybodys(capsys, finished):
     (finished / "p" / files.LEDGER).unlink()
-    assert run(*training(finished)) == 2 and "holds a policy already" in last_line(capsys)
-    assert run(*training(finished), "--seed", "3", "--overwrite") == 0
-    assert load_policy(finished / "p").card["seed"] == 3
+    before = content(finished)
+    assert run(*training(finished), "--seed", "3", "--overwrite") == 2
+    assert f"but no {files.LEDGER}, by which this command knows" in last_line(capsys)
+    assert content(finished) == before and load_policy(finished / "p").card["seed"] != 3
 
 
 def test_an_export_replaces_nothing(capsys, finished):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import resource
 import subprocess
@@ -194,12 +195,93 @@ def test_a_single_file_never_takes_the_place_of_another(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["new"] and len(list((tmp_path / "new").iterdir())) == 1
 
 
-def test_a_writer_in_place_has_the_older_result_beside_it_until_its_own_is_whole(tmp_path: Path) -> None:
+def record(out: Path, content: str, *, is_whole: bool = True) -> Path:
+    """As a recorder does; where it worked."""
+    with KIND.recording(out, overwrite=True, whole=lambda _: is_whole) as place:
+        place.mkdir()
+        (place / "a").write_text(content)
+        KIND.sign(place)
+    return place
+
+
+def test_the_older_recording_stands_until_the_newer_one_is_whole(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "out"
-    for whole, left in ((True, 1), (False, 2)):
-        publish(out, overwrite=True, a="old")
-        with KIND.aside(out, overwrite=True, whole=lambda path, says=whole: says):
-            out.mkdir()
-            (out / "a").write_text("new")
-            KIND.sign(out)
-        assert (out / "a").read_text() == "new" and len(list(tmp_path.iterdir())) == left
+    assert record(out, "first") == out
+    kept = record(out, "half", is_whole=False)
+    assert (out / "a").read_text() == "first" and (kept / "a").read_text() == "half"
+    assert f"it is kept as {kept}" in capsys.readouterr().err
+    assert record(out, "third") not in (out, kept) and (out / "a").read_text() == "third"
+    assert {path.name for path in tmp_path.iterdir()} == {"out", kept.name}
+    assert f"{kept} is a newer out" in capsys.readouterr().err
+
+
+def test_where_nothing_was_recorded_the_older_one_stands(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    record(out, "first")
+    with KIND.recording(out, overwrite=True, whole=lambda _: True):
+        assert (out / "a").read_text() == "first"
+    assert (out / "a").read_text() == "first" and [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+def test_a_file_that_changed_since_refuses_by_its_name(tmp_path: Path) -> None:
+    publish(tmp_path / "out", a="old", b="old")
+    (tmp_path / "out" / "b").write_text("own")  # as long as ours
+    with pytest.raises(InputError, match="holds b, which has changed since this command wrote it"):
+        publish(tmp_path / "out", overwrite=True, a="new")
+    assert (tmp_path / "out" / "b").read_text() == "own"
+
+
+def test_a_file_that_this_tool_changed_is_told_to_every_ledger_above(tmp_path: Path) -> None:
+    inner = files.Result("an inner result")
+    with KIND.replacing(tmp_path / "out") as draft, inner.replacing(draft / "inner") as deeper:
+        (deeper / "a").write_text("old")
+    changed = tmp_path / "out" / "inner" / "a"
+    changed.write_text("new")
+    files.renew(changed)
+    assert inner.check(tmp_path / "elsewhere") is False
+    publish(tmp_path / "out", overwrite=True, a="new")
+
+
+def test_a_part_of_another_result_is_not_replaced(tmp_path: Path) -> None:
+    with KIND.replacing(tmp_path / "out") as draft:
+        publish(draft / "part", a="old")
+    with pytest.raises(InputError, match=r"out/part is part of a test result, .*out; choose another"):
+        publish(tmp_path / "out" / "part", overwrite=True, a="new")
+
+
+def test_a_ledger_of_an_earlier_version_lists_names_and_they_are_enough(tmp_path: Path) -> None:
+    publish(tmp_path / "out", a="old")
+    ledger = tmp_path / "out" / files.LEDGER
+    ledger.write_text(json.dumps({"what": "a test result", "files": ["a"]}))
+    (tmp_path / "out" / "a").write_text("written before there were prints")
+    publish(tmp_path / "out", overwrite=True, a="new")
+    assert (tmp_path / "out" / "a").read_text() == "new"
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{", "[]", '{"what": 1}', '{"what": "a test result", "files": {"a": 3}}']
+)
+def test_a_damaged_ledger_is_none(tmp_path: Path, text: str) -> None:
+    publish(tmp_path / "out", a="old")
+    (tmp_path / "out" / files.LEDGER).write_text(text)
+    with pytest.raises(InputError, match="no part of a test result"):
+        publish(tmp_path / "out", overwrite=True, a="new")
+    assert (tmp_path / "out" / "a").read_text() == "old"
+
+
+def test_begun_work_is_set_aside_when_the_user_begins_anew(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    with pytest.raises(ZeroDivisionError), KIND.going_on(out) as draft:
+        (draft / "log").mkdir()
+        (draft / "log" / "1.txt").write_text("hours of work")
+        raise ZeroDivisionError
+    with KIND.going_on(out) as draft:
+        KIND.anew(out)
+        (draft / "log").mkdir()
+    (kept,) = set(tmp_path.iterdir()) - {out}
+    assert (kept / "log" / "1.txt").read_text() == "hours of work"
+    assert f"had begun is kept as {kept}" in capsys.readouterr().err

@@ -25,7 +25,8 @@ from examples.demo import drives, real
 
 RESUMABLE = (results.DEEP_TRUCK, results.SWEEP, POLICY, policy_sweep.SWEEP, BENEFIT)
 AT_ONCE = (
-    results.PHYSICS_TRUCK, results.EVALUATION, results.COVERAGE, results.BAG, results.EXPERIMENT,
+    results.PHYSICS_TRUCK, results.EVALUATION, results.COVERAGE, results.BAG, results.WRITTEN_BAG,
+    results.BAG_WITH_ROAD, results.CALIBRATED, results.EXPERIMENT,
     results.FOUND, folders.APPLIED, output.EVALUATION, drives.DRIVES, real.DRIVES,
 )  # fmt: skip
 RECORDED = bag_place.BAG
@@ -74,7 +75,7 @@ def own_names(kind: Result) -> list[str]:
 
 
 def is_own(kind: Result, name: str) -> bool:
-    """Whether a file without a ledger beside it counts as the command's, by its name."""
+    """Whether a file counts as the command's by its name, as in unfinished work."""
     parts = PurePosixPath(name).parts
     patterns = [PurePosixPath(pattern) for pattern in (*kind.names, LEDGER)]
     return any(len(parts) == len(p.parts) and PurePosixPath(name).match(str(p)) for p in patterns)
@@ -104,8 +105,12 @@ class Place:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(content)
 
-    def put_foreign(self, path: Path, shape: str, *, ledger: bool) -> None:
-        """Something of the user's at `path`, where it is free and no file that the command may write."""
+    def put_foreign(self, path: Path, shape: str) -> None:
+        """Something of the user's at `path`, where it is free, or in the place of a finished file of ours."""
+        if shape == "in our place" and path.is_file() and path not in self.foreign:
+            if path.is_relative_to(self.out) and path.name != LEDGER:
+                self._file(path)
+            return
         if any(p.is_file() or p.is_symlink() for p in (path, *path.parents)) or path.exists():
             return
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -119,18 +124,18 @@ class Place:
             path.symlink_to(target.parent)
         elif shape == "folder":
             self._file(path / "notes.txt")
-        elif not self._takes_for_its_own(path, ledger):
+        elif not self._takes_for_its_own(path):
             self._file(path)
             if shape == "read-only":
                 path.chmod(0o444)
                 path.parent.chmod(0o555)
 
-    def _takes_for_its_own(self, path: Path, ledger: bool) -> bool:
-        for folder in (unfinished(self.out), self.out):
-            if path.is_relative_to(folder):
-                known = ledger and folder == self.out
-                return not known and is_own(self.kind, path.relative_to(folder).as_posix())
-        return False
+    def _takes_for_its_own(self, path: Path) -> bool:
+        """Of unfinished work, a file is known by its name; of a folder, a ledger."""
+        draft = unfinished(self.out)
+        if path.is_relative_to(draft):
+            return is_own(self.kind, path.relative_to(draft).as_posix())
+        return path == self.out / LEDGER
 
     def _file(self, path: Path) -> Path:
         path.parent.mkdir(parents=True, exist_ok=True)

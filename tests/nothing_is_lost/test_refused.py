@@ -15,7 +15,7 @@ from deeptruck_exam.run import examine
 from deeptruck_model import results, trucks
 from deeptruck_model.deep.sweep import sweep
 from deeptruck_model.errors import InputError
-from deeptruck_model.files import OVERWRITE_HELP
+from deeptruck_model.files import LEDGER, OVERWRITE_HELP
 
 FOLDERS = (
     "deeptruck-model import none.csv --columns none.yaml --out out",
@@ -43,6 +43,9 @@ INSIDE = (
     "deeptruck-model road found bag --out bag/out",
     "deeptruck-cacc train --simulator bag --out bag/out",
     "deeptruck-cacc evaluate bag --simulator truck:trucksim --out bag/out",
+    "deeptruck-model check-simulator bag --json bag/x.json",
+    "deeptruck-model export bag --out bag/x.onnx",
+    "deeptruck-cacc export bag --out bag/x.onnx",
 )
 FILES = (
     "deeptruck-model suggest none --out mine.txt",
@@ -81,7 +84,7 @@ def test_a_folder_with_a_foreign_file_is_refused(
 ) -> None:
     (here / "out").mkdir()
     (here / "out" / "mine.txt").write_text("mine")
-    assert "out holds mine.txt, which is no part of" in refused(line + more, monkeypatch, capsys)
+    assert "out holds mine.txt" in refused(line + more, monkeypatch, capsys)
     assert [p.name for p in here.rglob("*")] == ["out", "mine.txt"]
 
 
@@ -101,7 +104,7 @@ def test_a_proof_is_worked_on_where_its_cases_are(
     (here / "out").mkdir()
     (here / "out" / "proof.md").write_text("mine")
     says = refused("deeptruck-model prove --out out", monkeypatch, capsys)
-    assert "out holds proof.md and no cases, so it is no proof" in says
+    assert "out holds proof.md but no .deeptruck.json" in says
     assert (here / "out" / "proof.md").read_text() == "mine"
 
 
@@ -118,14 +121,16 @@ def test_of_a_case_only_its_own_files_are_removed(here: Path) -> None:
     for name in names:
         (here / name).parent.mkdir(parents=True, exist_ok=True)
         (here / name).touch()
+    CASE.claim(here)
     CASE.clear(here, "recordings", "found/simulator")
-    assert [p.relative_to(here).as_posix() for p in here.rglob("*")] == ["found", "found/verdict.json"]
+    left = {p.relative_to(here).as_posix() for p in here.rglob("*")}
+    assert left == {LEDGER, "found", "found/verdict.json"}
 
 
 def test_a_sweep_is_gone_on_with_where_one_is(here: Path) -> None:
     (here / "out").mkdir()
     (here / "out" / "sweep.md").write_text("mine")
-    with pytest.raises(InputError, match="out holds a sweep already"):
+    with pytest.raises(InputError, match=r"out holds sweep\.md but no \.deeptruck\.json"):
         sweep([here / "none"], here / "out", {"budget": [10]}, resumes=True)
     assert (here / "out" / "sweep.md").read_text() == "mine"
 
@@ -174,12 +179,55 @@ def test_saving_a_truck_replaces_only_what_a_truck_is_and_where_it_is_asked_to(h
         truck.save(path, overwrite=True)
 
 
+NOBODY = 2**22 + 1  # no process has this number
+
+
 def test_what_a_killed_run_left_is_told_and_stays(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for name in (".out.17.old", ".out.abcd_123.tmp"):
+    left = {
+        f".out.{NOBODY}.old": "is an older out",
+        f".out.{NOBODY}.new": "is a newer out",
+        f".out.{NOBODY}.unfinished": "is begun work on out",
+        ".out.abcd_123.tmp": "is the draft of a run that was killed",
+    }
+    for name in left:
         (here / name).mkdir()
     with results.COVERAGE.replacing(here / "out"):
         pass
     says = capsys.readouterr().err
-    assert f"{here / '.out.17.old'} is an older out" in says
-    assert f"{here / '.out.abcd_123.tmp'} is the draft of a run that was killed" in says
-    assert {".out.17.old", ".out.abcd_123.tmp", "out"} == {path.name for path in here.iterdir()}
+    assert all(f"{here / name} {told}" in says for name, told in left.items())
+    assert {*left, "out"} == {path.name for path in here.iterdir()}
+
+
+def test_the_draft_of_its_own_killed_run_is_removed(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    own, others = here / ".out.abcd_123.tmp", here / ".out.abcd_124.tmp"
+    for kind, draft in ((results.COVERAGE, own), (results.FOUND, others)):
+        draft.mkdir()
+        kind.claim(draft)
+        (draft / "coverage.json").write_text("half")
+    with results.COVERAGE.replacing(here / "out"):
+        pass
+    assert {others.name, "out"} == {path.name for path in here.iterdir()}
+    assert f"removed {own}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("line", "name"),
+    [
+        ("deeptruck-model coverage none --out out", "coverage.json"),
+        ("deeptruck-model train none --out out", "metrics.json"),
+        ("deeptruck-model train none --out out", "MODEL_CARD.md"),
+        ("deeptruck-model apply none --out out", "simulator.json"),
+        ("deeptruck-cacc train --simulator truck:trucksim --out out", "policy.json"),
+        ("deeptruck-cacc pays --out out", "pays.md"),
+        ("deeptruck-model prove --out out", "proof.md"),
+    ],
+)
+def test_a_file_of_the_user_with_the_name_of_a_result_stays(
+    line: str, name: str, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (here / "out").mkdir()
+    (here / "out" / name).write_text("mine")
+    for more in ("", "" if "prove" in line else " --overwrite"):
+        says = refused(line + more, monkeypatch, capsys)
+        assert f"out holds {name} but no .deeptruck.json" in says and "remove it yourself" in says
+    assert (here / "out" / name).read_text() == "mine"

@@ -9,13 +9,14 @@ import pytest
 from deeptruck_nodes import bag_place
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings import CrashSafeWriter
+from deeptruck_model.recordings import CrashSafeWriter, repair
 
 
 def recorded(bag: Path, says: str = "old") -> None:
-    """What the recorder leaves."""
-    with CrashSafeWriter(bag, custom_data={"says": f'"{says}"'}), bag_place.claimed(bag):
-        pass
+    """What the recorder does."""
+    writer = CrashSafeWriter(bag, file_stem=bag_place.stem(bag), custom_data={"says": f'"{says}"'})
+    with bag_place.claimed(bag):
+        writer.close()
 
 
 def content(folder: Path) -> dict[str, bytes]:
@@ -28,32 +29,36 @@ def test_a_bag_of_ours_is_replaced_once_the_new_one_is_whole(tmp_path: Path) -> 
     old = content(bag)
     with pytest.raises(InputError, match=r"a recorded bag already; choose another --record, or add --over"):
         bag_place.check(bag, overwrite=False)
-    with bag_place.freed(bag, overwrite=True):
-        assert not bag.exists()  # the recorder makes it
-        recorded(bag, "new")
+    with bag_place.made(bag, overwrite=True) as newer:
+        assert newer is not None and not newer.exists() and content(bag) == old
+        recorded(newer, "new")
+        assert content(bag) == old
     assert [p.name for p in tmp_path.iterdir()] == ["bag"] and content(bag) != old
+    assert content(bag).keys() == old.keys()  # its file has the bag's name
 
 
-def test_where_nothing_was_recorded_the_older_bag_is_back(tmp_path: Path) -> None:
+def test_where_nothing_was_recorded_the_older_bag_stands(tmp_path: Path) -> None:
     bag = tmp_path / "bag"
     recorded(bag)
     old = content(tmp_path)
-    with pytest.raises(ZeroDivisionError), bag_place.freed(bag, overwrite=True):
+    with pytest.raises(ZeroDivisionError), bag_place.made(bag, overwrite=True):
         raise ZeroDivisionError
     assert content(tmp_path) == old
 
 
-def test_beside_a_bag_whose_recorder_was_killed_the_older_one_is_kept(
+def test_beside_a_bag_whose_recorder_was_killed_the_older_one_stands(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bag = tmp_path / "bag"
     recorded(bag)
     old = content(bag)
-    with bag_place.freed(bag, overwrite=True):
-        recorded(bag, "new")
-        (bag / "metadata.yaml").unlink()
+    with bag_place.made(bag, overwrite=True) as newer:
+        assert newer is not None
+        recorded(newer, "new")
+        (newer / "metadata.yaml").unlink()
     (kept,) = set(tmp_path.iterdir()) - {bag}
-    assert content(kept) == old and f"the older one is kept as {kept}" in capsys.readouterr().err
+    assert content(bag) == old and f"it is kept as {kept}" in capsys.readouterr().err
+    assert repair(kept) and (kept / "metadata.yaml").exists()
 
 
 def with_a_note(bag: Path) -> None:
@@ -92,7 +97,7 @@ def test_what_the_recorder_did_not_write_refuses_and_stays(
 ) -> None:
     foreign(tmp_path / "bag")
     before = content(tmp_path)
-    with pytest.raises(InputError), bag_place.freed(tmp_path / "bag", overwrite=True):
+    with pytest.raises(InputError), bag_place.made(tmp_path / "bag", overwrite=True):
         pass
     assert content(tmp_path) == before
 
@@ -102,7 +107,7 @@ def test_a_bag_that_is_being_recorded_is_not_moved_away(tmp_path: Path) -> None:
     with CrashSafeWriter(bag), bag_place.claimed(bag):
         with pytest.raises(InputError, match="another run is writing"):
             bag_place.check(bag, overwrite=True)
-        with pytest.raises(InputError, match="another run is writing"), bag_place.freed(bag, overwrite=True):
+        with pytest.raises(InputError, match="another run is writing"), bag_place.made(bag, overwrite=True):
             pass
     assert bag.exists()
 
@@ -110,7 +115,7 @@ def test_a_bag_that_is_being_recorded_is_not_moved_away(tmp_path: Path) -> None:
 def test_an_empty_folder_may_become_the_bag(tmp_path: Path) -> None:
     bag = tmp_path / "bag"
     bag.mkdir()
-    with bag_place.freed(bag, overwrite=False):
+    with bag_place.made(bag, overwrite=False):
         recorded(bag)
     assert [p.name for p in tmp_path.iterdir()] == ["bag"]
 

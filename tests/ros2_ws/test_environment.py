@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.machinery
 import importlib.util
 import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -30,6 +31,30 @@ def test_the_lock_is_exclusive_says_who_and_is_free_after_release(domain: int, t
         environment.DomainLock(domain)
     lock.release()
     environment.DomainLock(domain).release()
+
+
+HOLDS = "import sys; file = open(sys.argv[1]); print('has it', flush=True); sys.stdin.read()"
+
+
+def test_the_lock_names_those_who_outlived_their_run(domain: int) -> None:
+    lock = environment.DomainLock(domain)
+    place = str(Path(f"/proc/self/fd/{lock.descriptor}").readlink())
+    orphan = subprocess.Popen(
+        [sys.executable, "-c", HOLDS, place],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        pass_fds=(lock.descriptor,),
+    )
+    try:
+        assert orphan.stdout is not None and orphan.stdout.readline() == "has it\n"
+        Path(place).write_text("process 4194305, logs in runs/x")  # of the run, which is gone
+        lock.release()
+        with pytest.raises(InputError, match=rf"from a run that was killed: process {orphan.pid}\)"):
+            environment.DomainLock(domain)
+    finally:
+        orphan.kill()
+        orphan.communicate()
 
 
 def test_run_folders_of_one_second_do_not_collide(tmp_path: Path) -> None:

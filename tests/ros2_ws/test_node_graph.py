@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import resource
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -14,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from deeptruck_nodes import environment
+from deeptruck_nodes import environment, lifeline
 from deeptruck_nodes.messages import SECOND
 from deeptruck_nodes.recorder import header_stamp
 from deeptruck_nodes.topics import RECORDED
@@ -139,6 +140,62 @@ def test_a_killed_supervisor_leaves_nobody_behind_and_the_domain_free(
     run.process.kill()
     assert all_gone(children)
     environment.DomainLock(domain).release()
+
+
+@pytest.mark.parametrize("after_s", [0.3, 1.0])
+def test_of_a_supervisor_killed_while_it_starts_nobody_is_left(
+    start: Callable[..., Any], all_gone: Callable[..., bool], domain: int, after_s: float
+) -> None:
+    run = start("start_simulation.py", *TRUCK)
+    assert run.process.stdout.readline().startswith("logs in")
+    time.sleep(after_s)
+    children = run.children
+    run.process.kill()
+    assert all_gone(children)
+    environment.DomainLock(domain).release()
+
+
+def test_a_node_whose_supervisor_was_killed_before_it_began_ends_by_itself(
+    tmp_path: Path, domain: int
+) -> None:
+    ours, child = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    node = subprocess.Popen(
+        [sys.executable, "-m", "deeptruck_nodes.leader"],
+        env={**environment.ros_environment(tmp_path, domain), lifeline.VARIABLE: str(child.fileno())},
+        pass_fds=(child.fileno(),),
+    )
+    child.close()
+    ours.close()
+    try:
+        assert node.wait(30) == 0
+    finally:
+        node.kill()
+        node.wait()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP, signal.SIGKILL])
+def test_an_older_bag_stands_until_the_new_one_is_whole(
+    start: Callable[..., Any], tmp_path: Path, number: signal.Signals
+) -> None:
+    bag = tmp_path / "bag"
+    record = ("--record", bag, "--lockstep", "--duration")
+    assert start("start_simulation.py", *TRUCK, *record, 2).finish()[0] == 0
+    before = {path.name: path.read_bytes() for path in bag.iterdir()}
+    run = start("start_simulation.py", *TRUCK, *record, 600, "--overwrite", runs="again")
+    if number == signal.SIGKILL:
+        run.wait_until_ready()
+        time.sleep(1.0)
+    else:
+        run.process.stdout.readline()  # nobody is ready yet
+    run.process.send_signal(number)
+    code, out, _ = run.finish()
+    assert {path.name: path.read_bytes() for path in bag.iterdir()} == before
+    if number == signal.SIGKILL:
+        (newer,) = tmp_path.glob(".bag.*.new")
+        assert list(newer.glob("bag_0.mcap"))
+    else:
+        assert code == 0 and out.splitlines()[-1].endswith(f"nothing was recorded, {bag} is the older bag")
+        assert not list(tmp_path.glob(".bag*"))
 
 
 def test_a_killed_recorder_costs_a_second_and_replay_repairs_and_plays_the_rest(

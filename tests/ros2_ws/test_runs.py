@@ -161,8 +161,14 @@ def test_a_domain_out_of_range(refused: Callable[..., str], monkeypatch: pytest.
 
 
 def test_the_last_line_of_a_run_says_why_and_where(tmp_path: Path) -> None:
-    assert "nothing was to be recorded" in runs.last_line("truck_sim is through", None)
-    assert runs.last_line("x", tmp_path / "bag") == f"ended: x; there is no bag {tmp_path / 'bag'}"
+    bag, newer = tmp_path / "bag", tmp_path / ".bag.1.new"
+    assert "nothing was to be recorded" in runs.recorded(None, None)
+    assert runs.recorded(bag, bag) == f"there is no bag {bag}"
+    CrashSafeWriter(bag).close()
+    assert runs.recorded(bag, bag) == f"the bag is {bag}"
+    assert runs.recorded(bag, newer) == f"nothing was recorded, {bag} is the older bag"
+    newer.mkdir()
+    assert f"the bag {newer} is not finished" in runs.recorded(bag, newer)
 
 
 def test_the_field_radar_jumps_when_the_paper_says() -> None:

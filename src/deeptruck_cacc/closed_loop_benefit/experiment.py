@@ -59,8 +59,7 @@ def pays(
     results: dict[str, Any] = {}
     with BENEFIT.going_on(out, overwrite=overwrite) as draft:
         if not resume:
-            BENEFIT.forget(out)
-            draft.mkdir()
+            BENEFIT.anew(out)
         for name in effects:
             results[name] = _case(name, CASES[name], draft / WORK, recipes, effort, tell)
             report.write(results, draft)

@@ -75,7 +75,9 @@ def load_trained(path: Path) -> MlpPolicy:
     except (AttributeError, TypeError, ValueError, OverflowError) as error:
         said = reading.plain(str(error))
         raise InputError(f"{path / MANIFEST} is damaged or of another version ({said}); {AGAIN}") from None
-    return _tried(policy(_read_layers(path / WEIGHTS, len(hidden) + 1)), path)
+    found = _tried(policy(_read_layers(path / WEIGHTS, len(hidden) + 1)), path)
+    reading.check_saved(path, MANIFEST, manifest.get("sha256"), AGAIN)
+    return found
 
 
 def _fields(manifest: Mapping[str, Any], key: str, kind: type, beside: str) -> dict[str, Any]:

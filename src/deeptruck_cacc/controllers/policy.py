@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from safetensors.numpy import save as to_bytes
 
 from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, FeatureMap, paper_signals
-from deeptruck_model import files
+from deeptruck_model import files, reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 
@@ -126,7 +126,8 @@ class MlpPolicy:
         folder.mkdir(parents=True, exist_ok=True)
         # not by save_file: that leaves files which nobody else may read
         (folder / WEIGHTS).write_bytes(to_bytes(tensors))
-        (folder / MANIFEST).write_text(json.dumps(self._manifest(), indent=2) + "\n")
+        told = {**self._manifest(), "sha256": {WEIGHTS: reading.sha256(folder / WEIGHTS)}}
+        (folder / MANIFEST).write_text(json.dumps(told, indent=2) + "\n")
 
     def _manifest(self) -> dict[str, Any]:
         units = {name: self.interface.unit(name) for name in self.interface.u}

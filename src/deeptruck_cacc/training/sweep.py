@@ -46,8 +46,7 @@ def sweep(
     chosen = check(simulator, out, grid, trainer=trainer, resume=resume, overwrite=overwrite)
     with SWEEP.going_on(out, overwrite=overwrite) as draft:
         if not resume:
-            SWEEP.forget(out)
-            draft.mkdir()
+            SWEEP.anew(out)
         jobs = [(simulator, str(draft / name), trainer, settings) for name, settings in chosen.items()]
         for name in sweeps.run(_train, jobs, workers=workers, engine=engine):
             tell(f"{name}: trained")

@@ -44,7 +44,7 @@ _REPAIR_HELP = """Make a bag whose recorder was killed whole again, in place.
 
 A mended copy takes the place of the .mcap file once it is complete, so there must be room for it, and
 metadata.yaml is written. What is cut off the end is kept as NAME.mcap.cut, an older metadata.yaml as
-metadata.yaml.before. No other file is touched. End the recorder first.
+metadata.yaml.before. No other file is touched, and a symbolic link is refused. End the recorder first.
 
 Example:
 
@@ -160,4 +160,5 @@ def repair_bag(bag: Annotated[Path, typer.Argument(help="the folder of the unfin
         raise InputError(f"{bag} does not exist")
     from deeptruck_model.recordings import repair
 
+    files.tell_left_beside(bag)
     print(repair(bag) or f"{bag} is whole; nothing to do")

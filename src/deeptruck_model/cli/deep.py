@@ -164,7 +164,11 @@ def export(
 
     Example: deeptruck-model export simulators/mytruck --out mytruck.onnx
     """
-    checks.every(lambda: files.check_new(out), lambda: checks.deep_simulator(simulator))
+    checks.every(
+        lambda: files.check_new(out),
+        lambda: results.apart(out, Path(simulator)),
+        lambda: checks.deep_simulator(simulator),
+    )
     from deeptruck_model.deep import onnx_export
 
     truck = deep_truck(simulator)

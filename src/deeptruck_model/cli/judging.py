@@ -75,7 +75,7 @@ def calibrate(
     """
     checks.every(
         lambda: results.apart(out, *bags, Path(simulator)),
-        lambda: results.DEEP_TRUCK.check(out, overwrite=overwrite),
+        lambda: results.CALIBRATED.check(out, overwrite=overwrite),
         lambda: checks.deep_simulator(simulator),
         lambda: checks.inputs(simulator, bags, mapped=mapped(topic_map)),
     )

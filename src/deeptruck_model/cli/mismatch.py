@@ -11,7 +11,7 @@ from deeptruck_model import checks
 from deeptruck_model.cli.inputs import SIMULATOR, Overwrite, TopicMap, mapped
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import folders
-from deeptruck_model.results import BAG, FOUND, apart
+from deeptruck_model.results import BAG_WITH_ROAD, FOUND, apart
 
 if TYPE_CHECKING:
     from deeptruck_model.mismatch import Mismatch
@@ -136,7 +136,7 @@ def road(
     Example: deeptruck-model road found a b c --out with_road
     """
     checks.every(
-        lambda: BAG.check(out, overwrite=overwrite),
+        lambda: BAG_WITH_ROAD.check(out, overwrite=overwrite),
         lambda: apart(out, directory, *recordings),
         lambda: folders.check_road(directory),
         lambda: checks.inputs(None, recordings, mapped=mapped(topic_map)),
@@ -146,7 +146,7 @@ def road(
 
     roads = Roads.read(directory)
     made, left_out = with_road(roads, rec.read_all(recordings, topic_map=topic_map))
-    rec.write_bag(out, made, interface=made[0].interface, overwrite=overwrite)
+    rec.write_bag(out, made, interface=made[0].interface, overwrite=overwrite, kind=BAG_WITH_ROAD)
     print(f"{len(made)} recordings with a grade in {out}")
     if left_out:
         print(f"  note: left out, as no slope was told of them: {', '.join(left_out)}")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deeptruck_model import files
+from deeptruck_model import files, results
 from deeptruck_model.cli.inputs import SIMULATOR
 from deeptruck_model.errors import InputError
 from deeptruck_model.outside import saved
@@ -34,6 +34,7 @@ def check_simulator(
     """
     if json_file is not None:
         files.check_new(json_file)
+        results.apart(json_file, Path(simulator), elsewhere="choose another --json")
     place = _stands_for(simulator) if accept else None
     table = _members(simulator) or _driven(simulator, place)
     _tell(table)

@@ -14,7 +14,7 @@ from deeptruck_model.deep.data import reference
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.deep.uncertainty import calibrate
 from deeptruck_model.recordings import Recording
-from deeptruck_model.results import DEEP_TRUCK
+from deeptruck_model.results import CALIBRATED
 
 METRICS_FILE = saving.METRICS_FILE
 
@@ -69,7 +69,7 @@ def publish_calibrated(
 
     The errors in them stay right: only the intervals are others.
     """
-    with DEEP_TRUCK.replacing(out, overwrite=overwrite) as folder:
+    with CALIBRATED.replacing(out, overwrite=overwrite) as folder:
         metrics = [METRICS_FILE] if (source / METRICS_FILE).exists() else []
         for name in metrics:
             shutil.copyfile(source / name, folder / name)

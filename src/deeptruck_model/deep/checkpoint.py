@@ -53,10 +53,10 @@ def load_directory(path: Path, manifest: dict[str, Any]) -> DeepTruck:
     network = TruckNetwork(shape, scales, dt, seeds=tuple(range(shape.members)))
     _fill(network, path / WEIGHTS_FILE)
     _miss(path, manifest)
-    known = ("kind", "schema", "files", "interface", "units", "dt", "shape", "scales")
+    known = ("kind", "schema", "files", "sha256", "interface", "units", "dt", "shape", "scales")
     details = {key: value for key, value in manifest.items() if key not in known}
     columns = 1 + len(interface.u) + len(interface.w)
-    return DeepTruck(
+    truck = DeepTruck(
         network,
         interface,
         _coverage(path / COVERAGE_FILE),
@@ -64,6 +64,8 @@ def load_directory(path: Path, manifest: dict[str, Any]) -> DeepTruck:
         reference.load(path),
         driven.load(path, columns),
     )
+    reading.check_saved(path, MANIFEST, manifest.get("sha256"), reading.SAVE_AGAIN)
+    return truck
 
 
 def _shape(stored: dict[str, Any]) -> Shape:

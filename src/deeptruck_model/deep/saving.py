@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from safetensors.torch import save as to_bytes
 
-from deeptruck_model import checks
+from deeptruck_model import checks, reading
 from deeptruck_model.deep.data import driven, reference
 from deeptruck_model.deep.data.coverage import Coverage
 from deeptruck_model.deep.network import WEIGHTS, TruckNetwork
@@ -66,10 +66,12 @@ def write(truck: Trained, folder: Path, beside: Sequence[str] = ()) -> None:
     if truck.coverage is not None:
         (folder / COVERAGE_FILE).write_text(json.dumps(truck.coverage.to_dict()))
         files.append(COVERAGE_FILE)
+    read = (WEIGHTS_FILE, *(name for name in KEPT if name in files))
     manifest = {
         "kind": "deep",
         "schema": SCHEMA,
         "files": sorted(set(files)),
+        "sha256": {name: reading.sha256(folder / name) for name in read},
         "interface": truck.interface.to_dict(),
         "units": {
             name: truck.interface.unit(name)

@@ -66,8 +66,7 @@ def sweep(
         if resumes:
             _take_over(out, draft)
         else:
-            SWEEP.forget(out)
-            draft.mkdir(exist_ok=True)
+            SWEEP.anew(out)
         jobs = [
             Job(paths, str(_folder(draft, settings, seed)), {**settings, "seed": seed}, by_map)
             for seed in range(seeds)

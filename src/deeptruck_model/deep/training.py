@@ -54,9 +54,9 @@ def train(
 
     `observe` is called with the updates done and the network after every round. Same data, arguments and
     machine give the same weights, resumed after a kill or not. What a killed run left is gone on with by
-    `resumes`; `overwrite` begins anew, and replaces an older deep truck once the new one is whole. Raises
-    InputError for data that cannot be trained on, an `out` that is something else, or a resume of another
-    run.
+    `resumes`; `overwrite` sets it aside and begins anew, and replaces an older deep truck once the new one is
+    whole. Raises InputError for data that cannot be trained on, an `out` that is something else, or a resume
+    of another run.
     """
     began = time.monotonic()
     if not resumes:
@@ -71,8 +71,7 @@ def train(
         _refuse_another(out, identity)
     with DEEP_TRUCK.going_on(out, overwrite=overwrite) as working:
         if not resumes:
-            DEEP_TRUCK.forget(out)
-            working.mkdir(exist_ok=True)
+            DEEP_TRUCK.anew(out)
         if (working / resume.FILE).exists() or identity_in(working) != identity:  # else killed once complete
             _work(data, arguments, identity, working, out, observe, began)
     loaded = simulators.load(out)

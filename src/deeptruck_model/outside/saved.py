@@ -93,3 +93,4 @@ def accept(path: Path) -> None:
     manifest = reading.json_object(path / MANIFEST, MAKE_AGAIN)
     told = manifest | _reference(path, manifest).to_dict()
     files.write(path / MANIFEST, json.dumps(told, indent=1).encode())
+    files.renew(path / MANIFEST)

@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.errors import InputError
+from deeptruck_model.files import Result
 from deeptruck_model.recordings.bag_source import INTERFACE_KEY, NOTES_KEY
 from deeptruck_model.recordings.crash_safe import CrashSafeWriter
 from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS
-from deeptruck_model.results import BAG
+from deeptruck_model.results import WRITTEN_BAG
 from deeptruck_model.signals import TruckInterface
 
 Array = NDArray[np.float64]
@@ -44,13 +45,15 @@ def write_bag(
     interface: TruckInterface,
     epoch_ns: int = EPOCH_NS,
     overwrite: bool = False,
+    kind: Result = WRITTEN_BAG,
 ) -> Path:
     """Write recordings into a new rosbag2 folder (MCAP) and return its path.
 
     Pieces keep their distance in time, or are moved apart so far that reading cuts them again (see
     `lay_out`). Values survive exactly, NaN included, but for gap, which sensor_msgs/Range carries as
-    float32. Whole or not there. With `overwrite` a bag that this function wrote is replaced, and nothing
-    else. Raises InputError for an existing path, recordings of different dt, or a full disk.
+    float32. Whole or not there. With `overwrite` a bag of the same `kind` is replaced, which says for
+    whom it is written, and nothing else. Raises InputError for an existing path, recordings of different
+    dt, or a full disk.
     """
     path = Path(path)
     starts = lay_out(recordings)
@@ -58,10 +61,9 @@ def write_bag(
     notes = list(dict.fromkeys(note for recording in recordings for note in recording.notes))
     if notes:
         custom[NOTES_KEY] = json.dumps(notes)
-    with BAG.replacing(path, overwrite=overwrite) as draft:
-        draft.rmdir()  # the writer makes its own
+    with kind.replacing(path, overwrite=overwrite) as draft:
         try:
-            with CrashSafeWriter(draft, file_stem=path.name, custom_data=custom) as writer:
+            with CrashSafeWriter(draft, file_stem=path.name, custom_data=custom, into=True) as writer:
                 for recording, start_s in zip(recordings, starts, strict=True):
                     for topic, message, stamp in _messages(recording, start_s, epoch_ns):
                         writer.write(topic, _TYPES[topic], message, stamp)

@@ -20,7 +20,8 @@ class CrashSafeWriter:
     """Writes serialised messages into a new rosbag2 folder; what is older than `flush_s` survives a kill -9.
 
     Every flush ends a chunk, so that `repair` can index it. Until `close` the folder has no
-    metadata.yaml, which is how an unfinished bag is told. Use as a context manager. Raises InputError
+    metadata.yaml, which is how an unfinished bag is told. Use as a context manager. `into` writes into a
+    folder that is there. Raises InputError
     where the folder exists or cannot be written, where the disk is full, and for unknown message types.
     """
 
@@ -31,6 +32,7 @@ class CrashSafeWriter:
         file_stem: str | None = None,
         custom_data: dict[str, str] | None = None,
         flush_s: float = 0.5,
+        into: bool = False,
     ) -> None:
         self.path = Path(path)
         self.flush_s = flush_s
@@ -41,7 +43,7 @@ class CrashSafeWriter:
         self._first_ns, self._last_ns = 2**63 - 1, 0
         self._broken = False
         try:
-            self.path.mkdir(parents=True)
+            self.path.mkdir(parents=True, exist_ok=into)
             self._stream = self.file.open("xb")
         except FileExistsError:
             raise InputError(f"{self.path} exists already; choose another name or remove it") from None

@@ -25,6 +25,7 @@ from deeptruck_model.recordings.interpolate import GAP_PERIODS, GAP_S, period
 from deeptruck_model.recordings.recording import Recording
 from deeptruck_model.recordings.resample import Series, uniform
 from deeptruck_model.recordings.table_file import TextTable, read_table
+from deeptruck_model.results import BAG
 from deeptruck_model.signals import CHANNELS, TruckInterface
 
 SHORTEST_S, LONGEST_S = 2e-4, 30.0  # between rows; beyond, a unit was mistaken
@@ -71,20 +72,20 @@ def import_table(
     import_checks.check(table, columns, out, overwrite=overwrite)
     if import_checks.is_bag(table, columns):
         recordings = read(table, topic_map=columns)
-        write_bag(out, recordings, interface=recordings[0].interface, overwrite=overwrite)
+        write_bag(out, recordings, interface=recordings[0].interface, overwrite=overwrite, kind=BAG)
         return Imported(out, recordings)
     if import_checks.is_can_log(table):
         return _import_can_log(table, columns, out, overwrite)
     meaning = load_columns(columns)
     recordings = _recordings(table, meaning)
     if not meaning.conceal:
-        write_bag(out, recordings, interface=recordings[0].interface, overwrite=overwrite)
+        write_bag(out, recordings, interface=recordings[0].interface, overwrite=overwrite, kind=BAG)
         return Imported(out, recordings)
     recordings, content = _seal(recordings, meaning.conceal)
     sealed = import_checks.sealed(out)
     with files.new_file(sealed) as draft:
         draft.write_bytes(content)
-        write_bag(out, recordings, interface=recordings[0].interface, overwrite=overwrite)
+        write_bag(out, recordings, interface=recordings[0].interface, overwrite=overwrite, kind=BAG)
     return Imported(out, recordings, sealed, hashlib.sha256(content).hexdigest())
 
 
@@ -270,7 +271,7 @@ def _import_can_log(
     first = min((float(time[0]) for time, _ in channels.values() if len(time)), default=0.0)
     series = {c: Series(np.asarray(t, float) - first, np.asarray(v, float)) for c, (t, v) in channels.items()}
     recordings = uniform(series, name=str(meaning.get("name", log.stem)), interface=interface)
-    write_bag(out, recordings, interface=interface, overwrite=overwrite)
+    write_bag(out, recordings, interface=interface, overwrite=overwrite, kind=BAG)
     return Imported(out, recordings)
 
 

@@ -107,6 +107,11 @@ def repair(path: str | Path) -> str | None:
     whole = _is_whole(file)
     if whole and (path.is_file() or (path / METADATA).exists()):
         return None
+    if file.is_symlink():
+        raise InputError(
+            f"{file} is a symbolic link, whose place a mended file would take; repair what it points to, "
+            f"{file.resolve()}, or a copy"
+        )
     try:
         with files.writing(file.parent):
             found, cut = _mend(path, file)
@@ -143,6 +148,8 @@ def _mend(path: Path, file: Path) -> tuple[_Found, Path | None]:
                 (path / METADATA).unlink()
             draft.replace(file)
             _describe(path, file, found)
+            files.renew(file)
+            files.renew(path / METADATA)
         else:
             draft.replace(file)
         return found, cut

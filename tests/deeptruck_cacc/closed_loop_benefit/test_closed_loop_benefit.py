@@ -114,7 +114,8 @@ def test_one_case_from_drives_to_page(tmp_path, monkeypatch):
     assert (out / "pays.png").stat().st_size > 10_000
     with pytest.raises(InputError, match=r"holds a benefit of correction already; .*--overwrite"):
         pays(out, ["payload"], ["trusting"], TINY)
-    (out / files.LEDGER).unlink()
+    assert BENEFIT.check(out, overwrite=True)
+    BENEFIT.claim(out)
     assert BENEFIT.check(out, overwrite=True)  # each file is known by its name
     (out / "work" / "notes.txt").write_text("mine")
     with pytest.raises(InputError, match=r"holds work/notes.txt, which is no part of"):

@@ -57,12 +57,19 @@ def test_a_finished_simulator_is_replaced_when_asked_only(
     assert script(*words)[0] == 0
     code, _, errors = script(*words)
     assert code == 2 and "holds a deep truck already; choose another --out, or add --overwrite" in errors
-    (tmp_path / "sim" / ".deeptruck.json").unlink()  # as in a copy by 'cp sim/* copy'
     assert script(*words, "--overwrite")[0] == 0
     (tmp_path / "sim" / "notes.txt").write_text("mine")
     code, _, errors = script(*words, "--overwrite")
     assert code == 2 and "holds notes.txt, which is no part of a deep truck" in errors
     assert (tmp_path / "sim" / "notes.txt").read_text() == "mine"
+    (tmp_path / "sim" / "notes.txt").unlink()
+    (tmp_path / "sim" / "metrics.json").write_text("mine")
+    code, _, errors = script(*words, "--overwrite")
+    assert code == 2 and "holds metrics.json, which has changed since this command wrote it" in errors
+    (tmp_path / "sim" / ".deeptruck.json").unlink()  # as in a copy by 'cp sim/* copy'
+    code, _, errors = script(*words, "--overwrite")
+    assert code == 2 and "sim holds MODEL_CARD.md but no .deeptruck.json" in errors
+    assert (tmp_path / "sim" / "metrics.json").read_text() == "mine"
 
 
 def test_the_old_simulator_stands_until_the_new_one_is_whole(

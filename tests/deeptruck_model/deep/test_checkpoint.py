@@ -106,6 +106,19 @@ def test_what_an_older_simulator_never_had_is_not_missed(saved):
         simulators.load(saved)
 
 
+@pytest.mark.parametrize("name", ["model.safetensors", "driven.safetensors", "reference.safetensors"])
+def test_a_changed_number_is_no_other_number(saved, name):
+    content = bytearray((saved / name).read_bytes())
+    content[-2] ^= 1
+    (saved / name).write_bytes(content)
+    with pytest.raises(InputError, match=rf"{name} is damaged .* another SHA-256; train or save"):
+        simulators.load(saved)
+    manifest = json.loads((saved / "simulator.json").read_text())
+    del manifest["sha256"]  # as an earlier version saved it
+    (saved / "simulator.json").write_text(json.dumps(manifest))
+    assert simulators.load(saved)
+
+
 def test_a_truck_saved_without_them_loads_without_them(truck, tmp_path):
     DeepTruck(truck.network, truck.interface).save(tmp_path / "bare")
     assert simulators.load(tmp_path / "bare").coverage is None

@@ -18,6 +18,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from deeptruck_model.errors import InputError
+from deeptruck_model.files import Result
 from deeptruck_model.recordings import CrashSafeWriter, reindex, repair
 
 TYPES = get_typestore(Stores.ROS2_JAZZY)
@@ -267,6 +268,36 @@ def test_a_repair_that_ends_anywhere_loses_nothing(
     assert contents(tmp_path / "bag") == {"/a": list(range(50)), "/b": list(range(50))}
     assert (tmp_path / "bag" / "notes.txt").read_text() == "mine"
     assert payload(60) in (tmp_path / "bag" / "bag_0.mcap.cut").read_bytes()
+
+
+def test_a_link_is_not_turned_into_a_file(tmp_path: Path) -> None:
+    _, data = torn_bag(tmp_path / "elsewhere")
+    (tmp_path / "bag").mkdir()
+    link, target = tmp_path / "bag" / "bag_0.mcap", tmp_path / "target.mcap"
+    target.write_bytes(data)
+    link.symlink_to(target)
+    with pytest.raises(
+        InputError, match=r"bag_0\.mcap is a symbolic link.* repair what it points to, .*target"
+    ):
+        repair(tmp_path / "bag")
+    assert link.is_symlink() and target.read_bytes() == data
+    assert [p.name for p in link.parent.iterdir()] == ["bag_0.mcap"]
+
+
+def test_a_repaired_bag_is_still_its_recorders(tmp_path: Path) -> None:
+    bag = tmp_path / "bag"
+    kind = Result("a bag of this test")
+    with kind.replacing(bag) as draft, CrashSafeWriter(draft, file_stem="bag", into=True) as writer:
+        fill(writer, range(50))
+    file = bag / "bag_0.mcap"
+    file.write_bytes(file.read_bytes()[:-200])
+    with pytest.raises(InputError, match=r"bag_0\.mcap, which has changed since"):
+        kind.check(bag, overwrite=True)
+    (bag / "metadata.yaml").unlink()
+    assert repair(bag)
+    for kept in bag.glob("*.cut"):
+        kept.unlink()
+    assert kind.check(bag, overwrite=True)
 
 
 def test_a_bag_that_is_still_written_is_not_repaired(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -19,21 +19,33 @@ def check(bag: Path | None, overwrite: bool) -> None:
         BAG.check(bag, overwrite=overwrite)
 
 
-def freed(bag: Path | None, overwrite: bool) -> AbstractContextManager[None]:
-    """Room for the recorder; an older bag waits beside it until the new one is whole. Raises InputError."""
-    return nullcontext() if bag is None else BAG.aside(bag, overwrite=overwrite, whole=_is_whole)
+def made(bag: Path | None, overwrite: bool) -> AbstractContextManager[Path | None]:
+    """Where the recorder works: at `bag`, or beside an older bag that stands until the new one is whole.
+
+    Raises InputError as `check`.
+    """
+    return nullcontext() if bag is None else BAG.recording(bag, overwrite=overwrite, whole=is_whole)
 
 
-def _is_whole(bag: Path) -> bool:
+def is_whole(bag: Path) -> bool:
+    """Whether a recorder came to its end there."""
     return (bag / METADATA).is_file()
+
+
+def stem(bag: Path) -> str:
+    """What the file in a bag is named by: the bag's own name, also while an older one has it."""
+    return files.final(bag).name
 
 
 @contextmanager
 def claimed(bag: Path) -> Iterator[None]:
-    """The recorder's hold on the bag it has begun. Raises InputError where it cannot be signed."""
+    """The recorder's hold on the bag it has begun, which it signs at its end. Raises InputError where it
+    cannot be claimed."""
     with files.writing(bag):
         try:
-            BAG.sign(bag, (METADATA, f".{METADATA}.tmp"))
+            BAG.claim(bag, METADATA, f".{METADATA}.tmp", *(path.name for path in bag.iterdir()))
         except OSError as error:
             raise InputError(f"cannot write {bag}: {error.strerror}; {BAG.elsewhere}") from None
         yield
+        if is_whole(bag):
+            BAG.sign(bag)

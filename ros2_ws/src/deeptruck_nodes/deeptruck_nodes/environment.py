@@ -9,6 +9,7 @@ import os
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 
 from deeptruck_model.errors import InputError
@@ -53,8 +54,14 @@ class DomainLock:
         self._file.flush()
 
     def _holder(self) -> str:
+        """Who holds it: what the run says of itself, or those of its processes that outlived it."""
         self._file.seek(0)
-        return self._file.read() or "just starting"
+        says = self._file.read()
+        alive = _who_has_open(self._path)
+        owner = says.removeprefix("process ").partition(",")[0]
+        if not alive or owner in alive:
+            return says or "just starting"
+        return f"left over from a run that was killed: process {', '.join(alive)}"
 
     @property
     def descriptor(self) -> int:
@@ -63,6 +70,16 @@ class DomainLock:
 
     def release(self) -> None:
         self._file.close()
+
+
+def _who_has_open(path: Path) -> list[str]:
+    """Numbers of the other processes that have a file open, as far as this user may see them."""
+    found = set()
+    for handle in Path("/proc").glob("[0-9]*/fd/*"):
+        with suppress(OSError):
+            if handle.samefile(path):
+                found.add(int(handle.parts[2]))
+    return [str(number) for number in sorted(found - {os.getpid()})]
 
 
 def run_folder(runs: Path, what: str, domain: int) -> Path:

@@ -15,7 +15,7 @@ class Lifeline:
     def __init__(self) -> None:
         number = os.environ.get(VARIABLE)
         self._socket = socket.socket(fileno=int(number)) if number else None
-        self._said = False
+        self._said = self._told = False
 
     def ready(self) -> None:
         """Tell the supervisor, once."""
@@ -26,12 +26,21 @@ class Lifeline:
 
     def may_go(self) -> bool:
         """Whether everyone else is ready too; never blocks."""
+        self.is_cut()
+        return self._socket is None or self._told
+
+    def is_cut(self) -> bool:
+        """Whether there was a supervisor and it is gone; never blocks."""
         if self._socket is None:
-            return True
+            return False
         try:
-            return self._socket.recv(16, socket.MSG_DONTWAIT) == b"go"
+            heard = self._socket.recv(16, socket.MSG_DONTWAIT)
         except BlockingIOError:
             return False
+        except OSError:
+            return True
+        self._told = self._told or heard == b"go"
+        return not heard
 
 
 class LifelineHolder:

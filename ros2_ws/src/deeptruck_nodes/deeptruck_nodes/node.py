@@ -98,15 +98,21 @@ class DeeptruckNode(Node):
 
 
 class _Stop:
-    """Set by SIGINT and SIGTERM. rclpy's own handlers now and then lose a signal, so they are off."""
+    """Set by SIGINT and SIGTERM. rclpy's own handlers now and then lose a signal, so they are off.
+
+    A node that is still being made, which takes seconds, has nothing to leave in order and ends at once.
+    """
 
     def __init__(self) -> None:
         self.asked = False
+        self.is_made = False
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._ask)
 
     def _ask(self, number: int, frame: object) -> None:
         self.asked = True
+        if not self.is_made:
+            sys.exit(128 + number)
 
 
 def run(make: Callable[[], DeeptruckNode]) -> None:
@@ -115,6 +121,7 @@ def run(make: Callable[[], DeeptruckNode]) -> None:
     try:
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
         node = make()
+        stop.is_made = True
         try:
             _spin(node, stop)
         finally:
@@ -146,7 +153,7 @@ def _spin(node: DeeptruckNode, stop: _Stop) -> None:
     lifeline, executor = Lifeline(), SingleThreadedExecutor()
     executor.add_node(node)
     going = False
-    while not (stop.asked or node.finished):
+    while not (stop.asked or node.finished or lifeline.is_cut()):
         if going:
             wait = node.tick()
         else:

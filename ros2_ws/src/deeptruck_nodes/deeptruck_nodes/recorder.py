@@ -49,7 +49,7 @@ class Recorder(DeeptruckNode):
     def _writer(self) -> CrashSafeWriter:
         if self._opened is None:  # a message may overtake the word to go
             bag = Path(self.p["bag"])
-            self._opened = CrashSafeWriter(bag, custom_data=self._custom)
+            self._opened = CrashSafeWriter(bag, file_stem=bag_place.stem(bag), custom_data=self._custom)
             self._stack.enter_context(bag_place.claimed(bag))
         return self._opened
 

@@ -230,7 +230,9 @@ def _run(
     """Lock the domain, make room for the bag, then start. Everything has been checked before."""
     lock = environment.DomainLock(domain)
     try:
-        with bag_place.freed(common.record, common.overwrite):
+        with bag_place.made(common.record, common.overwrite) as bag:
+            if bag is not None:
+                sections["recorder"]["bag"] = str(bag.absolute())
             folder = environment.run_folder(common.runs, what, domain)
             lock.logs_in(folder)
             file = folder / "parameters.yaml"
@@ -242,14 +244,21 @@ def _run(
                 folder, programs, environment.ros_environment(folder, domain), lock.descriptor
             )
             code = supervisor.run(duration)
-        print(last_line(supervisor.why, common.record), flush=True)
+            outcome = recorded(common.record, bag)
+        print(f"ended: {supervisor.why}; {outcome}", flush=True)
         return code
     finally:
         lock.release()
 
 
-def last_line(why: str, record: Path | None) -> str:
-    """What a run says at its end: why it ended, and where its bag is."""
-    if record is None:
-        return f"ended: {why}; nothing was to be recorded, --record BAG does"
-    return f"ended: {why}; " + (f"the bag is {record}" if record.exists() else f"there is no bag {record}")
+def recorded(record: Path | None, bag: Path | None) -> str:
+    """What became of a recording at `bag`, which was to be `record`: what a run says at its end."""
+    if record is None or bag is None:
+        return "nothing was to be recorded, --record BAG does"
+    if bag_place.is_whole(bag):
+        return f"the bag is {record}"
+    if bag.exists():
+        return f"the bag {bag} is not finished, 'deeptruck-model repair {bag}' mends it"
+    return (
+        f"there is no bag {record}" if bag == record else f"nothing was recorded, {record} is the older bag"
+    )

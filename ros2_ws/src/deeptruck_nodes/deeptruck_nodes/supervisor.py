@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from deeptruck_nodes.lifeline import VARIABLE, LifelineHolder
@@ -75,13 +77,11 @@ class Supervisor:
         """why the run ended, in a few words"""
 
     def run(self, duration: float = 0.0) -> int:
-        """Run until a program ends the run, `duration` s (0: no limit) have passed, or SIGINT or SIGTERM.
+        """Run until a program ends the run, `duration` s (0: no limit) have passed, or a signal asks for it.
 
         Returns the exit code: 0 after a wanted end, 2 where a program refused its input, else 1.
         """
-        before = {
-            number: signal.signal(number, self._on_signal) for number in (signal.SIGINT, signal.SIGTERM)
-        }
+        before = {number: signal.signal(number, self._on_signal) for number in _ends()}
         try:
             for program in self._programs:
                 self._children.append(self._start(program))
@@ -106,7 +106,7 @@ class Supervisor:
                 env={**self._environment, VARIABLE: str(lifeline.child)},
                 pass_fds=(lifeline.child, self._lock),
                 start_new_session=True,  # Ctrl-C reaches the supervisor alone, which then keeps the order
-                preexec_fn=_die_with_parent,  # noqa: PLW1509 (there is one thread)
+                preexec_fn=partial(_die_with, os.getpid()),  # noqa: PLW1509 (there is one thread)
             )
         lifeline.handed_over()
         return _Child(program, process, log, lifeline)
@@ -183,9 +183,17 @@ class Supervisor:
         return child.process.poll() is not None
 
 
-def _die_with_parent() -> None:
+def _ends() -> list[signal.Signals]:
+    """The signals that end a run; SIGHUP does not where it is ignored, as under nohup."""
+    hangs_up = signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN
+    return [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hangs_up else [])]
+
+
+def _die_with(parent: int) -> None:
     """Runs in the child: the kernel ends it when a killed supervisor cannot."""
     _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    if os.getppid() != parent:  # killed before the kernel was asked
+        os._exit(1)
 
 
 _LIBC = ctypes.CDLL(None)

@@ -1,4 +1,4 @@
-"""Tensors out of a safetensors file. The format checks its sizes; it has no checksum of the numbers."""
+"""Tensors out of a safetensors file. The format checks its sizes; its checksum is in the manifest beside."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from deeptruck_model.errors import InputError
 def tensors(path: Path, load: Callable[[Path], Any]) -> Any:
     """What `load` of safetensors gives. Raises InputError where the file is missing, damaged or no file.
 
-    A bit that changed inside a weight is another weight: all that can be seen is one that is not finite.
+    A bit that changed inside a weight is another weight, which `reading.check_saved` sees.
     """
     try:
         reading.check_file(path, reading.SAVE_AGAIN)

@@ -1,0 +1,50 @@
+"""The one rule of every command that writes: whole or not there, and nothing of the user's is lost.
+
+In comes a place that the user named; out goes a result that stands there whole, or nothing. `results` is the
+rule for folders, `ledger` tells a command's own files, `single` writes one file, `places` names what is
+unfinished. Standard library only.
+"""
+
+from deeptruck_model.files.ledger import LEDGER, renew
+from deeptruck_model.files.places import (
+    begun,
+    final,
+    free,
+    left_beside,
+    tell_left_beside,
+    unfinished,
+    writing,
+)
+from deeptruck_model.files.results import OVERWRITE_HELP, Result
+from deeptruck_model.files.single import (
+    ADVICE,
+    ELSEWHERE,
+    RENAME,
+    advice,
+    check_new,
+    check_writable,
+    new_file,
+    write,
+)
+
+__all__ = [
+    "ADVICE",
+    "ELSEWHERE",
+    "LEDGER",
+    "OVERWRITE_HELP",
+    "RENAME",
+    "Result",
+    "advice",
+    "begun",
+    "check_new",
+    "check_writable",
+    "final",
+    "free",
+    "left_beside",
+    "new_file",
+    "renew",
+    "tell_left_beside",
+    "unfinished",
+    "write",
+    "writing",
+]

@@ -1,0 +1,138 @@
+"""What lies beside a result, under which hidden name, and who holds it: drafts, older and newer results.
+
+.NAME.unfinished         work that --resume goes on with
+.NAME.????????.tmp       a draft, which takes the place of NAME when it is whole
+.NAME.PID.new            a recording that takes the place of an older NAME when it is whole
+.NAME.PID.old            an older NAME, for the moment in which the new one is renamed
+.NAME.PID.unfinished     work that was set aside, because the user began anew
+"""
+
+from __future__ import annotations
+
+import fcntl
+import glob
+import itertools
+import os
+import re
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.files.single import ELSEWHERE
+
+DRAFT = re.compile(r"^\.(.+?)(\.\w{8}\.tmp|\.tmp|\.unfinished|\.\d+\.(?:old|new|unfinished))$")
+_told: set[str] = set()  # by this process: several checks look at one bag
+
+
+def unfinished(out: Path) -> Path:
+    """Where work that can be gone on with is kept until `out` can be written whole."""
+    return out.with_name(f".{out.name}.unfinished")
+
+
+def begun(out: Path) -> bool:
+    """Whether a run that was to write `out` left work behind; a folder without a file is none."""
+    return any(not path.is_dir() for path in unfinished(out).rglob("*"))
+
+
+def beside(out: Path, suffix: str) -> Path:
+    """A free name beside `out`, with this process's number; a killed run may have had the same."""
+    names = (f".{out.name}.{os.getpid() + number}.{suffix}" for number in itertools.count())
+    return next(place for name in names if not os.path.lexists(place := out.with_name(name)))
+
+
+def final(path: Path) -> Path:
+    """The name that a draft is to get; of any other path itself."""
+    return path.with_name(DRAFT.sub(r"\1", path.name))
+
+
+@contextmanager
+def writing(folder: Path) -> Iterator[None]:
+    """Hold an existing folder against other runs; the hold ends with the block, or with the process.
+
+    Raises InputError where another run holds it.
+    """
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(handle)
+        raise InputError(
+            f"another run is writing {folder}; wait until it has ended, or {ELSEWHERE}"
+        ) from None
+    try:
+        yield
+    finally:
+        os.close(handle)
+
+
+def free(folder: Path) -> None:
+    """Raises InputError where a run writes into the folder; one that is not there is free."""
+    if folder.is_dir() and os.access(folder, os.R_OK):
+        with writing(folder):
+            pass
+
+
+def left_beside(out: Path) -> list[str]:
+    """What killed runs left beside `out` that a user may want back, a sentence each; all of it stays."""
+    name = glob.escape(out.name)
+    says = [
+        (
+            "old",
+            f"is an older {out.name}, which a run that was killed had set aside; rename it or remove it",
+        ),
+        (
+            "new",
+            f"is a newer {out.name}, which a run that was killed had recorded; 'deeptruck-model repair' "
+            "mends it, then rename it, or remove it",
+        ),
+        (
+            "unfinished",
+            f"is begun work on {out.name} that was set aside; remove it, or rename it to "
+            f"{unfinished(out).name} and add --resume",
+        ),
+    ]
+    return [
+        f"{place} {text}"
+        for suffix, text in says
+        for place in sorted(out.parent.glob(f".{name}.[0-9]*.{suffix}"))
+        if DRAFT.match(place.name) and not _is_used(place)
+    ]
+
+
+def tell_left_beside(out: Path) -> None:
+    """Say `left_beside` on standard error, each once in a process."""
+    for line in left_beside(out):
+        if line not in _told:
+            _told.add(line)
+            print(f"note: {line}", file=sys.stderr)
+
+
+def drafts(out: Path) -> list[Path]:
+    """Drafts of `out`; those of killed runs, where the caller holds `out`."""
+    return sorted(out.parent.glob(f".{glob.escape(out.name)}.????????.tmp"))
+
+
+def is_mounted(folder: Path) -> bool:
+    """Whether a folder is a mount point; one of the same disk, as containers have them, is only listed."""
+    if not folder.is_dir():
+        return False
+    place = str(folder.resolve())
+    with suppress(OSError):
+        listed = (line.split(" ")[4] for line in Path("/proc/self/mountinfo").read_text().splitlines())
+        return place in (name.replace("\\040", " ") for name in listed)
+    return os.path.ismount(place)
+
+
+def _is_used(place: Path) -> bool:
+    """Whether a run is still at work there: it holds the folder, or the process of this number is alive."""
+    if place.suffix == ".new":
+        with suppress(OSError):
+            try:
+                free(place)
+            except InputError:
+                return True
+    if place.suffix == ".old":
+        return Path(f"/proc/{place.name.rsplit('.', 2)[1]}").exists()
+    return False

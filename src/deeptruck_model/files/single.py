@@ -1,0 +1,88 @@
+"""One file at a time: written beside its place and renamed; what mends an error of writing."""
+
+from __future__ import annotations
+
+import errno
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from deeptruck_model.errors import InputError
+
+ADVICE = "make room or choose another --out"
+ELSEWHERE = "choose another --out"
+RENAME = "choose another name"
+FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+
+
+def check_writable(path: Path, elsewhere: str = ELSEWHERE) -> None:
+    """Raises InputError where `path` could not be made or written; nothing is touched."""
+    above = next(p for p in path.absolute().parents if p.exists() or p.is_symlink())
+    if not above.is_dir():
+        raise InputError(f"cannot write {path}: {above} is no folder; {elsewhere}")
+    if not os.access(above, os.W_OK | os.X_OK):
+        raise InputError(f"cannot write {path}: {above} may not be changed; {elsewhere}")
+
+
+def check_new(path: Path) -> None:
+    """Raises InputError where the single file `path` exists or cannot be written; nothing is touched."""
+    if path.exists() or path.is_symlink():
+        raise InputError(f"{path} exists already; {RENAME} or remove it")
+    check_writable(path, RENAME)
+
+
+@contextmanager
+def new_file(path: Path) -> Iterator[Path]:
+    """A draft that becomes the single file `path` when the block ends well; it never replaces another.
+
+    Raises InputError as `check_new`, and on a full disk.
+    """
+    check_new(path)
+    draft = None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        number, name = tempfile.mkstemp(prefix=f".{path.stem}.", suffix=path.suffix, dir=path.parent)
+        os.close(number)
+        draft = Path(name)
+        draft.chmod(0o666 & ~umask())
+        yield draft
+        check_new(path)
+        draft.rename(path)
+    except OSError as error:
+        cure = advice(error, f"make room or {RENAME}", RENAME)
+        raise InputError(f"cannot write {path}: {error.strerror or error}; {cure}") from None
+    finally:
+        if draft is not None:
+            draft.unlink(missing_ok=True)
+
+
+def write(path: Path, content: bytes, where_full: str = ADVICE) -> None:
+    """Write beside `path` and rename, folders made: a full disk or a kill leaves what was there before.
+
+    For files inside a command's own folder. Raises InputError with one line where it cannot be written; it
+    ends with `where_full` on a full disk.
+    """
+    draft = path.with_name(f".{path.name}.tmp")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        draft.write_bytes(content)
+        draft.replace(path)
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}; {advice(error, where_full)}") from None
+    finally:
+        with suppress(OSError):  # its folder is none, or cannot be written: then there is nothing to remove
+            draft.unlink(missing_ok=True)
+
+
+def advice(error: BaseException, where_full: str = ADVICE, else_where: str = ELSEWHERE) -> str:
+    """What mends an error of writing: room helps a full disk alone, and no folder that may not be written."""
+    return where_full if getattr(error, "errno", None) in FULL else else_where
+
+
+def umask() -> int:
+    """The bits that new files lack."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
