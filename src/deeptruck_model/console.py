@@ -12,6 +12,13 @@ from typer.exceptions import TyperException
 from deeptruck_model.errors import InputError
 
 INTERRUPTED = 130
+MISSING = "{name} is not installed; pip install 'deeptruck[{extra}]'"
+EXTRA_OF = {  # of what a slim installation is without
+    **dict.fromkeys(("torch", "safetensors", "onnx", "tensorboard"), "deep"),
+    **dict.fromkeys(("gymnasium", "stable_baselines3", "sb3_contrib", "osqp"), "cacc"),
+    **dict.fromkeys(("can", "cantools"), "can"),
+}
+EXTRA_OF_PROGRAM = {"deeptruck-cacc": "cacc"}  # it needs what learns too, and its extra holds that
 
 
 def run(
@@ -19,7 +26,8 @@ def run(
 ) -> None:
     """Run the commands of `app` on `arguments` (default: the command line) and exit.
 
-    Exit codes: 0; 2 for bad input; 130 after Ctrl-C, with `interrupted` as the last word; 1 for a defect.
+    Exit codes: 0; 2 for bad input, and for a library of an extra that is not installed; 130 after Ctrl-C,
+    with `interrupted` as the last word; 1 for a defect.
     """
     words = sys.argv[1:] if arguments is None else arguments
     app.rich_markup_mode = None  # help as plain text: the library that draws boxes takes longer than the help
@@ -29,6 +37,12 @@ def run(
         code = app(words, prog_name=program, standalone_mode=False)
     except (InputError, TyperException) as error:
         sys.exit(_last_words(program, _line(error), 2))
+    except ModuleNotFoundError as error:
+        library = (error.name or "").partition(".")[0]
+        if library not in EXTRA_OF:
+            raise
+        extra = EXTRA_OF_PROGRAM.get(program, EXTRA_OF[library])
+        sys.exit(_last_words(program, MISSING.format(name=library, extra=extra), 2))
     except OSError as error:
         what = error.strerror or str(error)
         sys.exit(_last_words(program, f"{error.filename}: {what}" if error.filename else what, 2))

@@ -310,7 +310,8 @@ def read_dbc(file: Path) -> Any:
 def _deep() -> Any:
     """An untrained deep truck with all that is kept beside the weights."""
     from deeptruck_model.deep.data import coverage, driven
-    from deeptruck_model.deep.network import Scales, Shape, TruckNetwork
+    from deeptruck_model.deep.data.scales import Scales
+    from deeptruck_model.deep.network import Shape, TruckNetwork
     from deeptruck_model.deep.truck import DeepTruck
 
     shape = Shape(2, 1, 3, hidden=4, decoder=3)

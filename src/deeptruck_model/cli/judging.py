@@ -98,10 +98,11 @@ def _remarks(
     simulator: Simulator, recordings: list[Recording], metrics: dict[str, Any], horizon: float
 ) -> None:
     """Say what makes the figures worth less than they look."""
-    from deeptruck_model.deep import DeepTruck, remarks
+    from deeptruck_model.deep import remarks
     from deeptruck_model.deep.data import duplicates
+    from deeptruck_model.deep.learned import is_deep
 
-    if isinstance(simulator, DeepTruck) and (line := duplicates.warning(simulator, recordings)):
+    if is_deep(simulator) and (line := duplicates.warning(simulator, recordings)):
         typer.echo(f"warning: {line}", err=True)
     for line in remarks.remarks(simulator, recordings, metrics, horizon):
         typer.echo(f"note: {line}", err=True)

@@ -12,8 +12,9 @@ from safetensors.torch import load_file
 from deeptruck_model import reading
 from deeptruck_model.deep.data import driven, reference
 from deeptruck_model.deep.data.coverage import Coverage
+from deeptruck_model.deep.data.scales import Scales
 from deeptruck_model.deep.data.weights_file import tensors
-from deeptruck_model.deep.network import WEIGHTS, Scales, Shape, TruckNetwork
+from deeptruck_model.deep.network import WEIGHTS, Shape, TruckNetwork
 from deeptruck_model.deep.saving import COVERAGE_FILE, KEPT, SCHEMA, WEIGHTS_FILE, promised
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.errors import InputError

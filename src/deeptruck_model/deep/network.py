@@ -13,11 +13,10 @@ import math
 from dataclasses import asdict, dataclass, replace
 from typing import Any, NamedTuple
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from deeptruck_model.deep.data.scales import Scales
 from deeptruck_model.signals import ACCELERATION, FUEL, SPEED
 
 # Below both, the truck stands: static friction and the brake hold it, so rounding cannot make it creep.
@@ -77,19 +76,6 @@ class Shape:
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON; `Shape(**data)` is the inverse."""
         return asdict(self)
-
-
-@dataclass(frozen=True)
-class Scales:
-    """Normalisation inside the network: (x - mean) / scale for the columns [u, w, y, taught], each
-    (columns,).
-
-    `top_speed` m/s is where the speed code ends.
-    """
-
-    mean: NDArray[np.float32]
-    scale: NDArray[np.float32]
-    top_speed: float = 30.0
 
 
 class State(NamedTuple):

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from deeptruck_model.deep.truck import DeepTruck
+from deeptruck_model.deep.learned import is_deep
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
+
+if TYPE_CHECKING:
+    from deeptruck_model.deep.truck import DeepTruck
 
 ENOUGH_S = 1800.0  # of driving to calibrate by
 OVERLAP = 2.0  # times the driving that the runs may be long together
@@ -22,7 +25,7 @@ def remarks(
 ) -> list[str]:
     """One line for each; none where the figures may be taken as they are. `horizon_s` was asked for."""
     found = [_shorter(metrics, horizon_s), _overlap(recordings, metrics)]
-    if isinstance(simulator, DeepTruck):
+    if is_deep(simulator):
         found += [_outside(simulator, recordings), _other(simulator, recordings, metrics)]
     return [line for line in found if line]
 

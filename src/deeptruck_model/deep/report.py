@@ -11,8 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from deeptruck_model.deep.evaluation import HORIZON_S, TRIALS, Trials, against_time, statistics, trials
-from deeptruck_model.deep.truck import DeepTruck
-from deeptruck_model.deep.uncertainty import inside
+from deeptruck_model.deep.learned import is_deep
 from deeptruck_model.recordings import Recording
 from deeptruck_model.results import EVALUATION
 from deeptruck_model.signals import CHANNELS, SPEED, printed
@@ -48,7 +47,9 @@ def evaluate_into(
     """The same files in an existing folder of the caller's own."""
     runs = trials(simulator, recordings, count, horizon_s, seed)
     metrics = {**statistics(runs), "seed": seed, "recordings": [r.name for r in recordings]}
-    if isinstance(simulator, DeepTruck) and simulator.details.get("calibration"):
+    if is_deep(simulator) and simulator.details.get("calibration"):
+        from deeptruck_model.deep.uncertainty import inside
+
         for name, share in inside(simulator, runs).items():
             metrics[name]["inside_90"] = share
     error_figure(runs).savefig(folder / "error_statistics.png", dpi=120)

@@ -21,11 +21,12 @@ from deeptruck_model.deep import card, checkpoint, resume
 from deeptruck_model.deep.arguments import Arguments
 from deeptruck_model.deep.data import coverage, driven, duplicates
 from deeptruck_model.deep.data.preparation import Prepared, prepare
+from deeptruck_model.deep.data.scales import Scales
 from deeptruck_model.deep.data.windows import Sequences, loss_weights
 from deeptruck_model.deep.identity import differences, identity_in, identity_of
 from deeptruck_model.deep.kernels import loss
 from deeptruck_model.deep.kernels.compiled import FloatArray
-from deeptruck_model.deep.network import WEIGHTS, Scales, Shape, TruckNetwork
+from deeptruck_model.deep.network import WEIGHTS, Shape, TruckNetwork
 from deeptruck_model.deep.optimizer import guard, learning_rate, optimizers, peak_rate
 from deeptruck_model.deep.selection import Best, finite, validate
 from deeptruck_model.deep.truck import DeepTruck

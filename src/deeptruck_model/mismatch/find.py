@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +27,9 @@ from deeptruck_model.mismatch.data.prepared import (
     with_held_out,
 )
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.posterior import formula, linearised
+from deeptruck_model.mismatch.posterior import linearised
 from deeptruck_model.mismatch.posterior.causes import Explanation
+from deeptruck_model.mismatch.posterior.modelled import Formula
 from deeptruck_model.mismatch.report import findings, identifiability, validation
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import PARAMETERS, gather
@@ -42,6 +44,7 @@ LEFT_OUT = "left out of the library, as was asked for: {}"
 NAMED = (*LIBRARY, *findings.NAMES, "acceleration_bias", "speed_scale", "unknown")
 OTHER_GEAR = "the simulator drives in another gear than was recorded"
 STRANGE = "the simulator has learned from no driving at such speeds, commands and slopes"
+WITHOUT_FORMULA = "what has no name is told without a formula: pip install 'deeptruck[formula]'"
 WITHOUT_MASS = (
     "forces are told per kilogram (m/s^2), as the simulator does not tell its mass; state it by --mass-kg"
 )
@@ -169,6 +172,7 @@ def _find(
             *c.caveats,
             *([LEFT_OUT.format(", ".join(exclude))] if exclude else []),
             *_without_mass(e, found),
+            *([WITHOUT_FORMULA] if any(map(_nameless, found)) and not has_formulas() else []),
             *validation.caveats(fit, bool(causes)),
         ),
     )
@@ -195,12 +199,25 @@ def _findings(simulator: Simulator, c: _Checked, e: Evidence, x: Explanation) ->
     found = [
         identifiability.checked(f, simulator, e, x.model) for f in identifiability.with_manoeuvres(found)
     ]
-    return [
-        findings.with_formula(f, formula.formula(e, x), e.unit)
-        if f.cause is not None and f.cause.predictable
-        else f
-        for f in found
-    ]
+    return [findings.with_formula(f, _formula(e, x), e.unit) if _nameless(f) else f for f in found]
+
+
+def _nameless(f: Finding) -> bool:
+    return f.cause is not None and f.cause.predictable
+
+
+def _formula(e: Evidence, x: Explanation) -> Formula | None:
+    """None without the libraries of symbolic regression, which are an extra."""
+    if not has_formulas():
+        return None
+    from deeptruck_model.mismatch.posterior import formula
+
+    return formula.formula(e, x)
+
+
+def has_formulas() -> bool:
+    """Whether the libraries of symbolic regression are installed."""
+    return all(find_spec(name) is not None for name in ("pyoperon", "sympy"))
 
 
 def _data(c: _Checked, e: Evidence) -> DataReport:

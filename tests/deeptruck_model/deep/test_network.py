@@ -5,8 +5,9 @@ import pytest
 import torch
 
 from deeptruck_model.deep import Shape, TruckNetwork
+from deeptruck_model.deep.data.scales import Scales
 from deeptruck_model.deep.kernels import loss
-from deeptruck_model.deep.network import WEIGHTS, Scales
+from deeptruck_model.deep.network import WEIGHTS
 
 rng = np.random.default_rng(0)
 

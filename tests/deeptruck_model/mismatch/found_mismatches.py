@@ -12,8 +12,8 @@ from deeptruck_model.mismatch.data.checks import Rejection, SensorFault
 from deeptruck_model.mismatch.data.prepared import prepare
 from deeptruck_model.mismatch.mechanisms import LIBRARY, candidate_terms
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
-from deeptruck_model.mismatch.posterior.formula import Formula
 from deeptruck_model.mismatch.posterior.free_law import FreeModel
+from deeptruck_model.mismatch.posterior.modelled import Formula
 from deeptruck_model.mismatch.posterior.search import Model
 from deeptruck_model.mismatch.report import findings
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch

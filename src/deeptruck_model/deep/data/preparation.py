@@ -13,6 +13,7 @@ from deeptruck_model.deep import checkpoint
 from deeptruck_model.deep.arguments import Arguments
 from deeptruck_model.deep.data import duplicates
 from deeptruck_model.deep.data.driven import Driven
+from deeptruck_model.deep.data.scales import Scales
 from deeptruck_model.deep.data.unexcited_inputs import untaught
 from deeptruck_model.deep.data.windows import (
     HELD_OUT,
@@ -26,7 +27,7 @@ from deeptruck_model.deep.data.windows import (
     time_split,
     unexplained,
 )
-from deeptruck_model.deep.network import Scales, TruckNetwork
+from deeptruck_model.deep.network import TruckNetwork
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, data_hash

@@ -14,6 +14,7 @@ import numpy as np
 
 from deeptruck_model import trucks
 from deeptruck_model.deep import report
+from deeptruck_model.deep.data.scales import Scales
 from deeptruck_model.deep.data.windows import Sequences, loss_weights
 from deeptruck_model.deep.evaluation import statistics, trials
 from deeptruck_model.deep.experiments import classics
@@ -43,7 +44,7 @@ from deeptruck_model.deep.experiments.setup import (
 )
 from deeptruck_model.deep.kernels import loss
 from deeptruck_model.deep.kernels.compiled import FloatArray
-from deeptruck_model.deep.network import Scales, TruckNetwork
+from deeptruck_model.deep.network import TruckNetwork
 from deeptruck_model.deep.truck import DeepTruck
 from deeptruck_model.deep.uncertainty import calibrated, inside
 from deeptruck_model.driving_cycles import FREEWAY, YARD, drive

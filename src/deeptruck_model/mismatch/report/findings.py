@@ -12,7 +12,7 @@ from deeptruck_model.mismatch.expression import Rerun
 from deeptruck_model.mismatch.mechanisms import LIBRARY, OWN, UNNAMED, CandidateTerm, Column, carriers
 from deeptruck_model.mismatch.mechanisms.variants import OwnCurve
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
-from deeptruck_model.mismatch.posterior.formula import Formula
+from deeptruck_model.mismatch.posterior.modelled import Formula
 from deeptruck_model.mismatch.posterior.road_lock import RoadLock
 from deeptruck_model.mismatch.posterior.search import Model
 from deeptruck_model.mismatch.residual.evidence import Evidence, ForceUnit

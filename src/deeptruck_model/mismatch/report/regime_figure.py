@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.posterior import formula
+from deeptruck_model.mismatch.posterior import modelled
 from deeptruck_model.mismatch.posterior.free_law import features
 from deeptruck_model.mismatch.report.drawing import BLUE, GREY, drawn, figure, label, tidy
 
@@ -27,7 +27,7 @@ PREFER_SPEED = 0.9  # of the best pair's explained variance: engineers read maps
 
 def regime_map(e: Evidence) -> Figure | None:
     """Mean residual force and share of squared error over the two signals that tell most; None if no data."""
-    y, columns, _ = formula.averaged(e, e.residual + formula.retuned(e), list(features(e)))
+    y, columns, _ = modelled.averaged(e, e.residual + modelled.retuned(e), list(features(e)))
     if len(y) < 60:
         return None
     a, b = _telling_pair(y, columns)
@@ -45,8 +45,8 @@ def regime_map(e: Evidence) -> Figure | None:
 
 def shape(e: Evidence, x: Explanation, equation: str) -> Figure | None:
     """What no name explains against the one or two signals it varies with most, with its formula as title."""
-    names = formula.drivers(x, 2, e.rules)
-    y, columns, _ = formula.averaged(e, e.residual - formula.explained(e, x), names)
+    names = modelled.drivers(x, 2, e.rules)
+    y, columns, _ = modelled.averaged(e, e.residual - modelled.explained(e, x), names)
     if not names or len(y) < 60:
         return None
     force, unit = drawn(e, y)
@@ -107,12 +107,12 @@ def _sums(a: Array, b: Array, weights: Array) -> tuple[Array, Array, Array, Arra
     flat = _place(b, z) * size[1] + _place(a, x)
     count = np.bincount(flat, minlength=size[0] * size[1]).reshape(size).astype(float)
     total: Array = np.bincount(flat, weights=weights, minlength=size[0] * size[1]).reshape(size).astype(float)
-    return x, z, count * formula.PERIOD_S, total
+    return x, z, count * modelled.PERIOD_S, total
 
 
 def _mean_map(ax: Axes, a: Array, b: Array, force: Array, unit: str) -> None:
     x, z, seconds, total = _sums(a, b, force)
-    mean = np.where(seconds >= LEAST_S, total / np.maximum(seconds / formula.PERIOD_S, 1.0), np.nan)
+    mean = np.where(seconds >= LEAST_S, total / np.maximum(seconds / modelled.PERIOD_S, 1.0), np.nan)
     reach = max(float(np.nanmax(np.abs(mean), initial=0.0)), 1e-3)
     mesh = ax.pcolormesh(x, z, mean, cmap="RdBu_r", vmin=-reach, vmax=reach)
     _bar(ax, mesh, f"mean residual force, {unit}")
@@ -142,7 +142,7 @@ def _binned(ax: Axes, x: Array, force: Array) -> None:
     ax.axhline(0, color=GREY, lw=0.8)
     for k in np.unique(place):
         own = force[place == k]
-        if len(own) * formula.PERIOD_S >= LEAST_S:
+        if len(own) * modelled.PERIOD_S >= LEAST_S:
             at = float(x[place == k].mean())
             error = 2 * float(own.std(ddof=1)) / np.sqrt(len(own))
             ax.errorbar(at, own.mean(), error, fmt="o", color=BLUE, ms=4, lw=1.2, capsize=2)

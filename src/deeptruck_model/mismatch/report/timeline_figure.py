@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from deeptruck_model.mismatch.posterior import formula
+from deeptruck_model.mismatch.posterior import modelled
 from deeptruck_model.mismatch.report.drawing import (
     BLUE,
     GREY,
@@ -65,10 +65,10 @@ def tracks(m: Mismatch) -> list[Track]:
     if m.evidence is None or m.explanation is None:
         return [_raw(r) for r in as_given(m.prepared)]
     e = m.evidence
-    moved = formula.retuned(e)
+    moved = modelled.retuned(e)
     force = e.residual + moved
     unnamed = any(c.predictable for c in m.explanation.causes)
-    stated = moved + (formula.with_unnamed if unnamed else formula.explained)(e, m.explanation)
+    stated = moved + (modelled.with_unnamed if unnamed else modelled.explained)(e, m.explanation)
     spans = [(s.start, s.stop, s.finding, s.energy) for s in m.result.segments]
     return [_track(e, s, force, stated if m.explanation.causes else None, spans) for s in e.stretches]
 

@@ -1,0 +1,102 @@
+"""What works without the libraries of the extras, and what says which extra it needs."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import deeptruck_model
+from deeptruck_model import driving_cycles, recordings, trucks
+
+ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+EXTRAS = {
+    "deep": ("torch", "safetensors", "onnx", "tensorboard"),
+    "cacc": ("gymnasium", "stable_baselines3", "sb3_contrib", "osqp"),
+    "can": ("can", "cantools"),
+    "formula": ("pyoperon", "sympy"),
+}
+MODULES = [module for modules in EXTRAS.values() for module in modules]
+SLIM = f"""
+import importlib.util, sys
+HIDDEN = {MODULES!r}
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in HIDDEN:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+sys.meta_path.insert(0, Absent())
+real = importlib.util.find_spec
+importlib.util.find_spec = lambda name, *more: None if name in HIDDEN else real(name, *more)
+program, sys.argv = sys.argv[1], sys.argv[1:]
+from importlib.metadata import entry_points
+(one,) = entry_points(group="console_scripts", name=program)
+one.load()()
+"""
+
+
+def slim(*words: str | Path) -> subprocess.CompletedProcess[str]:
+    """A command of an installation without extras."""
+    command = [sys.executable, "-c", SLIM, *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    drive = driving_cycles.drive(trucks.load("trucksim"), seconds=120.0, seed=1)
+    path = tmp_path_factory.mktemp("slim") / "bag"
+    recordings.write_bag(path, [drive], interface=drive.interface)
+    return path
+
+
+def test_bags_and_physics_trucks_need_no_extra(bag: Path, tmp_path: Path) -> None:
+    for words in (
+        ("coverage", bag, "--out", tmp_path / "coverage"),
+        ("evaluate", "truck:trucksim", bag, "--out", tmp_path / "evaluation", "--trials", "3"),
+        ("check-simulator", "truck:trucksim"),
+    ):
+        done = slim("deeptruck-model", *words)
+        assert done.returncode == 0, done.stderr
+
+
+def test_the_mismatch_tool_needs_no_extra(bag: Path, tmp_path: Path) -> None:
+    out = tmp_path / "found"
+    done = slim(
+        "deeptruck-model", "mismatch", "--simulator", "truck:trucksim", "--recordings", bag, "--out", out
+    )
+    assert done.returncode == 0, done.stderr
+    assert (out / "verdict.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "library", "extra"),
+    [
+        (("deeptruck-model", "train", "{bag}", "--out", "{out}"), "torch", "deep"),
+        (("deeptruck-cacc", "train", "--simulator", "truck:trucksim", "--out", "{out}"), "", "cacc"),
+        (("truck-bridge", "decode", "{log}", "--vehicle", "trucksim", "--out", "{out}.csv"), "", "can"),
+    ],
+)
+def test_what_needs_an_extra_names_it(
+    words: tuple[str, ...], library: str, extra: str, bag: Path, tmp_path: Path
+) -> None:
+    log = tmp_path / "drive.log"
+    log.write_text("(1.000000) can0 18FEF100#FFFF00FFFFFFFFFF\n")
+    done = slim(*(w.format(bag=bag, out=tmp_path / "out", log=log) for w in words))
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert line.endswith(f"is not installed; pip install 'deeptruck[{extra}]'") and library in line
+    assert not list(tmp_path.glob("out*"))
+
+
+def test_every_extra_is_in_all() -> None:
+    extras = PROJECT["optional-dependencies"]
+    assert set(EXTRAS) <= set(extras)
+    (every,) = extras["all"]
+    assert every == "deeptruck[deep,cacc,can,formula]" and "deeptruck[all]" in extras["dev"]
+
+
+def test_the_version_is_the_metadatas() -> None:
+    assert deeptruck_model.__version__ == PROJECT["version"]
