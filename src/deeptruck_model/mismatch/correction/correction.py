@@ -150,7 +150,7 @@ def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequenc
     wrong may only be biased. So what goes in is what free runs ask for along `prepared`, the recordings
     that are not held out, each by a fit to others of them.
     """
-    e = left_beside(e, x.model)
+    e = left_beside(e.to_fit(), x.model).everywhere()
     search = _as_given(e, ~e.held_out)
     shares = None if simulator.parameters() else Shares.of(e)
     alone = _Recipe((), (), frozenset(search.parameters), Chosen.PARAMETERS)

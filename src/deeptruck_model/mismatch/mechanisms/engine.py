@@ -349,6 +349,7 @@ MECHANISMS = (
         "step the engine command up and down at constant speed",
         _turbos,
         _turbo,
+        reported=0.8,
     ),
     Mechanism(
         "torque_derate",
@@ -361,6 +362,7 @@ MECHANISMS = (
         _derates,
         _derate,
         hidden=True,
+        reported=0.7,
     ),
     Mechanism(
         "torque_limit",
@@ -372,6 +374,7 @@ MECHANISMS = (
         "command full torque from low to top speed",
         _limits,
         _limit,
+        reported=0.8,
     ),
     Mechanism(
         "engine_brake",
@@ -383,6 +386,7 @@ MECHANISMS = (
         "coast in gear and in neutral from the same speed",
         _engine_brakes,
         _engine_brake,
+        reported=0.2,
     ),
     Mechanism(
         "engine_friction",

@@ -18,6 +18,7 @@ from deeptruck_model.mismatch.mechanisms import CandidateTerm, candidate_term
 from deeptruck_model.mismatch.posterior import nuisances
 from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.posterior.explain import explain
+from deeptruck_model.mismatch.posterior.rivals import force_of
 from deeptruck_model.mismatch.posterior.search import Model, Search, changed_by
 from deeptruck_model.mismatch.posterior.stepwise import first_guess
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -64,6 +65,7 @@ def explained(
 ) -> tuple[Evidence, Explanation]:
     """The explanation, and the evidence about whose parameters it was found."""
     say("searching for what is missing")
+    evidence = evidence.to_fit()
     itself = nuisances.known(simulator, prepared[0].measured_acceleration, seed, evidence.rules)
     if itself is not None:
         say("learning the simulator's model discrepancy from the recordings it keeps")
@@ -79,8 +81,27 @@ def explained(
     if anew is None or not _better(
         search, found.model, anew, _again(found.model, anew), search.rules.moved_gain
     ):
-        return search.e, found
-    return anew.e, explain(anew)  # names moved the parameters where the first guess had not
+        return search.e.everywhere(), located_everywhere(search.e, found)
+    # names moved the parameters where the first guess had not
+    return anew.e.everywhere(), located_everywhere(anew.e, explain(anew))
+
+
+def located_everywhere(e: Evidence, x: Explanation) -> Explanation:
+    """The explanation, whose names and sizes the held-out recordings had no part in, with the forces that
+    every recording has its own of fitted along these too: to be told where they act."""
+    whole = e.everywhere()
+    own = [c for c in x.causes if c.term is not None and _untold(e, c.term) and not _untold(whole, c.term)]
+    if not own:
+        return x
+    search = Search(whole)
+    model = search.model(x.model.named, x.model.free, x.model.fit)
+    told = {id(c): replace(c, force=force_of(search, model, c.term)) for c in own if c.term is not None}
+    return replace(x, causes=tuple(told.get(id(c), c) for c in x.causes))
+
+
+def _untold(e: Evidence, term: CandidateTerm) -> bool:
+    """Whether a column of a term acts nowhere in these rows."""
+    return bool((np.abs(term.columns[e.valid]).max(axis=0, initial=0.0) < 1e-9).any())
 
 
 @dataclass(frozen=True)
@@ -117,7 +138,7 @@ class _Around:
             rules=search.rules,
             mass_kg=mass_kg,
         )
-        return nuisances.beside_it(Search(e, exclude=self.exclude), self.exclude)
+        return nuisances.beside_it(Search(e.to_fit(), exclude=self.exclude), self.exclude)
 
 
 def _beside_parameters(around: _Around, search: Search) -> Search:

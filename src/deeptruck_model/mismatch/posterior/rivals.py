@@ -61,7 +61,7 @@ def named_cause(search: Search, model: Model, term: CandidateTerm) -> Cause:
         term.mechanism.effect,
         gain,
         0.0,
-        _force(search, model, term),
+        force_of(search, model, term),
         term,
         tuple(rivals),
         alternatives=tuple(instead[:ALTERNATIVES]),
@@ -126,7 +126,7 @@ def _is_dead_time(constants: Constants) -> bool:
     return isinstance(constants, BrakeLag) and constants.side == DEAD_TIME
 
 
-def _force(search: Search, model: Model, term: CandidateTerm) -> Array:
+def force_of(search: Search, model: Model, term: CandidateTerm) -> Array:
     """What a mechanism adds, (n,). A profile whose knots did not reach every recording goes on as a smooth
     residual."""
     e = search.e
