@@ -98,6 +98,7 @@ class Finding:
     formula_r2: float | None = None  # held-out r2 of the formula in `equation`, where one was found
     decided_by: str | None = None  # of a slow force: what gave it its name
     road: RoadLock | None = None
+    engine_torque: str | None = None  # whether the engine's recorded torque shows it, where that is known
     cause: Cause | None = field(default=None, compare=False)  # None for a fault between sensors
 
     def to_json(self) -> dict[str, Any]:
@@ -124,6 +125,7 @@ class Finding:
             "decided_by": self.decided_by,
             "road": road,
             "formula_r2": self.formula_r2,
+            "engine_torque": self.engine_torque,
         }
         return out | {name: value for name, value in only_if.items() if value is not None}
 
@@ -140,7 +142,7 @@ class Finding:
             entry.get("evidence_nats"), tuple(Rival(**r) for r in entry.get("rivals", ())),
             nearest=entry.get("nearest"), laws_r2=laws.value if laws else None,
             formula_r2=entry.get("formula_r2"), decided_by=entry.get("decided_by"),
-            road=RoadLock(**road) if road else None,
+            road=RoadLock(**road) if road else None, engine_torque=entry.get("engine_torque"),
         )  # fmt: skip
 
 

@@ -23,6 +23,7 @@ DRIVELINE = 0.95  # of the torque that arrives at the wheels, of a truck's drive
 AFTER_SHIFT_S = 2.0  # after which two engines are in step again
 LEAST_BRAKING = 0.05  # m/s^2: beyond, a late command acts on the brakes
 LEAST_ROWS = 300
+SURELY = 8.0  # nats for or against: as much as a share of nothing, where one is expected, can have
 SHARE, SHARE_SD = 1.0, 0.25  # of a force of the engine that is reported: torque is told to some 5 to 10 %
 # Of what the report itself is off by (m/s^2, m/s^2, share, s): a zero, one that grows with engine speed, its
 # scale, and its delay.
@@ -45,14 +46,23 @@ class RecordedTorque:
     def gain(self, force: Array, shows: float) -> float:
         """Nats that a force of the engine (n,), m/s^2, gains by what was reported: positive where this shows
         it. `shows` is the probability that a controller knows of such a force."""
+        told = self._log_odds(force) / self.temper
+        return self.temper * float(np.logaddexp(np.log(shows) + told, np.log1p(-shows)))
+
+    def shows(self, force: Array) -> bool | None:
+        """Whether a force (n,) was reported; None where that is not sure."""
+        told = self._log_odds(force)
+        return None if abs(told) < SURELY else told > 0.0
+
+    def _log_odds(self, force: Array) -> float:
+        """Of the force being reported against nothing being reported, in nats."""
         f = whiten(force, self.ar, self.rows, self.weight)
         across = self.off.T @ f
         size = float(f @ f - across @ self.covariance @ across)
         with_it = float(f @ self.left - across @ self.covariance @ (self.off.T @ self.left))
         inverse = 1.0 / SHARE_SD**2
         exponent = (with_it + SHARE * inverse) ** 2 / (size + inverse) - SHARE**2 * inverse
-        told = 0.5 * (exponent - np.log1p(size / inverse)) / self.temper
-        return self.temper * float(np.logaddexp(np.log(shows) + told, np.log1p(-shows)))
+        return float(0.5 * (exponent - np.log1p(size / inverse)))
 
 
 def recorded_torque(e: Evidence, only: Mask | None = None) -> RecordedTorque | None:

@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.expression import Rerun
-from deeptruck_model.mismatch.mechanisms import LIBRARY, OWN, UNNAMED, CandidateTerm, Column, carriers
+from deeptruck_model.mismatch.mechanisms import (
+    LIBRARY,
+    OWN,
+    UNNAMED,
+    CandidateTerm,
+    Column,
+    Mechanism,
+    carriers,
+)
 from deeptruck_model.mismatch.mechanisms.variants import OwnCurve
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.formula import Formula
@@ -156,6 +164,7 @@ SETTING_UNITS = {
     "keeps_s": "s",
     "frees_m": "m",
 }
+SHOWS, SHOWS_NOT = "shows it", "does not show it"
 OTHER_FORM = ". It acts otherwise than in the form that is known here, and may be something else"
 TELLING_PARAMETERS = 12  # a profile along the road has hundreds; people get the ones that matter
 
@@ -196,6 +205,7 @@ def from_cause(cause: Cause, e: Evidence, explanation: Explanation, own: dict[st
         laws_r2=told.laws_r2,
         decided_by=_decided_by(cause),
         road=cause.road if cause.needed is not None else None,
+        engine_torque=None if cause.reported is None else SHOWS if cause.reported else SHOWS_NOT,
         cause=cause,
     )
 
@@ -233,12 +243,22 @@ def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> Told:
             f"{m.says}: {strength(cause, e)}{_now_and_then(term)}{_confined(term, e.unit)}",
             *_curved(term),
             OTHER_FORM if cause.other_form else "",
+            _reported(cause, m),
         ),
         m.equation,
         _sizes(term, explanation.model, e) | picked(term),
         Sentence.of(m.told_by),
         (*m.depends_on, *_confined_by(term)),
     )
+
+
+def _reported(cause: Cause, m: Mechanism) -> str:
+    """What the engine's recorded torque says of a force; that it knows nothing of the wind is no news."""
+    if cause.reported:
+        return f". The engine's recorded torque {SHOWS}"
+    if cause.reported is False and m.reported:
+        return f". The engine's recorded torque {SHOWS_NOT}: its controller does not know of it"
+    return ""
 
 
 def picked(term: CandidateTerm) -> dict[str, Size]:

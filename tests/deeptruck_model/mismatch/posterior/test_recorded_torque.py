@@ -44,6 +44,7 @@ def test_a_force_that_the_engine_reports_is_the_engines(nothing_missing: Evidenc
     torque = recorded_torque(e)
     assert torque is not None
     assert torque.gain(-missing(e), shows=0.7) > 100.0
+    assert torque.shows(-missing(e))
 
 
 def test_a_force_that_is_not_reported_is_hardly_held_against_the_engine(nothing_missing: Evidence) -> None:
@@ -51,6 +52,7 @@ def test_a_force_that_is_not_reported_is_hardly_held_against_the_engine(nothing_
     e = with_torque(nothing_missing, reported=0.0)
     torque = recorded_torque(e)
     assert torque is not None
+    assert torque.shows(-missing(e)) is False
     gain = torque.gain(-missing(e), shows=0.7)
     assert gain == pytest.approx(e.rules.temper * np.log(0.3), abs=0.2)
 
@@ -61,6 +63,13 @@ def test_a_report_that_is_a_little_off_shows_no_force(nothing_missing: Evidence,
     torque = recorded_torque(e)
     assert torque is not None
     assert torque.gain(-missing(e), shows=0.7) < 3.0
+
+
+def test_what_is_too_small_for_it_is_not_told(nothing_missing: Evidence) -> None:
+    e = with_torque(nothing_missing, reported=1.0)
+    torque = recorded_torque(e)
+    assert torque is not None
+    assert torque.shows(-0.001 * missing(e)) is None
 
 
 def test_without_a_recorded_torque_nothing_is_said(nothing_missing: Evidence) -> None:
