@@ -14,6 +14,7 @@ from deeptruck_model.checks import mass
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import locate
 from deeptruck_model.mismatch.correction import correction
+from deeptruck_model.mismatch.correction.own_error import differs
 from deeptruck_model.mismatch.data import checks
 from deeptruck_model.mismatch.data.prepared import (
     Prepared,
@@ -158,11 +159,13 @@ def _find(
     causes = {place: f.cause for place, f in enumerate(found) if f.cause is not None}
     force = sum((cause.force for cause in causes.values()), start=np.zeros(len(e)))
     data = _data(c, e)
+    regimes = locate.regimes(e, force if causes else e.residual)
+    unsaid = "" if found else differs(simulator, c.prepared[0].measured_acceleration, fit, regimes, rules)
     verdict = Verdict(
-        kind=_conclusion(found),
+        kind=Conclusion.UNDETERMINED if unsaid else _conclusion(found),
         findings=tuple(found),
         segments=tuple(locate.segments(e, causes)),
-        regimes=tuple(locate.regimes(e, force if causes else e.residual)),
+        regimes=tuple(regimes),
         fit=fit,
         data=data if found else replace(data, smallest_visible=identifiability.smallest_visible(e, x)),
         caveats=(
@@ -170,6 +173,7 @@ def _find(
             *([LEFT_OUT.format(", ".join(exclude))] if exclude else []),
             *_without_mass(e, found),
             *validation.caveats(fit, bool(causes)),
+            *([unsaid] if unsaid else []),
         ),
     )
     return Mismatch(verdict, e, x, errors, corrected, c.prepared, tuple(exclude))

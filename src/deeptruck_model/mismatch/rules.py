@@ -263,6 +263,12 @@ class Rules:
     clearly_better: float = _of(
         0.6, "of the error as given", "at which parameters are told by few nats", CHOSEN
     )
+    drives_worse: float = _of(
+        1.33,
+        "of its own error",
+        "beyond which a learned simulator differs here, though nothing has a name",
+        CHOSEN,
+    )
     no_better: float = _of(
         0.97,
         "of the error",

@@ -75,8 +75,7 @@ def explained(
         evidence = replace(evidence, model_discrepancy=unmeasured, slow_noise=unmeasured)
     around = _Around(simulator, tuple(prepared), tuple(held_out), seed, tuple(exclude), say)
     search = nuisances.beside_it(Search(evidence, exclude=exclude), exclude)
-    search = _followed(around, _beside_parameters(around, search), _first_guess)
-    found = explain(search)
+    search, found = _best_of(_starts(around, search))
     anew = around.parameters_of(search, found.model, RETUNE)
     if anew is None or not _better(
         search, found.model, anew, _again(found.model, anew), search.rules.moved_gain
@@ -141,12 +140,25 @@ class _Around:
         return nuisances.beside_it(Search(e.to_fit(), exclude=self.exclude), self.exclude)
 
 
-def _beside_parameters(around: _Around, search: Search) -> Search:
-    """The search about the parameters that do best alone, where these explain more than the best one name:
-    about parameters far off it may stand for what the simulator is not linear in."""
+def _starts(around: _Around, search: Search) -> list[Search]:
+    """Searches about the parameters as given, as moved by the first guess; and about those that do best
+    alone, where these explain more than the best one name: it may stand for what the simulator is not linear
+    in about parameters far off, and they may stand for it."""
+    starts = [_followed(around, search, _first_guess)]
     alone = _followed(around, search, _alone)
-    better = alone is not search and _better(search, _first_guess(search), alone, _alone(alone), 0.0)
-    return alone if better else search
+    if alone is not search and _better(search, _first_guess(search), alone, _alone(alone), 0.0):
+        starts.append(_followed(around, alone, _first_guess))
+    return starts
+
+
+def _best_of(starts: Sequence[Search]) -> tuple[Search, Explanation]:
+    """The search whose explanation is the best, whichever parameters it began about; and that."""
+    best = starts[0], explain(starts[0])
+    for search in starts[1:]:
+        found = explain(search)
+        if _better(best[0], best[1].model, search, found.model, 0.0):
+            best = search, found
+    return best
 
 
 def _followed(around: _Around, search: Search, guess: Callable[[Search], Model]) -> Search:
