@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.correction.improvement import compared, free_windows, improvement, joined
 from deeptruck_model.mismatch.data.prepared import Prepared
+from deeptruck_model.mismatch.fit_result import Chosen, Compared, Errors, FitResult, Improvement
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, held_steady, is_time_varying
 from deeptruck_model.mismatch.mechanisms.carriers import factors
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
@@ -22,7 +23,6 @@ from deeptruck_model.mismatch.posterior.nuisances import left_beside
 from deeptruck_model.mismatch.posterior.search import PINNED, Model, Search
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.result import Chosen, Compared, Errors, FitResult, Improvement
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.simulators import Simulator
 

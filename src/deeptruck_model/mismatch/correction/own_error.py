@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from deeptruck_model.mismatch.correction.improvement import free_windows
+from deeptruck_model.mismatch.fit_result import FitResult
 from deeptruck_model.mismatch.posterior.nuisances import kept
-from deeptruck_model.mismatch.result import FitResult, Regime
+from deeptruck_model.mismatch.result import Regime
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.simulators import Simulator
 

@@ -10,7 +10,8 @@ import pytest
 
 from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.mismatch.correction.own_error import differs, speed_error
-from deeptruck_model.mismatch.result import Bound, Chosen, Compared, FitResult, Improvement, Regime, Rmse
+from deeptruck_model.mismatch.fit_result import Chosen, Compared, FitResult, Improvement, Rmse
+from deeptruck_model.mismatch.result import Bound, Regime
 from deeptruck_model.mismatch.rules import Rules
 
 TRUCK = trucks.load("trucksim")
