@@ -35,7 +35,7 @@ def explain(search: Search) -> Explanation:
         causes = _with_bursts(search, model, causes)
     causes = _one_unknown(causes)
     if search.torque is not None:
-        causes = [replace(c, reported=search.torque.shows(c.force)) for c in causes]
+        causes = [replace(c, reported=search.torque.shows(c.force, search.rules.reported)) for c in causes]
     return Explanation(
         tuple(causes), model, parameters_only, null, left.free, left.gain, left.lawful, ranking
     )

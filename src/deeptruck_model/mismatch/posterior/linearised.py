@@ -19,7 +19,7 @@ from deeptruck_model.mismatch.posterior import nuisances
 from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.posterior.explain import explain
 from deeptruck_model.mismatch.posterior.rivals import force_of
-from deeptruck_model.mismatch.posterior.search import Model, Search, changed_by
+from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.posterior.stepwise import first_guess
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import STEP, gather
@@ -50,7 +50,7 @@ def _accepted(simulator: Simulator, name: str, change: float, near: float) -> fl
 
 
 # Beyond this relative change parameters are set in the simulator, and all is linearised again; and once more.
-RETUNE, SETTLED, RETUNES = 0.05, 0.02, 3
+RETUNE, SETTLED, RETUNES = 0.05, 0.02, 6
 _guesses: WeakKeyDictionary[Search, Model] = WeakKeyDictionary()  # a search is large: no longer than it
 
 
@@ -117,7 +117,7 @@ class _Around:
     def parameters_of(self, search: Search, model: Model, least: float) -> Search | None:
         """The search about the parameters a model asks for; None where none changes by more than `least`."""
         own = self.simulator.parameters()
-        change = {p: changed_by(p, model.change(p)) for p in search.parameters if p in own}
+        change = {p: model.moved(p) for p in search.parameters if p in own}
         if all(abs(c) <= least for c in change.values()):
             return None
         self.say("searching around the refitted parameters")
@@ -167,7 +167,7 @@ def _followed(around: _Around, search: Search, guess: Callable[[Search], Model])
         here = guess(search)
         anew = around.parameters_of(search, here, SETTLED if turn else RETUNE)
         if anew is None or not _better(
-            search, here, anew, guess(anew), 0.0 if turn else search.rules.moved_gain
+            search, here, anew, guess(anew), -search.rules.step_loss if turn else search.rules.moved_gain
         ):
             break
         search = anew

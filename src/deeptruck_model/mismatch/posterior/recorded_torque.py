@@ -23,7 +23,6 @@ DRIVELINE = 0.95  # of the torque that arrives at the wheels, of a truck's drive
 AFTER_SHIFT_S = 2.0  # after which two engines are in step again
 LEAST_BRAKING = 0.05  # m/s^2: beyond, a late command acts on the brakes
 LEAST_ROWS = 300
-SURELY = 8.0  # nats for or against: as much as a share of nothing, where one is expected, can have
 SHARE, SHARE_SD = 1.0, 0.25  # of a force of the engine that is reported: torque is told to some 5 to 10 %
 # Of what the report itself is off by (m/s^2, m/s^2, share, s): a zero, one that grows with engine speed, its
 # scale, and its delay.
@@ -49,10 +48,10 @@ class RecordedTorque:
         told = self._log_odds(force) / self.temper
         return self.temper * float(np.logaddexp(np.log(shows) + told, np.log1p(-shows)))
 
-    def shows(self, force: Array) -> bool | None:
-        """Whether a force (n,) was reported; None where that is not sure."""
+    def shows(self, force: Array, sure: float) -> bool | None:
+        """Whether a force (n,) was reported; None where that is not `sure`, in nats."""
         told = self._log_odds(force)
-        return None if abs(told) < SURELY else told > 0.0
+        return None if abs(told) < sure else told > 0.0
 
     def _log_odds(self, force: Array) -> float:
         """Of the force being reported against nothing being reported, in nats."""

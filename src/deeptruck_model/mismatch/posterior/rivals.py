@@ -204,10 +204,10 @@ def _parameter(
     rules = search.rules
     name = next(iter(after.free - before.free))
     gain = after.score - before.score
-    value = search.e.total_change(name, model.change(name))
+    value = search.e.total_change(name, model.moved(name))
     least = enough(search) + search.e.tolerance.get(f"parameter:{name}", 0.0)
     force = search.e.sensitivity[name] * value  # of the simulator as given, to first order
-    unsure = abs(value) < rules.nearly_right + rules.surely * model.change_sd(name)
+    unsure = abs(value) < rules.nearly_right + rules.surely * model.moved_sd(name)
     if unsure or abs(value) < rules.least_change:
         return None
     large = large_enough(search.e, force)

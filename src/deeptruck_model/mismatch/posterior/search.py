@@ -65,6 +65,15 @@ class Model:
         """Posterior sd of `change`."""
         return float(np.sqrt(self.covariance(f"parameter:{parameter}")[0, 0]))
 
+    def moved(self, parameter: str) -> float:
+        """Relative change of a parameter that has the effect of the linear one, `change`."""
+        return changed_by(parameter, self.change(parameter))
+
+    def moved_sd(self, parameter: str) -> float:
+        """Posterior sd of `moved`, to first order."""
+        steeper = (1.0 + self.moved(parameter)) ** 2 if parameter == "mass" else 1.0
+        return steeper * self.change_sd(parameter)
+
     def covariance(self, name: str) -> Array:
         """Posterior covariance of the coefficients of an effect, as much wider as evidence is too sure, or as
         recordings disagree, whichever is the more."""
@@ -169,7 +178,7 @@ class Search:
         """Whether a parameter stays within what a truck can have: no rolling resistance is negative. All
         scaled down alike change next to nothing, and would make up for whatever is not scaled with them."""
         low, high = self.rules.possible(parameter)
-        change = changed_by(parameter, model.change(parameter))
+        change = model.moved(parameter)
         return low < self.e.total_change(parameter, change) < high
 
     def background(self, named: tuple[CandidateTerm, ...]) -> Model:

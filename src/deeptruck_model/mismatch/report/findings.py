@@ -313,7 +313,7 @@ def _sizes(term: CandidateTerm, model: Model, e: Evidence) -> dict[str, Size]:
     When within a sample a command came nobody knows, so that no delay is known better than that.
     """
     values, covariance = model.coefficients(term.mechanism.effect), model.covariance(term.mechanism.effect)
-    by = carriers.factors(e.moved, {p: e.total_change(p, model.change(p)) for p in model.free})
+    by = carriers.factors(e.moved, {p: e.total_change(p, model.moved(p)) for p in model.free})
     weights: dict[str, Array] = {}
     told: dict[str, Column] = {}
     for k, part in enumerate(term.parts):
@@ -345,8 +345,8 @@ def _timing(part: Column, e: Evidence) -> float:
 
 def _parameter(cause: Cause, e: Evidence, explanation: Explanation, own: dict[str, float]) -> Told:
     unit, says = NAMES[cause.effect]
-    change = e.total_change(cause.effect, explanation.model.change(cause.effect))
-    sd = explanation.model.change_sd(cause.effect) * (1.0 + e.moved.get(cause.effect, 0.0))
+    change = e.total_change(cause.effect, explanation.model.moved(cause.effect))
+    sd = explanation.model.moved_sd(cause.effect) * (1.0 + e.moved.get(cause.effect, 0.0))
     base, unit = (own[cause.effect], unit) if cause.effect in own else (1.0, "of the simulator's")
     ci = (base * (1 + change - 1.96 * sd), base * (1 + change + 1.96 * sd))
     return Told(

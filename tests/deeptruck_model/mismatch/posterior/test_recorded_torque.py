@@ -11,9 +11,11 @@ from deeptruck_model.mismatch.posterior.explain import explain
 from deeptruck_model.mismatch.posterior.recorded_torque import DRIVELINE, recorded_torque
 from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.rules import Rules
 
 LEVER = 10.0  # rad/m
 LIMIT = 0.3  # m/s^2
+SURE = Rules().reported
 
 
 def missing(e: Evidence) -> np.ndarray:
@@ -44,7 +46,7 @@ def test_a_force_that_the_engine_reports_is_the_engines(nothing_missing: Evidenc
     torque = recorded_torque(e)
     assert torque is not None
     assert torque.gain(-missing(e), shows=0.7) > 100.0
-    assert torque.shows(-missing(e))
+    assert torque.shows(-missing(e), SURE)
 
 
 def test_a_force_that_is_not_reported_is_hardly_held_against_the_engine(nothing_missing: Evidence) -> None:
@@ -52,7 +54,7 @@ def test_a_force_that_is_not_reported_is_hardly_held_against_the_engine(nothing_
     e = with_torque(nothing_missing, reported=0.0)
     torque = recorded_torque(e)
     assert torque is not None
-    assert torque.shows(-missing(e)) is False
+    assert torque.shows(-missing(e), SURE) is False
     gain = torque.gain(-missing(e), shows=0.7)
     assert gain == pytest.approx(e.rules.temper * np.log(0.3), abs=0.2)
 
@@ -69,7 +71,7 @@ def test_what_is_too_small_for_it_is_not_told(nothing_missing: Evidence) -> None
     e = with_torque(nothing_missing, reported=1.0)
     torque = recorded_torque(e)
     assert torque is not None
-    assert torque.shows(-0.001 * missing(e)) is None
+    assert torque.shows(-0.001 * missing(e), SURE) is None
 
 
 def test_without_a_recorded_torque_nothing_is_said(nothing_missing: Evidence) -> None:
