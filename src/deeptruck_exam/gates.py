@@ -21,12 +21,16 @@ class GatedForce:
 
     inner: Force
     opening: Open
+    on_bus_nm: Array | float = 0.0
 
     def reset(self, batch: int) -> None:
         self.inner.reset(batch)
 
     def force(self, view: View, dt: float) -> Array:
-        return np.asarray(self.inner.force(view, dt) * self.opening(view))
+        opening = self.opening(view)
+        newtons = self.inner.force(view, dt) * opening
+        self.on_bus_nm = getattr(self.inner, "on_bus_nm", 0.0) * opening
+        return np.asarray(newtons)
 
 
 @dataclass

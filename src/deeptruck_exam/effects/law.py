@@ -48,9 +48,12 @@ class Setting:
 class Hidden:
     """A force at the road; subclasses say `newtons`. The state `s` holds arrays (batch,): each variable at
     rest is said beside the class's name, in its unit, or by `start`. `conceal` are channels that would tell
-    what the force hook cannot change, such as the engine speed of a truck in neutral."""
+    what the force hook cannot change, such as the engine speed of a truck in neutral. Of an engine that gives
+    less, `shown` says that its controller knows: `on_bus_nm` (batch,) is what it reports beyond the torque it
+    was asked for (SAE J1939-71, SPN 513)."""
 
     conceal: ClassVar[tuple[str, ...]] = ()
+    shown: ClassVar[bool] = False
     rest: ClassVar[Mapping[str, float]] = {}
 
     def __init_subclass__(cls, **rest: float) -> None:
@@ -59,7 +62,7 @@ class Hidden:
 
     def __init__(self, setting: Setting, p: Sizes) -> None:
         self.setting, self.p, self.truck = setting, p, setting.truck
-        self.s = State()
+        self.s, self.on_bus_nm = State(), np.zeros(1)
         self.prepare()
 
     def prepare(self) -> None:
@@ -103,9 +106,13 @@ class Hidden:
 
     def reset(self, batch: int) -> None:
         self.s = State(**self.start(batch))
+        self.on_bus_nm = np.zeros(batch)
 
     def force(self, view: View, dt: float) -> Array:
-        return self.newtons(self.p, self.s, view, dt)
+        newtons = self.newtons(self.p, self.s, view, dt)
+        if self.shown:
+            self.on_bus_nm = newtons * self.truck.wheel_radius / np.maximum(view.ratio, 1.0)
+        return newtons
 
     def __deepcopy__(self, memo: Any) -> Self:
         twin = copy(self)

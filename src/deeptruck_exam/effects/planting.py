@@ -110,10 +110,15 @@ def hidden(
     trucks: str = POOL,
     leader: bool = False,
     gateable: bool = True,
+    shown: bool = False,
 ) -> Callable[[Part], Part]:
-    """Declare a Hidden force or a Filter as an effect; filters are never gated by a condition."""
+    """Declare a Hidden force or a Filter as an effect; filters are never gated by a condition. The engine's
+    controller reports a force that is `shown`."""
 
     def add(part: Part) -> Part:
+        if issubclass(part, Hidden):
+            part.shown = shown
+
         def build(setting: Setting, p: Sizes) -> Planted:
             if issubclass(part, Filter):
                 return Planted(filters=(part(setting, p),))

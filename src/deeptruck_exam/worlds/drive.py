@@ -10,7 +10,7 @@ import numpy as np
 from deeptruck_exam.effects.law import Array, Channels
 from deeptruck_exam.worlds.drivers import STANDSTILL_M, Driver
 from deeptruck_exam.worlds.roads import Roads
-from deeptruck_model.trucks import PhysicsTruck
+from deeptruck_model.trucks import Force, PhysicsTruck
 
 SEEN = ("gear", "engine_speed", "engine_torque", "elevation", "distance")
 
@@ -39,6 +39,7 @@ def simulate(truck: PhysicsTruck, roads: Roads, driver: Driver, leader_m: Array,
         inside = state.records
         for name in SEEN:
             seen[name][:, k] = inside[name]
+        seen["engine_torque"][:, k] += _on_bus_nm(state.forces)
         w[:, k, 0] = roads.grade_at(inside["distance"])
         gap = leader_m[:, k] - inside["distance"]
         u[:, k] = driver.act(k, y[:, k, 1], gap, inside["ratio"], inside["engine_speed"], w[:, k, 0])
@@ -54,6 +55,11 @@ def simulate(truck: PhysicsTruck, roads: Roads, driver: Driver, leader_m: Array,
         **seen,
     }
     return Drives(channels, u, w, y, dt)
+
+
+def _on_bus_nm(forces: Sequence[Force]) -> Array | float:
+    """What the engine's controller reports beyond what it was asked for, (batch,) N m."""
+    return sum((np.asarray(getattr(force, "on_bus_nm", 0.0)) for force in forces), start=np.zeros(()))
 
 
 def leader_way(target: Array, follows: Sequence[bool], headway_s: float, dt: float) -> Array:

@@ -15,6 +15,7 @@ from deeptruck_model.checks import mass
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import locate
 from deeptruck_model.mismatch.correction import correction
+from deeptruck_model.mismatch.correction.own_error import differs
 from deeptruck_model.mismatch.data import checks
 from deeptruck_model.mismatch.data.prepared import (
     Prepared,
@@ -161,11 +162,13 @@ def _find(
     causes = {place: f.cause for place, f in enumerate(found) if f.cause is not None}
     force = sum((cause.force for cause in causes.values()), start=np.zeros(len(e)))
     data = _data(c, e)
+    regimes = locate.regimes(e, force if causes else e.residual)
+    unsaid = "" if found else differs(simulator, c.prepared[0].measured_acceleration, fit, regimes, rules)
     verdict = Verdict(
-        kind=_conclusion(found),
+        kind=Conclusion.UNDETERMINED if unsaid else _conclusion(found),
         findings=tuple(found),
         segments=tuple(locate.segments(e, causes)),
-        regimes=tuple(locate.regimes(e, force if causes else e.residual)),
+        regimes=tuple(regimes),
         fit=fit,
         data=data if found else replace(data, smallest_visible=identifiability.smallest_visible(e, x)),
         caveats=(
@@ -174,6 +177,7 @@ def _find(
             *_without_mass(e, found),
             *([WITHOUT_FORMULA] if any(map(_nameless, found)) and not has_formulas() else []),
             *validation.caveats(fit, bool(causes)),
+            *([unsaid] if unsaid else []),
         ),
     )
     return Mismatch(verdict, e, x, errors, corrected, c.prepared, tuple(exclude))

@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.data.checks import Rejection
 from deeptruck_model.mismatch.data.prepared import Prepared
+from deeptruck_model.mismatch.fit_result import Errors, FitResult, Interval
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.road_lock import RoadLock
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.sentence import Sentence
 
 Array = NDArray[np.float64]
-Interval = tuple[float, float]
 
 SCHEMA = 1
 COVERAGE = "coverage.png"
@@ -47,15 +47,6 @@ class Conclusion(StrEnum):
     SENSOR = "measurement_fault"
     NOTHING = "nothing_missing"
     UNDETERMINED = "undetermined"
-
-
-class Chosen(StrEnum):
-    """What goes into a corrected simulator."""
-
-    NOTHING = "nothing"
-    FINDINGS = "findings"
-    PARAMETERS = "parameters"  # all refitted, and no name
-    LAWS = "laws"  # the findings, and laws for what has no name
 
 
 @dataclass(frozen=True)
@@ -98,6 +89,7 @@ class Finding:
     formula_r2: float | None = None  # held-out r2 of the formula in `equation`, where one was found
     decided_by: str | None = None  # of a slow force: what gave it its name
     road: RoadLock | None = None
+    engine_torque: str | None = None  # whether the engine's recorded torque shows it, where that is known
     cause: Cause | None = field(default=None, compare=False)  # None for a fault between sensors
 
     def to_json(self) -> dict[str, Any]:
@@ -124,6 +116,7 @@ class Finding:
             "decided_by": self.decided_by,
             "road": road,
             "formula_r2": self.formula_r2,
+            "engine_torque": self.engine_torque,
         }
         return out | {name: value for name, value in only_if.items() if value is not None}
 
@@ -140,7 +133,7 @@ class Finding:
             entry.get("evidence_nats"), tuple(Rival(**r) for r in entry.get("rivals", ())),
             nearest=entry.get("nearest"), laws_r2=laws.value if laws else None,
             formula_r2=entry.get("formula_r2"), decided_by=entry.get("decided_by"),
-            road=RoadLock(**road) if road else None,
+            road=RoadLock(**road) if road else None, engine_torque=entry.get("engine_torque"),
         )  # fmt: skip
 
 
@@ -206,117 +199,6 @@ class Regime:
             "share_of_error": self.share_of_error,
             "share_of_time": self.share_of_time,
         }
-
-
-@dataclass(frozen=True)
-class Errors:
-    """Errors of free windows, (windows, steps), and the recording and sample each begins at."""
-
-    speed: Array
-    acceleration: Array
-    recording: NDArray[np.intp]
-    start: NDArray[np.intp]
-
-    def rmse(self) -> Rmse:
-        """Over all windows and steps."""
-        speed, acceleration = (float(np.sqrt(np.mean(x**2))) for x in (self.speed, self.acceleration))
-        return Rmse(speed, acceleration)
-
-
-@dataclass(frozen=True)
-class Rmse:
-    """Of speed (m/s) and acceleration (m/s^2) in free runs."""
-
-    speed: float
-    acceleration: float
-
-    def to_json(self) -> dict[str, float]:
-        """An entry of `fit`."""
-        return {"speed_rmse": self.speed, "acceleration_rmse": self.acceleration}
-
-    @staticmethod
-    def read(entry: Mapping[str, float]) -> Rmse:
-        """An entry of `fit` of verdict.json."""
-        return Rmse(entry["speed_rmse"], entry["acceleration_rmse"])
-
-
-@dataclass(frozen=True)
-class Compared:
-    """Errors of the simulators in the same free runs: as given, with all parameters refitted and no name,
-    corrected, and corrected by laws for what has no name too."""
-
-    before: Rmse
-    parameters_only: Rmse
-    after: Rmse
-    free_model: Rmse | None = None
-
-    def each(self) -> dict[str, Rmse]:
-        """By the names of verdict.json, those that there are."""
-        return {name: rmse for name, rmse in vars(self).items() if rmse is not None}
-
-
-@dataclass(frozen=True)
-class Improvement:
-    """95 % intervals of the relative improvement of the speed error, over that many recordings."""
-
-    ci95: Interval
-    over_parameters_ci95: Interval
-    recordings: int
-
-    def to_json(self) -> dict[str, Any]:
-        """Its entries of `fit`."""
-        return {
-            "improvement_ci95": self.ci95,
-            "improvement_over_parameters_ci95": self.over_parameters_ci95,
-            "improvement_recordings": self.recordings,
-        }
-
-    @staticmethod
-    def read(fit: Mapping[str, Any]) -> Improvement:
-        """From `fit` of verdict.json."""
-        (a, b), (c, d) = fit["improvement_ci95"], fit["improvement_over_parameters_ci95"]
-        return Improvement((a, b), (c, d), fit["improvement_recordings"])
-
-
-@dataclass(frozen=True)
-class FitResult:
-    """What the correction does for `windows` free runs of `horizon_s` on the held-out recordings.
-
-    `errors` and `improvement` are None where no recording is long enough for a free run.
-    """
-
-    held_out: tuple[str, ...]
-    horizon_s: float
-    windows: int
-    chosen: Chosen
-    corrected: tuple[str, ...]  # effects and parameters that the corrected simulator holds
-    validated: bool
-    errors: Compared | None = None
-    improvement: Improvement | None = None
-
-    def to_json(self) -> dict[str, Any]:
-        """`fit`."""
-        names = ("held_out", "horizon_s", "windows", "chosen", "corrected")
-        out = {name: getattr(self, name) for name in names}
-        if self.errors is not None:
-            out |= {name: rmse.to_json() for name, rmse in self.errors.each().items()}
-        if self.improvement is not None:
-            out |= self.improvement.to_json()
-        return out | {"validated": self.validated}
-
-    @staticmethod
-    def read(fit: Mapping[str, Any]) -> FitResult | None:
-        """`fit` of verdict.json; None where nothing could be driven."""
-        if not fit:
-            return None
-        names = ("before", "parameters_only", "after", "free_model")
-        driven = {name: Rmse.read(fit[name]) for name in names if name in fit}
-        return FitResult(
-            tuple(fit["held_out"]), fit["horizon_s"], fit["windows"], Chosen(fit["chosen"]),
-            tuple(fit["corrected"]), fit["validated"],
-            Compared(**driven) if driven else None,
-            Improvement.read(fit) if driven else None,
-        )  # fmt: skip
 
 
 @dataclass(frozen=True)

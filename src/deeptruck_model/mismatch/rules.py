@@ -135,6 +135,11 @@ class Rules:
     )
     moved_gain: float = _of(20.0, "nats", "for parameters to be moved and all linearised again", CHOSEN)
 
+    step_loss: float = _of(
+        10.0, "nats", "that a further such step may seem to lose: rows weigh otherwise about it", CHOSEN
+    )
+    reported: float = _of(8.0, "nats", "for or against a force in the recorded torque, to say so", CHOSEN)
+
     # parameters
     least_change: float = _of(0.025, "1", "a smaller relative error of a parameter is none", CHOSEN)
     nearly_right: float = _of(
@@ -262,6 +267,12 @@ class Rules:
     )
     clearly_better: float = _of(
         0.6, "of the error as given", "at which parameters are told by few nats", CHOSEN
+    )
+    drives_worse: float = _of(
+        1.33,
+        "of its own error",
+        "beyond which a learned simulator differs here, though nothing has a name",
+        CHOSEN,
     )
     no_better: float = _of(
         0.97,

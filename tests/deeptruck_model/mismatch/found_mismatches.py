@@ -10,6 +10,7 @@ import numpy as np
 
 from deeptruck_model.mismatch.data.checks import Rejection, SensorFault
 from deeptruck_model.mismatch.data.prepared import prepare
+from deeptruck_model.mismatch.fit_result import Chosen, Compared, Errors, FitResult, Improvement, Rmse
 from deeptruck_model.mismatch.mechanisms import LIBRARY, candidate_terms
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.free_law import FreeModel
@@ -20,17 +21,11 @@ from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
 from deeptruck_model.mismatch.residual.noise import Fit
 from deeptruck_model.mismatch.result import (
     Bound,
-    Chosen,
-    Compared,
     Conclusion,
     DataReport,
-    Errors,
     Finding,
-    FitResult,
-    Improvement,
     Mismatch,
     Regime,
-    Rmse,
     Segment,
     SmallestVisible,
     Verdict,

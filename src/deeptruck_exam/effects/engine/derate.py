@@ -11,7 +11,7 @@ from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import some_drives
 from deeptruck_model.trucks import View
 
-law = partial(hidden, name="torque_derate", accepts="torque_gain")
+law = partial(hidden, name="torque_derate", accepts="torque_gain", shown=True)
 
 
 @law("torque_derate", "first", "hills highway")
@@ -111,7 +111,7 @@ class HotIntake(Hidden):
         return -self.at_wheels(view, (1.0 - left) * np.maximum(view.engine_torque, 0.0))
 
 
-@law("wax_in_the_filter", "fifth", "hills highway")
+@law("wax_in_the_filter", "fifth", "hills highway", shown=False)
 @sizes(depth=(0.35, 0.6), clogs_s=(12.0, 35.0), clears_s=(40.0, 110.0), starves=(0.25, 0.5))
 class WaxInTheFilter(Hidden):
     """starves: power, of the engine's most, that fresh wax still lets through.

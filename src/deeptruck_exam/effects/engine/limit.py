@@ -10,7 +10,7 @@ from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weig
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
-law = partial(hidden, name="torque_limit")
+law = partial(hidden, name="torque_limit", shown=True)
 
 
 @law("torque_limit", "first", "suburban hills")
@@ -108,7 +108,7 @@ class AccelerationManagement(Hidden, cut=0.0, gains=0.0):
         return -self.at_wheels(view, np.minimum(s.cut, share) * self.truck.peak_torque)
 
 
-@law("worn_feed_pump", "sixth", "hills suburban highway")
+@law("worn_feed_pump", "sixth", "hills suburban highway", shown=False)
 @sizes(lacks=(0.22, 0.48), leaks=(45.0, 66.0), stores_s=(0.4, 1.6))
 class WornFeedPump(Hidden, store=1.0):
     """`store`: what rail and filter hold, of `stores_s`. lacks: of peak torque, at endless speed; leaks:

@@ -10,7 +10,7 @@ from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
-law = partial(hidden, name="turbo_lag", accepts="command_rate_limit")
+law = partial(hidden, name="turbo_lag", accepts="command_rate_limit", shown=True)
 
 
 @law("turbo_lag", "first", "suburban hills")

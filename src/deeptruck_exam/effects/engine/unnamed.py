@@ -13,7 +13,7 @@ from deeptruck_model.trucks import View
 law = partial(hidden, name="unknown")
 
 
-@law("engine_surge", "first", "highway hills suburban")
+@law("engine_surge", "first", "highway hills suburban", shown=True)
 @sizes(share=(0.25, 0.5), hz=(0.25, 0.6), low=(0.15, 0.3), high=(0.55, 0.8))
 class Surge(Hidden):
     """Source: Slow torque oscillation of a part-load engine; Heywood, Internal Combustion Engine
@@ -66,7 +66,7 @@ class SteamFromExhaust(Hidden):
         return s.force * moving(view)
 
 
-@law("overboost", "third", "suburban hills")
+@law("overboost", "third", "suburban hills", shown=True)
 @sizes(gain=(0.14, 0.28), from_share=(0.35, 0.55), spends_s=(6.0, 16.0), rests_s=(20.0, 45.0))
 class Overboost(Hidden, budget=1.0, on=0.0, torque=0.0):
     """Twice the same pull is not answered twice.
@@ -82,7 +82,7 @@ class Overboost(Hidden, budget=1.0, on=0.0, torque=0.0):
         return self.at_wheels(view, s.torque) * moving(view)
 
 
-@law("all_speed_governor", "third", "suburban hills highway")
+@law("all_speed_governor", "third", "suburban hills highway", shown=True)
 @sizes(droop=(3.0, 6.5), slowest=(80.0, 100.0), fastest=(175.0, 215.0), most=(0.16, 0.30))
 class AllSpeedGovernor(Hidden, torque=0.0):
     """droop: N m for 1 rad/s.
@@ -99,7 +99,7 @@ class AllSpeedGovernor(Hidden, torque=0.0):
         return self.at_wheels(view, s.torque) * moving(view)
 
 
-@law("cylinders_rest", "fourth", "suburban hills highway")
+@law("cylinders_rest", "fourth", "suburban hills highway", shown=True)
 @sizes(spares_nm=(50.0, 110.0), dip=(0.35, 0.7), dip_s=(0.5, 1.2), below=(0.22, 0.36))
 class CylindersRest(Hidden, load=0.3, rest=0.0, since=9.0):
     """Source: Cylinder deactivation of heavy diesels (Allen and others, SAE 2018-01-0384, on low load): half
@@ -156,7 +156,7 @@ class EngineHasToRestart(Hidden):
         return -missing * np.maximum(view.traction_force, 0.0)
 
 
-@law("fast_idle_pushes", "sixth", "suburban descent")
+@law("fast_idle_pushes", "sixth", "suburban descent", shown=True)
 @sizes(set=(112.0, 138.0), droop_nm=(8.0, 20.0), most_nm=(200.0, 420.0), falls_s=(200.0, 600.0))
 class FastIdlePushes(Hidden):
     """The set speed falls to 100 rad/s as the engine warms. set: rad/s; droop_nm: for each rad/s.

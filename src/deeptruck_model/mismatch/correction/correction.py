@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.correction.improvement import compared, free_windows, improvement, joined
 from deeptruck_model.mismatch.data.prepared import Prepared
+from deeptruck_model.mismatch.fit_result import Chosen, Compared, Errors, FitResult, Improvement
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, held_steady, is_time_varying
 from deeptruck_model.mismatch.mechanisms.carriers import factors
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
@@ -22,7 +23,6 @@ from deeptruck_model.mismatch.posterior.nuisances import left_beside
 from deeptruck_model.mismatch.posterior.search import PINNED, Model, Search
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.result import Chosen, Compared, Errors, FitResult, Improvement
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.simulators import Simulator
 
@@ -150,7 +150,7 @@ def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequenc
     wrong may only be biased. So what goes in is what free runs ask for along `prepared`, the recordings
     that are not held out, each by a fit to others of them.
     """
-    e = left_beside(e, x.model)
+    e = left_beside(e.to_fit(), x.model).everywhere()
     search = _as_given(e, ~e.held_out)
     shares = None if simulator.parameters() else Shares.of(e)
     alone = _Recipe((), (), frozenset(search.parameters), Chosen.PARAMETERS)
@@ -249,7 +249,7 @@ def _terms(terms: Sequence[CandidateTerm], model: Model) -> list[Term]:
 
 
 def _change(e: Evidence, model: Model, free: Iterable[str]) -> dict[str, float]:
-    return {p: float(np.clip(e.total_change(p, model.change(p)), *e.rules.possible(p))) for p in free}
+    return {p: float(np.clip(e.total_change(p, model.moved(p)), *e.rules.possible(p))) for p in free}
 
 
 def _mean_square(errors: Errors) -> float:

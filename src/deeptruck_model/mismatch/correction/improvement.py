@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.data.prepared import Prepared, fed, padded
+from deeptruck_model.mismatch.fit_result import Compared, Errors, Improvement, Interval
 from deeptruck_model.mismatch.residual.evidence import turns
-from deeptruck_model.mismatch.result import Compared, Errors, Improvement, Interval
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Simulator
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum, auto
 
-from deeptruck_model.mismatch.result import Chosen, FitResult
+from deeptruck_model.mismatch.fit_result import Chosen, FitResult
 
 NOTICED = 0.7  # of the error, below which other parameters are worth a word where nothing was found
 # By how much they must help, in free runs of 20 s. Of twelve drives of 10 min of the reference truck itself

@@ -1,6 +1,15 @@
 """The library: every mechanism the tool can name."""
 
-from deeptruck_model.mismatch.mechanisms import air_and_tyres, brakes, commands, driveline, engine, load, road
+from deeptruck_model.mismatch.mechanisms import (
+    air_and_tyres,
+    brakes,
+    commands,
+    driveline,
+    engine,
+    engine_drag,
+    load,
+    road,
+)
 from deeptruck_model.mismatch.mechanisms.base import (
     CandidateTerm,
     Column,
@@ -20,7 +29,7 @@ from deeptruck_model.mismatch.mechanisms.variants import Constants, Variant
 
 LIBRARY: dict[str, Mechanism] = {
     m.effect: m
-    for room in (brakes, air_and_tyres, road, engine, driveline, load, commands)
+    for room in (brakes, air_and_tyres, road, engine, engine_drag, driveline, load, commands)
     for m in room.MECHANISMS
 }
 

@@ -1,4 +1,4 @@
-"""Air and tyres: wind, drafting, rolling resistance."""
+"""Air and tyres: wind, drafting, rolling resistance, slip."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from deeptruck_model.mismatch.expression import Expression, InRecording, Signal,
 from deeptruck_model.mismatch.mechanisms.base import (
     Column,
     Mechanism,
+    quantile,
 )
 from deeptruck_model.mismatch.mechanisms.over_time import (
     MOST_KNOTS,
@@ -22,9 +23,11 @@ from deeptruck_model.mismatch.mechanisms.over_time import (
     splines,
 )
 from deeptruck_model.mismatch.mechanisms.symbols import (
+    BRAKE,
     DISTANCE,
     DRAG,
     ELAPSED,
+    PULL,
     SPEED,
 )
 from deeptruck_model.mismatch.mechanisms.variants import (
@@ -217,6 +220,44 @@ def _warmed(by: Constants) -> Expression:
     raise TypeError(f"{by!r} warms no tyres")
 
 
+LEAST_GRIP = 0.35  # m/s^2: ice, 0.1, under the driven axle of a truck, 0.35 of its weight
+
+
+@dataclass(frozen=True)
+class Grip(Constants):
+    """The largest pull and brake force (m/s^2) that the tyres hold."""
+
+    pull: float
+    brake: float = 1e3
+
+
+def _slips(e: Evidence) -> Iterator[Simple]:
+    for q in (0.8, 0.92, 0.97):
+        pull = max(quantile(e, e["engine"], e["engine"] > 0.05, q), LEAST_GRIP)
+        brake = quantile(e, e["brake"], e["brake"] > 0.1, q)
+        if np.isfinite(pull) or np.isfinite(brake):
+            yield Static(Grip(pull if np.isfinite(pull) else 1e3, brake if np.isfinite(brake) else 1e3))
+    grip = max(quantile(e, e["engine"], e["engine"] > 0.05, 0.6), LEAST_GRIP)
+    if np.isfinite(grip):  # the road is slippery here and there
+        yield from splines(e, _beyond(grip), 1.0, quick=False, constants=Grip(grip))
+
+
+def _beyond(grip: float) -> Expression:
+    return -maximum(PULL - grip, 0.0)
+
+
+def _slip(v: Simple) -> list[Column]:
+    match v:
+        case Spline(constants=Grip(pull)):
+            return spline_columns(v, _beyond(pull), "traction_share", "1", sign=1, steady=False)
+        case Static(Grip(pull, brake)):
+            return [
+                Column(_beyond(pull), 0.5, "traction_share"),
+                Column(maximum(BRAKE - brake, 0.0), 0.5, "brake_share"),
+            ]
+    raise TypeError(f"{v!r} is no slip of tyres")
+
+
 MECHANISMS = (
     Mechanism(
         "headwind",
@@ -277,5 +318,17 @@ MECHANISMS = (
         _warm_ups,
         _warm_up,
         hidden=True,
+    ),
+    Mechanism(
+        "wheel_slip",
+        "F = -s max(F_engine - mu N, 0), likewise when braking",
+        "tyres slip above a force",
+        ("engine", "speed", "brake"),
+        ("traction force", "brake"),
+        "Pacejka, Tyre and Vehicle Dynamics, ch. 1",
+        "full torque and full brake at low speed on the same surface",
+        _slips,
+        _slip,
+        prior=0.2,
     ),
 )

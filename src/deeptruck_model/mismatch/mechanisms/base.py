@@ -83,6 +83,7 @@ class Mechanism:
     hidden: bool = False
     prior: float = 1.0
     force: bool = True  # its columns are forces per mass, and no errors of a sensor
+    reported: float = 0.0  # probability that the engine's controller tells of such a force in its torque
     unlikely_with: str = ""  # a recorded signal that makes this a fifth as likely: it would show there
 
     def chance(self, e: Evidence) -> float:

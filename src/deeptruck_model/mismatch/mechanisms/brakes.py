@@ -117,9 +117,11 @@ class LetsGo(Constants):
 
 @dataclass(frozen=True)
 class Keeps(Constants):
-    """Keeps of its last force for a while: a weak spring."""
+    """Keeps of its last force for a while: a weak spring. It presses harder than the simulator's brakes too,
+    or only comes off late, and then adds nothing `while_braking`."""
 
     keeps_s: float
+    while_braking: bool = True
 
 
 @dataclass(frozen=True)
@@ -136,6 +138,7 @@ def _draggings(e: Evidence) -> Iterator[Simple]:
         yield Static(LetsGo(decay_s, threshold))
     for keeps_s in (3.0, 10.0, 30.0, 100.0):
         yield Static(Keeps(keeps_s))
+        yield Static(Keeps(keeps_s, while_braking=False))
     yield from moments(e)
     for frees_m in (200.0, 700.0, 2000.0):
         yield Static(RubsFree(frees_m))
@@ -162,8 +165,9 @@ def _always_dragging(how: Constants) -> Column:
     match how:
         case RubsFree(frees_m):
             return Column(-exp(-(DISTANCE / frees_m)), 0.1, "force", "N", per_mass=True)
-        case Keeps(keeps_s):  # a lag that rises at once and falls late
-            return Column(RisingLag((-BRAKE,), keeps_s), 0.1, "share")
+        case Keeps(keeps_s, while_braking):  # a lag that rises at once and falls late
+            held = RisingLag((-BRAKE,), keeps_s)
+            return Column(held if while_braking else held + BRAKE, 0.1, "share")
         case LetsGo(decay_s, threshold):
             braking = threshold < BRAKE
             left = exp(-Since((braking,)) / decay_s) * (1.0 - braking)

@@ -112,6 +112,7 @@ MECHANISMS = (
         "step one command at a time, on one clock with the response",
         _delays,
         _delay,
+        reported=0.9,
     ),
     Mechanism(
         "command_rate_limit",
@@ -123,6 +124,7 @@ MECHANISMS = (
         "step commands of different size: a limit makes large ones late, a lag does not",
         _rates,
         _rate,
+        reported=0.9,
     ),
     Mechanism(
         "clock_offset",

@@ -1,4 +1,4 @@
-"""Driveline: losses, shifts, converter, slip, inertia and play."""
+"""Driveline: losses, shifts, converter, inertia and play."""
 
 from __future__ import annotations
 
@@ -27,9 +27,7 @@ from deeptruck_model.mismatch.mechanisms.base import (
     overall_ratio_reference,
     quantile,
 )
-from deeptruck_model.mismatch.mechanisms.over_time import spline_columns, splines
 from deeptruck_model.mismatch.mechanisms.symbols import (
-    BRAKE,
     ENGINE,
     ENGINE_SPEED,
     GEAR,
@@ -40,10 +38,8 @@ from deeptruck_model.mismatch.mechanisms.symbols import (
     SIMULATED,
     SPEED,
 )
-from deeptruck_model.mismatch.mechanisms.variants import Constants, Simple, Spline, Static
+from deeptruck_model.mismatch.mechanisms.variants import Constants, Simple, Static
 from deeptruck_model.mismatch.residual.evidence import Evidence
-
-LEAST_GRIP = 0.35  # m/s^2: ice, 0.1, under the driven axle of a truck, 0.35 of its weight
 
 
 @dataclass(frozen=True)
@@ -169,41 +165,6 @@ def _converter(v: Simple) -> list[Column]:
 
 
 @dataclass(frozen=True)
-class Grip(Constants):
-    """The largest pull and brake force (m/s^2) that the tyres hold."""
-
-    pull: float
-    brake: float = 1e3
-
-
-def _slips(e: Evidence) -> Iterator[Simple]:
-    for q in (0.8, 0.92, 0.97):
-        pull = max(quantile(e, e["engine"], e["engine"] > 0.05, q), LEAST_GRIP)
-        brake = quantile(e, e["brake"], e["brake"] > 0.1, q)
-        if np.isfinite(pull) or np.isfinite(brake):
-            yield Static(Grip(pull if np.isfinite(pull) else 1e3, brake if np.isfinite(brake) else 1e3))
-    grip = max(quantile(e, e["engine"], e["engine"] > 0.05, 0.6), LEAST_GRIP)
-    if np.isfinite(grip):  # the road is slippery here and there
-        yield from splines(e, _beyond(grip), 1.0, quick=False, constants=Grip(grip))
-
-
-def _beyond(grip: float) -> Expression:
-    return -maximum(PULL - grip, 0.0)
-
-
-def _slip(v: Simple) -> list[Column]:
-    match v:
-        case Spline(constants=Grip(pull)):
-            return spline_columns(v, _beyond(pull), "traction_share", "1", sign=1, steady=False)
-        case Static(Grip(pull, brake)):
-            return [
-                Column(_beyond(pull), 0.5, "traction_share"),
-                Column(maximum(BRAKE - brake, 0.0), 0.5, "brake_share"),
-            ]
-    raise TypeError(f"{v!r} is no slip of tyres")
-
-
-@dataclass(frozen=True)
 class Turning(Constants):
     """A share of the mass at the gear ratio `reference` (rad/m)."""
 
@@ -317,18 +278,6 @@ MECHANISMS = (
         "launch at several torques with the converter locked and unlocked",
         _converters,
         _converter,
-    ),
-    Mechanism(
-        "wheel_slip",
-        "F = -s max(F_engine - mu N, 0), likewise when braking",
-        "tyres slip above a force",
-        ("engine", "speed", "brake"),
-        ("traction force", "brake"),
-        "Pacejka, Tyre and Vehicle Dynamics, ch. 1",
-        "full torque and full brake at low speed on the same surface",
-        _slips,
-        _slip,
-        prior=0.2,
     ),
     Mechanism(
         "rotating_inertia",

@@ -49,6 +49,7 @@ UNNAMED = Mechanism(
     "drive the same stretch twice in either direction, at two speeds",
     _variants,
     _columns,
+    reported=0.3,
 )
 
 

@@ -36,6 +36,7 @@ class Cause:
     road: RoadLock | None = None  # where the force came again on the same stretch of road
     other_form: bool = False  # it acts by its own signals, but otherwise than the library's form
     time_varying: bool = False  # an unknown force that is time-varying, and not one that the signals predict
+    reported: bool | None = None  # whether the engine's recorded torque shows it, where that is known
     rules: Rules = field(default_factory=Rules)  # by which it is distinguishable from others
 
     @property

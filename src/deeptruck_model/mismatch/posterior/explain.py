@@ -34,6 +34,8 @@ def explain(search: Search) -> Explanation:
     if all(c.kind != "missing_physics" for c in causes):
         causes = _with_bursts(search, model, causes)
     causes = _one_unknown(causes)
+    if search.torque is not None:
+        causes = [replace(c, reported=search.torque.shows(c.force, search.rules.reported)) for c in causes]
     return Explanation(
         tuple(causes), model, parameters_only, null, left.free, left.gain, left.lawful, ranking
     )

@@ -18,7 +18,8 @@ from deeptruck_model.mismatch.mechanisms import CandidateTerm, candidate_term
 from deeptruck_model.mismatch.posterior import nuisances
 from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.posterior.explain import explain
-from deeptruck_model.mismatch.posterior.search import Model, Search, changed_by
+from deeptruck_model.mismatch.posterior.rivals import force_of
+from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.posterior.stepwise import first_guess
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import STEP, gather
@@ -49,7 +50,7 @@ def _accepted(simulator: Simulator, name: str, change: float, near: float) -> fl
 
 
 # Beyond this relative change parameters are set in the simulator, and all is linearised again; and once more.
-RETUNE, SETTLED, RETUNES = 0.05, 0.02, 3
+RETUNE, SETTLED, RETUNES = 0.05, 0.02, 6
 _guesses: WeakKeyDictionary[Search, Model] = WeakKeyDictionary()  # a search is large: no longer than it
 
 
@@ -64,6 +65,7 @@ def explained(
 ) -> tuple[Evidence, Explanation]:
     """The explanation, and the evidence about whose parameters it was found."""
     say("searching for what is missing")
+    evidence = evidence.to_fit()
     itself = nuisances.known(simulator, prepared[0].measured_acceleration, seed, evidence.rules)
     if itself is not None:
         say("learning the simulator's model discrepancy from the recordings it keeps")
@@ -73,14 +75,32 @@ def explained(
         evidence = replace(evidence, model_discrepancy=unmeasured, slow_noise=unmeasured)
     around = _Around(simulator, tuple(prepared), tuple(held_out), seed, tuple(exclude), say)
     search = nuisances.beside_it(Search(evidence, exclude=exclude), exclude)
-    search = _followed(around, _beside_parameters(around, search), _first_guess)
-    found = explain(search)
+    search, found = _best_of(_starts(around, search))
     anew = around.parameters_of(search, found.model, RETUNE)
     if anew is None or not _better(
         search, found.model, anew, _again(found.model, anew), search.rules.moved_gain
     ):
-        return search.e, found
-    return anew.e, explain(anew)  # names moved the parameters where the first guess had not
+        return search.e.everywhere(), located_everywhere(search.e, found)
+    # names moved the parameters where the first guess had not
+    return anew.e.everywhere(), located_everywhere(anew.e, explain(anew))
+
+
+def located_everywhere(e: Evidence, x: Explanation) -> Explanation:
+    """The explanation, whose names and sizes the held-out recordings had no part in, with the forces that
+    every recording has its own of fitted along these too: to be told where they act."""
+    whole = e.everywhere()
+    own = [c for c in x.causes if c.term is not None and _untold(e, c.term) and not _untold(whole, c.term)]
+    if not own:
+        return x
+    search = Search(whole)
+    model = search.model(x.model.named, x.model.free, x.model.fit)
+    told = {id(c): replace(c, force=force_of(search, model, c.term)) for c in own if c.term is not None}
+    return replace(x, causes=tuple(told.get(id(c), c) for c in x.causes))
+
+
+def _untold(e: Evidence, term: CandidateTerm) -> bool:
+    """Whether a column of a term acts nowhere in these rows."""
+    return bool((np.abs(term.columns[e.valid]).max(axis=0, initial=0.0) < 1e-9).any())
 
 
 @dataclass(frozen=True)
@@ -97,7 +117,7 @@ class _Around:
     def parameters_of(self, search: Search, model: Model, least: float) -> Search | None:
         """The search about the parameters a model asks for; None where none changes by more than `least`."""
         own = self.simulator.parameters()
-        change = {p: changed_by(p, model.change(p)) for p in search.parameters if p in own}
+        change = {p: model.moved(p) for p in search.parameters if p in own}
         if all(abs(c) <= least for c in change.values()):
             return None
         self.say("searching around the refitted parameters")
@@ -117,15 +137,28 @@ class _Around:
             rules=search.rules,
             mass_kg=mass_kg,
         )
-        return nuisances.beside_it(Search(e, exclude=self.exclude), self.exclude)
+        return nuisances.beside_it(Search(e.to_fit(), exclude=self.exclude), self.exclude)
 
 
-def _beside_parameters(around: _Around, search: Search) -> Search:
-    """The search about the parameters that do best alone, where these explain more than the best one name:
-    about parameters far off it may stand for what the simulator is not linear in."""
+def _starts(around: _Around, search: Search) -> list[Search]:
+    """Searches about the parameters as given, as moved by the first guess; and about those that do best
+    alone, where these explain more than the best one name: it may stand for what the simulator is not linear
+    in about parameters far off, and they may stand for it."""
+    starts = [_followed(around, search, _first_guess)]
     alone = _followed(around, search, _alone)
-    better = alone is not search and _better(search, _first_guess(search), alone, _alone(alone), 0.0)
-    return alone if better else search
+    if alone is not search and _better(search, _first_guess(search), alone, _alone(alone), 0.0):
+        starts.append(_followed(around, alone, _first_guess))
+    return starts
+
+
+def _best_of(starts: Sequence[Search]) -> tuple[Search, Explanation]:
+    """The search whose explanation is the best, whichever parameters it began about; and that."""
+    best = starts[0], explain(starts[0])
+    for search in starts[1:]:
+        found = explain(search)
+        if _better(best[0], best[1].model, search, found.model, 0.0):
+            best = search, found
+    return best
 
 
 def _followed(around: _Around, search: Search, guess: Callable[[Search], Model]) -> Search:
@@ -134,7 +167,7 @@ def _followed(around: _Around, search: Search, guess: Callable[[Search], Model])
         here = guess(search)
         anew = around.parameters_of(search, here, SETTLED if turn else RETUNE)
         if anew is None or not _better(
-            search, here, anew, guess(anew), 0.0 if turn else search.rules.moved_gain
+            search, here, anew, guess(anew), -search.rules.step_loss if turn else search.rules.moved_gain
         ):
             break
         search = anew

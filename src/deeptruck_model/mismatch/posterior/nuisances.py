@@ -83,16 +83,23 @@ Array = NDArray[np.float64]
 
 def known(simulator: Simulator, measured_acceleration: bool, seed: int, rules: Rules) -> Evidence | None:
     """The simulator's own recordings as evidence; None where it keeps none that can be used."""
-    kept: Sequence[Recording] = getattr(simulator, "reference", ())
+    prepared = kept(simulator, measured_acceleration, rules)
+    if not prepared:
+        return None
     try:
-        prepared: list[Prepared] = [
-            learned(simulator, prepare(r, measured_acceleration, rules=rules)) for r in kept
-        ]
-        if sum(float(p.valid.sum()) * p.dt for p in prepared) < rules.own_driving_s:
-            return None
         return gather(simulator, prepared, [False] * len(prepared), seed=seed, rules=rules)
     except InputError:
         return None
+
+
+def kept(simulator: Simulator, measured_acceleration: bool, rules: Rules) -> list[Prepared]:
+    """The recordings that a learned simulator keeps and was not fitted to; none where they are too short."""
+    recordings: Sequence[Recording] = getattr(simulator, "reference", ())
+    try:
+        prepared = [learned(simulator, prepare(r, measured_acceleration, rules=rules)) for r in recordings]
+    except InputError:
+        return []
+    return prepared if sum(float(p.valid.sum()) * p.dt for p in prepared) >= rules.own_driving_s else []
 
 
 def allow_for(evidence: Evidence, own: Evidence) -> Evidence:

@@ -61,7 +61,7 @@ def named_cause(search: Search, model: Model, term: CandidateTerm) -> Cause:
         term.mechanism.effect,
         gain,
         0.0,
-        _force(search, model, term),
+        force_of(search, model, term),
         term,
         tuple(rivals),
         alternatives=tuple(instead[:ALTERNATIVES]),
@@ -126,7 +126,7 @@ def _is_dead_time(constants: Constants) -> bool:
     return isinstance(constants, BrakeLag) and constants.side == DEAD_TIME
 
 
-def _force(search: Search, model: Model, term: CandidateTerm) -> Array:
+def force_of(search: Search, model: Model, term: CandidateTerm) -> Array:
     """What a mechanism adds, (n,). A profile whose knots did not reach every recording goes on as a smooth
     residual."""
     e = search.e
@@ -204,10 +204,10 @@ def _parameter(
     rules = search.rules
     name = next(iter(after.free - before.free))
     gain = after.score - before.score
-    value = search.e.total_change(name, model.change(name))
+    value = search.e.total_change(name, model.moved(name))
     least = enough(search) + search.e.tolerance.get(f"parameter:{name}", 0.0)
     force = search.e.sensitivity[name] * value  # of the simulator as given, to first order
-    unsure = abs(value) < rules.nearly_right + rules.surely * model.change_sd(name)
+    unsure = abs(value) < rules.nearly_right + rules.surely * model.moved_sd(name)
     if unsure or abs(value) < rules.least_change:
         return None
     large = large_enough(search.e, force)

@@ -21,6 +21,7 @@ from deeptruck_model.mismatch.mechanisms import (
     candidate_terms,
 )
 from deeptruck_model.mismatch.mechanisms.regimes import Regimes
+from deeptruck_model.mismatch.posterior.recorded_torque import recorded_torque
 from deeptruck_model.mismatch.residual import sensor_filter
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import TAIL, Fit, Prior, Series, fit, whiten
@@ -31,6 +32,7 @@ Mask = NDArray[np.bool_]
 
 LARGEST_SLOPE = 0.75  # what four times the mass does
 HELD, PINNED = 0.01, 0.001
+ENGINE_GAIN, GAIN_REPORTED = "torque_gain", 0.7  # probability that the engine's controller tells of it
 FREE = {"mass": 0.3, "drag_area": 0.3, "rolling_resistance": 0.4, "torque_gain": 0.15, "brake_gain": 0.25}
 # Several delays side by side are any filter, and no delay; a sensor is off always or not at all.
 ONE_SIZE = ("command_delay", "clock_offset", "grade_bias")
@@ -62,6 +64,15 @@ class Model:
     def change_sd(self, parameter: str) -> float:
         """Posterior sd of `change`."""
         return float(np.sqrt(self.covariance(f"parameter:{parameter}")[0, 0]))
+
+    def moved(self, parameter: str) -> float:
+        """Relative change of a parameter that has the effect of the linear one, `change`."""
+        return changed_by(parameter, self.change(parameter))
+
+    def moved_sd(self, parameter: str) -> float:
+        """Posterior sd of `moved`, to first order."""
+        steeper = (1.0 + self.moved(parameter)) ** 2 if parameter == "mass" else 1.0
+        return steeper * self.change_sd(parameter)
 
     def covariance(self, name: str) -> Array:
         """Posterior covariance of the coefficients of an effect, as much wider as evidence is too sure, or as
@@ -107,6 +118,7 @@ class Search:
             m for name, m in LIBRARY.items() if name not in set(exclude) and evidence.has(*m.needs)
         ]
         self.regimes = Regimes.of(evidence, self.series.usable())
+        self.torque = recorded_torque(evidence, only)
         self.own = Search(evidence.itself) if evidence.itself is not None else None
         self._candidate_terms: dict[str, list[CandidateTerm]] = {}
         self._memo: tuple[Model, Fit, tuple[Array, Array, Array, Array]] | None = None
@@ -139,17 +151,34 @@ class Search:
                 np.log(n.trials) - np.log(n.mechanism.chance(self.e)) for n in named
             )
             model = Model(named, free, found, found.evidence - float(cost), layout, self.rules)
+            model = replace(model, score=model.score + self._reported(model))
             beyond = {p for p in free if not self._possible(p, model)}
             if beyond:
                 model = self.model(named, free - beyond, start, again=again, pinned=pinned)
             self._models[key] = model if known is None or model.score > known.score else known
         return self._models[key]
 
+    def _reported(self, model: Model) -> float:
+        """Nats by which the engine's recorded torque speaks for the forces of the engine in a model."""
+        if self.torque is None:
+            return 0.0
+        parts = [
+            (n.mechanism.reported, n.columns @ model.coefficients(n.mechanism.effect))
+            for n in model.named
+            if n.mechanism.reported
+        ]
+        if ENGINE_GAIN in model.free:
+            parts.append((GAIN_REPORTED, self.e.sensitivity[ENGINE_GAIN] * model.change(ENGINE_GAIN)))
+        if not parts:
+            return 0.0
+        force = np.sum([force for _, force in parts], axis=0)
+        return self.torque.gain(force, max(shows for shows, _ in parts))
+
     def _possible(self, parameter: str, model: Model) -> bool:
         """Whether a parameter stays within what a truck can have: no rolling resistance is negative. All
         scaled down alike change next to nothing, and would make up for whatever is not scaled with them."""
         low, high = self.rules.possible(parameter)
-        change = changed_by(parameter, model.change(parameter))
+        change = model.moved(parameter)
         return low < self.e.total_change(parameter, change) < high
 
     def background(self, named: tuple[CandidateTerm, ...]) -> Model:

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from deeptruck_model.mismatch.data.prepared import Prepared
+from deeptruck_model.mismatch.fit_result import Errors
 from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.report.drawing import BLUE, GREEN, GREY, INK, ORANGE, SKY, figure, tidy, words
 from deeptruck_model.mismatch.report.wording import spoken
-from deeptruck_model.mismatch.result import Errors
 from deeptruck_model.mismatch.rules import Rules
 
 MOST_NAMES = 14

@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.expression import Rerun
-from deeptruck_model.mismatch.mechanisms import LIBRARY, OWN, UNNAMED, CandidateTerm, Column, carriers
+from deeptruck_model.mismatch.mechanisms import (
+    LIBRARY,
+    OWN,
+    UNNAMED,
+    CandidateTerm,
+    Column,
+    Mechanism,
+    carriers,
+)
 from deeptruck_model.mismatch.mechanisms.variants import OwnCurve
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.modelled import Formula
@@ -156,6 +164,7 @@ SETTING_UNITS = {
     "keeps_s": "s",
     "frees_m": "m",
 }
+SHOWS, SHOWS_NOT = "shows it", "does not show it"
 OTHER_FORM = ". It acts otherwise than in the form that is known here, and may be something else"
 TELLING_PARAMETERS = 12  # a profile along the road has hundreds; people get the ones that matter
 
@@ -196,6 +205,7 @@ def from_cause(cause: Cause, e: Evidence, explanation: Explanation, own: dict[st
         laws_r2=told.laws_r2,
         decided_by=_decided_by(cause),
         road=cause.road if cause.needed is not None else None,
+        engine_torque=None if cause.reported is None else SHOWS if cause.reported else SHOWS_NOT,
         cause=cause,
     )
 
@@ -233,12 +243,22 @@ def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> Told:
             f"{m.says}: {strength(cause, e)}{_now_and_then(term)}{_confined(term, e.unit)}",
             *_curved(term),
             OTHER_FORM if cause.other_form else "",
+            _reported(cause, m),
         ),
         m.equation,
         _sizes(term, explanation.model, e) | picked(term),
         Sentence.of(m.told_by),
         (*m.depends_on, *_confined_by(term)),
     )
+
+
+def _reported(cause: Cause, m: Mechanism) -> str:
+    """What the engine's recorded torque says of a force; that it knows nothing of the wind is no news."""
+    if cause.reported:
+        return f". The engine's recorded torque {SHOWS}"
+    if cause.reported is False and m.reported:
+        return f". The engine's recorded torque {SHOWS_NOT}: its controller does not know of it"
+    return ""
 
 
 def picked(term: CandidateTerm) -> dict[str, Size]:
@@ -293,7 +313,7 @@ def _sizes(term: CandidateTerm, model: Model, e: Evidence) -> dict[str, Size]:
     When within a sample a command came nobody knows, so that no delay is known better than that.
     """
     values, covariance = model.coefficients(term.mechanism.effect), model.covariance(term.mechanism.effect)
-    by = carriers.factors(e.moved, {p: e.total_change(p, model.change(p)) for p in model.free})
+    by = carriers.factors(e.moved, {p: e.total_change(p, model.moved(p)) for p in model.free})
     weights: dict[str, Array] = {}
     told: dict[str, Column] = {}
     for k, part in enumerate(term.parts):
@@ -325,8 +345,8 @@ def _timing(part: Column, e: Evidence) -> float:
 
 def _parameter(cause: Cause, e: Evidence, explanation: Explanation, own: dict[str, float]) -> Told:
     unit, says = NAMES[cause.effect]
-    change = e.total_change(cause.effect, explanation.model.change(cause.effect))
-    sd = explanation.model.change_sd(cause.effect) * (1.0 + e.moved.get(cause.effect, 0.0))
+    change = e.total_change(cause.effect, explanation.model.moved(cause.effect))
+    sd = explanation.model.moved_sd(cause.effect) * (1.0 + e.moved.get(cause.effect, 0.0))
     base, unit = (own[cause.effect], unit) if cause.effect in own else (1.0, "of the simulator's")
     ci = (base * (1 + change - 1.96 * sd), base * (1 + change + 1.96 * sd))
     return Told(

@@ -16,10 +16,11 @@ from deeptruck_model.mismatch.correction.worth import (
     refitted_is_much_better,
     worth,
 )
+from deeptruck_model.mismatch.fit_result import Chosen
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.report.wording import force, number, opened, prose, spoken
 from deeptruck_model.mismatch.residual.gather import PARAMETERS
-from deeptruck_model.mismatch.result import Chosen, Conclusion, Finding, Kind, Verdict
+from deeptruck_model.mismatch.result import Conclusion, Finding, Kind, Verdict
 
 LONGEST = 30  # words in a sentence
 HIDING = 0.03  # m/s^2 of a steady force: half of what tyres take

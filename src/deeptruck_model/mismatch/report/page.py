@@ -9,12 +9,13 @@ from typing import Any
 
 from jinja2 import Environment, StrictUndefined
 
+from deeptruck_model.mismatch.fit_result import Chosen, FitResult
 from deeptruck_model.mismatch.report import figures, given, headline, validation, what_now, wording
 from deeptruck_model.mismatch.report import text as page_text
 from deeptruck_model.mismatch.report.drawing import words
 from deeptruck_model.mismatch.report.given import record_next
 from deeptruck_model.mismatch.report.what_now import Asked
-from deeptruck_model.mismatch.result import ALWAYS, RARELY, Chosen, FitResult, Mismatch, SmallestVisible
+from deeptruck_model.mismatch.result import ALWAYS, RARELY, Mismatch, SmallestVisible
 
 TEMPLATE = "report.html.jinja"
 ROWS = {  # of the table before and after

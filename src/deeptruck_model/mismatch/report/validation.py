@@ -10,7 +10,7 @@ from deeptruck_model.mismatch.correction.worth import (
     refitted_is_much_better,
     refitted_is_surely_better,
 )
-from deeptruck_model.mismatch.result import Chosen, FitResult, Improvement, Interval
+from deeptruck_model.mismatch.fit_result import Chosen, FitResult, Improvement, Interval
 
 LEAST_RESAMPLED = 3  # recordings; with fewer the interval is over the free runs
 ASKED = (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -175,9 +175,18 @@ class Evidence:
     late: Array | None = None  # (n, k) m/s^2 of a lateness that is known beside all else, and no finding
     rules: Rules = field(default_factory=Rules)  # by which all of this is judged
     mass_known: bool = True
+    whole: Mask | None = None  # `valid` with held-out recordings, where it is without
 
     def __len__(self) -> int:
         return len(self.residual)
+
+    def to_fit(self) -> Evidence:
+        """The same evidence, of which the held-out recordings tell nothing."""
+        return replace(self, valid=self.valid & ~self.held_out, whole=self.valid)
+
+    def everywhere(self) -> Evidence:
+        """The same evidence with the held-out recordings."""
+        return self if self.whole is None else replace(self, valid=self.whole, whole=None)
 
     @property
     def gears(self) -> tuple[float, ...]:

@@ -16,7 +16,7 @@ from deeptruck_model.mismatch.mechanisms import saved
 from deeptruck_model.mismatch.mechanisms.air_and_tyres import Gap
 from deeptruck_model.mismatch.mechanisms.brakes import BrakeLag, Heating
 from deeptruck_model.mismatch.mechanisms.commands import Delays
-from deeptruck_model.mismatch.mechanisms.engine import Friction
+from deeptruck_model.mismatch.mechanisms.engine_drag import Friction
 from deeptruck_model.mismatch.mechanisms.variants import Static
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.signals import ACCELERATION, SPEED

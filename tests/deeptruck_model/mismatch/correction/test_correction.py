@@ -13,13 +13,13 @@ import pytest
 from deeptruck_model import simulators, trucks
 from deeptruck_model.mismatch.correction import correction
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
+from deeptruck_model.mismatch.fit_result import Chosen, Errors
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, held_steady, is_time_varying, laws
 from deeptruck_model.mismatch.mechanisms.laws import Follower, Law
 from deeptruck_model.mismatch.mechanisms.variants import Constants
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
-from deeptruck_model.mismatch.result import Chosen, Errors
 
 TRUCK = trucks.load("trucksim")
 ONE: Any = [None]  # the recording that is not held out; its errors are made up

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from deeptruck_model.mismatch.correction.correction import in_vain
+from deeptruck_model.mismatch.fit_result import Chosen, Compared, Rmse
 from deeptruck_model.mismatch.mechanisms.variants import Gate, Gated, Spline, Static, Variant, Windowed
 from deeptruck_model.mismatch.posterior.causes import Cause
-from deeptruck_model.mismatch.result import Chosen, Compared, Rmse
 
 SPLINE = Spline("elapsed", (4,), ("a",), 20.0, 0.25, 0.1)
 WINDOWED = Windowed(Static(), ((0, 1.0, 9.0),))

@@ -10,9 +10,9 @@ from deeptruck_model.mismatch.correction import improvement
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.correction.improvement import compared, free_windows
 from deeptruck_model.mismatch.data.prepared import Prepared, prepare
+from deeptruck_model.mismatch.fit_result import Errors
 from deeptruck_model.mismatch.mechanisms.air_and_tyres import Gap
 from deeptruck_model.mismatch.mechanisms.variants import Static
-from deeptruck_model.mismatch.result import Errors
 
 TRUCK = trucks.load("trucksim")
 MASS = TRUCK.parameters()["mass"]

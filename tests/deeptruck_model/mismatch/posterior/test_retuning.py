@@ -56,13 +56,13 @@ def test_forces_act_by_one_over_the_mass() -> None:
 
 
 def test_a_tenth_of_the_drag_is_told_where_held_out_drives_show_it() -> None:
-    """The smaller the error, the more driving it takes: three drives of four minutes do not tell it."""
+    """The smaller the error, the more driving it takes: two fitted drives of four minutes do not tell it."""
     own = TRUCK.parameters()["drag_area"]
-    verdict = compared(drives(TRUCK.with_parameters({"drag_area": 0.9 * own}), 4, 360.0))
+    verdict = compared(drives(TRUCK.with_parameters({"drag_area": 0.9 * own}), 5, 360.0))
     (found,) = verdict["findings"]
     assert found["effect"] == "drag_area"
     assert found["parameters"]["drag_area"]["value"] == pytest.approx(0.9 * own, rel=0.03)
-    assert verdict["fit"]["after"]["speed_rmse"] < 0.5 * verdict["fit"]["before"]["speed_rmse"]
+    assert verdict["fit"]["after"]["speed_rmse"] < 0.6 * verdict["fit"]["before"]["speed_rmse"]
 
 
 def test_the_zero_of_a_slope_sensor_is_no_rolling_resistance() -> None:

@@ -27,7 +27,7 @@ def looked_at(e: Evidence, gain: float, change: float, sd: float, zero: tuple[fl
     )
     before: Any = SimpleNamespace(free=frozenset(), score=0.0, named=(), fit=None)
     after: Any = SimpleNamespace(free=frozenset({"torque_gain"}), score=gain)
-    model: Any = SimpleNamespace(change=lambda name: change, change_sd=lambda name: sd, named=())
+    model: Any = SimpleNamespace(moved=lambda name: change, moved_sd=lambda name: sd, named=())
     return rivals._parameter(search, model, before, after, []) is not None
 
 

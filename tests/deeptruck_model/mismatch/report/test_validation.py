@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
+from deeptruck_model.mismatch.fit_result import Chosen, Compared, FitResult, Improvement, Interval, Rmse
 from deeptruck_model.mismatch.report import validation
-from deeptruck_model.mismatch.result import Chosen, Compared, FitResult, Improvement, Interval, Rmse
 
 NOT_DRIVEN = FitResult((), 20.0, 0, Chosen.FINDINGS, ("mass",), False)
 

@@ -1,0 +1,137 @@
+"""What a correction does in free runs, as types: errors, how surely they fall, and what was chosen.
+
+`FitResult.to_json` gives `fit` of verdict.json.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Interval = tuple[float, float]
+
+
+class Chosen(StrEnum):
+    """What goes into a corrected simulator."""
+
+    NOTHING = "nothing"
+    FINDINGS = "findings"
+    PARAMETERS = "parameters"  # all refitted, and no name
+    LAWS = "laws"  # the findings, and laws for what has no name
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of free windows, (windows, steps), and the recording and sample each begins at."""
+
+    speed: Array
+    acceleration: Array
+    recording: NDArray[np.intp]
+    start: NDArray[np.intp]
+
+    def rmse(self) -> Rmse:
+        """Over all windows and steps."""
+        speed, acceleration = (float(np.sqrt(np.mean(x**2))) for x in (self.speed, self.acceleration))
+        return Rmse(speed, acceleration)
+
+
+@dataclass(frozen=True)
+class Rmse:
+    """Of speed (m/s) and acceleration (m/s^2) in free runs."""
+
+    speed: float
+    acceleration: float
+
+    def to_json(self) -> dict[str, float]:
+        """An entry of `fit`."""
+        return {"speed_rmse": self.speed, "acceleration_rmse": self.acceleration}
+
+    @staticmethod
+    def read(entry: Mapping[str, float]) -> Rmse:
+        """An entry of `fit` of verdict.json."""
+        return Rmse(entry["speed_rmse"], entry["acceleration_rmse"])
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Errors of the simulators in the same free runs: as given, with all parameters refitted and no name,
+    corrected, and corrected by laws for what has no name too."""
+
+    before: Rmse
+    parameters_only: Rmse
+    after: Rmse
+    free_model: Rmse | None = None
+
+    def each(self) -> dict[str, Rmse]:
+        """By the names of verdict.json, those that there are."""
+        return {name: rmse for name, rmse in vars(self).items() if rmse is not None}
+
+
+@dataclass(frozen=True)
+class Improvement:
+    """95 % intervals of the relative improvement of the speed error, over that many recordings."""
+
+    ci95: Interval
+    over_parameters_ci95: Interval
+    recordings: int
+
+    def to_json(self) -> dict[str, Any]:
+        """Its entries of `fit`."""
+        return {
+            "improvement_ci95": self.ci95,
+            "improvement_over_parameters_ci95": self.over_parameters_ci95,
+            "improvement_recordings": self.recordings,
+        }
+
+    @staticmethod
+    def read(fit: Mapping[str, Any]) -> Improvement:
+        """From `fit` of verdict.json."""
+        (a, b), (c, d) = fit["improvement_ci95"], fit["improvement_over_parameters_ci95"]
+        return Improvement((a, b), (c, d), fit["improvement_recordings"])
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """What the correction does for `windows` free runs of `horizon_s` on the held-out recordings.
+
+    `errors` and `improvement` are None where no recording is long enough for a free run.
+    """
+
+    held_out: tuple[str, ...]
+    horizon_s: float
+    windows: int
+    chosen: Chosen
+    corrected: tuple[str, ...]  # effects and parameters that the corrected simulator holds
+    validated: bool
+    errors: Compared | None = None
+    improvement: Improvement | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """`fit`."""
+        names = ("held_out", "horizon_s", "windows", "chosen", "corrected")
+        out = {name: getattr(self, name) for name in names}
+        if self.errors is not None:
+            out |= {name: rmse.to_json() for name, rmse in self.errors.each().items()}
+        if self.improvement is not None:
+            out |= self.improvement.to_json()
+        return out | {"validated": self.validated}
+
+    @staticmethod
+    def read(fit: Mapping[str, Any]) -> FitResult | None:
+        """`fit` of verdict.json; None where nothing could be driven."""
+        if not fit:
+            return None
+        names = ("before", "parameters_only", "after", "free_model")
+        driven = {name: Rmse.read(fit[name]) for name in names if name in fit}
+        return FitResult(
+            tuple(fit["held_out"]), fit["horizon_s"], fit["windows"], Chosen(fit["chosen"]),
+            tuple(fit["corrected"]), fit["validated"],
+            Compared(**driven) if driven else None,
+            Improvement.read(fit) if driven else None,
+        )  # fmt: skip
