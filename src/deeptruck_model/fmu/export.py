@@ -13,6 +13,7 @@ from deeptruck_model import files, simulators
 from deeptruck_model.checks import MANIFEST, manifest
 from deeptruck_model.errors import InputError
 from deeptruck_model.fmu import slave_file
+from deeptruck_model.outside.reference import is_outside
 from deeptruck_model.outside.truck import KIND
 
 SCRIPT, FOLDER = "deeptruck_slave.py", "simulator"
@@ -25,6 +26,8 @@ def check(simulator: str) -> None:
         import pythonfmu3  # noqa: F401
     except ImportError:
         raise InputError(MISSING) from None
+    if is_outside(simulator):
+        raise InputError(f"{simulator} is somebody else's, which no FMU of ours can hold; give a truck of our own")
     path = Path(simulator)
     while (path / MANIFEST).is_file():
         if manifest(path)["kind"] == KIND:

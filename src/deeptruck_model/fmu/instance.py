@@ -101,6 +101,7 @@ class Instance:
         self._in, self._out = (Block(self._fmu, self._d.version, v) for v in (inputs, outputs))
 
     def _made(self, folder: Path) -> Any:
+        import scipy.linalg  # noqa: F401  where an FMU in Python loads it first, the process aborts as it ends
         from fmpy.fmi2 import FMU2Slave
         from fmpy.fmi3 import FMU3Slave
 
