@@ -252,7 +252,9 @@ def deep_simulator(text: str) -> SimulatorFacts:
 def manifest(path: Path) -> dict[str, Any]:
     """The manifest of a simulator directory. Raises InputError where it is missing, damaged or unknown."""
     if not path.exists():
-        raise InputError(f"{path} does not exist; give a simulator directory, {_trucks()}, {FORM} or {FMU_FORM}")
+        raise InputError(
+            f"{path} does not exist; give a simulator directory, {_trucks()}, {FORM} or {FMU_FORM}"
+        )
     if not (path / MANIFEST).exists():
         raise InputError(
             f"{path} is not a simulator directory: it has no {MANIFEST}; 'deeptruck-model train' makes one"

@@ -159,7 +159,10 @@ def sweep(
 
 def export(
     simulator: Annotated[
-        str, typer.Argument(metavar="SIM", help="Directory of a deep truck; for --fmu also truck:NAME or corrected.")
+        str,
+        typer.Argument(
+            metavar="SIM", help="Directory of a deep truck; for --fmu also truck:NAME or corrected."
+        ),
     ],
     out: Annotated[Path | None, typer.Option(help="ONNX file to write.", metavar="FILE")] = None,
     fmu: Annotated[

@@ -23,7 +23,9 @@ class Drive:
 
     __slots__ = ("__weakref__", "begin", "steps")
 
-    def __init__(self, begin: Sequence[tuple[Variable, float]], steps: Sequence[Sequence[float]] = ()) -> None:
+    def __init__(
+        self, begin: Sequence[tuple[Variable, float]], steps: Sequence[Sequence[float]] = ()
+    ) -> None:
         self.begin, self.steps = begin, list(steps)
 
 

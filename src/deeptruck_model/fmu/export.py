@@ -27,7 +27,9 @@ def check(simulator: str) -> None:
     except ImportError:
         raise InputError(MISSING) from None
     if is_outside(simulator):
-        raise InputError(f"{simulator} is somebody else's, which no FMU of ours can hold; give a truck of our own")
+        raise InputError(
+            f"{simulator} is somebody else's, which no FMU of ours can hold; give a truck of our own"
+        )
     path = Path(simulator)
     while (path / MANIFEST).is_file():
         if manifest(path)["kind"] == KIND:

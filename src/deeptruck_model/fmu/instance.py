@@ -90,7 +90,12 @@ class Instance:
     """An instance. `start` may be called again at any time; `step` goes on from there."""
 
     def __init__(
-        self, unpacked: Unpacked, inputs: Sequence[Variable], outputs: Sequence[Variable], dt: float, substeps: int
+        self,
+        unpacked: Unpacked,
+        inputs: Sequence[Variable],
+        outputs: Sequence[Variable],
+        dt: float,
+        substeps: int,
     ) -> None:
         self._d, self._words = unpacked.description, deque[str](maxlen=2)
         self._dt, self._substeps, self._steps = dt, substeps, 0
@@ -121,7 +126,9 @@ class Instance:
         from fmpy import calloc, fmi2, free
 
         callbacks = fmi2.fmi2CallbackFunctions()
-        callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(lambda _, name, status, __, text: self._hear(status, text))
+        callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(
+            lambda _, name, status, __, text: self._hear(status, text)
+        )
         callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(calloc)
         callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(free)
         with suppress(Exception):  # it fills in the words of a message where its library runs

@@ -67,7 +67,9 @@ class Truck(Fmi3Slave):
 
     def _declare(self) -> None:
         i = self.truck.interface
-        self._add("time", "s", Fmi3Causality.independent, Fmi3Variability.continuous, lambda: self.clock, None)
+        self._add(
+            "time", "s", Fmi3Causality.independent, Fmi3Variability.continuous, lambda: self.clock, None
+        )
         for name in (*i.u, *i.w):
             self._number(name, RATIO if name == "grade" else i.unit(name), self.given, Fmi3Causality.input)
         for name, unit in (("measured_speed", "m/s"), ("measured_acceleration", "m/s^2")):
@@ -85,9 +87,7 @@ class Truck(Fmi3Slave):
             if name not in {*i.y, *self.parameters}:
                 self._told(name, _unit(name), lambda name=name: self._inside()[name][0])
 
-    def _number(
-        self, name: str, unit: str | None, kept: dict[str, float], causality: Fmi3Causality
-    ) -> None:
+    def _number(self, name: str, unit: str | None, kept: dict[str, float], causality: Fmi3Causality) -> None:
         fixed = Fmi3Variability.fixed if causality is Fmi3Causality.parameter else Fmi3Variability.continuous
 
         def take(value: float) -> None:

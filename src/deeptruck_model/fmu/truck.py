@@ -184,7 +184,10 @@ class FmuTruck:
         given = {"speed": speed, "acceleration": acceleration}
         links = [(link, given[name]) for name, link in self._map.start.items()]
         links += [(self._map.parameters[name], value) for name, value in self._changed.items()]
-        return [*self._map.settings, *((link.variable, float(link.theirs(np.float64(x)))) for link, x in links)]
+        return [
+            *self._map.settings,
+            *((link.variable, float(link.theirs(np.float64(x)))) for link, x in links),
+        ]
 
     def _check_start(self, speed: float, out: Sequence[float]) -> None:
         has = self._scalar(out[0])

@@ -87,7 +87,9 @@ def variable_map(d: Description, told: Mapping[Any, Any]) -> VariableMap:
     if abs(dt / step - round(dt / step)) > 1e-6 or step > dt * (1 + 1e-9):
         raise InputError(f"dt of {dt:g} s is no whole number of the FMU's steps of {step:g} s; change dt")
     beyond = _number(told.get("restart_beyond", 0.0), "restart_beyond", 0.0)
-    settings = [(_variable(d, str(n), "set"), _number(x, f"set: {n}")) for n, x in _section(told, "set").items()]
+    settings = [
+        (_variable(d, str(n), "set"), _number(x, f"set: {n}")) for n, x in _section(told, "set").items()
+    ]
     measured = found["measured"] if {"speed", "active"} <= found["measured"].keys() else {}
     return VariableMap(
         interface, dt, step, inputs, tuple(outputs), found["parameters"], found["start"], measured,
@@ -140,13 +142,13 @@ def _told_link(d: Description, section: str, name: str, line: Any) -> Link:
     _known(told, OF_LINK, where)
     variable = _variable(d, told["variable"], where)
     if section in ("inputs", "measured") and variable.causality not in ("input", "parameter"):
-        raise InputError(f"{where} is {variable.name}, which is a {variable.causality} and no input of the FMU")
+        raise InputError(
+            f"{where} is {variable.name}, which is a {variable.causality} and no input of the FMU"
+        )
     factor = _number(told["factor"], f"factor of {where}") if "factor" in told else None
     link = _link(section, name, variable, told.get("unit"), factor)
     low, high = (_number(told[k], f"{k} of {where}") if k in told else None for k in ("low", "high"))
-    return replace(
-        link, low=link.low if low is None else low, high=link.high if high is None else high
-    )
+    return replace(link, low=link.low if low is None else low, high=link.high if high is None else high)
 
 
 def _variable(d: Description, name: str, where: str) -> Variable:

@@ -83,9 +83,7 @@ def _file(text: str, file_at: Path | None, arguments_at: Path | None) -> Referen
     return Reference(text, "", file.name, arguments, file, _sha256(file), _sha256(arguments), mapping)
 
 
-def _arguments(
-    given: str, at: Path | None, form: str
-) -> tuple[Path, Mapping[Any, Any]] | tuple[None, None]:
+def _arguments(given: str, at: Path | None, form: str) -> tuple[Path, Mapping[Any, Any]] | tuple[None, None]:
     if not given:
         return None, None
     arguments = _there(Path(given), at)

@@ -32,7 +32,9 @@ def test_fmpy_drives_it_as_our_own_step_does(own: Path) -> None:
     )  # fmt: skip
     state, y = truck.reset(np.array([[0.0, speed, 0.0]])), np.zeros((len(drive), 3))
     for k in range(len(drive) - 1):
-        state, y[k + 1] = truck.step(state, *(np.array([[x[k] for x in part]]) for part in (given[:2], given[2:])))
+        state, y[k + 1] = truck.step(
+            state, *(np.array([[x[k] for x in part]]) for part in (given[:2], given[2:]))
+        )
     assert np.abs(told["speed"][1:] - y[1:, 1]).max() < 1e-6
     assert np.abs(told["fuel_rate"][1:] - y[1:, 2]).max() < 1e-6 and y[:, 1].max() > 10.0
 

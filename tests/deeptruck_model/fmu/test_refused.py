@@ -19,7 +19,10 @@ from deeptruck_model.errors import InputError
         ("engine: x\n", "the mapping has an unknown field 'engine'"),
         ("inputs: {engine_comand: x}\n", "did you mean engine_command"),
         ("inputs: {engine_command: throttle}\n", "has no variable 'throttle'"),
-        ("inputs: {engine_command: {variable: engine_command, unit: furlong}}\n", "unit 'furlong' does not fit"),
+        (
+            "inputs: {engine_command: {variable: engine_command, unit: furlong}}\n",
+            "unit 'furlong' does not fit",
+        ),
         ("inputs: {engine_command: {variable: engine_command, scale: 2}}\n", "unknown field 'scale'"),
         ("inputs: {engine_command: speed}\n", "is a output and no input"),
         ("inputs: {engine_command: null}\n", "no variable that is known as inputs: engine_command"),
