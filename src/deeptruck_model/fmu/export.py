@@ -21,7 +21,7 @@ MISSING = "exporting an FMU needs PythonFMU3; install it with \"pip install 'dee
 
 
 def check(simulator: str) -> None:
-    """Raises InputError where PythonFMU3 is missing, or `simulator` is another's, of which we have no copy."""
+    """Raises InputError where PythonFMU3 is missing, or `simulator` is somebody else's."""
     try:
         import pythonfmu3  # noqa: F401
     except ImportError:

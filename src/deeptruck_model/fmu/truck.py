@@ -193,15 +193,15 @@ class FmuTruck:
         has = self._scalar(out[0])
         if not abs(has - speed) <= STARTS_NEAR:
             raise InputError(
-                f"the FMU starts at {has:.4g} m/s where it was to start at {speed:.4g}; look at 'start: speed' "
-                f"({self._map.start['speed'].variable.name}) and its unit"
+                f"the FMU starts at {has:.4g} m/s where it was to start at {speed:.4g}; look at "
+                f"'start: speed' ({self._map.start['speed'].variable.name}) and its unit"
             )
 
     def _check(self, speed: float, at: float) -> None:
         if not math.isfinite(speed):
             raise InputError(
-                f"its speed is {speed} after {at:.4g} s: it diverged; give the mapping a smaller 'step', or look at "
-                "the units of its inputs"
+                f"its speed is {speed} after {at:.4g} s: it diverged; give the mapping a smaller 'step', or "
+                "look at the units of its inputs"
             )
 
     def _inputs(self, u: Array, w: Array) -> Array:
@@ -260,7 +260,7 @@ def _values(names: VariableMap) -> dict[str, float]:
     for name, link in names.parameters.items():
         if link.variable.start is None:
             raise InputError(f"parameters: {name} ({link.variable.name}) has no start value; leave it out")
-        own = dict((v.name, x) for v, x in names.settings).get(link.variable.name, link.variable.start)
+        own = {v.name: x for v, x in names.settings}.get(link.variable.name, link.variable.start)
         out[name] = float(link.ours(np.float64(own)))
     return out
 

@@ -37,7 +37,7 @@ DT, LONGEST = 0.1, 60.0  # s
 
 @dataclass(frozen=True)
 class Link:
-    """A signal of ours and the variable that carries it. `low` and `high` bound what may be tried, in ours."""
+    """A signal of ours and the variable that carries it. `low` to `high` is what may be tried, in ours."""
 
     name: str
     variable: Variable
@@ -115,7 +115,8 @@ def _known(given: Mapping[Any, Any], known: Sequence[str], where: str) -> None:
 def _links(d: Description, section: str, given: Mapping[Any, Any]) -> dict[str, Link]:
     """The links of one section: of the FMU's own names, and of the mapping's lines, which come first."""
     names = {
-        "inputs": INPUTS, "outputs": OUTPUTS, "parameters": tuple(PARAMETERS), "start": START, "measured": MEASURED
+        "inputs": INPUTS, "outputs": OUTPUTS, "parameters": tuple(PARAMETERS), "start": START,
+        "measured": MEASURED,
     }[section]  # fmt: skip
     _known(given, names, f"{section} of the mapping")
     found = {}
@@ -167,7 +168,7 @@ def _link(section: str, name: str, variable: Variable, unit: Any, factor: float 
     if factor is not None:
         c = replace(c, factor=c.factor / factor)
     link = Link(name, variable, c)
-    if section != "parameters" or variable.low is None and variable.high is None:
+    if section != "parameters" or (variable.low is None and variable.high is None):
         return link
     low, high = (
         math.nan if x is None else float(link.ours(np.array(x))) for x in (variable.low, variable.high)

@@ -78,5 +78,5 @@ def test_a_truck_that_starts_at_another_speed(own: Path, tmp_path: Path) -> None
 
     file = tmp_path / "map.yaml"
     file.write_text("start: {speed: {variable: initial_speed, unit: km/h}}\n")
-    with pytest.raises(InputError, match="starts at .* where it was to start at 20"):
+    with pytest.raises(InputError, match=r"starts at .* where it was to start at 20"):
         protocol_check.start(simulators.load(f"fmu:{own}:{file}"), 20.0)

@@ -1,4 +1,4 @@
-"""An FMU drives as the truck that is in it: free, forced, in batches, from any state, and is kept by its hash."""
+"""An FMU drives as the truck in it: free, forced, in batches, from any state; it is kept by its hash."""
 
 from __future__ import annotations
 
