@@ -7,7 +7,7 @@ in the Python that runs it, and no other file of this package.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -82,10 +82,10 @@ class Truck(Fmi3Slave):
         for name in self.parameters:
             self._number(name, None, self.parameters, Fmi3Causality.parameter)
         for column, name in enumerate(i.y):
-            self._told(name, CHANNELS[name].unit, lambda column=column: self.y[0, column])
+            self._told(name, CHANNELS[name].unit, partial(self._response, column))
         for name in self.truck.inside(self.state):
             if name not in {*i.y, *self.parameters}:
-                self._told(name, _unit(name), lambda name=name: self._inside()[name][0])
+                self._told(name, _unit(name), partial(self._seen_now, name))
 
     def _number(self, name: str, unit: str | None, kept: dict[str, float], causality: Fmi3Causality) -> None:
         fixed = Fmi3Variability.fixed if causality is Fmi3Causality.parameter else Fmi3Variability.continuous
@@ -121,10 +121,13 @@ class Truck(Fmi3Slave):
             nested=False,
         )
 
-    def _inside(self) -> Mapping[str, Any]:
+    def _response(self, column: int) -> float:
+        return float(self.y[0, column])
+
+    def _seen_now(self, name: str) -> float:
         if self.seen is None:
             self.seen = self.truck.inside(self.state)
-        return self.seen
+        return float(self.seen[name][0])
 
     def setup_experiment(self, start_time: float) -> None:
         """The time at which it starts."""

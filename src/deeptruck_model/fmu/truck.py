@@ -186,7 +186,7 @@ class FmuTruck:
         links += [(self._map.parameters[name], value) for name, value in self._changed.items()]
         return [
             *self._map.settings,
-            *((link.variable, float(link.theirs(np.float64(x)))) for link, x in links),
+            *((link.variable, float(link.theirs(np.array(x)))) for link, x in links),
         ]
 
     def _check_start(self, speed: float, out: Sequence[float]) -> None:
@@ -215,7 +215,7 @@ class FmuTruck:
 
     def _measured(self, speed: float, acceleration: float) -> list[float]:
         given = {"speed": speed, "acceleration": acceleration, "active": 1.0}
-        return [float(link.theirs(np.float64(given[name]))) for name, link in self._map.measured.items()]
+        return [float(link.theirs(np.array(given[name]))) for name, link in self._map.measured.items()]
 
     def _scalar(self, speed: float) -> float:
         c = self._speed.conversion
@@ -261,7 +261,7 @@ def _values(names: VariableMap) -> dict[str, float]:
         if link.variable.start is None:
             raise InputError(f"parameters: {name} ({link.variable.name}) has no start value; leave it out")
         own = {v.name: x for v, x in names.settings}.get(link.variable.name, link.variable.start)
-        out[name] = float(link.ours(np.float64(own)))
+        out[name] = float(link.ours(np.array(own)))
     return out
 
 
