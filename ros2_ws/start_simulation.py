@@ -26,7 +26,10 @@ Every parameter of every node: docs/nodes.md.
 
 def main(
     simulator: Annotated[
-        str, typer.Option(help="Simulator directory, truck:NAME[:overrides.yaml] or python:MODULE:FACTORY.")
+        str,
+        typer.Option(
+            help="Simulator directory, truck:NAME[:overrides.yaml], python:MODULE:FACTORY or fmu:MODEL.fmu."
+        ),
     ],
     policy: Annotated[str, typer.Option(help="Policy directory, or baseline:NAME.")],
     record: Annotated[Path | None, typer.Option(help="Bag to record; a new folder.")] = None,

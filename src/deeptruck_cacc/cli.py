@@ -27,7 +27,9 @@ PolicyPath = Annotated[
 SimulatorPath = Annotated[
     str,
     typer.Option(
-        "--simulator", metavar="SIM", help="Simulator directory, truck:NAME or python:MODULE:FACTORY."
+        "--simulator",
+        metavar="SIM",
+        help="Simulator directory, truck:NAME, python:MODULE:FACTORY or fmu:MODEL.fmu.",
     ),
 ]
 Resume = Annotated[

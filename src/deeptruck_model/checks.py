@@ -22,7 +22,7 @@ import yaml
 from deeptruck_model import files, reading
 from deeptruck_model.errors import InputError, MisfitsError
 from deeptruck_model.outside import saved
-from deeptruck_model.outside.reference import FORM, SCHEME
+from deeptruck_model.outside.reference import FMU_FORM, FORM, is_outside
 from deeptruck_model.outside.truck import KIND, look
 from deeptruck_model.signals import TruckInterface
 
@@ -197,7 +197,7 @@ def adapted(start: str, bags: Sequence[Path], *, mapped: Mapped | None = None) -
 
 
 def simulator(text: str) -> SimulatorFacts:
-    """What simulators.load takes, by what it says of itself; one of `python:` is made for that.
+    """What simulators.load takes, by what it says of itself; an outside one is made for that.
 
     Raises InputError for a truck or override that is not there, a factory that makes no simulator, or a
     directory that is none.
@@ -205,8 +205,8 @@ def simulator(text: str) -> SimulatorFacts:
     if text.startswith("truck:"):
         _, name, *overrides = text.split(":", 2)
         return _physics_truck(text, name, overrides[0] if overrides else None)
-    if text.startswith(SCHEME):
-        return SimulatorFacts(text, KIND, *look(text.removeprefix(SCHEME)))
+    if is_outside(text):
+        return SimulatorFacts(text, KIND, *look(text))
     if by_scheme(text):  # of another package, which alone knows what it is
         scheme, _, rest = text.partition(":")
         other = entry_points(group=SCHEMES)[scheme].load()(rest)
@@ -252,7 +252,9 @@ def deep_simulator(text: str) -> SimulatorFacts:
 def manifest(path: Path) -> dict[str, Any]:
     """The manifest of a simulator directory. Raises InputError where it is missing, damaged or unknown."""
     if not path.exists():
-        raise InputError(f"{path} does not exist; give a simulator directory, {_trucks()}, or {FORM}")
+        raise InputError(
+            f"{path} does not exist; give a simulator directory, {_trucks()}, {FORM} or {FMU_FORM}"
+        )
     if not (path / MANIFEST).exists():
         raise InputError(
             f"{path} is not a simulator directory: it has no {MANIFEST}; 'deeptruck-model train' makes one"

@@ -15,7 +15,7 @@ from deeptruck_cacc.controllers.loading import read_manifest
 from deeptruck_cacc.controllers.policy import MANIFEST
 from deeptruck_model.errors import InputError
 from deeptruck_model.files import unfinished
-from deeptruck_model.outside.reference import SCHEME, refer
+from deeptruck_model.outside.reference import is_outside, refer
 
 CHECKPOINT = Path("checkpoint") / "state.safetensors"
 
@@ -90,8 +90,8 @@ def _value(value: Any) -> str:
 def simulator_hash(path: str) -> str:
     """SHA-256 over the files of a directory or an outside simulator, or over the name of a physics truck."""
     digest = hashlib.sha256()
-    if path.startswith(SCHEME):
-        return hashlib.sha256(json.dumps(refer(path.removeprefix(SCHEME)).to_dict()).encode()).hexdigest()
+    if is_outside(path):
+        return hashlib.sha256(json.dumps(refer(path).to_dict()).encode()).hexdigest()
     folder = Path(path)
     if not path or not folder.is_dir():
         return hashlib.sha256(path.encode()).hexdigest()

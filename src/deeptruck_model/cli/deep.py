@@ -11,6 +11,7 @@ import typer
 from deeptruck_model import checks, files, results
 from deeptruck_model.cli.inputs import Bags, Overwrite, TopicMap, deep_truck, mapped, read
 from deeptruck_model.cli.judging import calibrate, evaluate
+from deeptruck_model.errors import InputError
 
 FEW_MINUTES = 10.0
 
@@ -157,13 +158,27 @@ def sweep(
 
 
 def export(
-    simulator: Annotated[str, typer.Argument(metavar="SIM", help="Simulator directory of a deep truck.")],
-    out: Annotated[Path, typer.Option(help="ONNX file to write.", metavar="FILE")],
+    simulator: Annotated[
+        str,
+        typer.Argument(
+            metavar="SIM", help="Directory of a deep truck; for --fmu also truck:NAME or corrected."
+        ),
+    ],
+    out: Annotated[Path | None, typer.Option(help="ONNX file to write.", metavar="FILE")] = None,
+    fmu: Annotated[
+        Path | None, typer.Option(help="FMU (FMI 3, co-simulation) to write; extra 'fmu'.", metavar="FILE")
+    ] = None,
 ) -> None:
-    """One step of a deep truck as ONNX, for controllers and test rigs without Python.
+    """One step of a deep truck as ONNX, without Python; or any truck of ours as an FMU, with Python.
 
     Example: deeptruck-model export simulators/mytruck --out mytruck.onnx
     """
+    if (out is None) == (fmu is None):
+        raise InputError("give either --out FILE.onnx or --fmu FILE.fmu")
+    if fmu is not None:
+        _export_fmu(simulator, fmu)
+        return
+    assert out is not None
     checks.every(
         lambda: files.check_new(out),
         lambda: results.apart(out, Path(simulator)),
@@ -174,6 +189,19 @@ def export(
     truck = deep_truck(simulator)
     onnx_export.export(truck, out)
     typer.echo(f"{out}: inputs h, c, y, u, w of one step of {truck.dt:g} s; see docs/deep_model.md")
+
+
+def _export_fmu(simulator: str, out: Path) -> None:
+    from deeptruck_model.fmu import export as fmu_export
+
+    checks.every(
+        lambda: files.check_new(out),
+        lambda: results.apart(out, Path(simulator)),
+        lambda: checks.simulator(simulator),
+        lambda: fmu_export.check(simulator),
+    )
+    fmu_export.export(simulator, out)
+    typer.echo(f"{out}: FMI 3 for co-simulation; it needs Python with deeptruck, see docs/simulators.md")
 
 
 class Experiment(StrEnum):

@@ -19,7 +19,10 @@ Overwrite = Annotated[
     bool,
     typer.Option("--overwrite", help=files.OVERWRITE_HELP),
 ]
-SIMULATOR = "Simulator directory, truck:NAME[:overrides.yaml] or python:MODULE:FACTORY[:arguments.yaml]."
+SIMULATOR = (
+    "Simulator directory, truck:NAME[:overrides.yaml], python:MODULE:FACTORY[:arguments.yaml] or "
+    "fmu:MODEL.fmu[:mapping.yaml]."
+)
 Bags = Annotated[list[Path], typer.Argument(metavar="BAG...", help="Bags (folders) of one truck.")]
 TopicMap = Annotated[
     Path | None,

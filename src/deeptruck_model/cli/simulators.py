@@ -12,7 +12,7 @@ from deeptruck_model import files, results
 from deeptruck_model.cli.inputs import SIMULATOR
 from deeptruck_model.errors import InputError
 from deeptruck_model.outside import saved
-from deeptruck_model.outside.reference import SCHEME, made, refer
+from deeptruck_model.outside.reference import is_outside, made, refer
 from deeptruck_model.outside.truck import lacks
 
 if TYPE_CHECKING:
@@ -58,9 +58,9 @@ def _stands_for(simulator: str) -> Path:
 
 def _members(simulator: str) -> list[Row]:
     """A row for each part that an outside simulator lacks; none where it can be driven."""
-    if not simulator.startswith(SCHEME):
+    if not is_outside(simulator):
         return []
-    lacking = lacks(made(refer(simulator.removeprefix(SCHEME))))
+    lacking = lacks(made(refer(simulator)))
     if not lacking:
         return []
     from deeptruck_model.protocol_check import Row, State

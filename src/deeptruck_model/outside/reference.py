@@ -1,7 +1,8 @@
-"""Where an outside simulator comes from: `python:PACKAGE.MODULE:FACTORY[:ARGUMENTS.yaml]`, found and called.
+"""Where an outside simulator comes from, found and made.
 
-The factory is called with the mapping of the YAML file, or with nothing. The current directory is importable,
-as with `python -m`.
+`python:PACKAGE.MODULE:FACTORY[:ARGUMENTS.yaml]` is what a function returns: it is called with the mapping of
+the YAML file, or with nothing. The current directory is importable, as with `python -m`.
+`fmu:MODEL.fmu[:MAPPING.yaml]` is a file, which what is registered for its scheme in OPENERS opens.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -20,8 +22,11 @@ from typing import Any
 from deeptruck_model import reading
 from deeptruck_model.errors import InputError
 
-SCHEME = "python:"
-FORM = f"{SCHEME}PACKAGE.MODULE:FACTORY[:ARGUMENTS.yaml]"
+PYTHON, FMU = "python:", "fmu:"
+SCHEMES = (PYTHON, FMU)
+FORM = f"{PYTHON}PACKAGE.MODULE:FACTORY[:ARGUMENTS.yaml]"
+FMU_FORM = f"{FMU}MODEL.fmu[:MAPPING.yaml]"
+OPENERS = "deeptruck.simulator_files"  # entry points by scheme: from a path and a mapping to a simulator
 
 
 @dataclass(frozen=True)
@@ -29,7 +34,7 @@ class Reference:
     """Where a simulator comes from. The hashes are SHA-256 of the files as they are now; None without one."""
 
     text: str  # as given, with the scheme
-    module: str
+    module: str  # '' for a file
     factory: str
     arguments: Path | None
     module_file: Path | None
@@ -48,23 +53,45 @@ class Reference:
         }
 
 
-def refer(text: str, arguments_at: Path | None = None) -> Reference:
-    """What PACKAGE.MODULE:FACTORY[:ARGUMENTS.yaml] names, before anything of the module is run.
+def is_outside(text: str) -> bool:
+    """Whether a simulator is named by one of SCHEMES."""
+    return text.startswith(SCHEMES)
 
-    `arguments_at` is where the arguments are looked for if they are not where the text says. Raises
-    InputError for another form, a module that is not found, or arguments that are no mapping.
+
+def refer(text: str, file_at: Path | None = None, arguments_at: Path | None = None) -> Reference:
+    """What FORM or FMU_FORM names, before anything of it is run.
+
+    `file_at` and `arguments_at` are where the FMU and the YAML file are looked for if they are not where the
+    text says. Raises InputError for another form, what is not found, or arguments that are no mapping.
     """
-    named = SCHEME + text
-    module, _, rest = text.partition(":")
+    if text.startswith(FMU):
+        return _file(text, file_at, arguments_at)
+    module, _, rest = text.removeprefix(PYTHON).partition(":")
     factory, _, given = rest.partition(":")
     if not factory.isidentifier() or not all(part.isidentifier() for part in module.split(".")):
-        raise InputError(f"{named} names no factory; give {FORM}")
-    arguments = Path(given) if given else None
-    if arguments is not None and arguments_at is not None and not arguments.exists():
-        arguments = arguments_at
-    mapping = None if arguments is None else reading.yaml_mapping(arguments, f"give {FORM}")
-    file = _module_file(module, named)
-    return Reference(named, module, factory, arguments, file, _sha256(file), _sha256(arguments), mapping)
+        raise InputError(f"{text} names no factory; give {FORM}")
+    arguments, mapping = _arguments(given, arguments_at, FORM)
+    file = _module_file(module, text)
+    return Reference(text, module, factory, arguments, file, _sha256(file), _sha256(arguments), mapping)
+
+
+def _file(text: str, file_at: Path | None, arguments_at: Path | None) -> Reference:
+    before, ends, given = text.removeprefix(FMU).partition(".fmu:")
+    file = _there(Path(f"{before}.fmu" if ends else before), file_at)
+    reading.check_file(file, f"give {FMU_FORM}")
+    arguments, mapping = _arguments(given, arguments_at, FMU_FORM)
+    return Reference(text, "", file.name, arguments, file, _sha256(file), _sha256(arguments), mapping)
+
+
+def _arguments(given: str, at: Path | None, form: str) -> tuple[Path, Mapping[Any, Any]] | tuple[None, None]:
+    if not given:
+        return None, None
+    arguments = _there(Path(given), at)
+    return arguments, reading.yaml_mapping(arguments, f"give {form}")
+
+
+def _there(file: Path, otherwise: Path | None) -> Path:
+    return otherwise if otherwise is not None and not file.exists() else file
 
 
 def _module_file(module: str, named: str) -> Path | None:
@@ -118,6 +145,8 @@ HERE = Path(__file__).parent
 def made(reference: Reference) -> Any:
     """What the factory returns, unlooked at. Raises InputError where it cannot be had."""
     named = reference.text
+    if not reference.module:
+        return _opened(reference)
     with asked(named, f"importing {reference.module}"):
         module = importlib.import_module(reference.module)
     factory: Callable[..., Any] | None = getattr(module, reference.factory, None)
@@ -128,3 +157,13 @@ def made(reference: Reference) -> Any:
         )
     with asked(named, f"{reference.factory}()"):
         return factory() if reference.mapping is None else factory(dict(reference.mapping))
+
+
+def _opened(reference: Reference) -> Any:
+    """What opens a file of its scheme makes of it."""
+    scheme = reference.text.partition(":")[0]
+    found = entry_points(group=OPENERS, name=scheme)
+    if not found:
+        raise InputError(f"{reference.text}: nothing installed opens it; install deeptruck again")
+    with asked(reference.text, "opening it"):
+        return next(iter(found)).load()(reference.module_file, reference.mapping)

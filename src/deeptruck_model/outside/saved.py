@@ -13,7 +13,7 @@ from typing import Any
 
 from deeptruck_model import files, reading
 from deeptruck_model.errors import InputError
-from deeptruck_model.outside.reference import SCHEME, Reference, refer
+from deeptruck_model.outside.reference import PYTHON, Reference, is_outside, refer
 from deeptruck_model.outside.truck import KIND, MANIFEST, SCHEMA, OutsideTruck, adopted
 from deeptruck_model.signals import TruckInterface
 
@@ -40,19 +40,20 @@ def check(path: Path, manifest: Mapping[str, Any]) -> Reference:
 def _reference(path: Path, manifest: Mapping[str, Any]) -> Reference:
     if manifest.get("schema") != SCHEMA:
         raise InputError(f"{path} was saved by another version; {MAKE_AGAIN}")
-    text, at = manifest.get("simulator"), manifest.get("arguments_file")
+    text = manifest.get("simulator")
+    file, at = manifest.get("module_file"), manifest.get("arguments_file")
     if text is None and "object" in manifest:
         raise InputError(
             f"{path} stands for an object of {reading.plain(str(manifest['object']))}, which cannot be made "
-            f"again; write a factory for it and name it as {SCHEME}MODULE:FACTORY"
+            f"again; write a factory for it and name it as {PYTHON}MODULE:FACTORY"
         )
-    if not isinstance(text, str) or not text.startswith(SCHEME) or not isinstance(at, str | None):
+    if not isinstance(text, str) or not is_outside(text) or not isinstance(at, str | None):
         raise InputError(f"{path / MANIFEST} is damaged (it names no simulator); {MAKE_AGAIN}")
     try:
-        return refer(text.removeprefix(SCHEME), None if at is None else Path(at))
+        return refer(text, *(None if x is None else Path(str(x)) for x in (file, at)))
     except InputError as error:
-        was = reading.plain(str(manifest.get("module_file")))
-        raise InputError(f"{path}: {error} (its module was {was})") from None
+        what = "module" if text.startswith(PYTHON) else "file"
+        raise InputError(f"{path}: {error} (its {what} was {reading.plain(str(file))})") from None
 
 
 def load_directory(path: Path, manifest: dict[str, Any]) -> OutsideTruck:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.outside.reference import Reference, asked, made, refer
+from deeptruck_model.outside.reference import FMU, PYTHON, Reference, asked, made, refer
 from deeptruck_model.signals import TruckInterface
 
 if TYPE_CHECKING:
@@ -152,7 +152,7 @@ _waiting: dict[Reference, OutsideTruck] = {}  # looked at, and not yet taken: a 
 
 
 def look(text: str) -> tuple[TruckInterface, float]:
-    """Interface and dt of PACKAGE.MODULE:FACTORY[:ARGUMENTS.yaml]. Raises InputError as `load_text`."""
+    """Interface and dt of what is named by one of `reference.SCHEMES`. Raises InputError as `load`."""
     reference = refer(text)
     if reference not in _looked_at:
         truck = _waiting[reference] = adopted(reference)
@@ -161,7 +161,17 @@ def look(text: str) -> tuple[TruckInterface, float]:
 
 
 def load_text(text: str) -> OutsideTruck:
-    """The simulator of PACKAGE.MODULE:FACTORY[:ARGUMENTS.yaml].
+    """The simulator of python:TEXT; see `load`."""
+    return load(PYTHON + text)
+
+
+def load_fmu(text: str) -> OutsideTruck:
+    """The simulator of fmu:TEXT; see `load`."""
+    return load(FMU + text)
+
+
+def load(text: str) -> OutsideTruck:
+    """The simulator that is named by one of `reference.SCHEMES`.
 
     Raises InputError where it is not found, cannot be made, or is no simulator.
     """

@@ -42,7 +42,9 @@ def main_command(
     channel: Annotated[str, typer.Option(help="Channel of the interface.")] = "deeptruck",
     truck: Annotated[
         str | None,
-        typer.Option(help="What drives: truck:NAME, a simulator directory or python:MODULE:FACTORY."),
+        typer.Option(
+            help="What drives: truck:NAME, a simulator directory, python:MODULE:FACTORY or fmu:MODEL.fmu."
+        ),
     ] = None,
     grade: Annotated[str, typer.Option(help="Slope (rise/run), or a CSV with columns distance,grade.")] = "0",
     speed: Annotated[float, typer.Option(help="Speed at the start, m/s.")] = 0.0,

@@ -1,0 +1,62 @@
+"""What a step of an FMU costs beside the same truck's own step: `python benchmarks/bench_fmu.py`.
+
+The FMU is `truck:trucksim` as `deeptruck-model export --fmu` writes it, so it runs Python inside; one that is
+compiled costs less. CPU time of whole runs of five minutes, row by row, and of single steps.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from deeptruck_model import driving_cycles, simulators
+from deeptruck_model.fmu import export
+
+SECONDS, STEPS = 300.0, 1000
+
+
+def cost(run: Callable[[], object], steps: int) -> float:
+    """Microseconds of CPU a step, the best of three, after one that compiles."""
+    run()
+    spent = []
+    for _ in range(3):
+        before = time.process_time()
+        run()
+        spent.append(time.process_time() - before)
+    return 1e6 * min(spent) / steps
+
+
+def main() -> None:
+    """Print the table."""
+    with tempfile.TemporaryDirectory() as place:
+        export.export("truck:trucksim", Path(place) / "truck.fmu")
+        trucks = {text: simulators.load(text) for text in ("truck:trucksim", f"fmu:{place}/truck.fmu")}
+        own = trucks["truck:trucksim"]
+        c = driving_cycles.drive(own, seconds=SECONDS, seed=1).channels  # type: ignore[arg-type]
+        u, w, y = (
+            np.stack([c[n] for n in names], -1)[None]
+            for names in (own.interface.u, own.interface.w, own.interface.y)
+        )
+
+        def stepped(truck: simulators.Simulator) -> None:
+            state = truck.reset(y[:, 0])
+            for k in range(STEPS):
+                state, _ = truck.step(state, u[:, k], w[:, k])
+
+        n = u.shape[1]
+        rows = {
+            "free run": [cost(lambda t=t: simulators.free_run(t, u, w, y[:, 0]), n) for t in trucks.values()],
+            "forced run": [cost(lambda t=t: simulators.forced_run(t, u, w, y), n) for t in trucks.values()],
+            "single steps": [cost(lambda t=t: stepped(t), STEPS) for t in trucks.values()],
+        }
+    print("| | truck, µs a step | FMU, µs a step | ratio |\n|---|---:|---:|---:|")
+    for name, (ours, its) in rows.items():
+        print(f"| {name} | {ours:.1f} | {its:.0f} | {its / ours:.0f} |")
+
+
+if __name__ == "__main__":
+    main()

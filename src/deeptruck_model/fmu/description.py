@@ -1,0 +1,109 @@
+"""What a .fmu file is, before anything of it runs: its description, and why it cannot be used here."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from deeptruck_model import reading
+from deeptruck_model.errors import InputError
+
+MISSING = "FMUs need FMPy; install it with \"pip install 'deeptruck[fmu]'\""
+DESCRIPTION = "modelDescription.xml"
+EXPORT_AGAIN = "export it again as FMI 2 or 3 for co-simulation"
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A variable of the FMU; `unit`, `start`, `low` and `high` are None where it does not tell them."""
+
+    name: str
+    reference: int
+    type: str  # Real, Float64, Boolean ...
+    causality: str
+    unit: str | None
+    start: float | None
+    low: float | None
+    high: float | None
+
+
+@dataclass(frozen=True)
+class Description:
+    """What the FMU says of itself. `step` is the one communication step that it takes, None for any (s)."""
+
+    file: Path
+    name: str
+    version: int  # 2 or 3, of FMI
+    identifier: str
+    token: str
+    keeps_state: bool
+    only_once: bool
+    step: float | None
+    variables: Mapping[str, Variable]
+
+
+def described(file: Path) -> Description:
+    """The description of an FMU. Raises InputError for a file that is none, or none that runs here."""
+    reading.check_file(file, "give the path of an FMU")
+    if not zipfile.is_zipfile(file):
+        raise InputError(f"{file} is no FMU: it is no zip archive; {EXPORT_AGAIN}")
+    try:
+        from fmpy import platform, platform_tuple, read_model_description, sharedLibraryExtension
+    except ImportError:
+        raise InputError(MISSING) from None
+    try:
+        with zipfile.ZipFile(file) as archive:
+            entries = set(archive.namelist())
+        if DESCRIPTION not in entries:
+            raise InputError(f"{file} is no FMU: it holds no {DESCRIPTION}; {EXPORT_AGAIN}")
+        told = read_model_description(str(file), validate=False)
+    except InputError:
+        raise
+    except Exception as error:  # whatever a damaged archive or description makes a library raise
+        said = reading.plain(str(error)) or type(error).__name__
+        raise InputError(f"{file} is damaged ({said}); {EXPORT_AGAIN}") from None
+    version = int(str(told.fmiVersion)[0])
+    if version not in (2, 3) or told.coSimulation is None:
+        kind = f"FMI {told.fmiVersion}" + ("" if told.coSimulation else ", without co-simulation")
+        raise InputError(f"{file} is {kind}; {EXPORT_AGAIN}")
+    folder = f"binaries/{platform if version == 2 else platform_tuple}/"
+    if f"{folder}{told.coSimulation.modelIdentifier}{sharedLibraryExtension}" not in entries:
+        there = sorted({name.split("/")[1] for name in entries if name.startswith("binaries/") and name[9:]})
+        held = ", ".join(there) or "no platform"
+        raise InputError(f"{file} runs on {held} and not on {folder[9:-1]}; export it for that platform too")
+    return _description(file, version, told)
+
+
+def _description(file: Path, version: int, told: Any) -> Description:
+    slave = told.coSimulation
+    fixed = None if slave.canHandleVariableCommunicationStepSize else told.defaultExperiment
+    step = _number(fixed.stepSize) if fixed is not None else None
+    return Description(
+        file,
+        str(told.modelName),
+        version,
+        str(slave.modelIdentifier),
+        str(told.guid),
+        bool(slave.canGetAndSetFMUstate),
+        bool(slave.canBeInstantiatedOnlyOncePerProcess),
+        step,
+        {v.name: _variable(v) for v in told.modelVariables if v.type not in ("String", "Binary", "Clock")},
+    )
+
+
+def _variable(v: Any) -> Variable:
+    unit = v.unit if v.unit is not None or v.declaredType is None else v.declaredType.unit
+    numbers = (_number(x) for x in (v.start, v.min, v.max))
+    return Variable(v.name, int(v.valueReference), v.type, v.causality or "local", unit or None, *numbers)
+
+
+def _number(value: Any) -> float | None:
+    if value is None or isinstance(value, bool):
+        return None
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return None
