@@ -21,6 +21,7 @@ from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.road_lock import RoadLock
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.sentence import Sentence
+from deeptruck_model.mismatch.strength import Strength
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
@@ -98,6 +99,7 @@ class Finding:
     formula_r2: float | None = None  # held-out r2 of the formula in `equation`, where one was found
     decided_by: str | None = None  # of a slow force: what gave it its name
     road: RoadLock | None = None
+    strength: Strength | None = None  # None for a fault that shows between sensors alone
     cause: Cause | None = field(default=None, compare=False)  # None for a fault between sensors
 
     def to_json(self) -> dict[str, Any]:
@@ -124,6 +126,7 @@ class Finding:
             "decided_by": self.decided_by,
             "road": road,
             "formula_r2": self.formula_r2,
+            "strength": self.strength.to_json() if self.strength is not None else None,
         }
         return out | {name: value for name, value in only_if.items() if value is not None}
 
@@ -140,7 +143,7 @@ class Finding:
             entry.get("evidence_nats"), tuple(Rival(**r) for r in entry.get("rivals", ())),
             nearest=entry.get("nearest"), laws_r2=laws.value if laws else None,
             formula_r2=entry.get("formula_r2"), decided_by=entry.get("decided_by"),
-            road=RoadLock(**road) if road else None,
+            road=RoadLock(**road) if road else None, strength=Strength.read(entry.get("strength")),
         )  # fmt: skip
 
 

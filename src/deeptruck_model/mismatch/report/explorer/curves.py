@@ -17,6 +17,7 @@ from deeptruck_model.mismatch.mechanisms.laws import NEEDS, VARIABLES
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.free_law import features
 from deeptruck_model.mismatch.report.drawing import label
+from deeptruck_model.mismatch.report.findings import timing
 from deeptruck_model.mismatch.report.regime_figure import LEAST_S, edges, place
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.result import Finding
@@ -99,7 +100,7 @@ def curve(e: Evidence, x: Explanation, finding: Finding, left: Array, scale: Arr
 def _bin(
     own: NDArray[np.bool_], x: Array, law: Array, columns: Array, covariance: Array | None, seen: Array
 ) -> tuple[float, float, float, float, float]:
-    """Where a bin lies, the force there and how far its size may be off, what is seen there and how surely."""
+    """Where a bin lies, the force there and how far it may be off, what is seen there and how surely."""
     mean = columns[own].mean(axis=0)
     off = 0.0 if covariance is None else Z95 * float(np.sqrt(max(mean @ covariance @ mean, 0.0)))
     spread = float(seen[own].std(ddof=1)) if own.sum() > 1 else 0.0
@@ -115,7 +116,9 @@ def _bin(
 def _periods(e: Evidence) -> Indices:
     """Rows of the seconds that are compared throughout and lie within one recording, (periods, rows each)."""
     per = max(1, round(PERIOD_S / e.dt))
-    parts = [np.arange(s.start, s.start + (s.stop - s.start) // per * per).reshape(-1, per) for s in e.stretches]
+    parts = [
+        np.arange(s.start, s.start + (s.stop - s.start) // per * per).reshape(-1, per) for s in e.stretches
+    ]
     rows = np.concatenate(parts)
     out: Indices = rows[e.valid[rows].all(axis=1)]
     return out
@@ -179,9 +182,11 @@ def _sizes(
     model = x.model
     if cause.term is not None and cause.effect in model.effects:
         columns = cause.term.columns * scale[:, None]
+        late = [timing(part, e) / part.factor**2 for part in cause.term.parts]
         covariance = model.covariance(cause.effect)
-        fits = columns.shape[1] == len(covariance)
-        return (columns[rows].mean(axis=1), covariance) if fits else (none, None)
+        if not columns.shape[1] == len(covariance) == len(late):
+            return none, None
+        return columns[rows].mean(axis=1), covariance + np.diag(late)
     if cause.kind == "parameter_error" and cause.effect in e.sensitivity:
         column = (e.sensitivity[cause.effect] * scale)[rows].mean(axis=1)
         return column[:, None], np.array([[model.change_sd(cause.effect) ** 2]])
