@@ -225,19 +225,12 @@ function errorTable() {
 function start() {
   byId("explorer").hidden = false;
   for (const figures of document.querySelectorAll("details.print")) figures.open = false;
-  let waiting = false, views = [];
-  const draw = () => {
-    waiting = false;
-    views.forEach(v => v.draw());
-    byId("marked").textContent = said(state);
-    views.forEach(v => {
-      if (v instanceof Timeline) v.plot.canvas.setAttribute("aria-valuenow", (state.span(v.index) || [v.drive.start_s])[0]);
-      if (v instanceof Timeline) v.plot.canvas.setAttribute("aria-valuetext", said(state));
-    });
-  };
+  let views = [];
   const state = new State(() => {
-    if (!waiting) requestAnimationFrame(draw);
-    waiting = true;
+    const now = said(state);
+    views.forEach(v => v.draw());
+    byId("marked").textContent = now;
+    views.filter(v => v instanceof Timeline).forEach(v => v.tell(now));
   });
   views = [...timelines(state), ...clouds(state), new Curve(state, byId("curve"))];
   axisChoices(state);
@@ -251,7 +244,7 @@ function start() {
   addEventListener("beforeprint", () => {
     for (const figures of document.querySelectorAll("details.print")) figures.open = true;
   });
-  draw();
+  state.changed();
 }
 
 start();

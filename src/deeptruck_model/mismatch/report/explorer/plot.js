@@ -202,9 +202,10 @@ class Plot {
   }
 }
 
-// Tell `done` the corners of a rectangle that is dragged over a canvas, in its pixels; `moved` meanwhile.
+// Tell `done` the corners of a rectangle that is dragged over a canvas, in its pixels; `moved` meanwhile, as often
+// as the screen shows it.
 function dragged(canvas, moved, done) {
-  let from = null;
+  let from = null, to = null, waiting = false;
   const at = event => {
     const box = canvas.getBoundingClientRect();
     return [event.clientX - box.left, event.clientY - box.top];
@@ -214,10 +215,21 @@ function dragged(canvas, moved, done) {
     from = at(event);
     if (event.isTrusted) canvas.setPointerCapture(event.pointerId);
   });
-  canvas.addEventListener("pointermove", event => { if (from) moved(from, at(event)); });
+  const show = () => {
+    waiting = false;
+    if (from) moved(from, to);
+  };
+  canvas.addEventListener("pointermove", event => {
+    if (!from) return;
+    to = at(event);
+    if (!waiting) requestAnimationFrame(show);
+    waiting = true;
+  });
   canvas.addEventListener("pointerup", event => {
-    if (from) done(from, at(event));
+    if (!from) return;
+    const begun = from;
     from = null;
+    done(begun, at(event));
   });
   canvas.addEventListener("pointercancel", () => { from = null; });
 }

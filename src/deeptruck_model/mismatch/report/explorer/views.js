@@ -45,6 +45,13 @@ class Timeline {
     event.preventDefault();
   }
 
+  // What a screen reader says of it.
+  tell(text) {
+    const [from] = this.state.span(this.index) || [this.drive.start_s];
+    this.plot.canvas.setAttribute("aria-valuenow", from);
+    this.plot.canvas.setAttribute("aria-valuetext", text);
+  }
+
   draw() {
     const {plot, state, drive} = this, c = drive.columns, window = state.window[this.index];
     plot.clear();
@@ -134,7 +141,7 @@ class Track extends Cloud {
     const most = state.usual;
     for (const d of state.drives) {
       const [x, y] = this.columns(d), r = d.columns.residual;
-      plot.dots(x, y, coloured ? i => known(r[i]) ? tone(r[i], most) : "#dddddd" : "#8fa3b5", coloured ? 3.5 : 2);
+      plot.dots(x, y, coloured ? i => known(r[i]) ? tone(r[i], most) : "#dddddd" : "#5b7894", coloured ? 3.5 : 2.4);
     }
     this.drawMarks();
     if (coloured) plot.scaleBar(most, `residual, ${DATA.unit}`);
@@ -185,7 +192,7 @@ class Explained extends Cloud {
     plot.scale(x, this.ends(1));
     plot.axes(DATA.explains ? `explained force, ${DATA.unit}` : "simulated acceleration, m/s²",
       `residual, ${DATA.unit}`);
-    for (const d of state.drives) plot.dots(...this.columns(d), "#8fa3b5", 2);
+    for (const d of state.drives) plot.dots(...this.columns(d), "#5b7894", 2.4);
     plot.line(x, DATA.explains ? x : [0, 0], INK, 1, [5, 3]);
     this.drawMarks();
   }
