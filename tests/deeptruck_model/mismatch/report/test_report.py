@@ -184,6 +184,7 @@ def test_more_than_a_dozen_recordings_are_counted_but_not_all_drawn(tmp_path):
     assert "1 more recording is not drawn" in (tmp_path / "report.html").read_text("utf-8")
     height = pixels((tmp_path / "timeline.png").read_bytes()).shape[0]
     assert height < 110 * (12 * 2.9 + 1.0)
+    assert (tmp_path / "report.html").stat().st_size < 4_000_000
 
 
 def test_the_formula_enters_from_the_evidence():
