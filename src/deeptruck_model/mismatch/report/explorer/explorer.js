@@ -202,6 +202,7 @@ function segmentList(state, f) {
       state.markSegments([s]);
       state.whole();
       state.zoom();
+      byId("timelines").scrollTop = byId("timelines").children[s[0]].offsetTop - byId("timelines").children[0].offsetTop;
     });
     list.append(button);
   });

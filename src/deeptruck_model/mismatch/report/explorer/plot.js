@@ -41,7 +41,7 @@ class Plot {
   }
 
   // Begin a drawing; margins in pixels.
-  clear({left = 58, right = 12, top = 8, bottom = 38} = {}) {
+  clear({left = 58, right = 20, top = 8, bottom = 38} = {}) {
     const ratio = window.devicePixelRatio || 1, width = Math.max(this.canvas.clientWidth, 120);
     this.canvas.width = Math.round(width * ratio);
     this.canvas.height = Math.round(this.height * ratio);
@@ -86,7 +86,7 @@ class Plot {
     }
     pen.textAlign = "center";
     pen.textBaseline = "top";
-    for (const [v, text] of ticks(this.x, (box.right - box.left) / 70)) {
+    for (const [v, text] of ticks(this.x, (box.right - box.left) / 55)) {
       this._stroke(this.px(v), box.top, this.px(v), box.bottom);
       if (xLabel) pen.fillText(text, this.px(v), box.bottom + 4);
     }

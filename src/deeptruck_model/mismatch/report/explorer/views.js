@@ -134,13 +134,14 @@ class Track extends Cloud {
 
   draw() {
     const {plot, state} = this, coloured = this.onMap && DATA.unit;
-    plot.clear({right: coloured ? 62 : 12});
+    plot.clear({right: coloured ? 62 : 20});
     plot.scale(this.ends(0), this.ends(1), this.onMap);
     if (this.onMap) plot.axes("east of the middle, km", "north of the middle, km");
     else plot.axes("distance along the drive, km", DATA.unit ? `residual, ${DATA.unit}` : "speed, m/s");
     const most = state.usual;
     for (const d of state.drives) {
       const [x, y] = this.columns(d), r = d.columns.residual;
+      if (coloured) plot.dots(x, y, "#b9c0c6", 5.5);  // a rim, as what is near zero is white
       plot.dots(x, y, coloured ? i => known(r[i]) ? tone(r[i], most) : "#dddddd" : "#5b7894", coloured ? 3.5 : 2.4);
     }
     this.drawMarks();
