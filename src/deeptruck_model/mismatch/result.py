@@ -22,6 +22,7 @@ from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.road_lock import RoadLock
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.sentence import Sentence
+from deeptruck_model.mismatch.strength import Strength
 
 Array = NDArray[np.float64]
 
@@ -90,6 +91,7 @@ class Finding:
     decided_by: str | None = None  # of a slow force: what gave it its name
     road: RoadLock | None = None
     engine_torque: str | None = None  # whether the engine's recorded torque shows it, where that is known
+    strength: Strength | None = None  # None for a fault that shows between sensors alone
     cause: Cause | None = field(default=None, compare=False)  # None for a fault between sensors
 
     def to_json(self) -> dict[str, Any]:
@@ -117,6 +119,7 @@ class Finding:
             "road": road,
             "formula_r2": self.formula_r2,
             "engine_torque": self.engine_torque,
+            "strength": self.strength.to_json() if self.strength is not None else None,
         }
         return out | {name: value for name, value in only_if.items() if value is not None}
 
@@ -134,6 +137,7 @@ class Finding:
             nearest=entry.get("nearest"), laws_r2=laws.value if laws else None,
             formula_r2=entry.get("formula_r2"), decided_by=entry.get("decided_by"),
             road=RoadLock(**road) if road else None, engine_torque=entry.get("engine_torque"),
+            strength=Strength.read(entry.get("strength")),
         )  # fmt: skip
 
 

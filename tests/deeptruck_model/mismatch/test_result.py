@@ -41,6 +41,11 @@ def equal(one: Any, other: Any) -> bool:
     return type(one) is type(other) and bool(one == other)
 
 
+def had(finding: dict[str, Any]) -> dict[str, Any]:
+    """The entries that a finding had then; its strength in numbers came later."""
+    return {name: entry for name, entry in finding.items() if name != "strength"}
+
+
 def slow_cause(e: Evidence, kind: str) -> Cause:
     """A force that no signal predicts, named by its size, by the road, or not at all."""
     force = 0.1 * np.sin(e["elapsed"] / 30.0)
@@ -59,7 +64,17 @@ def physics() -> Mismatch:
 
 @pytest.mark.parametrize("kind", ["missing_physics", "unknown", "parameter_error", "measurement_fault"])
 def test_a_finding_has_the_entries_it_had(kind: str) -> None:
-    assert equal(mismatch(kind).verdict["findings"], kept("findings")[kind])
+    assert equal([had(f) for f in mismatch(kind).verdict["findings"]], kept("findings")[kind])
+
+
+def test_a_strength_is_the_one_in_words_and_is_read_back() -> None:
+    (found,) = mismatch("missing_physics").result.findings
+    assert found.strength is not None and found.strength.unit == "N" and found.strength.one_way
+    assert f"{found.strength.value:+.0f} N on average while it acts" in str(found.says)
+    assert f"{100 * found.strength.share_of_time:.0f} % of the time" in str(found.says)
+    again = Finding.read(found.to_json()).strength
+    assert again is not None and again.value == pytest.approx(found.strength.value, rel=1e-3)
+    assert mismatch("measurement_fault").result.findings[-1].strength is None
 
 
 @pytest.mark.parametrize("kind", ["slow", "road", "time_varying"])
@@ -67,7 +82,8 @@ def test_a_slow_force_has_the_entries_it_had(kind: str, physics: Mismatch) -> No
     assert physics.evidence is not None and physics.explanation is not None
     cause = slow_cause(physics.evidence, kind)
     found = findings.from_cause(cause, physics.evidence, physics.explanation, {})
-    assert equal([Verdict(Conclusion.PHYSICS, (found,)).to_json()["findings"][0]], kept("findings")[kind])
+    (entry,) = Verdict(Conclusion.PHYSICS, (found,)).to_json()["findings"]
+    assert equal([had(entry)], kept("findings")[kind])
 
 
 @pytest.mark.parametrize("name", ["parameters_off", "nothing_missing"])

@@ -26,24 +26,30 @@ from deeptruck_model.mismatch.posterior.search import Model
 from deeptruck_model.mismatch.residual.evidence import Evidence, ForceUnit
 from deeptruck_model.mismatch.result import Finding, Kind, Rival, Size
 from deeptruck_model.mismatch.sentence import Named, Part, Sentence
+from deeptruck_model.mismatch.strength import Strength
 
-MOSTLY = 0.6  # of the time, beyond which a force is no event
 ONE_WAY = 0.5  # of its rms that the mean of a force must have, to tell its size
 AT_ITS_MOMENTS = "record more signals, and look what else happens at the moments listed under segments"
 
 
 def strength(cause: Cause, e: Evidence) -> str:
     """How strong a force is where it acts, and for how much of the time."""
+    s = strength_of(cause, e)
+    told = e.unit.told(s.value / e.unit.scale, "+" if s.one_way else "")
+    size = f"{told} on average" if s.one_way else f"{told} rms, forward and back,"
+    if s.mostly:
+        return size.rstrip(",")
+    return f"{size} while it acts, {100.0 * s.share_of_time:.0f} % of the time"
+
+
+def strength_of(cause: Cause, e: Evidence) -> Strength:
+    """The same as numbers."""
     large = np.abs(cause.force[e.valid])
     acting = large > 0.3 * float(np.quantile(large, 0.995)) + 1e-9
     force = e.newtons(cause.force)[e.valid][acting] / e.mass if acting.any() else np.zeros(1)
     mean, rms = float(np.mean(force)), float(np.sqrt(np.mean(force**2)))
     one_way = abs(mean) > ONE_WAY * rms
-    size = f"{e.unit.told(mean, '+')} on average" if one_way else f"{e.unit.told(rms)} rms, forward and back,"
-    share = float(np.mean(acting))
-    if share > MOSTLY:
-        return size.rstrip(",")
-    return f"{size} while it acts, {100.0 * share:.0f} % of the time"
+    return Strength((mean if one_way else rms) * e.unit.scale, e.unit.name, one_way, float(np.mean(acting)))
 
 
 @dataclass(frozen=True)
@@ -206,6 +212,7 @@ def from_cause(cause: Cause, e: Evidence, explanation: Explanation, own: dict[st
         decided_by=_decided_by(cause),
         road=cause.road if cause.needed is not None else None,
         engine_torque=None if cause.reported is None else SHOWS if cause.reported else SHOWS_NOT,
+        strength=strength_of(cause, e),
         cause=cause,
     )
 
@@ -325,7 +332,7 @@ def _sizes(term: CandidateTerm, model: Model, e: Evidence) -> dict[str, Size]:
     sizes: dict[str, tuple[float, float, str]] = {
         name: (
             float(g @ values),
-            float(np.sqrt(max(float(g @ covariance @ g), 0.0) + _timing(told[name], e))),
+            float(np.sqrt(max(float(g @ covariance @ g), 0.0) + timing(told[name], e))),
             e.unit.of(told[name].unit) if told[name].per_mass else told[name].unit,
         )
         for name, g in weights.items()
@@ -338,7 +345,7 @@ def _sizes(term: CandidateTerm, model: Model, e: Evidence) -> dict[str, Size]:
     }
 
 
-def _timing(part: Column, e: Evidence) -> float:
+def timing(part: Column, e: Evidence) -> float:
     """Variance (s^2) of a time for not knowing where within a quarter of a row either way a command came."""
     return (e.dt / 4) ** 2 / 3 if part.unit == "s" and isinstance(part.expression, Rerun) else 0.0
 

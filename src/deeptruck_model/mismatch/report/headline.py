@@ -1,12 +1,13 @@
 """The verdict in a few sentences. `of` says what is claimed, as data; `sentences` puts it into words.
 
+The first says what is missing, how large it is, how sure that is and what the correction is worth.
 Terminal, page and demo print these same sentences. None has more than LONGEST words.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum, auto
 
 from deeptruck_model.mismatch.correction.worth import (
@@ -18,7 +19,7 @@ from deeptruck_model.mismatch.correction.worth import (
 )
 from deeptruck_model.mismatch.fit_result import Chosen
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.report.wording import force, number, opened, prose, spoken
+from deeptruck_model.mismatch.report.wording import force, number, opened, percent, prose, spoken
 from deeptruck_model.mismatch.residual.gather import PARAMETERS
 from deeptruck_model.mismatch.result import Conclusion, Finding, Kind, Verdict
 
@@ -29,7 +30,7 @@ NAMED, RIVALS = 4, 3  # names, and others that each may be, in one sentence
 PARAMETERS_ALONE = "The correction is refitted parameters alone, which drove the fitted recordings best."
 SHOWN = {
     Worth.BETTER: "So what was found is worth more than other parameters.",
-    Worth.AS_GOOD: "These drives do not tell which of the last two predicts better.",
+    Worth.AS_GOOD: "These drives do not tell which of the two predicts better.",
     Worth.WORSE: "So refitted parameters predict these drives better than what was found.",
 }
 
@@ -51,6 +52,14 @@ class Name:
     effect: str
     kind: Kind
     rivals: tuple[str, ...] = ()
+    size: str = ""  # with its unit; empty where it is not known
+    sure: str = ""  # the probability of the effect by itself; empty where it is not known
+
+    @property
+    def details(self) -> str:
+        """How large and how sure, behind the name."""
+        known = [*filter(None, [self.size, f"{self.sure} sure" if self.sure else ""])]
+        return f" ({', '.join(known)})" if known else ""
 
 
 @dataclass(frozen=True)
@@ -110,7 +119,25 @@ def _nothing(verdict: Verdict) -> Headline:
 
 def name(finding: Finding) -> Name:
     """A finding as it is named."""
-    return Name(finding.effect, finding.kind, finding.cannot_be_told_from)
+    return Name(
+        finding.effect,
+        finding.kind,
+        finding.cannot_be_told_from,
+        _size(finding),
+        percent(finding.probability),
+    )
+
+
+def _size(f: Finding) -> str:
+    """How large it is: a force while it acts, what a parameter is, or by how much a sensor is off."""
+    fitted = f.parameters.get("value" if f.kind is Kind.SENSOR else f.effect)
+    if f.kind is not Kind.PHYSICS and fitted is not None:
+        unit = "" if fitted.unit == "1" else f" {prose(fitted.unit)}"
+        return f"{number(fitted.value)}{unit}{' fits' if f.kind is Kind.PARAMETER else ''}"
+    if f.strength is None:
+        return ""
+    size = f"{number(abs(f.strength.value))} {prose(f.strength.unit)}"
+    return size if f.strength.mostly else f"{size} while it acts"
 
 
 def sentences(h: Headline) -> list[str]:
@@ -118,42 +145,80 @@ def sentences(h: Headline) -> list[str]:
     if h.claim is Claim.UNDETERMINED:
         return ["Nothing can be said yet.", f"{opened(prose(h.reason))}."]
     if h.claim is Claim.FOUND:
-        return [*_found(h.found), *_shown(h)]
+        return [*_found(h), *_shown(h)]
+    if h.claim is Claim.AGREES:
+        return [_agrees(h.seen)]
     seen = [f"A steady force above {h.seen} would have been seen."] if h.seen else []
     if h.claim is Claim.MUCH_COULD_HIDE:
         return [
             "Nothing was found, but much could hide in what the simulator has learned imperfectly.",
             *seen,
         ]
-    if h.claim is Claim.AGREES:
-        return ["Nothing is missing: the simulator agrees with these recordings.", *seen]
     said = "The simulator is off, but no physics and no parameter alone has shown itself as the cause."
     return [said, *([_compared(h.errors)] if h.errors else []), *seen]
 
 
-def _found(found: Sequence[Name]) -> list[str]:
+def _agrees(seen: str) -> str:
+    said = "Nothing is missing: the simulator agrees with these recordings"
+    return f"{said}; a steady force above {seen} would have been seen." if seen else f"{said}."
+
+
+def _found(h: Headline) -> list[str]:
     """What was found, in as many names as a sentence holds; sensors in a sentence of their own."""
-    sensors = [n for n in found if n.kind is Kind.SENSOR]
-    others = [n for n in found if n.kind is not Kind.SENSOR]
+    sensors = [n for n in h.found if n.kind is Kind.SENSOR]
+    others = [n for n in h.found if n.kind is not Kind.SENSOR]
     if not others:
-        return [fitting(lambda n, r: f"A sensor is at fault, not the truck model: {_all(sensors, n, r)}.")]
-    said = [fitting(lambda n, r: _opening(others, n, r))]
+        return [
+            _detailed(sensors, lambda s, n, r: f"A sensor is at fault, not the truck model: {_all(s, n, r)}.")
+        ]
+    gain = _gain(h)
+    said = [_detailed(others, lambda o, n, r: f"{_opening(o, n, r)}{gain}.")]
     if sensors:
-        said.append(fitting(lambda n, r: f"Besides, a sensor is at fault: {_all(sensors, n, r)}."))
+        said.append(fitting(lambda n, r: f"Besides, a sensor is at fault: {_all(_bare(sensors), n, r)}."))
     return said
+
+
+def _bare(names: Sequence[Name]) -> list[Name]:
+    return [replace(n, size="", sure="") for n in names]
+
+
+def _detailed(names: Sequence[Name], say: Callable[[Sequence[Name], int, int], str]) -> str:
+    """The sentence say(names, most, rivals) with as many names and rivals as LONGEST words hold beside the
+    details of all of them or, where there is no room for these, of the first."""
+    first = [*names[:1], *_bare(names[1:])]
+    short = [replace(names[0], size=names[0].size.removesuffix(" while it acts")), *first[1:]]
+    for most in range(NAMED, 0, -1):
+        for rivals in range(RIVALS, -1, -1):
+            for told in (names, first, short):
+                said = say(told, most, rivals)
+                if len(said.split()) <= LONGEST:
+                    return said
+    return fitting(lambda most, rivals: say(_bare(names), most, rivals))
+
+
+def _gain(h: Headline) -> str:
+    """What the correction is worth, as the end of the first sentence."""
+    if h.worth is None:
+        return ""
+    if h.errors is None or h.worth in (Worth.NOT_DRIVEN, Worth.NOT_BETTER):
+        return "; no correction is proven"
+    falls = f"speed error falls from {number(h.errors.given)} to {number(h.errors.corrected)} m/s"
+    if h.worth is Worth.PARAMETERS_ALONE:
+        return f"; with parameters refitted, {falls}"
+    return f"; {'partly ' if h.left_out and not h.laws else ''}corrected, {falls}"
 
 
 def _opening(found: Sequence[Name], names: int, rivals: int) -> str:
     physics = [n for n in found if n.kind is Kind.PHYSICS]
     parameters = [n for n in found if n.kind is Kind.PARAMETER]
     if any(_mixed(n) for n in found):
-        return f"The simulator is off in {_all(found, names, rivals, ' in ')}."
+        return f"The simulator is off in {_all(found, names, rivals, ' in ')}"
     if not parameters:
-        return f"The simulator leaves out {_all(physics, names, rivals)}."
+        return f"The simulator leaves out {_all(physics, names, rivals)}"
     off = f"{_all(parameters, names, rivals)} {'is' if len(parameters) == 1 else 'are'} off"
     if not physics:
-        return f"No physics is missing, but the simulator's {off}."
-    return f"The simulator's {off}, and it leaves out {_all(physics, names, rivals)}."
+        return f"No physics is missing, but the simulator's {off}"
+    return f"The simulator's {off}, and it leaves out {_all(physics, names, rivals)}"
 
 
 def _mixed(name: Name) -> bool:
@@ -174,26 +239,23 @@ def _shown(h: Headline) -> list[str]:
         return ["No correction proved better on held-out recordings, so none may be applied."]
     assert h.errors is not None
     if h.worth is Worth.PARAMETERS_ALONE:
-        return [PARAMETERS_ALONE, _compared(h.errors)]
-    rest = "what was found"
+        return [f"{_runs(h.errors)}.", PARAMETERS_ALONE]
     said = []
     if h.laws:
         said.append("Laws without a name are in the correction too.")
     elif h.left_out:
         said.append(fitting(lambda n, r: _not_in(h.left_out, n)))
-        rest = "the rest"
-    return [*said, _compared(h.errors, rest), SHOWN[h.worth]]
+    refitted = f"with all parameters refitted instead it is {number(h.errors.refitted)} m/s"
+    return [*said, f"{_runs(h.errors)}; {refitted}.", SHOWN[h.worth]]
 
 
-def _compared(e: SpeedErrors, corrected: str = "") -> str:
+def _runs(e: SpeedErrors) -> str:
+    return f"This is the error of {number(e.horizon_s)} s free runs on held-out recordings"
+
+
+def _compared(e: SpeedErrors) -> str:
     runs = f"In {number(e.horizon_s)} s free runs on held-out recordings, the speed error is"
-    given, refitted = (
-        f"{number(e.given)} m/s as given",
-        f"{number(e.refitted)} m/s with all parameters refitted",
-    )
-    if not corrected:
-        return f"{runs} {given} and {refitted}."
-    return f"{runs} {given}, {refitted}, and {number(e.corrected)} m/s with {corrected}."
+    return f"{runs} {number(e.given)} m/s as given and {number(e.refitted)} m/s with all parameters refitted."
 
 
 def _not_in(left_out: Sequence[Name], names: int) -> str:
@@ -207,6 +269,12 @@ def group(name: Name, rivals: int = RIVALS) -> str:
     return either([name.effect, *name.rivals], rivals + 1)
 
 
+def _with_details(n: Name, rivals: int) -> str:
+    """A group, with how large and how sure behind its first name."""
+    rest = group(n, rivals).removeprefix(_spoken(n.effect))
+    return f"{_spoken(n.effect)}{n.details}{rest}"
+
+
 def either(effects: Sequence[str], most: int) -> str:
     """Names of effects as alternatives, `most` of them."""
     told = [_spoken(effect) for effect in effects[:most]]
@@ -215,7 +283,7 @@ def either(effects: Sequence[str], most: int) -> str:
 
 def _all(names: Sequence[Name], most: int, rivals: int, each: str = " ") -> str:
     """The first names in a row, each after the word `each`, which begins the row without it."""
-    told = [group(n, rivals) for n in names[:most]]
+    told = [_with_details(n, rivals) for n in names[:most]]
     if more := len(names) - len(told):
         told.append(f"{more} more")
     if len(told) < 3:

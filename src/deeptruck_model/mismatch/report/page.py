@@ -10,14 +10,14 @@ from typing import Any
 from jinja2 import Environment, StrictUndefined
 
 from deeptruck_model.mismatch.fit_result import Chosen, FitResult
-from deeptruck_model.mismatch.report import figures, given, headline, validation, what_now, wording
+from deeptruck_model.mismatch.report import explorer, figures, given, headline, validation, what_now, wording
 from deeptruck_model.mismatch.report import text as page_text
 from deeptruck_model.mismatch.report.drawing import words
 from deeptruck_model.mismatch.report.given import record_next
 from deeptruck_model.mismatch.report.what_now import Asked
 from deeptruck_model.mismatch.result import ALWAYS, RARELY, Mismatch, SmallestVisible
 
-TEMPLATE = "report.html.jinja"
+TEMPLATE, STYLE = "report.html.jinja", "page.css"
 ROWS = {  # of the table before and after
     "before": "before: as it was given",
     "parameters_only": "parameters only: all refitted, nothing else",
@@ -43,8 +43,11 @@ def page(mismatch: Mismatch, drawn: dict[str, figures.Picture], asked: Asked) ->
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    text = resources.files(__package__).joinpath(TEMPLATE).read_text(encoding="utf-8")
-    return environment.from_string(text).render(_content(mismatch, drawn, asked))
+    return environment.from_string(_file(TEMPLATE)).render(_content(mismatch, drawn, asked))
+
+
+def _file(name: str) -> str:
+    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
 
 
 def _content(m: Mismatch, drawn: dict[str, figures.Picture], asked: Asked) -> dict[str, Any]:
@@ -52,7 +55,12 @@ def _content(m: Mismatch, drawn: dict[str, figures.Picture], asked: Asked) -> di
     gained, nothing = page_text.rejected_names(m)
     first, *more = headline.sentences(headline.of(v))
     to_drive = record_next(m)
+    views = explorer.of(m)
     return {
+        "style": _file(STYLE) + explorer.style(),
+        "script": explorer.script(),
+        "views": views,
+        "drives": explorer.text(views),
         "sentence": first,
         "verdict": more,
         "now": what_now.steps(v, to_drive, asked),

@@ -30,7 +30,7 @@ def regime_map(e: Evidence) -> Figure | None:
     y, columns, _ = modelled.averaged(e, e.residual + modelled.retuned(e), list(features(e)))
     if len(y) < 60:
         return None
-    a, b = _telling_pair(y, columns)
+    a, b = telling_pair(y, columns)
     made = figure(10.0, 4.0)
     left = made.add_axes((0.07, 0.14, 0.42, 0.76))
     right = made.add_axes((0.57, 0.14, 0.42, 0.76))
@@ -67,9 +67,9 @@ def shape(e: Evidence, x: Explanation, equation: str) -> Figure | None:
     return made
 
 
-def _telling_pair(y: Array, columns: dict[str, Array]) -> tuple[str, str]:
+def telling_pair(y: Array, columns: dict[str, Array]) -> tuple[str, str]:
     """The two signals whose cell means explain most of the variance of y, with a penalty for each cell."""
-    places = {n: _place(c, _edges(c)) for n, c in columns.items() if len(_edges(c)) > 2}
+    places = {n: place(c, edges(c)) for n, c in columns.items() if len(edges(c)) > 2}
     scores = {(a, b): _adjusted_r2(y, places[a] * 64 + places[b]) for a, b in combinations(places, 2)}
     best = max(scores, key=lambda k: scores[k])
     with_speed = max((k for k in scores if "speed" in k), key=lambda k: scores[k], default=best)
@@ -85,7 +85,7 @@ def _adjusted_r2(y: Array, cell: NDArray[np.intp]) -> float:
     return 1.0 - left / max(float(np.var(y, ddof=1)), 1e-12)
 
 
-def _edges(x: Array) -> Array:
+def edges(x: Array) -> Array:
     """Bin edges: one bin a value where there are few (gears), else even ones over what is driven."""
     values = np.unique(x)
     if len(values) <= BINS + 4 or np.mean(x == np.round(x)) > 0.8:
@@ -96,15 +96,16 @@ def _edges(x: Array) -> Array:
     return np.linspace(low, high, BINS + 1) if high > low else np.array([low, low + 1.0])
 
 
-def _place(x: Array, edges: Array) -> NDArray[np.intp]:
-    return np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
+def place(x: Array, ends: Array) -> NDArray[np.intp]:
+    """The bin of each value, (n,); what lies beyond the ends is in the outermost."""
+    return np.clip(np.searchsorted(ends, x, side="right") - 1, 0, len(ends) - 2)
 
 
 def _sums(a: Array, b: Array, weights: Array) -> tuple[Array, Array, Array, Array]:
     """Edges of both signals, seconds in each cell and sum of weights in it, (cells of b, cells of a)."""
-    x, z = _edges(a), _edges(b)
+    x, z = edges(a), edges(b)
     size = (len(z) - 1, len(x) - 1)
-    flat = _place(b, z) * size[1] + _place(a, x)
+    flat = place(b, z) * size[1] + place(a, x)
     count = np.bincount(flat, minlength=size[0] * size[1]).reshape(size).astype(float)
     total: Array = np.bincount(flat, weights=weights, minlength=size[0] * size[1]).reshape(size).astype(float)
     return x, z, count * modelled.PERIOD_S, total
@@ -137,12 +138,11 @@ def _bar(ax: Axes, mesh: object, text: str) -> None:
 def _binned(ax: Axes, x: Array, force: Array) -> None:
     """Means with two standard errors."""
     tidy(ax)
-    edges = _edges(x)
-    place = _place(x, edges)
+    bins = place(x, edges(x))
     ax.axhline(0, color=GREY, lw=0.8)
-    for k in np.unique(place):
-        own = force[place == k]
+    for k in np.unique(bins):
+        own = force[bins == k]
         if len(own) * modelled.PERIOD_S >= LEAST_S:
-            at = float(x[place == k].mean())
+            at = float(x[bins == k].mean())
             error = 2 * float(own.std(ddof=1)) / np.sqrt(len(own))
             ax.errorbar(at, own.mean(), error, fmt="o", color=BLUE, ms=4, lw=1.2, capsize=2)

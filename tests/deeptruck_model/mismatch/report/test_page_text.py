@@ -85,7 +85,7 @@ def test_a_name_that_beats_all_others_says_why_it_is_not_surer(
 ) -> None:
     sizes = {"road_grade": 0.01, "headwind": 3.0, "torque_derate": 0.1}
     rivals = (("road_grade", 20.0),)
-    cause = Cause(kind, "headwind", 50.0, 1.0, np.zeros(1), rivals=rivals, needed=sizes)
+    cause = Cause(kind, "headwind", 50.0, 1.0, np.zeros(len(nothing_missing)), rivals=rivals, needed=sizes)
     slow: Any = None  # of a slow force nothing is read from the explanation
     found = findings.from_cause(cause, nothing_missing, slow, {})
     said = wording.apart(found)
@@ -98,7 +98,13 @@ def test_a_name_that_beats_all_others_says_why_it_is_not_surer(
 def test_a_name_beside_another_is_as_sure_as_its_share(nothing_missing: Evidence) -> None:
     sizes = {"road_grade": 0.01, "headwind": 3.0, "torque_derate": 0.1}
     cause = Cause(
-        "missing_physics", "headwind", 50.0, 1.0, np.zeros(1), rivals=(("road_grade", 0.0),), needed=sizes
+        "missing_physics",
+        "headwind",
+        50.0,
+        1.0,
+        np.zeros(len(nothing_missing)),
+        rivals=(("road_grade", 0.0),),
+        needed=sizes,
     )
     slow: Any = None
     found = findings.from_cause(cause, nothing_missing, slow, {})

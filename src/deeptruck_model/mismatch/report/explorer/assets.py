@@ -1,0 +1,21 @@
+"""The scripts and the style of the explorer, read from the files beside this one."""
+
+from __future__ import annotations
+
+from importlib import resources
+
+SCRIPTS = ("plot.js", "views.js", "explorer.js")  # in this order: each uses those before it
+
+
+def script() -> str:
+    """What the page runs."""
+    return "\n".join(map(_read, SCRIPTS))
+
+
+def style() -> str:
+    """How its part of the page looks."""
+    return _read("explorer.css")
+
+
+def _read(name: str) -> str:
+    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
