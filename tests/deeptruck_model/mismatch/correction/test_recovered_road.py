@@ -90,4 +90,5 @@ def test_the_command_writes_bags_that_hold_it(drives: list[Recording], tmp_path:
     (again,) = read(tmp_path / "out")
     assert again.interface.grade and again.channels["grade"][-20] == pytest.approx(0.058, abs=2e-3)
     again_at_once = call(*command)
-    assert again_at_once.returncode == 2 and "holds a bag with a recovered slope already" in again_at_once.stderr
+    assert again_at_once.returncode == 2
+    assert "holds a bag with a recovered slope already" in again_at_once.stderr
