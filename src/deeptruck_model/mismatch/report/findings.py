@@ -317,9 +317,11 @@ def _now_and_then(term: CandidateTerm) -> str:
 def _sizes(term: CandidateTerm, model: Model, e: Evidence) -> dict[str, Size]:
     """The most telling parameters by name. Columns of one name, from a widened term, add up to one size.
 
+    What acts on held-out recordings alone was not fitted, and has no size.
     When within a sample a command came nobody knows, so that no delay is known better than that.
     """
     values, covariance = model.coefficients(term.mechanism.effect), model.covariance(term.mechanism.effect)
+    acts = np.abs(term.columns[e.to_fit().valid]).max(axis=0, initial=0.0) > 0.0
     by = carriers.factors(e.moved, {p: e.total_change(p, model.moved(p)) for p in model.free})
     weights: dict[str, Array] = {}
     told: dict[str, Column] = {}
@@ -336,6 +338,7 @@ def _sizes(term: CandidateTerm, model: Model, e: Evidence) -> dict[str, Size]:
             e.unit.of(told[name].unit) if told[name].per_mass else told[name].unit,
         )
         for name, g in weights.items()
+        if acts[g != 0.0].any()
     }
     telling = sorted(sizes, key=lambda n: -abs(sizes[n][0]) / max(sizes[n][1], 1e-12))[:TELLING_PARAMETERS]
     return {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -12,8 +12,8 @@ import pytest
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.mechanisms.air_and_tyres import WarmsInTime
 from deeptruck_model.mismatch.mechanisms.brakes import Keeps, RubsFree
-from deeptruck_model.mismatch.mechanisms.variants import Gate, Gated, Static, Sum
-from deeptruck_model.mismatch.posterior.causes import Cause
+from deeptruck_model.mismatch.mechanisms.variants import Gate, Gated, PerRecording, Static, Sum
+from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.report import findings
 from deeptruck_model.mismatch.report.wording import force
@@ -54,3 +54,15 @@ def test_what_would_have_been_seen_is_in_newtons_where_the_mass_is_known(
     mass_kg: float | None, said: str
 ) -> None:
     assert force(0.02, mass_kg) == said
+
+
+def test_what_only_a_held_out_recording_has_gets_no_size(nothing_missing: Evidence) -> None:
+    """It was not fitted: the page said 0 N, 95 %: -6800 to 6800."""
+    search = Search(nothing_missing.to_fit())
+    terms = search.candidate_terms(LIBRARY["dragging_brake"])
+    term = next(t for t in terms if isinstance(t.variant, PerRecording))
+    model = search.model((term,), frozenset())
+    cause = Cause("missing_physics", "dragging_brake", 100.0, 1.0, term.columns.sum(axis=1), term)
+    explanation = cast(Explanation, SimpleNamespace(model=model))
+    found = findings.from_cause(cause, nothing_missing, explanation, {})
+    assert "force[a]" in found.parameters and "force[b]" not in found.parameters
