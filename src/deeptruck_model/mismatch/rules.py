@@ -135,9 +135,6 @@ class Rules:
     )
     moved_gain: float = _of(20.0, "nats", "for parameters to be moved and all linearised again", CHOSEN)
 
-    step_loss: float = _of(
-        10.0, "nats", "that a further such step may seem to lose: rows weigh otherwise about it", CHOSEN
-    )
     reported: float = _of(8.0, "nats", "for or against a force in the recorded torque, to say so", CHOSEN)
 
     # parameters

@@ -50,7 +50,7 @@ def _accepted(simulator: Simulator, name: str, change: float, near: float) -> fl
 
 
 # Beyond this relative change parameters are set in the simulator, and all is linearised again; and once more.
-RETUNE, SETTLED, RETUNES = 0.05, 0.02, 6
+RETUNE, SETTLED, STEPS = 0.05, 0.02, 5
 _guesses: WeakKeyDictionary[Search, Model] = WeakKeyDictionary()  # a search is large: no longer than it
 
 
@@ -162,16 +162,22 @@ def _best_of(starts: Sequence[Search]) -> tuple[Search, Explanation]:
 
 
 def _followed(around: _Around, search: Search, guess: Callable[[Search], Model]) -> Search:
-    """The search about the parameters of a guess, and of the guess there, while that explains more."""
-    for turn in range(RETUNES):
-        here = guess(search)
-        anew = around.parameters_of(search, here, SETTLED if turn else RETUNE)
-        if anew is None or not _better(
-            search, here, anew, guess(anew), -search.rules.step_loss if turn else search.rules.moved_gain
-        ):
+    """The search about the parameters of a guess, and of the guess there, until they have settled; as it was
+    where the first step explains no more.
+
+    Further steps are not weighed against each other: where mass and gains move together every step gains
+    little, though the way is long.
+    """
+    here = guess(search)
+    moved = around.parameters_of(search, here, RETUNE)
+    if moved is None or not _better(search, here, moved, guess(moved), search.rules.moved_gain):
+        return search
+    for _ in range(STEPS):
+        further = around.parameters_of(moved, guess(moved), SETTLED)
+        if further is None:
             break
-        search = anew
-    return search
+        moved = further
+    return moved
 
 
 def _alone(search: Search) -> Model:
