@@ -14,6 +14,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from deeptruck_nodes import environment
+
+from deeptruck_model.errors import InputError
 
 SCRIPTS = Path(__file__).parents[2] / "ros2_ws"
 
@@ -30,8 +33,20 @@ def domain() -> Iterator[int]:
             except BlockingIOError:
                 continue
             yield number
+            assert free(number), f"processes of this test still use ROS domain {number}"
             return
         raise RuntimeError("all ROS domains are taken")
+
+
+def free(domain: int, within: float = 10.0) -> bool:
+    """Whether the last process of every run in a domain ends in time; one whose supervisor was killed, by itself."""
+    until = time.monotonic() + within
+    while time.monotonic() < until:
+        with contextlib.suppress(InputError):
+            environment.DomainLock(domain).release()
+            return True
+        time.sleep(0.05)
+    return False
 
 
 class Started:
