@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Sequence
 from itertools import pairwise
+from types import FrameType
 
 import typer
 from typer.exceptions import TyperException
@@ -28,9 +30,10 @@ def run(
     """Run the commands of `app` on `arguments` (default: the command line) and exit.
 
     Exit codes: 0; 2 for bad input, and for a library of an extra that is not installed; 130 after Ctrl-C,
-    with `interrupted` as the last word; 1 for a defect.
+    SIGTERM or SIGHUP, with `interrupted` as the last word; 1 for a defect.
     """
     words = sys.argv[1:] if arguments is None else arguments
+    _end_as_by_ctrl_c()
     app.rich_markup_mode = None  # help as plain text: the library that draws boxes takes longer than the help
     try:
         _nothing_empty(words)
@@ -50,6 +53,17 @@ def run(
     if code == INTERRUPTED:  # typer makes an exit code of Ctrl-C
         _last_words(program, interrupted, code)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _end_as_by_ctrl_c() -> None:
+    """What a job queue or a closed terminal sends ends a command in order, unless it is ignored (nohup)."""
+
+    def end(_number: int, _frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, end)
 
 
 def _nothing_empty(words: Sequence[str]) -> None:

@@ -1,6 +1,10 @@
 from __future__ import annotations
 
+import signal
+import subprocess
+import sys
 from enum import StrEnum
+from pathlib import Path
 
 import pytest
 import typer
@@ -45,6 +49,36 @@ def test_how_a_command_ends(
     capsys: pytest.CaptureFixture[str], raised: BaseException | None, code: int, says: str
 ) -> None:
     assert outcome(capsys, raised, "3") == (code, says)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_command_that_is_ended_leaves_nothing_under_a_final_name(
+    tmp_path: Path, number: signal.Signals
+) -> None:
+    """In a process of its own, as a job queue or a closed terminal ends it."""
+    code = (
+        "import sys, time, typer\n"
+        "from pathlib import Path\n"
+        "from deeptruck_model import console, files\n"
+        "app = typer.Typer()\n"
+        "@app.command()\n"
+        "def main() -> None:\n"
+        "    with files.Result('a result', ('a',)).replacing(Path('out')):\n"
+        "        print('begun', flush=True)\n"
+        "        time.sleep(60)\n"
+        "console.run(app, 'tool', [])\n"
+    )
+    run = subprocess.Popen(
+        [sys.executable, "-c", code], cwd=tmp_path, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    try:
+        assert run.stdout is not None and run.stdout.readline() == "begun\n"
+        run.send_signal(number)
+        _, errors = run.communicate(timeout=30)
+    finally:
+        run.kill()
+        run.wait()
+    assert (run.returncode, errors) == (130, "tool: interrupted\n") and not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("arguments", [("3", "--colour", ""), ("3", "--colour=")])
