@@ -39,7 +39,7 @@ def domain() -> Iterator[int]:
 
 
 def free(domain: int, within: float = 10.0) -> bool:
-    """Whether the last process of every run in a domain ends in time; one whose supervisor was killed, by itself."""
+    """Whether the last process of every run in a domain ends in time, even if its supervisor was killed."""
     until = time.monotonic() + within
     while time.monotonic() < until:
         with contextlib.suppress(InputError):
