@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.mechanisms import is_time_varying
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
@@ -18,6 +19,8 @@ from deeptruck_model.mismatch.posterior.stepwise import grow
 from deeptruck_model.mismatch.posterior.windows import bursts
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Rules
+
+Array = NDArray[np.float64]
 
 ROADS = {"road_grade", "road_surface"}
 SLOW_NAMES = {"road_grade", "road_surface", "headwind", "payload_change"}
@@ -168,11 +171,7 @@ def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list
         return causes
     if e.model_discrepancy > 0 and e.has("grade"):
         return causes  # it has slopes as an input: what is slow and left is its model discrepancy as likely
-    residual = e.residual - search.prediction(model) - left.prediction
-    found = _beside_a_learned_truck(e) if e.model_discrepancy > 0 else None
-    if found is None:
-        sigma = float(1.4826 * np.median(np.abs(residual[e.valid])))
-        found = slow_force(e, residual, 1.0 / search.series.relative**2, sigma)
+    found = slow_beside(search, model, left)
     if found is None:
         return causes
     known = {m.effect for m in search.library}
@@ -192,6 +191,7 @@ def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list
     share = slow / (slow + sum(float(np.sum(c.force[e.valid] ** 2)) for c in causes)) if causes else 1.0
     if share < e.rules.unknown_share:
         return causes  # what a form that is not quite right leaves over is slow too
+    residual = _not_explained(search, model, left)
     share = min(share, slow / float(np.sum(residual[e.valid] ** 2)))
     rivals = tuple((n, 0.0) for n in possible if n != effect)
     cause = Cause(
@@ -211,6 +211,22 @@ def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list
         if c.effect != "unknown" or effect != "unknown"
     ]
     return _in_order([*rest, cause], e.rules)
+
+
+def slow_beside(search: Search, model: Model, left: FreeModel) -> SlowForce | None:
+    """What is slow beside a model and what the signals predict, along all rows that are valid."""
+    e = search.e
+    found = _beside_a_learned_truck(e) if e.model_discrepancy > 0 else None
+    if found is not None:
+        return found
+    residual = _not_explained(search, model, left)
+    sigma = float(1.4826 * np.median(np.abs(residual[e.valid])))
+    return slow_force(e, residual, 1.0 / search.series.relative**2, sigma)
+
+
+def _not_explained(search: Search, model: Model, left: FreeModel) -> Array:
+    out: Array = search.e.residual - search.prediction(model) - left.prediction
+    return out
 
 
 def _with_bursts(search: Search, model: Model, causes: list[Cause]) -> list[Cause]:

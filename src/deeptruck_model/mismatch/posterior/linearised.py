@@ -17,7 +17,7 @@ from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, candidate_term
 from deeptruck_model.mismatch.posterior import nuisances
 from deeptruck_model.mismatch.posterior.causes import Explanation
-from deeptruck_model.mismatch.posterior.explain import explain
+from deeptruck_model.mismatch.posterior.explain import explain, slow_beside
 from deeptruck_model.mismatch.posterior.rivals import force_of
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.posterior.stepwise import first_guess
@@ -90,11 +90,14 @@ def located_everywhere(e: Evidence, x: Explanation) -> Explanation:
     every recording has its own of fitted along these too: to be told where they act."""
     whole = e.everywhere()
     own = [c for c in x.causes if c.term is not None and _untold(e, c.term) and not _untold(whole, c.term)]
-    if not own:
+    slow = [c for c in x.causes if c.needed is not None]
+    if not own + slow:
         return x
     search = Search(whole)
     model = search.model(x.model.named, x.model.free, x.model.fit)
     told = {id(c): replace(c, force=force_of(search, model, c.term)) for c in own if c.term is not None}
+    if slow and (found := slow_beside(search, model, x.left_over)) is not None:
+        told |= {id(c): replace(c, force=np.where(e.valid, c.force, found.force)) for c in slow}
     return replace(x, causes=tuple(told.get(id(c), c) for c in x.causes))
 
 
