@@ -48,6 +48,7 @@ class Source:
 
 SOURCES = (
     Source("veh002", "vt_heavy_truck/veh002_all.csv", "veh002.yaml"),
+    Source("veh003", "vt_heavy_truck/veh003_all.csv", "veh002.yaml"),
     Source("bmw_i3 A11", "bmw_i3/TripA11.csv", "bmw_i3.yaml", ("bmw_i3/TripA01.csv", "bmw_i3/TripB17.csv")),
     Source("bmw_i3 A01", "bmw_i3/TripA01.csv", "bmw_i3.yaml", ("bmw_i3/TripB17.csv",), hilly=False),
     Source("bmw_i3 B17", "bmw_i3/TripB17.csv", "bmw_i3.yaml", ("bmw_i3/TripA01.csv",), hilly=False),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -128,6 +129,12 @@ def road(
     directory: Annotated[Path, typer.Argument(help="Folder that 'mismatch' wrote.")],
     recordings: Annotated[list[Path], typer.Argument(help="The bags it was run on, without a grade.")],
     out: Annotated[Path, typer.Option(help="New bag.")],
+    other: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder that 'mismatch' wrote of another vehicle: its slopes, where roads are shared."
+        ),
+    ] = None,
     topic_map: TopicMap = None,
     overwrite: Overwrite = False,
 ) -> None:
@@ -135,21 +142,28 @@ def road(
 
     Example: deeptruck-model road found a b c --out with_road
     """
+    folders_given = [directory, *([other] if other else [])]
     checks.every(
         lambda: BAG_WITH_ROAD.check(out, overwrite=overwrite),
-        lambda: apart(out, directory, *recordings),
-        lambda: folders.check_road(directory),
+        lambda: apart(out, *folders_given, *recordings),
+        *(partial(folders.check_road, folder) for folder in folders_given),
         lambda: checks.inputs(None, recordings, mapped=mapped(topic_map)),
     )
     from deeptruck_model import recordings as rec
     from deeptruck_model.mismatch.correction.recovered_road import Roads, with_road
+    from deeptruck_model.mismatch.correction.road_of_another import with_road_of_another
 
-    roads = Roads.read(directory)
-    made, left_out = with_road(roads, rec.read_all(recordings, topic_map=topic_map))
+    roads, read = Roads.read(directory), rec.read_all(recordings, topic_map=topic_map)
+    if other is None:
+        made, left_out = with_road(roads, read)
+        notes = [f"left out, as no slope was told of them: {', '.join(left_out)}"] if left_out else []
+    else:
+        made, covered = with_road_of_another(roads, Roads.read(other), read)
+        notes = [str(part) for part in covered]
     rec.write_bag(out, made, interface=made[0].interface, overwrite=overwrite, kind=BAG_WITH_ROAD)
     print(f"{len(made)} recordings with a grade in {out}")
-    if left_out:
-        print(f"  note: left out, as no slope was told of them: {', '.join(left_out)}")
+    for note in notes:
+        print(f"  note: {note}")
 
 
 def prove(

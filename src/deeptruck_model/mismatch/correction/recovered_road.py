@@ -24,10 +24,20 @@ LEAST = 10  # seconds told of a recording, of which less is no road
 
 
 @dataclass(frozen=True)
-class Roads:
-    """By recording: seconds since its bag began, and the slope there, (m,) each."""
+class Told:
+    """Where a slope was told of a recording, (m,) each: seconds since its bag began, metres since the
+    recording began, and the slope."""
 
-    slopes: Mapping[str, tuple[Array, Array]]
+    time: Array
+    distance: Array
+    slope: Array
+
+
+@dataclass(frozen=True)
+class Roads:
+    """The slopes that were told, by the recording's name."""
+
+    slopes: Mapping[str, Told]
 
     @staticmethod
     def read(found: Path) -> Roads:
@@ -38,13 +48,14 @@ class Roads:
         try:
             with (found / "profiles.csv").open(newline="") as file:
                 rows = [row for row in csv.DictReader(file) if row["name"] == PROFILE]
-            told: dict[str, list[tuple[float, float]]] = {}
+            told: dict[str, list[list[float]]] = {}
             for row in rows:
-                told.setdefault(row["recording"], []).append((float(row["time_s"]), float(row["value"])))
+                place = [float(row[name]) for name in ("time_s", "distance_m", "value")]
+                told.setdefault(row["recording"], []).append(place)
         except (OSError, KeyError, TypeError, ValueError):
             raise InputError(f"{found} has no readable profiles.csv; {FIND_FIRST.format(found)}") from None
-        slopes = {name: (np.array(v)[:, 0], np.array(v)[:, 1]) for name, v in told.items()}
-        twice = [name for name, (time, _) in slopes.items() if (np.diff(time) <= 0.0).any()]
+        slopes = {name: Told(*np.array(places).T) for name, places in told.items()}
+        twice = [name for name, there in slopes.items() if (np.diff(there.time) <= 0.0).any()]
         if twice:
             raise InputError(
                 f"in {found} two recordings are called '{twice[0]}'; rename a bag and run mismatch again"
@@ -55,7 +66,7 @@ class Roads:
         """Slope (n,) of a recording, interpolated where none was told; None where next to none was."""
         if recording.name not in self.slopes:
             return None
-        time, slope = self.slopes[recording.name]
+        time, slope = self.slopes[recording.name].time, self.slopes[recording.name].slope
         elapsed = recording.dt * np.arange(len(recording))
         inside = (time >= recording.start_s) & (time <= recording.start_s + elapsed[-1])
         if inside.sum() < LEAST:

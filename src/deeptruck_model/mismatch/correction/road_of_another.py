@@ -1,0 +1,174 @@
+"""The slope that one vehicle's residual told, as the grade of another vehicle's recordings.
+
+Both slopes were recovered blind. Where 6 km of them agree better than chance, the other vehicle was on the
+same road, and its slope there is evidence that this vehicle's own residual has no part in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch.correction.recovered_road import Roads
+from deeptruck_model.mismatch.residual.stretches import (
+    LENGTH_M,
+    STEP_M,
+    WIDTH,
+    Windows,
+    likeness,
+    steps,
+    turned,
+)
+from deeptruck_model.recordings import Recording
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+# Windows in a row, STEP_M apart, so 8 km in all. Of 200 pairs of 40 and 20 km of unrelated hills of one size
+# 13 shared a road by chance.
+LEAST = 20
+NEAR = 5  # steps by which places may differ that are one: wheels and curves measure a road a little otherwise
+
+
+@dataclass(frozen=True)
+class Shared:
+    """Windows of one's roads that are on another's: which (a,), what the other's slope is there (a, WIDTH) as
+    one feels it, and whether the other went the other way (a,)."""
+
+    windows: Indices
+    slope: Array
+    reverse: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Covered:
+    """How much of a recording is on the other's road, km; it drove `turned_km` of it the other way."""
+
+    name: str
+    km: float
+    same_way_km: float
+    turned_km: float
+
+    def __str__(self) -> str:
+        if not self.same_way_km + self.turned_km:
+            return f"{self.name}: none of its {self.km:.1f} km is on a road of the other"
+        return (
+            f"{self.name}: {self.same_way_km:.1f} of {self.km:.1f} km are on a road that the other drove the "
+            f"same way, {self.turned_km:.1f} the other way"
+        )
+
+
+def shared(own: Windows, other: Windows) -> Shared:
+    """Where `own` windows are found in `other`.
+
+    Each window votes for the place that it agrees with best, if it does so better than any does in the two
+    comparisons that no road can make alike. On a road that both drove, one window after the other votes for
+    the same distance between the two; LEAST of them are more than chance gives.
+    """
+    a, b = own.centred(), other.centred()
+    if not len(a) or not len(b):
+        return Shared(np.zeros(0, dtype=np.intp), np.zeros((0, WIDTH)), np.zeros(0, dtype=bool))
+    pairs = Votes(own, other, likeness(a, b), -1.0), Votes(own, other, likeness(turned(a), b), 1.0)
+    none = Votes(own, other, likeness(-a, b), -1.0), Votes(own, other, likeness(-turned(a), b), 1.0)
+    limit = max(float(v.best.max()) for v in none)
+    same, back = (np.where(v.votes(limit) >= LEAST, v.best, -1.0) for v in pairs)
+    reverse = back > same
+    found = np.flatnonzero(np.maximum(same, back) > limit)
+    slope = other.values[np.where(reverse, pairs[1].place, pairs[0].place)[found]]
+    return Shared(found, np.where(reverse[found, None], turned(slope), slope), reverse[found])
+
+
+class Votes:
+    """Of each window the place where it agrees best, (a,), how well, and how many others say the same."""
+
+    def __init__(self, own: Windows, other: Windows, alike: Array, way: float) -> None:
+        """`alike` (a, b); `way` is 1 where the distances run against each other, else -1."""
+        self.place: Indices = alike.argmax(axis=1)
+        self.best: Array = alike.max(axis=1)
+        apart = np.round((own.at + way * other.at[self.place]) / (NEAR * STEP_M)).astype(int)
+        keys = np.stack([own.profile, other.profile[self.place], apart], axis=1)
+        self._same = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
+
+    def votes(self, limit: float) -> Indices:
+        """(a,); of windows that agree no better than `limit` none counts, and none has any."""
+        counts = self.best > limit
+        out: Indices = np.bincount(self._same, weights=counts)[self._same].astype(np.intp) * counts
+        return out
+
+
+def with_road_of_another(
+    roads: Roads, other: Roads, recordings: Sequence[Recording]
+) -> tuple[list[Recording], list[Covered]]:
+    """The pieces of `recordings` whose road the other vehicle drove too, with its slope there as their grade;
+    and how much of each recording that is.
+
+    `roads` are the recordings' own recovered slopes, by which places are found. Raises InputError where a
+    recording has a grade of its own, no slope was told of any, or no stretch is shared.
+    """
+    graded = [r.name for r in recordings if "grade" in r.channels]
+    if graded:
+        raise InputError(f"recording '{graded[0]}' has a grade of its own; give recordings without one")
+    told = [(r, slope) for r in recordings if (slope := roads.along(r)) is not None]
+    if not told:
+        raise InputError("of none of these recordings a slope was told; give those that mismatch was run on")
+    along = [_distance(r) for r, _ in told]
+    own = Windows.of([(d, slope) for d, (_, slope) in zip(along, told, strict=True)])
+    found = shared(own, Windows.of([(t.distance, t.slope) for t in other.slopes.values()]))
+    pieces, covered = [], []
+    for i, (recording, _) in enumerate(told):
+        grid, slope, turned_share = _overlaid(own, found, i, steps(along[i]))
+        known = np.isfinite(slope)
+        km = STEP_M / 1000.0 * int(known.sum())
+        back = STEP_M / 1000.0 * float(turned_share[known].sum())
+        covered.append(Covered(recording.name, along[i][-1] / 1000.0, km - back, back))
+        pieces += _pieces(recording, along[i], grid, slope)
+    if not pieces:
+        raise InputError(
+            f"no {LENGTH_M / 1000:.0f} km of these recordings agree with the other road better than chance; "
+            "give drives that share a road, with a slope of their own that was recovered well"
+        )
+    return pieces, covered
+
+
+def _distance(recording: Recording) -> Array:
+    out: Array = np.cumsum(np.nan_to_num(recording.channels["speed"])) * recording.dt
+    return out
+
+
+def _overlaid(own: Windows, found: Shared, i: int, grid: Array) -> tuple[Array, Array, Array]:
+    """Along the places `grid` (m,) of profile i: the median slope of the windows that cover one, NaN without
+    any, and the share of them that drove the other way."""
+    mine = own.profile[found.windows] == i
+    first = np.round((own.at[found.windows[mine]] - grid[0]) / STEP_M).astype(int) if mine.any() else []
+    stack = np.full((int(mine.sum()), len(grid)), np.nan)
+    back = np.zeros_like(stack)
+    for row, (at, slope, reverse) in enumerate(
+        zip(first, found.slope[mine], found.reverse[mine], strict=True)
+    ):
+        stack[row, at : at + WIDTH] = slope
+        back[row, at : at + WIDTH] = reverse
+    seen = np.isfinite(stack)
+    count = np.maximum(seen.sum(axis=0), 1)
+    out = np.full(len(grid), np.nan)
+    some = seen.any(axis=0)
+    if some.any():
+        out[some] = np.nanmedian(stack[:, some], axis=0)
+    return grid, out, back.sum(axis=0) / count
+
+
+def _pieces(recording: Recording, distance: Array, grid: Array, slope: Array) -> list[Recording]:
+    """The recording's pieces along which the slope is known, with it as grade."""
+    known = np.concatenate([[False], np.isfinite(slope), [False]])
+    begin, end = np.flatnonzero(~known[:-1] & known[1:]), np.flatnonzero(known[:-1] & ~known[1:])
+    out = []
+    for first, last in zip(begin, end, strict=True):
+        start, stop = np.searchsorted(distance, [grid[first], grid[last - 1]])
+        piece = recording.piece(int(start), int(stop))
+        grade = np.interp(distance[start:stop], grid[first:last], slope[first:last])
+        channels = piece.channels | {"grade": grade}
+        out.append(replace(piece, channels=channels, interface=replace(piece.interface, grade=True)))
+    return out

@@ -1,0 +1,67 @@
+"""Stretches of road that were driven again, found by the slope or slow force along them and without GPS.
+
+A window of the profile is laid over all other driving: as it is for a pass the same way, and turned round
+with the other sign for a pass the other way, as only a slope does that. How well windows agree by chance is
+seen from the two comparisons that no road can cause: the same way with the other sign, and turned round with
+the same sign.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+STEP_M, LENGTH_M = 100.0, 6000.0  # a shorter window of a smooth profile is like many others
+WIDTH = int(LENGTH_M / STEP_M)
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Windows of profiles (m, WIDTH), the profile that each is of, and where it begins there (m)."""
+
+    values: Array
+    profile: Indices
+    at: Array
+
+    @staticmethod
+    def of(profiles: Sequence[tuple[Array, Array]]) -> Windows:
+        """Every window of LENGTH_M along profiles of (distance, value), STEP_M apart."""
+        parts, which, at = [np.zeros((0, WIDTH))], [np.zeros(0, dtype=np.intp)], [np.zeros(0)]
+        for i, (distance, value) in enumerate(profiles):
+            grid = steps(distance)
+            if len(grid) < WIDTH:
+                continue
+            made = np.lib.stride_tricks.sliding_window_view(np.interp(grid, distance, value), WIDTH)
+            parts.append(made)
+            which.append(np.full(len(made), i))
+            at.append(grid[: len(made)])
+        return Windows(np.concatenate(parts), np.concatenate(which), np.concatenate(at))
+
+    def centred(self) -> Array:
+        """Without their means, which no two recordings tell alike: sensors and loads shift them."""
+        out: Array = self.values - self.values.mean(axis=1, keepdims=True)
+        return out
+
+
+def steps(distance: Array) -> Array:
+    """Places STEP_M apart over a distance (n,), m."""
+    return np.arange(distance[0], distance[-1], STEP_M) if len(distance) else np.zeros(0)
+
+
+def turned(windows: Array) -> Array:
+    """Windows (m, k) of slopes as a truck feels them that drives there the other way."""
+    return -windows[:, ::-1]
+
+
+def likeness(sought: Array, among: Array) -> Array:
+    """How well windows (a, k) agree with others (b, k), both without means, (a, b): 1 for the same, 0 for no
+    likeness, as size counts too."""
+    size = np.sum(sought**2, axis=1)[:, None] + np.sum(among**2, axis=1)[None]
+    out: Array = 2.0 * (sought @ among.T) / (size + 1e-12)
+    return out
