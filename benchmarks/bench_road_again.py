@@ -1,19 +1,20 @@
-"""Is a stretch that was driven before predicted better? The real truck `veh002` without its elevation.
+"""Is a stretch that was driven before predicted better? Two real trucks without their elevation.
 
 python benchmarks/bench_road_again.py [--work runs/road_again]        (needs DEEPTRUCK_REAL_DATA)
 
-The mismatch tool recovers slopes blind. A second deep truck is trained on the same drives with these as
-grade. On drives that trained neither, wherever the force of 6 km agrees with that of another pass (the same
-way, or the other with its sign turned), a minute is driven free with the slope of that pass. It begins half a
-minute after the 6 km.
+The mismatch tool recovers slopes blind, of each truck from its own drives. A second deep truck is trained on
+the same drives with these as grade. On drives that trained neither, wherever the force of 6 km agrees with
+that of another pass (the same way, or the other with its sign turned), a minute is driven free with the slope
+of that pass, by the same truck or by the other one. It begins half a minute after the 6 km.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from deeptruck_model import deep, simulators
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.correction.recovered_road import Roads, with_road
 from deeptruck_model.mismatch.data.prepared import prepare
+from deeptruck_model.mismatch.residual.stretches import likeness, turned
 from deeptruck_model.recordings import Recording, read
 from deeptruck_model.simulators import Simulator
 
@@ -33,8 +35,18 @@ EVERY = 5  # steps between two tries
 AGREES = 0.9  # as in mismatch/road_lock.py, where by chance 99 % of windows agree less
 SETTLE_S, FREE_S = 100, 60
 SEAM_S = 30  # between the 6 km and the free minute: a recovered slope is smoothed over 8 s on either side
-RESAMPLED = 2000
+RESAMPLED, FEWEST = 2000, 3
 UPDATES = 1200
+NAMES = ("veh002", "veh003")
+HEAD = (
+    "# A stretch that was driven before",
+    "",
+    "`python benchmarks/bench_road_again.py`",
+    "",
+    "Two trucks without their elevation. Of drives that trained no deep truck, wherever the force of 6 km",
+    "agrees with that of another pass: the speed error in the free minute that begins half a minute later",
+    "(m/s), and how much smaller its rms is than without slopes (95 %, resampled drives, where three or more).",
+)
 
 
 @dataclass(frozen=True)
@@ -58,32 +70,64 @@ class Start:
     ahead: Array
 
 
+@dataclass(frozen=True)
+class Truck:
+    """A truck's drives, and its deep trucks: trained without slopes and with the recovered ones."""
+
+    name: str
+    drives: list[Drive]
+    blind: Simulator
+    knowing: Simulator
+
+
 def main() -> None:
-    """Print the table and write it to docs/results/road_again.md."""
+    """Print the tables and write them to docs/results/road_again.md."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--work", type=Path, default=Path("runs/road_again"))
     args = parser.parse_args()
-    if not examine_concealed(args.work, sources=SOURCES[:1]):
-        print("left out: DEEPTRUCK_REAL_DATA names no folder with the log of veh002")
+    sources = [s for s in SOURCES if s.name in NAMES]
+    examined = examine_concealed(args.work, sources=sources)
+    if len(examined) < len(NAMES):
+        print("left out: DEEPTRUCK_REAL_DATA names no folder with the logs of the two trucks")
         return
-    folder = args.work / SOURCES[0].name
+    a, b = (truck(args.work / name, name) for name in NAMES)
+    lines = [*HEAD, *sizes(examined), *table(a, a), *table(a, b), *table(b, b), *table(b, a)]
+    out = Path(__file__).parents[1] / "docs" / "results" / "road_again.md"
+    out.write_text("\n".join(lines) + "\n")
+    print("\n".join(lines))
+
+
+def sizes(examined: Sequence[Mapping[str, Any]]) -> list[str]:
+    """How the recovered slopes agree with the concealed ones, means over 21 s."""
+    lines = [
+        "",
+        "## Recovered and concealed slope",
+        "",
+        "| truck | windows | correlation | slope of the line |",
+    ]
+    lines.append("|---|---|---|---|")
+    for one in examined:
+        if one["source"] in NAMES and (agreed := one["agreement"]):
+            told = f"{agreed['windows']} | {agreed['correlation']:.2f} | {agreed['slope']:.2f} |"
+            lines.append(f"| `{one['source']}` | {told}")
+    return lines
+
+
+def truck(folder: Path, name: str) -> Truck:
+    """What is known of a truck, in the folder of its blind examination; a deep truck trains there once."""
     roads = Roads.read(folder / "found")
     taught = folder / "with_road"
     if not (taught / simulators.MANIFEST).exists():
         teach, _ = with_road(roads, read(folder / "recordings" / "fit"))
         deep.train(teach, taught, deep.Arguments(updates=UPDATES))
-    blind, knowing = simulators.load(folder / "simulator"), simulators.load(taught)
     drives = [
         drive
         for part in ("fit", "held")
         for drive in profiles(roads, read(folder / "recordings" / part), part == "held")
     ]
-    lines = table(drives, starts(drives), blind, knowing)
-    out = Path(__file__).parents[1] / "docs" / "results" / "road_again.md"
-    out.write_text("\n".join(lines) + "\n")
-    print("\n".join(lines))
+    return Truck(name, drives, simulators.load(folder / "simulator"), simulators.load(taught))
 
 
 def profiles(roads: Roads, recordings: Sequence[Recording], held: bool) -> list[Drive]:
@@ -100,23 +144,24 @@ def profiles(roads: Roads, recordings: Sequence[Recording], held: bool) -> list[
     return out
 
 
-def starts(drives: Sequence[Drive]) -> list[Start]:
-    """Every place of a held-out drive that another pass is found to have been at."""
-    seen = [(i, k) for i, d in enumerate(drives) for k in range(len(d.slope) - PAST + 1)]
-    windows = np.stack([drives[i].slope[k : k + PAST] for i, k in seen])
+def starts(drives: Sequence[Drive], passes: Sequence[Drive]) -> list[Start]:
+    """Every place of a held-out drive that another pass is found to have been at: one of the same truck,
+    where `passes` are its own drives, or of another."""
+    seen = [(i, k) for i, d in enumerate(passes) for k in range(len(d.slope) - PAST + 1)]
+    windows = np.stack([passes[i].slope[k : k + PAST] for i, k in seen])
     windows -= windows.mean(axis=1, keepdims=True)
+    sought = [(i, k) for i, d in enumerate(drives) for k in range(len(d.slope) - PAST + 1)][::EVERY]
     out = []
-    for n in range(0, len(seen), EVERY):
-        i, k = seen[n]
+    for i, k in sought:
         if not drives[i].held:
             continue
-        elsewhere = np.array([j != i or abs(m - k) > PAST + NEXT for j, m in seen])
-        for window, reverse in ((windows[n], False), (-windows[n][::-1], True)):
-            size = np.sum(windows**2, axis=1) + np.sum(window**2)
-            alike = np.where(elsewhere, 2.0 * windows @ window / (size + 1e-12), -1.0)
+        window = drives[i].slope[k : k + PAST] - drives[i].slope[k : k + PAST].mean()
+        elsewhere = np.array([passes is not drives or j != i or abs(m - k) > PAST + NEXT for j, m in seen])
+        for way, reverse in ((window, False), (turned(window[None])[0], True)):
+            alike = np.where(elsewhere, likeness(way[None], windows)[0], -1.0)
             best = int(np.argmax(alike))
             j, m = seen[best]
-            ahead = _ahead(drives[j].slope, m, reverse)
+            ahead = _ahead(passes[j].slope, m, reverse)
             start = _start(drives, i, k, ahead) if alike[best] > AGREES and ahead is not None else None
             out += [start] if start is not None else []
     return out
@@ -141,40 +186,38 @@ def _start(drives: Sequence[Drive], i: int, k: int, ahead: Array) -> Start | Non
     return Start(i, sample, np.interp(d.distance[sample - SETTLE_S : sample], grid, d.slope), ahead)
 
 
-def table(drives: Sequence[Drive], found: Sequence[Start], blind: Simulator, knowing: Simulator) -> list[str]:
-    """Errors of speed in free runs of a minute."""
+def table(truck: Truck, by: Truck) -> list[str]:
+    """Errors of a truck's speed in free runs of a minute, on slopes that truck `by` has told."""
+    found = starts(truck.drives, by.drives)
+    whose = "another pass of its own" if by is truck else f"a pass of `{by.name}`"
+    lines = ["", f"## `{truck.name}` on the road of {whose}", ""]
+    if not found:
+        return [*lines, "No place was found."]
     other = np.roll(np.arange(len(found)), len(found) // 2)
     of = np.array([s.drive for s in found])
+    ahead = np.stack([s.ahead for s in found])
     errors = {
-        "trained without slopes": drive_free(drives, found, blind, None),
-        "trained with recovered slopes, on the slope of the other pass": drive_free(
-            drives, found, knowing, np.stack([s.ahead for s in found])
+        "trained without slopes": drive_free(truck.drives, found, truck.blind, None),
+        "trained with recovered slopes, on the slope of that pass": drive_free(
+            truck.drives, found, truck.knowing, ahead
         ),
         "the same, told that the road is level from there": drive_free(
-            drives, found, knowing, np.zeros((len(found), NEXT))
+            truck.drives, found, truck.knowing, np.zeros((len(found), NEXT))
         ),
         "the same, on the slope of another place": drive_free(
-            drives, found, knowing, np.stack([found[n].ahead for n in other])
+            truck.drives, found, truck.knowing, ahead[other]
         ),
     }
     first = errors["trained without slopes"]
-    lines = [
-        "# A stretch that was driven before",
-        "",
-        "`python benchmarks/bench_road_again.py`",
-        "",
-        f"The truck `veh002` without its elevation: {len(found)} minutes (they overlap) of",
-        f"{len(set(of))} drives that trained no truck, wherever the force of 6 km agrees with that of",
-        "another pass. Speed error in the free minute that begins half a minute later (m/s), and how much",
-        "smaller its rms is than without slopes (95 %, resampled drives).",
+    lines += [
+        f"{len(found)} minutes (they overlap) of {len(set(of))} drives.",
         "",
         "| deep truck | rms over 60 s | rms at 60 s | median at 60 s | smaller by |",
         "|---|---|---|---|---|",
     ]
     for name, e in errors.items():
-        low, high = interval(first, e, of)
         rms, end = np.sqrt(np.mean(e**2)), np.sqrt(np.mean(e[:, -1] ** 2))
-        said = "" if e is first else f"{1 - rms / np.sqrt(np.mean(first**2)):.2f} ({low:.2f} to {high:.2f})"
+        said = "" if e is first else f"{1 - rms / np.sqrt(np.mean(first**2)):.2f}{interval(first, e, of)}"
         lines.append(f"| {name} | {rms:.2f} | {end:.2f} | {np.median(np.abs(e[:, -1])):.2f} | {said} |")
     return lines
 
@@ -205,16 +248,19 @@ def drive_free(
     return np.stack(out, axis=1)
 
 
-def interval(first: Array, other: Array, of: NDArray[np.intp]) -> tuple[float, float]:
-    """95 % interval of how much smaller the rms of `other` is, over resampled drives."""
+def interval(first: Array, other: Array, of: NDArray[np.intp]) -> str:
+    """95 % interval of how much smaller the rms of `other` is, over resampled drives; of two drives there is
+    none."""
     rng, names = np.random.default_rng(0), np.unique(of)
+    if len(names) < FEWEST:
+        return ""
     a, b = np.mean(first**2, axis=1), np.mean(other**2, axis=1)
     gains = []
     for _ in range(RESAMPLED):
         pick = np.concatenate([np.flatnonzero(of == name) for name in rng.choice(names, len(names))])
         gains.append(1.0 - np.sqrt(b[pick].mean() / a[pick].mean()))
     low, high = np.quantile(gains, [0.025, 0.975])
-    return float(low), float(high)
+    return f" ({low:.2f} to {high:.2f})"
 
 
 if __name__ == "__main__":
