@@ -45,7 +45,7 @@ HEAD = (
     "",
     "Two trucks without their elevation. Of drives that trained no deep truck, wherever the force of 6 km",
     "agrees with that of another pass: the speed error in the free minute that begins half a minute later",
-    "(m/s), and how much smaller its rms is than without slopes (95 %, resampled drives, where three or more).",
+    "(m/s), and how much smaller its rms is than without slopes (95 %, resampled drives, if three or more).",
 )
 
 
