@@ -62,6 +62,7 @@ def check_start(kind: Result, out: Path, *, resume: bool, overwrite: bool) -> No
     Raises InputError as `Result.check`, and for unfinished work there without `resume` or `overwrite`.
     """
     kind.check(out, overwrite=overwrite)
+    kind.check_begun(out)
     draft = files.unfinished(out)
     if draft.exists() and not resume and not overwrite:
         raise InputError(

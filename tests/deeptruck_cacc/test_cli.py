@@ -276,7 +276,7 @@ def test_a_copy_without_the_ledger_may_be_anybodys(capsys, finished):
     (finished / "p" / files.LEDGER).unlink()
     before = content(finished)
     assert run(*training(finished), "--seed", "3", "--overwrite") == 2
-    assert f"but no {files.LEDGER}, by which this command knows" in last_line(capsys)
+    assert f"but no {files.LEDGER} that can be read" in last_line(capsys)
     assert content(finished) == before and load_policy(finished / "p").card["seed"] != 3
 
 

@@ -70,7 +70,7 @@ def test_a_second_run_is_refused_until_the_first_ends(tmp_path: Path) -> None:
     )
     try:
         assert other.stdout is not None and other.stdout.readline() == "held\n"
-        with pytest.raises(InputError, match="another run is writing"):
+        with pytest.raises(InputError, match="another run is at work in"):
             files.free(tmp_path)
     finally:
         other.kill()
@@ -153,7 +153,7 @@ def test_a_link_or_a_file_as_out_is_refused_at_once(tmp_path: Path) -> None:
 
 
 def test_a_second_run_into_one_folder_is_refused(tmp_path: Path) -> None:
-    with KIND.replacing(tmp_path / "out"), pytest.raises(InputError, match="another run is writing"):
+    with KIND.replacing(tmp_path / "out"), pytest.raises(InputError, match="another run is at work in"):
         KIND.check(tmp_path / "out")
 
 
@@ -214,7 +214,7 @@ def test_the_older_recording_stands_until_the_newer_one_is_whole(
     assert f"it is kept as {kept}" in capsys.readouterr().err
     assert record(out, "third") not in (out, kept) and (out / "a").read_text() == "third"
     assert {path.name for path in tmp_path.iterdir()} == {"out", kept.name}
-    assert f"{kept} is a newer out" in capsys.readouterr().err
+    assert f"{kept} is another out" in capsys.readouterr().err
 
 
 def test_where_nothing_was_recorded_the_older_one_stands(tmp_path: Path) -> None:
@@ -249,6 +249,22 @@ def test_a_part_of_another_result_is_not_replaced(tmp_path: Path) -> None:
         publish(draft / "part", a="old")
     with pytest.raises(InputError, match=r"out/part is part of a test result, .*out; choose another"):
         publish(tmp_path / "out" / "part", overwrite=True, a="new")
+
+
+def test_a_ledger_inside_that_changed_since_refuses_too(tmp_path: Path) -> None:
+    with KIND.replacing(tmp_path / "out") as draft:
+        publish(draft / "part", a="old")
+    (tmp_path / "out" / "part" / files.LEDGER).write_text('{"mine": 1}')
+    with pytest.raises(InputError, match=r"holds part/.deeptruck.json, which has changed"):
+        publish(tmp_path / "out", overwrite=True, a="new")
+
+
+def test_nothing_new_is_put_into_a_finished_result(tmp_path: Path) -> None:
+    publish(tmp_path / "out", a="old")
+    with pytest.raises(
+        InputError, match=r"out/sub would lie in .*out, a test result, which holds nothing else"
+    ):
+        files.Result("another result").check(tmp_path / "out" / "sub")
 
 
 def test_a_ledger_of_an_earlier_version_lists_names_and_they_are_enough(tmp_path: Path) -> None:

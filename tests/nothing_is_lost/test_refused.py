@@ -12,7 +12,7 @@ import typer
 
 from deeptruck_exam.folder import CASE
 from deeptruck_exam.run import examine
-from deeptruck_model import results, trucks
+from deeptruck_model import files, results, trucks
 from deeptruck_model.deep.sweep import sweep
 from deeptruck_model.errors import InputError
 from deeptruck_model.files import LEDGER, OVERWRITE_HELP
@@ -185,9 +185,9 @@ NOBODY = 2**22 + 1  # no process has this number
 def test_what_a_killed_run_left_is_told_and_stays(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     left = {
         f".out.{NOBODY}.old": "is an older out",
-        f".out.{NOBODY}.new": "is a newer out",
+        f".out.{NOBODY}.new": "is another out",
         f".out.{NOBODY}.unfinished": "is begun work on out",
-        ".out.abcd_123.tmp": "is the draft of a run that was killed",
+        ".out.abcd_123.tmp": "looks like the draft of a killed run",
     }
     for name in left:
         (here / name).mkdir()
@@ -208,6 +208,31 @@ def test_the_draft_of_its_own_killed_run_is_removed(here: Path, capsys: pytest.C
         pass
     assert {others.name, "out"} == {path.name for path in here.iterdir()}
     assert f"removed {own}" in capsys.readouterr().err
+
+
+def test_a_draft_with_a_file_of_the_user_stays(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    draft = here / ".out.abcd_123.tmp"
+    (draft / "notes").mkdir(parents=True)
+    results.COVERAGE.claim(draft)
+    (draft / "notes" / "mine.txt").write_text("mine")
+    (draft / "coverage.json").write_text("half")
+    with results.COVERAGE.replacing(here / "out"):
+        pass
+    assert (draft / "notes" / "mine.txt").read_text() == "mine" and (draft / "coverage.json").exists()
+    assert f"{draft} looks like the draft of a killed run" in capsys.readouterr().err
+
+
+def test_begun_work_with_a_file_of_the_user_is_refused_at_once(here: Path) -> None:
+    begun = files.unfinished(here / "out")
+    begun.write_text("mine")
+    with pytest.raises(InputError, match="is a file, where this command keeps unfinished work"):
+        results.check_start(results.DEEP_TRUCK, here / "out", resume=True, overwrite=True)
+    begun.unlink()
+    begun.mkdir()
+    results.DEEP_TRUCK.claim(begun)
+    (begun / "mine.txt").write_text("mine")
+    with pytest.raises(InputError, match=r"holds mine\.txt, which is no part of a deep truck"):
+        results.check_start(results.DEEP_TRUCK, here / "out", resume=True, overwrite=True)
 
 
 @pytest.mark.parametrize(

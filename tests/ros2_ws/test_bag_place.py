@@ -105,9 +105,12 @@ def test_what_the_recorder_did_not_write_refuses_and_stays(
 def test_a_bag_that_is_being_recorded_is_not_moved_away(tmp_path: Path) -> None:
     bag = tmp_path / "bag"
     with CrashSafeWriter(bag), bag_place.claimed(bag):
-        with pytest.raises(InputError, match="another run is writing"):
+        with pytest.raises(InputError, match="another run is at work in"):
             bag_place.check(bag, overwrite=True)
-        with pytest.raises(InputError, match="another run is writing"), bag_place.made(bag, overwrite=True):
+        with (
+            pytest.raises(InputError, match="another run is at work in"),
+            bag_place.made(bag, overwrite=True),
+        ):
             pass
     assert bag.exists()
 

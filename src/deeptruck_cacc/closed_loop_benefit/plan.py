@@ -84,6 +84,7 @@ def _known(kind: str, given: Sequence[str], known: Sequence[str]) -> None:
 
 def _check_place(out: Path, resume: bool, overwrite: bool) -> None:
     BENEFIT.check(out, overwrite=overwrite)
+    BENEFIT.check_begun(out)
     if files.begun(out) and not (resume or overwrite):
         raise InputError(
             f"{out} is an unfinished experiment; add --resume to go on with it, or --overwrite to begin anew"

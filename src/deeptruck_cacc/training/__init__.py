@@ -99,6 +99,7 @@ def check_place(out: Path, *, resume: bool = False, overwrite: bool = False) -> 
     if resume and not begun(out) and (out / MANIFEST).exists():
         return
     POLICY.check(out, overwrite=overwrite)
+    POLICY.check_begun(out)
     if begun(out) and not (resume or overwrite):
         raise InputError(
             f"{out} is an unfinished training; add --resume to go on with it, or --overwrite to begin anew"

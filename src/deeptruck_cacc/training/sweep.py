@@ -82,6 +82,7 @@ def check(
 def check_place(out: Path, *, resume: bool = False, overwrite: bool = False) -> None:
     """Raises InputError for an older sweep without `overwrite`, or an unfinished one without either."""
     SWEEP.check(out, overwrite=overwrite)
+    SWEEP.check_begun(out)
     if files.begun(out) and not (resume or overwrite):
         raise InputError(
             f"{out} is an unfinished sweep; add --resume to go on with it, or --overwrite to begin anew"

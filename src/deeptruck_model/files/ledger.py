@@ -64,7 +64,7 @@ def written(what: str, folder: Path) -> bytes:
     """The ledger of a finished folder."""
     files = {path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if not path.is_dir()}
     files.pop(LEDGER, None)
-    prints = {name: None if path.name == LEDGER else print_of(path) for name, path in sorted(files.items())}
+    prints = {name: print_of(path) for name, path in sorted(files.items())}
     return _text({"what": what, "files": prints})
 
 
@@ -80,15 +80,26 @@ def at_work(what: str) -> bytes:
 
 def renew(path: Path) -> None:
     """Tell the ledgers above a file of ours that this tool has changed it. Raises OSError."""
+    changed = [path.absolute()]  # and the ledgers that tell of it, which those further up know too
     for folder in path.absolute().parents:
         known = read(folder)
-        name = path.absolute().relative_to(folder).as_posix()
-        if known is None or known.files is None or name not in known.files:
+        anew = {name: one for one in changed if (name := one.relative_to(folder).as_posix())}
+        if known is None or known.files is None or not anew.keys() & known.files.keys():
             continue
-        files = {**known.files, name: print_of(path)}
+        prints = {name: print_of(one) for name, one in anew.items() if name in known.files}
         draft = folder / f".{LEDGER}.tmp"
-        draft.write_bytes(_text({"what": known.what, "files": files}))
+        draft.write_bytes(_text({"what": known.what, "files": {**known.files, **prints}}))
         draft.replace(folder / LEDGER)
+        changed.append(folder / LEDGER)
+
+
+def inside(out: Path) -> tuple[Path, str] | None:
+    """The nearest finished result in whose folder `out` lies, and what it is; None where there is none."""
+    for folder in out.absolute().parents:
+        known = read(folder)
+        if known is not None and known.whole:
+            return folder, known.what
+    return None
 
 
 def around(out: Path) -> tuple[Path, str] | None:

@@ -48,7 +48,7 @@ def final(path: Path) -> Path:
 
 
 @contextmanager
-def writing(folder: Path) -> Iterator[None]:
+def writing(folder: Path, elsewhere: str = ELSEWHERE) -> Iterator[None]:
     """Hold an existing folder against other runs; the hold ends with the block, or with the process.
 
     Raises InputError where another run holds it.
@@ -59,7 +59,7 @@ def writing(folder: Path) -> Iterator[None]:
     except BlockingIOError:
         os.close(handle)
         raise InputError(
-            f"another run is writing {folder}; wait until it has ended, or {ELSEWHERE}"
+            f"another run is at work in {folder}; wait until it has ended, or {elsewhere}"
         ) from None
     try:
         yield
@@ -67,10 +67,10 @@ def writing(folder: Path) -> Iterator[None]:
         os.close(handle)
 
 
-def free(folder: Path) -> None:
+def free(folder: Path, elsewhere: str = ELSEWHERE) -> None:
     """Raises InputError where a run writes into the folder; one that is not there is free."""
     if folder.is_dir() and os.access(folder, os.R_OK):
-        with writing(folder):
+        with writing(folder, elsewhere):
             pass
 
 
@@ -84,8 +84,8 @@ def left_beside(out: Path) -> list[str]:
         ),
         (
             "new",
-            f"is a newer {out.name}, which a run that was killed had recorded; 'deeptruck-model repair' "
-            "mends it, then rename it, or remove it",
+            f"is another {out.name}, whose run could not put it in place; 'deeptruck-model repair' mends it "
+            "if it is not whole; rename it or remove it",
         ),
         (
             "unfinished",

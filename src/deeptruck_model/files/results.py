@@ -47,7 +47,7 @@ class Result:
         with that of another command, a file that this command did not write or that has changed since
         (named), an older result without `overwrite`, or another run that is writing there.
         """
-        places.free(out)
+        places.free(out, self.elsewhere)
         return bool(self._older(out, overwrite))
 
     @contextmanager
@@ -120,7 +120,7 @@ class Result:
             self._tidy(out)
             yield out
             return
-        with writing(out):
+        with writing(out, self.elsewhere):
             self._older(out, overwrite)
             self._tidy(out)
             newer = places.beside(out, "new")
@@ -176,6 +176,17 @@ class Result:
         if (draft := unfinished(out)).exists():
             _remove(draft, self._ours(draft))
 
+    def check_begun(self, out: Path) -> None:
+        """Whether what an unfinished run left at `out` is a folder of this command's files alone.
+
+        Raises InputError for a file of somebody else there, by its name.
+        """
+        draft = unfinished(out)
+        if draft.exists() and not draft.is_dir():
+            raise InputError(f"{draft} is a file, where this command keeps unfinished work; move it")
+        if draft.is_dir():
+            self._ours(draft)
+
     def anew(self, out: Path) -> None:
         """Make room for new work where a killed run left some: that is set aside, and said."""
         draft = unfinished(out)
@@ -192,7 +203,7 @@ class Result:
     def _older(self, out: Path, overwrite: bool) -> list[str]:
         """The files of an older result at `out`, which may be replaced; none where there is no such."""
         if out.name in ("", ".."):
-            raise InputError(f"{out} is no new folder's name; {ELSEWHERE}")
+            raise InputError(f"{out} is no new folder's name; {self.elsewhere}")
         if out.is_symlink():
             raise InputError(f"{out} is a symbolic link; give the folder it points to, {out.resolve()}")
         if out.exists() and not out.is_dir():
@@ -202,6 +213,10 @@ class Result:
                 f"{out} is a mount point, which no result can take the place of; give a new folder in it"
             )
         check_writable(out, self.elsewhere)
+        if not out.exists() and (result := ledger.inside(out)):
+            raise InputError(
+                f"{out} would lie in {result[0]}, {result[1]}, which holds nothing else; {self.elsewhere}"
+            )
         if not out.is_dir() or not any(out.iterdir()):
             return []
         known = self._listed(out)
@@ -218,9 +233,9 @@ class Result:
         if self.names or known is not None:
             self._ours(out)
         if known is None:
-            first = min(path.name for path in out.iterdir())
+            first = min((p.name for p in out.iterdir() if p.name != LEDGER), default="nothing")
             raise InputError(
-                f"{out} holds {first} but no {LEDGER}, by which this command knows what it wrote; "
+                f"{out} holds {first} but no {LEDGER} that can be read, which says what this command wrote; "
                 f"{self.elsewhere}, or remove it yourself"
             )
         return known
@@ -270,7 +285,7 @@ class Result:
         except OSError as error:
             raise InputError(f"cannot write {out}: {error.strerror}; {advice(error)}") from None
         try:
-            with writing(out):
+            with writing(out, self.elsewhere):
                 self._older(out, overwrite)  # another run may have written it meanwhile
                 yield
         finally:
@@ -302,11 +317,17 @@ class Result:
         places.tell_left_beside(out)
         for draft in places.drafts(out):
             known = ledger.read(draft)
-            if known is not None and known.what == self.what and known.files is None:
-                shutil.rmtree(draft, ignore_errors=True)
+            try:
+                ours = known is not None and known.what == self.what and known.files is None
+                removed = ours and _remove(draft, self._ours(draft))
+            except InputError:  # it holds a file of somebody else
+                removed = False
+            if removed:
                 print(f"note: removed {draft}, the draft of a run that was killed", file=sys.stderr)
             else:
-                print(f"note: {draft} is the draft of a run that was killed; remove it", file=sys.stderr)
+                print(
+                    f"note: {draft} looks like the draft of a killed run; see what is in it", file=sys.stderr
+                )
 
 
 def _fits(parts: tuple[str, ...], pattern: list[str], path: Path, exact: bool) -> bool:

@@ -206,7 +206,7 @@ def test_a_folder_that_another_run_trains_into_is_refused(toy, tmp_path):
         trainer = "analytic" if config is QUICK else "trpo"
         with (
             files.writing(tmp_path / "p"),
-            pytest.raises(InputError, match=f"another run is writing {tmp_path}"),
+            pytest.raises(InputError, match=f"another run is at work in {tmp_path}"),
         ):
             train(toy, tmp_path / "p", trainer=trainer, config=config)
     assert not any((tmp_path / "p").iterdir())

@@ -255,6 +255,6 @@ def test_a_run_that_began_while_this_one_prepared_is_left_alone(drive, small, tm
             return prepare(*everything)
 
         monkeypatch.setattr(training, "prepare", overtaken)
-        with pytest.raises(InputError, match="another run is writing"):
+        with pytest.raises(InputError, match="another run is at work in"):
             train([drive(60)], tmp_path / "sim", small)
         assert (draft / resume.FILE).exists()

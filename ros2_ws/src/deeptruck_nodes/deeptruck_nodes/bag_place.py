@@ -19,6 +19,12 @@ def check(bag: Path | None, overwrite: bool) -> None:
         BAG.check(bag, overwrite=overwrite)
 
 
+def check_logs(bag: Path | None, runs: Path) -> None:
+    """Raises InputError where the folder of logs is the bag, or lies in it: no bag holds logs."""
+    if bag is not None and bag.resolve() in (runs.resolve(), *runs.resolve().parents):
+        raise InputError(f"the logs of --runs {runs} would lie in the bag {bag}; choose another --runs")
+
+
 def made(bag: Path | None, overwrite: bool) -> AbstractContextManager[Path | None]:
     """Where the recorder works: at `bag`, or beside an older bag that stands until the new one is whole.
 

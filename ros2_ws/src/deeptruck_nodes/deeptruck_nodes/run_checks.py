@@ -112,6 +112,8 @@ def leader_stays(profile: str, record: Path | None) -> None:
 
 
 def elsewhere(bag: Path, record: Path | None) -> None:
-    """Raises InputError where a bag that is played is to be recorded over."""
+    """Raises InputError where a bag that is played is to be recorded over, or into."""
     if record is not None and record.resolve() == bag.resolve():
         raise InputError(f"{record} is the bag that is played; choose another --record")
+    if record is not None and bag.resolve() in record.resolve().parents:
+        raise InputError(f"{record} lies in the bag that is played; choose another --record")

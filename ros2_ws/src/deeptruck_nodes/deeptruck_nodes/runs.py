@@ -212,6 +212,7 @@ def _checked(misfits: Misfits, common: Common, sections: Sections, lockstep: boo
         misfits.found += parameters.misfits(name, values)
     domain = misfits.of(environment.domain_id)
     misfits.of(lambda: bag_place.check(common.record, common.overwrite))
+    misfits.of(lambda: bag_place.check_logs(common.record, common.runs))
     checks.refuse(misfits.found)
     assert domain is not None
     return domain
