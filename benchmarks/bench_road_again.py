@@ -43,8 +43,8 @@ HEAD = (
     "",
     "`python benchmarks/bench_road_again.py`",
     "",
-    "Two trucks without their elevation. Of drives that trained no deep truck, wherever the force of 6 km",
-    "agrees with that of another pass: the speed error in the free minute that begins half a minute later",
+    "Two trucks without their elevation. On drives that trained no deep truck, 6 km are sought whose force",
+    "agrees with that of another pass. A free minute begins half a minute later. Told is its speed error",
     "(m/s), and how much smaller its rms is than without slopes (95 %, resampled drives, if three or more).",
 )
 
