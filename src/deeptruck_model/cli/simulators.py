@@ -1,21 +1,23 @@
-"""`deeptruck-model check-simulator`: whether a simulator of anybody's is fit for the tools here."""
+"""`deeptruck-model check-simulator` and `calibrate-truck`."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deeptruck_model import files, results
-from deeptruck_model.cli.inputs import SIMULATOR
+from deeptruck_model import checks, files, results
+from deeptruck_model.cli.inputs import SIMULATOR, Overwrite, TopicMap, mapped
 from deeptruck_model.errors import InputError
 from deeptruck_model.outside import saved
 from deeptruck_model.outside.reference import is_outside, made, refer
 from deeptruck_model.outside.truck import lacks
 
 if TYPE_CHECKING:
+    from deeptruck_model.mismatch.calibration import Calibration
     from deeptruck_model.protocol_check import Row
 
 
@@ -71,7 +73,7 @@ def _members(simulator: str) -> list[Row]:
 
 def _driven(simulator: str, changed: Path | None) -> list[Row]:
     """The table of a simulator, or of what the folder `changed` stands for, as it is now."""
-    from deeptruck_model import checks, protocol_check, simulators
+    from deeptruck_model import protocol_check, simulators
 
     if changed is None:
         checks.simulator(simulator)
@@ -100,6 +102,78 @@ def _judge(simulator: str, table: list[Row]) -> None:
         raise InputError(f"{simulator} is not fit for use: mend {names}, as the table says")
 
 
+def calibrate_truck(
+    truck: Annotated[
+        str, typer.Argument(metavar="TRUCK", help="truck:NAME[:overrides.yaml], or its folder.")
+    ],
+    recordings: Annotated[list[Path], typer.Option(help="Bags to fit; list several.")],
+    out: Annotated[Path, typer.Option(help="Folder for the fitted truck.")],
+    held_out: Annotated[list[Path] | None, typer.Option(help="Bags used only to judge.")] = None,
+    topic_map: TopicMap = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Fit a physics truck's parameters to recordings, and say which of them these do not tell.
+
+    Example: deeptruck-model calibrate-truck truck:trucksim --recordings a b --held-out c --out mine
+    """
+    held_out = held_out or []
+    checks.every(
+        lambda: results.PHYSICS_TRUCK.check(out, overwrite=overwrite),
+        lambda: results.apart(out, Path(truck), *recordings, *held_out),
+        lambda: checks.inputs(truck, [*recordings, *held_out], mapped=mapped(topic_map)),
+    )
+    from rich.console import Console
+
+    from deeptruck_model import recordings as rec
+    from deeptruck_model import simulators
+    from deeptruck_model.trucks import PhysicsTruck
+
+    given = simulators.load(truck)
+    if not isinstance(given, PhysicsTruck):
+        raise InputError(f"{truck} is no physics truck; 'deeptruck-model mismatch' refits other simulators")
+    with Console(stderr=True).status("reading") as status:
+        from deeptruck_model.mismatch.calibration import calibrate
+
+        fit, held = (
+            rec.read_all(bags, topic_map=topic_map, rate_hz=1.0 / given.dt, among=others)
+            for bags, others in ((recordings, held_out), (held_out, recordings))
+        )
+        found = calibrate(given, fit, held, say=status.update)
+    found.truck.save(out, overwrite=overwrite)
+    typer.echo("\n".join([*_calibrated(found), f"truck in {out}"]))
+
+
+def _calibrated(found: Calibration) -> Iterator[str]:
+    """The parameters, what they give as coast-down coefficients, and what they are worth."""
+    from deeptruck_model.trucks.coast_down import UNITS, CoastDown
+
+    for p in found.parameters:
+        told = "as given: these drives do not tell it"
+        if p.ci95 is not None:
+            told = f"{p.value:.4g}  (95 %: {p.ci95[0]:.4g} to {p.ci95[1]:.4g})"
+        unit = "" if p.unit == "1" else f" {p.unit}"
+        yield f"{p.name:<20} {p.given:.4g}{unit} -> {told}"
+    for one, other in found.alike:
+        yield f"note: {one} and {other} are told together only; vary what one of them depends on"
+    load = CoastDown.of(found.truck.parameters())
+    for unit in UNITS:
+        a, b, c = load.printed(unit)
+        yield f"{'coast-down':<20} A {a:.4g}, B {b:.4g}, C {c:.4g} ({unit})"
+    if found.before is None or found.after is None or found.better is None:
+        yield "note: the held-out recordings are too short for free runs; nothing shows what this is worth"
+    else:
+        low, high = found.better
+        yield (
+            f"speed error of free runs of {found.horizon_s:.0f} s on {', '.join(found.held_out)}: "
+            f"{found.before.speed:.3g} -> {found.after.speed:.3g} m/s "
+            f"(smaller by {100 * low:.0f} to {100 * high:.0f} %, 95 %)"
+        )
+        if not found.validated:
+            yield "note: it drives held-out recordings no better; 'deeptruck-model mismatch' looks further"
+    yield from (f"note: {caveat}" for caveat in found.caveats)
+
+
 def register(app: typer.Typer) -> None:
-    """Add this command to the console script."""
+    """Add these commands to the console script."""
     app.command("check-simulator")(check_simulator)
+    app.command("calibrate-truck")(calibrate_truck)

@@ -98,7 +98,7 @@ def _check_excluded(names: Sequence[str]) -> None:
 
 
 @dataclass(frozen=True)
-class _Checked:
+class Checked:
     """The recordings as they can be used, in the order in which they came, and what was wrong with them."""
 
     prepared: tuple[Prepared, ...]
@@ -112,9 +112,9 @@ class _Checked:
         return [p for p, out in zip(self.prepared, self.held_out, strict=True) if out == held_out]
 
 
-def _checked(
+def checked(
     simulator: Simulator, recordings: Sequence[Recording], held_out: Sequence[Recording], rules: Rules
-) -> _Checked:
+) -> Checked:
     same_signals(simulator, [*recordings, *held_out])
     fit, held, twice = each_once(recordings, held_out)
     drives, flags, caveats = with_held_out(fit, held, simulator.dt, rules)
@@ -130,7 +130,7 @@ def _checked(
     fitted = [p for p, out in zip(prepared, flags, strict=True) if not out]
     useless = unusable(fitted, rejected, rules)
     data = DataReport(tuple(rejected))
-    return _Checked(prepared, tuple(flags), tuple(faults), data, (*twice, *caveats), useless)
+    return Checked(prepared, tuple(flags), tuple(faults), data, (*twice, *caveats), useless)
 
 
 def _find(
@@ -145,7 +145,7 @@ def _find(
     mass_kg: float | None,
 ) -> Mismatch:
     say("checking the data")
-    c = _checked(simulator, recordings, held_out, rules)
+    c = checked(simulator, recordings, held_out, rules)
     if c.useless:
         return _useless(c)
     say("driving the simulator along the recordings")
@@ -188,7 +188,7 @@ def _without_mass(e: Evidence, found: Sequence[Finding]) -> list[str]:
     return [WITHOUT_MASS] if forces and not e.mass_known else []
 
 
-def _useless(c: _Checked) -> Mismatch:
+def _useless(c: Checked) -> Mismatch:
     """What is left to say where the recordings tell nothing of the truck."""
     found = tuple(findings.from_sensor(f) for f in c.faults)
     kind = Conclusion.SENSOR if found else Conclusion.UNDETERMINED
@@ -196,7 +196,7 @@ def _useless(c: _Checked) -> Mismatch:
     return Mismatch(Verdict(kind, found, data=c.data, caveats=caveats), None, None, {}, None, c.prepared)
 
 
-def _findings(simulator: Simulator, c: _Checked, e: Evidence, x: Explanation) -> list[Finding]:
+def _findings(simulator: Simulator, c: Checked, e: Evidence, x: Explanation) -> list[Finding]:
     own = simulator.parameters()
     found = [findings.from_sensor(f) for f in c.faults]
     found += [findings.from_cause(cause, e, x, own) for cause in x.causes]
@@ -224,7 +224,7 @@ def has_formulas() -> bool:
     return all(find_spec(name) is not None for name in ("pyoperon", "sympy"))
 
 
-def _data(c: _Checked, e: Evidence) -> DataReport:
+def _data(c: Checked, e: Evidence) -> DataReport:
     if not e.other_gear:
         return c.data
     return replace(c.data, rejected=(*c.data.rejected, checks.Rejection(OTHER_GEAR, e.other_gear)))

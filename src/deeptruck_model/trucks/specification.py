@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from deeptruck_model import reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
+from deeptruck_model.trucks.coast_down import KEY, REPLACES, CoastDown
 from deeptruck_model.trucks.parameters import GEARS, PARAMETERS, PARTS, RECORD, TABLE, check_values, near
 
 OVERRIDES = "give a table of parameters such as 'mass: 25000'"
@@ -142,14 +143,18 @@ def override(truck: Specification, data: Mapping[str, Any], source: str) -> Spec
 
 
 def _overridden(truck: Specification, data: Mapping[str, Any], source: str) -> Specification:
-    flat = flatten(data, source)
+    flat = flatten({key: value for key, value in data.items() if key != KEY}, source)
     changes = _structure(flat, source)
     if "interface" in changes:
         if not isinstance(changes["interface"], Mapping):
             raise InputError(f"{source}: 'interface' must be a table such as {{grade: true}}")
         changes["interface"] = TruckInterface.from_dict({**truck.interface.to_dict(), **changes["interface"]})
-    values = check_values({k: v for k, v in flat.items() if k in PARAMETERS})
-    return replace(truck, **changes, values={**truck.values, **values})
+    values = {**truck.values, **check_values({k: v for k, v in flat.items() if k in PARAMETERS})}
+    if KEY in data:
+        if twice := [name for name in REPLACES if name in flat]:
+            raise InputError(f"{source}: '{KEY}' says what '{twice[0]}' says; leave one of them out")
+        values |= check_values(CoastDown.read(data[KEY], source).parameters(values))
+    return replace(truck, **changes, values=values)
 
 
 def specification_from_dict(data: Mapping[str, Any], source: str) -> Specification:

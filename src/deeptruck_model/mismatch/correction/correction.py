@@ -194,7 +194,7 @@ def _folds(e: Evidence, prepared: Sequence[Prepared]) -> list[_Fold]:
 
 def _crossed(simulator: Simulator, recipe: _Recipe, folds: Sequence[_Fold], shares: Shares | None) -> Errors:
     """Errors of a recipe in free runs along recordings it was not fitted to."""
-    horizon_s = _horizon([p for f in folds for p in f.driven])
+    horizon_s = horizon([p for f in folds for p in f.driven])
     each = [(recipe.corrected(simulator, f.search, shares), f.driven) for f in folds]
     return joined([free_windows(truck, drives, horizon_s) for truck, drives in each])
 
@@ -256,7 +256,7 @@ def _mean_square(errors: Errors) -> float:
     return float(np.mean(errors.speed**2)) if len(errors.speed) else 0.0
 
 
-def _horizon(prepared: Sequence[Prepared], most_s: float = HORIZON_S) -> float:
+def horizon(prepared: Sequence[Prepared], most_s: float = HORIZON_S) -> float:
     """Length of the free runs along these recordings, s: shorter where one of them is short."""
     shortest = min((len(p.recording) * p.dt for p in prepared), default=np.inf)
     return min(most_s, max(10.0, shortest - 10.0))
@@ -269,7 +269,7 @@ def shown(
     what it is worth. `with_unnamed` corrects by the laws without a name too, where there are any.
     """
     after, chosen = made.after(with_unnamed)
-    named, horizon_s = _side_by_side(simulator, made, after), _horizon(held_out)
+    named, horizon_s = _side_by_side(simulator, made, after), horizon(held_out)
     errors = {name: free_windows(s, held_out, horizon_s) for name, s in named.items()}
     told = compared(errors)
     judged = _judged(errors, made.crossed if after is made.named else {})
@@ -306,7 +306,7 @@ def _weighed(
 ) -> Compared | None:
     """Errors in free runs of WEIGHED_S on the held-out recordings; None without any."""
     named = _side_by_side(simulator, made, made.after(with_unnamed)[0])
-    horizon_s = _horizon(held_out, WEIGHED_S)
+    horizon_s = horizon(held_out, WEIGHED_S)
     return compared({name: free_windows(s, held_out, horizon_s) for name, s in named.items()})
 
 
@@ -336,4 +336,4 @@ def corrected_and_driven(
     return x, shown(simulator, made, held_out, with_unnamed)
 
 
-__all__ = ["HORIZON_S", "correct", "corrected", "corrected_and_driven", "shown"]
+__all__ = ["HORIZON_S", "correct", "corrected", "corrected_and_driven", "horizon", "shown"]

@@ -51,6 +51,7 @@ def _accepted(simulator: Simulator, name: str, change: float, near: float) -> fl
 
 # Beyond this relative change parameters are set in the simulator, and all is linearised again; and once more.
 RETUNE, SETTLED, STEPS = 0.05, 0.02, 5
+CLOSE = 0.005  # where parameters are all that is fitted
 _guesses: WeakKeyDictionary[Search, Model] = WeakKeyDictionary()  # a search is large: no longer than it
 
 
@@ -83,6 +84,27 @@ def explained(
         return search.e.everywhere(), located_everywhere(search.e, found)
     # names moved the parameters where the first guess had not
     return anew.e.everywhere(), located_everywhere(anew.e, explain(anew))
+
+
+def refitted(
+    simulator: Simulator,
+    evidence: Evidence,
+    prepared: Sequence[Prepared],
+    held_out: Sequence[bool],
+    seed: int,
+    free: frozenset[str],
+    say: Callable[[str], None],
+) -> tuple[Search, Model]:
+    """The search about the parameters that fit best with no name, of which only `free` ones move; and that
+    fit."""
+    around = _Around(simulator, tuple(prepared), tuple(held_out), seed, (), say)
+    search = Search(evidence)
+    for _ in range(2 * STEPS):  # where mass and gains move together the way is long
+        further = around.parameters_of(search, search.model((), free), CLOSE)
+        if further is None:
+            break
+        search = further
+    return search, search.model((), free)
 
 
 def located_everywhere(e: Evidence, x: Explanation) -> Explanation:

@@ -1,0 +1,119 @@
+"""Do the intervals of `calibrate-truck` hold, and what is a fitted truck worth?
+
+python benchmarks/bench_calibrate_truck.py [--trucks 12]
+
+Trucks whose five parameters are off by random amounts are driven four times for five minutes, with noise of
+ordinary sensors. The pool's truck is fitted to three of the drives and judged on the fourth.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from deeptruck_model import driving_cycles, trucks
+from deeptruck_model.mismatch.calibration import Calibration, calibrate
+from deeptruck_model.recordings import Recording
+
+OFF = {  # relative sd of what a truck differs by
+    "mass": 0.2,
+    "drag_area": 0.15,
+    "rolling_resistance": 0.15,
+    "torque_gain": 0.05,
+    "brake_gain": 0.1,
+}
+SPEED_SD, ACCELERATION_SD = 0.02, 0.05  # m/s, m/s^2
+FIRST_SEED = 200
+HEAD = """# A truck's own parameters
+
+`python benchmarks/bench_calibrate_truck.py`
+
+{count} trucks each of the pool, whose parameters are off at random (sd {off}), fitted to three drives of five
+minutes and judged on a fourth. {cpu:.0f} CPU s a truck.
+
+{titles}
+|---|---|---|---|---|
+"""
+TITLES = (
+    "| truck | 95 % intervals that hold | parameters not told | median error of mass, drag area, rolling "
+    "| speed error of 20 s free runs, median, m/s |"
+)
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One fitted truck: which intervals hold, how many parameters were not told, relative errors, and the
+    speed error before and after."""
+
+    holds: tuple[bool, ...]
+    untold: int
+    errors: dict[str, float]
+    before: float
+    after: float
+
+
+def main() -> None:
+    """Print the table and write it to docs/results/calibrate_truck.md."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--trucks", type=int, default=12)
+    count = parser.parse_args().trucks
+    began, rows = time.process_time(), []
+    for name in ("trucksim", "volvo", "freightliner"):
+        rows.append(row(name, [judged(trucks.load(name), FIRST_SEED + k) for k in range(count)]))
+        print(rows[-1], flush=True)
+    cpu = (time.process_time() - began) / (3 * count)
+    off = ", ".join(f"{name} {sd:.0%}" for name, sd in OFF.items())
+    text = HEAD.format(count=count, off=off, cpu=cpu, titles=TITLES) + "\n".join(rows) + "\n"
+    (Path(__file__).parents[1] / "docs" / "results" / "calibrate_truck.md").write_text(text)
+
+
+def judged(pool: trucks.PhysicsTruck, seed: int) -> Judged:
+    """A random truck, driven and fitted."""
+    rng = np.random.default_rng(seed)
+    true = {p: pool.parameters()[p] * (1.0 + rng.normal(0.0, sd)) for p, sd in OFF.items()}
+    driven = pool.with_parameters(true)
+    drives = [
+        noisy(driving_cycles.drive(driven, seconds=300.0, seed=10 * seed + k, name=f"drive{k}"), rng)
+        for k in range(4)
+    ]
+    found = calibrate(pool, drives[:3], drives[3:])
+    assert found.before is not None and found.after is not None
+    return Judged(*told(found, true), found.before.speed, found.after.speed)
+
+
+def noisy(r: Recording, rng: np.random.Generator) -> Recording:
+    """The drive as ordinary sensors record it."""
+    speed = np.maximum(r.channels["speed"] + rng.normal(0.0, SPEED_SD, len(r)), 0.0)
+    acceleration = r.channels["acceleration"] + rng.normal(0.0, ACCELERATION_SD, len(r))
+    return replace(r, channels=r.channels | {"speed": speed, "acceleration": acceleration})
+
+
+def told(found: Calibration, true: dict[str, float]) -> tuple[tuple[bool, ...], int, dict[str, float]]:
+    """Whether each interval holds, how many there are none of, and the relative errors."""
+    sure = [(p.name, p.ci95) for p in found.parameters if p.ci95 is not None]
+    holds = tuple(low <= true[name] <= high for name, (low, high) in sure)
+    errors = {p.name: abs(p.value / true[p.name] - 1.0) for p in found.parameters}
+    return holds, len(found.parameters) - len(sure), errors
+
+
+def row(name: str, all_of: list[Judged]) -> str:
+    """A line of the table."""
+    holds = [hold for one in all_of for hold in one.holds]
+    errors = [
+        np.median([one.errors[p] for one in all_of]) for p in ("mass", "drag_area", "rolling_resistance")
+    ]
+    before, after = (np.median([getattr(one, at) for one in all_of]) for at in ("before", "after"))
+    return (
+        f"| `{name}` | {sum(holds)} of {len(holds)} | {sum(one.untold for one in all_of)} | "
+        f"{', '.join(f'{100 * e:.1f} %' for e in errors)} | {before:.2f} -> {after:.3f} |"
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,164 @@
+"""A physics truck's own parameters from recordings, and which of them these do not tell.
+
+All that a truck of the pool has in common with the recorded one is fitted at once, about its own values again
+and again, with the noise and the priors of the mismatch search. Nothing else is looked for: what is missing
+goes into the parameters, which held-out drives then show.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.stats import t as student_t
+from threadpoolctl import threadpool_limits
+
+from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch.correction.correction import horizon
+from deeptruck_model.mismatch.correction.improvement import free_windows, improvement
+from deeptruck_model.mismatch.find import Checked, checked
+from deeptruck_model.mismatch.fit_result import Interval, Rmse
+from deeptruck_model.mismatch.posterior.linearised import accepted, refitted
+from deeptruck_model.mismatch.posterior.search import FREE, Model, Search
+from deeptruck_model.mismatch.residual.gather import gather
+from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.recordings import Recording
+from deeptruck_model.trucks import PARAMETERS, PhysicsTruck
+
+TOLD = 0.5  # of the prior's sd: a parameter that the drives leave less sure is not told
+PARTS = 10  # of the driving, to see how far they disagree
+ALIKE = 0.9  # correlation of two parameters that are told together only
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A parameter: as given and as fitted, with a 95 % interval; None where the drives do not tell it."""
+
+    name: str
+    unit: str
+    given: float
+    value: float
+    ci95: Interval | None
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """The fitted truck, its parameters, pairs of them that these drives tell together only, and the errors of
+    free runs of `horizon_s` on the held-out recordings; `better` is the 95 % interval of their relative
+    improvement, None without a free run."""
+
+    truck: PhysicsTruck
+    parameters: tuple[Fitted, ...]
+    alike: tuple[tuple[str, str], ...]
+    held_out: tuple[str, ...]
+    horizon_s: float
+    before: Rmse | None
+    after: Rmse | None
+    better: Interval | None
+    caveats: tuple[str, ...]
+
+    @property
+    def validated(self) -> bool:
+        """Whether the fitted truck surely drives better where it was not fitted."""
+        return self.better is not None and self.better[0] > 0.0
+
+
+def calibrate(
+    truck: PhysicsTruck,
+    recordings: Sequence[Recording],
+    held_out: Sequence[Recording] = (),
+    *,
+    seed: int = 0,
+    say: Callable[[str], None] = lambda step: None,
+    rules: Rules = Rules(),
+) -> Calibration:
+    """Fit the parameters of a physics truck to recordings; the last 30 % are held out where none are given.
+
+    Raises InputError where truck and recordings do not belong together, or these cannot be used.
+    """
+    with threadpool_limits(1):
+        say("checking the data")
+        c = checked(truck, recordings, held_out, rules)
+        if c.useless:
+            raise InputError(f"these recordings tell nothing of the truck: {c.useless}")
+        say("driving the truck along the recordings")
+        e = gather(truck, c.prepared, c.held_out, seed=seed, rules=rules).to_fit()
+        say("fitting all parameters")
+        search, model = refitted(truck, e, c.prepared, c.held_out, seed, frozenset(e.sensitivity), say)
+        told = frozenset(p for p in search.parameters if model.moved_sd(p) < TOLD * FREE[p])
+        if told != frozenset(e.sensitivity):
+            say("fitting those that the drives tell")
+            search, model = refitted(truck, e, c.prepared, c.held_out, seed, told, say)
+        return _driven(truck, c, search, model, told)
+
+
+def _driven(
+    truck: PhysicsTruck, c: Checked, search: Search, model: Model, told: frozenset[str]
+) -> Calibration:
+    change = {p: search.e.total_change(p, model.moved(p)) for p in told}
+    own = truck.parameters()
+    fitted = truck.with_parameters({p: own[p] * (1.0 + x) for p, x in accepted(truck, change).items()})
+    held = c.part(held_out=True)
+    long = horizon(held)
+    errors = {name: free_windows(t, held, long) for name, t in (("before", truck), ("after", fitted))}
+    some = len(errors["before"].speed) > 0
+    spread = _jackknife(search, told)
+    gained = improvement({**errors, "parameters_only": errors["before"]}).ci95 if some else None
+    return Calibration(
+        truck=fitted,
+        parameters=tuple(
+            _parameter(p, truck, fitted, search, model, told, spread) for p in search.parameters
+        ),
+        alike=_alike(model, sorted(told)),
+        held_out=tuple(p.recording.name for p in held),
+        horizon_s=long,
+        before=errors["before"].rmse() if some else None,
+        after=errors["after"].rmse() if some else None,
+        better=gained,
+        caveats=c.caveats,
+    )
+
+
+def _parameter(
+    name: str,
+    truck: PhysicsTruck,
+    fitted: PhysicsTruck,
+    search: Search,
+    model: Model,
+    told: frozenset[str],
+    spread: Mapping[str, float],
+) -> Fitted:
+    given, value = truck.parameters()[name], fitted.parameters()[name]
+    about = given * (1.0 + search.e.moved.get(name, 0.0))  # the value whose relative change was fitted
+    wide = 1.96 * about * max(model.moved_sd(name), spread.get(name, 0.0))
+    interval = (value - wide, value + wide) if name in told else None
+    return Fitted(name, PARAMETERS[name].unit, given, value, interval)
+
+
+def _jackknife(search: Search, told: frozenset[str]) -> dict[str, float]:
+    """Sd of the relative changes as far as parts of the driving disagree, which no noise within them tells.
+
+    One of PARTS after the other is left out (delete-a-group jackknife: Kott, Journal of Official Statistics
+    17, 2001). Few drives would be too few parts, so that these are of equal time.
+    """
+    rows = np.flatnonzero(search.e.valid)
+    part = np.full(len(search.e), -1)
+    part[rows] = np.arange(len(rows)) * PARTS // max(len(rows), 1)
+    fits = [Search(search.e, only=part != k).model((), told) for k in range(PARTS)]
+    changes = {p: np.array([fit.moved(p) for fit in fits]) for p in told}
+    wider = float(student_t.ppf(0.975, PARTS - 1)) / 1.96
+    return {p: wider * float(np.sqrt((PARTS - 1) * np.var(x))) for p, x in changes.items()}
+
+
+def _alike(model: Model, names: Sequence[str]) -> tuple[tuple[str, str], ...]:
+    """Pairs of free parameters whose errors go together."""
+    layout = dict(model.layout)
+    at = {p: layout[f"parameter:{p}"].start for p in names}
+    sd = np.sqrt(np.diag(model.fit.covariance))
+    return tuple(
+        (p, q)
+        for p, q in combinations(names, 2)
+        if abs(model.fit.covariance[at[p], at[q]]) > ALIKE * sd[at[p]] * sd[at[q]]
+    )

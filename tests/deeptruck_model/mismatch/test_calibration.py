@@ -1,0 +1,97 @@
+"""A truck of the pool becomes the recorded one, and says which parameters the drives do not tell."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deeptruck_model import cli, driving_cycles, simulators, trucks
+from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch.calibration import Calibration, calibrate
+from deeptruck_model.recordings import Recording, write_bag
+
+POOL = trucks.load("trucksim")
+TRUE = {"mass": 25_000.0, "drag_area": 6.6, "brake_gain": 0.9}
+
+
+def drives(count: int = 3, seconds: float = 200.0) -> list[Recording]:
+    out = []
+    for k in range(count):
+        r = driving_cycles.drive(POOL.with_parameters(TRUE), seconds=seconds, seed=k, name=f"drive{k}")
+        noise = np.random.default_rng(k).normal(0.0, [[0.02], [0.05]], (2, len(r)))
+        speed = np.maximum(r.channels["speed"] + noise[0], 0.0)
+        measured = {"speed": speed, "acceleration": r.channels["acceleration"] + noise[1]}
+        out.append(replace(r, channels=r.channels | measured))
+    return out
+
+
+@pytest.fixture(scope="module")
+def found() -> Calibration:
+    recorded = drives()
+    return calibrate(POOL, recorded[:2], recorded[2:])
+
+
+def test_what_differs_is_found_and_drives_held_out_recordings_better(found: Calibration) -> None:
+    fitted = {p.name: p for p in found.parameters}
+    assert fitted["mass"].value == pytest.approx(TRUE["mass"], rel=0.08) and fitted["mass"].given == 20_000.0
+    for name, value in TRUE.items():
+        interval = fitted[name].ci95
+        assert interval is not None and interval[0] < value < interval[1]
+        assert found.truck.parameters()[name] == fitted[name].value
+    assert found.before is not None and found.after is not None
+    assert found.after.speed < 0.2 * found.before.speed and found.validated
+    assert found.held_out == ("drive2",)
+
+
+def test_forces_that_all_go_with_the_mass_are_told_together(found: Calibration) -> None:
+    """All of them larger by one factor leave nearly the same accelerations."""
+    assert ("mass", "torque_gain") in found.alike
+
+
+def test_what_a_drive_does_not_tell_stays_as_given() -> None:
+    """At a creep air hardly resists."""
+    recorded = creeping(3)
+    fitted = {p.name: p for p in calibrate(POOL, recorded[:2], recorded[2:]).parameters}
+    assert fitted["drag_area"].ci95 is None and fitted["drag_area"].value == POOL.parameters()["drag_area"]
+
+
+def creeping(count: int) -> list[Recording]:
+    profile = [driving_cycles.drive(POOL, seconds=200.0, seed=k, name=f"slow{k}") for k in range(count)]
+    out = []
+    for r in profile:
+        u = np.stack([300.0 + 100.0 * np.sin(np.arange(len(r)) / 30.0), np.zeros(len(r))], axis=1)
+        run = simulators.free_run(POOL, u[None], r.w[None], np.array([[0.0, 2.0, 0.0]]))
+        named = dict(zip(r.interface.u, u.T, strict=True)) | dict(zip(r.interface.y, run.y[0].T, strict=True))
+        out.append(replace(r, channels=r.channels | named))
+    return out
+
+
+def test_drives_of_seconds_are_refused() -> None:
+    with pytest.raises(InputError, match="these recordings tell nothing of the truck"):
+        calibrate(POOL, [r.piece(0, 60) for r in drives(1)])
+
+
+def test_the_command_prints_what_it_found_and_saves_a_truck(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for r in drives():
+        write_bag(tmp_path / r.name, [r], interface=r.interface)
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words: str) -> int:
+        monkeypatch.setattr("sys.argv", ["deeptruck-model", "calibrate-truck", *words])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        return int(ended.value.code or 0)
+
+    given = ("truck:trucksim", "--recordings", "drive0", "drive1", "--held-out", "drive2", "--out", "mine")
+    assert run(*given) == 0
+    says = capsys.readouterr().out
+    assert (
+        "drag_area" in says and "(lbf, mph)" in says and "speed error of free runs of 20 s on drive2" in says
+    )
+    assert simulators.load("mine").parameters()["mass"] == pytest.approx(TRUE["mass"], rel=0.08)
+    assert run(*given) == 2 and "add --overwrite" in capsys.readouterr().err
