@@ -13,7 +13,7 @@ from truck_bridge import j1939
 from truck_bridge.can_logs.reader import Frame, read
 from truck_bridge.j1939.codec import Codec, Decoded, Signal
 from truck_bridge.j1939.ids import pgn_of
-from truck_bridge.j1939.transport import Broadcasts, reference_torque
+from truck_bridge.j1939.transport import Transport, reference_torque
 
 
 @dataclass
@@ -61,7 +61,7 @@ class Decoding:
 def decode(path: Path, codec: Codec | None = None) -> Decoding:
     """Every signal of a log. Raises InputError as `read` does."""
     found = Decoding(codec or j1939.load())
-    broadcasts, before = Broadcasts(), -math.inf
+    transport, before = Transport(), -math.inf
     for frame in read(path, found.notes):
         found.frames += 1
         found.pass_time(frame.time - before)
@@ -72,8 +72,8 @@ def decode(path: Path, codec: Codec | None = None) -> Decoding:
             continue
         pgn = pgn_of(frame.can_id)
         found.unknown[pgn] = found.unknown.get(pgn, 0) + 1
-        complete = broadcasts.hear(frame.can_id, frame.data)
-        torque = reference_torque(complete[0], complete[2]) if complete else None
+        message = transport.hear(frame.can_id, frame.data, frame.time)
+        torque = reference_torque(message.pgn, message.data) if message else None
         if torque is not None:
             found.reference_torque = torque
     return found
