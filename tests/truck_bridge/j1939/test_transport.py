@@ -59,7 +59,8 @@ def test_a_broadcast_is_put_together_and_holds_the_reference_torque():
     assert reference_torque(0xFEE3, CONFIGURATION) == 1109.0
     assert reference_torque(0xFEE1, CONFIGURATION) is None
     assert reference_torque(0xFEE3, CONFIGURATION[:20]) is None
-    assert reference_torque(0xFEE3, CONFIGURATION[:19] + b"\xff\xff") is None
+    assert reference_torque(0xFEE3, CONFIGURATION[:19] + b"\xff\xfa") == 64255.0
+    assert reference_torque(0xFEE3, CONFIGURATION[:19] + b"\x00\xfb") is None
 
 
 @pytest.mark.parametrize("size", [9, 14, 15, 1784, 1785])
@@ -71,6 +72,16 @@ def test_all_sizes_are_heard(size):
 @pytest.mark.parametrize(("size", "count"), [(8, 2), (0, 0), (1786, 0), (20, 2), (20, 4)], ids=str)
 def test_a_wrong_size_is_no_message(size, count):
     frames = [announced(size, packets=count), *packets(bytes(20))]
+    assert hear(frames) == ([], {(0xFEE3, ENGINE, "wrong size"): 1})
+
+
+def test_a_group_that_there_is_not_is_no_message():
+    assert len(hear(whole(bytes(20), pgn=0x3FFFF))[0]) == 1
+    assert hear(whole(bytes(20), pgn=0x40000)) == ([], {(0x40000, ENGINE, "wrong size"): 1})
+
+
+def test_a_wrong_announcement_ends_the_one_before():
+    frames = [announced(20), announced(20, packets=4), *packets(bytes(20))]
     assert hear(frames) == ([], {(0xFEE3, ENGINE, "wrong size"): 1})
 
 
@@ -94,9 +105,11 @@ def test_frames_heard_twice_are_heard_once():
 @pytest.mark.parametrize(("pause", "heard"), [(0.74, True), (0.76, False), (-0.76, False)])
 def test_a_broadcast_waits_for_750_ms(pause, heard):
     first, second, third = whole(bytes(14))
-    frames = [(*first, 10.0), (*second, 10.1), (*third, 10.1 + pause)]
-    found, broken = hear(frames)
-    assert (bool(found), broken) == (heard, {} if heard else {(0xFEE3, ENGINE, "timed out"): 1})
+    before_the_first = [(*first, 10.0), (*second, 10.0 + pause), (*third, 10.0 + pause)]
+    before_the_last = [(*first, 10.0), (*second, 10.1), (*third, 10.1 + pause)]
+    for frames in (before_the_first, before_the_last):
+        found, broken = hear(frames)
+        assert (bool(found), broken) == (heard, {} if heard else {(0xFEE3, ENGINE, "timed out"): 1})
 
 
 def test_sessions_of_several_nodes_do_not_mix():
@@ -134,6 +147,8 @@ def test_a_packet_that_is_asked_for_again_replaces_what_came():
     found, broken = hear([*lost, asked(3, 3), *rest[2:]])
     assert (found, broken) == ([(0xFEE3, ENGINE, TOOL, data)], {})
     assert hear([*lost, rest[2], rest[3], rest[4]])[0] == []  # nobody asked for them
+    anew = [first, asked(5, 1), *rest[:3], asked(5, 1), *rest]
+    assert hear(anew) == ([(0xFEE3, ENGINE, TOOL, data)], {})
 
 
 @pytest.mark.parametrize("first", [0, 4, 255])
