@@ -25,6 +25,7 @@ from dataclasses import dataclass, field
 import can
 
 from truck_bridge.bus_connection import BusConnection
+from truck_bridge.fault_watch import FaultWatch
 from truck_bridge.j1939.address_claim import AddressClaim, name
 from truck_bridge.received_signals import ReceivedSignals
 from truck_bridge.safety import Safety, State
@@ -47,6 +48,7 @@ class Status:
     frames_received: int
     no_load: bool
     would_send: dict[int, bytes] = field(default_factory=dict)  # no-load mode: last frame by identifier
+    faults: tuple[str, ...] = ()  # that the truck's controllers tell, active now
 
 
 class Bridge:
@@ -68,6 +70,7 @@ class Bridge:
         self._no_load = no_load
         self._lock = threading.RLock()
         self._signals = ReceivedSignals(vehicle)
+        self._faults = FaultWatch(vehicle)
         self._due: dict[str, float] = {}
         self._counts = dict.fromkeys(vehicle.transmitted, 0)
         self._now = -math.inf
@@ -100,6 +103,10 @@ class Bridge:
     def engage(self, now: float, *, person: bool, lead_vehicle: bool) -> tuple[str, ...]:
         """Take control for a person who asked. Returns the reasons why not; empty when engaged."""
         with self._lock:
+            faults = self._faults.obstacles(now)
+            if faults:
+                self.safety.refusals["engagement"] += 1
+                return (*self.safety.obstacles(now, lead_vehicle), *faults)
             return self.safety.engage(now, person, lead_vehicle)
 
     def release(self, now: float, reason: str = "released") -> None:
@@ -136,6 +143,7 @@ class Bridge:
                 self._connection.received,
                 self._no_load,
                 dict(self._would_send),
+                tuple(self._faults.active(self._now)),
             )
 
     # -- the bus's side
@@ -148,13 +156,14 @@ class Bridge:
             if now < self._now:
                 self._rewind(self._now - now)
             self._now = now
+            self._faults.listen(now)
             self._hear(now)
             self.safety.tick(now)
             self._keep_link(now)
             for axis, message in self.vehicle.transmitted.items():
                 if now >= self._due.get(axis, math.inf):
                     self._transmit(axis, message, now)
-            return self._signals.at(now)
+            return self._signals.at(now) | self._faults.channels(now)
 
     def heard_at(self, channel: str) -> float:
         """When the newest value of a channel came, monotonic s; -inf where none came yet."""
@@ -199,12 +208,15 @@ class Bridge:
         """The clock went back: what waits for a time waits no longer for it, and no signal has an age."""
         self._due = {axis: due - back for axis, due in self._due.items()}
         self._connection.rewind(back)
-        self._signals = ReceivedSignals(self.vehicle)
+        self._signals, self._faults = ReceivedSignals(self.vehicle), FaultWatch(self.vehicle)
 
     def _hear(self, now: float) -> None:
         for can_id, data in self._connection.hear(now):
             self.safety.rx_hook(can_id, data, now)
             self._signals.hear(can_id, data, now)
+            if self._faults.hear(can_id, data, now):
+                for fault in self._faults.blocking(now):
+                    self.safety.fade(now, fault)
         if self._connection.lost:
             self.safety.link(False)
 

@@ -12,7 +12,7 @@ from deeptruck_nodes import parameters
 from deeptruck_nodes.topics import RECORDED, TOPICS, Topic, expected_subscribers
 
 from deeptruck_model.recordings.topic_map import DEFAULT_TOPICS
-from deeptruck_model.signals import CHANNELS
+from deeptruck_model.signals import CHANNELS, FAULTS
 
 ROOT = Path(__file__).parents[2]
 
@@ -58,7 +58,12 @@ def test_extraction_reads_what_the_nodes_publish() -> None:
     for channel, source in DEFAULT_TOPICS.items():
         topic = TOPICS[source.topic]
         assert topic.name in RECORDED and channel in CHANNELS
-        optional = ("ambient_temperature", "latitude", "longitude")  # from the bus, where it has them
+        optional = (
+            "ambient_temperature",
+            "latitude",
+            "longitude",
+            *FAULTS,
+        )  # from the bus, where it has them
         if topic.fields and channel not in optional:
             assert source.field == f"position[name={channel}]" and channel in topic.fields
 

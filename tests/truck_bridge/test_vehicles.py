@@ -163,6 +163,13 @@ def test_brakes_may_only_limit(vehicle):
         (put("command", "engine", [1]), "needs two numbers"),
         (put("timing", {"patience": 1.0}), "unknown key 'patience'"),
         (put("dbc", ["gone.dbc"]), "cannot read"),
+        (put("faults", {"lamps": ["red_lamp"]}), "must be one of protect_lamp, amber_warning_lamp"),
+        (put("faults", {"codes": [{"fmi": 3}]}), "key 'spn' is missing"),
+        (put("faults", {"codes": [{"spn": 0}]}), "must be a number from 1 to 524286"),
+        (put("faults", {"codes": [{"spn": 110.5}]}), "must be a whole number"),
+        (put("faults", {"codes": [{"spn": 110, "fmi": 32}]}), "must be a number from 0 to 31"),
+        (put("faults", {"block": ["red_stop_lamp"]}), "unknown key 'block'; known: lamps, codes, listen"),
+        (put("faults", ["red_stop_lamp"]), "must be a mapping"),
     ],
 )
 def test_a_mistake_is_one_line_that_names_file_and_place(tmp_path, change, says):
@@ -172,6 +179,13 @@ def test_a_mistake_is_one_line_that_names_file_and_place(tmp_path, change, says)
     assert says in str(error.value)
     assert "mine.yaml" in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_a_file_that_says_nothing_of_faults_blocks_the_red_stop_lamp(tmp_path):
+    quiet = vehicles.load(edited(tmp_path, lambda d: d.pop("faults"))).blocking
+    assert (quiet.lamps, quiet.codes, quiet.listen_s) == ({"red_stop_lamp"}, (), 0.0)
+    none = vehicles.load(edited(tmp_path, put("faults", {}))).blocking
+    assert (none.lamps, none.codes) == (frozenset(), ())
 
 
 def test_no_such_vehicle_and_no_yaml(tmp_path):

@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 from deeptruck_model.checks import mass
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import locate
+from deeptruck_model.mismatch.active_fault import active_fault
 from deeptruck_model.mismatch.correction import correction
 from deeptruck_model.mismatch.correction.own_error import differs
 from deeptruck_model.mismatch.data import checks
@@ -203,7 +204,14 @@ def _findings(simulator: Simulator, c: Checked, e: Evidence, x: Explanation) -> 
     found = [
         identifiability.checked(f, simulator, e, x.model) for f in identifiability.with_manoeuvres(found)
     ]
-    return [findings.with_formula(f, _formula(e, x), e.unit) if _nameless(f) else f for f in found]
+    found = [findings.with_formula(f, _formula(e, x), e.unit) if _nameless(f) else f for f in found]
+    return [_with_fault(f, e, c.prepared) for f in found]
+
+
+def _with_fault(f: Finding, e: Evidence, prepared: Sequence[Prepared]) -> Finding:
+    """With the fault of the truck's own that was mostly active while the finding acts, where there is one."""
+    fault = active_fault(f.cause.force, e, prepared, e.rules) if f.cause is not None else None
+    return f if fault is None else replace(f, active_fault=fault, says=f.says.and_then(str(fault)))
 
 
 def _nameless(f: Finding) -> bool:

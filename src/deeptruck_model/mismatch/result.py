@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.mismatch.active_fault import ActiveFault
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.data.checks import Rejection
 from deeptruck_model.mismatch.data.prepared import Prepared
@@ -92,6 +93,7 @@ class Finding:
     road: RoadLock | None = None
     engine_torque: str | None = None  # whether the engine's recorded torque shows it, where that is known
     strength: Strength | None = None  # None for a fault that shows between sensors alone
+    active_fault: ActiveFault | None = None  # told by the truck's controllers, mostly while it acts
     cause: Cause | None = field(default=None, compare=False)  # None for a fault between sensors
 
     def to_json(self) -> dict[str, Any]:
@@ -120,6 +122,7 @@ class Finding:
             "formula_r2": self.formula_r2,
             "engine_torque": self.engine_torque,
             "strength": self.strength.to_json() if self.strength is not None else None,
+            "active_fault": self.active_fault.to_json() if self.active_fault is not None else None,
         }
         return out | {name: value for name, value in only_if.items() if value is not None}
 
@@ -138,6 +141,7 @@ class Finding:
             formula_r2=entry.get("formula_r2"), decided_by=entry.get("decided_by"),
             road=RoadLock(**road) if road else None, engine_torque=entry.get("engine_torque"),
             strength=Strength.read(entry.get("strength")),
+            active_fault=ActiveFault.read(entry.get("active_fault")),
         )  # fmt: skip
 
 

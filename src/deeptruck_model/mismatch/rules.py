@@ -254,6 +254,14 @@ class Rules:
     )
     learnable: float = _of(0.05, "m/s^2", "rms that no discrepancy of a signal it cannot see has", CHOSEN)
 
+    # what the truck's controllers tell of their own faults
+    fault_share: float = _of(
+        0.8, "1", "of the time in which a force acts, that a fault must be active in to be told", CHOSEN
+    )
+    fault_odds: float = _of(
+        3.0, "1", "times as often as without a fault the force must act with it to tell of it", CHOSEN
+    )
+
     # validation: what is withdrawn
     weak: float = _of(
         60.0, "nats", "a stronger finding is told also where no held-out drive shows it", CHOSEN

@@ -6,7 +6,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 MOSTLY = 0.6  # of the time, beyond which a force is no event
+
+
+def acts(force: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Where a force (n,) acts: a third of nearly its largest, or more."""
+    large = np.abs(force)
+    return large > 0.3 * float(np.quantile(large, 0.995)) + 1e-9
 
 
 @dataclass(frozen=True)

@@ -64,9 +64,10 @@ def import_table(
     to `<out>.sealed.csv`. A CAN log (by its suffix) is handed to the first entry point of
     'deeptruck.importers', a function `(log: Path, columns: dict) -> (channels, interface)`: `channels`
     maps our channel names to (times (n,) in s, ascending, values (n,)) in canonical units, `interface` is
-    the dict of a TruckInterface; the message of its ValueError becomes the InputError. This function puts
-    the channels on one 10 Hz clock. `overwrite` replaces an imported bag, never a sealed file. Raises
-    InputError with one line for whatever cannot be used; nothing is left behind.
+    the dict of a TruckInterface, and may have `notes`, which the recordings keep; the message of its
+    ValueError becomes the InputError. This function puts the channels on one 10 Hz clock. `overwrite`
+    replaces an imported bag, never a sealed file. Raises InputError with one line for whatever cannot be
+    used; nothing is left behind.
     """
     table, out = Path(table), Path(out)
     import_checks.check(table, columns, out, overwrite=overwrite)
@@ -264,13 +265,15 @@ def _import_can_log(
         channels, interface_data = _can_importer()(log, meaning)
     except ValueError as error:  # the other package's own error of one line
         raise InputError(str(error)) from None
+    notes = [str(note) for note in interface_data.pop("notes", [])]
     interface = TruckInterface.from_dict(interface_data)
     unknown = sorted(set(channels) - set(CHANNELS))
     if unknown:
         raise InputError(f"the importer of {log} gave unknown channels: {', '.join(unknown)}")
     first = min((float(time[0]) for time, _ in channels.values() if len(time)), default=0.0)
     series = {c: Series(np.asarray(t, float) - first, np.asarray(v, float)) for c, (t, v) in channels.items()}
-    recordings = uniform(series, name=str(meaning.get("name", log.stem)), interface=interface)
+    name = str(meaning.get("name", log.stem))
+    recordings = uniform(series, name=name, interface=interface, notes=notes)
     write_bag(out, recordings, interface=interface, overwrite=overwrite, kind=BAG)
     return Imported(out, recordings)
 

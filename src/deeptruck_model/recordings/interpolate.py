@@ -11,6 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.signals import FAULTS
+
 Array = NDArray[np.float64]
 
 GAP_S = 1.5  # a hole longer than this, and than GAP_PERIODS of the source's own periods, is not bridged
@@ -18,7 +20,7 @@ GAP_PERIODS = 3.0
 SNAP = 1e-3  # a sample this close to a tick, in steps, is that tick's value
 
 _HELD = ("engine_command", "brake_command")
-_LATCHED = ("gear",)
+_LATCHED = ("gear", *FAULTS)
 _STEP_MEANS = ("acceleration", "fuel_rate")
 
 

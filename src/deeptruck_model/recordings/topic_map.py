@@ -12,7 +12,7 @@ from deeptruck_model import reading
 from deeptruck_model.checks import Mapped
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.units import Conversion, conversion
-from deeptruck_model.signals import CHANNELS
+from deeptruck_model.signals import CHANNELS, FAULTS
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ def _named(topic: str, *channels: str) -> dict[str, Source]:
 DEFAULT_TOPICS: dict[str, Source] = {
     "speed": Source("/truck/twist", "twist.linear.x"),
     "acceleration": Source("/truck/accel", "accel.linear.x"),
-    **_named("/truck/status", "fuel_rate", "gear", "engine_speed", "engine_torque"),
+    **_named("/truck/status", "fuel_rate", "gear", "engine_speed", "engine_torque", *FAULTS),
     **_named("/truck/command", "engine_command", "brake_command"),
     **_named("/road", "grade", "elevation", "ambient_temperature", "latitude", "longitude"),
     "gap": Source("/radar/range", "range"),

@@ -7,7 +7,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from truck_bridge.can_logs.faults import unread
 from truck_bridge.can_logs.reader import Frame, read
+from truck_bridge.fault_watch import FaultWatch
 from truck_bridge.safety import Safety, State, Table
 from truck_bridge.vehicles import Vehicle
 
@@ -32,6 +34,8 @@ class Checked:
     lost_s: Times = field(default_factory=dict)
     obstacles: Counter[str] = field(default_factory=Counter)  # what stood against engaging: turns of 10 ms
     driver_s: Counter[str] = field(default_factory=Counter)  # how long the driver acted, by signal
+    faults: Counter[str] = field(default_factory=Counter)  # that controllers told, messages by fault
+    faults_s: Times = field(default_factory=dict)
 
     notes: list[str] = field(default_factory=list)  # where the log is cut off
 
@@ -52,6 +56,7 @@ class _Replay:
         self._table: Table = replace(vehicle.table, override=(), needs_lead=False, engage_speed=(0.0, 1e3))
         self._names = {message.key: message.name for message in vehicle.table.heard}
         self._safety = Safety(self._table)
+        self._vehicle, self._faults = vehicle, FaultWatch(vehicle)
         self._now = self._start = 0.0
         self._seen = Counter[str](), Counter[str]()
         self._found = Checked(vehicle.name)
@@ -62,11 +67,18 @@ class _Replay:
                 self._start = frame.time
             if self._found.frames == 0 or not 0 <= frame.time - self._now <= HOLE_S:
                 self._begin(frame.time)
+                self._listen()
             self._wait(frame.time)
             self._hear(frame)
             self._note(frame.time)
         self._count()
+        self._found.notes += unread(self._faults.finish())
         return self._found
+
+    def _listen(self) -> None:
+        """Faults anew: what was told before a hole is not known to last."""
+        self._found.notes += unread(self._faults.finish())
+        self._faults = FaultWatch(self._vehicle)
 
     def _begin(self, now: float) -> None:
         self._count()
@@ -96,6 +108,15 @@ class _Replay:
         if name is not None:
             self._found.heard[name] += 1
         self._safety.rx_hook(frame.can_id, frame.data, frame.time)
+        self._hear_faults(frame)
+
+    def _hear_faults(self, frame: Frame) -> None:
+        told, at = self._faults.hear(frame.can_id, frame.data, frame.time), frame.time - self._start
+        for fault in told:
+            self._found.faults[fault] += 1
+            self._found.faults_s[fault] = (self._found.faults_s.get(fault, (at, at))[0], at)
+        for fault in self._faults.blocking(frame.time) if told else ():
+            self._safety.fade(frame.time, fault)
 
     def _wait(self, until: float) -> None:
         while self._now + STEP_S < until:
@@ -113,7 +134,7 @@ class _Replay:
             found.engaged_s += STEP_S
         elif safety.state is not State.STANDBY:
             self._begin(self._now)
-        elif obstacles := safety.obstacles(self._now, True):
+        elif obstacles := (*safety.obstacles(self._now, True), *self._faults.blocking(self._now)):
             found.obstacles.update(obstacles)
         else:
             safety.engage(self._now, person=True, lead_vehicle=True)
@@ -130,6 +151,7 @@ def lines(found: Checked) -> Iterator[str]:
     yield f"could have been engaged for {found.engaged_s:.1f} s"
     yield f"refused: {_timed(found.refusals, found.refused_s)}"
     yield f"control would have been lost: {_timed(found.losses, found.lost_s)}"
+    yield f"faults told: {_timed(found.faults, found.faults_s)}"
     if found.engaged_s == 0:
         yield f"never engaged because: {', '.join(name for name, _ in found.obstacles.most_common())}"
     times = ", ".join(f"{name} {seconds:.1f} s" for name, seconds in found.driver_s.items())

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import csv
 import math
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from deeptruck_model import files
 from truck_bridge import j1939
+from truck_bridge.can_logs import faults
+from truck_bridge.can_logs.faults import Said
 from truck_bridge.can_logs.reader import Frame, read
+from truck_bridge.j1939 import diagnostics
 from truck_bridge.j1939.codec import Codec, Decoded, Signal
 from truck_bridge.j1939.ids import pgn_of
-from truck_bridge.j1939.transport import Broadcasts, reference_torque
+from truck_bridge.j1939.transport import Broken, Message, Transport, reference_torque
 
 
 @dataclass
@@ -26,6 +30,7 @@ class Decoding:
     series: dict[tuple[str, str, int], tuple[list[float], list[float]]] = field(default_factory=dict)
     invalid: dict[tuple[str, str, int], dict[str, int]] = field(default_factory=dict)
     frames: int = 0
+    start: float = 0.0  # time of the first frame
     unknown: dict[int, int] = field(
         default_factory=dict
     )  # parameter groups that are not in the DBC, by count
@@ -33,6 +38,9 @@ class Decoding:
     backwards: int = 0  # how often time ran backwards from one frame to the next
     first_backwards: tuple[int, float] = (0, 0.0)  # which frame that was first, from 1, and by how many s
     notes: list[str] = field(default_factory=list)  # where the log is cut off
+    faults: list[Said] = field(default_factory=list)  # every DM1, in the log's order
+    numbers: dict[int, str] = field(default_factory=dict)  # VIN by the address that says it
+    unreadable: Counter[Broken] = field(default_factory=Counter)  # messages not whole, or not what they say
 
     def add(self, frame: Frame, decoded: Decoded) -> None:
         """Take one decoded frame."""
@@ -45,6 +53,24 @@ class Decoding:
             else:
                 reasons = self.invalid.setdefault(key, {})
                 reasons[decoded.flags[name]] = reasons.get(decoded.flags[name], 0) + 1
+
+    def take(self, message: Message, time: float) -> None:
+        """Take one whole message: reference torque, faults, the truck's number."""
+        torque = reference_torque(message.pgn, message.data)
+        if torque is not None:
+            self.reference_torque = torque
+        if message.pgn == diagnostics.DM1:
+            report = diagnostics.report(message.data)
+            if report is None:
+                self.unreadable[Broken(message.pgn, message.source, "not lamps and whole codes")] += 1
+            else:
+                self.faults.append(Said(time, message.source, report))
+        if message.pgn == diagnostics.VIN:
+            number = diagnostics.vehicle_number(message.data)
+            if number is None:
+                self.unreadable[Broken(message.pgn, message.source, "no number")] += 1
+            else:
+                self.numbers[message.source] = number
 
     def pass_time(self, seconds: float) -> None:
         """Count a clock that went back between the frame before and this one."""
@@ -61,21 +87,23 @@ class Decoding:
 def decode(path: Path, codec: Codec | None = None) -> Decoding:
     """Every signal of a log. Raises InputError as `read` does."""
     found = Decoding(codec or j1939.load())
-    broadcasts, before = Broadcasts(), -math.inf
+    transport, before = Transport(), -math.inf
     for frame in read(path, found.notes):
+        found.start = frame.time if not found.frames else found.start
         found.frames += 1
         found.pass_time(frame.time - before)
         before = frame.time
+        message = transport.hear(frame.can_id, frame.data, frame.time)
+        message = message or diagnostics.single(frame.can_id, frame.data)
+        if message is not None:
+            found.take(message, frame.time)
         decoded = found.codec.decode(frame.can_id, frame.data)
         if decoded is not None:
             found.add(frame, decoded)
-            continue
-        pgn = pgn_of(frame.can_id)
-        found.unknown[pgn] = found.unknown.get(pgn, 0) + 1
-        complete = broadcasts.hear(frame.can_id, frame.data)
-        torque = reference_torque(complete[0], complete[2]) if complete else None
-        if torque is not None:
-            found.reference_torque = torque
+        elif pgn_of(frame.can_id) not in diagnostics.GROUPS:
+            pgn = pgn_of(frame.can_id)
+            found.unknown[pgn] = found.unknown.get(pgn, 0) + 1
+    found.unreadable += transport.finish()
     return found
 
 
@@ -92,6 +120,7 @@ def table(found: Decoding) -> Iterator[str]:
         )
     if found.reference_torque == found.reference_torque:
         yield f"engine reference torque {found.reference_torque:g} N m (SPN 544)"
+    yield from faults.lines(found.faults, found.numbers, found.unreadable, found.start)
     yield f"{'signal':<38}{'source':>6}{'SPN':>7}{'valid':>8}{'Hz':>7}{'from':>11}{'to':>11} unit   invalid"
     for key in keys:
         times, values = found.series.get(key, ([], []))

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from truck_bridge import j1939, vehicles
+from truck_bridge.can_logs import faults
 from truck_bridge.can_logs.decoding import Decoding, decode
 from truck_bridge.channels import CARRIERS, converter
 from truck_bridge.errors import InputError
@@ -31,6 +32,7 @@ def import_can_log(log_path: Path, columns: Mapping[str, Any]) -> tuple[dict[str
     apply), `name`, `reference_torque` (N m), `conceal` (channels to leave out), and `channels: {speed:
     {signal: EBC2.FrontAxleSpeed, source: 0x0B}, ...}` to take a channel from elsewhere. Torque in N m is
     left out where no reference torque is known (SPN 544 in the log, the vehicle or `reference_torque`).
+    Active faults (DM1) are channels of their own; `interface["notes"]` names them and the VIN, where heard.
     Raises InputError on a bad log or bad columns.
     """
     codec, torque = _meaning(columns)
@@ -43,11 +45,12 @@ def import_can_log(log_path: Path, columns: Mapping[str, Any]) -> tuple[dict[str
     for channel, keys in _defaults(found, torque).items():
         if channel not in channels and keys:
             channels[channel] = keys
+    channels = {**faults.channels(found.faults), **channels}
     for concealed in columns.get("conceal") or ():
         channels.pop(concealed, None)
     if "speed" not in channels:
         raise InputError(f"{log_path} holds no vehicle speed (CCVS1 or EBC2); is it a J1939 log of a truck?")
-    interface = {
+    interface: dict[str, Any] = {
         "name": str(columns.get("name", columns.get("vehicle", log_path.stem))),
         "engine_unit": "percent",
         "brake_unit": "percent" if "brake_command" in channels else None,
@@ -56,7 +59,8 @@ def import_can_log(log_path: Path, columns: Mapping[str, Any]) -> tuple[dict[str
     }
     if "engine_command" not in channels:
         raise InputError(f"{log_path} holds no engine command (EEC1 driver's demand torque)")
-    return channels, interface
+    notes = faults.notes(found.faults, found.numbers, found.unreadable)
+    return channels, {**interface, **({"notes": notes} if notes else {})}
 
 
 _KEYS = {"vehicle", "name", "reference_torque", "channels", "conceal"}

@@ -28,6 +28,10 @@ What the layouts were checked against:
 - Axiomatic's manual of a J1939 inclinometer (UMAX0608XX-1000, page 23): VDS;
 - a public `saej1939_71.h`: CVW.
 
+DM1 (PGN 65226, faults) and VIN (PGN 65260) are not in the DBC, because their length changes. `diagnostics.py`
+reads them. DM1 was checked against the DDEC VI application manual (page 6-38), can-j1939, and the faults in
+the research truck's recording. The old layouts of a code come from manuals of HMS and DynaGen.
+
 J1939-71 itself was not at hand: check against your truck's documents before its first run. PropA is a layout
 of our own, spoken by the ECU emulator. A real truck's proprietary keys come from its user, as a DBC named in
 the vehicle file.

@@ -1,36 +1,162 @@
-"""Multi-packet broadcasts (J1939-21, 5.10: BAM), put together from a log or a bus."""
+"""Messages of more than eight bytes (J1939-21, 5.10), put together from a log or a bus: broadcasts (BAM) and
+transfers between two nodes (RTS/CTS). Nothing is ever sent. Time is an argument.
+
+A sender announces a message and numbers its packets of seven bytes. The receiver of a transfer asks for
+packets by CTS, also for some of them again; those of a broadcast come in order or not at all.
+"""
 
 from __future__ import annotations
 
-from truck_bridge.j1939 import ids
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
-_BAM = 32
+from truck_bridge.j1939 import ids
+from truck_bridge.j1939.ids import Identifier
+
+RTS, CTS, END_OF_MESSAGE, BAM, ABORT = 16, 17, 19, 32, 255  # byte 1 of TP.CM
+T1_S, T2_S, T3_S, T4_S = 0.75, 1.25, 1.25, 1.05  # J1939-21, 5.10.2.4
+SMALLEST, LARGEST, PACKET = 9, 1785, 7  # bytes of a message, and of it in one packet
 ENGINE_CONFIGURATION = 0xFEE3  # EC1; bytes 20-21 are SPN 544, the engine reference torque, 1 N m a bit
 
 
-class Broadcasts:
-    """Feed frames to `hear`; it returns (pgn, source, data) when a broadcast is complete."""
+class Message(NamedTuple):
+    """One message that was sent whole; `destination` is ids.GLOBAL for a broadcast."""
+
+    pgn: int
+    source: int
+    destination: int
+    data: bytes
+
+
+class Broken(NamedTuple):
+    """A message that was announced and did not become whole."""
+
+    pgn: int
+    source: int
+    why: str
+
+
+@dataclass
+class _Session:
+    """What is known of one message under way."""
+
+    pgn: int
+    size: int
+    heard: float  # when a frame of it came last
+    patience: float  # how long the next one may take, s
+    parts: list[bytes] = field(default_factory=list)
+    asked: int = 0  # last packet that the receiver has asked for
+    missed: bool = False  # a packet: nothing counts until the receiver asks again
+
+    @property
+    def packets(self) -> int:
+        return -(-self.size // PACKET)
+
+
+class Transport:
+    """Feed every frame to `hear`. `broken` counts what did not become whole; `finish` ends a log."""
 
     def __init__(self) -> None:
-        self._open: dict[int, tuple[int, int, int, dict[int, bytes]]] = {}
+        self._open: dict[tuple[int, int], _Session] = {}  # by source and destination
+        self.broken: Counter[Broken] = Counter()
 
-    def hear(self, can_id: int, data: bytes) -> tuple[int, int, bytes] | None:
-        """Take one frame. A broadcast with a packet missing is dropped when the next one starts."""
-        pgn, source = ids.pgn_of(can_id), can_id & 0xFF
-        if pgn == ids.TRANSPORT_CONTROL and len(data) == 8 and data[0] == _BAM:
-            carried = int.from_bytes(data[5:8], "little")
-            self._open[source] = (carried, int.from_bytes(data[1:3], "little"), data[3], {})
-        elif pgn == ids.TRANSPORT_DATA and len(data) == 8 and source in self._open:
-            carried, size, packets, parts = self._open[source]
-            parts[data[0]] = data[1:]
-            if len(parts) == packets and set(parts) == set(range(1, packets + 1)):
-                del self._open[source]
-                return carried, source, b"".join(parts[k] for k in sorted(parts))[:size]
+    def hear(self, can_id: int, data: bytes, now: float) -> Message | None:
+        """Take one frame; the message that it completes, if any."""
+        pgn = ids.pgn_of(can_id)
+        if pgn not in (ids.TRANSPORT_CONTROL, ids.TRANSPORT_DATA) or len(data) != 8:
+            return None
+        identifier = Identifier.of(can_id)
+        if pgn == ids.TRANSPORT_DATA:
+            return self._packet((identifier.source, identifier.destination), data, now)
+        self._control(identifier, data, now)
         return None
+
+    def finish(self) -> Counter[Broken]:
+        """The log ends: what is under way is cut off. Returns all that did not become whole."""
+        for key in list(self._open):
+            self._break(key, "cut off")
+        return self.broken
+
+    def _control(self, identifier: Identifier, data: bytes, now: float) -> None:
+        here, there = identifier.source, identifier.destination
+        kind, pgn = data[0], int.from_bytes(data[5:8], "little")
+        if kind == (BAM if there == ids.GLOBAL else RTS):
+            self._begin((here, there), pgn, data, now)
+        elif kind == CTS:
+            self._ask((there, here), pgn, data, now)
+        elif kind == END_OF_MESSAGE:
+            self._close((there, here), pgn, "a packet was not heard", now)
+        elif kind == ABORT:  # by the sender or by the receiver
+            self._close((here, there), pgn, "aborted", now)
+            self._close((there, here), pgn, "aborted", now)
+
+    def _begin(self, key: tuple[int, int], pgn: int, data: bytes, now: float) -> None:
+        for other in list(self._open):
+            self._alive(other, now)
+        size, packets = int.from_bytes(data[1:3], "little"), data[3]
+        session = _Session(pgn, size, now, T1_S if key[1] == ids.GLOBAL else T3_S)
+        before = self._open.get(key)
+        if before is not None and (before.parts or (before.pgn, before.size) != (pgn, size)):
+            self._break(key, "begun anew")
+        if SMALLEST <= size <= LARGEST and packets == session.packets and pgn <= 0x3FFFF:
+            self._open[key] = session
+        else:
+            self._open.pop(key, None)
+            self.broken[Broken(pgn, key[0], "wrong size")] += 1
+
+    def _ask(self, key: tuple[int, int], pgn: int, data: bytes, now: float) -> None:
+        """The receiver asks for packets, or (none at once) for time."""
+        session = self._alive(key, now)
+        if session is None or session.pgn != pgn:
+            return
+        count, first = data[1], data[2]
+        session.heard, session.patience = now, T2_S if count else T4_S
+        if count and not 1 <= first <= len(session.parts) + 1:
+            self._break(key, "a packet was not heard")
+        elif count:
+            del session.parts[first - 1 :]
+            session.asked, session.missed = first - 1 + count, False
+
+    def _packet(self, key: tuple[int, int], data: bytes, now: float) -> Message | None:
+        session = self._alive(key, now)
+        if session is None:
+            return None
+        number, part = data[0], data[1:]
+        if session.parts and number == len(session.parts) and part == session.parts[-1]:
+            return None  # heard twice, as where a log holds two channels of one bus
+        if session.missed or number != len(session.parts) + 1:
+            session.missed = True
+            if key[1] == ids.GLOBAL:
+                self._break(key, "out of sequence")
+            return None
+        session.parts.append(part)
+        more = key[1] == ids.GLOBAL or number < session.asked
+        session.heard, session.patience = now, T1_S if more else T3_S
+        if number < session.packets:
+            return None
+        del self._open[key]
+        return Message(session.pgn, *key, b"".join(session.parts)[: session.size])
+
+    def _alive(self, key: tuple[int, int], now: float) -> _Session | None:
+        """The session, unless it has waited too long or the clock was set back."""
+        session = self._open.get(key)
+        if session is not None and abs(now - session.heard) > session.patience:
+            self._break(key, "timed out")
+            return None
+        return session
+
+    def _close(self, key: tuple[int, int], pgn: int, why: str, now: float) -> None:
+        session = self._alive(key, now)
+        if session is not None and session.pgn == pgn:
+            self._break(key, why)
+
+    def _break(self, key: tuple[int, int], why: str) -> None:
+        self.broken[Broken(self._open.pop(key).pgn, key[0], why)] += 1
 
 
 def reference_torque(pgn: int, data: bytes) -> float | None:
-    """Engine reference torque, N m, where the broadcast is an engine configuration that says it."""
+    """Engine reference torque, N m, where the message is an engine configuration that says it."""
     if pgn != ENGINE_CONFIGURATION or len(data) < 21:
         return None
     raw = int.from_bytes(data[19:21], "little")

@@ -20,7 +20,7 @@ from truck_bridge.safety import Axis, Driveline, Field, Heard, Limits, Measured,
 from truck_bridge.safety.tables import Allowed
 from truck_bridge.units import to_si
 from truck_bridge.vehicles.schema import VEHICLE, check
-from truck_bridge.vehicles.vehicle import Transmitted, Vehicle
+from truck_bridge.vehicles.vehicle import Blocking, Transmitted, Vehicle
 
 NAMES = ("trucksim", "freightliner", "volvo")
 
@@ -96,7 +96,13 @@ def _build(data: dict[str, Any], codec: Codec) -> Vehicle:
         {command: _pair(f"command.{command}", values) for command, values in data["command"].items()},
         sent,
         table,
+        _blocking(data["faults"]) if "faults" in data else Blocking(),
     )
+
+
+def _blocking(spec: dict[str, Any]) -> Blocking:
+    codes = tuple((code["spn"], code.get("fmi")) for code in spec.get("codes", []))
+    return Blocking(frozenset(spec.get("lamps", [])), codes, spec.get("listen", Blocking.listen_s))
 
 
 def _claims(own: int) -> tuple[int, ...]:

@@ -6,7 +6,7 @@ import difflib
 from typing import Any
 
 from truck_bridge.errors import InputError
-from truck_bridge.j1939 import checksums
+from truck_bridge.j1939 import checksums, diagnostics
 
 
 class Optional:
@@ -28,6 +28,10 @@ class Number:
 
     def __init__(self, low: float, high: float) -> None:
         self.low, self.high = low, high
+
+
+class Whole(Number):
+    """A whole number in a range."""
 
 
 class MapOf:
@@ -72,6 +76,11 @@ RECEIVE = {
     "signals": MapOf(str),
     "range": Optional(MapOf([ANY])),
 }
+FAULTS = {
+    "lamps": Optional([OneOf(*diagnostics.LAMPS)]),
+    "codes": Optional([{"spn": Whole(1, 0x7FFFE), "fmi": Optional(Whole(0, 31))}]),
+    "listen": Optional(Number(0, 60)),
+}
 VEHICLE: dict[str, Any] = {
     "name": str,
     "truck": Optional(str),
@@ -94,6 +103,7 @@ VEHICLE: dict[str, Any] = {
     "receive": MapOf(RECEIVE),
     "driver": MapOf(ANY),
     "forbidden": MapOf(ANY),
+    "faults": Optional(FAULTS),
     "engage": {"speed": [ANY], "needs_lead": bool},
     "timing": Optional(MapOf(SECONDS)),
 }
@@ -123,6 +133,8 @@ def check(value: Any, spec: Any, where: str) -> None:
             or not spec.low <= value <= spec.high
         ):
             raise InputError(f"{where} is {value!r}; it must be a number from {spec.low:g} to {spec.high:g}")
+        if isinstance(spec, Whole) and value != int(value):
+            raise InputError(f"{where} is {value!r}; it must be a whole number")
     elif not isinstance(value, spec):
         raise InputError(f"{where} is {value!r}; it must be of type {spec.__name__}")
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from truck_bridge.j1939 import checksums
 from truck_bridge.j1939.codec import Codec, Layout
+from truck_bridge.j1939.diagnostics import Code
 from truck_bridge.safety import Axis, Table
 
 
@@ -32,6 +33,21 @@ class Transmitted:
 
 
 @dataclass(frozen=True)
+class Blocking:
+    """Faults that forbid control, whichever controller tells them by DM1."""
+
+    lamps: frozenset[str] = frozenset({"red_stop_lamp"})
+    codes: tuple[tuple[int, int | None], ...] = ()  # SPN, and FMI where only that one counts
+    listen_s: float = 0.0  # how long a bus must have been heard before silence means that there is none
+
+    def holds(self, what: Code | str) -> bool:
+        """Whether a lamp or a code, in any of its readings, is one of them."""
+        if isinstance(what, str):
+            return what in self.lamps
+        return any(spn in what.readings and fmi in (None, what.fmi) for spn, fmi in self.codes)
+
+
+@dataclass(frozen=True)
 class Vehicle:
     """One truck as the bridge and the ECU emulator know it."""
 
@@ -46,6 +62,7 @@ class Vehicle:
     envelope: dict[str, tuple[float, float]]  # engine and brake commands, interface units, that are sane
     transmitted: dict[str, Transmitted]  # by axis: engine, retarder, brake
     table: Table
+    blocking: Blocking
 
     def demands(self, engine: float, brake: float) -> dict[str, float]:
         """Demands by axis from the truck interface's engine and brake command.

@@ -11,7 +11,7 @@ from csv_tables import EVERYTHING, SPEED, everything, write_csv
 from pyarrow import parquet
 
 from deeptruck_model.recordings import import_table, read
-from deeptruck_model.signals import CHANNELS, TruckInterface
+from deeptruck_model.signals import CHANNELS, FAULTS, TruckInterface
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
@@ -171,5 +171,5 @@ def test_jumps_cut(tmp_path: Path) -> None:
 
 
 def test_every_channel_can_be_imported() -> None:
-    """The contract names them all but latitude and longitude, which are ours."""
-    assert set(EVERYTHING["channels"]) | {"latitude", "longitude"} == set(CHANNELS)
+    """The contract names them all but position and faults, which are ours."""
+    assert set(EVERYTHING["channels"]) | {"latitude", "longitude", *FAULTS} == set(CHANNELS)

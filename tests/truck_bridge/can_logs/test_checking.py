@@ -135,6 +135,56 @@ def test_who_is_never_heard_says_why(tmp_path):
     assert any("never engaged because" in line and "EBC1 not fresh" in line for line in lines(found))
 
 
+def told(times, data, source=0):
+    return [(t, 0x18FECA00 | source, bytes.fromhex(data)) for t in times]
+
+
+def test_a_fault_that_forbids_control_is_a_loss_and_its_times_are_said(tmp_path):
+    quiet = told([0.5, 1.5], "00FF00000000FFFF")
+    frames = sorted([*driven("trucksim", 9.0), *quiet, *told([2.5, 3.0], "10FF6E001001FFFF")])
+    found = checked(tmp_path, "trucksim", frames)
+    assert found.losses == {"fault: red_stop_lamp (engine)": 1} and not found.clean
+    assert 3.2 < found.engaged_s < 3.5  # until 2.5 s, and again 5 s after the last word of it
+    said = list(lines(found))
+    assert "control would have been lost: fault: red_stop_lamp (engine) (at 2.50 s)" in said
+    assert (
+        "faults told: SPN 110 FMI 16 (engine) (2 times, 2.50 to 3.00 s), "
+        "red_stop_lamp (engine) (2 times, 2.50 to 3.00 s)"
+    ) in said
+
+
+def test_a_fault_that_forbids_nothing_is_said_and_the_drive_is_clean(tmp_path):
+    frames = sorted([*driven("trucksim"), *told([1.0], "04FF6E001001FFFF", 0x03)])
+    found = checked(tmp_path, "trucksim", frames)
+    assert found.clean
+    assert found.faults == {"SPN 110 FMI 16 (transmission)": 1, "amber_warning_lamp (transmission)": 1}
+
+
+def test_a_drive_that_is_never_free_of_a_fault_is_never_engaged(tmp_path):
+    frames = sorted([*driven("trucksim"), *told([0.0, 4.0], "10FF6E001001FFFF")])
+    said = list(lines(checked(tmp_path, "trucksim", frames)))
+    assert any("never engaged because" in line and "fault: red_stop_lamp (engine)" in line for line in said)
+
+
+@pytest.mark.parametrize("kept", [1, 2])
+def test_a_dm1_cut_off_is_said_and_counts_for_nothing(tmp_path, kept):
+    head = (5.9, 0x1CECFF00, bytes.fromhex("200A0002FFCAFE00"))
+    part = (5.95, 0x1CEBFF00, bytes.fromhex("0110FF21061F016E"))
+    found = checked(tmp_path, "trucksim", [*driven("trucksim", 5.9), head, part][: -2 + kept or None])
+    assert found.clean and not found.faults
+    assert "messages of several frames left out: DM1 of 0x00: cut off (1)" in list(lines(found))
+
+
+@pytest.mark.skipif(not REAL.is_file(), reason=f"{REAL} is not there (set DEEPTRUCK_REAL_DATA)")
+def test_the_faults_of_a_real_truck_forbid_control_where_the_file_names_them(tmp_path):
+    mine = RESEARCH.read_text().replace("codes: [{spn: 1569}]", "codes: [{spn: 829, fmi: 3}]")
+    (tmp_path / "mine.yaml").write_text(mine)
+    found = can_logs.check(REAL, vehicles.load(tmp_path / "mine.yaml"))
+    assert found.losses == {"fault: SPN 829 FMI 3 (cab)": 1}
+    assert found.engaged_s == pytest.approx(21.8, abs=0.2)
+    assert found.faults["SPN 191 FMI 9 (engine)"] == 30
+
+
 @pytest.mark.skipif(not REAL.is_file(), reason=f"{REAL} is not there (set DEEPTRUCK_REAL_DATA)")
 def test_a_real_truck_is_never_refused_falsely():
     """Half a minute of a real truck, at the rates, with the holes and the second senders it really has."""

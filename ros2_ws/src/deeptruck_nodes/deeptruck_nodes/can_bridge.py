@@ -12,6 +12,7 @@ from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallba
 from sensor_msgs.msg import JointState, Range
 from std_srvs.srv import Trigger
 
+from deeptruck_model.signals import FAULTS
 from deeptruck_nodes import messages
 from deeptruck_nodes.messages import nanoseconds
 from deeptruck_nodes.node import DeeptruckNode, run
@@ -130,7 +131,8 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
 
     def _publish(self, stamp: int, signals: dict[str, float]) -> None:
         self._accel.publish(messages.accel(stamp, signals.get("acceleration", math.nan)))
-        self._status.publish(messages.scalars(stamp, STATUS.fields, signals))
+        inside = [*STATUS.fields, *(name for name in FAULTS if name in signals)]
+        self._status.publish(messages.scalars(stamp, inside, signals))
         road = [
             *ROAD.fields,
             *(name for name in ("ambient_temperature", "latitude", "longitude") if name in signals),
@@ -154,6 +156,7 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
             "frames_sent": status.frames_sent,
             "frames_received": status.frames_received,
             "no_load": status.no_load,
+            "faults": "; ".join(status.faults),
         }
         self.diagnose(stamp, level, says, {**values, **counters, **would})
 

@@ -26,7 +26,7 @@ from deeptruck_model.mismatch.posterior.search import Model
 from deeptruck_model.mismatch.residual.evidence import Evidence, ForceUnit
 from deeptruck_model.mismatch.result import Finding, Kind, Rival, Size
 from deeptruck_model.mismatch.sentence import Named, Part, Sentence
-from deeptruck_model.mismatch.strength import Strength
+from deeptruck_model.mismatch.strength import Strength, acts
 
 ONE_WAY = 0.5  # of its rms that the mean of a force must have, to tell its size
 AT_ITS_MOMENTS = "record more signals, and look what else happens at the moments listed under segments"
@@ -44,8 +44,7 @@ def strength(cause: Cause, e: Evidence) -> str:
 
 def strength_of(cause: Cause, e: Evidence) -> Strength:
     """The same as numbers."""
-    large = np.abs(cause.force[e.valid])
-    acting = large > 0.3 * float(np.quantile(large, 0.995)) + 1e-9
+    acting = acts(cause.force[e.valid])
     force = e.newtons(cause.force)[e.valid][acting] / e.mass if acting.any() else np.zeros(1)
     mean, rms = float(np.mean(force)), float(np.sqrt(np.mean(force**2)))
     one_way = abs(mean) > ONE_WAY * rms

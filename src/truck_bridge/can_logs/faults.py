@@ -1,0 +1,83 @@
+"""Faults of a log: as lines for people, and as channels and notes of a recording."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from truck_bridge.faults import ActiveFaults, Fault
+from truck_bridge.j1939.diagnostics import GROUPS, Report
+from truck_bridge.j1939.transport import Broken
+
+Array = NDArray[np.float64]
+
+
+class Said(NamedTuple):
+    """One DM1 of a log: when, who, what."""
+
+    time: float
+    source: int
+    report: Report
+
+
+def lines(
+    said: Sequence[Said], numbers: Mapping[int, str], broken: Counter[Broken], start: float
+) -> Iterator[str]:
+    """For people: the truck's number, each fault with its times since the start, and what was not whole."""
+    for source, number in sorted(numbers.items()):
+        yield f"vehicle number (VIN) {number}, said by 0x{source:02X}"
+    found = _times(said)
+    if said:
+        senders = ", ".join(f"0x{source:02X}" for source in sorted({one.source for one in said}))
+        yield f"faults (DM1) of {senders}: {'active were' if found else 'none was active'}"
+    for fault, times in found.items():
+        counts = [n for one in said for code, n in one.report.counts.items() if (one.source, code) == fault]
+        often = f", occurred {max(counts)} times" if max(counts, default=-1) >= 0 else ""
+        span = f"said {len(times)} times, {times[0] - start:.2f} to {times[-1] - start:.2f} s"
+        yield f"  {fault.what} (0x{fault.source:02X}){often}: {span}"
+    yield from unread(broken)
+
+
+def unread(broken: Counter[Broken]) -> Iterator[str]:
+    """For people: messages that did not become whole, or whose content is none."""
+    if broken:
+        told = (
+            f"{GROUPS.get(b.pgn, f'{b.pgn:#06x}')} of 0x{b.source:02X}: {b.why} ({n})"
+            for b, n in sorted(broken.items())
+        )
+        yield f"messages of several frames left out: {', '.join(told)}"
+
+
+def _times(said: Sequence[Said]) -> dict[Fault, list[float]]:
+    """When each code and lamp was said, in the order of their first times."""
+    found: dict[Fault, list[float]] = {}
+    for one in said:
+        for what in one.report.active:
+            found.setdefault(Fault(one.source, what), []).append(one.time)
+    return found
+
+
+def channels(said: Sequence[Said]) -> dict[str, tuple[Array, Array]]:
+    """deeptruck's channels of faults, a sample at each DM1; those before the latest time are left out."""
+    faults, latest = ActiveFaults(), -math.inf
+    rows: dict[float, dict[str, float]] = {}
+    for one in said:
+        if one.time >= latest:
+            faults.take(one.source, one.report, one.time)
+            latest = one.time
+            rows[latest] = faults.channels(latest)
+    names = next(iter(rows.values()), {})
+    return {name: (np.array([*rows]), np.array([row[name] for row in rows.values()])) for name in names}
+
+
+def notes(said: Sequence[Said], numbers: Mapping[int, str], broken: Counter[Broken]) -> list[str]:
+    """What a recording keeps beside its channels: the truck's number, and every fault with who told it."""
+    found = [f"VIN {number} (0x{source:02X})" for source, number in sorted(numbers.items())]
+    faults = [f"{fault.what} (0x{fault.source:02X})" for fault in _times(said)]
+    found += [f"active faults: {', '.join(faults)}"] if faults else []
+    return [*found, *unread(broken)]

@@ -1,0 +1,65 @@
+"""Which faults forbid control, by the vehicle file. Nothing is sent; time is an argument."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+from truck_bridge.faults import ActiveFaults, Fault
+from truck_bridge.j1939 import diagnostics
+from truck_bridge.j1939.diagnostics import DM1
+from truck_bridge.j1939.transport import Broken, Transport
+from truck_bridge.vehicles import Vehicle
+
+
+class FaultWatch:
+    """Feed every frame to `hear`; `blocking` says which active faults forbid control."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._blocking = vehicle.blocking
+        self._names = {address: name for name, address in vehicle.addresses.items()}
+        self._transport = Transport()
+        self._faults = ActiveFaults()
+        self._since = math.nan  # when listening began
+
+    def hear(self, can_id: int, data: bytes, now: float) -> list[str]:
+        """Take one frame. Returns the faults that it says, in words, where it ends a DM1."""
+        message = self._transport.hear(can_id, data, now) or diagnostics.single(can_id, data)
+        report = diagnostics.report(message.data) if message and message.pgn == DM1 else None
+        if message is None or report is None:
+            return []
+        self._faults.take(message.source, report, now)
+        return [self._named(Fault(message.source, what)) for what in report.active]
+
+    def listen(self, now: float) -> None:
+        """Time passes; the first call begins to listen."""
+        self._since = now if math.isnan(self._since) else self._since
+
+    def active(self, now: float) -> list[str]:
+        """All active faults, in words."""
+        return [self._named(fault) for fault in self._faults.active(now)]
+
+    def blocking(self, now: float) -> list[str]:
+        """Active faults that forbid control, in words."""
+        active = self._faults.active(now)
+        return [f"fault: {self._named(fault)}" for fault in active if self._blocking.holds(fault.what)]
+
+    def obstacles(self, now: float) -> list[str]:
+        """Why control cannot be given now: a fault, or a bus heard for too short a time to know."""
+        found = self.blocking(now)
+        least = self._blocking.listen_s
+        if least and not now - self._since >= least:
+            found.append(f"faults: listened for less than {least:g} s")
+        return found
+
+    def channels(self, now: float) -> dict[str, float]:
+        """deeptruck's channels of faults."""
+        return self._faults.channels(now)
+
+    def finish(self) -> Counter[Broken]:
+        """A log ends: the messages of several frames that did not become whole."""
+        return self._transport.finish()
+
+    def _named(self, fault: Fault) -> str:
+        """'SPN 110 FMI 16 (engine)'."""
+        return f"{fault.what} ({self._names.get(fault.source, f'0x{fault.source:02X}')})"

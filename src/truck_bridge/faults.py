@@ -1,0 +1,65 @@
+"""Which faults are active on a bus. Time is an argument.
+
+A code or lamp is active from the DM1 that says so until HOLD_S after the last one that did: J1939-73 wants it
+said every second, and one address may speak for two controllers that take turns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from truck_bridge.j1939.diagnostics import DERATE, LAMPS, Code, Report
+
+HOLD_S = 5.0  # five periods of a DM1; the cab controller of a recorded truck takes 4.8 s
+
+
+class Fault(NamedTuple):
+    """A code, or the name of a lamp that is on, as one controller says it."""
+
+    source: int
+    what: Code | str
+
+
+@dataclass
+class _Span:
+    """Since when a fault has been active, and when it was said last."""
+
+    since: float
+    last: float
+
+
+class ActiveFaults:
+    """Tell it what each DM1 says by `take`; `active` and `channels` answer for a time."""
+
+    def __init__(self) -> None:
+        self._spans: dict[Fault, _Span] = {}
+        self._heard = False
+
+    def take(self, source: int, report: Report, now: float) -> None:
+        """One DM1 of a controller."""
+        self._heard = True
+        self._spans = {fault: span for fault, span in self._spans.items() if now - span.last <= HOLD_S}
+        for what in report.active:
+            self._spans.setdefault(Fault(source, what), _Span(now, now)).last = now
+
+    def active(self, now: float) -> list[Fault]:
+        """Oldest first; of those that began at once in the order of their message."""
+        spans = sorted(self._spans.items(), key=lambda item: item[1].since)
+        return [fault for fault, span in spans if now - span.last <= HOLD_S]
+
+    def channels(self, now: float) -> dict[str, float]:
+        """deeptruck's channels of faults; none before the first DM1. The code shown is the newest."""
+        if not self._heard:
+            return {}
+        active = self.active(now)
+        codes = [fault.what for fault in active if isinstance(fault.what, Code)]
+        newest = codes[-1] if codes else Code(0, 0)
+        lamps = {fault.what for fault in active}
+        return {
+            "fault_count": float(len(codes)),
+            "fault_spn": float(newest.spn),
+            "fault_fmi": float(newest.fmi),
+            "derate_active": float(any(DERATE in code.readings for code in codes)),
+            **{lamp: float(lamp in lamps) for lamp in LAMPS},
+        }
