@@ -211,6 +211,7 @@ def _checked(misfits: Misfits, common: Common, sections: Sections, lockstep: boo
         values.update(lockstep=lockstep, peers=[peer for peer in sections if peer != name])
         misfits.found += parameters.misfits(name, values)
     domain = misfits.of(environment.domain_id)
+    misfits.of(run_checks.ros_is_installed)
     misfits.of(lambda: bag_place.check(common.record, common.overwrite))
     checks.refuse(misfits.found)
     assert domain is not None
