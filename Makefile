@@ -18,7 +18,7 @@ HARMLESS = ^WARNING: Location .* is ignored: it is neither a file nor a director
 # Of all that pip tells, what takes long: packages of a megabyte and more, and the end.
 SHOWN = s/^ *(Downloading|Using cached) (.*\/)?([A-Za-z0-9_.]+)-[0-9].* \(([0-9.]+ [MG]B)\).*/  \3, \4/p
 UNPACKED = s/^Installing collected packages:.*/  now unpacking them all, which takes a while without a sign/p
-.PHONY: demo test test-long lint bench docs clean setup
+.PHONY: demo test test-long lint bench docs schemas clean setup
 
 $(STAMP): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12))' || \
@@ -48,6 +48,10 @@ test-long: setup
 
 bench: setup
 	for b in benchmarks/bench_*.py; do $(BIN)/python $$b || exit 1; done
+
+# The JSON Schemas in docs/schemas, by which editors check files that users write.
+schemas: setup
+	$(BIN)/python docs/schemas/generate.py
 
 # The documentation as a site, warnings as errors: build/docs/index.html.
 docs: $(VENV)/.docs
