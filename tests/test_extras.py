@@ -101,8 +101,8 @@ def test_what_needs_an_extra_names_it(
 )
 def test_a_run_without_ros_names_its_extra(words: tuple[str, ...], bag: Path, tmp_path: Path) -> None:
     runs = tmp_path / "runs"
-    called = (*(word.format(bag=bag) for word in words), "--record", tmp_path / "drive", "--runs", runs)
-    done = slim(*called, without=EXTRAS["ros"])
+    called = [word.format(bag=bag) for word in words]
+    done = slim(*called, "--record", tmp_path / "drive", "--runs", runs, without=EXTRAS["ros"])
     assert done.returncode == 2
     says = "rclpy is not installed; pip install 'deeptruck[ros]', or source a ROS 2 Jazzy"
     assert done.stderr == f"{words[0]}: {says}\n"
