@@ -1,4 +1,4 @@
-# `make demo` and `make test` need a Python 3.11 or 3.12 and nothing else; they make $(VENV) themselves.
+# `make demo` and `make test` need a Python 3.11 to 3.13 and nothing else; they make $(VENV) themselves.
 PYTHON ?= python3
 VENV ?= .venv
 OUT ?= demo
@@ -21,8 +21,8 @@ UNPACKED = s/^Installing collected packages:.*/  now unpacking them all, which t
 .PHONY: demo test test-long lint bench docs schemas clean setup
 
 $(STAMP): pyproject.toml constraints.txt
-	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12))' || \
-	  { echo "deeptruck needs Python 3.11 or 3.12: make $(MAKECMDGOALS) PYTHON=python3.12"; exit 2; }
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' || \
+	  { echo "deeptruck needs Python 3.11, 3.12 or 3.13: make $(MAKECMDGOALS) PYTHON=python3.12"; exit 2; }
 	@echo "setting up $(VENV), some minutes the first time; large packages as they come:"
 	@$(PYTHON) -m venv $(VENV)
 	@bash -o pipefail -c '$(BIN)/pip install --no-compile --disable-pip-version-check --progress-bar off $(INDEX) \

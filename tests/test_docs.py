@@ -264,4 +264,13 @@ def test_the_readme_begins_with_two_commands() -> None:
     targets = (ROOT / "Makefile").read_text()
     for target in ("demo", "test"):
         assert re.search(rf"^    make {target}\b", head, re.M) and re.search(rf"^{target}:", targets, re.M)
-    assert sys.version_info[:2] in ((3, 11), (3, 12)) and "3.11 or 3.12" in head
+
+
+def test_the_versions_of_python_are_the_same_everywhere() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    named = [c.rpartition(" ")[2] for c in project["classifiers"] if ":: Python :: " in c]
+    first, last = (tuple(map(int, version.split("."))) for version in (named[0], named[-1]))
+    assert project["requires-python"] == f">={named[0]},<3.{last[1] + 1}"
+    assert first <= sys.version_info[:2] <= last
+    assert f"Python {named[0]} to {named[-1]}" in (ROOT / "README.md").read_text()
+    assert f"{first} <= sys.version_info[:2] <= {last}" in (ROOT / "Makefile").read_text()
