@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -240,7 +239,6 @@ def _run(
             parameters.write_file(file, sections)
             nodes = [node(name, file, ends_run=name == ends, speaks=name in SPEAKERS) for name in sections]
             programs = [*nodes[:1], *others, *nodes[1:]]
-            print(f"logs in {os.path.relpath(folder)}, ROS domain {domain}", flush=True)
             supervisor = Supervisor(
                 folder, programs, environment.ros_environment(folder, domain), lock.descriptor
             )
