@@ -1,4 +1,4 @@
-# `make demo` and `make test` need a Python 3.11 or 3.12 and nothing else; they make $(VENV) themselves.
+# `make demo` and `make test` need a Python 3.11 to 3.13 and nothing else; they make $(VENV) themselves.
 PYTHON ?= python3
 VENV ?= .venv
 OUT ?= demo
@@ -18,11 +18,11 @@ HARMLESS = ^WARNING: Location .* is ignored: it is neither a file nor a director
 # Of all that pip tells, what takes long: packages of a megabyte and more, and the end.
 SHOWN = s/^ *(Downloading|Using cached) (.*\/)?([A-Za-z0-9_.]+)-[0-9].* \(([0-9.]+ [MG]B)\).*/  \3, \4/p
 UNPACKED = s/^Installing collected packages:.*/  now unpacking them all, which takes a while without a sign/p
-.PHONY: demo test test-long lint bench docs clean setup
+.PHONY: demo test test-long lint bench docs schemas clean setup
 
 $(STAMP): pyproject.toml constraints.txt
-	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12))' || \
-	  { echo "deeptruck needs Python 3.11 or 3.12: make $(MAKECMDGOALS) PYTHON=python3.12"; exit 2; }
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' || \
+	  { echo "deeptruck needs Python 3.11, 3.12 or 3.13: make $(MAKECMDGOALS) PYTHON=python3.12"; exit 2; }
 	@echo "setting up $(VENV), some minutes the first time; large packages as they come:"
 	@$(PYTHON) -m venv $(VENV)
 	@bash -o pipefail -c '$(BIN)/pip install --no-compile --disable-pip-version-check --progress-bar off $(INDEX) \
@@ -48,6 +48,10 @@ test-long: setup
 
 bench: setup
 	for b in benchmarks/bench_*.py; do $(BIN)/python $$b || exit 1; done
+
+# The JSON Schemas in docs/schemas, by which editors check files that users write.
+schemas: setup
+	$(BIN)/python docs/schemas/generate.py
 
 # The documentation as a site, warnings as errors: build/docs/index.html.
 docs: $(VENV)/.docs

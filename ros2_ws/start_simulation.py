@@ -1,73 +1,7 @@
 #!/usr/bin/env python3
-"""Drive a simulated truck behind a leader: truck, leader, controller and recorder, each its own process."""
+"""Drive a simulated truck behind a leader: `deeptruck-simulation`, as a script of the workspace."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Annotated, Literal
-
-import typer
-from deeptruck_nodes import runs
-
-from deeptruck_model import console
-from deeptruck_model.files import OVERWRITE_HELP
-
-EXAMPLES = """
-Examples:\n
-  python ros2_ws/start_simulation.py --simulator truck:trucksim --policy baseline:acc --record drive\n
-  python ros2_ws/start_simulation.py --simulator SIM --policy POLICY --record drive --lockstep --duration 600
-  --leader sine:speed=18,amplitude=2,period=20 --road sine:grade=0.03,length=2000 --radar field\n
-Leaders: constant:speed=V, sine:speed=V,amplitude=A,period=T, steps:speeds=A/B/C,every=T,acceleration=A,
-stop:speed=V,at=T,deceleration=A,wait=T, random:low=V,high=V,acceleration=A,seed=N, recorded:path=CSV_OR_BAG\n
-Roads: flat, constant:grade=G, sine:grade=G,length=L, random:grade=G,length=L,seed=N, table:path=CSV\n
-Every parameter of every node: docs/nodes.md.
-"""
-
-
-def main(
-    simulator: Annotated[
-        str,
-        typer.Option(
-            help="Simulator directory, truck:NAME[:overrides.yaml], python:MODULE:FACTORY or fmu:MODEL.fmu."
-        ),
-    ],
-    policy: Annotated[str, typer.Option(help="Policy directory, or baseline:NAME.")],
-    record: Annotated[Path | None, typer.Option(help="Bag to record; a new folder.")] = None,
-    overwrite: Annotated[bool, typer.Option(help=OVERWRITE_HELP)] = False,
-    leader: Annotated[
-        str, typer.Option(help="What the vehicle ahead does, see below.")
-    ] = "constant:speed=20",
-    radar: Annotated[
-        Literal["clean", "noisy", "field"],
-        typer.Option(help="field adds the lane-change jump of the paper's field run at 63 s."),
-    ] = "noisy",
-    road: Annotated[str, typer.Option(help="The grade ahead, see below.")] = "flat",
-    initial_speed: Annotated[float, typer.Option(help="Of the truck, m/s.")] = 20.0,
-    initial_gap: Annotated[float, typer.Option(help="m; 0: a time gap of 2 s.")] = 0.0,
-    time_gap: Annotated[float, typer.Option(help="To hold, s.")] = 2.0,
-    duration: Annotated[float, typer.Option(help="Simulated time, s; 0: until Ctrl-C.")] = 0.0,
-    lockstep: Annotated[bool, typer.Option("--lockstep", help="As fast as it goes, repeatable.")] = False,
-    rate: Annotated[float, typer.Option(help="Publishing rate in real time, Hz.")] = 10.0,
-    seed: Annotated[int, typer.Option(help="Of the radar's errors.")] = 0,
-    monitor: Annotated[
-        str, typer.Option(help="Simulator to compare the truck with while it drives: /mismatch/residual.")
-    ] = "",
-    parameters: Annotated[Path | None, typer.Option(help="Parameter file; wins over the options.")] = None,
-    run_folders: Annotated[Path, typer.Option("--runs", help="Where the folder of this run goes.")] = Path(
-        "runs"
-    ),
-) -> None:
-    """Drive a simulated truck behind a leader, in real time or lock-step. Ctrl-C ends everything in order."""
-    given = {
-        "leader": {"profile": leader, "initial_gap": initial_gap, "seed": seed, **runs.RADARS[radar]},
-        "controller": {"target_time_gap": time_gap},
-        "truck_sim": {"rate_hz": rate, "initial_speed": initial_speed, "road": road, "duration_s": duration},
-    }
-    common = runs.Common(record, overwrite, parameters, run_folders, monitor)
-    raise typer.Exit(runs.simulate(common, given, policy=policy, simulator=simulator, lockstep=lockstep))
-
+from deeptruck_nodes.start_simulation import start
 
 if __name__ == "__main__":
-    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-    app.command(epilog=EXAMPLES)(main)
-    console.run(app, "start_simulation")
+    start("start_simulation")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import importlib
 import importlib.util
 import re
 import shlex
@@ -26,7 +27,7 @@ from deeptruck_model.cli import data, deep, mismatch, simulators, spread
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
-TYPER = r"(deeptruck-model|deeptruck-cacc|truck-bridge|python (ros2_ws|examples|demo)\S*) \S"
+TYPER = r"(deeptruck-[a-z]+|truck-bridge|python (ros2_ws|examples|demo)\S*) \S"
 SCRIPT = r"python (-m \S+|(benchmarks|tests)/\S+\.py)"  # with argparse, or with options written out
 OTHERS = r"make \w+|\. \S+/activate$|#|$"
 RUN_HERE = [DOCS / "tutorial.md", DOCS / "cacc.md"]
@@ -52,8 +53,15 @@ def shell_lines(page: Path) -> list[str]:
     return [line for block in blocks(page, "bash") for line in block.replace("\\\n", " ").splitlines()]
 
 
+def started() -> dict[str, str]:
+    """The modules behind the console scripts that start nodes, by the scripts' names."""
+    scripts = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
+    places = {program: target.partition(":")[0] for program, target in scripts.items()}
+    return {program: place for program, place in places.items() if place.startswith("deeptruck_nodes.")}
+
+
 def script(path: Path) -> ModuleType:
-    """A start script as a module."""
+    """A script as a module."""
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -72,11 +80,11 @@ def programs() -> dict[str, typer.Typer]:
         "deeptruck-cacc": deeptruck_cacc.cli.app,
         "truck-bridge": truck_bridge.cli.app,
     }
-    for path in [
-        *(ROOT / "ros2_ws").glob("*.py"),
-        *(ROOT / "examples" / "demo").glob("*.py"),
-        ROOT / "demo.py",
-    ]:
+    for program, place in started().items():
+        app = typer.Typer()
+        app.command()(importlib.import_module(place).main)
+        known[program] = known[f"ros2_ws/{place.rpartition('.')[2]}.py"] = app
+    for path in [*(ROOT / "examples" / "demo").glob("*.py"), ROOT / "demo.py"]:
         text = path.read_text()
         if "def main(" in text:
             app = typer.Typer()
@@ -256,4 +264,13 @@ def test_the_readme_begins_with_two_commands() -> None:
     targets = (ROOT / "Makefile").read_text()
     for target in ("demo", "test"):
         assert re.search(rf"^    make {target}\b", head, re.M) and re.search(rf"^{target}:", targets, re.M)
-    assert sys.version_info[:2] in ((3, 11), (3, 12)) and "3.11 or 3.12" in head
+
+
+def test_the_versions_of_python_are_the_same_everywhere() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    named = [c.rpartition(" ")[2] for c in project["classifiers"] if ":: Python :: " in c]
+    first, last = (tuple(map(int, version.split("."))) for version in (named[0], named[-1]))
+    assert project["requires-python"] == f">={named[0]},<3.{last[1] + 1}"
+    assert first <= sys.version_info[:2] <= last
+    assert f"Python {named[0]} to {named[-1]}" in (ROOT / "README.md").read_text()
+    assert f"{first} <= sys.version_info[:2] <= {last}" in (ROOT / "Makefile").read_text()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -19,28 +20,28 @@ EXTRAS = {
     "cacc": ("gymnasium", "stable_baselines3", "sb3_contrib", "osqp"),
     "can": ("can", "cantools"),
     "formula": ("pyoperon", "sympy"),
+    "ros": ("rclpy",),
 }
 MODULES = [module for modules in EXTRAS.values() for module in modules]
-SLIM = f"""
-import importlib.util, sys
-HIDDEN = {MODULES!r}
+SLIM = """
+import importlib, importlib.util, sys
+HIDDEN = sys.argv.pop(1).split(",")
 class Absent:
     def find_spec(self, name, path=None, target=None):
         if name.partition(".")[0] in HIDDEN:
-            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 sys.meta_path.insert(0, Absent())
 real = importlib.util.find_spec
 importlib.util.find_spec = lambda name, *more: None if name in HIDDEN else real(name, *more)
-program, sys.argv = sys.argv[1], sys.argv[1:]
-from importlib.metadata import entry_points
-(one,) = entry_points(group="console_scripts", name=program)
-one.load()()
+(module, function), sys.argv = sys.argv[1].split(":"), sys.argv[2:]
+getattr(importlib.import_module(module), function)()
 """
 
 
-def slim(*words: str | Path) -> subprocess.CompletedProcess[str]:
-    """A command of an installation without extras."""
-    command = [sys.executable, "-c", SLIM, *map(str, words)]
+def slim(*words: str | Path, without: Sequence[str] = MODULES) -> subprocess.CompletedProcess[str]:
+    """A command of an installation without extras, or without these modules."""
+    target = PROJECT["scripts"][words[0]]
+    command = [sys.executable, "-c", SLIM, ",".join(without), target, *map(str, words)]
     return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
 
 
@@ -89,6 +90,23 @@ def test_what_needs_an_extra_names_it(
     (line,) = done.stderr.splitlines()
     assert line.endswith(f"is not installed; pip install 'deeptruck[{extra}]'") and library in line
     assert not list(tmp_path.glob("out*"))
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("deeptruck-simulation", "--simulator", "truck:trucksim", "--policy", "baseline:acc"),
+        ("deeptruck-replay", "{bag}"),
+    ],
+)
+def test_a_run_without_ros_names_its_extra(words: tuple[str, ...], bag: Path, tmp_path: Path) -> None:
+    runs = tmp_path / "runs"
+    called = [word.format(bag=bag) for word in words]
+    done = slim(*called, "--record", tmp_path / "drive", "--runs", runs, without=EXTRAS["ros"])
+    assert done.returncode == 2
+    says = "rclpy is not installed; pip install 'deeptruck[ros]', or source a ROS 2 Jazzy"
+    assert done.stderr == f"{words[0]}: {says}\n"
+    assert not list(tmp_path.iterdir())
 
 
 def test_every_extra_is_in_all() -> None:

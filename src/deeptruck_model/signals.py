@@ -105,6 +105,13 @@ class TruckInterface:
         """Names of the responses, in column order: acceleration, speed and, where measured, fuel rate."""
         return ("acceleration", "speed", "fuel_rate") if self.fuel else ("acceleration", "speed")
 
+    @property
+    def summary(self) -> str:
+        """Its name, the units of its commands, and what else it has, in a few words."""
+        commands = (self.engine_unit, self.brake_unit or "no brake")
+        also = (name for name, there in (("grade", self.grade), ("fuel", self.fuel)) if there)
+        return f"{self.name} ({', '.join((*commands, *also))})"
+
     def unit(self, channel: str) -> str:
         """Unit of a channel on this truck. Raises InputError for a name that is not in CHANNELS."""
         if channel not in CHANNELS:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
+import importlib
 import subprocess
 import sys
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from deeptruck_nodes import bag_place, leaders, runs
+from deeptruck_nodes import bag_place, leaders, runs, start_simulation
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import CrashSafeWriter
@@ -20,11 +20,7 @@ SCRIPTS = Path(__file__).parents[2] / "ros2_ws"
 
 def script(name: str) -> Callable[..., None]:
     """The function behind a start script."""
-    spec = importlib.util.spec_from_file_location(name, SCRIPTS / f"{name}.py")
-    assert spec and spec.loader
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    main: Callable[..., None] = module.main
+    main: Callable[..., None] = importlib.import_module(f"deeptruck_nodes.{name}").main
     return main
 
 
@@ -176,6 +172,5 @@ def test_the_field_radar_jumps_when_the_paper_says() -> None:
 
 
 def test_the_leaders_of_the_help_text_exist() -> None:
-    help_text = (SCRIPTS / "start_simulation.py").read_text()
     for kind in leaders.KINDS:
-        assert f"{kind}:" in help_text
+        assert f"{kind}:" in start_simulation.EXAMPLES

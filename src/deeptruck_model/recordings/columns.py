@@ -19,14 +19,29 @@ from deeptruck_model.signals import CHANNELS
 TIME_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 DATE_UNITS = ("iso", "iso8601", "datetime")
 
-_TOP = {
-    *("time", "delimiter", "encoding", "skip_rows", "decimal", "split_at", "channels", "conceal"),
-    *("name", "grade_window_m"),
+KEYS = {
+    "name": "of the truck interface; the file's name where absent",
+    "time": "the column with the time and its unit, or rate_hz where the file has no clock",
+    "channels": "what each column means; speed is needed, all others are optional",
+    "delimiter": "one character between the cells; a comma where absent",
+    "encoding": "of the text; utf-8 where absent",
+    "skip_rows": "lines before the header",
+    "decimal": "the decimal mark; a point where absent",
+    "split_at": "steps in SI units; a larger jump starts a new piece",
+    "conceal": "channels that go into BAG.sealed.csv only, never into the bag",
+    "grade_window_m": "smoothing of a grade derived from elevation, m",
 }
-_ENTRY = {"column", "unit", "density", "scale", "offset", "late_s"}
+ENTRY_KEYS = {
+    "column": "its name in the header",
+    "unit": "what it is written in",
+    "density": "of the fuel, in g/cm3 or kg/m3, where its rate is by mass",
+    "scale": "factor before the unit is converted",
+    "offset": "added after the factor, before the unit is converted",
+    "late_s": "how late it is stamped, s; negative: how early",
+}
 FASTEST_HZ = 5000.0  # of a table without a clock
 LATEST_S = 10.0  # later than this a column is not late but of another drive
-_SPLITS = {"speed_step": "speed", "elevation_step": "elevation"}
+SPLITS = {"speed_step": "speed", "elevation_step": "elevation"}
 
 
 @dataclass(frozen=True)
@@ -68,7 +83,7 @@ def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
         with reading.of(columns):
             return load_columns(data)
     data = dict(columns)
-    _known(data, _TOP, "COLUMNS")
+    _known(data, set(KEYS), "COLUMNS")
     channels = data.get("channels")
     if not isinstance(channels, Mapping) or "speed" not in channels:
         raise InputError("COLUMNS needs 'channels' with at least 'speed: {column: ..., unit: m/s}'")
@@ -108,7 +123,9 @@ def _column(channel: str, entry: Any, notes: list[str]) -> Column:
     if channel not in CHANNELS:
         raise InputError(f"unknown channel '{channel}' in COLUMNS; known: {', '.join(CHANNELS)}")
     if isinstance(entry, Mapping):
-        _known(entry, _ENTRY, f"channel '{channel}'")  # first: a misspelt key is what makes another missing
+        _known(
+            entry, set(ENTRY_KEYS), f"channel '{channel}'"
+        )  # first: a misspelt key is what makes another missing
     if not isinstance(entry, Mapping) or "column" not in entry:
         raise InputError(f"channel '{channel}' needs a column, as in {{column: v, unit: m/s}}")
     unit = entry.get("unit")
@@ -155,13 +172,13 @@ def _rows(value: Any) -> int:
 def _splits(entry: Any, channels: Mapping[str, Column]) -> dict[str, float]:
     if not isinstance(entry, Mapping):
         raise InputError("split_at needs steps, as in {speed_step: 2.5, elevation_step: 4.0}")
-    _known(entry, set(_SPLITS), "split_at")
-    for step, channel in _SPLITS.items():
+    _known(entry, set(SPLITS), "split_at")
+    for step, channel in SPLITS.items():
         if step in entry and channel not in channels:
             raise InputError(f"split_at has {step}, but no column is named for '{channel}'")
         if step in entry and not number(entry, step, 0.0, "split_at") > 0:
             raise InputError(f"{step} of split_at must be positive")
-    return {_SPLITS[step]: float(entry[step]) for step in entry}
+    return {SPLITS[step]: float(entry[step]) for step in entry}
 
 
 def _conceal(entry: Any, channels: Mapping[str, Column]) -> tuple[str, ...]:

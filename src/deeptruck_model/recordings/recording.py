@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +11,13 @@ from numpy.typing import NDArray
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Recording:
     """One contiguous drive. Every channel has shape (n,); NaN marks an invalid or missing sample.
 
@@ -31,6 +35,11 @@ class Recording:
 
     def __len__(self) -> int:
         return len(self.channels["speed"])
+
+    def __repr__(self) -> str:
+        """What it is, in a line: a notebook shows many of them."""
+        length = f"{self.dt * len(self):.1f} s at {1 / self.dt:g} Hz"
+        return f"<Recording {self.name!r}: {length}; {', '.join(self.channels)}; {self.interface.summary}>"
 
     @property
     def time(self) -> Array:
@@ -60,6 +69,18 @@ class Recording:
     def y(self) -> Array:
         """Responses (n, n_y)."""
         return self.columns(self.interface.y)
+
+    def plot(self, *names: str) -> Figure:
+        """A figure of the named channels over time, of all without names; `.savefig(path)` writes it.
+
+        Raises InputError for a channel that is not there.
+        """
+        from deeptruck_model.recordings.recording_figure import Row, draw
+
+        names = names or tuple(self.channels)
+        units = (self.interface.unit(name) for name in names)
+        rows = [Row(*row) for row in zip(names, units, self.columns(names).T, strict=True)]
+        return draw(f"{self.name}, {self.interface.summary}", self.time, rows)
 
     def piece(self, start: int, stop: int) -> Recording:
         """Samples start..stop as a recording of its own."""

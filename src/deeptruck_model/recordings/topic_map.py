@@ -42,7 +42,15 @@ DEFAULT_TOPICS: dict[str, Source] = {
 
 TopicMap = Mapping[str, Any]
 NO_SPEED = "the topic map has no 'speed'; a recording needs at least that channel"
-_LARGEST = 1e12  # of a factor, an offset or a time in a YAML file
+ENTRY_KEYS = {
+    "topic": "its name in the bag",
+    "field": "path into the message; data[3] is an element, position[name=gear] the value beside that name",
+    "unit": "what it is written in; ours where absent",
+    "scale": "factor before the unit is converted",
+    "offset": "added after the factor, before the unit is converted",
+    "density": "of the fuel, in g/cm3 or kg/m3, where its rate is by mass",
+}
+LARGEST = 1e12  # of a factor, an offset or a time in a YAML file
 
 
 def load(topic_map: TopicMap | str | Path) -> dict[str, Source]:
@@ -90,7 +98,7 @@ def _source(channel: str, entry: Any) -> Source:
         raise InputError(f"unknown channel '{channel}' in the topic map; known: {', '.join(CHANNELS)}")
     if not isinstance(entry, Mapping) or not {"topic", "field"} <= set(entry):
         raise InputError(f"topic map: '{channel}' needs topic and field, as in {{topic: /odom, field: data}}")
-    unknown = set(entry) - {"topic", "field", "unit", "scale", "offset", "density"}
+    unknown = set(entry) - set(ENTRY_KEYS)
     if unknown:
         raise InputError(f"topic map: '{channel}' has unknown keys: {', '.join(sorted(map(str, unknown)))}")
     unit = entry.get("unit")
@@ -106,8 +114,8 @@ def number(entry: Mapping[str, Any], key: str, default: float, where: str) -> fl
     value = entry.get(key, default)
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise InputError(f"{key} of '{where}' must be a number, not {value!r}")
-    if _LARGEST < abs(value) < math.inf:  # an integer may have a thousand digits
+    if LARGEST < abs(value) < math.inf:  # an integer may have a thousand digits
         raise InputError(
-            f"{key} of '{where}' must be a number of at most {_LARGEST:g}, not {str(value)[:20]}..."
+            f"{key} of '{where}' must be a number of at most {LARGEST:g}, not {str(value)[:20]}..."
         )
     return float(value)

@@ -145,7 +145,7 @@ def conversion(channel: str, unit: str | None, density: float | None = None) -> 
     """
     if channel not in CHANNELS:
         raise InputError(f"unknown channel '{channel}'; known: {', '.join(CHANNELS)}")
-    candidates = _candidates(channel)
+    candidates = canonical_units(channel)
     if unit is None:
         if len(candidates) > 1:
             raise InputError(f"channel '{channel}' needs a unit: one of {', '.join(candidates)}")
@@ -165,7 +165,7 @@ def conversion(channel: str, unit: str | None, density: float | None = None) -> 
 
 def known_units(channel: str) -> list[str]:
     """Every spelling understood for a channel."""
-    spellings = [name for unit in _candidates(channel) for name in _LINEAR[unit] if name]
+    spellings = [name for unit in canonical_units(channel) for name in _LINEAR[unit] if name]
     if channel == "grade":
         spellings += list(_ANGLES)
     if channel == "fuel_rate":
@@ -173,7 +173,8 @@ def known_units(channel: str) -> list[str]:
     return spellings
 
 
-def _candidates(channel: str) -> tuple[str, ...]:
+def canonical_units(channel: str) -> tuple[str, ...]:
+    """Ours for a channel; several where the truck interface says which."""
     if channel == "engine_command":
         return ENGINE_UNITS
     return BRAKE_UNITS if channel == "brake_command" else (CHANNELS[channel].unit,)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-import numba
+from deeptruck_model.compiler import numba
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import fields
 from importlib import resources
 from itertools import pairwise
 from pathlib import Path
@@ -80,7 +79,7 @@ def _build(data: dict[str, Any], codec: Codec) -> Vehicle:
         override=tuple((name, float(value)) for name, value in data["driver"].items()),
         forbidden=tuple((name, float(value)) for name, value in data["forbidden"].items()),
         driveline=_driveline(data.get("driveline")),
-        timing=_timing(data.get("timing", {})),
+        timing=Timing(**data.get("timing", {})),
         engage_speed=_pair("engage.speed", data["engage"]["speed"]),
         needs_lead=data["engage"]["needs_lead"],
     )
@@ -174,14 +173,6 @@ def _pair(key: str, values: list[float]) -> tuple[float, float]:
     if len(values) != 2 or values[0] > values[1]:
         raise InputError(f"{key} needs two numbers, the lower first, not {values}")
     return values[0], values[1]
-
-
-def _timing(spec: dict[str, float]) -> Timing:
-    known = [field.name for field in fields(Timing)]
-    for key in spec:
-        if key not in known:
-            raise InputError(f"timing: unknown key '{key}'; known: {', '.join(known)}")
-    return Timing(**spec)  # type: ignore[arg-type]
 
 
 def _heard(key: str, spec: dict[str, Any], data: dict[str, Any], codec: Codec) -> Heard:

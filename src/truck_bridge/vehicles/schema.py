@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import difflib
+from dataclasses import fields
 from typing import Any
 
 from truck_bridge.errors import InputError
 from truck_bridge.j1939 import checksums, diagnostics
+from truck_bridge.safety import Timing
 
 
 class Optional:
@@ -105,8 +107,37 @@ VEHICLE: dict[str, Any] = {
     "forbidden": MapOf(ANY),
     "faults": Optional(FAULTS),
     "engage": {"speed": [ANY], "needs_lead": bool},
-    "timing": Optional(MapOf(SECONDS)),
+    "timing": Optional({field.name: Optional(SECONDS) for field in fields(Timing)}),
 }
+_PLAIN = {str: "string", bool: "boolean"}
+
+
+def for_editors() -> dict[str, Any]:
+    """The same as a JSON Schema, by which editors check and complete a vehicle file while it is written.
+
+    What needs more than one place of a file, such as an address that nobody has, `load` alone says.
+    """
+    return {"$schema": "http://json-schema.org/draft-07/schema#", "title": "vehicle file", **_schema(VEHICLE)}
+
+
+def _schema(spec: Any) -> dict[str, Any]:
+    if isinstance(spec, dict):
+        required = [key for key, inner in spec.items() if not isinstance(inner, Optional)]
+        properties = {key: _schema(inner) for key, inner in spec.items()}
+        found = {"type": "object", "properties": properties, "additionalProperties": False}
+        return {**found, "required": required} if required else found
+    if isinstance(spec, Optional):
+        return _schema(spec.spec)
+    if isinstance(spec, MapOf):
+        return {"type": "object", "additionalProperties": _schema(spec.spec)}
+    if isinstance(spec, list):
+        return {"type": "array", "items": _schema(spec[0])}
+    if isinstance(spec, OneOf):
+        return {"enum": list(spec.values)}
+    if isinstance(spec, Number):
+        kind = "integer" if isinstance(spec, Whole) else "number"
+        return {"type": kind, "minimum": spec.low, "maximum": spec.high}
+    return {"type": _PLAIN[spec]}
 
 
 def check(value: Any, spec: Any, where: str) -> None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-from deeptruck_model import checks
+from deeptruck_model import checks, console
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 from deeptruck_nodes import parameters
@@ -34,6 +35,13 @@ class Misfits:
         """A look at the parameters of a node, where there is one and they are within their ranges."""
         if name in sections and not parameters.misfits(name, sections[name]):
             self.of(lambda: look(parameters.checked(name, sections[name])))
+
+
+def ros_is_installed() -> None:
+    """Raises InputError where the nodes' client library is missing: an installation without its extra."""
+    if importlib.util.find_spec("rclpy") is None:
+        missing = console.MISSING.format(name="rclpy", extra="ros")
+        raise InputError(f"{missing}, or source a ROS 2 Jazzy")
 
 
 def policy_fits(policy: str, truck: TruckInterface | None) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -211,6 +210,7 @@ def _checked(misfits: Misfits, common: Common, sections: Sections, lockstep: boo
         values.update(lockstep=lockstep, peers=[peer for peer in sections if peer != name])
         misfits.found += parameters.misfits(name, values)
     domain = misfits.of(environment.domain_id)
+    misfits.of(run_checks.ros_is_installed)
     misfits.of(lambda: bag_place.check(common.record, common.overwrite))
     misfits.of(lambda: bag_place.check_logs(common.record, common.runs))
     checks.refuse(misfits.found)
@@ -240,7 +240,6 @@ def _run(
             parameters.write_file(file, sections)
             nodes = [node(name, file, ends_run=name == ends, speaks=name in SPEAKERS) for name in sections]
             programs = [*nodes[:1], *others, *nodes[1:]]
-            print(f"logs in {os.path.relpath(folder)}, ROS domain {domain}", flush=True)
             supervisor = Supervisor(
                 folder, programs, environment.ros_environment(folder, domain), lock.descriptor
             )

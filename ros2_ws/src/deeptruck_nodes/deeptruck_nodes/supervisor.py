@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
+from deeptruck_nodes.environment import DOMAIN
 from deeptruck_nodes.lifeline import VARIABLE, LifelineHolder
 
 POLL = 0.05  # s
@@ -82,7 +83,9 @@ class Supervisor:
         Returns the exit code: 0 after a wanted end, 2 where a program refused its input, else 1.
         """
         before = {number: signal.signal(number, self._on_signal) for number in _ends()}
-        try:
+        try:  # from its first word on a run ends as one that was asked to
+            domain = self._environment[DOMAIN]
+            print(f"logs in {os.path.relpath(self._folder)}, ROS domain {domain}", flush=True)
             for program in self._programs:
                 self._children.append(self._start(program))
             code = self._until_ready()

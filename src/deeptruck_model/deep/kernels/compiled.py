@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from deeptruck_model.compiler import numba
 
 FloatArray = NDArray[np.float32]
 

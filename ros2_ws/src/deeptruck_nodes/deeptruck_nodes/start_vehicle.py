@@ -1,0 +1,112 @@
+"""Drive a truck over CAN: can_bridge, controller and recorder, on a real bus or before an ECU emulator."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+
+from deeptruck_model import console
+from deeptruck_model.files import OVERWRITE_HELP
+from deeptruck_nodes import runs
+
+EXAMPLES = """
+Examples:\n
+  deeptruck-vehicle --vehicle trucksim --policy baseline:acc --emulator --engage\n
+  deeptruck-vehicle --vehicle volvo --policy POLICY --interface socketcan --channel can0\n
+Without --engage the bridge listens until a person calls the service /can_bridge/engage (std_srvs/Trigger).\n
+Every parameter of every node: docs/nodes.md.
+"""
+
+
+# The truck and its bus
+Vehicle = Annotated[str, typer.Option(help="trucksim, freightliner, volvo or a YAML file.")]
+Interface = Annotated[str, typer.Option(help="python-can interface: socketcan, udp_multicast, loopback, ...")]
+Channel = Annotated[str, typer.Option(help="Channel of the interface.")]
+Engage = Annotated[
+    bool, typer.Option("--engage", help="A person asks for control as soon as the conditions hold.")
+]
+NoLoad = Annotated[
+    bool, typer.Option("--no-load", help="Send nothing; /diagnostics shows what would be sent.")
+]
+# The emulated truck and its road
+Emulator = Annotated[
+    bool, typer.Option("--emulator", help="Put the ECU emulator and a simulated leader behind the bus.")
+]
+InitialSpeed = Annotated[float, typer.Option(help="Of the emulated truck, m/s.", min=0.0, max=50.0)]
+Grade = Annotated[str, typer.Option(help="Of the emulated road: rise/run, or a CSV distance,grade.")]
+# Who drives, and behind whom
+Policy = Annotated[str, typer.Option(help="Policy directory, or baseline:NAME.")]
+TimeGap = Annotated[float, typer.Option(help="To hold, s.")]
+Leader = Annotated[
+    str | None,
+    typer.Option(help="Simulated vehicle ahead, as in deeptruck-simulation; else the truck's radar."),
+]
+Radar = Annotated[Literal["clean", "noisy", "field"], typer.Option(help="Errors of the simulated radar.")]
+InitialGap = Annotated[float, typer.Option(help="m; 0: a time gap of 2 s.")]
+Seed = Annotated[int, typer.Option(help="Of the radar's errors.")]
+# The run
+Record = Annotated[Path | None, typer.Option(help="Bag to record; a new folder.")]
+Overwrite = Annotated[bool, typer.Option(help=OVERWRITE_HELP)]
+Duration = Annotated[float, typer.Option(help="s; 0: until Ctrl-C.", min=0.0)]
+Monitor = Annotated[
+    str, typer.Option(help="Simulator to compare the truck with while it drives: /mismatch/residual.")
+]
+Parameters = Annotated[Path | None, typer.Option(help="Parameter file; wins over the options.")]
+RunFolders = Annotated[Path, typer.Option("--runs", help="Where the folder of this run goes.")]
+
+
+def main(
+    vehicle: Vehicle,
+    policy: Policy,
+    interface: Interface = "loopback",
+    channel: Channel = "deeptruck",
+    record: Record = None,
+    overwrite: Overwrite = False,
+    emulator: Emulator = False,
+    leader: Leader = None,
+    radar: Radar = "noisy",
+    initial_speed: InitialSpeed = 20.0,
+    initial_gap: InitialGap = 0.0,
+    grade: Grade = "0",
+    time_gap: TimeGap = 2.0,
+    engage: Engage = False,
+    no_load: NoLoad = False,
+    duration: Duration = 0.0,
+    seed: Seed = 0,
+    monitor: Monitor = "",
+    parameters: Parameters = None,
+    run_folders: RunFolders = Path("runs"),
+) -> None:
+    """Drive a truck over CAN with the simulation's nodes. Ctrl-C hands control back and ends in order."""
+    bridge = {
+        "vehicle": vehicle,
+        "interface": interface,
+        "channel": channel,
+        "engage": engage,
+        "no_load": no_load,
+    }
+    given: dict[str, dict[str, Any]] = {"can_bridge": bridge, "controller": {"target_time_gap": time_gap}}
+    if leader is not None or emulator:
+        profile = {"profile": leader or "constant:speed=20", "initial_gap": initial_gap, "seed": seed}
+        given["leader"] = {**profile, **runs.RADARS[radar]}
+    common = runs.Common(record, overwrite, parameters, run_folders, monitor)
+    raise typer.Exit(
+        runs.drive_vehicle(
+            common,
+            given,
+            policy=policy,
+            emulate=emulator,
+            speed=initial_speed,
+            grade=grade,
+            duration=duration,
+        )
+    )
+
+
+def start(program: str = "deeptruck-vehicle") -> None:
+    """The console script; a script of the workspace calls itself otherwise."""
+    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    app.command(epilog=EXAMPLES)(main)
+    console.run(app, program)

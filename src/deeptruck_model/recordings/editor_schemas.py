@@ -1,0 +1,104 @@
+"""JSON Schemas of COLUMNS.yaml and of topic maps, by which editors check and complete them.
+
+Made of the definitions that the checks go by. What needs more than one place of a file, such as a concealed
+channel that has no column, the checks alone say.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from deeptruck_model.recordings import columns, topic_map
+from deeptruck_model.recordings.units import canonical_units, known_units
+from deeptruck_model.signals import CHANNELS
+
+Schema = dict[str, Any]
+
+DRAFT = "http://json-schema.org/draft-07/schema#"  # the one that editors know best
+_POWERS = {"^2": r"(?:(?:\^|\*\*)[ ·]*2|²)", "^3": r"(?:(?:\^|\*\*)[ ·]*3|³)"}
+_TEXT: Schema = {"type": "string"}
+_NAME: Schema = {"type": ["string", "number"]}
+_NUMBER: Schema = {"type": "number", "minimum": -topic_map.LARGEST, "maximum": topic_map.LARGEST}
+_POSITIVE: Schema = {"type": "number", "exclusiveMinimum": 0, "maximum": topic_map.LARGEST}
+_KINDS: dict[str, Schema] = {
+    "column": _NAME,
+    "topic": _TEXT,
+    "field": _TEXT,
+    "scale": {**_NUMBER, "not": {"const": 0}},
+    "offset": _NUMBER,
+    "late_s": {"type": "number", "minimum": -columns.LATEST_S, "maximum": columns.LATEST_S},
+    "density": {"anyOf": [{"type": "number", "minimum": m, "maximum": 10 * m} for m in (0.3, 300.0)]},
+}
+
+
+def of_columns() -> Schema:
+    """COLUMNS.yaml of a table."""
+    concealed = {"enum": [channel for channel in CHANNELS if channel != "speed"]}
+    kinds = {
+        "name": _NAME,
+        "time": {"anyOf": _times()},
+        "channels": _channels(columns.ENTRY_KEYS, ["column"], unit=True),
+        "delimiter": {**_TEXT, "minLength": 1, "maxLength": 1},
+        "encoding": _TEXT,
+        "skip_rows": {"type": "integer", "minimum": 0},
+        "decimal": _TEXT,
+        "split_at": _mapping(dict.fromkeys(columns.SPLITS, _POSITIVE)),
+        "conceal": {"anyOf": [{"type": "array", "items": concealed}, concealed]},
+        "grade_window_m": _POSITIVE,
+    }
+    described = {key: {**kinds[key], "description": meaning} for key, meaning in columns.KEYS.items()}
+    return {"$schema": DRAFT, "title": "columns of a table", **_mapping(described, ["time", "channels"])}
+
+
+def of_topics() -> Schema:
+    """A topic map."""
+    channels = _channels(topic_map.ENTRY_KEYS, ["topic", "field"], unit=False)
+    return {"$schema": DRAFT, "title": "topic map of a bag", **channels}
+
+
+def _times() -> list[Schema]:
+    units = {"enum": [*columns.TIME_UNITS, *columns.DATE_UNITS]}
+    rate = {**_POSITIVE, "maximum": columns.FASTEST_HZ}
+    return [_mapping({"column": _NAME, "unit": units}, ["column"]), _mapping({"rate_hz": rate}, ["rate_hz"])]
+
+
+def _channels(keys: dict[str, str], required: list[str], *, unit: bool) -> Schema:
+    """Entries by channel; with `unit` each but those without dimension must say theirs."""
+    entries = {}
+    for channel, of_it in CHANNELS.items():
+        needed = [*required, "unit"] if unit and of_it.unit != "1" else required
+        says = f"{of_it.meaning}, {' or '.join(canonical_units(channel))}"
+        entries[channel] = {**_mapping(_entry(channel, keys), needed), "description": says}
+    return _mapping(entries, ["speed"])
+
+
+def _mapping(properties: Schema, required: list[str] | None = None) -> Schema:
+    found = {"type": "object", "properties": properties, "additionalProperties": False}
+    return {**found, "required": required} if required else found
+
+
+def _entry(channel: str, keys: dict[str, str]) -> Schema:
+    """What a file may say of one channel; a density only of fuel, as of others nobody reads it."""
+    kinds = {**_KINDS, "unit": _unit(channel)}
+    mine = [key for key in keys if key != "density" or channel == "fuel_rate"]
+    return {key: {**kinds[key], "description": keys[key]} for key in mine}
+
+
+def _unit(channel: str) -> Schema:
+    """The units of a channel to choose from, in any spelling that is understood."""
+    spellings = known_units(channel)
+    shown = dict.fromkeys((*canonical_units(channel), *spellings))
+    one = [1] if "1" in spellings else []  # as YAML reads it
+    return {"anyOf": [{"enum": [*shown, *one]}, {**_TEXT, "pattern": _any_spelling(spellings)}]}
+
+
+def _any_spelling(spellings: list[str]) -> str:
+    """A regular expression: case, blanks, dots between the parts and brackets around them do not count."""
+    parts = (re.findall(r"\^[23]|.", spelling) for spelling in spellings)
+    alike = "|".join("[ ·]*".join(_POWERS.get(part) or _letter(part) for part in word) for word in parts)
+    return rf"^[\[\]()\s·]*(?:{alike})[\[\]()\s·]*$"
+
+
+def _letter(part: str) -> str:
+    return f"[{part}{part.upper()}]" if part.isalpha() else re.escape(part).replace(r"\-", "-")

@@ -1,0 +1,158 @@
+"""The wheel holds all that the source has, and its commands run where the source is not."""
+
+from __future__ import annotations
+
+import math
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tomllib
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+NODES = Path("ros2_ws/src/deeptruck_nodes")
+PACKAGES = {"deeptruck_model", "deeptruck_exam", "deeptruck_cacc", "truck_bridge", "deeptruck_nodes"}
+SCRIPTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
+LEFTOVERS = ("__pycache__", "*.egg-info", "build")
+COLUMNS = """
+time: {column: t, unit: s}
+channels:
+  speed: {column: v, unit: m/s}
+  engine_command: {column: torque, unit: N m}
+  brake_command: {column: brake, unit: percent}
+"""
+DRIVE = """
+from deeptruck_model import driving_cycles, recordings, trucks
+drive = driving_cycles.drive(trucks.load("trucksim"), seconds=60.0, seed=1, name="drive")
+recordings.write_bag("drive", [drive], interface=drive.interface)
+"""
+
+Call = Callable[..., subprocess.CompletedProcess[str]]
+
+
+def call(*words: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """A command in a folder, by which no package of ours is found."""
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    command = list(map(str, words))
+    return subprocess.run(
+        command, cwd=cwd, env=environment, capture_output=True, text=True, check=False, timeout=250
+    )
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Built by pip, offline, from a copy: setuptools leaves folders beside what it builds."""
+    source, out = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("wheel")
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, source)
+    for folder in ("src", NODES):
+        shutil.copytree(ROOT / folder, source / folder, ignore=shutil.ignore_patterns(*LEFTOVERS))
+    build = (sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "--no-index")
+    built = call(*build, "-w", out, source, cwd=out)
+    assert built.returncode == 0, built.stderr
+    (found,) = out.iterdir()
+    return found
+
+
+@pytest.fixture(scope="module")
+def programs(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the programs of a fresh environment are: it has the wheel, and the libraries of this one."""
+    place = tmp_path_factory.mktemp("environment")
+    made = call(sys.executable, "-m", "venv", "--without-pip", place, cwd=place)
+    assert made.returncode == 0, made.stderr
+    libraries = sysconfig.get_path("purelib")
+    inside = sysconfig.get_path("purelib", vars={"base": str(place)})
+    Path(inside, "libraries.pth").write_text(f"{libraries}\n")  # its own .pth files, as of `-e`, do not count
+    install = (sys.executable, "-m", "pip", "--python", place / "bin" / "python", "install")
+    options = ("-q", "--no-deps", "--no-index", "--no-compile", "--ignore-installed")
+    installed = call(*install, *options, wheel, cwd=place)
+    assert installed.returncode == 0, installed.stderr
+    return place / "bin"
+
+
+@pytest.fixture
+def run(programs: Path, tmp_path: Path) -> Call:
+    """A program of the fresh environment, in an empty folder."""
+    return lambda program, *words: call(programs / program, *words, cwd=tmp_path)
+
+
+def files(source: Path) -> set[str]:
+    """Paths of all files of our packages below a source folder, but for byte code."""
+    found = [path for name in PACKAGES for path in (source / name).rglob("*") if path.is_file()]
+    return {path.relative_to(source).as_posix() for path in found if "__pycache__" not in path.parts}
+
+
+def test_the_wheel_holds_every_file_and_no_other(wheel: Path) -> None:
+    inside = zipfile.ZipFile(wheel)
+    packed = {name for name in inside.namelist() if ".dist-info/" not in name}
+    assert packed == files(ROOT / "src") | files(ROOT / NODES)
+    for kind in (".yaml", ".dbc", ".xml", ".jinja", ".css", ".js", ".json", "py.typed"):
+        assert any(name.endswith(kind) for name in packed), kind
+    (listed,) = [name for name in inside.namelist() if name.endswith(".dist-info/top_level.txt")]
+    assert set(inside.read(listed).decode().split()) == PACKAGES
+
+
+def test_every_package_comes_from_the_wheel(run: Call, programs: Path) -> None:
+    says = "".join(f"import {name}; print({name}.__file__)\n" for name in sorted(PACKAGES))
+    done = run("python", "-c", says)
+    assert done.returncode == 0, done.stderr
+    places = [Path(line) for line in done.stdout.splitlines()]
+    assert len(places) == len(PACKAGES)
+    assert all(place.is_relative_to(programs.parent) for place in places)
+
+
+@pytest.mark.parametrize("program", SCRIPTS)
+def test_every_program_has_help(program: str, run: Call) -> None:
+    done = run(program, "--help")
+    assert done.returncode == 0 and not done.stderr
+    assert done.stdout.startswith(f"Usage: {program} ")
+
+
+def test_what_is_wrong_is_one_line(run: Call, tmp_path: Path) -> None:
+    words = ("--simulator", "truck:nobody", "--recordings", "nowhere", "--out", "found")
+    done = run("deeptruck-model", "mismatch", *words)
+    assert done.returncode == 2 and done.stderr.count("\n") == 1
+    assert "there is no truck 'nobody'; known: freightliner, trucksim, volvo" in done.stderr
+    assert "nowhere does not exist" in done.stderr and not list(tmp_path.iterdir())
+
+
+def test_a_table_becomes_a_bag_whose_coverage_is_shown(run: Call, tmp_path: Path) -> None:
+    rows = [f"{k / 10},{15 + 3 * math.sin(k / 40):.3f},{500 + k},0" for k in range(600)]
+    (tmp_path / "log.csv").write_text("\n".join(["t,v,torque,brake", *rows]))
+    (tmp_path / "columns.yaml").write_text(COLUMNS)
+    for words in (
+        ("import", "log.csv", "--columns", "columns.yaml", "--out", "drive"),
+        ("coverage", "drive", "--out", "coverage"),
+    ):
+        done = run("deeptruck-model", *words)
+        assert done.returncode == 0, done.stderr
+    assert (tmp_path / "coverage" / "coverage.png").exists()
+
+
+@pytest.mark.long
+def test_a_physics_truck_drives_and_is_judged(run: Call, tmp_path: Path) -> None:
+    for program, *words in (
+        ("python", "-c", DRIVE),
+        ("deeptruck-model", "check-simulator", "truck:trucksim"),
+        ("deeptruck-model", "evaluate", "truck:trucksim", "drive", "--out", "judged", "--trials", "3"),
+        (
+            "deeptruck-model",
+            "mismatch",
+            "--simulator",
+            "truck:trucksim",
+            "--recordings",
+            "drive",
+            "--out",
+            "found",
+        ),
+    ):
+        done = run(program, *words)
+        assert done.returncode == 0, done.stderr
+    assert (tmp_path / "judged" / "metrics.json").exists()
+    assert (tmp_path / "found" / "report.html").exists()
