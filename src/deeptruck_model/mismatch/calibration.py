@@ -29,6 +29,9 @@ from deeptruck_model.trucks import PARAMETERS, PhysicsTruck
 
 TOLD = 0.5  # of the prior's sd: a parameter that the drives leave less sure is not told
 PARTS = 10  # of the driving, to see how far they disagree
+NO_GRADE = (
+    "the truck takes no grade: slopes go into its parameters, so that it is fitted on a level road alone"
+)
 ALIKE = 0.9  # correlation of two parameters that are told together only
 
 
@@ -117,7 +120,7 @@ def _driven(
         before=errors["before"].rmse() if some else None,
         after=errors["after"].rmse() if some else None,
         better=gained,
-        caveats=c.caveats,
+        caveats=(*c.caveats, *([] if truck.interface.grade else [NO_GRADE])),
     )
 
 
