@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from itertools import pairwise
+from pathlib import Path
 from types import FrameType
 
 import typer
@@ -33,12 +36,12 @@ def run(
     SIGTERM or SIGHUP, with `interrupted` as the last word; 1 for a defect.
     """
     words = sys.argv[1:] if arguments is None else arguments
-    _end_as_by_ctrl_c()
     app.rich_markup_mode = None  # help as plain text: the library that draws boxes takes longer than the help
     try:
         _nothing_empty(words)
         # as a function, typer lets its errors out instead of drawing them over five lines
-        code = app(words, prog_name=program, standalone_mode=False)
+        with _ended_as_by_ctrl_c():
+            code = app(words, prog_name=program, standalone_mode=False)
     except (InputError, TyperException) as error:
         sys.exit(_last_words(program, _line(error), 2))
     except ModuleNotFoundError as error:
@@ -55,15 +58,41 @@ def run(
     sys.exit(code if isinstance(code, int) else 0)
 
 
-def _end_as_by_ctrl_c() -> None:
-    """What a job queue or a closed terminal sends ends a command in order, unless it is ignored (nohup)."""
+@contextmanager
+def _ended_as_by_ctrl_c() -> Iterator[None]:
+    """What a job queue or a closed terminal sends ends a command in order, unless it is ignored (nohup).
+
+    A terminal's Ctrl-C reaches all processes of a command; so does this.
+    """
 
     def end(_number: int, _frame: FrameType | None) -> None:
+        for process in _descendants():
+            with suppress(ProcessLookupError):
+                os.kill(process, signal.SIGINT)
         raise KeyboardInterrupt
 
-    for number in (signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(number) is signal.SIG_DFL:
-            signal.signal(number, end)
+    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
+    ours = [number for number, handler in before.items() if handler is signal.SIG_DFL]
+    for number in ours:
+        signal.signal(number, end)
+    try:
+        yield
+    finally:
+        for number in ours:
+            if signal.getsignal(number) is end:
+                signal.signal(number, signal.SIG_DFL)
+
+
+def _descendants() -> list[int]:
+    """The processes that this one has started, and those that they have."""
+    parent = {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            parent[int(stat.parent.name)] = int(stat.read_text().rpartition(")")[2].split()[1])
+    found = [os.getpid()]
+    for process in found:  # grows as it goes
+        found += [child for child, of in parent.items() if of == process]
+    return found[1:]
 
 
 def _nothing_empty(words: Sequence[str]) -> None:

@@ -3,6 +3,7 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+import time
 from enum import StrEnum
 from pathlib import Path
 
@@ -51,34 +52,45 @@ def test_how_a_command_ends(
     assert outcome(capsys, raised, "3") == (code, says)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+PROGRAM = """
+import sys, time, typer
+from pathlib import Path
+from deeptruck_model import console, files, sweeps
+app = typer.Typer()
+@app.command()
+def main() -> None:
+    with files.Result('a result', ('a',)).replacing(Path('out')):
+        print('begun', flush=True)
+        WORK
+if __name__ == '__main__':
+    console.run(app, 'tool', [])
+"""
+ALONE, SIDE_BY_SIDE = "time.sleep(60)", "list(sweeps.run(time.sleep, [60, 60], workers=2))"
+
+
+@pytest.mark.parametrize(
+    ("work", "number"),
+    [(ALONE, signal.SIGINT), (ALONE, signal.SIGTERM), (ALONE, signal.SIGHUP), (SIDE_BY_SIDE, signal.SIGTERM)],
+)
 def test_a_command_that_is_ended_leaves_nothing_under_a_final_name(
-    tmp_path: Path, number: signal.Signals
+    tmp_path: Path, work: str, number: signal.Signals
 ) -> None:
-    """In a process of its own, as a job queue or a closed terminal ends it."""
-    code = (
-        "import sys, time, typer\n"
-        "from pathlib import Path\n"
-        "from deeptruck_model import console, files\n"
-        "app = typer.Typer()\n"
-        "@app.command()\n"
-        "def main() -> None:\n"
-        "    with files.Result('a result', ('a',)).replacing(Path('out')):\n"
-        "        print('begun', flush=True)\n"
-        "        time.sleep(60)\n"
-        "console.run(app, 'tool', [])\n"
-    )
+    """As a job queue or a closed terminal ends it, which do not reach the processes that it has started."""
+    (tmp_path / "tool.py").write_text(PROGRAM.replace("WORK", work))
     run = subprocess.Popen(
-        [sys.executable, "-c", code], cwd=tmp_path, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        [sys.executable, "tool.py"], cwd=tmp_path, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )
     try:
         assert run.stdout is not None and run.stdout.readline() == "begun\n"
+        if work == SIDE_BY_SIDE:
+            time.sleep(2.0)  # the workers are there
         run.send_signal(number)
         _, errors = run.communicate(timeout=30)
     finally:
         run.kill()
         run.wait()
-    assert (run.returncode, errors) == (130, "tool: interrupted\n") and not list(tmp_path.iterdir())
+    assert run.returncode == 130 and errors.splitlines()[-1] == "tool: interrupted"
+    assert [path.name for path in tmp_path.iterdir() if path.name != "__pycache__"] == ["tool.py"]
 
 
 @pytest.mark.parametrize("arguments", [("3", "--colour", ""), ("3", "--colour=")])
