@@ -160,6 +160,8 @@ def test_topic_maps(where: str, value: Any, good: bool) -> None:
         ("transmit.brake", None, False),
         ("timing", {"controller_timeout": 0.1}, True),
         ("timing", {"controller_timeout": 0}, False),
+        ("timing", {"handover_scale": 2.0}, False),
+        ("timing", {"releases": 2.5}, False),
         ("timing", {"patience": 1.0}, False),
         ("colour", "red", False),
         ("bridge.address", 300, False),

@@ -79,7 +79,7 @@ def _build(data: dict[str, Any], codec: Codec) -> Vehicle:
         override=tuple((name, float(value)) for name, value in data["driver"].items()),
         forbidden=tuple((name, float(value)) for name, value in data["forbidden"].items()),
         driveline=_driveline(data.get("driveline")),
-        timing=Timing(**data.get("timing", {})),
+        timing=_timing(data),
         engage_speed=_pair("engage.speed", data["engage"]["speed"]),
         needs_lead=data["engage"]["needs_lead"],
     )
@@ -125,7 +125,7 @@ def _transmitted(key: str, spec: dict[str, Any], data: dict[str, Any], codec: Co
         word & (1 << 56) - 1,
         release & (1 << 56) - 1,
         spec["check"],
-        _limits(key, spec["limits"]),
+        _limits(key, spec["limits"], _timing(data)),
         idle_at_rest=spec.get("idle_at_rest", False),
         start_from=spec.get("start_from", ""),
     )
@@ -145,7 +145,11 @@ def _allowed(data: dict[str, Any], sent: dict[str, Transmitted]) -> Iterator[All
             yield Allowed(f"{who} to {axis}", key, tuple(spec["modes"]), spec["longest"], period)
 
 
-def _limits(key: str, spec: dict[str, Any]) -> Limits:
+def _timing(data: dict[str, Any]) -> Timing:
+    return Timing(**data.get("timing", {}))
+
+
+def _limits(key: str, spec: dict[str, Any], timing: Timing) -> Limits:
     speed, low, high = (tuple(map(float, spec[name])) for name in ("speed", "low", "high"))
     if not len(speed) == len(low) == len(high) > 1:
         raise InputError(
@@ -160,7 +164,7 @@ def _limits(key: str, spec: dict[str, Any]) -> Limits:
         for values in (low, high)
         for x0, x1, y0, y1 in zip(speed, speed[1:], values, values[1:], strict=False)
     )
-    slowest = min(spec["rate"] * Timing.handover_scale, spec["fade"])
+    slowest = min(spec["rate"] * timing.handover_scale, spec["fade"])
     if steepest * 12.0 > slowest:
         raise InputError(
             f"transmit.{key}.limits: at 12 m/s^2 the envelope moves {steepest * 12:g} a second, faster"

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import difflib
-from dataclasses import fields
 from typing import Any
 
 from truck_bridge.errors import InputError
 from truck_bridge.j1939 import checksums, diagnostics
-from truck_bridge.safety import Timing
 
 
 class Optional:
@@ -83,6 +81,16 @@ FAULTS = {
     "codes": Optional([{"spn": Whole(1, 0x7FFFE), "fmi": Optional(Whole(0, 31))}]),
     "listen": Optional(Number(0, 60)),
 }
+TIMING = {  # s; what a controller may be late by is a few of its cycles, and no truck waits a minute for it
+    "controller_timeout": Number(0.02, 0.5),
+    "stall": Number(0.02, 0.5),
+    "handover": Number(0.5, 10),
+    "handover_scale": Number(0.05, 1),  # 1: rates are never raised
+    "fade_longest": Number(0.5, 10),
+    "persist": Number(0.05, 2),
+    "quiet": Number(0.1, 60),
+    "releases": Whole(1, 20),
+}
 VEHICLE: dict[str, Any] = {
     "name": str,
     "truck": Optional(str),
@@ -107,7 +115,7 @@ VEHICLE: dict[str, Any] = {
     "forbidden": MapOf(ANY),
     "faults": Optional(FAULTS),
     "engage": {"speed": [ANY], "needs_lead": bool},
-    "timing": Optional({field.name: Optional(SECONDS) for field in fields(Timing)}),
+    "timing": Optional({key: Optional(spec) for key, spec in TIMING.items()}),
 }
 _PLAIN = {str: "string", bool: "boolean"}
 

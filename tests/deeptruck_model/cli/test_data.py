@@ -159,7 +159,10 @@ def test_a_reader_of_a_bag_says_what_a_killed_run_left_beside_it(
     (workplace / ".bag.4194305.new").mkdir()
     (workplace / ".gone.4194305.old").mkdir()
     assert run(monkeypatch, "coverage", "bag", "--out", "coverage") == 0
-    assert "note: .bag.4194305.new is another bag, whose run could not put it in place" in capsys.readouterr().err
+    assert (
+        "note: .bag.4194305.new is another bag, whose run could not put it in place"
+        in capsys.readouterr().err
+    )
     assert run(monkeypatch, "coverage", "gone", "--out", "other") == 2
     says = capsys.readouterr().err
     assert "gone does not exist; .gone.4194305.old is an older gone" in says and says.count("\n") == 1
