@@ -79,7 +79,7 @@ def test_a_second_run_is_refused_until_the_first_ends(tmp_path: Path) -> None:
         pass
 
 
-KIND = files.Result("a test result", ("log/*.txt",))
+KIND = files.Result("a test result", ("a", "b", "gone", "log/*.txt"))
 
 
 def publish(out: Path, *, overwrite: bool = False, **content: str) -> None:
@@ -259,6 +259,23 @@ def test_a_ledger_inside_that_changed_since_refuses_too(tmp_path: Path) -> None:
         publish(tmp_path / "out", overwrite=True, a="new")
 
 
+def test_a_file_that_comes_into_the_draft_is_never_the_commands(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    named = files.Result("a named result", ("a",))
+    with named.replacing(tmp_path / "out") as draft:
+        (draft / "a").write_text("1")
+        (draft / "mine.txt").write_text("mine")
+    with pytest.raises(InputError, match=r"holds mine\.txt, which is no part of a named result"):
+        named.check(tmp_path / "out", overwrite=True)
+    with pytest.raises(RuntimeError), named.replacing(tmp_path / "other") as draft:
+        (draft / "a").write_text("half")
+        (draft / "mine.txt").write_text("mine")
+        raise RuntimeError
+    assert [path.name for path in draft.iterdir()] == ["mine.txt"]
+    assert f"{draft} keeps what this command did not write" in capsys.readouterr().err
+
+
 def test_nothing_new_is_put_into_a_finished_result(tmp_path: Path) -> None:
     publish(tmp_path / "out", a="old")
     with pytest.raises(
@@ -282,7 +299,7 @@ def test_a_ledger_of_an_earlier_version_lists_names_and_they_are_enough(tmp_path
 def test_a_damaged_ledger_is_none(tmp_path: Path, text: str) -> None:
     publish(tmp_path / "out", a="old")
     (tmp_path / "out" / files.LEDGER).write_text(text)
-    with pytest.raises(InputError, match="no part of a test result"):
+    with pytest.raises(InputError, match=r"holds a but no \.deeptruck\.json that can be read"):
         publish(tmp_path / "out", overwrite=True, a="new")
     assert (tmp_path / "out" / "a").read_text() == "old"
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -60,12 +60,19 @@ def read(folder: Path) -> Ledger | None:
         return None
 
 
-def written(what: str, folder: Path) -> bytes:
-    """The ledger of a finished folder."""
-    files = {path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if not path.is_dir()}
-    files.pop(LEDGER, None)
-    prints = {name: print_of(path) for name, path in sorted(files.items())}
-    return _text({"what": what, "files": prints})
+def written(what: str, folder: Path, names: Iterable[str]) -> bytes:
+    """The ledger of a finished folder, of which these files are the command's."""
+    return _text({"what": what, "files": {name: print_of(folder / name) for name in sorted(names)}})
+
+
+def listed_inside(folder: Path) -> set[str]:
+    """The files that ledgers further inside a folder list, and these ledgers, relative to it."""
+    found = set()
+    for path in folder.rglob(LEDGER):
+        known = read(path.parent)
+        if path.parent != folder and known is not None and known.files is not None:
+            found |= {(path.parent / name).relative_to(folder).as_posix() for name in (*known.files, LEDGER)}
+    return found
 
 
 def by_name(what: str, names: set[str]) -> bytes:

@@ -69,8 +69,8 @@ class Result:
             except OSError as error:
                 raise InputError(f"cannot write {out}: {error.strerror or error}; {advice(error)}") from None
             finally:
-                if draft is not None:
-                    shutil.rmtree(draft, ignore_errors=True)
+                if draft is not None and draft.exists():
+                    self._drop(draft)
 
     @contextmanager
     def going_on(self, out: Path, *, overwrite: bool = False) -> Iterator[Path]:
@@ -156,7 +156,22 @@ class Result:
 
     def sign(self, folder: Path) -> None:
         """Write the ledger of a finished folder. Raises InputError where it cannot be written."""
-        write(folder / LEDGER, ledger.written(self.what, folder))
+        names = self._written(folder)
+        write(folder / LEDGER, ledger.written(self.what, folder, names))
+
+    def _written(self, folder: Path) -> set[str]:
+        """What this command wrote in a folder in which it was at work; where its names are not known before,
+        all that is there. A file that came meanwhile is nobody's part, so that it is never removed."""
+        found = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if not p.is_dir()} - {LEDGER}
+        if not self.names:
+            return found
+        patterns = [name.split("/") for name in self.names]
+        inside = ledger.listed_inside(folder)
+        return {
+            name
+            for name in found
+            if name in inside or any(_fits(Path(name).parts, one, folder / name, True) for one in patterns)
+        }
 
     def clear(self, folder: Path, *inside: str) -> None:
         """Remove what this command wrote in `folder`, or in these folders inside it.
@@ -311,6 +326,14 @@ class Result:
             raise
         if old is not None and not _remove(old, files):
             print(f"note: {old} keeps what this command did not write", file=sys.stderr)
+
+    def _drop(self, draft: Path) -> None:
+        """Remove the draft of a run that failed, but for a file that is not this command's."""
+        if self.names:
+            if not _remove(draft, list(self._written(draft) | {LEDGER})):
+                print(f"note: {draft} keeps what this command did not write", file=sys.stderr)
+        else:
+            shutil.rmtree(draft, ignore_errors=True)
 
     def _tidy(self, out: Path) -> None:
         """Remove the drafts of this command's killed runs, and say what else they left; `out` is held."""
