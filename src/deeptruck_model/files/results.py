@@ -15,13 +15,13 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from pathlib import Path
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.files import ledger, places
 from deeptruck_model.files.ledger import LEDGER, Ledger
-from deeptruck_model.files.places import DRAFT, unfinished, writing
+from deeptruck_model.files.parts import fits, remove
+from deeptruck_model.files.places import unfinished, writing
 from deeptruck_model.files.single import ELSEWHERE, advice, check_writable, umask, write
 
 OVERWRITE_HELP = "Replace what this command wrote there, once the new one is whole."
@@ -92,6 +92,9 @@ class Result:
             except OSError as error:
                 cure = advice(error, "make room and go on with --resume")
                 raise InputError(f"cannot write {out}: {error.strerror or error}; {cure}") from None
+            finally:
+                with suppress(OSError):
+                    draft.rmdir()  # where nothing was begun
 
     @contextmanager
     def in_place(self, out: Path) -> Iterator[None]:
@@ -170,7 +173,7 @@ class Result:
         return {
             name
             for name in found
-            if name in inside or any(_fits(Path(name).parts, one, folder / name, True) for one in patterns)
+            if name in inside or any(fits(Path(name).parts, one, folder / name, True) for one in patterns)
         }
 
     def clear(self, folder: Path, *inside: str) -> None:
@@ -184,12 +187,12 @@ class Result:
         if folder.exists() or folder.is_symlink():
             within = tuple(f"{name}/" for name in inside)
             found = self._ours(folder)
-            _remove(folder, [name for name in found if not within or name.startswith(within)])
+            remove(folder, [name for name in found if not within or name.startswith(within)])
 
     def forget(self, out: Path) -> None:
         """Remove what this run left unfinished. Raises InputError for a file of somebody else there."""
         if (draft := unfinished(out)).exists():
-            _remove(draft, self._ours(draft))
+            remove(draft, self._ours(draft))
 
     def check_begun(self, out: Path) -> None:
         """Whether what an unfinished run left at `out` is a folder of this command's files alone.
@@ -280,7 +283,7 @@ class Result:
         files = []
         for path in sorted(folder.rglob("*")):
             parts = path.relative_to(folder).parts
-            if path.is_symlink() or not any(_fits(parts, pattern, path, exact) for pattern in patterns):
+            if path.is_symlink() or not any(fits(parts, pattern, path, exact) for pattern in patterns):
                 raise self._foreign(folder, "/".join(parts))
             if not path.is_dir():
                 files.append("/".join(parts))
@@ -324,13 +327,13 @@ class Result:
             if old is not None and old.exists() and not out.exists():
                 old.rename(out)
             raise
-        if old is not None and not _remove(old, files):
+        if old is not None and not remove(old, files):
             print(f"note: {old} keeps what this command did not write", file=sys.stderr)
 
     def _drop(self, draft: Path) -> None:
         """Remove the draft of a run that failed, but for a file that is not this command's."""
         if self.names:
-            if not _remove(draft, list(self._written(draft) | {LEDGER})):
+            if not remove(draft, list(self._written(draft) | {LEDGER})):
                 print(f"note: {draft} keeps what this command did not write", file=sys.stderr)
         else:
             shutil.rmtree(draft, ignore_errors=True)
@@ -342,7 +345,7 @@ class Result:
             known = ledger.read(draft)
             try:
                 ours = known is not None and known.what == self.what and known.files is None
-                removed = ours and _remove(draft, self._ours(draft))
+                removed = ours and remove(draft, self._ours(draft))
             except InputError:  # it holds a file of somebody else
                 removed = False
             if removed:
@@ -351,25 +354,3 @@ class Result:
                 print(
                     f"note: {draft} looks like the draft of a killed run; see what is in it", file=sys.stderr
                 )
-
-
-def _fits(parts: tuple[str, ...], pattern: list[str], path: Path, exact: bool) -> bool:
-    """Whether a path is what the pattern says, a folder on the way to it, or, unless `exact`, its draft."""
-    on_the_way = path.is_dir() and len(parts) < len(pattern)
-    whole = path.is_file() and len(parts) == len(pattern)
-    return (on_the_way or whole) and all(
-        fnmatchcase(part, one) or (not exact and fnmatchcase(DRAFT.sub(r"\1", part), one))
-        for part, one in zip(parts, pattern, strict=False)
-    )
-
-
-def _remove(folder: Path, files: list[str]) -> bool:
-    """Remove these files and the folders that this leaves empty; tell whether nothing was left."""
-    for name in files:
-        with suppress(OSError):
-            (folder / name).unlink()
-    inside = sorted((p for p in folder.rglob("*") if p.is_dir() and not p.is_symlink()), reverse=True)
-    for empty in (*inside, folder):
-        with suppress(OSError):
-            empty.rmdir()
-    return not folder.exists()
