@@ -62,13 +62,14 @@ def run(
 def _ended_as_by_ctrl_c() -> Iterator[None]:
     """What a job queue or a closed terminal sends ends a command in order, unless it is ignored (nohup).
 
-    A terminal's Ctrl-C reaches all processes of a command; so does this.
+    A terminal's Ctrl-C reaches all processes of a command; so does this. It is sent to them as SIGTERM, which
+    is not ignored by what a shell has started in the background.
     """
 
     def end(_number: int, _frame: FrameType | None) -> None:
         for process in _descendants():
             with suppress(ProcessLookupError):
-                os.kill(process, signal.SIGINT)
+                os.kill(process, signal.SIGTERM)
         raise KeyboardInterrupt
 
     before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}

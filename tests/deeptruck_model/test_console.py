@@ -53,9 +53,10 @@ def test_how_a_command_ends(
 
 
 PROGRAM = """
-import sys, time, typer
+import signal, sys, time, typer
 from pathlib import Path
 from deeptruck_model import console, files, sweeps
+signal.signal(signal.SIGINT, signal.default_int_handler)  # as at a terminal, wherever this test runs
 app = typer.Typer()
 @app.command()
 def main() -> None:

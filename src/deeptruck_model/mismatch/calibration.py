@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.correction.correction import horizon
 from deeptruck_model.mismatch.correction.improvement import free_windows, improvement
-from deeptruck_model.mismatch.find import Checked, checked
+from deeptruck_model.mismatch.find import Checked, checked_drives
 from deeptruck_model.mismatch.fit_result import Interval, Rmse
 from deeptruck_model.mismatch.posterior.linearised import accepted, refitted
 from deeptruck_model.mismatch.posterior.search import FREE, Model, Search
@@ -83,7 +83,7 @@ def calibrate(
     """
     with threadpool_limits(1):
         say("checking the data")
-        c = checked(truck, recordings, held_out, rules)
+        c = checked_drives(truck, recordings, held_out, rules)
         if c.useless:
             raise InputError(f"these recordings tell nothing of the truck: {c.useless}")
         say("driving the truck along the recordings")

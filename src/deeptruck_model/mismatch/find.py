@@ -113,7 +113,7 @@ class Checked:
         return [p for p, out in zip(self.prepared, self.held_out, strict=True) if out == held_out]
 
 
-def checked(
+def checked_drives(
     simulator: Simulator, recordings: Sequence[Recording], held_out: Sequence[Recording], rules: Rules
 ) -> Checked:
     same_signals(simulator, [*recordings, *held_out])
@@ -146,7 +146,7 @@ def _find(
     mass_kg: float | None,
 ) -> Mismatch:
     say("checking the data")
-    c = checked(simulator, recordings, held_out, rules)
+    c = checked_drives(simulator, recordings, held_out, rules)
     if c.useless:
         return _useless(c)
     say("driving the simulator along the recordings")

@@ -225,6 +225,9 @@ class Rules:
     )
     road_share: float = _of(0.05, "1", "share of the windows that must agree", CHOSEN)
     road_windows: int = _of(3, "windows", "that do not overlap must agree", CHOSEN)
+    road_shared: int = _of(
+        20, "windows", "in a row, 100 m apart, must agree with another vehicle's road, so 8 km in all", CHOSEN
+    )
 
     # windows: what acts now and then
     window_off: float = _of(6.5, "sd", "by which the mean innovation over a window must be off", CHOSEN)

@@ -23,14 +23,12 @@ from deeptruck_model.mismatch.residual.stretches import (
     steps,
     turned,
 )
+from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-# Windows in a row, STEP_M apart, so 8 km in all. Of 200 pairs of 40 and 20 km of unrelated hills of one size
-# 13 shared a road by chance.
-LEAST = 20
 NEAR = 5  # steps by which places may differ that are one: wheels and curves measure a road a little otherwise
 
 
@@ -62,12 +60,12 @@ class Covered:
         )
 
 
-def shared(own: Windows, other: Windows) -> Shared:
+def shared(own: Windows, other: Windows, rules: Rules) -> Shared:
     """Where `own` windows are found in `other`.
 
     Each window votes for the place that it agrees with best, if it does so better than any does in the two
     comparisons that no road can make alike. On a road that both drove, one window after the other votes for
-    the same distance between the two; LEAST of them are more than chance gives.
+    the same distance between the two; rule `road_shared` says how many are more than chance gives.
     """
     a, b = own.centred(), other.centred()
     if not len(a) or not len(b):
@@ -75,7 +73,7 @@ def shared(own: Windows, other: Windows) -> Shared:
     pairs = Votes(own, other, likeness(a, b), -1.0), Votes(own, other, likeness(turned(a), b), 1.0)
     none = Votes(own, other, likeness(-a, b), -1.0), Votes(own, other, likeness(-turned(a), b), 1.0)
     limit = max(float(v.best.max()) for v in none)
-    same, back = (np.where(v.votes(limit) >= LEAST, v.best, -1.0) for v in pairs)
+    same, back = (np.where(v.votes(limit) >= rules.road_shared, v.best, -1.0) for v in pairs)
     reverse = back > same
     found = np.flatnonzero(np.maximum(same, back) > limit)
     slope = other.values[np.where(reverse, pairs[1].place, pairs[0].place)[found]]
@@ -101,7 +99,7 @@ class Votes:
 
 
 def with_road_of_another(
-    roads: Roads, other: Roads, recordings: Sequence[Recording]
+    roads: Roads, other: Roads, recordings: Sequence[Recording], rules: Rules = Rules()
 ) -> tuple[list[Recording], list[Covered]]:
     """The pieces of `recordings` whose road the other vehicle drove too, with its slope there as their grade;
     and how much of each recording that is.
@@ -117,7 +115,7 @@ def with_road_of_another(
         raise InputError("of none of these recordings a slope was told; give those that mismatch was run on")
     along = [_distance(r) for r, _ in told]
     own = Windows.of([(d, slope) for d, (_, slope) in zip(along, told, strict=True)])
-    found = shared(own, Windows.of([(t.distance, t.slope) for t in other.slopes.values()]))
+    found = shared(own, Windows.of([(t.distance, t.slope) for t in other.slopes.values()]), rules)
     pieces, covered = [], []
     for i, (recording, _) in enumerate(told):
         grid, slope, turned_share = _overlaid(own, found, i, steps(along[i]))

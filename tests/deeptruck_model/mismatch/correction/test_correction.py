@@ -53,7 +53,7 @@ def options(nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch) -> list[
         return run(len(truck.terms) + abs(len(truck.moved) - 1.0) if truck.terms else 9.0)
 
     monkeypatch.setattr(correction, "free_windows", windows)
-    monkeypatch.setattr(correction, "_horizon", lambda *_: 20.0)
+    monkeypatch.setattr(correction, "horizon", lambda *_: 20.0)
     return driven
 
 
@@ -90,7 +90,7 @@ def test_nothing_goes_in_where_the_truck_as_given_drives_best(
 ) -> None:
     e = nothing_missing
     law, _ = law_and_gusts(e)
-    monkeypatch.setattr(correction, "_horizon", lambda *_: 20.0)
+    monkeypatch.setattr(correction, "horizon", lambda *_: 20.0)
     monkeypatch.setattr(
         correction, "free_windows", lambda made, *_: run(float(len(made.terms) + len(made.moved)))
     )
@@ -138,7 +138,7 @@ def test_the_interval_is_over_all_recordings_each_unseen(
 
     sizes = iter([1.0, 1.0, 0.9])  # before, parameters only and after
     monkeypatch.setattr(correction, "free_windows", lambda *a: runs(2, next(sizes)))
-    monkeypatch.setattr(correction, "_horizon", lambda *_: 20.0)
+    monkeypatch.setattr(correction, "horizon", lambda *_: 20.0)
     after = CorrectedTruck(TRUCK, [], {"torque_gain": 0.1}, None, False)
     crossed = {
         name: runs(6, size) for name, size in (("before", 1.0), ("parameters_only", 1.0), ("after", 0.4))
@@ -164,7 +164,7 @@ def test_each_correction_is_driven_where_it_was_not_fitted(
         return np.unique(search.e.record[search.series.valid]).tolist()
 
     monkeypatch.setattr(correction._Recipe, "corrected", fitted)
-    monkeypatch.setattr(correction, "_horizon", lambda *_: 20.0)
+    monkeypatch.setattr(correction, "horizon", lambda *_: 20.0)
     monkeypatch.setattr(
         correction, "free_windows", lambda made, names, _: seen.append((list(names), made)) or run(0.0)
     )
