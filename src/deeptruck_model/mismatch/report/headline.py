@@ -204,7 +204,7 @@ def _gain(h: Headline) -> str:
         return "; no correction is proven"
     falls = f"speed error falls from {number(h.errors.given)} to {number(h.errors.corrected)} m/s"
     if h.worth is Worth.PARAMETERS_ALONE:
-        return f"; with parameters refitted, {falls}"
+        return f"; parameters refitted, {falls}"
     return f"; {'partly ' if h.left_out and not h.laws else ''}corrected, {falls}"
 
 
