@@ -173,6 +173,9 @@ def _found(h: Headline) -> list[str]:
         ]
     gain = _gain(h)
     said = [_detailed(others, lambda o, n, r: f"{_opening(o, n, r)}{gain}.")]
+    if len(said[0].split()) > LONGEST:  # long names: what it is worth is a sentence of its own
+        worth_it = f"{opened(gain.removeprefix('; '))}."
+        said = [_detailed(others, lambda o, n, r: f"{_opening(o, n, r)}."), worth_it]
     if sensors:
         said.append(fitting(lambda n, r: f"Besides, a sensor is at fault: {_all(_bare(sensors), n, r)}."))
     return said
