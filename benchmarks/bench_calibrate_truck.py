@@ -39,8 +39,8 @@ fitted to three of the drives in {cpu:.0f} CPU s, and judged on the fourth.
 {titles}
 {line}
 
-Where no grade is recorded, slopes go into the parameters. None of them is right then, and held-out drives
-show it.
+Where no grade is recorded, slopes go into the parameters. They are far off then, many intervals do not hold,
+and held-out drives show it.
 """
 LINE = "|---|---|---|---|---|"
 TITLES = (

@@ -27,12 +27,10 @@ from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import PARAMETERS, PhysicsTruck
 
-TOLD = 0.5  # of the prior's sd: a parameter that the drives leave less sure is not told
 PARTS = 10  # of the driving, to see how far they disagree
 NO_GRADE = (
     "the truck takes no grade: slopes go into its parameters, so that it is fitted on a level road alone"
 )
-ALIKE = 0.9  # correlation of two parameters that are told together only
 
 
 @dataclass(frozen=True)
@@ -90,7 +88,7 @@ def calibrate(
         e = gather(truck, c.prepared, c.held_out, seed=seed, rules=rules).to_fit()
         say("fitting all parameters")
         search, model = refitted(truck, e, c.prepared, c.held_out, seed, frozenset(e.sensitivity), say)
-        told = frozenset(p for p in search.parameters if model.moved_sd(p) < TOLD * FREE[p])
+        told = frozenset(p for p in search.parameters if model.moved_sd(p) < rules.told_share * FREE[p])
         if told != frozenset(e.sensitivity):
             say("fitting those that the drives tell")
             search, model = refitted(truck, e, c.prepared, c.held_out, seed, told, say)
@@ -163,5 +161,5 @@ def _alike(model: Model, names: Sequence[str]) -> tuple[tuple[str, str], ...]:
     return tuple(
         (p, q)
         for p, q in combinations(names, 2)
-        if abs(model.fit.covariance[at[p], at[q]]) > ALIKE * sd[at[p]] * sd[at[q]]
+        if abs(model.fit.covariance[at[p], at[q]]) > model.rules.told_together * sd[at[p]] * sd[at[q]]
     )

@@ -153,6 +153,11 @@ class Rules:
         0.15, "of the largest gain", "what a parameter must gain beside other findings", CHOSEN
     )
 
+    told_share: float = _of(
+        0.5, "of the prior's sd", "a parameter that drives leave less sure is not calibrated", CHOSEN
+    )
+    told_together: float = _of(0.9, "1", "correlation of two parameters that drives tell as a pair", CHOSEN)
+
     # groups: what is not distinguishable
     coarse: float = _of(
         0.05, "of its gain", "evidence for names is divided by it: no law is exactly of a form", FITTED

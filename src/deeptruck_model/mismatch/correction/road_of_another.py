@@ -118,7 +118,8 @@ def with_road_of_another(
     found = shared(own, Windows.of([(t.distance, t.slope) for t in other.slopes.values()]), rules)
     pieces, covered = [], []
     for i, (recording, _) in enumerate(told):
-        grid, slope, turned_share = _overlaid(own, found, i, steps(along[i]))
+        grid = steps(along[i])
+        slope, turned_share = _overlaid(own, found, i, grid)
         known = np.isfinite(slope)
         km = STEP_M / 1000.0 * int(known.sum())
         back = STEP_M / 1000.0 * float(turned_share[known].sum())
@@ -137,7 +138,7 @@ def _distance(recording: Recording) -> Array:
     return out
 
 
-def _overlaid(own: Windows, found: Shared, i: int, grid: Array) -> tuple[Array, Array, Array]:
+def _overlaid(own: Windows, found: Shared, i: int, grid: Array) -> tuple[Array, Array]:
     """Along the places `grid` (m,) of profile i: the median slope of the windows that cover one, NaN without
     any, and the share of them that drove the other way."""
     mine = own.profile[found.windows] == i
@@ -155,7 +156,7 @@ def _overlaid(own: Windows, found: Shared, i: int, grid: Array) -> tuple[Array, 
     some = seen.any(axis=0)
     if some.any():
         out[some] = np.nanmedian(stack[:, some], axis=0)
-    return grid, out, back.sum(axis=0) / count
+    return out, back.sum(axis=0) / count
 
 
 def _pieces(recording: Recording, distance: Array, grid: Array, slope: Array) -> list[Recording]:
