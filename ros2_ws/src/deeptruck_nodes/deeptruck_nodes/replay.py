@@ -15,7 +15,7 @@ from deeptruck_nodes import messages
 from deeptruck_nodes.messages import SECOND
 from deeptruck_nodes.node import IDLE, DeeptruckNode, run
 from deeptruck_nodes.recorder import message_class
-from deeptruck_nodes.topics import CLOCK, CONTROL_QOS
+from deeptruck_nodes.topics import CLOCK, TOPICS, Topic
 
 Message = tuple[str, int, bytes]  # topic, log time in ns, serialised message
 
@@ -42,7 +42,10 @@ class Replay(DeeptruckNode):
             raise InputError(f"{path} ends before start_s = {self.p['start_s']:g} s")
 
     def _publisher(self, name: str, type_name: str) -> Publisher:
-        return self.create_publisher(message_class(type_name), name, CONTROL_QOS)
+        """One that waits, as every node's do, until its listeners are there and until they have the last word."""
+        known = TOPICS.get(name)
+        subscribers = known.subscribers if known else ()
+        return self.publish_on(Topic(name, message_class(type_name), ("replay",), subscribers, "", ""))
 
     def begin(self) -> None:
         self._started = time.monotonic()
