@@ -42,7 +42,7 @@ class Replay(DeeptruckNode):
             raise InputError(f"{path} ends before start_s = {self.p['start_s']:g} s")
 
     def _publisher(self, name: str, type_name: str) -> Publisher:
-        """One that waits, as every node's do, until its listeners are there and until they have the last word."""
+        """One that waits, as every node's do, for its listeners, and until they have its last word."""
         known = TOPICS.get(name)
         subscribers = known.subscribers if known else ()
         return self.publish_on(Topic(name, message_class(type_name), ("replay",), subscribers, "", ""))
