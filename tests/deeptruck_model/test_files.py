@@ -195,6 +195,17 @@ def test_a_single_file_never_takes_the_place_of_another(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["new"] and len(list((tmp_path / "new").iterdir())) == 1
 
 
+def test_what_a_killed_run_left_of_a_single_file_is_named_and_stays(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    left = tmp_path / ".a.k3x_9qz1.csv"
+    left.write_text("half")
+    with files.new_file(tmp_path / "a.csv") as draft:
+        draft.write_text("1")
+    assert f"note: {left} is unfinished work on a.csv" in capsys.readouterr().err
+    assert left.read_text() == "half" and (tmp_path / "a.csv").read_text() == "1"
+
+
 def record(out: Path, content: str, *, is_whole: bool = True) -> Path:
     """As a recorder does; where it worked."""
     with KIND.recording(out, overwrite=True, whole=lambda _: is_whole) as place:

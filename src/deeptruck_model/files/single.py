@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import errno
+import glob
 import os
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -37,9 +39,14 @@ def check_new(path: Path) -> None:
 def new_file(path: Path) -> Iterator[Path]:
     """A draft that becomes the single file `path` when the block ends well; it never replaces another.
 
-    Raises InputError as `check_new`, and on a full disk.
+    Drafts of killed runs stay, and are named on standard error. Raises InputError as `check_new`, and on a
+    full disk.
     """
     check_new(path)
+    name, suffix = glob.escape(path.stem), glob.escape(path.suffix)
+    for other in sorted(path.parent.glob(f".{name}.????????{suffix}")):
+        says = f"{other} is unfinished work on {path.name}; remove it if no run is at it"
+        print(f"note: {says}", file=sys.stderr)
     draft = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

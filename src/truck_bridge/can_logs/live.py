@@ -29,8 +29,9 @@ def record(path: Path, interface: str, channel: str, duration: float | None = No
 
     The log has its name from the beginning, so that a kill leaves what was recorded.
 
-    Raises InputError where the bus cannot be opened or is silent, or the log exists, is of an unknown kind or
-    cannot be written; what a full disk had taken until then stays.
+    Raises InputError where the bus cannot be opened or is silent, or the log exists, is of an unknown kind,
+    cannot be written, or has another file in its place at the end; what a full disk had taken until then
+    stays.
     """
     log_files.check_new(path)
     logger = _logger(path, new=True)
@@ -38,6 +39,7 @@ def record(path: Path, interface: str, channel: str, duration: float | None = No
     count, end = 0, math.inf if duration is None else time.monotonic() + duration
     try:
         with _told_to_end() as told, _writing(logger, path) as write:
+            mine = _identity(path)
             while not told.is_set() and (left := end - time.monotonic()) > 0:
                 message = bus.recv(min(left, 0.2))
                 if message is not None:
@@ -47,8 +49,10 @@ def record(path: Path, interface: str, channel: str, duration: float | None = No
         raise InputError(f"the bus is gone ({error}); {count} frames are in {path}") from None
     finally:
         bus.shutdown()
+    if _identity(path) != mine:
+        raise InputError(f"{path} was moved or replaced meanwhile; the {count} frames are where it went")
     if count == 0:
-        path.unlink(missing_ok=True)
+        path.unlink()
         raise InputError(
             f"nothing was heard on {interface} {channel}; is it the right channel, does anyone speak?"
         )
@@ -98,6 +102,15 @@ def replay(
     finally:
         bus.shutdown()
     return count
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    """Which file bears the name; None for none."""
+    try:
+        found = path.stat(follow_symlinks=False)
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino
 
 
 def _all(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:

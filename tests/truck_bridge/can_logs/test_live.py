@@ -107,6 +107,26 @@ def test_a_full_disk_ends_a_recording_in_one_line(loud, tmp_path, suffix):
     assert "cannot write drive" in run.stderr
 
 
+@pytest.mark.parametrize("speaks", [True, False])
+def test_a_file_put_in_its_place_meanwhile_is_said_and_stays(loud, tmp_path, speaks):
+    path, moved = tmp_path / "drive.log", tmp_path / "moved.log"
+
+    def swap():
+        while not path.exists():
+            time.sleep(0.01)
+        time.sleep(0.3)
+        path.rename(moved)
+        path.write_text("mine\n")
+
+    thread = threading.Thread(target=swap)
+    thread.start()
+    with pytest.raises(InputError, match="was moved or replaced meanwhile"):
+        can_logs.record(path, "loopback", loud if speaks else f"{os.getpid()}-silent", 1.0)
+    thread.join()
+    assert path.read_text() == "mine\n" and moved.exists()
+    assert not speaks or len(list(can_logs.read(moved))) > 20
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("name", ["drive.log", "drive.mcap"])
 def test_an_end_by_signal_keeps_the_recording(loud, tmp_path, name, number):
