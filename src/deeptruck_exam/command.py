@@ -14,6 +14,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from deeptruck_exam import limit
 from deeptruck_exam.cases import Case, make_case
 from deeptruck_exam.concealed import data_folder, examine_concealed
 from deeptruck_exam.effects import of_family
@@ -125,6 +126,17 @@ def batch(
     wanted = [Job(name, seed + k, effect, simulator, forms=forms) for name in level for k in range(cases)]
     results = run_jobs(out, wanted, jobs=jobs, with_rivals=rivals, keep=keep)
     print_results(results)
+
+
+@app.command("limit")
+def limit_of(
+    out: Annotated[Path, typer.Option(help="Folder; one file a case, which is not done again.")],
+    cases: Annotated[int, typer.Option(help="Cases, spread over levels and families.", min=1)] = 200,
+    seed: Annotated[int, typer.Option(help="First seed.", min=0)] = 0,
+    jobs: Annotated[int, typer.Option(help="Cases at a time.", min=1)] = 1,
+) -> None:
+    """What cases tell at all, where every law is known, and what an unknown form costs."""
+    limit.show(limit.run(out, cases, seed, jobs))
 
 
 @app.command()

@@ -55,7 +55,7 @@ def run_jobs(
     )
     context = multiprocessing.get_context("spawn")  # threads of numba and BLAS do not survive a fork
     # no max_tasks_per_child: with it the executor of Python 3.11 and 3.12 can wait for ever
-    pool = ProcessPoolExecutor(max_workers=jobs, mp_context=context, initializer=_end_with_the_run)
+    pool = ProcessPoolExecutor(max_workers=jobs, mp_context=context, initializer=end_with_the_run)
     with bar, pool:
         bar.console.print(f"{len(wanted)} cases, {A_CASE}")
         task = bar.add_task("cases", total=len(wanted))
@@ -68,7 +68,7 @@ def run_jobs(
     return [results[k] for k in range(len(wanted))]
 
 
-def _end_with_the_run() -> None:
+def end_with_the_run() -> None:
     """Without a word of its own where the run is interrupted, and where it is killed."""
     end_with_parent()
     signal.signal(signal.SIGINT, lambda *_: os._exit(130))
