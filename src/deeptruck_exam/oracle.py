@@ -68,9 +68,9 @@ class Oracle:
         self._weigh_parameters()
         self.known = {e.key: s for e, s in zip(built.plan.effects, built.sizes, strict=True)}
 
-    def told(self) -> Told:
-        """The evidence of every law."""
-        laws = {e.key: e for e in EFFECTS.values() if self._can_be(e)}
+    def told(self, among: Iterable[str] = tuple(EFFECTS)) -> Told:
+        """The evidence of every law that can be, among these keys."""
+        laws = {key: EFFECTS[key] for key in among if self._can_be(EFFECTS[key])}
         evidence = {key: self._evidence(law, law.ranges) for key, law in laws.items()}
         best = sorted(evidence, key=lambda key: -evidence[key][0])[:REFINED]
         for key in {*best, *self.known} & set(laws):
