@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,6 +12,10 @@ from deeptruck_model import checks, files, results
 from deeptruck_model.cli.inputs import Bags, Overwrite, TopicMap, deep_truck, mapped, read
 from deeptruck_model.cli.judging import calibrate, evaluate
 from deeptruck_model.errors import InputError
+
+if TYPE_CHECKING:
+    from deeptruck_model.deep import Arguments
+    from deeptruck_model.recordings import Recording
 
 FEW_MINUTES = 10.0
 
@@ -78,20 +82,28 @@ def train(
         members=members,
         start="" if start is None else str(start),
     )
+    _train(read(bags, topic_map), out, arguments, resumes=resume, overwrite=overwrite)
+
+
+def _train(
+    recordings: list[Recording], out: Path, arguments: Arguments, *, resumes: bool, overwrite: bool
+) -> None:
+    """Train, and say what is worth saying."""
     from deeptruck_model.deep import finished
     from deeptruck_model.deep import train as train_truck
 
-    recordings = read(bags, topic_map)
-    if resume and finished(recordings, out, arguments):
+    if resumes and finished(recordings, out, arguments):
         typer.echo(f"{out}: finished before, with these recordings and arguments; nothing was left to do")
         return
     minutes = sum(len(recording) * recording.dt for recording in recordings) / 60
     if minutes < FEW_MINUTES:
         typer.echo(f"note: {minutes:.1f} min of driving are little; the tutorial trains on an hour", err=True)
-    truck = train_truck(recordings, out, arguments, resumes=resume, overwrite=overwrite)
-    for line in truck.details["training"]["untaught"]:
+    training = train_truck(recordings, out, arguments, resumes=resumes, overwrite=overwrite).details[
+        "training"
+    ]
+    for line in training["untaught"]:
         typer.echo(f"note: {line}", err=True)
-    typer.echo(f"{out}: trained in {truck.details['training']['seconds']:.0f} s; see {out / 'MODEL_CARD.md'}")
+    typer.echo(f"{out}: trained in {training['seconds']:.0f} s; see {out / 'MODEL_CARD.md'}")
 
 
 class Engine(StrEnum):
