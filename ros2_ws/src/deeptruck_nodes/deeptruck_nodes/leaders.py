@@ -1,4 +1,4 @@
-"""Leaders: a speed over time, scripted, random or recorded, or traffic; `parse` reads a description of one."""
+"""Leaders: a speed over time, scripted, random or recorded, or traffic; `parse` reads a description."""
 
 from __future__ import annotations
 

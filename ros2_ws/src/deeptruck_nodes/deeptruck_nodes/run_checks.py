@@ -76,7 +76,9 @@ def leader_is_known(profile: str, initial_gap: float) -> None:
     if not isinstance(leader, Sumo):
         return
     if initial_gap:
-        raise InputError(f"leader {profile}: the scenario says where the traffic is; leave the initial gap out")
+        raise InputError(
+            f"leader {profile}: the scenario says where the traffic is; leave the initial gap out"
+        )
     leader.try_out()
 
 

@@ -125,7 +125,9 @@ class Traffic:
                 )
             self._sumo.simulationStep()
         if self._sumo.simulation.getMinExpectedNumber() <= 1:
-            raise InputError(f"there is no traffic, only '{self._truck}'; add vehicles or flows to its routes")
+            raise InputError(
+                f"there is no traffic, only '{self._truck}'; add vehicles or flows to its routes"
+            )
         self._sumo.vehicle.setSpeedMode(self._truck, ALL_CHECKS_OFF)
         self._sumo.vehicle.setLaneChangeMode(self._truck, NO_LANE_CHANGES)
 
@@ -144,8 +146,8 @@ class Traffic:
         """Our truck has `speed` (m/s), t seconds after the start; NaN keeps the last one."""
         speed = max(speed, 0.0) if math.isfinite(speed) else self._speed
         while (due := (self._steps + 1) * STEP) <= t + SAME_TIME:
-            share = (due - self._time) / (t - self._time)
-            self._step(self._speed + share * (speed - self._speed))
+            share = min((due - self._time) / (t - self._time), 1.0)
+            self._step(max(self._speed + share * (speed - self._speed), 0.0))
         self._time, self._speed = t, speed
         self._see()
         since = max(t - self._steps * STEP, 0.0)
@@ -153,7 +155,7 @@ class Traffic:
             self.gap += (self.leader_speed - (self._stepped_at + speed) / 2) * since
 
     def _step(self, speed: float) -> None:
-        self._stepped_at = speed
+        self._stepped_at = speed  # never below 0, not even by rounding: SUMO would take the truck back
         self._steps += 1
         try:
             self._sumo.vehicle.setSpeed(self._truck, speed)
