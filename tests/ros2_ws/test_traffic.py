@@ -203,7 +203,8 @@ def test_what_sumo_refuses_is_said_in_one_line(
     ("profile", "says"),
     [
         ("sumo", "needs scenario="),
-        ("sumo:nowhere", "it does not exist; give a .sumocfg, or a scenario that is shipped: motorway"),
+        ("sumo:nowhere", "no scenario 'nowhere'; give a .sumocfg, or a scenario that is shipped: motorway"),
+        ("sumo:{tmp}/nowhere.sumocfg", "cannot be read: it does not exist; give a .sumocfg"),
         ("sumo:{tmp}", "is a folder, not a file"),
         ("sumo:{tmp}/text.sumocfg", "is not XML"),
         ("sumo:{tmp}/other.sumocfg", "holds <routes>, not a configuration of SUMO"),

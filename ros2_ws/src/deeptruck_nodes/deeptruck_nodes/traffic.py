@@ -56,6 +56,8 @@ class Sumo:
     def __post_init__(self) -> None:
         require(0 <= self.seed < 2**31, f"leader sumo: seed={self.seed} is outside 0..2147483647")
         cure = CURE.format(known=", ".join(sorted(path.stem for path in SCENARIOS.glob("*.sumocfg"))))
+        if self.file.parent == SCENARIOS and not self.file.exists():
+            raise InputError(f"leader sumo: there is no scenario '{self.scenario}'; {cure}")
         try:
             root = ET.fromstring(reading.text(self.file, cure)).tag.lower()
         except ET.ParseError as error:
