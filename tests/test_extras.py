@@ -109,6 +109,14 @@ def test_a_run_without_ros_names_its_extra(words: tuple[str, ...], bag: Path, tm
     assert not list(tmp_path.iterdir())
 
 
+def test_traffic_without_sumo_names_its_extra(tmp_path: Path) -> None:
+    words = ("--simulator", "truck:trucksim", "--policy", "baseline:acc", "--leader", "sumo:motorway")
+    done = slim("deeptruck-simulation", *words, "--runs", tmp_path / "runs", without=("libsumo",))
+    assert done.returncode == 2
+    assert done.stderr == "deeptruck-simulation: libsumo is not installed; pip install 'deeptruck[sumo]'\n"
+    assert not list(tmp_path.iterdir())
+
+
 def test_every_extra_is_in_all() -> None:
     extras = PROJECT["optional-dependencies"]
     assert set(EXTRAS) <= set(extras)

@@ -92,7 +92,7 @@ def test_the_wheel_holds_every_file_and_no_other(wheel: Path) -> None:
     inside = zipfile.ZipFile(wheel)
     packed = {name for name in inside.namelist() if ".dist-info/" not in name}
     assert packed == files(ROOT / "src") | files(ROOT / NODES)
-    for kind in (".yaml", ".dbc", ".xml", ".jinja", ".css", ".js", ".json", "py.typed"):
+    for kind in (".yaml", ".dbc", ".xml", ".sumocfg", ".jinja", ".css", ".js", ".json", "py.typed"):
         assert any(name.endswith(kind) for name in packed), kind
     (listed,) = [name for name in inside.namelist() if name.endswith(".dist-info/top_level.txt")]
     assert set(inside.read(listed).decode().split()) == PACKAGES

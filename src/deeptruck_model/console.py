@@ -23,6 +23,7 @@ EXTRA_OF = {  # of what a slim installation is without
     **dict.fromkeys(("gymnasium", "stable_baselines3", "sb3_contrib", "osqp"), "cacc"),
     **dict.fromkeys(("can", "cantools"), "can"),
     **dict.fromkeys(("fmpy", "pythonfmu3"), "fmu"),
+    "libsumo": "sumo",
 }
 EXTRA_OF_PROGRAM = {"deeptruck-cacc": "cacc"}  # it needs what learns too, and its extra holds that
 

@@ -15,6 +15,8 @@ T = TypeVar("T")
 def parse(text: str, kinds: Mapping[str, type[T]], what: str) -> T:
     """The dataclass that `text` describes; a tuple of numbers is written A/B/C.
 
+    The value that a dataclass calls its `first` may stand in front without its name.
+
     Raises InputError for an unknown kind or name, a value that is no number, or one the dataclass refuses.
     """
     kind, _, rest = text.partition(":")
@@ -22,8 +24,11 @@ def parse(text: str, kinds: Mapping[str, type[T]], what: str) -> T:
         raise InputError(f"{what} '{text}': there is no '{kind}'; known: {', '.join(kinds)}")
     fields = {field.name: field for field in dataclasses.fields(kinds[kind])}  # type: ignore[arg-type]
     values: dict[str, Any] = {}
+    first = getattr(kinds[kind], "first", "")
     for part in filter(None, rest.split(",")):
         name, equals, value = part.partition("=")
+        if first and not values and name not in fields:
+            name, equals, value = first, "=", part
         if not equals or name not in fields:
             raise InputError(
                 f"{what} '{text}': '{part}' is not one of {', '.join(f'{n}=' for n in fields) or 'none'}"

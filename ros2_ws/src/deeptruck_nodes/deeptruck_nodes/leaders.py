@@ -1,4 +1,4 @@
-"""Leaders: a speed over time. Scripted, random or recorded; `parse` reads the command line's description."""
+"""Leaders: a speed over time, scripted, random or recorded, or traffic; `parse` reads a description."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from deeptruck_model.errors import InputError
 from deeptruck_nodes import choice
 from deeptruck_nodes.choice import require
+from deeptruck_nodes.traffic import Sumo
 
 Array = NDArray[np.float64]
 
@@ -176,10 +177,11 @@ KINDS: dict[str, type] = {
     "stop": Stop,
     "random": Random,
     "recorded": Recorded,
+    "sumo": Sumo,
 }
 
 
-def parse(text: str) -> Leader:
+def parse(text: str) -> Leader | Sumo:
     """The leader a description names, such as 'sine:speed=18,amplitude=2'. Raises InputError."""
-    leader: Leader = choice.parse(text, KINDS, "leader")
+    leader: Leader | Sumo = choice.parse(text, KINDS, "leader")
     return leader

@@ -4,10 +4,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from deeptruck_nodes.leaders import Leader
+
+
+class Ahead(Protocol):
+    """Where the vehicle ahead is: gap (m; inf: nobody) and its speed over ground (m/s; NaN: nobody)."""
+
+    gap: float
+    leader_speed: float
+
+    def update(self, t: float, speed: float) -> None: ...
+
+    def close(self) -> None: ...
 
 
 class Gap:
@@ -32,6 +44,9 @@ class Gap:
             opening = opening if math.isfinite(opening) else last_opening
             self.gap += (opening + last_opening) / 2 * (t - last_t)
         self._last = (t, opening)
+
+    def close(self) -> None:
+        """There is nothing to end."""
 
 
 @dataclass(frozen=True)

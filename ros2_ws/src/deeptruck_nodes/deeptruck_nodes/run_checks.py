@@ -67,11 +67,19 @@ def monitor_fits(monitor: str, truck: TruckInterface | None) -> None:
         raise InputError(f"{monitor} needs grade, which this truck does not tell; choose another simulator")
 
 
-def leader_is_known(profile: str) -> None:
-    """Raises InputError where nothing drives ahead so."""
+def leader_is_known(profile: str, initial_gap: float) -> None:
+    """Raises InputError where nothing drives ahead so, or SUMO refuses its scenario."""
     from deeptruck_nodes import leaders
+    from deeptruck_nodes.traffic import Sumo
 
-    leaders.parse(profile)
+    leader = leaders.parse(profile)
+    if not isinstance(leader, Sumo):
+        return
+    if initial_gap:
+        raise InputError(
+            f"leader {profile}: the scenario says where the traffic is; leave the initial gap out"
+        )
+    leader.try_out()
 
 
 def road_is_known(text: str) -> None:
