@@ -122,7 +122,9 @@ OWN: dict[str, tuple[Form, ...]] = {
         )
         for trend in ("falling", "any")
     ),
-    "rolling_resistance_speed": (Form(lift(-1.0), SPEED, "speed", "rising", share=False),),
+    "rolling_resistance_speed": tuple(
+        Form(lift(-1.0), SPEED, "speed", trend, share=False) for trend in ("rising", "any")
+    ),
     "rolling_resistance_warmup": (
         Form(lift(-1.0), ELAPSED, "time since start", "falling", share=False),
         Form(lift(-1.0), Lag((SPEED,), 300.0, cold=True), "speed over 300 s", "falling", share=False),
@@ -159,6 +161,11 @@ OWN: dict[str, tuple[Form, ...]] = {
             (PULL * SPEED, "engine power", ()),
             (ENGINE_SPEED, "engine speed", ("engine_speed",)),
         )
+    )
+    + (
+        # a governor of the acceleration; a feed pump, or a pedal map, that gives less at low speed
+        Form(PULL * -1.0, Lag((SIMULATED,), 0.5), "acceleration", "rising", sd=0.6, knots=UPPER),
+        Form(PULL * -1.0, ENGINE_SPEED, "engine speed", "falling", sd=0.6, needs=("engine_speed",)),
     ),
     "engine_brake": tuple(
         Form(-(when * overall_ratio), of, by, "rising", level=by != "time", share=False, needs=needs)
@@ -206,6 +213,15 @@ OWN: dict[str, tuple[Form, ...]] = {
             needs=("ratio", "engine_speed"),
         ),
         Form(OVERALL_RATIO * -1.0, ELAPSED, "time since start", "falling", share=False, needs=("ratio",)),
+        # pumping work that keeps the exhaust hot, and oil films that load makes thin
+        Form(
+            OVERALL_RATIO * -1.0,
+            _heated(PULL * SPEED, 20.0),
+            "engine power over 20 s",
+            "falling",
+            share=False,
+            needs=("ratio",),
+        ),
     ),
     "driveline_loss": (
         Form(PULL * -1.0, OVERALL_RATIO, "ratio", "any", needs=("ratio",)),
@@ -241,6 +257,9 @@ OWN: dict[str, tuple[Form, ...]] = {
     "torque_converter_slip": (
         Form(PULL * -1.0, minimum(SPEED, LOCKED_M_S), "speed", "falling"),
         Form(PULL, minimum(SPEED, LOCKED_M_S), "speed", "falling"),
+        # no lock-up while the oil is cold; a converter that fills again
+        Form(PULL * -1.0, ELAPSED, "time since start", "falling"),
+        Form(PULL * -1.0, STOOD, "time since standing", "falling"),
     ),
     "wheel_slip": tuple(
         Form(force * -1.0, absolute(force), by, "rising", sd=0.6, knots=UPPER)
