@@ -31,6 +31,7 @@ PROOF = Result(
         *(f"concealed/*/{name}" for name in _REAL),
     ),
 )  # fmt: skip
+LIMIT = Result("limits of cases", ("limit.json", "*-*-*.json"))
 
 
 def check(out: Path) -> None:

@@ -16,14 +16,13 @@ from rich.table import Table
 
 from deeptruck_exam.effects import EFFECTS
 from deeptruck_exam.effects.planting import FAMILIES
+from deeptruck_exam.folder import LIMIT
 from deeptruck_exam.jobs import end_with_the_run
 from deeptruck_model import files
-from deeptruck_model.files import Result
 
 LEVELS = ("noise", "wrong_parameters", "absorbed", "closed_loop", "confounded", "rare", "decoy")
 # As the tool weighs names: by nats over the larger of TEMPER and COARSE times the best, in sets of CREDIBLE.
 TEMPER, COARSE, CREDIBLE = 3.0, 0.05, 0.8
-LIMIT = Result("limits of cases", ("*-*-*.json", ".*-*-*.json.tmp", "limit.json"))
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from deeptruck_model.files import ledger, places
 from deeptruck_model.files.ledger import LEDGER, Ledger
 from deeptruck_model.files.parts import fits, remove
 from deeptruck_model.files.places import unfinished, writing
-from deeptruck_model.files.single import ELSEWHERE, advice, check_writable, umask, write
+from deeptruck_model.files.single import ELSEWHERE, advice, check_outside, check_writable, umask, write
 
 OVERWRITE_HELP = "Replace what this command wrote there, once the new one is whole."
 
@@ -231,10 +231,7 @@ class Result:
                 f"{out} is a mount point, which no result can take the place of; give a new folder in it"
             )
         check_writable(out, self.elsewhere)
-        if not out.exists() and (result := ledger.inside(out)):
-            raise InputError(
-                f"{out} would lie in {result[0]}, {result[1]}, which holds nothing else; {self.elsewhere}"
-            )
+        check_outside(out, self.elsewhere)
         if not out.is_dir() or not any(out.iterdir()):
             return []
         known = self._listed(out)

@@ -12,6 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from deeptruck_model.errors import InputError
+from deeptruck_model.files import ledger
 
 ADVICE = "make room or choose another --out"
 ELSEWHERE = "choose another --out"
@@ -33,6 +34,14 @@ def check_new(path: Path) -> None:
     if path.exists() or path.is_symlink():
         raise InputError(f"{path} exists already; {RENAME} or remove it")
     check_writable(path, RENAME)
+
+
+def check_outside(path: Path, elsewhere: str = ELSEWHERE) -> None:
+    """Raises InputError where `path` would be something new in a finished result; nothing is touched."""
+    if not path.exists() and (result := ledger.inside(path)):
+        raise InputError(
+            f"{path} would lie in {result[0]}, {result[1]}, which holds nothing else; {elsewhere}"
+        )
 
 
 @contextmanager

@@ -21,11 +21,12 @@ from truck_bridge.can_logs.reader import Frame, read
 from truck_bridge.errors import InputError
 from truck_bridge.j1939.ids import ADDRESS_CLAIMED, Identifier
 
+ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 COMMAND_PGNS = {0x0000, 0x0100, 0x0400, 0xEF00, ADDRESS_CLAIMED}  # TSC1, TC1, XBR, proprietary A; claims
 
 
 def record(path: Path, interface: str, channel: str, duration: float | None = None) -> int:
-    """Write a bus to a log until the duration, SIGINT or SIGTERM. Returns the number of frames.
+    """Write a bus to a log until the duration, SIGINT, SIGTERM or SIGHUP. Returns the number of frames.
 
     The log has its name from the beginning, so that a kill leaves what was recorded.
 
@@ -136,7 +137,7 @@ def _told_to_end() -> Iterator[threading.Event]:
     if threading.current_thread() is not threading.main_thread():
         yield told  # only the main thread may handle signals
         return
-    heeded = [n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) != signal.SIG_IGN]
+    heeded = [n for n in ENDS if signal.getsignal(n) != signal.SIG_IGN]
     before = {number: signal.signal(number, lambda *_: told.set()) for number in heeded}
     try:
         yield told

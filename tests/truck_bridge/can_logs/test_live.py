@@ -15,9 +15,10 @@ import can
 import pytest
 from mcap.writer import Writer
 
+from deeptruck_model import files
 from truck_bridge import can_logs
 from truck_bridge.errors import InputError
-from truck_bridge.log_files import WRITABLE
+from truck_bridge.log_files import WRITABLE, check_new_table
 
 LINE = "({:.6f}) can0 0CF00400#219B9BDD2F000F9B\n"
 HERE = [suffix for suffix in WRITABLE if suffix != ".mf4" or find_spec("asammdf")]  # an extra
@@ -107,6 +108,19 @@ def test_a_full_disk_ends_a_recording_in_one_line(loud, tmp_path, suffix):
     assert "cannot write drive" in run.stderr
 
 
+def test_nothing_new_is_put_into_a_finished_result(log, tmp_path):
+    bag = tmp_path / "bag"
+    bag.mkdir()
+    kind = files.Result("a recorded bag")
+    (bag / "metadata.yaml").write_text("x")
+    kind.claim(bag, "metadata.yaml")
+    kind.sign(bag)
+    for write in (lambda: can_logs.convert(log, bag / "x.mcap"), lambda: check_new_table(bag / "x.csv")):
+        with pytest.raises(InputError, match="a recorded bag, which holds nothing else; choose another name"):
+            write()
+    assert sorted(p.name for p in bag.iterdir()) == [".deeptruck.json", "metadata.yaml"]
+
+
 @pytest.mark.parametrize("speaks", [True, False])
 def test_a_file_put_in_its_place_meanwhile_is_said_and_stays(loud, tmp_path, speaks):
     path, moved = tmp_path / "drive.log", tmp_path / "moved.log"
@@ -127,7 +141,7 @@ def test_a_file_put_in_its_place_meanwhile_is_said_and_stays(loud, tmp_path, spe
     assert not speaks or len(list(can_logs.read(moved))) > 20
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize("name", ["drive.log", "drive.mcap"])
 def test_an_end_by_signal_keeps_the_recording(loud, tmp_path, name, number):
     argv = [sys.executable, "-c", "from truck_bridge.cli import main; main()", "record", name]

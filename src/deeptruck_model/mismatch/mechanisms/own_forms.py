@@ -152,19 +152,19 @@ OWN: dict[str, tuple[Form, ...]] = {
             needs=("ambient_temperature",),
         ),
     ),
-    "torque_limit": tuple(
-        Form(PULL * -1.0, of, by, "rising", sd=0.6, needs=needs, knots=UPPER)
-        for of, by, needs in (
-            (TORQUE, "torque", ("ratio",)),
-            (PULL, "engine force", ()),
-            (SPEED, "speed", ()),
-            (PULL * SPEED, "engine power", ()),
-            (ENGINE_SPEED, "engine speed", ("engine_speed",)),
-        )
-    )
-    + (
-        # a governor of the acceleration; a feed pump, or a pedal map, that gives less at low speed
-        Form(PULL * -1.0, Lag((SIMULATED,), 0.5), "acceleration", "rising", sd=0.6, knots=UPPER),
+    "torque_limit": (
+        *(
+            Form(PULL * -1.0, of, by, "rising", sd=0.6, needs=needs, knots=UPPER)
+            for of, by, needs in (
+                (TORQUE, "torque", ("ratio",)),
+                (PULL, "engine force", ()),
+                (SPEED, "speed", ()),
+                (PULL * SPEED, "engine power", ()),
+                (ENGINE_SPEED, "engine speed", ("engine_speed",)),
+                (Lag((SIMULATED,), 0.5), "acceleration", ()),  # a governor that holds it
+            )
+        ),
+        # a feed pump, or a map of the pedal, that gives less at low speed
         Form(PULL * -1.0, ENGINE_SPEED, "engine speed", "falling", sd=0.6, needs=("engine_speed",)),
     ),
     "engine_brake": tuple(
