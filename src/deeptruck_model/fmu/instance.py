@@ -47,7 +47,7 @@ class Unpacked:
             extract(str(description.file), str(self.folder))
         except (OSError, zipfile.BadZipFile, Exception) as error:
             said = reading.plain(str(error))
-            raise InputError(f"{description.file} cannot be unpacked ({said}); export it again") from None
+            raise InputError(f"it cannot be unpacked ({said}); export it again") from None
 
 
 class Block:
@@ -215,4 +215,4 @@ class Instance:
             own = f"; it says: {reading.plain(self._words[-1])}" if self._words else ""
             said = reading.plain(str(error)).rstrip(".")
             at = f" at {self._steps * self._substeps * self._dt:.4g} s" if what == "step" else ""
-            raise InputError(f"{self._d.file} cannot {what}{at} ({said}){own}") from error
+            raise InputError(f"it cannot {what}{at} ({said}){own}") from error
