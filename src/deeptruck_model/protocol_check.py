@@ -227,7 +227,7 @@ def _obeys(s: Simulator, name: str, more: dict[str, float], sign: float, said: s
         )
     if change > LIKELY * DRIVE_S:
         raise MissingError(
-            f"{name} of {amount:g} {unit} changes its speed by {change:.2g} m/s in {DRIVE_S:g} s, as no truck's does",
+            f"{name} of {amount:g} {unit} changes speed by {change:.2g} m/s in {DRIVE_S:g} s, as in no truck",
             f"look at its column and unit ({unit})",
         )
     return f"{amount:g} {unit} {said} it by {change:.2g} m/s in {DRIVE_S:g} s"

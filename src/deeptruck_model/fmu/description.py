@@ -102,14 +102,16 @@ def _description(file: Path, version: int, told: Any) -> Description:
 
 def _variable(v: Any) -> Variable:
     unit = v.unit if v.unit is not None or v.declaredType is None else v.declaredType.unit
-    numbers = (_number(x) for x in (v.start, v.min, v.max))
+    start, low, high = (_number(x) for x in (v.start, v.min, v.max))
     return Variable(
         v.name,
         int(v.valueReference),
         v.type,
         v.causality or "local",
         unit or None,
-        *numbers,
+        start,
+        low,
+        high,
         held=v.variability in ("constant", "fixed"),
         calculated=v.initial == "calculated",
         array=bool(v.dimensions),

@@ -223,9 +223,7 @@ def _check_needed(d: Description, found: Mapping[str, Mapping[str, Link]]) -> No
         if name not in found[section]
     ]
     if lacking:
-        raise InputError(
-            f"it has no variable that is known as {', '.join(lacking)}; {_holds(d)}; {_cure(d)}"
-        )
+        raise InputError(f"it has no variable that is known as {', '.join(lacking)}; {_holds(d)}; {_cure(d)}")
 
 
 def _cure(d: Description) -> str:

@@ -85,7 +85,9 @@ def _description(fmi: int) -> str:
         two = f"<ScalarVariable {said}><Real{begins}/></ScalarVariable>"
         lines.append(two if fmi == 2 else f"<Float64 {said}{begins}/>")
     if fmi == 3:
-        lines.append('<Float64 name="time" valueReference="99" causality="independent" variability="continuous"/>')
+        lines.append(
+            '<Float64 name="time" valueReference="99" causality="independent" variability="continuous"/>'
+        )
     token = "guid" if fmi == 2 else "instantiationToken"
     slave = '<CoSimulation modelIdentifier="pointmass" canHandleVariableCommunicationStepSize="true"/>'
     known = '<Unknown index="4"/>'
@@ -93,9 +95,10 @@ def _description(fmi: int) -> str:
     if fmi == 3:
         outputs = '<Output valueReference="3"/><InitialUnknown valueReference="3"/>'
     variables = f"<ModelVariables>{''.join(lines)}</ModelVariables>"
+    about = f'fmiVersion="{fmi}.0" modelName="pointmass" {token}="pointmass"'
     return (
-        f'<?xml version="1.0" encoding="UTF-8"?><fmiModelDescription fmiVersion="{fmi}.0" modelName="pointmass" '
-        f'{token}="pointmass">{slave}{variables}<ModelStructure>{outputs}</ModelStructure></fmiModelDescription>'
+        f'<?xml version="1.0" encoding="UTF-8"?><fmiModelDescription {about}>{slave}{variables}'
+        f"<ModelStructure>{outputs}</ModelStructure></fmiModelDescription>"
     )
 
 
@@ -121,7 +124,11 @@ def recorded(name: str, seconds: float, seed: int, sticking: float = STICKING_SH
             v = max(v + 0.01 * force / BODY["mass"], 0.0)
         a, at = (v - before) / 0.1, at + 0.1 * v
     columns = dict(
-        zip(("engine_command", "brake_command", "grade", "acceleration", "speed"), np.array(rows).T, strict=True)
+        zip(
+            ("engine_command", "brake_command", "grade", "acceleration", "speed"),
+            np.array(rows).T,
+            strict=True,
+        )
     )
     for channel, sd in (("speed", 0.03), ("acceleration", 0.05), ("grade", 0.001)):
         columns[channel] = columns[channel] + rng.normal(0.0, sd, len(targets))

@@ -62,7 +62,9 @@ def test_without_inputs_no_mapping_is_asked_for(fmi: str, model: str) -> None:
 
 
 def test_inputs_that_a_mapping_could_name_are_told() -> None:
-    with pytest.raises(InputError, match=r"its inputs are Float32_continuous_input, .* name them in a mapping"):
+    with pytest.raises(
+        InputError, match=r"its inputs are Float32_continuous_input, .* name them in a mapping"
+    ):
         checks.simulator(f"fmu:{foreign(f'{REFERENCE}/fmi3/Feedthrough.fmu')}")
 
 
