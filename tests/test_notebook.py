@@ -52,8 +52,7 @@ def test_its_sentences_are_short() -> None:
         assert len(sentence.split()) <= LONGEST, sentence
 
 
-@pytest.mark.long
-@pytest.mark.timeout(900)
+@pytest.mark.timeout(900)  # 76 s of CPU time
 def test_it_runs_from_top_to_bottom(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     plt.switch_backend("Agg")
@@ -68,4 +67,5 @@ def test_it_runs_from_top_to_bottom(monkeypatch: pytest.MonkeyPatch, tmp_path: P
         error = space["deep"].trials(truck, [space["drives"]["d"]], count=20, horizon_s=60).error[:, 1:, 1]
         rmse.append(float(np.sqrt(np.nanmean(error**2))))
     assert space["found"].findings and rmse[1] < 0.7 * rmse[0]
-    assert np.isfinite(space["results"]["sets"]["paper"]["speed_error"]["rmse"])
+    followed = space["results"]["sets"]["paper"]
+    assert followed["rollouts"] == 10 and np.isfinite(followed["min_gap_m"])
