@@ -117,7 +117,7 @@ def test_a_mass_of_openmodelica_is_fit_for_use(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.timeout(1200)
+@pytest.mark.timeout(3000)
 def test_a_mass_of_openmodelica_gets_the_drag_that_it_lacks(tmp_path: Path) -> None:
     *fitted, unseen = (recorded(name, k) for k, name in enumerate("abcd"))
     fit = find_mismatch(openmodelica(tmp_path), fitted, [unseen]).result.fit

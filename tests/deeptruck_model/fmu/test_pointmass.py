@@ -72,12 +72,12 @@ def test_without_the_brake_the_drives_are_the_fmus_own(tmp_path: Path, fmi: int)
 
 
 @pytest.mark.long
-@pytest.mark.timeout(1200)
+@pytest.mark.timeout(3000)
 @FMI
 def test_a_brake_that_lets_go_late_is_named_and_corrected(tmp_path: Path, fmi: int) -> None:
     file = pointmass.built(tmp_path, fmi)
     truck = simulators.load(f"fmu:{file}:{tmp_path / 'map.yaml'}")
-    *fitted, unseen = (pointmass.recorded(name, 240.0, 10 + k) for k, name in enumerate("abcd"))
+    *fitted, unseen = (pointmass.recorded(name, 150.0, 10 + k) for k, name in enumerate("abcd"))
     found = find_mismatch(truck, fitted, [unseen])
     assert found.result.validated
     write(found, tmp_path / "found")
