@@ -26,7 +26,7 @@ from deeptruck_model.cli import data, deep, mismatch, simulators, spread
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
-PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "examples" / "README.md", *sorted(DOCS.rglob("*.md"))]
 TYPER = r"(deeptruck-[a-z]+|truck-bridge|python (ros2_ws|examples|demo)\S*) \S"
 SCRIPT = r"python (-m \S+|(benchmarks|tests)/\S+\.py)"  # with argparse, or with options written out
 OTHERS = r"make \w+|\. \S+/activate$|#|$"

@@ -7,7 +7,7 @@ what only some do. What somebody else's code raises counts as missing.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from typing import Any
 
@@ -63,7 +63,12 @@ class NotedError(Exception):
 
 def examine(simulator: Simulator) -> list[Row]:
     """A row for each probe. The simulator is driven from copies of its own states only."""
-    return [_row(about, probe, simulator) for about, probe in PROBES]
+    rows: list[Row] = []
+    for about, probe in PROBES:
+        row = _row(about, probe, simulator)
+        same = next((r for r in rows if r.state is row.state is State.NO and r.says == row.says), None)
+        rows.append(row if same is None else replace(row, says=f"as at {same.about}", mend=""))
+    return rows
 
 
 def missing(rows: Sequence[Row]) -> list[Row]:
@@ -80,7 +85,7 @@ def _row(about: str, probe: Callable[[Simulator], str], simulator: Simulator) ->
         return Row(about, State.NOTE, *what.args)
     except Exception as error:  # of somebody else's code
         said = str(error) if isinstance(error, InputError) else repr(error)
-        return Row(about, State.NO, reading.plain(said), "mend what is said there")
+        return Row(about, State.NO, reading.plain(said, reading.MOST_SAID), "mend what is said there")
 
 
 def start(simulator: Simulator, *speeds: float) -> Any:
@@ -219,6 +224,11 @@ def _obeys(s: Simulator, name: str, more: dict[str, float], sign: float, said: s
         what = "hardly anything" if change > -SEEN else "the opposite"
         raise MissingError(
             f"{name} of {amount:g} {unit} does {what}", f"look at its column, unit ({unit}) and sign"
+        )
+    if change > LIKELY * DRIVE_S:
+        raise MissingError(
+            f"{name} of {amount:g} {unit} changes speed by {change:.2g} m/s in {DRIVE_S:g} s, as in no truck",
+            f"look at its column and unit ({unit})",
         )
     return f"{amount:g} {unit} {said} it by {change:.2g} m/s in {DRIVE_S:g} s"
 

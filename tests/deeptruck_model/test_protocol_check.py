@@ -104,6 +104,14 @@ FORCED: dict[str, Callable[..., Any]] = {
 }
 
 
+def test_what_ends_every_drive_is_said_once() -> None:
+    def reset(self: Any, y0: Any) -> Any:
+        raise RuntimeError("the licence has run out")
+
+    said = [row.says for row in protocol_check.missing(protocol_check.examine(changed(reset=reset)))]
+    assert "licence has run out" in said[0] and set(said[1:]) == {"as at reset, step"}
+
+
 @pytest.mark.parametrize(
     ("methods", "about", "says"),
     [
@@ -125,6 +133,11 @@ FORCED: dict[str, Callable[..., Any]] = {
             {"accelerate": lambda self, v, u, w: Sound.accelerate(self, v, u * [1, 0], w)},
             "brake command",
             "hardly anything",
+        ),
+        (
+            {"accelerate": lambda self, v, u, w: Sound.accelerate(self, v, u * [100, 1], w)},
+            "engine command",
+            "as in no truck",
         ),
         ({"accelerate": lambda self, v, u, w: Sound.accelerate(self, v, u, -w)}, "grade", "the opposite"),
         ({"inside": lambda self, state: {"gear": np.ones(7)}}, "inside", "gear of"),

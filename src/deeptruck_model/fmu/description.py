@@ -18,7 +18,10 @@ EXPORT_AGAIN = "export it again as FMI 2 or 3 for co-simulation"
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable of the FMU; `unit`, `start`, `low` and `high` are None where it does not tell them."""
+    """A variable of the FMU; `unit`, `start`, `low` and `high` are None where it does not tell them.
+
+    `held`: it keeps its value while the FMU runs. `calculated`: its start follows from other variables.
+    """
 
     name: str
     reference: int
@@ -28,6 +31,9 @@ class Variable:
     start: float | None
     low: float | None
     high: float | None
+    held: bool = False
+    calculated: bool = False
+    array: bool = False
 
 
 @dataclass(frozen=True)
@@ -49,7 +55,7 @@ def described(file: Path) -> Description:
     """The description of an FMU. Raises InputError for a file that is none, or none that runs here."""
     reading.check_file(file, "give the path of an FMU")
     if not zipfile.is_zipfile(file):
-        raise InputError(f"{file} is no FMU: it is no zip archive; {EXPORT_AGAIN}")
+        raise InputError(f"it is no zip archive, so no FMU; {EXPORT_AGAIN}")
     try:
         from fmpy import platform, platform_tuple, read_model_description, sharedLibraryExtension
     except ImportError:
@@ -58,22 +64,22 @@ def described(file: Path) -> Description:
         with zipfile.ZipFile(file) as archive:
             entries = set(archive.namelist())
         if DESCRIPTION not in entries:
-            raise InputError(f"{file} is no FMU: it holds no {DESCRIPTION}; {EXPORT_AGAIN}")
+            raise InputError(f"it holds no {DESCRIPTION}, so it is no FMU; {EXPORT_AGAIN}")
         told = read_model_description(str(file), validate=False)
     except InputError:
         raise
     except Exception as error:  # whatever a damaged archive or description makes a library raise
         said = reading.plain(str(error)) or type(error).__name__
-        raise InputError(f"{file} is damaged ({said}); {EXPORT_AGAIN}") from None
+        raise InputError(f"it is damaged ({said}); {EXPORT_AGAIN}") from None
     version = int(str(told.fmiVersion)[0])
     if version not in (2, 3) or told.coSimulation is None:
         kind = f"FMI {told.fmiVersion}" + ("" if told.coSimulation else ", without co-simulation")
-        raise InputError(f"{file} is {kind}; {EXPORT_AGAIN}")
+        raise InputError(f"it is {kind}; {EXPORT_AGAIN}")
     folder = f"binaries/{platform if version == 2 else platform_tuple}/"
     if f"{folder}{told.coSimulation.modelIdentifier}{sharedLibraryExtension}" not in entries:
         there = sorted({name.split("/")[1] for name in entries if name.startswith("binaries/") and name[9:]})
         held = ", ".join(there) or "no platform"
-        raise InputError(f"{file} runs on {held} and not on {folder[9:-1]}; export it for that platform too")
+        raise InputError(f"it runs on {held} and not on {folder[9:-1]}; export it for that platform too")
     return _description(file, version, told)
 
 
@@ -96,8 +102,20 @@ def _description(file: Path, version: int, told: Any) -> Description:
 
 def _variable(v: Any) -> Variable:
     unit = v.unit if v.unit is not None or v.declaredType is None else v.declaredType.unit
-    numbers = (_number(x) for x in (v.start, v.min, v.max))
-    return Variable(v.name, int(v.valueReference), v.type, v.causality or "local", unit or None, *numbers)
+    start, low, high = (_number(x) for x in (v.start, v.min, v.max))
+    return Variable(
+        v.name,
+        int(v.valueReference),
+        v.type,
+        v.causality or "local",
+        unit or None,
+        start,
+        low,
+        high,
+        held=v.variability in ("constant", "fixed"),
+        calculated=v.initial == "calculated",
+        array=bool(v.dimensions),
+    )
 
 
 def _number(value: Any) -> float | None:

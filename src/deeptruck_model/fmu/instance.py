@@ -47,7 +47,7 @@ class Unpacked:
             extract(str(description.file), str(self.folder))
         except (OSError, zipfile.BadZipFile, Exception) as error:
             said = reading.plain(str(error))
-            raise InputError(f"{description.file} cannot be unpacked ({said}); export it again") from None
+            raise InputError(f"it cannot be unpacked ({said}); export it again") from None
 
 
 class Block:
@@ -103,6 +103,7 @@ class Instance:
         with self._asked("instantiate"):
             self._fmu = self._made(unpacked.folder)
             self._instantiate()
+        self._begins: dict[tuple[Variable, ...], Block] = {}  # a forced run may start at every step
         self._in, self._out = (Block(self._fmu, self._d.version, v) for v in (inputs, outputs))
 
     def _made(self, folder: Path) -> Any:
@@ -147,10 +148,13 @@ class Instance:
             self._begin_again()
         self._fresh, self._steps = False, 0
         variables, numbers = [v for v, _ in values], [x for _, x in values]
+        begins = self._begins.get(tuple(variables))
+        if begins is None:
+            begins = self._begins[tuple(variables)] = Block(self._fmu, self._d.version, variables)
         with self._asked("initialise"):
             if self._d.version == 2:
                 self._fmu.setupExperiment(startTime=0.0)
-            Block(self._fmu, self._d.version, variables).write(numbers)
+            begins.write(numbers)
             self._fmu.enterInitializationMode()
             self._fmu.exitInitializationMode()
             return self._out.read()
@@ -215,4 +219,4 @@ class Instance:
             own = f"; it says: {reading.plain(self._words[-1])}" if self._words else ""
             said = reading.plain(str(error)).rstrip(".")
             at = f" at {self._steps * self._substeps * self._dt:.4g} s" if what == "step" else ""
-            raise InputError(f"{self._d.file} cannot {what}{at} ({said}){own}") from error
+            raise InputError(f"it cannot {what}{at} ({said}){own}") from error

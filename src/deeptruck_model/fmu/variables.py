@@ -33,6 +33,7 @@ OWN_NAMES = {  # where the FMU's name is not just ours
     "measured": {"speed": "measured_speed", "acceleration": "measured_acceleration", "active": "measured"},
 }
 DT, LONGEST = 0.1, 60.0  # s
+SHOWN = 6  # names of inputs, and of outputs, in one line
 
 
 @dataclass(frozen=True)
@@ -142,22 +143,32 @@ def _told_link(d: Description, section: str, name: str, line: Any) -> Link:
         raise InputError(f"{where} of the mapping names no variable of the FMU; write '{name}: VARIABLE'")
     _known(told, OF_LINK, where)
     variable = _variable(d, told["variable"], where)
-    if section in ("inputs", "measured") and variable.causality not in ("input", "parameter"):
-        raise InputError(
-            f"{where} is {variable.name}, which is a {variable.causality} and no input of the FMU"
-        )
+    _check_kind(section, where, variable)
     factor = _number(told["factor"], f"factor of {where}") if "factor" in told else None
     link = _link(section, name, variable, told.get("unit"), factor)
     low, high = (_number(told[k], f"{k} of {where}") if k in told else None for k in ("low", "high"))
     return replace(link, low=link.low if low is None else low, high=link.high if high is None else high)
 
 
+def _check_kind(section: str, where: str, variable: Variable) -> None:
+    """An input takes a value at every step, a start value is taken, and each is one number."""
+    said = f"{where} is {variable.name}, which is"
+    given = section in ("inputs", "measured")
+    if given and variable.causality not in ("input", "parameter"):
+        raise InputError(f"{said} a {variable.causality} and no input of the FMU")
+    if given and variable.held:
+        raise InputError(f"{said} a {variable.causality} that holds while it runs; name an input")
+    if section == "start" and variable.calculated:
+        raise InputError(f"{said} calculated; name the variable from whose start value it follows")
+    if variable.array:
+        raise InputError(f"{said} an array; only single numbers are taken: export its elements by themselves")
+
+
 def _variable(d: Description, name: str, where: str) -> Variable:
     if name not in d.variables:
         near = difflib.get_close_matches(name, list(d.variables), n=3)
-        inputs = [v.name for v in d.variables.values() if v.causality in ("input", "output")][:20]
-        hint = f"did you mean {' or '.join(near)}?" if near else f"it has {', '.join(inputs) or 'none'}"
-        raise InputError(f"{where} of the mapping: the FMU {d.file} has no variable '{name}'; {hint}")
+        hint = f"did you mean {' or '.join(near)}?" if near else _holds(d)
+        raise InputError(f"{where} of the mapping: the FMU has no variable '{name}'; {hint}")
     return d.variables[name]
 
 
@@ -212,10 +223,23 @@ def _check_needed(d: Description, found: Mapping[str, Mapping[str, Link]]) -> No
         if name not in found[section]
     ]
     if lacking:
-        raise InputError(
-            f"{d.file} has no variable that is known as {', '.join(lacking)}; "
-            "name it in a mapping, fmu:MODEL.fmu:MAPPING.yaml (docs/simulators.md)"
-        )
+        raise InputError(f"it has no variable that is known as {', '.join(lacking)}; {_holds(d)}; {_cure(d)}")
+
+
+def _cure(d: Description) -> str:
+    if any(v.causality == "input" for v in d.variables.values()):
+        return "name them in a mapping, fmu:MODEL.fmu:MAPPING.yaml (docs/simulators.md)"
+    return "no command can reach it: export it with the engine's command as an input"
+
+
+def _holds(d: Description) -> str:
+    """Inputs and outputs of the FMU, so that a mapping can be written, or given up, without another tool."""
+    said = []
+    for kind in ("input", "output"):
+        names = [v.name for v in d.variables.values() if v.causality == kind]
+        more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+        said.append(f"its {kind}s are {', '.join(names[:SHOWN])}{more}" if names else f"it has no {kind}s")
+    return ", ".join(said)
 
 
 def _interface(name: str, found: Mapping[str, Mapping[str, Link]]) -> TruckInterface:

@@ -10,17 +10,26 @@ from deeptruck_model.lazy import names
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, load_directory
     from deeptruck_model.mismatch.find import find_mismatch
-    from deeptruck_model.mismatch.output import apply, write
+    from deeptruck_model.mismatch.output import apply, figures, summary, write
     from deeptruck_model.mismatch.result import Mismatch
 
-__all__ = ["CorrectedTruck", "Mismatch", "apply", "find_mismatch", "load_directory", "write"]
+__all__ = [
+    "CorrectedTruck",
+    "Mismatch",
+    "apply",
+    "figures",
+    "find_mismatch",
+    "load_directory",
+    "summary",
+    "write",
+]
 
 __getattr__ = names(
     __name__,
     {
         "correction.corrected_truck": ("CorrectedTruck", "load_directory"),
         "find": ("find_mismatch",),
-        "output": ("apply", "write"),
+        "output": ("apply", "figures", "summary", "write"),
         "result": ("Mismatch",),
     },
 )

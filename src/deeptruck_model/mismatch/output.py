@@ -6,14 +6,32 @@ import csv
 import json
 import shutil
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from deeptruck_model import simulators
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.folders import APPLIED, check_applicable
+from deeptruck_model.mismatch.report import headline
 from deeptruck_model.mismatch.report.what_now import Asked
 from deeptruck_model.mismatch.result import Mismatch
 from deeptruck_model.results import FOUND
+
+if TYPE_CHECKING:
+    from deeptruck_model.mismatch.report.figures import Picture
+
+
+def summary(mismatch: Mismatch) -> list[str]:
+    """What the terminal and the page begin with: what is missing, how sure that is, what correcting it is
+    worth."""
+    return headline.sentences(headline.of(mismatch.result))
+
+
+def figures(mismatch: Mismatch) -> dict[str, Picture]:
+    """The page's figures by name, as PNG with a caption; a notebook shows one that ends a cell."""
+    from deeptruck_model.mismatch.report import figures as drawn
+
+    return drawn.draw(mismatch)
 
 
 def write(mismatch: Mismatch, out: Path, *, overwrite: bool = False) -> None:

@@ -303,7 +303,7 @@ class Verdict:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Mismatch:
     """Everything the tool found: its result, and what the report draws. None where nothing can be said."""
 
@@ -314,6 +314,16 @@ class Mismatch:
     corrected: CorrectedTruck | None
     prepared: tuple[Prepared, ...]
     excluded: tuple[str, ...] = ()  # effects that were to be left out of the library
+
+    def __repr__(self) -> str:
+        """What was found, in a line: its parts hold all samples."""
+        names = ", ".join(f.effect for f in self.findings) or "no finding"
+        return f"<Mismatch: {self.result.kind}; {names}; {'' if self.result.validated else 'not '}validated>"
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What was found, in the order of verdict.json."""
+        return self.result.findings
 
     @property
     def verdict(self) -> dict[str, Any]:

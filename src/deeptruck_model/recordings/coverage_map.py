@@ -63,6 +63,12 @@ class Coverage:
             },
         }
 
+    def _repr_png_(self) -> bytes:
+        """By which a notebook shows it: the figure that `save` writes."""
+        from deeptruck_model.recordings.coverage_figure import draw
+
+        return draw(self)
+
     def save(self, folder: str | Path, *, overwrite: bool = False) -> None:
         """Write the folder with coverage.json and coverage.png, both or none.
 

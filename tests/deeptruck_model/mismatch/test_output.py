@@ -5,8 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from found_mismatches import mismatch
 
 from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch import figures, summary
 from deeptruck_model.mismatch.folders import APPLIED, check_applicable, check_road
 from deeptruck_model.results import FIGURES, FOUND
 
@@ -31,3 +33,11 @@ def test_what_is_not_there_is_to_be_found_first(tmp_path: Path) -> None:
     for check in (check_applicable, check_road):
         with pytest.raises(InputError, match="nowhere does not exist; run 'deeptruck-model mismatch --out"):
             check(tmp_path / "nowhere")
+
+
+def test_a_notebook_shows_what_was_found_in_a_line_in_sentences_and_in_pictures() -> None:
+    found = mismatch("missing_physics")
+    assert repr(found).startswith("<Mismatch: missing_physics; ") and len(repr(found)) < 200
+    assert found.findings == found.result.findings
+    assert found.findings and all(sentence.endswith(".") for sentence in summary(found))
+    assert figures(found)["timeline"]._repr_png_().startswith(b"\x89PNG")

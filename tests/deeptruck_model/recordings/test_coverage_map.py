@@ -61,6 +61,7 @@ def test_it_is_written_as_json_and_picture(tmp_path: Path, drive: Recording) -> 
     }
     assert np.array(data["occupancy"]["seconds"]).shape == (20, 52, 21)
     assert (tmp_path / "out" / "coverage.png").read_bytes().startswith(b"\x89PNG")
+    assert coverage([drive])._repr_png_().startswith(b"\x89PNG")  # by which a notebook shows it
     names = {p.name for p in (tmp_path / "out").iterdir()}
     assert names == {"coverage.json", "coverage.png", ".deeptruck.json"}
 

@@ -40,6 +40,10 @@ class Picture:
     caption: str
     parts: tuple[bytes, ...] = ()
 
+    def _repr_png_(self) -> bytes:
+        """By which a notebook shows it."""
+        return self.png
+
 
 def draw(m: Mismatch) -> dict[str, Picture]:
     """Figures by name: timeline, regimes, ranking, errors, horizon_and_regime, unknown, sensors, coverage.

