@@ -16,8 +16,7 @@ from safetensors.numpy import load_file
 from typer.testing import CliRunner
 
 from deeptruck_model import files, sweeps
-from deeptruck_model.cli import app
-from deeptruck_model.cli import deep as commands
+from deeptruck_model.cli import whole
 from deeptruck_model.deep import Arguments, sweep
 from deeptruck_model.deep.arguments import OPTIONS
 from deeptruck_model.driving_cycles import drive
@@ -125,8 +124,7 @@ def test_a_sweep_goes_on_and_ranks(bag, unbroken, monkeypatch):
     for name, values in {**GRID, "rounds": [6, 3]}.items():
         command += ["--set", f"{name}={','.join(map(str, values))}"]
     before = (unbroken / SETTINGS / "seed-0" / "simulator.json").stat().st_mtime_ns
-    commands.register(app)
-    done = CliRunner().invoke(app, command)
+    done = CliRunner().invoke(whole(), command)
     assert done.exit_code == 0, done.output
     rows = ranking(unbroken)
     assert sorted(row["settings"]["rounds"] for row in rows) == [3, 6]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from deeptruck_model.cli import app, deep
+from deeptruck_model.cli import whole
 from deeptruck_model.deep.experiments import learning_curves, minutes, paper
 from deeptruck_model.deep.experiments.output import SHORT_RUNS, of_seeds
 from deeptruck_model.deep.experiments.setup import drive_of
@@ -70,7 +70,7 @@ def test_singles_are_the_members(truck, drive):
 
 
 def test_commands_from_bag_to_figures(drive, tmp_path):
-    deep.register(app)
+    app = whole()
     recording = drive(60)
     write_bag(tmp_path / "bag", [recording], interface=recording.interface)
     runner, bag, sim = CliRunner(), str(tmp_path / "bag"), str(tmp_path / "sim")
