@@ -18,7 +18,7 @@ HARMLESS = ^WARNING: Location .* is ignored: it is neither a file nor a director
 # Of all that pip tells, what takes long: packages of a megabyte and more, and the end.
 SHOWN = s/^ *(Downloading|Using cached) (.*\/)?([A-Za-z0-9_.]+)-[0-9].* \(([0-9.]+ [MG]B)\).*/  \3, \4/p
 UNPACKED = s/^Installing collected packages:.*/  now unpacking them all, which takes a while without a sign/p
-.PHONY: demo test test-long lint bench docs schemas clean setup
+.PHONY: demo test test-long test-hours lint bench docs schemas clean setup
 
 $(STAMP): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' || \
@@ -42,9 +42,13 @@ lint: setup
 test: lint
 	$(BIN)/python -m pytest --durations=10
 
-# What `make test` leaves out: fault runs, mutation, long demos.
+# What `make test` leaves out: kills, mutants, trainings to the end, every truck where one stands for all.
 test-long: setup
-	$(BIN)/python -m pytest -m long
+	$(BIN)/python -m pytest -m "long and not hours" --durations=10
+
+# What neither has the time for: a thousand damaged files for every reader.
+test-hours: setup
+	$(BIN)/python -m pytest -m hours
 
 bench: setup
 	for b in benchmarks/bench_*.py; do $(BIN)/python $$b || exit 1; done

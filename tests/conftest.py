@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import fcntl
+import gc
 import os
 import shutil
 import subprocess
 import sys
 import uuid
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
+from PIL import Image
 
 for name, value in {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MPLBACKEND": "Agg"}.items():
     os.environ.setdefault(name, value)
@@ -54,6 +59,39 @@ def pytest_configure(config: pytest.Config) -> None:
     for process in running:
         if process.wait(timeout=300):
             raise pytest.UsageError("what the tests share does not compile; the lines above say why")
+
+
+def pytest_collection_finish() -> None:
+    """The million objects that thousands of tests are outlive them all: no search for garbage looks there."""
+    gc.freeze()
+
+
+@pytest.fixture(scope="session")
+def once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[[Path], object]], Path]:
+    """once(name, make) -> the folder that `make` fills for all workers; the first makes, the others wait."""
+    base = tmp_path_factory.getbasetemp()
+    place = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+
+    def _once(name: str, make: Callable[[Path], object]) -> Path:
+        folder, done = place / f"once-{name}", place / f"once-{name}.done"
+        with (place / f"once-{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not done.exists():
+                make(folder)
+                done.touch()
+        return folder
+
+    return _once
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are files of one white pixel, where a test asks which files stand and not what they show."""
+
+    def savefig(self: object, to: Any, **options: object) -> None:
+        Image.new("L", (1, 1), "white").save(to, "png")
+
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", savefig)
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import re
 import sys
 import tomllib
@@ -59,7 +60,10 @@ def imported(path: Path) -> Iterator[str]:
             yield from (name if name in MODULES else str(node.module) for name in names)
 
 
-IMPORTS = {name: set(imported(path)) for name, path in MODULES.items()}
+@functools.cache
+def imports() -> dict[str, set[str]]:
+    """What every module of ours imports; read at first need, as every worker loads this file."""
+    return {name: set(imported(path)) for name, path in MODULES.items()}
 
 
 def within(name: str, *packages: str) -> bool:
@@ -74,9 +78,8 @@ def reached(start: str) -> set[str]:
     todo = [name for name in MODULES if within(name, start)]
     found = set(todo)
     while todo:
-        new = (
-            {name for name in IMPORTS[todo.pop()] if name in MODULES} - found - {"deeptruck_model.simulators"}
-        )
+        ours = {name for name in imports()[todo.pop()] if name in MODULES}
+        new = ours - found - {"deeptruck_model.simulators"}
         found |= new
         todo += new
     return found
@@ -101,7 +104,7 @@ def reached(start: str) -> set[str]:
 def test_doors_that_are_closed(room: str, closed: tuple[str, ...]) -> None:
     rooms = [name for name in MODULES if within(name, room)]
     assert len(rooms) > 3
-    assert not {(name, other) for name in rooms for other in IMPORTS[name] if within(other, *closed)}
+    assert not {(name, other) for name in rooms for other in imports()[name] if within(other, *closed)}
 
 
 def test_the_safety_core_stands_alone() -> None:
@@ -110,7 +113,7 @@ def test_the_safety_core_stands_alone() -> None:
     foreign = {
         (name, other)
         for name in rooms
-        for other in IMPORTS[name]
+        for other in imports()[name]
         if not within(other, "truck_bridge.safety") and other.partition(".")[0] not in sys.stdlib_module_names
     }
     assert not foreign
@@ -127,7 +130,7 @@ FLOOR = tuple(
 
 def test_the_emulator_is_the_only_window_between_bridge_and_model() -> None:
     through = {
-        name: {other for other in IMPORTS[name] if within(other, "deeptruck_model") and other not in FLOOR}
+        name: {other for other in imports()[name] if within(other, "deeptruck_model") and other not in FLOOR}
         for name in MODULES
         if within(name, "truck_bridge")
     }
@@ -140,7 +143,7 @@ def test_the_floor_imports_no_room() -> None:
     above = {
         (name, other)
         for name in FLOOR
-        for other in IMPORTS[name]
+        for other in imports()[name]
         if within(other, *OURS) and not within(other, *floor)
     }
     assert not above
@@ -157,7 +160,7 @@ def test_the_command_prove_is_the_only_way_from_the_model_to_the_exam() -> None:
     upward = {
         (name, other)
         for name in MODULES
-        for other in IMPORTS[name]
+        for other in imports()[name]
         if within(name, "deeptruck_model") and within(other, "deeptruck_exam")
     }
     assert {name for name, _ in upward} == {"deeptruck_model.cli.mismatch"}
@@ -177,7 +180,7 @@ def circles() -> list[set[str]]:
     def visit(name: str) -> None:
         order[name] = low[name] = len(order)
         open_.append(name)
-        for other in IMPORTS[name] & MODULES.keys() - {name}:
+        for other in imports()[name] & MODULES.keys() - {name}:
             if other not in order:
                 visit(other)
             if other in open_:

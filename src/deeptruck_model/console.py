@@ -5,14 +5,16 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from types import FrameType
 
 import typer
 from typer.exceptions import TyperException
+from typer.main import get_command
 
 from deeptruck_model.errors import InputError
 
@@ -42,7 +44,7 @@ def run(
         _nothing_empty(words)
         # as a function, typer lets its errors out instead of drawing them over five lines
         with _ended_as_by_ctrl_c():
-            code = app(words, prog_name=program, standalone_mode=False)
+            code = _command(app)(words, prog_name=program, standalone_mode=False)
     except (InputError, TyperException) as error:
         sys.exit(_last_words(program, _line(error), 2))
     except ModuleNotFoundError as error:
@@ -57,6 +59,12 @@ def run(
     if code == INTERRUPTED:  # typer makes an exit code of Ctrl-C
         _last_words(program, interrupted, code)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+@cache
+def _command(app: typer.Typer) -> Callable[..., object]:
+    """What parses for `app`, made once a process: reading the signatures of all commands takes long."""
+    return get_command(app)
 
 
 @contextmanager

@@ -178,6 +178,7 @@ def test_train_evaluate_export_on_a_physics_truck(capsys, tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["e", "p", "p.onnx"]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_an_evaluation_of_every_seed_is_replaced_only_where_asked(capsys, finished):
     evaluate = ["evaluate", finished / "p", "--all-seeds", "--simulator", SIM, "--out", finished / "e"]
     assert run(*evaluate, "--rollouts", "2") == 0

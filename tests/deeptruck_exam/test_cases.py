@@ -79,6 +79,7 @@ def test_nothing_missing_is_nothing():
     assert built.nats < 1e-9
 
 
+@pytest.mark.long
 def test_a_rare_effect_is_rare():
     built = quick("rare", effect="dragging_brake", minutes=4.0)
     assert np.abs(built.extra).max() > 0.02

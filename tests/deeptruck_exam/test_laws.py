@@ -30,6 +30,7 @@ NO_FORCE = {
 }  # a slope unrecorded, other parameters
 FILTERS = [e.key for e in MISSING if e.name.startswith("command") or e.key == "worn_linkage"]
 FORCES = [e.key for e in MISSING if e.key not in NO_FORCE and e.key not in FILTERS]
+QUICK = ("first", "seventh")  # families whose forces act in every test run; those of the others in long ones
 HELPS = {
     "brake_fade", "drafting", "trolley_wire", "steam_from_exhaust", "overboost", "pushed_by_a_second_tractor",
     "hydrostatic_front_axle", "antilock_is_fooled", "hole_in_the_blending", "fast_idle_pushes",
@@ -76,7 +77,10 @@ def test_source_and_ranges_are_stated(key):
         assert low <= min(values) < max(values) <= high
 
 
-@pytest.mark.parametrize("key", FORCES)
+@pytest.mark.parametrize(
+    "key",
+    [key if EFFECTS[key].family in QUICK else pytest.param(key, marks=pytest.mark.long) for key in FORCES],
+)
 def test_a_force_has_a_plausible_size_and_the_right_sign(key, acted):
     force, _ = acted(key)
     assert np.isfinite(force).all()

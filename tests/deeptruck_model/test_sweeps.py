@@ -16,8 +16,7 @@ from safetensors.numpy import load_file
 from typer.testing import CliRunner
 
 from deeptruck_model import files, sweeps
-from deeptruck_model.cli import app
-from deeptruck_model.cli import deep as commands
+from deeptruck_model.cli import whole
 from deeptruck_model.deep import Arguments, sweep
 from deeptruck_model.deep.arguments import OPTIONS
 from deeptruck_model.driving_cycles import drive
@@ -36,6 +35,14 @@ def bag(tmp_path_factory) -> Path:
     recording = drive(load("trucksim"), seconds=240, seed=1)
     write_bag(folder, [recording], interface=recording.interface)
     return folder
+
+
+@pytest.fixture(scope="module")
+def swept(bag, tmp_path_factory) -> Path:
+    """A sweep of two seeds, in this process."""
+    out = tmp_path_factory.mktemp("swept")
+    sweep.sweep([bag], out, GRID, seeds=2)
+    return out
 
 
 @pytest.fixture(scope="module")
@@ -75,6 +82,20 @@ def when_both(first: Path, second: Path, then) -> threading.Thread:
     return thread
 
 
+@pytest.mark.parametrize("engine", sweeps.ENGINES)
+def test_the_job_of_a_killed_worker_is_done_again(jobs, tmp_path, engine):
+    """Real Ray; and what a job refuses reaches the caller."""
+    folders = [tmp_path / name for name in ("seed-0", jobs.VICTIM)]
+    for folder in folders:
+        folder.mkdir()
+    with sweeps._cluster(2) if engine == "ray" else nullcontext():
+        done = dict(sweeps.run(jobs.die_once, [str(folder) for folder in folders], workers=2, engine=engine))
+        with pytest.raises(InputError, match="job 1 cannot be done"):
+            list(sweeps.run(jobs.refuse, [0, 1], workers=2, engine=engine))
+    assert set(done) == {"seed-0", jobs.VICTIM} and done[jobs.VICTIM] == 2
+
+
+@pytest.mark.long
 @pytest.mark.parametrize("engine", sweeps.ENGINES)
 def test_a_killed_worker_loses_no_finished_seed(bag, unbroken, jobs, tmp_path, engine):
     """Real Ray: seed 0 is done and seed 1 half done when the process of seed 1 is killed."""
@@ -120,19 +141,18 @@ def test_ray_stays_on_this_machine_and_reports_to_nobody(monkeypatch):
         assert os.environ["RAY_USAGE_STATS_ENABLED"] == "0"
 
 
-def test_a_sweep_goes_on_and_ranks(bag, unbroken, monkeypatch):
-    command = ["sweep", str(bag), "--out", str(unbroken), "--seeds", "2", "--resume"]
+def test_a_sweep_goes_on_and_ranks(bag, swept):
+    command = ["sweep", str(bag), "--out", str(swept), "--seeds", "2", "--resume"]
     for name, values in {**GRID, "rounds": [6, 3]}.items():
         command += ["--set", f"{name}={','.join(map(str, values))}"]
-    before = (unbroken / SETTINGS / "seed-0" / "simulator.json").stat().st_mtime_ns
-    commands.register(app)
-    done = CliRunner().invoke(app, command)
+    before = (swept / SETTINGS / "seed-0" / "simulator.json").stat().st_mtime_ns
+    done = CliRunner().invoke(whole(), command)
     assert done.exit_code == 0, done.output
-    rows = ranking(unbroken)
+    rows = ranking(swept)
     assert sorted(row["settings"]["rounds"] for row in rows) == [3, 6]
     assert sum(rows[0]["held_out_mean_abs"]["speed"]) <= sum(rows[1]["held_out_mean_abs"]["speed"])
-    assert (unbroken / SETTINGS / "seed-0" / "simulator.json").stat().st_mtime_ns == before
-    assert (unbroken / "sweep.md").read_text() in done.output
+    assert (swept / SETTINGS / "seed-0" / "simulator.json").stat().st_mtime_ns == before
+    assert (swept / "sweep.md").read_text() in done.output
 
 
 def test_without_ray_it_says_what_to_install(monkeypatch):

@@ -10,9 +10,12 @@ from pathlib import Path
 import pytest
 import typer
 
+import deeptruck_cacc.cli
+import truck_bridge.cli
 from deeptruck_exam.folder import CASE
 from deeptruck_exam.run import examine
 from deeptruck_model import files, results, trucks
+from deeptruck_model.cli import whole
 from deeptruck_model.deep.sweep import sweep
 from deeptruck_model.errors import InputError
 from deeptruck_model.files import LEDGER, OVERWRITE_HELP
@@ -145,7 +148,7 @@ def test_a_mount_point_is_refused_before_anything_is_computed(place: str) -> Non
 
 
 def test_overwrite_is_explained_by_one_text() -> None:
-    apps = [importlib.import_module(name).app for name in MAIN.values()]
+    apps = [whole(), deeptruck_cacc.cli.app, truck_bridge.cli.app]
     commands = [c for app in apps for c in typer.main.get_group(app).commands.values()]
     texts = [p.help for c in commands for p in c.params if p.name == "overwrite"]  # type: ignore[attr-defined]
     assert len(texts) > 10 and set(texts) == {OVERWRITE_HELP}

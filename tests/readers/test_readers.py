@@ -12,7 +12,7 @@ from kinds import READERS
 
 from deeptruck_model.errors import InputError
 
-SHORT, LONG = 60, 1000
+SHORT, LONG = 20, 1000
 every_reader = pytest.mark.parametrize("reader", READERS, ids=[reader.name for reader in READERS])
 CAN_BE_EMPTY = ("truck overrides",)  # an empty file changes nothing
 OUTCOMES = {AS_BEFORE, OTHER, REFUSED}
@@ -25,7 +25,7 @@ def test_a_few_damaged_files(tmp_path: Path, reader: Reader) -> None:
     assert outcomes[REFUSED] > 0 and outcomes.total() == SHORT
 
 
-@pytest.mark.long
+@pytest.mark.hours
 @pytest.mark.timeout(1200)
 @every_reader
 def test_a_thousand_damaged_files(tmp_path: Path, reader: Reader) -> None:

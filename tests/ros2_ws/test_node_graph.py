@@ -36,7 +36,7 @@ def content(bag: Path) -> list[tuple[str, int, bytes]]:
 def test_lockstep_repeats_itself_to_the_byte(start: Callable[..., Any], tmp_path: Path) -> None:
     bags = {}
     for name in ("one", "two"):
-        arguments = ("--record", tmp_path / name, "--seed", 1, "--lockstep", "--duration", 20)
+        arguments = ("--record", tmp_path / name, "--seed", 1, "--lockstep", "--duration", 10)
         run = start(
             "start_simulation.py",
             *TRUCK,
@@ -56,7 +56,7 @@ def test_lockstep_repeats_itself_to_the_byte(start: Callable[..., Any], tmp_path
         decoded = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
         assert sum(1 for _ in decoded) == len(bags["one"])
     (recording,) = recordings.read(tmp_path / "one")
-    assert len(recording) == 201 and recording.interface.name == "trucksim"
+    assert len(recording) == 101 and recording.interface.name == "trucksim"
     expected = {
         "speed",
         "acceleration",
@@ -142,7 +142,7 @@ def test_a_killed_supervisor_leaves_nobody_behind_and_the_domain_free(
     environment.DomainLock(domain).release()
 
 
-@pytest.mark.parametrize("after_s", [0.3, 1.0])
+@pytest.mark.parametrize("after_s", [0.3, pytest.param(1.0, marks=pytest.mark.long)])
 def test_of_a_supervisor_killed_while_it_starts_nobody_is_left(
     start: Callable[..., Any], all_gone: Callable[..., bool], domain: int, after_s: float
 ) -> None:
@@ -173,7 +173,9 @@ def test_a_node_whose_supervisor_was_killed_before_it_began_ends_by_itself(
         node.wait()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP, signal.SIGKILL])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, pytest.param(signal.SIGHUP, marks=pytest.mark.long), signal.SIGKILL]
+)
 def test_an_older_bag_stands_until_the_new_one_is_whole(
     start: Callable[..., Any], tmp_path: Path, number: signal.Signals
 ) -> None:

@@ -37,6 +37,7 @@ def test_the_core_is_a_few_hundred_lines():
     assert sum(len(path.read_text().splitlines()) for path in FOLDER.glob("*.py")) < 800
 
 
+@pytest.mark.long
 def test_every_line_and_branch_of_the_core_is_tested(tmp_path):
     report = tmp_path / "coverage.json"
     names = (f"test_{name}.py" for name in TESTS)

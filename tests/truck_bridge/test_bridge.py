@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
-from bridge_world import braking, in_units, pressed
+from bridge_world import SIGNED, braking, in_units, pressed
 
 from deeptruck_model import simulators
 from truck_bridge import vehicles
@@ -87,7 +88,14 @@ def test_no_load_sends_nothing_and_shows_everything(world):
     assert w.bridge.status.frames_sent == 0
 
 
-def test_the_closed_loop_is_that_of_the_truck_itself(world, name):
+@pytest.mark.parametrize(
+    ("name", "seconds"),
+    [
+        ("trucksim", 20),
+        *(pytest.param(n, 40, marks=pytest.mark.long, id=Path(n).stem) for n in (*vehicles.NAMES, SIGNED)),
+    ],
+)
+def test_the_closed_loop_is_that_of_the_truck_itself(world, name, seconds):
     """The same speed controller against the physics truck directly and through bridge and emulator."""
 
     def control(speed, target, integral):
@@ -99,7 +107,7 @@ def test_the_closed_loop_is_that_of_the_truck_itself(world, name):
     def command(wanted, braked):
         return in_units(name, min(wanted, 100.0)), braking(name, min(0.08 * braked, 3.0))
 
-    targets = [15.0 + 2.0 * math.sin(0.15 * k / 10) for k in range(400)]
+    targets = [15.0 + 2.0 * math.sin(0.15 * k / 10) for k in range(10 * seconds)]
     truck = simulators.load(vehicles.load(name).truck)
     y = np.array([[0.0, 15.0, 0.0]])[:, : len(truck.interface.y)]
     state, direct, integral = truck.reset(y), [], 5.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import sys
 
 import typer
@@ -39,10 +40,16 @@ def spread(arguments: list[str]) -> list[str]:
     return out
 
 
-def main() -> None:
-    """Entry point."""
+@functools.cache
+def whole() -> typer.Typer:
+    """`app` with all commands, registered once however often a process runs one."""
     from deeptruck_model.cli import data, deep, mismatch, simulators
 
     for module in (data, deep, simulators, mismatch):
         module.register(app)
-    console.run(app, "deeptruck-model", spread(sys.argv[1:]))
+    return app
+
+
+def main() -> None:
+    """Entry point."""
+    console.run(whole(), "deeptruck-model", spread(sys.argv[1:]))

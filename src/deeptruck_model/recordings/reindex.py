@@ -6,91 +6,21 @@ from __future__ import annotations
 
 import os
 import shutil
-import struct
 import tempfile
-from dataclasses import dataclass, field
-from io import BytesIO
 from itertools import chain, count
 from pathlib import Path
 from typing import BinaryIO
 
-import numpy as np
-from mcap.data_stream import ReadDataStream, RecordBuilder
-from mcap.opcode import Opcode
-from mcap.records import (
-    Channel,
-    Chunk,
-    ChunkIndex,
-    DataEnd,
-    Footer,
-    Header,
-    MessageIndex,
-    Metadata,
-    MetadataIndex,
-    Schema,
-    Statistics,
-)
-from mcap.stream_reader import get_chunk_data_stream
-from numpy.typing import NDArray
+from mcap.data_stream import RecordBuilder
+from mcap.records import DataEnd, Footer, Header, Statistics
 
 from deeptruck_model import files
 from deeptruck_model.checks import METADATA
 from deeptruck_model.errors import InputError
-from deeptruck_model.recordings.bag_file import RECORD_HEAD
 from deeptruck_model.recordings.bag_metadata import Topic
 from deeptruck_model.recordings.crash_safe import described
-from deeptruck_model.recordings.mcap_chunks import (
-    ENTRY,
-    UNREADABLE,
-    content_of,
-    message_indexes,
-    scan_messages,
-    why,
-)
-
-_END = {Opcode.DATA_END: 4, Opcode.FOOTER: 20}  # bytes of the records behind which all is made anew
-_MAGIC = b"\x89MCAP0\r\n"
-
-
-@dataclass(frozen=True)
-class _WholeChunk:
-    """A chunk that is as it was written, and where its messages are, by channel."""
-
-    chunk: Chunk
-    entries: dict[int, NDArray[np.void]]
-
-    @classmethod
-    def of(cls, content: bytes) -> _WholeChunk | None:
-        """The chunk in a record; None where that is damaged."""
-        try:
-            chunk = Chunk.read(ReadDataStream(BytesIO(content)))
-            records = 32 + len(chunk.compression.encode())  # behind times, size, checksum and compression
-            if int.from_bytes(content[records : records + 8], "little") != len(content) - records - 8:
-                return None
-            return cls(chunk, scan_messages(content_of(chunk)))
-        except UNREADABLE:
-            return None
-
-    def has_index(self, begin: bytes, length: int) -> bool:
-        """Whether a record of this length can be the index of one of its channels; `begin` names which."""
-        messages = self.entries.get(int.from_bytes(begin[:2], "little"), ())
-        return len(begin) < 2 or length == 6 + ENTRY.itemsize * len(messages)
-
-
-@dataclass
-class _Found:
-    """What a scan of the data section found, and where its last whole record ends."""
-
-    end: int
-    cut: int = 0  # where the scan ended in the file as it was found
-    torn: bool = False  # whether more lies behind that than an index, which is made anew
-    tail: _WholeChunk | None = None  # the last chunk: not all its message indexes may be there
-    header: bool = False
-    schemas: dict[int, Schema] = field(default_factory=dict)
-    channels: dict[int, Channel] = field(default_factory=dict)
-    chunks: list[ChunkIndex] = field(default_factory=list)
-    counts: dict[int, int] = field(default_factory=dict)
-    metadata: list[tuple[MetadataIndex, Metadata]] = field(default_factory=list)
+from deeptruck_model.recordings.mcap_chunks import UNREADABLE, why
+from deeptruck_model.recordings.mcap_scan import MAGIC, Found, scan
 
 
 def repair(path: str | Path) -> str | None:
@@ -123,7 +53,7 @@ def repair(path: str | Path) -> str | None:
     return f"{path} was not finished: kept {kept or 'no'} messages, {lost}"
 
 
-def _mend(path: Path, file: Path) -> tuple[_Found, Path | None]:
+def _mend(path: Path, file: Path) -> tuple[Found, Path | None]:
     """Put a mended copy in the place of `file`; the file that keeps what was cut off, if there is one."""
     number, name = tempfile.mkstemp(prefix=f".{file.name}.", suffix=".tmp", dir=file.parent)
     os.close(number)
@@ -157,9 +87,9 @@ def _mend(path: Path, file: Path) -> tuple[_Found, Path | None]:
         draft.unlink(missing_ok=True)
 
 
-def _scanned(stream: BinaryIO, file: Path) -> _Found:
+def _scanned(stream: BinaryIO, file: Path) -> Found:
     try:
-        return _scan(stream, stream.seek(0, os.SEEK_END), file)
+        return scan(stream, stream.seek(0, os.SEEK_END), file)
     except UNREADABLE as error:
         raise InputError(f"{file} is damaged ({why(error)}), beyond repair; it is left as it was") from None
 
@@ -189,161 +119,21 @@ def _only_mcap(path: Path) -> Path:
     if len(files) > 1:
         raise InputError(f"{path} holds {len(files)} MCAP files; repair needs exactly one")
     with files[0].open("rb") as stream:
-        begin = stream.read(len(_MAGIC))
-    if not _MAGIC.startswith(begin):
+        begin = stream.read(len(MAGIC))
+    if not MAGIC.startswith(begin):
         raise InputError(f"{files[0]} is not an MCAP file")
     return files[0]
 
 
 def _is_whole(file: Path) -> bool:
     with file.open("rb") as stream:
-        if stream.seek(0, os.SEEK_END) < 2 * len(_MAGIC):
+        if stream.seek(0, os.SEEK_END) < 2 * len(MAGIC):
             return False
-        stream.seek(-len(_MAGIC), os.SEEK_END)
-        return stream.read() == _MAGIC
+        stream.seek(-len(MAGIC), os.SEEK_END)
+        return stream.read() == MAGIC
 
 
-def _scan(stream: BinaryIO, size: int, file: Path) -> _Found:
-    """What is whole from the beginning on; message indexes that do not fit their chunk are mended."""
-    found = _Found(end=min(size, len(_MAGIC)))
-    at = len(_MAGIC)
-    while at + RECORD_HEAD <= size:
-        stream.seek(at)
-        opcode, length = struct.unpack("<BQ", stream.read(RECORD_HEAD))
-        if opcode in _END or at + RECORD_HEAD + length > size:
-            found.torn = not _is_made_anew(opcode, length, stream.read(2), found.tail)
-            break
-        if not _take(found, opcode, stream.read(length), at, stream, file):
-            found.torn = True
-            break
-        at += RECORD_HEAD + length
-        found.end = at
-    else:
-        found.torn = at < size
-    found.cut = min(at, size)
-    if found.tail is not None:
-        _index_again(stream, found, found.tail.chunk)
-    return found
-
-
-def _take(found: _Found, opcode: int, content: bytes, at: int, stream: BinaryIO, file: Path) -> bool:
-    """Note one record; False where it is damaged."""
-    if opcode == Opcode.CHUNK:
-        if (whole := _WholeChunk.of(content)) is None:
-            return False
-        found.tail = whole
-        found.chunks.append(_chunk_index(whole, at, len(content) + RECORD_HEAD))
-    elif opcode == Opcode.MESSAGE_INDEX:
-        if found.tail is None or not found.tail.has_index(content, len(content)):
-            return False
-        _note_index(found, found.tail, content, at, stream)
-    elif opcode in (Opcode.HEADER, Opcode.METADATA):
-        _note_loose(found, opcode, content, at)
-    else:
-        raise InputError(f"{file} was written in a way repair does not know (record type {opcode})")
-    return True
-
-
-def _is_made_anew(opcode: int, length: int, begin: bytes, tail: _WholeChunk | None) -> bool:
-    """Whether what begins with this record and is cut off is no more than an index, or the end of a file."""
-    if opcode == Opcode.MESSAGE_INDEX:
-        return tail is not None and tail.has_index(begin, length)
-    return _END.get(Opcode(opcode)) == length if opcode in _END else False
-
-
-def _chunk_index(whole: _WholeChunk, at: int, length: int) -> ChunkIndex:
-    """Of a chunk at `at`; its times are those of its messages, as no checksum is over those in its head."""
-    times = [int(ns) for entries in whole.entries.values() for ns in entries["log_ns"]]
-    return ChunkIndex(
-        chunk_length=length,
-        chunk_start_offset=at,
-        compression=whole.chunk.compression,
-        compressed_size=len(whole.chunk.data),
-        message_end_time=max(times, default=0),
-        message_index_length=0,
-        message_index_offsets={},
-        message_start_time=min(times, default=0),
-        uncompressed_size=whole.chunk.uncompressed_size,
-    )
-
-
-def _note_index(found: _Found, whole: _WholeChunk, content: bytes, at: int, stream: BinaryIO) -> None:
-    """Note a message index; one that leads elsewhere than to the chunk's messages is written again."""
-    channel = int.from_bytes(content[:2], "little")
-    if channel not in found.channels:
-        _learn_channels(found, whole.chunk)
-    entries = whole.entries.get(channel, np.zeros(0, ENTRY))
-    if not np.array_equal(np.sort(np.frombuffer(content[6:], ENTRY)), np.sort(entries)) or (
-        int.from_bytes(content[2:6], "little") != len(content) - 6
-    ):
-        stream.seek(at)
-        stream.write(_index_record(channel, entries))
-    index = found.chunks[-1]
-    index.message_index_offsets[channel] = at
-    index.message_index_length += RECORD_HEAD + len(content)
-    found.counts[channel] = found.counts.get(channel, 0) + len(entries)
-
-
-def _index_record(channel: int, entries: NDArray[np.void]) -> bytes:
-    builder = RecordBuilder()
-    MessageIndex(channel, [(int(log_ns), int(offset)) for log_ns, offset in entries]).write(builder)
-    return builder.end()
-
-
-def _note_loose(found: _Found, opcode: int, content: bytes, at: int) -> None:
-    if opcode == Opcode.HEADER:
-        found.header = True
-        return
-    try:
-        metadata = Metadata.read(ReadDataStream(BytesIO(content)))
-    except UNREADABLE:
-        return  # it stays where it is, and nothing leads to it
-    found.metadata.append((MetadataIndex(at, RECORD_HEAD + len(content), metadata.name), metadata))
-
-
-def _learn_channels(found: _Found, chunk: Chunk) -> None:
-    stream, size = get_chunk_data_stream(chunk)
-    while stream.count < size:
-        opcode, length = stream.read1(), stream.read8()
-        if opcode == Opcode.SCHEMA:
-            schema = Schema.read(stream)
-            found.schemas[schema.id] = schema
-        elif opcode == Opcode.CHANNEL:
-            channel = Channel.read(stream)
-            found.channels[channel.id] = channel
-        else:
-            stream.read(length)
-
-
-def _index_again(stream: BinaryIO, found: _Found, chunk: Chunk) -> None:
-    """Write the last chunk's message indexes anew, in case the end of the file cut some off."""
-    last = found.chunks[-1]
-    behind = last.chunk_start_offset + last.chunk_length
-    stream.seek(behind)
-    for channel, entries in message_indexes(stream.read(last.message_index_length)):
-        found.counts[channel] -= len(entries)
-    _learn_channels(found, chunk)
-    builder = RecordBuilder()
-    last.message_index_offsets.clear()
-    stream_of_chunk, size = get_chunk_data_stream(chunk)
-    for channel, entries in scan_messages(stream_of_chunk.read(size)).items():
-        records = [(int(log_ns), int(offset)) for log_ns, offset in entries]
-        last.message_index_offsets[channel] = behind + builder.count
-        MessageIndex(channel, records).write(builder)
-        found.counts[channel] = found.counts.get(channel, 0) + len(records)
-    last.message_index_length = builder.count
-    for place, (index, metadata) in enumerate(found.metadata):
-        if index.offset >= behind:  # where the indexes go now
-            offset = behind + builder.count
-            metadata.write(builder)
-            again = MetadataIndex(offset, behind + builder.count - offset, metadata.name)
-            found.metadata[place] = (again, metadata)
-    stream.seek(behind)
-    stream.write(builder.end())
-    found.end = stream.tell()
-
-
-def _finish(stream: BinaryIO, found: _Found) -> None:
+def _finish(stream: BinaryIO, found: Found) -> None:
     """Cut behind the last whole record and append the end a writer would have written."""
     stream.truncate(found.end)
     stream.seek(found.end)
@@ -351,7 +141,7 @@ def _finish(stream: BinaryIO, found: _Found) -> None:
     if not found.header:  # killed before anything was safe: an empty bag
         stream.seek(0)
         stream.truncate()
-        stream.write(_MAGIC)
+        stream.write(MAGIC)
         Header("ros2", "deeptruck").write(builder)
     DataEnd(0).write(builder)
     stream.write(builder.end())
@@ -361,10 +151,10 @@ def _finish(stream: BinaryIO, found: _Found) -> None:
     for index, _ in found.metadata:
         index.write(builder)
     Footer(summary_start=summary_start, summary_offset_start=0, summary_crc=0).write(builder)
-    stream.write(builder.end() + _MAGIC)
+    stream.write(builder.end() + MAGIC)
 
 
-def _statistics(found: _Found) -> Statistics:
+def _statistics(found: Found) -> Statistics:
     return Statistics(
         attachment_count=0,
         channel_count=len(found.channels),
@@ -378,7 +168,7 @@ def _statistics(found: _Found) -> Statistics:
     )
 
 
-def _describe(path: Path, file: Path, found: _Found) -> None:
+def _describe(path: Path, file: Path, found: Found) -> None:
     topics = [
         Topic(channel.topic, found.schemas[channel.schema_id].name, found.counts.get(channel.id, 0))
         for channel in found.channels.values()

@@ -253,6 +253,7 @@ def test_a_run_that_fails_before_its_first_checkpoint_leaves_nothing(toy, tmp_pa
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.long
 def test_trpo_learns_the_identity_case(toy, tmp_path):
     config = trpo.TrpoConfig(iterations=6, environments=25, path=200, validate_every=6)
     policy = train(toy, tmp_path / "p", trainer="trpo", config=config)

@@ -152,6 +152,7 @@ def test_a_bag_of_another_program_is_not_imported_over(
     assert (workplace / "written" / "metadata.yaml").read_bytes() == before
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_reader_of_a_bag_says_what_a_killed_run_left_beside_it(
     workplace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -168,6 +169,7 @@ def test_a_reader_of_a_bag_says_what_a_killed_run_left_beside_it(
     assert "gone does not exist; .gone.4194305.old is an older gone" in says and says.count("\n") == 1
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_coverage_warns_of_a_missing_command(
     workplace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

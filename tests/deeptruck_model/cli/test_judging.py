@@ -76,6 +76,7 @@ def test_calibrating_on_what_it_was_trained_on_is_warned_of(
     assert "warning: the truck was trained on monday: intervals that it sets come out too narrow" in errors
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_overlapping_runs_are_noted(
     script: Script, simulator: Path, bag: Callable[..., Path], tmp_path: Path
 ) -> None:
@@ -85,6 +86,7 @@ def test_overlapping_runs_are_noted(
     assert "note: 90 runs of 40 s from 120 s of driving overlap: they are worth about 3 independent" in errors
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_enough_of_the_same_driving_is_not_remarked_on(
     script: Script, simulator: Path, bag: Callable[..., Path], tmp_path: Path
 ) -> None:
@@ -102,6 +104,7 @@ def test_enough_of_the_same_driving_is_not_remarked_on(
     assert code == 0 and "overlap" not in errors and "another truck" not in errors, held
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_an_evaluation_is_replaced_when_asked_only(
     script: Script, simulator: Path, monday: Path, tmp_path: Path
 ) -> None:

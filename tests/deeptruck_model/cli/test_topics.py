@@ -94,6 +94,7 @@ def test_a_lone_mcap_file_is_converted_too(here: Path, script: Script, foreign: 
     assert same(read("drive")[0], read(source, topic_map="topics.yaml")[0])
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_train_and_evaluate_by_a_map(here: Path, script: Script, foreign: Callable[..., Path]) -> None:
     """Two bags of one name: their drives stay apart."""
     bags = [foreign(here / "a" / "drive", 150.0), foreign(here / "b" / "drive", 170.0)]

@@ -2,13 +2,16 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from deeptruck_model.deep import Arguments, DeepTruck, train
+from deeptruck_model import simulators
+from deeptruck_model.deep import Arguments, train
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
+from deeptruck_model.simulators import Simulator
 
 SMALL = Arguments(updates=240, hidden=24, decoder=16, rounds=6)
 
@@ -63,6 +66,6 @@ def small() -> Arguments:
 
 
 @pytest.fixture(scope="session")
-def truck(tmp_path_factory: pytest.TempPathFactory) -> DeepTruck:
+def truck(once: Callable[[str, Callable[[Path], object]], Path]) -> Simulator:
     """An ensemble of two, trained for a moment on ten minutes of the toy truck."""
-    return train([toy_drive(600)], tmp_path_factory.mktemp("deep") / "truck", replace(SMALL, members=2))
+    return simulators.load(once("deep", lambda out: train([toy_drive(600)], out, replace(SMALL, members=2))))

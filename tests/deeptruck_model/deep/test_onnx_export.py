@@ -6,7 +6,7 @@ import onnxruntime
 import pytest
 from typer.testing import CliRunner
 
-from deeptruck_model.cli import app, deep
+from deeptruck_model.cli import whole
 from deeptruck_model.deep import onnx_export, train
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
@@ -49,7 +49,7 @@ def test_nothing_lies_in_the_graph_unused(truck):
 
 
 def test_the_command_exports_deep_trucks_only(truck, tmp_path):
-    deep.register(app)
+    app = whole()
     truck.save(tmp_path / "sim")
     runner, out = CliRunner(), str(tmp_path / "truck.onnx")
     done = runner.invoke(app, ["export", str(tmp_path / "sim"), "--out", out])

@@ -116,6 +116,7 @@ class Derated:
         return np.stack([np.where(u[:, 0] > 0, share * u[:, 0], u[:, 0]), u[:, 1]], axis=1)
 
 
+@pytest.mark.long
 def test_a_derate_that_the_engine_told_is_in_the_verdict_s_words() -> None:
     truck = trucks.load("trucksim")
     drives = []

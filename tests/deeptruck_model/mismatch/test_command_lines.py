@@ -43,6 +43,7 @@ def drive(seed: int, late_s: dict[str, float]) -> Recording:
     return r
 
 
+@pytest.mark.long
 def test_each_command_is_late_by_its_own() -> None:
     drives = [drive(seed, LATE_S) for seed in range(4)]
     verdict = mismatch.find_mismatch(TRUCK, drives[:3], drives[3:]).verdict

@@ -120,6 +120,7 @@ def test_nothing_missing_is_said_with_what_would_have_been_seen() -> None:
     assert not said["fit"]["validated"]
 
 
+@pytest.mark.long  # test_cli.py has such a mass, from bags to the corrected truck
 def test_a_wrong_mass_is_a_parameter_error_of_the_right_size() -> None:
     recorded = drives(TRUCK.with_parameters({"mass": 1.2 * MASS}))
     said = run(recorded[:-1], recorded[-1:])

@@ -50,13 +50,13 @@ def test_half_of_the_forces_and_parameters_that_do_nothing_are_missing(shuttle: 
 
 
 def drives(truck: Any, count: int) -> list[Recording]:
-    """Two minutes each of pedals that come and go on hills, with the noise of a wheel-speed sensor."""
+    """40 s each of pedals that come and go on hills, with the noise of a wheel-speed sensor."""
     out = []
     for seed in range(count):
         rng = np.random.default_rng(seed)
-        held = np.repeat(rng.uniform(-800.0, 1600.0, 30), 40)
+        held = np.repeat(rng.uniform(-800.0, 1600.0, 10), 40)
         u = np.stack([np.maximum(held, 0.0), np.maximum(-held, 0.0) / 40.0], axis=1)[None]
-        w = np.repeat(rng.normal(0.0, 0.01, 12), 100)[None, :, None]
+        w = np.repeat(rng.normal(0.0, 0.01, 4), 100)[None, :, None]
         y = simulators.free_run(truck, u, w, np.array([[0.0, 15.0]])).y[0]
         channels = {
             "engine_command": u[0, :, 0],
@@ -71,8 +71,8 @@ def drives(truck: Any, count: int) -> list[Recording]:
 
 def test_an_outside_simulator_is_corrected_kept_and_loaded_again(shuttle: Path) -> None:
     truck = simulators.load(f"python:{shuttle.stem}:make")
-    *fit, held = drives(truck.with_parameters({"brake_gain": 0.75}), 3)
-    found = mismatch.find_mismatch(truck, fit, [held])
+    *fit, held, also = drives(truck.with_parameters({"brake_gain": 0.75}), 8)
+    found = mismatch.find_mismatch(truck, fit, [held, also])
     assert [f.effect for f in found.result.findings] == ["brake_gain"] and found.result.fit.validated
     assert found.evidence.mass == 20000.0 and not [c for c in found.result.caveats if "forces in N" in c]
     found.corrected.save(Path("better"))

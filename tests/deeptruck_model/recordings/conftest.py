@@ -9,7 +9,7 @@ import pytest
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import CHANNELS, TruckInterface
 
-sys.path.append(str(Path(__file__).parent))  # csv_tables.py, foreign_bags.py stand beside the tests
+sys.path.append(str(Path(__file__).parent))  # modules with bags and tables stand beside the tests
 
 
 @pytest.fixture

@@ -3,7 +3,6 @@ from __future__ import annotations
 import os
 import random
 import signal
-import struct
 import subprocess
 import sys
 import time
@@ -12,17 +11,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from mcap.opcode import Opcode
+from counted_bags import KIND, contents, fill, payload
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.files import Result
-from deeptruck_model.recordings import CrashSafeWriter, reindex, repair
+from deeptruck_model.recordings import CrashSafeWriter, repair
 
 TYPES = get_typestore(Stores.ROS2_JAZZY)
-KIND = "std_msgs/msg/Float64"
+
 
 WRITER = """
 import sys, time
@@ -36,26 +34,6 @@ while True:
     print(sent, time.monotonic() - begin, flush=True)
     time.sleep(0.001)
 """
-
-
-def contents(bag: Path) -> dict[str, list[int]]:
-    """What a bag holds by topic, read by rosbags; the metadata must agree."""
-    found: dict[str, list[int]] = {}
-    with AnyReader([bag]) as reader:
-        for connection, _, raw in reader.messages():
-            found.setdefault(connection.topic, []).append(int.from_bytes(bytes(raw[4:12]), "little"))
-        assert reader.message_count == sum(map(len, found.values()))
-    return found
-
-
-def payload(number: int) -> bytes:
-    return b"\0\1\0\0" + number.to_bytes(8, "little")
-
-
-def fill(writer: CrashSafeWriter, numbers: range, topics: tuple[str, ...] = ("/a", "/b")) -> None:
-    for number in numbers:
-        for topic in topics:
-            writer.write(topic, KIND, payload(number), 1 + number)
 
 
 def test_a_closed_bag_is_whole(tmp_path: Path) -> None:
@@ -208,150 +186,3 @@ def test_a_full_disk_is_one_line_and_what_was_written_stays(tmp_path: Path) -> N
     assert repair(tmp_path / "bag") is not None
     found = contents(tmp_path / "bag")["/a"]
     assert found == list(range(len(found))) and len(found) > 3000
-
-
-def torn_bag(path: Path) -> tuple[Path, bytes]:
-    """A bag whose last chunk is torn, with what belongs to the user beside it; the file's bytes."""
-    with CrashSafeWriter(path, custom_data={"deeptruck.x": "1"}) as writer:
-        fill(writer, range(50))
-        writer.flush()
-        fill(writer, range(50, 100))
-    (file,) = path.glob("*.mcap")
-    data = file.read_bytes()
-    chunk = data.rindex(payload(99))
-    file.write_bytes(data[: chunk + 4])
-    (path / "notes.txt").write_text("mine")
-    return file, data[: chunk + 4]
-
-
-def test_a_repair_keeps_what_it_cuts_off_and_touches_nothing_else(tmp_path: Path) -> None:
-    file, data = torn_bag(tmp_path / "bag")
-    (tmp_path / "bag" / ".metadata.yaml.tmp").write_text("mine")
-    old = (tmp_path / "bag" / "metadata.yaml").read_bytes()
-    said = repair(tmp_path / "bag")
-    assert said is not None and "the torn end is in bag_0.mcap.cut" in said
-    torn = (tmp_path / "bag" / "bag_0.mcap.cut").read_bytes()
-    assert torn and data.endswith(torn) and payload(60) in torn
-    assert file.read_bytes().startswith(data[: -len(torn)])
-    assert (tmp_path / "bag" / "metadata.yaml.before").read_bytes() == old
-    assert (tmp_path / "bag" / "notes.txt").read_text() == "mine"
-    assert (tmp_path / "bag" / ".metadata.yaml.tmp").read_text() == "mine"
-    names = (
-        ".metadata.yaml.tmp",
-        "bag_0.mcap",
-        "bag_0.mcap.cut",
-        "metadata.yaml",
-        "metadata.yaml.before",
-        "notes.txt",
-    )
-    assert sorted(p.name for p in (tmp_path / "bag").iterdir()) == list(names)
-    assert contents(tmp_path / "bag") == {"/a": list(range(50)), "/b": list(range(50))}
-
-
-@pytest.mark.parametrize("step", ["_finish", "_kept", "_describe"])
-@pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(28, "No space left on device")])
-def test_a_repair_that_ends_anywhere_loses_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str, error: BaseException
-) -> None:
-    _, data = torn_bag(tmp_path / "bag")
-
-    def fails(*_: object) -> None:
-        raise error
-
-    with monkeypatch.context() as patch:
-        patch.setattr(reindex, step, fails)
-        with pytest.raises((KeyboardInterrupt, InputError)):
-            repair(tmp_path / "bag")
-    kept = b"".join(p.read_bytes() for p in sorted((tmp_path / "bag").glob("*.mcap*")))
-    assert payload(60) in kept and payload(10) in kept and len(kept) >= len(data)
-    assert repair(tmp_path / "bag") is not None
-    assert contents(tmp_path / "bag") == {"/a": list(range(50)), "/b": list(range(50))}
-    assert (tmp_path / "bag" / "notes.txt").read_text() == "mine"
-    assert payload(60) in (tmp_path / "bag" / "bag_0.mcap.cut").read_bytes()
-
-
-def test_a_link_is_not_turned_into_a_file(tmp_path: Path) -> None:
-    _, data = torn_bag(tmp_path / "elsewhere")
-    (tmp_path / "bag").mkdir()
-    link, target = tmp_path / "bag" / "bag_0.mcap", tmp_path / "target.mcap"
-    target.write_bytes(data)
-    link.symlink_to(target)
-    with pytest.raises(
-        InputError, match=r"bag_0\.mcap is a symbolic link.* repair what it points to, .*target"
-    ):
-        repair(tmp_path / "bag")
-    assert link.is_symlink() and target.read_bytes() == data
-    assert [p.name for p in link.parent.iterdir()] == ["bag_0.mcap"]
-
-
-def test_a_repaired_bag_is_still_its_recorders(tmp_path: Path) -> None:
-    bag = tmp_path / "bag"
-    kind = Result("a bag of this test")
-    with kind.replacing(bag) as draft, CrashSafeWriter(draft, file_stem="bag", into=True) as writer:
-        fill(writer, range(50))
-    file = bag / "bag_0.mcap"
-    file.write_bytes(file.read_bytes()[:-200])
-    with pytest.raises(InputError, match=r"bag_0\.mcap, which has changed since"):
-        kind.check(bag, overwrite=True)
-    (bag / "metadata.yaml").unlink()
-    assert repair(bag)
-    for kept in bag.glob("*.cut"):
-        kept.unlink()
-    assert kind.check(bag, overwrite=True)
-
-
-def test_a_bag_that_is_still_written_is_not_repaired(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    file, data = torn_bag(tmp_path / "bag")
-    finish = reindex._finish
-
-    def meanwhile(*given: Any) -> None:
-        finish(*given)
-        with file.open("ab") as stream:
-            stream.write(b"more")
-
-    monkeypatch.setattr(reindex, "_finish", meanwhile)
-    with pytest.raises(InputError, match="is still being written"):
-        repair(tmp_path / "bag")
-    assert file.read_bytes() == data + b"more"
-
-
-def records(data: bytes) -> list[tuple[int, int, int]]:
-    """(opcode, place, length of the content) of the records of an unfinished file."""
-    found, at = [], 8
-    while at < len(data):
-        opcode, length = struct.unpack_from("<BQ", data, at)
-        found.append((opcode, at, length))
-        at += 9 + length
-    return found
-
-
-@pytest.mark.parametrize(
-    ("record", "byte", "becomes"),
-    [
-        (Opcode.CHUNK, 0, Opcode.FOOTER),
-        (Opcode.CHUNK, 0, Opcode.MESSAGE_INDEX),
-        (Opcode.CHUNK, 9 + 39, 1),  # of the length of what is in it
-        (Opcode.CHUNK, 9 + 200, 255),
-        (Opcode.MESSAGE_INDEX, 0, Opcode.DATA_END),
-        (Opcode.MESSAGE_INDEX, 8, 1),  # of its length
-        (Opcode.MESSAGE_INDEX, 9, 77),  # of its channel
-        (Opcode.MESSAGE_INDEX, 9 + 14, 255),  # of where a message is
-        (Opcode.METADATA, 9 + 5, 255),
-    ],
-)
-def test_a_flipped_byte_loses_nothing(tmp_path: Path, record: int, byte: int, becomes: int) -> None:
-    """Each message is in the mended bag, or in what is kept beside it; what is mended can be read."""
-    writer = CrashSafeWriter(tmp_path / "bag", custom_data={"deeptruck.x": "1"})
-    for begin in range(0, 50, 10):
-        fill(writer, range(begin, begin + 10))
-        writer.flush()
-    data = bytearray(writer.file.read_bytes())
-    places = [at for opcode, at, _ in records(bytes(data)) if opcode == record]
-    data[places[len(places) // 2] + byte] = becomes
-    writer.file.write_bytes(data)
-    assert repair(tmp_path / "bag") is not None
-    kept = b"".join(path.read_bytes() for path in (tmp_path / "bag").glob("*.mcap*"))
-    assert all(kept.count(payload(count)) >= 1 for count in range(50))
-    with writer.file.open("rb") as stream:
-        by_index = sum(1 for _ in make_reader(stream, validate_crcs=True).iter_messages())
-    assert by_index == sum(map(len, contents(tmp_path / "bag").values()))

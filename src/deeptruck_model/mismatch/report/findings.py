@@ -5,24 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.data.checks import SensorFault
-from deeptruck_model.mismatch.expression import Rerun
 from deeptruck_model.mismatch.mechanisms import (
     LIBRARY,
     OWN,
     UNNAMED,
     CandidateTerm,
-    Column,
     Mechanism,
-    carriers,
 )
 from deeptruck_model.mismatch.mechanisms.variants import OwnCurve
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.modelled import Formula
 from deeptruck_model.mismatch.posterior.road_lock import RoadLock
-from deeptruck_model.mismatch.posterior.search import Model
+from deeptruck_model.mismatch.report.sizes import picked, sizes_of
 from deeptruck_model.mismatch.residual.evidence import Evidence, ForceUnit
 from deeptruck_model.mismatch.result import Finding, Kind, Rival, Size
 from deeptruck_model.mismatch.sentence import Named, Part, Sentence
@@ -139,8 +135,6 @@ def unknown(cause: Cause, e: Evidence, explanation: Explanation) -> Told:
     )
 
 
-Array = NDArray[np.float64]
-
 NAMES = {
     "mass": ("kg", "the mass differs from the simulator's"),
     "drag_area": ("m^2", "the drag area differs from the simulator's"),
@@ -155,23 +149,8 @@ TOLD_BY = {
     "torque_gain": "pull with steps of torque at one speed",
     "brake_gain": "brake with steps of command from one speed",
 }
-SETTING_UNITS = {
-    "tau_s": "s",
-    "decay_s": "s",
-    "cooling_s": "s",
-    "soak_s": "s",
-    "cold_s": "s",
-    "window_s": "s",
-    "length_m": "m",
-    "frequency_hz": "Hz",
-    "damping": "1",
-    "after_s": "s",
-    "keeps_s": "s",
-    "frees_m": "m",
-}
 SHOWS, SHOWS_NOT = "shows it", "does not show it"
 OTHER_FORM = ". It acts otherwise than in the form that is known here, and may be something else"
-TELLING_PARAMETERS = 12  # a profile along the road has hundreds; people get the ones that matter
 
 
 def from_sensor(fault: SensorFault) -> Finding:
@@ -252,7 +231,7 @@ def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> Told:
             _reported(cause, m),
         ),
         m.equation,
-        _sizes(term, explanation.model, e) | picked(term),
+        sizes_of(term, explanation.model, e) | picked(term),
         Sentence.of(m.told_by),
         (*m.depends_on, *_confined_by(term)),
     )
@@ -265,15 +244,6 @@ def _reported(cause: Cause, m: Mechanism) -> str:
     if cause.reported is False and m.reported:
         return f". The engine's recorded torque {SHOWS_NOT}: its controller does not know of it"
     return ""
-
-
-def picked(term: CandidateTerm) -> dict[str, Size]:
-    """Settings that have a size, as parameters without an interval; of two parts with one, the first's."""
-    out: dict[str, Size] = {}
-    for name, value in term.variant.numbers():
-        if name in SETTING_UNITS:
-            out.setdefault(name, Size(value, SETTING_UNITS[name], picked=True))
-    return out
 
 
 def _confined_by(term: CandidateTerm) -> list[str]:
@@ -311,45 +281,6 @@ def _now_and_then(term: CandidateTerm) -> str:
     seconds = sum(last - first for _, first, last in spans)
     times = "once" if len(spans) == 1 else f"{len(spans)} times"
     return f". It was seen now and then alone, {times} for {seconds:.0f} s together" if spans else ""
-
-
-def _sizes(term: CandidateTerm, model: Model, e: Evidence) -> dict[str, Size]:
-    """The most telling parameters by name. Columns of one name, from a widened term, add up to one size.
-
-    What acts on held-out recordings alone was not fitted, and has no size.
-    When within a sample a command came nobody knows, so that no delay is known better than that.
-    """
-    values, covariance = model.coefficients(term.mechanism.effect), model.covariance(term.mechanism.effect)
-    acts = np.abs(term.columns[e.to_fit().valid]).max(axis=0, initial=0.0) > 0.0
-    by = carriers.factors(e.moved, {p: e.total_change(p, model.moved(p)) for p in model.free})
-    weights: dict[str, Array] = {}
-    told: dict[str, Column] = {}
-    for k, part in enumerate(term.parts):
-        for name, weight in part.course or ((part.name, 1.0),):
-            factor = weight * part.factor * (e.unit.scale if part.per_mass else 1.0)
-            factor *= carriers.ratio(part, e, by) if e.moved else 1.0
-            weights.setdefault(name, np.zeros(len(term.parts)))[k] = factor
-            told[name] = part
-    sizes: dict[str, tuple[float, float, str]] = {
-        name: (
-            float(g @ values),
-            float(np.sqrt(max(float(g @ covariance @ g), 0.0) + timing(told[name], e))),
-            e.unit.of(told[name].unit) if told[name].per_mass else told[name].unit,
-        )
-        for name, g in weights.items()
-        if acts[g != 0.0].any()
-    }
-    telling = sorted(sizes, key=lambda n: -abs(sizes[n][0]) / max(sizes[n][1], 1e-12))[:TELLING_PARAMETERS]
-    return {
-        name: Size(value, unit, (value - 1.96 * sd, value + 1.96 * sd) if sd else None)
-        for name, (value, sd, unit) in sizes.items()
-        if name in telling
-    }
-
-
-def timing(part: Column, e: Evidence) -> float:
-    """Variance (s^2) of a time for not knowing where within a quarter of a row either way a command came."""
-    return (e.dt / 4) ** 2 / 3 if part.unit == "s" and isinstance(part.expression, Rerun) else 0.0
 
 
 def _parameter(cause: Cause, e: Evidence, explanation: Explanation, own: dict[str, float]) -> Told:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from deeptruck_model.cli import app, deep
+from deeptruck_model.cli import whole
 from deeptruck_model.deep.experiments import learning_curves, minutes, paper
 from deeptruck_model.deep.experiments.output import SHORT_RUNS, of_seeds
 from deeptruck_model.deep.experiments.setup import drive_of
@@ -19,6 +19,7 @@ def test_field_experiment_writes_tables_and_figures(tmp_path):
     assert json.loads((tmp_path / "metrics.json").read_text())["volvo"]["trials"] == 10
 
 
+@pytest.mark.long
 def test_learning_curves_hold_every_seed(tmp_path, monkeypatch):
     drive = paper.drive_of
     monkeypatch.setattr(paper, "drive_of", lambda name, minutes, seed: drive(name, minutes / 20, seed))
@@ -49,6 +50,7 @@ def test_rows_of_seeds_take_each_figure_on_its_own():
     assert "fuel_rate" not in rows["median of 3 seeds"]
 
 
+@pytest.mark.long
 def test_minutes_of_data_are_drawn_for_every_truck(tmp_path, monkeypatch):
     monkeypatch.setattr(minutes, "TRUCKS", ("freightliner", "volvo"))
     monkeypatch.setattr(minutes, "MINUTES", (1, 2))
@@ -70,7 +72,7 @@ def test_singles_are_the_members(truck, drive):
 
 
 def test_commands_from_bag_to_figures(drive, tmp_path):
-    deep.register(app)
+    app = whole()
     recording = drive(60)
     write_bag(tmp_path / "bag", [recording], interface=recording.interface)
     runner, bag, sim = CliRunner(), str(tmp_path / "bag"), str(tmp_path / "sim")

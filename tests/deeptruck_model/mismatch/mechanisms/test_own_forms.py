@@ -81,6 +81,7 @@ def test_a_time_that_is_mostly_long_ago_has_its_knots_where_it_is_not() -> None:
     assert knots(np.linspace(0.0, 4.0, 1000), (0.5,)) == pytest.approx([2.0])
 
 
+@pytest.mark.long
 def test_a_torque_that_comes_back_late_after_shifts_is_no_play(nothing_missing: Evidence) -> None:
     e = nothing_missing
     every = np.arange(len(e)) % 100

@@ -41,6 +41,7 @@ def test_what_a_perfect_truck_keeps_costs_little(nothing_missing: Evidence) -> N
     assert max(left.tolerance.values()) < 20.0 and left.model_discrepancy < 0.03
 
 
+@pytest.mark.long
 def test_more_new_driving_makes_the_same_flaw_dearer(nothing_missing: Evidence) -> None:
     own = flawed(nothing_missing)
     once, twice = nuisances._penalties(own, 1.0), nuisances._penalties(own, 2.0)
@@ -55,6 +56,7 @@ def test_a_rare_jolt_is_no_error_of_the_whole(nothing_missing: Evidence) -> None
     assert nuisances._slow_rms(replace(nothing_missing, residual=jolted)) < 1.3 * calm
 
 
+@pytest.mark.long
 def test_slow_noise_is_as_strong_as_the_trucks_own_drifts(nothing_missing: Evidence) -> None:
     drift = 0.05 * np.sin(2 * np.pi * np.arange(len(nothing_missing)) * nothing_missing.dt / 90.0)
     drifting = replace(nothing_missing, residual=nothing_missing.residual + drift)

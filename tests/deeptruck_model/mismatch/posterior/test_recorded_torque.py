@@ -78,6 +78,7 @@ def test_without_a_recorded_torque_nothing_is_said(nothing_missing: Evidence) ->
     assert recorded_torque(nothing_missing) is None
 
 
+@pytest.mark.long
 def test_the_name_is_the_engines_where_its_torque_shows_it(nothing_missing: Evidence) -> None:
     """Beyond a pull, an engine is limited or the tyres slip; the report decides."""
 

@@ -37,7 +37,8 @@ def compared(recorded: list[Recording]) -> Mapping[str, Any]:
     return mismatch.find_mismatch(TRUCK, recorded[:-1], recorded[-1:]).verdict
 
 
-@pytest.mark.parametrize("share", [*(pytest.param(s, marks=pytest.mark.long) for s in (0.7, 1.3)), 1.8])
+@pytest.mark.long
+@pytest.mark.parametrize("share", [0.7, 1.3, 1.8])
 def test_another_mass_is_a_mass_and_nothing_else(share: float) -> None:
     heavy = TRUCK.with_parameters({"mass": share * MASS})
     recorded = drives(heavy)
@@ -55,6 +56,7 @@ def test_forces_act_by_one_over_the_mass() -> None:
         assert changed_by("drag_area", slope) == slope
 
 
+@pytest.mark.long
 def test_a_tenth_of_the_drag_is_told_where_held_out_drives_show_it() -> None:
     """The smaller the error, the more driving it takes: two fitted drives of four minutes do not tell it."""
     own = TRUCK.parameters()["drag_area"]
@@ -65,6 +67,7 @@ def test_a_tenth_of_the_drag_is_told_where_held_out_drives_show_it() -> None:
     assert verdict["fit"]["after"]["speed_rmse"] < 0.6 * verdict["fit"]["before"]["speed_rmse"]
 
 
+@pytest.mark.long
 def test_the_zero_of_a_slope_sensor_is_no_rolling_resistance() -> None:
     recorded = drives(TRUCK)
     for r in recorded:

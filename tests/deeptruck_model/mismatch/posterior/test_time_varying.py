@@ -56,6 +56,7 @@ def test_a_wind_is_a_wind(nothing_missing: Evidence) -> None:
     assert len(names) == len(set(names))
 
 
+@pytest.mark.long
 def test_what_would_be_a_storm_that_turns_within_a_minute_is_no_wind(nothing_missing: Evidence) -> None:
     """A slope sensor that was off had been called winds of 26 m/s ahead and 20 m/s behind."""
     e = nothing_missing
@@ -64,6 +65,7 @@ def test_what_would_be_a_storm_that_turns_within_a_minute_is_no_wind(nothing_mis
     assert found.causes and "headwind" not in {found.causes[0].effect, *found.causes[0].not_told_from}
 
 
+@pytest.mark.long
 def test_a_push_that_goes_by_time_alone_may_be_a_slope(nothing_missing: Evidence) -> None:
     search = Search(
         replace(nothing_missing, residual=nothing_missing.residual + 0.08 * swell(nothing_missing))

@@ -15,7 +15,7 @@ from deeptruck_model.mismatch.mechanisms.brakes import Keeps, RubsFree
 from deeptruck_model.mismatch.mechanisms.variants import Gate, Gated, PerRecording, Static, Sum
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.search import Search
-from deeptruck_model.mismatch.report import findings
+from deeptruck_model.mismatch.report import findings, sizes
 from deeptruck_model.mismatch.report.wording import force
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.result import Size
@@ -25,13 +25,13 @@ def test_times_of_every_part_of_a_shape_are_told() -> None:
     """A brake that rubs for 30 s after its release was told without them, as another part stood beside."""
     gated = Gated(Static(Keeps(3.0)), Gate("speed", "above", 7.0))
     term: Any = SimpleNamespace(variant=Sum((Static(Keeps(30.0)), Static(RubsFree(200.0)), gated)))
-    told = {name: size.value for name, size in findings.picked(term).items()}
+    told = {name: size.value for name, size in sizes.picked(term).items()}
     assert told == {"keeps_s": 30.0, "frees_m": 200.0}
 
 
 def test_a_shape_of_one_part_tells_its_own() -> None:
     term: Any = SimpleNamespace(variant=Static(WarmsInTime(0.6)))
-    assert findings.picked(term) == {"tau_s": Size(0.6, "s", picked=True)}
+    assert sizes.picked(term) == {"tau_s": Size(0.6, "s", picked=True)}
 
 
 @pytest.mark.parametrize(("known", "unit"), [(True, "N"), (False, "m/s^2")])

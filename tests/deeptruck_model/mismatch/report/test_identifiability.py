@@ -39,6 +39,7 @@ def test_the_manoeuvre_of_the_nearest_rival_is_told_beside_its_own() -> None:
     assert str(nameless.would_be_told_by) == "drive both ways"
 
 
+@pytest.mark.long
 def test_more_driving_asks_for_no_larger_effects_and_rare_ones_must_be_larger(
     nothing_missing: Evidence,
 ) -> None:
@@ -57,7 +58,7 @@ def test_more_driving_asks_for_no_larger_effects_and_rare_ones_must_be_larger(
     assert 0.0 < seen[1].always < seen[1].rarely
 
 
-@pytest.mark.parametrize(("share", "seen"), [(1.3, True), (0.5, False)])
+@pytest.mark.parametrize(("share", "seen"), [(1.3, True), pytest.param(0.5, False, marks=pytest.mark.long)])
 def test_what_is_as_large_as_was_promised_is_seen(
     nothing_missing: Evidence, share: float, seen: bool
 ) -> None:

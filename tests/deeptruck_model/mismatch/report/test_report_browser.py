@@ -7,6 +7,7 @@ import json
 import re
 import shutil
 import subprocess
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -47,9 +48,16 @@ FRAMES = {  # what is in each frame, how wide it is, and what its page may do
 
 
 @pytest.fixture(scope="module")
-def opened(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], bytes]:
+def opened(once: Callable[[str, Callable[[Path], object]], Path]) -> tuple[dict[str, Any], bytes]:
     """What was seen in each frame, and a picture of it all."""
-    folder = tmp_path_factory.mktemp("browser")
+    folder = once("browser", _open)
+    shot = folder / "shot.png"
+    return json.loads((folder / "seen.json").read_text()), shot.read_bytes() if shot.exists() else b""
+
+
+def _open(folder: Path) -> None:
+    """Open the pages in a browser; what was seen goes to seen.json."""
+    folder.mkdir()
     sources = {"with a fault": with_a_fault_first()}
     sources |= {kind: mismatch(kind) for kind in ("missing_physics", "undetermined")}
     written = {}
@@ -76,7 +84,7 @@ def opened(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], by
     assert title, done.stderr[-500:]
     seen = json.loads(html.unescape(title[1]))
     assert "error" not in seen, seen["error"]
-    return seen, shot.read_bytes() if shot.exists() else b""
+    (folder / "seen.json").write_text(json.dumps(seen))
 
 
 Opened = tuple[dict[str, Any], bytes]

@@ -17,8 +17,8 @@ from deeptruck_model.mismatch.mechanisms.laws import NEEDS, VARIABLES
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.free_law import features
 from deeptruck_model.mismatch.report.drawing import label
-from deeptruck_model.mismatch.report.findings import timing
 from deeptruck_model.mismatch.report.regime_figure import LEAST_S, edges, place
+from deeptruck_model.mismatch.report.sizes import timing
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.result import Finding
 
