@@ -52,6 +52,7 @@ def test_its_sentences_are_short() -> None:
         assert len(sentence.split()) <= LONGEST, sentence
 
 
+@pytest.mark.long
 @pytest.mark.timeout(900)  # 76 s of CPU time
 def test_it_runs_from_top_to_bottom(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))

@@ -116,7 +116,7 @@ def test_a_mass_of_openmodelica_is_fit_for_use(tmp_path: Path) -> None:
     assert not protocol_check.missing(protocol_check.examine(openmodelica(tmp_path)))
 
 
-@pytest.mark.long
+@pytest.mark.hours
 @pytest.mark.timeout(3000)
 def test_a_mass_of_openmodelica_gets_the_drag_that_it_lacks(tmp_path: Path) -> None:
     *fitted, unseen = (recorded(name, k) for k, name in enumerate("abcd"))

@@ -71,7 +71,7 @@ def test_without_the_brake_the_drives_are_the_fmus_own(tmp_path: Path, fmi: int)
     assert same < 0.3 < sticks
 
 
-@pytest.mark.long
+@pytest.mark.hours
 @pytest.mark.timeout(3000)
 @FMI
 def test_a_brake_that_lets_go_late_is_named(tmp_path: Path, fmi: int) -> None:
