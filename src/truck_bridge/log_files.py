@@ -31,7 +31,6 @@ def check_new(path: Path) -> None:
     if path.suffix.lower() not in WRITABLE:
         raise InputError(f"{path}: a log's name ends in {', '.join(WRITABLE)}")
     files.check_new(path)
-    files.check_outside(path, files.RENAME)
     _check_mf4(path)
 
 
@@ -42,7 +41,6 @@ def check_new_table(path: Path | None) -> None:
     if path.suffix.lower() != ".csv":
         raise InputError(f"{path}: the table is CSV; give a name that ends in .csv")
     files.check_new(path)
-    files.check_outside(path, files.RENAME)
 
 
 def _check_mf4(path: Path) -> None:

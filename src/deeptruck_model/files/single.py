@@ -30,10 +30,10 @@ def check_writable(path: Path, elsewhere: str = ELSEWHERE) -> None:
 
 
 def check_new(path: Path) -> None:
-    """Raises InputError where the single file `path` exists or cannot be written; nothing is touched."""
-    if path.exists() or path.is_symlink():
-        raise InputError(f"{path} exists already; {RENAME} or remove it")
-    check_writable(path, RENAME)
+    """Raises InputError where the single file `path` exists, cannot be written, or would be new in a finished
+    result; nothing is touched."""
+    _check_free(path)
+    check_outside(path, RENAME)
 
 
 def check_outside(path: Path, elsewhere: str = ELSEWHERE) -> None:
@@ -44,14 +44,20 @@ def check_outside(path: Path, elsewhere: str = ELSEWHERE) -> None:
         )
 
 
+def _check_free(path: Path) -> None:
+    if path.exists() or path.is_symlink():
+        raise InputError(f"{path} exists already; {RENAME} or remove it")
+    check_writable(path, RENAME)
+
+
 @contextmanager
 def new_file(path: Path) -> Iterator[Path]:
     """A draft that becomes the single file `path` when the block ends well; it never replaces another.
 
-    Drafts of killed runs stay, and are named on standard error. Raises InputError as `check_new`, and on a
-    full disk.
+    Drafts of killed runs stay, and are named on standard error. Raises InputError where it exists or cannot
+    be written, and on a full disk.
     """
-    check_new(path)
+    _check_free(path)
     name, suffix = glob.escape(path.stem), glob.escape(path.suffix)
     for other in sorted(path.parent.glob(f".{name}.????????{suffix}")):
         says = f"{other} is unfinished work on {path.name}; remove it if no run is at it"
@@ -64,7 +70,7 @@ def new_file(path: Path) -> Iterator[Path]:
         draft = Path(name)
         draft.chmod(0o666 & ~umask())
         yield draft
-        check_new(path)
+        _check_free(path)
         draft.rename(path)
     except OSError as error:
         cure = advice(error, f"make room or {RENAME}", RENAME)
