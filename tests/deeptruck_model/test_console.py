@@ -57,6 +57,7 @@ import signal, sys, time, typer
 from pathlib import Path
 from deeptruck_model import console, files, sweeps
 signal.signal(signal.SIGINT, signal.default_int_handler)  # as at a terminal, wherever this test runs
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 app = typer.Typer()
 @app.command()
 def main() -> None:

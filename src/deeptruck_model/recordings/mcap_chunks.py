@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import struct
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from io import BytesIO
@@ -26,6 +27,7 @@ from deeptruck_model.recordings.bag_file import RECORD_HEAD, DamagedError
 
 _MESSAGE_HEAD = 22  # channel, sequence, log time, publish time
 _GROUP_BYTES = 4 * 2**20
+OVERLAP_NS = 10**9  # by which chunks of a recorder may overlap
 ENTRY = np.dtype([("log_ns", "<u8"), ("offset", "<u8")])
 _MESSAGE = np.dtype(
     [
@@ -111,29 +113,75 @@ def _check_places(summary: Summary, size: int) -> None:
 
 
 def read_chunks(chunks: Sequence[IndexedChunk], types: dict[str, str]) -> Iterator[Batch]:
-    """Messages of the topics that have the given types, in the order of the chunks' first messages.
+    """Messages of the topics that have the given types, in the order of the chunks' first messages; where
+    chunks reach far into each other, as of a bag written topic by topic, in that of each topic's.
 
     Raises DamagedError where a chunk is not what was written.
     """
-    group = _Group()
+    wanted = [c for c in chunks if _topics(c, types)]
+    ordered = sorted(wanted, key=lambda c: (c.index.message_start_time, c.index.message_end_time))
     with ExitStack() as stack:
-        streams: dict[Path, BinaryIO] = {}
-        for chunk in sorted(chunks, key=lambda c: c.index.message_start_time):
-            held = chunk.index.message_index_offsets or chunk.channels  # without an index it may hold any
-            found = {key: chunk.channels[key] for key in held}
-            wanted = {key: topic for key, (topic, kind) in found.items() if types.get(topic) == kind}
-            if not wanted:
-                continue
-            if chunk.file not in streams:
-                streams[chunk.file] = stack.enter_context(chunk.file.open("rb"))
-            data, entries = _read(streams[chunk.file], chunk.index)
-            for key in wanted.keys() & entries.keys():
-                _check_entries(data, key, entries[key], chunk.index)
-            group.add(data, entries, wanted, chunk.index.message_start_time)
-            if group.size > _GROUP_BYTES:
-                yield from group.batches()
-                group = _Group()
+        places = dict.fromkeys(c.file for c in ordered)
+        streams = {file: stack.enter_context(file.open("rb")) for file in places}
+        if _far_into_each_other(ordered):
+            yield from _by_topic(ordered, streams, types)
+        else:
+            yield from _by_group(ordered, streams, types)
+
+
+def _topics(chunk: IndexedChunk, types: dict[str, str]) -> dict[int, str]:
+    """The wanted topics of a chunk by channel; without an index it may hold any."""
+    held = chunk.index.message_index_offsets or chunk.channels
+    found = {key: chunk.channels[key] for key in held}
+    return {key: topic for key, (topic, kind) in found.items() if types.get(topic) == kind}
+
+
+def _far_into_each_other(ordered: Sequence[IndexedChunk]) -> bool:
+    """Whether a chunk goes on for long after a later one has begun."""
+    return any(
+        a.index.message_end_time > b.index.message_start_time + OVERLAP_NS
+        for a, b in itertools.pairwise(ordered)
+    )
+
+
+def _by_group(
+    ordered: Sequence[IndexedChunk], streams: Mapping[Path, BinaryIO], types: dict[str, str]
+) -> Iterator[Batch]:
+    group = _Group()
+    for chunk in ordered:
+        data, entries, wanted = _checked(chunk, streams, types)
+        group.add(data, entries, wanted, chunk.index.message_start_time)
+        if group.size > _GROUP_BYTES:
+            yield from group.batches()
+            group = _Group()
     yield from group.batches()
+
+
+def _by_topic(
+    ordered: Sequence[IndexedChunk], streams: Mapping[Path, BinaryIO], types: dict[str, str]
+) -> Iterator[Batch]:
+    """Each topic's part of a chunk by itself, in the order in which these parts begin. Chunks are unpacked
+    once to see that, and again for each part: not all of them fit into memory."""
+    parts = []
+    for number, chunk in enumerate(ordered):
+        _, entries, wanted = _checked(chunk, streams, types)
+        parts += [(int(entries[k]["log_ns"].min()), number, k) for k in wanted if len(entries.get(k, ()))]
+    for start_ns, number, key in sorted(parts):
+        data, entries, wanted = _checked(ordered[number], streams, types)
+        group = _Group()
+        group.add(data, entries, {key: wanted[key]}, start_ns)
+        yield from group.batches()
+
+
+def _checked(
+    chunk: IndexedChunk, streams: Mapping[Path, BinaryIO], types: dict[str, str]
+) -> tuple[bytes, dict[int, NDArray[np.void]], dict[int, str]]:
+    """A chunk's content, where its messages are, and its wanted topics, by channel."""
+    wanted = _topics(chunk, types)
+    data, entries = _read(streams[chunk.file], chunk.index)
+    for key in wanted.keys() & entries.keys():
+        _check_entries(data, key, entries[key], chunk.index)
+    return data, entries, wanted
 
 
 def _read(stream: BinaryIO, index: ChunkIndex) -> tuple[bytes, dict[int, NDArray[np.void]]]:

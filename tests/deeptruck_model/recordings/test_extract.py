@@ -170,7 +170,11 @@ def test_long_bags_are_read_in_parts(tmp_path: Path, monkeypatch: pytest.MonkeyP
     road = [("/road_grade", number(1e-4 * k), S + k * S // 5) for k in range(count // 2)]
     mixed = sorted([*drive_messages(count=count), *road], key=lambda m: m[2])
     bag = bag_of(tmp_path / "bag", mixed)
-    apart = bag_of(tmp_path / "apart", [*road, *drive_messages(count=count)])
+    speeds = drive_messages(count=count)
+    for _, message, _ in speeds:
+        message.header.frame_id = "long" * 200  # so that the topic fills several chunks
+    apart = bag_of(tmp_path / "apart", [*speeds, *road])
+    another = bag_of(tmp_path / "another", [*road, *speeds])
     topics = {
         "speed": {"topic": "/truck/twist", "field": "twist.linear.x", "scale": 0.1},
         "grade": {"topic": "/road_grade", "field": "data"},
@@ -183,7 +187,7 @@ def test_long_bags_are_read_in_parts(tmp_path: Path, monkeypatch: pytest.MonkeyP
         sorted([*drive_messages(count=count), *road], key=lambda m: m[2]),
         storage=StoragePlugin.SQLITE3,
     )
-    for other in (bag, apart, sqlite):
+    for other in (bag, apart, another, sqlite):
         (parts,) = read(other, topic_map=topics)
         assert parts.start_s == whole.start_s
         for name, values in whole.channels.items():
