@@ -122,8 +122,8 @@ def test_the_safety_core_stands_alone() -> None:
 FLOOR = tuple(
     f"deeptruck_model.{name}"
     for name in (
-        "errors", "files", "reading", "console", "checks", "constants", "outside.reference", "outside.saved",
-        "outside.truck",
+        "errors", "files", "reading", "console", "checks", "constants", "vehicle_kinds",
+        "outside.reference", "outside.saved", "outside.truck",
     )
 )  # fmt: skip
 

@@ -123,6 +123,12 @@ def program_takes(read: Callable[[], object]) -> bool:
         ("conceal", ["speed"], False),
         ("grade_window_m", 50, True),
         ("grade_window_m", 0, False),
+        ("vehicle", "car", True),
+        ("vehicle", "tractor", False),
+        ("mass_kg", 24000, True),
+        ("mass_kg", 100, False),
+        ("mass_kg", 70000, False),
+        ("mass_kg", "24 t", False),
     ],
 )
 def test_columns(where: str, value: Any, good: bool) -> None:

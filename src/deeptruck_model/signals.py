@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from deeptruck_model.errors import InputError
+from deeptruck_model.vehicle_kinds import VehicleKind, check_vehicle, vehicle_kind
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,8 @@ class TruckInterface:
     """Which of the paper's u, w and y exist on a truck, and in which units.
 
     `engine_unit` is one of ENGINE_UNITS; `brake_unit` one of BRAKE_UNITS, or None where braking is not
-    recorded; `grade` and `fuel` say whether w and the fuel output exist.
+    recorded; `grade` and `fuel` say whether w and the fuel output exist. `vehicle` is one of VEHICLE_KINDS
+    and `mass_kg` what it weighed, None where nobody says.
     """
 
     name: str
@@ -81,6 +83,8 @@ class TruckInterface:
     brake_unit: str | None = "percent"
     grade: bool = True
     fuel: bool = True
+    vehicle: str | None = None
+    mass_kg: float | None = None
 
     def __post_init__(self) -> None:
         if self.engine_unit not in ENGINE_UNITS:
@@ -89,6 +93,12 @@ class TruckInterface:
             )
         if self.brake_unit is not None and self.brake_unit not in BRAKE_UNITS:
             raise InputError(f"brake command unit '{self.brake_unit}' is not one of {', '.join(BRAKE_UNITS)}")
+        check_vehicle(self.vehicle, self.mass_kg)
+
+    @property
+    def kind(self) -> VehicleKind:
+        """What is usual of such a vehicle."""
+        return vehicle_kind(self.vehicle)
 
     @property
     def u(self) -> tuple[str, ...]:

@@ -13,6 +13,8 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TypeVar
 
+from deeptruck_model.vehicle_kinds import UNSTATED, VehicleKind
+
 SENSORS = "ordinary sensors"
 TRUCKS = "what trucks do"
 STATISTICS = "convention"
@@ -97,10 +99,9 @@ class Rules:
     most_prior_sd: float = _of(
         4.0, "sd", "a coefficient farther from its prior mean is physically impossible", TRUCKS
     )
-    possible_mass: tuple[float, float] = _of(
-        (-0.8, 3.0), "1", "relative change from the simulator's mass that can be", TRUCKS
+    possible_drag_area: tuple[float, float] = _of(
+        (-0.6, 2.0), "1", "relative change from the simulator's drag area that can be", TRUCKS
     )
-    possible_drag_area: tuple[float, float] = _of((-0.6, 2.0), "1", "the same of the drag area", TRUCKS)
     possible_rolling_resistance: tuple[float, float] = _of(
         (-0.85, 3.0), "1", "the same of the rolling resistance", TRUCKS
     )
@@ -294,10 +295,10 @@ class Rules:
         CHOSEN,
     )
 
-    def possible(self, parameter: str) -> tuple[float, float]:
-        """Smallest and largest relative change of a parameter that a truck can have."""
+    def possible(self, parameter: str, vehicle: VehicleKind = UNSTATED) -> tuple[float, float]:
+        """Smallest and largest relative change of a parameter that such a vehicle can have."""
         return {
-            "mass": self.possible_mass,
+            "mass": vehicle.mass_change,
             "drag_area": self.possible_drag_area,
             "rolling_resistance": self.possible_rolling_resistance,
             "torque_gain": self.possible_torque_gain,

@@ -69,7 +69,7 @@ def _newtons(seen: set[str], own: dict[str, float]) -> Row:
     if "mass" in own or "traction_force" in seen:
         return Row("forces in N", State.YES, "by its own mass")
     says = "by a mass guessed from recorded engine_torque or fuel_rate, else of 20 t"
-    return Row("forces in N", State.NOTE, says, "tell mass (kg) in parameters()")
+    return Row("forces in N", State.NOTE, says, "tell mass (kg) in parameters(), or mass_kg in COLUMNS.yaml")
 
 
 def _gears(seen: set[str]) -> Row:

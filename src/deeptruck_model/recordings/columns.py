@@ -15,6 +15,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.recordings.topic_map import load_yaml, number
 from deeptruck_model.recordings.units import DIESEL_DENSITY, Conversion, conversion
 from deeptruck_model.signals import CHANNELS
+from deeptruck_model.vehicle_kinds import check_vehicle
 
 TIME_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 DATE_UNITS = ("iso", "iso8601", "datetime")
@@ -30,6 +31,8 @@ KEYS = {
     "split_at": "steps in SI units; a larger jump starts a new piece",
     "conceal": "channels that go into BAG.sealed.csv only, never into the bag",
     "grade_window_m": "smoothing of a grade derived from elevation, m",
+    "vehicle": "what drove: truck, bus, van or car",
+    "mass_kg": "what it weighed on these drives, kg; forces are then told in newtons",
 }
 ENTRY_KEYS = {
     "column": "its name in the header",
@@ -72,6 +75,8 @@ class Columns:
     name: str | None = None
     grade_window_m: float | None = None
     notes: tuple[str, ...] = ()
+    vehicle: str | None = None
+    mass_kg: float | None = None
 
 
 def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
@@ -96,6 +101,7 @@ def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
     window = number(data, "grade_window_m", 0.0, "COLUMNS") if "grade_window_m" in data else None
     if window is not None and window <= 0:
         raise InputError("grade_window_m must be positive")
+    check_vehicle(data.get("vehicle"), data.get("mass_kg"))
     return Columns(
         channels=parsed,
         time_column=time_column,
@@ -110,6 +116,8 @@ def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
         name=str(data["name"]) if "name" in data else None,
         grade_window_m=window,
         notes=tuple(notes),
+        vehicle=data.get("vehicle"),
+        mass_kg=data.get("mass_kg"),
     )
 
 

@@ -12,6 +12,7 @@ from typing import Any
 from deeptruck_model.recordings import columns, topic_map
 from deeptruck_model.recordings.units import canonical_units, known_units
 from deeptruck_model.signals import CHANNELS
+from deeptruck_model.vehicle_kinds import UNSTATED, VEHICLE_KINDS
 
 Schema = dict[str, Any]
 
@@ -35,6 +36,7 @@ _KINDS: dict[str, Schema] = {
 def of_columns() -> Schema:
     """COLUMNS.yaml of a table."""
     concealed = {"enum": [channel for channel in CHANNELS if channel != "speed"]}
+    least_mass = min(kind.least_mass_kg for kind in VEHICLE_KINDS.values())
     kinds = {
         "name": _NAME,
         "time": {"anyOf": _times()},
@@ -46,6 +48,8 @@ def of_columns() -> Schema:
         "split_at": _mapping(dict.fromkeys(columns.SPLITS, _POSITIVE)),
         "conceal": {"anyOf": [{"type": "array", "items": concealed}, concealed]},
         "grade_window_m": _POSITIVE,
+        "vehicle": {"enum": list(VEHICLE_KINDS)},
+        "mass_kg": {"type": "number", "minimum": least_mass, "maximum": UNSTATED.most_mass_kg},
     }
     described = {key: {**kinds[key], "description": meaning} for key, meaning in columns.KEYS.items()}
     return {"$schema": DRAFT, "title": "columns of a table", **_mapping(described, ["time", "channels"])}

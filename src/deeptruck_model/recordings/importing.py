@@ -228,6 +228,8 @@ def _interface(name: str, meaning: Columns) -> TruckInterface:
         brake_unit=channels["brake_command"].convert.unit if "brake_command" in shown else None,
         grade="grade" in shown or ("grade" not in channels and elevation_shown),
         fuel="fuel_rate" in shown,
+        vehicle=meaning.vehicle,
+        mass_kg=meaning.mass_kg,
     )
 
 

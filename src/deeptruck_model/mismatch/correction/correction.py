@@ -249,7 +249,9 @@ def _terms(terms: Sequence[CandidateTerm], model: Model) -> list[Term]:
 
 
 def _change(e: Evidence, model: Model, free: Iterable[str]) -> dict[str, float]:
-    return {p: float(np.clip(e.total_change(p, model.moved(p)), *e.rules.possible(p))) for p in free}
+    return {
+        p: float(np.clip(e.total_change(p, model.moved(p)), *e.rules.possible(p, e.vehicle))) for p in free
+    }
 
 
 def _mean_square(errors: Errors) -> float:

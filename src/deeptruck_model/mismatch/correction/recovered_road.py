@@ -81,7 +81,7 @@ def with_road(roads: Roads, recordings: Sequence[Recording]) -> tuple[list[Recor
 
     Raises InputError where a recording has a grade, two are of different trucks, or none has a slope.
     """
-    signals = [replace(r.interface, name="") for r in recordings]
+    signals = [replace(r.interface, name="", mass_kg=None) for r in recordings]
     others = [r.name for r, own in zip(recordings, signals, strict=True) if own != signals[0]]
     if others:
         raise InputError(

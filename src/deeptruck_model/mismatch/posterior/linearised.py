@@ -148,7 +148,9 @@ class _Around:
         self.say("searching around the refitted parameters")
         total = {p: search.e.total_change(p, c) for p, c in change.items()}
         possible = {
-            p: float(np.clip(c, *search.rules.possible(p))) for p, c in total.items() if abs(c) > 0.005
+            p: float(np.clip(c, *search.rules.possible(p, search.e.vehicle)))
+            for p, c in total.items()
+            if abs(c) > 0.005
         }
         moved = accepted(self.simulator, possible, near=STEP)
         tuned = self.simulator.with_parameters({p: own[p] * (1 + c) for p, c in moved.items()})

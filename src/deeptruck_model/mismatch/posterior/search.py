@@ -177,7 +177,7 @@ class Search:
     def _possible(self, parameter: str, model: Model) -> bool:
         """Whether a parameter stays within what a truck can have: no rolling resistance is negative. All
         scaled down alike change next to nothing, and would make up for whatever is not scaled with them."""
-        low, high = self.rules.possible(parameter)
+        low, high = self.rules.possible(parameter, self.e.vehicle)
         change = model.moved(parameter)
         return low < self.e.total_change(parameter, change) < high
 

@@ -21,8 +21,6 @@ from deeptruck_model.constants import AIR_DENSITY, DIESEL_J_PER_CM3, GRAVITY
 from deeptruck_model.mismatch.residual.components import (
     DRIVELINE,
     EFFICIENCY,
-    MASSES,
-    TYPICAL_DRAG_AREA,
 )
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Rules
@@ -104,8 +102,8 @@ def _fitted(e: Evidence, traction: Array, factor: float) -> PlainTruck | None:
     r2 = 1.0 - float(weight @ (y - X @ b) ** 2 / max(weight @ y**2, 1e-12))
     left = changed - b[0] * traction + b[1] * friction
     if factor:
-        mass = float(np.clip(factor / b[0], *MASSES))
-        left += 0.5 * AIR_DENSITY * TYPICAL_DRAG_AREA / mass * speed**2
+        mass = float(np.clip(factor / b[0], e.vehicle.least_mass_kg, e.vehicle.most_mass_kg))
+        left += 0.5 * AIR_DENSITY * e.vehicle.drag_area / mass * speed**2
     else:
         slope = theilslopes(left[use][::STRIDE], speed[use][::STRIDE] ** 2).slope
         left += float(np.clip(-slope, *DRAGS)) * speed**2

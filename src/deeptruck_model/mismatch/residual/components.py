@@ -100,11 +100,8 @@ class Shares:
 LOOK_BACK_S = 2.0
 WARM_UP_S = 8.0
 ASK_EVERY_S = 0.4
-TYPICAL_DRAG_AREA = 6.0  # m^2, SuperTruck-era tractor-trailer to unaided box: 5-7 (NACFE)
-TYPICAL_ROLLING = 0.006  # SAE J1269-class truck tyres 0.005-0.008
 EFFICIENCY = 0.40  # of a diesel at the wheels' side of the clutch
 DRIVELINE = 0.93
-TYPICAL_MASS, MASSES = 20000.0, (800.0, 60000.0)  # kg
 ENGINE, BRAKE, DRAG = Signal("engine"), Signal("brake"), Signal("drag")
 SENSITIVITY: dict[str, Expression] = {  # for simulators without parameters of their own
     name: with_effective_mass(force)
@@ -221,18 +218,22 @@ def _from_questions(
         traction = grid.stack(
             [base - silent for base, (silent, *_) in (_ask(simulator, p) for p in prepared)]
         )
+    kind = prepared[0].recording.interface.kind
     brake = np.nan_to_num(out["brake_command"]) if "brake_command" in out else np.zeros_like(speed)
     known = simulated + GRAVITY * np.nan_to_num(out.get("grade", np.zeros_like(speed)))
     X = np.stack([traction, -brake, -(speed**2), -np.ones_like(speed)], axis=1)
     use = grid.valid() & np.isfinite(X).all(axis=1) & np.isfinite(known) & (np.abs(known) < 6.0)
     scale = np.maximum(np.abs(X[use]).mean(axis=0), 1e-12) if use.any() else np.ones(4)
     share = nnls(X[use] / scale, known[use])[0] / scale if use.sum() > 20 else np.zeros(4)
-    estimate = float(np.clip(per_mass / share[0], *MASSES)) if per_mass and share[0] > 0 else TYPICAL_MASS
-    mass = known_mass or estimate
+    mass = known_mass or (
+        float(np.clip(per_mass / share[0], kind.least_mass_kg, kind.most_mass_kg))
+        if per_mass and share[0] > 0
+        else kind.mass_kg
+    )
     out["engine"], out["brake"] = share[0] * np.nan_to_num(traction), share[1] * brake
-    drag = share[2] if share[2] > 1e-6 else 0.5 * AIR_DENSITY * TYPICAL_DRAG_AREA / mass
+    drag = share[2] if share[2] > 1e-6 else 0.5 * AIR_DENSITY * kind.drag_area / mass
     out["drag"] = drag * out["speed"] ** 2
-    out["rolling"] = np.full_like(speed, max(share[3], TYPICAL_ROLLING * GRAVITY))
+    out["rolling"] = np.full_like(speed, max(share[3], kind.rolling_resistance * GRAVITY))
     return mass
 
 

@@ -13,6 +13,7 @@ from scipy.signal import lfilter
 from deeptruck_model.mismatch.residual.noise import Series
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.signals import printed
+from deeptruck_model.vehicle_kinds import UNSTATED, VehicleKind
 
 Array = NDArray[np.float64]
 
@@ -175,6 +176,7 @@ class Evidence:
     late: Array | None = None  # (n, k) m/s^2 of a lateness that is known beside all else, and no finding
     rules: Rules = field(default_factory=Rules)  # by which all of this is judged
     mass_known: bool = True
+    vehicle: VehicleKind = UNSTATED  # what is usual of what drove
     whole: Mask | None = None  # `valid` with held-out recordings, where it is without
 
     def __len__(self) -> int:

@@ -161,7 +161,7 @@ def gather(
     """Run the simulator forced along every drive, as it is, with jittered inputs and with moved parameters.
 
     `moved` are relative changes already made to parameters the simulator was given with. `mass_kg` is stated
-    for a simulator that does not tell its mass.
+    for a simulator that does not tell its mass; else the recordings or what taught it may state it.
     """
     runs = forced(simulator, prepared, [p.u for p in prepared])
     dt = prepared[0].dt
@@ -173,7 +173,8 @@ def gather(
         other, apart = other_gear(prepared, runs, held_out=held_out, rules=rules)
     else:
         other, apart = other_gear(prepared, believed(simulator, prepared), True, held_out, rules)
-    signals, mass, mass_known = components.signals(simulator, prepared, runs, grid, mass_kg)
+    stated = _stated_mass(simulator, prepared, mass_kg)
+    signals, mass, mass_known = components.signals(simulator, prepared, runs, grid, stated)
     signals["gear apart"] = grid.any(apart).astype(float)
     turning = _turning(runs, grid)
     evidence = Evidence(
@@ -188,6 +189,7 @@ def gather(
         sensitivity={},
         mass=mass,
         mass_known=mass_known,
+        vehicle=prepared[0].recording.interface.kind,
         moved=dict(moved or {}),
         rerun=_rerunner(simulator, prepared, grid, simulated),
         slow_noise=rules.slow_noise,
@@ -202,6 +204,15 @@ def gather(
     named = {f"sensitivity:{name}": column for name, column in sensitivity.items()}
     gain = {"effective_mass_gain": effective_mass.rows(simulator, evidence, turning)}
     return replace(evidence, signals=evidence.signals | named | gain)
+
+
+def _stated_mass(simulator: Simulator, prepared: Sequence[Prepared], mass_kg: float | None) -> float | None:
+    """Mass (kg) as the user, the recordings or what taught the simulator state it, in this order."""
+    recorded = [p.recording.interface.mass_kg for p in prepared]
+    known = [m for m in recorded if m is not None]
+    if mass_kg is not None or not known:
+        return mass_kg or simulator.interface.mass_kg
+    return float(np.median(known))
 
 
 def _turning(runs: Sequence[Run], grid: _Grid) -> Array:

@@ -17,6 +17,7 @@ from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.recordings import Recording
 
+KNOWN = ("speed", "acceleration", "engine_command", "brake_command", "grade")
 TRUCK = trucks.load("trucksim")
 MASS = TRUCK.parameters()["mass"]
 
@@ -67,6 +68,21 @@ def test_rerun_is_the_change_by_late_commands(own: Evidence) -> None:
     assert np.abs(own.rerun("delay_all", 1e-9)).max() < 1e-6
 
 
+def weighed(recording: Recording, mass_kg: float | None, vehicle: str | None = "truck") -> Recording:
+    return replace(recording, interface=replace(recording.interface, mass_kg=mass_kg, vehicle=vehicle))
+
+
+def test_what_no_channel_tells_is_usual_of_the_kind_of_vehicle(drives: list[Recording]) -> None:
+    """No torque and no fuel: nothing tells how heavy it is."""
+    unfuelled = replace(TRUCK.specification, interface=replace(TRUCK.interface, fuel=False))
+    box = BlackBox(trucks.PhysicsTruck(unfuelled))
+    for vehicle, mass in (("truck", 20000.0), ("car", 1500.0), (None, 20000.0)):
+        silent = [replace(r, interface=box.interface) for r in drives]
+        silent = [replace(r, channels={k: r.channels[k] for k in KNOWN}) for r in silent]
+        e = gather.gather(box, [prepare(weighed(r, None, vehicle), False) for r in silent], [False, True])
+        assert e.mass == mass and not e.mass_known and e.vehicle.mass_kg == mass
+
+
 def test_a_black_box_is_split_into_what_it_is_made_of(drives: list[Recording], own: Evidence) -> None:
     prepared = [prepare(r, False) for r in drives]
     asked = gather.gather(BlackBox(TRUCK), prepared, [False, True])
@@ -74,6 +90,10 @@ def test_a_black_box_is_split_into_what_it_is_made_of(drives: list[Recording], o
     assert not asked.mass_known and own.mass_known
     stated = gather.gather(BlackBox(TRUCK), prepared, [False, True], mass_kg=23456.0)
     assert stated.mass_known and stated.mass == 23456.0
+    loaded = [replace(p, recording=weighed(p.recording, 21000.0)) for p in prepared]
+    recorded = gather.gather(BlackBox(TRUCK), loaded, [False, True])
+    assert recorded.mass_known and recorded.mass == 21000.0
+    assert gather.gather(BlackBox(TRUCK), loaded, [False, True], mass_kg=23456.0).mass == 23456.0
 
     def seconds(x: np.ndarray) -> np.ndarray:
         return np.concatenate([x[s.rows].reshape(-1, 5).mean(axis=1) for s in own.stretches])

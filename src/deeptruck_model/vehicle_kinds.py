@@ -1,0 +1,55 @@
+"""What is usual of a kind of vehicle, where neither a recording nor a simulator tells it.
+
+Sizes that no log shows are guessed from the kind: the air drag that a simulator without parameters must have,
+the range of masses that an estimate may have, how much a load can change the mass. A 1.3 t car judged as a
+20 t truck would be given forces that it cannot have.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from deeptruck_model.errors import InputError
+
+
+@dataclass(frozen=True)
+class VehicleKind:
+    """Usual values. `mass_change` is the relative change of mass that a load can make, from either end."""
+
+    mass_kg: float
+    least_mass_kg: float
+    most_mass_kg: float
+    drag_area: float  # drag coefficient times frontal area, m^2
+    rolling_resistance: float  # coefficient
+    mass_change: tuple[float, float]
+
+
+VEHICLE_KINDS = {
+    # tractor-trailers to unaided boxes: NACFE, drag area 5 to 7; SAE J1269-class tyres 0.005 to 0.008
+    "truck": VehicleKind(20000.0, 3500.0, 60000.0, 6.0, 0.006, (-0.8, 3.0)),
+    # M2 and M3; HBEFA's standard city bus has 11 t empty and 18 t full; drag coefficient 0.5 to 0.7 on 7 m^2
+    "bus": VehicleKind(13000.0, 3000.0, 32000.0, 4.5, 0.007, (-0.5, 1.0)),
+    # N1: up to 3.5 t in law, 4.25 t electric; drag coefficient 0.31 to 0.37 on 5 m^2
+    "van": VehicleKind(2500.0, 1100.0, 6000.0, 1.7, 0.008, (-0.5, 1.0)),
+    # M1: type approvals of the EEA have 0.9 to 2.6 t; drag area 0.5 to 0.9; a trailer may double the mass
+    "car": VehicleKind(1500.0, 500.0, 4500.0, 0.65, 0.010, (-0.4, 1.0)),
+}
+UNSTATED = VehicleKind(20000.0, 500.0, 60000.0, 6.0, 0.006, (-0.8, 3.0))
+"""Of a recording that does not say what drove: a truck's, with the masses of cars allowed."""
+
+
+def check_vehicle(vehicle: object, mass_kg: object) -> None:
+    """Raises InputError for a kind not in VEHICLE_KINDS, and a mass that such a vehicle cannot have."""
+    if vehicle is not None and vehicle not in VEHICLE_KINDS:
+        raise InputError(f"vehicle '{vehicle}' is not one of {', '.join(VEHICLE_KINDS)}")
+    kind = UNSTATED if vehicle is None else VEHICLE_KINDS[str(vehicle)]
+    low, high = kind.least_mass_kg, kind.most_mass_kg
+    number = isinstance(mass_kg, int | float) and not isinstance(mass_kg, bool)
+    if mass_kg is not None and not (number and low <= float(str(mass_kg)) <= high):
+        of = vehicle or "vehicle"
+        raise InputError(f"mass_kg of a {of} is a number from {low:g} to {high:g}, not {mass_kg!r}")
+
+
+def vehicle_kind(name: str | None) -> VehicleKind:
+    """The kind called `name`, one of VEHICLE_KINDS; UNSTATED for None."""
+    return UNSTATED if name is None else VEHICLE_KINDS[name]
