@@ -110,7 +110,7 @@ def examine_concealed(
 
 def _examine(source: Source, folder: Path, layouts: Path, out: Path, updates: int) -> dict[str, Any]:
     layout: Path | dict[str, Any] = layouts / source.layout if source.layout else {}
-    whole = _read(folder / source.log, layout, out / "import")
+    whole = whole_log(folder / source.log, layout, out / "import")
     parts = split(whole, (source.share, 1.0 - source.share, 0.0))
     fit, held = ([r for r in part if len(r) * r.dt > source.least_s] for part in parts[:2])
     opened = _write_blind(fit, out / "recordings" / "fit", source.hide)
@@ -119,16 +119,18 @@ def _examine(source: Source, folder: Path, layouts: Path, out: Path, updates: in
     teachers = [
         r
         for k, log in enumerate(source.learns_from)
-        for r in _read(folder / log, layout, out / f"import_{k}")
+        for r in whole_log(folder / log, layout, out / f"import_{k}")
     ]
-    simulator = _train([conceal(r, source.hide) for r in teachers or fit], out / "simulator", updates)
+    simulator = taught([conceal(r, source.hide) for r in teachers or fit], out / "simulator", updates)
     case = Case(out, str(simulator), ("fit",), ("held",) if held else (), {}, "")
     run = run_tool(case, out / "found", limit_s=3600.0)
     profile = out / "found" / "profiles.csv"
     agreement = None
     if profile.exists():
         agreement = compare_profile(read_profiles(profile), opened, simulators.load(simulator))
-    said = [str(f.get("effect")) for f in run.verdict.get("findings") or ()]
+    findings, fitted = run.verdict.get("findings") or (), run.verdict.get("fit") or {}
+    said = [str(f.get("effect")) for f in findings]
+    strengths = [f.get("strength") or {} for f in findings]
     return {
         "source": source.name,
         "hilly": source.hilly,
@@ -136,6 +138,10 @@ def _examine(source: Source, folder: Path, layouts: Path, out: Path, updates: in
         "seconds": run.seconds,
         "verdict": run.verdict.get("verdict", "failed"),
         "said": said,
+        "sizes": [f"{s['value']:.3g} {s['unit']}" if s else "" for s in strengths],
+        "validated": bool(fitted.get("validated")),
+        "speed_error": (fitted.get("before") or {}).get("speed_rmse"),
+        "after": (fitted.get("after") or {}).get("speed_rmse"),
         "right": _right(source, run, said),
         "says": run.says if run.returncode else "",
         "agreement": asdict(agreement) if agreement else None,
@@ -164,7 +170,7 @@ def _write_blind(part: Sequence[Recording], bag: Path, hide: Sequence[str] = HID
     return [replace(r, name=s.name, start_s=s.start_s) for r, s in zip(part, seen, strict=True)]
 
 
-def _read(log: Path, layout: Path | dict[str, Any], bag: Path) -> list[Recording]:
+def whole_log(log: Path, layout: Path | dict[str, Any], bag: Path) -> list[Recording]:
     """Every piece of a log with all its channels; imported anew each time, because the bag is of no other
     use."""
     bag.parent.mkdir(parents=True, exist_ok=True)
@@ -177,7 +183,8 @@ def conceal(recording: Recording, hide: Sequence[str] = HIDE) -> Recording:
     return replace(recording, channels=shown, interface=replace(recording.interface, grade=False))
 
 
-def _train(recordings: Sequence[Recording], path: Path, updates: int) -> Path:
+def taught(recordings: Sequence[Recording], path: Path, updates: int) -> Path:
+    """A deep truck of the recordings at `path`, trained where there is none yet."""
     from deeptruck_model import deep
 
     if not (path / simulators.MANIFEST).exists():

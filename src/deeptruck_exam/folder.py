@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from deeptruck_model.errors import InputError
 from deeptruck_model.files import LEDGER, Result
 from deeptruck_model.results import FOUND, TRUCK_FILES
 
@@ -31,6 +32,16 @@ PROOF = Result(
         *(f"concealed/*/{name}" for name in _REAL),
     ),
 )  # fmt: skip
+REAL = Result(
+    "an examination of real logs",
+    (
+        "real.json", "real.md", "concealed/concealed.json",
+        *(f"concealed/*/{name}" for name in _REAL),
+        *(f"*/{name}" for name in _REAL),
+        "*/drive_*-drive_*.json",
+        *(f"*/drive_*-drive_*/{name}" for name in _REAL),
+    ),
+)  # fmt: skip
 LIMIT = Result("limits of cases", ("limit.json", "*-*-*.json"))
 
 
@@ -40,3 +51,13 @@ def check(out: Path) -> None:
     Raises InputError as `Result.check`.
     """
     PROOF.check(out, overwrite=True)  # nothing is replaced: what is scored there is kept
+
+
+def check_real(data: Path, out: Path) -> None:
+    """Whether there is a folder of real logs, and an examination of them can be worked on in `out`.
+
+    Raises InputError, as `check` too.
+    """
+    if not data.is_dir():
+        raise InputError(f"--real: there is no folder {data}; docs/recordings.md says where logs are from")
+    REAL.check(out, overwrite=True)  # what is judged there is kept

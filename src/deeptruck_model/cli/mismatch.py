@@ -185,13 +185,23 @@ def prove(
             help="Family of effects to hide: 'all', one of the seven ('first' to 'seventh') or 'sealed'."
         ),
     ] = "all",
+    real: Annotated[
+        Path | None, typer.Option(help="Folder of real logs: examine these instead of made-up cases.")
+    ] = None,
 ) -> None:
     """Examine the mismatch tool on hidden effects, sealed before it starts; resumes where it stopped.
 
     Example: deeptruck-model prove --out proof --cases 5 --simulator physics
+    Example: deeptruck-model prove --out real --real logs
     """
-    from deeptruck_exam.folder import check
+    from deeptruck_exam.folder import check, check_real
 
+    if real is not None:
+        check_real(real, out)
+        from deeptruck_exam.real import examine_real, show
+
+        show(examine_real(real, out))
+        return
     check(out)
     from deeptruck_exam.command import prove as run
     from deeptruck_exam.plans import LEVELS

@@ -217,14 +217,15 @@ class Rules:
         0.08, "m/s^2", "rms that a slow force must exceed: ordinary wind gives a light vehicle less", TRUCKS
     )
     slow_force_noise: float = _of(3.0, "1", "times what white noise leaves that it must exceed", CHOSEN)
-    slow_force_s: float = _of(600.0, "s", "driving that it takes", CHOSEN)
     slow_force_grade: float = _of(0.07, "rise over run", "largest rms that a road can have", TRUCKS)
     slow_force_wind: float = _of(9.0, "m/s", "largest rms that wind can have", TRUCKS)
     slow_force_derate: float = _of(0.25, "1", "largest rms of a change of the engine's force", TRUCKS)
     line_r2: float = _of(
         0.4, "1", "r2 of fast changes below which a line through the recordings is no truck", CHOSEN
     )
-    line_s: float = _of(300.0, "s", "driving that such a line takes", CHOSEN)
+    line_s: float = _of(
+        300.0, "s", "driving that a slow force takes, and a line through the recordings", CHOSEN
+    )
     line_gain_doubt: float = _of(0.1, "1", "relative error its engine gain may have", CHOSEN)
     road_by_chance: float = _of(
         0.99, "1", "quantile of the agreement by chance that a road must exceed", STATISTICS

@@ -31,6 +31,7 @@ def explain(search: Search) -> Explanation:
     null = search.model((), frozenset())
     parameters_only = search.background(())
     model, ranking = grow(search, parameters_only)
+    model = _fewest_parameters(search, model, null)
     left = _beyond_its_own(search, left_over(search, model))
     causes = _causes(search, model, null, left)
     causes = _with_slow_force(search, model, left.free, causes)
@@ -42,6 +43,24 @@ def explain(search: Search) -> Explanation:
     return Explanation(
         tuple(causes), model, parameters_only, null, left.free, left.gain, left.lawful, ranking
     )
+
+
+def _fewest_parameters(search: Search, model: Model, null: Model) -> Model:
+    """Beside a learned simulator, the model with no more free parameters than it needs.
+
+    A physics truck answers exactly what another mass does. Of a learned one it is known as roughly as its
+    forces are split from its acceleration. So what a further parameter gains within that coarseness tells
+    nothing, and takes from what is known of the first: a mass, or a mass and a gain, say the same.
+    """
+    if search.e.model_discrepancy == 0.0:
+        return model
+    rules = search.rules
+    nearly = model.score - max(rules.temper, rules.coarse * (model.score - null.score))
+    fewest = search.model(model.named, frozenset(), model.fit)
+    while fewest.score < nearly and fewest.free < model.free:
+        more = [search.model(model.named, fewest.free | {p}, model.fit) for p in model.free - fewest.free]
+        fewest = max(more, key=lambda m: m.score)
+    return fewest if fewest.score >= nearly else model
 
 
 def _beyond_its_own(search: Search, left: LeftOver) -> LeftOver:

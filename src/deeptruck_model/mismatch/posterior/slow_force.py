@@ -152,7 +152,7 @@ def slow_force(e: Evidence, left: Array, weight: Array, sigma: float, doubt: flo
     `weight` (n,) is the weight of each sample, `sigma` the sd of one sample's noise, `doubt` the rms of what
     `left` may hold for another reason.
     """
-    if e.valid.sum() * e.dt < e.rules.slow_force_s:
+    if e.valid.sum() * e.dt < e.rules.line_s:
         return None
     centred, known = _slow_part(e, left, weight)
     rms = float(np.sqrt(np.mean(centred[known] ** 2)))

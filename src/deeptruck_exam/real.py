@@ -1,0 +1,226 @@
+"""Real logs of more than one vehicle: what the tool says where a channel is concealed, and where nothing is.
+
+`prove --real DATA --out DIR`. Beside the logs whose road is concealed (`concealed`) stand pairs of drives of
+one vehicle, with all channels, beside a simulator learned from other drives of it: whatever is claimed there
+and validated is a false alarm or something the log's owner did not know. One vehicle and the first trips were
+at hand when settings were chosen, the others only report.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from deeptruck_exam.cases import Case
+from deeptruck_exam.concealed import LAYOUTS, SOURCES, Source, examine_concealed, taught, whole_log
+from deeptruck_exam.folder import REAL, check_real
+from deeptruck_exam.tool import ToolRun, run_tool
+from deeptruck_model import files
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import Recording, split, write_bag
+
+CHOSEN_ON, REPORTED = "settings were chosen", "only reported"
+LIMIT_S = 3600.0
+MOST_DRIVES, MOSTLY = 6, 0.8
+UPDATES = 1200
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """Drives of one vehicle: the logs that teach its simulator and those that are judged.
+
+    Where `teachers` is empty the first half of the one log teaches. Shorter drives than `least_s` are left
+    out; `lacks` is what the log does not have at all.
+    """
+
+    name: str
+    layout: str
+    teachers: tuple[str, ...]
+    judged: tuple[str, ...]
+    part: str
+    lacks: str
+    least_s: float = 300.0
+
+
+def _trips(*names: str) -> tuple[str, ...]:
+    return tuple(f"bmw_i3/Trip{name}.csv" for name in names)
+
+
+TRUCK, CAR = "brake, gear, load, wind", "friction brake, load, wind"
+FLEETS = (
+    Fleet("veh002", "veh002.yaml", (), ("vt_heavy_truck/veh002_all.csv",), CHOSEN_ON, TRUCK),
+    Fleet("veh003", "veh002.yaml", (), ("vt_heavy_truck/veh003_all.csv",), REPORTED, TRUCK),
+    Fleet("car_1", "bmw_i3.yaml", _trips("A05", "A06", "A07"), _trips("A01", "A03", "A04"), CHOSEN_ON, CAR),
+    Fleet("car_2", "bmw_i3.yaml", _trips("A08", "A09", "A10"), _trips("A11", "A13", "A14"), REPORTED, CAR),
+)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One comparison: what was concealed or never recorded, what was said, and how large that is.
+
+    `sizes` are the strengths of the findings in their units; `speed_error` and `after` (m/s) those of free
+    runs on held-out drives before and after the correction.
+    """
+
+    vehicle: str
+    drives: str
+    part: str
+    concealed: str
+    lacks: str
+    verdict: str
+    said: tuple[str, ...]
+    sizes: tuple[str, ...]
+    validated: bool
+    speed_error: float | None
+    after: float | None
+    agreement: Mapping[str, float] | None = None
+
+    @property
+    def false_alarm(self) -> bool:
+        """Whether something is claimed and validated though nothing was concealed."""
+        return not self.concealed and bool(self.said) and self.validated
+
+
+def examine_real(
+    data: Path,
+    out: Path,
+    *,
+    fleets: Sequence[Fleet] = FLEETS,
+    sources: Sequence[Source] = SOURCES,
+    updates: int = UPDATES,
+) -> list[Row]:
+    """Judge every log of `data` that is there; writes real.json and real.md into `out`.
+
+    What has a result in `out` already is not run again. Raises InputError as `folder.check_real`, and where
+    none of the logs is there.
+    """
+    check_real(data, out)
+    if not any((data / log).is_file() for fleet in fleets for log in fleet.judged):
+        raise InputError(f"--real: {data} has none of the logs, such as {fleets[0].judged[0]}")
+    with REAL.in_place(out):
+        known = examine_concealed(out / "concealed", data, sources=sources, updates=updates)
+        rows = [_of_concealed(r) for r in known]
+        for fleet in fleets:
+            if all((data / log).is_file() for log in (*fleet.teachers, *fleet.judged)):
+                rows += _judge(fleet, data, out / fleet.name, updates)
+            else:
+                print(f"{fleet.name}: skipped, a log of it is not in {data}")
+        files.write(out / "real.json", json.dumps([asdict(r) for r in rows], indent=1).encode())
+        files.write(out / "real.md", ("\n".join(page(rows)) + "\n").encode())
+    return rows
+
+
+def _judge(fleet: Fleet, data: Path, out: Path, updates: int) -> list[Row]:
+    """Every drive of a fleet fitted, with the next one held out."""
+    layout = LAYOUTS / fleet.layout
+    logs = [whole_log(data / log, layout, out / "import") for log in fleet.judged]
+    teachers = [r for log in fleet.teachers for r in whole_log(data / log, layout, out / "import")]
+    if not fleet.teachers:
+        (log,) = logs
+        teachers, rest, _ = split(log, (0.5, 0.5, 0.0))
+        logs = [[r] for r in sorted(filter(_driven, rest), key=len)[-MOST_DRIVES:]]
+    simulator = taught(teachers, out / "simulator", updates)
+    drives = [drive for drive in logs if max(map(_seconds, drive)) >= fleet.least_s]
+    if len(drives) < 2:
+        print(f"{fleet.name}: skipped, fewer than two drives of {fleet.least_s:g} s")
+        return []
+    names = [_written(drive, out / "recordings" / f"drive_{k}") for k, drive in enumerate(drives)]
+    return [_pair(fleet, out, simulator, fit, held) for fit, held in pairwise([*names, *names[:1]])]
+
+
+def _driven(recording: Recording) -> bool:
+    """Whether most of every input is valid: a simulator cannot be driven without one."""
+    return float(np.isfinite(np.hstack([recording.u, recording.w])).all(axis=1).mean()) > MOSTLY
+
+
+def _seconds(recording: Recording) -> float:
+    return len(recording) * recording.dt
+
+
+def _written(drive: Sequence[Recording], bag: Path) -> str:
+    if not bag.exists():
+        write_bag(bag, drive, interface=drive[0].interface)
+    return bag.name
+
+
+def _pair(fleet: Fleet, out: Path, simulator: Path, fit: str, held: str) -> Row:
+    path = out / f"{fit}-{held}.json"
+    if not path.exists():
+        case = Case(out, str(simulator), (fit,), (held,), {}, "")
+        run = run_tool(case, out / f"{fit}-{held}" / "found", limit_s=LIMIT_S)
+        row = Row(fleet.name, f"{fit}, {held}", fleet.part, "", fleet.lacks, **_said(run))
+        files.write(path, json.dumps(asdict(row), indent=1).encode())
+    return _read(json.loads(path.read_text()))
+
+
+def _read(kept: dict[str, Any]) -> Row:
+    return Row(**{**kept, "said": tuple(kept["said"]), "sizes": tuple(kept["sizes"])})
+
+
+def _said(run: ToolRun) -> dict[str, Any]:
+    """The part of a row that the verdict tells."""
+    findings, fit = run.verdict.get("findings") or (), run.verdict.get("fit") or {}
+    strengths = [f.get("strength") or {} for f in findings]
+    return {
+        "verdict": run.verdict.get("verdict", f"failed: {run.says[-200:]}"),
+        "said": tuple(str(f["effect"]) for f in findings),
+        "sizes": tuple(f"{s['value']:.3g} {s['unit']}" if s else "" for s in strengths),
+        "validated": bool(fit.get("validated")),
+        "speed_error": (fit.get("before") or {}).get("speed_rmse"),
+        "after": (fit.get("after") or {}).get("speed_rmse"),
+    }
+
+
+def _of_concealed(result: Mapping[str, Any]) -> Row:
+    """A row of what `concealed` found."""
+    source = next(s for s in SOURCES if s.name == result["source"])
+    part = CHOSEN_ON if source.name in ("veh002", "bmw_i3 A01", "bmw_i3 B17") else REPORTED
+    told = {k: result[k] for k in ("verdict", "said", "sizes", "validated", "speed_error", "after")}
+    told |= {"said": tuple(told["said"]), "sizes": tuple(told["sizes"])}
+    hidden = ", ".join(source.hide)
+    return Row(source.name, "its own", part, hidden, "", **told, agreement=result["agreement"])
+
+
+HEAD = ("vehicle", "drives", "concealed", "said", "size", "validated", "speed error, m/s", "after")
+
+
+def page(rows: Sequence[Row]) -> list[str]:
+    """real.md: a table for each part, and the share of false alarms."""
+    lines = ["# Real logs", "", "`deeptruck-model prove --real DATA --out DIR`", ""]
+    for part in (CHOSEN_ON, REPORTED):
+        of_it = [r for r in rows if r.part == part]
+        pairs = [r for r in of_it if not r.concealed]
+        alarms = sum(r.false_alarm for r in pairs)
+        lines += [f"## Vehicles and days where {part}" if part == CHOSEN_ON else "## Only reported", ""]
+        lines += [f"Nothing concealed: {alarms} of {len(pairs)} pairs have a validated claim.", ""]
+        lines += [f"| {' | '.join(HEAD)} |", "| --- " * len(HEAD) + "|"]
+        lines += [f"| {' | '.join(_cells(r))} |" for r in of_it]
+        lines += [""]
+    return lines
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    road = row.agreement
+    told = f" (slope: correlation {road['correlation']:.2f}, factor {road['slope']:.2f})" if road else ""
+    said = " ".join(row.said) or row.verdict
+    errors = ("" if x is None else f"{x:.2f}" for x in (row.speed_error, row.after))
+    concealed = row.concealed or f"nothing; not in the log: {row.lacks}"
+    sizes = ", ".join(filter(None, row.sizes))
+    return (row.vehicle, row.drives, concealed, said + told, sizes, "yes" if row.validated else "no", *errors)
+
+
+def show(rows: Sequence[Row]) -> None:
+    """The table on the terminal."""
+    table = Table(*HEAD)
+    for row in rows:
+        table.add_row(*_cells(row))
+    Console().print(table)
