@@ -148,7 +148,7 @@ def page(cases: Sequence[Case], hours: float) -> list[str]:
         f"A deep truck learned from {hours:g} h of `{TRUCK}`. Speed errors are those of free runs on the",
         "held-out drive, median, m/s. *Clearly worse* is a third above the deep truck's own error.",
         "",
-        "| change | cases | own | here | after | clearly worse | of these silent | named | undecided | other |",
+        "| change | cases | own | here | after | clearly worse | and silent | named | undecided | other |",
         "| --- " * 10 + "|",
     ]
     for change, _ in CHANGES:

@@ -165,3 +165,24 @@ def test_what_has_no_name_is_one_finding(nothing_missing: Evidence) -> None:
     assert (lag.effect, one.effect, one.gain, one.share) == ("torque_derate", "unknown", 120.0, 0.5)
     assert one.force == pytest.approx(2.0 * push)
     assert explain._one_unknown([named, unknown[0]]) == [named, unknown[0]]
+
+
+def heavier(nothing_missing: Evidence, discrepancy: float) -> Search:
+    """Evidence of a load half as heavy again, of which a little looks like another gain of the engine."""
+    e = nothing_missing
+    lighter = e["brake"] + e["drag"] - e["engine"]
+    residual = e.residual + 0.25 * lighter - 0.05 * e.sensitivity["torque_gain"]
+    known = {**e.sensitivity, "mass": lighter}
+    return Search(replace(e, residual=residual, sensitivity=known, model_discrepancy=discrepancy))
+
+
+def test_a_load_beside_a_learned_simulator_is_told_by_as_few_parameters_as_it_takes(
+    nothing_missing: Evidence,
+) -> None:
+    free = {}
+    for discrepancy in (0.0, 0.02):
+        search = heavier(nothing_missing, discrepancy)
+        null, both = (search.model((), frozenset(p)) for p in ((), ("mass", "torque_gain")))
+        assert both.score > search.model((), frozenset({"mass"})).score
+        free[discrepancy] = explain._fewest_parameters(search, both, null).free
+    assert free == {0.0: {"mass", "torque_gain"}, 0.02: {"mass"}}

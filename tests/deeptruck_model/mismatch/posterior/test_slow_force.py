@@ -50,7 +50,7 @@ def test_what_is_small_or_doubtful_is_not_said(size: float, doubt: float) -> Non
 
 def test_minutes_are_too_short() -> None:
     e = evidence(20.0, 0.07)
-    few: NDArray[np.bool_] = np.arange(N) < 300
+    few: NDArray[np.bool_] = np.arange(N) < 240
     short = Evidence(
         e.dt, e.stretches, e.residual, e.simulated, e.disagreement, few, e.signals, {}, e.mass, e.rerun
     )
