@@ -197,6 +197,19 @@ def _a_slope_sensors_zero(search: Search, before: Model, after: Model) -> float:
     return float(np.abs(instead.coefficients("grade_bias")).max())
 
 
+def _beyond_its_own(search: Search, free: frozenset[str], name: str, value: float) -> bool:
+    """Whether a learned simulator is off by more, in this parameter, than on the recordings it keeps.
+
+    What it learned imperfectly changes from second to second, and a steady force stands out of that by its
+    steadiness long before it does by its size.
+    """
+    if search.own is None:
+        return False
+    own = search.own.model((), free)
+    usual = search.rules.other_driving * abs(own.moved(name)) + search.rules.surely * own.moved_sd(name)
+    return abs(value) > usual
+
+
 def _parameter(
     search: Search, model: Model, before: Model, after: Model, others: list[tuple[str, Model]]
 ) -> Cause | None:
@@ -210,7 +223,7 @@ def _parameter(
     unsure = abs(value) < rules.nearly_right + rules.surely * model.moved_sd(name)
     if unsure or abs(value) < rules.least_change:
         return None
-    large = large_enough(search.e, force)
+    large = large_enough(search.e, force) or _beyond_its_own(search, after.free, name, value)
     if gain < least or not large:
         if not _clear_beside_as_given(search, model, before, after):
             return None
