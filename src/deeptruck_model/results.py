@@ -27,11 +27,11 @@ SWEEP = Result(
 )
 EVALUATION = Result("an evaluation", ("metrics.json", "error_statistics.png", "scenarios.png", "samples.png"))
 COVERAGE = Result("a coverage", ("coverage.json", "coverage.png"))
-# by their ledger alone: a bag that the user recorded looks the same, and a README.md may be anybody's
-BAG = Result("an imported bag")
-WRITTEN_BAG = Result("a written bag")  # by a program that calls `write_bag`
-BAG_WITH_ROAD = Result("a bag with a recovered slope")
-EXPERIMENT = Result("an experiment")
+BAG_FILES = ("*_0.mcap", "metadata.yaml")
+BAG = Result("an imported bag", BAG_FILES)
+WRITTEN_BAG = Result("a written bag", BAG_FILES)  # by a program that calls `write_bag`
+BAG_WITH_ROAD = Result("a bag with a recovered slope", BAG_FILES)
+EXPERIMENT = Result("an experiment")  # by its ledger alone: a README.md may be anybody's
 
 FIGURES = (
     "timeline",

@@ -114,6 +114,13 @@ def test_an_older_result_is_replaced_only_where_the_user_says_so(tmp_path: Path)
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
 
 
+def test_a_path_may_go_back_through_the_result_itself(tmp_path: Path) -> None:
+    publish(tmp_path / "out", a="old")
+    publish(tmp_path / "out" / ".." / "out", overwrite=True, a="new")
+    assert (tmp_path / "out" / "a").read_text() == "new"
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
 @pytest.mark.parametrize("inside", ["notes.txt", "log/notes.md", "log/deeper/a.txt", "empty/"])
 def test_what_the_command_did_not_write_refuses_it_by_name(tmp_path: Path, inside: str) -> None:
     publish(tmp_path / "out", a="old")

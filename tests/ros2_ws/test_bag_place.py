@@ -37,6 +37,30 @@ def test_a_bag_of_ours_is_replaced_once_the_new_one_is_whole(tmp_path: Path) -> 
     assert content(bag).keys() == old.keys()  # its file has the bag's name
 
 
+@pytest.mark.parametrize("name", ["notes.txt", "sub/notes.txt", "later_0.mcap"])
+def test_what_a_user_puts_into_a_bag_while_it_is_recorded_is_never_replaced(
+    tmp_path: Path, name: str
+) -> None:
+    bag = tmp_path / "bag"
+    writer = CrashSafeWriter(bag, file_stem="bag")
+    with bag_place.claimed(bag):
+        (bag / name).parent.mkdir(exist_ok=True)
+        (bag / name).write_text("mine")
+        writer.close()
+    with pytest.raises(InputError, match=f"bag holds {name.partition('/')[0]}.*no part of a recorded bag"):
+        bag_place.check(bag, overwrite=True)
+    assert (bag / name).read_text() == "mine"
+
+
+def test_logs_do_not_go_into_a_bag(tmp_path: Path) -> None:
+    bag = tmp_path / "bag"
+    recorded(bag)
+    for runs in (bag, bag / "runs"):
+        with pytest.raises(InputError, match="choose another --runs"):
+            bag_place.check_logs(None, runs)
+    bag_place.check_logs(None, tmp_path / "runs")
+
+
 def test_where_nothing_was_recorded_the_older_bag_stands(tmp_path: Path) -> None:
     bag = tmp_path / "bag"
     recorded(bag)

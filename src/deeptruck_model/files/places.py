@@ -26,6 +26,11 @@ DRAFT = re.compile(r"^\.(.+?)(\.\w{8}\.tmp|\.tmp|\.unfinished|\.\d+\.(?:old|new|
 _told: set[str] = set()  # by this process: several checks look at one bag
 
 
+def straight(out: Path) -> Path:
+    """The same place without '..': 'a/../a' leads nowhere in the moment in which a is renamed."""
+    return Path(os.path.realpath(out.parent)) / out.name if ".." in out.parent.parts else out
+
+
 def unfinished(out: Path) -> Path:
     """Where work that can be gone on with is kept until `out` can be written whole."""
     return out.with_name(f".{out.name}.unfinished")

@@ -47,6 +47,7 @@ class Result:
         with that of another command, a file that this command did not write or that has changed since
         (named), an older result without `overwrite`, or another run that is writing there.
         """
+        out = places.straight(out)
         places.free(out, self.elsewhere)
         return bool(self._older(out, overwrite))
 
@@ -56,6 +57,7 @@ class Result:
 
         `out` is held against other runs until then. Raises InputError as `check`, and on a full disk.
         """
+        out = places.straight(out)
         with self._held(out, overwrite):
             draft = None
             self._tidy(out)
@@ -79,6 +81,7 @@ class Result:
         Its name is `unfinished(out)`; a file of somebody else in it refuses the run, by name. Whoever does
         not want to go on calls `anew` first.
         """
+        out = places.straight(out)
         with self._held(out, overwrite):
             draft = unfinished(out)
             self._tidy(out)
@@ -117,6 +120,7 @@ class Result:
         writes holds the folder and signs it. A new one that is not whole is kept, which is said. Raises
         InputError as `check`.
         """
+        out = places.straight(out)
         if not self.check(out, overwrite=overwrite):
             with suppress(FileNotFoundError):
                 out.rmdir()  # an empty one
@@ -164,8 +168,12 @@ class Result:
 
     def _written(self, folder: Path) -> set[str]:
         """What this command wrote in a folder in which it was at work; where its names are not known before,
-        all that is there. A file that came meanwhile is nobody's part, so that it is never removed."""
+        all that is there. A file that came meanwhile is nobody's part, so that it is never removed: neither
+        one of another name, nor one that the command did not say as it began."""
         found = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if not p.is_dir()} - {LEDGER}
+        known = ledger.read(folder)
+        if known is not None and known.files:
+            found &= known.files.keys()
         if not self.names:
             return found
         patterns = [name.split("/") for name in self.names]

@@ -28,7 +28,7 @@ def check(table: Path, columns: Meaning, out: Path, *, overwrite: bool = False) 
         *_of_source(table, columns),
         lambda: BAG.check(out, overwrite=overwrite),
         lambda: apart(out, table),
-        lambda: files.check_new(sealed(out)),
+        lambda: files.check_new(sealed(out)) if out.name else None,
     )
 
 

@@ -8,9 +8,10 @@ from pathlib import Path
 
 from deeptruck_model import files
 from deeptruck_model.errors import InputError
+from deeptruck_model.results import BAG_FILES
 
 METADATA = "metadata.yaml"
-BAG = files.Result("a recorded bag", elsewhere="choose another --record")
+BAG = files.Result("a recorded bag", BAG_FILES, elsewhere="choose another --record")
 
 
 def check(bag: Path | None, overwrite: bool) -> None:
@@ -20,7 +21,8 @@ def check(bag: Path | None, overwrite: bool) -> None:
 
 
 def check_logs(bag: Path | None, runs: Path) -> None:
-    """Raises InputError where the folder of logs is the bag, or lies in it: no bag holds logs."""
+    """Raises InputError where the folder of logs is a bag, or lies in one or in another result."""
+    files.check_outside(runs / "new", "choose another --runs")
     if bag is not None and bag.resolve() in (runs.resolve(), *runs.resolve().parents):
         raise InputError(f"the logs of --runs {runs} would lie in the bag {bag}; choose another --runs")
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from deeptruck_model import checks
+from deeptruck_model import checks, files
 from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ def write_file(path: Path, sections: Mapping[str, Mapping[str, Any]]) -> None:
         node: {"ros__parameters": {k: v for k, v in checked(node, values).items() if v != []}}
         for node, values in sections.items()
     }
-    path.write_text(yaml.safe_dump(document, sort_keys=False))
+    files.write(path, yaml.safe_dump(document, sort_keys=False).encode())
 
 
 def declare(node: Node) -> dict[str, Any]:
