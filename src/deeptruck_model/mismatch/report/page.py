@@ -9,6 +9,7 @@ from typing import Any
 
 from jinja2 import Environment, StrictUndefined
 
+from deeptruck_model import pages
 from deeptruck_model.mismatch.fit_result import Chosen, FitResult
 from deeptruck_model.mismatch.report import explorer, figures, given, headline, validation, what_now, wording
 from deeptruck_model.mismatch.report import text as page_text
@@ -17,7 +18,7 @@ from deeptruck_model.mismatch.report.given import record_next
 from deeptruck_model.mismatch.report.what_now import Asked
 from deeptruck_model.mismatch.result import ALWAYS, RARELY, Mismatch, SmallestVisible
 
-TEMPLATE, STYLE = "report.html.jinja", "page.css"
+TEMPLATE = "report.html.jinja"
 ROWS = {  # of the table before and after
     "before": "before: as it was given",
     "parameters_only": "parameters only: all refitted, nothing else",
@@ -57,7 +58,7 @@ def _content(m: Mismatch, drawn: dict[str, figures.Picture], asked: Asked) -> di
     to_drive = record_next(m)
     views = explorer.of(m)
     return {
-        "style": _file(STYLE) + explorer.style(),
+        "style": pages.shared(pages.STYLE) + explorer.style(),
         "script": explorer.script(),
         "views": views,
         "drives": explorer.text(views),

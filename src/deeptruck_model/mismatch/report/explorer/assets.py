@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from importlib import resources
 
-SCRIPTS = ("plot.js", "views.js", "explorer.js")  # in this order: each uses those before it
+from deeptruck_model import pages
+
+SCRIPTS = ("views.js", "explorer.js")  # in this order, behind `pages.PLOT`: each uses those before it
 
 
 def script() -> str:
     """What the page runs."""
-    return "\n".join(map(_read, SCRIPTS))
+    return "\n".join([pages.shared(pages.PLOT), *map(_read, SCRIPTS)])
 
 
 def style() -> str:
