@@ -21,8 +21,9 @@ from deeptruck_nodes.topics import TOPICS
 from typer.main import get_command
 
 import deeptruck_cacc.cli
+import deeptruck_model.cli
 import truck_bridge.cli
-from deeptruck_model.cli import data, deep, mismatch, simulators, spread
+from deeptruck_model.cli import spread
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -72,9 +73,7 @@ def script(path: Path) -> ModuleType:
 @pytest.fixture(scope="module")
 def programs() -> dict[str, typer.Typer]:
     """Everything the documents may call, as the parser it calls."""
-    model = typer.Typer()
-    for module in (data, deep, simulators, mismatch):
-        module.register(model)
+    model = deeptruck_model.cli.whole()
     known = {
         "deeptruck-model": model,
         "deeptruck-cacc": deeptruck_cacc.cli.app,

@@ -26,6 +26,7 @@ SWEEP = Result(
     ),
 )
 EVALUATION = Result("an evaluation", ("metrics.json", "error_statistics.png", "scenarios.png", "samples.png"))
+COMPARISON = Result("a comparison", ("compare.html", "compare.json"))
 COVERAGE = Result("a coverage", ("coverage.json", "coverage.png"))
 BAG_FILES = ("*_0.mcap", "metadata.yaml")
 BAG = Result("an imported bag", BAG_FILES)

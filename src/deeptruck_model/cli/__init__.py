@@ -43,9 +43,9 @@ def spread(arguments: list[str]) -> list[str]:
 @functools.cache
 def whole() -> typer.Typer:
     """`app` with all commands, registered once however often a process runs one."""
-    from deeptruck_model.cli import data, deep, mismatch, simulators
+    from deeptruck_model.cli import comparing, data, deep, mismatch, simulators
 
-    for module in (data, deep, simulators, mismatch):
+    for module in (data, comparing, deep, simulators, mismatch):
         module.register(app)
     return app
 

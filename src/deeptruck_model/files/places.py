@@ -81,6 +81,8 @@ def free(folder: Path, elsewhere: str = ELSEWHERE) -> None:
 
 def left_beside(out: Path) -> list[str]:
     """What killed runs left beside `out` that a user may want back, a sentence each; all of it stays."""
+    if not out.name:  # '.', which nothing is set aside beside
+        return []
     name = glob.escape(out.name)
     says = [
         (

@@ -1,0 +1,65 @@
+"""How long `deeptruck-model compare` takes for two hours of driving: two recordings of an hour each.
+
+python benchmarks/bench_compare.py
+
+CPU time of the whole command, as another process; beside it that of `deeptruck-model coverage`, which reads
+the same two bags.
+"""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from deeptruck_model import driving_cycles, trucks
+from deeptruck_model.recordings import write_bag
+
+HOURS, REPEATS = 1.0, 3
+CONSOLE_SCRIPT = "from deeptruck_model.cli import main; main()"
+RESULTS = Path(__file__).parents[1] / "docs" / "results" / "bench_compare.md"
+
+
+def cpu_s(*arguments: str) -> float:
+    """CPU seconds of one command."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run([sys.executable, "-c", CONSOLE_SCRIPT, *arguments], check=True, capture_output=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def main() -> None:
+    """Print the table and write it to docs/results/bench_compare.md."""
+    with tempfile.TemporaryDirectory() as work:
+        folder = Path(work)
+        for k, name in enumerate(("monday", "friday")):
+            drive = driving_cycles.drive(trucks.load("trucksim"), hours=HOURS, seed=k)
+            write_bag(folder / name, [drive], interface=drive.interface)
+        bags = [str(folder / name) for name in ("monday", "friday")]
+        times = {}
+        for command in ("compare", "coverage"):
+            out = str(folder / command)
+            runs = [cpu_s(command, *bags, "--out", out, "--overwrite") for _ in range(REPEATS)]
+            times[command] = sorted(runs)[REPEATS // 2]
+        size = (folder / "compare" / "compare.html").stat().st_size / 1e6
+    lines = [
+        "# Two hours side by side",
+        "",
+        "`python benchmarks/bench_compare.py`",
+        "",
+        f"Two made-up drives of {HOURS:g} h at 10 Hz. CPU seconds of the whole command, median of {REPEATS};",
+        "the goal is 10.",
+        "",
+        "| command | CPU, s | page, MB |",
+        "| --- | ---: | ---: |",
+        f"| `compare` | {times['compare']:.1f} | {size:.1f} |",
+        f"| `coverage`, which reads the same bags | {times['coverage']:.1f} | |",
+    ]
+    print("\n".join(lines))
+    RESULTS.write_text("\n".join(lines) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,98 @@
+"""`deeptruck-model compare`: recordings, simulators and policies side by side."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from deeptruck_model import checks, results
+from deeptruck_model.cli.inputs import Overwrite, TopicMap, mapped
+from deeptruck_model.errors import InputError
+
+_HELP = """Show drives side by side, aligned in time and along a shared road.
+
+A side is a bag, or SIM@BAG: the simulator, driven by the commands of that bag. The first side is the one
+that the others are compared with. What a policy did is a bag too: record it with --record.
+
+Examples:
+
+  deeptruck-model compare drives/monday drives/friday --out days
+
+  deeptruck-model compare drives/friday truck:trucksim@drives/friday --out beside
+"""
+
+
+def compare(
+    sides: Annotated[list[str], typer.Argument(metavar="SIDE SIDE...", help="Bags, or SIM@BAG.")],
+    out: Annotated[Path, typer.Option(help="Folder for compare.html and compare.json.", metavar="DIR")],
+    offset_s: Annotated[
+        list[str] | None,
+        typer.Option(help="Move a side by so many seconds, in place of what agrees best.", metavar="SIDE=S"),
+    ] = None,
+    topic_map: TopicMap = None,
+    overwrite: Overwrite = False,
+) -> None:
+    given = _offsets(offset_s or [])
+    bags = [_bag(text) for text in sides]
+    checks.every(
+        lambda: _several(sides),
+        lambda: results.apart(out, *bags),
+        lambda: results.COMPARISON.check(out, overwrite=overwrite),
+        *(_inputs(text, topic_map) for text in dict.fromkeys(sides)),
+    )
+    from deeptruck_model.compare import compare as compared
+    from deeptruck_model.compare import write
+
+    found = compared(sides, given=given, topic_map=topic_map)
+    with results.COMPARISON.replacing(out, overwrite=overwrite) as draft:
+        write(found, draft)
+    for c in found.compared[1:]:
+        off = f"{c.difference.speed_rms_m_s:.3g} m/s off" if c.difference else "no time together"
+        typer.echo(f"{c.side.name}: moved by {c.offset.seconds:g} s, {off}")
+    typer.echo(f"see {out / 'compare.html'}")
+
+
+compare.__doc__ = _HELP
+
+
+def _bag(text: str) -> Path:
+    from deeptruck_model.compare.naming import split_name
+
+    return split_name(text)[1]
+
+
+def _inputs(text: str, topic_map: Path | None):  # type: ignore[no-untyped-def]
+    from deeptruck_model.compare.naming import split_name
+
+    simulator, bag = split_name(text)
+    return lambda: checks.inputs(simulator, [bag], mapped=mapped(topic_map))
+
+
+def _several(sides: Sequence[str]) -> None:
+    if len(sides) < 2:
+        raise InputError("give two sides or more to compare: bags, or SIM@BAG")
+    twice = [text for text in dict.fromkeys(sides) if sides.count(text) > 1]
+    if twice:
+        raise InputError(f"{twice[0]} is given twice; give each side once")
+
+
+def _offsets(texts: Sequence[str]) -> dict[str, float]:
+    out = {}
+    for text in texts:
+        name, _, seconds = text.rpartition("=")
+        try:
+            out[name] = float(seconds)
+        except ValueError:
+            out[name] = math.nan
+        if not name or not math.isfinite(out[name]):
+            raise InputError(f"--offset-s '{text}' is not understood; write SIDE=SECONDS: friday=12.5")
+    return out
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the console script."""
+    app.command("compare", help=_HELP)(compare)

@@ -1,0 +1,16 @@
+"""Recordings, simulators and policies side by side: aligned by time and by road, with their differences.
+
+Loaded on first use, so that the command line can check what it is given within a moment.
+"""
+
+from typing import TYPE_CHECKING
+
+from deeptruck_model.lazy import names
+
+if TYPE_CHECKING:
+    from deeptruck_model.compare.comparison import Comparison, compare
+    from deeptruck_model.compare.page import write
+
+__all__ = ["Comparison", "compare", "write"]
+
+__getattr__ = names(__name__, {"comparison": ("Comparison", "compare"), "page": ("write",)})

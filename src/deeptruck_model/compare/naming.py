@@ -1,0 +1,20 @@
+"""How a side is given: 'BAG', or 'SIM@BAG'. Standard library alone, so that it is looked at in a moment."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+
+def split_name(text: str) -> tuple[str | None, Path]:
+    """The simulator and the bag of 'SIM@BAG'; None and the bag where it is a bag alone."""
+    simulator, _, bag = text.rpartition("@")
+    if not (simulator and bag) or Path(text).exists():
+        return None, Path(text)
+    return simulator, Path(bag)
+
+
+def short_names(texts: Sequence[str]) -> list[str]:
+    """The last parts of paths where these tell the sides apart, else all of what was given."""
+    last = [f"{sim}@{bag.name}" if sim else bag.name for sim, bag in map(split_name, texts)]
+    return last if len(set(last)) == len(texts) else list(texts)

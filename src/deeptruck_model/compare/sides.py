@@ -1,0 +1,110 @@
+"""One side of a comparison: a recording, or a simulator driven by the commands of one, on one clock."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model import simulators
+from deeptruck_model.compare.naming import short_names, split_name
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings import Recording, read
+from deeptruck_model.simulators import Simulator, free_run
+
+Array = NDArray[np.float64]
+
+SHOWN = (
+    "speed", "acceleration", "engine_command", "brake_command", "gap", "leader_speed", "fuel_rate", "grade",
+    "elevation", "latitude", "longitude",
+)  # fmt: skip
+LEAST_RUN_S = 10.0  # of valid commands in a row, for a simulator to be driven along them
+
+
+@dataclass(frozen=True)
+class Side:
+    """`columns` (n,) by channel, in its unit of `units`, every `step_s` from the first sample; NaN where
+    nothing was recorded. `simulated` says by which simulator, and is empty for a recording."""
+
+    name: str
+    step_s: float
+    columns: dict[str, Array]
+    units: dict[str, str]
+    simulated: str = ""
+    bag: Path = Path()  # which it is, or is driven along
+
+    def __len__(self) -> int:
+        return len(self.columns["speed"])
+
+    @property
+    def distance(self) -> Array:
+        """Way driven since the first sample, m; a gap counts as standing."""
+        travelled: Array = np.cumsum(np.nan_to_num(self.columns["speed"])) * self.step_s
+        return travelled
+
+
+def load(texts: Sequence[str], step_s: float, topic_map: Path | None = None) -> list[Side]:
+    """The sides in their order, each named as it was given. Raises InputError as `recordings.read`."""
+    out = []
+    for name, text in zip(short_names(texts), texts, strict=True):
+        simulator, bag = split_name(text)
+        recordings = read(bag, topic_map=topic_map)
+        if simulator is not None:
+            recordings = _driven(simulators.load(simulator), recordings, text)
+        out.append(replace(_side(name, recordings, step_s), simulated=simulator or "", bag=bag))
+    return out
+
+
+def _driven(simulator: Simulator, recordings: Sequence[Recording], text: str) -> list[Recording]:
+    """What the simulator does with the commands of the recordings, fed its own response all along."""
+    out = []
+    for r in recordings:
+        if abs(r.dt - simulator.dt) > 1e-6:
+            raise InputError(f"{text}: the simulator's step is {simulator.dt:g} s, the bag's {r.dt:g} s")
+        inputs = np.column_stack([r.columns(simulator.interface.u), r.columns(simulator.interface.w)])
+        known = np.isfinite(inputs).all(axis=1) & np.isfinite(r.channels["speed"])
+        out += [_run(simulator, r.piece(a, b)) for a, b in _stretches(known, LEAST_RUN_S / r.dt)]
+    if not out:
+        raise InputError(f"{text}: nowhere are all commands valid for {LEAST_RUN_S:g} s; choose another bag")
+    return out
+
+
+def _run(simulator: Simulator, r: Recording) -> Recording:
+    interface = simulator.interface
+    begin = np.nan_to_num(r.columns(interface.y)[:1])
+    run = free_run(simulator, r.columns(interface.u)[None], r.columns(interface.w)[None], begin)
+    told = {name: run.y[0, :, k].astype(float) for k, name in enumerate(interface.y)}
+    given = {name: r.channels[name] for name in SHOWN if name in (*interface.u, *interface.w, "elevation")
+             and name in r.channels}  # fmt: skip
+    return Recording(r.name, r.dt, {**given, **told}, r.interface, r.start_s, r.notes)
+
+
+def _stretches(known: NDArray[np.bool_], least: float) -> list[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= least]
+
+
+def _side(name: str, recordings: Sequence[Recording], step_s: float) -> Side:
+    """The recordings of one bag as means over `step_s`, on one clock from the first sample on."""
+    begin = min(r.start_s for r in recordings)
+    count = max(int(np.ceil((r.start_s - begin + len(r) * r.dt) / step_s)) for r in recordings)
+    columns = {c: np.full(count, np.nan) for c in SHOWN if any(c in r.channels for r in recordings)}
+    for r in recordings:
+        at = np.minimum(
+            ((r.start_s - begin + r.dt * np.arange(len(r))) / step_s + 1e-6).astype(int), count - 1
+        )
+        for channel, into in columns.items():
+            if channel in r.channels:
+                _put_means(into, at, r.channels[channel])
+    interface = recordings[0].interface
+    return Side(name, step_s, columns, {c: interface.unit(c) for c in columns})
+
+
+def _put_means(into: Array, at: NDArray[np.intp], values: Array) -> None:
+    known = np.isfinite(values)
+    number = np.bincount(at[known], minlength=len(into))
+    total = np.bincount(at[known], weights=values[known], minlength=len(into))
+    into[number > 0] = total[number > 0] / number[number > 0]

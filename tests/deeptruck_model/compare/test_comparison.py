@@ -1,0 +1,226 @@
+"""Sides beside one another: their offsets, the road they share, and what is told of them in numbers."""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from deeptruck_model import cli, driving_cycles, simulators, trucks
+from deeptruck_model.compare import compare, page, write
+from deeptruck_model.compare.alignment import Road
+from deeptruck_model.recordings import Recording, read, write_bag
+from deeptruck_model.simulators import free_run
+
+TRUCK = trucks.load("trucksim")
+CHROMIUM = next(
+    (p for n in ("chromium", "chromium-browser", "google-chrome") if (p := shutil.which(n))), None
+)
+
+
+def put(bag: Path, recording: Recording) -> Path:
+    write_bag(bag, [recording], interface=recording.interface)
+    return bag
+
+
+@pytest.fixture(scope="module")
+def drive() -> Recording:
+    return driving_cycles.drive(TRUCK, seconds=420.0, seed=3)
+
+
+@pytest.fixture(scope="module")
+def bags(drive: Recording, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The drive, all but its first 40 s, another drive, and the same with positions on a straight road."""
+    folder = tmp_path_factory.mktemp("bags")
+    put(folder / "whole", drive)
+    put(folder / "later", drive.piece(400, len(drive)))
+    put(folder / "other", driving_cycles.drive(TRUCK, seconds=500.0, seed=9))
+    north = np.cumsum(drive.channels["speed"]) * drive.dt / 6371e3
+    there = {"latitude": np.degrees(0.8 + north), "longitude": np.full(len(drive), 9.0)}
+    level = {c: x for c, x in drive.channels.items() if c not in ("grade", "elevation")}
+    flat = replace(drive.interface, grade=False)
+    placed = replace(drive, channels=level | there, interface=flat)
+    put(folder / "placed", placed)
+    put(folder / "ahead", placed.piece(1000, len(drive)))
+    back = {c: x[::-1].copy() for c, x in there.items()}
+    put(folder / "back", replace(placed, channels=level | back))
+    return folder
+
+
+def test_a_later_start_is_found_and_nothing_is_left(bags: Path) -> None:
+    _, later = compare([str(bags / "whole"), str(bags / "later")]).compared
+    assert later.offset.found and later.offset.seconds == pytest.approx(40.0, abs=0.5)
+    assert later.offset.correlation > 0.999
+    assert later.difference is not None and later.difference.speed_rms_m_s < 0.02
+    assert later.difference.shared_s == pytest.approx(380.0, abs=2.0)
+
+
+def test_what_never_agrees_stays_where_it_began(bags: Path) -> None:
+    _, other = compare([str(bags / "whole"), str(bags / "other")]).compared
+    assert not other.offset.found and other.offset.seconds == 0.0 and other.offset.correlation < 0.8
+
+
+def test_an_offset_that_is_given_is_taken(bags: Path) -> None:
+    sides = [str(bags / "whole"), str(bags / "later")]
+    _, later = compare(sides, given={"later": 30.0}).compared
+    assert later.offset.seconds == 30.0 and not later.offset.found and later.offset.correlation < 0.99
+
+
+SAME_ROADS = [("placed", "ahead", "positions"), ("whole", "later", "slopes")]
+
+
+@pytest.mark.parametrize(("a", "b", "by"), SAME_ROADS)
+def test_a_shared_road_is_known_by_positions_or_by_slopes(bags: Path, a: str, b: str, by: str) -> None:
+    first, other = compare([str(bags / a), str(bags / b)]).compared
+    assert isinstance(other.road, Road) and other.road.by == by
+    begun = first.side.distance[int(other.offset.seconds / other.side.step_s)]
+    known = np.isfinite(other.road.place)
+    np.testing.assert_allclose(other.road.place[known], (other.side.distance + begun)[known], atol=40.0)
+    assert other.road.shared_m > 0.9 * other.side.distance[-1]
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "why"),
+    [
+        ("placed", "back", "the other way"),
+        ("whole", "other", "agree nowhere"),
+        ("whole", "placed", "neither"),
+    ],
+)
+def test_why_no_road_is_shared(bags: Path, a: str, b: str, why: str) -> None:
+    _, other = compare([str(bags / a), str(bags / b)]).compared
+    assert isinstance(other.road, str) and why in other.road
+
+
+def test_a_simulator_drives_along_a_bag_on_its_clock(bags: Path, drive: Recording) -> None:
+    bag = bags / "whole"
+    _, simulated = compare([str(bag), f"truck:volvo@{bag}"]).compared
+    (r,) = read(bag)
+    run = free_run(simulators.load("truck:volvo"), r.u[None], r.w[None], r.y[None, 0]).y[0, :, 1]
+    means = run[: len(run) // 5 * 5].reshape(-1, 5).mean(axis=1)
+    np.testing.assert_allclose(simulated.side.columns["speed"][: len(means)], means, atol=1e-9)
+    assert simulated.offset.seconds == 0.0 and simulated.side.simulated == "truck:volvo"
+
+
+def test_numbers_of_a_drive(bags: Path, drive: Recording) -> None:
+    whole = compare([str(bags / "whole"), str(bags / "later")]).compared[0].statistics
+    speed = drive.channels["speed"]
+    assert whole.duration_s == pytest.approx(420.0) and whole.mean_speed_m_s == pytest.approx(
+        speed.mean(), abs=0.01
+    )
+    assert whole.distance_m == pytest.approx(speed.sum() * drive.dt, rel=1e-3)
+    litres = drive.channels["fuel_rate"].sum() * drive.dt / 1000.0
+    assert whole.fuel_l_per_100_km == pytest.approx(1e5 * litres / whole.distance_m, rel=1e-3)
+    assert whole.mean_gap_m is None and 0.0 < (whole.braking_share or 0.0) < 1.0
+
+
+def test_a_hole_is_no_standstill(tmp_path: Path, drive: Recording) -> None:
+    hole = drive.channels["speed"].copy()
+    hole[1000:2000] = np.nan
+    put(tmp_path / "a", drive)
+    put(tmp_path / "b", replace(drive, channels=drive.channels | {"speed": hole}))
+    _, b = compare([str(tmp_path / "a"), str(tmp_path / "b")]).compared
+    assert b.statistics.duration_s == pytest.approx(320.0, abs=2.0)
+    assert b.difference is not None and b.difference.speed_rms_m_s < 0.02
+
+
+def test_the_page_has_the_numbers_of_the_file_and_fetches_nothing(bags: Path, tmp_path: Path) -> None:
+    found = compare([str(bags / "whole"), str(bags / "later")])
+    write(found, tmp_path)
+    told = json.loads((tmp_path / "compare.json").read_text())
+    text = (tmp_path / "compare.html").read_text()
+    assert 'value="40"' in text and told["sides"][1]["offset_s"] == 40.0
+    for side in told["sides"]:
+        assert f">{side['statistics']['distance_m']:.4g}<" in text
+    assert not re.search(r"(?:src|href)=|https?://|fetch\(|@import", text)
+
+
+RUN = CliRunner()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["{0}/whole"], "two sides or more"),
+        (["{0}/whole", "{0}/whole"], "is given twice"),
+        (["{0}/whole", "{0}/none"], "does not exist"),
+        (["{0}/whole", "truck:none@{0}/whole"], "none"),
+        (["{0}/whole", "truck:trucksim@"], "does not exist"),
+        (["{0}/whole", "{0}/later", "--offset-s", "later"], "write SIDE=SECONDS"),
+        (["{0}/whole", "{0}/later", "--offset-s", "x=1"], "no side x to move"),
+    ],
+)
+def test_bad_input_is_one_line(
+    bags: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
+    arguments: list[str], says: str,
+) -> None:  # fmt: skip
+    given = [a.format(bags) for a in arguments]
+    monkeypatch.setattr("sys.argv", ["deeptruck-model", "compare", *given, "--out", str(tmp_path / "out")])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    error = capsys.readouterr().err
+    assert ended.value.code == 2 and says in error and "Traceback" not in error
+    assert not (tmp_path / "out").exists()
+
+
+WATCH = """
+const seen = {errors: []}, frame = document.querySelector("iframe");
+frame.addEventListener("load", () => {
+  const w = frame.contentWindow, d = frame.contentDocument;
+  w.addEventListener("error", e => seen.errors.push(e.message));
+  const key = (k, shiftKey) => d.querySelector("canvas").dispatchEvent(
+    new w.KeyboardEvent("keydown", {key: k, shiftKey, bubbles: true, cancelable: true}));
+  const told = () => d.getElementById("marked").textContent;
+  const ink = k => d.querySelectorAll("canvas")[k].toDataURL().length;
+  seen.panels = d.querySelectorAll("canvas").length;
+  key("ArrowRight"); seen.begun = told();
+  key("ArrowRight"); seen.moved = told();
+  key("ArrowRight", true); seen.wider = told();
+  key("Escape"); seen.gone = told();
+  const level = ink(1), offset = d.querySelector("#offsets input");
+  offset.value = "0"; offset.dispatchEvent(new w.Event("input"));
+  seen.redrawn = ink(1) !== level;
+  const by = d.getElementById("by");
+  by.value = "place"; by.dispatchEvent(new w.Event("change"));
+  key("ArrowRight"); seen.along = told();
+  const box = d.querySelector("canvas").getBoundingClientRect();
+  const at = (type, x) => d.querySelector("canvas").dispatchEvent(
+    new w.PointerEvent(type, {clientX: box.left + x, clientY: box.top + 50, button: 0, bubbles: true}));
+  at("pointerdown", 100); at("pointermove", 200); at("pointerup", 300); seen.brushed = told();
+  const pre = document.createElement("pre"); pre.id = "seen"; pre.textContent = JSON.stringify(seen);
+  document.body.append(pre);
+});
+"""
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium here; install it to look at the page")
+def test_it_is_brushed_moved_and_keyed_in_a_browser(bags: Path, tmp_path: Path) -> None:
+    text = html.escape(page.page(compare([str(bags / "whole"), str(bags / "later")])), quote=True)
+    file = tmp_path / "page.html"
+    file.write_text(f'<iframe width="1200" height="1600" srcdoc="{text}"></iframe><script>{WATCH}</script>')
+    command = [
+        str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--dump-dom",
+        "--host-resolver-rules=MAP * ~NOTFOUND", f"--user-data-dir={tmp_path / 'profile'}",
+        "--virtual-time-budget=5000", file.as_uri(),
+    ]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    found = re.search(r'<pre id="seen">(.*?)</pre>', done.stdout, re.S)
+    assert found, done.stderr[-500:]
+    seen = json.loads(html.unescape(found[1]))
+    assert seen["errors"] == [] and seen["panels"] == 5
+    spans = [
+        tuple(map(float, re.findall(r"[\d.]+", seen[k])[:2])) for k in ("begun", "moved", "wider", "brushed")
+    ]
+    begun, moved, wider, brushed = spans
+    assert moved[0] > begun[0] and moved[1] - moved[0] == pytest.approx(begun[1] - begun[0], abs=0.3)
+    assert wider[0] == moved[0] and wider[1] > moved[1] and seen["gone"] == ""
+    assert seen["redrawn"] and " m marked" in seen["along"] and " s marked" in seen["begun"]
+    assert brushed[1] > brushed[0] and "later: mean speed" in seen["brushed"]
