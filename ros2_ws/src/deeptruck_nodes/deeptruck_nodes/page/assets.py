@@ -1,4 +1,4 @@
-"""The one page, put together from the files beside this one, and the policy that lets nothing else run in it."""
+"""The page, put together from the files beside this one, and the policy that lets nothing else run in it."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ class Graph {
     const froms = [...new Set(links.flatMap(link => link.from))], tos = [...new Set(links.flatMap(link => link.to))];
     const height = Math.max(links.length, froms.length, tos.length) * ROW + 8, side = Math.min(120, width * 0.29);
     const middle = Math.min(150, width * 0.345), x0 = (width - middle) / 2;
-    this.svg = shape("svg", {viewBox: `0 0 ${width} ${height}`, height, role: "img"});
+    this.svg = shape("svg", {viewBox: `0 0 ${width} ${height}`, height, role: "img", class: width < 420 ? "narrow" : ""});
     const place = (names) => Object.fromEntries(names.map((name, k) => [name, (k + 0.5) * height / names.length]));
     const left = place(froms), right = place(tos), mid = place(links.map(link => link.topic));
     this.parts = {};

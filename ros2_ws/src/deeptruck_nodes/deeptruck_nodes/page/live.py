@@ -16,9 +16,10 @@ SERIES = (
     "speed", "leader_speed", "gap", "engine_command", "brake_command", "engaged",
     "residual", "smoothed", "allowed", "shield",
 )  # fmt: skip
-FRESH = (0.5, 3.0)  # s, periods: the greater of the two is how old a fresh message may be
-LATE = (2.0, 10.0)  # and one that is late; beyond, a topic is silent
-LONGEST_PERIOD = 2.0  # s; a pause says nothing about the period
+FRESH = (0.5, 2.0)  # s, usual pauses: the greater of the two is how old a fresh message may be
+LATE = (2.0, 6.0)  # and one that is late; beyond, a topic is silent
+LONGEST_PAUSE = 2.0  # s; a longer one is not usual
+FORGETS = 0.95  # share of a usual pause that is left of it when the next message comes sooner
 LEARNS = 0.1  # share of the newest interval in what is known of the period
 
 
@@ -29,12 +30,14 @@ class Ages:
     count: int = 0
     at: float = -math.inf
     period: float = 0.1
+    pause: float = 0.1  # the longest usual one: several nodes may publish in the same moment
 
     def hear(self, count: int, at: float) -> None:
         """`count` messages, the newest at `at`."""
         if self.count:
-            interval = min((at - self.at) / count, LONGEST_PERIOD)
-            self.period += (1 - (1 - LEARNS) ** count) * (interval - self.period)
+            pause = min(at - self.at, LONGEST_PAUSE)
+            self.pause = max(pause, FORGETS * self.pause)
+            self.period += (1 - (1 - LEARNS) ** count) * (pause / count - self.period)
         self.count, self.at = self.count + count, max(at, self.at)
 
     def state(self, now: float) -> str:
@@ -42,9 +45,9 @@ class Ages:
         if not self.count:
             return "unheard"
         age = now - self.at
-        if age <= max(FRESH[0], FRESH[1] * self.period):
+        if age <= max(FRESH[0], FRESH[1] * self.pause):
             return "fresh"
-        return "late" if age <= max(LATE[0], LATE[1] * self.period) else "silent"
+        return "late" if age <= max(LATE[0], LATE[1] * self.pause) else "silent"
 
 
 @dataclass(frozen=True)

@@ -78,6 +78,7 @@ function showSafety() {
   const rows = Object.entries(rest).filter(([, text]) => text !== ""), key = JSON.stringify(rows);
   if ($("counts").dataset.key === key) return;
   $("counts").dataset.key = key;
+  $("more").hidden = false;
   $("counts").replaceChildren(...rows.flatMap(([name, text]) => [
     Object.assign(document.createElement("dt"), {textContent: name.replaceAll("_", " ")}),
     Object.assign(document.createElement("dd"), {textContent: text})]));

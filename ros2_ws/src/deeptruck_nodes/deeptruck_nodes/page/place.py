@@ -46,7 +46,7 @@ def made(port: int = 0) -> Place:
     except OSError as error:
         listener.close()
         raise InputError(
-            f"the page cannot have port {port} of {LOCAL}: {error.strerror}; choose another, or 0 for a free one"
+            f"the page cannot have port {port}: {error.strerror}; choose another, or 0 for a free one"
         ) from None
     listener.listen(BACKLOG)
     return Place(listener, secrets.token_urlsafe(24))

@@ -47,6 +47,11 @@ class Viewer:
             self._waiting.append(data)
             self._changed.notify()
 
+    @property
+    def waiting(self) -> int:
+        """How many events wait."""
+        return len(self._waiting)
+
     def end(self) -> None:
         """Nothing more comes."""
         with self._changed:
@@ -111,10 +116,10 @@ class Stream:
                 viewer.end()
 
     @property
-    def viewers(self) -> int:
-        """How many watch."""
+    def waiting(self) -> list[int]:
+        """How many events wait for each of those who watch."""
         with self._lock:
-            return len(self._viewers)
+            return [viewer.waiting for viewer in self._viewers]
 
 
 class Server(ThreadingHTTPServer):
@@ -129,7 +134,7 @@ class Server(ThreadingHTTPServer):
         self.socket = place.listener
         self.place, self.page, self.policy, self.stream = place, page, policy, stream
         self._free = threading.Semaphore(CONNECTIONS)
-        self._thread = threading.Thread(target=self.serve_forever, kwargs={"poll_interval": 0.5}, daemon=True)
+        self._thread = threading.Thread(target=self.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True)
 
     def start(self) -> None:
         """Serve in a thread of its own."""
@@ -140,7 +145,7 @@ class Server(ThreadingHTTPServer):
         self.stream.end(why)
         until = threading.Event()
         for _ in range(25):
-            if not self.stream.viewers:
+            if not self.stream.waiting:
                 break
             until.wait(0.02)
         self.shutdown()
@@ -182,10 +187,12 @@ class _Handler(BaseHTTPRequestHandler):
         else:
             self._answer(HTTPStatus.NOT_FOUND, b"There is one page here.\n")
 
-    def _refused(self) -> None:
-        self._answer(HTTPStatus.METHOD_NOT_ALLOWED, b"This page is read only: GET.\n")
-
-    do_HEAD = do_POST = do_PUT = do_PATCH = do_DELETE = do_OPTIONS = _refused
+    def parse_request(self) -> bool:
+        """Nothing but GET is looked at any further."""
+        understood = super().parse_request()
+        if understood and self.command != "GET":
+            self._answer(HTTPStatus.METHOD_NOT_ALLOWED, b"This page is read only: GET.\n")
+        return understood and self.command == "GET"
 
     def _is_ours(self) -> bool:
         """Whether the browser believes to talk to this machine, by whatever port a tunnel has."""
