@@ -113,7 +113,11 @@ def replay(common: Common, given: Sections) -> int:
     if common.record is not None:
         misfits.of_node(sections, "replay", lambda p: run_checks.elsewhere(Path(p["bag"]), common.record))
     domain = _checked(misfits, common, sections)
-    _mend(Path(sections["replay"]["bag"]))
+    bag = Path(sections["replay"]["bag"])
+    _mend(bag)
+    if common.page:
+        own = _page(common, checks.bag(bag, any_topics=True).interface)[PAGE]
+        sections[PAGE] = {**sections[PAGE], **own}
     return _run("replay", common, sections, domain, ends="replay")
 
 

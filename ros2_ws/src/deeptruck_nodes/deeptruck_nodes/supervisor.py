@@ -21,6 +21,7 @@ POLL = 0.05  # s
 READY_WITHIN = 120.0  # s; a first start compiles the physics truck
 PATIENCE = ((signal.SIGINT, 6.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 2.0))  # s for each
 SPECTATOR_PATIENCE = ((signal.SIGINT, 1.0), (signal.SIGKILL, 2.0))
+SPECTATOR_NICE = 10  # a tenth of the weight of a node where both want a core
 REVIVALS = 3  # of a spectator, in a run
 _PR_SET_PDEATHSIG = 1
 
@@ -30,7 +31,7 @@ class Program:
     """One process of a run. One with `ends_run` ends it by exiting with 0; any other exit is a failure.
 
     What one with `speaks` prints goes to the terminal as well as to its log. A `spectator` only looks on:
-    nobody waits for it, and one that dies is started again while the run goes on.
+    nobody waits for it, it has the lower priority, and one that dies is started again while the run goes on.
     """
 
     name: str
@@ -122,7 +123,7 @@ class Supervisor:
                 env={**self._environment, **program.environment, VARIABLE: str(lifeline.child)},
                 pass_fds=(lifeline.child, self._lock, *program.descriptors),
                 start_new_session=True,  # Ctrl-C reaches the supervisor alone, which then keeps the order
-                preexec_fn=partial(_die_with, os.getpid()),  # noqa: PLW1509 (there is one thread)
+                preexec_fn=partial(_begin, os.getpid(), program.spectator),  # noqa: PLW1509 (there is one thread)
             )
         lifeline.handed_over()
         return _Child(program, process, log, lifeline)
@@ -221,8 +222,11 @@ def _ends() -> list[signal.Signals]:
     return [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hangs_up else [])]
 
 
-def _die_with(parent: int) -> None:
-    """Runs in the child: the kernel ends it when a killed supervisor cannot."""
+def _begin(parent: int, spectator: bool) -> None:
+    """Runs in the child: the kernel ends it when a killed supervisor cannot. A spectator gives way."""
+    if spectator:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        os.nice(SPECTATOR_NICE)
     _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
     if os.getppid() != parent:  # killed before the kernel was asked
         os._exit(1)

@@ -155,13 +155,13 @@ class Server(ThreadingHTTPServer):
         if not self._free.acquire(blocking=False):
             self.shutdown_request(request)
             return
-        super().process_request(request, client)  # type: ignore[arg-type]
+        super().process_request(request, client)
 
     def process_request_thread(
         self, request: socket.socket | tuple[bytes, socket.socket], client: object
     ) -> None:
         try:
-            super().process_request_thread(request, client)  # type: ignore[arg-type]
+            super().process_request_thread(request, client)
         finally:
             self._free.release()
 
