@@ -155,6 +155,8 @@ def told(values: list[float], unit: str = "") -> str:
 
 
 NOTE = """\
+The page has the lower priority, and no real-time priority where the run has it.
+
 Median of the runs, with the smallest and the largest in brackets. Runs with and without the page take turns.
 A ratio is that of one run to the mean of the two beside it. The last row of each kind says how much two runs
 without the page differ: less than that is no effect. The age is that of

@@ -87,6 +87,7 @@ class Strip {
       for (let k = t.length - 1; k >= 0 && t[k] >= from; k--) if (v[k] !== null) see(v[k]);
     }
     if (this.band) {
+      see(0);
       const edge = data("allowed").last();
       if (edge !== null) { see(edge + this.band.more()); see(-edge - this.band.more()); }
     }
