@@ -80,6 +80,8 @@ def test_the_page_is_served_to_who_knows_the_token(server: Server) -> None:
     assert "default-src 'none'" in headers["content-security-policy"]
     assert "unsafe-inline" not in headers["content-security-policy"]
     assert ask(server, f"/{server.place.token}/else")[0] == 404
+    status, headers, _ = ask(server, f"/{server.place.token}")
+    assert (status, headers["location"]) == (308, f"/{server.place.token}/")
 
 
 def test_it_listens_on_this_machine_alone(server: Server) -> None:
@@ -223,7 +225,7 @@ def test_the_end_is_said_and_waits_for_nobody() -> None:
         event(stream)
         silent.sendall(b"GET")
         begun = time.monotonic()
-        closing = threading.Thread(target=server.close, args=("controller failed",))
+        closing = threading.Thread(target=server.close, args=("controller\nfailed",))
         closing.start()
         assert event(stream) == ("ended", "controller failed") and stream.readline() == b""
         closing.join(5)

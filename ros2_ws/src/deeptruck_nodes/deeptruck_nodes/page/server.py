@@ -12,9 +12,10 @@ import sys
 import threading
 import traceback
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from types import MappingProxyType
 
 from deeptruck_nodes.page.place import LOCAL, Place
 
@@ -112,7 +113,7 @@ class Stream:
         with self._lock:
             self._over = True
             for viewer in self._viewers:
-                viewer.offer(event("ended", why))
+                viewer.offer(event("ended", " ".join(why.split())))
                 viewer.end()
 
     @property
@@ -177,9 +178,11 @@ class _Handler(BaseHTTPRequestHandler):
     timeout = PATIENCE
 
     def do_GET(self) -> None:
-        token, _, rest = self.path.removeprefix("/").partition("/")
+        token, slash, rest = self.path.removeprefix("/").partition("/")
         if not self._is_ours() or not hmac.compare_digest(token.encode(), self.server.place.token.encode()):
             self._answer(HTTPStatus.FORBIDDEN, b"Open the address that the start script printed.\n")
+        elif not slash:  # what the page asks for lies beside it
+            self._answer(HTTPStatus.PERMANENT_REDIRECT, b"", more={"Location": f"/{token}/"})
         elif rest == "":
             self._answer(HTTPStatus.OK, self.server.page, "text/html; charset=utf-8")
         elif rest == "events":
@@ -199,8 +202,14 @@ class _Handler(BaseHTTPRequestHandler):
         hosts = self.headers.get_all("Host", [])
         return len(hosts) == 1 and hosts[0].partition(":")[0].lower() in HOSTS
 
-    def _answer(self, status: HTTPStatus, body: bytes, kind: str = "text/plain; charset=utf-8") -> None:
-        self._begin(status, kind, {"Content-Length": str(len(body))})
+    def _answer(
+        self,
+        status: HTTPStatus,
+        body: bytes,
+        kind: str = "text/plain; charset=utf-8",
+        more: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:
+        self._begin(status, kind, {"Content-Length": str(len(body)), **more})
         if self.command != "HEAD":
             self.wfile.write(body)
 
