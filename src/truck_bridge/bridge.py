@@ -109,6 +109,11 @@ class Bridge:
                 return (*self.safety.obstacles(now, lead_vehicle), *faults)
             return self.safety.engage(now, person, lead_vehicle)
 
+    def obstacles(self, now: float, *, lead_vehicle: bool) -> tuple[str, ...]:
+        """Why control cannot be given now, for whoever watches: nothing is asked for, nothing counted."""
+        with self._lock:
+            return (*self.safety.obstacles(now, lead_vehicle), *self._faults.obstacles(now))
+
     def release(self, now: float, reason: str = "released") -> None:
         """Hand back at once, in order."""
         with self._lock:

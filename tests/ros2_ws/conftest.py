@@ -18,6 +18,7 @@ from deeptruck_nodes import environment
 
 from deeptruck_model.errors import InputError
 
+sys.path.append(str(Path(__file__).parent))  # page_browser.py stands beside the tests
 SCRIPTS = Path(__file__).parents[2] / "ros2_ws"
 
 

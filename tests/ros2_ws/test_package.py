@@ -22,7 +22,7 @@ OF_PIP = {"numpy", "yaml", "typer", "can", "libsumo"}  # come with the project, 
 def imported() -> set[str]:
     """Packages that the nodes import from outside this project, those inside functions among them."""
     names: set[str] = set()
-    for path in (PACKAGE / "deeptruck_nodes").glob("*.py"):
+    for path in (PACKAGE / "deeptruck_nodes").rglob("*.py"):
         for part in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(part, ast.Import):
                 names |= {alias.name.partition(".")[0] for alias in part.names}
@@ -47,5 +47,5 @@ def test_name_version_and_licence_are_the_projects() -> None:
 
 
 def test_setup_makes_a_program_of_every_node() -> None:
-    (listed,) = re.findall(r"^NODES = (\(.*\))$", (PACKAGE / "setup.py").read_text(), re.M)
+    (listed,) = re.findall(r"^NODES = (\(.*?\))$", (PACKAGE / "setup.py").read_text(), re.M | re.S)
     assert set(ast.literal_eval(listed)) == set(parameters.schema()) - {"common"}

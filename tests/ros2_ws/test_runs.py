@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from deeptruck_nodes import bag_place, leaders, runs, start_simulation
+from deeptruck_nodes.page import place
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import CrashSafeWriter
@@ -147,6 +148,16 @@ def test_misfits_are_said_before_anything_heavy_is_imported(name: str) -> None:
     assert len(said) == 1 and said[0].startswith(f"{name}: ") and not done.stdout
     assert done.returncode == 2 and "deeptruck_nodes.runs" in imported
     assert not imported & {*HEAVY}
+
+
+def test_a_port_of_the_page_that_is_taken(refused: Callable[..., str], tmp_path: Path) -> None:
+    own = tmp_path / "own.yaml"
+    truck = {"simulator": "truck:trucksim", "policy": "baseline:acc", "parameters": own}
+    with place.made().listener as held:
+        number = held.getsockname()[1]
+        own.write_text(f"live_page: {{ros__parameters: {{port: {number}}}}}")
+        assert f"cannot have port {number}" in refused("start_simulation", **truck, page=True)
+        assert "this run has no node 'live_page'" in refused("start_simulation", **truck)
 
 
 def test_a_domain_out_of_range(refused: Callable[..., str], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -76,6 +76,10 @@ def test_other_reasons_are_told_beside_it(world):
         "no vehicle ahead",
         "fault: red_stop_lamp (engine)",
     )
+    assert w.bridge.obstacles(w.now, lead_vehicle=False) == (
+        "no vehicle ahead",
+        "fault: red_stop_lamp (engine)",
+    )
 
 
 @pytest.mark.parametrize("data", [CLEAR, AMBER], ids=["none", "amber"])

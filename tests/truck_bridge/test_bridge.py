@@ -127,3 +127,20 @@ def test_the_closed_loop_is_that_of_the_truck_itself(world, name, seconds):
     assert w.bridge.status.engaged
     assert w.bridge.status.refusals == {}
     assert rms[1] == pytest.approx(rms[0], rel=0.1, abs=0.02)
+
+
+def test_what_stands_against_engaging_is_told_without_asking(world, name):
+    w = world(name)
+    w.bridge.arm(w.now)
+    seen = w.bridge.obstacles(w.now, lead_vehicle=False)
+    assert "no fresh command" in seen and "no vehicle ahead" in seen
+    assert any(reason.endswith("not fresh") for reason in seen)
+    refused = dict(w.bridge.status.refusals)
+    w.run(1.0, engine=in_units(name, 30))
+    assert w.bridge.obstacles(w.now, lead_vehicle=True) == ()
+    w.truck.driver.brake_pedal = 40.0
+    w.run(0.5, engine=in_units(name, 30))
+    told = w.bridge.obstacles(w.now, lead_vehicle=True)
+    assert any(reason.startswith("driver: ") for reason in told)
+    assert dict(w.bridge.status.refusals) == refused and w.bridge.status.state == "standby"
+    assert w.bridge.engage(w.now, person=True, lead_vehicle=True) == told  # what an attempt would be told

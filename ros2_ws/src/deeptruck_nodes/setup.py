@@ -3,13 +3,25 @@
 from setuptools import setup
 
 PACKAGE = "deeptruck_nodes"
-NODES = ("truck_sim", "leader", "controller", "can_bridge", "mismatch_monitor", "recorder", "replay")
+NODES = (
+    "truck_sim",
+    "leader",
+    "controller",
+    "can_bridge",
+    "mismatch_monitor",
+    "recorder",
+    "replay",
+    "live_page",
+)
 
 setup(
     name=PACKAGE,
     version="0.1.0",
-    packages=[PACKAGE],
-    package_data={PACKAGE: ["*.yaml", "*.xml", "scenarios/*"]},
+    packages=[PACKAGE, f"{PACKAGE}.page"],
+    package_data={
+        PACKAGE: ["*.yaml", "*.xml", "scenarios/*"],
+        f"{PACKAGE}.page": ["*.html", "*.css", "*.js"],
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

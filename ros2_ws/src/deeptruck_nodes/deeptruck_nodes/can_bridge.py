@@ -25,6 +25,7 @@ SILENCE = 0.3  # s without a speed on the bus; then NaN is published, so that no
 LEAD_FOR = 0.5  # s that a radar echo counts as a vehicle ahead
 ASK_EVERY = 0.2  # s between attempts to engage
 SAY_EVERY = 5.0  # s between two lines that say why control cannot be given yet
+NOBODY_ASKS = "nobody asks: call the service /can_bridge/engage"
 TELL_EVERY = 0.05  # s between two engaged bits to the controller; a change is told at once
 
 
@@ -142,6 +143,8 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         self._report(stamp)
 
     def _report(self, stamp: int) -> None:
+        if not self.diagnosis_is_due(stamp):
+            return
         status = self._bridge.status
         level = "warn" if status.warning else "ok"
         says = status.warning or status.reason or status.state
@@ -151,7 +154,7 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
         values = {
             "state": status.state,
             "engaged": status.engaged,
-            "not_engaged_because": "; ".join(self._why_not),
+            "not_engaged_because": "; ".join(self._stands_against()),
             "address_claimed": status.address_claimed,
             "frames_sent": status.frames_sent,
             "frames_received": status.frames_received,
@@ -159,6 +162,16 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
             "faults": "; ".join(status.faults),
         }
         self.diagnose(stamp, level, says, {**values, **counters, **would})
+
+    def _stands_against(self) -> tuple[str, ...]:
+        """Every reason why control is not given now, whether or not somebody asked."""
+        if self._bridge.engaged:
+            return ()
+        reasons = self._bridge.obstacles(time.monotonic(), lead_vehicle=self._lead_is_fresh())
+        return reasons if self._wanted else (*reasons, NOBODY_ASKS)
+
+    def _lead_is_fresh(self) -> bool:
+        return time.monotonic() - self._lead_at < LEAD_FOR
 
     def _on_command(self, message: JointState) -> None:
         values = messages.read_scalars(message)
@@ -171,7 +184,7 @@ class CanBridge(DeeptruckNode, LifecycleNodeMixin):
 
     def _ask(self, now: float) -> None:
         self._asked_at = now
-        self._why_not = self._bridge.engage(now, person=True, lead_vehicle=now - self._lead_at < LEAD_FOR)
+        self._why_not = self._bridge.engage(now, person=True, lead_vehicle=self._lead_is_fresh())
         self._wanted = bool(self._why_not)
         if self._why_not and now > self._say_at:
             self._say_at = now + SAY_EVERY

@@ -15,6 +15,7 @@ from pathlib import Path
 from deeptruck_model.errors import InputError
 
 DOMAIN = "ROS_DOMAIN_ID"
+ENDED = "ended.txt"  # in the folder of a run: why it ended
 LAST_DOMAIN = 101  # above, the ports of Fast DDS run into Linux's ephemeral ones
 
 

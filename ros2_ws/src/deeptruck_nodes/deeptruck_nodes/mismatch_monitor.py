@@ -75,6 +75,7 @@ class MismatchMonitor(DeeptruckNode):
         alarm, located = self._monitor.alarm, self._monitor.located
         stretches = [*located, alarm] if alarm else located
         values: dict[str, object] = {"residual_m_s2": s.smoothed, "segments": len(stretches)}
+        values["threshold_m_s2"] = self.p["threshold"]
         if stretches:
             last = stretches[-1]
             start, end = (self._stamp(t) / SECOND for t in (last.start, last.end))

@@ -88,9 +88,13 @@ class DeeptruckNode(Node):
 
     def diagnose(self, stamp: int, level: str, says: str, values: Mapping[str, object]) -> None:
         """Publish this node's health, at most once a second of stamps, so that lock-step repeats itself."""
-        if stamp // SECOND != self._diagnosed:
+        if self.diagnosis_is_due(stamp):
             self._diagnosed = stamp // SECOND
             self._diagnostics.publish(messages.diagnostics(stamp, self.get_name(), level, says, values))
+
+    def diagnosis_is_due(self, stamp: int) -> bool:
+        """Whether `diagnose` would publish: for health that costs something to look up."""
+        return stamp // SECOND != self._diagnosed
 
     def now(self) -> int:
         """System time in ns, the stamp of everything measured in real time."""

@@ -32,13 +32,17 @@ def main(
     monitor: Annotated[
         str, typer.Option(help="Simulator to compare the played truck with: /mismatch/residual.")
     ] = "",
+    page: Annotated[
+        bool, typer.Option("--page", help="Show the run in a browser on this machine; prints the address.")
+    ] = False,
     run_folders: Annotated[Path, typer.Option("--runs", help="Where the folder of this run goes.")] = Path(
         "runs"
     ),
 ) -> None:
     """Play a bag back onto its topics, with /clock, in recorded time or faster."""
     given = {"replay": {"bag": str(bag.absolute()), "speed": speed, "start_s": start, "topics": topic or []}}
-    raise typer.Exit(runs.replay(runs.Common(record, overwrite, runs=run_folders, monitor=monitor), given))
+    common = runs.Common(record, overwrite, runs=run_folders, monitor=monitor, page=page)
+    raise typer.Exit(runs.replay(common, given))
 
 
 def start(program: str = "deeptruck-replay") -> None:

@@ -12,6 +12,7 @@ from deeptruck_model import checks, console
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 from deeptruck_nodes import parameters
+from deeptruck_nodes.page import place
 
 T = TypeVar("T")
 Sections = dict[str, dict[str, Any]]
@@ -94,6 +95,11 @@ def rate_fits(rate: float, dt: float) -> None:
     from deeptruck_nodes.plant import ticks_a_step
 
     ticks_a_step(rate, dt)
+
+
+def port_is_free(port: int) -> None:
+    """Raises InputError where the page cannot have its port."""
+    place.made(port).listener.close()
 
 
 def bus_opens(interface: str, channel: str) -> None:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from deeptruck_model import checks
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 from deeptruck_nodes import bag_place, environment, parameters, run_checks
+from deeptruck_nodes.page import place
 from deeptruck_nodes.run_checks import Misfits, Sections
 from deeptruck_nodes.supervisor import Program, Supervisor, node
 
@@ -23,19 +25,21 @@ RADARS: dict[str, dict[str, float]] = {
 }
 
 
+PAGE = "live_page"
 SPEAKERS = ("can_bridge", "mismatch_monitor")  # what they print is for whoever sits before the run
 
 
 @dataclass(frozen=True)
 class Common:
     """What every run takes: where to record (None: nowhere), own parameters, where the run folders go,
-    and the simulator to compare the truck with (empty: none)."""
+    the simulator to compare the truck with (empty: none), and whether a browser may watch."""
 
     record: Path | None = None
     overwrite: bool = False
     parameters: Path | None = None
     runs: Path = Path("runs")
     monitor: str = ""
+    page: bool = False
 
 
 def simulate(common: Common, given: Sections, *, policy: str, simulator: str, lockstep: bool) -> int:
@@ -46,6 +50,7 @@ def simulate(common: Common, given: Sections, *, policy: str, simulator: str, lo
     sections = {
         "recorder": _recorder(common, interface),
         **_monitor(common),
+        **_page(common, interface),
         "leader": {},
         "controller": _controller(policy, interface),
         "truck_sim": {"simulator": _named(simulator)},
@@ -81,6 +86,7 @@ def drive_vehicle(
     vehicle = misfits.of(lambda: vehicles.load(given["can_bridge"]["vehicle"]))
     interface = TruckInterface.from_dict(vehicle.interface) if vehicle else None
     sections: Sections = {"recorder": _recorder(common, interface), **_monitor(common)}
+    sections |= _page(common, interface)
     sections |= {"leader": {}} if "leader" in given else {}
     sections |= {"controller": _controller(policy, interface), "can_bridge": {}}
     sections = _merged(sections, given, common, misfits)
@@ -98,7 +104,8 @@ def drive_vehicle(
 def replay(common: Common, given: Sections) -> int:
     """A bag back onto its topics; one whose recorder was killed is repaired first. Returns the exit code."""
     misfits = Misfits()
-    sections: Sections = {"recorder": _recorder(common, None), **_monitor(common), "replay": {}}
+    sections: Sections = {"recorder": _recorder(common, None), **_monitor(common)}
+    sections |= {**_page(common, None), "replay": {}}
     sections = _merged(sections, given, common, misfits)
     if common.monitor:
         misfits.of(lambda: checks.simulator(common.monitor))
@@ -106,7 +113,11 @@ def replay(common: Common, given: Sections) -> int:
     if common.record is not None:
         misfits.of_node(sections, "replay", lambda p: run_checks.elsewhere(Path(p["bag"]), common.record))
     domain = _checked(misfits, common, sections)
-    _mend(Path(sections["replay"]["bag"]))
+    bag = Path(sections["replay"]["bag"])
+    _mend(bag)
+    if common.page:
+        own = _page(common, checks.bag(bag, any_topics=True).interface)[PAGE]
+        sections[PAGE] = {**sections[PAGE], **own}
     return _run("replay", common, sections, domain, ends="replay")
 
 
@@ -168,6 +179,13 @@ def _monitor(common: Common) -> Sections:
     return {"mismatch_monitor": {"simulator": _named(common.monitor)}}
 
 
+def _page(common: Common, interface: TruckInterface | None) -> Sections:
+    """The page's parameters where one was asked for."""
+    if not common.page:
+        return {}
+    return {PAGE: {"interface": json.dumps(interface.to_dict()) if interface else ""}}
+
+
 def _controller(policy: str, interface: TruckInterface | None) -> dict[str, Any]:
     told = {} if interface is None else {"interface": json.dumps(interface.to_dict())}
     return {
@@ -209,6 +227,7 @@ def _checked(misfits: Misfits, common: Common, sections: Sections, lockstep: boo
     for name, values in sections.items():
         values.update(lockstep=lockstep, peers=[peer for peer in sections if peer != name])
         misfits.found += parameters.misfits(name, values)
+    misfits.of_node(sections, PAGE, lambda p: run_checks.port_is_free(p["port"]))
     domain = misfits.of(environment.domain_id)
     misfits.of(run_checks.ros_is_installed)
     misfits.of(lambda: bag_place.check(common.record, common.overwrite))
@@ -231,15 +250,17 @@ def _run(
     """Lock the domain, make room for the bag, then start. Everything has been checked before."""
     lock = environment.DomainLock(domain)
     try:
-        with bag_place.made(common.record, common.overwrite) as bag:
+        with ExitStack() as stack, bag_place.made(common.record, common.overwrite) as bag:
             if bag is not None:
                 sections["recorder"]["bag"] = str(bag.absolute())
             folder = environment.run_folder(common.runs, what, domain)
             lock.logs_in(folder)
             file = folder / "parameters.yaml"
             parameters.write_file(file, sections)
-            nodes = [node(name, file, ends_run=name == ends, speaks=name in SPEAKERS) for name in sections]
-            programs = [*nodes[:1], *others, *nodes[1:]]
+            names = [name for name in sections if name != PAGE]
+            nodes = [node(name, file, ends_run=name == ends, speaks=name in SPEAKERS) for name in names]
+            page = stack.enter_context(_watched(sections, file))
+            programs = [*page, *nodes[:1], *others, *nodes[1:]]
             supervisor = Supervisor(
                 folder, programs, environment.ros_environment(folder, domain), lock.descriptor
             )
@@ -249,6 +270,21 @@ def _run(
         return code
     finally:
         lock.release()
+
+
+@contextmanager
+def _watched(sections: Sections, file: Path) -> Iterator[tuple[Program, ...]]:
+    """The page's program where one was asked for, first to start and last to end; its address is said here,
+    as logs may be read by others."""
+    if PAGE not in sections:
+        yield ()
+        return
+    made = place.made(parameters.checked(PAGE, sections[PAGE])["port"])
+    with made.listener:
+        print(f"page: {made.address}", flush=True)
+        descriptors = (made.listener.fileno(),)
+        program = replace(node(PAGE, file), environment=made.environment, descriptors=descriptors)
+        yield (replace(program, spectator=True),)
 
 
 def recorded(record: Path | None, bag: Path | None) -> str:

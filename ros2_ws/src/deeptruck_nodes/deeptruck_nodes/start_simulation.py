@@ -53,6 +53,9 @@ def main(
     monitor: Annotated[
         str, typer.Option(help="Simulator to compare the truck with while it drives: /mismatch/residual.")
     ] = "",
+    page: Annotated[
+        bool, typer.Option("--page", help="Show the run in a browser on this machine; prints the address.")
+    ] = False,
     parameters: Annotated[Path | None, typer.Option(help="Parameter file; wins over the options.")] = None,
     run_folders: Annotated[Path, typer.Option("--runs", help="Where the folder of this run goes.")] = Path(
         "runs"
@@ -64,7 +67,7 @@ def main(
         "controller": {"target_time_gap": time_gap},
         "truck_sim": {"rate_hz": rate, "initial_speed": initial_speed, "road": road, "duration_s": duration},
     }
-    common = runs.Common(record, overwrite, parameters, run_folders, monitor)
+    common = runs.Common(record, overwrite, parameters, run_folders, monitor, page)
     raise typer.Exit(runs.simulate(common, given, policy=policy, simulator=simulator, lockstep=lockstep))
 
 

@@ -53,6 +53,9 @@ Duration = Annotated[float, typer.Option(help="s; 0: until Ctrl-C.", min=0.0)]
 Monitor = Annotated[
     str, typer.Option(help="Simulator to compare the truck with while it drives: /mismatch/residual.")
 ]
+Page = Annotated[
+    bool, typer.Option("--page", help="Show the run in a browser on this machine; prints the address.")
+]
 Parameters = Annotated[Path | None, typer.Option(help="Parameter file; wins over the options.")]
 RunFolders = Annotated[Path, typer.Option("--runs", help="Where the folder of this run goes.")]
 
@@ -76,6 +79,7 @@ def main(
     duration: Duration = 0.0,
     seed: Seed = 0,
     monitor: Monitor = "",
+    page: Page = False,
     parameters: Parameters = None,
     run_folders: RunFolders = Path("runs"),
 ) -> None:
@@ -91,7 +95,7 @@ def main(
     if leader is not None or emulator:
         profile = {"profile": leader or "constant:speed=20", "initial_gap": initial_gap, "seed": seed}
         given["leader"] = {**profile, **runs.RADARS[radar]}
-    common = runs.Common(record, overwrite, parameters, run_folders, monitor)
+    common = runs.Common(record, overwrite, parameters, run_folders, monitor, page)
     raise typer.Exit(
         runs.drive_vehicle(
             common,

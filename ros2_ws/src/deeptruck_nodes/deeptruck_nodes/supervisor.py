@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import os
 import signal
@@ -13,12 +14,15 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
-from deeptruck_nodes.environment import DOMAIN
+from deeptruck_nodes.environment import DOMAIN, ENDED
 from deeptruck_nodes.lifeline import VARIABLE, LifelineHolder
 
 POLL = 0.05  # s
 READY_WITHIN = 120.0  # s; a first start compiles the physics truck
 PATIENCE = ((signal.SIGINT, 6.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 2.0))  # s for each
+SPECTATOR_PATIENCE = ((signal.SIGINT, 1.0), (signal.SIGKILL, 2.0))
+SPECTATOR_NICE = 10  # a tenth of the weight of a node where both want a core
+REVIVALS = 3  # of a spectator, in a run
 _PR_SET_PDEATHSIG = 1
 
 
@@ -26,7 +30,8 @@ _PR_SET_PDEATHSIG = 1
 class Program:
     """One process of a run. One with `ends_run` ends it by exiting with 0; any other exit is a failure.
 
-    What one with `speaks` prints goes to the terminal as well as to its log.
+    What one with `speaks` prints goes to the terminal as well as to its log. A `spectator` only looks on:
+    nobody waits for it, it has the lower priority, and one that dies is started again while the run goes on.
     """
 
     name: str
@@ -34,6 +39,9 @@ class Program:
     ends_run: bool = False
     says_ready: bool = True  # through its lifeline; otherwise it counts as ready at once
     speaks: bool = False
+    spectator: bool = False
+    environment: Mapping[str, str] = field(default_factory=dict)  # beside that of the run
+    descriptors: tuple[int, ...] = ()  # to inherit
 
 
 @dataclass
@@ -57,7 +65,11 @@ class _Child:
             print(f"{self.program.name}: {line}", flush=True)
 
     def is_ready(self) -> bool:
-        return not self.program.says_ready or self.lifeline.poll()
+        return self.program.spectator or not self.program.says_ready or self.lifeline.poll()
+
+    def how_it_ended(self, code: int) -> str:
+        how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
+        return f"{self.program.name} ended ({how}): {self.last_words()}"
 
     def last_words(self) -> str:
         lines = [line for line in self.log.read_text(errors="replace").splitlines() if line.strip()]
@@ -74,6 +86,8 @@ class Supervisor:
         self._environment, self._lock = dict(environment), lock
         self._children: list[_Child] = []
         self._asked = 0  # how often somebody asked for the end
+        self._revivals = REVIVALS
+        self._going = False
         self.why = "it never began"
         """why the run ended, in a few words"""
 
@@ -106,10 +120,10 @@ class Supervisor:
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
-                env={**self._environment, VARIABLE: str(lifeline.child)},
-                pass_fds=(lifeline.child, self._lock),
+                env={**self._environment, **program.environment, VARIABLE: str(lifeline.child)},
+                pass_fds=(lifeline.child, self._lock, *program.descriptors),
                 start_new_session=True,  # Ctrl-C reaches the supervisor alone, which then keeps the order
-                preexec_fn=partial(_die_with, os.getpid()),  # noqa: PLW1509 (there is one thread)
+                preexec_fn=partial(_begin, os.getpid(), program.spectator),  # noqa: PLW1509 (there is one thread)
             )
         lifeline.handed_over()
         return _Child(program, process, log, lifeline)
@@ -130,6 +144,7 @@ class Supervisor:
             f"ready after {time.monotonic() - begun:.1f} s: {', '.join(p.name for p in self._programs)}",
             flush=True,
         )
+        self._going = True
         for child in self._children:
             child.lifeline.go()
         return None
@@ -151,23 +166,38 @@ class Supervisor:
             print("stopping", flush=True)
             self.why = "you asked it to"
             return 0
+        self._look_after_spectators()
         for child in self._children:
             code = child.process.poll()
-            if code is None:
+            if code is None or child.program.spectator:
                 continue
             if code == 0 and child.program.ends_run:
                 self.why = f"{child.program.name} is through"
                 return 0
             self.why = f"{child.program.name} failed"
-            how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
-            return _complain(
-                f"{child.program.name} ended ({how}): {child.last_words()}", 2 if code == 2 else 1
-            )
+            return _complain(child.how_it_ended(code), 2 if code == 2 else 1)
         return None
 
+    def _look_after_spectators(self) -> None:
+        """Start those that died again, a few times: one that cannot live is left out."""
+        for place, child in enumerate(self._children):
+            if not child.program.spectator or child.process.poll() is None or self._revivals == 0:
+                continue
+            self._revivals -= 1
+            then = "it is started again" if self._revivals else "the run goes on without it"
+            _complain(f"{child.how_it_ended(child.process.returncode)}; {then}")
+            if self._revivals:
+                child.lifeline.close()
+                self._children[place] = self._start(child.program)
+                if self._going:
+                    self._children[place].lifeline.go()
+
     def _end(self) -> None:
+        if any(child.program.spectator for child in self._children):
+            with contextlib.suppress(OSError):  # a full disk
+                (self._folder / ENDED).write_text(f"{self.why}\n")
         for child in reversed(self._children):
-            for number, patience in PATIENCE:
+            for number, patience in SPECTATOR_PATIENCE if child.program.spectator else PATIENCE:
                 if self._ended(child, number, patience):
                     break
             child.repeat()
@@ -192,8 +222,11 @@ def _ends() -> list[signal.Signals]:
     return [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hangs_up else [])]
 
 
-def _die_with(parent: int) -> None:
-    """Runs in the child: the kernel ends it when a killed supervisor cannot."""
+def _begin(parent: int, spectator: bool) -> None:
+    """Runs in the child: the kernel ends it when a killed supervisor cannot. A spectator gives way."""
+    if spectator:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        os.nice(SPECTATOR_NICE)
     _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
     if os.getppid() != parent:  # killed before the kernel was asked
         os._exit(1)

@@ -27,6 +27,13 @@ def _reliable(depth: int) -> QoSProfile:
 # was held up for seconds catches up from the publisher's history.
 CONTROL_QOS = _reliable(1000)
 RECORD_QOS = _reliable(5000)
+# Best effort: what only watches, and may be slow or stopped, holds up no publisher.
+PAGE_QOS = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1000,
+    reliability=ReliabilityPolicy.BEST_EFFORT,
+    durability=DurabilityPolicy.VOLATILE,
+)
 
 SOURCES = ("truck_sim", "can_bridge", "replay")
 

@@ -1,0 +1,151 @@
+"""What the nodes say, as batches for the page: every sample of the strips, the age of every topic, health.
+
+Times of samples are their stamps, in ms since the first one; ages are by the clock of this process (s), as
+stamps of a lock-step run say nothing about now.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+SERIES = (
+    "speed", "leader_speed", "gap", "engine_command", "brake_command", "engaged",
+    "residual", "smoothed", "allowed", "shield",
+)  # fmt: skip
+FRESH = (0.5, 2.0)  # s, usual pauses: the greater of the two is how old a fresh message may be
+LATE = (2.0, 6.0)  # and one that is late; beyond, a topic is silent
+LONGEST_PAUSE = 2.0  # s; a longer one is not usual
+FORGETS = 0.95  # share of a usual pause that is left of it when the next message comes sooner
+LEARNS = 0.1  # share of the newest interval in what is known of the period
+
+
+@dataclass
+class Ages:
+    """When a topic was heard last, and how often it comes."""
+
+    count: int = 0
+    at: float = -math.inf
+    period: float = 0.1
+    pause: float = 0.1  # the longest usual one: several nodes may publish in the same moment
+
+    def hear(self, count: int, at: float) -> None:
+        """`count` messages, the newest at `at`."""
+        if self.count:
+            pause = min(at - self.at, LONGEST_PAUSE)
+            self.pause = max(pause, FORGETS * self.pause)
+            self.period += (1 - (1 - LEARNS) ** count) * (pause / count - self.period)
+        self.count, self.at = self.count + count, max(at, self.at)
+
+    def state(self, now: float) -> str:
+        """'fresh', 'late' or 'silent'; 'unheard' before the first message."""
+        if not self.count:
+            return "unheard"
+        age = now - self.at
+        if age <= max(FRESH[0], FRESH[1] * self.pause):
+            return "fresh"
+        return "late" if age <= max(LATE[0], LATE[1] * self.pause) else "silent"
+
+
+@dataclass(frozen=True)
+class Link:
+    """A topic of the graph: who publishes it and who listens, of the nodes in this run.
+
+    One that is not `expected` is shown once it was heard.
+    """
+
+    topic: str
+    publishers: tuple[str, ...]
+    listeners: tuple[str, ...]
+    expected: bool = True
+
+
+@dataclass
+class Live:
+    """Feed it by `heard`, `sample` and `health`; `batch` takes what came since the last one."""
+
+    nodes: tuple[str, ...]
+    links: tuple[Link, ...]
+    units: Mapping[str, str]
+    _ages: dict[str, Ages] = field(default_factory=dict)
+    _samples: dict[str, tuple[list[float], list[float | None]]] = field(default_factory=dict)
+    _health: dict[str, dict[str, Any]] = field(default_factory=dict)
+    _changed: set[str] = field(default_factory=set)
+    _first: int | None = None
+    _acted: float = math.nan
+
+    def heard(self, topic: str, count: int, at: float) -> None:
+        """`count` messages of a topic, the newest at `at`, monotonic s."""
+        self._ages.setdefault(topic, Ages()).hear(count, at)
+
+    def sample(self, stamp: int, values: Mapping[str, float]) -> None:
+        """Values of series by name, stamped in ns."""
+        self._first = stamp if self._first is None else self._first
+        for name, value in values.items():
+            times, numbers = self._samples.setdefault(name, ([], []))
+            times.append((stamp - self._first) // 1_000_000)
+            numbers.append(round(value, 4) if math.isfinite(value) else None)
+
+    def health(
+        self, stamp: int, node: str, level: str, says: str, values: Mapping[str, str], at: float
+    ) -> None:
+        """What a node says of itself."""
+        self._health[node] = {"level": level, "says": says, "values": dict(values), "at": at}
+        self._changed.add(node)
+        acted = _number(values.get("shield_acted", "nan"))
+        if acted > self._acted:
+            self.sample(stamp, {"shield": acted - self._acted})
+        self._acted = acted if math.isfinite(acted) else self._acted
+
+    def batch(self, now: float) -> str:
+        """What came since the last batch, as JSON."""
+        samples, self._samples = self._samples, {}
+        changed, self._changed = self._changed, set()
+        return _text(
+            {
+                "topics": {topic: _age(ages, now) for topic, ages in self._ages.items()},
+                "samples": samples,
+                "health": self._told(changed),
+                "ages": {node: round(now - said["at"], 2) for node, said in self._health.items()},
+            }
+        )
+
+    def greeting(self) -> str:
+        """What a new viewer must know before the first batch, as JSON."""
+        links = [
+            {"topic": x.topic, "from": x.publishers, "to": x.listeners, "expected": x.expected}
+            for x in self.links
+        ]
+        return _text(
+            {
+                "nodes": self.nodes,
+                "links": links,
+                "units": dict(self.units),
+                "health": self._told(self._health),
+            }
+        )
+
+    def _told(self, nodes: Iterable[str]) -> dict[str, dict[str, Any]]:
+        return {
+            node: {key: value for key, value in self._health[node].items() if key != "at"}
+            for node in list(nodes)
+        }
+
+
+def _age(ages: Ages, now: float) -> list[object]:
+    """State, age in s, messages a second."""
+    return [ages.state(now), round(now - ages.at, 2), round(1 / max(ages.period, 1e-4), 1)]
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
+def _text(value: object) -> str:
+    return json.dumps(value, separators=(",", ":"), allow_nan=False)

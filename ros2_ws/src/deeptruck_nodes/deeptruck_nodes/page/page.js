@@ -1,0 +1,167 @@
+// The page: hears the run's events, keeps the last minute, and shows it. It sends nothing.
+"use strict";
+
+const $ = id => document.getElementById(id);
+const LEVELS = {ok: ["✓", "good"], warn: ["▲", "waiting"], error: ["✖", "bad"]};
+const SILENT_MS = 2000;  // without a batch, which come ten times a second
+const SHIELD_MS = 3000;  // for so long the shield is said to have acted
+
+let series = {}, health = {}, ages = {}, topics = {}, newest = -Infinity;
+let strips = [], source = null, heardAt = performance.now(), over = false, due = false, lost = 0;
+const graph = new Graph($("graph"));
+
+const data = name => series[name] || (series[name] = new Series());
+const value = (node, key) => health[node] && health[node].values[key];
+
+function begin({nodes, links, units, health: said}) {
+  [series, topics, ages, newest] = [{}, {}, {}, -Infinity];
+  health = said;
+  graph.begin(links);
+  makeStrips(units, nodes);
+}
+
+function makeStrips(units, nodes) {
+  $("strips").replaceChildren();
+  const add = options => strips.push(new Strip($("strips"), options));
+  const spans = [{series: "engaged", says: "engaged", tone: "on"}, {series: "shield", says: "shield acted", tone: "shield", before: 1000}];
+  const held = nodes.includes("can_bridge") || nodes.includes("replay") ? spans : spans.slice(1);
+  strips = [];
+  add({says: "Speed", unit: "m/s", least: 1, lines: [
+    {series: "speed", says: "truck", tone: "truck"}, {series: "leader_speed", says: "leader by radar", tone: "leader", style: "dashed"}]});
+  add({says: "Gap", unit: "m", least: 2, lines: [{series: "gap", says: "gap", tone: "truck"}]});
+  for (const [name, says] of [["engine_command", "engine command"], ["brake_command", "brake command"]]) {
+    if (!Object.keys(units).length || units[name]) {
+      add({says, unit: units[name] || "truck's unit", least: 2, spans: held, lines: [{series: name, says, tone: "truck"}]});
+    }
+  }
+  if (!nodes.includes("mismatch_monitor") && !nodes.includes("replay")) return;
+  add({says: "Residual", unit: "m/s²", least: 0.1, height: 160, lines: [
+    {series: "residual", says: "measured less simulated", tone: "residual", style: "thin"},
+    {series: "smoothed", says: "its mean of 5 s", tone: "smooth"}],
+    band: {says: "the simulator allows; dotted: a warning beyond", tone: "band", more: () => Number(value("mismatch_monitor", "threshold_m_s2")) || 0}});
+}
+
+function take(batch) {
+  for (const [name, [t, v]] of Object.entries(batch.samples)) {
+    data(name).add(t, v);
+    newest = Math.max(newest, t[t.length - 1]);
+  }
+  for (const each of Object.values(series)) each.trim(newest - KEPT_MS);
+  Object.assign(health, batch.health);
+  [topics, ages] = [batch.topics, batch.ages];
+}
+
+function say(id, text, kind) {
+  const where = $(id);
+  if (where.textContent !== text) where.textContent = text;
+  if (kind !== undefined && !where.classList.contains(kind)) where.className = `${where.tagName === "P" && id !== "link" ? "big " : ""}${kind}`;
+}
+
+function items(where, texts) {
+  const key = texts.join("\n");
+  if (where.dataset.key === key) return;
+  where.dataset.key = key;
+  where.replaceChildren(...texts.map(text => Object.assign(document.createElement("li"), {textContent: text})));
+}
+
+function showSafety() {
+  const said = health.can_bridge;
+  if (!said) {
+    say("safety", "No CAN bridge is heard: a simulated truck takes its commands without a safety core.", "quiet");
+    return;
+  }
+  const {state, engaged, not_engaged_because: why, ...rest} = said.values, on = engaged === "True";
+  say("safety", on ? `✓ Engaged: commands go to the truck. State: ${state}.` : `○ Not engaged. State: ${state}. ${said.level === "ok" ? "" : said.says}`,
+    on ? "good" : said.level === "ok" ? "waiting" : "bad");
+  $("why-not").hidden = !why;
+  items($("reasons"), why ? why.split("; ") : []);
+  const rows = Object.entries(rest).filter(([, text]) => text !== ""), key = JSON.stringify(rows);
+  if ($("counts").dataset.key === key) return;
+  $("counts").dataset.key = key;
+  $("more").hidden = false;
+  $("counts").replaceChildren(...rows.flatMap(([name, text]) => [
+    Object.assign(document.createElement("dt"), {textContent: name.replaceAll("_", " ")}),
+    Object.assign(document.createElement("dd"), {textContent: text})]));
+}
+
+function showShield() {
+  const acted = value("controller", "shield_acted"), drove = value("controller", "baseline_drove");
+  if (acted === undefined) return;
+  const {t, v} = data("shield"), last = t.length - 1;
+  if (last >= 0 && v[last] && newest - t[last] < SHIELD_MS) {
+    say("shield", `▲ It acts: it braked in ${v[last]} steps of the last second, in ${acted} of the run.`, "bad");
+  } else {
+    say("shield", Number(acted) ? `✓ At rest. It braked in ${acted} steps of the run.` : "✓ At rest. It has not acted in this run.", "good");
+  }
+  say("baseline", Number(drove) ? `Outside of what the policy learned, the baseline drove ${drove} steps.` : "");
+}
+
+function showHealth() {
+  const where = $("health"), names = Object.keys(health).sort();
+  while (where.children.length > names.length) where.lastChild.remove();
+  names.forEach((name, k) => {
+    const line = where.children[k] || where.appendChild(document.createElement("li")), old = ages[name] > 3;
+    const [glyph, kind] = old ? ["○", "silent"] : LEVELS[health[name].level] || LEVELS.error;
+    const text = `${glyph} ${name}: ${health[name].says}${old ? ` (said ${ages[name].toFixed(0)} s ago)` : ""}`;
+    if (line.textContent !== text) line.textContent = text;
+    if (line.className !== kind) line.className = kind;
+  });
+}
+
+function draw() {
+  due = false;
+  const seconds = Number($("window").value);
+  for (const strip of strips) strip.draw(data, Number.isFinite(newest) ? newest : 0, seconds);
+  graph.show(topics);
+  showSafety();
+  showShield();
+  showHealth();
+}
+
+function drawSoon() {
+  if (!due) requestAnimationFrame(draw);
+  due = true;
+}
+
+function hear(kind, then) {
+  source.addEventListener(kind, event => {
+    heardAt = performance.now();
+    then(event.data);
+  });
+}
+
+function connect() {
+  source = new EventSource("events");
+  hear("hello", text => begin(JSON.parse(text)));
+  hear("batch", text => {
+    take(JSON.parse(text));
+    say("link", "● Connected: what you see is now.", "good");
+    drawSoon();
+  });
+  hear("lost", text => {
+    lost += Number(text);
+    $("lost").hidden = false;
+    say("lost", `This browser is slow: ${lost} batches were left out. The run does not wait for it.`, "waiting");
+  });
+  hear("ended", text => {
+    over = true;
+    source.close();
+    say("link", `○ The run has ended${text ? `: ${text}` : ""}. A new run prints a new address.`, "bad");
+  });
+  source.onerror = () => {
+    if (over) return;
+    say("link", "✖ Connection lost. Trying again; what you see is old.", "bad");
+    if (source.readyState !== EventSource.CLOSED) return;  // then the browser tries again by itself
+    setTimeout(connect, 2000);
+  };
+}
+
+setInterval(() => {
+  const silent = performance.now() - heardAt;
+  if (over || silent < SILENT_MS || source.readyState !== EventSource.OPEN) return;
+  say("link", `✖ No word from the run for ${(silent / 1000).toFixed(0)} s. What you see is old.`, "bad");
+}, 500);
+addEventListener("resize", drawSoon);
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", drawSoon);
+$("window").addEventListener("change", drawSoon);
+connect();

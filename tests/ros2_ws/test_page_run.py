@@ -1,0 +1,58 @@
+"""A run with a page is the run without it; started by hand the page says where it is."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import urllib.request
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from deeptruck_nodes import environment
+
+from deeptruck_model.recordings.bag_source import BagSource
+
+TRUCK = ("--simulator", "truck:trucksim", "--policy", "baseline:acc", "--leader", "sine", "--lockstep")
+
+
+@pytest.mark.long
+def test_a_page_changes_no_byte_of_a_lockstep_bag(start: Callable[..., Any], tmp_path: Path) -> None:
+    content = {}
+    for name, page in (("without", ()), ("with", ("--page",))):
+        bag = tmp_path / name
+        run = start(
+            "start_simulation.py", *TRUCK, "--duration", 20, "--record", bag, *page, runs=f"runs-{name}"
+        )
+        code, out, errors = run.finish()
+        assert (code, errors) == (0, "") and ("page: http://127.0.0.1:" in out) == bool(page)
+        with BagSource(bag) as source:
+            content[name] = sorted(source.messages(set(source.topics)))
+    assert content["with"] == content["without"]
+
+
+def test_started_by_hand_it_says_where_it_is_and_serves(tmp_path: Path, domain: int) -> None:
+    node = subprocess.Popen(
+        [sys.executable, "-m", "deeptruck_nodes.live_page"],
+        env=environment.ros_environment(tmp_path, domain), stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    try:
+        assert node.stdout is not None
+        (address,) = re.findall(r"^page: (http://127\.0\.0\.1:\d+/\S+/)\n$", node.stdout.readline())
+        with urllib.request.urlopen(f"{address}events", timeout=10) as stream:
+            said = [stream.readline().decode() for _ in range(6)]
+            greeting = json.loads(said[2].removeprefix("data: "))
+            assert "controller" in greeting["nodes"] and not any(x["expected"] for x in greeting["links"])
+            assert said[1] == "event: hello\n" and said[4] == "event: batch\n"
+            os.kill(node.pid, signal.SIGINT)
+            rest = stream.read().decode()
+        assert rest.endswith("event: ended\ndata: \n\n")
+        assert node.wait(10) == 0
+    finally:
+        node.kill()
+        node.wait()
