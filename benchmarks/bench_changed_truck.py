@@ -164,7 +164,7 @@ def page(cases: Sequence[Case], hours: float) -> list[str]:
             cells = (change, len(of_it), f"{own:.2f}", f"{here:.2f}", f"{after:.2f}", *counts)
             lines.append(f"| {' | '.join(map(str, cells))} |")
     wrong = [c for c in cases if not (c.named or c.undecided or c.silent)]
-    lines += ["", "Other names:", ""]
+    lines += ["", "Other names:" if wrong else "No other name was told in any case.", ""]
     lines += [
         f"- {c.change} {c.size:g}: {' '.join(c.said)}{', validated' if c.validated else ''}" for c in wrong
     ]
