@@ -25,9 +25,12 @@ SWEEP = Result(
         *(f"*/seed-*/{name}" for name in (*TRUCK_FILES, LEDGER)),
     ),
 )
-EVALUATION = Result("an evaluation", ("metrics.json", "error_statistics.png", "scenarios.png", "samples.png"))
+EVALUATION = Result(
+    "an evaluation",
+    ("metrics.json", "error_statistics.png", "scenarios.png", "samples.png", "evaluation.html"),
+)
 COMPARISON = Result("a comparison", ("compare.html", "compare.json"))
-COVERAGE = Result("a coverage", ("coverage.json", "coverage.png"))
+COVERAGE = Result("a coverage", ("coverage.json", "coverage.png", "coverage.html"))
 BAG_FILES = ("*_0.mcap", "metadata.yaml")
 BAG = Result("an imported bag", BAG_FILES)
 WRITTEN_BAG = Result("a written bag", BAG_FILES)  # by a program that calls `write_bag`

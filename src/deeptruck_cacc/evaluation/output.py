@@ -13,6 +13,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.results import apart
 
 METRICS, CURVE, STABILITY = "metrics.json", "learning_curve.png", "string_stability.png"
+PAGE = "evaluation.html"
 FIELD = ("gap_closing", "long_following")
 VARIANTS = {  # name: (parameter, value, scene): a truck other than the one trained for
     "payload_light": ("mass", 10e3, "moving"),
@@ -22,6 +23,7 @@ VARIANTS = {  # name: (parameter, value, scene): a truck other than the one trai
 LEADERS = ("human", "acc")  # recorded ones
 _FILES = (
     METRICS,
+    PAGE,
     CURVE,
     STABILITY,
     *(f"{name}.png" for name in (*HARD, *VARIANTS, *(f"recorded_{n}" for n in LEADERS))),

@@ -25,11 +25,13 @@ from deeptruck_cacc.evaluation.output import (
     FIELD,
     LEADERS,
     METRICS,
+    PAGE,
     STABILITY,
     VARIANTS,
     check_dt,
     seed_folders,
 )
+from deeptruck_cacc.evaluation.page import page
 from deeptruck_cacc.safety import guard as guards
 from deeptruck_cacc.safety import truck_limits
 from deeptruck_model import simulators
@@ -108,7 +110,7 @@ def _evaluate(
         figures.amplification(results["platoon"], draft / STABILITY)
     if isinstance(policy, str):
         _draw_learning(Path(policy), draft)
-    _write(results, draft)
+    _write(results, draft, extent.draw)
     return results
 
 
@@ -127,7 +129,7 @@ def evaluate_seeds(
         }
         results = _together(policy, each)
         _draw_learning(Path(policy), draft)
-        _write(results, draft)
+        _write(results, draft, Extent(**options).draw)
     return results
 
 
@@ -171,8 +173,10 @@ def _whole_lines(path: Path) -> list[dict[str, Any]]:
     return rows
 
 
-def _write(results: dict[str, Any], out: Path) -> None:
+def _write(results: dict[str, Any], out: Path, with_page: bool) -> None:
     (out / METRICS).write_text(json.dumps(results, indent=1) + "\n")
+    if with_page:
+        (out / PAGE).write_text(page(results, out), encoding="utf-8")
 
 
 def _cases(

@@ -130,7 +130,7 @@ def import_log(
 
 def show_coverage(
     bags: Bags,
-    out: Annotated[Path, typer.Option(help="folder for coverage.json and coverage.png")],
+    out: Annotated[Path, typer.Option(help="folder for coverage.json, .png and .html")],
     topic_map: TopicMap = None,
     overwrite: Overwrite = False,
 ) -> None:
@@ -149,7 +149,7 @@ def show_coverage(
     found.save(out, overwrite=overwrite)
     for recording in found.recordings:
         print(f"{recording['name']}: {recording['duration_s']:.1f} s at {1 / recording['dt']:g} Hz")
-    print(f"{found.duration_s / 3600:.3f} h; see {out / 'coverage.png'} and coverage.json")
+    print(f"{found.duration_s / 3600:.3f} h; see {out / 'coverage.html'}")
     for line in found.warnings:
         print(f"warning: {line}", file=sys.stderr)
 

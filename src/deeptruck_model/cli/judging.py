@@ -22,7 +22,7 @@ TOO_NARROW = "intervals that it sets come out too narrow; calibrate with drives 
 def evaluate(
     simulator: Annotated[str, typer.Argument(metavar="SIM", help=SIMULATOR)],
     bags: Bags,
-    out: Annotated[Path, typer.Option(help="Folder for metrics.json and the figures.", metavar="DIR")],
+    out: Annotated[Path, typer.Option(help="Folder for metrics.json, figures, a page.", metavar="DIR")],
     trials: Annotated[int, typer.Option(help="Free runs.", min=1)] = 90,
     horizon: Annotated[float, typer.Option(help="Length of a free run in s.", min=1.0)] = 40.0,
     seed: Annotated[int, typer.Option(help="Seed of the starts.", min=0)] = 0,
@@ -53,7 +53,7 @@ def evaluate(
             typer.echo(
                 f"{name:>13}: mean abs error {values['mean_abs']:.4f}, rmse {values['rmse']:.4f}{held}"
             )
-    typer.echo(f"figures and metrics.json in {out}")
+    typer.echo(f"figures and metrics.json in {out}; see {out / 'evaluation.html'}")
     _remarks(truck, recordings, metrics, horizon)
 
 

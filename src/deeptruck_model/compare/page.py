@@ -39,7 +39,7 @@ def page(comparison: Comparison) -> str:
     )
     drawn = json.dumps(_drawn(comparison), allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     return environment.from_string(_file("compare.html.jinja")).render(
-        style=pages.shared(pages.STYLE) + _file("compare.css"),
+        style=pages.shared(pages.STYLE) + pages.shared(pages.DARK) + _file("compare.css"),
         script=pages.shared(pages.PLOT) + _file("compare.js"),
         names=[c.side.name for c in comparison.compared],
         said=_sentence(comparison),

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from deeptruck_model.deep.evaluation import HORIZON_S, TRIALS, Trials, against_time, statistics, trials
 from deeptruck_model.deep.learned import is_deep
+from deeptruck_model.pages.document import Picture, Table, document
 from deeptruck_model.recordings import Recording
 from deeptruck_model.results import EVALUATION
 from deeptruck_model.signals import CHANNELS, SPEED, printed
@@ -30,8 +31,10 @@ def evaluate(
     *,
     overwrite: bool = False,
 ) -> dict[str, Any]:
-    """Open-loop error statistics of any simulator, written as metrics.json and PNG figures into the folder
-    `out`: all of them or none. An older evaluation there is replaced with `overwrite` only."""
+    """Open-loop error statistics of any simulator: metrics.json, PNG figures and a page of both in `out`.
+
+    All of them or none. An older evaluation there is replaced with `overwrite` only.
+    """
     with EVALUATION.replacing(out, overwrite=overwrite) as draft:
         return evaluate_into(draft, simulator, recordings, count, horizon_s, seed)
 
@@ -56,7 +59,41 @@ def evaluate_into(
     scenario_figure(runs).savefig(folder / "scenarios.png", dpi=120)
     sample_figure(runs).savefig(folder / "samples.png", dpi=120)
     (folder / "metrics.json").write_text(f"{json.dumps(metrics, indent=1)}\n")
+    (folder / "evaluation.html").write_text(page(metrics, folder), encoding="utf-8")
     return metrics
+
+
+SHOWN = {
+    "error_statistics.png": "Mean and standard deviation of the error against the time since a run began.",
+    "scenarios.png": "What the runs visited: speeds at the start and along the way, and slopes.",
+    "samples.png": "Single runs: recorded and simulated.",
+}
+FIGURES = {
+    "mean_abs": "mean abs error", "rmse": "rmse", "mean": "mean", "rmse_at_end": "rmse at the end",
+    "largest": "largest", "inside_90": "inside the 90 % interval, %",
+}  # fmt: skip
+
+
+def page(metrics: dict[str, Any], folder: Path) -> str:
+    """evaluation.html: the numbers of metrics.json, and the figures that stand in the folder."""
+    told = {name: x for name, x in metrics.items() if isinstance(x, dict)}
+    kinds = {key: words for key, words in FIGURES.items() if any(key in x for x in told.values())}
+    rows = [
+        (f"{LABELS[name]}, {printed(CHANNELS[name].unit)}", *(_cell(x.get(key), key) for key in kinds))
+        for name, x in told.items()
+    ]
+    speed = f"{told['speed']['rmse']:.3g} m/s" if "speed" in told else "not known"
+    runs = f"{metrics['trials']} free runs of {metrics['horizon_s']:.0f} s"
+    first = f"In {runs} the rms error of the speed is {speed}."
+    pictures = [Picture((folder / name).read_bytes(), says) for name, says in SHOWN.items()]
+    over = f"Recordings: {', '.join(metrics['recordings'])}."
+    return document(first, [over], [Table("Errors", ("channel", *kinds.values()), tuple(rows))], pictures)
+
+
+def _cell(value: float | None, key: str) -> str:
+    if value is None:
+        return ""
+    return f"{100 * value:.0f}" if key == "inside_90" else f"{value:.4g}"
 
 
 def error_figure(runs: Trials) -> Figure:

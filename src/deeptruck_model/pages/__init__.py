@@ -2,9 +2,9 @@
 
 from importlib import resources
 
-STYLE, PLOT = "page.css", "plot.js"
+STYLE, DARK, PLOT = "page.css", "dark.css", "plot.js"
 
 
 def shared(name: str) -> str:
-    """The text of STYLE or PLOT, to stand within a page."""
+    """The text of one of these files, to stand within a page."""
     return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")

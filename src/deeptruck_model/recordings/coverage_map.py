@@ -70,16 +70,20 @@ class Coverage:
         return draw(self)
 
     def save(self, folder: str | Path, *, overwrite: bool = False) -> None:
-        """Write the folder with coverage.json and coverage.png, both or none.
+        """Write the folder with coverage.json, coverage.png and coverage.html: all or none.
 
         Raises InputError where something else is there, or an older coverage without `overwrite`.
         """
         from deeptruck_model.recordings.coverage_figure import draw
+        from deeptruck_model.recordings.coverage_page import page
 
-        content = json.dumps(self.to_dict(), indent=1, allow_nan=False)
+        told = self.to_dict()
+        content = json.dumps(told, indent=1, allow_nan=False)
         with COVERAGE.replacing(Path(folder), overwrite=overwrite) as draft:
             (draft / "coverage.json").write_text(content)
-            (draft / "coverage.png").write_bytes(draw(self))
+            picture = draw(self)
+            (draft / "coverage.png").write_bytes(picture)
+            (draft / "coverage.html").write_text(page(told, picture), encoding="utf-8")
 
 
 def coverage(recordings: Sequence[Recording]) -> Coverage:

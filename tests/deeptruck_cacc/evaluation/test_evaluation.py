@@ -32,6 +32,9 @@ def test_evaluate_writes_metrics_and_figures(toy, cacc, tmp_path):
     assert 0 < closing["closed_s_paper_bounds_median"] <= closing["closed_s_paper_bounds"]
     assert row["crashes"] == 0 and row["time_gap_error_after_10s"]["worst_abs"] < 0.2
     assert table(results).row_count == 4
+    text = (tmp_path / "e" / "evaluation.html").read_text()
+    assert f">{row['time_gap_error_after_10s']['worst_abs']:.4g}<" in text and "crashes" in text
+    assert text.count("data:image/png;base64,") == 4 and "http" not in text.partition("<body>")[2]
     evaluate(cacc, toy, tmp_path / "bare", rollouts=2, draw=False)
     assert {path.name for path in (tmp_path / "bare").iterdir()} == {"metrics.json", files.LEDGER}
 

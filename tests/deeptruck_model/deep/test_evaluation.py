@@ -63,6 +63,10 @@ def test_writes_figures_and_metrics(truck, drive, tmp_path):
     assert json.loads((tmp_path / "out" / "metrics.json").read_text()) == metrics
     names = {p.name for p in (tmp_path / "out").iterdir()}
     assert names == {*results.EVALUATION.names, files.LEDGER}
+    text = (tmp_path / "out" / "evaluation.html").read_text()
+    for key in ("mean_abs", "rmse", "largest"):
+        assert f">{metrics['speed'][key]:.4g}<" in text
+    assert text.count("data:image/png;base64,") == 3 and "<script" not in text
 
 
 def test_short_recordings_shorten_the_horizon(truck, drive):

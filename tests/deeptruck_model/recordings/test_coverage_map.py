@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import errno
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -63,7 +64,17 @@ def test_it_is_written_as_json_and_picture(tmp_path: Path, drive: Recording) -> 
     assert (tmp_path / "out" / "coverage.png").read_bytes().startswith(b"\x89PNG")
     assert coverage([drive])._repr_png_().startswith(b"\x89PNG")  # by which a notebook shows it
     names = {p.name for p in (tmp_path / "out").iterdir()}
-    assert names == {"coverage.json", "coverage.png", ".deeptruck.json"}
+    assert names == {"coverage.json", "coverage.png", "coverage.html", ".deeptruck.json"}
+
+
+def test_the_page_has_the_numbers_and_fetches_nothing(tmp_path: Path, drive: Recording) -> None:
+    found = coverage([drive])
+    found.save(tmp_path / "out")
+    text = (tmp_path / "out" / "coverage.html").read_text()
+    told = found.to_dict()["recordings"][0]["channels"]["speed"]
+    for key in ("min", "mean", "max"):
+        assert f">{told[key]:.4g}<" in text
+    assert "data:image/png;base64," in text and not re.search(r"https?://|<script|@import", text)
 
 
 def test_a_command_without_a_valid_sample_is_said(drive: Recording) -> None:
