@@ -8,7 +8,7 @@ from typing import Any
 from deeptruck_model.pages.document import Picture, Table, document
 from deeptruck_model.signals import printed
 
-SHOWS = "Time over speed, acceleration and slope. What is bright was driven long; what is white was not driven."
+SHOWS = "Time over speed, acceleration and slope. What is bright was driven long, what is white not at all."
 CHANNELS_OF = "Channels of {name}, {seconds:.0f} s at {rate:g} Hz"
 
 
