@@ -44,6 +44,7 @@ def test_import_then_coverage(
     assert {p.name for p in (workplace / "coverage").iterdir()} == {
         "coverage.json",
         "coverage.png",
+        "coverage.html",
         ".deeptruck.json",
     }
 
