@@ -1,0 +1,169 @@
+"""What can be said of simulators and bags before anything heavy is imported: manifests and metadata alone.
+
+A command calls these first, so that a wrong path or units that do not fit cost a second, not a minute. Here
+are the standard library and YAML only, and numpy where a physics truck has overrides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from deeptruck_model.checks.bags import (
+    INTERFACE_KEY,
+    MAGIC,
+    METADATA,
+    NOTES_KEY,
+    RECORD_AGAIN,
+    TOPICS,
+    BagFacts,
+    Mapped,
+    bag,
+)
+from deeptruck_model.checks.simulators import (
+    KINDS,
+    MANIFEST,
+    SCHEMES,
+    WEIGHTS,
+    SimulatorFacts,
+    by_scheme,
+    deep_simulator,
+    manifest,
+    simulator,
+    trucks,
+)
+from deeptruck_model.errors import InputError, MisfitsError
+
+__all__ = [
+    "INTERFACE_KEY",
+    "KINDS",
+    "MAGIC",
+    "MANIFEST",
+    "METADATA",
+    "NOTES_KEY",
+    "RECORD_AGAIN",
+    "SCHEMES",
+    "TOPICS",
+    "WEIGHTS",
+    "BagFacts",
+    "Mapped",
+    "SimulatorFacts",
+    "adapted",
+    "bag",
+    "by_scheme",
+    "deep_simulator",
+    "every",
+    "inputs",
+    "manifest",
+    "mass",
+    "misfits",
+    "refuse",
+    "same_truck",
+    "simulator",
+    "trucks",
+]
+
+
+def every(*tries: Callable[[], object]) -> None:
+    """Call all of them. Raises one InputError with every misfit that they found, each said once."""
+    found: list[str] = []
+    for attempt in tries:
+        try:
+            attempt()
+        except MisfitsError as several:
+            found += several.found
+        except InputError as error:
+            found.append(str(error))
+    refuse(found)
+
+
+def refuse(misfits: Iterable[str]) -> None:
+    """Raises InputError where there are misfits: one as it is, several counted in one line."""
+    found = list(dict.fromkeys(misfits))
+    if len(found) == 1:
+        raise InputError(found[0])
+    if found:
+        raise MisfitsError(found)
+
+
+def mass(mass_kg: float | None) -> None:
+    """Raises InputError for a mass (kg) that no vehicle can have."""
+    if mass_kg is not None and not 0.0 < mass_kg < float("inf"):
+        raise InputError(f"a mass of {mass_kg:g} kg cannot be; state what the truck weighs, in kg")
+
+
+def inputs(simulator_text: str | None, bags: Sequence[Path], *, mapped: Mapped | None = None) -> None:
+    """Whether the simulator and the bags, read by the topic map `mapped`, are there and fit one another.
+
+    Raises one InputError with every misfit.
+    """
+    found: list[str] = []
+
+    def tried(look: Callable[[], Any]) -> Any:
+        try:
+            return look()
+        except InputError as error:
+            found.append(str(error))
+
+    facts = None if simulator_text is None else tried(lambda: simulator(simulator_text))
+    known = [tried(partial(bag, path, mapped=mapped)) for path in dict.fromkeys(bags)]
+    if facts is not None:
+        found += [misfit for one in known if one is not None for misfit in misfits(facts, one)]
+    refuse(found)
+
+
+def misfits(facts: SimulatorFacts, one: BagFacts) -> list[str]:
+    """Why a bag cannot be compared with a simulator, a line each: channels that lack, units that differ."""
+    found = []
+    lacking = [name for name in (*facts.interface.u, *facts.interface.w) if one.lacks(name)]
+    if lacking:
+        found.append(
+            f"{one.path} has no {', '.join(lacking)}, which the simulator {facts.name} needs; "
+            "record it or use another simulator"
+        )
+    for name in facts.interface.u:
+        here, there = one.unit(name), facts.interface.unit(name)
+        if name not in lacking and here not in (None, there):
+            found.append(
+                f"{one.path} has {name} in {here}, the simulator {facts.name} takes {there}; "
+                "import it with the simulator's unit, or use another simulator"
+            )
+    return found
+
+
+def same_truck(bags: Sequence[Path], *, mapped: Mapped | None = None) -> None:
+    """Raises InputError where bags cannot be trained on together: their commands differ in unit, or none has
+    an engine command."""
+    found: list[str] = []
+    commanded = False
+    first: dict[str, tuple[str, Path]] = {}
+    for path in bags:
+        try:
+            one = bag(path, mapped=mapped)
+        except InputError as error:
+            found.append(str(error))
+            continue
+        commanded = commanded or not one.lacks("engine_command")
+        for name in ("engine_command", "brake_command"):
+            unit = one.unit(name)
+            known, where = first.setdefault(name, (unit, path)) if unit else (unit, path)
+            if unit != known:
+                found.append(f"{path} has {name} in {unit}, {where} in {known}; train on bags of one truck")
+    if not commanded and not found:
+        found.append("no bag has an engine_command; a truck cannot be learned without it")
+    refuse(found)
+
+
+def adapted(start: str, bags: Sequence[Path], *, mapped: Mapped | None = None) -> None:
+    """Raises InputError where a training cannot start from the deep truck `start` on these bags."""
+    facts = simulator(start)
+    if facts.kind != "deep":
+        raise InputError(f"{start} is no deep truck; only one of those can be adapted")
+    found: list[str] = []
+    for path in bags:
+        with suppress(InputError):  # said by who looks at the bags themselves
+            found += misfits(facts, bag(path, mapped=mapped))
+    refuse(f"{misfit}, or train from scratch, without --from" for misfit in found)

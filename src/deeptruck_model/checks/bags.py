@@ -1,0 +1,180 @@
+"""What a bag says of itself: its metadata alone, before anything heavy is imported."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from deeptruck_model import files
+from deeptruck_model.checks.simulators import MANIFEST
+from deeptruck_model.errors import InputError
+from deeptruck_model.signals import TruckInterface
+
+METADATA = "metadata.yaml"  # what a rosbag2 folder says of itself; without one the bag is not finished
+INTERFACE_KEY, NOTES_KEY = "deeptruck.interface", "deeptruck.notes"  # stored with a bag, as JSON
+TOPICS = {  # of the channels that a simulator cannot do without, as docs/architecture.md names them
+    "speed": "/truck/twist",
+    "engine_command": "/truck/command",
+    "brake_command": "/truck/command",
+    "grade": "/road",
+}
+MAGIC = {".mcap": b"\x89MCAP0\r\n", ".db3": b"SQLite format 3\0", ".bag": b"#ROSBAG V"}
+RECORD_AGAIN = (
+    "record while the truck's topics are published ('ros2 topic list' shows them): with --record of a start "
+    "script, or with 'ros2 bag record -a'"
+)
+
+
+@dataclass(frozen=True)
+class Mapped:
+    """What a topic map says: the topic of each channel that it names, and the units it gives commands."""
+
+    topics: Mapping[str, str]
+    units: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class BagFacts:
+    """What a bag says of itself.
+
+    `interface` is None where none is stored; `messages` is their number by topic, None where only the bag's
+    content tells. `mapped` is the topic map that it is read by, None for our own topics.
+    """
+
+    path: Path
+    interface: TruckInterface | None
+    messages: Mapping[str, int] | None
+    mapped: Mapped | None = None
+
+    def lacks(self, channel: str) -> bool:
+        """Whether the channel is certainly not there; False where only the bag's content tells."""
+        if self.mapped is not None and channel not in self.mapped.topics:
+            return True
+        topic = (self.mapped.topics if self.mapped else TOPICS).get(channel)
+        return topic is not None and self.messages is not None and not self.messages.get(topic)
+
+    def unit(self, channel: str) -> str | None:
+        """The unit of a command; None where it is not told."""
+        if self.mapped is not None and channel in self.mapped.units:
+            return self.mapped.units[channel]
+        if self.interface is None or (channel == "brake_command" and self.interface.brake_unit is None):
+            return None
+        return self.interface.unit(channel)
+
+
+def bag(path: Path, *, mapped: Mapped | None = None, any_topics: bool = False) -> BagFacts:
+    """A bag by its metadata: a rosbag2 folder, or a lone .mcap, .db3 or .bag file.
+
+    Raises InputError where there is no finished bag, or it holds no speed on our topics, or not all topics of
+    the map `mapped`; with `any_topics` they may be others.
+    """
+    if not path.exists():
+        beside = "".join(f"; {line}" for line in files.left_beside(path))
+        raise InputError(f"{path} does not exist{beside}")
+    files.tell_left_beside(path)
+    if path.is_file():
+        _check_magic(path)
+        return BagFacts(path, None, None, mapped)
+    _check_folder(path)
+    information = _information(path / METADATA)
+    try:
+        messages = _messages(information)
+        missing = [name for name in information["relative_file_paths"] if not (path / name).is_file()]
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"{path / METADATA} is damaged ({error!r}); {_MEND}") from None
+    one = BagFacts(path, _interface(path, information), messages, mapped)
+    if missing:
+        raise InputError(f"{path} has lost {', '.join(missing)}; restore it, or give another bag")
+    if one.messages is not None and not any(one.messages.values()):
+        raise InputError(f"{path} is empty, it holds no message; {RECORD_AGAIN}")
+    if not any_topics:
+        _check_topics(one)
+    return one
+
+
+def _check_topics(one: BagFacts) -> None:
+    held = sorted(name for name, count in (one.messages or {}).items() if count)
+    present = f"(topics there: {', '.join(held)})"
+    for channel, topic in one.mapped.topics.items() if one.mapped and one.messages else ():
+        if topic not in held:
+            raise InputError(
+                f"{one.path} has no message on {topic}, where the topic map has '{channel}' {present}; "
+                "change that line, or leave it out"
+            )
+    if one.lacks("speed"):
+        raise InputError(
+            f"{one.path} has no speed: no message on {TOPICS['speed']} {present}; name yours in a topic map, "
+            "--topic-map FILE: 'deeptruck-model suggest' proposes one"
+        )
+
+
+_MEND = "remove it and mend the bag with 'deeptruck-model repair'"
+
+
+def _check_magic(path: Path) -> None:
+    magic = MAGIC.get(path.suffix)
+    try:
+        begin = path.open("rb").read(len(magic or b""))
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+    if magic is None or begin != magic:
+        raise InputError(
+            f"{path} cannot be read as a bag; a table or CAN log needs 'deeptruck-model import', "
+            "a cut-off bag 'deeptruck-model repair'"
+        )
+
+
+def _check_folder(path: Path) -> None:
+    if (path / METADATA).is_file():
+        return
+    if (path / MANIFEST).exists():
+        raise InputError(f"{path} is a simulator directory, not a bag; give a recording there")
+    if not any(path.iterdir()):
+        raise InputError(f"{path} is empty, it holds no bag; {RECORD_AGAIN}")
+    if any(path.glob("*.mcap")):
+        raise InputError(
+            f"{path} is not a finished bag (it has no {METADATA}); "
+            "if its recorder was killed, mend it with 'deeptruck-model repair'"
+        )
+    raise InputError(f"{path} is no bag: it has no {METADATA} and no .mcap file; give the folder of a bag")
+
+
+def _information(file: Path) -> dict[str, Any]:
+    """What metadata.yaml says, by the fastest parser there is: a bag of many files has a long one."""
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    try:
+        data = yaml.load(file.read_text(encoding="utf-8"), Loader=loader)
+        information = data["rosbag2_bagfile_information"]
+    except OSError as error:
+        raise InputError(f"{file} cannot be read: {error.strerror}") from None
+    except (yaml.YAMLError, ValueError, KeyError, TypeError, RecursionError) as error:
+        says = " ".join(str(error).split())[:120]
+        raise InputError(f"{file} is damaged ({says}); {_MEND}") from None
+    if not isinstance(information, dict):
+        raise InputError(f"{file} is damaged (it holds no table); {_MEND}")
+    return information
+
+
+def _messages(information: dict[str, Any]) -> dict[str, int] | None:
+    """Messages by topic; None in compressed files, of which some recorders count none."""
+    found: dict[str, int] = {}
+    for entry in information["topics_with_message_count"]:
+        name = str(entry["topic_metadata"]["name"])
+        found[name] = found.get(name, 0) + int(entry["message_count"])
+    return None if information.get("compression_mode") else found
+
+
+def _interface(path: Path, information: dict[str, Any]) -> TruckInterface | None:
+    custom = information.get("custom_data")
+    if not isinstance(custom, dict) or INTERFACE_KEY not in custom:
+        return None
+    try:
+        data = json.loads(custom[INTERFACE_KEY])
+    except (ValueError, TypeError, RecursionError) as error:
+        raise InputError(f"{path}: its {INTERFACE_KEY} is not JSON ({error})") from None
+    return TruckInterface.from_dict(data) if isinstance(data, dict) else None

@@ -1,0 +1,139 @@
+"""What a simulator says of itself, by its manifest or its name, before anything heavy is imported."""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import dataclass
+from importlib import resources
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from deeptruck_model import reading
+from deeptruck_model.errors import InputError
+from deeptruck_model.outside import saved
+from deeptruck_model.outside.reference import FMU_FORM, FORM, is_outside
+from deeptruck_model.outside.truck import KIND, look
+from deeptruck_model.signals import TruckInterface
+
+MANIFEST = (
+    "simulator.json"  # {"kind": "physics|deep|corrected", "schema": 1, "interface": {...}, "dt": 0.1, ...}
+)
+KINDS = "deeptruck.simulators"  # entry points: kinds of simulator directories, and who loads each
+SCHEMES = "deeptruck.simulator_schemes"  # by what stands before a colon: a function of what stands behind it
+WEIGHTS = "model.safetensors"  # of a deep truck
+
+
+@dataclass(frozen=True)
+class SimulatorFacts:
+    """What a simulator says of itself: `kind` is an entry point of KINDS, `dt` its step in s."""
+
+    name: str
+    kind: str
+    interface: TruckInterface
+    dt: float
+
+
+def simulator(text: str) -> SimulatorFacts:
+    """What simulators.load takes, by what it says of itself; an outside one is made for that.
+
+    Raises InputError for a truck or override that is not there, a factory that makes no simulator, or a
+    directory that is none.
+    """
+    if text.startswith("truck:"):
+        _, name, *overrides = text.split(":", 2)
+        return _physics_truck(text, name, overrides[0] if overrides else None)
+    if is_outside(text):
+        return SimulatorFacts(text, KIND, *look(text))
+    if by_scheme(text):  # of another package, which alone knows what it is
+        scheme, _, rest = text.partition(":")
+        other = entry_points(group=SCHEMES)[scheme].load()(rest)
+        return SimulatorFacts(text, scheme, other.interface, other.dt)
+    path = Path(text)
+    data = manifest(path)
+    _check_beneath(path, data)
+    if data["kind"] == "deep" and not (path / WEIGHTS).is_file():
+        raise InputError(f"{path} has lost {WEIGHTS}; restore that file, or train again")
+    try:
+        return SimulatorFacts(
+            text, data["kind"], TruckInterface.from_dict(data["interface"]), float(data.get("dt", 0.1))
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        says = str(error) if isinstance(error, InputError) else repr(error)
+        raise InputError(
+            f"{path / MANIFEST} is damaged ({says}); train or save the simulator again"
+        ) from None
+
+
+def _check_beneath(path: Path, data: dict[str, Any]) -> None:
+    """Raises InputError where what a directory corrects is lost, or is an outside simulator that changed."""
+    if data["kind"] == "corrected":
+        _check_beneath(path / "base", manifest(path / "base"))
+    elif data["kind"] == KIND:
+        saved.check(path, data)
+
+
+def by_scheme(text: str) -> bool:
+    """Whether a simulator is named by what stands before a colon, and not by the path of a directory."""
+    scheme, _, rest = text.partition(":")
+    return bool(rest) and scheme in {entry.name for entry in entry_points(group=SCHEMES)}
+
+
+def deep_simulator(text: str) -> SimulatorFacts:
+    """A simulator directory of a deep truck. Raises InputError for any other."""
+    facts = simulator(text)
+    if facts.kind != "deep":
+        raise InputError(f"{text} is no deep truck; train one with 'deeptruck-model train'")
+    return facts
+
+
+def manifest(path: Path) -> dict[str, Any]:
+    """The manifest of a simulator directory. Raises InputError where it is missing, damaged or unknown."""
+    if not path.exists():
+        raise InputError(
+            f"{path} does not exist; give a simulator directory, {_trucks()}, {FORM} or {FMU_FORM}"
+        )
+    if not (path / MANIFEST).exists():
+        raise InputError(
+            f"{path} is not a simulator directory: it has no {MANIFEST}; 'deeptruck-model train' makes one"
+        )
+    data = reading.json_object(path / MANIFEST, reading.SAVE_AGAIN)
+    kinds = sorted(entry.name for entry in entry_points(group=KINDS))
+    if data.get("kind") not in kinds:
+        raise InputError(f"{path / MANIFEST} has no known kind; installed are {', '.join(kinds) or 'none'}")
+    return data
+
+
+def trucks() -> tuple[str, ...]:
+    """Names of the reference trucks."""
+    names = (entry.name for entry in _pool().iterdir())
+    return tuple(sorted(name.removesuffix(".yaml") for name in names if name.endswith(".yaml")))
+
+
+def _trucks() -> str:
+    return ", ".join(f"truck:{name}" for name in trucks())
+
+
+def _pool() -> Any:
+    return resources.files("deeptruck_model") / "trucks" / "pool"
+
+
+def _physics_truck(text: str, name: str, overrides: str | None) -> SimulatorFacts:
+    if name not in trucks():
+        near = difflib.get_close_matches(name, trucks(), n=1)
+        hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(trucks())}"
+        raise InputError(f"there is no truck '{name}'; {hint}")
+    if overrides is None:
+        data = yaml.safe_load((_pool() / f"{name}.yaml").read_text())["interface"]
+        return SimulatorFacts(text, "physics", TruckInterface.from_dict({"name": name, **data}), 0.1)
+    if "=" in overrides and not Path(overrides).exists():
+        raise InputError(
+            f"'{overrides}' is no file: parameters are replaced by a YAML file that holds lines such as "
+            f"'mass: 25000', given as truck:{name}:FILE.yaml"
+        )
+    from deeptruck_model.trucks.specification import from_pool, override, read_yaml
+
+    truck = override(from_pool(name), read_yaml(Path(overrides)), overrides)
+    return SimulatorFacts(text, "physics", truck.interface, 0.1)
