@@ -98,8 +98,9 @@ class Runner:
         self._execute(step, p, "--resume" if same and step.resumable else "--overwrite")
         if step.doubts is not None and step.doubts():
             self._execute(step, p, "--overwrite")
-        p.seconds, p.state = time.monotonic() - p.begun, "done"
+        p.seconds = time.monotonic() - p.begun
         self._write_mark(step.name, {**identity, "done": time.time(), "seconds": p.seconds})
+        p.state = "done"  # last: a step that waits for this one reads the mark
 
     def _write_mark(self, name: str, content: dict[str, Any]) -> None:
         (self.out / "logs" / f"{name}.json").write_text(json.dumps(content))

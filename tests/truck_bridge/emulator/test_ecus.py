@@ -33,7 +33,7 @@ def test_real_processes_drive_and_the_driver_takes_over():
     """Emulator in a process of its own, the bridge's thread here, a third bus as witness; in real time."""
     channel = f"{os.getpid()}-real"
     command = [sys.executable, "-m", "truck_bridge.emulator", "--vehicle", "volvo", "--channel", channel]
-    command += ["--speed", "15", "--driver", "3:brake_pedal=40", "--duration", "60"]
+    command += ["--speed", "15", "--driver", "7:brake_pedal=40", "--duration", "60"]
     vehicle = vehicles.load("volvo")
     witness, ours = (can.Bus(interface="loopback", channel=channel) for _ in range(2))
     bridge, stop, signals = Bridge(vehicle, ours), threading.Event(), {}
