@@ -37,6 +37,7 @@ class Cause:
     other_form: bool = False  # it acts by its own signals, but otherwise than the library's form
     time_varying: bool = False  # an unknown force that is time-varying, and not one that the signals predict
     reported: bool | None = None  # whether the engine's recorded torque shows it, where that is known
+    kernels: tuple[tuple[str, float], ...] = ()  # names as kernels, and the nats that each gains in its place
     rules: Rules = field(default_factory=Rules)  # by which it is distinguishable from others
 
     @property
@@ -51,8 +52,27 @@ class Cause:
 
         No law is exactly of the library's form, and how far it strays grows with its size: evidence is
         divided by a share of all that was gained (a coarsened posterior: Miller and Dunson, Journal of the
-        American Statistical Association 114, 2019), so that more data alone decides nothing.
+        American Statistical Association 114, 2019), so that more data alone decides nothing. Half of it goes
+        by the library's forms, the other half by kernels, of which a law need not be a form (a linear pool).
         """
+        if not self.kernels:
+            return self._by_forms
+        pooled = {name: 0.5 * p for name, p in self._by_forms.items()}
+        for name, p in self._by_kernels.items():
+            pooled[name] = pooled.get(name, 0.0) + 0.5 * p
+        return _most_probable_first(pooled, self.effect)
+
+    @property
+    def _by_kernels(self) -> dict[str, float]:
+        most = max(nats for _, nats in self.kernels)
+        scale = max(self.rules.temper, self.rules.coarse * most)
+        weight = {name: float(np.exp((nats - most) / scale)) for name, nats in self.kernels}
+        nothing = float(np.exp(min(-most / scale, MOST_LOG)))
+        total = nothing + sum(weight.values())
+        return {name: w / total for name, w in weight.items()}
+
+    @property
+    def _by_forms(self) -> dict[str, float]:
         scale = max(self.rules.temper, self.rules.coarse * self.gain)
         worse = dict(reversed(self.rivals))
         worse |= {"unknown": 0.0} if self.other_form else {}
@@ -60,8 +80,7 @@ class Cause:
         weight = {name: float(np.exp(min(-x / scale, MOST_LOG))) for name, x in worse.items()}
         nothing = float(np.exp(-self.gain / scale)) if self.gain > 0.0 else 0.0
         total = nothing + sum(weight.values())
-        order = sorted(weight, key=lambda name: (-weight[name], name != self.effect))
-        return {name: weight[name] / total for name in order}
+        return _most_probable_first({name: w / total for name, w in weight.items()}, self.effect)
 
     @property
     def believed(self) -> float:
@@ -81,6 +100,11 @@ class Cause:
             name for name, sum_before in zip(names, before, strict=True) if sum_before < self.rules.credible
         ]
         return [name for name in kept if name != self.effect]
+
+
+def _most_probable_first(names: dict[str, float], told: str) -> dict[str, float]:
+    order = sorted(names, key=lambda name: (-names[name], name != told))
+    return {name: names[name] for name in order}
 
 
 @dataclass(frozen=True)

@@ -59,3 +59,18 @@ def test_a_name_is_believed_no_more_than_such_names_proved_right() -> None:
     assert alone.believed == pytest.approx(Rules.recognised)
     assert replace(alone, effect="unknown").believed == pytest.approx(Rules.recognised_unknown)
     assert replace(alone, kind="parameter_error").believed == pytest.approx(1.0)
+
+
+def test_half_of_a_name_goes_by_its_kernel() -> None:
+    c = replace(cause(gain=100.0, rivals=()), kernels=(("headwind", 0.0), ("drag_area", 300.0)))
+    assert c.names["headwind"] == pytest.approx(0.5, abs=0.01)
+    assert c.names["drag_area"] == pytest.approx(0.5, abs=0.01)
+    assert c.not_told_from == ["drag_area"]
+    agreed = replace(c, kernels=(("headwind", 300.0), ("drag_area", 0.0)))
+    assert agreed.names["headwind"] > 0.99 and agreed.not_told_from == []
+
+
+def test_kernels_that_gain_nothing_name_nothing() -> None:
+    c = replace(cause(gain=100.0, rivals=()), kernels=(("headwind", -40.0), ("drag_area", -40.0)))
+    assert c.names["headwind"] == pytest.approx(0.5, abs=0.01)
+    assert sum(c.names.values()) < 0.6
