@@ -56,14 +56,15 @@ class Cause:
         by the library's forms, the other half by kernels, of which a law need not be a form (a linear pool).
         """
         if not self.kernels:
-            return self._by_forms
-        pooled = {name: 0.5 * p for name, p in self._by_forms.items()}
-        for name, p in self._by_kernels.items():
+            return self.by_forms
+        pooled = {name: 0.5 * p for name, p in self.by_forms.items()}
+        for name, p in self.by_kernels.items():
             pooled[name] = pooled.get(name, 0.0) + 0.5 * p
         return _most_probable_first(pooled, self.effect)
 
     @property
-    def _by_kernels(self) -> dict[str, float]:
+    def by_kernels(self) -> dict[str, float]:
+        """The same by the evidence of kernels alone; `kernels` must not be empty."""
         most = max(nats for _, nats in self.kernels)
         scale = max(self.rules.temper, self.rules.coarse * most)
         weight = {name: float(np.exp((nats - most) / scale)) for name, nats in self.kernels}
@@ -72,7 +73,8 @@ class Cause:
         return {name: w / total for name, w in weight.items()}
 
     @property
-    def _by_forms(self) -> dict[str, float]:
+    def by_forms(self) -> dict[str, float]:
+        """The same by the best candidate term of each name alone."""
         scale = max(self.rules.temper, self.rules.coarse * self.gain)
         worse = dict(reversed(self.rivals))
         worse |= {"unknown": 0.0} if self.other_form else {}

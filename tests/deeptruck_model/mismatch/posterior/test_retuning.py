@@ -87,6 +87,7 @@ class Wind:
 
 
 @pytest.mark.long
+@pytest.mark.timeout(900)  # four drives of ten minutes
 def test_brakes_too_strong_get_too_hot_in_the_simulator_which_is_no_other_fade() -> None:
     other = TRUCK.with_parameters({"mass": 1.3 * MASS, "brake_gain": 0.75}).with_forces([Wind()])
     verdict = compared(drives(other, 4, 600.0))
