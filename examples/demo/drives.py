@@ -12,8 +12,13 @@ import yaml
 
 from deeptruck_model import console, driving_cycles, files, trucks
 from deeptruck_model.recordings import write_bag
+from deeptruck_model.results import BAG_FILES
 
-DRIVES = files.Result("a folder of the demo's drives")
+BAGS = ("cycle", "test", *(f"other/{name}" for name in "abcd"))
+DRIVES = files.Result(
+    "a folder of the demo's drives",
+    ("leader.csv", "other.yaml", *(f"{bag}/{name}" for bag in BAGS for name in (*BAG_FILES, files.LEDGER))),
+)
 STICKING_SHARE = 1 / 6  # of the brake force: one brake of a three-axle truck's six, all alike
 LETS_GO_S = 20.0  # chosen, as no figure is published; brakes in order have 0.55 s (FMVSS 121, S5.3.4)
 NOISE = {"speed": 0.03, "acceleration": 0.05, "grade": 0.001}  # standard deviation of the sensors, SI

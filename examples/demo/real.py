@@ -10,9 +10,13 @@ import typer
 
 from deeptruck_model import console, files
 from deeptruck_model.recordings import import_table, split, write_bag
+from deeptruck_model.results import BAG_FILES
 
 COLUMNS = Path(__file__).parents[2] / "layouts" / "columns" / "veh002.yaml"
-DRIVES = files.Result("a folder of the real truck's drives")
+DRIVES = files.Result(
+    "a folder of the real truck's drives",
+    tuple(f"{bag}/{name}" for bag in ("train", "test") for name in (*BAG_FILES, files.LEDGER)),
+)
 
 
 def main(

@@ -35,7 +35,15 @@ BAG_FILES = ("*_0.mcap", "metadata.yaml")
 BAG = Result("an imported bag", BAG_FILES)
 WRITTEN_BAG = Result("a written bag", BAG_FILES)  # by a program that calls `write_bag`
 BAG_WITH_ROAD = Result("a bag with a recovered slope", BAG_FILES)
-EXPERIMENT = Result("an experiment")  # by its ledger alone: a README.md may be anybody's
+_JUDGED = ("metrics.json", "error_statistics.png", "samples.png", "scenarios.png")
+EXPERIMENT = Result(
+    "an experiment",
+    (
+        "README.md",
+        *("sample_run.png", "learning_curves.png", "minutes.png"),
+        *(f"{folder}{name}" for folder in ("", "freightliner/", "volvo/") for name in _JUDGED),
+    ),
+)
 
 FIGURES = (
     "timeline",

@@ -26,6 +26,10 @@ from deeptruck_model.recordings.mcap_chunks import (
 )
 
 _END = {Opcode.DATA_END: 4, Opcode.FOOTER: 20}  # bytes of the records behind which all is made anew
+_SUMMARY = {  # what may stand behind the messages
+    *_END, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS, Opcode.CHUNK_INDEX, Opcode.ATTACHMENT_INDEX,
+    Opcode.METADATA_INDEX, Opcode.SUMMARY_OFFSET,
+}  # fmt: skip
 MAGIC = b"\x89MCAP0\r\n"
 
 
@@ -77,6 +81,9 @@ def scan(stream: BinaryIO, size: int, file: Path) -> Found:
     while at + RECORD_HEAD <= size:
         stream.seek(at)
         opcode, length = struct.unpack("<BQ", stream.read(RECORD_HEAD))
+        if opcode in _END and at + RECORD_HEAD + length <= size:
+            found.torn = _END[Opcode(opcode)] != length or not is_an_end(stream, at, size)
+            break
         if opcode in _END or at + RECORD_HEAD + length > size:
             found.torn = not _is_made_anew(opcode, length, stream.read(2), found.tail)
             break
@@ -91,6 +98,20 @@ def scan(stream: BinaryIO, size: int, file: Path) -> Found:
     if found.tail is not None:
         _index_again(stream, found, found.tail.chunk)
     return found
+
+
+def is_an_end(stream: BinaryIO, at: int, size: int) -> bool:
+    """Whether from `at` on there is the end of one file, or its beginning, and nothing behind it."""
+    while at + RECORD_HEAD <= size:
+        stream.seek(at)
+        opcode, length = struct.unpack("<BQ", stream.read(RECORD_HEAD))
+        if opcode not in _SUMMARY:
+            return False
+        at += RECORD_HEAD + length
+        if opcode == Opcode.FOOTER and at <= size:
+            stream.seek(at)
+            return size - at <= len(MAGIC) and MAGIC.startswith(stream.read())
+    return True
 
 
 def _take(found: Found, opcode: int, content: bytes, at: int, stream: BinaryIO, file: Path) -> bool:

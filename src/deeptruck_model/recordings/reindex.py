@@ -6,21 +6,24 @@ from __future__ import annotations
 
 import os
 import shutil
+import struct
 import tempfile
 from itertools import chain, count
 from pathlib import Path
 from typing import BinaryIO
 
 from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
 from mcap.records import DataEnd, Footer, Header, Statistics
 
 from deeptruck_model import files
 from deeptruck_model.checks import METADATA
 from deeptruck_model.errors import InputError
+from deeptruck_model.recordings.bag_file import RECORD_HEAD
 from deeptruck_model.recordings.bag_metadata import Topic
 from deeptruck_model.recordings.crash_safe import described
 from deeptruck_model.recordings.mcap_chunks import UNREADABLE, why
-from deeptruck_model.recordings.mcap_scan import MAGIC, Found, scan
+from deeptruck_model.recordings.mcap_scan import MAGIC, Found, is_an_end, scan
 
 
 def repair(path: str | Path) -> str | None:
@@ -129,8 +132,20 @@ def _is_whole(file: Path) -> bool:
     with file.open("rb") as stream:
         if stream.seek(0, os.SEEK_END) < 2 * len(MAGIC):
             return False
-        stream.seek(-len(MAGIC), os.SEEK_END)
-        return stream.read() == MAGIC
+        size = stream.seek(-len(MAGIC), os.SEEK_END) + len(MAGIC)
+        return stream.read() == MAGIC and _is_one_file(stream, size)
+
+
+def _is_one_file(stream: BinaryIO, size: int) -> bool:
+    """Whether the first end of a file is that of this one: two that were joined have another behind it."""
+    at = len(MAGIC)
+    while at + RECORD_HEAD <= size:
+        stream.seek(at)
+        opcode, length = struct.unpack("<BQ", stream.read(RECORD_HEAD))
+        if opcode in (Opcode.DATA_END, Opcode.FOOTER):
+            return is_an_end(stream, at, size)
+        at += RECORD_HEAD + length
+    return True
 
 
 def _finish(stream: BinaryIO, found: Found) -> None:

@@ -161,3 +161,22 @@ def test_a_flipped_byte_loses_nothing(tmp_path: Path, record: int, byte: int, be
     with writer.file.open("rb") as stream:
         by_index = sum(1 for _ in make_reader(stream, validate_crcs=True).iter_messages())
     assert by_index == sum(map(len, contents(tmp_path / "bag").values()))
+
+
+@pytest.mark.parametrize("described", [True, False])
+@pytest.mark.parametrize("joined", [True, False])
+def test_what_stands_behind_the_end_of_a_file_is_kept(tmp_path: Path, described: bool, joined: bool) -> None:
+    """Two files that were joined, or a note at the end of one: the first is kept, the rest is set aside."""
+    with CrashSafeWriter(tmp_path / "bag") as writer:
+        fill(writer, range(50))
+    (file,) = (tmp_path / "bag").glob("*.mcap")
+    whole = file.read_bytes()
+    behind = whole if joined else b"notes of the driver"
+    file.write_bytes(whole + behind)
+    if not described:
+        (tmp_path / "bag" / "metadata.yaml").unlink()
+    said = repair(tmp_path / "bag")
+    assert said is not None and "the torn end is in bag_0.mcap.cut" in said
+    assert (tmp_path / "bag" / "bag_0.mcap.cut").read_bytes().endswith(behind)
+    assert contents(tmp_path / "bag") == {"/a": list(range(50)), "/b": list(range(50))}
+    assert repair(tmp_path / "bag") is None
