@@ -29,6 +29,7 @@ NUMERICS = {
     "posterior/candidates.py": {"FEW_COLUMNS", "FITTED", "MOST_COLUMNS", "SECOND_TERMS"},
     "posterior/road_lock.py": {"LENGTH_M"},
     "posterior/formula.py": {"CELLS", "LEAST_IN_CELL"},
+    "posterior/kernels.py": {"ACTING", "FEW_ROWS", "TINY"},
     "posterior/recorded_torque.py": {"AFTER_SHIFT_S", "LEAST_BRAKING", "LEAST_ROWS"},
     "posterior/slow_force.py": {"BRAKE_S", "BRAKING", "SLOWEST"},
     "posterior/windows.py": {"AROUND_S", "FITTED"},

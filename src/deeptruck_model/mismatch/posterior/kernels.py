@@ -97,7 +97,7 @@ def _thin(features: Array, search: Search, most: int) -> Array:
     part = features[search.rows]
     power, directions = np.linalg.eigh(part.T @ part)
     kept = np.argsort(power)[::-1][:most]
-    kept = kept[power[kept] > 1e-7 * power.max(initial=0.0)]
+    kept = kept[power[kept] > TINY * power.max(initial=0.0)]
     out: Array = features @ directions[:, kept]
     return out
 
@@ -227,7 +227,7 @@ def _where_signed(kernel: Kernel, rows: NDArray[np.intp]) -> Array | None:
         return None
     size = np.abs(kernel.sign[rows])
     acting = rows[size > ACTING * np.quantile(size, 0.98)]
-    if len(acting) < 20:
+    if len(acting) < FEW_ROWS:
         return None
     some = acting[np.linspace(0, len(acting) - 1, SIGNED_ROWS).astype(int)]
     out: Array = np.sign(kernel.sign[some])[:, None] * kernel.features[some]
