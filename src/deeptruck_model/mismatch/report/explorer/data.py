@@ -29,7 +29,9 @@ Json = dict[str, Any]
 BLOCK_S = 1.0
 MOST_BLOCKS = 20000  # of all drives together: five hours and a half at one second
 DIGITS, DEGREES = 4, 5  # significant digits of a mean; decimals of a position, which are a metre
-AXES = ("speed", "engine", "brake", "grade", "gear")  # what the map may be drawn over, where it is known
+AXES = (  # what the map may be drawn over, where it is known; the last two tell how hot brakes are
+    "speed", "engine", "brake", "grade", "gear", "braking power over 60 s", "time since braking",
+)  # fmt: skip
 TRIED = ("before", "parameters_only", "after")
 
 
