@@ -46,6 +46,23 @@ def _modelled(e: Evidence, x: Explanation, effects: set[str]) -> Array:
     return total
 
 
+def told(e: Evidence, x: Explanation) -> Array:
+    """Specific force (n,) of the findings as they are told one by one, and of parameters refitted beside them.
+
+    A held-out drive has forces of its own too, which no other drive can know: they are fitted along it, to be
+    told where they act, and no claim rests on them.
+    """
+    if not x.causes:
+        return np.zeros(len(e))
+    total = (with_unnamed if any(c.predictable for c in x.causes) else explained)(e, x)
+    for c in x.causes:
+        if c.term is not None:
+            total = total + c.force - c.term.columns @ x.model.coefficients(c.term.mechanism.effect)
+        elif c.needed is not None or c.time_varying:  # no part of the model
+            total = total + c.force
+    return total
+
+
 def retuned(e: Evidence) -> Array:
     """Specific force (n,) that parameters moved before the last search already took over, to first order."""
     total = np.zeros(len(e))
