@@ -67,7 +67,7 @@ def tracks(m: Mismatch) -> list[Track]:
     e = m.evidence
     moved = modelled.retuned(e)
     force = e.residual + moved
-    stated = moved + modelled.told(e, m.explanation)
+    stated = modelled.told(e, m.explanation)
     spans = [(s.start, s.stop, s.finding, s.energy) for s in m.result.segments]
     return [_track(e, s, force, stated if m.explanation.causes else None, spans) for s in e.stretches]
 

@@ -100,7 +100,7 @@ def _compared(m: Mismatch, e: Evidence) -> Json:
     assert m.explanation is not None
     scale = drawn(e, e.newtons(np.ones(len(e))) / e.mass)[0]
     moved = modelled.retuned(e)
-    residual, explained = e.residual + moved, moved + modelled.told(e, m.explanation)
+    residual, explained = e.residual + moved, modelled.told(e, m.explanation)
     known = np.where(e.valid, scale, np.nan)
     causes = [f.cause for f in m.result.findings]
     forces = _Forces(
