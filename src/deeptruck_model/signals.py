@@ -29,8 +29,8 @@ CHANNELS: dict[str, Channel] = {
     for c in (
         Channel("speed", "m/s", -1.0, 60.0, "longitudinal speed, forward positive"),
         Channel("acceleration", "m/s^2", -15.0, 10.0, "longitudinal acceleration, forward positive"),
-        Channel("engine_command", "interface", -6000.0, 6000.0, "engine command u[0]; negative retards"),
-        Channel("brake_command", "interface", 0.0, 200.0, "service brake command u[1]; positive brakes"),
+        Channel("engine_command", "interface", -6000.0, 6000.0, "engine command; negative retards"),
+        Channel("brake_command", "interface", 0.0, 200.0, "service brake command; positive brakes"),
         Channel("grade", "ratio", -0.4, 0.4, "road slope rise/run, uphill positive"),
         Channel("fuel_rate", "cm^3/s", 0.0, 100.0, "fuel volume flow"),
         Channel("gear", "1", -4.0, 24.0, "engaged gear; 0 neutral, negative reverse"),

@@ -26,6 +26,9 @@ Examples:
 """
 
 
+SET_ONE = "set one with --offset-s, or look for it on the page"
+
+
 def compare(
     sides: Annotated[list[str], typer.Argument(metavar="SIDE SIDE...", help="Bags, or SIM@BAG.")],
     out: Annotated[Path, typer.Option(help="Folder for compare.html and compare.json.", metavar="DIR")],
@@ -46,6 +49,7 @@ def compare(
     )
     from deeptruck_model.compare import compare as compared
     from deeptruck_model.compare import write
+    from deeptruck_model.compare.alignment import By
 
     found = compared(sides, given=given, topic_map=topic_map)
     with results.COMPARISON.replacing(out, overwrite=overwrite) as draft:
@@ -53,6 +57,8 @@ def compare(
     for c in found.compared[1:]:
         off = f"{c.difference.speed_rms_m_s:.3g} m/s off" if c.difference else "no time together"
         typer.echo(f"{c.side.name}: moved by {c.offset.seconds:g} s, {off}")
+        if c.offset.by is By.NOTHING:
+            typer.echo(f"note: no offset of {c.side.name} was sure, so that it begins with the first; {SET_ONE}")
     typer.echo(f"see {out / 'compare.html'}")
 
 

@@ -43,7 +43,9 @@ def evaluate(
     from deeptruck_model.deep import evaluate as evaluate_simulator
 
     truck, recordings = simulators.load(simulator), read(bags, topic_map)
-    metrics = evaluate_simulator(truck, recordings, out, trials, horizon, seed, overwrite=overwrite)
+    metrics = evaluate_simulator(
+        truck, recordings, out, trials, horizon, seed, overwrite=overwrite, named=simulator
+    )
     typer.echo(f"{metrics['trials']} free runs of {metrics['horizon_s']:.0f} s")
     for name, values in metrics.items():
         if isinstance(values, dict):

@@ -38,7 +38,10 @@ def mismatch(
         typer.Option(help="Mass of the truck, kg, where the simulator does not tell it: forces in newtons."),
     ] = None,
     topic_map: TopicMap = None,
-    exclude: Annotated[list[str] | None, typer.Option(hidden=True, metavar="EFFECT")] = None,
+    exclude: Annotated[
+        list[str] | None,
+        typer.Option(metavar="EFFECT", help="Leave this effect out of the library; repeat for more."),
+    ] = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Find what a simulator leaves out when recordings differ from it.

@@ -95,6 +95,83 @@ function draw() {
   byId("marked").textContent = told();
 }
 
+// Each pair of values at the same moment, by the clock: [the first side's, that of side k].
+function together(k, ours, theirs) {
+  const clock = side => DATA.sides[side].columns.speed.map((_, i) => state.offsets[side] + (i + 0.5) * DATA.step_s);
+  const [x0, xk, hint] = [clock(0), clock(k), {i: 0}];
+  return x0.map((x, i) => [ours[i], known(ours[i]) ? valueAt(xk, theirs, x, hint) : null]).filter(([a, b]) => known(a) && known(b));
+}
+
+const mean = values => values.reduce((a, b) => a + b, 0) / values.length;
+const rms = values => Math.sqrt(mean(values.map(v => v * v)));
+
+function correlation(pairs) {
+  const [a, b] = [0, 1].map(j => mean(pairs.map(p => p[j])));
+  const sum = (f) => mean(pairs.map(f));
+  return sum(p => (p[0] - a) * (p[1] - b)) / Math.sqrt(sum(p => (p[0] - a) ** 2) * sum(p => (p[1] - b) ** 2));
+}
+
+// The change of a speed at each moment, as the table has it; null beside what is unknown.
+function acceleration(speed) {
+  return speed.map((v, i) => {
+    const [low, high] = [Math.max(i - 1, 0), Math.min(i + 1, speed.length - 1)];
+    return [v, speed[low], speed[high]].every(known) && high > low ? (speed[high] - speed[low]) / ((high - low) * DATA.step_s) : null;
+  });
+}
+
+// How far side k is off where it now lies, by the names of the numbers file.
+function apart(k) {
+  const [ours, theirs] = [0, k].map(side => DATA.sides[side].columns), pairs = together(k, ours.speed, theirs.speed);
+  if (!pairs.length) return null;
+  const off = p => p[1] - p[0], gaps = ours.gap && theirs.gap ? together(k, ours.gap, theirs.gap) : [];
+  return {
+    shared_s: pairs.length * DATA.step_s, speed_mean_m_s: mean(pairs.map(off)), speed_rms_m_s: rms(pairs.map(off)),
+    acceleration_rms_m_s2: rms(together(k, acceleration(ours.speed), acceleration(theirs.speed)).map(off)),
+    gap_rms_m: gaps.length ? rms(gaps.map(off)) : null, correlation: correlation(pairs),
+  };
+}
+
+const ofSide = (selector, k) => [...document.querySelectorAll(selector)].filter(e => Number(e.dataset.side) === k);
+const WRITTEN = new Map();  // what the page said before an offset was typed in
+
+function write(element, text) {
+  if (!WRITTEN.has(element)) WRITTEN.set(element, element.textContent);
+  element.textContent = text ?? WRITTEN.get(element);
+}
+
+// All that is said of side k, for the offset that it now has; as it was written where that is the first one.
+function tellApart(k) {
+  const found = state.offsets[k] === DATA.sides[k].offset_s, now = found ? null : apart(k), name = DATA.sides[k].name;
+  const [off, how, back] = ["h1 .off", ".how", ".back"].map(selector => ofSide(selector, k)[0]);
+  const says = now ? `${name} is ${now.speed_rms_m_s.toPrecision(2)} m/s off (rms over ${now.shared_s.toFixed(0)} s)` : `${name} has no time together with it`;
+  const fits = now ? `correlation of the speeds ${now.correlation.toFixed(2)}` : "no time together";
+  write(off, found ? null : says);
+  write(how, found ? null : `by hand, from means of ${DATA.step_s} s; ${fits}`);
+  for (const cell of ofSide("#apart td", k)) {
+    const value = now && now[cell.dataset.number];
+    write(cell, found ? null : known(value) ? `${Number(value.toPrecision(4))}` : "");
+  }
+  back.hidden = found;
+  document.title = document.querySelector("h1").textContent.replace(/\.$/, "");
+}
+
+// What is typed is taken only where the sides then lie within reach of one another.
+function typed(input) {
+  const k = Number(input.dataset.side), value = Number(input.value);
+  const long = side => DATA.sides[side].columns.speed.length * DATA.step_s;
+  const fits = input.value !== "" && value > -long(k) && value < long(0);
+  input.setAttribute("aria-invalid", `${!fits}`);
+  if (!fits) {
+    write(ofSide(".how", k)[0], `not moved: choose more than ${-Math.round(long(k))} and less than ${Math.round(long(0))} s, so that both have time together`);
+    ofSide(".back", k)[0].hidden = false;
+    return;
+  }
+  state.offsets[k] = value;
+  tellApart(k);
+  whole();
+  draw();
+}
+
 // What is marked, in numbers: the mean of each side, and how far the others are from the first.
 function told() {
   if (!state.mark) return "";
@@ -103,10 +180,8 @@ function told() {
   const means = DATA.sides.map((side, k) => {
     const values = inside(places(k), side.columns.speed);
     if (!values.length) return `${side.name}: not there`;
-    const mean = values.reduce((a, b) => a + b, 0) / values.length;
     const off = k ? inside(places(0), difference(k, "speed") || []) : [];
-    const rms = Math.sqrt(off.reduce((a, b) => a + b * b, 0) / off.length);
-    return `${side.name}: mean speed ${mean.toFixed(2)} m/s${off.length ? `, off by ${rms.toFixed(2)} m/s rms` : ""}`;
+    return `${side.name}: mean speed ${mean(values).toFixed(2)} m/s${off.length ? `, off by ${rms(off).toFixed(2)} m/s rms` : ""}`;
   });
   return `${from.toFixed(1)} to ${to.toFixed(1)} ${unit} marked. ${means.join("; ")}.`;
 }
@@ -134,12 +209,13 @@ function build() {
     draw();
   });
   for (const input of document.querySelectorAll("#offsets input")) {
-    input.addEventListener("input", () => {
-      const value = Number(input.value);
-      if (input.value === "" || !Number.isFinite(value)) return;
-      state.offsets[Number(input.dataset.side)] = value;
-      whole();
-      draw();
+    input.addEventListener("input", () => typed(input));
+  }
+  for (const back of document.querySelectorAll(".back")) {
+    back.addEventListener("click", () => {
+      const [input] = ofSide("#offsets input", Number(back.dataset.side));
+      input.value = DATA.sides[Number(back.dataset.side)].offset_s;
+      typed(input);
     });
   }
   byId("zoom").addEventListener("click", () => {

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from deeptruck_model.compare import sides, statistics
-from deeptruck_model.compare.alignment import Offset, Road, offset, road
+from deeptruck_model.compare.alignment import By, Offset, Road, offset, road
 from deeptruck_model.compare.sides import Side
 from deeptruck_model.compare.statistics import Difference, Statistics
 from deeptruck_model.errors import InputError
@@ -57,7 +57,7 @@ def compare(
             f"--offset-s: there is no side {', '.join(sorted(unknown))} to move; there are {names}"
         )
     first = loaded[0]
-    own = Compared(first, Offset(0.0, 1.0, False), Road(first.distance, "itself", float(first.distance[-1])),
+    own = Compared(first, Offset(0.0, 1.0, By.ONE_BAG), Road(first.distance, "itself", float(first.distance[-1])),
                    statistics.of(first), None)  # fmt: skip
     return Comparison((own, *(_beside(first, s, given or {}) for s in loaded[1:])))
 
@@ -65,14 +65,14 @@ def compare(
 def _beside(first: Side, side: Side, given: Mapping[str, float]) -> Compared:
     found = _on_one_clock(first, side) if side.bag == first.bag else offset(first, side)
     if side.name in given:
-        found = Offset(given[side.name], _correlation(first, side, given[side.name]), False)
+        found = Offset(given[side.name], _correlation(first, side, given[side.name]), By.GIVEN)
     difference = statistics.difference(first, side, found.seconds)
     return Compared(side, found, road(first, side), statistics.of(side), difference)
 
 
 def _on_one_clock(first: Side, side: Side) -> Offset:
     """A simulator along the bag that it is compared with needs no offset."""
-    return Offset(0.0, _correlation(first, side, 0.0), False)
+    return Offset(0.0, _correlation(first, side, 0.0), By.ONE_BAG)
 
 
 def _correlation(first: Side, side: Side, offset_s: float) -> float:
@@ -93,6 +93,7 @@ def _told(c: Compared) -> dict[str, Any]:
         "offset_s": c.offset.seconds,
         "speed_correlation": c.offset.correlation,
         "offset_found": c.offset.found,
+        "offset_by": c.offset.by,
         "shared_road_m": shared.shared_m if shared else 0.0,
         "road_known_by": shared.by if shared else str(c.road),
         "statistics": asdict(c.statistics),

@@ -13,9 +13,9 @@ from jinja2 import Environment, StrictUndefined
 from numpy.typing import NDArray
 
 from deeptruck_model import pages
-from deeptruck_model.compare.alignment import Road
+from deeptruck_model.compare.alignment import By, Road
 from deeptruck_model.compare.comparison import Compared, Comparison
-from deeptruck_model.compare.statistics import NAMES
+from deeptruck_model.compare.statistics import APART, NAMES
 from deeptruck_model.signals import CHANNELS, printed
 
 PAGE, NUMBERS = "compare.html", "compare.json"
@@ -42,8 +42,8 @@ def page(comparison: Comparison) -> str:
         style=pages.shared(pages.STYLE) + pages.shared(pages.DARK) + _file("compare.css"),
         script=pages.shared(pages.PLOT) + _file("compare.js"),
         names=[c.side.name for c in comparison.compared],
-        said=_sentence(comparison),
         rows=_rows(comparison),
+        apart=_apart(comparison),
         sides=[_told(c) for c in comparison.compared[1:]],
         drawn=drawn,
     )
@@ -53,30 +53,45 @@ def _file(name: str) -> str:
     return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
 
 
-def _sentence(comparison: Comparison) -> str:
-    """What differs, in one sentence."""
-    first, *others = comparison.compared
-    told = [
-        f"{c.side.name} is {c.difference.speed_rms_m_s:.2g} m/s off (rms over {c.difference.shared_s:.0f} s)"
-        if c.difference
-        else f"{c.side.name} has no time together with it"
-        for c in others
-    ]
-    return f"Beside {first.side.name}: {'; '.join(told)}."
+def _off(c: Compared) -> str:
+    """How far a side is off, as a part of the first sentence."""
+    if c.difference is None:
+        return f"{c.side.name} has no time together with it"
+    d = c.difference
+    return f"{c.side.name} is {d.speed_rms_m_s:.2g} m/s off (rms over {d.shared_s:.0f} s)"
+
+
+HOW = {
+    By.LEADER: "where the speeds of their leaders agree best, with a correlation of {:.2f}",
+    By.SPEED: "where the speeds agree best, with a correlation of {:.2f}",
+    By.GIVEN: "as given; correlation of the speeds {:.2f}",
+    By.ONE_BAG: "on the clock of one bag; correlation of the speeds {:.2f}",
+    By.NOTHING: "begun together, as no offset was sure (the best had a correlation of {:.2f})",
+}
 
 
 def _told(c: Compared) -> dict[str, Any]:
-    shared = isinstance(c.road, Road)
-    how = "where the speeds agree best" if c.offset.found else "as given, or begun together"
     return {
         "name": c.side.name,
         "offset": f"{c.offset.seconds:g}",
-        "how": f"{how}; correlation {c.offset.correlation:.2f}",
+        "off": _off(c),
+        "how": HOW[c.offset.by].format(c.offset.correlation),
         "road": f"{c.road.shared_m:.0f} m of shared road, known by {c.road.by}"
         if isinstance(c.road, Road)
         else str(c.road),
-        "shared": shared,
+        "shared": isinstance(c.road, Road),
     }
+
+
+def _apart(comparison: Comparison) -> list[dict[str, Any]]:
+    """The table of differences from the first side: a row for each number that any side has."""
+    out = []
+    for name, (words, unit) in APART.items():
+        numbers = [None if c.difference is None else asdict(c.difference)[name] for c in comparison.compared]
+        if any(x is not None for x in numbers):
+            cells = ["" if x is None else f"{x:.4g}" for x in numbers[1:]]
+            out.append({"key": name, "name": words, "unit": unit, "cells": cells})
+    return out
 
 
 def _rows(comparison: Comparison) -> list[dict[str, Any]]:

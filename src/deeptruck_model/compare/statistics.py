@@ -61,6 +61,15 @@ class Difference:
     gap_rms_m: float | None
 
 
+APART = {  # how people read these
+    "shared_s": ("time together", "s"),
+    "speed_mean_m_s": ("speed, mean", "m/s"),
+    "speed_rms_m_s": ("speed, rms", "m/s"),
+    "acceleration_rms_m_s2": ("acceleration, rms", "m/s²"),
+    "gap_rms_m": ("gap, rms", "m"),
+}
+
+
 def of(side: Side) -> Statistics:
     """The statistics of one side. Acceleration and jerk are of means over the side's step."""
     speed = side.columns["speed"]

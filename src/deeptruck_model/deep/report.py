@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from deeptruck_model.deep import remarks
 from deeptruck_model.deep.evaluation import HORIZON_S, TRIALS, Trials, against_time, statistics, trials
 from deeptruck_model.deep.learned import is_deep
 from deeptruck_model.pages.document import Picture, Table, document
@@ -30,13 +31,15 @@ def evaluate(
     seed: int = 0,
     *,
     overwrite: bool = False,
+    named: str = "the simulator",
 ) -> dict[str, Any]:
     """Open-loop error statistics of any simulator: metrics.json, PNG figures and a page of both in `out`.
 
-    All of them or none. An older evaluation there is replaced with `overwrite` only.
+    All of them or none. An older evaluation there is replaced with `overwrite` only. `named` is what the page
+    calls the simulator.
     """
     with EVALUATION.replacing(out, overwrite=overwrite) as draft:
-        return evaluate_into(draft, simulator, recordings, count, horizon_s, seed)
+        return evaluate_into(draft, simulator, recordings, count, horizon_s, seed, named)
 
 
 def evaluate_into(
@@ -46,6 +49,7 @@ def evaluate_into(
     count: int = TRIALS,
     horizon_s: float = HORIZON_S,
     seed: int = 0,
+    named: str = "the simulator",
 ) -> dict[str, Any]:
     """The same files in an existing folder of the caller's own."""
     runs = trials(simulator, recordings, count, horizon_s, seed)
@@ -59,7 +63,8 @@ def evaluate_into(
     scenario_figure(runs).savefig(folder / "scenarios.png", dpi=120)
     sample_figure(runs).savefig(folder / "samples.png", dpi=120)
     (folder / "metrics.json").write_text(f"{json.dumps(metrics, indent=1)}\n")
-    (folder / "evaluation.html").write_text(page(metrics, folder), encoding="utf-8")
+    notes = remarks.remarks(simulator, recordings, metrics, horizon_s)
+    (folder / "evaluation.html").write_text(page(metrics, folder, named, notes), encoding="utf-8")
     return metrics
 
 
@@ -74,8 +79,9 @@ FIGURES = {
 }  # fmt: skip
 
 
-def page(metrics: dict[str, Any], folder: Path) -> str:
-    """evaluation.html: the numbers of metrics.json, and the figures that stand in the folder."""
+def page(metrics: dict[str, Any], folder: Path, named: str, notes: Sequence[str]) -> str:
+    """evaluation.html: the numbers of metrics.json, and the figures that stand in the folder. `notes` say where
+    the numbers are worth less than they look."""
     told = {name: x for name, x in metrics.items() if isinstance(x, dict)}
     kinds = {key: words for key, words in FIGURES.items() if any(key in x for x in told.values())}
     rows = [
@@ -84,10 +90,16 @@ def page(metrics: dict[str, Any], folder: Path) -> str:
     ]
     speed = f"{told['speed']['rmse']:.3g} m/s" if "speed" in told else "not known"
     runs = f"{metrics['trials']} free runs of {metrics['horizon_s']:.0f} s"
-    first = f"In {runs} the rms error of the speed is {speed}."
+    over = ", ".join(dict.fromkeys(metrics["recordings"]))
+    first = f"{opened(named)} beside {over}: in {runs} the rms error of the speed is {speed}."
     pictures = [Picture((folder / name).read_bytes(), says) for name, says in SHOWN.items()]
-    over = f"Recordings: {', '.join(metrics['recordings'])}."
-    return document(first, [over], [Table("Errors", ("channel", *kinds.values()), tuple(rows))], pictures)
+    said = [f"Note: {line}." for line in notes]
+    return document(first, said, [Table("Errors", ("channel", *kinds.values()), tuple(rows))], pictures)
+
+
+def opened(named: str) -> str:
+    """The name as a sentence begins; what is a path or a spec stays as it is."""
+    return f"{named[:1].upper()}{named[1:]}" if " " in named else named
 
 
 def _cell(value: float | None, key: str) -> str:

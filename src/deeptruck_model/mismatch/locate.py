@@ -20,28 +20,32 @@ Mask = NDArray[np.bool_]
 
 NOTABLE = 0.02  # m/s^2
 MOST_SEGMENTS = 60
+STANDING_M_S = 0.1  # slower, a truck may stand: a force that is told there shows in nothing
 
 
 def segments(e: Evidence, causes: Mapping[int, Cause]) -> list[Segment]:
-    """Stretches where each cause, given by the place of its finding, stands out; most important first."""
+    """Stretches where each cause, given by the place of its finding, stands out while the truck moves and is
+    compared; most important first."""
     out: list[Segment] = []
     for i, cause in causes.items():
         smooth = uniform_filter1d(cause.force, max(1, round(1.0 / e.dt)))
-        size = np.abs(smooth[e.valid])
+        seen = e.valid & (np.abs(e["speed"]) > STANDING_M_S)
+        size = np.abs(smooth[seen])
         if not len(size) or size.max() < 1e-6:
             continue
         level = max(0.35 * float(np.quantile(size, 0.99)), min(NOTABLE, 0.5 * float(size.max())))
         for s in e.stretches:
             out += [
-                _segment(e, cause.force, i, s, a, b) for a, b in _runs(np.abs(smooth[s.rows]) > level, e.dt)
+                _segment(e, cause.force, i, s, a, b, seen)
+                for a, b in _runs((np.abs(smooth[s.rows]) > level) & seen[s.rows], e.dt)
             ]
     out.sort(key=lambda s: -s.energy)
     return out[:MOST_SEGMENTS]
 
 
-def _segment(e: Evidence, force: Array, finding: int, s: Stretch, a: int, b: int) -> Segment:
+def _segment(e: Evidence, force: Array, finding: int, s: Stretch, a: int, b: int, seen: Mask) -> Segment:
     rows = slice(s.start + a, s.start + b)
-    part = force[rows]
+    part = force[rows][seen[rows]]
     at = s.start_s + np.array([a, b]) * e.dt
     energy = float((part**2).sum())
     return Segment(
@@ -49,7 +53,7 @@ def _segment(e: Evidence, force: Array, finding: int, s: Stretch, a: int, b: int
         float(at[0]),
         float(at[1]),
         finding,
-        float(e.newtons(force)[rows].mean()),
+        float(e.newtons(force)[rows][seen[rows]].mean()),
         rows.start,
         rows.stop,
         energy,

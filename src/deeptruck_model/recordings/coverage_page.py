@@ -9,6 +9,7 @@ from deeptruck_model.pages.document import Picture, Table, document
 from deeptruck_model.signals import printed
 
 SHOWS = "Time over speed, acceleration and slope. What is bright was driven long, what is white not at all."
+SHOWN_IN = {"ratio": "%"}  # as the figure has slopes
 CHANNELS_OF = "Channels of {name}, {seconds:.0f} s at {rate:g} Hz"
 
 
@@ -24,7 +25,8 @@ def page(found: Mapping[str, Any], picture: bytes) -> str:
 
 def _table(recording: dict[str, Any]) -> Table:
     rows = [
-        (name, printed(told["unit"]), *(_cell(told[key]) for key in ("min", "mean", "max")),
+        (name, SHOWN_IN.get(told["unit"], printed(told["unit"])),
+         *(_cell(told[key], told["unit"]) for key in ("min", "mean", "max")),
          f"{100 * told['nan_share']:.1f}")
         for name, told in recording["channels"].items()
     ]  # fmt: skip
@@ -34,5 +36,7 @@ def _table(recording: dict[str, Any]) -> Table:
     return Table(says, ("channel", "unit", "least", "mean", "most", "invalid, %"), tuple(rows))
 
 
-def _cell(value: float | None) -> str:
-    return "" if value is None else f"{value:.4g}"
+def _cell(value: float | None, unit: str) -> str:
+    if value is None:
+        return ""
+    return f"{100.0 * value if unit in SHOWN_IN else value:.4g}"

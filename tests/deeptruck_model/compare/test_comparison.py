@@ -16,11 +16,12 @@ from typer.testing import CliRunner
 
 from deeptruck_model import cli, driving_cycles, simulators, trucks
 from deeptruck_model.compare import compare, page, write
-from deeptruck_model.compare.alignment import Road
+from deeptruck_model.compare.alignment import By, Road
 from deeptruck_model.recordings import Recording, read, write_bag
 from deeptruck_model.simulators import free_run
 
 TRUCK = trucks.load("trucksim")
+RUN = CliRunner()
 CHROMIUM = next(
     (p for n in ("chromium", "chromium-browser", "google-chrome") if (p := shutil.which(n))), None
 )
@@ -72,6 +73,42 @@ def test_an_offset_that_is_given_is_taken(bags: Path) -> None:
     sides = [str(bags / "whole"), str(bags / "later")]
     _, later = compare(sides, given={"later": 30.0}).compared
     assert later.offset.seconds == 30.0 and not later.offset.found and later.offset.correlation < 0.99
+
+
+@pytest.mark.parametrize("late_s", [0.0, 3.0, 6.0])
+def test_how_late_two_follow_one_leader_is_left_to_compare(
+    tmp_path: Path, drive: Recording, late_s: float
+) -> None:
+    speed, late = drive.channels["speed"], round(late_s / drive.dt)
+    follows = np.concatenate([np.full(late, speed[0]), speed[: len(speed) - late]])
+    led = drive.channels | {"leader_speed": speed, "gap": np.full(len(speed), 20.0)}
+    put(tmp_path / "a", replace(drive, channels=led))
+    put(tmp_path / "b", replace(drive, channels=led | {"speed": follows}))
+    _, b = compare([str(tmp_path / "a"), str(tmp_path / "b")]).compared
+    assert b.offset.by is By.LEADER and b.offset.seconds == 0.0
+    assert b.difference is not None and (b.difference.speed_rms_m_s > 0.2) == (late_s > 0.0)
+
+
+def test_a_leader_that_repeats_itself_is_met_where_both_began(tmp_path: Path, drive: Recording) -> None:
+    swing = 18.0 + 2.0 * np.sin(2 * np.pi * drive.time / 30.0)
+    for name in ("a", "b"):
+        noisy = swing + np.random.default_rng(len(name)).normal(0.0, 0.02, len(swing))
+        put(tmp_path / name, replace(drive, channels=drive.channels | {"leader_speed": noisy}))
+    _, b = compare([str(tmp_path / "a"), str(tmp_path / "b")]).compared
+    assert b.offset.by is By.LEADER and b.offset.seconds == 0.0
+
+
+@pytest.mark.parametrize("begin_s", [0, 60, 130, 200, 280, 400])
+def test_a_short_piece_of_another_drive_is_not_moved(
+    bags: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], begin_s: int
+) -> None:
+    (other,) = read(bags / "other")
+    short = put(tmp_path / "short", other.piece(10 * begin_s, 10 * begin_s + 120))
+    told = RUN.invoke(cli.whole(), ["compare", str(bags / "whole"), str(short), "--out", str(tmp_path / "out")])
+    (side,) = json.loads((tmp_path / "out" / "compare.json").read_text())["sides"][1:]
+    assert side["offset_s"] == 0.0 and side["offset_by"] == "nothing" and not side["offset_found"]
+    assert "no offset of short was sure" in told.output
+    assert "no offset was sure" in (tmp_path / "out" / "compare.html").read_text()
 
 
 SAME_ROADS = [("placed", "ahead", "positions"), ("whole", "later", "slopes")]
@@ -140,10 +177,10 @@ def test_the_page_has_the_numbers_of_the_file_and_fetches_nothing(bags: Path, tm
     assert 'value="40"' in text and told["sides"][1]["offset_s"] == 40.0
     for side in told["sides"]:
         assert f">{side['statistics']['distance_m']:.4g}<" in text
+        for name, value in (side["difference"] or {}).items():
+            assert value is None or f'data-number="{name}">{value:.4g}<' in text
+    assert "u[" not in re.sub("<script>.*</script>", "", text, flags=re.S)
     assert not re.search(r"(?:src|href)=|https?://|fetch\(|@import", text)
-
-
-RUN = CliRunner()
 
 
 @pytest.mark.parametrize(
@@ -186,8 +223,13 @@ frame.addEventListener("load", () => {
   key("ArrowRight", true); seen.wider = told();
   key("Escape"); seen.gone = told();
   const level = ink(1), offset = d.querySelector("#offsets input");
-  offset.value = "0"; offset.dispatchEvent(new w.Event("input"));
-  seen.redrawn = ink(1) !== level;
+  const type = text => { offset.value = text; offset.dispatchEvent(new w.Event("input")); };
+  const page = () => [d.title, "h1", ".how", "#apart"].map(s => s === d.title ? s : d.querySelector(s).textContent);
+  seen.found = page();
+  type("0"); seen.moved_by_hand = page(); seen.redrawn = ink(1) !== level;
+  const drawn = ink(0); type("1e9"); seen.refused = page(); seen.kept = ink(0) === drawn;
+  d.querySelector(".back").click(); seen.back = page(); seen.value = offset.value;
+  type("0");
   const by = d.getElementById("by");
   by.value = "place"; by.dispatchEvent(new w.Event("change"));
   key("ArrowRight"); seen.along = told();
@@ -224,3 +266,6 @@ def test_it_is_brushed_moved_and_keyed_in_a_browser(bags: Path, tmp_path: Path) 
     assert wider[0] == moved[0] and wider[1] > moved[1] and seen["gone"] == ""
     assert seen["redrawn"] and " m marked" in seen["along"] and " s marked" in seen["begun"]
     assert brushed[1] > brushed[0] and "later: mean speed" in seen["brushed"]
+    assert seen["back"] == seen["found"] and seen["value"] == "40" and seen["kept"]
+    assert all(now != then for now, then in zip(seen["moved_by_hand"], seen["found"], strict=True))
+    assert "not moved" in seen["refused"][2]

@@ -66,6 +66,11 @@ def test_writes_figures_and_metrics(truck, drive, tmp_path):
     text = (tmp_path / "out" / "evaluation.html").read_text()
     for key in ("mean_abs", "rmse", "largest"):
         assert f">{metrics['speed'][key]:.4g}<" in text
+    assert "The simulator beside" in text and f"{metrics['recordings'][0]}:" in text
+    assert "worth" not in text
+    evaluate(truck, [drive(60, seed=7)], tmp_path / "more", count=40, horizon_s=10, named="truck:mine")
+    again = (tmp_path / "more" / "evaluation.html").read_text()
+    assert "<title>truck:mine beside" in again and "worth about 6 independent ones." in again
     assert text.count("data:image/png;base64,") == 3 and "<script" not in text
 
 

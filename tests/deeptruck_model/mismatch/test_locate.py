@@ -39,6 +39,16 @@ def test_a_stretch_is_found_with_its_time_force_and_finding(evidence: Evidence) 
     assert first.mean_force_n == pytest.approx(-0.2 * MASS, rel=0.05)
 
 
+def test_a_stretch_has_no_standstill_and_no_row_that_is_not_compared(evidence: Evidence) -> None:
+    force, speed, valid = np.zeros(N), evidence["speed"].copy(), evidence.valid.copy()
+    force[100:300], force[150:155], force[260:300] = 0.2, 9.0, 9.0
+    speed[260:300], valid[150:155] = 0.05, False
+    standing = replace(evidence, signals=evidence.signals | {"speed": speed}, valid=valid)
+    (only,) = locate.segments(standing, {0: cause(force)})
+    assert (only.start_s, only.end_s) == pytest.approx((30.0, 62.0), abs=0.3)
+    assert only.mean_force_n == pytest.approx(0.2 * MASS, rel=0.05)
+
+
 def test_near_stretches_are_one_and_blinks_are_none(evidence: Evidence) -> None:
     force = np.zeros(N)
     force[100:130] = force[135:170] = 0.2

@@ -74,6 +74,8 @@ def test_the_page_has_the_numbers_and_fetches_nothing(tmp_path: Path, drive: Rec
     told = found.to_dict()["recordings"][0]["channels"]["speed"]
     for key in ("min", "mean", "max"):
         assert f">{told[key]:.4g}<" in text
+    grade = found.to_dict()["recordings"][0]["channels"]["grade"]
+    assert f'<td class="n">%</td><td class="n">{100 * grade["min"]:.4g}<' in text  # as the figure has it
     assert "data:image/png;base64," in text and not re.search(r"https?://|<script|@import", text)
 
 

@@ -106,7 +106,7 @@ def test_what_was_not_found_is_said(tmp_path: Path) -> None:
     _, found = proposed(tmp_path, ODOMETRY, every("/fuel", lambda k, ns: number(20.0)))
     assert [line.split()[0] for line in found.lacking] == ["engine_command", "brake_command"]
     text = found.text()
-    assert "# engine_command: engine command u[0]; negative retards. NOT FOUND" in text
+    assert "# engine_command: engine command; negative retards. NOT FOUND" in text
     assert "the orientation in /odom is a quaternion" in text
     assert set(yaml.safe_load(text)) == {"speed"}, "a fuel rate without a unit is not read"
 

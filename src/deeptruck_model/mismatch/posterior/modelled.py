@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,11 +31,6 @@ def explained(e: Evidence, x: Explanation) -> Array:
     return _modelled(e, x, {c.effect for c in x.causes if c.term is not None})
 
 
-def with_unnamed(e: Evidence, x: Explanation) -> Array:
-    """Specific force (n,) of all that was found: the whole named model and the free model beside it."""
-    return _modelled(e, x, set(x.model.effects)) + x.left_over.prediction
-
-
 def _modelled(e: Evidence, x: Explanation, effects: set[str]) -> Array:
     total = np.zeros(len(e))
     for term in x.model.named:
@@ -46,11 +41,23 @@ def _modelled(e: Evidence, x: Explanation, effects: set[str]) -> Array:
     return total
 
 
-def retuned(e: Evidence) -> Array:
-    """Specific force (n,) that parameters moved before the last search already took over, to first order."""
+def told(e: Evidence, x: Explanation) -> Array:
+    """Specific force (n,) of the findings together, each as it is told, with parameters that were refitted
+    beside them.
+
+    The model may hold more: names that were no finding, for one. A held-out drive may have forces of its own,
+    which are fitted along it to be told where they act.
+    """
+    found = np.sum([c.force for c in x.causes], axis=0) if x.causes else np.zeros(len(e))
+    return found + retuned(e, beside={c.effect for c in x.causes})
+
+
+def retuned(e: Evidence, beside: Collection[str] = ()) -> Array:
+    """Specific force (n,) that parameters moved before the last search already took over, to first order;
+    without those `beside` it."""
     total = np.zeros(len(e))
     for name, change in e.moved.items():
-        if name in e.sensitivity:
+        if name in e.sensitivity and name not in beside:
             total += e.sensitivity[name] * (change / (1.0 + change))
     return total
 

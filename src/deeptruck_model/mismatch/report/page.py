@@ -58,7 +58,7 @@ def _content(m: Mismatch, drawn: dict[str, figures.Picture], asked: Asked) -> di
     to_drive = record_next(m)
     views = explorer.of(m)
     return {
-        "style": pages.shared(pages.STYLE) + explorer.style(),
+        "style": pages.shared(pages.STYLE) + explorer.style() + pages.shared(pages.DARK) + explorer.dark(),
         "script": explorer.script(),
         "views": views,
         "drives": explorer.text(views),

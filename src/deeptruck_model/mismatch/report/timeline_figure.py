@@ -67,8 +67,7 @@ def tracks(m: Mismatch) -> list[Track]:
     e = m.evidence
     moved = modelled.retuned(e)
     force = e.residual + moved
-    unnamed = any(c.predictable for c in m.explanation.causes)
-    stated = moved + (modelled.with_unnamed if unnamed else modelled.explained)(e, m.explanation)
+    stated = modelled.told(e, m.explanation)
     spans = [(s.start, s.stop, s.finding, s.energy) for s in m.result.segments]
     return [_track(e, s, force, stated if m.explanation.causes else None, spans) for s in e.stretches]
 

@@ -27,6 +27,22 @@ SPOKEN = {  # names that are no words of their own once the underscores are gone
 }
 
 
+SETTINGS = {  # what was chosen of a few: the names of the library are for programs
+    "tau_s": "time constant",
+    "decay_s": "time in which it fades to a third",
+    "cooling_s": "time in which it cools to a third",
+    "soak_s": "time constant of its soaking in",
+    "cold_s": "time in which what is cold warms up to a third",
+    "window_s": "length of the window",
+    "length_m": "length",
+    "frequency_hz": "frequency",
+    "damping": "damping",
+    "after_s": "time after which it begins",
+    "keeps_s": "time in which what is kept falls to a third",
+    "frees_m": "distance in which it comes free to a third",
+}
+
+
 def force(acceleration: float, mass_kg: float | None) -> str:
     """A force per mass (m/s^2) in newtons where the mass is known."""
     if mass_kg is None:
@@ -147,8 +163,9 @@ def _named(name: str, shown: Parameters) -> str:
         x = 0.0 if abs(x) < NOTHING * widest else x
         return " ".join(filter(None, [f"at {words(by)} of {number(x)}", unit(by, {})]))
     if own:
-        return f"{words(own['name'])}[{own['where']}]"
-    return re.sub(" (s|m|hz)$", "", words(name)) if shown[name].picked else words(name)
+        near = re.search(r"\d (s|m)$", own["where"])  # a knot in time or along the road
+        return f"{words(own['name'])} {'near' if near else 'in'} {own['where']}{'' if near else ' alone'}"
+    return SETTINGS.get(name, words(name)) if shown[name].picked else words(name)
 
 
 def _places(by: str, shown: Parameters) -> list[float]:
@@ -179,7 +196,7 @@ def _kinds(shown: Parameters) -> str:
             kinds[f"at {curve['by']}"] = f"the curve over {words(curve['by'])}"
         elif own:
             kinds[f"[{own['name']}"] = (
-                f"{words(own['name'])}[...] in that recording or near that moment alone"
+                f"{words(own['name'])} {THERE_ALONE}"
             )
         else:
             kinds[name] = prose(name)

@@ -66,6 +66,23 @@ def test_a_stretch_ends_where_nothing_is_compared(physics: Mismatch) -> None:
     assert whole[0] == [0, 20.0, 50.0] and cut[0] == [0, 30.0, 50.0] and cut[1:] == whole[1:]
 
 
+def test_one_finding_alone_is_all_that_the_findings_explain(physics: Mismatch) -> None:
+    """Also where a held-out drive has a force of its own, which the model of the others does not hold."""
+    e, x = physics.evidence, physics.explanation
+    assert e is not None and x is not None
+    (own,) = x.causes
+    located = replace(own, force=own.force - 0.06 * e.held_out)
+    (finding,) = physics.result.findings
+    found = replace(
+        physics, explanation=replace(x, causes=(located,)),
+        result=replace(physics.result, findings=(replace(finding, cause=located),)),
+    )  # fmt: skip
+    before, after = explorer.of(physics)["drives"][-1]["columns"], explorer.of(found)["drives"][-1]["columns"]
+    assert np.mean(np.subtract(before["explained"], after["explained"])) == pytest.approx(1.2, abs=0.01)
+    told = np.subtract(after["explained"], after["force0"])
+    np.testing.assert_allclose(told, np.subtract(before["explained"], before["force0"]), atol=2e-3)
+
+
 def test_positions_are_kept_to_a_metre(physics: Mismatch) -> None:
     e = physics.evidence
     assert e is not None

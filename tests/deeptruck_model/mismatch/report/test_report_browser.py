@@ -127,6 +127,12 @@ def test_a_click_on_a_finding_shows_its_curve_its_stretches_and_the_held_out_err
     assert seen["errors"] == 3  # a heading and two drives
 
 
+def test_a_drive_below_the_others_is_brought_to_sight_when_it_alone_is_marked(opened: Opened) -> None:
+    seen = opened[0]["explored"]
+    assert seen["below"] and seen["shown"]
+    assert seen["last"]["said"].startswith("Marked: 30 s in drive <2>")
+
+
 def test_without_scripts_the_figures_are_open_and_the_views_are_away(opened: Opened) -> None:
     seen = opened[0]
     assert not seen["unscripted"]["explorer"] and all(seen["unscripted"]["open"])

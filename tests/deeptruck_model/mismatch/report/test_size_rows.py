@@ -27,7 +27,7 @@ def test_a_place_on_a_curve_has_its_unit_and_next_to_nothing_is_nothing() -> Non
 
 
 def test_a_recording_keeps_its_name() -> None:
-    assert "force[b_0]" in shown(DRAGGING)
+    assert "force in b_0 alone" in shown(DRAGGING)
     assert wording.prose("recording 'b_halfspeed' has brake_command") == (
         "recording 'b_halfspeed' has brake command"
     )
@@ -38,7 +38,7 @@ def test_a_recording_keeps_its_name() -> None:
 
 def test_a_bare_zero_says_why() -> None:
     rows = shown(DRAGGING)
-    assert rows["force[b_1]"] == f"0 N: {wording.HELD_AT_ZERO}"
+    assert rows["force in b_1 alone"] == f"0 N: {wording.HELD_AT_ZERO}"
     (curve,) = [text for name, text in rows.items() if name.endswith("of 0 W/kg")]
     assert curve == f"0 N: {wording.ENDS}"
 
@@ -48,7 +48,7 @@ def test_sizes_of_several_kinds_say_how_they_add_up() -> None:
     assert together.startswith(
         "what acts at a moment is the sum of all that hold there: force, the curve over "
     )
-    assert together.endswith("force[...] in that recording or near that moment alone")
+    assert together.endswith("force in that recording or near that moment alone")
     assert "together" not in shown({n: p for n, p in DRAGGING.items() if n.startswith("force[")})
 
 
@@ -61,7 +61,7 @@ def test_sizes_of_several_kinds_say_how_they_add_up() -> None:
         ),
         (
             {"force": Size(400.0, "N", (300.0, 500.0)), "decay_s": Size(20.0, "s", picked=True)},
-            ["force", "decay"],
+            ["force", "time in which it fades to a third"],
         ),
     ],
 )
@@ -73,4 +73,4 @@ def test_a_place_on_a_grid_is_not_told_beside_the_size_fitted_about_it(
 
 def test_what_was_picked_from_a_few_is_told_so() -> None:
     rows = shown({"force": Size(400.0, "N", (300.0, 500.0)), "decay_s": Size(20.0, "s", picked=True)})
-    assert rows["decay"] == "about 20 s, the best of a few that were tried"
+    assert rows["time in which it fades to a third"] == "about 20 s, the best of a few that were tried"

@@ -36,6 +36,10 @@ addEventListener("load", () => {
     then("brushedElsewhere", () => drag(page, $("explained"), [0.3, 0.1], [0.7, 0.8]));
     then("clicked", () => $("finding-list").children[1].click());
     seen.pressed = $("finding-list").children[1].getAttribute("aria-pressed");
+    const box = $("timelines"), last = box.lastElementChild.getBoundingClientRect().top;
+    seen.below = last > box.getBoundingClientRect().bottom - 40;
+    then("last", () => [...$("segments").children].at(-1).click());
+    seen.shown = box.lastElementChild.getBoundingClientRect().top < box.getBoundingClientRect().bottom - 40;
     seen.errors = $("held-out-errors").rows.length;
     return seen;
   };

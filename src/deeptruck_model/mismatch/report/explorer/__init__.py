@@ -4,7 +4,7 @@ In comes what was found; out goes one JSON text of rounded block means (`data`) 
 (`curves`). Beside them lie the scripts and styles that the page holds: nothing is fetched.
 """
 
-from deeptruck_model.mismatch.report.explorer.assets import script, style
+from deeptruck_model.mismatch.report.explorer.assets import dark, script, style
 from deeptruck_model.mismatch.report.explorer.data import of, text
 
-__all__ = ["of", "script", "style", "text"]
+__all__ = ["dark", "of", "script", "style", "text"]

@@ -19,5 +19,10 @@ def style() -> str:
     return _read("explorer.css")
 
 
+def dark() -> str:
+    """How it looks where the reader's screen is dark: drawings stay on white paper."""
+    return _read("explorer_dark.css")
+
+
 def _read(name: str) -> str:
     return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")

@@ -29,7 +29,10 @@ Json = dict[str, Any]
 BLOCK_S = 1.0
 MOST_BLOCKS = 20000  # of all drives together: five hours and a half at one second
 DIGITS, DEGREES = 4, 5  # significant digits of a mean; decimals of a position, which are a metre
-AXES = ("speed", "engine", "brake", "grade", "gear")  # what the map may be drawn over, where it is known
+AXES = (  # what the map may be drawn over, where it is known; the last two tell how hot brakes are
+    "speed", "engine", "brake", "grade", "gear", "braking power over 60 s", "time since braking",
+)  # fmt: skip
+NOTABLE = 0.02  # of the largest residual: below it nobody sees that two lines differ
 TRIED = ("before", "parameters_only", "after")
 
 
@@ -97,7 +100,7 @@ def _compared(m: Mismatch, e: Evidence) -> Json:
     assert m.explanation is not None
     scale = drawn(e, e.newtons(np.ones(len(e))) / e.mass)[0]
     moved = modelled.retuned(e)
-    residual, explained = e.residual + moved, moved + _explained(m, e)
+    residual, explained = e.residual + moved, modelled.told(e, m.explanation)
     known = np.where(e.valid, scale, np.nan)
     causes = [f.cause for f in m.result.findings]
     forces = _Forces(
@@ -113,6 +116,7 @@ def _compared(m: Mismatch, e: Evidence) -> Json:
         "block_s": round(blocks.seconds, 3),
         "row_s": round(e.dt, 3),
         "explains": any(c is not None for c in causes),
+        "refitted": _beside(forces),
         "axes": {n: label(n, e.command_units) for n in axes},
         "pair": _pair(e, residual, axes),
         "drives": [_drive(e, s, blocks, forces, axes) for s in e.stretches],
@@ -121,16 +125,11 @@ def _compared(m: Mismatch, e: Evidence) -> Json:
     }
 
 
-def _explained(m: Mismatch, e: Evidence) -> Array:
-    """What the findings explain of the residual, (n,), m/s^2, with those that are no part of the model."""
-    assert m.explanation is not None
-    causes = m.explanation.causes
-    if not causes:
-        return np.zeros(len(e))
-    unnamed = any(c.predictable for c in causes)
-    inside = (modelled.with_unnamed if unnamed else modelled.explained)(e, m.explanation)
-    beside = [c.force for c in causes if c.needed is not None or c.time_varying]
-    return inside + np.sum(beside, axis=0) if beside else inside
+def _beside(forces: _Forces) -> bool:
+    """Whether more is explained than the findings say one by one: what refitted parameters take."""
+    each = [np.nan_to_num(x) for x in forces.each if x is not None]
+    more = np.nan_to_num(forces.explained) - np.sum(each, axis=0) if each else np.zeros(1)
+    return bool(np.abs(more).max(initial=0.0) > NOTABLE * np.abs(np.nan_to_num(forces.residual)).max(initial=0.0))
 
 
 def _axes(e: Evidence) -> dict[str, Array]:
@@ -186,6 +185,7 @@ def _driven(m: Mismatch) -> Json:
         "block_s": round(blocks.seconds, 3),
         "row_s": round(dt, 3),
         "explains": False,
+        "refitted": False,
         "axes": {},
         "pair": [],
         "drives": [_as_recorded(r, blocks) for r in given],
@@ -265,6 +265,6 @@ def _held_out(m: Mismatch, e: Evidence) -> list[Json]:
     for k, drive in enumerate(drives):
         own = {n: m.errors[n].speed[m.errors[n].recording == k] for n in tried}
         if all(len(x) for x in own.values()):
-            rms = {n: _number(float(np.sqrt(np.mean(x**2))), None) for n, x in own.items()}
+            rms = {n: float(np.sqrt(np.mean(x**2))) for n, x in own.items()}  # rounded once, where it is shown
             out.append({"drive": drive, "runs": len(own["before"]), "rms": rms})
     return out

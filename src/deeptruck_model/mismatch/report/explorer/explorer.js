@@ -172,6 +172,14 @@ function findingList(state) {
   byId("finding-list").hidden = !state.findings.length;
 }
 
+// Where nothing of the mark is seen in the box of the drives, bring its first drive there.
+function showMark(state) {
+  const box = byId("timelines"), top = box.getBoundingClientRect().top, bottom = top + box.clientHeight;
+  const marked = [...box.children].filter((_, k) => state.marked[k].some(on => on));
+  const seen = figure => figure.getBoundingClientRect().bottom > top + 40 && figure.getBoundingClientRect().top < bottom - 40;
+  if (marked.length && !marked.some(seen)) box.scrollTop += marked[0].getBoundingClientRect().top - top;
+}
+
 // Show a finding's curve and stretches.
 function choose(state, k) {
   const f = state.findings[k];
@@ -202,7 +210,6 @@ function segmentList(state, f) {
       state.markSegments([s]);
       state.whole();
       state.zoom();
-      byId("timelines").scrollTop = byId("timelines").children[s[0]].offsetTop - byId("timelines").children[0].offsetTop;
     });
     list.append(button);
   });
@@ -232,6 +239,7 @@ function start() {
     views.forEach(v => v.draw());
     byId("marked").textContent = now;
     views.filter(v => v instanceof Timeline).forEach(v => v.tell(now));
+    showMark(state);
   });
   views = [...timelines(state), ...clouds(state), new Curve(state, byId("curve"))];
   axisChoices(state);
