@@ -35,10 +35,10 @@ CARRIERS = {
 }  # share of each that no name explains
 ALL_THE_TIME = 0.05  # m/s^2, and a force that acts always
 VARIABLES = ("speed", "grade", "engine", "brake", "elapsed", "ratio")  # of which the shares are functions
-SIGNED_ROWS, ACTING = (
-    150,
-    0.2,
-)  # rows at which a sign is looked at, where the force is not a fifth of its largest
+SIGNED_ROWS = 150  # at which a sign is looked at, where the force is ...
+ACTING = 0.2  # ... of its largest, or more; and it tells nothing by ...
+FEW_ROWS = 20  # ... fewer
+TINY = 1e-7  # of the largest power: a direction that has less is rounding
 
 
 @dataclass(frozen=True)
