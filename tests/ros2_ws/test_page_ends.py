@@ -1,4 +1,4 @@
-"""The page in a browser at the end of a run, and beside a node that hangs: fed by this test, without nodes."""
+"""The page in a browser at the end of a run, and beside a node that hangs; fed without nodes."""
 
 from __future__ import annotations
 

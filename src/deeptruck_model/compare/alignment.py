@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 LEAST_SHARED = 0.5  # of the shorter side, that an offset must leave to compare
 AGREES = 0.8  # correlation of speeds below which no offset is believed: drives of other roads reach 0.6
-SURE = 8.0  # standard deviations: pieces of unrelated drives reached 6.5 in 334 trials, their own drives 35 and more
+SURE = 8.0  # standard deviations: pieces of unrelated drives reached 6.5 in 334 trials, pieces of one 35
 NEARLY = 0.002  # of correlation: a leader that repeats itself agrees with itself at several offsets
 EARTH_M = 6371e3
 NEAR_M = 30.0  # two lanes and the error of an ordinary GPS
@@ -91,8 +91,9 @@ class _Pair:
         return bool(self.a_known.any() and self.b_known.any())
 
     def best(self) -> tuple[int, float]:
-        """The shift in samples, and the correlation there, of all that leave half of the shorter side; of peaks
-        that are nearly alike the one nearest to a common beginning."""
+        """The shift in samples, and the correlation there, of all that leave half of the shorter side.
+
+        Of peaks that are nearly alike it is the one nearest to a common beginning."""
         number = correlate(self.a_known, self.b_known)
         squares = correlate(self.a**2, self.b_known) * correlate(self.a_known, self.b**2)
         agreement = correlate(self.a, self.b) / np.sqrt(np.maximum(squares, 1e-12))
@@ -113,12 +114,12 @@ class _Pair:
         if len(changes[0]) < 2 or min(float(np.std(x)) for x in changes) == 0.0:
             return 0.0
         pieces = len(changes[0]) / max(_renewed_after(x - x.mean()) for x in changes)
-        agree = min(float(np.corrcoef(*changes)[0, 1]), 1.0 - 1e-12)
+        agree = min(float(np.corrcoef(changes[0], changes[1])[0, 1]), 1.0 - 1e-12)
         return float(np.arctanh(agree) * np.sqrt(max(pieces - 3.0, 0.0)))
 
 
 def _renewed_after(x: Array) -> float:
-    """Samples after which a centred signal tells something new: its correlation with itself is below a half."""
+    """Samples after which a centred signal tells something new: it is like itself by less than a half."""
     own = correlate(x, x)[len(x) - 1 :]
     return float(np.argmax(own < 0.5 * own[0])) or float(len(x))
 

@@ -195,9 +195,7 @@ def _kinds(shown: Parameters) -> str:
         if curve:
             kinds[f"at {curve['by']}"] = f"the curve over {words(curve['by'])}"
         elif own:
-            kinds[f"[{own['name']}"] = (
-                f"{words(own['name'])} {THERE_ALONE}"
-            )
+            kinds[f"[{own['name']}"] = f"{words(own['name'])} {THERE_ALONE}"
         else:
             kinds[name] = prose(name)
     mixed = any(k.startswith(("at ", "[")) for k in kinds) and len({p.unit for p in shown.values()}) == 1
