@@ -37,6 +37,10 @@ def test_a_page_changes_no_byte_of_a_lockstep_bag(start: Callable[..., Any], tmp
 
 
 def test_started_by_hand_it_says_where_it_is_and_serves(tmp_path: Path, domain: int) -> None:
+    (tmp_path / "parameters.yaml").write_text(
+        "truck_sim: {ros__parameters: {simulator: 'truck:volvo'}}\n"
+        "controller: {ros__parameters: {policy: 'baseline:acc'}}\n"
+    )
     node = subprocess.Popen(
         [sys.executable, "-m", "deeptruck_nodes.live_page"],
         env=environment.ros_environment(tmp_path, domain), stdout=subprocess.PIPE, text=True,
@@ -47,6 +51,7 @@ def test_started_by_hand_it_says_where_it_is_and_serves(tmp_path: Path, domain: 
         with urllib.request.urlopen(f"{address}events", timeout=10) as stream:
             said = [stream.readline().decode() for _ in range(6)]
             greeting = json.loads(said[2].removeprefix("data: "))
+            assert greeting["run"] == f"truck:volvo, baseline:acc, {tmp_path.name}"
             assert "controller" in greeting["nodes"] and not any(x["expected"] for x in greeting["links"])
             assert said[1] == "event: hello\n" and said[4] == "event: batch\n"
             os.kill(node.pid, signal.SIGINT)

@@ -58,7 +58,9 @@ def compare(
         off = f"{c.difference.speed_rms_m_s:.3g} m/s off" if c.difference else "no time together"
         typer.echo(f"{c.side.name}: moved by {c.offset.seconds:g} s, {off}")
         if c.offset.by is By.NOTHING:
-            typer.echo(f"note: no offset of {c.side.name} was sure: it begins with the first; {SET_ONE}")
+            typer.echo(
+                f"note: no offset of {c.side.name} was sure, so that it begins with the first; {SET_ONE}"
+            )
     typer.echo(f"see {out / 'compare.html'}")
 
 

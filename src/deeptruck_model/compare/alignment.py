@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 LEAST_SHARED = 0.5  # of the shorter side, that an offset must leave to compare
 AGREES = 0.8  # correlation of speeds below which no offset is believed: drives of other roads reach 0.6
-SURE = 8.0  # standard deviations: pieces of unrelated drives reached 6.5 in 334 trials, their own 35 and more
+SURE = 8.0  # standard deviations: pieces of unrelated drives reached 6.5 in 334 trials, pieces of one 35
 NEARLY = 0.002  # of correlation: a leader that repeats itself agrees with itself at several offsets
 EARTH_M = 6371e3
 NEAR_M = 30.0  # two lanes and the error of an ordinary GPS
@@ -91,8 +91,9 @@ class _Pair:
         return bool(self.a_known.any() and self.b_known.any())
 
     def best(self) -> tuple[int, float]:
-        """The shift in samples, and the correlation there, of all that leave half of the shorter side; of
-        peaks that are nearly alike the one nearest to a common beginning."""
+        """The shift in samples, and the correlation there, of all that leave half of the shorter side.
+
+        Of peaks that are nearly alike it is the one nearest to a common beginning."""
         number = correlate(self.a_known, self.b_known)
         squares = correlate(self.a**2, self.b_known) * correlate(self.a_known, self.b**2)
         agreement = correlate(self.a, self.b) / np.sqrt(np.maximum(squares, 1e-12))
@@ -118,7 +119,7 @@ class _Pair:
 
 
 def _renewed_after(x: Array) -> float:
-    """Samples after which a centred signal tells something new: its own correlation is below a half."""
+    """Samples after which a centred signal tells something new: it is like itself by less than a half."""
     own = correlate(x, x)[len(x) - 1 :]
     return float(np.argmax(own < 0.5 * own[0])) or float(len(x))
 

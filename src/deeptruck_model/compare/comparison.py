@@ -57,8 +57,8 @@ def compare(
             f"--offset-s: there is no side {', '.join(sorted(unknown))} to move; there are {names}"
         )
     first = loaded[0]
-    road = Road(first.distance, "itself", float(first.distance[-1]))
-    own = Compared(first, Offset(0.0, 1.0, By.ONE_BAG), road, statistics.of(first), None)
+    whole = Road(first.distance, "itself", float(first.distance[-1]))
+    own = Compared(first, Offset(0.0, 1.0, By.ONE_BAG), whole, statistics.of(first), None)
     return Comparison((own, *(_beside(first, s, given or {}) for s in loaded[1:])))
 
 

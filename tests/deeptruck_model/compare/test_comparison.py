@@ -104,8 +104,9 @@ def test_a_short_piece_of_another_drive_is_not_moved(
 ) -> None:
     (other,) = read(bags / "other")
     short = put(tmp_path / "short", other.piece(10 * begin_s, 10 * begin_s + 120))
-    sides = [str(bags / "whole"), str(short)]
-    told = RUN.invoke(cli.whole(), ["compare", *sides, "--out", str(tmp_path / "out")])
+    told = RUN.invoke(
+        cli.whole(), ["compare", str(bags / "whole"), str(short), "--out", str(tmp_path / "out")]
+    )
     (side,) = json.loads((tmp_path / "out" / "compare.json").read_text())["sides"][1:]
     assert side["offset_s"] == 0.0 and side["offset_by"] == "nothing" and not side["offset_found"]
     assert "no offset of short was sure" in told.output
@@ -225,8 +226,7 @@ frame.addEventListener("load", () => {
   key("Escape"); seen.gone = told();
   const level = ink(1), offset = d.querySelector("#offsets input");
   const type = text => { offset.value = text; offset.dispatchEvent(new w.Event("input")); };
-  const text_of = s => s === d.title ? s : d.querySelector(s).textContent;
-  const page = () => [d.title, "h1", ".how", "#apart"].map(text_of);
+  const page = () => [d.title, ...["h1", ".how", "#apart"].map(s => d.querySelector(s).textContent)];
   seen.found = page();
   type("0"); seen.moved_by_hand = page(); seen.redrawn = ink(1) !== level;
   const drawn = ink(0); type("1e9"); seen.refused = page(); seen.kept = ink(0) === drawn;

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import yaml
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import AccelStamped, TwistStamped
 from rclpy.callback_groups import CallbackGroup
@@ -41,6 +42,7 @@ from deeptruck_nodes.topics import (
     Topic,
 )
 
+PARAMETERS = "parameters.yaml"  # in the folder of a run
 EVERY = 0.1  # s between two batches
 KNOWN = tuple(sorted({name for topic in TOPICS.values() for name in (*topic.publishers, *topic.subscribers)}))
 LEVEL_NAMES = {value: name for name, value in LEVELS.items()}
@@ -61,7 +63,7 @@ class LivePage(DeeptruckNode):
     def __init__(self) -> None:
         super().__init__("live_page")
         self._place = place.inherited() or self._own_place()
-        self._live = Live(self._nodes(), self._links(), self._units())
+        self._live = Live(self._nodes(), self._links(), self._units(), _what_runs())
         self._stream = Stream(self._live.greeting)
         self._server = Server(self._place, *assets.page(), self._stream)
         self._subscriptions_of: dict[str, Subscription] = {}
@@ -185,6 +187,21 @@ class LivePage(DeeptruckNode):
             return (Path(os.environ.get("ROS_LOG_DIR", "")) / ENDED).read_text().strip()
         except OSError:
             return ""
+
+
+SHOWN = (("truck_sim", "simulator"), ("can_bridge", "vehicle"), ("controller", "policy"), ("replay", "bag"))
+
+
+def _what_runs() -> str:
+    """Simulator or vehicle, policy and folder of the run, as its parameters have them; empty by hand."""
+    folder = os.environ.get("ROS_LOG_DIR", "")
+    try:
+        sections = yaml.safe_load((Path(folder) / PARAMETERS).read_text()) if folder else {}
+    except (OSError, yaml.YAMLError):
+        return ""
+    of = {node: section.get("ros__parameters", {}) for node, section in sections.items()}
+    said = [str(of[node][key]) for node, key in SHOWN if of.get(node, {}).get(key)]
+    return ", ".join([*said, Path(folder).name]) if said else ""
 
 
 def main() -> None:

@@ -24,14 +24,15 @@ class Graph {
   }
 
   // What is expected or was heard is drawn; anew only where that, or the width, has changed.
-  show(topics) {
+  show(topics, over = false, failed = "") {
     const shown = this.links.filter(link => link.expected || topics[link.topic]);
     const width = Math.max(this.where.clientWidth, 300), key = `${width} ${shown.map(link => link.topic)}`;
     if (key !== this.drawn) this._draw(shown, width);
     this.drawn = key;
-    for (const {topic} of shown) this._state(topic, topics[topic]);
-    const states = shown.map(({topic}) => `${topic} ${topics[topic] ? topics[topic][0] : "silent"}`);
-    this.svg.setAttribute("aria-label", `Topics: ${states.join(", ")}`);
+    for (const {topic} of shown) this._state(topic, topics[topic], over);
+    if (failed) this._fail(failed);
+    const states = shown.map(({topic}) => `${topic} ${over ? "ended" : topics[topic] ? topics[topic][0] : "silent"}`);
+    this.svg.setAttribute("aria-label", `${failed ? `${failed} failed. ` : ""}Topics: ${states.join(", ")}`);
   }
 
   _draw(links, width) {
@@ -53,8 +54,10 @@ class Graph {
       this.svg.append(part);
     }
     for (const [names, x] of [[left, 0], [right, width - side]]) for (const [name, y] of Object.entries(names)) {
-      this.svg.append(shape("rect", {class: "node", x: x + 0.5, y: y - 13, width: side - 1, height: 26, rx: 4}));
-      this.svg.append(this._text(x + side / 2, y + 4, name));
+      const node = shape("g", {class: "box"});
+      node.dataset.node = name;
+      node.append(shape("rect", {class: "node", x: x + 0.5, y: y - 13, width: side - 1, height: 26, rx: 4}), this._text(x + side / 2, y + 4, name));
+      this.svg.append(node);
     }
     this.where.replaceChildren(this.svg);
   }
@@ -66,12 +69,21 @@ class Graph {
 
   _text(x, y, text) { return shape("text", {x, y, "text-anchor": "middle"}, text); }
 
-  _state(topic, heard) {
+  // A node that failed, in red and with a cross, wherever it stands.
+  _fail(name) {
+    for (const node of this.svg.querySelectorAll(`[data-node="${name}"]`)) {
+      node.setAttribute("class", "box failed");
+      node.lastChild.textContent = `✖ ${name}`;
+    }
+  }
+
+  _state(topic, heard, over) {
     const [state, age, rate] = heard || ["unheard", 0, 0], part = this.parts[topic];
-    part.setAttribute("class", state);
+    part.setAttribute("class", over ? "over" : state);
     const often = rate >= 10 ? rate.toFixed(0) : rate.toFixed(1);
     const says = state === "unheard" ? "not heard yet" : state === "fresh" ? `${often} Hz, ${age.toFixed(1)} s`
       : `${state} for ${age.toFixed(1)} s`;
-    part.lastChild.textContent = `${GLYPH[state]} ${says}`;
+    part.lastChild.textContent = over ? `until the end, ${often} Hz` : `${GLYPH[state]} ${says}`;
+    if (over && !heard) part.lastChild.textContent = "not heard";
   }
 }

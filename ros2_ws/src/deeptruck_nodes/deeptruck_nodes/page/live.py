@@ -70,6 +70,7 @@ class Live:
     nodes: tuple[str, ...]
     links: tuple[Link, ...]
     units: Mapping[str, str]
+    run: str = ""  # what drives, and where its logs are
     _ages: dict[str, Ages] = field(default_factory=dict)
     _samples: dict[str, tuple[list[float], list[float | None]]] = field(default_factory=dict)
     _health: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -124,6 +125,7 @@ class Live:
                 "nodes": self.nodes,
                 "links": links,
                 "units": dict(self.units),
+                "run": self.run,
                 "health": self._told(self._health),
             }
         )

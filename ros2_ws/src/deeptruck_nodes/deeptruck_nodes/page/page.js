@@ -7,13 +7,23 @@ const SILENT_MS = 2000;  // without a batch, which come ten times a second
 const SHIELD_MS = 3000;  // for so long the shield is said to have acted
 
 let series = {}, health = {}, ages = {}, topics = {}, newest = -Infinity;
-let strips = [], source = null, heardAt = performance.now(), over = false, due = false, lost = 0;
+let strips = [], source = null, heardAt = performance.now(), over = false, failed = "", due = false, lost = 0;
+const NOT_READY = ["it never began", "not everything got ready"];  // ends that nobody planned, beside a node that failed
+const TOPIC_OF = {speed: "/truck/twist", leader_speed: "/radar/twist", gap: "/radar/range", engine_command: "/truck/command",
+  brake_command: "/truck/command", residual: "/mismatch/residual", smoothed: "/mismatch/residual"};
 const graph = new Graph($("graph"));
 
 const data = name => series[name] || (series[name] = new Series());
 const value = (node, key) => health[node] && health[node].values[key];
 
-function begin({nodes, links, units, health: said}) {
+// How old the newest value of a series is, s, where that is more than usual; 0 where it is new.
+function ageOf(name) {
+  const [state, age] = topics[TOPIC_OF[name]] || ["fresh", 0];
+  return state === "fresh" ? 0 : age;
+}
+
+function begin({nodes, links, units, health: said, run}) {
+  if (run) document.title = document.querySelector("h1").textContent = `A run, live: ${run}`;
   [series, topics, ages, newest] = [{}, {}, {}, -Infinity];
   health = said;
   graph.begin(links);
@@ -100,9 +110,10 @@ function showHealth() {
   const where = $("health"), names = Object.keys(health).sort();
   while (where.children.length > names.length) where.lastChild.remove();
   names.forEach((name, k) => {
-    const line = where.children[k] || where.appendChild(document.createElement("li")), old = ages[name] > 3;
-    const [glyph, kind] = old ? ["○", "silent"] : LEVELS[health[name].level] || LEVELS.error;
-    const text = `${glyph} ${name}: ${health[name].says}${old ? ` (said ${ages[name].toFixed(0)} s ago)` : ""}`;
+    const line = where.children[k] || where.appendChild(document.createElement("li")), old = ages[name] > 3 && !over;
+    const [glyph, kind] = name === failed ? LEVELS.error : over ? ["○", "over"] : old ? ["○", "silent"] : LEVELS[health[name].level] || LEVELS.error;
+    const then = name === failed ? `failed, and with it the run. It had said: ${health[name].says}` : health[name].says;
+    const text = `${glyph} ${name}: ${then}${old ? ` (said ${ages[name].toFixed(0)} s ago)` : ""}`;
     if (line.textContent !== text) line.textContent = text;
     if (line.className !== kind) line.className = kind;
   });
@@ -111,8 +122,8 @@ function showHealth() {
 function draw() {
   due = false;
   const seconds = Number($("window").value);
-  for (const strip of strips) strip.draw(data, Number.isFinite(newest) ? newest : 0, seconds);
-  graph.show(topics);
+  for (const strip of strips) strip.draw(data, Number.isFinite(newest) ? newest : 0, seconds, over ? () => 0 : ageOf);
+  graph.show(topics, over, failed);
   showSafety();
   showShield();
   showHealth();
@@ -146,7 +157,12 @@ function connect() {
   hear("ended", text => {
     over = true;
     source.close();
-    say("link", `○ The run has ended${text ? `: ${text}` : ""}. A new run prints a new address.`, "bad");
+    failed = (text.match(/^(\S+) failed$/) || [])[1] || "";
+    const bad = failed || NOT_READY.includes(text);
+    say("link", `${bad ? "✖" : "○"} The run has ended${text ? `: ${text}${bad ? "" : ", as planned"}` : ""}. What you see is how it was then. A new run prints a new address.`,
+      bad ? "bad" : "over");
+    document.body.classList.add("ended");
+    drawSoon();
   });
   source.onerror = () => {
     if (over) return;

@@ -59,11 +59,13 @@ class Strip {
     return value;
   }
 
-  draw(data, end, seconds) {
+  // `age` tells how old the newest value of a series is, s, where it should be newer.
+  draw(data, end, seconds, age = () => 0) {
     const from = end - seconds * 1000;
     this.lines.forEach((line, k) => {
       const v = data(line.series).last();
-      const text = v === null ? "–" : `${v.toFixed(this.least < 1 ? 3 : 1).replace("-", "−")} ${this.unit}`;
+      const number = v === null ? "–" : `${v.toFixed(this.least < 1 ? 3 : 1).replace("-", "−")} ${this.unit}`;
+      const old = v === null ? 0 : age(line.series), text = old ? `– (${number} ${old.toFixed(0)} s ago)` : number;
       if (this.values[k].textContent !== text) this.values[k].textContent = text;
     });
     this._begin(this._reach(data, from));

@@ -129,8 +129,9 @@ def _beside(forces: _Forces) -> bool:
     """Whether more is explained than the findings say one by one: what refitted parameters take."""
     each = [np.nan_to_num(x) for x in forces.each if x is not None]
     more = np.nan_to_num(forces.explained) - np.sum(each, axis=0) if each else np.zeros(1)
-    most = np.abs(np.nan_to_num(forces.residual)).max(initial=0.0)
-    return bool(np.abs(more).max(initial=0.0) > NOTABLE * most)
+    return bool(
+        np.abs(more).max(initial=0.0) > NOTABLE * np.abs(np.nan_to_num(forces.residual)).max(initial=0.0)
+    )
 
 
 def _axes(e: Evidence) -> dict[str, Array]:
@@ -266,6 +267,8 @@ def _held_out(m: Mismatch, e: Evidence) -> list[Json]:
     for k, drive in enumerate(drives):
         own = {n: m.errors[n].speed[m.errors[n].recording == k] for n in tried}
         if all(len(x) for x in own.values()):
-            rms = {n: float(np.sqrt(np.mean(x**2))) for n, x in own.items()}  # rounded where it is shown
+            rms = {
+                n: float(np.sqrt(np.mean(x**2))) for n, x in own.items()
+            }  # rounded once, where it is shown
             out.append({"drive": drive, "runs": len(own["before"]), "rms": rms})
     return out
