@@ -83,6 +83,19 @@ def test_one_finding_alone_is_all_that_the_findings_explain(physics: Mismatch) -
     np.testing.assert_allclose(told, np.subtract(before["explained"], before["force0"]), atol=2e-3)
 
 
+def test_heat_can_be_drawn_against(physics: Mismatch) -> None:
+    told = explorer.of(physics)
+    for name in ("braking power over 60 s", "time since braking"):
+        assert name in told["axes"] and np.ptp(told["drives"][0]["columns"][name]) > 0.0
+
+
+def test_an_error_is_rounded_once_where_it_is_shown(physics: Mismatch) -> None:
+    """0.0091554 is 0.00916 in the headline; by way of 0.009155 it was 0.00915 in the table."""
+    errors = {n: replace(x, speed=np.full_like(x.speed, 0.0091554)) for n, x in physics.errors.items()}
+    for row in explorer.of(replace(physics, errors=errors))["held_out"]:
+        assert {f"{x:.3g}" for x in row["rms"].values()} == {"0.00916"}
+
+
 def test_positions_are_kept_to_a_metre(physics: Mismatch) -> None:
     e = physics.evidence
     assert e is not None
