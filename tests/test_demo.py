@@ -258,3 +258,14 @@ def test_an_interrupted_step_is_ended_and_done_again(tmp_path: Path) -> None:
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)
     assert json.loads((tmp_path / "logs" / "long.json").read_text())["done"] is None
+
+
+def test_a_page_that_the_user_changed_is_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page.write(tmp_path, [], 60.0)
+    page.write(tmp_path, [], 120.0)
+    assert not capsys.readouterr().err
+    (tmp_path / "index.html").write_text("mine")
+    page.write(tmp_path, [], 180.0)
+    assert "it is kept as" in capsys.readouterr().err
+    assert (tmp_path / "index.html.before").read_text() == "mine"
+    assert "<html" in (tmp_path / "index.html").read_text()

@@ -12,8 +12,12 @@ import typer
 from deeptruck_model import console, driving_cycles, files, trucks
 from deeptruck_model.driving_cycles import CycleSettings, RoadSettings
 from deeptruck_model.recordings import write_bag
+from deeptruck_model.results import BAG_FILES
 
-DRIVES = files.Result("a folder of drives with fading brakes")
+DRIVES = files.Result(
+    "a folder of drives with fading brakes",
+    tuple(f"{bag}/{name}" for bag in "abcd" for name in (*BAG_FILES, files.LEDGER)),
+)
 # chosen, not measured: so large that it is seen by eye
 HEATS_J_PER_K = 250e3
 COOLS_S = 180.0

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
+import sys
 from collections.abc import Callable, Mapping, Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from matplotlib.figure import Figure
 
+from deeptruck_model import files
 from deeptruck_model.mismatch.report import headline, page, validation, wording
 from deeptruck_model.mismatch.result import Verdict
 from deeptruck_model.recordings import read
@@ -40,15 +44,31 @@ def write(out: Path, progress: Sequence[Progress], seconds: float) -> Path:
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
     text = environment.get_template("page.html.jinja").render(content)
-    partial = out / ".index.html"
-    partial.write_text(text, encoding="utf-8")
-    partial.replace(out / "index.html")
+    _put(out, "index.html", text.encode())
     return out / "index.html"
 
 
 def _save(figure: Figure, out: Path, name: str) -> str:
-    figure.savefig(out / "figures" / name, dpi=110)
+    picture = BytesIO()
+    figure.savefig(picture, format="png", dpi=110)
+    _put(out, f"figures/{name}", picture.getvalue())
     return f"figures/{name}"
+
+
+def _put(out: Path, name: str, content: bytes) -> None:
+    """Write a part of the page. What the user made of an older one is set aside first, and said."""
+    place, known = out / name, out / "logs" / "page.json"
+    prints = json.loads(known.read_text()) if known.is_file() else {}
+    if place.is_file() and place.read_bytes() != content and prints.get(name) != _print(place.read_bytes()):
+        kept = files.aside(place.with_name(f"{place.name}.before"))
+        place.rename(kept)
+        print(f"note: {place} was changed since the demo wrote it; it is kept as {kept}", file=sys.stderr)
+    files.write(place, content)
+    files.write(known, json.dumps({**prints, name: _print(content)}).encode())
+
+
+def _print(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
 
 
 def _recording(out: Path) -> dict[str, Any]:

@@ -117,7 +117,7 @@ def run(out: Path, cases: int, seed: int, jobs: int) -> list[Limited]:
             done.result()
             Console(stderr=True).print(f"{k} of {len(plan)}")
         found = [c for c in (_read(_place(out, *job)) for job in plan) if c is not None]
-        files.write(out / "limit.json", json.dumps(_table(found), indent=1).encode())
+        files.rewrite(out / "limit.json", json.dumps(_table(found), indent=1).encode())
     return found
 
 

@@ -48,7 +48,7 @@ def write_page(
 
 
 def _replace(path: Path, text: str) -> None:
-    files.write(path, text.encode())
+    files.rewrite(path, text.encode())
 
 
 def figures_of_merit(scored: Sequence[Score]) -> dict[str, Any]:

@@ -336,3 +336,37 @@ def test_begun_work_is_set_aside_when_the_user_begins_anew(
     (kept,) = set(tmp_path.iterdir()) - {out}
     assert (kept / "log" / "1.txt").read_text() == "hours of work"
     assert f"had begun is kept as {kept}" in capsys.readouterr().err
+
+
+def test_what_is_written_again_keeps_what_the_user_made_of_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    KIND.claim(out)
+    for text in ("first", "second"):
+        files.rewrite(out / "a", text.encode())
+    assert (out / "a").read_text() == "second" and not capsys.readouterr().err
+    for mine in ("mine", "mine again"):
+        (out / "a").write_text(mine)
+        files.rewrite(out / "a", b"third")
+        assert "was changed since this command wrote it; it is kept as" in capsys.readouterr().err
+    assert (out / "a").read_text() == "third"
+    assert (tmp_path / "out.a.before").read_text() == "mine"
+    assert (tmp_path / "out.a.before1").read_text() == "mine again"
+
+
+def test_what_another_command_left_unfinished_is_not_gone_on_with(tmp_path: Path) -> None:
+    out, other = tmp_path / "out", files.Result("another thing", KIND.names)
+    draft = files.unfinished(out)
+    draft.mkdir()
+    (draft / "a").write_text("mine")
+    other.sign(draft)
+    with pytest.raises(InputError, match="another thing"), KIND.going_on(out):
+        pass
+    KIND.claim(draft)
+    KIND.sign(draft)
+    (draft / "a").write_text("changed")
+    with pytest.raises(InputError, match="holds a, which has changed since it was finished"):
+        KIND.check_begun(out)
+    assert (draft / "a").read_text() == "changed"

@@ -5,6 +5,7 @@ rule for folders, `ledger` tells a command's own files, `single` writes one file
 unfinished. Standard library only.
 """
 
+from deeptruck_model.files.again import aside, rewrite
 from deeptruck_model.files.ledger import LEDGER, renew
 from deeptruck_model.files.places import (
     begun,
@@ -36,6 +37,7 @@ __all__ = [
     "RENAME",
     "Result",
     "advice",
+    "aside",
     "begun",
     "check_new",
     "check_outside",
@@ -45,6 +47,7 @@ __all__ = [
     "left_beside",
     "new_file",
     "renew",
+    "rewrite",
     "tell_left_beside",
     "unfinished",
     "write",

@@ -85,6 +85,30 @@ def at_work(what: str) -> bytes:
     return _text({"what": what, "files": {}, "at_work": True})
 
 
+def written_last(path: Path) -> Print | None:
+    """The print of a file that a command writes again and again, as it last left it; None where it never did
+    or the folder has no ledger of work that goes on."""
+    try:
+        told = json.loads((path.parent / LEDGER).read_text())
+        return _print(told["files"].get(path.name)) if told.get("at_work") else None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+
+
+def note_written(path: Path) -> None:
+    """Remember how a command that goes on in this folder left one of its files. Raises OSError."""
+    place = path.parent / LEDGER
+    try:
+        told = json.loads(place.read_text())
+        at_work, files = bool(told["at_work"]), dict(told["files"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return
+    if at_work:
+        draft = path.with_name(f".{LEDGER}.tmp")
+        draft.write_bytes(_text({**told, "files": {**files, path.name: print_of(path)}}))
+        draft.replace(place)
+
+
 def renew(path: Path) -> None:
     """Tell the ledgers above a file of ours that this tool has changed it. Raises OSError."""
     changed = [path.absolute()]  # and the ledgers that tell of it, which those further up know too

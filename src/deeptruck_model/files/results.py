@@ -85,7 +85,8 @@ class Result:
         with self._held(out, overwrite):
             draft = unfinished(out)
             self._tidy(out)
-            self._ours(draft)
+            if draft.is_dir():
+                self._check_gone_on_with(draft)
             try:
                 draft.mkdir(exist_ok=True)
                 (draft / LEDGER).unlink(missing_ok=True)  # of a run that died as it was to publish
@@ -211,7 +212,19 @@ class Result:
         if draft.exists() and not draft.is_dir():
             raise InputError(f"{draft} is a file, where this command keeps unfinished work; move it")
         if draft.is_dir():
-            self._ours(draft)
+            self._check_gone_on_with(draft)
+
+    def _check_gone_on_with(self, draft: Path) -> None:
+        """Raises InputError for what another command wrote, or is finished and has changed since."""
+        known = ledger.read(draft)
+        if known is not None and known.what != self.what:
+            raise self._foreign(draft, known.what)
+        self._ours(draft)
+        for name in (known.files or ()) if known is not None else ():
+            if known is not None and (draft / name).is_file() and known.is_changed(draft, name):
+                raise InputError(
+                    f"{draft} holds {name}, which has changed since it was finished; move the folder"
+                )
 
     def anew(self, out: Path) -> None:
         """Make room for new work where a killed run left some: that is set aside, and said."""
