@@ -49,6 +49,22 @@ def test_half_of_the_forces_and_parameters_that_do_nothing_are_missing(shuttle: 
     assert found["refitted"].state is State.NO and "changes nothing" in found["refitted"].says
 
 
+class Limited:
+    """A truck whose engine gives no more than a part of what it is asked for, N m."""
+
+    def __init__(self, truck: Any, most: float) -> None:
+        self.truck, self.most = truck, [most, np.inf]
+        self.reset, self.inside, self.interface, self.dt = (
+            truck.reset,
+            truck.inside,
+            truck.interface,
+            truck.dt,
+        )
+
+    def step(self, state: Any, u: Any, w: Any) -> tuple[Any, Any]:
+        return self.truck.step(state, np.minimum(u, self.most), w)
+
+
 def drives(truck: Any, count: int) -> list[Recording]:
     """40 s each of pedals that come and go on hills, with the noise of a wheel-speed sensor."""
     out = []
@@ -81,3 +97,11 @@ def test_an_outside_simulator_is_corrected_kept_and_loaded_again(shuttle: Path) 
     shuttle.write_text(shuttle.read_text().replace("LEVER = 4.0", "LEVER = 4.5"))
     with pytest.raises(InputError, match="SHA-256"):
         simulators.load("better")
+
+
+def test_a_force_goes_into_a_simulator_that_tells_none_of_its_own(shuttle: Path) -> None:
+    truck = simulators.load(f"python:{shuttle.stem}:make")
+    *fit, held, also = drives(Limited(truck, 900.0), 8)
+    found = mismatch.find_mismatch(truck, fit, [held, also])
+    assert [f.effect for f in found.result.findings] == ["torque_limit"] and found.result.fit.validated
+    assert found.result.fit.errors.after.speed < 0.2 * found.result.fit.errors.before.speed

@@ -152,7 +152,7 @@ def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequenc
     """
     e = left_beside(e.to_fit(), x.model).everywhere()
     search = _as_given(e, ~e.held_out)
-    shares = None if simulator.parameters() else Shares.of(e)
+    shares = Shares.untold(e)
     alone = _Recipe((), (), frozenset(search.parameters), Chosen.PARAMETERS)
     nothing = _Recipe((), (), frozenset(), Chosen.NOTHING)
     recipes = [nothing, *_recipes(e, x), alone] if x.causes else [nothing]
@@ -214,7 +214,7 @@ def corrected(simulator: Simulator, e: Evidence, model: Model) -> CorrectedTruck
     """The simulator with one whole explanation in it, parameters and all; of a physics truck."""
     change = _change(e, model, model.free)
     terms = _terms(_physics(model.named), model)
-    return _truck(simulator, e, terms, change, None)
+    return _truck(simulator, e, terms, change, Shares.untold(e))
 
 
 def _truck(
