@@ -90,6 +90,17 @@ def test_a_link_is_not_turned_into_a_file(tmp_path: Path) -> None:
     assert [p.name for p in link.parent.iterdir()] == ["bag_0.mcap"]
 
 
+def test_a_description_that_is_a_link_stays_one(tmp_path: Path) -> None:
+    file, data = torn_bag(tmp_path / "bag")
+    link, target = tmp_path / "bag" / "metadata.yaml", tmp_path / "mine.yaml"
+    link.rename(target)
+    link.symlink_to(target)
+    before = target.read_bytes()
+    with pytest.raises(InputError, match=r"metadata\.yaml is a symbolic link.* repair what it points to"):
+        repair(tmp_path / "bag")
+    assert link.is_symlink() and target.read_bytes() == before and file.read_bytes() == data
+
+
 def test_a_repaired_bag_is_still_its_recorders(tmp_path: Path) -> None:
     bag = tmp_path / "bag"
     kind = Result("a bag of this test")
