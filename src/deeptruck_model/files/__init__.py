@@ -6,7 +6,7 @@ rule for folders, `owned` says whose one is, `ledger` tells a command's own file
 """
 
 from deeptruck_model.files.again import rewrite
-from deeptruck_model.files.ledger import LEDGER, renew
+from deeptruck_model.files.ledger import LEDGER, is_as_written, renew
 from deeptruck_model.files.places import (
     begun,
     final,
@@ -45,6 +45,7 @@ __all__ = [
     "check_writable",
     "final",
     "free",
+    "is_as_written",
     "left_beside",
     "new_file",
     "renew",

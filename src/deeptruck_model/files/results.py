@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.files import places
+from deeptruck_model.files import ledger, places
 from deeptruck_model.files.ledger import LEDGER
 from deeptruck_model.files.owned import Owned
 from deeptruck_model.files.parts import remove
@@ -207,7 +207,22 @@ class Result(Owned):
             if draft.exists():
                 self._keep(draft, out, error)
             raise
-        if old is not None and not remove(old, files):
+        if old is not None:
+            self._remove_older(old, files, out)
+
+    def _remove_older(self, old: Path, files: list[str], out: Path) -> None:
+        """Remove an older result. One whose files are known by their names alone, as of a recorder that was
+        killed, may hold others under these names: it is kept, which is said."""
+        known = ledger.read(old)
+        if known is None or not known.whole:
+            kept = aside(out.with_name(f"{out.name}.old"))
+            with suppress(OSError):
+                old = old.rename(kept)
+            print(
+                f"note: the older {out.name} was not finished; it is kept as {old}, remove it",
+                file=sys.stderr,
+            )
+        elif not remove(old, files):
             print(f"note: {old} keeps what this command did not write", file=sys.stderr)
 
     def _keep(self, draft: Path, out: Path, error: BaseException) -> None:

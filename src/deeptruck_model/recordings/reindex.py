@@ -32,9 +32,10 @@ def repair(path: str | Path) -> str | None:
     `path` is a rosbag2 folder with one MCAP file, or the file itself. Everything in whole chunks is kept;
     returns one line on what was done, None where nothing was wrong. A mended copy takes the file's place once
     it is complete, so a kill at any moment leaves the one or the other. What is cut off is kept as
-    FILE.mcap.cut, a metadata.yaml that was there as metadata.yaml.before; other files are left alone. Raises
-    InputError where there is no MCAP file or an empty one, it is a link or still being written, or the disk
-    cannot be written.
+    FILE.mcap.cut, a metadata.yaml that was there as metadata.yaml.before; other files are left alone. Nothing
+    tells a torn file of the recorder from another in its place: the ledger of the folder stays as it was, so
+    that --overwrite refuses the folder or keeps it aside. Raises InputError where there is no MCAP file or an
+    empty one, it is a link or still being written, or the disk cannot be written.
     """
     path = Path(path)
     file = _only_mcap(path)
@@ -67,7 +68,7 @@ def _mend(path: Path, file: Path) -> tuple[Found, Path | None]:
     """Put a mended copy in the place of `file`; the file that keeps what was cut off, if there is one."""
     number, name = tempfile.mkstemp(prefix=f".{file.name}.", suffix=".tmp", dir=file.parent)
     os.close(number)
-    draft, before = Path(name), file.stat()
+    draft, before, is_ours = Path(name), file.stat(), files.is_as_written(file)
     try:
         shutil.copyfile(file, draft)
         shutil.copymode(file, draft)
@@ -88,8 +89,9 @@ def _mend(path: Path, file: Path) -> tuple[Found, Path | None]:
                 (path / METADATA).unlink()
             draft.replace(file)
             _describe(path, file, found)
-            files.renew(file)
-            files.renew(path / METADATA)
+            if is_ours:
+                files.renew(file)
+                files.renew(path / METADATA)
         else:
             draft.replace(file)
         return found, cut
