@@ -5,6 +5,8 @@
 .NAME.PID.new            a recording that takes the place of an older NAME when it is whole
 .NAME.PID.old            an older NAME, for the moment in which the new one is renamed
 .NAME.PID.unfinished     work that was set aside, because the user began anew
+NAME.new                 a whole result, in whose place something else lay at the end
+NAME.old                 an older NAME that was never finished, so that whose its files are is not known
 """
 
 from __future__ import annotations
