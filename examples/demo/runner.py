@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from deeptruck_model import files
 from examples.demo.steps import Step
 
 POLL_S = 0.2
@@ -103,7 +104,7 @@ class Runner:
         p.state = "done"  # last: a step that waits for this one reads the mark
 
     def _write_mark(self, name: str, content: dict[str, Any]) -> None:
-        (self.out / "logs" / f"{name}.json").write_text(json.dumps(content))
+        files.write(self.out / "logs" / f"{name}.json", json.dumps(content).encode())
 
     def _mark(self, name: str) -> dict[str, Any]:
         try:
@@ -132,7 +133,7 @@ class Runner:
             if self._stop:
                 _end(process)
             time.sleep(POLL_S)
-        log.write_text("\n".join(_plain(raw.read_bytes())) + "\n")
+        files.write(log, ("\n".join(_plain(raw.read_bytes())) + "\n").encode())
         raw.unlink()
         if self._stop:
             p.state = "waiting"

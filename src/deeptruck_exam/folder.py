@@ -6,7 +6,7 @@ from pathlib import Path
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.files import LEDGER, Result
-from deeptruck_model.results import FOUND, TRUCK_FILES
+from deeptruck_model.results import FOUND, TRUCK_FILES, apart
 
 _BAG = ("metadata.yaml", "*_0.mcap", LEDGER)
 _FOUND = tuple(f"found/{name}" for name in (*FOUND.names, LEDGER))
@@ -60,4 +60,5 @@ def check_real(data: Path, out: Path) -> None:
     """
     if not data.is_dir():
         raise InputError(f"--real: there is no folder {data}; docs/recordings.md says where logs are from")
+    apart(out, data)
     REAL.check(out, overwrite=True)  # what is judged there is kept

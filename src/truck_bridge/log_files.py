@@ -11,6 +11,7 @@ from deeptruck_model.errors import InputError
 TEXT = (".log", ".candump", ".txt", "")
 BAGS = (".mcap", ".db3", ".bag")
 BAG = ".mcap"  # the one kind of rosbag that is written
+LINES = {".log", ".asc", ".trc"}  # text, written line behind line
 MF4 = ".mf4"
 WRITABLE = (".log", ".asc", ".blf", MF4, ".trc", BAG)
 FLUSH_S = 0.5  # what a recorder took before survives a kill -9

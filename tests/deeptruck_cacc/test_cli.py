@@ -251,6 +251,17 @@ def test_a_damaged_checkpoint_is_named_with_advice_that_is_taken(capsys, unfinis
     assert (kept / "checkpoint" / "state.safetensors").exists()
 
 
+@pytest.mark.parametrize("how", ["--overwrite", "--resume"])
+def test_a_run_that_was_killed_before_its_first_checkpoint_is_set_aside_and_named(capsys, tmp_path, how):
+    begun = tmp_path / ".p.unfinished" / "learning_curve.jsonl"
+    begun.parent.mkdir()
+    begun.write_text("mine")
+    assert run(*training(tmp_path), how) == 0
+    (kept,) = (p for p in tmp_path.iterdir() if p.name != "p")
+    assert f"had begun is kept as {kept}; remove it" in capsys.readouterr().err
+    assert (kept / "learning_curve.jsonl").read_text() == "mine"
+
+
 def test_the_old_policy_stands_until_the_new_one_is_whole(capsys, finished):
     before = content(finished / "p")
     kill(*training(finished), "--seed", "3", "--overwrite")

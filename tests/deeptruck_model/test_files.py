@@ -8,6 +8,8 @@ import os
 import resource
 import subprocess
 import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import pytest
@@ -174,6 +176,48 @@ def test_a_file_that_comes_while_the_result_is_made_stays(tmp_path: Path) -> Non
     assert (tmp_path / "out" / "mine.txt").read_text() == "mine"
 
 
+@pytest.mark.parametrize("way", [KIND.replacing, KIND.going_on])
+@pytest.mark.parametrize("older", [True, False])
+def test_what_is_finished_is_kept_where_something_else_came_to_its_place(
+    tmp_path: Path, way: Callable[..., AbstractContextManager[Path]], older: bool
+) -> None:
+    out = tmp_path / "out"
+    if older:
+        publish(out, a="old")
+    for kept in (tmp_path / "out.new", tmp_path / "out.new1"):
+        says = f"out holds mine.txt.*; the new one is whole, it is kept as {kept}$"
+        with pytest.raises(InputError, match=says), way(out, overwrite=True) as draft:
+            (draft / "a").write_text("new")
+            (out / "mine.txt").write_text("mine")
+        (out / "mine.txt").rename(tmp_path / "mine.txt")
+        assert (kept / "a").read_text() == "new" and KIND.check(kept, overwrite=True)
+        assert {p.name for p in out.glob("*")} - {files.LEDGER} == ({"a"} if older else set())
+    assert {p.name for p in tmp_path.iterdir()} <= {"out", "out.new", "out.new1", "mine.txt"}
+
+
+def test_a_finished_file_is_kept_where_another_came_to_its_place(tmp_path: Path) -> None:
+    path, kept = tmp_path / "a.csv", tmp_path / "a.new.csv"
+    with pytest.raises(InputError, match=f"kept as {kept}$"), files.new_file(path) as draft:
+        draft.write_text("new")
+        path.write_text("mine")
+    assert kept.read_text() == "new" and path.read_text() == "mine"
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+@pytest.mark.parametrize("name", ["n" * 250, "ä" * 120])
+def test_a_name_that_is_too_long_is_one_line(tmp_path: Path, name: str) -> None:
+    """Whatever fits alone, but not with what is written beside it, and whatever does not fit at all."""
+    for longer in (name, name * 2):
+        with pytest.raises(InputError, match=r"is a name of \d+ bytes; .* choose a shorter one"):
+            KIND.check(tmp_path / longer)
+        with pytest.raises(InputError, match="choose a shorter one"), files.new_file(tmp_path / (longer * 2)):
+            pass
+    longest = tmp_path / ("n" * 230)
+    publish(longest, a="1")
+    KIND.anew(longest)
+    assert longest.is_dir()
+
+
 def test_unfinished_work_is_gone_on_with_or_forgotten(tmp_path: Path) -> None:
     out = tmp_path / "out"
     with pytest.raises(ZeroDivisionError), KIND.going_on(out) as draft:
@@ -233,6 +277,17 @@ def test_the_older_recording_stands_until_the_newer_one_is_whole(
     assert record(out, "third") not in (out, kept) and (out / "a").read_text() == "third"
     assert {path.name for path in tmp_path.iterdir()} == {"out", kept.name}
     assert f"{kept} is another out" in capsys.readouterr().err
+
+
+def test_two_recordings_to_one_new_name_are_told_of_each_other(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    with KIND.recording(out, whole=lambda _: True):
+        says = f"another run is to write {out}; wait until it has ended, or choose"
+        with pytest.raises(InputError, match=says), KIND.recording(out, whole=lambda _: True):
+            pass
+        with KIND.recording(tmp_path / "other", whole=lambda _: True):
+            pass
+    record(out, "1")
 
 
 def test_where_nothing_was_recorded_the_older_one_stands(tmp_path: Path) -> None:

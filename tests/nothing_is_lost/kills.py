@@ -184,7 +184,7 @@ class Bench:
 
     def _repaired(self) -> str:
         """What hinders the bag that a killed recorder left from being mended; '' where nothing does."""
-        if not list(self.out.glob("*.mcap")):
+        if not any(path.stat().st_size for path in self.out.glob("*.mcap")):
             return ""
         script = PROGRAMS / "deeptruck-model"
         done = subprocess.run(

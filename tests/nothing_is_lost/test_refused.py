@@ -46,6 +46,7 @@ INSIDE = (
     "deeptruck-model road found bag --out bag/out",
     "deeptruck-cacc train --simulator bag --out bag/out",
     "deeptruck-cacc evaluate bag --simulator truck:trucksim --out bag/out",
+    "deeptruck-model prove --real bag --out bag/out",
     "deeptruck-model check-simulator bag --json bag/x.json",
     "deeptruck-model export bag --out bag/x.onnx",
     "deeptruck-cacc export bag --out bag/x.onnx",
@@ -201,27 +202,20 @@ def test_what_a_killed_run_left_is_told_and_stays(here: Path, capsys: pytest.Cap
     assert {*left, "out"} == {path.name for path in here.iterdir()}
 
 
-def test_the_draft_of_its_own_killed_run_is_removed(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    own, others = here / ".out.abcd_123.tmp", here / ".out.abcd_124.tmp"
-    for kind, draft in ((results.COVERAGE, own), (results.FOUND, others)):
-        draft.mkdir()
-        kind.claim(draft)
-        (draft / "coverage.json").write_text("half")
+@pytest.mark.parametrize("name", ["coverage.json", ".coverage.json.tmp", "notes/mine.txt"])
+def test_nothing_in_the_draft_of_a_killed_run_is_removed(
+    name: str, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A file of the user has any name, that of one of the command's too."""
+    draft, empty = here / ".out.abcd_123.tmp", here / ".out.abcd_124.tmp"
+    for folder in (draft, empty):
+        folder.mkdir()
+        results.COVERAGE.claim(folder)
+    (draft / name).parent.mkdir(exist_ok=True)
+    (draft / name).write_text("mine")
     with results.COVERAGE.replacing(here / "out"):
         pass
-    assert {others.name, "out"} == {path.name for path in here.iterdir()}
-    assert f"removed {own}" in capsys.readouterr().err
-
-
-def test_a_draft_with_a_file_of_the_user_stays(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    draft = here / ".out.abcd_123.tmp"
-    (draft / "notes").mkdir(parents=True)
-    results.COVERAGE.claim(draft)
-    (draft / "notes" / "mine.txt").write_text("mine")
-    (draft / "coverage.json").write_text("half")
-    with results.COVERAGE.replacing(here / "out"):
-        pass
-    assert (draft / "notes" / "mine.txt").read_text() == "mine" and (draft / "coverage.json").exists()
+    assert (draft / name).read_text() == "mine" and not empty.exists()
     assert f"{draft} looks like the draft of a killed run" in capsys.readouterr().err
 
 

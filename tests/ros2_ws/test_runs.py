@@ -119,6 +119,37 @@ def test_own_parameters_win_over_the_options_and_name_only_nodes_of_the_run(
     assert "this run has no node 'replay'" in refused("start_simulation", **truck)
 
 
+@pytest.mark.parametrize(
+    ("node", "given", "says"),
+    [
+        ("recorder", "bag: elsewhere", "--record says where to record; leave out the recorder's bag"),
+        (
+            "truck_sim",
+            "lockstep: true",
+            "truck_sim's lockstep is what this run makes it, False",
+        ),
+        ("leader", "peers: [radar]", "leader's peers is what this run makes it"),
+    ],
+)
+def test_own_parameters_that_would_not_be_used_are_refused(
+    refused: Callable[..., str], tmp_path: Path, node: str, given: str, says: str
+) -> None:
+    own = tmp_path / "own.yaml"
+    truck = {"simulator": "truck:trucksim", "policy": "baseline:acc", "parameters": own}
+    own.write_text(f"{node}: {{ros__parameters: {{{given}}}}}")
+    assert says in refused("start_simulation", **truck)
+
+
+def test_parameters_of_a_recorder_where_nothing_is_recorded_are_refused(tmp_path: Path) -> None:
+    own = tmp_path / "own.yaml"
+    own.write_text("recorder: {ros__parameters: {topics: [/road]}}")
+    with pytest.raises(InputError, match="nothing is recorded without --record BAG; add it"):
+        script("start_simulation")(
+            simulator="truck:trucksim", policy="baseline:acc", parameters=own, run_folders=tmp_path / "runs"
+        )
+    assert list(tmp_path.iterdir()) == [own]
+
+
 def test_all_misfits_are_in_one_line(refused: Callable[..., str], tmp_path: Path) -> None:
     said = refused(
         "start_simulation", simulator="nowhere", policy="nobody", leader="fast", road="steep", time_gap=0.0

@@ -122,10 +122,7 @@ def default(trainer: str) -> Config:
 def _draft(out: Path, *, resume: bool, overwrite: bool) -> Iterator[Path]:
     """The folder to train in, which becomes `out` at the end; one without a checkpoint is worth nothing."""
     with POLICY.going_on(out, overwrite=overwrite) as draft:
-        if not begun(out):
-            POLICY.forget(out)
-            draft.mkdir()
-        elif not resume:
+        if not (resume and begun(out)):
             POLICY.anew(out)
         try:
             yield draft

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import warnings
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from torch import Tensor
 from deeptruck_cacc.controllers.policy import GO_ON, MENDED
 from deeptruck_cacc.training.identity import CHECKPOINT, differences, facts_of, refuse_another
 from deeptruck_model import files
+from deeptruck_model.deep.board import board
 from deeptruck_model.errors import InputError
 
 
@@ -73,11 +73,7 @@ class Log:
 
     def __init__(self, out: Path, start: int) -> None:
         out.mkdir(parents=True, exist_ok=True)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            from torch.utils.tensorboard import SummaryWriter
-
-            self._board = SummaryWriter(str(out / "tensorboard"), purge_step=start)
+        self._board = board(out / "tensorboard", start)
         self._path = out / "learning_curve.jsonl"
         kept = self._path.read_text().splitlines()[:start] if start and self._path.exists() else []
         self._path.write_text("".join(line + os.linesep for line in kept))

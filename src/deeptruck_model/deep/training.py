@@ -14,11 +14,11 @@ import torch
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from threadpoolctl import threadpool_limits
-from torch.utils.tensorboard import SummaryWriter
 
 from deeptruck_model import files, simulators
 from deeptruck_model.deep import card, checkpoint, resume
 from deeptruck_model.deep.arguments import Arguments
+from deeptruck_model.deep.board import board
 from deeptruck_model.deep.data import coverage, driven, duplicates
 from deeptruck_model.deep.data.preparation import Prepared, prepare
 from deeptruck_model.deep.data.scales import Scales
@@ -195,7 +195,7 @@ def _loop(run: _Run, working: Path, done: int, observe: Observer | None) -> None
     """Rounds of updates, each followed by a validation and a resume point."""
     arguments, per_round = run.arguments, math.ceil(run.updates / run.arguments.rounds)
     judged = np.where(np.arange(len(run.weight)) < run.network.shape.responses, run.weight, np.float32(0.0))
-    board = SummaryWriter(str(working / "tensorboard"), purge_step=done)
+    curves = board(working / "tensorboard", done)
     with Progress(
         TextColumn("training"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
         TextColumn("{task.fields[score]}"), console=Console(stderr=True),
@@ -208,16 +208,16 @@ def _loop(run: _Run, working: Path, done: int, observe: Observer | None) -> None
             horizon = round(arguments.horizon_s / run.data.dt)
             scores = validate(run.network, run.data.held_out, judged, horizon)
             run.best.keep(scores, run.network)
-            board.add_scalar("loss/training", float(np.mean(losses)), done)
-            board.add_scalar("loss/validation", float(np.mean(scores)), done)
-            board.add_scalar("learning_rate", learning_rate(arguments, done - 1, run.updates), done)
+            curves.add_scalar("loss/training", float(np.mean(losses)), done)
+            curves.add_scalar("loss/validation", float(np.mean(scores)), done)
+            curves.add_scalar("learning_rate", learning_rate(arguments, done - 1, run.updates), done)
             progress.update(task, score=f"validation {scores.mean():.4f}, best {run.best.scores.mean():.4f}")
             if observe is not None:
                 observe(done, run.network)
             resume.save(working, run.identity, run.network, run.optimizers, run.best, done)
             if not finite(run.network).any():
                 break  # such weights never come back
-    board.close()
+    curves.close()
 
 
 def _round(

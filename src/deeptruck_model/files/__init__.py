@@ -1,12 +1,12 @@
 """The one rule of every command that writes: whole or not there, and nothing of the user's is lost.
 
 In comes a place that the user named; out goes a result that stands there whole, or nothing. `results` is the
-rule for folders, `ledger` tells a command's own files, `single` writes one file, `places` names what is
-unfinished. Standard library only.
+rule for folders, `owned` says whose one is, `ledger` tells a command's own files, `single` writes one file,
+`places` names what is unfinished. Standard library only.
 """
 
-from deeptruck_model.files.again import aside, rewrite
-from deeptruck_model.files.ledger import LEDGER, renew
+from deeptruck_model.files.again import rewrite
+from deeptruck_model.files.ledger import LEDGER, is_as_written, renew
 from deeptruck_model.files.places import (
     begun,
     final,
@@ -22,6 +22,7 @@ from deeptruck_model.files.single import (
     ELSEWHERE,
     RENAME,
     advice,
+    aside,
     check_new,
     check_outside,
     check_writable,
@@ -44,6 +45,7 @@ __all__ = [
     "check_writable",
     "final",
     "free",
+    "is_as_written",
     "left_beside",
     "new_file",
     "renew",

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import itertools
 import sys
 from pathlib import Path
 
 from deeptruck_model.files import ledger
-from deeptruck_model.files.single import write
+from deeptruck_model.files.single import aside, write
 
 
 def rewrite(path: Path, content: bytes) -> None:
@@ -19,12 +18,6 @@ def rewrite(path: Path, content: bytes) -> None:
         print(f"note: {path} was changed since this command wrote it; it is kept as {kept}", file=sys.stderr)
     write(path, content)
     ledger.note_written(path)
-
-
-def aside(wanted: Path) -> Path:
-    """The wanted name, or the next free one."""
-    names = (wanted.with_name(f"{wanted.name}{number or ''}") for number in itertools.count())
-    return next(name for name in names if not name.exists() and not name.is_symlink())
 
 
 def _is_ours(path: Path, content: bytes) -> bool:

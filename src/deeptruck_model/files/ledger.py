@@ -109,6 +109,13 @@ def note_written(path: Path) -> None:
         draft.replace(place)
 
 
+def is_as_written(path: Path) -> bool:
+    """Whether the ledger of a finished folder knows this file as it is."""
+    folder, name = path.absolute().parent, path.name
+    known = read(folder)
+    return known is not None and bool((known.files or {}).get(name)) and not known.is_changed(folder, name)
+
+
 def renew(path: Path) -> None:
     """Tell the ledgers above a file of ours that this tool has changed it. Raises OSError."""
     changed = [path.absolute()]  # and the ledgers that tell of it, which those further up know too

@@ -5,29 +5,39 @@
 .NAME.PID.new            a recording that takes the place of an older NAME when it is whole
 .NAME.PID.old            an older NAME, for the moment in which the new one is renamed
 .NAME.PID.unfinished     work that was set aside, because the user began anew
+NAME.new                 a whole result, in whose place something else lay at the end
+NAME.old                 an older NAME that was never finished, so that whose its files are is not known
 """
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import glob
+import hashlib
 import itertools
 import os
 import re
+import socket
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.files.single import ELSEWHERE
+from deeptruck_model.files.single import ELSEWHERE, check_length
 
 DRAFT = re.compile(r"^\.(.+?)(\.\w{8}\.tmp|\.tmp|\.unfinished|\.\d+\.(?:old|new|unfinished))$")
+BESIDE = ".." + str(2**22) + ".unfinished"  # what the longest of these names adds to that of the result
 _told: set[str] = set()  # by this process: several checks look at one bag
 
 
 def straight(out: Path) -> Path:
-    """The same place without '..': 'a/../a' leads nowhere in the moment in which a is renamed."""
+    """The same place without '..': 'a/../a' leads nowhere in the moment in which a is renamed.
+
+    Raises InputError for a name that is too long, or would be with what is put beside it.
+    """
+    check_length(out, BESIDE)
     return Path(os.path.realpath(out.parent)) / out.name if ".." in out.parent.parts else out
 
 
@@ -70,6 +80,23 @@ def writing(folder: Path, elsewhere: str = ELSEWHERE) -> Iterator[None]:
         yield
     finally:
         os.close(handle)
+
+
+@contextmanager
+def reserved(out: Path, elsewhere: str = ELSEWHERE) -> Iterator[None]:
+    """Hold a name under which nothing stands yet, against other runs on this machine; the hold ends with the
+    block, or with the process. Raises InputError where another run holds it."""
+    name = hashlib.sha256(os.fsencode(os.path.realpath(out))).hexdigest()
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as hold:
+        try:
+            hold.bind(f"\0deeptruck {name}")  # no file: the kernel forgets it with the process
+        except OSError as error:
+            if error.errno != errno.EADDRINUSE:
+                raise
+            raise InputError(
+                f"another run is to write {out}; wait until it has ended, or {elsewhere}"
+            ) from None
+        yield
 
 
 def free(folder: Path, elsewhere: str = ELSEWHERE) -> None:

@@ -7,38 +7,26 @@ command wrote each file of it, as it is now.
 
 from __future__ import annotations
 
-import glob
-import os
 import shutil
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.files import ledger, places
-from deeptruck_model.files.ledger import LEDGER, Ledger
-from deeptruck_model.files.parts import fits, remove
+from deeptruck_model.files.ledger import LEDGER
+from deeptruck_model.files.owned import Owned
+from deeptruck_model.files.parts import remove
 from deeptruck_model.files.places import unfinished, writing
-from deeptruck_model.files.single import ELSEWHERE, advice, check_outside, check_writable, umask, write
+from deeptruck_model.files.single import advice, aside, umask
 
 OVERWRITE_HELP = "Replace what this command wrote there, once the new one is whole."
 
 
-@dataclass(frozen=True)
-class Result:
-    """A folder that one command writes.
-
-    `what` names it in messages, with its article: "a mismatch result"; no two commands have the same.
-    `names` are the files that it may hold while the command is at work. They are relative to the folder; `*`
-    stands for any part of one name, never for a '/'. `elsewhere` is how messages advise another place.
-    """
-
-    what: str
-    names: tuple[str, ...] = ()
-    elsewhere: str = ELSEWHERE
+class Result(Owned):
+    """A folder that one command writes; see `Owned` for what it is made from."""
 
     def check(self, out: Path, *, overwrite: bool = False) -> bool:
         """Whether an older result of this kind stands at `out`; called before anything is computed or read.
@@ -55,11 +43,12 @@ class Result:
     def replacing(self, out: Path, *, overwrite: bool = False) -> Iterator[Path]:
         """A draft folder that takes the place of `out` when the block ends well, and vanishes when not.
 
-        `out` is held against other runs until then. Raises InputError as `check`, and on a full disk.
+        `out` is held against other runs until then. Raises InputError as `check`, on a full disk, and where
+        something else came to `out` meanwhile: then the new result is kept beside it.
         """
         out = places.straight(out)
         with self._held(out, overwrite):
-            draft = None
+            draft, is_whole = None, False
             self._tidy(out)
             try:
                 draft = Path(tempfile.mkdtemp(prefix=f".{out.name}.", suffix=".tmp", dir=out.parent))
@@ -67,11 +56,12 @@ class Result:
                 self.claim(draft)
                 yield draft
                 self.sign(draft)
+                is_whole = True
                 self._publish(draft, out, overwrite)
             except OSError as error:
                 raise InputError(f"cannot write {out}: {error.strerror or error}; {advice(error)}") from None
             finally:
-                if draft is not None and draft.exists():
+                if draft is not None and draft.exists() and not is_whole:
                     self._drop(draft)
 
     @contextmanager
@@ -123,10 +113,12 @@ class Result:
         """
         out = places.straight(out)
         if not self.check(out, overwrite=overwrite):
-            with suppress(FileNotFoundError):
-                out.rmdir()  # an empty one
-            self._tidy(out)
-            yield out
+            with places.reserved(out, self.elsewhere):
+                self._older(out, overwrite=False)  # another run may have written it meanwhile
+                with suppress(FileNotFoundError):
+                    out.rmdir()  # an empty one
+                self._tidy(out)
+                yield out
             return
         with writing(out, self.elsewhere):
             self._older(out, overwrite)
@@ -146,44 +138,7 @@ class Result:
                 file=sys.stderr,
             )
             return
-        try:
-            self._publish(newer, out, overwrite)
-        except (InputError, OSError):
-            print(f"note: the new one is whole, it is kept as {newer}", file=sys.stderr)
-            raise
-
-    def signed(self, folder: Path) -> bool:
-        """Whether the ledger in `folder` says that this command made it."""
-        known = ledger.read(folder)
-        return known is not None and known.what == self.what
-
-    def claim(self, folder: Path, *files: str) -> None:
-        """Write the ledger of a folder in which this command is at work: these `files`, or all of `names`."""
-        text = ledger.by_name(self.what, {*files}) if files else ledger.at_work(self.what)
-        (folder / LEDGER).write_bytes(text)
-
-    def sign(self, folder: Path) -> None:
-        """Write the ledger of a finished folder. Raises InputError where it cannot be written."""
-        names = self._written(folder)
-        write(folder / LEDGER, ledger.written(self.what, folder, names))
-
-    def _written(self, folder: Path) -> set[str]:
-        """What this command wrote in a folder in which it was at work; where its names are not known before,
-        all that is there. A file that came meanwhile is nobody's part, so that it is never removed: neither
-        one of another name, nor one that the command did not say as it began."""
-        found = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if not p.is_dir()} - {LEDGER}
-        known = ledger.read(folder)
-        if known is not None and known.files:
-            found &= known.files.keys()
-        if not self.names:
-            return found
-        patterns = [name.split("/") for name in self.names]
-        inside = ledger.listed_inside(folder)
-        return {
-            name
-            for name in found
-            if name in inside or any(fits(Path(name).parts, one, folder / name, True) for one in patterns)
-        }
+        self._publish(newer, out, overwrite)
 
     def clear(self, folder: Path, *inside: str) -> None:
         """Remove what this command wrote in `folder`, or in these folders inside it.
@@ -203,29 +158,6 @@ class Result:
         if (draft := unfinished(out)).exists():
             remove(draft, self._ours(draft))
 
-    def check_begun(self, out: Path) -> None:
-        """Whether what an unfinished run left at `out` is a folder of this command's files alone.
-
-        Raises InputError for a file of somebody else there, by its name.
-        """
-        draft = unfinished(out)
-        if draft.exists() and not draft.is_dir():
-            raise InputError(f"{draft} is a file, where this command keeps unfinished work; move it")
-        if draft.is_dir():
-            self._check_gone_on_with(draft)
-
-    def _check_gone_on_with(self, draft: Path) -> None:
-        """Raises InputError for what another command wrote, or is finished and has changed since."""
-        known = ledger.read(draft)
-        if known is not None and known.what != self.what:
-            raise self._foreign(draft, known.what)
-        self._ours(draft)
-        for name in (known.files or ()) if known is not None else ():
-            if known is not None and (draft / name).is_file() and known.is_changed(draft, name):
-                raise InputError(
-                    f"{draft} holds {name}, which has changed since it was finished; move the folder"
-                )
-
     def anew(self, out: Path) -> None:
         """Make room for new work where a killed run left some: that is set aside, and said."""
         draft = unfinished(out)
@@ -238,79 +170,6 @@ class Result:
                 file=sys.stderr,
             )
         draft.mkdir(parents=True, exist_ok=True)
-
-    def _older(self, out: Path, overwrite: bool) -> list[str]:
-        """The files of an older result at `out`, which may be replaced; none where there is no such."""
-        if out.name in ("", ".."):
-            raise InputError(f"{out} is no new folder's name; {self.elsewhere}")
-        if out.is_symlink():
-            raise InputError(f"{out} is a symbolic link; give the folder it points to, {out.resolve()}")
-        if out.exists() and not out.is_dir():
-            raise InputError(f"{out} is a file; {self.elsewhere}")
-        if places.is_mounted(out):
-            raise InputError(
-                f"{out} is a mount point, which no result can take the place of; give a new folder in it"
-            )
-        check_writable(out, self.elsewhere)
-        check_outside(out, self.elsewhere)
-        if not out.is_dir() or not any(out.iterdir()):
-            return []
-        known = self._listed(out)
-        if not overwrite:
-            raise InputError(f"{out} holds {self.what} already; {self.elsewhere}, or add --overwrite")
-        self._check_replaceable(out, known)
-        return self._ours(out)
-
-    def _listed(self, out: Path) -> Ledger:
-        """The ledger of a folder that is not empty. Raises InputError for one of which not all is ours."""
-        known = ledger.read(out)
-        if known is not None and known.what != self.what:
-            raise self._foreign(out, known.what)
-        if self.names or known is not None:
-            self._ours(out)
-        if known is None:
-            first = min((p.name for p in out.iterdir() if p.name != LEDGER), default="nothing")
-            raise InputError(
-                f"{out} holds {first} but no {LEDGER} that can be read, which says what this command wrote; "
-                f"{self.elsewhere}, or remove it yourself"
-            )
-        return known
-
-    def _check_replaceable(self, out: Path, known: Ledger) -> None:
-        """Raises InputError for a part of another result, a file that has changed, and what is locked."""
-        if part := ledger.around(out):
-            raise InputError(f"{out} is part of {part[1]}, {part[0]}; {self.elsewhere}")
-        for name in known.files or ():
-            if (out / name).is_file() and known.is_changed(out, name):
-                raise InputError(
-                    f"{out} holds {name}, which has changed since this command wrote it; move it, or "
-                    f"{self.elsewhere}"
-                )
-        for folder in (out, *(path for path in out.rglob("*") if path.is_dir())):
-            if not os.access(folder, os.R_OK | os.W_OK | os.X_OK):
-                raise InputError(f"{folder} may not be changed, so it cannot be replaced; {self.elsewhere}")
-
-    def _ours(self, folder: Path) -> list[str]:
-        """The files in `folder`, relative to it. Raises InputError, naming it, for one of somebody else."""
-        if folder.is_symlink():
-            raise InputError(f"{folder} is a symbolic link; remove it, or {self.elsewhere}")
-        known = ledger.read(folder)
-        own = self.names if known is None or known.files is None else map(glob.escape, known.files)
-        patterns = [name.split("/") for name in (*own, LEDGER)]
-        exact = known is not None and known.whole
-        files = []
-        for path in sorted(folder.rglob("*")):
-            parts = path.relative_to(folder).parts
-            if path.is_symlink() or not any(fits(parts, pattern, path, exact) for pattern in patterns):
-                raise self._foreign(folder, "/".join(parts))
-            if not path.is_dir():
-                files.append("/".join(parts))
-        return files
-
-    def _foreign(self, folder: Path, inside: str) -> InputError:
-        return InputError(
-            f"{folder} holds {inside}, which is no part of {self.what}; move it, or {self.elsewhere}"
-        )
 
     @contextmanager
     def _held(self, out: Path, overwrite: bool) -> Iterator[None]:
@@ -330,23 +189,56 @@ class Result:
                     out.rmdir()
 
     def _publish(self, draft: Path, out: Path, overwrite: bool) -> None:
-        """Rename a finished folder to `out`.
+        """Rename a finished folder to `out`, where nothing came between; else keep it beside, as NAME.new.
 
         An older result is renamed aside first, back where the new one cannot be put, and removed file by file
-        once the new one stands: a file that came meanwhile is kept, and said.
+        once the new one stands: a file that came meanwhile is kept, and said. Raises InputError where `out`
+        is not free any more.
         """
-        old = None
+        old, files = None, list[str]()
         try:
             if files := self._older(out, overwrite):
                 old = places.beside(out, "old")
                 out.rename(old)
             draft.rename(out)
-        except BaseException:  # also where the user interrupts it
+        except BaseException as error:  # also where the user interrupts it
             if old is not None and old.exists() and not out.exists():
                 old.rename(out)
+            if draft.exists():
+                self._keep(draft, out, error)
             raise
-        if old is not None and not remove(old, files):
+        if old is not None:
+            self._remove_older(old, files, out)
+
+    def _remove_older(self, old: Path, files: list[str], out: Path) -> None:
+        """Remove an older result. One whose files are known by their names alone, as of a recorder that was
+        killed, may hold others under these names: it is kept, which is said."""
+        known = ledger.read(old)
+        if known is None or not known.whole:
+            kept = aside(out.with_name(f"{out.name}.old"))
+            with suppress(OSError):
+                old = old.rename(kept)
+            print(
+                f"note: the older {out.name} was not finished; it is kept as {old}, remove it",
+                file=sys.stderr,
+            )
+        elif not remove(old, files):
             print(f"note: {old} keeps what this command did not write", file=sys.stderr)
+
+    def _keep(self, draft: Path, out: Path, error: BaseException) -> None:
+        """Keep what was computed under a name that all can see. Raises InputError that says where, and why
+        it is not at `out`; of an interrupt that is only printed."""
+        kept = aside(out.with_name(f"{out.name}.new"))
+        try:
+            draft.rename(kept)
+        except OSError:
+            kept = draft
+        says = f"the new one is whole, it is kept as {kept}"
+        if isinstance(error, InputError):
+            raise InputError(f"{error}; {says}") from None
+        if isinstance(error, OSError):
+            raise InputError(f"cannot write {out}: {error.strerror or error}; {says}") from None
+        print(f"note: {says}", file=sys.stderr)
 
     def _drop(self, draft: Path) -> None:
         """Remove the draft of a run that failed, but for a file that is not this command's."""
@@ -357,18 +249,14 @@ class Result:
             shutil.rmtree(draft, ignore_errors=True)
 
     def _tidy(self, out: Path) -> None:
-        """Remove the drafts of this command's killed runs, and say what else they left; `out` is held."""
+        """Say what killed runs left beside `out`, which is held. What is in a draft may be the user's, by any
+        name, so all of it stays; one in which nothing was written is removed."""
         places.tell_left_beside(out)
         for draft in places.drafts(out):
-            known = ledger.read(draft)
-            try:
-                ours = known is not None and known.what == self.what and known.files is None
-                removed = ours and remove(draft, self._ours(draft))
-            except InputError:  # it holds a file of somebody else
-                removed = False
-            if removed:
-                print(f"note: removed {draft}, the draft of a run that was killed", file=sys.stderr)
+            if self.signed(draft) and [p.name for p in draft.rglob("*")] == [LEDGER]:
+                remove(draft, [LEDGER])
             else:
                 print(
-                    f"note: {draft} looks like the draft of a killed run; see what is in it", file=sys.stderr
+                    f"note: {draft} looks like the draft of a killed run; see what is in it, and remove it",
+                    file=sys.stderr,
                 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import glob
+import itertools
 import os
 import sys
 import tempfile
@@ -17,7 +18,21 @@ from deeptruck_model.files import ledger
 ADVICE = "make room or choose another --out"
 ELSEWHERE = "choose another --out"
 RENAME = "choose another name"
+LONGEST_NAME = 255  # bytes, on every disk in use
+LONGEST_PATH = 4095
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+
+
+def check_length(path: Path, beside: str) -> None:
+    """Raises InputError where the name of `path`, or that of a draft, longer by `beside`, is too long."""
+    longest, name = LONGEST_NAME - len(beside), os.fsencode(path.name)
+    if len(name) > longest:
+        raise InputError(
+            f"{path.name[:20]}... is a name of {len(name)} bytes; with what is written beside it at most "
+            f"{longest} fit, choose a shorter one"
+        )
+    if len(os.fsencode(path.absolute())) + len(beside) > LONGEST_PATH:
+        raise InputError(f"the path to {path.name} is too long for this system; choose a shorter one")
 
 
 def check_writable(path: Path, elsewhere: str = ELSEWHERE) -> None:
@@ -45,6 +60,7 @@ def check_outside(path: Path, elsewhere: str = ELSEWHERE) -> None:
 
 
 def _check_free(path: Path) -> None:
+    check_length(path, "..12345678")
     if path.exists() or path.is_symlink():
         raise InputError(f"{path} exists already; {RENAME} or remove it")
     check_writable(path, RENAME)
@@ -54,8 +70,9 @@ def _check_free(path: Path) -> None:
 def new_file(path: Path) -> Iterator[Path]:
     """A draft that becomes the single file `path` when the block ends well; it never replaces another.
 
-    Drafts of killed runs stay, and are named on standard error. Raises InputError where it exists or cannot
-    be written, and on a full disk.
+    Where another came meanwhile, the new one is kept beside it, which the error says. Drafts of killed runs
+    stay, and are named on standard error. Raises InputError where it exists or cannot be written, and on a
+    full disk.
     """
     _check_free(path)
     name, suffix = glob.escape(path.stem), glob.escape(path.suffix)
@@ -70,14 +87,29 @@ def new_file(path: Path) -> Iterator[Path]:
         draft = Path(name)
         draft.chmod(0o666 & ~umask())
         yield draft
-        _check_free(path)
-        draft.rename(path)
+        _put(draft, path)
     except OSError as error:
         cure = advice(error, f"make room or {RENAME}", RENAME)
         raise InputError(f"cannot write {path}: {error.strerror or error}; {cure}") from None
     finally:
         if draft is not None:
             draft.unlink(missing_ok=True)
+
+
+def _put(draft: Path, path: Path) -> None:
+    try:
+        _check_free(path)
+    except InputError as error:
+        kept = aside(path.with_name(f"{path.stem}.new{path.suffix}"))
+        draft.rename(kept)
+        raise InputError(f"{error}; the new one is whole, it is kept as {kept}") from None
+    draft.rename(path)
+
+
+def aside(wanted: Path) -> Path:
+    """The wanted name, or the next free one."""
+    names = (wanted.with_name(f"{wanted.name}{number or ''}") for number in itertools.count())
+    return next(name for name in names if not name.exists() and not name.is_symlink())
 
 
 def write(path: Path, content: bytes, where_full: str = ADVICE) -> None:

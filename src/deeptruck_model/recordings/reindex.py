@@ -32,19 +32,17 @@ def repair(path: str | Path) -> str | None:
     `path` is a rosbag2 folder with one MCAP file, or the file itself. Everything in whole chunks is kept;
     returns one line on what was done, None where nothing was wrong. A mended copy takes the file's place once
     it is complete, so a kill at any moment leaves the one or the other. What is cut off is kept as
-    FILE.mcap.cut, a metadata.yaml that was there as metadata.yaml.before; other files are left alone. Raises
-    InputError where there is no MCAP file, it is still being written, or the disk cannot be written.
+    FILE.mcap.cut, a metadata.yaml that was there as metadata.yaml.before; other files are left alone. Nothing
+    tells a torn file of the recorder from another in its place: the ledger of the folder stays as it was, so
+    that --overwrite refuses the folder or keeps it aside. Raises InputError where there is no MCAP file or an
+    empty one, it is a link or still being written, or the disk cannot be written.
     """
     path = Path(path)
     file = _only_mcap(path)
     whole = _is_whole(file)
     if whole and (path.is_file() or (path / METADATA).exists()):
         return None
-    if file.is_symlink():
-        raise InputError(
-            f"{file} is a symbolic link, whose place a mended file would take; repair what it points to, "
-            f"{file.resolve()}, or a copy"
-        )
+    _refuse_links(path, file)
     try:
         with files.writing(file.parent):
             found, cut = _mend(path, file)
@@ -56,11 +54,21 @@ def repair(path: str | Path) -> str | None:
     return f"{path} was not finished: kept {kept or 'no'} messages, {lost}"
 
 
+def _refuse_links(path: Path, file: Path) -> None:
+    """Raises InputError for a link, whose place a mended file would take."""
+    for one in (file, path / METADATA) if path.is_dir() else (file,):
+        if one.is_symlink():
+            raise InputError(
+                f"{one} is a symbolic link, whose place a mended file would take; repair what it points to, "
+                f"{one.resolve()}, or a copy"
+            )
+
+
 def _mend(path: Path, file: Path) -> tuple[Found, Path | None]:
     """Put a mended copy in the place of `file`; the file that keeps what was cut off, if there is one."""
     number, name = tempfile.mkstemp(prefix=f".{file.name}.", suffix=".tmp", dir=file.parent)
     os.close(number)
-    draft, before = Path(name), file.stat()
+    draft, before, is_ours = Path(name), file.stat(), files.is_as_written(file)
     try:
         shutil.copyfile(file, draft)
         shutil.copymode(file, draft)
@@ -81,8 +89,9 @@ def _mend(path: Path, file: Path) -> tuple[Found, Path | None]:
                 (path / METADATA).unlink()
             draft.replace(file)
             _describe(path, file, found)
-            files.renew(file)
-            files.renew(path / METADATA)
+            if is_ours:
+                files.renew(file)
+                files.renew(path / METADATA)
         else:
             draft.replace(file)
         return found, cut
@@ -121,8 +130,12 @@ def _only_mcap(path: Path) -> Path:
         raise InputError(f"{path} holds no MCAP file; give the folder that the recorder wrote")
     if len(files) > 1:
         raise InputError(f"{path} holds {len(files)} MCAP files; repair needs exactly one")
+    if not files[0].is_file():
+        raise InputError(f"{files[0]} is no file")
     with files[0].open("rb") as stream:
         begin = stream.read(len(MAGIC))
+    if not begin:
+        raise InputError(f"{files[0]} is empty, so there is nothing to repair; record anew")
     if not MAGIC.startswith(begin):
         raise InputError(f"{files[0]} is not an MCAP file")
     return files[0]

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import fcntl
 import math
+import os
 import signal
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -30,7 +33,8 @@ def record(path: Path, interface: str, channel: str, duration: float | None = No
 
     The log has its name from the beginning, so that a kill leaves what was recorded.
 
-    Raises InputError where the bus cannot be opened or is silent, or the log exists, is of an unknown kind,
+    Raises InputError where the bus cannot be opened or is silent (then the log is removed, if nobody else
+    wrote into it), or the log exists, is of an unknown kind,
     cannot be written, or has another file in its place at the end; what a full disk had taken until then
     stays.
     """
@@ -53,10 +57,11 @@ def record(path: Path, interface: str, channel: str, duration: float | None = No
     if _identity(path) != mine:
         raise InputError(f"{path} was moved or replaced meanwhile; the {count} frames are where it went")
     if count == 0:
+        silent = f"nothing was heard on {interface} {channel}; is it the right channel, does anyone speak?"
+        if path.stat().st_size != _size_of_silence(path):
+            raise InputError(f"{silent} {path} stays, as somebody else wrote into it")
         path.unlink()
-        raise InputError(
-            f"nothing was heard on {interface} {channel}; is it the right channel, does anyone speak?"
-        )
+        raise InputError(silent)
     return count
 
 
@@ -112,6 +117,15 @@ def _identity(path: Path) -> tuple[int, int] | None:
     except OSError:
         return None
     return found.st_dev, found.st_ino
+
+
+def _size_of_silence(path: Path) -> int:
+    """The bytes of a log of this kind in which nothing was heard."""
+    with tempfile.TemporaryDirectory() as place:
+        like = Path(place) / path.name
+        with _writing(_logger(like, new=True), like):
+            pass
+        return like.stat().st_size
 
 
 def _all(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
@@ -179,7 +193,12 @@ def _logger(path: Path, *, new: bool) -> Callable[[Path], Any]:
 
 def _new_log(path: Path) -> Any:
     path.touch(exist_ok=False)
-    return can.Logger(path)
+    log = can.Logger(path)
+    if path.suffix.lower() in log_files.LINES:  # what somebody else appends is never written over
+        log.file.flush()
+        number = log.file.fileno()
+        fcntl.fcntl(number, fcntl.F_SETFL, fcntl.fcntl(number, fcntl.F_GETFL) | os.O_APPEND)
+    return log
 
 
 def _flushing(log: Any) -> Callable[[can.Message], None]:

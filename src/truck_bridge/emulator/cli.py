@@ -51,7 +51,8 @@ def main_command(
     driver: Annotated[str, typer.Option(help="What the driver does: SECONDS:KEY=VALUE,...")] = "",
     duration: Annotated[float, typer.Option(help="Stop after so many seconds.")] = math.inf,
 ) -> None:
-    """A truck's controllers around a physics truck, on a CAN bus, until the duration, SIGINT or SIGTERM."""
+    """A truck's controllers around a physics truck, on a CAN bus, until the duration, SIGINT, SIGTERM or
+    SIGHUP."""
     from truck_bridge import vehicles
 
     checks.every(
@@ -94,8 +95,9 @@ def actions(text: str) -> list[Action]:
 
 def _drive(emulator: EcuEmulator, coming: list[Action], duration: float) -> None:
     stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, lambda *_: stop.set())
     start = time.monotonic()
     while not stop.is_set() and (now := time.monotonic()) - start <= duration:
         while coming and now - start >= coming[0].at:

@@ -98,7 +98,7 @@ def test_cut_off_anywhere(tmp_path: Path) -> None:
     data = file.read_bytes()
     kept = []
     chosen = random.Random(0).sample(range(len(data)), 120)
-    for size in sorted({0, 5, 8, 20, len(data) - 1, *chosen}):
+    for size in sorted({1, 5, 8, 20, len(data) - 1, *chosen}):
         bag = tmp_path / "cut"
         bag.mkdir(exist_ok=True)
         (bag / "cut_0.mcap").write_bytes(data[:size])
@@ -139,6 +139,11 @@ def test_what_cannot_be_repaired(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     with pytest.raises(InputError, match="holds no MCAP file"):
         repair(tmp_path / "empty")
+    (tmp_path / "empty" / "a_0.mcap").touch()
+    for path in (tmp_path / "empty", tmp_path / "empty" / "a_0.mcap"):
+        with pytest.raises(InputError, match=r"a_0\.mcap is empty, so there is nothing to repair"):
+            repair(path)
+    assert [p.stat().st_size for p in (tmp_path / "empty").iterdir()] == [0]
     (tmp_path / "text.mcap").write_text("no bag at all, and longer than a header")
     with pytest.raises(InputError, match="is not an MCAP file"):
         repair(tmp_path / "text.mcap")

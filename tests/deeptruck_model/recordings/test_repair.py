@@ -15,6 +15,8 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.files import Result
 from deeptruck_model.recordings import CrashSafeWriter, reindex, repair
 
+KIND = Result("a bag of this test")
+
 
 def torn_bag(path: Path) -> tuple[Path, bytes]:
     """A bag whose last chunk is torn, with what belongs to the user beside it; the file's bytes."""
@@ -90,20 +92,58 @@ def test_a_link_is_not_turned_into_a_file(tmp_path: Path) -> None:
     assert [p.name for p in link.parent.iterdir()] == ["bag_0.mcap"]
 
 
-def test_a_repaired_bag_is_still_its_recorders(tmp_path: Path) -> None:
-    bag = tmp_path / "bag"
-    kind = Result("a bag of this test")
-    with kind.replacing(bag) as draft, CrashSafeWriter(draft, file_stem="bag", into=True) as writer:
+def test_a_description_that_is_a_link_stays_one(tmp_path: Path) -> None:
+    file, data = torn_bag(tmp_path / "bag")
+    link, target = tmp_path / "bag" / "metadata.yaml", tmp_path / "mine.yaml"
+    link.rename(target)
+    link.symlink_to(target)
+    before = target.read_bytes()
+    with pytest.raises(InputError, match=r"metadata\.yaml is a symbolic link.* repair what it points to"):
+        repair(tmp_path / "bag")
+    assert link.is_symlink() and target.read_bytes() == before and file.read_bytes() == data
+
+
+def finished_bag(bag: Path) -> Path:
+    """A bag that its recorder has signed; its file."""
+    with KIND.replacing(bag) as draft, CrashSafeWriter(draft, file_stem="bag", into=True) as writer:
         fill(writer, range(50))
-    file = bag / "bag_0.mcap"
-    file.write_bytes(file.read_bytes()[:-200])
-    with pytest.raises(InputError, match=r"bag_0\.mcap, which has changed since"):
-        kind.check(bag, overwrite=True)
+    return bag / "bag_0.mcap"
+
+
+def test_a_bag_that_only_lost_its_description_is_still_its_recorders(tmp_path: Path) -> None:
+    bag = finished_bag(tmp_path / "bag").parent
     (bag / "metadata.yaml").unlink()
     assert repair(bag)
-    for kept in bag.glob("*.cut"):
+    assert KIND.check(bag, overwrite=True)
+
+
+@pytest.mark.parametrize("foreign", [True, False])
+def test_a_file_that_is_not_what_the_recorder_wrote_is_not_its(tmp_path: Path, foreign: bool) -> None:
+    """A torn one of its own looks like one that the user put in its place."""
+    file = finished_bag(tmp_path / "bag")
+    data = torn_bag(tmp_path / "mine")[1] if foreign else file.read_bytes()[:-200]
+    file.write_bytes(data)
+    assert repair(file.parent)
+    for kept in (*file.parent.glob("*.cut"), *file.parent.glob("*.before")):
         kept.unlink()
-    assert kind.check(bag, overwrite=True)
+    with pytest.raises(InputError, match=r"bag_0\.mcap, which has changed since"):
+        KIND.check(file.parent, overwrite=True)
+
+
+def test_what_stood_in_a_killed_recorders_folder_is_set_aside_and_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag, kept = tmp_path / "bag", tmp_path / "bag.old"
+    CrashSafeWriter(bag).flush()
+    KIND.claim(bag, "metadata.yaml", "bag_0.mcap")
+    (bag / "bag_0.mcap").write_bytes(torn_bag(tmp_path / "mine")[1])
+    assert repair(bag)
+    (bag / "bag_0.mcap.cut").unlink()
+    mended = (bag / "bag_0.mcap").read_bytes()
+    with KIND.replacing(bag, overwrite=True) as draft:
+        (draft / "a").write_text("new")
+    assert (kept / "bag_0.mcap").read_bytes() == mended and (bag / "a").exists()
+    assert f"the older bag was not finished; it is kept as {kept}" in capsys.readouterr().err
 
 
 def test_a_bag_that_is_still_written_is_not_repaired(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -141,6 +141,29 @@ def test_a_file_put_in_its_place_meanwhile_is_said_and_stays(loud, tmp_path, spe
     assert not speaks or len(list(can_logs.read(moved))) > 20
 
 
+@pytest.mark.parametrize("suffix", [".log", ".asc", ".trc"])
+def test_a_silent_log_in_which_the_user_wrote_stays(tmp_path, suffix):
+    path, silent = tmp_path / f"drive{suffix}", f"{os.getpid()}-silent"
+
+    def append():
+        while not path.exists():
+            time.sleep(0.01)
+        time.sleep(0.2)
+        with path.open("a") as file:
+            file.write("mine\n")
+
+    thread = threading.Thread(target=append)
+    thread.start()
+    with pytest.raises(InputError, match=f"nothing was heard.*drive{suffix} stays"):
+        can_logs.record(path, "loopback", silent, 0.6)
+    thread.join()
+    assert "mine\n" in path.read_text()
+    path.unlink()
+    with pytest.raises(InputError, match="nothing was heard"):
+        can_logs.record(path, "loopback", silent, 0.1)
+    assert not path.exists()
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize("name", ["drive.log", "drive.mcap"])
 def test_an_end_by_signal_keeps_the_recording(loud, tmp_path, name, number):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -27,6 +28,20 @@ def test_the_emulator_says_what_it_cannot_speak(tmp_path):
     path.write_text(text.replace("signed_truck.dbc", str(Path(SIGNED).with_suffix(".dbc"))))
     with pytest.raises(InputError, match="does not speak VP"):
         EcuEmulator(vehicles.load(path), None)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+def test_an_emulator_ends_in_order_when_its_terminal_is_closed(number):
+    channel = f"{os.getpid()}-closed"
+    command = [sys.executable, "-m", "truck_bridge.emulator", "--vehicle", "volvo", "--channel", channel]
+    heeding = {"preexec_fn": lambda: signal.signal(number, signal.SIG_DFL)}  # as in no background job
+    with (
+        can.Bus(interface="loopback", channel=channel) as witness,
+        subprocess.Popen([*command, "--duration", "60"], stdout=subprocess.DEVNULL, **heeding) as process,
+    ):
+        assert witness.recv(60) is not None
+        process.send_signal(number)
+        assert process.wait(10) == 0
 
 
 def test_real_processes_drive_and_the_driver_takes_over():

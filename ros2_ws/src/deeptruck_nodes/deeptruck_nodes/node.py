@@ -102,16 +102,18 @@ class DeeptruckNode(Node):
 
 
 class _Stop:
-    """Set by SIGINT and SIGTERM. rclpy's own handlers now and then lose a signal, so they are off.
+    """Set by SIGINT, SIGTERM and, unless it is ignored, SIGHUP.
 
+    rclpy's own handlers now and then lose a signal, so they are off.
     A node that is still being made, which takes seconds, has nothing to leave in order and ends at once.
     """
 
     def __init__(self) -> None:
         self.asked = False
         self.is_made = False
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._ask)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, self._ask)
 
     def _ask(self, number: int, frame: object) -> None:
         self.asked = True

@@ -212,20 +212,32 @@ def _merged(sections: Sections, given: Sections, common: Common, misfits: Misfit
 
 
 def _own(common: Common, sections: Sections) -> Sections:
-    """What the user's parameter file says. Raises InputError for a node that this run does not have."""
+    """What the user's parameter file says. Raises InputError for a node that this run does not have, and for
+    another bag than that of --record."""
     own = parameters.read_file(common.parameters) if common.parameters else {}
     for name in own:
         if name not in sections:
             raise InputError(
                 f"{common.parameters}: this run has no node '{name}'; it has {', '.join(sections)}"
             )
+    bag = sections["recorder"].get("bag")
+    if "recorder" in own and own["recorder"].get("bag", bag) != bag:
+        raise InputError(f"{common.parameters}: --record says where to record; leave out the recorder's bag")
+    if "recorder" in own and bag is None:
+        raise InputError(f"{common.parameters}: nothing is recorded without --record BAG; add it")
     return own
 
 
 def _checked(misfits: Misfits, common: Common, sections: Sections, lockstep: bool = False) -> int:
     """The ROS domain of a run in which everything fits. Raises InputError with all that does not."""
     for name, values in sections.items():
-        values.update(lockstep=lockstep, peers=[peer for peer in sections if peer != name])
+        of_run = {"lockstep": lockstep, "peers": [peer for peer in sections if peer != name]}
+        misfits.found += [
+            f"{common.parameters}: {name}'s {key} is what this run makes it, {value}; leave it out"
+            for key, value in of_run.items()
+            if values.get(key, value) != value
+        ]
+        values.update(of_run)
         misfits.found += parameters.misfits(name, values)
     misfits.of_node(sections, PAGE, lambda p: run_checks.port_is_free(p["port"]))
     domain = misfits.of(environment.domain_id)
