@@ -34,7 +34,7 @@ NUMERICS = {
     "posterior/slow_force.py": {"BRAKE_S", "BRAKING", "SLOWEST"},
     "posterior/windows.py": {"AROUND_S", "FITTED"},
     "residual/components.py": {"ALIKE"},
-    "residual/effective_mass.py": {"BRAKED", "RELEASED_S"},
+    "residual/effective_mass.py": {"ASKED_MORE", "BRAKED", "RELEASED_S"},
     "residual/evidence.py": {"LOCKED_M_S", "SELDOM", "WIDTH"},
     "residual/gather.py": {"ALIKE", "LEAST_EFFECTIVE_MASS_GAIN"},
 }

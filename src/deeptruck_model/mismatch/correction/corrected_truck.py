@@ -95,7 +95,8 @@ class CorrectedTruck:
         self._stream = Stream([expression for expression, _ in weighted])
         self._weights = [b for _, b in weighted]
         self._radius = own.get("wheel_radius")
-        self._held = Stream([effective_mass.held(self.interface)])
+        self._holds = effective_mass.holds(base)
+        self._held = Stream([effective_mass.held(self._holds)])
 
     @property
     def interface(self) -> TruckInterface:
@@ -152,7 +153,7 @@ class CorrectedTruck:
         now = self._now(inner, y, u, w, state)
         (left,), braked = self._held.step(state.memory[0], now, self.dt)
         now["effective_mass_gain"] = now["effective_mass_gain"] * left
-        now |= effective_mass.holding(self.interface, now, left)
+        now |= effective_mass.holding(self._holds, now, left)
         if "engine" in now:
             now["sensitivity:mass"] = now["effective_mass_gain"] * (
                 now["brake"] + now["drag"] - now["engine"]

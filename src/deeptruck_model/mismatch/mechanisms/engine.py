@@ -145,9 +145,10 @@ def _derate(v: Simple) -> list[Column]:
 
 @dataclass(frozen=True)
 class Top(Constants):
-    """The largest torque (as a force at the gear ratio `reference`, rad/m), power or speed."""
+    """The largest torque (as a force at the gear ratio `reference`, rad/m), power, speed, or command in its
+    own unit."""
 
-    by: Literal["torque", "power", "speed"]
+    by: Literal["torque", "power", "speed", "command"]
     top: float
     reference: float | None = None
 
@@ -164,6 +165,10 @@ def _limits(e: Evidence) -> Iterator[Static]:
             top = quantile(e, x, (pull > 0.02) | (by == "speed"), q)
             if np.isfinite(top):
                 yield Static(Top(by, top, gearing))
+    if gearing is None and e.has("engine_command"):  # a torque that no gear ratio tells
+        most = quantile(e, e["engine_command"], pull > 0.02, 0.98)
+        for share in (0.35, 0.5, 0.65, 0.75, 0.85, 0.93) if 0.0 < most < np.inf else ():
+            yield Static(Top("command", share * most))
 
 
 def _limit(v: Simple) -> list[Column]:
@@ -173,6 +178,9 @@ def _limit(v: Simple) -> list[Column]:
             over = PULL * minimum(maximum(SPEED - top, 0.0), 1.0)
         case Top("power", top):
             over = maximum(PULL - top / maximum(SPEED, 1.0), 0.0)
+        case Top("command", top):
+            command = maximum(Signal("engine_command"), top)
+            over = PULL * (1.0 - top / command)
         case Top("torque", top, reference):
             over = maximum(PULL - OVERALL_RATIO / reference * top if reference else PULL - top, 0.0)
         case _:

@@ -17,8 +17,8 @@ from scipy.signal import lfilter
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.expression import Expression, Lag, Signal, lift
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.signals import TruckInterface
-from deeptruck_model.simulators import Simulator
+from deeptruck_model.signals import ACCELERATION, SPEED
+from deeptruck_model.simulators import Simulator, free_run
 
 Array = NDArray[np.float64]
 
@@ -26,6 +26,7 @@ HELD_UNIT = "m/s^2"  # of a brake command that is a deceleration
 BRAKED = 0.05  # m/s^2: the brake switch
 HOLD_S, ORDER = 0.25, 3  # valves, and the controller that holds the deceleration: lags in a row
 RELEASED_S = 1.0  # for which such brakes still make up for a force after the pedal is let go
+ASKED, ASKED_AT, ASKED_S, ASKED_MORE = 1.5, 15.0, 3.0, 0.005  # m/s^2, from m/s, and more rolling resistance
 
 EFFECTIVE_MASS_GAIN = Signal("effective_mass_gain", missing=1.0)
 HOLDS = Signal("holds", missing=0.0)  # one while brakes hold a commanded deceleration
@@ -74,9 +75,33 @@ def free(inside: Mapping[str, Array]) -> Array | None:
     return inside["mass"] / inside["effective_mass"] if "effective_mass" in inside else None
 
 
-def held(interface: TruckInterface) -> Expression:
-    """Share of a force that brakes leave: one where their command is no deceleration to be held."""
+def holds(simulator: Simulator) -> bool:
+    """Whether its brakes hold a deceleration, and so make up for what else slows or drives the truck.
+
+    A command that is a deceleration may as well be a force by another name. So a truck with a rolling
+    resistance of its own is asked whether it slows harder with more of it. Any other holds: what is commanded
+    so is held on the road.
+    """
+    interface, own = simulator.interface, simulator.parameters().get("rolling_resistance")
     if interface.brake_unit != HELD_UNIT:
+        return False
+    if own is None:
+        return True
+    n = round(ASKED_S / simulator.dt) + 1
+    u, w = np.zeros((1, n, len(interface.u))), np.zeros((1, n, len(interface.w)))
+    u[:, :, interface.u.index("brake_command")] = ASKED
+    y0 = np.zeros((1, len(interface.y)))
+    y0[:, SPEED] = ASKED_AT
+    less, more = (
+        free_run(truck, u, w, y0).y[0, n // 2 :, ACCELERATION].mean()
+        for truck in (simulator, simulator.with_parameters({"rolling_resistance": own + ASKED_MORE}))
+    )
+    return bool(less - more < 0.5 * GRAVITY * ASKED_MORE)
+
+
+def held(holds: bool) -> Expression:
+    """Share of a force that brakes leave: one where they hold no deceleration."""
+    if not holds:
         return lift(1.0)
     braking = Signal("brake_command") > BRAKED
     made_up: Expression = braking
@@ -85,21 +110,21 @@ def held(interface: TruckInterface) -> Expression:
     return 1.0 - braking * made_up
 
 
-def holding(interface: TruckInterface, signals: Mapping[str, Array], left: Array) -> dict[str, Array]:
+def holding(holds: bool, signals: Mapping[str, Array], left: Array) -> dict[str, Array]:
     """The signals of brakes that hold a deceleration, (n,) each; none where they do not, or are not recorded.
     `left` is what `held` gives."""
-    if interface.brake_unit != HELD_UNIT:
+    if not holds:
         return {}
-    holds = np.nan_to_num(signals["brake_command"]) > BRAKED
-    return {"holds": holds.astype(float), "made up": 1.0 - left}
+    braking = np.nan_to_num(signals["brake_command"]) > BRAKED
+    return {"holds": braking.astype(float), "made up": 1.0 - left}
 
 
-def rows(simulator: Simulator, e: Evidence, turning: Array) -> Array:
+def rows(simulator: Simulator, e: Evidence, turning: Array, held_by_brakes: bool) -> Array:
     """Acceleration for a force per mass of one along the recordings, (n,); `turning` is what the brakes
     leave alone. While they hold a deceleration, as the simulator answers more rolling resistance."""
-    out: Array = turning * held(simulator.interface).rows(e)
+    out: Array = turning * held(held_by_brakes).rows(e)
     change, own = e.sensitivity.get("rolling_resistance"), simulator.parameters().get("rolling_resistance")
-    if simulator.interface.brake_unit != HELD_UNIT or change is None or not own:
+    if not held_by_brakes or change is None or not own:
         return out
     near = e.since(np.nan_to_num(e["brake_command"]) > BRAKED) < RELEASED_S
     return np.where(near, np.clip(-change / (GRAVITY * own), -0.3, 1.0), out)

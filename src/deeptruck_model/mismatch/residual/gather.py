@@ -196,13 +196,14 @@ def gather(
         rules=rules,
         command_units={name: simulator.interface.unit(name) for name in simulator.interface.u},
     )
-    evidence.signals["effective_mass_gain"] = effective_mass.rows(simulator, evidence, turning)
-    left = effective_mass.held(simulator.interface).rows(evidence)
-    evidence.signals.update(effective_mass.holding(simulator.interface, evidence.signals, left))
+    holds = effective_mass.holds(simulator)
+    evidence.signals["effective_mass_gain"] = effective_mass.rows(simulator, evidence, turning, holds)
+    left = effective_mass.held(holds).rows(evidence)
+    evidence.signals.update(effective_mass.holding(holds, evidence.signals, left))
     sensitivity = _sensitivity(simulator, prepared, grid, evidence)
     evidence = replace(evidence, sensitivity=sensitivity)
     named = {f"sensitivity:{name}": column for name, column in sensitivity.items()}
-    gain = {"effective_mass_gain": effective_mass.rows(simulator, evidence, turning)}
+    gain = {"effective_mass_gain": effective_mass.rows(simulator, evidence, turning, holds)}
     return replace(evidence, signals=evidence.signals | named | gain)
 
 

@@ -10,7 +10,7 @@ import pytest
 from deeptruck_model.mismatch.mechanisms import LIBRARY, candidate_term, distinct
 from deeptruck_model.mismatch.mechanisms.brakes import Keeps
 from deeptruck_model.mismatch.mechanisms.driveline import PlayTaken
-from deeptruck_model.mismatch.mechanisms.engine import Boost
+from deeptruck_model.mismatch.mechanisms.engine import Boost, Top
 from deeptruck_model.mismatch.mechanisms.variants import Constants, Static
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
@@ -48,6 +48,20 @@ def test_boost_that_stays_outlasts_a_shift(nothing_missing: Evidence, stays: boo
     late = column(e, "turbo_lag", Boost(1.6, stays=stays), engine=engine)
     after = -late[at(e, 40.6)]
     assert (after > lost) if not stays else (lost < after < 0.4)
+
+
+def test_a_limited_command_takes_its_share_of_the_pull_where_no_gear_ratio_is_known(
+    nothing_missing: Evidence,
+) -> None:
+    e = nothing_missing
+    command = np.where(np.arange(len(e)) % 3 == 0, 1200.0, 600.0)
+    lost = column(e, "torque_limit", Top("command", 900.0), engine=command / 1000.0, engine_command=command)
+    np.testing.assert_allclose(lost, -np.maximum(command - 900.0, 0.0) / 1000.0)
+    offered = [v.constants for v in LIBRARY["torque_limit"].variants(e)]
+    assert [v for v in offered if isinstance(v, Top) and v.by == "command"]
+    ratio = {"ratio": np.full(len(e), 8.0), "lever": np.full(len(e), 8.0)}
+    with_ratio = LIBRARY["torque_limit"].variants(replace(e, signals=e.signals | ratio))
+    assert not [v for v in with_ratio if isinstance(v.constants, Top) and v.constants.by == "command"]
 
 
 def test_a_play_is_taken_up_once_for_each_change_of_sign(nothing_missing: Evidence) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -15,7 +17,7 @@ from deeptruck_model.mismatch.residual import effective_mass, gather
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import ACCELERATION, SPEED
-from deeptruck_model.simulators import free_run
+from deeptruck_model.simulators import free_run, load
 
 
 class Swinging:
@@ -74,8 +76,18 @@ def test_brakes_that_hold_a_deceleration_make_up_for_other_forces() -> None:
 def test_a_simulator_that_shows_nothing_is_taken_at_force_per_mass() -> None:
     truck = trucks.load("trucksim")
     assert effective_mass.free({"speed": np.ones(3)}) is None
-    assert isinstance(effective_mass.held(truck.interface), Constant)
-    assert effective_mass.holding(truck.interface, {}, np.ones(3)) == {}  # perhaps braking was not recorded
+    assert not effective_mass.holds(truck)
+    assert isinstance(effective_mass.held(False), Constant)
+    assert effective_mass.holding(False, {}, np.ones(3)) == {}  # perhaps braking was not recorded
+
+
+def test_whether_brakes_hold_what_is_commanded_is_asked_of_the_truck(shuttle: Path) -> None:
+    assert effective_mass.holds(trucks.load("volvo"))
+    truck = load(f"python:{shuttle.stem}:make")
+    assert not effective_mass.holds(truck)
+    shuttle.write_text(shuttle.read_text().replace('brake_unit="percent"', 'brake_unit="m/s^2"'))
+    by_another_name = load(f"python:{shuttle.rename(shuttle.with_stem(f'other_{shuttle.stem}')).stem}:make")
+    assert by_another_name.interface.brake_unit == "m/s^2" and not effective_mass.holds(by_another_name)
 
 
 @pytest.mark.parametrize("name", ["trucksim", "volvo"])
@@ -100,12 +112,12 @@ def test_what_changes_while_brakes_hold_acts_until_they_have_made_up_for_it() ->
     a, b = (free_run(truck, u, w, y0).y[0, :, ACCELERATION] for truck in (true, plain))
     force = 2500.0 / 30000.0 * np.sin(2.5 * 0.1 * np.arange(400))
     stream, memory, told = Stream([effective_mass.with_effective_mass(Signal("force"))]), None, []
-    steady = Stream([effective_mass.held(believed.interface)])
+    steady = Stream([effective_mass.held(effective_mass.holds(believed))])
     memory, braked = stream.begin(1), steady.begin(1)
     for k in range(400):
         now = {"force": force[k : k + 1], "brake_command": u[:, k, 1]}
         (left,), braked = steady.step(braked, now, 0.1)
-        now |= {"effective_mass_gain": left} | effective_mass.holding(believed.interface, now, left)
+        now |= {"effective_mass_gain": left} | effective_mass.holding(True, now, left)
         (value,), memory = stream.step(memory, now, 0.1)
         told.append(value[0])
     braking = slice(200, 400)
