@@ -153,22 +153,25 @@ class Top(Constants):
     reference: float | None = None
 
 
+LIMITS = (0.35, 0.5, 0.65, 0.75, 0.85, 0.93)  # of the largest: full throttle is held for long
+
+
 def _limits(e: Evidence) -> Iterator[Static]:
     pull, speed = np.maximum(e["engine"], 0.0), e["speed"]
-    reference = overall_ratio_reference(e)
-    torque = pull * reference / np.maximum(e["ratio"], 0.05 * reference) if "ratio" in e.signals else pull
-    gearing = reference if "ratio" in e.signals else None
-    tops: tuple[tuple[Literal["torque", "power", "speed"], Array], ...]
-    tops = (("torque", torque), ("power", pull * speed), ("speed", speed))
+    reference = overall_ratio_reference(e) if "ratio" in e.signals else None
+    torque = pull * reference / np.maximum(e["ratio"], 0.05 * reference) if reference else pull
+    limited: list[tuple[Literal["torque", "power", "command"], Array]]
+    limited = [("torque", torque), ("power", pull * speed)]
+    if reference is None and e.has("engine_command"):  # a torque that no gear ratio tells
+        limited.append(("command", e["engine_command"]))
+    for by, x in limited:
+        most = quantile(e, x, pull > 0.02, 0.98)
+        for share in LIMITS if 0.0 < most < np.inf else ():
+            yield Static(Top(by, share * most, reference))
     for q in (0.6, 0.75, 0.85, 0.93, 0.97):
-        for by, x in tops:
-            top = quantile(e, x, (pull > 0.02) | (by == "speed"), q)
-            if np.isfinite(top):
-                yield Static(Top(by, top, gearing))
-    if gearing is None and e.has("engine_command"):  # a torque that no gear ratio tells
-        most = quantile(e, e["engine_command"], pull > 0.02, 0.98)
-        for share in (0.35, 0.5, 0.65, 0.75, 0.85, 0.93) if 0.0 < most < np.inf else ():
-            yield Static(Top("command", share * most))
+        top = quantile(e, speed, np.ones(len(e), dtype=bool), q)
+        if np.isfinite(top):
+            yield Static(Top("speed", top, reference))
 
 
 def _limit(v: Simple) -> list[Column]:
