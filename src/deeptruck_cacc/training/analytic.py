@@ -69,7 +69,9 @@ class _Run:
         self.best = {name: t.detach().clone() for name, t in self.policy.state_dict().items()}
         self.best_score = [float("inf")] * config.seeds
         self.seen: dict[str, tuple[float, float]] = {}
-        self.exam = validation.exam(config.seed, simulator.dt, copies=config.seeds)
+        self.exam = validation.exam(
+            config.seed, simulator.dt, copies=config.seeds, late=config.scene == "late"
+        )
 
     def train(self, resume: bool, tell: Callable[[int, int, str], None]) -> MlpPolicy:
         config, start = self.config, self._restore() if resume else 0
