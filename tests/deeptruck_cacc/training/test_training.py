@@ -102,6 +102,16 @@ def test_a_start_that_follows_better_than_what_comes_of_it_is_kept(toy, tmp_path
 
 
 @pytest.mark.usefixtures("quick_exam")
+@pytest.mark.usefixtures("quick_exam")
+def test_where_commands_come_late_errors_are_wanted_gone_more_slowly(toy, tmp_path):
+    few = replace(QUICK, iterations=1)
+    at_once, late = (
+        train(toy, tmp_path / scene, config=replace(few, scene=scene)) for scene in ("wide", "late")
+    )
+    assert load_policy(tmp_path / "late").features.closing_s == late.features.closing_s
+    assert late.features.closing_s > 2 * at_once.features.closing_s
+
+
 def test_random_weights_learn_at_their_own_rate_unless_told(toy, tmp_path):
     def rate(out: str, **settings) -> float:
         config = replace(QUICK, iterations=1, **settings)
