@@ -12,7 +12,7 @@ from pathlib import Path
 
 import bench_gentle_braking
 import numpy as np
-from bench_gentle_braking import COLUMNS, LATE_S, delayed
+from bench_gentle_braking import COLUMNS, LATE_S, TRUCKS, delayed
 from numpy.typing import NDArray
 
 from deeptruck_cacc import load_policy, training
@@ -44,7 +44,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--work", type=Path, default=Path("runs/late_commands"))
-    parser.add_argument("--trucks", nargs="+", default=["trucksim"])
+    parser.add_argument("--trucks", nargs="+", default=TRUCKS)
     parser.add_argument("--seed", type=int, default=1000, help="of scenes and noise")
     args = parser.parse_args()
     lines = ["# Commands that come late", "", "`python benchmarks/bench_late_commands.py`", "", SAYS]
