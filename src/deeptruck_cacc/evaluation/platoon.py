@@ -49,8 +49,13 @@ def behind(scene: Scene, trace: Trace) -> Scene:
     """The scene of the truck behind the one that drove `trace` in `scene`, with a radar of its own."""
     speed = np.vstack([scene.speed, trace["speed"]]).T
     pull = np.diff(speed, axis=1) / trace.dt
-    nothing = {"seen_speed_offset": None, "seen_gap_offset": None}
-    return replace(scene, leader_speed=scene.speed, leader_acceleration=pull, **nothing)
+    return replace(
+        scene,
+        leader_speed=scene.speed,
+        leader_acceleration=pull,
+        seen_speed_offset=None,
+        seen_gap_offset=None,
+    )
 
 
 def string_stability(
