@@ -44,7 +44,7 @@ COLUMNS = (
     "shield acts (%)",
     "crashes",
 )
-SAYS = """{names} in this order, at a time gap of 2 s, behind each of {cars} recorded cars in turn: `human`
+SAYS = """{names} in this order, at a time gap of 2 s, behind each of {cars} recorded cars in turn. `human`
 are the five of FHWA's string, whose first is driven by hand, `acc` the six of OpenACC. Each drive is a piece
 of 80 s above 5 m/s on a flat road, {pieces} in all; pieces with a stop are left out. Figures are of all
 pieces, after 10 s. Behind guard and shield drives either the first seed of a policy trained on that truck in
