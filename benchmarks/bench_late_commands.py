@@ -19,6 +19,7 @@ from deeptruck_cacc import load_policy, training
 from deeptruck_cacc.environments import hard_scenes, scenes
 from deeptruck_cacc.environments.rollouts import roll_out
 from deeptruck_cacc.environments.scenes import Scene
+from deeptruck_cacc.evaluation.platoon import string_stability
 from deeptruck_cacc.safety.guard import guard
 from deeptruck_cacc.training.settings import AnalyticConfig
 from deeptruck_model import trucks
@@ -34,6 +35,8 @@ First behind the 32 leaders of [gentle_braking](gentle_braking.md), which slow o
 judged."""
 PRICE = """What that costs in 100 runs of two other scenes: the worst time-gap error of a run after 10 s (s),
 median of all seeds and in brackets the worst."""
+STRING = """Eight trucks at 1.5 s behind a sine of 0.5 m/s, commands at once, first seed: the worst
+amplification from truck to truck of all frequencies."""
 CRASHES = """Crashes with the shield, of {count} runs of each cell: stops at 6 m/s², cut-ins, cut-outs and a
 radar that looks past the leader."""
 
@@ -54,6 +57,7 @@ def main() -> None:
             policies[scene] = learn(truck, name, scene, args.work / name / scene)
         lines += ["", f"## {name}", "", *pulses(truck, policies, args.seed)]
         lines += ["", PRICE, "", *price(truck, policies, args.seed)]
+        lines += ["", STRING, "", *string(truck, policies)]
         lines += ["", CRASHES.format(count=3 * 25 * len(HARD)), "", *crashes(truck, policies, args.seed)]
     out = Path(__file__).parents[1] / "docs" / "results" / "late_commands.md"
     out.write_text("\n".join(lines) + "\n")
@@ -90,6 +94,16 @@ def price(truck: Simulator, policies: dict[str, list[Path]], seed: int) -> list[
                 worst = np.array([worst_time_gap(truck, folder, slow) for folder in folders])
                 cells.append(f"{np.median(worst):.3f} ({worst.max():.3f})")
         lines.append(f"| `{trained}` | {' | '.join(cells)} |")
+    return lines
+
+
+def string(truck: Simulator, policies: dict[str, list[Path]]) -> list[str]:
+    """What grows along a platoon of each training."""
+    lines = ["| trained in | speed | gap error |", "|---|---|---|"]
+    for trained, folders in policies.items():
+        row = string_stability(truck, load_policy(folders[0]))
+        worst = (max(row[f"worst_{name}_amplification"]) for name in ("speed", "gap_error"))
+        lines.append(f"| `{trained}` | {' | '.join(f'{value:.3f}' for value in worst)} |")
     return lines
 
 
