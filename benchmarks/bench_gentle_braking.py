@@ -8,9 +8,8 @@ The policies are those of bench_following.py.
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import bench_following
 import matplotlib
@@ -53,27 +52,6 @@ saw in training.
 ![both pedals behind a leader that slows, commands 0.1 s late, trucksim](gentle_braking.png)"""
 
 
-@dataclass
-class Late:
-    """A simulator to which commands come `steps` later."""
-
-    simulator: Simulator
-    steps: int
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.simulator, name)
-
-    def reset(self, y0: Array) -> Any:
-        """Nothing is on its way yet."""
-        self._sent: list[Array] = []
-        return self.simulator.reset(y0)
-
-    def step(self, state: Any, u: Array, w: Array) -> tuple[Any, Array]:
-        """A step under the oldest command that is still on its way."""
-        self._sent = [*(self._sent or [u] * self.steps), u]
-        return self.simulator.step(state, self._sent.pop(0), w)
-
-
 def main() -> None:
     """Print the tables and write them to docs/results/gentle_braking.md, with a figure beside them."""
     parser = argparse.ArgumentParser(
@@ -104,14 +82,21 @@ def main() -> None:
 def table(truck: Simulator, policy: Path, seed: int) -> list[str]:
     """As COLUMNS has it, for each delay."""
     lines = [f"| late (s) | {' | '.join(COLUMNS)} |", "|---" * (len(COLUMNS) + 1) + "|"]
+    found = rows(truck, sorted(seeds(policy)), seed)
+    return lines + [f"| {late:g} | {cells} |" for late, cells in zip(LATE_S, found, strict=True)]
+
+
+def rows(truck: Simulator, folders: list[Path], seed: int) -> list[str]:
+    """Mean and worst of the policies in `folders` as COLUMNS has it, a row for each delay."""
+    found = []
     for late in LATE_S:
-        rows = [pedals(drive(truck, folder, late, seed), truck) for folder in sorted(seeds(policy))]
+        each = [pedals(drive(truck, folder, late, seed), truck) for folder in folders]
         cells = [
             f"{np.mean(column):{kind}} ({max(column):{kind}})"
-            for column, kind in zip(zip(*rows, strict=True), COLUMNS.values(), strict=True)
+            for column, kind in zip(zip(*each, strict=True), COLUMNS.values(), strict=True)
         ]
-        lines.append(f"| {late:g} | {' | '.join(cells)} |")
-    return lines
+        found.append(" | ".join(cells))
+    return found
 
 
 def seeds(path: Path) -> list[Path]:
@@ -121,9 +106,13 @@ def seeds(path: Path) -> list[Path]:
 
 def drive(truck: Simulator, policy: Path, late_s: float, seed: int) -> Trace:
     """A policy behind the leaders that slow, its commands late."""
-    scene = noisy(slowing(seed, truck.dt), *NOISE[1], seed)
-    behind = Late(truck, round(late_s / truck.dt))
-    return roll_out(behind, guard(load_policy(policy), shield=False), scene)
+    scene = delayed(noisy(slowing(seed, truck.dt), *NOISE[1], seed), late_s, truck.dt)
+    return roll_out(truck, guard(load_policy(policy), shield=False), scene)
+
+
+def delayed(scene: Scene, late_s: float, dt: float) -> Scene:
+    """The scene with all commands so late."""
+    return replace(scene, command_delay=np.full(scene.batch, round(late_s / dt)))
 
 
 def slowing(seed: int, dt: float) -> Scene:

@@ -66,7 +66,7 @@ def train(
     seeds: Annotated[int, typer.Option(help="Seeds side by side; 0: 3, or 1 with trpo.", min=0, max=100)] = 0,
     iterations: Annotated[int, typer.Option(help="Updates; 0 is the trainer's default.", min=0)] = 0,
     scene: Annotated[
-        str, typer.Option(help="Training scenes: paper, graded, moving, wide; empty is the default.")
+        str, typer.Option(help="Training scenes: paper, graded, moving, wide, late; empty is the default.")
     ] = "",
     memory: Annotated[
         bool | None, typer.Option(help="Slow features (no steady error), or the paper's memoryless policy.")

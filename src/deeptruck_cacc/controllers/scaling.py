@@ -62,6 +62,7 @@ POWER = (
     "engine_action",
     "brake_action",
 )
+LATE_CLOSING_S = 2.0
 
 
 @dataclass(frozen=True)
@@ -97,11 +98,18 @@ class FeatureMap:
     radar: RadarFilter | None = None
 
     @classmethod
-    def default(cls, *, memory: bool = True, dt: float = 0.1, power: bool = False) -> FeatureMap:
-        """The map described at the top of this module. `power` needs memory and brings the radar's filter."""
+    def default(
+        cls, *, memory: bool = True, dt: float = 0.1, power: bool = False, late: bool = False
+    ) -> FeatureMap:
+        """The map described at the top of this module. `power` needs memory and brings the radar's filter.
+
+        `late` is for commands that come up to 0.2 s late: what is wanted then takes errors away more slowly,
+        or the brake pulses.
+        """
         power = power and memory
         radar = RadarFilter.steady(dt) if power else None
-        return cls(_MATRIX.copy(), _OFFSET.copy(), memory, dt, power=power, radar=radar)
+        closing_s = LATE_CLOSING_S if late else cls.closing_s
+        return cls(_MATRIX.copy(), _OFFSET.copy(), memory, dt, power=power, radar=radar, closing_s=closing_s)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -57,6 +57,7 @@ class CaccEnv:
             np.array(x, float) for x in (self.scene.leader_speed, self.scene.speed, self.scene.gap)
         )
         self.acceleration = np.zeros(self.batch)
+        self._sent: list[Array] = []
         y0 = np.zeros((self.batch, len(self.simulator.interface.y)))
         y0[:, SPEED] = self.speed
         self._state = self.simulator.reset(y0)
@@ -118,12 +119,20 @@ class CaccEnv:
         w = grade[:, None] if self._has_grade else np.zeros((self.batch, 0))
         if scene.command_gain is not None:
             commands = self.scale.within(commands * scene.command_gain)
+        if scene.command_delay is not None:
+            commands = self._arrived(commands, scene.command_delay)
         self._state, y = self.simulator.step(self._state, commands[:, : self._n_u], w)
         self.gap = self.gap + (self.leader_speed - self.speed) * self.dt
         self.leader_speed = np.maximum(self.leader_speed + scene.leader_acceleration[:, k] * self.dt, 0.0)
         self.speed = y[:, SPEED]
         self.k += 1
         return y
+
+    def _arrived(self, commands: Array, delay: NDArray[np.int64]) -> Array:
+        """Of the commands on their way those that reach each truck now; the first is there from the start."""
+        self._sent = [*self._sent, commands][-1 - int(delay.max()) :]
+        oldest = np.maximum(len(self._sent) - 1 - delay, 0)
+        return np.stack(self._sent)[oldest, np.arange(self.batch)]
 
     def _jump(self) -> None:
         if self.k >= self.steps:

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Drawer = Callable[[np.random.Generator, int, int, float], "Scene"]
 
+LATE_S = 0.2  # what a bus and the controllers behind it take at most
+
 
 @dataclass(frozen=True)
 class Scene:
@@ -18,7 +20,8 @@ class Scene:
 
     `gap_jump` moves the true gap (cut-in, cut-out) at the start of a step, `leader_speed_jump` the leader's
     speed with it. `seen_gap_offset` and `seen_speed_offset` falsify what the radar says, `seen` False is a
-    dropout (NaN). `hidden_grade` is slope the truck feels and no sensor reports. Absent histories are None.
+    dropout (NaN). `hidden_grade` is slope the truck feels and no sensor reports. Commands reach the truck
+    `command_delay` (batch,) steps late, as over a bus. Absent histories are None.
     """
 
     leader_speed: Array
@@ -34,6 +37,7 @@ class Scene:
     seen: NDArray[np.bool_] | None = None
     hidden_grade: Array | None = None
     command_gain: Array | None = None
+    command_delay: NDArray[np.int64] | None = None
 
     @property
     def batch(self) -> int:
@@ -126,6 +130,17 @@ def wide(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
     )
 
 
+def late(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Scene:
+    """`wide` over a bus: each truck has its commands between at once and LATE_S later."""
+    scene = wide(rng, batch, steps, dt)
+    return replace(scene, command_delay=delays(rng, batch, dt))
+
+
+def delays(rng: np.random.Generator, batch: int, dt: float) -> NDArray[np.int64]:
+    """Steps from none to LATE_S, all alike likely, (batch,)."""
+    return rng.integers(0, round(LATE_S / dt), batch, endpoint=True)
+
+
 def _ramps(rng: np.random.Generator, batch: int, steps: int, dt: float) -> Array:
     """Piecewise constant leader acceleration that comes back: +a, rest, -a, rest."""
     length = rng.integers(round(2 / dt), round(6 / dt), (batch, 1))
@@ -155,4 +170,10 @@ def reach(scene: Scene) -> dict[str, tuple[float, float]]:
     return {name: (float(x.min()), float(x.max())) for name, x in values.items()}
 
 
-DRAWERS: dict[str, Drawer] = {"paper": paper, "graded": graded, "moving": moving, "wide": wide}
+DRAWERS: dict[str, Drawer] = {
+    "paper": paper,
+    "graded": graded,
+    "moving": moving,
+    "wide": wide,
+    "late": late,
+}

@@ -41,10 +41,21 @@ def drive(
                 seen_gap_offset=radar.normal(0, 0.2, shape),
             )
         traces.append(roll_out(simulator, policy, scene))
-        speed = np.vstack([scene.speed, traces[-1]["speed"]]).T
-        pull = np.diff(speed, axis=1) / simulator.dt
-        scene = replace(first, leader_speed=scene.speed, leader_acceleration=pull)
+        scene = behind(scene, traces[-1])
     return traces
+
+
+def behind(scene: Scene, trace: Trace) -> Scene:
+    """The scene of the truck behind the one that drove `trace` in `scene`, with a radar of its own."""
+    speed = np.vstack([scene.speed, trace["speed"]]).T
+    pull = np.diff(speed, axis=1) / trace.dt
+    return replace(
+        scene,
+        leader_speed=scene.speed,
+        leader_acceleration=pull,
+        seen_speed_offset=None,
+        seen_gap_offset=None,
+    )
 
 
 def string_stability(

@@ -61,7 +61,8 @@ class _Run:
         self.simulator, self.out, self.config = simulator, out, config
         self.identity = identity_of("analytic", config, source)
         self.road, self.reward = Road(simulator, reward), reward
-        features = FeatureMap.default(memory=config.memory, dt=simulator.dt, power=config.memory)
+        late = config.scene == "late"
+        features = FeatureMap.default(memory=config.memory, dt=simulator.dt, power=config.memory, late=late)
         scale = replace(ActionScale.of(simulator), exclusive=config.memory)
         self.policy = SeedBatch([config.seed + k for k in range(config.seeds)], features, scale)
         self.policy.start_as_follower(PedalMap.calibrate(simulator))
@@ -69,7 +70,7 @@ class _Run:
         self.best = {name: t.detach().clone() for name, t in self.policy.state_dict().items()}
         self.best_score = [float("inf")] * config.seeds
         self.seen: dict[str, tuple[float, float]] = {}
-        self.exam = validation.exam(config.seed, simulator.dt, copies=config.seeds)
+        self.exam = validation.exam(config.seed, simulator.dt, copies=config.seeds, late=late)
 
     def train(self, resume: bool, tell: Callable[[int, int, str], None]) -> MlpPolicy:
         config, start = self.config, self._restore() if resume else 0

@@ -18,7 +18,7 @@ from deeptruck_model.simulators import Simulator
 
 
 class Traffic(NamedTuple):
-    """State of a batch between windows; `truck` is the simulator's own."""
+    """State of a batch between windows; `truck` is the simulator's own, `sent` what is on its way to it."""
 
     k: int
     truck: Any
@@ -26,6 +26,7 @@ class Traffic(NamedTuple):
     gap: Tensor
     memory: Tensor
     action: Tensor
+    sent: tuple[Tensor, ...]
 
 
 class Window(NamedTuple):
@@ -68,26 +69,29 @@ class Road:
         y0 = torch.zeros(scene.batch, self.n_y)
         y0[:, SPEED] = speed
         idle = torch.zeros(scene.batch, 2)
-        return Traffic(0, self.module.reset(y0), speed, gap, policy.start(scene.batch), idle)
+        return Traffic(0, self.module.reset(y0), speed, gap, policy.start(scene.batch), idle, ())
 
     def drive(self, scene: Scene, policy: SeedBatch, state: Traffic, steps: int) -> tuple[Traffic, Window]:
         """`steps` steps from `state`; gradients reach the policy through every one of them."""
         leader, ideal, seen, felt, time_gap, gain = self._given(scene)
         gap_noise, speed_noise = self._radar(scene)
         low, high = (torch.tensor(x) for x in policy.scale.limits)
-        first, truck, speed, gap, memory, action = state
+        first, truck, speed, gap, memory, action, sent = state
+        delay = None if scene.command_delay is None else torch.from_numpy(scene.command_delay)
         gaps, speeds, actions = [], [], [action]
         for k in range(first, first + steps):
             radar = leader[k] + speed_noise[k], speed, gap + gap_noise[k]
             signals = torch.stack([*radar, speed * time_gap, seen[k]], dim=1)
             action, memory = policy(signals, memory)
             commands = (policy.commands(action) * gain).clamp(low, high)
+            if delay is not None:
+                commands, sent = _arrived(commands, sent, delay)
             truck, y = self.module(truck, commands[:, : self.n_u], felt[k])
             gap, speed = gap + (leader[k] - speed) * self.dt, y[:, SPEED]
             gaps.append(gap)
             speeds.append(speed)
             actions.append(action)
-        after = Traffic(first + steps, truck, speed, gap, memory, action)
+        after = Traffic(first + steps, truck, speed, gap, memory, action, sent)
         ahead, wanted = (x[first + 1 : first + steps + 1] for x in (leader, ideal))
         driven = torch.stack(gaps), torch.stack(speeds), torch.stack(actions)
         return after, self._judge(policy, *driven, ahead, wanted, time_gap)
@@ -155,6 +159,13 @@ class Road:
         cost: Tensor = self.paid.tracking(gap_error, ideal - speed)
         cost = cost + self.alpha_time_gap * shaped_square(late, 3.0)
         return cost + self.alpha_sharp * shaped_square(late, 0.3)
+
+
+def _arrived(commands: Tensor, sent: tuple[Tensor, ...], delay: Tensor) -> tuple[Tensor, tuple[Tensor, ...]]:
+    """CaccEnv._arrived in torch: what reaches each truck now, and what is still on its way."""
+    sent = (*sent, commands)[-1 - int(delay.max()) :]
+    oldest = (len(sent) - 1 - delay).clamp(min=0)
+    return torch.stack(sent)[oldest, torch.arange(len(delay))], sent
 
 
 def detach(state: Any) -> Any:

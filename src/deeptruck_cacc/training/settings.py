@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from math import inf
+from typing import Literal, get_args
 
 from deeptruck_cacc.environments import scenes
 from deeptruck_model.errors import InputError
@@ -25,6 +26,7 @@ TRPO_SEEDS = {
     "seeds": (1, inf), "curvature_share": (0, 1), "value_share": (0, 1), "value_rate": (0, MOST_RATE),
     "value_batch": (1, inf), "value_passes": (0, inf),
 }  # fmt: skip
+BaselineName = Literal["linear", "linear-before", "network"]
 
 
 @dataclass(frozen=True)
@@ -95,8 +97,14 @@ class TrpoConfig:
 class TrpoSeedsConfig(TrpoConfig):
     """Settings of a run; `seed` is the first of `seeds`."""
 
+    target_kl: float = 0.01
+    """trust region of the first batch; it falls along a line to nothing"""
+    gae_lambda: float = 1.0
+    """whole returns, RLLab's default: at 0.97 an action is charged for 3 s, and a lost gap costs longer"""
     seeds: int = 10
     """policies trained side by side"""
+    baseline: BaselineName = "linear"
+    """of returns: RLLab's of the batch itself or of the one before, or a network with the value settings"""
     curvature_share: float = 0.1
     """share of the states on which the curvature is estimated"""
     value_share: float = 0.25
@@ -111,6 +119,9 @@ class TrpoSeedsConfig(TrpoConfig):
     def __post_init__(self) -> None:
         """Raises InputError for a value that no run can have."""
         check(self, TRPO | TRPO_SEEDS)
+        if self.baseline not in get_args(BaselineName):
+            known = ", ".join(get_args(BaselineName))
+            raise InputError(f"there is no baseline '{self.baseline}'; known: {known}")
 
 
 Config = AnalyticConfig | TrpoConfig

@@ -43,7 +43,7 @@ def train(
     """
     out = Path(out)
     model, env = _model(simulator, config, reward)
-    exam = validation.exam(config.seed, simulator.dt)
+    exam = validation.exam(config.seed, simulator.dt, late=config.scene == "late")
     best: dict[str, Tensor] = {}
     best_score, start = float("inf"), 0
     identity = identity_of("trpo", config, source)

@@ -1,8 +1,9 @@
 """TRPO for many seeds at once: all their trucks in one batch, all their networks in one stack.
 
-The setting is that of trpo.py (and of sb3-contrib's defaults), but curvature and value are learned from a
-random share of the states, as the TRPO paper does for the curvature: neighbours a tenth of a second apart say
-much the same. A seed's result does not depend on the seeds beside it.
+The setting is that of trpo.py, but with a linear baseline and whole returns (return_baselines.py), and with
+the curvature from a random share of the states, as the TRPO paper has it: neighbours a tenth of a second
+apart say much the same. The trust region falls along a line to nothing, so that the end is kept. A seed's
+result does not depend on the seeds beside it.
 """
 
 from __future__ import annotations
@@ -25,11 +26,10 @@ from deeptruck_cacc.environments.reward import Reward
 from deeptruck_cacc.training import paths, progress, validation
 from deeptruck_cacc.training.identity import identity_of
 from deeptruck_cacc.training.natural_gradient import Gaussian, improve
+from deeptruck_cacc.training.return_baselines import HIDDEN, baseline
 from deeptruck_cacc.training.settings import TrpoSeedsConfig
 from deeptruck_cacc.training.stacked import StackedMlp
 from deeptruck_model.simulators import Simulator
-
-HIDDEN = (25, 25, 25)
 
 
 def train(
@@ -58,15 +58,14 @@ class _Run:
         self.env = CaccEnv(simulator, config.seeds * config.environments, config.path, reward=reward)
         self.features = FeatureMap.default(memory=config.memory, dt=simulator.dt)
         width = len(self.features.names)
-        self.actor, self.critic = StackedMlp((width, *HIDDEN, 2)), StackedMlp((width, *HIDDEN, 1))
+        self.actor = StackedMlp((width, *HIDDEN, 2))
         self.seeds = [config.seed + k for k in range(config.seeds)]
         generators = [torch.Generator().manual_seed(seed) for seed in self.seeds]
         mean = self.actor.fresh(generators, 0.01)
         self.policy = Gaussian(self.actor, mean, torch.full((config.seeds, 2), config.log_std))
-        self.value = self.critic.fresh(generators, 1.0)
-        self.adam = torch.optim.Adam([self.value], lr=config.value_rate)
+        self.baseline = baseline(config, width, generators)
         self.best, self.best_score = mean.clone(), [float("inf")] * config.seeds
-        self.exam = validation.exam(config.seed, simulator.dt)
+        self.exam = validation.exam(config.seed, simulator.dt, late=config.scene == "late")
 
     def train(self, resume: bool, tell: Callable[[int, int, str], None]) -> MlpPolicy:
         config, start = self.config, self._restore() if resume else 0
@@ -93,15 +92,15 @@ class _Run:
         config = self.config
         rngs = [np.random.default_rng([seed, iteration]) for seed in self.seeds]
         seen, actions, rewards = self._drive(rngs)
-        values = self.critic.forward(self.value, seen.flatten(1, 2))[0].view(seen.shape[:3])
+        values = self.baseline.values(seen, rewards)
         advantages = paths.advantage(rewards, values, config.gamma, config.gae_lambda)
-        targets = (advantages + values[..., :-1]).flatten(1)
         flat = advantages.flatten(1)
         flat = (flat - flat.mean(dim=1, keepdim=True)) / (flat.std(dim=1, keepdim=True) + 1e-8)
-        seen = seen[:, :, :-1].flatten(1, 2)
-        some = paths.draw(rngs, seen.shape[1], config.curvature_share)
-        self.policy = improve(self.policy, seen, actions.flatten(1, 2), flat, some, config.target_kl)
-        self._learn_value(seen, targets, rngs)
+        states = seen[:, :, :-1].flatten(1, 2)
+        some = paths.draw(rngs, states.shape[1], config.curvature_share)
+        most_kl = config.target_kl * (1 - iteration / config.iterations)
+        self.policy = improve(self.policy, states, actions.flatten(1, 2), flat, some, most_kl)
+        self.baseline.learn(seen, advantages + values[..., :-1], rngs)
         return rewards.sum(dim=2).double().numpy()
 
     def _drive(self, rngs: list[np.random.Generator]) -> paths.Paths:
@@ -114,18 +113,6 @@ class _Run:
         return paths.drive(
             self.env, scene, self.features, lambda k, seen: self.actor.forward(mean, seen)[0] + spread[k]
         )
-
-    def _learn_value(self, seen: Tensor, targets: Tensor, rngs: list[np.random.Generator]) -> None:
-        """Adam on the squared error of the value, over shuffled pieces of the batch."""
-        c, count = self.config, seen.shape[1]
-        rows = torch.arange(c.seeds)[:, None]
-        for _ in range(c.value_passes):
-            some = paths.draw(rngs, count, c.value_share)
-            for piece in torch.split(some, c.value_batch, dim=1):
-                value, inputs = self.critic.forward(self.value, seen[rows, piece])
-                error = value - targets[rows, piece][..., None]
-                self.value.grad = self.critic.pull(self.value, inputs, 2 * error / piece.shape[1])
-                self.adam.step()
 
     def _validate(self) -> list[float]:
         """Score of each seed's mean policy; keeps the best weights so far."""
@@ -149,8 +136,8 @@ class _Run:
         return MlpPolicy(layers, self.features, env.scale, env.simulator.interface, coverage, card)
 
     def _checkpoint(self, done: int) -> None:
-        tensors = {"mean": self.policy.mean, "log_std": self.policy.log_std, "value": self.value}
-        tensors |= {"best": self.best} | progress.adam_tensors(self.adam)
+        tensors = {"mean": self.policy.mean, "log_std": self.policy.log_std, "best": self.best}
+        tensors |= self.baseline.tensors()
         facts = {**self.identity, "done": done, "best_score": self.best_score}
         progress.save_checkpoint(self.out, tensors, facts)
 
@@ -161,9 +148,8 @@ class _Run:
             return 0
         tensors, facts = found
         self.policy = Gaussian(self.actor, tensors["mean"], tensors["log_std"])
-        self.value.copy_(tensors["value"])
         self.best, self.best_score = tensors["best"], facts["best_score"]
-        progress.restore_adam(self.adam, tensors)
+        self.baseline.restore(tensors)
         return int(facts["done"])
 
     def _save(self) -> MlpPolicy:

@@ -20,11 +20,11 @@ EXAM_S = 40.0
 SETTLED_S, STEADY_S = 10.0, 25.0  # the paper's times for the time gap and for the speed
 
 
-def exam(seed: int, dt: float, *, copies: int = 1) -> Scene:
+def exam(seed: int, dt: float, *, copies: int = 1, late: bool = False) -> Scene:
     """40 paths of 40 s, the same rows `copies` times.
 
     16 are the paper's, 16 moving leaders on hills, 8 close a gap; half of each with command gains that no
-    one sees.
+    one sees. With `late` commands come with the delays of scene `late`.
     """
     rng = np.random.default_rng([seed, 2**31])
     drawn = ((scenes.paper, 16), (scenes.moving, 16), (gap_closing, 8))
@@ -37,7 +37,8 @@ def exam(seed: int, dt: float, *, copies: int = 1) -> Scene:
 
     names = ("leader_speed", "speed", "gap", "time_gap", "leader_acceleration", "grade")
     rows = {name: join(name) for name in names}
-    return replace(parts[0], **rows, command_gain=np.concatenate([gain] * copies))
+    exam = replace(parts[0], **rows, command_gain=np.concatenate([gain] * copies))
+    return replace(exam, command_delay=np.tile(scenes.delays(rng, 40, dt), copies)) if late else exam
 
 
 def scores(scene: Scene, dt: float, time_gap_error: Array, speed_error: Array, crashed: Array) -> Array:

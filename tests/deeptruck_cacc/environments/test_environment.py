@@ -172,6 +172,26 @@ def test_radar_faults_are_seen_and_not_felt(toy):
     np.testing.assert_array_equal(clean.gap, faulty.gap)
 
 
+def test_late_commands_reach_each_truck_its_own_steps_later(toy):
+    scene = scenes.replace(scenes.paper(np.random.default_rng(0), 3, 12, 0.1), speed=np.full(3, 15.0))
+    scene = scenes.replace(scene, command_delay=np.array([0, 1, 2]))
+    env = CaccEnv(toy)
+    env.reset(scene)
+    speeds = []
+    for k in range(6):
+        env.step(np.full((3, 2), (200.0, 0.0) if k < 3 else (1500.0, 0.0)))
+        speeds.append(env.speed)
+    at_once, one, two = np.array(speeds).T
+    assert at_once[0] == one[0] == two[0]  # the first command is there from the start
+    assert at_once[3] > one[3] == two[3] and one[4] > two[4]
+
+
+def test_scene_late_is_wide_over_a_bus():
+    late, wide = (scenes.DRAWERS[n](np.random.default_rng(3), 90, 60, 0.1) for n in ("late", "wide"))
+    np.testing.assert_array_equal(late.leader_acceleration, wide.leader_acceleration)
+    assert wide.command_delay is None and set(late.command_delay) == {0, 1, 2}
+
+
 def test_unknown_scene_is_refused(toy):
     with pytest.raises(InputError, match="known: paper"):
         CaccGymEnv(toy, scene="moon")

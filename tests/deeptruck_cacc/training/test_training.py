@@ -27,6 +27,8 @@ torch.set_num_threads(1)
 QUICK = analytic.AnalyticConfig(seeds=2, rollouts=6, iterations=6, window=40, validate_every=3)
 QUICK_TRPO = trpo.TrpoConfig(iterations=4, environments=5, path=80, validate_every=2)
 SEEDS = TrpoSeedsConfig(seeds=2, iterations=4, environments=5, path=60, validate_every=2)
+NETWORK, BEFORE = (replace(SEEDS, baseline=name) for name in ("network", "linear-before"))
+LATE = replace(QUICK, scene="late")
 
 
 @pytest.fixture(scope="module")
@@ -100,6 +102,16 @@ def test_a_start_that_follows_better_than_what_comes_of_it_is_kept(toy, tmp_path
 
 
 @pytest.mark.usefixtures("quick_exam")
+@pytest.mark.usefixtures("quick_exam")
+def test_where_commands_come_late_errors_are_wanted_gone_more_slowly(toy, tmp_path):
+    few = replace(QUICK, iterations=1)
+    at_once, late = (
+        train(toy, tmp_path / scene, config=replace(few, scene=scene)) for scene in ("wide", "late")
+    )
+    assert load_policy(tmp_path / "late").features.closing_s == late.features.closing_s
+    assert late.features.closing_s > 2 * at_once.features.closing_s
+
+
 def test_random_weights_learn_at_their_own_rate_unless_told(toy, tmp_path):
     def rate(out: str, **settings) -> float:
         config = replace(QUICK, iterations=1, **settings)
@@ -110,9 +122,9 @@ def test_random_weights_learn_at_their_own_rate_unless_told(toy, tmp_path):
     assert rate("c", learning_rate=2e-3) == 2e-3
 
 
-@pytest.mark.parametrize("power", [True, False])
-def test_torch_and_numpy_agree_on_policy_and_road(toy, power):
-    scene = scenes.wide(np.random.default_rng(5), 6, 60, toy.dt)
+@pytest.mark.parametrize(("power", "drawn"), [(True, "wide"), (False, "wide"), (True, "late")])
+def test_torch_and_numpy_agree_on_policy_and_road(toy, power, drawn):
+    scene = scenes.DRAWERS[drawn](np.random.default_rng(5), 6, 60, toy.dt)
     scale = replace(ActionScale.of(toy), exclusive=power)
     batch = SeedBatch([0, 1], FeatureMap.default(power=power), scale)
     draw = torch.Generator().manual_seed(0)
@@ -120,13 +132,13 @@ def test_torch_and_numpy_agree_on_policy_and_road(toy, power):
         for p in batch.parameters():
             p.add_(0.1 * torch.randn(p.shape, generator=draw))  # wilder ones magnify single precision
         road = Road(toy, Reward())
-        _, window = road.drive(scene, batch, road.start(scene, batch), 60)
+        state, first = road.drive(scene, batch, road.start(scene, batch), 30)
+        _, second = road.drive(scene, batch, state, 30)
+    speed_error = np.concatenate([first.speed_error, second.speed_error])
     for seed, rows in ((0, slice(0, 3)), (1, slice(3, 6))):
         policy = batch.policy(seed, toy.interface, {}, {})
         trace = roll_out(toy, policy, scene)
-        np.testing.assert_allclose(
-            window.speed_error[:, rows].numpy(), trace["speed_error"][:, rows], atol=2e-4
-        )
+        np.testing.assert_allclose(speed_error[:, rows], trace["speed_error"][:, rows], atol=2e-4)
 
 
 def test_asking_for_both_pedals_costs_although_only_one_acts(toy):
@@ -221,7 +233,10 @@ def test_same_seed_same_policy(toy, tmp_path):
 
 
 @pytest.mark.usefixtures("quick_exam")
-@pytest.mark.parametrize(("trainer", "quick"), [("analytic", QUICK), ("trpo", QUICK_TRPO), ("trpo", SEEDS)])
+@pytest.mark.parametrize(
+    ("trainer", "quick"),
+    [("analytic", QUICK), ("analytic", LATE), *(("trpo", c) for c in (QUICK_TRPO, SEEDS, NETWORK, BEFORE))],
+)
 def test_a_killed_run_resumes_to_the_same_policy(toy, tmp_path, trainer, quick):
     whole = train(toy, tmp_path / "whole", trainer=trainer, config=quick)
 
@@ -236,7 +251,7 @@ def test_a_killed_run_resumes_to_the_same_policy(toy, tmp_path, trainer, quick):
     assert not files.unfinished(tmp_path / "cut").exists()
     for (w, _), (x, _) in zip(whole.layers, resumed.layers, strict=True):
         np.testing.assert_allclose(w, x, rtol=1e-6)
-    curve = "seeds/1/learning_curve.jsonl" if quick is SEEDS else "learning_curve.jsonl"
+    curve = "seeds/1/learning_curve.jsonl" if isinstance(quick, TrpoSeedsConfig) else "learning_curve.jsonl"
     lines = (tmp_path / "cut" / curve).read_text().splitlines()
     assert [json.loads(line)["iteration"] for line in lines] == list(range(quick.iterations))
 

@@ -9,7 +9,7 @@ import torch
 
 from deeptruck_cacc import load_policy
 from deeptruck_cacc.environments import scenes
-from deeptruck_cacc.training import paths, train, trpo_seeds
+from deeptruck_cacc.training import paths, return_baselines, train, trpo_seeds
 from deeptruck_cacc.training.natural_gradient import Gaussian, improve
 from deeptruck_cacc.training.stacked import StackedMlp
 from deeptruck_model.errors import InputError
@@ -95,6 +95,30 @@ def test_it_learns_the_identity_case(toy, tmp_path):
         lines = (tmp_path / "p" / "seeds" / k / "learning_curve.jsonl").read_text().splitlines()
         first, last = json.loads(lines[0]), json.loads(lines[-1])
         assert last["return_mean"] > 0.15 * first["return_mean"]
+
+
+def test_the_linear_baseline_knows_returns_of_any_size_at_once_and_the_others_later():
+    generators = [torch.Generator().manual_seed(k) for k in range(2)]
+    start = torch.randn(2, 4, 1, 3, generator=generators[0])
+    seen, rngs = start.repeat(1, 1, 61, 1), [np.random.default_rng(k) for k in range(2)]
+    rewards = -100.0 * seen[:, :, :-1, 0] ** 2
+    returns = rewards * torch.arange(60, 0, -1)
+    missed = {}
+    for name in ("linear", "linear-before", "network"):
+        config = replace(QUICK, baseline=name, gamma=1.0)
+        one = return_baselines.baseline(config, 3, generators)
+        first = one.values(seen, rewards)
+        one.learn(seen, returns, rngs)
+        both = first, one.values(seen, rewards)
+        missed[name] = [float((v[..., :-1] - returns).std() / returns.std()) for v in both]
+        assert name == "network" or not both[1][..., -1].any()
+    assert missed["linear"][0] < 0.6 and missed["linear-before"] == [1.0, missed["linear"][0]]
+    assert missed["network"][1] > 0.95
+
+
+def test_an_unknown_baseline_is_refused():
+    with pytest.raises(InputError, match="'tree'; known: linear, linear-before, network"):
+        replace(QUICK, baseline="tree")
 
 
 def test_scenes_side_by_side_keep_their_rows():

@@ -1,0 +1,124 @@
+"""What a path was expected to return from each of its states: what an action is compared with in TRPO.
+
+`linear` is least squares on returns, whatever their size, as in RLLab, with which the paper trained. RLLab
+takes the batch before (`linear-before`); after a crash in that one it misses by many times what it explains,
+so ours takes the batch itself: a dozen weights of 20,000 steps. `network` is sb3-contrib's, whose steps of
+fixed length returns of thousands leave behind.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from deeptruck_cacc.training import paths, progress
+from deeptruck_cacc.training.settings import TrpoSeedsConfig
+from deeptruck_cacc.training.stacked import StackedMlp
+
+HIDDEN = (25, 25, 25)
+FEATURE_REACH, TIME_STEPS, RIDGE = 10.0, 100.0, 1e-5  # RLLab's
+
+
+class Baseline(Protocol):
+    """Values of the states of every seed."""
+
+    def values(self, seen: Tensor, rewards: Tensor) -> Tensor:
+        """Expected returns (seeds, environments, T + 1) where that was seen (.., T + 1, features) and paid
+        (.., T)."""
+
+    def learn(self, seen: Tensor, targets: Tensor, rngs: list[np.random.Generator]) -> None:
+        """From the targets of TD(lambda), (seeds, environments, T), once the policy has changed."""
+
+    def tensors(self) -> dict[str, Tensor]:
+        """What a resumed run needs."""
+
+    def restore(self, tensors: dict[str, Tensor]) -> None:
+        """Inverse of `tensors`."""
+
+
+def baseline(config: TrpoSeedsConfig, width: int, generators: list[torch.Generator]) -> Baseline:
+    """The one that the settings name, for states of `width` features."""
+    if config.baseline == "network":
+        return Network(config, width, generators)
+    weights = torch.zeros(len(generators), 2 * width + 4, 1, dtype=torch.float64)
+    return Linear(config.gamma, weights, before=config.baseline == "linear-before")
+
+
+class Linear:
+    """Features, their squares and time to the third power, fitted to discounted returns.
+
+    Time belongs to it: a path ends at its last step, so late steps have less left to return.
+    """
+
+    def __init__(self, gamma: float, weights: Tensor, *, before: bool) -> None:
+        self.gamma, self.weights, self.before = gamma, weights, before
+
+    def values(self, seen: Tensor, rewards: Tensor) -> Tensor:
+        """Zero at the end of a path."""
+        terms = _terms(seen)
+        fitted = self._fitted(terms[:, :, :-1].flatten(1, 2), rewards)
+        weights, self.weights = self.weights if self.before else fitted, fitted
+        values = (terms.flatten(1, 2) @ weights).view(seen.shape[:3]).float()
+        values[..., -1] = 0.0
+        return values
+
+    def _fitted(self, terms: Tensor, rewards: Tensor) -> Tensor:
+        nothing = torch.nn.functional.pad(torch.zeros_like(rewards), (0, 1))
+        returns = paths.advantage(rewards, nothing, self.gamma, 1.0).flatten(1)[..., None].double()
+        square = terms.transpose(1, 2) @ terms + RIDGE * torch.eye(terms.shape[2], dtype=torch.float64)
+        return torch.linalg.solve(square, terms.transpose(1, 2) @ returns)
+
+    def learn(self, seen: Tensor, targets: Tensor, rngs: list[np.random.Generator]) -> None:
+        """Nothing: returns are all it needs."""
+
+    def tensors(self) -> dict[str, Tensor]:
+        """The weights."""
+        return {"value": self.weights}
+
+    def restore(self, tensors: dict[str, Tensor]) -> None:
+        """Inverse of `tensors`."""
+        self.weights = tensors["value"]
+
+
+class Network:
+    """The policy's own shape, by Adam on the squared error over shuffled pieces of the batch."""
+
+    def __init__(self, config: TrpoSeedsConfig, width: int, generators: list[torch.Generator]) -> None:
+        self.config, self.net = config, StackedMlp((width, *HIDDEN, 1))
+        self.parameters = self.net.fresh(generators, 1.0)
+        self.adam = torch.optim.Adam([self.parameters], lr=config.value_rate)
+
+    def values(self, seen: Tensor, rewards: Tensor) -> Tensor:
+        """As the network has it; the end of a path is a state like others."""
+        return self.net.forward(self.parameters, seen.flatten(1, 2))[0].view(seen.shape[:3])
+
+    def learn(self, seen: Tensor, targets: Tensor, rngs: list[np.random.Generator]) -> None:
+        """Some passes over a share of the states, drawn anew for each."""
+        c, rows = self.config, torch.arange(len(seen))[:, None]
+        states, wanted = seen[:, :, :-1].flatten(1, 2), targets.flatten(1)
+        for _ in range(c.value_passes):
+            some = paths.draw(rngs, states.shape[1], c.value_share)
+            for piece in torch.split(some, c.value_batch, dim=1):
+                value, inputs = self.net.forward(self.parameters, states[rows, piece])
+                error = value - wanted[rows, piece][..., None]
+                self.parameters.grad = self.net.pull(self.parameters, inputs, 2 * error / piece.shape[1])
+                self.adam.step()
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Parameters, and the optimiser's memory."""
+        return {"value": self.parameters} | progress.adam_tensors(self.adam)
+
+    def restore(self, tensors: dict[str, Tensor]) -> None:
+        """Inverse of `tensors`."""
+        self.parameters.copy_(tensors["value"])
+        progress.restore_adam(self.adam, tensors)
+
+
+def _terms(seen: Tensor) -> Tensor:
+    """What the linear baseline weighs, (seeds, environments, steps, 2 features + 4)."""
+    x = seen.double().clamp(-FEATURE_REACH, FEATURE_REACH)
+    time = (torch.arange(x.shape[2], dtype=torch.float64) / TIME_STEPS)[:, None].expand(*x.shape[:3], 1)
+    return torch.cat([x, x**2, time, time**2, time**3, torch.ones_like(time)], dim=3)
