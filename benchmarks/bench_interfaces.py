@@ -159,7 +159,9 @@ def recorded(
         "engine_speed": RATIOS[gear(v)] * v + rng.normal(0.0, 0.3, n),
         "acceleration": rows[:, 2] + rng.normal(0.0, 0.03, n),
     }
-    out = {c: x for c, x in out.items() if c in ("engine_command", "speed", *channels)}
+    if "acceleration" not in channels:  # as a reader makes it
+        out["acceleration"] = np.diff(out["speed"], prepend=np.nan) / truck.dt
+    out = {c: x for c, x in out.items() if c in ("engine_command", "speed", "acceleration", *channels)}
     out |= {"brake_command": rows[:, 1]} if interface.brake_unit else {}
     out |= {"grade": grade + rng.normal(0.0, 0.0005, n)} if interface.grade else {}
     return Recording(name, truck.dt, out, interface)

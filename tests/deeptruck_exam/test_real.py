@@ -43,8 +43,9 @@ def test_the_page_counts_false_alarms_of_each_part() -> None:
 def test_a_folder_that_is_not_there_and_one_without_logs(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="there is no folder"):
         check_real(tmp_path / "nowhere", tmp_path / "out")
+    (tmp_path / "empty").mkdir()
     with pytest.raises(InputError, match="none of the logs"):
-        examine_real(tmp_path, tmp_path / "out")
+        examine_real(tmp_path / "empty", tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 

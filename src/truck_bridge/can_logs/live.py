@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import math
 import os
+import re
 import signal
 import tempfile
 import threading
@@ -58,7 +59,7 @@ def record(path: Path, interface: str, channel: str, duration: float | None = No
         raise InputError(f"{path} was moved or replaced meanwhile; the {count} frames are where it went")
     if count == 0:
         silent = f"nothing was heard on {interface} {channel}; is it the right channel, does anyone speak?"
-        if path.stat().st_size != _size_of_silence(path):
+        if _outline(path) != _outline_of_silence(path):
             raise InputError(f"{silent} {path} stays, as somebody else wrote into it")
         path.unlink()
         raise InputError(silent)
@@ -119,13 +120,19 @@ def _identity(path: Path) -> tuple[int, int] | None:
     return found.st_dev, found.st_ino
 
 
-def _size_of_silence(path: Path) -> int:
-    """The bytes of a log of this kind in which nothing was heard."""
+def _outline(log: Path) -> bytes | int:
+    """What a log holds beside its numbers, which tell the time; of a binary one, its size."""
+    data = log.read_bytes()
+    return re.sub(rb"\d+", b"0", data) if log.suffix in log_files.LINES else len(data)
+
+
+def _outline_of_silence(path: Path) -> bytes | int:
+    """The same of a log of this kind in which nothing was heard."""
     with tempfile.TemporaryDirectory() as place:
         like = Path(place) / path.name
         with _writing(_logger(like, new=True), like):
             pass
-        return like.stat().st_size
+        return _outline(like)
 
 
 def _all(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:

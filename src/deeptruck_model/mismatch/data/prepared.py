@@ -29,7 +29,8 @@ def same_signals(simulator: Simulator, recordings: Sequence[Recording]) -> None:
         raise InputError("there is no recording to compare with; give at least one bag with data in it")
     need = {*simulator.interface.u, *simulator.interface.w}
     for r in recordings:
-        missing = sorted(n for n in need if n not in r.channels or not np.isfinite(r.channels[n]).any())
+        unknown = {n for n in need if n not in r.channels or not np.isfinite(r.channels[n]).any()}
+        missing = sorted(unknown | ({"speed", "acceleration"} - r.channels.keys()))
         if missing:
             raise InputError(
                 f"recording '{r.name}' has no valid {', '.join(missing)}, which the simulator needs; "

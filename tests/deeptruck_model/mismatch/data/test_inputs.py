@@ -56,6 +56,12 @@ def test_a_command_that_was_never_valid_is_lacking(drives: list[Recording]) -> N
         same_signals(TRUCK, [empty])
 
 
+def test_a_recording_made_by_hand_without_an_acceleration_is_refused(drives: list[Recording]) -> None:
+    rest = {name: x for name, x in drives[0].channels.items() if name != "acceleration"}
+    with pytest.raises(InputError, match="'d0' has no valid acceleration"):
+        same_signals(TRUCK, [replace(drives[0], channels=rest)])
+
+
 @pytest.mark.parametrize(
     ("dt", "cure"),
     [(1.0, "record at 10 Hz, or .* of 1 Hz: 'deeptruck-model train'"), (0.01, "read it with rate_hz=10")],
