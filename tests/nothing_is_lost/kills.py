@@ -37,6 +37,7 @@ LATE_SHARE = 1 / 3  # of the runs is ended in the last part of the work
 TICKS = os.sysconf("SC_CLK_TCK")
 LIMIT_S = 600.0
 SHARED = Path("/dev/shm")
+OF_THE_MACHINE = "lttng-ust-wait"  # one for all processes that trace, whoever was first
 
 
 @dataclass(frozen=True)
@@ -113,15 +114,16 @@ class Bench:
 
         The part is one of its computing, not of the clock's time, which depends on what else is running.
         """
-        before, mark = set(SHARED.iterdir()), uuid.uuid4().hex
+        mark, shared = uuid.uuid4().hex, set[Path]()
         run = self._start(mark=mark)
         while run.poll() is None and _computed_s(run.pid) < part * self.length_s:
+            shared |= _shared(mark)
             time.sleep(0.01)
         ended_before = run.poll() is not None
         with suppress(ProcessLookupError):  # Ctrl-C reaches all of them, kill -9 only whom it names
             os.killpg(run.pid, number) if number == signal.SIGINT else os.kill(run.pid, number)
         run.wait(FAREWELL_S)
-        wrong = [*self._left_over(mark, before), *self._half_written()]
+        wrong = [*self._left_over(mark, shared), *self._half_written()]
         wrong += self._go_on()
         self._clear()
         return Disturbed(self.command.name, number, part, ended_before, tuple(wrong))
@@ -153,16 +155,21 @@ class Bench:
                 run.kill()
                 run.wait()
 
-    def _left_over(self, mark: str, before: set[Path]) -> Iterator[str]:
-        """Processes of the run, and shared memory that came meanwhile and that nobody has open."""
+    def _left_over(self, mark: str, shared: set[Path]) -> Iterator[str]:
+        """Processes of the run, and shared memory that they had open and nobody has now.
+
+        What others made meanwhile is not the run's: graphs of other tests come and go beside it.
+        """
         end = time.monotonic() + FAREWELL_S
         while (left := list(_marked(mark))) and time.monotonic() < end:
+            shared |= _shared(mark)
             time.sleep(0.2)
         for process, says in left:
             yield f"process left: {says}"
             os.kill(process, signal.SIGKILL)
-        for entry in set(SHARED.iterdir()) - before:
-            if not _is_open(entry):
+        others = {entry for process in _processes() for entry in _opened(process)}
+        for entry in sorted(shared - others):
+            if entry.exists():
                 yield f"shared memory left: {entry}"
 
     def _half_written(self) -> Iterator[str]:
@@ -229,9 +236,13 @@ def _write_drives(folder: Path) -> None:
         write_bag(folder / name, [drive], interface=truck.interface)
 
 
+def _processes() -> Iterator[Path]:
+    return Path("/proc").glob("[0-9]*")
+
+
 def _marked(mark: str) -> Iterator[tuple[int, str]]:
     """Processes that carry the mark: number and command line."""
-    for path in Path("/proc").glob("[0-9]*"):
+    for path in _processes():
         try:
             if f"{MARK}={mark}".encode() in (path / "environ").read_bytes():
                 yield int(path.name), (path / "cmdline").read_bytes().replace(b"\0", b" ").decode()
@@ -256,14 +267,19 @@ def _computed_s(session: int) -> float:
     return total / TICKS
 
 
-def _is_open(entry: Path) -> bool:
-    for path in Path("/proc").glob("[0-9]*/maps"):
-        try:
-            if str(entry) in path.read_text():
-                return True
-        except OSError:
-            continue
-    return False
+def _shared(mark: str) -> set[Path]:
+    """Shared memory that the marked processes have open."""
+    return {entry for number, _ in _marked(mark) for entry in _opened(Path(f"/proc/{number}"))}
+
+
+def _opened(process: Path) -> set[Path]:
+    """Entries of shared memory that a process has mapped, or has open as a file."""
+    found: set[Path] = set()
+    with suppress(OSError):  # it has ended, or is another user's
+        lines = (process / "maps").read_text().splitlines()
+        found |= {Path(line.split(maxsplit=5)[5]) for line in lines if f"{SHARED}/" in line}
+        found |= {link.readlink() for link in (process / "fd").iterdir()}
+    return {e for e in found if e.parent == SHARED and not e.name.startswith(OF_THE_MACHINE)}
 
 
 def disturbed(names: Sequence[str], runs: int, seed: int) -> Iterator[Disturbed]:
