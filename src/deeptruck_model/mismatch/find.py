@@ -153,11 +153,8 @@ def _find(
     e = gather(simulator, c.prepared, c.held_out, seed=seed, rules=rules, mass_kg=mass_kg)
     if little := too_little(e):
         return _useless(replace(c, useless=little, data=_data(c, e)))
-    e, x = linearised.explained(simulator, e, c.prepared, c.held_out, seed, exclude, say)
-    say("correcting the simulator and driving it free")
-    x, (errors, corrected, fit) = correction.corrected_and_driven(
-        simulator, e, x, c.part(held_out=False), c.part(held_out=True), with_unnamed
-    )
+    e, driven = _explained(simulator, c, e, seed, with_unnamed, exclude, say)
+    x, fit = driven.explanation, driven.fit
     say("locating it")
     found = _findings(simulator, c, e, x)
     causes = {place: f.cause for place, f in enumerate(found) if f.cause is not None}
@@ -172,6 +169,7 @@ def _find(
         regimes=tuple(regimes),
         fit=fit,
         data=data if found else replace(data, smallest_visible=identifiability.smallest_visible(e, x)),
+        suspicions=tuple(map(findings.suspicion, driven.refuted)),
         caveats=(
             *c.caveats,
             *([LEFT_OUT.format(", ".join(exclude))] if exclude else []),
@@ -181,7 +179,35 @@ def _find(
             *([unsaid] if unsaid else []),
         ),
     )
-    return Mismatch(verdict, e, x, errors, corrected, c.prepared, tuple(exclude))
+    return Mismatch(verdict, e, x, driven.errors, driven.corrected, c.prepared, tuple(exclude))
+
+
+def _explained(
+    simulator: Simulator,
+    c: Checked,
+    given: Evidence,
+    seed: int,
+    with_unnamed: bool,
+    exclude: list[str],
+    say: Callable[[str], None],
+) -> tuple[Evidence, correction.Driven]:
+    """What was found and driven. What held-out drives refute leaves the library, and the search goes on once:
+    another name may hold where the first had only followed the fitted drives.
+
+    Beside a learned simulator it does not go on: its own discrepancy is what is left.
+    """
+    e, x = linearised.explained(simulator, given, c.prepared, c.held_out, seed, exclude, say)
+    say("correcting the simulator and driving it free")
+    fitted, held_out = c.part(held_out=False), c.part(held_out=True)
+    driven = correction.corrected_and_driven(simulator, e, x, fitted, held_out, with_unnamed)
+    refuted = [f.effect for f in driven.refuted if f.term is not None]
+    if not refuted or e.model_discrepancy > 0.0:
+        return e, driven
+    say("searching without what held-out drives speak against")
+    without = [*exclude, *refuted]
+    e, x = linearised.explained(simulator, given, c.prepared, c.held_out, seed, without, say)
+    again = correction.corrected_and_driven(simulator, e, x, fitted, held_out, with_unnamed)
+    return e, replace(again, refuted=(*driven.refuted, *again.refuted))
 
 
 def _without_mass(e: Evidence, found: Sequence[Finding]) -> list[str]:

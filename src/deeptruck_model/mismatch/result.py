@@ -146,6 +146,15 @@ class Finding:
 
 
 @dataclass(frozen=True)
+class Suspicion:
+    """What explained the fitted recordings, and is no finding: held-out drives speak against it."""
+
+    effect: str
+    evidence_nats: float
+    would_be_told_by: str
+
+
+@dataclass(frozen=True)
 class Segment:
     """A stretch of one recording in which a finding (by its place) acts; rows are of the stacked evidence."""
 
@@ -265,6 +274,7 @@ class Verdict:
     fit: FitResult | None = None
     data: DataReport = DataReport()
     caveats: tuple[str, ...] = ()
+    suspicions: tuple[Suspicion, ...] = ()
 
     @property
     def validated(self) -> bool:
@@ -283,6 +293,7 @@ class Verdict:
                 "fit": self.fit.to_json() if self.fit is not None else {},
                 "data": self.data.to_json(),
                 "caveats": self.caveats,
+                "suspicions": [vars(s) for s in self.suspicions],
             }
         )
         return out
@@ -300,6 +311,7 @@ class Verdict:
                 SmallestVisible.read(data.get("smallest_visible")),
             ),
             caveats=tuple(verdict["caveats"]),
+            suspicions=tuple(Suspicion(**s) for s in verdict.get("suspicions", ())),
         )
 
 

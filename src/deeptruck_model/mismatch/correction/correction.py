@@ -319,6 +319,18 @@ def _better(errors: Compared | None, gained: Improvement | None) -> bool:
     return gained.ci95[0] > 0.0 and errors.after.speed <= errors.before.speed
 
 
+@dataclass(frozen=True)
+class Driven:
+    """An explanation, the simulator corrected by it, and its free runs. `refuted` is what was found and
+    withdrawn, as held-out drives speak against it."""
+
+    explanation: Explanation
+    errors: dict[str, Errors]
+    corrected: CorrectedTruck
+    fit: FitResult
+    refuted: tuple[Cause, ...] = ()
+
+
 def corrected_and_driven(
     simulator: Simulator,
     e: Evidence,
@@ -326,16 +338,19 @@ def corrected_and_driven(
     fitted: Sequence[Prepared],
     held_out: Sequence[Prepared],
     with_unnamed: bool,
-) -> tuple[Explanation, tuple[dict[str, Errors], CorrectedTruck, FitResult]]:
+) -> Driven:
     """The correction, driven; and the explanation, without causes where they are weak and drive no better."""
-    made = correct(simulator, e, x, fitted)
+    made, refuted = correct(simulator, e, x, fitted), x.causes
     weighed = _weighed(simulator, made, held_out, with_unnamed) if x.causes else None
     chosen = made.after(with_unnamed)[1]
     learned, slopes = e.model_discrepancy > 0, e.has("grade")
     if in_vain(x, weighed, chosen, learned=learned, slopes_recorded=slopes, rules=e.rules):
         x = replace(x, causes=(), lawful=None)
         made = correct(simulator, e, x, fitted)
-    return x, shown(simulator, made, held_out, with_unnamed)
+    else:
+        refuted = ()
+    errors, corrected, fit = shown(simulator, made, held_out, with_unnamed)
+    return Driven(x, errors, corrected, fit, refuted)
 
 
-__all__ = ["HORIZON_S", "correct", "corrected", "corrected_and_driven", "horizon", "shown"]
+__all__ = ["HORIZON_S", "Driven", "correct", "corrected", "corrected_and_driven", "horizon", "shown"]

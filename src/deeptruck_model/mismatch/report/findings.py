@@ -20,7 +20,7 @@ from deeptruck_model.mismatch.posterior.modelled import Formula
 from deeptruck_model.mismatch.posterior.road_lock import RoadLock
 from deeptruck_model.mismatch.report.sizes import picked, sizes_of
 from deeptruck_model.mismatch.residual.evidence import Evidence, ForceUnit
-from deeptruck_model.mismatch.result import Finding, Kind, Rival, Size
+from deeptruck_model.mismatch.result import Finding, Kind, Rival, Size, Suspicion
 from deeptruck_model.mismatch.sentence import Named, Part, Sentence
 from deeptruck_model.mismatch.strength import Strength, acts
 
@@ -298,6 +298,12 @@ def _parameter(cause: Cause, e: Evidence, explanation: Explanation, own: dict[st
         Sentence.of(TOLD_BY[cause.effect]),
         (cause.effect,),
     )
+
+
+def suspicion(cause: Cause) -> Suspicion:
+    """What was found, and withdrawn as held-out drives speak against it."""
+    told = LIBRARY[cause.effect].told_by if cause.effect in LIBRARY else TOLD_BY.get(cause.effect)
+    return Suspicion(cause.effect, round(cause.gain, 1), told or AT_ITS_MOMENTS)
 
 
 def known(effect: str) -> bool:

@@ -80,6 +80,7 @@ def _content(m: Mismatch, drawn: dict[str, figures.Picture], asked: Asked) -> di
         "fit": _fit(v.fit),
         "gained": gained,
         "nothing": nothing,
+        "suspicions": page_text.suspicions(m.result),
         "samples": [{"rule": wording.prose(r.rule), "samples": r.samples} for r in v.data.rejected],
         "next": to_drive,
         "caveats": [wording.opened(wording.prose(c)) for c in given.caveats(v)],

@@ -8,7 +8,7 @@ from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.report import headline, wording
 from deeptruck_model.mismatch.report.drawing import colour, words
 from deeptruck_model.mismatch.report.wording import apart, opened, percent, prose, spoken
-from deeptruck_model.mismatch.result import Finding, Mismatch
+from deeptruck_model.mismatch.result import Finding, Mismatch, Verdict
 from deeptruck_model.mismatch.rules import Rules
 
 
@@ -74,6 +74,14 @@ def _facts(f: Finding) -> dict[str, str]:
 
 def _at_least_zero(r2: float) -> float:
     return r2 if r2 > 0.0 else 0.0  # also where it is NaN
+
+
+def suspicions(verdict: Verdict) -> list[Unstated]:
+    """What was found at first and is no finding; `why` says what would tell."""
+    return [
+        Unstated(spoken(s.effect), f"{s.evidence_nats:.1f}", opened(s.would_be_told_by))
+        for s in verdict.suspicions
+    ]
 
 
 def rejected_names(m: Mismatch) -> tuple[list[Unstated], list[str]]:
