@@ -20,7 +20,7 @@ import numpy as np
 from deeptruck_exam.cases import Case
 from deeptruck_exam.effects.law import GRAVITY, Array
 from deeptruck_exam.evaluation import arrays, residual
-from deeptruck_exam.tool import ToolRun, run_tool
+from deeptruck_exam.tool import ToolRun, run_tool, smallest_force
 from deeptruck_model import files, simulators
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, import_table, read, split, write_bag
@@ -142,6 +142,7 @@ def _examine(source: Source, folder: Path, layouts: Path, out: Path, updates: in
         "validated": bool(fitted.get("validated")),
         "speed_error": (fitted.get("before") or {}).get("speed_rmse"),
         "after": (fitted.get("after") or {}).get("speed_rmse"),
+        "smallest": smallest_force(run.verdict),
         "right": _right(source, run, said),
         "says": run.says if run.returncode else "",
         "agreement": asdict(agreement) if agreement else None,

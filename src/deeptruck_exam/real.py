@@ -22,7 +22,7 @@ from rich.table import Table
 from deeptruck_exam.cases import Case
 from deeptruck_exam.concealed import LAYOUTS, SOURCES, Source, examine_concealed, taught, whole_log
 from deeptruck_exam.folder import REAL, check_real
-from deeptruck_exam.tool import ToolRun, run_tool
+from deeptruck_exam.tool import ToolRun, run_tool, smallest_force
 from deeptruck_model import files
 from deeptruck_model.errors import InputError
 from deeptruck_model.recordings import Recording, split, write_bag
@@ -68,7 +68,8 @@ class Row:
     """One comparison: what was concealed or never recorded, what was said, and how large that is.
 
     `sizes` are the strengths of the findings in their units; `speed_error` and `after` (m/s) those of free
-    runs on held-out drives before and after the correction.
+    runs on held-out drives before and after the correction. `smallest` is the steady force (m/s^2) that would
+    have been seen, where nothing was.
     """
 
     vehicle: str
@@ -82,6 +83,7 @@ class Row:
     validated: bool
     speed_error: float | None
     after: float | None
+    smallest: float | None = None
     agreement: Mapping[str, float] | None = None
 
     @property
@@ -177,6 +179,7 @@ def _said(run: ToolRun) -> dict[str, Any]:
         "validated": bool(fit.get("validated")),
         "speed_error": (fit.get("before") or {}).get("speed_rmse"),
         "after": (fit.get("after") or {}).get("speed_rmse"),
+        "smallest": smallest_force(run.verdict),
     }
 
 
@@ -184,13 +187,25 @@ def _of_concealed(result: Mapping[str, Any]) -> Row:
     """A row of what `concealed` found."""
     source = next(s for s in SOURCES if s.name == result["source"])
     part = CHOSEN_ON if source.name in ("veh002", "bmw_i3 A01", "bmw_i3 B17") else REPORTED
-    told = {k: result[k] for k in ("verdict", "said", "sizes", "validated", "speed_error", "after")}
+    told = {
+        k: result[k] for k in ("verdict", "said", "sizes", "validated", "speed_error", "after", "smallest")
+    }
     told |= {"said": tuple(told["said"]), "sizes": tuple(told["sizes"])}
     hidden = ", ".join(source.hide)
     return Row(source.name, "its own", part, hidden, "", **told, agreement=result["agreement"])
 
 
-HEAD = ("vehicle", "drives", "concealed", "said", "size", "validated", "speed error, m/s", "after")
+HEAD = (
+    "vehicle",
+    "drives",
+    "concealed",
+    "said",
+    "size",
+    "validated",
+    "speed error, m/s",
+    "after",
+    "smallest visible, m/s^2",
+)
 
 
 def page(rows: Sequence[Row]) -> list[str]:
@@ -212,7 +227,7 @@ def _cells(row: Row) -> tuple[str, ...]:
     road = row.agreement
     told = f" (slope: correlation {road['correlation']:.2f}, factor {road['slope']:.2f})" if road else ""
     said = " ".join(row.said) or row.verdict
-    errors = ("" if x is None else f"{x:.2f}" for x in (row.speed_error, row.after))
+    errors = ("" if x is None else f"{x:.2f}" for x in (row.speed_error, row.after, row.smallest))
     concealed = row.concealed or f"nothing; not in the log: {row.lacks}"
     sizes = ", ".join(filter(None, row.sizes))
     return (row.vehicle, row.drives, concealed, said + told, sizes, "yes" if row.validated else "no", *errors)

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -54,3 +55,9 @@ def run_tool(case: Case, out: Path, *, limit_s: float = LIMIT_S) -> ToolRun:
 def _excluded(case: Case) -> list[str]:
     """Effects to leave out of the tool's library, as the case keeps them: separated by commas."""
     return list(filter(None, case.environment.get("DEEPTRUCK_MISMATCH_EXCLUDE", "").split(",")))
+
+
+def smallest_force(verdict: Mapping[str, Any]) -> float | None:
+    """The steady force (m/s^2) that would have been seen; None in a verdict that does not tell it."""
+    seen = (verdict.get("data") or {}).get("smallest_visible")
+    return None if seen is None else float(seen["steady force all the time"]["m_s2"])
