@@ -22,6 +22,8 @@ import pytest
 from deeptruck_model import driving_cycles, mismatch, simulators, trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import find
+from deeptruck_model.mismatch.correction import correction
+from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
@@ -93,6 +95,26 @@ def effects(said: dict[str, Any]) -> list[str]:
 
 def run(recordings: Sequence[Recording], held_out: Sequence[Recording] = ()) -> dict[str, Any]:
     return verdict(mismatch.find_mismatch(TRUCK, recordings, held_out))
+
+
+def test_what_held_out_drives_refute_is_suspected_and_the_search_goes_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A spline had followed the fitted drives, was withdrawn, and all that was left was silence."""
+    judged: list[list[str]] = []
+    refuted = correction.in_vain
+
+    def first_is_refuted(x: Explanation, *errors: Any, **more: Any) -> bool:
+        judged.append([c.effect for c in x.causes])
+        return len(judged) == 1 or refuted(x, *errors, **more)
+
+    monkeypatch.setattr(correction, "in_vain", first_is_refuted)
+    recorded = drives(TRUCK.with_forces([], [LazyBrake()]), 4, seed=50)
+    said = run(recorded[:-1], recorded[-1:])
+    (first, *_), again = judged
+    assert first == "brake_lag" and first not in [*again, *effects(said)]
+    assert said["suspicions"][0]["effect"] == first and said["suspicions"][0]["evidence_nats"] > 20.0
+    assert again  # the search did go on
 
 
 def test_forces_without_a_mass_are_told_per_kilogram() -> None:
