@@ -17,7 +17,16 @@ from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.road_lock import RoadLock
 from deeptruck_model.mismatch.report import findings
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.result import Bound, Conclusion, Finding, Kind, Mismatch, Size, Verdict
+from deeptruck_model.mismatch.result import (
+    Bound,
+    Conclusion,
+    Finding,
+    Kind,
+    Mismatch,
+    Size,
+    Suspicion,
+    Verdict,
+)
 from deeptruck_model.mismatch.sentence import Sentence
 
 SCHEMA = json.loads(importlib.resources.files(tool).joinpath("verdict.schema.json").read_text())
@@ -90,8 +99,19 @@ def test_a_slow_force_has_the_entries_it_had(kind: str, physics: Mismatch) -> No
 def test_what_a_run_wrote_is_read_and_written_again(name: str) -> None:
     was = kept(name)
     again = Verdict.read(was).to_json()
+    assert again.pop("suspicions") == []  # not told then
     assert (again["segments"], again["regimes"]) == ([], [])  # where it acts is not read
     assert again | {"segments": was["segments"], "regimes": was["regimes"]} == was
+
+
+def test_suspicions_are_read_and_written_again() -> None:
+    told = Verdict(Conclusion.NOTHING, suspicions=(Suspicion("headwind", 53.2, "drive both ways"),))
+    entry = told.to_json()
+    jsonschema.validate(entry, SCHEMA)
+    assert entry["suspicions"] == [
+        {"effect": "headwind", "evidence_nats": 53.2, "would_be_told_by": "drive both ways"}
+    ]
+    assert Verdict.read(entry).suspicions == told.suspicions
 
 
 @pytest.mark.parametrize("kind", VERDICTS)
