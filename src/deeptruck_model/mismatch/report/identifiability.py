@@ -152,11 +152,16 @@ def smallest_visible(e: Evidence, x: Explanation) -> SmallestVisible:
     parameters = {}
     for p, column in e.sensitivity.items():
         size = hidden.least(column, e.rules.least_change, enough(search), e.rules.nearly_right)
-        parameters[p] = round(min(size, 2 * FREE[p]), 4)
+        parameters[p] = round(min(size, most_tried(p)), 4)
     always = hidden.least(np.ones(len(e)), e.rules.least_force, enough(search))
     nats = enough(search) + e.rules.time_varying_penalty + e.rules.window_penalty
     rarely = hidden.least(_a_part(e, RARE), e.rules.least_force, nats)
     return SmallestVisible(parameters, always, rarely, e.mass if e.mass_known else None)
+
+
+def most_tried(parameter: str) -> float:
+    """The largest relative error of a parameter that is hidden: twice its prior standard deviation."""
+    return 2 * FREE[parameter]
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from deeptruck_model.mismatch.report import explorer, figures, given, headline, 
 from deeptruck_model.mismatch.report import text as page_text
 from deeptruck_model.mismatch.report.drawing import words
 from deeptruck_model.mismatch.report.given import record_next
+from deeptruck_model.mismatch.report.identifiability import most_tried
 from deeptruck_model.mismatch.report.what_now import Asked
 from deeptruck_model.mismatch.result import ALWAYS, RARELY, Mismatch, SmallestVisible
 
@@ -67,7 +68,7 @@ def _content(m: Mismatch, drawn: dict[str, figures.Picture], asked: Asked) -> di
         "now": what_now.steps(v, to_drive, asked),
         "summary": given.summary(m),
         "findings": page_text.findings(m),
-        "smallest": _smallest(v.data.smallest_visible),
+        "smallest": smallest(v.data.smallest_visible),
         "figures": {name: _embedded(picture) for name, picture in drawn.items()},
         "regimes": [
             {
@@ -92,13 +93,19 @@ def _embedded(picture: figures.Picture) -> dict[str, Any]:
     return {"sources": [f"data:image/png;base64,{part}" for part in parts], "caption": picture.caption}
 
 
-def _smallest(seen: SmallestVisible | None) -> list[dict[str, str]]:
+def smallest(seen: SmallestVisible | None) -> list[dict[str, str]]:
     """The table of what would have been seen."""
     if seen is None:
         return []
-    parameters = [{"name": words(n), "size": f"{100 * size:.1f} %"} for n, size in seen.parameters.items()]
+    parameters = [{"name": words(n), "size": _relative(n, size)} for n, size in seen.parameters.items()]
     forces = ((ALWAYS, seen.always), (RARELY, seen.rarely))
     return [*parameters, *({"name": name, "size": wording.force(x, seen.mass_kg)} for name, x in forces)]
+
+
+def _relative(parameter: str, size: float) -> str:
+    """A relative size; the largest that was tried may not have been seen either."""
+    percent = f"{100 * size:.1f} %"
+    return f"not even {percent}" if size >= most_tried(parameter) else percent
 
 
 def _fit(fit: FitResult | None) -> dict[str, Any] | None:

@@ -17,6 +17,7 @@ from deeptruck_model.mismatch.report import headline, what_now, wording
 from deeptruck_model.mismatch.report import page as report
 from deeptruck_model.mismatch.report.given import record_next
 from deeptruck_model.mismatch.report.what_now import Asked
+from deeptruck_model.mismatch.result import SmallestVisible
 
 ASKED = Asked(Path("my found"), "truck:trucksim", (Path("a"), Path("b")), (Path("c"),))
 
@@ -147,6 +148,13 @@ def test_nothing_missing_says_what_would_have_been_seen(written):
     assert "A steady force above 81.2 N would have been seen." in text
     assert "The smallest effect that would have been seen" in text
     assert "mass 2.0 %" in text
+
+
+def test_a_parameter_that_would_never_have_been_seen_is_not_given_as_a_size():
+    """A page gave 60 % of the mass as what would have been seen; it was the largest that had been tried."""
+    rows = report.smallest(SmallestVisible({"mass": 0.6, "drag_area": 0.123}, 0.1, 0.4, None))
+    told = {row["name"]: row["size"] for row in rows}
+    assert (told["mass"], told["drag area"]) == ("not even 60.0 %", "12.3 %")
 
 
 def test_a_sensor_fault_shows_the_sensors_against_each_other(written):
