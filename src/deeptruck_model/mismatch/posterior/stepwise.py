@@ -78,7 +78,8 @@ def _one_more(search: Search, base: Model, bare: Model, options: list[Model]) ->
 def _is_another(search: Search, best: Model, base: Model, bare: Model) -> bool:
     """Whether the last name of a model is more than what the forms of the others leave wrong.
 
-    Kernels of these names take all that their physics may do, so that what is left is another's. Beside a
+    Kernels of these names take all that their physics may do, so that what is left is another's. No law is
+    exactly a kernel's either, so beside one it must exceed the share that evidence is coarsened by. Beside a
     learned simulator, whose own error is like any kernel, it must gain a share of what the others do.
     """
     if best is base or not base.named:
@@ -88,7 +89,9 @@ def _is_another(search: Search, best: Model, base: Model, bare: Model) -> bool:
         return best.score >= base.score + enough(search) + share
     name = best.effects[-1]
     nats = KernelEvidence(search, best).names([*base.effects, *best.free], name)
-    return nats.get(name, 0.0) > enough(search)
+    law = any(not is_time_varying(s) for s in base.named)  # knots have no form that could be another
+    form = search.rules.coarse * (base.score - bare.score) if law else 0.0
+    return nats.get(name, 0.0) > max(enough(search), form)
 
 
 def _rare(search: Search, base: Model, bare: Model) -> list[Model]:
