@@ -206,6 +206,8 @@ def test_the_last_line_of_a_run_says_why_and_where(tmp_path: Path) -> None:
     assert runs.recorded(bag, bag) == f"the bag is {bag}"
     assert runs.recorded(bag, newer) == f"nothing was recorded, {bag} is the older bag"
     newer.mkdir()
+    assert f"{newer} is not the recorder's" in runs.recorded(bag, newer)  # of a user, who put it there
+    (newer / "bag_0.mcap").touch()
     assert f"the bag {newer} is not finished" in runs.recorded(bag, newer)
 
 

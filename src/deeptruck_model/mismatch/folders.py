@@ -49,6 +49,11 @@ def check_road(directory: Path) -> None:
     try:
         with (directory / "profiles.csv").open(newline="") as file:
             told = any(row["name"] == PROFILE for row in csv.DictReader(file))
+    except FileNotFoundError:
+        said = _verdict(directory).get("verdict")
+        raise InputError(
+            f"{directory} has no profiles, its verdict is '{said}'; see its report.html"
+        ) from None
     except (OSError, KeyError, ValueError, csv.Error):
         raise InputError(
             f"{directory} has no readable profiles.csv; {FIND_FIRST.format(directory)}"

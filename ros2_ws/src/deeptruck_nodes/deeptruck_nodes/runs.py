@@ -305,6 +305,8 @@ def recorded(record: Path | None, bag: Path | None) -> str:
         return "nothing was to be recorded, --record BAG does"
     if bag_place.is_whole(bag):
         return f"the bag is {record}"
+    if bag.exists() and not any(bag.glob("*.mcap")):
+        return f"nothing was recorded, {bag} is not the recorder's"
     if bag.exists():
         return f"the bag {bag} is not finished, 'deeptruck-model repair {bag}' mends it"
     return (

@@ -59,7 +59,10 @@ def test_the_name_of_the_truck_makes_no_other_truck(drives: list[Recording], tmp
 
 
 def test_what_tells_no_slope_is_refused(drives: list[Recording], tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no readable profiles"):
+    with pytest.raises(InputError, match="no readable verdict"):
+        Roads.read(tmp_path)
+    (tmp_path / "verdict.json").write_text('{"verdict": "undetermined", "fit": {}}')
+    with pytest.raises(InputError, match="its verdict is 'undetermined'"):  # not: run mismatch first
         Roads.read(tmp_path)
     with pytest.raises(InputError, match="no road_grade was found"):
         Roads.read(found(tmp_path / "wind", [("drive0", 0.0, 0.0, "headwind", 5.0)]))
