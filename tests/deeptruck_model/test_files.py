@@ -236,25 +236,6 @@ def test_unfinished_work_is_gone_on_with_or_forgotten(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
 
 
-@pytest.mark.parametrize("name", ["a", "log/1.txt"])
-def test_a_file_that_came_to_interrupted_work_is_never_written_over(tmp_path: Path, name: str) -> None:
-    """It may have the name of one that this command would write at the end, or of one that it had written."""
-    out = tmp_path / "out"
-    with pytest.raises(KeyboardInterrupt), KIND.going_on(out) as draft:
-        (draft / "log").mkdir()
-        (draft / "log" / "1.txt").write_text("begun")
-        raise KeyboardInterrupt
-    mine = files.unfinished(out) / name
-    mine.write_text("mine")
-    with pytest.raises(InputError, match=f"holds {name}, which"), KIND.going_on(out):
-        pass
-    assert mine.read_text() == "mine"
-    mine.unlink()
-    with KIND.going_on(out):
-        pass
-    assert out.is_dir()
-
-
 def test_a_single_file_never_takes_the_place_of_another(tmp_path: Path) -> None:
     with files.new_file(tmp_path / "new" / "a.csv") as draft:
         draft.write_text("1")
@@ -441,6 +422,6 @@ def test_what_another_command_left_unfinished_is_not_gone_on_with(tmp_path: Path
     KIND.claim(draft)
     KIND.sign(draft)
     (draft / "a").write_text("changed")
-    with pytest.raises(InputError, match="holds a, which has come or changed since"):
+    with pytest.raises(InputError, match="holds a, which has changed since it was finished"):
         KIND.check_begun(out)
     assert (draft / "a").read_text() == "changed"

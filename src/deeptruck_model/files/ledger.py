@@ -85,23 +85,6 @@ def at_work(what: str) -> bytes:
     return _text({"what": what, "files": {}, "at_work": True})
 
 
-def left(what: str, folder: Path, names: Iterable[str]) -> bytes:
-    """The ledger of a folder whose work was interrupted, with these files as they were left."""
-    prints = {name: print_of(folder / name) for name in sorted(names)}
-    return _text({"what": what, "files": prints, "at_work": True})
-
-
-def left_in(folder: Path) -> Ledger | None:
-    """What an interrupted command left in a folder; None where it was killed, or is not known."""
-    try:
-        told = json.loads((folder / LEDGER).read_text())
-        if not told["at_work"] or not told["files"]:
-            return None
-        return Ledger(str(told["what"]), {str(n): _print(known) for n, known in told["files"].items()})
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return None
-
-
 def written_last(path: Path) -> Print | None:
     """The print of a file that a command writes again and again, as it last left it; None where it never did
     or the folder has no ledger of work that goes on."""

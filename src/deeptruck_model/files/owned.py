@@ -77,13 +77,11 @@ class Owned:
         known = ledger.read(draft)
         if known is not None and known.what != self.what:
             raise self._foreign(draft, known.what)
-        ours, left = set(self._ours(draft)) - {LEDGER}, ledger.left_in(draft) or known
-        if left is None or not left.files:
-            return  # of a run that was killed: its files are known by their names
-        for name in sorted(ours):
-            if name not in left.files or left.is_changed(draft, name):
+        self._ours(draft)
+        for name in (known.files or ()) if known is not None else ():
+            if known is not None and (draft / name).is_file() and known.is_changed(draft, name):
                 raise InputError(
-                    f"{draft} holds {name}, which has come or changed since this command left it; move it"
+                    f"{draft} holds {name}, which has changed since it was finished; move the folder"
                 )
 
     def _older(self, out: Path, overwrite: bool) -> list[str]:

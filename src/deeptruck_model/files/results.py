@@ -20,7 +20,7 @@ from deeptruck_model.files.ledger import LEDGER
 from deeptruck_model.files.owned import Owned
 from deeptruck_model.files.parts import remove
 from deeptruck_model.files.places import unfinished, writing
-from deeptruck_model.files.single import advice, aside, umask, write
+from deeptruck_model.files.single import advice, aside, umask
 
 OVERWRITE_HELP = "Replace what this command wrote there, once the new one is whole."
 
@@ -68,8 +68,7 @@ class Result(Owned):
     def going_on(self, out: Path, *, overwrite: bool = False) -> Iterator[Path]:
         """As `replacing`, but where the block fails or is killed the draft stays, to be gone on with.
 
-        Its name is `unfinished(out)`; a file of somebody else in it refuses the run, by name. What an
-        interrupted run left is known by its content, what a killed one left by its names alone. Whoever does
+        Its name is `unfinished(out)`; a file of somebody else in it refuses the run, by name. Whoever does
         not want to go on calls `anew` first.
         """
         out = places.straight(out)
@@ -80,7 +79,7 @@ class Result(Owned):
                 self._check_gone_on_with(draft)
             try:
                 draft.mkdir(exist_ok=True)
-                (draft / LEDGER).unlink(missing_ok=True)  # of the run that is gone on with
+                (draft / LEDGER).unlink(missing_ok=True)  # of a run that died as it was to publish
                 yield draft
                 self.sign(draft)
                 self._publish(draft, out, overwrite)
@@ -90,10 +89,6 @@ class Result(Owned):
             finally:
                 with suppress(OSError):
                     draft.rmdir()  # where nothing was begun
-                with suppress(InputError):  # the disk is full: what is there is known by its names
-                    if draft.is_dir():
-                        names = {*self._ours(draft)} - {LEDGER}
-                        write(draft / LEDGER, ledger.left(self.what, draft, names))
 
     @contextmanager
     def in_place(self, out: Path) -> Iterator[None]:

@@ -11,7 +11,6 @@ from deeptruck_model.deep import finished, resume, statistics, train, training, 
 from deeptruck_model.deep.network import WEIGHTS
 from deeptruck_model.deep.training import DivergedError
 from deeptruck_model.errors import InputError
-from deeptruck_model.files.ledger import LEDGER
 from deeptruck_model.signals import TruckInterface
 
 
@@ -120,7 +119,6 @@ def test_resume_refuses_another_run(drive, small, tmp_path, monkeypatch):
         train([drive(60)], tmp_path / "sim", replace(small, seed=5), resumes=True)
     with pytest.raises(InputError, match=r"another run \(the recordings were others\)"):
         train([drive(60, seed=1)], tmp_path / "sim", small, resumes=True)
-    (tmp_path / ".sim.unfinished" / LEDGER).unlink()  # as where it was killed
     (tmp_path / ".sim.unfinished" / resume.FILE).write_bytes(b"half")
     with pytest.raises(InputError, match="damaged"):
         train([drive(60)], tmp_path / "sim", small, resumes=True)
