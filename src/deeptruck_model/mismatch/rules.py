@@ -127,10 +127,7 @@ class Rules:
     # stepwise selection
     most_terms: int = _of(4, "terms", "with a name, at once", CHOSEN)
     beside_most: float = _of(
-        0.33,
-        "of the others' gain",
-        "what a further term in windows, or beside a learned simulator, must gain where it acts with them",
-        CHOSEN,
+        0.33, "of the others' gain", "what a further term must gain where it acts with them", CHOSEN
     )
     beside_least: float = _of(0.04, "of the others' gain", "the same where it acts when they do not", CHOSEN)
     swap_gain: float = _of(3.0, "nats", "for one term to take the place of another", CHOSEN)
@@ -199,10 +196,7 @@ class Rules:
         0.6, "of the squares", "of the laws that must act by a name's own signals for that", CHOSEN
     )
     trifle: float = _of(
-        0.03,
-        "1",
-        "share of the explained below which a parameter (beside a learned simulator, anything) is form error",
-        CHOSEN,
+        0.03, "1", "share of the explained below which a finding is the error of another's form", CHOSEN
     )
     before_parameters: float = _of(
         0.25, "of the largest share", "physics with a smaller share is listed after parameters", CHOSEN

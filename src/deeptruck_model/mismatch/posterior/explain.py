@@ -85,9 +85,7 @@ def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[C
     total = explained + max(left.gain, 0.0)
     weight = sum(max(c.gain, 0.0) for c in causes) or 1.0
     causes = [replace(c, share=max(c.gain, 0.0) / weight * explained / total) for c in causes]
-    sure = search.e.model_discrepancy == 0.0  # kernels have weighed a name against the form of the others
-    causes = [c for c in causes if c.share > search.rules.trifle or (sure and c.term is not None)]
-    causes = _unverified(search.e, causes)
+    causes = _unverified(search.e, [c for c in causes if c.share > search.rules.trifle])
     if not unknown:
         return _in_order(_in_doubt(search.e, left, causes), search.rules)
     rest = Cause(

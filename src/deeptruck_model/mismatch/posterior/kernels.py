@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,9 +121,6 @@ def _functions(x: Array, rows: NDArray[np.intp]) -> list[Array]:
     return [f - f[rows].mean() for f in made]
 
 
-_kernels: WeakKeyDictionary[Search, tuple[Kernel, ...]] = WeakKeyDictionary()  # no longer than the search
-
-
 @dataclass(frozen=True)
 class Part:
     """A kernel in a sum of them: its place among the kernels, and its size."""
@@ -138,9 +134,7 @@ class KernelEvidence:
     model."""
 
     def __init__(self, search: Search, model: Model) -> None:
-        if search not in _kernels:
-            _kernels[search] = kernels(search)
-        self.kernels = _kernels[search]
+        self.kernels = kernels(search)
         X, prior, _ = search.design(search.model((), frozenset()))
         blocks = [X * prior.sd, *(k.features for k in self.kernels)]
         ends = np.cumsum([b.shape[1] for b in blocks])
@@ -189,14 +183,13 @@ class KernelEvidence:
         told = max(own - float(np.trace(covariance)), 1.0)
         return told * float(np.mean(log_ndtr(features @ mean / sd) - math.log(0.5)))
 
-    def names(self, beside: Sequence[str], only: str | None = None) -> dict[str, float]:
-        """Nats by which each name, or `only` one, explains what the names `beside` it do not, in whatever
-        form; its prior is in it."""
+    def names(self, beside: Sequence[str]) -> dict[str, float]:
+        """Nats by which each name explains what the names `beside` it do not; its prior is in it."""
         given = self._given(beside)
         nothing = self.evidence(given)
         found: dict[str, list[float]] = {}
         for place, kernel in enumerate(self.kernels):
-            if kernel.name not in beside and (only is None or kernel.name == only):
+            if kernel.name not in beside:
                 found.setdefault(kernel.name, []).append(self._gain(given, place) - nothing)
         return {name: float(logsumexp(nats)) for name, nats in found.items()}
 

@@ -9,7 +9,6 @@ from deeptruck_model.mismatch.mechanisms.commands import Delays
 from deeptruck_model.mismatch.mechanisms.variants import Static
 from deeptruck_model.mismatch.posterior import windows
 from deeptruck_model.mismatch.posterior.candidates import candidates, enriched
-from deeptruck_model.mismatch.posterior.kernels import KernelEvidence
 from deeptruck_model.mismatch.posterior.penalties import (
     discrepancy_penalty,
     enough,
@@ -46,8 +45,8 @@ def grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], .
         without = [search.background(tuple(n for n in base.named if n is not s)) for s in base.named]
         weakest = max(without, key=lambda m: m.score)
         gone = next(s for s in base.named if all(s is not n for n in weakest.named))
-        last = search.background((*weakest.named, gone))
-        if weakest.score < base.score - enough(search) and _is_another(search, last, weakest, bare):
+        share = _beside(search, search.background((*weakest.named, gone)))
+        if weakest.score < base.score - enough(search) - share * (base.score - bare.score):
             break
         base = weakest
     base = _settled(search, _exchanged(search, base))
@@ -69,29 +68,11 @@ def _one_more(search: Search, base: Model, bare: Model, options: list[Model]) ->
         key=lambda m: m.score - discrepancy_penalty(search, m) - time_varying_penalty(m, base),
         default=base,
     )
-    least = enough(search) + discrepancy_penalty(search, best) + time_varying_penalty(best, base)
-    if best.score < base.score + least or not _is_another(search, best, base, bare):
-        return base
-    return search.background(best.named)
-
-
-def _is_another(search: Search, best: Model, base: Model, bare: Model) -> bool:
-    """Whether the last name of a model is more than what the forms of the others leave wrong.
-
-    Kernels of these names take all that their physics may do, so that what is left is another's. No law is
-    exactly a kernel's either, so beside one it must exceed the share that evidence is coarsened by. Beside a
-    learned simulator, whose own error is like any kernel, it must gain a share of what the others do.
-    """
-    if best is base or not base.named:
-        return best is not base
-    if search.e.model_discrepancy > 0.0:
-        share = _beside(search, best) * (base.score - bare.score)
-        return best.score >= base.score + enough(search) + share
-    name = best.effects[-1]
-    nats = KernelEvidence(search, best).names([*base.effects, *best.free], name)
-    law = any(not is_time_varying(s) for s in base.named)  # knots have no form that could be another
-    form = search.rules.coarse * (base.score - bare.score) if law else 0.0
-    return nats.get(name, 0.0) > max(enough(search), form)
+    least = (
+        enough(search) + discrepancy_penalty(search, best) + _beside(search, best) * (base.score - bare.score)
+    )
+    least += time_varying_penalty(best, base)
+    return base if best.score < base.score + least else search.background(best.named)
 
 
 def _rare(search: Search, base: Model, bare: Model) -> list[Model]:
