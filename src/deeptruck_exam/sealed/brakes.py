@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
@@ -16,7 +16,7 @@ class PowderBetween(Hidden, layer=0.0):
     Source: Godet, The Third-Body Approach, Wear 100 (1984): debris lies between the rubbing faces, grows with
     the work done and leaves with the way; brake powders and sizes are chosen here."""
 
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> np.ndarray:
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         lost = p.loss * s.layer**1.5
         speed = np.maximum(view.speed, 0.0)
         work = (1.0 - lost) * view.brake_force * speed / (p.builds_jpkg * view.mass)
@@ -34,7 +34,7 @@ class PulsedValves(Hidden, held=0.0, clock=0.0, wanted=0.0):
     Design Concepts for an Alternative Heavy Vehicle ABS System, Vehicle System Dynamics 46, 2008); slow
     valves, sizes are chosen here."""
 
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> np.ndarray:
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         full = self.truck.brake_capacity
         asked = view.brake_force / full
         s.clock = s.clock + dt
@@ -53,7 +53,7 @@ class WedgeClimbs(Hidden, climbs=0.0, tired=0.0):
     Source: Self-energised brakes wedge themselves once touched (Roberts and others, Testing the Mechatronic
     Wedge Brake, SAE 2004-01-2766); a wedge without return spring, sizes are chosen here."""
 
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> np.ndarray:
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         rolled = dt * np.maximum(view.speed, 0.0)
         braked = view.brake_force > 0.006 * weight(view)
         s.tired = np.where(braked, 0.0, np.minimum(s.tired + rolled / p.shakes_m, 1.0))
@@ -69,7 +69,7 @@ class StartAidStays(Hidden, stood=0.0, held=0.0):
     Source: Hill start aids hold pressure in the cylinders until a start is recognised (Automotive Handbook,
     Bosch, on automatic brake functions); one that bleeds off slowly, sizes are chosen here."""
 
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> np.ndarray:
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         stands = view.speed < 0.1
         s.stood = np.where(stands, s.stood + dt, 0.0)
         bleeds = s.held * (1.0 - dt / p.lets_go_s)
