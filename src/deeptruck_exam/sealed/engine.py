@@ -55,8 +55,8 @@ class SteeringPump(Bends, pressure=0.0):
 @sizes(depth=(0.3, 0.55), ices_s=(15.0, 45.0), thaws_s=(15.0, 50.0), from_ice=(0.15, 0.35))
 class RegulatorIces(Hidden, ice=0.0):
     """Flow of gas cools it, the coolant thaws it.
-    Source: Expanding natural gas cools by the Joule-Thomson effect and can ice its regulator (Perry's Chemical
-    Engineers' Handbook, on expansion); a heater that is too small, sizes are chosen here."""
+    Source: Expanding natural gas cools by the Joule-Thomson effect and can ice its regulator (Perry's
+    Chemical Engineers' Handbook, on expansion); a heater that is too small, sizes are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         flow = np.clip(self.power_share(view), 0.0, 1.1)
