@@ -305,8 +305,8 @@ def test_the_radar_of_a_scene_reaches_the_policy_in_training(toy):
 def test_the_ideal_follower_behind_a_moving_leader_costs_nothing(toy):
     scene = scenes.moving(np.random.default_rng(5), 8, 400, toy.dt)
     road = Road(toy, Reward())
-    leader, ideal, *_, time_gap, _ = road._given(scene)
-    gap = time_gap * ideal[0] + torch.cumsum((leader - ideal)[:-1], dim=0) * toy.dt
+    leader, ideal, *_, time_gap, _ = road._given(scene, start_reach=2.5)
+    gap = torch.tensor(scene.gap, dtype=torch.float32) + torch.cumsum((leader - ideal)[:-1], dim=0) * toy.dt
     ahead = ideal[1:]
     assert road._tracking(gap - time_gap * ahead, ahead, ahead).max() < 1e-3
     assert road._tracking(gap - time_gap * ahead + 0.1 * ahead, ahead, ahead).min() > 0.1
