@@ -30,11 +30,8 @@ NO_FORCE = {
 }  # a slope unrecorded, other parameters
 FILTERS = [e.key for e in MISSING if e.name.startswith("command") or e.key == "worn_linkage"]
 FORCES = [e.key for e in MISSING if e.key not in NO_FORCE and e.key not in FILTERS]
-QUICK = (
-    "first",
-    "seventh",
-    SEALED,
-)  # families whose forces act in every test run; those of the others in long ones
+# families whose forces act in every test run; those of the others in long ones
+QUICK = ("first", "seventh", SEALED)
 HELPS = {
     "brake_fade", "drafting", "trolley_wire", "steam_from_exhaust", "overboost", "pushed_by_a_second_tractor",
     "hydrostatic_front_axle", "antilock_is_fooled", "hole_in_the_blending", "fast_idle_pushes",

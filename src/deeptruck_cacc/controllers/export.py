@@ -105,19 +105,11 @@ def _recall(g: _Graph, f: FeatureMap, signals: str, features: str) -> tuple[str,
     kept = [integral, after]
     if f.power:
         old = g.columns("memory", 3, 4)
-        ideal = g.add("Where", g.add("IsNaN", old), _first_ideal(g, f, signals), old)
+        ideal = g.add("Where", g.add("IsNaN", old), g.columns(signals, 0, 1), old)
         told, pull = _power(g, f, signals, g.columns(rates, 1, 2), ideal)
         parts += [*told, g.columns("memory", 4, 6)]
         kept.append(g.add("Add", ideal, g.add("Mul", pull, g.constant(f.dt))))
     return g.add("Concat", *parts, axis=1), g.add("Concat", *kept, axis=1)
-
-
-def _first_ideal(g: _Graph, f: FeatureMap, signals: str) -> str:
-    """Where the ideal follower starts."""
-    leader, speed, gap, target = (g.columns(signals, k, k + 1) for k in range(4))
-    time_gap = g.clip(g.add("Div", target, g.add("Max", speed, g.constant(1.0))), 1.0, 6.0)
-    off = g.add("Sub", g.add("Div", gap, time_gap), leader)
-    return g.add("Add", leader, g.clip(off, -f.start_reach, f.start_reach))
 
 
 def _remember(g: _Graph, f: FeatureMap, integral_and_slow: str, action: str, track: str) -> None:

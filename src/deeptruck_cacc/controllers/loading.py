@@ -111,7 +111,6 @@ def _impossible(policy: MlpPolicy) -> list[str]:
     possible = {
         "features.dt": 0 < policy.dt < math.inf,
         "features.slow_s": 0 < policy.features.slow_s < math.inf,
-        "features.start_reach": 0 <= policy.features.start_reach < math.inf,
         "features.matrix": bool(np.isfinite(policy.features.matrix).all()),
         "features.radar": radar is None or bool(np.isfinite(radar.gain).all()),
         "features.offset": bool(np.isfinite(policy.features.offset).all()),

@@ -63,7 +63,6 @@ POWER = (
     "brake_action",
 )
 LATE_CLOSING_S = 2.0
-START_REACH = 1.5  # m/s
 
 
 @dataclass(frozen=True)
@@ -76,9 +75,8 @@ class FeatureMap:
     that brakes.
 
     With `power` as well, memory (batch, 6) also holds the speed of the ideal follower, v' = (v_leader - v) /
-    Tg. It starts at the speed for which the gap is right, as far as that is within `start_reach` of the
-    leader's: to be at the leader's speed at once takes a gap that a truck makes only by braking first.
-    Seven features say what following it takes (see _power). Memory and features end with the
+    Tg from the leader's own speed on: of all that hold the time gap the one in which nothing is left to
+    decay with Tg. Seven features say what following it takes (see _power). Memory and features end with the
     slow actions: beside the power that came of them they tell load and wind. The gap error then counts less
     in the integral the further it lies beyond `knee_m`, so that closing a gap does not wind it up.
 
@@ -97,7 +95,6 @@ class FeatureMap:
     knee_m: float = 1.0
     closing_s: float = 0.8  # errors from the ideal follower are wanted gone with this time constant
     closing_share: float = 0.1  # and this much of the time gap: near a long one, haste in speed costs more
-    start_reach: float = 0.0  # m/s; policies of before it start at the leader's speed
     radar: RadarFilter | None = None
 
     @classmethod
@@ -112,16 +109,7 @@ class FeatureMap:
         power = power and memory
         radar = RadarFilter.steady(dt) if power else None
         closing_s = LATE_CLOSING_S if late else cls.closing_s
-        return cls(
-            _MATRIX.copy(),
-            _OFFSET.copy(),
-            memory,
-            dt,
-            power=power,
-            closing_s=closing_s,
-            start_reach=START_REACH if power else 0.0,
-            radar=radar,
-        )
+        return cls(_MATRIX.copy(), _OFFSET.copy(), memory, dt, power=power, radar=radar, closing_s=closing_s)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -160,10 +148,8 @@ class FeatureMap:
         parts = [features, integral[:, None] / 5.0, rates / 0.5]
         kept = memory[:, 3:]
         if self.power:
-            leader, time_gap = signals[:, 0], self._time_gap(signals)
-            off = np.clip(signals[:, 2] / time_gap - leader, -self.start_reach, self.start_reach)
-            ideal = np.where(np.isnan(memory[:, 3]), leader + off, memory[:, 3])
-            pull = (leader - ideal) / time_gap
+            ideal = np.where(np.isnan(memory[:, 3]), signals[:, 0], memory[:, 3])
+            pull = (signals[:, 0] - ideal) / self._time_gap(signals)
             parts += [self._power(signals, rates[:, 1], ideal, pull), memory[:, 4:6]]
             kept = np.column_stack([ideal + self.dt * pull, memory[:, 4:6], track])
         return np.hstack(parts), np.column_stack([integral, slow, kept])

@@ -127,10 +127,7 @@ class SeedBatch(torch.nn.Module):
         parts = [features, integral[:, None] / 5.0, rates / 0.5]
         kept = [integral[:, None], slow + f.dt * rates]
         if f.power:
-            leader, speed, gap, target, _ = signals.unbind(dim=1)
-            held = gap / (target / speed.clamp(min=1.0)).clamp(1.0, 6.0)
-            first = leader + (held - leader).clamp(-f.start_reach, f.start_reach)
-            ideal = torch.where(memory[:, 3].isnan(), first, memory[:, 3])
+            ideal = torch.where(memory[:, 3].isnan(), signals[:, 0], memory[:, 3])
             told, pull = self._power(signals, rates[:, 1], ideal)
             parts += [told, memory[:, 4:6]]
             kept += [(ideal + f.dt * pull)[:, None], memory[:, 4:6], track]

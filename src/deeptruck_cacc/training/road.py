@@ -73,7 +73,7 @@ class Road:
 
     def drive(self, scene: Scene, policy: SeedBatch, state: Traffic, steps: int) -> tuple[Traffic, Window]:
         """`steps` steps from `state`; gradients reach the policy through every one of them."""
-        leader, ideal, seen, felt, time_gap, gain = self._given(scene, policy.features.start_reach)
+        leader, ideal, seen, felt, time_gap, gain = self._given(scene)
         gap_noise, speed_noise = self._radar(scene)
         low, high = (torch.tensor(x) for x in policy.scale.limits)
         first, truck, speed, gap, memory, action, sent = state
@@ -96,15 +96,14 @@ class Road:
         driven = torch.stack(gaps), torch.stack(speeds), torch.stack(actions)
         return after, self._judge(policy, *driven, ahead, wanted, time_gap)
 
-    def _given(self, scene: Scene, start_reach: float = 0.0) -> tuple[Tensor, ...]:
+    def _given(self, scene: Scene) -> tuple[Tensor, ...]:
         """Leader's and ideal follower's speed (T + 1, rows), seen grade (T, rows), felt w (T, rows, n_w),
         time gap, command gain.
 
         Behind a moving leader, holding the time gap takes a speed other than the leader's; the ideal
         follower's is asked for instead (see FeatureMap).
         """
-        off = np.clip(scene.gap / scene.time_gap - scene.leader_speed, -start_reach, start_reach)
-        speeds, ideal = [scene.leader_speed], [scene.leader_speed + off]
+        speeds, ideal = [scene.leader_speed], [scene.leader_speed]
         for pull in scene.leader_acceleration.T:
             ideal.append(ideal[-1] + (speeds[-1] - ideal[-1]) * self.dt / scene.time_gap)
             speeds.append(np.maximum(speeds[-1] + pull * self.dt, 0.0))

@@ -78,16 +78,6 @@ def test_the_ideal_follower_nears_the_leaders_speed_with_the_time_gap():
     )  # 3 s later at a time gap of 3 s
 
 
-def test_the_ideal_follower_starts_where_the_gap_is_right_as_far_as_that_is_near_the_leaders_speed():
-    features = FeatureMap.default(power=True)
-    column = features.names.index("ideal_speed_error")
-    seen = np.array([[16.0, 15.0, gap, 45.0, 0.0] for gap in (45.0, 46.5, 90.0, 20.0)])
-    first = 15.0 + features(seen, features.start(4))[0][:, column]
-    np.testing.assert_allclose(first, [15.0, 15.5, 17.5, 14.5])
-    before = replace(features, start_reach=0.0)  # policies that were saved without it
-    np.testing.assert_allclose(before(seen, features.start(4))[0][:, column], 1.0)
-
-
 def test_reset_forgets_and_rows_do_not_mix():
     policy = random_policy()
     first = policy.act(SEEN)

@@ -91,7 +91,6 @@ def test_power_features_say_what_following_takes():
         "brake_action",
     )
     signals = np.array([[17.2, 17.0, 52.0, 51.0, 0.01]])  # 0.2 m/s slower, 1 m too far, Tg 3 s, uphill
-    features = replace(features, start_reach=0.0)
     x, memory = features(signals, features.start(1))
     closing = 0.8 + 0.1 * 3.0  # the ideal follower has 17.2 m/s and 51.6 m
     wanted = (2 * 0.2 + 0.4 / closing) / closing
