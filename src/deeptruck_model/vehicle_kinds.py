@@ -23,6 +23,18 @@ class VehicleKind:
     rolling_resistance: float  # coefficient
     mass_change: tuple[float, float]
 
+    def possible(self, parameter: str) -> tuple[float, float]:
+        """Smallest and largest relative change of a simulator's parameter that such a vehicle can have."""
+        return self.mass_change if parameter == "mass" else POSSIBLE[parameter]
+
+
+POSSIBLE = {
+    "drag_area": (-0.6, 2.0),
+    "rolling_resistance": (-0.85, 3.0),
+    "torque_gain": (-0.35, 2.0),
+    "brake_gain": (-0.5, 2.0),
+}
+"""Of any vehicle: its body, its tyres, and its engine and brakes for a command."""
 
 VEHICLE_KINDS = {
     # tractor-trailers to unaided boxes: NACFE, drag area 5 to 7; SAE J1269-class tyres 0.005 to 0.008

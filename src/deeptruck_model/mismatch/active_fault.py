@@ -55,7 +55,7 @@ class ActiveFault:
 
 def active_fault(force: Array, e: Evidence, prepared: Sequence[Prepared], rules: Rules) -> ActiveFault | None:
     """The fault that was active for most of the time in which a force (n,) acts, where it is one of those
-    times and not of all: rules `fault_share` and `fault_odds`.
+    times and not of all: over half of them, and by the rule `fault_odds`.
     """
     acting = np.zeros(len(force), dtype=bool)
     acting[e.valid] = acts(force[e.valid])
@@ -76,7 +76,7 @@ def _shares(
         return None
     share, often = float(on[inside].mean()), float(on[known].mean())
     odds = share * (1 - often) >= rules.fault_odds * (1 - share) * often
-    if share < rules.fault_share or not odds:
+    if share < 0.5 or not odds:
         return None
     return ActiveFault(spn, fmi, share, float(on[outside].mean()))
 

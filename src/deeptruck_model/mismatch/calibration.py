@@ -88,7 +88,7 @@ def calibrate(
         e = gather(truck, c.prepared, c.held_out, seed=seed, rules=rules).to_fit()
         say("fitting all parameters")
         search, model = refitted(truck, e, c.prepared, c.held_out, seed, frozenset(e.sensitivity), say)
-        told = frozenset(p for p in search.parameters if model.moved_sd(p) < rules.told_share * FREE[p])
+        told = frozenset(p for p in search.parameters if model.moved_sd(p) < 0.5 * FREE[p])
         if told != frozenset(e.sensitivity):
             say("fitting those that the drives tell")
             search, model = refitted(truck, e, c.prepared, c.held_out, seed, told, say)

@@ -50,7 +50,7 @@ def in_vain(
         return False
     before, tuned, after = errors.before.speed, errors.parameters_only.speed, errors.after.speed
     most = max(c.gain for c in x.causes)
-    if learned and most < rules.strong_learned and after > before:
+    if learned and most < rules.clear and after > before:
         return True
     if most < rules.least_gain and all(c.kind == "parameter_error" for c in x.causes):
         return after > rules.clearly_better * before
@@ -249,9 +249,7 @@ def _terms(terms: Sequence[CandidateTerm], model: Model) -> list[Term]:
 
 
 def _change(e: Evidence, model: Model, free: Iterable[str]) -> dict[str, float]:
-    return {
-        p: float(np.clip(e.total_change(p, model.moved(p)), *e.rules.possible(p, e.vehicle))) for p in free
-    }
+    return {p: float(np.clip(e.total_change(p, model.moved(p)), *e.vehicle.possible(p))) for p in free}
 
 
 def _mean_square(errors: Errors) -> float:

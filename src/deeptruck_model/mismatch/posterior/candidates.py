@@ -44,7 +44,7 @@ def _screen_confined(
     few = [s for _, s in laws if s.columns.shape[1] <= FEW_COLUMNS][:CONFINED]
     few = [s for s in few if s.mechanism.effect not in ONE_SIZE]
     regimes = [r for s in few for r in screen_regimes(search, base, s, noise)[:1]]
-    better = [r for r in regimes if r[0] > laws[0][0] + search.rules.regime_gain]
+    better = [r for r in regimes if r[0] > laws[0][0] + search.rules.temper]
     return sorted(better, key=lambda item: -item[0])[:1]
 
 
@@ -76,7 +76,7 @@ def screen_regimes(
     if not gates:
         return []
     gains = _approximate_gains(products, Xw.T @ yw, H0, term)
-    lies_there = np.trace(products.CtC, axis1=1, axis2=2) > search.rules.regime_share * float(np.sum(C**2))
+    lies_there = np.trace(products.CtC, axis1=1, axis2=2) > search.rules.form_share * float(np.sum(C**2))
     best = [k for k in np.argsort(-gains, kind="stable") if lies_there[k]][:SCREENED]
     made = [(float(gains[k]), gated(term, gates[k], search.e, search.regimes.count)) for k in best]
     return [(gain - search.rules.temper * float(np.log(s.trials)), s) for gain, s in made]
@@ -175,7 +175,7 @@ def enriched(search: Search, model: Model) -> Model:
             if s.variant not in last.variant.parts and s.columns.shape[1] <= MOST_COLUMNS
         ]
         best = max(options, key=lambda m: m.score, default=model)
-        if best.score < model.score + search.rules.form_gain:
+        if best.score < model.score + search.rules.temper:
             break
         model = best
     return model
@@ -187,7 +187,7 @@ def _confined(search: Search, model: Model) -> Model:
     confined = [s for _, s in screen_regimes(search, base, _everywhere(search, last), model)]
     options = [search.model((*others, s), model.free, model.fit) for s in confined]
     best = max(options, key=lambda m: m.score, default=model)
-    return best if best.score > model.score + search.rules.form_gain else model
+    return best if best.score > model.score + search.rules.temper else model
 
 
 def _everywhere(search: Search, term: CandidateTerm) -> CandidateTerm:

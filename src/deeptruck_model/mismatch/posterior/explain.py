@@ -39,7 +39,7 @@ def explain(search: Search) -> Explanation:
         causes = _with_bursts(search, model, causes)
     causes = _one_unknown(causes)
     if search.torque is not None:
-        causes = [replace(c, reported=search.torque.shows(c.force, search.rules.reported)) for c in causes]
+        causes = [replace(c, reported=search.torque.shows(c.force, search.rules.told_gain)) for c in causes]
     return Explanation(
         tuple(causes), model, parameters_only, null, left.free, left.gain, left.lawful, ranking
     )
@@ -80,12 +80,12 @@ def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[C
     tuned = tuned_causes(search, left.lawful if unknown and left.lawful else model)
     if named or tuned:  # a form that is not quite right biases the parameters a little; that is no finding
         most = max([c.gain for c in named + tuned] + ([left.gain] if unknown else []))
-        tuned = [c for c in tuned if c.gain > search.rules.beside_main * most]
+        tuned = [c for c in tuned if c.gain > search.rules.form_share * most]
     causes = named + tuned
     total = explained + max(left.gain, 0.0)
     weight = sum(max(c.gain, 0.0) for c in causes) or 1.0
     causes = [replace(c, share=max(c.gain, 0.0) / weight * explained / total) for c in causes]
-    causes = _unverified(search.e, [c for c in causes if c.share > search.rules.trifle])
+    causes = _unverified(search.e, [c for c in causes if c.share > search.rules.coarse])
     if not unknown:
         return _in_order(_in_doubt(search.e, left, causes), search.rules)
     rest = Cause(
@@ -99,13 +99,13 @@ def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[C
     physics = [c for c in causes if c.kind == "missing_physics"]
     main = max(physics, key=lambda c: c.gain, default=rest)
     if (
-        names > search.rules.another_form * (names + left.gain)
+        names > search.rules.other_share * (names + left.gain)
         and main.term
         and left.is_form_of(main.term, search.e)
     ):
         whole = replace(main, share=main.share + rest.share, force=main.force + rest.force, other_form=True)
         return _in_order([whole, *[c for c in causes if c is not main]], search.rules)
-    if physics and names < search.rules.explains * (names + left.gain):
+    if physics and names < 0.5 * (names + left.gain):
         rest = replace(rest, nearest=main.effect, rivals=_perhaps_the_same(main))
         return [rest, *_in_order([c for c in causes if c not in physics], search.rules)]
     return _in_order([*causes, rest], search.rules)
@@ -143,7 +143,7 @@ def _in_doubt(e: Evidence, left: LeftOver, causes: list[Cause]) -> list[Cause]:
     """The causes, of which the main name may be that of a relative where laws without a name explain clearly
     more beside it."""
     physics = [c for c in causes if c.kind == "missing_physics"]
-    doubtful = left.gain > max(e.rules.doubt_gain, e.rules.doubt_share * sum(c.gain for c in physics))
+    doubtful = left.gain > max(e.rules.weak, e.rules.form_share * sum(c.gain for c in physics))
     if not physics or not doubtful or not large_enough(e, left.free.prediction):
         return causes
     main = max(physics, key=lambda c: c.gain)
@@ -165,11 +165,10 @@ def _worth_calling_unknown(e: Evidence, left: LeftOver, explained: float, names:
     """
     force = left.free.prediction[e.valid]
     return (
-        left.gain > e.rules.unknown_gain
+        left.gain > e.rules.weak
         and large_enough(e, left.free.prediction)
-        and float(np.sqrt(np.mean(force**2))) > e.rules.unknown_discrepancies * e.model_discrepancy
-        and left.gain
-        > (e.rules.unknown_share * names if names else e.rules.unknown_share_parameters * explained)
+        and float(np.sqrt(np.mean(force**2))) > e.rules.allowance * e.model_discrepancy
+        and left.gain > (e.rules.other_share * names if names else e.rules.coarse * explained)
     )
 
 
@@ -178,7 +177,7 @@ def _in_order(causes: list[Cause], rules: Rules) -> list[Cause]:
     most = max((c.share for c in causes), default=0.0)
 
     def rank(c: Cause) -> tuple[bool, float]:
-        return c.kind == "parameter_error" or c.share < rules.before_parameters * most, -c.share
+        return c.kind == "parameter_error" or c.share < rules.other_share * most, -c.share
 
     return sorted(causes, key=rank)
 
@@ -208,7 +207,7 @@ def _with_slow_force(search: Search, model: Model, left: FreeModel, causes: list
         possible = ["road_grade"]
     slow = float(np.sum(found.force[e.valid] ** 2))
     share = slow / (slow + sum(float(np.sum(c.force[e.valid] ** 2)) for c in causes)) if causes else 1.0
-    if share < e.rules.unknown_share:
+    if share < e.rules.other_share:
         return causes  # what a form that is not quite right leaves over is slow too
     residual = _not_explained(search, model, left)
     share = min(share, slow / float(np.sum(residual[e.valid] ** 2)))

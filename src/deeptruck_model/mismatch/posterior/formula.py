@@ -33,7 +33,7 @@ def formula(e: Evidence, x: Explanation, seed: int = 0) -> Formula | None:
 
     None where there is too little data or no formula predicts much.
     """
-    named = drivers(x, DRIVERS, e.rules)
+    named = drivers(x, DRIVERS)
     y, columns, out = unexplained(e, x, named)
     if not named or min((~out).sum(), out.sum()) < 4 * LEAST_IN_CELL:
         return None
@@ -54,16 +54,19 @@ def fit(
         front = _front(*cells(X[~held_out, :count], y[~held_out]), seed)
         candidates += [_readable(text, symbols) for text in front]
     candidates = [c for c in candidates if _bounded(c, symbols, X, y, rules)]
-    scored = [(_r2(c, symbols, X[held_out], y[held_out]), _length(c), c) for c in candidates]
-    best = max((r2 for r2, _, _ in scored), default=0.0)
-    if best < rules.formula_r2:
+    losses = [_losses(c, symbols, X[held_out], y[held_out]) for c in candidates]
+    best = min(losses, key=lambda loss: float(loss.mean()), default=None)
+    variance = float(np.var(y[held_out]))
+    if best is None or best.mean() > (1.0 - rules.formula_r2) * variance:
         return None
-    good = [
-        s
-        for s in scored
-        if s[0] >= rules.formula_near_best * best and 1.0 - s[0] <= rules.formula_most_left * (1.0 - best)
-    ]
-    r2, _, chosen = min(good, key=lambda s: (s[1], -s[0]))
+    # the shortest within one standard error of the best (Breiman et al., Classification and Regression
+    # Trees, 1984)
+    enough = float(best.mean() + best.std() / np.sqrt(len(best)))
+    good = [(c, float(loss.mean())) for c, loss in zip(candidates, losses, strict=True)]
+    chosen, loss = min(
+        ((c, mean) for c, mean in good if mean <= enough), key=lambda item: (_length(item[0]), item[1])
+    )
+    r2 = 1.0 - loss / variance
     return Formula(_text(chosen), r2, tuple(s.name for s in symbols if s in chosen.free_symbols))
 
 
@@ -123,11 +126,12 @@ def _length(x: sympy.Expr) -> int:
     return sum(1 for _ in sympy.preorder_traversal(x))
 
 
-def _r2(x: sympy.Expr, symbols: Sequence[sympy.Symbol], X: Array, y: Array) -> float:
+def _losses(x: sympy.Expr, symbols: Sequence[sympy.Symbol], X: Array, y: Array) -> Array:
+    """Squared errors (n,), infinite where the formula is none."""
     with np.errstate(all="ignore"):
         predicted = np.broadcast_to(sympy.lambdify(symbols, x, "numpy", dummify=True)(*X.T), y.shape)
-        r2 = 1.0 - np.sum((y - predicted) ** 2) / np.sum((y - y.mean()) ** 2)
-    return float(r2) if np.isfinite(r2) else -np.inf
+        loss = (y - predicted.astype(np.float64)) ** 2
+    return np.where(np.isfinite(loss), loss, np.inf)
 
 
 def _bounded(x: sympy.Expr, symbols: Sequence[sympy.Symbol], X: Array, y: Array, rules: Rules) -> bool:

@@ -186,7 +186,7 @@ class LeftOver:
             own |= {"engine", "brake"}
         sizes = [(_acts_by(law), size) for law, size in _parts(e, self.lawful)]
         within = sum(size for signals, size in sizes if signals & own and signals <= own | ANYWHERE)
-        return within > e.rules.another_form_squares * sum(size for _, size in sizes)
+        return within > 0.5 * sum(size for _, size in sizes)
 
 
 def left_over(search: Search, model: Model) -> LeftOver:
@@ -194,10 +194,10 @@ def left_over(search: Search, model: Model) -> LeftOver:
     e = search.e
     left = e.residual - search.prediction(model)
     trees = free_model(e, left, search.series.relative)
-    gain = max(search.gain_of(model, trees.prediction), 0.0) if trees.r2 > search.rules.trees_r2 else 0.0
+    gain = max(search.gain_of(model, trees.prediction), 0.0) if trees.r2 > search.rules.formula_r2 else 0.0
     known = _beside_a_late_sensor(search, model)
     grown = _grown(search, known)
-    if grown.score - known.score <= max(gain, search.rules.law_gain):
+    if grown.score - known.score <= max(gain, search.rules.told_gain):
         return LeftOver(trees, gain, None)
     return LeftOver(_as_free_model(e, left, grown, trees), grown.score - known.score, grown)
 
@@ -214,13 +214,13 @@ def _beside_a_late_sensor(search: Search, model: Model) -> Model:
 def _grown(search: Search, model: Model) -> Model:
     """The model with as many laws beside its names as pay."""
     options, best = laws(search.e), model
-    for _ in range(search.rules.most_laws):
+    for _ in range(search.rules.most_terms):
         taken = best.named[-1] if len(best.named) > len(model.named) else None
         tried = [s for _, s in screen_terms(search, best, options)[:TRIED]]
         wider = [merge(taken, s) if taken is not None else s for s in tried]
         models = [search.model((*model.named, s), model.free, best.fit) for s in wider]
         step = max(models, key=lambda m: m.score, default=best)
-        if step.score < best.score + search.rules.law_gain:
+        if step.score < best.score + search.rules.told_gain:
             break
         best = step
     return best

@@ -73,14 +73,14 @@ def explained(
         say("learning the simulator's model discrepancy from the recordings it keeps")
         evidence = nuisances.allow_for(evidence, itself)
     elif not simulator.parameters():
-        unmeasured = evidence.rules.unmeasured_discrepancy
+        unmeasured = evidence.rules.learnable
         evidence = replace(evidence, model_discrepancy=unmeasured, slow_noise=unmeasured)
     around = _Around(simulator, tuple(prepared), tuple(held_out), seed, tuple(exclude), say)
     search = nuisances.beside_it(Search(evidence, exclude=exclude), exclude)
     search, found = _best_of(_starts(around, search))
     anew = around.parameters_of(search, found.model, RETUNE)
     if anew is None or not _better(
-        search, found.model, anew, _again(found.model, anew), search.rules.moved_gain
+        search, found.model, anew, _again(found.model, anew), search.rules.least_gain
     ):
         return search.e.everywhere(), located_everywhere(search.e, weighed(search, found))
     # names moved the parameters where the first guess had not
@@ -149,9 +149,7 @@ class _Around:
         self.say("searching around the refitted parameters")
         total = {p: search.e.total_change(p, c) for p, c in change.items()}
         possible = {
-            p: float(np.clip(c, *search.rules.possible(p, search.e.vehicle)))
-            for p, c in total.items()
-            if abs(c) > 0.005
+            p: float(np.clip(c, *search.e.vehicle.possible(p))) for p, c in total.items() if abs(c) > 0.005
         }
         moved = accepted(self.simulator, possible, near=STEP)
         tuned = self.simulator.with_parameters({p: own[p] * (1 + c) for p, c in moved.items()})
@@ -198,7 +196,7 @@ def _followed(around: _Around, search: Search, guess: Callable[[Search], Model])
     """
     here = guess(search)
     moved = around.parameters_of(search, here, RETUNE)
-    if moved is None or not _better(search, here, moved, guess(moved), search.rules.moved_gain):
+    if moved is None or not _better(search, here, moved, guess(moved), search.rules.least_gain):
         return search
     for _ in range(STEPS):
         further = around.parameters_of(moved, guess(moved), SETTLED)

@@ -12,7 +12,6 @@ from deeptruck_model.mismatch.mechanisms import law_signal
 from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.posterior.free_law import features
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.rules import Rules
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -20,10 +19,10 @@ Mask = NDArray[np.bool_]
 PERIOD_S = 1.0
 
 
-def drivers(x: Explanation, most: int, rules: Rules) -> tuple[str, ...]:
+def drivers(x: Explanation, most: int) -> tuple[str, ...]:
     """The signals that the free model of what is left over leans on, most important first."""
     share = x.left_over.importance
-    return tuple([name for name in share if share[name] > rules.formula_importance][:most])
+    return tuple([name for name in share if share[name] > 0.0][:most])
 
 
 def explained(e: Evidence, x: Explanation) -> Array:

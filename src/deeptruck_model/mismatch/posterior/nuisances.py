@@ -66,16 +66,15 @@ def _small(search: Search) -> list[CandidateTerm]:
     mechanism = LIBRARY["command_delay"]
     if not search.e.has(*mechanism.needs):
         return []
-    longest_s = search.rules.nuisance_delay_s
-    small = [s for s in search.candidate_terms(mechanism) if _late_together(s.variant.constants, longest_s)]
+    small = [s for s in search.candidate_terms(mechanism) if _late_together(s.variant.constants)]
     count = distinct(small, search.e)
     return [replace(s, trials=count) for s in small]
 
 
-def _late_together(constants: Constants, longest_s: float) -> bool:
-    """Whether both commands are late by one small delay."""
+def _late_together(constants: Constants) -> bool:
+    """Whether both commands are late by one delay."""
     lines = constants.lines if isinstance(constants, Delays) else ()
-    return any(which == BOTH and tau_s <= longest_s for which, tau_s in lines)
+    return any(which == BOTH for which, _ in lines)
 
 
 Array = NDArray[np.float64]
@@ -99,7 +98,7 @@ def kept(simulator: Simulator, measured_acceleration: bool, rules: Rules) -> lis
         prepared = [learned(simulator, prepare(r, measured_acceleration, rules=rules)) for r in recordings]
     except InputError:
         return []
-    return prepared if sum(float(p.valid.sum()) * p.dt for p in prepared) >= rules.own_driving_s else []
+    return prepared if sum(float(p.valid.sum()) * p.dt for p in prepared) >= rules.least_driving_s else []
 
 
 def allow_for(evidence: Evidence, own: Evidence) -> Evidence:
@@ -124,7 +123,7 @@ def _penalties(own: Evidence, ratio: float) -> dict[str, float]:
         held = search.model((), base.free - {p})
         penalties[f"parameter:{p}"] = base.score - held.score if p in base.free else 0.0
     penalties["unknown"] = left_over(search, base).gain
-    scale = own.rules.discrepancy_safety * max(ratio, 0.5)
+    scale = own.rules.allowance * max(ratio, 0.5)
     return {name: max(penalty, 0.0) * scale for name, penalty in penalties.items()}
 
 
@@ -136,7 +135,7 @@ def _slow_noise(own: Evidence) -> float:
         rows = np.arange(s.start, s.start + (s.stop - s.start) // per * per).reshape(-1, per)
         means += own.residual[rows[own.valid[rows].all(axis=1)]].mean(axis=1).tolist()
     spread = 1.4826 * float(np.median(np.abs(means))) if means else 0.0
-    return max(own.rules.slow_noise, own.rules.discrepancy_safety * spread)
+    return max(own.rules.slow_noise, own.rules.allowance * spread)
 
 
 def _slow_rms(own: Evidence) -> float:

@@ -69,7 +69,7 @@ def _own_size(search: Search, last: CandidateTerm) -> Array | None:
     model = _on_its_own(search.own, last.mechanism, last.variant)
     name = last.mechanism.effect
     sd: Array = np.sqrt(np.diag(model.covariance(name)))
-    return search.rules.other_driving * np.abs(model.coefficients(name)) + sd
+    return search.rules.allowance * np.abs(model.coefficients(name)) + sd
 
 
 def _own_spread(own: Search, last: CandidateTerm) -> Array:
@@ -80,7 +80,7 @@ def _own_spread(own: Search, last: CandidateTerm) -> Array:
         model = _on_its_own(own, last.mechanism, Gated(kept, gate) if gate else kept)
         b = model.coefficients(last.mechanism.effect)
         sd = np.sqrt(np.diag(model.covariance(last.mechanism.effect)))
-        size = own.rules.other_driving * float(np.sqrt(np.mean(b**2))) + float(np.mean(sd))
+        size = own.rules.allowance * float(np.sqrt(np.mean(b**2))) + float(np.mean(sd))
         sizes += [size] * len(last.mechanism.build(leaf))
     return np.array(sizes)
 
@@ -121,19 +121,16 @@ def time_varying_penalty(model: Model, base: Model) -> float:
     so do the zeros of slope sensors, and knots follow many a law that is not quite right here."""
     if not model.named or not is_time_varying(model.named[-1]):
         return 0.0
-    return max(model.rules.time_varying_penalty, model.rules.time_varying_share * (model.score - base.score))
+    return max(model.rules.least_gain, model.rules.form_share * (model.score - base.score))
 
 
 def practical(search: Search, model: Model, term: CandidateTerm) -> bool:
     b = model.coefficients(term.mechanism.effect)
     rules = search.rules
-    for name, least in (
-        ("delay", rules.least_delay_s),
-        ("time_constant", rules.least_time_constant_s),
-    ):
+    for name in ("delay", "time_constant"):
         parts = [(p, value) for p, value in zip(term.parts, b, strict=True) if p.name.startswith(name)]
         times = [value * part.factor for part, value in parts]
-        if times and abs(sum(times)) < least:
+        if times and abs(sum(times)) < rules.least_delay_s:
             return False
     if _beyond_possible(model, term):
         return False
@@ -174,5 +171,5 @@ def large_enough(e: Evidence, force: Array) -> bool:
     acting = np.sort(np.abs(force[e.valid]))
     rms = float(np.sqrt(np.mean(acting**2)))
     top = float(np.sqrt(np.mean(acting[-max(1, len(acting) // 10) :] ** 2)))
-    acting_least = max(e.rules.least_force_acting, e.rules.acting_discrepancies * e.model_discrepancy)
+    acting_least = max(e.rules.least_force_acting, e.rules.allowance * e.model_discrepancy)
     return rms > max(e.rules.least_force, e.model_discrepancy) or top > acting_least

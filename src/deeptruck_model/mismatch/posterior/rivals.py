@@ -35,14 +35,12 @@ def named_cause(search: Search, model: Model, term: CandidateTerm) -> Cause:
     base = search.background(tuple(n for n in model.named if n is not term))
     gain = model.score - base.score
     instead = _instead_of(search, base, term)
-    own = model.score - (
-        max(rules.time_varying_penalty, rules.time_varying_share * gain) if is_time_varying(term) else 0.0
-    )
+    own = model.score - (max(rules.least_gain, rules.form_share * gain) if is_time_varying(term) else 0.0)
     own -= discrepancy_penalty(search, search.model((*base.named, term), base.free | model.free, model.fit))
     rivals = sorted(((n, own - _paid(search, base, m, own)) for n, m in instead), key=lambda rival: rival[1])
     unnamed_model = _unnamed_time_varying(search, model, term)
     if unnamed_model is not None and unnamed_model.score > model.score + max(
-        rules.least_gain, rules.unnamed_share * gain
+        rules.least_gain, rules.form_share * gain
     ):
         force = unnamed_model.named[-1].columns @ unnamed_model.coefficients(UNNAMED.effect)
         more = gain + unnamed_model.score - model.score
@@ -206,7 +204,7 @@ def _beyond_its_own(search: Search, free: frozenset[str], name: str, value: floa
     if search.own is None:
         return False
     own = search.own.model((), free)
-    usual = search.rules.other_driving * abs(own.moved(name)) + search.rules.surely * own.moved_sd(name)
+    usual = search.rules.allowance * abs(own.moved(name)) + search.rules.surely * own.moved_sd(name)
     return abs(value) > usual
 
 
@@ -221,7 +219,7 @@ def _parameter(
     least = enough(search) + search.e.tolerance.get(f"parameter:{name}", 0.0)
     force = search.e.sensitivity[name] * value  # of the simulator as given, to first order
     unsure = abs(value) < rules.nearly_right + rules.surely * model.moved_sd(name)
-    if unsure or abs(value) < rules.least_change:
+    if unsure:
         return None
     large = large_enough(search.e, force) or _beyond_its_own(search, after.free, name, value)
     if gain < least or not large:
@@ -229,7 +227,7 @@ def _parameter(
             return None
         if not large and np.isfinite(_a_slope_sensors_zero(search, before, after)):
             return None
-        gain = rules.weak_gain
+        gain = rules.told_gain
     if gain < rules.slope_zero_gain and _a_slope_sensors_zero(search, before, after) < rules.slope_zero:
         return None
     rivals = tuple((n, after.score - m.score) for n, m in others)

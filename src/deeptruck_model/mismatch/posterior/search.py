@@ -177,7 +177,7 @@ class Search:
     def _possible(self, parameter: str, model: Model) -> bool:
         """Whether a parameter stays within what a truck can have: no rolling resistance is negative. All
         scaled down alike change next to nothing, and would make up for whatever is not scaled with them."""
-        low, high = self.rules.possible(parameter, self.e.vehicle)
+        low, high = self.e.vehicle.possible(parameter)
         change = model.moved(parameter)
         return low < self.e.total_change(parameter, change) < high
 
@@ -191,7 +191,7 @@ class Search:
                 self.model(named, grown.free | {p}, grown.fit) for p in self.parameters if p not in grown.free
             ]
             step = max(options, key=lambda m: m.score, default=grown)
-            if step.score < grown.score + self.rules.freed_gain:
+            if step.score < grown.score + self.rules.temper:
                 break
             grown = step
         return max((best, grown, everything), key=lambda m: m.score)

@@ -79,14 +79,13 @@ def _rare(search: Search, base: Model, bare: Model) -> list[Model]:
     """The model with what acts in a few windows alone, and the same without what is time-varying, whose knots
     follow such windows too, and without any law, which may stand in for it."""
     lasting = tuple(s for s in base.named if not is_time_varying(s))
-    most = search.rules.windows_most_beside if base.named else search.rules.windows_most
-    found = _now_and_then(search, base, bare, most)
+    found = _now_and_then(search, base, bare)
     slow = found is base and len(lasting) < len(base.named)
     instead = [search.background(lasting)] if slow else []
     if base.named and all(m is not bare for m in instead):
         instead.append(bare)
     instead = [m for m in instead if _gains_in_windows(search, base, m)]
-    return [found, *(_now_and_then(search, m, bare, search.rules.windows_most_beside) for m in instead)]
+    return [found, *(_now_and_then(search, m, bare) for m in instead)]
 
 
 def _gains_in_windows(search: Search, model: Model, without: Model) -> bool:
@@ -94,13 +93,13 @@ def _gains_in_windows(search: Search, model: Model, without: Model) -> bool:
     not, what acts there alone is no better."""
     inside = windows.within(windows.windows(search.e, without), search.e)
     gained = model.fit.pointwise - without.fit.pointwise
-    return bool(inside.any() and gained[inside].sum() > search.rules.windows_share * gained.sum())
+    return bool(inside.any() and gained[inside].sum() > 0.5 * gained.sum())
 
 
 def _for_freedom(model: Model, bare: Model) -> float:
     """Nats by which what is time-varying must do better, and what acts in windows that were chosen for it."""
-    varying = model.rules.time_varying_penalty if any(is_time_varying(s) for s in model.named) else 0.0
-    chosen = model.rules.time_varying_share if any(s.variant.acts_in_windows for s in model.named) else 0.0
+    varying = model.rules.least_gain if any(is_time_varying(s) for s in model.named) else 0.0
+    chosen = model.rules.form_share if any(s.variant.acts_in_windows for s in model.named) else 0.0
     return varying + chosen * (model.score - bare.score)
 
 
@@ -132,23 +131,23 @@ def _beside(search: Search, model: Model) -> float:
     """
     forces = [s.columns @ model.coefficients(s.mechanism.effect) for s in model.named]
     if len(forces) < 2:
-        return search.rules.beside_most
+        return search.rules.other_share
     last, others = np.abs(forces[-1]), np.abs(sum(forces[:-1], start=np.zeros(len(search.e))))
     sizes = float(np.sqrt(np.sum(last**2) * np.sum(others**2)))
     together = float(last @ others) / max(sizes, 1e-12)
-    return search.rules.beside_least + (search.rules.beside_most - search.rules.beside_least) * together
+    return search.rules.coarse + (search.rules.other_share - search.rules.coarse) * together
 
 
-def _now_and_then(search: Search, base: Model, bare: Model, most: float) -> Model:
-    """Add a mechanism that acts in a few windows alone, `most` of the time, where one explains them."""
-    spans = windows.windows(search.e, base, most) if search.e.model_discrepancy == 0 else []
+def _now_and_then(search: Search, base: Model, bare: Model) -> Model:
+    """Add a mechanism that acts in a few windows alone, where one explains them."""
+    spans = windows.windows(search.e, base) if search.e.model_discrepancy == 0 else []
     if not spans:
         return base
     narrow = windows.narrowed(search, base, spans)
     tried = [m for where in (spans, narrow) for m in windows.candidates(search, base, where)]
     tried = [m for m in tried if practical(search, m, m.named[-1])]
     best = max(tried, key=lambda m: m.score, default=base)
-    least = search.rules.windows_gain + _beside(search, best) * (base.score - bare.score)
+    least = search.rules.weak + _beside(search, best) * (base.score - bare.score)
     return best if best.score > base.score + least else base
 
 
@@ -172,7 +171,7 @@ def _exchanged(search: Search, model: Model) -> Model:
             )
             better = search.background(best.named)
             own = time_varying_penalty(search.model((*others, given), model.free, model.fit), base)
-            if better.score - time_varying_penalty(better, base) > model.score - own + search.rules.swap_gain:
+            if better.score - time_varying_penalty(better, base) > model.score - own + search.rules.temper:
                 model = better
                 break
         if model is before:

@@ -34,16 +34,15 @@ LENGTHS_S = (0.6, 2.0, 6.0)
 LARGEST = 6.0  # a single sample counts as no more than this
 AROUND_S = 1.5
 FITTED = 6
+ENDS = 2.0  # of a window, each a choice that costs a tempered nat
 LARGEST_LOG = 600.0  # of trials, which hundreds of windows would take beyond what a float holds
 SUDDEN = 0.5  # m/s^2, prior sd of a force without a name
 # A clock or a sensor is off always or not at all, and loads and tyres change for longer than a window.
 ALWAYS = ("clock_offset", "grade_bias", "payload_change", "rolling_resistance_warmup")
 
 
-def windows(e: Evidence, model: Model, most: float | None = None) -> list[Span]:
-    """Spans in which the innovations of a model are off together; none where they are no exception, which may
-    be `most` of the time."""
-    most = e.rules.windows_most_beside if most is None else most
+def windows(e: Evidence, model: Model) -> list[Span]:
+    """Spans in which the innovations of a model are off together; none where they are no exception."""
     z = np.clip(np.nan_to_num(model.fit.innovations), -LARGEST, LARGEST)
     known = np.isfinite(model.fit.innovations)
     off = np.zeros(len(e), dtype=bool)
@@ -51,12 +50,12 @@ def windows(e: Evidence, model: Model, most: float | None = None) -> list[Span]:
         width = max(2, round(length_s / e.dt))
         kernel = np.ones(width)
         count = np.maximum(np.convolve(known, kernel, mode="same"), 1.0)
-        off |= (np.abs(np.convolve(z, kernel, mode="same")) > e.rules.window_off * np.sqrt(count)) & (
+        off |= (np.abs(np.convolve(z, kernel, mode="same")) > e.rules.stands_out * np.sqrt(count)) & (
             count >= width / 2
         )
-    off &= ~_near_other_gear(e) & (e["speed"] > e.rules.window_speed)
+    off &= ~_near_other_gear(e) & (e["speed"] > e.rules.clutch_closed)
     near = np.convolve(off, np.ones(2 * round(AROUND_S / e.dt) + 1), mode="same") > 0.5
-    if not off.any() or near[e.valid].mean() > most:
+    if not off.any() or near[e.valid].mean() > e.rules.windows_most:
         return []
     return _spans(e, near)
 
@@ -89,8 +88,8 @@ def narrowed(search: Search, model: Model, spans: list[Span]) -> list[Span]:
     inside = np.zeros(len(e), dtype=bool)
     for i, first, last in spans:
         rows = np.flatnonzero((e.record == i) & (e["elapsed"] >= first) & (e["elapsed"] <= last))
-        long = last - first > search.rules.window_longest_s
-        for begin, end in [(0, len(rows))] if long else steps(left[rows], search.rules.window_off):
+        long = last - first > search.rules.line_s
+        for begin, end in [(0, len(rows))] if long else steps(left[rows], search.rules.stands_out):
             inside[rows[begin:end]] = True
     return _spans(e, inside)
 
@@ -135,9 +134,7 @@ def during(given: CandidateTerm, spans: list[Span], e: Evidence) -> CandidateTer
     """The candidate term confined to the spans."""
     variant = Windowed(given.variant, tuple(spans))
     parts = tuple(build(given.mechanism, variant))
-    trials = given.trials * float(
-        np.exp(min(e.rules.window_penalty / e.rules.temper * len(spans), LARGEST_LOG))
-    )
+    trials = given.trials * float(np.exp(min(ENDS * len(spans), LARGEST_LOG)))  # each end was looked for
     return replace(
         given,
         variant=variant,
@@ -205,13 +202,13 @@ def bursts(search: Search, model: Model) -> Cause | None:
     None where it is little, or the simulator a learned one, whose model discrepancy comes in bursts too.
     """
     e = search.e
-    spans = windows(e, model, e.rules.windows_most) if e.model_discrepancy == 0 else []
+    spans = windows(e, model) if e.model_discrepancy == 0 else []
     spans = narrowed(search, model, spans)
     if not spans:
         return None
     noisy = search.model((*model.named, unnamed(search, spans)), model.free, model.fit)
     gain = noisy.score - model.score
     force = noisy.named[-1].columns @ noisy.coefficients(UNNAMED.effect)
-    if gain < search.rules.bursts_gain or not large_enough(e, force):
+    if gain < search.rules.clear or not large_enough(e, force):
         return None
     return Cause("missing_physics", UNNAMED.effect, gain, 1.0, force, time_varying=True, rules=e.rules)

@@ -15,6 +15,7 @@ from deeptruck_model.mismatch.mechanisms import LIBRARY, Variant
 from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.posterior.penalties import enough
 from deeptruck_model.mismatch.posterior.search import FREE, Model, Search
+from deeptruck_model.mismatch.posterior.windows import ENDS
 from deeptruck_model.mismatch.report.findings import TOLD_BY
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.result import Finding, SmallestVisible
@@ -151,10 +152,10 @@ def smallest_visible(e: Evidence, x: Explanation) -> SmallestVisible:
     hidden = _Hidden(search, search.model((), frozenset(), x.null.fit))
     parameters = {}
     for p, column in e.sensitivity.items():
-        size = hidden.least(column, e.rules.least_change, enough(search), e.rules.nearly_right)
+        size = hidden.least(column, e.rules.nearly_right, enough(search), e.rules.nearly_right)
         parameters[p] = round(min(size, most_tried(p)), 4)
     always = hidden.least(np.ones(len(e)), e.rules.least_force, enough(search))
-    nats = enough(search) + e.rules.time_varying_penalty + e.rules.window_penalty
+    nats = enough(search) + e.rules.least_gain + ENDS * e.rules.temper
     rarely = hidden.least(_a_part(e, RARE), e.rules.least_force, nats)
     return SmallestVisible(parameters, always, rarely, e.mass if e.mass_known else None)
 

@@ -45,7 +45,7 @@ def regime_map(e: Evidence) -> Figure | None:
 
 def shape(e: Evidence, x: Explanation, equation: str) -> Figure | None:
     """What no name explains against the one or two signals it varies with most, with its formula as title."""
-    names = modelled.drivers(x, 2, e.rules)
+    names = modelled.drivers(x, 2)
     y, columns, _ = modelled.averaged(e, e.residual - modelled.explained(e, x), names)
     if not names or len(y) < 60:
         return None

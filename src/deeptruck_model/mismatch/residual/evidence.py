@@ -245,7 +245,7 @@ class Evidence:
     def doubt(self, sigma: float) -> Array:
         """Factor >= 1 by which a sample is less certain, (n,), where the simulator disagrees with itself."""
         near = maximum_filter1d(self.disagreement, 2 * DOUBT_ROWS + 1)
-        out: Array = np.sqrt(1.0 + (self.rules.doubt * near / max(sigma, 1e-9)) ** 2)
+        out: Array = np.sqrt(1.0 + (self.rules.allowance * near / max(sigma, 1e-9)) ** 2)
         return out
 
     # -- filters that start afresh with every recording ---------------------------------------

@@ -92,7 +92,7 @@ def _never_alike(apart: Sequence[Mask], held_out: Sequence[bool], rules: Rules) 
     """Whether gears cannot be compared; of the recordings to be fitted too, which another logger may have
     made than those held out, and of which nothing would be left."""
     fitted = [a for a, out in zip(apart, held_out or [False] * len(apart), strict=True) if not out]
-    return any(np.concatenate(part).mean() > rules.other_gear_most for part in (apart, fitted))
+    return any(np.concatenate(part).mean() > 0.5 for part in (apart, fitted))
 
 
 def believed(simulator: Simulator, prepared: Sequence[Prepared]) -> list[Run]:
@@ -139,7 +139,7 @@ def _by_engine_speed(p: Prepared, run: Run, rules: Rules) -> Mask:
     recorded, simulated = p.recording.channels["engine_speed"], run.inside["engine_speed"][0]
     with np.errstate(divide="ignore", invalid="ignore"):
         apart = np.abs(np.log(recorded / simulated)) > rules.other_gear_apart
-    return apart & (p.y[:, SPEED] > rules.other_gear_speed) & np.isfinite(recorded)
+    return apart & (p.y[:, SPEED] > rules.clutch_closed) & np.isfinite(recorded)
 
 
 PARAMETERS = ("mass", "drag_area", "rolling_resistance", "torque_gain", "brake_gain")

@@ -108,7 +108,7 @@ def test_few_windows_are_sought_without_what_comes_and_goes_too(
     assert stepwise._rare(search, bare, bare) == [bare]
     assert asked == [Rules.windows_most]
     assert stepwise._rare(search, varying, bare) == [varying, bare]
-    beside = Rules.windows_most_beside  # beside names, whose forms leave something over
+    beside = Rules.windows_most  # beside names, whose forms leave something over
     assert asked == [Rules.windows_most, beside, beside]
     law = next(
         s for s in candidate_terms(LIBRARY["driveline_loss"], nothing_missing) if not is_time_varying(s)

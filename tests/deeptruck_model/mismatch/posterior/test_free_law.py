@@ -34,7 +34,7 @@ def band(e: Evidence) -> np.ndarray:
 def test_in_noise_there_is_no_law(nothing_missing: Evidence) -> None:
     search = Search(nothing_missing)
     found = left_over(search, search.background(()))
-    assert found.gain < Rules.unknown_gain / 2
+    assert found.gain < Rules.weak / 2
     assert explain(search).causes == ()
 
 
@@ -53,7 +53,7 @@ def test_a_force_without_a_name_is_told_by_what_it_follows(
     e = replace(nothing_missing, residual=nothing_missing.residual + force(nothing_missing))
     search = Search(e, exclude=LIBRARY)
     found = left_over(search, search.background(()))
-    assert found.lawful is not None and found.gain > 2 * Rules.unknown_gain
+    assert found.lawful is not None and found.gain > 2 * Rules.weak
     assert next(iter(found.free.importance)) == of
     assert np.corrcoef(found.free.prediction, force(e))[0, 1] > 0.8
     assert [c.effect for c in explain(search).causes] == ["unknown"]
@@ -106,4 +106,4 @@ def test_a_slope_that_is_told_late_is_no_law(nothing_missing: Evidence) -> None:
         residual=e.residual - GRAVITY * (grade - told),
     )
     search = Search(late, exclude=LIBRARY)
-    assert left_over(search, search.background(())).gain < Rules.unknown_gain / 2
+    assert left_over(search, search.background(())).gain < Rules.weak / 2

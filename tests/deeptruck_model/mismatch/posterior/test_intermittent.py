@@ -59,7 +59,7 @@ def test_windows_are_narrowed_to_where_the_force_itself_acts(stuck: Evidence) ->
 def test_what_lasts_is_not_narrowed_and_hundreds_of_windows_have_a_penalty(stuck: Evidence) -> None:
     search = Search(stuck)
     model = search.background(())
-    whole = [(0, 10.0, 10.0 + Rules.window_longest_s + 1.0)]
+    whole = [(0, 10.0, 10.0 + Rules.line_s + 1.0)]
     ((record, first, last),) = windows.narrowed(search, model, whole)
     assert record == 0 and (round(first), round(last)) == (10, 311)
     many = [(0, float(t), t + 0.5) for t in range(500)]
@@ -70,12 +70,12 @@ def test_pauses_are_left_out_and_steps_of_other_sizes_are_kept() -> None:
     force = np.zeros(200)
     force[40:80], force[80:90], force[100:120] = 2.0, 6.0, 2.0
     noise = np.random.default_rng(0).normal(0.0, 0.5, 200)
-    pieces = windows.steps(force + noise, Rules.window_off)
+    pieces = windows.steps(force + noise, Rules.stands_out)
     inside = np.zeros(200, dtype=bool)
     for begin, end in pieces:
         inside[begin:end] = True
     assert (inside == (force > 0)).mean() > 0.97
-    assert windows.steps(noise, Rules.window_off) == [] and windows.steps(noise[:1], Rules.window_off) == []
+    assert windows.steps(noise, Rules.stands_out) == [] and windows.steps(noise[:1], Rules.stands_out) == []
 
 
 def test_bursts_that_follow_nothing_are_unknown(nothing_missing: Evidence) -> None:
