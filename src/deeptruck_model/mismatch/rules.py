@@ -110,14 +110,13 @@ class Rules:
     weak: float = _of(
         60.0,
         "nats",
-        "what has no name, or acts in windows alone; weaker findings must help where nothing was fitted",
+        "what has no name, or acts in windows alone",
         CHOSEN,
     )
     clear: float = _of(
         120.0,
         "nats",
-        "bursts of any size; weaker laws, time-varying terms, and findings beside a learned "
-        "simulator must help where nothing was fitted",
+        "bursts of any size; weaker findings must surely help where they were not fitted",
         CHOSEN,
     )
     coarse: float = _of(
@@ -207,19 +206,10 @@ class Rules:
     )
 
     # validation: what is withdrawn
-    clearly_better: float = _of(
-        0.6, "of the error as given", "at which parameters are told by few nats", CHOSEN
-    )
     drives_worse: float = _of(
         1.33,
         "of its own error",
         "beyond which a learned simulator differs here, though nothing has a name",
-        CHOSEN,
-    )
-    no_better: float = _of(
-        0.97,
-        "of the error",
-        "of other parameters, or as given, above which a correction is no better",
         CHOSEN,
     )
 

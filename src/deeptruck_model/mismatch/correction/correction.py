@@ -26,74 +26,19 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.simulators import Simulator
 
-ROAD = "road_grade"
 
-
-def in_vain(
-    x: Explanation,
-    errors: Compared | None,
-    chosen: Chosen,
-    *,
-    learned: bool = False,
-    slopes_recorded: bool = True,
-    rules: Rules = Rules(),
-) -> bool:
-    """Whether little was found, and corrected by it the simulator drives worse on recordings held out, or the
-    others best with nothing corrected, or with all parameters and no name; or no better than one with other
-    parameters, where laws were found or parameters beside a name, which hold on other drives too, or where it
-    is a learned simulator, whose discrepancy may be found. Of the unnamed the laws must help these drives.
-
-    A road helps other drives no more than another road does; where no slopes are recorded it is there.
-    `errors` are on the held-out recordings, None where there were no free runs; `chosen` is what went in.
-    """
-    if not x.causes or any(c.needed is not None for c in x.causes) or errors is None:
-        return False
-    before, tuned, after = errors.before.speed, errors.parameters_only.speed, errors.after.speed
-    most = max(c.gain for c in x.causes)
-    if learned and most < rules.clear and after > before:
+def claimed(x: Explanation, fit: FitResult, rules: Rules = Rules()) -> bool:
+    """Whether what was found is told: it is strong, or its own correction surely drives better where it was
+    not fitted. What is slow, or acts in windows of its own, no other drive can show."""
+    if not x.causes or fit.errors is None or max(c.gain for c in x.causes) >= rules.clear:
         return True
-    if most < rules.least_gain and all(c.kind == "parameter_error" for c in x.causes):
-        return after > rules.clearly_better * before
-    physics = [c for c in x.causes if c.kind != "parameter_error"]
-    names = [c.term for c in x.causes if c.term is not None]
-    lawful = physics and all(c.predictable for c in physics)
-    if most < rules.clear and lawful and _laws_drive_no_better(errors, rules):
-        return True
-    if most < rules.clear and physics and all(_asked_of_other_drives(c, slopes_recorded) for c in physics):
-        if after > rules.no_better * before:
-            return True
-        enough = rules.weak if any(_comes_and_goes(c) for c in physics) else rules.clear
-        if most < enough and chosen is Chosen.PARAMETERS:
-            return True
-    if most >= rules.weak:
-        return False
-    lasting = any(term.variant.is_a_law for term in names) or 0 < len(names) < len(x.causes)
-    left_out = chosen is Chosen.NOTHING and not any(term.variant.acts_in_windows for term in names)
-    return left_out or after > before or ((learned or lasting) and after > rules.no_better * tuned)
-
-
-def _laws_drive_no_better(errors: Compared, rules: Rules) -> bool:
-    """Whether laws without a name, which nothing is corrected by, would help no held-out drive."""
-    if errors.free_model is None:
-        return False
-    others = min(errors.before.speed, errors.parameters_only.speed)
-    return errors.free_model.speed > rules.no_better * others
-
-
-def _asked_of_other_drives(cause: Cause, slopes_recorded: bool) -> bool:
-    """Whether it must help them: a law, or what is time-varying but a road that is surely there."""
-    law = cause.term is not None and cause.term.variant.is_a_law
-    return law or (_comes_and_goes(cause) and (slopes_recorded or cause.effect != ROAD))
-
-
-def _comes_and_goes(cause: Cause) -> bool:
-    return cause.time_varying or (cause.term is not None and is_time_varying(cause.term))
+    only_here = any(c.needed is not None or (c.term and c.term.variant.acts_in_windows) for c in x.causes)
+    return only_here or (fit.validated and fit.chosen in (Chosen.FINDINGS, Chosen.LAWS))
 
 
 Mask = NDArray[np.bool_]
 
-HORIZON_S = 20.0  # of the free runs that are told: of long ones there are too few for an interval
-WEIGHED_S = 40.0  # of those that weak findings are weighed by: what is missing stands out of sensor noise
+HORIZON_S = 20.0  # of free runs: of long ones there are too few for an interval
 COMPARED = ("before", "parameters_only", "after")
 FOLDS = 3  # of the recordings that are not held out, to choose what goes in
 
@@ -301,15 +246,6 @@ def _judged(errors: dict[str, Errors], others: dict[str, Errors]) -> dict[str, E
     return {name: joined([errors[name], others[name]]) for name in COMPARED}
 
 
-def _weighed(
-    simulator: Simulator, made: Corrections, held_out: Sequence[Prepared], with_unnamed: bool
-) -> Compared | None:
-    """Errors in free runs of WEIGHED_S on the held-out recordings; None without any."""
-    named = _side_by_side(simulator, made, made.after(with_unnamed)[0])
-    horizon_s = horizon(held_out, WEIGHED_S)
-    return compared({name: free_windows(s, held_out, horizon_s) for name, s in named.items()})
-
-
 def _better(errors: Compared | None, gained: Improvement | None) -> bool:
     """Surely so over all that was driven unseen, and no worse over what was held out."""
     if errors is None or gained is None:
@@ -337,18 +273,25 @@ def corrected_and_driven(
     held_out: Sequence[Prepared],
     with_unnamed: bool,
 ) -> Driven:
-    """The correction, driven; and the explanation, without causes where they are weak and drive no better."""
-    made, refuted = correct(simulator, e, x, fitted), x.causes
-    weighed = _weighed(simulator, made, held_out, with_unnamed) if x.causes else None
-    chosen = made.after(with_unnamed)[1]
-    learned, slopes = e.model_discrepancy > 0, e.has("grade")
-    if in_vain(x, weighed, chosen, learned=learned, slopes_recorded=slopes, rules=e.rules):
-        x = replace(x, causes=(), lawful=None)
-        made = correct(simulator, e, x, fitted)
-    else:
-        refuted = ()
-    errors, corrected, fit = shown(simulator, made, held_out, with_unnamed)
-    return Driven(x, errors, corrected, fit, refuted)
+    """The correction, driven; and the explanation, without causes where nothing speaks for these but a little
+    evidence."""
+    driven = _driven(simulator, e, x, fitted, held_out, with_unnamed)
+    if claimed(x, driven.fit, e.rules):
+        return driven
+    silent = replace(x, causes=(), lawful=None)
+    return replace(_driven(simulator, e, silent, fitted, held_out, with_unnamed), refuted=x.causes)
+
+
+def _driven(
+    simulator: Simulator,
+    e: Evidence,
+    x: Explanation,
+    fitted: Sequence[Prepared],
+    held_out: Sequence[Prepared],
+    with_unnamed: bool,
+) -> Driven:
+    made = correct(simulator, e, x, fitted)
+    return Driven(x, *shown(simulator, made, held_out, with_unnamed))
 
 
 __all__ = ["HORIZON_S", "Driven", "correct", "corrected", "corrected_and_driven", "horizon", "shown"]
