@@ -190,7 +190,7 @@ class Rules:
     )
 
     # windows: what acts now and then
-    windows_most: float = _of(0.1, "of the time", "all windows together: what is rare is rarer", CHOSEN)
+    windows_most: float = _of(0.2, "of the time", "all windows together: what is rare is no more", CHOSEN)
 
     # learned simulators: model discrepancy
     learnable: float = _of(

@@ -23,8 +23,10 @@ from deeptruck_model import driving_cycles, mismatch, simulators, trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import find
 from deeptruck_model.mismatch.correction import correction
+from deeptruck_model.mismatch.fit_result import FitResult
 from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
 
@@ -102,13 +104,13 @@ def test_what_held_out_drives_refute_is_suspected_and_the_search_goes_on(
 ) -> None:
     """A spline had followed the fitted drives, was withdrawn, and all that was left was silence."""
     judged: list[list[str]] = []
-    refuted = correction.in_vain
+    told = correction.claimed
 
-    def first_is_refuted(x: Explanation, *errors: Any, **more: Any) -> bool:
+    def first_is_refuted(x: Explanation, fit: FitResult, rules: Rules) -> bool:
         judged.append([c.effect for c in x.causes])
-        return len(judged) == 1 or refuted(x, *errors, **more)
+        return len(judged) > 1 and told(x, fit, rules)
 
-    monkeypatch.setattr(correction, "in_vain", first_is_refuted)
+    monkeypatch.setattr(correction, "claimed", first_is_refuted)
     recorded = drives(TRUCK.with_forces([], [LazyBrake()]), 4, seed=50)
     said = run(recorded[:-1], recorded[-1:])
     (first, *_), again = judged
