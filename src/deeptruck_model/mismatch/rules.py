@@ -116,7 +116,7 @@ class Rules:
     clear: float = _of(
         120.0,
         "nats",
-        "bursts of any size; weaker findings must surely help where they were not fitted",
+        "bursts of any size; weaker findings must help where they were not fitted",
         CHOSEN,
     )
     coarse: float = _of(
@@ -206,6 +206,9 @@ class Rules:
     )
 
     # validation: what is withdrawn
+    no_better: float = _of(
+        0.97, "of the error as given", "above which a correction is no better on held-out drives", CHOSEN
+    )
     drives_worse: float = _of(
         1.33,
         "of its own error",

@@ -28,12 +28,14 @@ from deeptruck_model.simulators import Simulator
 
 
 def claimed(x: Explanation, fit: FitResult, rules: Rules = Rules()) -> bool:
-    """Whether what was found is told: it is strong, or its own correction surely drives better where it was
-    not fitted. What is slow, or acts in windows of its own, no other drive can show."""
+    """Whether what was found is told: it is strong, or free runs chose its own correction and this drives
+    better on held-out recordings. What is slow, or acts in windows of its own, no other drive can show."""
     if not x.causes or fit.errors is None or max(c.gain for c in x.causes) >= rules.clear:
         return True
-    only_here = any(c.needed is not None or (c.term and c.term.variant.acts_in_windows) for c in x.causes)
-    return only_here or (fit.validated and fit.chosen in (Chosen.FINDINGS, Chosen.LAWS))
+    if any(c.needed is not None or (c.term and c.term.variant.acts_in_windows) for c in x.causes):
+        return True
+    before, after = fit.errors.before.speed, fit.errors.after.speed
+    return fit.chosen in (Chosen.FINDINGS, Chosen.LAWS) and after <= rules.no_better * before
 
 
 Mask = NDArray[np.bool_]
