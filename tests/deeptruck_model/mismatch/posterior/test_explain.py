@@ -99,17 +99,14 @@ def test_few_windows_are_sought_without_what_comes_and_goes_too(
     nothing_missing: Evidence, gusts: CandidateTerm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked = []
-    monkeypatch.setattr(
-        stepwise, "_now_and_then", lambda search, base, bare, most: asked.append(most) or base
-    )
+    monkeypatch.setattr(stepwise, "_now_and_then", lambda search, base, bare: asked.append(base) or base)
     monkeypatch.setattr(stepwise, "_gains_in_windows", lambda search, model, without: True)
     search = Search(nothing_missing)
     bare, varying = search.background(()), search.background((gusts,))
     assert stepwise._rare(search, bare, bare) == [bare]
-    assert asked == [Rules.windows_most]
+    assert asked == [bare]
     assert stepwise._rare(search, varying, bare) == [varying, bare]
-    beside = Rules.windows_most  # beside names, whose forms leave something over
-    assert asked == [Rules.windows_most, beside, beside]
+    assert asked == [bare, varying, search.background(()), bare]
     law = next(
         s for s in candidate_terms(LIBRARY["driveline_loss"], nothing_missing) if not is_time_varying(s)
     )

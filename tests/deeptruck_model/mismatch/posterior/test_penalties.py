@@ -17,7 +17,7 @@ def model(score: float, *variants: Variant) -> Any:
     return SimpleNamespace(rules=Rules(), score=score, named=named)
 
 
-@pytest.mark.parametrize(("gain", "paid"), [(80.0, 25.0), (1000.0, 100.0)])
+@pytest.mark.parametrize(("gain", "paid"), [(80.0, Rules.least_gain), (1000.0, 1000.0 * Rules.form_share)])
 def test_what_comes_and_goes_pays_for_following_anything(gain: float, paid: float) -> None:
     base = model(500.0)
     spline = Spline("elapsed", (4, 4), ("a", "b"), 20.0, 0.125, 0.1)
