@@ -16,7 +16,6 @@ from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.posterior.slow_force import SlowForce
 from deeptruck_model.mismatch.posterior.windows import during, within
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.rules import Rules
 
 
 def cause(e: Evidence, gain: float = 200.0, term: CandidateTerm | None = None) -> Cause:
