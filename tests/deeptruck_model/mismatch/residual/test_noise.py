@@ -129,6 +129,17 @@ def test_without_noise_rounding_is_not_significant() -> None:
     assert null.sigma == Rules.noise_floor and one.evidence < null.evidence + 1.0
 
 
+@pytest.mark.parametrize("sigma", [0.0, 0.01])
+def test_a_force_that_acts_now_and_then_is_no_noise(sigma: float) -> None:
+    """One wheel slip in an hour, beside nothing else, had set the autoregression and was called noise."""
+    force = np.zeros(N)
+    force[1000:1019] = -0.4 * np.sin(np.linspace(0.3, np.pi - 0.3, 19))
+    y = force + noise(13, sigma)
+    null, one = (fit(series(y), X, prior(X.shape[1])) for X in (np.zeros((N, 0)), force[:, None]))
+    assert one.evidence > null.evidence + 80.0
+    assert one.b == pytest.approx(1.0, abs=0.2)
+
+
 def test_priors_join_side_by_side() -> None:
     joined = Prior.join(prior(1, sign=1.0), prior(2, sd=0.5))
     assert joined.sd.tolist() == [1.0, 0.5, 0.5] and joined.sign.tolist() == [1.0, 0.0, 0.0]
