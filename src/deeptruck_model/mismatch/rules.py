@@ -122,8 +122,7 @@ class Rules:
     coarse: float = _of(
         0.05,
         "of a gain",
-        "error of a law's form: evidence for names is divided by it, a smaller finding is "
-        "none, and what acts elsewhere must gain more",
+        "error of a law's form: evidence for names is divided by it, and what acts elsewhere must gain more",
         FITTED,
     )
     form_share: float = _of(
@@ -137,8 +136,6 @@ class Rules:
         0.3, "of a gain", "what has no name, or acts where another does, must gain to be of its own", CHOSEN
     )
     most_terms: int = _of(4, "terms", "with a name, or without, at once", CHOSEN)
-
-    # stepwise selection
 
     # parameters
     nearly_right: float = _of(

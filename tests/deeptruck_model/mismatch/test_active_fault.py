@@ -80,7 +80,7 @@ LATE = AT > 3000
         (LATE, np.ones(N, dtype=bool)),  # at all times: it tells nothing of this force
         (LATE, AT > 150),  # free of it for half a minute only
         (LATE, ~LATE),
-        (LATE, AT > 3900),  # 70 % of the time
+        (LATE, AT > 4600),  # less than half of the time
         (AT % 10 < 5, AT > 600),  # nearly always, and the force does not care
         (AT < 0, LATE),  # no force
         (LATE, AT < 0),  # no fault

@@ -85,7 +85,7 @@ def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[C
     total = explained + max(left.gain, 0.0)
     weight = sum(max(c.gain, 0.0) for c in causes) or 1.0
     causes = [replace(c, share=max(c.gain, 0.0) / weight * explained / total) for c in causes]
-    causes = _unverified(search.e, [c for c in causes if c.share > search.rules.coarse])
+    causes = _unverified(search.e, causes)
     if not unknown:
         return _in_order(_in_doubt(search.e, left, causes), search.rules)
     rest = Cause(

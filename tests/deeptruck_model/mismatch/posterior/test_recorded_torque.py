@@ -15,7 +15,7 @@ from deeptruck_model.mismatch.rules import Rules
 
 LEVER = 10.0  # rad/m
 LIMIT = 0.3  # m/s^2
-SURE = Rules().reported
+SURE = Rules().told_gain
 
 
 def missing(e: Evidence) -> np.ndarray:
