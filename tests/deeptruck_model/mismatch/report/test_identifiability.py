@@ -54,7 +54,7 @@ def test_more_driving_asks_for_no_larger_effects_and_rare_ones_must_be_larger(
     )
     seen = [smallest_visible(e, explain(Search(e))) for e in (half, nothing_missing)]
     for p in nothing_missing.sensitivity:  # a little of it may be in any simulator, however long it is driven
-        assert 0.0 < seen[1].parameters[p] <= seen[0].parameters[p] * 1.02
+        assert 0.0 < seen[1].parameters[p] <= seen[0].parameters[p] * 1.06  # a step of the search
     assert 0.0 < seen[1].always < seen[1].rarely
 
 
