@@ -74,7 +74,7 @@ def make_case(
         raise InputError(f"{out} exists already; choose another folder or remove it")
     built = build_case(level, seed, effect, simulator, minutes, forms)
     plan = built.plan
-    interface = _interface(plan)
+    interface = interface_of(plan)
     measured = measure(built)
     names = tuple(f"drive_{k}" for k in range(len(measured)))
     recordings = [
@@ -145,7 +145,7 @@ def draw_decoy(built: Built) -> dict[str, Array]:
     return {"gap": np.clip(gap, 5.0, 250.0), "leader_speed": np.clip(speed, 0.0, 40.0)}
 
 
-def _interface(plan: Plan) -> TruckInterface:
+def interface_of(plan: Plan) -> TruckInterface:
     return trucks.make(plan.truck, plan.values, grade=plan.grade).interface
 
 

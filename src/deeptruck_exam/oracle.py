@@ -112,7 +112,7 @@ class Oracle:
         """What a law does with each set of sizes, (draws, openings, m): means over seconds."""
         if law.kind == "parameter_error":
             return self._one_by_one(law, drawn, DRAWS)
-        setting, batch = _Watched.of(self.many.setting), self.trace.setting.batch
+        setting, batch = Watched.of(self.many.setting), self.trace.setting.batch
         try:
             sizes = SimpleNamespace(**{n: np.repeat(x, batch) for n, x in drawn.items()})
             planted = law.build(setting, sizes)
@@ -201,14 +201,14 @@ class Oracle:
 
 
 @dataclass(frozen=True)
-class _Watched(Setting):
+class Watched(Setting):
     """A setting that knows whether a law drew from chance."""
 
     drawn: tuple[list[int], ...] = ([],)
 
     @staticmethod
-    def of(s: Setting) -> _Watched:
-        return _Watched(**{n: getattr(s, n) for n in Setting.__dataclass_fields__}, drawn=([],))
+    def of(s: Setting) -> Watched:
+        return Watched(**{n: getattr(s, n) for n in Setting.__dataclass_fields__}, drawn=([],))
 
     @property
     def by_chance(self) -> bool:

@@ -11,11 +11,18 @@ if TYPE_CHECKING:
     from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, load_directory
     from deeptruck_model.mismatch.find import find_mismatch
     from deeptruck_model.mismatch.output import apply, figures, summary, write
+    from deeptruck_model.mismatch.posterior.clean_drives import CleanDrives
+    from deeptruck_model.mismatch.posterior.fingerprint import Fingerprint
+    from deeptruck_model.mismatch.posterior.recogniser import Layer, Recogniser
     from deeptruck_model.mismatch.result import Mismatch
 
 __all__ = [
+    "CleanDrives",
     "CorrectedTruck",
+    "Fingerprint",
+    "Layer",
     "Mismatch",
+    "Recogniser",
     "apply",
     "figures",
     "find_mismatch",
@@ -30,6 +37,9 @@ __getattr__ = names(
         "correction.corrected_truck": ("CorrectedTruck", "load_directory"),
         "find": ("find_mismatch",),
         "output": ("apply", "figures", "summary", "write"),
+        "posterior.clean_drives": ("CleanDrives",),
+        "posterior.fingerprint": ("Fingerprint",),
+        "posterior.recogniser": ("Layer", "Recogniser"),
         "result": ("Mismatch",),
     },
 )

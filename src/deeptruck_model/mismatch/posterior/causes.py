@@ -37,7 +37,7 @@ class Cause:
     other_form: bool = False  # it acts by its own signals, but otherwise than the library's form
     time_varying: bool = False  # an unknown force that is time-varying, and not one that the signals predict
     reported: bool | None = None  # whether the engine's recorded torque shows it, where that is known
-    kernels: tuple[tuple[str, float], ...] = ()  # names as kernels, and the nats that each gains in its place
+    likeness: tuple[tuple[str, float], ...] = ()  # names, and the probability that the recogniser gives each
     rules: Rules = field(default_factory=Rules)  # by which it is distinguishable from others
 
     @property
@@ -55,22 +55,12 @@ class Cause:
         American Statistical Association 114, 2019), so that more data alone decides nothing. Half of it goes
         by the library's forms, the other half by kernels, of which a law need not be a form (a linear pool).
         """
-        if not self.kernels:
+        if not self.likeness:
             return self.by_forms
         pooled = {name: 0.5 * p for name, p in self.by_forms.items()}
-        for name, p in self.by_kernels.items():
+        for name, p in self.likeness:
             pooled[name] = pooled.get(name, 0.0) + 0.5 * p
         return _most_probable_first(pooled, self.effect)
-
-    @property
-    def by_kernels(self) -> dict[str, float]:
-        """The same by the evidence of kernels alone; `kernels` must not be empty."""
-        most = max(nats for _, nats in self.kernels)
-        scale = max(self.rules.temper, self.rules.coarse * most)
-        weight = {name: float(np.exp((nats - most) / scale)) for name, nats in self.kernels}
-        nothing = float(np.exp(min(-most / scale, MOST_LOG)))
-        total = nothing + sum(weight.values())
-        return {name: w / total for name, w in weight.items()}
 
     @property
     def by_forms(self) -> dict[str, float]:

@@ -18,7 +18,7 @@ from deeptruck_model.mismatch.mechanisms import CandidateTerm, candidate_term
 from deeptruck_model.mismatch.posterior import nuisances
 from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.posterior.explain import explain, slow_beside
-from deeptruck_model.mismatch.posterior.kernels import weighed
+from deeptruck_model.mismatch.posterior.naming import recognised
 from deeptruck_model.mismatch.posterior.rivals import force_of
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.posterior.stepwise import first_guess
@@ -82,9 +82,9 @@ def explained(
     if anew is None or not _better(
         search, found.model, anew, _again(found.model, anew), search.rules.least_gain
     ):
-        return search.e.everywhere(), located_everywhere(search.e, weighed(search, found))
+        return search.e.everywhere(), located_everywhere(search.e, recognised(search, found))
     # names moved the parameters where the first guess had not
-    return anew.e.everywhere(), located_everywhere(anew.e, weighed(anew, explain(anew)))
+    return anew.e.everywhere(), located_everywhere(anew.e, recognised(anew, explain(anew)))
 
 
 def refitted(

@@ -1,0 +1,183 @@
+"""What the recogniser learns from: drives with nothing missing, and fingerprints of laws along them."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from deeptruck_exam.calibrating.injected import Injected, Injection
+from deeptruck_exam.cases import interface_of, measure
+from deeptruck_exam.construction import DT, Built, build
+from deeptruck_exam.effects import EFFECTS
+from deeptruck_exam.effects.law import Array
+from deeptruck_exam.effects.planting import Effect
+from deeptruck_exam.plans import FIT, Plan, draw_plan
+from deeptruck_exam.worlds import trucks
+from deeptruck_model import files
+from deeptruck_model.mismatch import CleanDrives, Fingerprint
+from deeptruck_model.recordings import Recording
+
+MINUTES = 4.0
+NAMED, NAMELESS = 90, 20  # laws along one base, with a name and without
+SCALES = (-1.2, 0.3)  # of the logarithm of what a law's size is multiplied by
+PARAMETER_SD = 0.01  # relative: parameters are nearly right where names are weighed
+WRONG = (0.03, 0.2)  # relative, of a parameter that is the answer
+SECOND, SECOND_NAMES = (
+    0.15,
+    8,
+)  # share of samples with a second effect that is known, and how many names of these
+STYLES = (0.55, 0.2, 0.25)  # bases driven by people, by cruise control, behind a leader
+FAULTS = ("grade_bias", "clock_offset")  # that are forces to the tool
+UNKNOWN = "unknown"
+FAULT_DRAWS = 3
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Fingerprints along one base; `names` (N,) are the answers, `laws` (N,) their keys, `families` (N,)
+    theirs, or what else was added; `world` is that of the base."""
+
+    fingerprint: Fingerprint
+    names: NDArray[np.str_]
+    laws: NDArray[np.str_]
+    families: NDArray[np.str_]
+    world: str
+
+    def save(self, path: Path) -> None:
+        f = self.fingerprint
+        arrays = {
+            "nats": f.nats.astype(np.float32),
+            "sign": f.sign.astype(np.float32),
+            "size": f.size.astype(np.int8),
+            "told": f.told.astype(np.float32),
+            "noise": f.noise.astype(np.float32),
+            "chance": f.chance,
+            "keys": np.array(f.keys),
+            "names": self.names,
+            "laws": self.laws,
+            "families": self.families,
+            "world": np.array(self.world),
+        }
+        packed = io.BytesIO()
+        np.savez_compressed(packed, **arrays)
+        files.write(path, packed.getvalue())
+
+    @staticmethod
+    def load(path: Path) -> Samples:
+        with np.load(path) as a:
+            f = Fingerprint(
+                tuple(a["keys"].tolist()),
+                *(a[n].astype(float) for n in ("nats", "sign")),
+                a["size"].astype(np.intp),
+                *(a[n].astype(float) for n in ("told", "noise", "chance")),
+            )
+            return Samples(f, a["names"], a["laws"], a["families"], str(a["world"]))
+
+
+@dataclass(frozen=True)
+class _Labelled:
+    """One residual (n,), what is missing in it, and the name that is known beside it."""
+
+    residual: Array
+    name: str
+    law: str
+    family: str
+    beside: str = ""
+
+
+def samples(family: str, seed: int) -> Samples:
+    """Fingerprints of some hundred laws along a base in the world of a family."""
+    with threadpool_limits(1):
+        rng = np.random.default_rng([seed, 5])
+        built = build(_plan(family, seed, rng))
+        interface = interface_of(built.plan)
+        recordings = [Recording(f"drive_{k}", DT, c, interface) for k, c in enumerate(measure(built))]
+        simulator = trucks.make(built.plan.truck, built.plan.believed, grade=built.plan.grade)
+        drives = CleanDrives(simulator, recordings, FIT)
+        made = [*_of_laws(built, drives, rng), *_of_faults(drives, rng), *_of_parameters(drives, rng)]
+        names = sorted({m.beside for m in made})
+        parts = [_fingerprints(drives, [m for m in made if m.beside == name], name) for name in names]
+        return replace(_joined(parts), world=family)
+
+
+def _plan(family: str, seed: int, rng: np.random.Generator) -> Plan:
+    plan = draw_plan("nothing_missing", seed, None, "physics", MINUTES, 0, family)
+    style = str(rng.choice(["human", "cruise", "acc"], p=STYLES))
+    styles = [style if rng.random() < 0.8 else "human" for _ in plan.styles]
+    close = float(rng.uniform(0.7, 1.3))
+    return replace(plan, styles=styles, headway_s=close if style == "acc" else plan.headway_s)
+
+
+def _of_laws(built: Built, drives: CleanDrives, rng: np.random.Generator) -> list[_Labelled]:
+    injection = Injection(built, rng)
+    laws = injection.laws()
+    chosen = [*_some(laws, False, NAMED, rng), *_some(laws, True, NAMELESS, rng)]
+    forces = list(injection.forces(chosen))
+    others = [f for f in forces if _name(f) != UNKNOWN]
+    seconds = [others[k] for k in rng.permutation(len(others))[:SECOND_NAMES]]
+    return [_of_law(f, seconds[rng.integers(len(seconds))], drives, rng) for f in forces]
+
+
+def _some(laws: Sequence[Effect], nameless: bool, most: int, rng: np.random.Generator) -> list[Effect]:
+    some = [law for law in laws if (law.name == UNKNOWN) == nameless]
+    return [some[k] for k in rng.permutation(len(some))[:most]]
+
+
+def _name(f: Injected) -> str:
+    return EFFECTS[f.key].name
+
+
+def _of_law(f: Injected, second: Injected, drives: CleanDrives, rng: np.random.Generator) -> _Labelled:
+    """A law of some size beside parameters that are a little off; sometimes with a second that is known."""
+    law = EFFECTS[f.key]
+    off = sum((rng.normal(0.0, PARAMETER_SD) * s for s in drives.sensitivity.values()), start=np.zeros(()))
+    residual = drives.residual + f.acceleration * np.exp(rng.uniform(*SCALES)) + off
+    if rng.random() < SECOND and _name(second) != law.name:
+        return _Labelled(residual + second.acceleration, law.name, law.key, law.family, _name(second))
+    return _Labelled(residual, law.name, law.key, law.family)
+
+
+def _of_faults(drives: CleanDrives, rng: np.random.Generator) -> list[_Labelled]:
+    """Faults of sensors that are forces to the tool."""
+    drawn = [(name, drives.fault(name, rng)) for name in FAULTS for _ in range(FAULT_DRAWS)]
+    return [
+        _Labelled(drives.residual + x, name, f"fault {name}", "faults") for name, x in drawn if x is not None
+    ]
+
+
+def _of_parameters(drives: CleanDrives, rng: np.random.Generator) -> list[_Labelled]:
+    return [
+        _Labelled(
+            drives.residual + column * sign * rng.uniform(*WRONG), name, f"parameter {name}", "parameters"
+        )
+        for name, column in drives.sensitivity.items()
+        for sign in (-1.0, 1.0)
+    ]
+
+
+def _fingerprints(drives: CleanDrives, some: Sequence[_Labelled], beside: str) -> Samples:
+    """Those beside one name, whose size is found for each of them; or beside none, at once."""
+    residuals = np.stack([m.residual for m in some], axis=1)
+    if beside:
+        fingerprint = side_by_side([drives.fingerprints(r[:, None], [beside]) for r in residuals.T])
+    else:
+        fingerprint = drives.fingerprints(residuals)
+    names, laws, families = (np.array([getattr(m, n) for m in some]) for n in ("name", "law", "family"))
+    return Samples(fingerprint, names, laws, families, "")
+
+
+def side_by_side(each: Sequence[Fingerprint]) -> Fingerprint:
+    """Fingerprints by the same kernels as one of many residuals."""
+    columns = ("nats", "sign", "size", "told", "noise")
+    return replace(each[0], **{n: np.concatenate([getattr(f, n) for f in each], axis=-1) for n in columns})
+
+
+def _joined(parts: Sequence[Samples]) -> Samples:
+    labels = [np.concatenate([getattr(p, n) for p in parts]) for n in ("names", "laws", "families")]
+    return Samples(side_by_side([p.fingerprint for p in parts]), *labels, "")

@@ -1,0 +1,80 @@
+"""Names by the fingerprint of a force: a small network that has seen how laws stray from the library's forms.
+
+It learned from several hundred laws of other authors, each added to drives with nothing missing (the training
+is a command of the exam, its card stands beside the weights). Evidence alone asks which form is nearest; a
+law that has no form here is near several, and which ones is what the network knows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import erf, softmax
+
+from deeptruck_model.mismatch.posterior.fingerprint import Fingerprint
+
+Array = NDArray[np.float64]
+
+WEIGHTS = Path(__file__).with_name("recogniser.npz")
+NOWHERE = -30.0  # log probability of a name that cannot be
+
+
+@dataclass(frozen=True)
+class Layer:
+    """Weights (members, in, out) and biases (members, out) of every member of the ensemble."""
+
+    weight: Array
+    bias: Array
+
+
+@dataclass(frozen=True)
+class Recogniser:
+    """An ensemble of networks beside the evidence itself. `keys` are the kernels it looks at, `names` its
+    answers; `mean` and `sd` (d,) scale its features; `trust` (members,) weighs the evidence."""
+
+    keys: tuple[str, ...]
+    names: tuple[str, ...]
+    mean: Array
+    sd: Array
+    trust: Array
+    layers: tuple[Layer, ...]
+
+    @staticmethod
+    def load(path: Path = WEIGHTS) -> Recogniser:
+        with np.load(path) as a:
+            layers = tuple(
+                Layer(a[f"weight{k}"].astype(float), a[f"bias{k}"].astype(float))
+                for k in range(sum(n.startswith("weight") for n in a.files))
+            )
+            keys, names = (tuple(a[n].tolist()) for n in ("keys", "names"))
+            return Recogniser(keys, names, *(a[n].astype(float) for n in ("mean", "sd", "trust")), layers)
+
+    def probabilities(self, f: Fingerprint) -> Array:
+        """Of each name (N, names), given that it is one of those that kernels stand for."""
+        known = np.array([n in f.names for n in self.names])
+        return self.of(f.features(self.keys), f.by_evidence(self.names), known)
+
+    def of(self, seen: Array, evidence: Array, known: NDArray[np.bool_]) -> Array:
+        """The same from a fingerprint's `features` (N, d), `by_evidence` (N, names) and which names can be."""
+        x = (seen - self.mean) / self.sd
+        each = [trust * evidence + self._through(x, k) for k, trust in enumerate(self.trust)]
+        members = [softmax(np.where(known, logits, NOWHERE), axis=1) for logits in each]
+        out: Array = np.mean(members, axis=0)
+        return out
+
+    def _through(self, x: Array, member: int) -> Array:
+        for k, layer in enumerate(self.layers):
+            x = x @ layer.weight[member] + layer.bias[member]
+            if k + 1 < len(self.layers):
+                x = 0.5 * x * (1.0 + erf(x / np.sqrt(2.0)))  # Hendrycks and Gimpel's GELU
+        return x
+
+
+@cache
+def recogniser() -> Recogniser:
+    """The one that is shipped."""
+    return Recogniser.load()
