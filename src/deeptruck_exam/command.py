@@ -139,6 +139,19 @@ def limit_of(
     limit.show(limit.run(out, cases, seed, jobs))
 
 
+@app.command("recogniser")
+def recogniser_of(
+    out: Annotated[Path, typer.Option(help="Folder for weights and card; one file a base, kept.")],
+    bases: Annotated[int, typer.Option(help="Trucks with drives, over the families' worlds.", min=8)] = 96,
+    seed: Annotated[int, typer.Option(help="First seed.", min=0)] = 7000,
+    jobs: Annotated[int, typer.Option(help="Bases at a time.", min=1)] = 1,
+) -> None:
+    """Teach the tool's recogniser of names anew, and judge it on families it has not seen."""
+    from deeptruck_exam.calibrating import run
+
+    run.show(run.run(out, bases, seed, jobs))
+
+
 @app.command()
 def concealed(
     out: Annotated[Path, typer.Option(help="Folder for concealed.json.")],

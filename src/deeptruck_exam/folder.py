@@ -42,6 +42,7 @@ REAL = Result(
         *(f"*/drive_*-drive_*/{name}" for name in _REAL),
     ),
 )  # fmt: skip
+RECOGNISER = Result("lessons of a recogniser", ("recogniser.npz", "recogniser.json", "base-*-*.npz"))
 LIMIT = Result("limits of cases", ("limit.json", "*-*-*.json"))
 
 

@@ -58,7 +58,7 @@ class Injection:
         ]
 
     def forces(self, laws: Sequence[Effect]) -> Iterator[Injected]:
-        """Each law with several draws of its sizes; one draw of a law with a chance of its own, or a filter."""
+        """Each law with several draws of its sizes; one of a filter, or a law with a chance of its own."""
         for law in laws:
             sizes = [law.draw(self._rng) for _ in range(DRAWS)]
             try:

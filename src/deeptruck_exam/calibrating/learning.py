@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -123,6 +123,8 @@ def _member(some: Lesson, mean: Array, sd: Array, weight: Array, seed: int) -> l
 
     torch.manual_seed(seed)
     wide, names = some.features.shape[1], some.evidence.shape[1]
+    last = nn.Linear(WIDTH // 2, names)
+    nn.init.zeros_(last.weight)
     net = nn.Sequential(
         nn.Dropout(0.1),
         nn.Linear(wide, WIDTH),
@@ -131,9 +133,8 @@ def _member(some: Lesson, mean: Array, sd: Array, weight: Array, seed: int) -> l
         nn.Linear(WIDTH, WIDTH // 2),
         nn.GELU(),
         nn.Dropout(DROPPED),
-        nn.Linear(WIDTH // 2, names),
+        last,
     )
-    nn.init.zeros_(net[-1].weight)
     trust = nn.Parameter(torch.tensor(FIRST_TRUST))
     x = torch.tensor((some.features - mean) / sd, dtype=torch.float32)
     evidence, answer = torch.tensor(some.evidence), torch.tensor(some.answer)
@@ -163,11 +164,11 @@ def _descend(
     net.train()
     for _ in range(EPOCHS):
         order = torch.randperm(len(x))
-        for rows in order.split(BATCH):
+        for rows in torch.split(order, BATCH):
             logits = trust * evidence[rows] + net(x[rows]) + shut[rows]
             loss = cross_entropy(logits, answer[rows], reduction="none")
             optimiser.zero_grad()
-            (loss * w[rows]).mean().backward()
+            (loss * w[rows]).mean().backward()  # type: ignore[no-untyped-call]
             optimiser.step()
             rate.step()
     net.eval()
@@ -229,9 +230,11 @@ def _asked(by: Recogniser, some: Lesson) -> Array:
     return by.of(some.features.astype(float), some.evidence.astype(float), some.possible)
 
 
-def save(by: Recogniser, path: Path) -> None:
-    """In half precision: it is small, and shipped."""
+def packed(by: Recogniser) -> bytes:
+    """The file of weights, in half precision: it is small, and shipped."""
     half = {n: getattr(by, n).astype(np.float32) for n in ("mean", "sd", "trust")}
     for k, layer in enumerate(by.layers):
         half |= {f"weight{k}": layer.weight.astype(np.float16), f"bias{k}": layer.bias.astype(np.float16)}
-    np.savez_compressed(path, keys=np.array(by.keys), names=np.array(by.names), **half)
+    out = io.BytesIO()
+    np.savez_compressed(out, keys=np.array(by.keys), names=np.array(by.names), **half)
+    return out.getvalue()

@@ -35,6 +35,7 @@ SECOND, SECOND_NAMES = (
 STYLES = (0.55, 0.2, 0.25)  # bases driven by people, by cruise control, behind a leader
 FAULTS = ("grade_bias", "clock_offset")  # that are forces to the tool
 UNKNOWN = "unknown"
+REAL = ("nats", "sign", "told", "noise", "chance")  # arrays of a fingerprint
 FAULT_DRAWS = 3
 
 
@@ -50,33 +51,25 @@ class Samples:
     world: str
 
     def save(self, path: Path) -> None:
-        f = self.fingerprint
-        arrays = {
-            "nats": f.nats.astype(np.float32),
-            "sign": f.sign.astype(np.float32),
-            "size": f.size.astype(np.int8),
-            "told": f.told.astype(np.float32),
-            "noise": f.noise.astype(np.float32),
-            "chance": f.chance,
-            "keys": np.array(f.keys),
-            "names": self.names,
-            "laws": self.laws,
-            "families": self.families,
-            "world": np.array(self.world),
-        }
-        packed = io.BytesIO()
-        np.savez_compressed(packed, **arrays)
+        f, packed = self.fingerprint, io.BytesIO()
+        np.savez_compressed(
+            packed,
+            keys=np.array(f.keys),
+            size=f.size.astype(np.int8),
+            names=self.names,
+            laws=self.laws,
+            families=self.families,
+            world=np.array(self.world),
+            **{n: getattr(f, n).astype(np.float32) for n in REAL},
+        )
         files.write(path, packed.getvalue())
 
     @staticmethod
     def load(path: Path) -> Samples:
         with np.load(path) as a:
-            f = Fingerprint(
-                tuple(a["keys"].tolist()),
-                *(a[n].astype(float) for n in ("nats", "sign")),
-                a["size"].astype(np.intp),
-                *(a[n].astype(float) for n in ("told", "noise", "chance")),
-            )
+            nats, sign, told, noise, chance = (a[n].astype(float) for n in REAL)
+            keys, size = tuple(a["keys"].tolist()), a["size"].astype(np.intp)
+            f = Fingerprint(keys, nats, sign, size, told, noise, chance)
             return Samples(f, a["names"], a["laws"], a["families"], str(a["world"]))
 
 
@@ -179,5 +172,7 @@ def side_by_side(each: Sequence[Fingerprint]) -> Fingerprint:
 
 
 def _joined(parts: Sequence[Samples]) -> Samples:
-    labels = [np.concatenate([getattr(p, n) for p in parts]) for n in ("names", "laws", "families")]
-    return Samples(side_by_side([p.fingerprint for p in parts]), *labels, "")
+    names, laws, families = (
+        np.concatenate([getattr(p, n) for p in parts]) for n in ("names", "laws", "families")
+    )
+    return Samples(side_by_side([p.fingerprint for p in parts]), names, laws, families, "")

@@ -99,6 +99,11 @@ class CorrectedTruck:
         self._held = Stream([effective_mass.held(self._holds)])
 
     @property
+    def adds(self) -> bool:
+        """Whether it is more than the truck beneath with other parameters."""
+        return bool(self.terms or self._weights)
+
+    @property
     def interface(self) -> TruckInterface:
         return self.base.interface
 
@@ -199,7 +204,7 @@ class CorrectedTruck:
     def rollout(self, u: Array, w: Array, y0: Array, recorded: Array | None) -> Run:
         """Free or forced run; see simulators.free_run. Faster than stepping only where nothing was added."""
         plain = getattr(self.base, "rollout", None)
-        if plain is not None and not self.terms and not self._weights:
+        if plain is not None and not self.adds:
             run: Run = plain(u, w, y0, recorded)
             return run
         state = self.reset(y0)

@@ -36,7 +36,7 @@ def claimed(x: Explanation, fit: FitResult, rules: Rules = Rules()) -> bool:
     if any(c.needed is not None or (c.term and c.term.variant.acts_in_windows) for c in x.causes):
         return True
     before, after = fit.errors.before.speed, fit.errors.after.speed
-    held = fit.chosen in (Chosen.FINDINGS, Chosen.LAWS) or {c.effect for c in x.causes} <= {*fit.corrected}
+    held = fit.chosen in (Chosen.FINDINGS, Chosen.LAWS) or {c.acts_as for c in x.causes} <= {*fit.corrected}
     return held and after <= rules.no_better * before
 
 
@@ -176,8 +176,8 @@ def _truck(
 def _recipes(e: Evidence, x: Explanation) -> list[_Recipe]:
     """What is time-varying with its mean, held steady or left out, each with all moved parameters, with the
     stated ones alone and with none."""
-    stated = {c.effect for c in x.causes}
-    told = [s for s in _physics(x.model.named) if s.mechanism.effect in stated]
+    stated = [c.term for c in x.causes if c.term is not None]
+    told = [s for s in _physics(x.model.named) if any(s is t for t in stated)]
     lasting = [s for s in told if not is_time_varying(s)]
     parameters = frozenset(c.effect for c in x.causes if c.kind == "parameter_error")
     out = []

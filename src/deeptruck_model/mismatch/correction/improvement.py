@@ -79,7 +79,8 @@ def _run(
         for s in own:
             free[row, s + 1 : s + horizon] = True
     if isinstance(simulator, CorrectedTruck):
-        simulator = simulator.along(_exogenous(prepared, used, length))
+        exogenous = _exogenous(prepared, used, length)
+        simulator = simulator.along(exogenous) if simulator.adds else simulator.base
     state, known = simulator.reset(y[:, 0]), fed(simulator, y)
     out = y.copy()
     for k in range(length - 1):

@@ -29,7 +29,7 @@ class Cause:
     force: Array  # specific force it adds to the simulator, (n,), m/s^2
     term: CandidateTerm | None = None
     rivals: tuple[tuple[str, float], ...] = ()  # other names and by how many nats they are worse
-    nearest: str | None = None
+    nearest: str | None = None  # of what is unknown: the name that comes nearest, and has the term
     needed: dict[str, float] | None = None  # for a slow force: the size each possible name would need
     alternatives: tuple[tuple[str, Model], ...] = ()  # whole explanations with rivals in its place
     whole: Model | None = None  # the explanation these stand beside, where it is not the final one
@@ -41,10 +41,15 @@ class Cause:
     rules: Rules = field(default_factory=Rules)  # by which it is distinguishable from others
 
     @property
+    def acts_as(self) -> str:
+        """The name whose form it has: its own, or the nearest of what is unknown."""
+        return self.term.mechanism.effect if self.term is not None else self.effect
+
+    @property
     def predictable(self) -> bool:
-        """Whether it is unknown, but the signals predict it: it has a candidate term over them, and perhaps a
-        formula."""
-        return self.effect == "unknown" and not self.time_varying and self.needed is None
+        """Whether it is unknown, but the signals predict it: it has laws over them, and perhaps a formula."""
+        unnamed = self.effect == "unknown" and self.term is None
+        return unnamed and not self.time_varying and self.needed is None
 
     @property
     def names(self) -> dict[str, float]:

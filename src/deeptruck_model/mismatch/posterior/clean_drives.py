@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 
 
 class CleanDrives:
-    """Recordings of a truck that its simulator has right. `residual` (n,), m/s^2, is noise alone, zero where a
-    row does not count; `sensitivity` has a column (n,) for a change of each parameter by its own size."""
+    """Recordings of a truck that its simulator has right. `residual` (n,), m/s^2, is noise alone, zero where
+    a row does not count; `sensitivity` has a column (n,) for a change of each parameter by its own size."""
 
     def __init__(self, simulator: Simulator, recordings: Sequence[Recording], fit: int) -> None:
         """The first `fit` recordings are fitted, the others held out."""
@@ -37,8 +37,9 @@ class CleanDrives:
         self._quiet = self._kernels.squares(self.residual)
 
     def fault(self, name: str, rng: np.random.Generator) -> Array | None:
-        """What a fault of a sensor that is a force to the tool does, (n,), of a size drawn from its prior; None
-        where these drives cannot have it."""
+        """What a sensor's fault that is a force to the tool does, (n,), of a size drawn from its prior.
+
+        None where these drives cannot have it."""
         mechanism = next((m for m in self._search.library if m is LIBRARY.get(name)), None)
         if mechanism is None:
             return None

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch.mechanisms import is_time_varying
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.free_law import FreeModel, LeftOver, left_over
+from deeptruck_model.mismatch.posterior.naming import renamed
 from deeptruck_model.mismatch.posterior.penalties import discrepancy_penalty, large_enough
 from deeptruck_model.mismatch.posterior.rivals import named_cause, tuned_causes
 from deeptruck_model.mismatch.posterior.road_lock import road_lock
@@ -31,7 +32,7 @@ def explain(search: Search) -> Explanation:
     null = search.model((), frozenset())
     parameters_only = search.background(())
     model, ranking = grow(search, parameters_only)
-    model = _fewest_parameters(search, model, null)
+    model = renamed(search, _fewest_parameters(search, model, null))
     left = _beyond_its_own(search, left_over(search, model))
     causes = _causes(search, model, null, left)
     causes = _with_slow_force(search, model, left.free, causes)
@@ -71,9 +72,8 @@ def _beyond_its_own(search: Search, left: LeftOver) -> LeftOver:
 
 def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[Cause]:
     named = [named_cause(search, model, term) for term in model.named]
-    named = [
-        c for c in named if not c.rivals or c.rivals[0][1] > -search.rules.least_gain
-    ]  # a name that another beats is no name
+    if search.e.model_discrepancy > 0.0:  # a name that another beats is no name
+        named = [c for c in named if not c.rivals or c.rivals[0][1] > -search.rules.least_gain]
     explained = max(model.score - null.score, 1e-9)
     names = sum(c.gain for c in named)
     unknown = _worth_calling_unknown(search.e, left, explained, names)

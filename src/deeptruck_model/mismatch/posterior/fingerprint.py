@@ -31,10 +31,12 @@ FURTHEST = 8.0  # of such, by which a kernel may be worse
 
 @dataclass(frozen=True)
 class Fingerprint:
-    """What each of k kernels says of each of N residuals, all (k, N). `nats`: log evidence beside noise alone,
-    over all sizes; `sign`: what the signs of its forces are worth, nats; `size`: the place of the best in
-    SIZES; `told`: how many of its directions the data tell. `noise` (N,): the precision of the noise beside
-    the best kernel, relative to the noise model's, at most one. `chance` (k,): prior odds of the kernels."""
+    """What each of k kernels says of each of N residuals, all (k, N).
+
+    `nats`: log evidence beside noise alone, over all sizes; `sign`: what the signs of its forces are worth,
+    nats; `size`: the place of the best in SIZES; `told`: how many of its directions the data tell.
+    `noise` (N,): the precision of the noise beside the best kernel, relative to the noise model's, at most
+    one. `chance` (k,): prior odds of the kernels."""
 
     keys: tuple[str, ...]
     nats: Array
@@ -56,8 +58,8 @@ class Fingerprint:
         return out
 
     def features(self, keys: Sequence[str]) -> Array:
-        """What a network sees, (N, d), of these kernels: by how much each is worse than the best, its share of
-        what that explains, its sign, size and directions; which there are; how much is told at all."""
+        """What a network sees of these kernels, (N, d): by how much each is worse than the best, its share
+        of what that explains, its sign, size and directions; which there are; how much is told at all."""
         most, unit = self.nats.max(axis=0), self.unit
         each = np.stack(
             [
@@ -143,8 +145,8 @@ class KernelEvidence:
         return whiten(x, self._ar, self._rows, self._weight)
 
     def _given(self, onto: Array, names: Sequence[str]) -> tuple[Places, Array]:
-        """Features that are given, and what each is multiplied by: sensors, held parameters, and the kernel of
-        each name, at the size that explains most of the first residual beside those before it."""
+        """Features that are given, and what each is multiplied by: sensors, held parameters, and the kernel
+        of each name, at the size that explains most of the first residual beside those before it."""
         at, scale = self._of[0], np.ones(len(self._of[0]))
         for name in names:
             own = [(j, s) for j, k in enumerate(self.kernels) if k.name == name for s in SIZES]

@@ -27,7 +27,7 @@ def drivers(x: Explanation, most: int) -> tuple[str, ...]:
 
 def explained(e: Evidence, x: Explanation) -> Array:
     """Specific force (n,) of the findings that have a name: stated mechanisms, and parameters as fitted."""
-    return _modelled(e, x, {c.effect for c in x.causes if c.term is not None})
+    return _modelled(e, x, {c.acts_as for c in x.causes if c.term is not None})
 
 
 def _modelled(e: Evidence, x: Explanation, effects: set[str]) -> Array:

@@ -2,17 +2,72 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
+from deeptruck_model.mismatch.posterior.candidates import enriched, screen_terms
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.fingerprint import KernelEvidence
+from deeptruck_model.mismatch.posterior.kernels import UNKNOWN
+from deeptruck_model.mismatch.posterior.penalties import enough, practical
 from deeptruck_model.mismatch.posterior.recogniser import recogniser
-from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.posterior.search import Model, Search
 
 Array = NDArray[np.float64]
+
+TRIED = 2  # candidate terms of a name that are fitted in full
+
+
+class Likeness:
+    """What the recogniser says of the residual of a search, under the noise beside a model."""
+
+    def __init__(self, search: Search, model: Model) -> None:
+        self._by, self._residual = KernelEvidence(search, model), search.series.y[:, None]
+
+    def of(self, force: Array, others: Collection[str]) -> dict[str, float]:
+        """The probability of every name beside `others`. The engine's recorded torque speaks of `force` (n,),
+        what the best explanation so far takes it to be."""
+        seen = self._by.of(self._residual, sorted(others))
+        told = recogniser()
+        log_p = np.log(np.maximum(told.probabilities(seen)[0], 1e-12))
+        log_p += np.array([self._by.reported(force, name) for name in told.names]) / seen.unit[0]
+        p = np.exp(log_p - log_p.max()) * np.array([name not in others for name in told.names])
+        return dict(zip(told.names, (p / p.sum()).tolist(), strict=True))
+
+
+def renamed(search: Search, model: Model) -> Model:
+    """The model, each law in it by the name that it is most like, where that name's own forms explain enough.
+
+    The search chose the form that is nearest; the recogniser knows which laws have no form here, and what
+    they look like then.
+    """
+    laws = [term for term in model.named if _acts_throughout(term)]
+    if search.e.model_discrepancy > 0.0 or not laws:
+        return model
+    likeness = Likeness(search, model)
+    for term in laws:
+        others = tuple(t for t in model.named if t is not term)
+        force = term.columns @ model.coefficients(term.mechanism.effect)
+        told = likeness.of(force, {t.mechanism.effect for t in others})
+        best = max((m.effect for m in search.library), key=lambda name: told.get(name, 0.0))
+        if told.get(best, 0.0) > told.get(term.mechanism.effect, 0.0):
+            model = _by_the_name(search, model, others, best) or model
+    return model
+
+
+def _by_the_name(search: Search, model: Model, others: Sequence[CandidateTerm], name: str) -> Model | None:
+    """The model beside others in the best form of a name; None where that explains too little."""
+    base = search.background(tuple(others))
+    scored = screen_terms(search, base, search.candidate_terms(LIBRARY[name]))[:TRIED]
+    fitted = [search.model((*others, term), base.free | model.free, model.fit) for _, term in scored]
+    made = [m for m in (enriched(search, m) for m in fitted) if practical(search, m, m.named[-1])]
+    best = max(made, key=lambda m: m.score, default=base)
+    best = search.background(best.named)
+    return best if best.score > base.score + enough(search) else None
 
 
 def recognised(search: Search, found: Explanation) -> Explanation:
@@ -24,8 +79,13 @@ def recognised(search: Search, found: Explanation) -> Explanation:
     """
     if search.e.model_discrepancy > 0.0 or not any(map(_has_a_likeness, found.causes)):
         return found
-    by = KernelEvidence(search, found.model)
-    return replace(found, causes=tuple(_recognised(search, by, c, found.causes) for c in found.causes))
+    likeness = Likeness(search, found.model)
+    told = tuple(_recognised(likeness, c, found.causes) for c in found.causes)
+    return replace(found, causes=told)
+
+
+def _acts_throughout(term: CandidateTerm) -> bool:
+    return not term.variant.acts_in_windows and term.mechanism.kind == "missing_physics"
 
 
 def _has_a_likeness(c: Cause) -> bool:
@@ -33,14 +93,11 @@ def _has_a_likeness(c: Cause) -> bool:
     return c.kind == "missing_physics" and c.needed is None and not windowed
 
 
-def _recognised(search: Search, by: KernelEvidence, c: Cause, causes: tuple[Cause, ...]) -> Cause:
+def _recognised(likeness: Likeness, c: Cause, causes: Sequence[Cause]) -> Cause:
     if not _has_a_likeness(c):
         return c
-    others = [o.effect for o in causes if o is not c and o.effect != c.effect]
-    seen = by.of(search.series.y[:, None], others)
-    told = recogniser()
-    log_p = np.log(np.maximum(told.probabilities(seen)[0], 1e-12))
-    log_p += np.array([by.reported(c.force, name) for name in told.names]) / seen.unit[0]
-    p = np.exp(log_p - log_p.max())
-    likeness = zip(told.names, (p / p.sum()).tolist(), strict=True)
-    return replace(c, likeness=tuple((name, x) for name, x in likeness if name not in others))
+    others = {o.effect for o in causes if o is not c and o.effect != c.effect}
+    told = replace(c, likeness=tuple(likeness.of(c.force, others).items()))
+    if c.effect == UNKNOWN or next(iter(told.names)) != UNKNOWN:
+        return told
+    return replace(told, effect=UNKNOWN, nearest=c.effect)  # its term stays, as the nearest there is

@@ -51,7 +51,8 @@ class Recogniser:
                 for k in range(sum(n.startswith("weight") for n in a.files))
             )
             keys, names = (tuple(a[n].tolist()) for n in ("keys", "names"))
-            return Recogniser(keys, names, *(a[n].astype(float) for n in ("mean", "sd", "trust")), layers)
+            mean, sd, trust = (a[n].astype(float) for n in ("mean", "sd", "trust"))
+        return Recogniser(keys, names, mean, sd, trust, layers)
 
     def probabilities(self, f: Fingerprint) -> Array:
         """Of each name (N, names), given that it is one of those that kernels stand for."""
@@ -59,7 +60,7 @@ class Recogniser:
         return self.of(f.features(self.keys), f.by_evidence(self.names), known)
 
     def of(self, seen: Array, evidence: Array, known: NDArray[np.bool_]) -> Array:
-        """The same from a fingerprint's `features` (N, d), `by_evidence` (N, names) and which names can be."""
+        """The same from a fingerprint's `features` and `by_evidence`, and which names can be."""
         x = (seen - self.mean) / self.sd
         each = [trust * evidence + self._through(x, k) for k, trust in enumerate(self.trust)]
         members = [softmax(np.where(known, logits, NOWHERE), axis=1) for logits in each]

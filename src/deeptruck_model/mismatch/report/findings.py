@@ -121,7 +121,10 @@ def _nearest(cause: Cause, fails: str) -> tuple[Part, ...]:
 
 def unknown(cause: Cause, e: Evidence, explanation: Explanation) -> Told:
     left = explanation.left_over
-    drivers = [name for name, share in left.importance.items() if share > 0.1][:4]
+    if cause.term is None:
+        drivers = [name for name, share in left.importance.items() if share > 0.1][:4]
+    else:
+        drivers = [*cause.term.mechanism.depends_on]
     near = _nearest(cause, "does not explain it")
     one: Part = Named(drivers[0]) if drivers else "one signal"
     says = f"a force that no mechanism of the library explains: {strength(cause, e)}. It varies with "

@@ -1,0 +1,105 @@
+"""From seeds to a recogniser and its card: bases in parallel, each kept, so that a stopped run goes on."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from deeptruck_exam.calibrating import learning
+from deeptruck_exam.calibrating.learning import Lesson
+from deeptruck_exam.calibrating.samples import UNKNOWN, Samples, samples
+from deeptruck_exam.effects.law import Array
+from deeptruck_exam.effects.planting import FAMILIES
+from deeptruck_exam.folder import RECOGNISER
+from deeptruck_exam.jobs import end_with_the_run
+from deeptruck_model import files
+
+WEIGHTS, CARD = "recogniser.npz", "recogniser.json"
+
+
+def run(out: Path, bases: int, seed: int, jobs: int) -> dict[str, Any]:
+    """Make the bases, learn, and write weights and card.
+
+    Raises InputError where `out` holds something else."""
+    plan = [(FAMILIES[k % len(FAMILIES)], seed + k) for k in range(bases)]
+    context = get_context("spawn")
+    with RECOGNISER.in_place(out):
+        with ProcessPoolExecutor(jobs, context, end_with_the_run) as pool:
+            waiting = [pool.submit(_kept, _place(out, *job), *job) for job in plan]
+            for k, done in enumerate(as_completed(waiting), 1):
+                done.result()
+                Console(stderr=True).print(f"base {k} of {len(plan)}")
+        return _taught(out, [Samples.load(_place(out, *job)) for job in plan], seed)
+
+
+def _place(out: Path, family: str, seed: int) -> Path:
+    return out / f"base-{family}-{seed}.npz"
+
+
+def _kept(place: Path, family: str, seed: int) -> None:
+    if not place.exists():
+        samples(family, seed).save(place)
+
+
+def _taught(out: Path, parts: Sequence[Samples], seed: int) -> dict[str, Any]:
+    import torch
+
+    torch.set_num_threads(1)
+    keys = tuple(sorted({key for p in parts for key in p.fingerprint.keys}))
+    names = tuple(sorted({name for p in parts for name in p.names.tolist()}))
+    whole = learning.lesson(parts, keys, names)
+    Console(stderr=True).print("learning without each family in turn, then from all")
+    card = {
+        "taught_by": f"python -m deeptruck_exam.command recogniser --bases {len(parts)} --seed {seed}",
+        "bases": len(parts),
+        "residuals": len(whole.answer),
+        "laws": len({law for p in parts for law in p.laws.tolist()}),
+        "families": sorted({p.world for p in parts}),
+        "names": names,
+        "unseen_families": _unseen(whole, keys, names),
+    }
+    files.rewrite(out / CARD, json.dumps(card, indent=1).encode())
+    files.rewrite(out / WEIGHTS, learning.packed(learning.learned(whole, keys, names)))
+    return card
+
+
+def _unseen(whole: Lesson, keys: tuple[str, ...], names: tuple[str, ...]) -> dict[str, dict[str, Any]]:
+    """Scores on families it had not seen, in worlds it had not seen: of the network and of evidence alone."""
+    network, evidence, rows = learning.unseen(whole, keys, names)
+    named = whole.answer != names.index(UNKNOWN)
+    parts = {"all": rows, "with a name": rows & named, "unknown": rows & ~named}
+    return {
+        title: {way: _score(whole.of(some), p[some], names) for way, p in _ways(network, evidence)}
+        for title, some in parts.items()
+        if some.any()
+    }
+
+
+def _ways(network: Array, evidence: Array) -> list[tuple[str, Array]]:
+    return [("network", network), ("evidence alone", evidence)]
+
+
+def _score(some: Lesson, p: Array, names: tuple[str, ...]) -> dict[str, float]:
+    found = learning.score(p, some.answer, learning.weights(some, names))
+    return {name: round(float(x), 3) for name, x in asdict(found).items()} | {
+        "residuals": int(np.size(some.answer))
+    }
+
+
+def show(card: dict[str, Any]) -> None:
+    """Print what families that were left out say of it."""
+    table = Table("laws", "by", "first", "in the set", "its size", "log score", "calibration error")
+    for title, ways in card["unseen_families"].items():
+        for way, s in ways.items():
+            numbers = [f"{s[n]:.2f}" for n in ("first", "in_set", "size", "log_score", "calibration")]
+            table.add_row(title, way, *numbers)
+    Console().print(table)
