@@ -11,6 +11,17 @@ from dataclasses import dataclass
 
 from deeptruck_model.errors import InputError
 
+# What no road vehicle does, and what all do.
+IMPOSSIBLE_ACCELERATION = 12.0  # m/s^2: a speed signal that changes faster is faulty there
+SURELY_BRAKING = -1.2  # m/s^2: a mean over a second below it is braking
+NO_COASTING = -0.5  # m/s^2: what slows harder than this brakes, where nothing tells it
+LEAST_SPEED = 1.5  # m/s: slower, standstill logic and wheel sensors rule what is recorded
+CLUTCH_CLOSED = 2.5  # m/s: slower, clutches slip and engines idle
+GEARS_APART = 0.18  # log: engine speeds farther apart are of two gears; neighbours are 0.2 to 0.4 apart
+STEEPEST = 0.07  # rise over run: the largest rms that a road can have
+STRONGEST_WIND = 9.0  # m/s: the largest rms that wind can have
+LARGEST_DERATE = 0.25  # the largest rms of a change of the engine's force, relative
+
 
 @dataclass(frozen=True)
 class VehicleKind:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.data.prepared import Prepared
+from deeptruck_model.mismatch.data.prepared import LEAST_DRIVING_S, Prepared
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.strength import acts
@@ -20,6 +20,7 @@ from deeptruck_model.mismatch.strength import acts
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+FAULT_ODDS = 3.0  # times as often as without a fault the force must act with it to tell of it
 DERATE = 1569  # SPN by which an engine says that it holds torque back
 
 
@@ -72,10 +73,10 @@ def _shares(
 ) -> ActiveFault | None:
     inside, outside = known & acting, known & ~acting
     free = float((known & ~on).sum()) * dt
-    if not inside.any() or not outside.any() or free < rules.least_driving_s:
+    if not inside.any() or not outside.any() or free < LEAST_DRIVING_S:
         return None
     share, often = float(on[inside].mean()), float(on[known].mean())
-    odds = share * (1 - often) >= rules.fault_odds * (1 - share) * often
+    odds = share * (1 - often) >= FAULT_ODDS * (1 - share) * often
     if share < 0.5 or not odds:
         return None
     return ActiveFault(spn, fmi, share, float(on[outside].mean()))

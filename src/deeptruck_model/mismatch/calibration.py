@@ -27,6 +27,7 @@ from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import PARAMETERS, PhysicsTruck
 
+TOLD_TOGETHER = 0.9  # correlation of two parameters that drives tell as a pair
 PARTS = 10  # of the driving, to see how far they disagree
 NO_GRADE = (
     "the truck takes no grade: slopes go into its parameters, so that it is fitted on a level road alone"
@@ -161,5 +162,5 @@ def _alike(model: Model, names: Sequence[str]) -> tuple[tuple[str, str], ...]:
     return tuple(
         (p, q)
         for p, q in combinations(names, 2)
-        if abs(model.fit.covariance[at[p], at[q]]) > model.rules.told_together * sd[at[p]] * sd[at[q]]
+        if abs(model.fit.covariance[at[p], at[q]]) > TOLD_TOGETHER * sd[at[p]] * sd[at[q]]
     )

@@ -22,6 +22,7 @@ from deeptruck_model.mismatch.residual.gather import JITTER_RUNS
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Simulator
+from deeptruck_model.vehicle_kinds import LEAST_SPEED
 
 Array = NDArray[np.float64]
 
@@ -165,7 +166,7 @@ class Monitor:
             self._settled = end + SETTLE_S
         self._inputs.append(np.array([after, *u]))
         predicted = self._predict(u, w, (after - before) / self._dt, after)
-        if end < self._settled or after < self._rules.least_speed:
+        if end < self._settled or after < LEAST_SPEED:
             return self._judge(end, math.nan, math.nan)
         residual = (after - before) / self._dt - float(predicted[0])
         return self._judge(end, residual, float(predicted[1:].std(ddof=1)))

@@ -32,13 +32,6 @@ class Rules:
     """Thresholds by which a verdict is reached. Times in s, forces per mass in m/s^2, gains in nats."""
 
     # data
-    impossible_acceleration: float = _of(
-        12.0, "m/s^2", "a speed signal that changes faster is faulty there", TRUCKS
-    )
-    surely_braking: float = _of(-1.2, "m/s^2", "a mean over a second below it is braking", TRUCKS)
-    no_coasting: float = _of(
-        -0.5, "m/s^2", "a truck that slows harder than this brakes, where nothing tells it", TRUCKS
-    )
     accelerometer_bias: float = _of(0.05, "m/s^2", "a larger bias of the accelerometer is a fault", SENSORS)
     speed_scale: float = _of(
         0.03, "1", "a larger scale error between speed and accelerometer is a fault", SENSORS
@@ -46,25 +39,9 @@ class Rules:
     clock_offset_s: float = _of(
         0.3, "s", "a larger delay between speed and accelerometer is a fault", SENSORS
     )
-    held_out_share: float = _of(0.3, "1", "share that is held out where no drive was given for it", CHOSEN)
-    least_driving_s: float = _of(60.0, "s", "less usable driving tells nothing", CHOSEN)
-    least_speed_sd: float = _of(0.3, "m/s", "a speed that varies less tells nothing", CHOSEN)
-    least_speed: float = _of(
-        1.5, "m/s", "slower driving is left out: standstill logic and wheel sensors rule it", SENSORS
-    )
-    clutch_closed: float = _of(2.5, "m/s", "slower, clutches slip and engines idle", TRUCKS)
-    other_gear_s: float = _of(
-        1.5, "s", "for how long another gear than the recorded one is part of what may be missing", CHOSEN
-    )
-    other_gear_apart: float = _of(
-        0.18, "log", "engine speeds farther apart are of two gears; neighbours are 0.2 to 0.4 apart", TRUCKS
-    )
 
     # noise
     noise_floor: float = _of(0.01, "m/s^2", "least sd of the innovations: no simulator is better", CHOSEN)
-    least_drives: int = _of(
-        4, "drives", "with fewer, nothing is said of how much drives disagree on a size", CHOSEN
-    )
     allowance: float = _of(
         2.0,
         "1",
@@ -77,7 +54,6 @@ class Rules:
     slow_noise: float = _of(
         0.015, "m/s^2", "sd of a mean over slow_noise_s that may still be noise, of a physics truck", CHOSEN
     )
-    slow_noise_s: float = _of(10.0, "s", "length of the means that slow noise is measured over", CHOSEN)
     temper: float = _of(
         3.0,
         "1",
@@ -94,19 +70,12 @@ class Rules:
     least_delay_s: float = _of(
         0.15, "s", "a shorter delay or lag is that of message periods and filters", SENSORS
     )
-    surely: float = _of(1.96, "sd", "half width of a 95 % interval", STATISTICS)
-    most_prior_sd: float = _of(
-        4.0, "sd", "a coefficient farther from its prior mean is physically impossible", TRUCKS
-    )
 
     # evidence: what a term must gain
     least_gain: float = _of(
         20.0, "nats", "any term: the penalty of the search; so much more if it is time-varying", CHOSEN
     )
     least_gain_learned: float = _of(35.0, "nats", "any term beside a learned simulator", CHOSEN)
-    told_gain: float = _of(
-        10.0, "nats", "a law without a name, or a word for or against what was found", CHOSEN
-    )
     weak: float = _of(
         60.0,
         "nats",
@@ -135,7 +104,6 @@ class Rules:
     other_share: float = _of(
         0.3, "of a gain", "what has no name, or acts where another does, must gain to be of its own", CHOSEN
     )
-    most_terms: int = _of(4, "terms", "with a name, or without, at once", CHOSEN)
 
     # parameters
     nearly_right: float = _of(
@@ -143,64 +111,23 @@ class Rules:
     )
     slope_zero: float = _of(0.002, "rise over run", "zero that an ordinary slope sensor may have", SENSORS)
 
-    slope_zero_gain: float = _of(
-        240.0, "nats", "below it, a parameter that such a zero explains is not reported", CHOSEN
-    )
-    told_together: float = _of(0.9, "1", "correlation of two parameters that drives tell as a pair", CHOSEN)
-
     # groups: what is not distinguishable
     credible: float = _of(0.8, "1", "probability that a group of names holds the right one", FITTED)
     recognised: float = _of(0.8, "1", "probability that a law is one of the names it is like", FITTED)
     recognised_unknown: float = _of(0.6, "1", "probability that what is like no name is `unknown`", CHOSEN)
-    manoeuvre_speed: float = _of(
-        0.1, "m/s", "a manoeuvre tells two names apart if speeds differ by more than this ...", SENSORS
-    )
-    manoeuvre_drift: float = _of(0.01, "m/s^2", "... and this for each second since it began", SENSORS)
 
     # unknown: what has no name
-    formula_r2: float = _of(0.1, "1", "held-out r2 that trees, or a formula, must reach", CHOSEN)
-    formula_beyond: float = _of(
-        3.0, "of the largest force", "that a formula may reach between its places", CHOSEN
-    )
 
     # slow forces and roads
     slow_force: float = _of(
         0.08, "m/s^2", "rms that a slow force must exceed: ordinary wind gives a light vehicle less", TRUCKS
     )
-    slow_force_grade: float = _of(0.07, "rise over run", "largest rms that a road can have", TRUCKS)
-    slow_force_wind: float = _of(9.0, "m/s", "largest rms that wind can have", TRUCKS)
-    slow_force_derate: float = _of(0.25, "1", "largest rms of a change of the engine's force", TRUCKS)
-    line_r2: float = _of(
-        0.4, "1", "r2 of fast changes below which a line through the recordings is no truck", CHOSEN
-    )
-    line_s: float = _of(
-        300.0, "s", "driving that a slow force takes, and a line through the recordings", CHOSEN
-    )
-    line_gain_doubt: float = _of(0.1, "1", "relative error its engine gain may have", CHOSEN)
-    road_by_chance: float = _of(
-        0.99, "1", "quantile of the agreement by chance that a road must exceed", STATISTICS
-    )
-    road_share: float = _of(0.05, "1", "share of the windows that must agree", CHOSEN)
-    road_windows: int = _of(3, "windows", "that do not overlap must agree", CHOSEN)
-    road_shared: int = _of(
-        20, "windows", "in a row, 100 m apart, must agree with another vehicle's road, so 8 km in all", CHOSEN
-    )
 
     # windows: what acts now and then
-    windows_most: float = _of(0.2, "of the time", "all windows together: what is rare is no more", CHOSEN)
 
     # learned simulators: model discrepancy
-    learnable: float = _of(
-        0.05,
-        "m/s^2",
-        "rms that no discrepancy of a signal it cannot see has; of any, where none is measured",
-        CHOSEN,
-    )
 
     # what the truck's controllers tell of their own faults
-    fault_odds: float = _of(
-        3.0, "1", "times as often as without a fault the force must act with it to tell of it", CHOSEN
-    )
 
     # validation: what is withdrawn
     no_better: float = _of(
@@ -212,6 +139,16 @@ class Rules:
         "beyond which a learned simulator differs here, though nothing has a name",
         CHOSEN,
     )
+
+    @property
+    def told_gain(self) -> float:
+        """Half of what a term needs: a law without a name, or a word for or against what was found."""
+        return self.least_gain / 2.0
+
+    @property
+    def slope_zero_gain(self) -> float:
+        """Twice what is clear: below, a parameter that a slope sensor's zero explains is not reported."""
+        return 2.0 * self.clear
 
 
 BEGIN, END = "<!-- rules: begin -->", "<!-- rules: end -->"

@@ -29,6 +29,7 @@ from deeptruck_model.recordings import Recording
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
+ROAD_SHARED = 20  # windows in a row, 100 m apart, must agree with another vehicle's road: 8 km in all
 NEAR = 5  # steps by which places may differ that are one: wheels and curves measure a road a little otherwise
 
 
@@ -73,7 +74,7 @@ def shared(own: Windows, other: Windows, rules: Rules) -> Shared:
     pairs = Votes(own, other, likeness(a, b), -1.0), Votes(own, other, likeness(turned(a), b), 1.0)
     none = Votes(own, other, likeness(-a, b), -1.0), Votes(own, other, likeness(-turned(a), b), 1.0)
     limit = max(float(v.best.max()) for v in none)
-    same, back = (np.where(v.votes(limit) >= rules.road_shared, v.best, -1.0) for v in pairs)
+    same, back = (np.where(v.votes(limit) >= ROAD_SHARED, v.best, -1.0) for v in pairs)
     reverse = back > same
     found = np.flatnonzero(np.maximum(same, back) > limit)
     slope = other.values[np.where(reverse, pairs[1].place, pairs[0].place)[found]]

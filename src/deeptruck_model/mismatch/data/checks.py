@@ -12,6 +12,7 @@ from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import CHANNELS
+from deeptruck_model.vehicle_kinds import IMPOSSIBLE_ACCELERATION, NO_COASTING, SURELY_BRAKING
 
 Array = NDArray[np.float64]
 
@@ -140,8 +141,8 @@ def clean(recordings: Sequence[Recording], rules: Rules) -> tuple[list[Recording
                 counts,
             )
         speed = channels["speed"]
-        jump = np.abs(derivative(speed, r.dt)) > rules.impossible_acceleration
-        _reject(speed, jump, f"speed jumps by more than {rules.impossible_acceleration:g} m/s^2", counts)
+        jump = np.abs(derivative(speed, r.dt)) > IMPOSSIBLE_ACCELERATION
+        _reject(speed, jump, f"speed jumps by more than {IMPOSSIBLE_ACCELERATION:g} m/s^2", counts)
         if "brake_command" in r.interface.u:
             _reject(channels["brake_command"], _unrecorded_braking(r, speed, rules), STUCK, counts)
         for name in ("speed", *r.interface.u, *r.interface.w):
@@ -163,8 +164,8 @@ def _unrecorded_braking(r: Recording, speed: Array, rules: Rules) -> NDArray[np.
     command = r.channels["brake_command"]
     slowing = uniform_filter1d(np.nan_to_num(derivative(speed, r.dt)), max(round(1.0 / r.dt), 1))
     never_moves = np.isfinite(command).any() and np.nanmin(command) == np.nanmax(command)
-    braked: NDArray[np.bool_] = (slowing < rules.no_coasting) & bool(
-        never_moves and (slowing < rules.surely_braking).any()
+    braked: NDArray[np.bool_] = (slowing < NO_COASTING) & bool(
+        never_moves and (slowing < SURELY_BRAKING).any()
     )
     return braked
 

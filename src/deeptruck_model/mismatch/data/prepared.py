@@ -17,7 +17,11 @@ from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import SPEED
 from deeptruck_model.simulators import Simulator
+from deeptruck_model.vehicle_kinds import LEAST_SPEED, NO_COASTING
 
+LEAST_DRIVING_S = 60.0  # of usable driving: less tells nothing
+HELD_OUT_SHARE = 0.3  # of the recordings, where no drive was given to be held out
+LEAST_SPEED_SD = 0.3  # m/s: a speed that varies less tells nothing
 SAME_DRIVES = (
     "few recordings and no other held out: the last 30 % of each was set aside, "
     "so what is claimed holds for the same drives only"
@@ -100,7 +104,7 @@ def with_held_out(
     if held:
         return fit + held, [False] * len(fit) + [True] * len(held), []
     if len(fit) >= 4:
-        count = max(1, round(rules.held_out_share * len(fit)))
+        count = max(1, round(HELD_OUT_SHARE * len(fit)))
         return (
             fit,
             [False] * (len(fit) - count) + [True] * count,
@@ -108,8 +112,8 @@ def with_held_out(
         )
     pieces, flags = [], []
     for r in fit:
-        cut = int(len(r) * (1 - rules.held_out_share))
-        if (len(r) - cut) * dt < rules.least_driving_s:
+        cut = int(len(r) * (1 - HELD_OUT_SHARE))
+        if (len(r) - cut) * dt < LEAST_DRIVING_S:
             pieces.append(r)
             flags.append(False)
             continue
@@ -121,14 +125,14 @@ def with_held_out(
 def unusable(prepared: Sequence[Prepared], rejected: Sequence[checks.Rejection], rules: Rules) -> str | None:
     """Why nothing can be said from the recordings that are not held out, or None."""
     seconds = sum(float(p.valid.sum()) * p.dt for p in prepared)
-    if seconds < rules.least_driving_s:
+    if seconds < LEAST_DRIVING_S:
         if rejected:
             most = rejected[0]
             why = f"{most.rule} ({most.samples} samples)"
             return f"only {seconds:.0f} s of usable driving; most was set aside because: {why}"
         return f"only {seconds:.0f} s of usable driving: record at least several minutes above walking pace"
     speed = np.concatenate([p.y[p.valid, 1] for p in prepared])
-    if np.std(speed) < rules.least_speed_sd:
+    if np.std(speed) < LEAST_SPEED_SD:
         return (
             "the speed is constant throughout, so no force is distinguishable from another: "
             "accelerate, brake and coast between 5 and 25 m/s"
@@ -139,7 +143,7 @@ def unusable(prepared: Sequence[Prepared], rejected: Sequence[checks.Rejection],
 def too_little(e: Evidence) -> str | None:
     """Why nothing can be said where the simulator drives most of what is fitted in another gear, or None."""
     seconds = float((e.valid & ~e.held_out).sum()) * e.dt
-    if seconds >= e.rules.least_driving_s or not e.other_gear:
+    if seconds >= LEAST_DRIVING_S or not e.other_gear:
         return None
     return (
         f"only {seconds:.0f} s of driving in the gear that was recorded: look whether gear and engine_speed "
@@ -195,9 +199,9 @@ def prepare(
     accelerometer = recording.channels["acceleration"] if measured_acceleration else None
     observed = observed_acceleration(speed, accelerometer, dt)
     filled |= {"speed": smooth, "acceleration": observed}
-    dead = widen(bad, round(0.3 / dt), round(2.0 / dt)) | (smooth < rules.least_speed)
+    dead = widen(bad, round(0.3 / dt), round(2.0 / dt)) | (smooth < LEAST_SPEED)
     if recording.interface.brake_unit is None:
-        slowing = gaussian_filter1d(observed, max(1.0, 1.0 / dt)) < rules.no_coasting
+        slowing = gaussian_filter1d(observed, max(1.0, 1.0 / dt)) < NO_COASTING
         dead |= widen(slowing, round(2.0 / dt), round(3.0 / dt))
     dead[: round(SETTLE_S / dt)] = True
     dead[len(dead) - round(1.0 / dt) :] = True

@@ -11,6 +11,7 @@ from pyoperon.sklearn import SymbolicRegressor
 from sympy.printing.str import StrPrinter
 
 from deeptruck_model.mismatch.posterior.causes import Explanation
+from deeptruck_model.mismatch.posterior.free_law import LEAST_R2
 from deeptruck_model.mismatch.posterior.modelled import Formula, drivers, unexplained
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Rules
@@ -18,6 +19,7 @@ from deeptruck_model.mismatch.rules import Rules
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+BEYOND = 3.0  # times the largest force: what a formula may reach between its places
 DRIVERS = 3
 CELLS = 256  # points the formula is fitted to, each the mean over equally many seconds
 LEAST_IN_CELL = 12
@@ -57,7 +59,7 @@ def fit(
     losses = [_losses(c, symbols, X[held_out], y[held_out]) for c in candidates]
     best = min(losses, key=lambda loss: float(loss.mean()), default=None)
     variance = float(np.var(y[held_out]))
-    if best is None or best.mean() > (1.0 - rules.formula_r2) * variance:
+    if best is None or best.mean() > (1.0 - LEAST_R2) * variance:
         return None
     # the shortest within one standard error of the best (Breiman et al., Classification and Regression
     # Trees, 1984)
@@ -141,7 +143,7 @@ def _bounded(x: sympy.Expr, symbols: Sequence[sympy.Symbol], X: Array, y: Array,
     places = np.concatenate([X, np.stack([g.ravel() for g in np.meshgrid(*sides)], axis=1)])
     with np.errstate(all="ignore"):
         force = np.broadcast_to(sympy.lambdify(symbols, x, "numpy", dummify=True)(*places.T), len(places))
-    return bool(np.isfinite(force).all() and np.abs(force).max() < rules.formula_beyond * np.abs(y).max())
+    return bool(np.isfinite(force).all() and np.abs(force).max() < BEYOND * np.abs(y).max())
 
 
 class _Printer(StrPrinter):

@@ -26,10 +26,12 @@ from deeptruck_model.mismatch.mechanisms import (
 )
 from deeptruck_model.mismatch.posterior.candidates import screen_terms
 from deeptruck_model.mismatch.posterior.search import Model, Search
+from deeptruck_model.mismatch.posterior.stepwise import MOST_TERMS
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 Array = NDArray[np.float64]
 
+LEAST_R2 = 0.1  # held-out r2 that trees, or a formula, must reach
 PERIOD_S = 1.0
 LEVELS = 40
 RATIO_STEP = 0.05  # relative; gears are farther apart
@@ -194,7 +196,7 @@ def left_over(search: Search, model: Model) -> LeftOver:
     e = search.e
     left = e.residual - search.prediction(model)
     trees = free_model(e, left, search.series.relative)
-    gain = max(search.gain_of(model, trees.prediction), 0.0) if trees.r2 > search.rules.formula_r2 else 0.0
+    gain = max(search.gain_of(model, trees.prediction), 0.0) if trees.r2 > LEAST_R2 else 0.0
     known = _beside_a_late_sensor(search, model)
     grown = _grown(search, known)
     if grown.score - known.score <= max(gain, search.rules.told_gain):
@@ -214,7 +216,7 @@ def _beside_a_late_sensor(search: Search, model: Model) -> Model:
 def _grown(search: Search, model: Model) -> Model:
     """The model with as many laws beside its names as pay."""
     options, best = laws(search.e), model
-    for _ in range(search.rules.most_terms):
+    for _ in range(MOST_TERMS):
         taken = best.named[-1] if len(best.named) > len(model.named) else None
         tried = [s for _, s in screen_terms(search, best, options)[:TRIED]]
         wider = [merge(taken, s) if taken is not None else s for s in tried]

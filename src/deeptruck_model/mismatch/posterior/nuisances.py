@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.data.prepared import Prepared, learned, prepare
+from deeptruck_model.mismatch.data.prepared import LEAST_DRIVING_S, Prepared, learned, prepare
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, Constants, distinct
 from deeptruck_model.mismatch.mechanisms.commands import Delays
 from deeptruck_model.mismatch.posterior.candidates import candidates, screen_terms
@@ -22,7 +22,7 @@ from deeptruck_model.mismatch.posterior.free_law import left_over
 from deeptruck_model.mismatch.posterior.penalties import enough, practical
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.residual import sensor_filter
-from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.evidence import SLOW_NOISE_S, Evidence
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
@@ -98,7 +98,7 @@ def kept(simulator: Simulator, measured_acceleration: bool, rules: Rules) -> lis
         prepared = [learned(simulator, prepare(r, measured_acceleration, rules=rules)) for r in recordings]
     except InputError:
         return []
-    return prepared if sum(float(p.valid.sum()) * p.dt for p in prepared) >= rules.least_driving_s else []
+    return prepared if sum(float(p.valid.sum()) * p.dt for p in prepared) >= LEAST_DRIVING_S else []
 
 
 def allow_for(evidence: Evidence, own: Evidence) -> Evidence:
@@ -129,7 +129,7 @@ def _penalties(own: Evidence, ratio: float) -> dict[str, float]:
 
 def _slow_noise(own: Evidence) -> float:
     """Sd (m/s^2) of the means over `slow_noise_s` of the model discrepancy, other driving allowed for."""
-    per = max(1, round(own.rules.slow_noise_s / own.dt))
+    per = max(1, round(SLOW_NOISE_S / own.dt))
     means = []
     for s in own.stretches:
         rows = np.arange(s.start, s.start + (s.stop - s.start) // per * per).reshape(-1, per)

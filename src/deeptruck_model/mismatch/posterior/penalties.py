@@ -23,11 +23,16 @@ from deeptruck_model.mismatch.mechanisms.variants import (
     Simple,
     Spline,
 )
-from deeptruck_model.mismatch.posterior.search import Model, Search
+from deeptruck_model.mismatch.posterior.search import SURELY, Model, Search
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import whiten
 
 Array = NDArray[np.float64]
+
+LEARNABLE = (
+    0.05  # m/s^2 rms that no discrepancy of a signal it cannot see has; of any, where none is measured
+)
+MOST_PRIOR_SD = 4.0  # a coefficient farther from its prior mean is physically impossible
 
 
 def enough(search: Search) -> float:
@@ -134,10 +139,7 @@ def practical(search: Search, model: Model, term: CandidateTerm) -> bool:
             return False
     if _beyond_possible(model, term):
         return False
-    if (
-        not is_time_varying(term)
-        and (np.abs(b - term.prior.mean) > search.rules.most_prior_sd * term.prior.sd).any()
-    ):
+    if not is_time_varying(term) and (np.abs(b - term.prior.mean) > MOST_PRIOR_SD * term.prior.sd).any():
         return False
     force = term.columns @ b
     return beyond_learning(search.e, term, force) or large_enough(search.e, force)
@@ -146,7 +148,7 @@ def practical(search: Search, model: Model, term: CandidateTerm) -> bool:
 def _beyond_possible(model: Model, term: CandidateTerm) -> bool:
     """Whether a coefficient is surely larger than it can be."""
     sd = np.sqrt(np.diag(model.covariance(term.mechanism.effect)))
-    surely = np.abs(model.coefficients(term.mechanism.effect)) - model.rules.surely * sd
+    surely = np.abs(model.coefficients(term.mechanism.effect)) - SURELY * sd
     return any(size * part.factor > part.most for part, size in zip(term.parts, surely, strict=True))
 
 
@@ -163,7 +165,7 @@ def beyond_learning(e: Evidence, term: CandidateTerm, force: Array) -> bool:
         "dragging_brake",
     ):
         return False  # always the same at the same speed, so it would have been learned
-    return term.mechanism.hidden and float(np.sqrt(np.mean(force[e.valid] ** 2))) > e.rules.learnable
+    return term.mechanism.hidden and float(np.sqrt(np.mean(force[e.valid] ** 2))) > LEARNABLE
 
 
 def large_enough(e: Evidence, force: Array) -> bool:

@@ -14,6 +14,9 @@ from deeptruck_model.mismatch.rules import Rules
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
+ROAD_WINDOWS = 3  # that do not overlap must agree
+ROAD_SHARE = 0.05  # of the windows must agree
+BY_CHANCE = 0.99  # quantile of the agreement by chance that a road must exceed
 EVERY = 8  # steps between the windows that are sought again
 
 
@@ -32,7 +35,7 @@ def road_lock(e: Evidence, force: Array) -> RoadLock | None:
     """Where a slow specific force (n,) came again; None where no road was seen twice."""
     windows = _windows(e, force)
     picked = np.arange(0, len(windows.at), EVERY)
-    if len(picked) < e.rules.road_windows / e.rules.road_share:
+    if len(picked) < ROAD_WINDOWS / ROAD_SHARE:
         return None
     all_of_them = windows.centred()
     a = all_of_them[picked]
@@ -43,7 +46,7 @@ def road_lock(e: Evidence, force: Array) -> RoadLock | None:
 
     same, other = best(a), best(turned(a))
     chance = np.concatenate([best(-a), best(-turned(a))])
-    limit = float(np.quantile(chance, e.rules.road_by_chance))
+    limit = float(np.quantile(chance, BY_CHANCE))
     same_km, other_km = _beyond_chance(same > limit, e.rules), _beyond_chance(other > limit, e.rules)
     if not same_km and not other_km:
         return None
@@ -55,7 +58,7 @@ def _beyond_chance(found: NDArray[np.bool_], rules: Rules) -> float:
     """Kilometres of the windows that were found again, 0 where they are so few that chance alone finds
     them."""
     km = round(EVERY * STEP_M / 1000.0 * int(found.sum()), 1)
-    enough = found.mean() >= rules.road_share and km >= rules.road_windows * LENGTH_M / 1000.0
+    enough = found.mean() >= ROAD_SHARE and km >= ROAD_WINDOWS * LENGTH_M / 1000.0
     return km if enough else 0.0
 
 

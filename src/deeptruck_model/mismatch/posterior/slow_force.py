@@ -24,9 +24,13 @@ from deeptruck_model.mismatch.residual.components import (
 )
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Rules
+from deeptruck_model.vehicle_kinds import LARGEST_DERATE, STEEPEST, STRONGEST_WIND
 
 Array = NDArray[np.float64]
 
+LINE_GAIN_DOUBT = 0.1  # relative error that the engine gain of such a line may have
+LINE_S = 300.0  # of driving that a slow force takes, and a line through the recordings
+LINE_R2 = 0.4  # of fast changes: a line through the recordings below it is no truck
 BRAKE_S, BRAKING = 2.0, 0.02  # braking is left out until it has let go, s and share of the hardest
 FAST_S = 8.0  # changes within so long are no road's
 SMOOTH_S = 0.7
@@ -54,7 +58,7 @@ def plain_truck(e: Evidence) -> PlainTruck | None:
     """The best line by its r2; None where none explains the fast changes, or no engine was recorded."""
     tried = [_fitted(e, traction, factor) for traction, factor in _tractions(e)]
     best = max((t for t in tried if t is not None), key=lambda t: t.r2, default=None)
-    return best if best is not None and best.r2 > e.rules.line_r2 else None
+    return best if best is not None and best.r2 > LINE_R2 else None
 
 
 def _tractions(e: Evidence) -> Iterator[tuple[Array, float]]:
@@ -86,7 +90,7 @@ def _fitted(e: Evidence, traction: Array, factor: float) -> PlainTruck | None:
     if e.has("brake_command"):
         command = np.nan_to_num(e["brake_command"])
         use &= e.lag(command, BRAKE_S) < BRAKING * max(float(command.max(initial=0.0)), 1e-9)
-    if use.sum() * e.dt < e.rules.line_s:
+    if use.sum() * e.dt < LINE_S:
         return None
     y, X = _fast(e, changed), np.stack([_fast(e, traction), -_fast(e, friction)], axis=1)
     y, X = y[use], X[use]
@@ -109,7 +113,7 @@ def _fitted(e: Evidence, traction: Array, factor: float) -> PlainTruck | None:
         left += float(np.clip(-slope, *DRAGS)) * speed**2
     left = np.where(use, left - np.median(left[use]), np.nan)
     pull = b[0] * traction[use]
-    return PlainTruck(left, r2, e.rules.line_gain_doubt * float(np.std(pull)))
+    return PlainTruck(left, r2, LINE_GAIN_DOUBT * float(np.std(pull)))
 
 
 def _fast(e: Evidence, x: Array) -> Array:
@@ -138,9 +142,9 @@ class SlowForce:
     def possible(self) -> list[str]:
         """Names whose needed size is physically possible, the least remarkable first."""
         largest = {
-            "road_grade": self.rules.slow_force_grade,
-            "headwind": self.rules.slow_force_wind,
-            "torque_derate": self.rules.slow_force_derate,
+            "road_grade": STEEPEST,
+            "headwind": STRONGEST_WIND,
+            "torque_derate": LARGEST_DERATE,
         }
         fits = [name for name, size in self.needed.items() if size <= largest[name]]
         return sorted(fits, key=lambda name: self.needed[name] / largest[name])
@@ -152,7 +156,7 @@ def slow_force(e: Evidence, left: Array, weight: Array, sigma: float, doubt: flo
     `weight` (n,) is the weight of each sample, `sigma` the sd of one sample's noise, `doubt` the rms of what
     `left` may hold for another reason.
     """
-    if e.valid.sum() * e.dt < e.rules.line_s:
+    if e.valid.sum() * e.dt < LINE_S:
         return None
     centred, known = _slow_part(e, left, weight)
     rms = float(np.sqrt(np.mean(centred[known] ** 2)))

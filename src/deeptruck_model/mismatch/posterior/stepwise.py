@@ -17,6 +17,7 @@ from deeptruck_model.mismatch.posterior.penalties import (
 )
 from deeptruck_model.mismatch.posterior.search import Model, Search
 
+MOST_TERMS = 4  # at once: with a name, or without
 WIDENED = 4  # of the best names are given more freedom of form before the first is chosen
 EXCHANGES = 3
 SETTLING = 2  # times
@@ -33,7 +34,7 @@ def grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], .
     """Add the best mechanism while it is worth it; then drop those that no longer are."""
     ranking: tuple[tuple[str, float], ...] = ()
     bare = base
-    while len(base.named) < search.rules.most_terms:
+    while len(base.named) < MOST_TERMS:
         options = candidates(search, base)
         if not ranking:
             ranking = tuple((m.effects[-1], m.score - base.score) for m in options)
@@ -52,7 +53,7 @@ def grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], .
     base = _settled(search, _exchanged(search, base))
     best = max(_rare(search, base, bare), key=lambda m: m.score - _for_freedom(m, bare))
     gave_way = any(all(s is not n for n in best.named) for s in base.named)
-    if gave_way and len(best.named) < search.rules.most_terms:  # it may be there as well
+    if gave_way and len(best.named) < MOST_TERMS:  # it may be there as well
         best = _one_more(search, best, bare, candidates(search, best))
     return best, ranking
 

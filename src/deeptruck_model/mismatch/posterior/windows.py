@@ -25,11 +25,14 @@ from deeptruck_model.mismatch.posterior.candidates import screen_terms
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.penalties import large_enough
 from deeptruck_model.mismatch.posterior.search import Model, Search
+from deeptruck_model.mismatch.posterior.slow_force import LINE_S
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.vehicle_kinds import CLUTCH_CLOSED
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+WINDOWS_MOST = 0.2  # of the time, all windows together: what is rare is no more
 LENGTHS_S = (0.6, 2.0, 6.0)
 LARGEST = 6.0  # a single sample counts as no more than this
 AROUND_S = 1.5
@@ -53,9 +56,9 @@ def windows(e: Evidence, model: Model) -> list[Span]:
         off |= (np.abs(np.convolve(z, kernel, mode="same")) > e.rules.stands_out * np.sqrt(count)) & (
             count >= width / 2
         )
-    off &= ~_near_other_gear(e) & (e["speed"] > e.rules.clutch_closed)
+    off &= ~_near_other_gear(e) & (e["speed"] > CLUTCH_CLOSED)
     near = np.convolve(off, np.ones(2 * round(AROUND_S / e.dt) + 1), mode="same") > 0.5
-    if not off.any() or near[e.valid].mean() > e.rules.windows_most:
+    if not off.any() or near[e.valid].mean() > WINDOWS_MOST:
         return []
     return _spans(e, near)
 
@@ -88,7 +91,7 @@ def narrowed(search: Search, model: Model, spans: list[Span]) -> list[Span]:
     inside = np.zeros(len(e), dtype=bool)
     for i, first, last in spans:
         rows = np.flatnonzero((e.record == i) & (e["elapsed"] >= first) & (e["elapsed"] <= last))
-        long = last - first > search.rules.line_s
+        long = last - first > LINE_S
         for begin, end in [(0, len(rows))] if long else steps(left[rows], search.rules.stands_out):
             inside[rows[begin:end]] = True
     return _spans(e, inside)

@@ -16,16 +16,16 @@ from deeptruck_model.mismatch.report.drawing import BLUE, GREY, ORANGE, figure, 
 from deeptruck_model.mismatch.report.given import as_given
 from deeptruck_model.mismatch.report.wording import counted
 from deeptruck_model.mismatch.result import Kind, Mismatch
-from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import coverage
 from deeptruck_model.recordings.coverage_figure import draw as draw_coverage
 from deeptruck_model.signals import SPEED
+from deeptruck_model.vehicle_kinds import LEAST_SPEED
 
 Array = NDArray[np.float64]
 
 SMOOTH_S = 1.0
 GAPS = (
-    f"The force has gaps where nothing is compared: slower than {Rules.least_speed:g} m/s, and in the first "
+    f"The force has gaps where nothing is compared: slower than {LEAST_SPEED:g} m/s, and in the first "
     f"{SETTLE_S:g} s and the last second of a recording. Nor is it compared beside samples that are missing "
     "or were set aside."
 )

@@ -8,12 +8,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from deeptruck_model.mismatch.data.prepared import SAME_DRIVES, Prepared
+from deeptruck_model.mismatch.data.prepared import HELD_OUT_SHARE, SAME_DRIVES, Prepared
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.report import headline
 from deeptruck_model.mismatch.report.wording import condition, counted, prose, spoken
 from deeptruck_model.mismatch.result import Conclusion, Finding, Mismatch, Verdict
-from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 
 
@@ -35,7 +34,7 @@ def _held_out(m: Mismatch) -> str:
         return f", {sum(held)} of them held out for judging"
     given = sum(not c for c in cut)
     whose = "it" if given == 1 else "each" if ends == given else f"{ends} of them"
-    return f", the last {100 * Rules.held_out_share:.0f} % of {whose} held out for judging"
+    return f", the last {100 * HELD_OUT_SHARE:.0f} % of {whose} held out for judging"
 
 
 def _cut_off(prepared: Sequence[Prepared]) -> list[bool]:

@@ -14,7 +14,7 @@ from deeptruck_model.mismatch.correction.correction import corrected
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Variant
 from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.posterior.penalties import enough
-from deeptruck_model.mismatch.posterior.search import FREE, Model, Search
+from deeptruck_model.mismatch.posterior.search import FREE, SURELY, Model, Search
 from deeptruck_model.mismatch.posterior.windows import ENDS
 from deeptruck_model.mismatch.report.findings import TOLD_BY
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -25,6 +25,8 @@ from deeptruck_model.simulators import Simulator, free_run
 
 Array = NDArray[np.float64]
 
+MANOEUVRE_DRIFT = 0.01  # m/s^2: ... and this for each second since it began
+MANOEUVRE_SPEED = 0.1  # m/s: a manoeuvre tells two names apart if speeds differ by more than this ...
 SECONDS = 60.0
 ROLLING = 1.0  # m/s; below it a truck stands, and nothing differs
 
@@ -87,7 +89,7 @@ def separation(simulator: Simulator, e: Evidence, one: Model, other: Model) -> S
     speeds = [free_run(corrected(simulator, e, m), u, w, y0).y[:, :, SPEED] for m in (one, other)]
     time = np.arange(u.shape[1]) * simulator.dt
     apart = np.abs(speeds[0] - speeds[1]) * (np.minimum(*speeds) > ROLLING)
-    telling = apart / (e.rules.manoeuvre_speed + e.rules.manoeuvre_drift * time)
+    telling = apart / (MANOEUVRE_SPEED + MANOEUVRE_DRIFT * time)
     i, k = np.unravel_index(int(np.argmax(telling)), telling.shape)
     return Separation(MANOEUVRES[i].words, float(apart[i, k]), float(time[k]), float(telling[i, k]))
 
@@ -192,11 +194,7 @@ class _Hidden:
     def _seen(self, column: Array, size: float, nats: float, surely: float) -> bool:
         cost = -self.search.gain_of_given(self.model, -size * column)
         sd = size * np.sqrt(self.search.rules.temper / max(2.0 * cost, 1e-9))
-        return (
-            cost > nats
-            and size - self.search.rules.surely * sd > surely
-            and not self._as_a_zero(column, size, cost)
-        )
+        return cost > nats and size - SURELY * sd > surely and not self._as_a_zero(column, size, cost)
 
     def _as_a_zero(self, column: Array, size: float, cost: float) -> bool:
         """Whether an ordinary zero of the slope sensor would do nearly as well."""

@@ -17,6 +17,7 @@ from deeptruck_model.vehicle_kinds import UNSTATED, VehicleKind
 
 Array = NDArray[np.float64]
 
+SLOW_NOISE_S = 10.0  # length of the means that slow noise is measured over
 MOST_TURNS = 150.0  # rad/m: a crawler gear
 LOCKED_M_S = 2.5  # slower, a starting clutch may slip
 BIN, WIDTH = 0.02, 0.06  # of the logarithm; gears of a truck are at least 0.15 apart
@@ -239,7 +240,7 @@ class Evidence:
         """The regression target, with blocks where the simulator disagrees with itself given less weight."""
         relative = self.doubt(sigma)
         valid = self.valid if only is None else self.valid & only
-        slow = float(np.sqrt(self.dt / self.rules.slow_noise_s)) / self.slow_noise
+        slow = float(np.sqrt(self.dt / SLOW_NOISE_S)) / self.slow_noise
         return Series(np.where(valid, self.residual, 0.0), valid, self.starts, relative, slow, self.rules)
 
     def doubt(self, sigma: float) -> Array:

@@ -24,9 +24,11 @@ from deeptruck_model.mismatch.residual.evidence import (
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Run, Simulator, forced_run
+from deeptruck_model.vehicle_kinds import CLUTCH_CLOSED, GEARS_APART
 
 Array = NDArray[np.float64]
 
+OTHER_GEAR_S = 1.5  # for how long another gear than the recorded one is part of what may be missing
 ALIKE = 0.8  # of the longest drive's length, for drives that are run at once
 
 
@@ -82,7 +84,7 @@ def other_gear(
         nowhere = [np.zeros(len(p.recording), dtype=bool) for p in prepared]
         return nowhere, nowhere
     dt = prepared[0].dt
-    lasting = np.ones(round(rules.other_gear_s / dt) + 1, dtype=bool)
+    lasting = np.ones(round(OTHER_GEAR_S / dt) + 1, dtype=bool)
     for_long = [binary_opening(a, lasting) if a.any() else a for a in apart]
     near = np.ones(2 * round(NEAR_S / dt) + 1, dtype=bool)
     return [binary_dilation(a, near) if a.any() else a for a in for_long], apart
@@ -138,8 +140,8 @@ def _by_engine_speed(p: Prepared, run: Run, rules: Rules) -> Mask:
         return np.zeros(len(p.recording), dtype=bool)
     recorded, simulated = p.recording.channels["engine_speed"], run.inside["engine_speed"][0]
     with np.errstate(divide="ignore", invalid="ignore"):
-        apart = np.abs(np.log(recorded / simulated)) > rules.other_gear_apart
-    return apart & (p.y[:, SPEED] > rules.clutch_closed) & np.isfinite(recorded)
+        apart = np.abs(np.log(recorded / simulated)) > GEARS_APART
+    return apart & (p.y[:, SPEED] > CLUTCH_CLOSED) & np.isfinite(recorded)
 
 
 PARAMETERS = ("mass", "drag_area", "rolling_resistance", "torque_gain", "brake_gain")

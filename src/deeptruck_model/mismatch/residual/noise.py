@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Rows = NDArray[np.intp]
 
+LEAST_DRIVES = 4  # with fewer, nothing is said of how much drives disagree on a size
 ORDER = 5  # of the autoregression
 TAIL = 5.0  # degrees of freedom of the innovations
 ORDINARY = 3.0  # robust sds of the residual beyond which it counts less for the autoregression
@@ -201,7 +202,7 @@ def _between(gradient: Array, series: Series, use: Mask, covariance: Array) -> A
     """
     drive = np.cumsum(series.starts)[use]
     count = len(np.unique(drive))
-    if count < series.rules.least_drives:
+    if count < LEAST_DRIVES:
         return np.zeros(len(covariance))
     score = np.stack([gradient[drive == k].sum(axis=0) for k in np.unique(drive)]) @ covariance
     wider = count / (count - 1) * (student_t.ppf(0.975, count - 1) / 1.96) ** 2
