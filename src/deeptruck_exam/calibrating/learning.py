@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from deeptruck_exam.calibrating.samples import UNKNOWN, Samples
 from deeptruck_exam.effects.law import Array
-from deeptruck_model.mismatch import Layer, Recogniser
+from deeptruck_model.mismatch import Fingerprint, Layer, Recogniser
 
 if TYPE_CHECKING:
     import torch
@@ -48,29 +48,22 @@ def lesson(parts: Sequence[Samples], keys: tuple[str, ...], names: tuple[str, ..
     rng = np.random.default_rng(seed)
     made = []
     for part in parts:
-        part = _some(part, part.fingerprint.nats.max(axis=0) > LEAST_NATS)
+        part = part.of(part.fingerprint.held.nats.max(axis=0) > LEAST_NATS)
         made.append(_of(part, keys, names))
         for name in sorted(set(part.names.tolist())):
             again = (part.names == name) & (rng.random(len(part.names)) < HIDDEN_SHARE)
             if again.any() and name != UNKNOWN and part.families[again][0] not in ("faults", "parameters"):
-                made.append(_of(_without(_some(part, again), name), keys, names))
+                made.append(_of(_without(part.of(again), name), keys, names))
     return Lesson(*(np.concatenate([getattr(m, n) for m in made]) for n in Lesson.__dataclass_fields__))
-
-
-def _some(part: Samples, rows: NDArray[np.bool_]) -> Samples:
-    f = part.fingerprint
-    columns = {n: getattr(f, n)[..., rows] for n in ("nats", "sign", "size", "told", "noise")}
-    labels = {n: getattr(part, n)[rows] for n in ("names", "laws", "families")}
-    return replace(part, fingerprint=replace(f, **columns), **labels)
 
 
 def _without(part: Samples, name: str) -> Samples:
     """As where the name is in no library: its kernels are gone."""
     f = part.fingerprint
     kept = np.array([key.partition(",")[0] != name for key in f.keys])
-    rows = {n: getattr(f, n)[kept] for n in ("nats", "sign", "size", "told", "chance")}
     keys = tuple(key for key, k in zip(f.keys, kept, strict=True) if k)
-    return replace(part, fingerprint=replace(f, keys=keys, **rows))
+    held, free = (seen.of(slice(None), kept) for seen in (f.held, f.free))
+    return replace(part, fingerprint=Fingerprint(keys, f.chance[kept], held, free))
 
 
 def _of(part: Samples, keys: tuple[str, ...], names: tuple[str, ...]) -> Lesson:

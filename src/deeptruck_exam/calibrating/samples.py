@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +21,14 @@ from deeptruck_exam.effects.planting import Effect
 from deeptruck_exam.plans import FIT, Plan, draw_plan
 from deeptruck_exam.worlds import trucks
 from deeptruck_model import files
-from deeptruck_model.mismatch import CleanDrives, Fingerprint
+from deeptruck_model.mismatch import CleanDrives, Fingerprint, Seen
 from deeptruck_model.recordings import Recording
 
 MINUTES = 4.0
 NAMED, NAMELESS = 90, 20  # laws along one base, with a name and without
 SCALES = (-1.2, 0.3)  # of the logarithm of what a law's size is multiplied by
-PARAMETER_SD = 0.01  # relative: parameters are nearly right where names are weighed
+PARAMETER_SD = (0.004, 0.05)  # relative: parameters are nearly right where names are weighed
+ABSORBED = 0.25  # share of laws that the parameters were tuned to, in part
 WRONG = (0.03, 0.2)  # relative, of a parameter that is the answer
 SECOND, SECOND_NAMES = (
     0.15,
@@ -35,7 +37,7 @@ SECOND, SECOND_NAMES = (
 STYLES = (0.55, 0.2, 0.25)  # bases driven by people, by cruise control, behind a leader
 FAULTS = ("grade_bias", "clock_offset")  # that are forces to the tool
 UNKNOWN = "unknown"
-REAL = ("nats", "sign", "told", "noise", "chance")  # arrays of a fingerprint
+SEEN = {"nats": np.float32, "sign": np.float32, "size": np.int8, "told": np.float32, "noise": np.float32}
 FAULT_DRAWS = 3
 
 
@@ -52,25 +54,30 @@ class Samples:
 
     def save(self, path: Path) -> None:
         f, packed = self.fingerprint, io.BytesIO()
-        np.savez_compressed(
-            packed,
-            keys=np.array(f.keys),
-            size=f.size.astype(np.int8),
-            names=self.names,
-            laws=self.laws,
-            families=self.families,
-            world=np.array(self.world),
-            **{n: getattr(f, n).astype(np.float32) for n in REAL},
-        )
+        arrays: dict[str, Any] = {"keys": np.array(f.keys), "chance": f.chance, "world": np.array(self.world)}
+        arrays |= {"names": self.names, "laws": self.laws, "families": self.families}
+        for part, seen in (("held", f.held), ("free", f.free)):
+            arrays |= {f"{part}_{n}": getattr(seen, n).astype(kind) for n, kind in SEEN.items()}
+        np.savez_compressed(packed, **arrays)
         files.write(path, packed.getvalue())
 
     @staticmethod
     def load(path: Path) -> Samples:
         with np.load(path) as a:
-            nats, sign, told, noise, chance = (a[n].astype(float) for n in REAL)
-            keys, size = tuple(a["keys"].tolist()), a["size"].astype(np.intp)
-            f = Fingerprint(keys, nats, sign, size, told, noise, chance)
+            parts = [_seen({n: a[f"{part}_{n}"] for n in SEEN}) for part in ("held", "free")]
+            f = Fingerprint(tuple(a["keys"].tolist()), a["chance"], *parts)
             return Samples(f, a["names"], a["laws"], a["families"], str(a["world"]))
+
+    def of(self, rows: NDArray[np.bool_]) -> Samples:
+        """Some of them."""
+        f = self.fingerprint
+        some = replace(f, held=f.held.of(rows), free=f.free.of(rows))
+        return Samples(some, self.names[rows], self.laws[rows], self.families[rows], self.world)
+
+
+def _seen(arrays: Mapping[str, Array]) -> Seen:
+    nats, sign, told, noise = (arrays[n].astype(float) for n in ("nats", "sign", "told", "noise"))
+    return Seen(nats, sign, arrays["size"].astype(np.intp), told, noise)
 
 
 @dataclass(frozen=True)
@@ -129,8 +136,12 @@ def _name(f: Injected) -> str:
 def _of_law(f: Injected, second: Injected, drives: CleanDrives, rng: np.random.Generator) -> _Labelled:
     """A law of some size beside parameters that are a little off; sometimes with a second that is known."""
     law = EFFECTS[f.key]
-    off = sum((rng.normal(0.0, PARAMETER_SD) * s for s in drives.sensitivity.values()), start=np.zeros(()))
-    residual = drives.residual + f.acceleration * np.exp(rng.uniform(*SCALES)) + off
+    force = f.acceleration * np.exp(rng.uniform(*SCALES))
+    parameters = np.stack(list(drives.sensitivity.values()), axis=1)
+    sd = np.exp(rng.uniform(*np.log(PARAMETER_SD)))
+    residual = drives.residual + force + parameters @ rng.normal(0.0, sd, parameters.shape[1])
+    if rng.random() < ABSORBED:
+        residual -= rng.uniform(0.5, 1.0) * parameters @ np.linalg.lstsq(parameters, force, rcond=None)[0]
     if rng.random() < SECOND and _name(second) != law.name:
         return _Labelled(residual + second.acceleration, law.name, law.key, law.family, _name(second))
     return _Labelled(residual, law.name, law.key, law.family)
@@ -167,8 +178,12 @@ def _fingerprints(drives: CleanDrives, some: Sequence[_Labelled], beside: str) -
 
 def side_by_side(each: Sequence[Fingerprint]) -> Fingerprint:
     """Fingerprints by the same kernels as one of many residuals."""
-    columns = ("nats", "sign", "size", "told", "noise")
-    return replace(each[0], **{n: np.concatenate([getattr(f, n) for f in each], axis=-1) for n in columns})
+    held, free = (_end_to_end([getattr(f, part) for f in each]) for part in ("held", "free"))
+    return replace(each[0], held=held, free=free)
+
+
+def _end_to_end(each: Sequence[Seen]) -> Seen:
+    return _seen({n: np.concatenate([getattr(seen, n) for seen in each], axis=-1) for n in SEEN})
 
 
 def _joined(parts: Sequence[Samples]) -> Samples:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from deeptruck_model.mismatch.find import find_mismatch
     from deeptruck_model.mismatch.output import apply, figures, summary, write
     from deeptruck_model.mismatch.posterior.clean_drives import CleanDrives
-    from deeptruck_model.mismatch.posterior.fingerprint import Fingerprint
+    from deeptruck_model.mismatch.posterior.fingerprint import Fingerprint, Seen
     from deeptruck_model.mismatch.posterior.recogniser import Layer, Recogniser
     from deeptruck_model.mismatch.result import Mismatch
 
@@ -23,6 +23,7 @@ __all__ = [
     "Layer",
     "Mismatch",
     "Recogniser",
+    "Seen",
     "apply",
     "figures",
     "find_mismatch",
@@ -38,7 +39,7 @@ __getattr__ = names(
         "find": ("find_mismatch",),
         "output": ("apply", "figures", "summary", "write"),
         "posterior.clean_drives": ("CleanDrives",),
-        "posterior.fingerprint": ("Fingerprint",),
+        "posterior.fingerprint": ("Fingerprint", "Seen"),
         "posterior.recogniser": ("Layer", "Recogniser"),
         "result": ("Mismatch",),
     },

@@ -30,26 +30,19 @@ FURTHEST = 8.0  # of such, by which a kernel may be worse
 
 
 @dataclass(frozen=True)
-class Fingerprint:
+class Seen:
     """What each of k kernels says of each of N residuals, all (k, N).
 
     `nats`: log evidence beside noise alone, over all sizes; `sign`: what the signs of its forces are worth,
     nats; `size`: the place of the best in SIZES; `told`: how many of its directions the data tell.
     `noise` (N,): the precision of the noise beside the best kernel, relative to the noise model's, at most
-    one. `chance` (k,): prior odds of the kernels."""
+    one."""
 
-    keys: tuple[str, ...]
     nats: Array
     sign: Array
-    size: NDArray[np.intp]
+    size: Places
     told: Array
     noise: Array
-    chance: Array
-
-    @property
-    def names(self) -> frozenset[str]:
-        """What its kernels stand for."""
-        return frozenset(key.partition(",")[0] for key in self.keys)
 
     @property
     def unit(self) -> Array:
@@ -57,38 +50,74 @@ class Fingerprint:
         out: Array = np.maximum(TEMPER, COARSE * self.nats.max(axis=0))
         return out
 
-    def features(self, keys: Sequence[str]) -> Array:
-        """What a network sees of these kernels, (N, d): by how much each is worse than the best, its share
-        of what that explains, its sign, size and directions; which there are; how much is told at all."""
-        most, unit = self.nats.max(axis=0), self.unit
+    def of(self, rows: NDArray[np.bool_] | slice, kernels: NDArray[np.bool_] | slice = slice(None)) -> Seen:
+        """Of some of the residuals, by some of the kernels."""
+        nats, sign, told = (x[kernels][:, rows] for x in (self.nats, self.sign, self.told))
+        return Seen(nats, sign, self.size[kernels][:, rows], told, self.noise[rows])
+
+    def features(self, at: Sequence[int], known: Sequence[int], wide: int) -> Array:
+        """By how much each kernel is worse than the best, its share of what that explains, its sign, size and
+        directions, at the places `at` of the `known` ones among `wide`; and how much is told at all, (d, N).
+        """
+        most = self.nats.max(axis=0)
         each = np.stack(
             [
-                np.maximum((self.nats - most) / unit, -FURTHEST) + FURTHEST,
+                np.maximum((self.nats - most) / self.unit, -FURTHEST) + FURTHEST,
                 np.clip(self.nats / np.maximum(most, 1.0), -0.3, 1.0),
-                np.clip(self.sign / unit, -FURTHEST, 2.0),
+                np.clip(self.sign / self.unit, -FURTHEST, 2.0),
                 self.size / (len(SIZES) - 1.0) - 0.5,
                 np.log(self.told) / 3.0,
             ]
         )
-        wide, there = np.zeros((len(each), len(keys), len(most))), np.zeros((len(keys), len(most)))
+        out = np.zeros((len(each), wide, len(most)))
+        out[:, at] = each[:, known]
+        whole = np.stack([np.log(np.maximum(most, 1.0)) / 8.0, self.noise])
+        return np.concatenate([out.reshape(-1, len(most)), whole])
+
+
+@dataclass(frozen=True)
+class Fingerprint:
+    """What kernels say of residuals, by their `keys`: beside parameters that are `held` near what they are,
+    and that are `free`. `chance` (k,): prior odds of the kernels."""
+
+    keys: tuple[str, ...]
+    chance: Array
+    held: Seen
+    free: Seen
+
+    @property
+    def names(self) -> frozenset[str]:
+        """What its kernels stand for."""
+        return frozenset(key.partition(",")[0] for key in self.keys)
+
+    def features(self, keys: Sequence[str]) -> Array:
+        """What a network sees of these kernels, (N, d): what they say, beside held and beside free
+        parameters, and which of them there are."""
         known = [k for k, key in enumerate(self.keys) if key in keys]
         at = [list(keys).index(self.keys[k]) for k in known]
-        wide[:, at], there[at] = each[:, known], 1.0
-        whole = np.stack([np.log(np.maximum(most, 1.0)) / 8.0, self.noise])
-        return np.concatenate([wide.reshape(-1, len(most)), there, whole]).T
+        there = np.zeros((len(keys), len(self.held.noise)))
+        there[at] = 1.0
+        seen = [part.features(at, known, len(keys)) for part in (self.held, self.free)]
+        return np.concatenate([*seen, there]).T
 
     def by_evidence(self, names: Sequence[str]) -> Array:
         """Log of what evidence alone says of each name against the best, (N, names), in tempered nats."""
-        told = self.nats + self.sign + np.log(self.chance)[:, None]
-        told /= self.unit
+        parts = [self._gaps(part, names) for part in (self.held, self.free)]
+        either = np.logaddexp(*parts)
+        gap: Array = np.maximum(either - either.max(axis=0), -FURTHEST).T
+        return gap
+
+    def _gaps(self, part: Seen, names: Sequence[str]) -> Array:
+        """The same by one part, (names, N)."""
+        told = (part.nats + part.sign + np.log(self.chance)[:, None]) / part.unit
         out = np.full((len(names), told.shape[1]), -np.inf)
         for k, key in enumerate(self.keys):
             name = key.partition(",")[0]
             if name in names:
                 at = list(names).index(name)
                 out[at] = np.logaddexp(out[at], told[k])
-        gap: Array = np.maximum(out - out.max(axis=0), -FURTHEST).T
-        return gap
+        out -= out.max(axis=0)
+        return out
 
 
 @dataclass(frozen=True)
@@ -128,9 +157,14 @@ class KernelEvidence:
         sum of squares that noise alone leaves; else that of the number of rows."""
         left = self._whitened(residuals - self._mean[:, None])
         onto, squares = self._features.T @ left, np.einsum("ij,ij->j", left, left)
-        given = self._given(onto, beside)
         quiet = float(len(self._rows)) if quiet is None else quiet
-        return _fingerprint(self.kernels, *self._beside(onto, squares, given), quiet)
+        given = self._given(onto, beside)
+        free = given
+        for j, k in enumerate(self.kernels):
+            free = self._with(*free, j, 1.0) if k.part == "parameter" else free
+        held, loose = (_seen(*self._beside(onto, squares, block), quiet) for block in (given, free))
+        chance = np.array([k.chance for k in self.kernels])
+        return Fingerprint(tuple(k.key for k in self.kernels), chance, held, loose)
 
     def squares(self, residual: Array) -> float:
         """The sum of squares of a whitened residual (n,)."""
@@ -186,24 +220,14 @@ class KernelEvidence:
         return directions, along, squares - np.einsum("ij,ij->j", pull, taken)
 
 
-def _fingerprint(
-    made: Sequence[Kernel], directions: list[_Directions], along: list[Array], squares: Array, quiet: float
-) -> Fingerprint:
+def _seen(directions: list[_Directions], along: list[Array], squares: Array, quiet: float) -> Seen:
     noise = np.ones(len(squares))
     nats = _nats(directions, along, noise)
     noise = np.minimum(quiet / np.maximum(_left(directions, along, squares, nats), 1e-9), 1.0)
     nats = _nats(directions, along, noise)
     size = np.argmax(nats, axis=1)
     told, sign = (np.stack(x) for x in zip(*_signs(directions, along, size, noise), strict=True))
-    return Fingerprint(
-        tuple(k.key for k in made),
-        logsumexp(nats, axis=1) - np.log(len(SIZES)),
-        sign,
-        size,
-        told,
-        noise,
-        np.array([k.chance for k in made]),
-    )
+    return Seen(logsumexp(nats, axis=1) - np.log(len(SIZES)), sign, size, told, noise)
 
 
 def _nats(directions: list[_Directions], along: list[Array], noise: Array) -> Array:

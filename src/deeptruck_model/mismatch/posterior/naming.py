@@ -34,7 +34,7 @@ class Likeness:
         seen = self._by.of(self._residual, sorted(others))
         told = recogniser()
         log_p = np.log(np.maximum(told.probabilities(seen)[0], 1e-12))
-        log_p += np.array([self._by.reported(force, name) for name in told.names]) / seen.unit[0]
+        log_p += np.array([self._by.reported(force, name) for name in told.names]) / seen.held.unit[0]
         p = np.exp(log_p - log_p.max()) * np.array([name not in others for name in told.names])
         return dict(zip(told.names, (p / p.sum()).tolist(), strict=True))
 
