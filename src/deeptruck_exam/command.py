@@ -147,7 +147,7 @@ def recogniser_of(
     jobs: Annotated[int, typer.Option(help="Bases at a time.", min=1)] = 1,
 ) -> None:
     """Teach the tool's recogniser of names anew, and judge it on families it has not seen."""
-    from deeptruck_exam.calibrating import run
+    from deeptruck_exam.teaching import run
 
     run.show(run.run(out, bases, seed, jobs))
 

@@ -30,6 +30,7 @@ from deeptruck_model.mismatch.rules import Rules
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+MOST_TERMS = 4  # at once: with a name, or without
 SURELY = 1.96  # sd: half width of a 95 % interval
 LARGEST_SLOPE = 0.75  # what four times the mass does
 HELD, PINNED = 0.01, 0.001

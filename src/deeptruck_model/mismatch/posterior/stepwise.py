@@ -15,9 +15,8 @@ from deeptruck_model.mismatch.posterior.penalties import (
     practical,
     time_varying_penalty,
 )
-from deeptruck_model.mismatch.posterior.search import Model, Search
+from deeptruck_model.mismatch.posterior.search import MOST_TERMS, Model, Search
 
-MOST_TERMS = 4  # at once: with a name, or without
 WIDENED = 4  # of the best names are given more freedom of form before the first is chosen
 EXCHANGES = 3
 SETTLING = 2  # times

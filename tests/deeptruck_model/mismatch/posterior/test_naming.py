@@ -31,8 +31,9 @@ def test_the_shipped_recogniser_is_small_and_knows_every_name() -> None:
     assert list(told.names) == card["names"]
     slow_or_sensor = {"acceleration_bias", "speed_scale"}
     assert set(LIBRARY) - slow_or_sensor - set(told.names) == set()
-    assert card["unseen_families"]["all"]["network"]["log_score"] > (
-        card["unseen_families"]["all"]["evidence alone"]["log_score"]
+    assert (
+        card["unseen_families"]["all"]["network"]["log_score"]
+        > (card["unseen_families"]["all"]["evidence alone"]["log_score"])
     )
 
 

@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from deeptruck_exam.construction import Built
 from deeptruck_exam.effects import EFFECTS
 from deeptruck_exam.effects.law import Array
-from deeptruck_exam.effects.planting import Effect, Planted
+from deeptruck_exam.effects.planting import SEALED, Effect, Planted
 from deeptruck_exam.gates import CONDITIONS
 from deeptruck_exam.oracle import Watched
 from deeptruck_exam.trace import Trace, setting_of
@@ -54,6 +54,7 @@ class Injection:
             if e.kind == "missing_physics"
             and self._built.plan.truck in e.trucks
             and (led or not e.leader)
+            and e.family != SEALED
             and e.key != "road_grade"  # its slope is in the drive itself
         ]
 

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from deeptruck_exam.calibrating.injected import Injected, Injection
 from deeptruck_exam.cases import interface_of, measure
 from deeptruck_exam.construction import DT, Built, build
 from deeptruck_exam.effects import EFFECTS
 from deeptruck_exam.effects.law import Array
 from deeptruck_exam.effects.planting import Effect
 from deeptruck_exam.plans import FIT, Plan, draw_plan
+from deeptruck_exam.teaching.injected import Injected, Injection
 from deeptruck_exam.worlds import trucks
 from deeptruck_model import files
 from deeptruck_model.mismatch import CleanDrives, Fingerprint, Seen

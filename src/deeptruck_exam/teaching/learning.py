@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_exam.calibrating.samples import UNKNOWN, Samples
 from deeptruck_exam.effects.law import Array
+from deeptruck_exam.teaching.samples import UNKNOWN, Samples
 from deeptruck_model.mismatch import Fingerprint, Layer, Recogniser
 
 if TYPE_CHECKING:

@@ -14,13 +14,13 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from deeptruck_exam.calibrating import learning
-from deeptruck_exam.calibrating.learning import Lesson
-from deeptruck_exam.calibrating.samples import UNKNOWN, Samples, samples
 from deeptruck_exam.effects.law import Array
 from deeptruck_exam.effects.planting import FAMILIES
 from deeptruck_exam.folder import RECOGNISER
 from deeptruck_exam.jobs import end_with_the_run
+from deeptruck_exam.teaching import learning
+from deeptruck_exam.teaching.learning import Lesson
+from deeptruck_exam.teaching.samples import UNKNOWN, Samples, samples
 from deeptruck_model import files
 
 WEIGHTS, CARD = "recogniser.npz", "recogniser.json"
