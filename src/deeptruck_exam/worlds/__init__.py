@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_exam.effects.law import Array
-from deeptruck_exam.effects.planting import FAMILIES, SEALED
+from deeptruck_exam.effects.planting import FAMILIES
 from deeptruck_exam.worlds import car_following, procedures, roads, traffic, trucks
 from deeptruck_exam.worlds.drivers import Driver, Habits, Machine
 from deeptruck_exam.worlds.loggers import KMH, Logger, Sense
@@ -188,32 +188,32 @@ WORLDS = {
             lost=(0.0, 0.03),
         ),
     ),
+    "trades": World(  # loads of two kinds of trade, roads of straight slopes, people who glide or hurry
+        Fleet(shape=1.5, tied=trucks.WITH_SIZE, lines={"final_drive": (0.93, 1.02, 1.1)}, highest_m=900.0),
+        roads.tangents,
+        roads.viaducts_down,
+        traffic.zones,
+        (
+            Habits((1.0, 2.0), (0.2, 0.5), (0.3, 0.5), 0.005, (1.5, 4.0), mood=(0.05, 1.2), glides=0.2),
+            Habits((2.0, 4.0), (0.3, 0.9), (0.12, 0.22), 0.006, (0.5, 1.5), mood=(0.02, 6.0), glides=0.7),
+        ),
+        Logger(
+            {
+                "speed": Sense((0.006, 0.02), 0.15, (KMH / 256.0,), lag_s=(0.02, 0.15)),
+                "acceleration": Sense((0.03, 0.09), 0.05, (0.01, 0.02), lag_s=(0.0, 0.15), bias=0.004),
+                "grade": Sense((0.0006, 0.0015), 2.0, (0.0002, 0.001), (0.0, 0.3), 0.0004, every=(1, 2, 4)),
+                "engine_torque": Sense((0.3, 0.7), 0.3, (1.0, 0.5), every=(1, 2)),
+            },
+            jitter_s=(0.002, 0.008),
+            late_s=(0.0, 0.04),
+            lost=(0.0, 0.01),
+            gaps=(0.0, 1.0),
+            runout=(0.0, 0.001),
+            pedal_steps=(0.4, 1.0),
+        ),
+        Machine(ahead_s=2.5, band_mps=0.25, gain_per_s=0.4, integral=0.02),
+    ),
 }
-SEALED_WORLD = World(  # loads of two kinds of trade, roads of straight slopes, people who glide or hurry
-    Fleet(shape=1.5, tied=trucks.WITH_SIZE, lines={"final_drive": (0.93, 1.02, 1.1)}, highest_m=900.0),
-    roads.tangents,
-    roads.viaducts_down,
-    traffic.zones,
-    (
-        Habits((1.0, 2.0), (0.2, 0.5), (0.3, 0.5), 0.005, (1.5, 4.0), mood=(0.05, 1.2), glides=0.2),
-        Habits((2.0, 4.0), (0.3, 0.9), (0.12, 0.22), 0.006, (0.5, 1.5), mood=(0.02, 6.0), glides=0.7),
-    ),
-    Logger(
-        {
-            "speed": Sense((0.006, 0.02), 0.15, (KMH / 256.0,), lag_s=(0.02, 0.15)),
-            "acceleration": Sense((0.03, 0.09), 0.05, (0.01, 0.02), lag_s=(0.0, 0.15), bias=0.004),
-            "grade": Sense((0.0006, 0.0015), 2.0, (0.0002, 0.001), (0.0, 0.3), 0.0004, every=(1, 2, 4)),
-            "engine_torque": Sense((0.3, 0.7), 0.3, (1.0, 0.5), every=(1, 2)),
-        },
-        jitter_s=(0.002, 0.008),
-        late_s=(0.0, 0.04),
-        lost=(0.0, 0.01),
-        gaps=(0.0, 1.0),
-        runout=(0.0, 0.001),
-        pedal_steps=(0.4, 1.0),
-    ),
-    Machine(ahead_s=2.5, band_mps=0.25, gain_per_s=0.4, integral=0.02),
-)
 OF_FAMILY = dict(zip(FAMILIES, ("plain", *WORLDS), strict=True))
 
 
@@ -221,7 +221,5 @@ def of(forms: str, simulator: str, seed: int = 0) -> World:
     """The world a case plays in: the family's own; of all families together, any by the seed."""
     if simulator != "physics":
         return WORLDS["plain"]
-    if forms == SEALED:
-        return SEALED_WORLD
     any_one = list(WORLDS)[np.random.default_rng([seed, 6]).integers(len(WORLDS))]
     return WORLDS[OF_FAMILY.get(forms, any_one)]
