@@ -54,7 +54,8 @@ BOTH_WAYS = {  # winds, bodies, slopes, masses and late brakes push and hold; so
     "torque_converter_slip", "tunnels", "drums_out_of_round", "all_speed_governor", "hydraulic_launch_assist",
     "cylinders_rest", "trucks_that_pass", "drum_on_a_belt", "worn_clutch_damper", "clunk_and_shuffle",
     "filled_gaps_are_paid_back", "hybrid_axle", "hitch_spring", "stepping_suspension_lock",
-    "s_pedal_map", "s_surge_damper",
+    "s_pedal_map", "s_surge_damper", "n_load_point_is_shifted", "n_pulse_and_glide", "n_jet_of_the_monitor",
+    "n_brush_has_its_own_speed",
 }  # fmt: skip
 CHANNEL = {"speed_scale": "speed", "grade_bias": "grade", "commands_from_another_clock": "brake_command"}
 
