@@ -6,14 +6,16 @@ import pytest
 from deeptruck_exam import worlds
 from deeptruck_exam.cases import measure
 from deeptruck_exam.construction import build
-from deeptruck_exam.effects.planting import FAMILIES
+from deeptruck_exam.effects.planting import FAMILIES, SEALED
 from deeptruck_exam.plans import draw_plan
-from deeptruck_exam.worlds import BALLAST, OF_FAMILY, WORLDS, roads
+from deeptruck_exam.worlds import BALLAST, OF_FAMILY, SEALED_WORLD, WORLDS, roads
 from deeptruck_exam.worlds.loggers import Logger, quantise
 from deeptruck_exam.worlds.traffic import zones
 
+ALL_WORLDS = {**WORLDS, SEALED: SEALED_WORLD}
 
-@pytest.fixture(scope="module", params=FAMILIES[1:])
+
+@pytest.fixture(scope="module", params=(*FAMILIES[1:], SEALED))
 def drives(request):
     """Half a minute of eight drives with nothing missing, in the world of each family."""
     return build(draw_plan("nothing_missing", 8, None, "physics", 0.7, forms=request.param))
@@ -22,24 +24,25 @@ def drives(request):
 def test_each_family_has_its_world_and_deep_simulators_the_plain_one():
     assert [OF_FAMILY[f] for f in FAMILIES] == ["plain", *WORLDS]
     assert all(worlds.of(f, "physics") is WORLDS[OF_FAMILY[f]] for f in FAMILIES)
+    assert worlds.of(SEALED, "physics") is SEALED_WORLD and SEALED_WORLD not in WORLDS.values()
     assert all(worlds.of(f, "deep") is WORLDS["plain"] for f in FAMILIES)
     assert {id(worlds.of("all", "physics", seed)) for seed in range(40)} == {id(w) for w in WORLDS.values()}
 
 
-@pytest.mark.parametrize("name", WORLDS)
+@pytest.mark.parametrize("name", ALL_WORLDS)
 @pytest.mark.parametrize(
     ("kind", "low", "high"), [("highway", 14.0, 28.0), ("suburban", 0.0, 18.0), ("descent", 0.0, 20.0)]
 )
 def test_speeds_are_those_of_the_kind_of_drive(name, kind, low, high):
-    speed = WORLDS[name].speed_profile(np.random.default_rng(4), kind, 3000, 0.1)
+    speed = ALL_WORLDS[name].speed_profile(np.random.default_rng(4), kind, 3000, 0.1)
     assert speed.shape == (3000,) and low <= speed.min() and speed.max() <= high
     assert np.abs(np.diff(speed)).max() < 0.3
     assert (speed.min() < 0.5) == (kind == "suburban")
 
 
-@pytest.mark.parametrize("name", WORLDS)
+@pytest.mark.parametrize("name", ALL_WORLDS)
 def test_roads_climb_and_fall_and_a_way_down_goes_down(name):
-    world, rng = WORLDS[name], np.random.default_rng(4)
+    world, rng = ALL_WORLDS[name], np.random.default_rng(4)
     drawn = world.draw_roads(rng, ["hills"] * 4 + ["descent"] * 4, False)
     grade = np.array([drawn.grade_at(np.full(8, m)) for m in np.arange(0.0, 40000.0, 50.0)])
     assert np.abs(grade).max() < 0.09
@@ -47,9 +50,9 @@ def test_roads_climb_and_fall_and_a_way_down_goes_down(name):
     assert not world.draw_roads(rng, ["hills", "descent"], True).grade.any()
 
 
-@pytest.mark.parametrize("name", WORLDS)
+@pytest.mark.parametrize("name", ALL_WORLDS)
 def test_trucks_are_drawn_between_empty_and_full(name):
-    masses = [WORLDS[name].fleet.draw("volvo", np.random.default_rng(k))["mass"] for k in range(30)]
+    masses = [ALL_WORLDS[name].fleet.draw("volvo", np.random.default_rng(k))["mass"] for k in range(30)]
     assert 13000.0 < min(masses) < 20000.0 and 36000.0 < max(masses) < 47000.0
 
 

@@ -1,8 +1,6 @@
-"""Commands that arrive late or are followed slowly."""
+"""Commands that pass checks and valves."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 
@@ -10,41 +8,31 @@ from deeptruck_exam.effects.law import STEP_S, Array, Late, Sizes, State, Torque
 from deeptruck_exam.effects.planting import hidden, sizes
 
 
-@hidden("s_busy_bus", "sealed", "suburban hills descent", name="command_delay", accepts="clock_offset")
-@sizes(base_s=(0.25, 0.5), busy_s=(0.1, 0.35), calms_s=(2.0, 8.0))
-class BusyBus(Late):
-    """The more the commands have moved of late, the later they come.
-    Source: Tindell, Burns and Wellings, Calculating Controller Area Network Message Response Times, Control
-    Engineering Practice 3 (1995): waiting grows with the load of the bus; loads are chosen here."""
+@hidden("n_lower_of_two_tracks", "sealed", "suburban hills", name="command_delay", accepts="clock_offset")
+@sizes(quick_s=(0.2, 0.4), later_s=(0.25, 0.6))
+class LowerOfTwoTracks(Late):
+    """A pedal that opens waits for the slower track, one that closes for the quicker one.
+    Source: Standardized E-Gas Monitoring Concept for Gasoline and Diesel Engine Control Units (EGAS working
+    group): two tracks of the pedal are compared and the lower one is used; tracks of unlike latency are
+    chosen here."""
 
     length = 200
 
-    def start(self, batch: int) -> dict[str, Any]:
-        return {**super().start(batch), "busy": np.zeros(batch), "late": np.full(batch, self.p.base_s)}
-
-    def begin(self, s: State, u: Array) -> None:
-        super().begin(s, u)
-        s.was = u.copy()
-
     def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
         self.put(s, u)
-        moved = np.minimum(np.abs(u - s.was).sum(axis=1) / (0.05 * self.full), 1.0)
-        s.was = u.copy()
-        s.busy = np.minimum(s.busy + 0.25 * moved, 1.0) * (1.0 - dt / p.calms_s)
-        s.late = s.late + np.clip(p.base_s + p.busy_s * s.busy - s.late, -dt, dt)
-        back = np.rint(s.late / STEP_S).astype(int)
-        return np.asarray(s.past[(s.at - back) % self.length, np.arange(len(u))])
+        quick = self.ago(s, round(p.quick_s / STEP_S))
+        slow = self.ago(s, round((p.quick_s + p.later_s) / STEP_S))
+        return np.stack([np.minimum(quick[:, 0], slow[:, 0]), quick[:, 1]], axis=1)
 
 
-@hidden("s_strained_stepper", "sealed", "suburban hills", name="command_rate_limit", accepts="turbo_lag")
-@sizes(free_per_s=(0.14, 0.32), spring=(0.5, 0.85), back=(1.2, 2.5))
-class StrainedStepper(TorqueFilter):
-    """The farther it is open, the slower it opens and the faster it shuts.
-    Source: Stepping motors lose speed along their pull-out curve against a return spring (Acarnley, Stepping
-    Motors: a Guide to Theory and Practice, 2002); a retrofitted actuator, sizes are chosen here."""
+@hidden("n_flow_through_a_valve", "sealed", "suburban hills", name="command_rate_limit", accepts="turbo_lag")
+@sizes(opens_per_s=(0.28, 0.6), closes=(1.3, 2.5))
+class FlowThroughAValve(TorqueFilter):
+    """The nearer it is, the slower it moves, by the root of what is left.
+    Source: Merritt, Hydraulic Control Systems (1967): flow through an orifice goes with the root of the
+    pressure drop; a throttle cylinder whose pressure is the error of its lever, sizes are chosen here."""
 
     def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
-        share = np.clip(s.given / self.full, 0.0, 1.0)
-        up = self.full * p.free_per_s * (1.0 - p.spring * share)
-        down = self.full * p.free_per_s * p.back * (1.0 + p.spring * share)
-        return np.asarray(s.given + np.clip(pedal - s.given, -down * dt, up * dt))
+        error = (pedal - s.given) / self.full
+        rate = np.sqrt(np.abs(error)) * p.opens_per_s * np.where(error < 0.0, p.closes, 1.0)
+        return np.asarray(s.given + self.full * np.sign(error) * np.minimum(np.abs(error), rate * dt))

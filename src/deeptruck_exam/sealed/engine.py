@@ -1,162 +1,139 @@
-"""Engines: friction, accessories, limits, boost and braking."""
+"""Engines: friction, consumers, boost, limits, braking, and what their control does."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving
-from deeptruck_exam.effects.places import Bends
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
-EVERY = "highway suburban hills descent"
 
-
-@hidden("s_gelled_oil", "sealed", EVERY, name="engine_friction", accepts="engine_brake accessory_load")
-@sizes(gel_nm=(120.0, 260.0), thin_nm=(15.0, 50.0), breaks_rad=(1500.0, 5000.0), sets_s=(20.0, 60.0))
-class GelledOil(Hidden):
-    """Turning breaks the gel, slow running lets it set again. gel_nm: at 120 rad/s.
-    Source: Mewis and Wagner, Thixotropy, Advances in Colloid and Interface Science 147 (2009): a structure
-    that shear breaks and rest builds; waxy oil, sizes are chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        return {"gel": self.rng(821).uniform(0.6, 1.0, batch)}
+@hidden("n_pistons_are_tight", "sealed", name="engine_friction", accepts="accessory_load")
+@sizes(film_nm=(85.0, 170.0), closes=(1.1, 2.0), piston_s=(3.0, 9.0), liner_s=(40.0, 120.0))
+class PistonsAreTight(Hidden, piston=0.3, liner=0.3):
+    """Load heats the pistons before it heats their liners. `piston`, `liner`: 1 for full power that lasts;
+    film_nm: at 120 rad/s, with the clearance of even warmth.
+    Source: Petroff's law (1883): friction of a film with speed over clearance, which pistons take up as they
+    grow (Heywood, Internal Combustion Engine Fundamentals, ch. 13, on piston friction); sizes are chosen
+    here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        turns = np.maximum(view.engine_speed, 40.0)
-        builds = (1.0 - s.gel) * np.exp(-turns / 60.0) / p.sets_s
-        s.gel = np.clip(s.gel + dt * (4.0 * builds - turns * s.gel / p.breaks_rad / 4.0), 0.0, 1.0)
-        torque = (p.thin_nm + p.gel_nm * (0.3 + 0.7 * s.gel)) * np.sqrt(turns / 120.0)
+        load = np.clip(self.power_share(view), 0.0, 1.1)
+        s.piston = s.piston + dt * (load - s.piston) / p.piston_s
+        s.liner = s.liner + dt * (load - s.liner) / p.liner_s
+        clearance = np.clip(1.0 - p.closes * (s.piston - s.liner), 0.28, 1.8)
+        torque = p.film_nm * np.maximum(view.engine_speed, 40.0) / 120.0 / clearance
+        return -self.at_wheels(view, torque) * moving(view)
+
+
+@hidden("n_lift_drains_the_battery", "sealed", "suburban", name="accessory_load", accepts="engine_friction")
+@sizes(power_wpkg=(1.0, 2.2), uses_s=(6.0, 20.0), charges_s=(25.0, 80.0), tapers=(0.2, 0.6))
+class LiftDrainsTheBattery(Hidden):
+    """`flat`: 1 for empty. Stands use it up, driving fills it, ever slower from `tapers` on.
+    Source: Bucket trucks and lifts that work from a battery which the engine fills on the way (NREL field
+    evaluations of hybrid utility trucks); constant power, then a taper, as chargers do; sizes are chosen
+    here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"flat": self.rng(921).uniform(0.2, 0.9, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        share = np.clip(s.flat / p.tapers, 0.0, 1.0)
+        change = np.where(view.speed < 0.1, 1.0 / p.uses_s, -share / p.charges_s)
+        s.flat = np.clip(s.flat + dt * change, 0.0, 1.0)
+        power = p.power_wpkg * view.mass * share
+        torque = np.minimum(power / np.maximum(view.engine_speed, 60.0), 450.0)
         return -self.at_wheels(view, torque) * moving(view)
 
 
 @hidden(
-    "s_steering_pump", "sealed", "highway suburban hills", name="accessory_load", accepts="engine_friction"
-)
-@sizes(torque_nm=(180.0, 380.0), idles_nm=(20.0, 60.0), tightest=(0.004, 0.01), slow_mps=(10.0, 18.0))
-class SteeringPump(Bends, pressure=0.0):
-    """The slower the truck, the harder the wheels turn.
-    Source: Hydraulic steering takes pressure with the rack's force, which falls with speed (Harrer and
-    Pfeffer, Steering Handbook, 2017, on hydraulic power steering); heavy axles, sizes are chosen here."""
-
-    def prepare(self) -> None:
-        self.bend = self.draw_bends(self.rng(822), self.p.tightest)
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        steer = np.abs(self.read(self.bend, view)) / p.tightest
-        wanted = np.clip(steer * (0.35 + p.slow_mps / np.maximum(view.speed, 4.0)), 0.0, 1.0)
-        s.pressure = s.pressure + dt * (wanted - s.pressure) / 0.5
-        return -self.at_wheels(view, p.idles_nm + p.torque_nm * s.pressure) * moving(view)
-
-
-@hidden(
-    "s_regulator_ices", "sealed", "hills highway", name="torque_derate", accepts="torque_gain", shown=True
-)
-@sizes(depth=(0.3, 0.55), ices_s=(15.0, 45.0), thaws_s=(15.0, 50.0), from_ice=(0.15, 0.35))
-class RegulatorIces(Hidden, ice=0.0):
-    """Flow of gas cools it, the coolant thaws it.
-    Source: Expanding natural gas cools by the Joule-Thomson effect and can ice its regulator (Perry's
-    Chemical Engineers' Handbook, on expansion); a heater that is too small, sizes are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        flow = np.clip(self.power_share(view), 0.0, 1.1)
-        s.ice = np.clip(s.ice + dt * (flow**1.3 / p.ices_s - s.ice / p.thaws_s), 0.0, 2.0)
-        cut = p.depth * np.clip((s.ice - p.from_ice) / 0.35, 0.0, 1.0)
-        return -self.at_wheels(view, cut * np.maximum(view.engine_torque, 0.0))
-
-
-@hidden("s_mean_power_capped", "sealed", "suburban hills", name="torque_limit", shown=True)
-@sizes(cap=(0.35, 0.6), mean_s=(0.8, 4.0), knee=(0.04, 0.12))
-class MeanPowerCapped(Hidden, mean=0.0):
-    """cap: of peak power, for its mean of some seconds. Torque at low speed is free.
-    Source: Leased ratings that cap power, not torque (SAE J1939-71, engine power limits): the fuel system
-    holds a mean of flow; caps and times are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        asked = np.clip(self.power_share(view), 0.0, 1.2)
-        s.mean = s.mean + dt * (asked - s.mean) / p.mean_s
-        closed = np.clip((s.mean - p.cap) / p.knee, 0.0, 1.0)
-        over = np.maximum(asked - p.cap, 0.0) * closed * self.truck.peak_power
-        return -self.at_wheels(view, over / np.maximum(view.engine_speed, 60.0))
-
-
-@hidden(
-    "s_second_stage_waits", "sealed", "suburban hills", name="turbo_lag", accepts="command_rate_limit",
+    "n_level_switch_tilts", "sealed", "hills suburban", name="torque_derate", accepts="torque_gain",
     shown=True,
 )  # fmt: skip
-@sizes(without=(0.15, 0.3), small_s=(0.6, 1.4), large_s=(2.5, 6.0), small=(0.25, 0.45))
-class SecondStageWaits(Hidden, low=0.2, high=0.0):
-    """small: share of full boost that the first stage can give. The second waits for the first.
-    Source: Regulated two-stage turbocharging (Galindo, Serrano, Climent and Varnier, Energy Conversion and
-    Management 51, 2010): a small and a large machine in a row; times are chosen here."""
+@sizes(depth=(0.3, 0.5), from_tilt=(0.008, 0.02), trips_s=(1.5, 5.0), clears_s=(4.0, 12.0))
+class LevelSwitchTilts(Hidden, level=0.0, low=0.0, on=0.0, cut=0.0):
+    """Torque is cut once coolant has stood away from its switch for a while, and until it has come back.
+    Source: Engine protection by coolant level (SAE J1939-71, SPN 111, coolant level; makers' manuals on
+    protection derates): a tank that is nearly low, tilted by slopes and pulls; times are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        tilt = view.grade + np.clip(view.acceleration, -3.0, 3.0) / GRAVITY
+        s.level = s.level + dt * (tilt - s.level) / 1.0
+        change = np.where(s.level > p.from_tilt, 1.0 / p.trips_s, -1.0 / p.clears_s)
+        s.low = np.clip(s.low + dt * change, 0.0, 1.0)
+        s.on = np.where(s.low >= 1.0, 1.0, np.where(s.low <= 0.0, 0.0, s.on))
+        s.cut = s.cut + np.clip(p.depth * s.on - s.cut, -0.08 * dt, 0.15 * dt)
+        return -self.at_wheels(view, s.cut * np.maximum(view.engine_torque, 0.0))
+
+
+@hidden("n_economy_until_kicked", "sealed", "suburban hills", name="torque_limit", shown=True)
+@sizes(cap=(0.3, 0.5), kick=(0.86, 0.96), after_s=(0.5, 1.5), stays_s=(1.5, 5.0))
+class EconomyUntilKicked(Hidden, pressed=0.0, left=0.0, free=0.0):
+    """cap: of peak torque; the whole torque is free for a while after a kick that lasts.
+    Source: Economy modes with kick-down of automated trucks (drivers' handbooks): torque is capped unless the
+    pedal goes through; caps and times are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.pressed = np.where(self.pedal(view) > p.kick, s.pressed + dt, 0.0)
+        s.left = np.where(s.pressed > p.after_s, p.stays_s, np.maximum(s.left - dt, 0.0))
+        s.free = s.free + dt * ((s.left > 0.0) - s.free) / 0.5
+        over = np.maximum(view.engine_torque - p.cap * self.truck.peak_torque, 0.0)
+        return -self.at_wheels(view, over * (1.0 - s.free))
+
+
+@hidden(
+    "n_boost_is_dumped", "sealed", "suburban hills", name="turbo_lag", accepts="command_rate_limit",
+    shown=True,
+)  # fmt: skip
+@sizes(without=(0.18, 0.35), builds_s=(1.5, 4.0), leaks_s=(2.0, 8.0), lift=(0.04, 0.12))
+class BoostIsDumped(Hidden, boost=0.3):
+    """A lifted pedal blows it off; part load lets it sink slowly; the flow of gas builds it up again.
+    Source: Recirculating valves of throttled gas engines, which dump boost against surge when the throttle
+    shuts (Watson and Janota, Turbocharging the Internal Combustion Engine, 1982, on surge); rates are chosen
+    here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
         wanted = np.clip((asked - p.without) / (1.0 - p.without), 0.0, 1.1)
-        flow = np.clip(view.engine_speed / 130.0, 0.5, 1.6)
-        first = np.minimum(wanted, p.small)
-        s.low = s.low + dt * (first - s.low) * flow / np.where(first > s.low, p.small_s, 0.8)
-        second = np.maximum(wanted - p.small, 0.0) * np.clip(s.low / p.small, 0.0, 1.0) ** 3
-        s.high = s.high + dt * (second - s.high) * flow / np.where(second > s.high, p.large_s, 0.6)
-        missing = np.maximum(asked - p.without - (1.0 - p.without) * (s.low + s.high), 0.0)
+        flow = np.clip(view.engine_speed / 130.0, 0.4, 1.6) * (0.2 + 0.8 * asked)
+        builds = np.minimum(s.boost + dt * flow / p.builds_s, wanted)
+        sinks = s.boost - dt * (s.boost - wanted) / p.leaks_s
+        dumps = s.boost * (1.0 - dt / 0.25)
+        s.boost = np.where(asked < p.lift, dumps, np.where(wanted > s.boost, builds, sinks))
+        missing = np.maximum(asked - p.without - (1.0 - p.without) * s.boost, 0.0)
         return -self.at_wheels(view, missing * self.truck.peak_torque) * moving(view)
 
 
-@hidden("s_vanes_brake", "sealed", "descent hills", name="engine_brake", accepts="engine_friction")
-@sizes(power_w=(50e3, 130e3), most_nm=(450.0, 900.0), closes_s=(1.0, 4.0), from_rads=(90.0, 115.0))
-class VanesBrake(Hidden, shut=0.0):
-    """It regulates power, so that a lower gear does not brake more.
-    Source: Turbocharger vanes that close for engine braking hold a set back power (Schmitz, Jochheim, Karch
-    and Nagel, MTZ 55, 1994, on turbo brakes); control and sizes are chosen here."""
+@hidden("n_one_pedal_slows", "sealed", "descent hills suburban", name="engine_brake")
+@sizes(slows_mps2=(0.35, 0.8), most_nm=(400.0, 800.0), per_s=(0.5, 1.5), from_rads=(80.0, 105.0))
+class OnePedalSlows(Hidden, torque=0.0):
+    """A closed pedal asks for a slowing, and the engine brake is steered until it has it, whatever the slope.
+    Source: Compression brakes of many steps under a control of deceleration (Druzhinina, Stefanopoulou and
+    Moklegaard, Speed Gradient Approach to Longitudinal Control of Heavy-Duty Vehicles Equipped with Variable
+    Compression Brake, IEEE Trans. Control Syst. Technol. 10, 2002); a one-pedal mode, chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         closed = (self.pedal(view) < 0.01) & (view.engine_speed > p.from_rads) & (view.speed > 3.0)
-        s.shut = s.shut + dt * (closed - s.shut) / np.where(closed, p.closes_s, 0.2)
-        torque = np.minimum(p.power_w / np.maximum(view.engine_speed, 60.0), p.most_nm)
-        return -self.at_wheels(view, s.shut * torque) * moving(view)
+        error = p.slows_mps2 + np.clip(view.acceleration, -3.0, 3.0)
+        steered = np.clip(s.torque + dt * p.per_s * p.most_nm * error, 0.0, p.most_nm)
+        s.torque = np.where(closed, steered, s.torque * (1.0 - dt / 0.2))
+        return -self.at_wheels(view, s.torque) * moving(view)
 
 
-@hidden("s_rail_bleeds", "sealed", "suburban hills highway", name="unknown")
-@sizes(share=(0.4, 0.75), bleeds_s=(1.2, 3.5))
-class RailBleeds(Hidden, rail=0.0):
-    """Torque hangs on after the pedal is let go, and ends with the brake.
-    Source: Rail pressure falls only through leakage and injection (Guzzella and Onder, Introduction to
-    Modeling and Control of Internal Combustion Engine Systems, on common rail); a leaking injector, sizes
-    are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
-        brakes = view.brake_force > 0.0
-        falls = s.rail - dt * s.rail / np.where(brakes, 0.2, p.bleeds_s)
-        s.rail = np.maximum(asked, falls)
-        more = p.share * np.maximum(s.rail - asked, 0.0) * self.truck.peak_torque
-        return self.at_wheels(view, np.minimum(more, 0.4 * self.truck.peak_torque)) * moving(view)
-
-
-@hidden("s_pedal_map", "sealed", "suburban hills highway", name="unknown", shown=True)
-@sizes(bends=(0.12, 0.28), at=(0.3, 0.6), changes_s=(4.0, 15.0))
-class PedalMap(Hidden, mode=0.0):
-    """Brisk driving earns a sharp pedal, calm driving a dull one. bends: of peak torque.
-    Source: Pedal maps adapted to the driver's style (Kiencke and Nielsen, Automotive Control Systems, 2005,
-    on drive modes): less torque at part pedal, more with the style; sizes are chosen here."""
+@hidden("n_pulse_and_glide", "sealed", "highway hills suburban", name="unknown", shown=True)
+@sizes(depth=(0.5, 0.9), band_mps=(0.25, 0.8), below=(0.6, 0.85))
+class PulseAndGlide(Hidden, pulse=1.0, gained=0.0, share=0.0):
+    """At part load it pulls more than asked, then less, by turns of the speed it has won. depth: of the
+    torque.
+    Source: Gilbert, Vehicle Cruise: Improved Fuel Economy by Periodic Control, Automatica 12 (1976); a
+    control unit that does so about the driver's wish, sizes are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         pedal = self.pedal(view)
-        s.mode = s.mode + dt * ((pedal > p.at) - s.mode) / p.changes_s
-        bend = p.bends * (2.5 * s.mode - 1.0) * np.sin(np.pi * pedal)
-        return self.at_wheels(view, bend * self.truck.peak_torque) * moving(view)
-
-
-@hidden("s_anti_stall", "sealed", "suburban hills", name="unknown", shown=True)
-@sizes(below=(118.0, 135.0), per_rads=(12.0, 28.0), most=(0.15, 0.3), builds_s=(0.3, 1.0))
-class AntiStall(Hidden, torque=0.0):
-    """The lower the engine runs under load, the more is added. below: rad/s; per_rads: N m.
-    Source: Low-speed torque support against lugging (Bosch, Diesel-Engine Management, on intermediate speed
-    control); one that is set too high, sizes are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        loaded = np.clip(self.pedal(view) / 0.2, 0.0, 1.0)
-        most = p.most * self.truck.peak_torque
-        wanted = np.clip(p.per_rads * (p.below - view.engine_speed), 0.0, most) * loaded
-        s.torque = s.torque + dt * (wanted - s.torque) / p.builds_s
-        return self.at_wheels(view, s.torque * loaded) * moving(view)
+        works = (pedal > 0.08) & (pedal < p.below) & (view.brake_force <= 0.0) & (view.speed > 5.0)
+        s.share = s.share + dt * (p.depth * s.pulse * works - s.share) / 0.4
+        force = self.at_wheels(view, s.share * np.maximum(view.engine_torque, 0.0))
+        s.gained = s.gained + dt * (force / view.mass - ~works * s.gained / 3.0)
+        s.pulse = np.where(s.gained > p.band_mps, -1.0, np.where(s.gained < -p.band_mps, 1.0, s.pulse))
+        return force * moving(view)

@@ -1,38 +1,40 @@
-"""Road and tyres: slopes, surfaces, grip, warmth and bearings."""
+"""Road and tyres: slopes, surfaces, grip, warmth and rubber."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
 from deeptruck_exam.effects.places import MAP_CELL_M, MAP_CELLS, OnRoad, windows
 from deeptruck_exam.effects.planting import hidden, sizes
-from deeptruck_exam.effects.series import spells, within
+from deeptruck_exam.effects.series import some_drives
 from deeptruck_model.trucks import View
 
 
 @hidden(
-    "s_subsidence", "sealed", "hills highway suburban", name="road_grade", accepts="road_surface",
+    "n_bridges_stand_proud", "sealed", "hills highway suburban", name="road_grade", accepts="road_surface",
     gateable=False,
 )  # fmt: skip
-@sizes(slope=(0.018, 0.035), radius_m=(90.0, 260.0), apart_m=(400.0, 900.0))
-class Subsidence(OnRoad):
-    """Troughs that were not there when the road was surveyed.
-    Source: Knothe's influence function of mining subsidence (Kratzsch, Mining Subsidence Engineering, 1983):
-    the surface sinks as an integral of Gauss's bell; sizes are chosen here."""
+@sizes(slope=(0.022, 0.04), fades_m=(40.0, 130.0), bridge_m=(20.0, 90.0), apart_m=(220.0, 600.0))
+class BridgesStandProud(OnRoad):
+    """Embankments have sunk since the survey: up to each bridge and down behind it, the steeper the nearer.
+    Source: Briaud, James and Hoffman, Settlement of Bridge Approaches (the Bump at the End of the Bridge),
+    NCHRP Synthesis 234 (1997); an exponential fall of height away from the abutment, sizes are chosen
+    here."""
 
     conceal = ("elevation",)
 
     def prepare(self) -> None:
-        rng, p = self.rng(831), self.p
+        rng, p = self.rng(941), self.p
         at_m = np.arange(MAP_CELLS) * MAP_CELL_M
         self.road = np.zeros((self.rows(), MAP_CELLS))
         for row in self.road:
             middle = 0.0
             while middle < at_m[-1]:
-                middle += p.apart_m * rng.uniform(0.5, 1.5)
-                away = (at_m - middle) / (p.radius_m * rng.uniform(0.7, 1.3))
-                row += p.slope * rng.uniform(0.6, 1.0) * 1.65 * away * np.exp(-0.5 * away**2)
+                middle += p.bridge_m + p.apart_m * rng.uniform(0.5, 1.5)
+                past = np.maximum(np.abs(at_m - middle) - 0.5 * p.bridge_m, 0.0)
+                fall = np.exp(-past / (p.fades_m * rng.uniform(0.7, 1.3))) * (past > 0.0)
+                row -= p.slope * rng.uniform(0.6, 1.1) * np.sign(at_m - middle) * fall
         self.road = np.clip(self.road, -p.slope, p.slope)
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
@@ -40,93 +42,88 @@ class Subsidence(OnRoad):
         return -slope * weight(view) * moving(view)
 
 
-@hidden("s_pavement_bends", "sealed", name="road_surface", accepts="road_grade")
-@sizes(loss=(0.010, 0.022), slow_mps=(5.0, 14.0), share=(0.3, 0.6), mean_m=(300.0, 900.0))
-class PavementBends(OnRoad):
-    """loss: of the weight, at walking pace. Slow trucks sink deeper.
-    Source: Louhghalam, Akbarian and Ulm, Flügge's Conjecture: Dissipation- versus Deflection-Induced
-    Pavement-Vehicle Interactions, J. Eng. Mech. 140 (2014): loss falls with speed; soft asphalt, sizes are
-    chosen here."""
+@hidden("n_clay_sticks", "sealed", name="road_surface", accepts="road_grade")
+@sizes(
+    soft=(0.006, 0.014), sticks=(0.008, 0.016), picks_m=(60.0, 200.0), sheds_m=(120.0, 450.0),
+    share=(0.25, 0.45), mean_m=(150.0, 500.0),
+)  # fmt: skip
+class ClaySticks(OnRoad, clod=0.0):
+    """Stretches of clay hold the wheels and load them with it; beyond, it is thrown off over the way, sooner
+    at speed. soft, sticks: of the weight.
+    Source: Bekker, Introduction to Terrain-Vehicle Systems (1969), on adhesive soils, and rules on mud that
+    trucks carry from sites onto roads; lengths and sizes are chosen here."""
 
     def prepare(self) -> None:
-        self.soft = windows(self.rng(832), self.rows(), self.p.mean_m, self.p.share)
+        self.clay = windows(self.rng(942), self.rows(), self.p.mean_m, self.p.share)
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        slow = 1.0 / (1.0 + np.maximum(view.speed, 0.0) / p.slow_mps)
-        return -2.0 * p.loss * slow * self.between(self.soft, view) * weight(view) * moving(view)
+        here, speed = self.between(self.clay, view), np.maximum(view.speed, 0.0)
+        picks = here * (1.0 - s.clod) / p.picks_m
+        sheds = (1.0 - here) * s.clod * np.clip(speed / 10.0, 0.2, 2.0) / p.sheds_m
+        s.clod = np.clip(s.clod + dt * speed * (picks - sheds), 0.0, 1.0)
+        return -(p.soft * here + p.sticks * s.clod) * weight(view) * moving(view)
 
 
-@hidden("s_first_rain", "sealed", "suburban hills", name="wheel_slip")
-@sizes(friction=(0.09, 0.17), wet_s=(15.0, 50.0), dry_s=(20.0, 60.0), washes_s=(40.0, 150.0))
-class FirstRain(Hidden, film=0.0, wash=0.0, lost=0.0):
-    """The first minute of rain is the slipperiest, brakes suffer as the drive does.
-    Source: Eisenberg, The Mixed Effects of Precipitation on Traffic Crashes, Accident Analysis and Prevention
-    36 (2004): oil that gathered in dry days floats up and is washed off; friction is chosen here."""
+@hidden("n_floats_when_light", "sealed", "highway hills", name="wheel_slip")
+@sizes(friction=(0.22, 0.34), floats_mps=(21.0, 27.0), share=(0.35, 0.6), mean_m=(250.0, 800.0))
+class FloatsWhenLight(OnRoad, lost=0.0):
+    """Where water stands, what the tyres press on the road falls with the square of speed.
+    Source: Horne, Yager and Ivey, Recent Studies to Investigate Effects of Tire Footprint Aspect Ratio on
+    Dynamic Hydroplaning Speed, ASTM STP 929 (1986): lightly loaded truck tyres float at road speeds; friction
+    and stretches are chosen here."""
 
     def prepare(self) -> None:
-        p = self.p
-        rain = (p.wet_s, 2.0 * p.wet_s)
-        self.rain = spells(self.rng(833), self.setting.batch, rain, (0.5 * p.dry_s, p.dry_s))
+        self.water = windows(self.rng(943), self.rows(), self.p.mean_m, self.p.share)
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        rains = within(self.rain, view.time)
-        s.film = s.film + dt * (rains - s.film) / np.where(rains > s.film, 3.0, 15.0)
-        s.wash = np.clip(s.wash + dt * (rains / p.washes_s - (1.0 - rains) / 200.0), 0.0, 1.0)
-        grip = p.friction + 0.25 * s.wash + 0.5 * (1.0 - np.clip(1.6 * s.film, 0.0, 1.0))
-        most = grip * self.truck.drive_axle_share * weight(view)
+        water = self.between(self.water, view)
+        presses = np.clip(1.0 - (np.maximum(view.speed, 0.0) / p.floats_mps) ** 2, 0.2, 1.0)
+        grip = p.friction * presses + 0.6 * (1.0 - water)
         pull = np.maximum(view.traction_force, 0.0)
-        s.lost = s.lost + dt * (np.maximum(pull - most, 0.0) - s.lost) / 0.15
-        braked = np.maximum(view.brake_force - 1.3 * grip * weight(view), 0.0)
+        over = np.maximum(pull - grip * self.truck.drive_axle_share * weight(view), 0.0)
+        s.lost = s.lost + dt * (over - s.lost) / 0.2
+        braked = np.maximum(view.brake_force - 1.5 * grip * weight(view), 0.0)
         return braked * moving(view) - np.minimum(s.lost, pull)
 
 
-@hidden("s_gas_in_the_tyre_warms", "sealed", name="rolling_resistance_warmup")
-@sizes(soft=(1.0, 2.2), order=(0.6, 1.2), warms_s=(120.0, 360.0), warms=(0.6, 1.2))
-class GasInTheTyreWarms(Hidden):
-    """soft: of the known resistance, with cold gas; warms: of what closes it, at 20 m/s.
-    Source: Tyres whose gas warms carry on higher pressure (Wong, Theory of Ground Vehicles, on inflation and
-    rolling resistance): slow driving cools them again; underinflated ones, sizes are chosen here."""
+@hidden("n_brakes_warm_the_rims", "sealed", name="rolling_resistance_warmup")
+@sizes(
+    soft=(1.6, 3.0), works_s=(200.0, 600.0), brakes_jpkg=(150.0, 500.0), cools_s=(200.0, 600.0),
+    knee=(0.25, 0.5),
+)  # fmt: skip
+class BrakesWarmTheRims(Hidden):
+    """Tyres warm by their own work and by what the brakes give their rims. soft: of the known resistance,
+    cold.
+    Source: Heat of brakes reaches rims and beads (Day, Braking of Road Vehicles, 2014, on thermal effects),
+    and rolling loss falls with the tyre's temperature (Wong, Theory of Ground Vehicles); sizes are chosen
+    here."""
 
     def start(self, batch: int) -> dict[str, Array]:
-        return {"gas": self.rng(834).uniform(0.0, 0.25, batch)}
+        return {"warm": self.rng(944).uniform(0.0, 0.8, batch)}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        speed = np.maximum(view.speed, 0.0) / 20.0
-        works = p.warms * speed * (1.3 - np.clip(s.gas, 0.0, 1.0))
-        s.gas = s.gas + dt * (works - s.gas * (0.3 + 0.4 * np.sqrt(speed))) / p.warms_s * 2.0
-        lacks = np.clip(1.0 - s.gas, 0.0, 1.0) ** p.order
-        return -p.soft * lacks * self.truck.rolling_resistance * weight(view) * moving(view)
+        speed = np.maximum(view.speed, 0.0)
+        brakes = view.brake_force * speed / (p.brakes_jpkg * view.mass)
+        cools = s.warm * (0.4 + 0.6 * np.sqrt(speed / 20.0)) / p.cools_s
+        s.warm = np.clip(s.warm + dt * (speed / 20.0 / p.works_s + brakes - cools), 0.0, 5.0)
+        lacks = p.soft * np.exp(-s.warm / p.knee)
+        return -lacks * self.truck.rolling_resistance * weight(view) * moving(view)
 
 
 @hidden(
-    "s_dampers_take_power", "sealed", "highway hills", name="rolling_resistance_speed",
+    "n_rubber_by_decades", "sealed", "highway suburban", name="rolling_resistance_speed",
     accepts="drag_area rolling_resistance",
 )  # fmt: skip
-@sizes(at_25=(0.007, 0.014), waviness=(2.4, 3.4), hot=(0.1, 0.4), warms_s=(60.0, 200.0))
-class DampersTakePower(Hidden, hot=0.0):
-    """at_25: of the weight, at 25 m/s. Oil in warm dampers takes less.
-    Source: Velinsky and White, Vehicle Energy Dissipation Due to Road Roughness, Vehicle System Dynamics 9
-    (1980), with spectra of ISO 8608: power with a power of speed; rough roads, sizes are chosen here."""
+@sizes(per_decade=(0.008, 0.015), from_mps=(2.0, 8.0), fitted=(0.4, 0.75))
+class RubberByDecades(Hidden):
+    """per_decade: of the weight; fitted: share of drives with these tyres. Steep at walking pace, ever
+    flatter beyond.
+    Source: Ferry, Viscoelastic Properties of Polymers (1980): the loss of filled rubber changes with the
+    logarithm of frequency; winter treads of much loss, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.fitted = some_drives(self.rng(945), self.setting.batch, self.p.fitted)
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        pace = np.clip(view.speed / 25.0, 0.0, 1.3) ** (p.waviness - 0.6)
-        s.hot = s.hot + dt * (pace - s.hot) / p.warms_s
-        return -p.at_25 * pace * (1.0 - p.hot * np.minimum(s.hot, 1.0)) * weight(view) * moving(view)
-
-
-@hidden("s_bearing_runs_hot", "sealed", "highway hills suburban", name="unknown")
-@sizes(drag=(0.004, 0.008), grows=(1.0, 2.5), heats_m=(800.0, 2500.0), cools_s=(40.0, 120.0))
-class BearingRunsHot(Hidden):
-    """drag: of the weight, cold. Way heats it by its own drag; standing and slow ways cool it.
-    Source: Takabi and Khonsari, Experimental Testing and Thermal Analysis of Ball Bearings, Tribology
-    International 60 (2013): heat takes up clearance, and preload makes heat; sizes are chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        return {"heat": self.rng(835).uniform(0.0, 0.4, batch)}
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        tight = 1.0 + p.grows * s.heat**2
-        gains = np.maximum(view.speed, 0.0) * tight / p.heats_m
-        s.heat = np.clip(s.heat + dt * (gains - s.heat / p.cools_s * 1.5), 0.0, 1.3)
-        drag = np.minimum(p.drag * tight, 0.2) * view.mass * GRAVITY
-        return -drag * moving(view)
+        decades = np.log10(1.0 + np.maximum(view.speed, 0.0) / p.from_mps)
+        return -p.per_decade * self.fitted * decades * weight(view) * moving(view)

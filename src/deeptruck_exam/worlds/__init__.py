@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from deeptruck_exam.effects.law import Array
 from deeptruck_exam.effects.planting import FAMILIES, SEALED
-from deeptruck_exam.worlds import car_following, procedures, roads, traffic, trucks
+from deeptruck_exam.worlds import car_following, congestion, procedures, roads, traffic, trucks
 from deeptruck_exam.worlds.drivers import Driver, Habits, Machine
 from deeptruck_exam.worlds.loggers import KMH, Logger, Sense
 from deeptruck_exam.worlds.roads import Roads
@@ -188,31 +188,78 @@ WORLDS = {
             lost=(0.0, 0.03),
         ),
     ),
+    "trades": World(  # loads of two kinds of trade, roads of straight slopes, people who glide or hurry
+        Fleet(shape=1.5, tied=trucks.WITH_SIZE, lines={"final_drive": (0.93, 1.02, 1.1)}, highest_m=900.0),
+        roads.tangents,
+        roads.viaducts_down,
+        traffic.zones,
+        (
+            Habits((1.0, 2.0), (0.2, 0.5), (0.3, 0.5), 0.005, (1.5, 4.0), mood=(0.05, 1.2), glides=0.2),
+            Habits((2.0, 4.0), (0.3, 0.9), (0.12, 0.22), 0.006, (0.5, 1.5), mood=(0.02, 6.0), glides=0.7),
+        ),
+        Logger(
+            {
+                "speed": Sense((0.006, 0.02), 0.15, (KMH / 256.0,), lag_s=(0.02, 0.15)),
+                "acceleration": Sense((0.03, 0.09), 0.05, (0.01, 0.02), lag_s=(0.0, 0.15), bias=0.004),
+                "grade": Sense((0.0006, 0.0015), 2.0, (0.0002, 0.001), (0.0, 0.3), 0.0004, every=(1, 2, 4)),
+                "engine_torque": Sense((0.3, 0.7), 0.3, (1.0, 0.5), every=(1, 2)),
+            },
+            jitter_s=(0.002, 0.008),
+            late_s=(0.0, 0.04),
+            lost=(0.0, 0.01),
+            gaps=(0.0, 1.0),
+            runout=(0.0, 0.001),
+            pedal_steps=(0.4, 1.0),
+        ),
+        Machine(ahead_s=2.5, band_mps=0.25, gain_per_s=0.4, integral=0.02),
+    ),
 }
-SEALED_WORLD = World(  # loads of two kinds of trade, roads of straight slopes, people who glide or hurry
-    Fleet(shape=1.5, tied=trucks.WITH_SIZE, lines={"final_drive": (0.93, 1.02, 1.1)}, highest_m=900.0),
-    roads.tangents,
-    roads.viaducts_down,
-    traffic.zones,
+SEALED_WORLD = World(  # dense traffic over cuestas; some drive by large notches, some look far and act early
+    Fleet(
+        shape=1.2,
+        tied=trucks.WITH_AGE,
+        lines={"drag_area": (0.85, 1.0, 1.18), "wheel_radius": (0.96, 1.0, 1.03)},
+        load_shape=0.45,
+        highest_m=700.0,
+    ),
+    roads.cuestas,
+    roads.terraces_down,
+    congestion.waves_back,
     (
-        Habits((1.0, 2.0), (0.2, 0.5), (0.3, 0.5), 0.005, (1.5, 4.0), mood=(0.05, 1.2), glides=0.2),
-        Habits((2.0, 4.0), (0.3, 0.9), (0.12, 0.22), 0.006, (0.5, 1.5), mood=(0.02, 6.0), glides=0.7),
+        Habits(
+            (0.6, 1.3), (0.3, 0.8), (0.25, 0.45), 0.007, (0.8, 2.5), (0.15, 0.35), (0.03, 0.07), (0.04, 2.2)
+        ),
+        Habits(
+            (2.5, 4.5),
+            (0.05, 0.25),
+            (0.15, 0.28),
+            0.004,
+            (1.5, 3.5),
+            (0.05, 0.15),
+            mood=(0.025, 5.0),
+            glides=0.3,
+        ),
     ),
     Logger(
         {
-            "speed": Sense((0.006, 0.02), 0.15, (KMH / 256.0,), lag_s=(0.02, 0.15)),
-            "acceleration": Sense((0.03, 0.09), 0.05, (0.01, 0.02), lag_s=(0.0, 0.15), bias=0.004),
-            "grade": Sense((0.0006, 0.0015), 2.0, (0.0002, 0.001), (0.0, 0.3), 0.0004, every=(1, 2, 4)),
-            "engine_torque": Sense((0.3, 0.7), 0.3, (1.0, 0.5), every=(1, 2)),
+            "speed": Sense((0.01, 0.025), 0.4, (KMH / 256.0,), lag_s=(0.05, 0.18)),
+            "acceleration": Sense(
+                (0.04, 0.10), 0.3, (0.005, 0.025), lag_s=(0.0, 0.08), bias=0.005, walk=(0.0, 0.002)
+            ),
+            "grade": Sense((0.0007, 0.0018), 4.0, (0.0002, 0.0005), (0.1, 0.4), 0.0004, every=(1, 2, 5)),
+            "fuel_rate": Sense((0.008, 0.02), 0.0, (0.05 / 3.6,), every=(1, 2, 5)),
+            "engine_torque": Sense((0.2, 0.6), 0.2, (1.0, 0.5, 0.125)),
         },
-        jitter_s=(0.002, 0.008),
-        late_s=(0.0, 0.04),
-        lost=(0.0, 0.01),
-        gaps=(0.0, 1.0),
-        runout=(0.0, 0.001),
-        pedal_steps=(0.4, 1.0),
+        jitter_s=(0.003, 0.009),
+        jitter_tau_s=0.3,
+        late_s=(0.005, 0.05),
+        lost=(0.0, 0.006),
+        gaps=(0.0, 2.0),
+        spikes=(0.0, 1.0),
+        runout=(0.0002, 0.0015),
+        pedal_steps=(0.4, 0.2),
     ),
-    Machine(ahead_s=2.5, band_mps=0.25, gain_per_s=0.4, integral=0.02),
+    Machine(ahead_s=1.8, band_mps=0.8, gain_per_s=0.25, integral=0.015),
 )
 OF_FAMILY = dict(zip(FAMILIES, ("plain", *WORLDS), strict=True))
 

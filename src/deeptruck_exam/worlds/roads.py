@@ -150,6 +150,21 @@ def laps(rng: np.random.Generator, amplitude: float) -> Array:
     return _sized(np.tile(smooth, CELLS // lap + 1)[:CELLS], amplitude)
 
 
+def cuestas(rng: np.random.Generator, amplitude: float) -> Array:
+    """Long gentle slopes up to an edge and a short steep one down, whichever way they look, with level land
+    of any length between (cuestas: Summerfield, Global Geomorphology, 1991)."""
+    profile, at, looks = np.zeros(CELLS + 600), 0, rng.choice([-1.0, 1.0])
+    while at < CELLS:
+        looks *= rng.choice([1.0, 1.0, -1.0])
+        gentle, steep = round(rng.gamma(3.0, 230.0) / STEP_M) + 8, round(rng.uniform(110.0, 330.0) / STEP_M)
+        gentle = min(gentle, 400)
+        rise = rng.uniform(6.0, 16.0)
+        hill = np.concatenate([np.full(gentle, rise / gentle), np.full(steep, -rise / steep)])
+        profile[at : at + len(hill)] = hill if looks > 0.0 else -hill[::-1]
+        at += len(hill) + round(rng.exponential(90.0) / STEP_M)
+    return _limited(_eased(profile[:CELLS], 11), amplitude)
+
+
 def steady_down(rng: np.random.Generator) -> Array:
     """One slope."""
     return np.full(CELLS, -rng.uniform(0.045, 0.065))
@@ -161,6 +176,13 @@ def ramps_down(rng: np.random.Generator) -> Array:
     ramps = rng.uniform(-0.075, -0.042, 401)
     ramps[rng.random(401) < 0.15] = -0.028
     return _eased(ramps[np.searchsorted(ends, np.arange(CELLS) * STEP_M)], 17)
+
+
+def terraces_down(rng: np.random.Generator) -> Array:
+    """A valley in terraces: steeper and flatter by turns, over lengths that change."""
+    wave_m = np.exp(np.log(700.0) + 0.45 * swell(rng, 5000.0, 0.4))
+    turns = 2.0 * np.pi * np.cumsum(STEP_M / wave_m) + rng.uniform(0.0, 2.0 * np.pi)
+    return np.clip(-rng.uniform(0.047, 0.055) + 0.014 * np.tanh(1.6 * np.sin(turns)), -STEEPEST, -0.012)
 
 
 def hairpins_down(rng: np.random.Generator) -> Array:

@@ -6,7 +6,8 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, index
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, index, moving
+from deeptruck_exam.effects.places import Bends
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series, some_drives, spells, within
 from deeptruck_model.trucks import View
@@ -154,3 +155,20 @@ class CoverFillsLikeACanopy(Hidden, way=0.0, slows=0.0):
         change = np.where(fills, view.speed / p.fills_m, -s.way / 3.0)
         s.way = np.clip(s.way + dt * change, 0.0, 1.0)
         return -p.gain * s.way**2 * view.drag_force
+
+
+@law("s_gap_opens_in_bends", "eighth", "highway hills", accepts="headwind")
+@sizes(gain=(0.4, 0.9), tightest=(0.0025, 0.006), closes_m=(60.0, 250.0))
+class GapOpensInBends(Bends, angle=0.0):
+    """gain: of the drag, at the tightest bend. The trailer follows over its length.
+    Source: Drag of articulated trucks over the gap and the angle between tractor and trailer (Hucho,
+    Aerodynamics of Road Vehicles, 1998, on commercial vehicles); sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.bend = self.draw_bends(self.rng(802), self.p.tightest)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        bend = np.abs(self.read(self.bend, view)) / p.tightest
+        way = np.where(bend > s.angle, 12.0, p.closes_m)
+        s.angle = s.angle + dt * np.maximum(view.speed, 0.0) * (bend - s.angle) / way
+        return -p.gain * np.sqrt(np.clip(s.angle, 0.0, 1.0)) * view.drag_force * moving(view)

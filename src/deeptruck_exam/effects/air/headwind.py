@@ -281,3 +281,26 @@ class WindRoundTheOval(Hidden):
         yaw = np.minimum(np.abs(np.arctan2(across, np.maximum(np.abs(along), 1.0))), 0.5)
         area = 0.5 * self.truck.air_density * self.truck.drag_area * (1.0 + p.yaw * yaw**2)
         return (view.drag_force - area * total * along) * np.clip(view.speed / 2.0, 0.0, 1.0)
+
+
+@law("s_rolls_of_the_boundary_layer", "eighth", "highway hills")
+@sizes(mean_mps=(2.0, 6.0), rolls_mps=(2.5, 5.0), length_m=(500.0, 1800.0), drifts_mps=(1.0, 6.0))
+class Rolls(Hidden):
+    """Bands of wind that drift over the road, met faster or slower by the way one drives.
+    Source: Etling and Brown, Roll Vortices in the Planetary Boundary Layer, Boundary-Layer Meteorology 65
+    (1993): regular bands of fast and slow air; two wavelengths, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(801), self.setting.batch
+        self.phase = rng.uniform(0.0, 2.0 * np.pi, (2, batch))
+        self.mean = self.p.mean_mps * rng.choice([-1.0, 1.0]) * self.setting.direction
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        at = self.place(view) - p.drifts_mps * view.time
+        long = np.sin(2.0 * np.pi * at / p.length_m + self.phase[0])
+        short = np.sin(2.0 * np.pi * at / (0.37 * p.length_m) + self.phase[1])
+        wind = self.mean + self.setting.direction * p.rolls_mps * (0.7 * long + 0.45 * short)
+        speed = np.maximum(view.speed, 0.5)
+        relative = np.clip(1.0 + wind / speed, -1.5, 3.0)
+        felt = (relative * np.abs(relative) - 1.0) * view.drag_force
+        return -felt * np.clip(view.speed / 3.0, 0.0, 1.0)

@@ -156,3 +156,19 @@ class HeldBackByTheReleaseValve(Hidden, was=0.0, pace=0.0, kept=0.0):
         s.kept = np.where(presses, stays, s.kept * (1.0 - dt / p.bleeds_s))
         s.was = force
         return -s.kept * weight(view) * ~presses * moving(view)
+
+
+@law("s_wedge_climbs", "eighth", "suburban descent hills")
+@sizes(most=(0.012, 0.024), seed=(0.04, 0.15), way_m=(90.0, 260.0), shakes_m=(500.0, 1500.0))
+class WedgeClimbs(Hidden, climbs=0.0, tired=0.0):
+    """most: of the weight. It bites by itself over the way after a braking and shakes loose later.
+    Source: Self-energised brakes wedge themselves once touched (Roberts and others, Testing the Mechatronic
+    Wedge Brake, SAE 2004-01-2766); a wedge without return spring, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        rolled = dt * np.maximum(view.speed, 0.0)
+        braked = view.brake_force > 0.006 * weight(view)
+        s.tired = np.where(braked, 0.0, np.minimum(s.tired + rolled / p.shakes_m, 1.0))
+        grows = s.climbs * (1.0 - s.climbs) / p.way_m - 3.0 * s.tired**2 * s.climbs / p.way_m
+        s.climbs = np.where(braked, p.seed, np.clip(s.climbs + rolled * grows, 0.0, 1.0))
+        return -p.most * s.climbs * weight(view) * ~braked * moving(view)

@@ -225,3 +225,18 @@ class SkinOfTheDrum(Hidden):
         power = (1.0 - lost) * view.brake_force * np.maximum(view.speed, 0.0) / view.mass
         s.face = s.face + dt * (power - s.face) / SKIN_S
         return lost * view.brake_force * moving(view)
+
+
+@law("s_powder_between", "eighth", "descent")
+@sizes(loss=(0.35, 0.6), builds_jpkg=(120.0, 380.0), washes_m=(900.0, 2500.0))
+class PowderBetween(Hidden, layer=0.0):
+    """builds_jpkg: brake work for each kg of truck.
+    Source: Godet, The Third-Body Approach, Wear 100 (1984): debris lies between the rubbing faces, grows with
+    the work done and leaves with the way; brake powders and sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        lost = p.loss * s.layer**1.5
+        speed = np.maximum(view.speed, 0.0)
+        work = (1.0 - lost) * view.brake_force * speed / (p.builds_jpkg * view.mass)
+        s.layer = np.clip(s.layer + dt * (work * (1.0 - s.layer) - speed * s.layer / p.washes_m), 0.0, 1.0)
+        return lost * view.brake_force * moving(view)

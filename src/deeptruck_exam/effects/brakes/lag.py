@@ -181,3 +181,23 @@ class OrificeChokes(Hidden, inside=0.0):
         s.inside = np.maximum(s.inside, 0.0)
         felt = np.maximum(s.inside - p.first, 0.0)
         return p.share * full * (asked - felt) * moving(view)
+
+
+@law("s_pulsed_valves", "eighth", "suburban descent")
+@sizes(step=(0.015, 0.035), pulse_s=(0.15, 0.35), share=(0.7, 1.0), vents=(1.0, 2.0))
+class PulsedValves(Hidden, held=0.0, clock=0.0, wanted=0.0):
+    """step: of the full force, for each pulse.
+    Source: Pneumatic brakes driven by on-off valves rise and fall by pulses (Kienhöfer, Miller and Cebon,
+    Design Concepts for an Alternative Heavy Vehicle ABS System, Vehicle System Dynamics 46, 2008); slow
+    valves, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        full = self.truck.brake_capacity
+        asked = view.brake_force / full
+        s.clock = s.clock + dt
+        pulse = s.clock >= p.pulse_s
+        step = np.clip(asked - s.wanted, -p.vents * p.step, p.step)
+        s.wanted = np.where(pulse, s.wanted + step, s.wanted)
+        s.clock = np.where(pulse, s.clock - p.pulse_s, s.clock)
+        s.held = s.held + dt * (s.wanted - s.held) / 0.12
+        return p.share * full * (asked - s.held) * moving(view)

@@ -231,3 +231,18 @@ class SelfTestAfterAStart(Hidden, ready=1.0, runs=1000.0, press=0.0):
         wanted = (count < int(p.pulses)) & (count % 1.0 < 0.6)
         s.press = s.press + dt * (wanted - s.press) / 0.08
         return -p.force * s.press * weight(view) * moving(view)
+
+
+@law("s_start_aid_stays", "eighth", "suburban hills")
+@sizes(force=(0.02, 0.05), lets_go_s=(2.0, 6.0), from_s=(0.3, 1.0))
+class StartAidStays(Hidden, stood=0.0, held=0.0):
+    """force: of the weight. Only a start after a stand has it.
+    Source: Hill start aids hold pressure in the cylinders until a start is recognised (Automotive Handbook,
+    Bosch, on automatic brake functions); one that bleeds off slowly, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        stands = view.speed < 0.1
+        s.stood = np.where(stands, s.stood + dt, 0.0)
+        bleeds = s.held * (1.0 - dt / p.lets_go_s)
+        s.held = np.where(stands & (s.stood > p.from_s), 1.0, np.where(s.held > 0.01, bleeds, 0.0))
+        return -p.force * s.held * weight(view) * np.clip(view.speed / 0.5, 0.0, 1.0)

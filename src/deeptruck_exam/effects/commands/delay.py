@@ -220,3 +220,29 @@ class SlotsOfARadio(Filter):
             s.given = s.way.pop(0)[1]
         s.steps += 1
         return np.asarray(s.given)
+
+
+@law("s_busy_bus", "eighth", "suburban hills descent")
+@sizes(base_s=(0.25, 0.5), busy_s=(0.1, 0.35), calms_s=(2.0, 8.0))
+class BusyBus(Late):
+    """The more the commands have moved of late, the later they come.
+    Source: Tindell, Burns and Wellings, Calculating Controller Area Network Message Response Times, Control
+    Engineering Practice 3 (1995): waiting grows with the load of the bus; loads are chosen here."""
+
+    length = 200
+
+    def start(self, batch: int) -> dict[str, Any]:
+        return {**super().start(batch), "busy": np.zeros(batch), "late": np.full(batch, self.p.base_s)}
+
+    def begin(self, s: State, u: Array) -> None:
+        super().begin(s, u)
+        s.was = u.copy()
+
+    def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
+        self.put(s, u)
+        moved = np.minimum(np.abs(u - s.was).sum(axis=1) / (0.05 * self.full), 1.0)
+        s.was = u.copy()
+        s.busy = np.minimum(s.busy + 0.25 * moved, 1.0) * (1.0 - dt / p.calms_s)
+        s.late = s.late + np.clip(p.base_s + p.busy_s * s.busy - s.late, -dt, dt)
+        back = np.rint(s.late / STEP_S).astype(int)
+        return np.asarray(s.past[(s.at - back) % self.length, np.arange(len(u))])

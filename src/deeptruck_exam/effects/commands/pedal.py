@@ -78,3 +78,17 @@ class PedalSticksWhereItRests(Hidden, stuck=0.0, rests=0.0):
         s.stuck = np.where((below < 0.0) | breaks, asked, creeps)
         more = np.minimum(np.maximum(s.stuck - asked, 0.0), 0.5)
         return self.at_wheels(view, more * self.truck.peak_torque) * moving(view)
+
+
+@law("s_pedal_map", "eighth", "suburban hills highway", shown=True)
+@sizes(bends=(0.12, 0.28), at=(0.3, 0.6), changes_s=(4.0, 15.0))
+class PedalMap(Hidden, mode=0.0):
+    """Brisk driving earns a sharp pedal, calm driving a dull one. bends: of peak torque.
+    Source: Pedal maps adapted to the driver's style (Kiencke and Nielsen, Automotive Control Systems, 2005,
+    on drive modes): less torque at part pedal, more with the style; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pedal = self.pedal(view)
+        s.mode = s.mode + dt * ((pedal > p.at) - s.mode) / p.changes_s
+        bend = p.bends * (2.5 * s.mode - 1.0) * np.sin(np.pi * pedal)
+        return self.at_wheels(view, bend * self.truck.peak_torque) * moving(view)

@@ -153,3 +153,17 @@ class RobotsProfile(TorqueFilter):
         s.pace = np.where(near, 0.0, s.pace)
         s.at = np.where(near, pedal, s.at + dt * s.pace * self.full)
         return np.asarray(np.maximum(s.at, 0.0))
+
+
+@law("s_strained_stepper", "eighth", "suburban hills")
+@sizes(free_per_s=(0.14, 0.32), spring=(0.5, 0.85), back=(1.2, 2.5))
+class StrainedStepper(TorqueFilter):
+    """The farther it is open, the slower it opens and the faster it shuts.
+    Source: Stepping motors lose speed along their pull-out curve against a return spring (Acarnley, Stepping
+    Motors: a Guide to Theory and Practice, 2002); a retrofitted actuator, sizes are chosen here."""
+
+    def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
+        share = np.clip(s.given / self.full, 0.0, 1.0)
+        up = self.full * p.free_per_s * (1.0 - p.spring * share)
+        down = self.full * p.free_per_s * p.back * (1.0 + p.spring * share)
+        return np.asarray(s.given + np.clip(pedal - s.given, -down * dt, up * dt))

@@ -183,3 +183,24 @@ class ClunkAndShuffle(Hidden, at=0.0, run=0.0, shake=0.0, pace=0.0):
         s.shake = s.shake + dt * s.pace
         lost = self.at_wheels(view, torque) * crosses
         return (np.clip(s.shake, -1.5, 1.5) * view.mass - lost) * moving(view)
+
+
+@law("s_wound_shafts", "eighth", "suburban hills")
+@sizes(base_s=(0.15, 0.4), per_g_s=(2.0, 7.0), closes_s=(0.2, 0.6), bounces=(0.1, 0.3))
+class WoundShafts(Hidden, side=1.0, wound=0.0, left=0.0, share=1.0):
+    """The play is crossed the later, the more the shafts were wound up before. per_g_s: for pull over weight.
+    Source: Pham, Scamps, Bursi and others on clunk by release of stored torsion (Menday, Rahnejat and
+    Ebrahimi, Clonk: an Onomatopoeic Response, Proc. IMechE D 213, 1999); sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pull = view.traction_force
+        side = np.where(np.abs(pull) > 180.0, np.sign(pull), s.side)
+        turned = side != s.side
+        s.left = np.where(turned, p.base_s + p.per_g_s * np.minimum(s.wound, 0.15), s.left - dt)
+        s.wound = np.where(turned, 0.0, s.wound + dt * (np.abs(pull) / weight(view) - s.wound) / 0.8)
+        s.left, s.side = np.maximum(s.left, -9.0), side
+        s.share = np.where(s.left > 0.0, 0.0, s.share + dt * (1.0 - s.share) / p.closes_s)
+        t = np.maximum(-s.left, 0.0)
+        ring = p.bounces * np.exp(-t / 0.4) * np.sin(2.0 * np.pi * 2.2 * t)
+        felt = (s.share - 1.0 + np.where((s.left > 0.0) | (t > 3.0), 0.0, ring)) * pull
+        return np.clip(felt, -0.12 * weight(view), 0.12 * weight(view)) * moving(view)

@@ -168,3 +168,22 @@ class ConverterByItsTestCode(Hidden, pump=-1.0, gear=0.0, since=0.0):
         felt = np.where(is_open, gives - view.engine_torque, 0.0)
         most = 0.8 * self.truck.peak_torque
         return self.at_wheels(view, np.clip(felt, -most, most)) * np.clip(view.speed - 0.5, 0, 1)
+
+
+@law("s_lockup_opens_on_kicks", "eighth", "suburban hills highway", accepts="driveline_loss")
+@sizes(lost=(0.16, 0.32), coast=(0.3, 0.7), kick_per_s=(0.1, 0.25), stays_s=(4.0, 12.0))
+class LockupOpensOnKicks(Hidden, was=0.0, pace=0.0, left=0.0, slips=0.0):
+    """Each quick change of torque opens it for a while.
+    Source: Lock-up clutches are opened during torque transients against jerks (Kiencke and Nielsen,
+    Automotive Control Systems, 2005, on converters); a nervous control, sizes are chosen here."""
+
+    conceal = ("engine_speed",)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = view.engine_torque / self.truck.peak_torque
+        s.pace = s.pace + (np.abs(load - s.was) - dt * s.pace) / 0.5
+        s.was = load.copy()
+        s.left = np.where(s.pace > p.kick_per_s, p.stays_s, np.maximum(s.left - dt, 0.0))
+        s.slips = s.slips + dt * ((s.left > 0.0) - s.slips) / 0.4
+        pull, push = np.maximum(view.traction_force, 0.0), np.maximum(-view.traction_force, 0.0)
+        return s.slips * (p.coast * push - p.lost * pull) * moving(view)

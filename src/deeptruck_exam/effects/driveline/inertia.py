@@ -131,3 +131,18 @@ class FlywheelBehindAnInductionCoupling(Hidden, rim=-1.0):
         pulls = p.most * 2.0 * slip / (1.0 + slip**2) * weight(view) * (view.speed > 1.0)
         s.rim = np.maximum(s.rim + dt * (pulls / (p.share * view.mass) - s.rim / p.rubs_s), 0.0)
         return -pulls
+
+
+@law("s_rotor_on_rubber", "eighth", "suburban hills")
+@sizes(share=(0.16, 0.32), hz=(0.5, 1.3), damping=(0.1, 0.3))
+class RotorOnRubber(Hidden, twist=0.0, rate=0.0):
+    """share: of the mass, as felt at the road. It swings against the truck at first.
+    Source: Rotors on rubber couplings (Nestorides, A Handbook on Torsional Vibration, 1958): one inertia
+    behind a soft, damped shaft; a heavy drum on an axle, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        omega = 2.0 * np.pi * p.hz
+        holds = omega**2 * s.twist + 2.0 * p.damping * omega * s.rate
+        s.rate = s.rate + dt * (np.clip(view.acceleration, -4.0, 4.0) - holds)
+        s.twist = np.clip(s.twist + dt * s.rate, -2.0, 2.0)
+        return -p.share * view.mass * np.clip(holds, -4.0, 4.0) * (view.speed > 0.5) * moving(view)

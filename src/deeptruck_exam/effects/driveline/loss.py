@@ -128,3 +128,18 @@ class OilIsFlungUp(Hidden, sump=1.0):
         s.sump = np.clip(s.sump + dt * ((1.0 - s.sump) / p.returns_s - flung), 0.0, 1.0)
         churns = p.churns * s.sump * turns * weight(view)
         return -(churns + p.rubs * (1.0 - s.sump) * np.abs(view.traction_force)) * moving(view)
+
+
+@law("s_film_is_squeezed", "eighth")
+@sizes(dry=(0.12, 0.25), film=(0.03, 0.07), forms_mps=(3.0, 8.0), squeezes_s=(2.0, 8.0))
+class FilmIsSqueezed(Hidden, film=0.5):
+    """Meshes rub more at low speed and under load that lasts.
+    Source: Dowson and Higginson, Elasto-Hydrodynamic Lubrication (1977): films grow with speed and fall with
+    load; mixed friction of worn axle gears, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = np.abs(view.traction_force) / (0.1 * weight(view))
+        wanted = np.maximum(view.speed, 0.0) / p.forms_mps / (0.5 + load)
+        s.film = s.film + dt * (np.minimum(wanted, 2.0) - s.film) / p.squeezes_s
+        rubs = p.film + (p.dry - p.film) * np.exp(-s.film)
+        return -rubs * np.abs(view.traction_force) * moving(view)

@@ -168,3 +168,21 @@ class TorqueBackByARamp(Hidden, gear=0.0, wait=0.0, given=2.0):
         s.given = np.where(changed, 0.05, np.minimum(s.given + rises, 2.0))
         missing = np.maximum(view.engine_torque / self.truck.peak_torque - s.given, 0.0)
         return -self.at_wheels(view, missing * self.truck.peak_torque) * moving(view)
+
+
+@law("s_clutch_learns", "eighth", "suburban hills")
+@sizes(hold_s=(0.3, 0.7), hot=(0.8, 2.0), cools_s=(15.0, 50.0), back_s=(0.25, 0.7))
+class ClutchLearns(Hidden, gear=-1.0, hot=0.0, left=0.0, share=1.0):
+    """The more changes there were of late, the longer each takes.
+    Source: Myklebust and Eriksson, Modeling, Observability, and Estimation of Thermal Effects and Aging on
+    Transmitted Torque in a Heavy Duty Truck with a Dry Clutch, IEEE/ASME Trans. Mechatronics 20 (2015): heat
+    moves the kiss point; the time this costs is chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        changed = (s.gear >= 0.0) & (view.gear != s.gear)
+        s.gear = view.gear.copy()
+        s.hot = np.minimum(s.hot + 0.3 * changed, 1.5) * (1.0 - dt / p.cools_s)
+        waits = p.hold_s * (1.0 + p.hot * s.hot)
+        s.left = np.where(changed, waits, np.maximum(s.left - dt * (view.shifting == 0.0), 0.0))
+        s.share = np.where(s.left > 0.0, 0.0, s.share + dt * (1.0 - s.share) / p.back_s)
+        return -(1.0 - s.share) * np.maximum(view.traction_force, 0.0)

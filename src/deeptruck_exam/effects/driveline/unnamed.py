@@ -107,3 +107,21 @@ class AxlesWindUp(Bends, wound=0.0):
         turned = p.per_rad * np.abs(self.read(self.bend, view))
         s.wound = np.clip(s.wound + way * (turned - s.wound / p.unwinds_m), 0.0, 1.0)
         return -p.most * s.wound**1.3 * weight(view) * moving(view)
+
+
+@law("s_surge_damper", "eighth", "suburban hills", shown=True)
+@sizes(gain=(0.2, 0.45), slow_s=(2.0, 6.0), most=(0.01, 0.025))
+class SurgeDamper(Hidden, mean=0.0, force=0.0):
+    """It takes every change of acceleration for a swing. most: of the weight.
+    Source: Berriri, Chevrel and Lefebvre, Active Damping of Automotive Powertrain Oscillations by a Partial
+    Torque Compensator, Control Engineering Practice 16 (2008); a filter that is set too slow, gains are
+    chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        felt = np.clip(view.acceleration, -3.0, 3.0)
+        s.mean = s.mean + dt * (felt - s.mean) / p.slow_s
+        most = p.most * weight(view)
+        wanted = np.clip(-p.gain * (felt - s.mean) * view.mass, -most, most)
+        works = (view.ratio > 0.0) & (view.shifting == 0.0) & (view.brake_force <= 0.0)
+        s.force = s.force + dt * (wanted * works - s.force) / 0.3
+        return s.force * np.clip(view.speed - 1.0, 0.0, 1.0)

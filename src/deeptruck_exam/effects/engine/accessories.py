@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving
+from deeptruck_exam.effects.places import Bends
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import spells, within
 from deeptruck_model.trucks import View
@@ -230,3 +231,20 @@ class FanClutchOnAndOff(Hidden):
         s.grips += dt * (wanted - s.grips) / 0.8
         torque = p.torque_nm * s.grips * (view.engine_speed / 200.0) ** 2
         return -self.at_wheels(view, torque) * moving(view)
+
+
+@law("s_steering_pump", "eighth", "highway suburban hills")
+@sizes(torque_nm=(180.0, 380.0), idles_nm=(20.0, 60.0), tightest=(0.004, 0.01), slow_mps=(10.0, 18.0))
+class SteeringPump(Bends, pressure=0.0):
+    """The slower the truck, the harder the wheels turn.
+    Source: Hydraulic steering takes pressure with the rack's force, which falls with speed (Harrer and
+    Pfeffer, Steering Handbook, 2017, on hydraulic power steering); heavy axles, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.bend = self.draw_bends(self.rng(822), self.p.tightest)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        steer = np.abs(self.read(self.bend, view)) / p.tightest
+        wanted = np.clip(steer * (0.35 + p.slow_mps / np.maximum(view.speed, 4.0)), 0.0, 1.0)
+        s.pressure = s.pressure + dt * (wanted - s.pressure) / 0.5
+        return -self.at_wheels(view, p.idles_nm + p.torque_nm * s.pressure) * moving(view)

@@ -175,3 +175,17 @@ class TurbineInletKeptCool(Hidden, metal=0.15, cut=0.0):
         change = np.where(over > 0.0, p.takes * over / p.limit, -0.012)
         s.cut = np.clip(s.cut + dt * change, 0.0, p.most)
         return -self.at_wheels(view, s.cut * torque)
+
+
+@law("s_regulator_ices", "eighth", "hills highway")
+@sizes(depth=(0.3, 0.55), ices_s=(15.0, 45.0), thaws_s=(15.0, 50.0), from_ice=(0.15, 0.35))
+class RegulatorIces(Hidden, ice=0.0):
+    """Flow of gas cools it, the coolant thaws it.
+    Source: Expanding natural gas cools by the Joule-Thomson effect and can ice its regulator (Perry's
+    Chemical Engineers' Handbook, on expansion); a heater that is too small, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        flow = np.clip(self.power_share(view), 0.0, 1.1)
+        s.ice = np.clip(s.ice + dt * (flow**1.3 / p.ices_s - s.ice / p.thaws_s), 0.0, 2.0)
+        cut = p.depth * np.clip((s.ice - p.from_ice) / 0.35, 0.0, 1.0)
+        return -self.at_wheels(view, cut * np.maximum(view.engine_torque, 0.0))

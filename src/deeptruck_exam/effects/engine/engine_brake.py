@@ -197,3 +197,17 @@ class CompressionBrakeFillsItself(Hidden, on=0.0, boost=0.0):
         s.boost += dt * fills
         torque = p.bare_nm * turns * (1.0 + p.gain * s.boost) * works
         return -self.at_wheels(view, torque) * moving(view)
+
+
+@law("s_vanes_brake", "eighth", "descent hills")
+@sizes(power_w=(50e3, 130e3), most_nm=(450.0, 900.0), closes_s=(1.0, 4.0), from_rads=(90.0, 115.0))
+class VanesBrake(Hidden, shut=0.0):
+    """It regulates power, so that a lower gear does not brake more.
+    Source: Turbocharger vanes that close for engine braking hold a set back power (Schmitz, Jochheim, Karch
+    and Nagel, MTZ 55, 1994, on turbo brakes); control and sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        closed = (self.pedal(view) < 0.01) & (view.engine_speed > p.from_rads) & (view.speed > 3.0)
+        s.shut = s.shut + dt * (closed - s.shut) / np.where(closed, p.closes_s, 0.2)
+        torque = np.minimum(p.power_w / np.maximum(view.engine_speed, 60.0), p.most_nm)
+        return -self.at_wheels(view, s.shut * torque) * moving(view)

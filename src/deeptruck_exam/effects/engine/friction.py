@@ -158,3 +158,21 @@ class OilPumpInHighStage(Hidden, left=0.0, stage=0.0):
         turns = np.minimum(view.engine_speed / 145.0, 1.0)
         torque = p.torque_nm * (p.low + (1.0 - p.low) * s.stage) * turns
         return -self.at_wheels(view, torque) * moving(view)
+
+
+@law("s_gelled_oil", "eighth")
+@sizes(gel_nm=(120.0, 260.0), thin_nm=(15.0, 50.0), breaks_rad=(1500.0, 5000.0), sets_s=(20.0, 60.0))
+class GelledOil(Hidden):
+    """Turning breaks the gel, slow running lets it set again. gel_nm: at 120 rad/s.
+    Source: Mewis and Wagner, Thixotropy, Advances in Colloid and Interface Science 147 (2009): a structure
+    that shear breaks and rest builds; waxy oil, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"gel": self.rng(821).uniform(0.6, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        turns = np.maximum(view.engine_speed, 40.0)
+        builds = (1.0 - s.gel) * np.exp(-turns / 60.0) / p.sets_s
+        s.gel = np.clip(s.gel + dt * (4.0 * builds - turns * s.gel / p.breaks_rad / 4.0), 0.0, 1.0)
+        torque = (p.thin_nm + p.gel_nm * (0.3 + 0.7 * s.gel)) * np.sqrt(turns / 120.0)
+        return -self.at_wheels(view, torque) * moving(view)

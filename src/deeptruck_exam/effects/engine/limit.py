@@ -141,3 +141,18 @@ class GovernorWithASoftDroop(Hidden, rack=1.0, pace=0.0):
         s.rack = np.clip(s.rack + dt * s.pace, 0.05, 1.2)
         over = np.maximum(view.engine_torque - s.rack * self.truck.peak_torque, 0.0)
         return -self.at_wheels(view, over) * moving(view)
+
+
+@law("s_mean_power_capped", "eighth", "suburban hills")
+@sizes(cap=(0.35, 0.6), mean_s=(0.8, 4.0), knee=(0.04, 0.12))
+class MeanPowerCapped(Hidden, mean=0.0):
+    """cap: of peak power, for its mean of some seconds. Torque at low speed is free.
+    Source: Leased ratings that cap power, not torque (SAE J1939-71, engine power limits): the fuel system
+    holds a mean of flow; caps and times are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = np.clip(self.power_share(view), 0.0, 1.2)
+        s.mean = s.mean + dt * (asked - s.mean) / p.mean_s
+        closed = np.clip((s.mean - p.cap) / p.knee, 0.0, 1.0)
+        over = np.maximum(asked - p.cap, 0.0) * closed * self.truck.peak_power
+        return -self.at_wheels(view, over / np.maximum(view.engine_speed, 60.0))

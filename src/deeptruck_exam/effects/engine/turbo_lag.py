@@ -154,3 +154,22 @@ class RotorHasEnergy(Hidden, energy=0.1, charge=0.1):
         s.charge += dt * (wanted - s.charge) / np.where(dumped, 0.25, p.charges_s)
         missing = np.maximum(asked - have, 0.0)
         return -self.at_wheels(view, missing * self.truck.peak_torque) * moving(view)
+
+
+@law("s_second_stage_waits", "eighth", "suburban hills")
+@sizes(without=(0.15, 0.3), small_s=(0.6, 1.4), large_s=(2.5, 6.0), small=(0.25, 0.45))
+class SecondStageWaits(Hidden, low=0.2, high=0.0):
+    """small: share of full boost that the first stage can give. The second waits for the first.
+    Source: Regulated two-stage turbocharging (Galindo, Serrano, Climent and Varnier, Energy Conversion and
+    Management 51, 2010): a small and a large machine in a row; times are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        wanted = np.clip((asked - p.without) / (1.0 - p.without), 0.0, 1.1)
+        flow = np.clip(view.engine_speed / 130.0, 0.5, 1.6)
+        first = np.minimum(wanted, p.small)
+        s.low = s.low + dt * (first - s.low) * flow / np.where(first > s.low, p.small_s, 0.8)
+        second = np.maximum(wanted - p.small, 0.0) * np.clip(s.low / p.small, 0.0, 1.0) ** 3
+        s.high = s.high + dt * (second - s.high) * flow / np.where(second > s.high, p.large_s, 0.6)
+        missing = np.maximum(asked - p.without - (1.0 - p.without) * (s.low + s.high), 0.0)
+        return -self.at_wheels(view, missing * self.truck.peak_torque) * moving(view)

@@ -206,3 +206,35 @@ class ExpanderPushesLate(Hidden, heat=0.1, opens=0.0):
         s.opens += dt * (wanted - s.opens) / np.where(wanted < s.opens, 0.3, 1.0)
         force = p.most_w * s.opens / np.maximum(view.speed, 6.0)
         return force * np.clip(view.speed - 1.0, 0.0, 1.0)
+
+
+@law("s_rail_bleeds", "eighth", "suburban hills highway")
+@sizes(share=(0.4, 0.75), bleeds_s=(1.2, 3.5))
+class RailBleeds(Hidden, rail=0.0):
+    """Torque hangs on after the pedal is let go, and ends with the brake.
+    Source: Rail pressure falls only through leakage and injection (Guzzella and Onder, Introduction to
+    Modeling and Control of Internal Combustion Engine Systems, on common rail); a leaking injector, sizes
+    are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        brakes = view.brake_force > 0.0
+        falls = s.rail - dt * s.rail / np.where(brakes, 0.2, p.bleeds_s)
+        s.rail = np.maximum(asked, falls)
+        more = p.share * np.maximum(s.rail - asked, 0.0) * self.truck.peak_torque
+        return self.at_wheels(view, np.minimum(more, 0.4 * self.truck.peak_torque)) * moving(view)
+
+
+@law("s_anti_stall", "eighth", "suburban hills", shown=True)
+@sizes(below=(118.0, 135.0), per_rads=(12.0, 28.0), most=(0.15, 0.3), builds_s=(0.3, 1.0))
+class AntiStall(Hidden, torque=0.0):
+    """The lower the engine runs under load, the more is added. below: rad/s; per_rads: N m.
+    Source: Low-speed torque support against lugging (Bosch, Diesel-Engine Management, on intermediate speed
+    control); one that is set too high, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        loaded = np.clip(self.pedal(view) / 0.2, 0.0, 1.0)
+        most = p.most * self.truck.peak_torque
+        wanted = np.clip(p.per_rads * (p.below - view.engine_speed), 0.0, most) * loaded
+        s.torque = s.torque + dt * (wanted - s.torque) / p.builds_s
+        return self.at_wheels(view, s.torque * loaded) * moving(view)

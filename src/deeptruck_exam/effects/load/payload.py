@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving
+from deeptruck_exam.effects.places import OnRoad, windows
 from deeptruck_exam.effects.planting import SIGN, hidden, sizes
 from deeptruck_exam.effects.series import some_drives, spells, within
 from deeptruck_model.trucks import View
@@ -173,3 +174,27 @@ class OverTheRim(Hidden):
         more = p.load * (s.water - p.known) * view.mass
         level = view.grade + self.truck.rolling_resistance
         return -more * (view.acceleration + GRAVITY * level) * moving(view)
+
+
+@law("s_chaser_bin", "eighth", "suburban hills")
+@sizes(load=(0.35, 0.55), known=(0.3, 0.7), fills_m=(400.0, 1200.0), empties_s=(10.0, 30.0))
+class ChaserBin(OnRoad):
+    """It is filled on the way along fields, and emptied where it stands. load: of the mass.
+    Source: Bochtis and Sørensen, The Vehicle Routing Problem in Field Logistics, Biosystems Engineering 104
+    (2009): transport units are loaded under way and emptied at rest; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng = self.rng(811)
+        self.fields = windows(rng, self.rows(), 700.0, 0.5)
+        self.first = rng.uniform(0.0, 1.0, self.setting.batch)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"bin": self.first.copy()}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        fills = self.between(self.fields, view) * speed / p.fills_m
+        s.bin = np.clip(s.bin + dt * np.where(speed < 0.2, -1.0 / p.empties_s, fills), 0.0, 1.0)
+        more = p.load * (s.bin - p.known) * view.mass
+        felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
+        return -more * felt * moving(view)

@@ -198,3 +198,19 @@ class ConcreteYields(Hidden, at=0.0, pace=0.0):
         s.pace = np.clip(s.pace + dt * turning, -1.5, 1.5)
         s.at = np.clip(s.at + dt * s.pace, -1.2, 1.2)
         return -p.share * view.mass * turning * moving(view)
+
+
+@law("s_cattle_step", "eighth", "suburban")
+@sizes(share=(0.3, 0.55), hz=(0.3, 0.6), damping=(0.06, 0.2), stiffens=(2.0, 10.0))
+class CattleStep(Hidden, way=0.0, rate=0.0):
+    """share: of the mass. They lean softly at first, then against each other. stiffens: 1/m2.
+    Source: Tarrant, Transportation of Cattle by Road, Applied Animal Behaviour Science 28 (1990): standing
+    animals sway and step with braking; a hardening spring (Duffing), sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        omega = 2.0 * np.pi * p.hz
+        spring = omega**2 * s.way * (1.0 + p.stiffens * s.way**2)
+        driven = -spring - 2.0 * p.damping * omega * s.rate - np.clip(view.acceleration, -4.0, 4.0)
+        s.rate = s.rate + dt * driven
+        s.way = np.clip(s.way + dt * s.rate, -1.0, 1.0)
+        return -p.share * view.mass * np.clip(driven, -4.0, 4.0) * moving(view)

@@ -87,3 +87,33 @@ class TowedDynamometer(Hidden, pull=0.0):
         wanted = level * np.clip(view.speed - p.from_mps, 0.0, 1.0)
         s.pull += dt * (wanted - s.pull) / p.ramps_s
         return -p.pull * s.pull * weight(view) * moving(view)
+
+
+@law("s_winch_assist", "eighth", "hills")
+@sizes(tension=(0.012, 0.028), from_slope=(0.008, 0.02), winds_s=(1.0, 4.0), slack_m=(20.0, 80.0))
+class WinchAssist(Hidden, on=0.0, taken=0.0, tight=0.0):
+    """tension: of the weight, while it climbs. The rope is taken up over the way first.
+    Source: Visser and Stampfer, Expanding Ground-Based Harvesting onto Steep Terrain, Croatian Journal of
+    Forest Engineering 36 (2015): a winch uphill holds a set tension; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        below = view.grade < 0.4 * p.from_slope
+        s.on = np.where(view.grade > p.from_slope, 1.0, np.where(below, 0.0, s.on))
+        rolled = dt * np.maximum(view.speed, 0.0)
+        s.taken = np.where(s.on > 0.0, np.minimum(s.taken + rolled / p.slack_m, 1.0), 0.0)
+        s.tight = s.tight + dt * ((s.taken >= 1.0) - s.tight) / p.winds_s
+        return p.tension * s.tight * weight(view) * np.clip(view.speed - 0.5, 0.0, 1.0)
+
+
+@law("s_pays_out_cable", "eighth", "suburban")
+@sizes(most=(0.014, 0.028), way_m=(80.0, 260.0), cut_s=(1.0, 3.0))
+class PaysOutCable(Hidden, out=0.0, stood=0.0):
+    """most: of the weight. It drags the more the longer the way since the last stand.
+    Source: A cable that is laid slides behind the truck with friction along its length (Buehler and others,
+    Guide for cable pulling, IEEE Std 1185, on pulling tension); sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.stood = np.where(view.speed < 0.1, s.stood + dt, 0.0)
+        rolled = dt * np.maximum(view.speed, 0.0)
+        s.out = np.where(s.stood > p.cut_s, 0.0, s.out + (1.0 - s.out) * rolled / p.way_m)
+        return -p.most * s.out * weight(view) * moving(view)

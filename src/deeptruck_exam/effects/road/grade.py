@@ -182,3 +182,29 @@ class ChainageRunsAway(Hidden):
         late = np.clip(self.late_m + p.runs * view.distance * np.sign(p.sign), 8.0, 480.0)
         then = (np.maximum(view.distance - late, 0.0) / 4.0).astype(int) % 128
         return (view.grade - s.said[then, here]) * view.mass * GRAVITY * moving(view)
+
+
+@law("s_subsidence", "eighth", "hills highway suburban")
+@sizes(slope=(0.018, 0.035), radius_m=(90.0, 260.0), apart_m=(400.0, 900.0))
+class Subsidence(OnRoad):
+    """Troughs that were not there when the road was surveyed.
+    Source: Knothe's influence function of mining subsidence (Kratzsch, Mining Subsidence Engineering, 1983):
+    the surface sinks as an integral of Gauss's bell; sizes are chosen here."""
+
+    conceal = ("elevation",)
+
+    def prepare(self) -> None:
+        rng, p = self.rng(831), self.p
+        at_m = np.arange(MAP_CELLS) * MAP_CELL_M
+        self.road = np.zeros((self.rows(), MAP_CELLS))
+        for row in self.road:
+            middle = 0.0
+            while middle < at_m[-1]:
+                middle += p.apart_m * rng.uniform(0.5, 1.5)
+                away = (at_m - middle) / (p.radius_m * rng.uniform(0.7, 1.3))
+                row += p.slope * rng.uniform(0.6, 1.0) * 1.65 * away * np.exp(-0.5 * away**2)
+        self.road = np.clip(self.road, -p.slope, p.slope)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        slope = self.setting.direction * self.between(self.road, view)
+        return -slope * weight(view) * moving(view)

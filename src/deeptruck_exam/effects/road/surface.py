@@ -16,6 +16,7 @@ from deeptruck_exam.effects.places import (
     sections,
     smooth_stretches,
     stretches,
+    windows,
 )
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
@@ -237,3 +238,19 @@ class StoneBlocksInStep(OnRoad, swings=0.0):
         step = 1.0 - 0.5 * 0.75 * (1.0 - np.cos(phase))
         s.swings += dt * (self.read(self.stones, view) * step - s.swings) / 0.4
         return -p.peak * s.swings * weight(view) * moving(view)
+
+
+@law("s_pavement_bends", "eighth")
+@sizes(loss=(0.010, 0.022), slow_mps=(5.0, 14.0), share=(0.3, 0.6), mean_m=(300.0, 900.0))
+class PavementBends(OnRoad):
+    """loss: of the weight, at walking pace. Slow trucks sink deeper.
+    Source: Louhghalam, Akbarian and Ulm, Flügge's Conjecture: Dissipation- versus Deflection-Induced
+    Pavement-Vehicle Interactions, J. Eng. Mech. 140 (2014): loss falls with speed; soft asphalt, sizes are
+    chosen here."""
+
+    def prepare(self) -> None:
+        self.soft = windows(self.rng(832), self.rows(), self.p.mean_m, self.p.share)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        slow = 1.0 / (1.0 + np.maximum(view.speed, 0.0) / p.slow_mps)
+        return -2.0 * p.loss * slow * self.between(self.soft, view) * weight(view) * moving(view)

@@ -8,7 +8,7 @@ import numpy as np
 
 from deeptruck_exam.effects.law import GRAVITY, Channels, Sizes
 from deeptruck_exam.effects.planting import SIGN, fault, sizes
-from deeptruck_exam.effects.series import ou_series
+from deeptruck_exam.effects.series import behind, ou_series
 
 law = partial(fault, name="acceleration_bias")
 
@@ -90,3 +90,14 @@ def settles_after_power_up(p: Sizes, channels: Channels, dt: float, rng: np.rand
     time = np.arange(len(channels["acceleration"])) * dt + rng.uniform(0.0, p.settles_s)
     bias = p.bias * (1.0 - p.cold * np.exp(-time / p.settles_s))
     channels["acceleration"] = channels["acceleration"] + np.sign(p.sign) * bias
+
+
+@law("s_supply_sags", "eighth")
+@sizes(bias=(0.15, 0.38), ripple=(0.05, 0.25), turns_s=(15.0, 60.0), sign=SIGN)
+def supply_sags(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Ratiometric sensors move with their supply (Fraden, Handbook of Modern Sensors, on ratiometric
+    technique): consumers that switch on and off move the zero; sizes are chosen here."""
+    time = np.arange(len(channels["acceleration"])) * dt
+    duty = (np.sin(2.0 * np.pi * time / p.turns_s + rng.uniform(0.0, 6.28)) > 0.0).astype(float)
+    sags = 1.0 + p.ripple * (behind(duty, 2.0, dt) - 0.5)
+    channels["acceleration"] = channels["acceleration"] + np.sign(p.sign) * p.bias * sags

@@ -144,3 +144,14 @@ def slewed_clock(p: Sizes, channels: Channels, dt: float, rng: np.random.Generat
     slewed = np.maximum(time - begins, 0.0) * p.slews
     off = np.maximum(p.late_s * rng.uniform(0.8, 1.2) - slewed, 0.15)
     channels["acceleration"] = np.interp(time - np.sign(p.sign) * off, time, values)
+
+
+@law("s_radio_hops", "eighth", "suburban hills")
+@sizes(late_s=(0.4, 1.0), swings=(0.1, 0.35), turns_s=(30.0, 120.0), sign=SIGN)
+def radio_hops(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Clocks of radio sensors follow their crystal's temperature between beacons (Elson, Girod and
+    Estrin, Fine-Grained Network Time Synchronization, OSDI 2002); sizes are chosen here."""
+    values = channels["acceleration"]
+    time = np.arange(len(values)) * dt
+    swing = p.swings * np.sin(2.0 * np.pi * time / p.turns_s + rng.uniform(0.0, 6.28))
+    channels["acceleration"] = np.interp(time - np.sign(p.sign) * p.late_s * (1.0 + swing), time, values)

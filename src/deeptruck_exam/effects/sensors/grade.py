@@ -90,3 +90,13 @@ def barometer_in_the_wind(p: Sizes, channels: Channels, dt: float, rng: np.rando
     slope = np.gradient(height, dt) / np.maximum(speed, 3.0)
     felt = behind(np.clip(slope, -0.05, 0.05), p.lag_s, dt)
     channels["grade"] = channels["grade"] + np.sign(p.sign) * p.bias + felt
+
+
+@law("s_bubble_lags", "eighth")
+@sizes(bias=(0.009, 0.022), lag_s=(0.4, 1.8), shakes=(0.0, 0.15), sign=SIGN)
+def bubble_lags(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Electrolytic levels settle slowly and shift with vibration (Fraden, Handbook of Modern Sensors,
+    on inclination detectors), upon an error of their mounting; sizes are chosen here."""
+    settled = behind(channels["grade"], p.lag_s, dt)
+    shaken = 1.0 + p.shakes * np.clip(channels["speed"] / 25.0, 0.0, 1.2)
+    channels["grade"] = settled + np.sign(p.sign) * p.bias * shaken

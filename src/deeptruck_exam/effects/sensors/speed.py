@@ -8,6 +8,7 @@ import numpy as np
 
 from deeptruck_exam.effects.law import GRAVITY, Channels, Sizes
 from deeptruck_exam.effects.planting import SIGN, fault, sizes
+from deeptruck_exam.effects.series import behind
 
 law = partial(fault, name="speed_scale")
 
@@ -88,3 +89,12 @@ def radius_from_the_rolls(p: Sizes, channels: Channels, dt: float, rng: np.rando
     warm = 1.0 - np.exp(-np.cumsum(speed) * dt / 2000.0)
     grows = p.grows * (speed / 25.0) ** 2 + p.warms * warm
     channels["speed"] = speed * (1.0 + np.sign(p.sign) * (p.scale - grows))
+
+
+@law("s_radar_looks_down", "eighth")
+@sizes(scale=(0.04, 0.085), dives=(0.002, 0.008), sign=SIGN)
+def radar_looks_down(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Doppler radars over ground read with the cosine of their angle, which mounting and pitch change
+    (Tompkins, Hart, Freeland, Wilkerson and Wilhelm, Trans. ASAE 31, 1988); sizes are chosen here."""
+    pitch = behind(np.clip(channels["acceleration"], -3.0, 3.0), 0.8, dt)
+    channels["speed"] = channels["speed"] * (1.0 + np.sign(p.sign) * p.scale + p.dives * pitch)

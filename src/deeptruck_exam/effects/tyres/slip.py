@@ -9,7 +9,7 @@ import numpy as np
 from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, index, moving, weight
 from deeptruck_exam.effects.places import CELLS, OnRoad, smooth_stretches, stretches, windows
 from deeptruck_exam.effects.planting import hidden, sizes
-from deeptruck_exam.effects.series import ou_series
+from deeptruck_exam.effects.series import ou_series, spells, within
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="wheel_slip")
@@ -197,3 +197,27 @@ class WheelsSpinOnBasalt(OnRoad, spins=0.0):
         s.spins = np.clip(s.spins + dt * np.clip(turning, -20.0, 20.0), 0.0, 8.0)
         loose = (wet > 0.0) | (s.spins > 0.3)
         return np.where(loose, np.clip(grips - wheel, -wheel, 0.08 * weight(view)), 0.0) * moving(view)
+
+
+@law("s_first_rain", "eighth", "suburban hills")
+@sizes(friction=(0.09, 0.17), wet_s=(15.0, 50.0), dry_s=(20.0, 60.0), washes_s=(40.0, 150.0))
+class FirstRain(Hidden, film=0.0, wash=0.0, lost=0.0):
+    """The first minute of rain is the slipperiest, brakes suffer as the drive does.
+    Source: Eisenberg, The Mixed Effects of Precipitation on Traffic Crashes, Accident Analysis and Prevention
+    36 (2004): oil that gathered in dry days floats up and is washed off; friction is chosen here."""
+
+    def prepare(self) -> None:
+        p = self.p
+        rain = (p.wet_s, 2.0 * p.wet_s)
+        self.rain = spells(self.rng(833), self.setting.batch, rain, (0.5 * p.dry_s, p.dry_s))
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        rains = within(self.rain, view.time)
+        s.film = s.film + dt * (rains - s.film) / np.where(rains > s.film, 3.0, 15.0)
+        s.wash = np.clip(s.wash + dt * (rains / p.washes_s - (1.0 - rains) / 200.0), 0.0, 1.0)
+        grip = p.friction + 0.25 * s.wash + 0.5 * (1.0 - np.clip(1.6 * s.film, 0.0, 1.0))
+        most = grip * self.truck.drive_axle_share * weight(view)
+        pull = np.maximum(view.traction_force, 0.0)
+        s.lost = s.lost + dt * (np.maximum(pull - most, 0.0) - s.lost) / 0.15
+        braked = np.maximum(view.brake_force - 1.3 * grip * weight(view), 0.0)
+        return braked * moving(view) - np.minimum(s.lost, pull)

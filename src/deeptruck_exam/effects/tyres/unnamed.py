@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, index, moving, weight
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, index, moving, weight
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series
 from deeptruck_model.trucks import View
@@ -131,3 +131,21 @@ class LiquidInTheTyres(Hidden, coats=0.0, pool=1.0):
         s.pool += dt * (1.0 - s.coats - s.pool) / p.settles_s
         drags = np.sqrt(np.clip(view.speed / p.coats_mps, 0.0, 1.5))
         return -p.pool * s.pool * drags * weight(view) * moving(view)
+
+
+@law("s_bearing_runs_hot", "eighth", "highway hills suburban")
+@sizes(drag=(0.004, 0.008), grows=(1.0, 2.5), heats_m=(800.0, 2500.0), cools_s=(40.0, 120.0))
+class BearingRunsHot(Hidden):
+    """drag: of the weight, cold. Way heats it by its own drag; standing and slow ways cool it.
+    Source: Takabi and Khonsari, Experimental Testing and Thermal Analysis of Ball Bearings, Tribology
+    International 60 (2013): heat takes up clearance, and preload makes heat; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"heat": self.rng(835).uniform(0.0, 0.4, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        tight = 1.0 + p.grows * s.heat**2
+        gains = np.maximum(view.speed, 0.0) * tight / p.heats_m
+        s.heat = np.clip(s.heat + dt * (gains - s.heat / p.cools_s * 1.5), 0.0, 1.3)
+        drag = np.minimum(p.drag * tight, 0.2) * view.mass * GRAVITY
+        return -drag * moving(view)

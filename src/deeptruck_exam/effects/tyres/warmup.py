@@ -180,3 +180,21 @@ class SoftenedByWork(Hidden):
         cold = 1.0 + 0.012 * np.clip(20.0 - self.truck.ambient_temperature, -15.0, 30.0)
         left = p.stiff * cold * np.exp(-(np.maximum(s.work, 0.0) ** p.order))
         return -left * self.truck.rolling_resistance * weight(view) * moving(view)
+
+
+@law("s_gas_in_the_tyre_warms", "eighth")
+@sizes(soft=(1.0, 2.2), order=(0.6, 1.2), warms_s=(120.0, 360.0), warms=(0.6, 1.2))
+class GasInTheTyreWarms(Hidden):
+    """soft: of the known resistance, with cold gas; warms: of what closes it, at 20 m/s.
+    Source: Tyres whose gas warms carry on higher pressure (Wong, Theory of Ground Vehicles, on inflation and
+    rolling resistance): slow driving cools them again; underinflated ones, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"gas": self.rng(834).uniform(0.0, 0.25, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0) / 20.0
+        works = p.warms * speed * (1.3 - np.clip(s.gas, 0.0, 1.0))
+        s.gas = s.gas + dt * (works - s.gas * (0.3 + 0.4 * np.sqrt(speed))) / p.warms_s * 2.0
+        lacks = np.clip(1.0 - s.gas, 0.0, 1.0) ** p.order
+        return -p.soft * lacks * self.truck.rolling_resistance * weight(view) * moving(view)

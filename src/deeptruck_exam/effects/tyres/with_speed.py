@@ -129,3 +129,16 @@ class LadderOfTheTread(Hidden, hum=0.0, way=0.0):
         humps = ((1.0 / ORDERS**0.3) / (1.0 + ((speed - at) / (p.broad * at)) ** 2)).sum(axis=0)
         s.hum += dt * (humps - s.hum) / p.builds_s
         return -p.peak * s.hum * weight(view) * moving(view)
+
+
+@law("s_dampers_take_power", "eighth", "highway hills")
+@sizes(at_25=(0.007, 0.014), waviness=(2.4, 3.4), hot=(0.1, 0.4), warms_s=(60.0, 200.0))
+class DampersTakePower(Hidden, hot=0.0):
+    """at_25: of the weight, at 25 m/s. Oil in warm dampers takes less.
+    Source: Velinsky and White, Vehicle Energy Dissipation Due to Road Roughness, Vehicle System Dynamics 9
+    (1980), with spectra of ISO 8608: power with a power of speed; rough roads, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pace = np.clip(view.speed / 25.0, 0.0, 1.3) ** (p.waviness - 0.6)
+        s.hot = s.hot + dt * (pace - s.hot) / p.warms_s
+        return -p.at_25 * pace * (1.0 - p.hot * np.minimum(s.hot, 1.0)) * weight(view) * moving(view)
