@@ -155,7 +155,7 @@ def test_the_exam_shares_no_code_with_the_tool() -> None:
     }
     assert at_the_door and all(within(name, "deeptruck_exam.teaching") for name in at_the_door)
     assert {o for n in at_the_door for o in imports()[n] if within(o, tool)} == {tool}
-    others = [n for n in MODULES if within(n, "deeptruck_exam") and not within(n, "deeptruck_exam.teaching")]
+    others = [n for n in exam if not within(n, "deeptruck_exam.teaching")]
     found = {o for name in others for o in imports()[name]}
     assert "deeptruck_exam.teaching.run" in imports()["deeptruck_exam.command"]
     assert not {name for name in found if within(name, tool, "deeptruck_model.cli")}
