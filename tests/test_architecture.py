@@ -150,9 +150,8 @@ def test_the_exam_shares_no_code_with_the_tool() -> None:
     """Effects are planted by other code than the one that names them; only the vocabulary is common. What
     teaches the tool names stands apart, and sees the tool's public face alone."""
     tool = "deeptruck_model.mismatch"
-    at_the_door = {
-        n for n in MODULES if within(n, "deeptruck_exam") and any(within(o, tool) for o in imports()[n])
-    }
+    exam = [n for n in MODULES if within(n, "deeptruck_exam")]
+    at_the_door = {n for n in exam if any(within(o, tool) for o in imports()[n])}
     assert at_the_door and all(within(name, "deeptruck_exam.teaching") for name in at_the_door)
     assert {o for n in at_the_door for o in imports()[n] if within(o, tool)} == {tool}
     others = [n for n in exam if not within(n, "deeptruck_exam.teaching")]
