@@ -136,7 +136,7 @@ def _member(some: Lesson, mean: Array, sd: Array, weight: Array, seed: int) -> l
     _descend(net, trust, x, evidence, shut, answer, w)
     linear = [m for m in net if isinstance(m, nn.Linear)]
     out = [(m.weight.detach().numpy().T.astype(float), m.bias.detach().numpy().astype(float)) for m in linear]
-    return [*out, (np.array(float(trust)), np.zeros(1))]
+    return [*out, (np.array(float(trust.detach())), np.zeros(1))]
 
 
 def _descend(

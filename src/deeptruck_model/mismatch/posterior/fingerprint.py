@@ -72,7 +72,7 @@ class Seen:
         out = np.zeros((len(each), wide, len(most)))
         out[:, at] = each[:, known]
         whole = np.stack([np.log(np.maximum(most, 1.0)) / 8.0, self.noise])
-        return np.concatenate([out.reshape(-1, len(most)), whole])
+        return np.concatenate([out.reshape(len(each) * wide, len(most)), whole])
 
 
 @dataclass(frozen=True)
