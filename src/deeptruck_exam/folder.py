@@ -42,7 +42,10 @@ REAL = Result(
         *(f"*/drive_*-drive_*/{name}" for name in _REAL),
     ),
 )  # fmt: skip
-RECOGNISER = Result("lessons of a recogniser", ("recogniser.npz", "recogniser.json", "base-*-*.npz"))
+RECOGNISER = Result(
+    "lessons of a recogniser",
+    ("recogniser.npz", "recogniser.json", "recogniser-without-*.npz", "base-*-*.npz"),
+)
 LIMIT = Result("limits of cases", ("limit.json", "*-*-*.json"))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -202,25 +202,28 @@ def score(p: Array, answer: NDArray[np.intp], weight: Array, credible: float = 0
     )
 
 
-def unseen(
-    whole: Lesson, keys: tuple[str, ...], names: tuple[str, ...], members: int = 1
-) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Probabilities (N, names) of samples by what learned from other families in other worlds, what evidence
-    alone says, and which samples (N,) these are."""
-    p, rows = np.zeros((len(whole.answer), len(names))), np.zeros(len(whole.answer), dtype=bool)
-    for family in sorted(set(whole.worlds.tolist())):
+def without_each_family(
+    whole: Lesson, keys: tuple[str, ...], names: tuple[str, ...], members: int = MEMBERS
+) -> dict[str, Recogniser]:
+    """By family, what learned from all other families in all other worlds."""
+    families = sorted(set(whole.worlds.tolist()))
+    others = {f: whole.of((whole.families != f) & (whole.worlds != f)) for f in families}
+    return {f: learned(some, keys, names, members) for f, some in others.items()}
+
+
+def unseen(whole: Lesson, by: Mapping[str, Recogniser]) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Probabilities (N, names) of samples of a family in its own world, by what has seen neither; what
+    evidence alone says; and which samples (N,) these are."""
+    p, rows = np.zeros(whole.evidence.shape), np.zeros(len(whole.answer), dtype=bool)
+    for family, taught in by.items():
         test = (whole.families == family) & (whole.worlds == family)
-        taught = (whole.families != family) & (whole.worlds != family)
         if test.any():
-            p[test] = _asked(learned(whole.of(taught), keys, names, members), whole.of(test))
+            some = whole.of(test)
+            p[test] = taught.of(some.features.astype(float), some.evidence.astype(float), some.possible)
             rows |= test
     evidence = np.where(whole.possible, whole.evidence, NOWHERE).astype(float)
     alone = np.exp(evidence - evidence.max(axis=1, keepdims=True))
     return p, alone / alone.sum(axis=1, keepdims=True), rows
-
-
-def _asked(by: Recogniser, some: Lesson) -> Array:
-    return by.of(some.features.astype(float), some.evidence.astype(float), some.possible)
 
 
 def packed(by: Recogniser) -> bytes:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict
 from multiprocessing import get_context
@@ -22,8 +22,9 @@ from deeptruck_exam.teaching import learning
 from deeptruck_exam.teaching.learning import Lesson
 from deeptruck_exam.teaching.samples import UNKNOWN, Samples, samples
 from deeptruck_model import files
+from deeptruck_model.mismatch import Recogniser
 
-WEIGHTS, CARD = "recogniser.npz", "recogniser.json"
+WEIGHTS, CARD, WITHOUT = "recogniser.npz", "recogniser.json", "recogniser-without-{}.npz"
 
 
 def run(out: Path, bases: int, seed: int, jobs: int) -> dict[str, Any]:
@@ -58,6 +59,9 @@ def _taught(out: Path, parts: Sequence[Samples], seed: int) -> dict[str, Any]:
     names = tuple(sorted({name for p in parts for name in p.names.tolist()}))
     whole = learning.lesson(parts, keys, names)
     Console(stderr=True).print("learning without each family in turn, then from all")
+    by = learning.without_each_family(whole, keys, names)
+    for family, taught in by.items():
+        files.rewrite(out / WITHOUT.format(family), learning.packed(taught))
     card = {
         "taught_by": f"python -m deeptruck_exam.command recogniser --bases {len(parts)} --seed {seed}",
         "bases": len(parts),
@@ -65,16 +69,16 @@ def _taught(out: Path, parts: Sequence[Samples], seed: int) -> dict[str, Any]:
         "laws": len({law for p in parts for law in p.laws.tolist()}),
         "families": sorted({p.world for p in parts}),
         "names": names,
-        "unseen_families": _unseen(whole, keys, names),
+        "unseen_families": _unseen(whole, by, names),
     }
     files.rewrite(out / CARD, json.dumps(card, indent=1).encode())
     files.rewrite(out / WEIGHTS, learning.packed(learning.learned(whole, keys, names)))
     return card
 
 
-def _unseen(whole: Lesson, keys: tuple[str, ...], names: tuple[str, ...]) -> dict[str, dict[str, Any]]:
+def _unseen(whole: Lesson, by: Mapping[str, Recogniser], names: tuple[str, ...]) -> dict[str, dict[str, Any]]:
     """Scores on families it had not seen, in worlds it had not seen: of the network and of evidence alone."""
-    network, evidence, rows = learning.unseen(whole, keys, names)
+    network, evidence, rows = learning.unseen(whole, by)
     named = whole.answer != names.index(UNKNOWN)
     parts = {"all": rows, "with a name": rows & named, "unknown": rows & ~named}
     return {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -54,34 +54,38 @@ class Play(Stepped):
 
 
 class Stream:
-    """Expressions evaluated together along a simulation; memory is a plain list, so states can be copied."""
+    """Expressions evaluated together along a simulation; memory is a plain list, so states can be copied.
+
+    What is the same in several of them, as the signal that knots stand on, is computed once."""
 
     def __init__(self, expressions: Sequence[Expression]) -> None:
-        self._order: list[Expression] = []
-        self._index: dict[int, int] = {}
+        self._order: list[tuple[Expression, tuple[int, ...]]] = []  # and the places of its inputs
+        self._places: dict[tuple[object, ...], int] = {}
         self._outputs = [self._visit(x) for x in expressions]
 
     def _visit(self, x: Expression) -> int:
-        if id(x) not in self._index:
-            for part in x.inputs:
-                self._visit(part)
-            self._index[id(x)] = len(self._order)
-            self._order.append(x)
-        return self._index[id(x)]
+        inputs = tuple(self._visit(part) for part in x.inputs)
+        own = tuple(repr(getattr(x, f.name)) for f in fields(x) if f.name != "inputs")  # type: ignore[arg-type]
+        alike = (type(x), inputs, own)
+        if alike not in self._places:
+            self._places[alike] = len(self._order)
+            self._order.append((x, inputs))
+        return self._places[alike]
 
     def begin(self, batch: int) -> list[Any]:
         """Memory of every node at the start."""
-        return [x.begin(batch) for x in self._order]
+        return [x.begin(batch) for x, _ in self._order]
 
     def step(self, memory: list[Any], now: Mapping[str, Array], dt: float) -> tuple[list[Array], list[Any]]:
         """Values of the expressions now, and the memory for the next step."""
         values: list[Array] = []
         after: list[Any] = []
-        for x, m in zip(self._order, memory, strict=True):
-            value, m = x.advance([values[self._index[id(i)]] for i in x.inputs], m, now, dt)
-            values.append(value)
-            after.append(m)
-        return [values[i] for i in self._outputs], after
+        with np.errstate(all="ignore"):
+            for (x, inputs), m in zip(self._order, memory, strict=True):
+                value, m = x.advance([values[k] for k in inputs], m, now, dt)
+                values.append(value)
+                after.append(m)
+        return [values[k] for k in self._outputs], after
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,8 @@ alone: they are added up once over narrow bins of each signal, and a regime is a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.mechanisms.base import GATES, CandidateTerm, build
 from deeptruck_model.mismatch.mechanisms.variants import Gate, Gated
+from deeptruck_model.mismatch.residual.effective_mass import acceleration_of
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 Array = NDArray[np.float64]
@@ -52,24 +53,28 @@ class Products:
 
 @dataclass(frozen=True)
 class Regimes:
-    """Borders of each signal, and for each the rows (of those that count) in every bin between them."""
+    """Borders of each of the `signals` (n,), and for each the rows that count in every bin between them."""
 
     borders: dict[str, Array]
     rows: dict[str, list[NDArray[np.intp]]]
+    signals: dict[str, Array]
+    _known: dict[int, tuple[CandidateTerm, list[tuple[Array, Callable[[Array], Array]]]]] = field(
+        default_factory=dict
+    )
 
     @staticmethod
     def of(e: Evidence, use: NDArray[np.bool_]) -> Regimes:
         """Borders at quantiles of every signal that was recorded; `use` (n,) are the rows that count."""
-        borders, rows = {}, {}
+        borders, rows, signals = {}, {}, {}
         for name, (signal, needs) in GATES.items():
             if not e.has(*needs) or not use.any():
                 continue
-            x = signal.rows(e)
+            x = signals[name] = signal.rows(e)
             edges = np.unique(np.quantile(x[use], np.linspace(0.0, 1.0, BINS + 1)[1:-1]))
             bins = np.searchsorted(edges, x[use], side="left")
             borders[name] = edges
             rows[name] = [np.flatnonzero(bins == b) for b in range(len(edges) + 1)]
-        return Regimes(borders, rows)
+        return Regimes(borders, rows, signals)
 
     @property
     def count(self) -> int:
@@ -89,17 +94,20 @@ class Regimes:
             parts.append(bins.below_and_above())
         return gates, Products.joined(parts) if parts else Products(*([np.zeros((0, 0, 0))] * 3))
 
+    def gated(self, term: CandidateTerm, gate: Gate, e: Evidence) -> CandidateTerm:
+        """The candidate term confined to one side of a border. What brakes make up for begins anew at the
+        border, so it is the force that is confined."""
+        variant = Gated(term.variant, gate)
+        parts = tuple(build(term.mechanism, variant))
+        x = self.signals[gate.signal]
+        inside = (x > gate.at if gate.side == "above" else x <= gate.at).astype(float)
+        columns = np.stack([force(x * inside) for x, force in self._forces(term, e)], axis=1)
+        return replace(term, variant=variant, parts=parts, columns=columns, trials=term.trials * self.count)
 
-def gated(term: CandidateTerm, gate: Gate, e: Evidence, trials: int) -> CandidateTerm:
-    """The candidate term confined to one side of a border."""
-    variant = Gated(term.variant, gate)
-    parts = tuple(build(term.mechanism, variant))
-    columns = term.columns * _inside(gate, e)[:, None]
-    if "holds" in e.signals and e["holds"].any():  # what sets in at a border acts for a while
-        columns = np.stack([p.expression.rows(e) for p in parts], axis=1)
-    return replace(term, variant=variant, parts=parts, columns=columns, trials=term.trials * trials)
-
-
-def _inside(gate: Gate, e: Evidence) -> NDArray[np.bool_]:
-    x = GATES[gate.signal][0].rows(e)
-    return x > gate.at if gate.side == "above" else x <= gate.at
+    def _forces(self, term: CandidateTerm, e: Evidence) -> list[tuple[Array, Callable[[Array], Array]]]:
+        """The force of each column (n,), and what makes an acceleration of it; computed once for a term."""
+        if id(term) not in self._known:
+            plain = zip(term.parts, term.columns.T, strict=True)
+            forces = [acceleration_of(p.expression, column, e) for p, column in plain]
+            self._known[id(term)] = (term, forces)  # which keeps the term, and so its id
+        return self._known[id(term)][1]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.expression import Rerun
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, is_time_varying, merge
-from deeptruck_model.mismatch.mechanisms.regimes import Products, gated
+from deeptruck_model.mismatch.mechanisms.regimes import Products
 from deeptruck_model.mismatch.mechanisms.variants import Gated
 from deeptruck_model.mismatch.posterior.penalties import time_varying_penalty
 from deeptruck_model.mismatch.posterior.search import ONE_SIZE, Model, Search
@@ -78,7 +78,7 @@ def screen_regimes(
     gains = _approximate_gains(products, Xw.T @ yw, H0, term)
     lies_there = np.trace(products.CtC, axis1=1, axis2=2) > search.rules.form_share * float(np.sum(C**2))
     best = [k for k in np.argsort(-gains, kind="stable") if lies_there[k]][:SCREENED]
-    made = [(float(gains[k]), gated(term, gates[k], search.e, search.regimes.count)) for k in best]
+    made = [(float(gains[k]), search.regimes.gated(term, gates[k], search.e)) for k in best]
     return [(gain - search.rules.temper * float(np.log(s.trials)), s) for gain, s in made]
 
 

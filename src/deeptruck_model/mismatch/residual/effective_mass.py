@@ -6,7 +6,7 @@ deceleration make up within a second for whatever else slows or drives the truck
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -68,6 +68,15 @@ class WithEffectiveMass(Expression):
 def with_effective_mass(force: Expression) -> Expression:
     """What a force per mass gives on the truck along a recording or in a simulation."""
     return WithEffectiveMass((force, EFFECTIVE_MASS_GAIN, HOLDS, MADE_UP))
+
+
+def acceleration_of(x: Expression, column: Array, e: Evidence) -> tuple[Array, Callable[[Array], Array]]:
+    """The force (n,) of an expression whose rows are `column`, and what makes an acceleration of any such;
+    of what is an acceleration already, itself."""
+    if not isinstance(x, WithEffectiveMass):
+        return column, lambda force: force
+    force, *others = (part.rows(e) for part in x.inputs)
+    return force, lambda force: np.nan_to_num(x.over([force, *others], e))
 
 
 def free(inside: Mapping[str, Array]) -> Array | None:

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from deeptruck_model.mismatch.expression import Stream
-from deeptruck_model.mismatch.mechanisms import LIBRARY, build
+from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, build
 from deeptruck_model.mismatch.mechanisms.base import GATES
-from deeptruck_model.mismatch.mechanisms.regimes import gated
 from deeptruck_model.mismatch.mechanisms.variants import Gate
 from deeptruck_model.mismatch.posterior.explain import explain
 from deeptruck_model.mismatch.posterior.search import Search
@@ -53,6 +52,20 @@ def test_it_is_named_and_its_regime_is_said(fast_only: Evidence) -> None:
     assert np.abs(found.causes[0].force[fast_only["speed"] < 18.0]).max() < 1e-9
 
 
+def confined(e: Evidence, gate: Gate) -> CandidateTerm:
+    search = Search(e)
+    return search.regimes.gated(search.candidate_terms(LIBRARY["driveline_loss"])[0], gate, e)
+
+
+def test_what_brakes_make_up_for_begins_anew_at_the_border(nothing_missing: Evidence) -> None:
+    """As the same expression over the recording has it."""
+    holds = (nothing_missing["brake"] > 0.1).astype(float)
+    e = replace(nothing_missing, signals=nothing_missing.signals | {"holds": holds, "made up": -0.4 * holds})
+    term = confined(e, Gate("speed", "above", 19.0))
+    rows = np.stack([part.expression.rows(e) for part in term.parts], axis=1)
+    np.testing.assert_allclose(term.columns, rows, atol=1e-12)
+
+
 def test_nothing_missing_has_no_regime_either(nothing_missing: Evidence) -> None:
     assert explain(Search(nothing_missing)).causes == ()
 
@@ -64,7 +77,7 @@ def test_a_confined_shape_acts_alike_in_a_simulation(
 ) -> None:
     e = nothing_missing
     e = replace(e, signals=e.signals | {"lever": np.where(e["speed"] > 15.0, 6.0, 12.0)})
-    term = gated(Search(e).candidate_terms(LIBRARY["driveline_loss"])[0], Gate(signal, side, at), e, 36)
+    term = confined(e, Gate(signal, side, at))
     stream = Stream([c.expression for c in build(term.mechanism, term.variant)])
     memory, out = stream.begin(1), []
     for k in range(600):
