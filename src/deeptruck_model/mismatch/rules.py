@@ -113,8 +113,7 @@ class Rules:
 
     # groups: what is not distinguishable
     credible: float = _of(0.8, "1", "probability that a group of names holds the right one", FITTED)
-    recognised: float = _of(0.8, "1", "probability that a law is one of the names it is like", FITTED)
-    recognised_unknown: float = _of(0.6, "1", "probability that what is like no name is `unknown`", CHOSEN)
+    recognised: float = _of(0.8, "1", "probability that a law is of the name whose form is nearest", FITTED)
 
     # unknown: what has no name
 

@@ -53,23 +53,20 @@ class Cause:
 
     @property
     def names(self) -> dict[str, float]:
-        """The probability of each name in its place, given that it is one of these; most probable first.
-
-        No law is exactly of the library's form, and how far it strays grows with its size: evidence is
-        divided by a share of all that was gained (a coarsened posterior: Miller and Dunson, Journal of the
-        American Statistical Association 114, 2019), so that more data alone decides nothing. Half of it goes
-        by the library's forms, the other half by kernels, of which a law need not be a form (a linear pool).
-        """
+        """The probability of each name in its place, given that it is one of these; most probable first: by
+        what its force is like, or by forms where that is not known."""
         if not self.likeness:
             return self.by_forms
-        pooled = {name: 0.5 * p for name, p in self.by_forms.items()}
-        for name, p in self.likeness:
-            pooled[name] = pooled.get(name, 0.0) + 0.5 * p
-        return _most_probable_first(pooled, self.effect)
+        return _most_probable_first(dict(self.likeness), self.effect)
 
     @property
     def by_forms(self) -> dict[str, float]:
-        """The same by the best candidate term of each name alone."""
+        """The same by the best candidate term of each name alone.
+
+        No law is exactly of the library's form, and how far it strays grows with its size: evidence is
+        divided by a share of all that was gained (a coarsened posterior: Miller and Dunson, Journal of the
+        American Statistical Association 114, 2019), so that more data alone decides nothing.
+        """
         scale = max(self.rules.temper, self.rules.coarse * self.gain)
         worse = dict(reversed(self.rivals))
         worse |= {"unknown": 0.0} if self.other_form else {}
@@ -81,12 +78,11 @@ class Cause:
 
     @property
     def believed(self) -> float:
-        """The probability that is told. A law that nobody here has read may be none of the names."""
-        fitted = self.names[self.effect]
-        if self.kind != "missing_physics":
-            return fitted
-        rules = self.rules
-        return fitted * (rules.recognised_unknown if self.effect == "unknown" else rules.recognised)
+        """The probability that is told. By forms alone, a law that nobody here has read may be none of the
+        names; the recogniser knows that."""
+        fitted = self.names.get(self.effect, 0.0)
+        by_forms = self.kind == "missing_physics" and not self.likeness
+        return fitted * self.rules.recognised if by_forms else fitted
 
     @property
     def not_told_from(self) -> list[str]:
