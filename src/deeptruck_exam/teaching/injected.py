@@ -9,9 +9,10 @@ from types import SimpleNamespace
 import numpy as np
 from scipy.signal import lfilter
 
+from deeptruck_exam import worlds
 from deeptruck_exam.construction import Built
 from deeptruck_exam.effects import EFFECTS
-from deeptruck_exam.effects.law import Array
+from deeptruck_exam.effects.law import GRAVITY, Array
 from deeptruck_exam.effects.planting import SEALED, Effect, Planted
 from deeptruck_exam.gates import CONDITIONS
 from deeptruck_exam.oracle import Watched
@@ -19,7 +20,7 @@ from deeptruck_exam.trace import Trace, setting_of
 from deeptruck_exam.worlds import trucks
 from deeptruck_model.trucks import PhysicsTruck
 
-DRAWS = 4  # of the sizes of a law
+DRAWS, ROADS = 4, 6  # of the sizes of a law; of roads
 GATED = 0.3  # of the laws that can act under one condition also do
 BLOCK = 2  # samples of a drive to a row of the evidence
 LATE_S = 0.15  # at most, of the sensors through which a force is seen
@@ -55,7 +56,7 @@ class Injection:
             and self._built.plan.truck in e.trucks
             and (led or not e.leader)
             and e.family != SEALED
-            and e.key != "road_grade"  # its slope is in the drive itself
+            and e.key != "road_grade"  # its slope is in the drive itself: see `slopes`
         ]
 
     def forces(self, laws: Sequence[Effect]) -> Iterator[Injected]:
@@ -66,6 +67,17 @@ class Injection:
                 yield from self._at_once(law, sizes)
             except (ValueError, TypeError, IndexError):
                 yield self._alone(law, sizes[0])
+
+    def slopes(self) -> Iterator[Injected]:
+        """Roads with slopes that nobody recorded, where no slope is."""
+        if self._built.plan.grade:
+            return
+        plan, drives = self._built.plan, self._built.drives
+        world = worlds.of(plan.forms, plan.simulator, plan.seed)
+        for _ in range(ROADS):
+            road = world.draw_roads(self._rng, list(plan.scenarios), flat=False)
+            slope = np.stack([road.grade_at(x) for x in drives.channels["distance"].T], axis=1)
+            yield Injected("road_grade", self._rows(-GRAVITY * slope))
 
     def _at_once(self, law: Effect, sizes: Sequence[dict[str, float]]) -> list[Injected]:
         """All draws side by side. Raises ValueError for a law that has to be asked alone."""

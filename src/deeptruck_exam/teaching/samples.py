@@ -118,7 +118,7 @@ def _of_laws(built: Built, drives: CleanDrives, rng: np.random.Generator) -> lis
     injection = Injection(built, rng)
     laws = injection.laws()
     chosen = [*_some(laws, False, NAMED, rng), *_some(laws, True, NAMELESS, rng)]
-    forces = list(injection.forces(chosen))
+    forces = [*injection.forces(chosen), *injection.slopes()]
     others = [f for f in forces if _name(f) != UNKNOWN]
     seconds = [others[k] for k in rng.permutation(len(others))[:SECOND_NAMES]]
     return [_of_law(f, seconds[rng.integers(len(seconds))], drives, rng) for f in forces]

@@ -32,11 +32,11 @@ class Likeness:
         """The probability of every name beside `others`. The engine's recorded torque speaks of `force` (n,),
         what the best explanation so far takes it to be."""
         seen = self._by.of(self._residual, sorted(others))
-        told = recogniser()
-        log_p = np.log(np.maximum(told.probabilities(seen)[0], 1e-12))
-        log_p += np.array([self._by.reported(force, name) for name in told.names]) / seen.held.unit[0]
-        p = np.exp(log_p - log_p.max()) * np.array([name not in others for name in told.names])
-        return dict(zip(told.names, (p / p.sum()).tolist(), strict=True))
+        by = recogniser()
+        log_p = np.log(np.maximum(by.told(seen)[0], 1e-12))
+        log_p += np.array([self._by.reported(force, name) for name in by.names]) / seen.held.unit[0]
+        p = np.exp(log_p - log_p.max()) * np.array([name not in others for name in by.names])
+        return dict(zip(by.names, (p / p.sum()).tolist(), strict=True))
 
 
 def renamed(search: Search, model: Model) -> Model:

@@ -37,7 +37,7 @@ def of(e: Evidence, extra: np.ndarray, *beside: str) -> Fingerprint:
 
 
 def nats(f: Fingerprint, name: str) -> float:
-    return float(max(x[0] for x, key in zip(f.nats, f.keys, strict=True) if key.startswith(f"{name},")))
+    return float(max(x[0] for x, key in zip(f.held.nats, f.keys, strict=True) if key.startswith(f"{name},")))
 
 
 def test_the_evidence_is_the_density_of_a_gaussian_process(nothing_missing: Evidence) -> None:
@@ -57,7 +57,7 @@ def test_the_evidence_is_the_density_of_a_gaussian_process(nothing_missing: Evid
     density = [multivariate_normal(cov=c).logpdf(y) for c in covariances]
     found = by.of(search.series.y[:, None], quiet=1e9)  # noise as the model has it
     expected = logsumexp(np.array(density[1:]) - density[0]) - np.log(len(SIZES))
-    assert found.nats[place, 0] == pytest.approx(expected, abs=1e-4)
+    assert found.held.nats[place, 0] == pytest.approx(expected, abs=1e-4)
 
 
 @pytest.mark.parametrize("effect", ["torque_limit", "accessory_load"])
@@ -73,13 +73,13 @@ def test_a_force_of_the_wrong_sign_is_not_that_of_the_name(nothing_missing: Evid
     drag = force(law(nothing_missing, "accessory_load", 0), 0.02)
     right, wrong = (of(nothing_missing, side * drag) for side in (1, -1))
     place = right.keys.index("accessory_load, law")
-    assert right.sign[place, 0] > wrong.sign[place, 0] + 5.0
+    assert right.held.sign[place, 0] > wrong.held.sign[place, 0] + 5.0
 
 
 def test_what_other_names_explain_is_not_explained_again(nothing_missing: Evidence) -> None:
     wind = force(law(nothing_missing, "headwind", 0), 0.04)
     alone, beside = of(nothing_missing, wind), of(nothing_missing, wind, "headwind")
-    assert beside.nats.max() < 0.2 * alone.nats.max()
+    assert beside.held.nats.max() < 0.2 * alone.held.nats.max()
 
 
 def test_many_residuals_at_once_are_each_as_alone(nothing_missing: Evidence) -> None:
@@ -88,8 +88,9 @@ def test_many_residuals_at_once_are_each_as_alone(nothing_missing: Evidence) -> 
     together = by.of(many)
     for k in range(3):
         alone = by.of(many[:, [k]])
-        np.testing.assert_allclose(together.nats[:, k], alone.nats[:, 0], rtol=1e-6, atol=1e-6)
-        np.testing.assert_allclose(together.noise[k], alone.noise[0], rtol=1e-6)
+        for many_of_them, one in ((together.held, alone.held), (together.free, alone.free)):
+            np.testing.assert_allclose(many_of_them.nats[:, k], one.nats[:, 0], rtol=1e-6, atol=1e-6)
+            np.testing.assert_allclose(many_of_them.noise[k], one.noise[0], rtol=1e-6)
 
 
 def test_every_name_of_the_library_has_a_kernel_of_a_key_of_its_own(nothing_missing: Evidence) -> None:
@@ -105,8 +106,12 @@ def test_features_are_where_a_network_looks_for_them(nothing_missing: Evidence) 
     found = of(nothing_missing, force(law(nothing_missing, "headwind", 0), 0.04))
     keys = ("of no kernel here", *found.keys)
     seen = found.features(keys)
-    assert seen.shape == (1, 6 * len(keys) + 2) and np.isfinite(seen).all()
-    there = seen[0, 5 * len(keys) : 6 * len(keys)]
-    np.testing.assert_array_equal(there, [0.0, *np.ones(len(found.keys))])
+    assert seen.shape == (1, 11 * len(keys) + 4) and np.isfinite(seen).all()
+    np.testing.assert_array_equal(seen[0, -len(keys) :], [0.0, *np.ones(len(found.keys))])
     fewer = replace(found, keys=("other, law", *found.keys[1:]))
-    assert fewer.features(keys)[0, 5 * len(keys) + 1] == 0.0
+    assert fewer.features(keys)[0, -len(keys) + 1] == 0.0
+
+
+def test_a_wrong_parameter_tells_nothing_beside_free_ones(nothing_missing: Evidence) -> None:
+    found = of(nothing_missing, 0.3 * nothing_missing.sensitivity["torque_gain"])
+    assert found.held.nats.max() > 100.0 > 10.0 * found.free.nats.max()
