@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch.mechanisms import is_time_varying
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.free_law import FreeModel, LeftOver, left_over
-from deeptruck_model.mismatch.posterior.naming import renamed
+from deeptruck_model.mismatch.posterior.naming import renamed, with_the_rest
 from deeptruck_model.mismatch.posterior.penalties import discrepancy_penalty, large_enough
 from deeptruck_model.mismatch.posterior.rivals import named_cause, tuned_causes
 from deeptruck_model.mismatch.posterior.road_lock import road_lock
@@ -35,6 +35,11 @@ def explain(search: Search) -> Explanation:
     model = renamed(search, _fewest_parameters(search, model, null))
     left = _beyond_its_own(search, left_over(search, model))
     causes = _causes(search, model, null, left)
+    rest = next((c for c in causes if c.predictable and not c.nearest), None)
+    wider = model if rest is None else with_the_rest(search, model, rest.force)
+    if wider is not model:
+        model, left = wider, _beyond_its_own(search, left_over(search, wider))
+        causes = _causes(search, model, null, left)
     causes = _with_slow_force(search, model, left.free, causes)
     if all(c.kind != "missing_physics" for c in causes):
         causes = _with_bursts(search, model, causes)

@@ -15,7 +15,7 @@ from deeptruck_model.mismatch.posterior.fingerprint import KernelEvidence
 from deeptruck_model.mismatch.posterior.kernels import UNKNOWN
 from deeptruck_model.mismatch.posterior.penalties import enough, practical
 from deeptruck_model.mismatch.posterior.recogniser import recogniser
-from deeptruck_model.mismatch.posterior.search import Model, Search
+from deeptruck_model.mismatch.posterior.search import MOST_TERMS, Model, Search
 
 Array = NDArray[np.float64]
 
@@ -57,6 +57,18 @@ def renamed(search: Search, model: Model) -> Model:
         if told.get(best, 0.0) > told.get(term.mechanism.effect, 0.0):
             model = _by_the_name(search, model, others, best) or model
     return model
+
+
+def with_the_rest(search: Search, model: Model, rest: Array) -> Model:
+    """The model with one name more, where what it leaves over, `rest` (n,), is more like a name than like
+    nothing known, and that name's own forms explain enough of it."""
+    if search.e.model_discrepancy > 0.0 or len(model.named) >= MOST_TERMS:
+        return model
+    told = Likeness(search, model).of(rest, set(model.effects))
+    best = max((m.effect for m in search.library), key=lambda name: told.get(name, 0.0))
+    if told.get(best, 0.0) <= told[UNKNOWN] or best in model.effects:
+        return model
+    return _by_the_name(search, model, model.named, best) or model
 
 
 def _by_the_name(search: Search, model: Model, others: Sequence[CandidateTerm], name: str) -> Model | None:

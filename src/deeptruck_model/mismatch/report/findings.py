@@ -187,7 +187,7 @@ def from_cause(cause: Cause, e: Evidence, explanation: Explanation, own: dict[st
         share_of_explainable_error=round(cause.share, 3),
         evidence_nats=round(cause.gain, 1),
         rivals=tuple(Rival(name, round(worse, 1)) for name, worse in cause.rivals[:8]),
-        capped=cause.effect != "unknown" and cause.kind == "missing_physics" and not cause.not_told_from,
+        capped=_is_capped(cause),
         nearest=cause.nearest if cause.effect == "unknown" and cause.needed is None else None,
         laws_r2=told.laws_r2,
         decided_by=_decided_by(cause),
@@ -196,6 +196,12 @@ def from_cause(cause: Cause, e: Evidence, explanation: Explanation, own: dict[st
         strength=strength_of(cause, e),
         cause=cause,
     )
+
+
+def _is_capped(cause: Cause) -> bool:
+    """Whether a name alone is told with less than its probability by forms."""
+    by_forms = cause.kind == "missing_physics" and not cause.likeness
+    return by_forms and cause.effect != "unknown" and not cause.not_told_from
 
 
 def _told(cause: Cause, e: Evidence, explanation: Explanation, own: dict[str, float]) -> Told:
