@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -53,7 +53,7 @@ def renamed(search: Search, model: Model) -> Model:
         others = tuple(t for t in model.named if t is not term)
         force = term.columns @ model.coefficients(term.mechanism.effect)
         told = likeness.of(force, {t.mechanism.effect for t in others})
-        best = max((m.effect for m in search.library), key=lambda name: told.get(name, 0.0))
+        best = _likest(search, told)
         if told.get(best, 0.0) > told.get(term.mechanism.effect, 0.0):
             model = _by_the_name(search, model, others, best) or model
     return model
@@ -65,10 +65,15 @@ def with_the_rest(search: Search, model: Model, rest: Array) -> Model:
     if search.e.model_discrepancy > 0.0 or len(model.named) >= MOST_TERMS:
         return model
     told = Likeness(search, model).of(rest, set(model.effects))
-    best = max((m.effect for m in search.library), key=lambda name: told.get(name, 0.0))
+    best = _likest(search, told)
     if told.get(best, 0.0) <= told[UNKNOWN] or best in model.effects:
         return model
     return _by_the_name(search, model, model.named, best) or model
+
+
+def _likest(search: Search, told: Mapping[str, float]) -> str:
+    """The most probable name of the library."""
+    return max((m.effect for m in search.library), key=lambda name: told.get(name, 0.0), default="")
 
 
 def _by_the_name(search: Search, model: Model, others: Sequence[CandidateTerm], name: str) -> Model | None:
