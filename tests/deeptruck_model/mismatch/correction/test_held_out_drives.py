@@ -10,6 +10,7 @@ import pytest
 
 from deeptruck_model.mismatch.correction.correction import claimed
 from deeptruck_model.mismatch.fit_result import Chosen, Compared, FitResult, Rmse
+from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.mechanisms.variants import Static, Variant, Windowed
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.rules import Rules
@@ -34,7 +35,7 @@ def fit(after: float | None, chosen: Chosen = Chosen.FINDINGS) -> FitResult:
 
 def found(*gains: float, variant: Variant | None = None, needed: dict[str, float] | None = None) -> Any:
     """An explanation; `needed` as of a slow force."""
-    term: Any = SimpleNamespace(variant=variant or Static())
+    term: Any = SimpleNamespace(variant=variant or Static(), mechanism=LIBRARY["headwind"])
     causes = tuple(
         Cause("missing_physics", "headwind", gain, 0.5, np.zeros(1), term, needed=needed) for gain in gains
     )
