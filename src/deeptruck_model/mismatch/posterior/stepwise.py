@@ -17,7 +17,7 @@ from deeptruck_model.mismatch.posterior.penalties import (
 )
 from deeptruck_model.mismatch.posterior.search import Model, Search
 
-MOST_TERMS = 4  # at once: with a name, or without
+MOST_TERMS = 4  # that a model may have at once; so many too of laws without a name
 WIDENED = 4  # of the best names are given more freedom of form before the first is chosen
 EXCHANGES = 3
 SETTLING = 2  # times
