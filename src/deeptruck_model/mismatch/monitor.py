@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch.data.checks import noise_of
 from deeptruck_model.mismatch.data.prepared import SETTLE_S, heard, quantum
 from deeptruck_model.mismatch.residual.gather import JITTER_RUNS
+from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Simulator
 from deeptruck_model.vehicle_kinds import LEAST_SPEED
@@ -69,10 +70,11 @@ class Monitor:
         threshold: float = 0.05,
         hold_s: float = 3.0,
         seed: int = 0,
+        rules: Rules = Rules(),
     ) -> None:
         self._simulator, self._dt = simulator, simulator.dt
         self._window_s, self._threshold, self._hold_s = window_s, threshold, hold_s
-        self._rng = np.random.default_rng(seed)
+        self._rng, self._rules = np.random.default_rng(seed), rules
         self.mass_kg: float | None = simulator.parameters().get("mass")
         self.located: list[Located] = []
         self._commands: deque[tuple[float, Array]] = deque()
