@@ -25,8 +25,7 @@ from deeptruck_model.mismatch.mechanisms import (
     merge,
 )
 from deeptruck_model.mismatch.posterior.candidates import screen_terms
-from deeptruck_model.mismatch.posterior.search import Model, Search
-from deeptruck_model.mismatch.posterior.stepwise import MOST_TERMS
+from deeptruck_model.mismatch.posterior.search import MOST_TERMS, Model, Search
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 Array = NDArray[np.float64]

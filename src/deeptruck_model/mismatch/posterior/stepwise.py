@@ -15,9 +15,8 @@ from deeptruck_model.mismatch.posterior.penalties import (
     practical,
     time_varying_penalty,
 )
-from deeptruck_model.mismatch.posterior.search import Model, Search
+from deeptruck_model.mismatch.posterior.search import MOST_TERMS, Model, Search
 
-MOST_TERMS = 4  # that a model may have at once; so many too of laws without a name
 WIDENED = 4  # of the best names are given more freedom of form before the first is chosen
 EXCHANGES = 3
 SETTLING = 2  # times
