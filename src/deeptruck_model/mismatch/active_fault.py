@@ -14,14 +14,13 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.data.prepared import LEAST_DRIVING_S, Prepared
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.strength import acts
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-FAULT_ODDS = 3.0  # times as often as without a fault the force must act with it to tell of it
 DERATE = 1569  # SPN by which an engine says that it holds torque back
+FAULT_ODDS = 3.0  # times as often as without a fault a force must act with it, for the fault to be named
 
 
 @dataclass(frozen=True)
@@ -54,23 +53,21 @@ class ActiveFault:
         return None if entry is None else ActiveFault(**entry)
 
 
-def active_fault(force: Array, e: Evidence, prepared: Sequence[Prepared], rules: Rules) -> ActiveFault | None:
+def active_fault(force: Array, e: Evidence, prepared: Sequence[Prepared]) -> ActiveFault | None:
     """The fault that was active for most of the time in which a force (n,) acts, where it is one of those
-    times and not of all: over half of them, and by the rule `fault_odds`.
+    times and not of all: over half of them, and by FAULT_ODDS.
     """
     acting = np.zeros(len(force), dtype=bool)
     acting[e.valid] = acts(force[e.valid])
     told = [
         fault
         for (spn, fmi), on, known in _faults(e, prepared)
-        if (fault := _shares(spn, fmi, on, known & e.valid, acting, e.dt, rules))
+        if (fault := _shares(spn, fmi, on, known & e.valid, acting, e.dt))
     ]
     return max(told, key=lambda fault: fault.while_acting, default=None)
 
 
-def _shares(
-    spn: int, fmi: int | None, on: Mask, known: Mask, acting: Mask, dt: float, rules: Rules
-) -> ActiveFault | None:
+def _shares(spn: int, fmi: int | None, on: Mask, known: Mask, acting: Mask, dt: float) -> ActiveFault | None:
     inside, outside = known & acting, known & ~acting
     free = float((known & ~on).sum()) * dt
     if not inside.any() or not outside.any() or free < LEAST_DRIVING_S:

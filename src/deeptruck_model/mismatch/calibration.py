@@ -27,8 +27,8 @@ from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import PARAMETERS, PhysicsTruck
 
-TOLD_TOGETHER = 0.9  # correlation of two parameters that drives tell as a pair
 PARTS = 10  # of the driving, to see how far they disagree
+TOLD_TOGETHER = 0.9  # correlation above which drives tell two parameters as a pair only
 NO_GRADE = (
     "the truck takes no grade: slopes go into its parameters, so that it is fitted on a level road alone"
 )

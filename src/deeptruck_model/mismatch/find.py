@@ -118,18 +118,18 @@ def checked_drives(
 ) -> Checked:
     same_signals(simulator, [*recordings, *held_out])
     fit, held, twice = each_once(recordings, held_out)
-    drives, flags, caveats = with_held_out(fit, held, simulator.dt, rules)
-    drives, rejected = checks.clean(drives, rules)
+    drives, flags, caveats = with_held_out(fit, held, simulator.dt)
+    drives, rejected = checks.clean(drives)
     measured = checks.acceleration_is_measured(drives)
     faults = checks.sensor_faults(drives, rules) if measured else []
     response = simulator.interface.y
-    whole = [prepare(checks.mended(r, faults), measured, response, rules) for r in drives]
+    whole = [prepare(checks.mended(r, faults), measured, response) for r in drives]
     prepared = tuple(learned(simulator, p) for p in whole)
     strange = sum(int((p.valid & ~q.valid).sum()) for p, q in zip(whole, prepared, strict=True))
     if strange:
         rejected = sorted([*rejected, checks.Rejection(STRANGE, strange)], key=lambda r: -r.samples)
     fitted = [p for p, out in zip(prepared, flags, strict=True) if not out]
-    useless = unusable(fitted, rejected, rules)
+    useless = unusable(fitted, rejected)
     data = DataReport(tuple(rejected))
     return Checked(prepared, tuple(flags), tuple(faults), data, (*twice, *caveats), useless)
 
@@ -236,7 +236,7 @@ def _findings(simulator: Simulator, c: Checked, e: Evidence, x: Explanation) -> 
 
 def _with_fault(f: Finding, e: Evidence, prepared: Sequence[Prepared]) -> Finding:
     """With the fault of the truck's own that was mostly active while the finding acts, where there is one."""
-    fault = active_fault(f.cause.force, e, prepared, e.rules) if f.cause is not None else None
+    fault = active_fault(f.cause.force, e, prepared) if f.cause is not None else None
     return f if fault is None else replace(f, active_fault=fault, says=f.says.and_then(str(fault)))
 
 

@@ -1,7 +1,9 @@
-"""Every threshold that decides a verdict, in the order of the algorithm; `Rules()` is what the tool uses.
+"""The thresholds by which a verdict is reached, in the order of the algorithm; `Rules()` is what is used.
 
-Evidence carries the rules it is judged by, and `find_mismatch` takes others. Numbers that only steer the
-computation (grids, iterations, smoothing, how many candidates are fitted) stand beside their code.
+Evidence carries the rules it is judged by, and `find_mismatch` takes others. What vehicles can do stands in
+vehicle_kinds.py. Beside their code stand numbers that choose the rows of a recording, say how much driving it
+takes or what cannot be at all, or steer the computation (grids, iterations, smoothing, how many candidates
+are fitted).
 
 `python -m deeptruck_model.mismatch.rules` renews the table of docs/mismatch_rules.md.
 """
@@ -52,7 +54,7 @@ class Rules:
         6.5, "sd", "by which a fault of a sensor, or a window among thousands, must be off", STATISTICS
     )
     slow_noise: float = _of(
-        0.015, "m/s^2", "sd of a mean over slow_noise_s that may still be noise, of a physics truck", CHOSEN
+        0.015, "m/s^2", "sd of a mean over 10 s that may still be noise, of a physics truck", CHOSEN
     )
     temper: float = _of(
         3.0,
@@ -115,18 +117,10 @@ class Rules:
     credible: float = _of(0.8, "1", "probability that a group of names holds the right one", FITTED)
     recognised: float = _of(0.8, "1", "probability that a law is of the name whose form is nearest", FITTED)
 
-    # unknown: what has no name
-
-    # slow forces and roads
+    # slow forces
     slow_force: float = _of(
         0.08, "m/s^2", "rms that a slow force must exceed: ordinary wind gives a light vehicle less", TRUCKS
     )
-
-    # windows: what acts now and then
-
-    # learned simulators: model discrepancy
-
-    # what the truck's controllers tell of their own faults
 
     # validation: what is withdrawn
     no_better: float = _of(

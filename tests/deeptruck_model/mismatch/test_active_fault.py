@@ -17,7 +17,6 @@ from deeptruck_model.mismatch.active_fault import ActiveFault, active_fault
 from deeptruck_model.mismatch.data.prepared import Prepared, prepare
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.result import Verdict
-from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
 
@@ -48,7 +47,7 @@ def told(
     e: Evidence, force: Array, on: NDArray[np.bool_], code: Mapping[str, float] = HOT
 ) -> ActiveFault | None:
     channels = {name: np.where(on, value, 0.0) for name, value in code.items()}
-    return active_fault(force, e, recorded(channels, e), Rules())
+    return active_fault(force, e, recorded(channels, e))
 
 
 def test_a_fault_that_is_active_where_a_force_acts_is_told(nothing_missing: Evidence) -> None:
@@ -99,11 +98,9 @@ def test_what_nobody_told_counts_for_nothing(nothing_missing: Evidence) -> None:
     spn = np.where(acting, 110.0, 0.0)
     spn[:HALF] = np.nan
     channels = {"fault_spn": spn, "fault_fmi": np.where(np.isnan(spn), np.nan, 16.0)}
-    fault = active_fault(
-        np.where(acting, 0.3, 0.0), nothing_missing, recorded(channels, nothing_missing), Rules()
-    )
+    fault = active_fault(np.where(acting, 0.3, 0.0), nothing_missing, recorded(channels, nothing_missing))
     assert fault == ActiveFault(110, 16, 1.0, 0.0)
-    assert active_fault(acting * 0.3, nothing_missing, recorded({}, nothing_missing), Rules()) is None
+    assert active_fault(acting * 0.3, nothing_missing, recorded({}, nothing_missing)) is None
 
 
 class Derated:

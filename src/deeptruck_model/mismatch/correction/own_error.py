@@ -23,7 +23,7 @@ def differs(
 ) -> str:
     """That it drives clearly worse on the held-out recordings than on those it keeps, by how much and where;
     empty where it does not, or that is not known."""
-    own = speed_error(simulator, measured, fit.horizon_s, rules)
+    own = speed_error(simulator, measured, fit.horizon_s)
     here = fit.errors.before.speed if fit.errors is not None else 0.0
     if own is None or here <= rules.drives_worse * own:
         return ""
@@ -32,8 +32,8 @@ def differs(
     return DIFFERS.format(here=here, own=own, horizon_s=fit.horizon_s, where=told)
 
 
-def speed_error(simulator: Simulator, measured: bool, horizon_s: float, rules: Rules) -> float | None:
+def speed_error(simulator: Simulator, measured: bool, horizon_s: float) -> float | None:
     """Rms speed error (m/s) of a learned simulator in free runs along the recordings that it keeps."""
-    own = kept(simulator, measured, rules)
+    own = kept(simulator, measured)
     errors = free_windows(simulator, own, horizon_s)
     return errors.rmse().speed if len(errors.speed) else None

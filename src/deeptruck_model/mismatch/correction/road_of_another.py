@@ -23,13 +23,12 @@ from deeptruck_model.mismatch.residual.stretches import (
     steps,
     turned,
 )
-from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-ROAD_SHARED = 20  # windows in a row, 100 m apart, must agree with another vehicle's road: 8 km in all
+ROAD_SHARED = 20  # windows, 100 m apart, that must agree in a row with another's road: 8 km in all
 NEAR = 5  # steps by which places may differ that are one: wheels and curves measure a road a little otherwise
 
 
@@ -61,12 +60,12 @@ class Covered:
         )
 
 
-def shared(own: Windows, other: Windows, rules: Rules) -> Shared:
+def shared(own: Windows, other: Windows) -> Shared:
     """Where `own` windows are found in `other`.
 
     Each window votes for the place that it agrees with best, if it does so better than any does in the two
     comparisons that no road can make alike. On a road that both drove, one window after the other votes for
-    the same distance between the two; rule `road_shared` says how many are more than chance gives.
+    the same distance between the two; ROAD_SHARED says how many are more than chance gives.
     """
     a, b = own.centred(), other.centred()
     if not len(a) or not len(b):
@@ -100,7 +99,7 @@ class Votes:
 
 
 def with_road_of_another(
-    roads: Roads, other: Roads, recordings: Sequence[Recording], rules: Rules = Rules()
+    roads: Roads, other: Roads, recordings: Sequence[Recording]
 ) -> tuple[list[Recording], list[Covered]]:
     """The pieces of `recordings` whose road the other vehicle drove too, with its slope there as their grade;
     and how much of each recording that is.
@@ -116,7 +115,7 @@ def with_road_of_another(
         raise InputError("of none of these recordings a slope was told; give those that mismatch was run on")
     along = [_distance(r) for r, _ in told]
     own = Windows.of([(d, slope) for d, (_, slope) in zip(along, told, strict=True)])
-    found = shared(own, Windows.of([(t.distance, t.slope) for t in other.slopes.values()]), rules)
+    found = shared(own, Windows.of([(t.distance, t.slope) for t in other.slopes.values()]))
     pieces, covered = [], []
     for i, (recording, _) in enumerate(told):
         grid = steps(along[i])

@@ -126,7 +126,7 @@ class SensorFault:
     says: str
 
 
-def clean(recordings: Sequence[Recording], rules: Rules) -> tuple[list[Recording], list[Rejection]]:
+def clean(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Rejection]]:
     """Recordings with impossible samples made NaN, and how many went by which rule."""
     counts: dict[str, int] = {}
     out = []
@@ -144,7 +144,7 @@ def clean(recordings: Sequence[Recording], rules: Rules) -> tuple[list[Recording
         jump = np.abs(derivative(speed, r.dt)) > IMPOSSIBLE_ACCELERATION
         _reject(speed, jump, f"speed jumps by more than {IMPOSSIBLE_ACCELERATION:g} m/s^2", counts)
         if "brake_command" in r.interface.u:
-            _reject(channels["brake_command"], _unrecorded_braking(r, speed, rules), STUCK, counts)
+            _reject(channels["brake_command"], _unrecorded_braking(r, speed), STUCK, counts)
         for name in ("speed", *r.interface.u, *r.interface.w):
             missing = int(np.isnan(r.channels[name]).sum())
             if missing:
@@ -159,7 +159,7 @@ def _reject(x: Array, bad: NDArray[np.bool_], rule: str, counts: dict[str, int])
         x[bad] = np.nan
 
 
-def _unrecorded_braking(r: Recording, speed: Array, rules: Rules) -> NDArray[np.bool_]:
+def _unrecorded_braking(r: Recording, speed: Array) -> NDArray[np.bool_]:
     """Where the truck slows (n,), if it brakes though its brake command never moves."""
     command = r.channels["brake_command"]
     slowing = uniform_filter1d(np.nan_to_num(derivative(speed, r.dt)), max(round(1.0 / r.dt), 1))

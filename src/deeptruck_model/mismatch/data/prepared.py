@@ -13,15 +13,14 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data import checks
 from deeptruck_model.mismatch.data.checks import noise_of, observed_acceleration
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import SPEED
 from deeptruck_model.simulators import Simulator
 from deeptruck_model.vehicle_kinds import LEAST_SPEED, NO_COASTING
 
-LEAST_DRIVING_S = 60.0  # of usable driving: less tells nothing
-HELD_OUT_SHARE = 0.3  # of the recordings, where no drive was given to be held out
+LEAST_DRIVING_S = 60.0  # s of usable driving: less tells nothing
 LEAST_SPEED_SD = 0.3  # m/s: a speed that varies less tells nothing
+HELD_OUT_SHARE = 0.3  # of the driving, which is held out where no drive was given for it
 SAME_DRIVES = (
     "few recordings and no other held out: the last 30 % of each was set aside, "
     "so what is claimed holds for the same drives only"
@@ -98,7 +97,7 @@ def _same(one: Recording, other: Recording) -> bool:
 
 
 def with_held_out(
-    fit: list[Recording], held: list[Recording], dt: float, rules: Rules
+    fit: list[Recording], held: list[Recording], dt: float
 ) -> tuple[list[Recording], list[bool], list[str]]:
     """Recordings and which of them are held out; where none was given, the last part is set aside."""
     if held:
@@ -122,7 +121,7 @@ def with_held_out(
     return pieces, flags, [SAME_DRIVES]
 
 
-def unusable(prepared: Sequence[Prepared], rejected: Sequence[checks.Rejection], rules: Rules) -> str | None:
+def unusable(prepared: Sequence[Prepared], rejected: Sequence[checks.Rejection]) -> str | None:
     """Why nothing can be said from the recordings that are not held out, or None."""
     seconds = sum(float(p.valid.sum()) * p.dt for p in prepared)
     if seconds < LEAST_DRIVING_S:
@@ -180,7 +179,6 @@ def prepare(
     recording: Recording,
     measured_acceleration: bool,
     response: Sequence[str] | None = None,
-    rules: Rules = Rules(),
 ) -> Prepared:
     """Fill what is missing, mark it invalid for as long as it can disturb, and estimate acceleration.
 

@@ -14,17 +14,16 @@ from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.posterior.free_law import LEAST_R2
 from deeptruck_model.mismatch.posterior.modelled import Formula, drivers, unexplained
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.rules import Rules
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-BEYOND = 3.0  # times the largest force: what a formula may reach between its places
 DRIVERS = 3
 CELLS = 256  # points the formula is fitted to, each the mean over equally many seconds
 LEAST_IN_CELL = 12
 DIGITS = 3
 GRID = 21  # places along the range of each signal where a formula must stay bounded
+BEYOND = 3.0  # times the largest force seen, which a formula must stay below at these places
 SYMBOLS = "add,sub,mul,div,square,exp,tanh,sin,fmax,fmin,abs,constant,variable"
 FUNCTIONS = {"fmax": sympy.Max, "fmin": sympy.Min, "max": sympy.Max, "min": sympy.Min, "abs": sympy.Abs}
 FUNCTIONS |= {"square": lambda x: x**2}
@@ -39,15 +38,13 @@ def formula(e: Evidence, x: Explanation, seed: int = 0) -> Formula | None:
     y, columns, out = unexplained(e, x, named)
     if not named or min((~out).sum(), out.sum()) < 4 * LEAST_IN_CELL:
         return None
-    return fit(columns, y * e.unit.scale, out, seed, e.rules)
+    return fit(columns, y * e.unit.scale, out, seed)
 
 
-def fit(
-    columns: dict[str, Array], y: Array, held_out: Mask, seed: int = 0, rules: Rules = Rules()
-) -> Formula | None:
+def fit(columns: dict[str, Array], y: Array, held_out: Mask, seed: int = 0) -> Formula | None:
     """Symbolic regression of y (n,) on named columns (n,), most important first, judged on `held_out` rows.
 
-    None where no formula predicts `formula_r2` of their variance.
+    None where no formula predicts LEAST_R2 of their variance.
     """
     symbols = [sympy.Symbol(name, real=True) for name in columns]
     X = np.stack(list(columns.values()), axis=1)
@@ -55,7 +52,7 @@ def fit(
     for count in range(1, len(symbols) + 1):  # fewer signals leave finer cells
         front = _front(*cells(X[~held_out, :count], y[~held_out]), seed)
         candidates += [_readable(text, symbols) for text in front]
-    candidates = [c for c in candidates if _bounded(c, symbols, X, y, rules)]
+    candidates = [c for c in candidates if _bounded(c, symbols, X, y)]
     losses = [_losses(c, symbols, X[held_out], y[held_out]) for c in candidates]
     best = min(losses, key=lambda loss: float(loss.mean()), default=None)
     variance = float(np.var(y[held_out]))
@@ -136,7 +133,7 @@ def _losses(x: sympy.Expr, symbols: Sequence[sympy.Symbol], X: Array, y: Array) 
     return np.where(np.isfinite(loss), loss, np.inf)
 
 
-def _bounded(x: sympy.Expr, symbols: Sequence[sympy.Symbol], X: Array, y: Array, rules: Rules) -> bool:
+def _bounded(x: sympy.Expr, symbols: Sequence[sympy.Symbol], X: Array, y: Array) -> bool:
     """Whether a formula stays within what was seen, all over the range of its signals: no pole between the
     cells it was fitted to."""
     sides = [np.linspace(column.min(), column.max(), GRID) for column in X.T]

@@ -30,9 +30,9 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 
 Array = NDArray[np.float64]
 
-LEAST_R2 = 0.1  # held-out r2 that trees, or a formula, must reach
 PERIOD_S = 1.0
 LEVELS = 40
+LEAST_R2 = 0.1  # share of the held-out variance that trees, or a formula, must explain
 RATIO_STEP = 0.05  # relative; gears are farther apart
 FOLDS = 6
 CLIP = (

@@ -82,7 +82,7 @@ Array = NDArray[np.float64]
 
 def known(simulator: Simulator, measured_acceleration: bool, seed: int, rules: Rules) -> Evidence | None:
     """The simulator's own recordings as evidence; None where it keeps none that can be used."""
-    prepared = kept(simulator, measured_acceleration, rules)
+    prepared = kept(simulator, measured_acceleration)
     if not prepared:
         return None
     try:
@@ -91,11 +91,11 @@ def known(simulator: Simulator, measured_acceleration: bool, seed: int, rules: R
         return None
 
 
-def kept(simulator: Simulator, measured_acceleration: bool, rules: Rules) -> list[Prepared]:
+def kept(simulator: Simulator, measured_acceleration: bool) -> list[Prepared]:
     """The recordings that a learned simulator keeps and was not fitted to; none where they are too short."""
     recordings: Sequence[Recording] = getattr(simulator, "reference", ())
     try:
-        prepared = [learned(simulator, prepare(r, measured_acceleration, rules=rules)) for r in recordings]
+        prepared = [learned(simulator, prepare(r, measured_acceleration)) for r in recordings]
     except InputError:
         return []
     return prepared if sum(float(p.valid.sum()) * p.dt for p in prepared) >= LEAST_DRIVING_S else []
@@ -128,7 +128,7 @@ def _penalties(own: Evidence, ratio: float) -> dict[str, float]:
 
 
 def _slow_noise(own: Evidence) -> float:
-    """Sd (m/s^2) of the means over `slow_noise_s` of the model discrepancy, other driving allowed for."""
+    """Sd (m/s^2) of the means over SLOW_NOISE_S of the model discrepancy, other driving allowed for."""
     per = max(1, round(SLOW_NOISE_S / own.dt))
     means = []
     for s in own.stretches:

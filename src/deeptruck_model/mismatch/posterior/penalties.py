@@ -29,10 +29,10 @@ from deeptruck_model.mismatch.residual.noise import whiten
 
 Array = NDArray[np.float64]
 
-LEARNABLE = (
-    0.05  # m/s^2 rms that no discrepancy of a signal it cannot see has; of any, where none is measured
-)
-MOST_PRIOR_SD = 4.0  # a coefficient farther from its prior mean is physically impossible
+# m/s^2 rms: what a learned simulator did not learn of a signal that it cannot see is no larger, nor is any
+# other error of it, where none is measured
+LEARNABLE = 0.05
+MOST_PRIOR_SD = 4.0  # prior sds: a coefficient farther from its prior mean is physically impossible
 
 
 def enough(search: Search) -> float:

@@ -9,15 +9,14 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.stretches import LENGTH_M, STEP_M, Windows, likeness, turned
-from deeptruck_model.mismatch.rules import Rules
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-ROAD_WINDOWS = 3  # that do not overlap must agree
-ROAD_SHARE = 0.05  # of the windows must agree
-BY_CHANCE = 0.99  # quantile of the agreement by chance that a road must exceed
 EVERY = 8  # steps between the windows that are sought again
+BY_CHANCE = 0.99  # quantile of the agreement by chance, which the windows of a road must exceed
+ROAD_SHARE = 0.05  # of the windows: so many must be found again
+ROAD_WINDOWS = 3  # windows that do not overlap: so many must be found again
 
 
 @dataclass(frozen=True)
@@ -47,14 +46,14 @@ def road_lock(e: Evidence, force: Array) -> RoadLock | None:
     same, other = best(a), best(turned(a))
     chance = np.concatenate([best(-a), best(-turned(a))])
     limit = float(np.quantile(chance, BY_CHANCE))
-    same_km, other_km = _beyond_chance(same > limit, e.rules), _beyond_chance(other > limit, e.rules)
+    same_km, other_km = _beyond_chance(same > limit), _beyond_chance(other > limit)
     if not same_km and not other_km:
         return None
     again = np.maximum(same if same_km else -1.0, other if other_km else -1.0)
     return RoadLock(same_km, other_km, float(np.median(again[again > limit])), limit)
 
 
-def _beyond_chance(found: NDArray[np.bool_], rules: Rules) -> float:
+def _beyond_chance(found: NDArray[np.bool_]) -> float:
     """Kilometres of the windows that were found again, 0 where they are so few that chance alone finds
     them."""
     km = round(EVERY * STEP_M / 1000.0 * int(found.sum()), 1)

@@ -30,8 +30,8 @@ from deeptruck_model.mismatch.rules import Rules
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-MOST_TERMS = 4  # at once: with a name, or without
-SURELY = 1.96  # sd: half width of a 95 % interval
+SURELY = 1.96  # sds: half the width of a 95 % interval of a size that was fitted
+MOST_TERMS = 4  # that a model may have at once; so many too of laws without a name
 LARGEST_SLOPE = 0.75  # what four times the mass does
 HELD, PINNED = 0.01, 0.001
 ENGINE_GAIN, GAIN_REPORTED = "torque_gain", 0.7  # probability that the engine's controller tells of it

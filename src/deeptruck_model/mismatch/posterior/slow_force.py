@@ -9,7 +9,7 @@ what engine and friction do is fitted to those, and the slow rest is the road's,
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,14 +23,13 @@ from deeptruck_model.mismatch.residual.components import (
     EFFICIENCY,
 )
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.vehicle_kinds import LARGEST_DERATE, STEEPEST, STRONGEST_WIND
 
 Array = NDArray[np.float64]
 
-LINE_GAIN_DOUBT = 0.1  # relative error that the engine gain of such a line may have
-LINE_S = 300.0  # of driving that a slow force takes, and a line through the recordings
-LINE_R2 = 0.4  # of fast changes: a line through the recordings below it is no truck
+LINE_S = 300.0  # s of driving, from which a slow force, or a line through the recordings, can be told
+LINE_R2 = 0.4  # share of the fast changes: a line through the recordings that explains less is no truck
+LINE_GAIN_DOUBT = 0.1  # relative error that such a line's factor of the engine's force may have
 BRAKE_S, BRAKING = 2.0, 0.02  # braking is left out until it has let go, s and share of the hardest
 FAST_S = 8.0  # changes within so long are no road's
 SMOOTH_S = 0.7
@@ -136,7 +135,6 @@ class SlowForce:
     force: Array
     rms: float
     needed: dict[str, float]
-    rules: Rules = field(default_factory=Rules)
 
     @property
     def possible(self) -> list[str]:
@@ -170,7 +168,7 @@ def slow_force(e: Evidence, left: Array, weight: Array, sigma: float, doubt: flo
         "headwind": _size(centred, per_wind, known),
         "torque_derate": _size(centred, pull, known),
     }
-    return SlowForce(np.where(known, centred, 0.0), rms, needed, e.rules)
+    return SlowForce(np.where(known, centred, 0.0), rms, needed)
 
 
 def _slow_part(e: Evidence, left: Array, weight: Array) -> tuple[Array, NDArray[np.bool_]]:

@@ -32,10 +32,10 @@ from deeptruck_model.vehicle_kinds import CLUTCH_CLOSED
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-WINDOWS_MOST = 0.2  # of the time, all windows together: what is rare is no more
 LENGTHS_S = (0.6, 2.0, 6.0)
 LARGEST = 6.0  # a single sample counts as no more than this
 AROUND_S = 1.5
+WINDOWS_MOST = 0.2  # of the time, all windows together: what acts for longer is not rare
 FITTED = 6
 ENDS = 2.0  # of a window, each a choice that costs a tempered nat
 LARGEST_LOG = 600.0  # of trials, which hundreds of windows would take beyond what a float holds

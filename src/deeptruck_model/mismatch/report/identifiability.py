@@ -25,10 +25,10 @@ from deeptruck_model.simulators import Simulator, free_run
 
 Array = NDArray[np.float64]
 
-MANOEUVRE_DRIFT = 0.01  # m/s^2: ... and this for each second since it began
-MANOEUVRE_SPEED = 0.1  # m/s: a manoeuvre tells two names apart if speeds differ by more than this ...
 SECONDS = 60.0
 ROLLING = 1.0  # m/s; below it a truck stands, and nothing differs
+MANOEUVRE_SPEED = 0.1  # m/s: a manoeuvre tells two names apart if speeds differ by more than this ...
+MANOEUVRE_DRIFT = 0.01  # m/s^2: ... and this for each second since it began
 
 
 @dataclass(frozen=True)

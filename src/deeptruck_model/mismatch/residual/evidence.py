@@ -17,11 +17,11 @@ from deeptruck_model.vehicle_kinds import UNSTATED, VehicleKind
 
 Array = NDArray[np.float64]
 
-SLOW_NOISE_S = 10.0  # length of the means that slow noise is measured over
 MOST_TURNS = 150.0  # rad/m: a crawler gear
 LOCKED_M_S = 2.5  # slower, a starting clutch may slip
 BIN, WIDTH = 0.02, 0.06  # of the logarithm; gears of a truck are at least 0.15 apart
 SELDOM = 0.005  # share of the time below which a ratio is no gear
+SLOW_NOISE_S = 10.0  # length of the means whose sd is the slow noise
 
 
 def turns(engine_speed: Array, speed: Array) -> Array:

@@ -28,7 +28,6 @@ from deeptruck_model.vehicle_kinds import CLUTCH_CLOSED, GEARS_APART
 
 Array = NDArray[np.float64]
 
-OTHER_GEAR_S = 1.5  # for how long another gear than the recorded one is part of what may be missing
 ALIKE = 0.8  # of the longest drive's length, for drives that are run at once
 
 
@@ -63,6 +62,7 @@ def _alike(lengths: Sequence[int]) -> list[list[int]]:
 
 Mask = NDArray[np.bool_]
 
+OTHER_GEAR_S = 1.5  # a different gear for longer is left out; for less, it is part of what may be missing
 NEAR_S = 0.5  # around a different gear, while the engine changes its speed
 
 
@@ -71,7 +71,6 @@ def other_gear(
     runs: Sequence[Run],
     numbered_alike: bool = False,
     held_out: Sequence[bool] = (),
-    rules: Rules = Rules(),
 ) -> tuple[list[Mask], list[Mask]]:
     """Native samples (n,) of each recording where the simulator's gear is another one; for long, and at all.
 
@@ -79,8 +78,8 @@ def other_gear(
     """
     apart = _by_label(prepared, runs, numbered_alike) if "gear" in runs[0].inside else None
     if apart is None and "engine_speed" in runs[0].inside:
-        apart = [_by_engine_speed(p, run, rules) for p, run in zip(prepared, runs, strict=True)]
-    if apart is None or _never_alike(apart, held_out, rules):
+        apart = [_by_engine_speed(p, run) for p, run in zip(prepared, runs, strict=True)]
+    if apart is None or _never_alike(apart, held_out):
         nowhere = [np.zeros(len(p.recording), dtype=bool) for p in prepared]
         return nowhere, nowhere
     dt = prepared[0].dt
@@ -90,7 +89,7 @@ def other_gear(
     return [binary_dilation(a, near) if a.any() else a for a in for_long], apart
 
 
-def _never_alike(apart: Sequence[Mask], held_out: Sequence[bool], rules: Rules) -> bool:
+def _never_alike(apart: Sequence[Mask], held_out: Sequence[bool]) -> bool:
     """Whether gears cannot be compared; of the recordings to be fitted too, which another logger may have
     made than those held out, and of which nothing would be left."""
     fitted = [a for a, out in zip(apart, held_out or [False] * len(apart), strict=True) if not out]
@@ -135,7 +134,7 @@ def _mode(x: Array) -> float:
     return float(values[np.argmax(counts)])
 
 
-def _by_engine_speed(p: Prepared, run: Run, rules: Rules) -> Mask:
+def _by_engine_speed(p: Prepared, run: Run) -> Mask:
     if "engine_speed" not in p.recording.channels:
         return np.zeros(len(p.recording), dtype=bool)
     recorded, simulated = p.recording.channels["engine_speed"], run.inside["engine_speed"][0]
@@ -172,9 +171,9 @@ def gather(
     simulated = grid.stack([r.y[0, :, ACCELERATION] for r in runs])
     observed = grid.stack([p.observed for p in prepared])
     if simulator.parameters():
-        other, apart = other_gear(prepared, runs, held_out=held_out, rules=rules)
+        other, apart = other_gear(prepared, runs, held_out=held_out)
     else:
-        other, apart = other_gear(prepared, believed(simulator, prepared), True, held_out, rules)
+        other, apart = other_gear(prepared, believed(simulator, prepared), True, held_out)
     stated = _stated_mass(simulator, prepared, mass_kg)
     signals, mass, mass_known = components.signals(simulator, prepared, runs, grid, stated)
     signals["gear apart"] = grid.any(apart).astype(float)

@@ -21,10 +21,10 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Rows = NDArray[np.intp]
 
-LEAST_DRIVES = 4  # with fewer, nothing is said of how much drives disagree on a size
 ORDER = 5  # of the autoregression
 TAIL = 5.0  # degrees of freedom of the innovations
 ORDINARY = 3.0  # robust sds of the residual beyond which it counts less for the autoregression
+LEAST_DRIVES = 4  # with fewer, nothing is said of how much drives disagree on a size
 
 
 @dataclass(frozen=True)

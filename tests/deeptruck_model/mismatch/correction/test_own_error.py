@@ -43,7 +43,7 @@ def fit(speed_error: float) -> FitResult:
 
 @pytest.fixture(scope="module")
 def own() -> float:
-    error = speed_error(Learned(), False, HORIZON_S, Rules())  # type: ignore[arg-type]
+    error = speed_error(Learned(), False, HORIZON_S)  # type: ignore[arg-type]
     assert error is not None and error > 0.05
     return error
 

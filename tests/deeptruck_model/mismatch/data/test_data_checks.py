@@ -45,7 +45,7 @@ def test_braking_with_a_command_that_never_moves_was_not_recorded(
     r.channels["speed"][1000:1100] = np.linspace(20.0, 5.0 if slows else 19.0, 100)
     r.channels["speed"][1100:] = r.channels["speed"][1099]
     r.channels["brake_command"][2000:2100] = 30.0 if moves else 0.0
-    (cleaned,), rejected = checks.clean([r], Rules())
+    (cleaned,), rejected = checks.clean([r])
     lost = np.flatnonzero(np.isnan(cleaned.channels["brake_command"]))
     assert (checks.STUCK in {item.rule for item in rejected}) == told == bool(len(lost))
     if told:
@@ -59,7 +59,7 @@ def test_impossible_samples_go_by_rule_and_are_counted() -> None:
     r.channels["brake_command"][300:310] = -1.0
     r.channels["grade"][400:420] = np.nan
     before = {name: x.copy() for name, x in r.channels.items()}
-    (cleaned,), rejected = checks.clean([r], Rules())
+    (cleaned,), rejected = checks.clean([r])
     count = {item.rule: item.samples for item in rejected}
     assert count["speed outside -1 .. 60 m/s"] == 1
     assert count["brake_command outside 0 .. 200 percent"] == 10
@@ -72,7 +72,7 @@ def test_impossible_samples_go_by_rule_and_are_counted() -> None:
 
 
 def test_good_data_loses_nothing() -> None:
-    (cleaned,), rejected = checks.clean([drive(1)], Rules())
+    (cleaned,), rejected = checks.clean([drive(1)])
     assert rejected == [] and np.isfinite(cleaned.y).all()
 
 

@@ -12,9 +12,9 @@ import pytest
 from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.deep.data import driven
 from deeptruck_model.mismatch.data import prepared
-from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import FUEL
+from deeptruck_model.vehicle_kinds import LEAST_SPEED
 
 TRUCK = trucks.load("trucksim")
 
@@ -39,7 +39,7 @@ def test_holes_are_filled_and_kept_out(drives: list[Recording]) -> None:
     p = prepared.prepare(holes, False)
     assert np.isfinite(p.u).all() and np.isfinite(p.w).all() and np.isfinite(p.y).all()
     assert not p.valid[797:825].any()
-    assert not p.valid[:60].any() and not p.valid[p.y[:, 1] < Rules.least_speed].any()
+    assert not p.valid[:60].any() and not p.valid[p.y[:, 1] < LEAST_SPEED].any()
     assert (drives[0].channels["grade"][800:805] == drives[0].w[800:805, 0]).all()
 
 

@@ -7,7 +7,6 @@ import pytest
 import sympy
 
 from deeptruck_model.mismatch.posterior import formula
-from deeptruck_model.mismatch.rules import Rules
 
 ROWS, NOISE = 1500, 250.0
 
@@ -90,6 +89,6 @@ def test_a_formula_has_no_pole_where_the_truck_drives(drive):
     symbols = [sympy.Symbol(name, real=True) for name in columns]
     X = np.stack(list(columns.values()), axis=1)
     speed = symbols[0]
-    assert formula._bounded(speed * 10.0, symbols, X, 270.0 + noise, Rules())
-    assert not formula._bounded(100.0 / (speed - 15.0), symbols, X, 270.0 + noise, Rules())
-    assert not formula._bounded(sympy.exp(speed), symbols, X, 270.0 + noise, Rules())
+    assert formula._bounded(speed * 10.0, symbols, X, 270.0 + noise)
+    assert not formula._bounded(100.0 / (speed - 15.0), symbols, X, 270.0 + noise)
+    assert not formula._bounded(sympy.exp(speed), symbols, X, 270.0 + noise)

@@ -10,6 +10,7 @@ import pytest
 from deeptruck_model.mismatch.posterior import windows
 from deeptruck_model.mismatch.posterior.explain import explain
 from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.posterior.slow_force import LINE_S
 from deeptruck_model.mismatch.report.findings import from_cause
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Rules
@@ -59,7 +60,7 @@ def test_windows_are_narrowed_to_where_the_force_itself_acts(stuck: Evidence) ->
 def test_what_lasts_is_not_narrowed_and_hundreds_of_windows_have_a_penalty(stuck: Evidence) -> None:
     search = Search(stuck)
     model = search.background(())
-    whole = [(0, 10.0, 10.0 + Rules.line_s + 1.0)]
+    whole = [(0, 10.0, 10.0 + LINE_S + 1.0)]
     ((record, first, last),) = windows.narrowed(search, model, whole)
     assert record == 0 and (round(first), round(last)) == (10, 311)
     many = [(0, float(t), t + 0.5) for t in range(500)]

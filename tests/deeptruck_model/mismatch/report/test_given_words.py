@@ -17,11 +17,10 @@ from deeptruck_model.mismatch.report import given, page, timeline_figure
 from deeptruck_model.mismatch.report.figures import draw
 from deeptruck_model.mismatch.report.what_now import Asked
 from deeptruck_model.mismatch.report.wording import counted
-from deeptruck_model.mismatch.rules import Rules
 
 
 def compared(count: int, seconds: float, evidence: bool = True) -> Any:
-    pieces, flags, _ = with_held_out([recording(k, seconds) for k in range(count)], [], 0.1, Rules())
+    pieces, flags, _ = with_held_out([recording(k, seconds) for k in range(count)], [], 0.1)
     prepared = tuple(prepare(r, True) for r in pieces)
     stretches = tuple(SimpleNamespace(held_out=out) for out in flags)
     return SimpleNamespace(
