@@ -34,6 +34,7 @@ NUMERICS = {
     "posterior/kernels.py": {"TINY"},
     "posterior/nuisances.py": {"LEAST_DRIVING_S"},
     "posterior/penalties.py": {"LEARNABLE", "MOST_PRIOR_SD"},
+    "posterior/naming.py": {"MOST_TERMS", "UNKNOWN"},
     "posterior/recorded_torque.py": {"AFTER_SHIFT_S", "LEAST_BRAKING", "LEAST_ROWS"},
     "posterior/rivals.py": {"SURELY"},
     "posterior/road_lock.py": {"LENGTH_M", "ROAD_SHARE", "ROAD_WINDOWS"},

@@ -113,7 +113,7 @@ def _has_a_likeness(c: Cause) -> bool:
 def _recognised(likeness: Likeness, c: Cause, causes: Sequence[Cause]) -> Cause:
     if not _has_a_likeness(c):
         return c
-    others = {o.effect for o in causes if o is not c and o.effect != c.effect}
+    others = {o.acts_as for o in causes if o is not c and o.term is not None} - {c.effect}
     told = replace(c, likeness=tuple(likeness.of(c.force, others).items()))
     if c.effect == UNKNOWN or next(iter(told.names)) != UNKNOWN:
         return told
