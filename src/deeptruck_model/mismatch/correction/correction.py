@@ -30,8 +30,8 @@ from deeptruck_model.simulators import Simulator
 def claimed(x: Explanation, fit: FitResult, rules: Rules = Rules()) -> bool:
     """Whether what was found is told: it is strong, or free runs chose a correction that holds it and this
     drives better on held-out recordings. What is slow, or acts in windows of its own, no other drive can
-    show."""
-    if not x.causes or fit.errors is None or max(c.gain for c in x.causes) >= rules.clear:
+    show. Laws that overlap are each weak beside the others, and strong together."""
+    if not x.causes or fit.errors is None or max(x.gained, *(c.gain for c in x.causes)) >= rules.clear:
         return True
     if any(c.needed is not None or (c.term and c.term.variant.acts_in_windows) for c in x.causes):
         return True

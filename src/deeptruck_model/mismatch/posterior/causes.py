@@ -116,3 +116,8 @@ class Explanation:
     ranking: tuple[
         tuple[str, float], ...
     ]  # every name tried beside the first cause, with its gain over parameters alone
+
+    @property
+    def gained(self) -> float:
+        """Nats that all names together explain beyond parameters alone."""
+        return self.model.score - self.parameters_only.score if self.model.named else 0.0

@@ -96,9 +96,10 @@ def recognised(search: Search, found: Explanation) -> Explanation:
     """
     if search.e.model_discrepancy > 0.0 or not any(map(_has_a_likeness, found.causes)):
         return found
-    likeness = Likeness(search, found.model)
-    told = tuple(_recognised(likeness, c, found.causes) for c in found.causes)
-    return replace(found, causes=told)
+    likeness, told = Likeness(search, found.model), list(found.causes)
+    for k, c in enumerate(found.causes):
+        told[k] = _recognised(likeness, c, told)
+    return replace(found, causes=tuple(told))
 
 
 def _acts_throughout(term: CandidateTerm) -> bool:
@@ -115,6 +116,6 @@ def _recognised(likeness: Likeness, c: Cause, causes: Sequence[Cause]) -> Cause:
         return c
     others = {o.acts_as for o in causes if o is not c and o.term is not None} - {c.effect}
     told = replace(c, likeness=tuple(likeness.of(c.force, others).items()))
-    if c.effect == UNKNOWN or next(iter(told.names)) != UNKNOWN:
-        return told
+    if any(o.effect == UNKNOWN for o in causes) or next(iter(told.names)) != UNKNOWN:
+        return told  # what has no name is one finding
     return replace(told, effect=UNKNOWN, nearest=c.effect)  # its term stays, as the nearest there is

@@ -33,13 +33,18 @@ def fit(after: float | None, chosen: Chosen = Chosen.FINDINGS) -> FitResult:
     )
 
 
-def found(*gains: float, variant: Variant | None = None, needed: dict[str, float] | None = None) -> Any:
+def found(
+    *gains: float,
+    together: float = 0.0,
+    variant: Variant | None = None,
+    needed: dict[str, float] | None = None,
+) -> Any:
     """An explanation; `needed` as of a slow force."""
     term: Any = SimpleNamespace(variant=variant or Static(), mechanism=LIBRARY["headwind"])
     causes = tuple(
         Cause("missing_physics", "headwind", gain, 0.5, np.zeros(1), term, needed=needed) for gain in gains
     )
-    return SimpleNamespace(causes=causes)
+    return SimpleNamespace(causes=causes, gained=together)
 
 
 @pytest.mark.parametrize(
@@ -65,6 +70,11 @@ def test_what_is_weak_is_told_where_its_own_correction_helps(
 )
 def test_another_correction_speaks_for_no_finding(chosen: Chosen, told: bool) -> None:
     assert claimed(found(50.0), fit(0.06, chosen)) == told
+
+
+def test_laws_that_overlap_are_strong_together() -> None:
+    assert claimed(found(50.0, 60.0, together=Rules.clear + 1.0), fit(0.2))
+    assert not claimed(found(50.0, 60.0, together=Rules.clear - 1.0), fit(0.2))
 
 
 def test_what_no_other_drive_can_show_is_not_asked_of_it() -> None:
