@@ -94,13 +94,17 @@ class Regimes:
             parts.append(bins.below_and_above())
         return gates, Products.joined(parts) if parts else Products(*([np.zeros((0, 0, 0))] * 3))
 
+    def inside(self, gate: Gate) -> NDArray[np.bool_]:
+        """Rows (n,) on the gate's side of its border."""
+        x = self.signals[gate.signal]
+        return x > gate.at if gate.side == "above" else x <= gate.at
+
     def gated(self, term: CandidateTerm, gate: Gate, e: Evidence) -> CandidateTerm:
         """The candidate term confined to one side of a border. What brakes make up for begins anew at the
         border, so it is the force that is confined."""
         variant = Gated(term.variant, gate)
         parts = tuple(build(term.mechanism, variant))
-        x = self.signals[gate.signal]
-        inside = (x > gate.at if gate.side == "above" else x <= gate.at).astype(float)
+        inside = self.inside(gate).astype(float)
         columns = np.stack([force(x * inside) for x, force in self._forces(term, e)], axis=1)
         return replace(term, variant=variant, parts=parts, columns=columns, trials=term.trials * self.count)
 

@@ -135,7 +135,8 @@ class _Directions:
 class KernelEvidence:
     """Kernels along the drives of a search, whitened by the noise of a model once for all residuals."""
 
-    def __init__(self, search: Search, model: Model) -> None:
+    def __init__(self, search: Search, model: Model, where: NDArray[np.bool_] | None = None) -> None:
+        """By all rows that count, or those of them `where` (n,) something acts."""
         self.kernels: tuple[Kernel, ...] = kernels(search)
         X, prior, _ = search.design(search.model((), frozenset()))
         blocks = [X * prior.sd, *(k.features for k in self.kernels)]
@@ -143,12 +144,13 @@ class KernelEvidence:
         self._of: list[Places] = [
             np.arange(end - b.shape[1], end) for end, b in zip(ends, blocks, strict=True)
         ]
-        self._rows, self._ar = search.rows, model.fit.ar
-        weight = np.sqrt((TAIL + 1) / (TAIL + model.fit.innovations[search.rows] ** 2))
-        self._weight = weight / (search.series.relative[search.rows] * model.fit.sigma)
+        self._rows = search.rows if where is None else search.rows[where[search.rows]]
+        self._ar = model.fit.ar
+        weight = np.sqrt((TAIL + 1) / (TAIL + model.fit.innovations[self._rows] ** 2))
+        self._weight = weight / (search.series.relative[self._rows] * model.fit.sigma)
         self._features = self._whitened(np.concatenate(blocks, axis=1))
         self._gram = self._features.T @ self._features
-        self._signed = [_where_signed(k, search.rows) for k in self.kernels]
+        self._signed = [_where_signed(k, self._rows) for k in self.kernels]
         self._mean = X @ prior.mean
         self._torque = search.torque
 
@@ -273,7 +275,7 @@ def _signs(
 
 def _where_signed(kernel: Kernel, rows: Places) -> Array | None:
     """Features (m, k) at some rows where the name acts, times the sign that its force has there."""
-    if kernel.sign is None:
+    if kernel.sign is None or not len(rows):
         return None
     size = np.abs(kernel.sign[rows])
     acting = rows[size > ACTING * np.quantile(size, 0.98)]
