@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
-from deeptruck_model.mismatch.mechanisms.variants import Span
-from deeptruck_model.mismatch.posterior import windows
+from deeptruck_model.mismatch.mechanisms.variants import Gate
 from deeptruck_model.mismatch.posterior.candidates import enriched, screen_terms
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.fingerprint import KernelEvidence
@@ -20,7 +19,6 @@ from deeptruck_model.mismatch.posterior.recogniser import recogniser
 from deeptruck_model.mismatch.posterior.search import MOST_TERMS, Model, Search
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 TRIED = 2  # candidate terms of a name that are fitted in full
 
@@ -30,14 +28,14 @@ class Likeness:
 
     def __init__(self, search: Search, model: Model) -> None:
         self._search, self._model = search, model
-        self._by: dict[tuple[object, ...], KernelEvidence] = {}
+        self._by: dict[Gate | None, KernelEvidence] = {}
 
     def of(
         self, force: Array, others: Collection[str], term: CandidateTerm | None = None
     ) -> dict[str, float]:
         """The probability of every name beside `others`. The engine's recorded torque speaks of `force` (n,),
-        what the best explanation so far takes it to be. A `term` that is confined to a regime or to windows
-        is judged by what is seen there."""
+        what the best explanation so far takes it to be. A `term` that is confined to a regime is judged by
+        what is seen there."""
         kernels = self._kernels(term)
         seen = kernels.of(self._search.series.y[:, None], sorted(others))
         by = recogniser()
@@ -47,21 +45,12 @@ class Likeness:
         return dict(zip(by.names, (p / p.sum()).tolist(), strict=True))
 
     def _kernels(self, term: CandidateTerm | None) -> KernelEvidence:
-        """Along all rows, or those to which a term is confined; made once."""
-        confined = (None, ()) if term is None else (term.variant.gate, term.variant.spans)
-        if confined not in self._by:
-            where = None if term is None else _where(self._search, term)
-            self._by[confined] = KernelEvidence(self._search, self._model, where)
-        return self._by[confined]
-
-
-def _where(search: Search, term: CandidateTerm) -> Mask | None:
-    """Rows (n,) of the regime and of the windows that a term is confined to; None where it acts anywhere."""
-    gate, spans = term.variant.gate, term.variant.spans
-    if gate is None and not spans:
-        return None
-    inside = np.ones(len(search.e), dtype=bool) if gate is None else search.regimes.inside(gate)
-    return inside & windows.within(list(spans), search.e) if spans else inside
+        """Along all rows, or those of the regime that a term is confined to; made once."""
+        gate = None if term is None else term.variant.gate
+        if gate not in self._by:
+            where = None if gate is None else self._search.regimes.inside(gate)
+            self._by[gate] = KernelEvidence(self._search, self._model, where)
+        return self._by[gate]
 
 
 def renamed(search: Search, model: Model) -> Model:
@@ -70,7 +59,7 @@ def renamed(search: Search, model: Model) -> Model:
     The search chose the form that is nearest; the recogniser knows which laws have no form here, and what
     they look like then.
     """
-    laws = [term for term in model.named if term.mechanism.kind == "missing_physics"]
+    laws = [term for term in model.named if _acts_throughout(term)]
     if search.e.model_discrepancy > 0.0 or not laws:
         return model
     likeness = Likeness(search, model)
@@ -80,7 +69,7 @@ def renamed(search: Search, model: Model) -> Model:
         told = likeness.of(force, {t.mechanism.effect for t in others}, term)
         best = _likest(search, told)
         if told.get(best, 0.0) > told.get(term.mechanism.effect, 0.0):
-            model = _by_the_name(search, model, others, best, term.variant.spans) or model
+            model = _by_the_name(search, model, others, best) or model
     return model
 
 
@@ -101,15 +90,9 @@ def _likest(search: Search, told: Mapping[str, float]) -> str:
     return max((m.effect for m in search.library), key=lambda name: told.get(name, 0.0), default="")
 
 
-def _by_the_name(
-    search: Search, model: Model, others: Sequence[CandidateTerm], name: str, spans: Sequence[Span] = ()
-) -> Model | None:
+def _by_the_name(search: Search, model: Model, others: Sequence[CandidateTerm], name: str) -> Model | None:
     """The model beside others in the best form of a name; None where that explains too little."""
     base = search.background(tuple(others))
-    if spans:
-        tried = windows.candidates(search, base, list(spans))
-        there = [m for m in tried if m.effects[-1] == name and practical(search, m, m.named[-1])]
-        return next((m for m in there if m.score > base.score + search.rules.weak), None)
     scored = screen_terms(search, base, search.candidate_terms(LIBRARY[name]))[:TRIED]
     fitted = [search.model((*others, term), base.free | model.free, model.fit) for _, term in scored]
     made = [m for m in (enriched(search, m) for m in fitted) if practical(search, m, m.named[-1])]
@@ -122,8 +105,8 @@ def recognised(search: Search, found: Explanation) -> Explanation:
     """The explanation, each finding of missing physics with the probabilities of names that the recogniser
     gives it beside the others.
 
-    Beside a learned simulator there are none: its model discrepancy is like any name. Nor for what only its
-    size tells from noise.
+    Beside a learned simulator there are none: its model discrepancy is like any name. Nor for what acts in
+    windows alone, or is slow: kernels are of what acts throughout.
     """
     if search.e.model_discrepancy > 0.0 or not any(map(_has_a_likeness, found.causes)):
         return found
@@ -133,8 +116,13 @@ def recognised(search: Search, found: Explanation) -> Explanation:
     return replace(found, causes=tuple(told))
 
 
+def _acts_throughout(term: CandidateTerm) -> bool:
+    return not term.variant.acts_in_windows and term.mechanism.kind == "missing_physics"
+
+
 def _has_a_likeness(c: Cause) -> bool:
-    return c.kind == "missing_physics" and c.needed is None
+    windowed = c.term is not None and c.term.variant.acts_in_windows
+    return c.kind == "missing_physics" and c.needed is None and not windowed
 
 
 def _recognised(likeness: Likeness, c: Cause, causes: Sequence[Cause]) -> Cause:
