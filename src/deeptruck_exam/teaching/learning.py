@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     import torch
 
 LEAST_NATS = 20.0  # less is no finding, and has no name
+LOST, FEWER_SHARE = (
+    (0.05, 0.4),
+    0.5,
+)  # share of names whose kernels go with a signal, and of samples once more so
 HIDDEN_SHARE = 0.12  # of the samples, once more without their name's kernels: then they are unknown
 UNKNOWN_WEIGHT, FAULT_WEIGHT = 3.0, 0.5  # of a name with laws
 WIDTH, DROPPED, MEMBERS = 96, 0.3, 5
@@ -53,14 +57,22 @@ def lesson(parts: Sequence[Samples], keys: tuple[str, ...], names: tuple[str, ..
         for name in sorted(set(part.names.tolist())):
             again = (part.names == name) & (rng.random(len(part.names)) < HIDDEN_SHARE)
             if again.any() and name != UNKNOWN and part.families[again][0] not in ("faults", "parameters"):
-                made.append(_of(_without(part.of(again), name), keys, names))
+                made.append(_of(_without(part.of(again), {name}), keys, names))
+        made.append(_of(_of_fewer_signals(part, rng), keys, names))
     return Lesson(*(np.concatenate([getattr(m, n) for m in made]) for n in Lesson.__dataclass_fields__))
 
 
-def _without(part: Samples, name: str) -> Samples:
-    """As where the name is in no library: its kernels are gone."""
+def _of_fewer_signals(part: Samples, rng: np.random.Generator) -> Samples:
+    """Some of them as where fewer signals are known: without a random part of the kernels."""
+    f, share = part.fingerprint, rng.uniform(*LOST)
+    lost = {n for n in sorted(f.names - {UNKNOWN}) if rng.random() < share}
+    return _without(part.of(rng.random(len(part.names)) < FEWER_SHARE), lost)
+
+
+def _without(part: Samples, lost: set[str]) -> Samples:
+    """As where names are in no library: their kernels are gone."""
     f = part.fingerprint
-    kept = np.array([key.partition(",")[0] != name for key in f.keys])
+    kept = np.array([key.partition(",")[0] not in lost for key in f.keys])
     keys = tuple(key for key, k in zip(f.keys, kept, strict=True) if k)
     held, free = (seen.of(slice(None), kept) for seen in (f.held, f.free))
     return replace(part, fingerprint=Fingerprint(keys, f.chance[kept], held, free))
@@ -101,7 +113,7 @@ def learned(
 ) -> Recogniser:
     """An ensemble that learned from all of this."""
     mean, sd = some.features.mean(axis=0), some.features.std(axis=0) + 0.05
-    each = [_member(some, mean, sd, weights(some, names), seed) for seed in range(members)]
+    each = [_member(some, mean, sd, len(keys), weights(some, names), seed) for seed in range(members)]
     layers = tuple(
         Layer(np.stack([m[k][0] for m in each]), np.stack([m[k][1] for m in each])) for k in range(3)
     )
@@ -109,7 +121,9 @@ def learned(
     return Recogniser(keys, names, mean.astype(float), sd.astype(float), trust, layers)
 
 
-def _member(some: Lesson, mean: Array, sd: Array, weight: Array, seed: int) -> list[tuple[Array, Array]]:
+def _member(
+    some: Lesson, mean: Array, sd: Array, kernels: int, weight: Array, seed: int
+) -> list[tuple[Array, Array]]:
     """Weights and biases of three layers, and the trust in the evidence."""
     import torch
     from torch import nn
@@ -129,7 +143,7 @@ def _member(some: Lesson, mean: Array, sd: Array, weight: Array, seed: int) -> l
         last,
     )
     trust = nn.Parameter(torch.tensor(FIRST_TRUST))
-    x = torch.tensor((some.features - mean) / sd, dtype=torch.float32)
+    x = torch.tensor(Recogniser.scaled(some.features.astype(float), mean, sd, kernels), dtype=torch.float32)
     evidence, answer = torch.tensor(some.evidence), torch.tensor(some.answer)
     shut = torch.tensor(np.where(some.possible, 0.0, NOWHERE), dtype=torch.float32)
     w = torch.tensor(weight, dtype=torch.float32)

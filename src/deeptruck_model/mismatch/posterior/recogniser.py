@@ -20,6 +20,8 @@ from deeptruck_model.mismatch.posterior.fingerprint import Fingerprint
 Array = NDArray[np.float64]
 
 WEIGHTS = Path(__file__).with_name("recogniser.npz")
+PER_KERNEL, WHOLE = 5, 2  # features of each kernel, and of all together, in either part of a fingerprint
+FARTHEST = 3.0  # sds of a feature from its mean in the lessons: beyond, it says no more
 SURE = 0.6  # exponent of probabilities on whole trucks; fitted to development cases of families left out
 NOWHERE = -30.0  # log probability of a name that cannot be
 
@@ -62,7 +64,7 @@ class Recogniser:
 
     def of(self, seen: Array, evidence: Array, known: NDArray[np.bool_]) -> Array:
         """The same from a fingerprint's `features` and `by_evidence`, and which names can be."""
-        x = (seen - self.mean) / self.sd
+        x = self.scaled(seen, self.mean, self.sd, len(self.keys))
         each = [trust * evidence + self._through(x, k) for k, trust in enumerate(self.trust)]
         members = [softmax(np.where(known, logits, NOWHERE), axis=1) for logits in each]
         out: Array = np.mean(members, axis=0)
@@ -72,6 +74,16 @@ class Recogniser:
         """The same of trucks that were driven with what is missing, which are less like the lessons."""
         p = self.probabilities(f) ** SURE
         out: Array = p / p.sum(axis=1, keepdims=True)
+        return out
+
+    @staticmethod
+    def scaled(seen: Array, mean: Array, sd: Array, kernels: int) -> Array:
+        """Features (N, d) in sds from their mean. A kernel that is not there, as where no gear is known, says
+        what is usual; and nothing says more than what is far."""
+        there = seen[:, -kernels:] > 0.5
+        each = np.concatenate([np.tile(there, PER_KERNEL), np.ones((len(seen), WHOLE), bool)], axis=1)
+        known = np.concatenate([each, each, np.ones_like(there)], axis=1)
+        out: Array = np.clip(np.where(known, (seen - mean) / sd, 0.0), -FARTHEST, FARTHEST)
         return out
 
     def _through(self, x: Array, member: int) -> Array:
