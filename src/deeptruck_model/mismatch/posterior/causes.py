@@ -53,11 +53,14 @@ class Cause:
 
     @property
     def names(self) -> dict[str, float]:
-        """The probability of each name in its place, given that it is one of these; most probable first: by
-        what its force is like, or by forms where that is not known."""
+        """The probability of each name in its place, given that it is one of these; most probable first: half
+        by what its force is like and half by forms (a linear pool), or by these where that is not known."""
         if not self.likeness:
             return self.by_forms
-        return _most_probable_first(dict(self.likeness), self.effect)
+        pooled = {name: 0.5 * p for name, p in self.by_forms.items()}
+        for name, p in self.likeness:
+            pooled[name] = pooled.get(name, 0.0) + 0.5 * p
+        return _most_probable_first(pooled, self.effect)
 
     @property
     def by_forms(self) -> dict[str, float]:

@@ -54,7 +54,8 @@ class Likeness:
 
 
 def renamed(search: Search, model: Model) -> Model:
-    """The model, each law in it by the name that it is most like, where that name's own forms explain enough.
+    """The model, each law in it by the name that it is most like, where that weighs more than what the name's
+    own forms explain less.
 
     The search chose the form that is nearest; the recogniser knows which laws have no form here, and what
     they look like then.
@@ -68,9 +69,18 @@ def renamed(search: Search, model: Model) -> Model:
         force = term.columns @ model.coefficients(term.mechanism.effect)
         told = likeness.of(force, {t.mechanism.effect for t in others}, term)
         best = _likest(search, told)
-        if told.get(best, 0.0) > told.get(term.mechanism.effect, 0.0):
-            model = _by_the_name(search, model, others, best) or model
+        liker = told.get(best, 0.0) - told.get(term.mechanism.effect, 0.0)
+        other = _by_the_name(search, model, others, best) if liker > 0.0 else None
+        # more probable in the pool of both (`Cause.names`): the other way round by forms
+        if other is not None and liker > np.tanh(_lost(search, model, other, others) / 2.0):
+            model = other
     return model
+
+
+def _lost(search: Search, model: Model, other: Model, others: Sequence[CandidateTerm]) -> float:
+    """By how much the forms of another name explain less, in nats as those between names count."""
+    gain = model.score - search.background(tuple(others)).score
+    return (model.score - other.score) / max(search.rules.temper, search.rules.coarse * gain)
 
 
 def with_the_rest(search: Search, model: Model, rest: Array) -> Model:
@@ -130,6 +140,7 @@ def _recognised(likeness: Likeness, c: Cause, causes: Sequence[Cause]) -> Cause:
         return c
     others = {o.acts_as for o in causes if o is not c and o.term is not None} - {c.effect}
     told = replace(c, likeness=tuple(likeness.of(c.force, others, c.term).items()))
-    if any(o.effect == UNKNOWN for o in causes) or next(iter(told.names)) != UNKNOWN:
+    likest = max(told.likeness, key=lambda item: item[1])[0]
+    if any(o.effect == UNKNOWN for o in causes) or likest != UNKNOWN:
         return told  # what has no name is one finding
     return replace(told, effect=UNKNOWN, nearest=c.effect)  # its term stays, as the nearest there is
