@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.posterior import recogniser as recognition
+from deeptruck_model.mismatch.posterior import naming
 from deeptruck_model.mismatch.posterior.explain import explain
 from deeptruck_model.mismatch.posterior.fingerprint import KernelEvidence
 from deeptruck_model.mismatch.posterior.naming import recognised, renamed
-from deeptruck_model.mismatch.posterior.recogniser import WEIGHTS, recogniser
+from deeptruck_model.mismatch.posterior.recogniser import WEIGHTS, Recogniser, recogniser
 from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
@@ -62,17 +62,17 @@ def test_beside_a_learned_simulator_names_stay(nothing_missing: Evidence) -> Non
     assert renamed(search, found.model) is found.model
 
 
-def test_a_name_that_the_force_is_more_like_takes_the_place(
-    nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("lost", "moves"), [(0.0, True), (20.0, False)])
+def test_a_liker_name_takes_the_place_unless_its_forms_explain_far_less(
+    nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch, lost: float, moves: bool
 ) -> None:
-    search = Search(lazy_brakes(nothing_missing))
+    e = replace(nothing_missing, residual=nothing_missing.residual - 4e-6 * nothing_missing["speed"] ** 3)
+    search = Search(e)
     model = explain(search).model
     (effect,) = model.effects
-    other = "command_delay" if effect != "command_delay" else "brake_lag"
-    told = recognition.recogniser()
-    sure = np.array([[float(name == other) for name in told.names]])
-    monkeypatch.setattr(type(told), "probabilities", lambda self, f: sure)
-    again = renamed(search, model)
-    assert again.effects in ((other,), (effect,))  # where its own forms explain enough
-    gained = again.score - search.background(()).score
-    assert again is model or gained > search.rules.least_gain
+    other = "drag_area" if effect != "drag_area" else "headwind"
+    names = recogniser().names
+    likely = np.array([[{other: 0.9, effect: 0.1}.get(name, 0.0) for name in names]])
+    monkeypatch.setattr(Recogniser, "probabilities", lambda self, f: likely)
+    monkeypatch.setattr(naming, "_lost", lambda *given: lost)
+    assert renamed(search, model).effects == ((other,) if moves else (effect,))
