@@ -111,6 +111,7 @@ def _impossible(policy: MlpPolicy) -> list[str]:
     possible = {
         "features.dt": 0 < policy.dt < math.inf,
         "features.slow_s": 0 < policy.features.slow_s < math.inf,
+        "features.approach": 0 < policy.features.approach < math.inf,
         "features.matrix": bool(np.isfinite(policy.features.matrix).all()),
         "features.radar": radar is None or bool(np.isfinite(radar.gain).all()),
         "features.offset": bool(np.isfinite(policy.features.offset).all()),

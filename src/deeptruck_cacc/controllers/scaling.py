@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_cacc.controllers.approach import approach
 from deeptruck_cacc.controllers.radar_filter import RadarFilter
 from deeptruck_model.constants import ROUNDED_GRAVITY
 from deeptruck_model.errors import InputError
@@ -54,7 +55,7 @@ def paper_signals(observation: Mapping[str, Any]) -> Array:
 POWER = (
     "ideal_acceleration",
     "ideal_speed_error",
-    "ideal_gap_error",
+    "leader_gap_error",
     "time_gap_error",
     "wanted_acceleration",
     "wanted_power",
@@ -63,6 +64,7 @@ POWER = (
     "brake_action",
 )
 LATE_CLOSING_S = 2.0
+APPROACH = 1.0  # m/s^2
 
 
 @dataclass(frozen=True)
@@ -74,18 +76,19 @@ class FeatureMap:
     of change, which the paper's memoryless policy cannot know: they remove steady error and see a leader
     that brakes.
 
-    With `power` as well, memory (batch, 6) also holds the speed of the ideal follower, v' = (v_leader - v) /
-    Tg from the leader's own speed on: of all that hold the time gap the one in which nothing is left to
-    decay with Tg. Seven features say what following it takes (see _power). Memory and features end with the
-    slow actions: beside the power that came of them they tell load and wind. The gap error then counts less
-    in the integral the further it lies beyond `knee_m`, so that closing a gap does not wind it up.
+    With `power` as well, seven features say what it takes to drive as the ideal follower would from here (see
+    _power and approach): it has the speed that suits the gap, and comes back from far off at no more than
+    `approach`. Memory (batch, 5) and features end with the slow actions: beside the power that came of them
+    they tell load and wind. The gap error then counts less in the integral the further it lies beyond
+    `knee_m`, so that closing a gap does not wind it up.
 
     With `radar`, which needs `power`, all features are taken of what that filter makes of gap and leader
-    speed. Memory (batch, 9) ends with its track.
+    speed. Memory (batch, 8) ends with its track.
     """
 
     matrix: Array
     offset: Array
+    approach: float  # m/s^2
     memory: bool = True
     dt: float = 0.1
     integral_clip_m: float = 2.0
@@ -93,7 +96,7 @@ class FeatureMap:
     slow_s: float = 0.5
     power: bool = False
     knee_m: float = 1.0
-    closing_s: float = 0.8  # errors from the ideal follower are wanted gone with this time constant
+    closing_s: float = 0.8  # the ideal follower's speed is wanted with this time constant
     closing_share: float = 0.1  # and this much of the time gap: near a long one, haste in speed costs more
     radar: RadarFilter | None = None
 
@@ -109,7 +112,8 @@ class FeatureMap:
         power = power and memory
         radar = RadarFilter.steady(dt) if power else None
         closing_s = LATE_CLOSING_S if late else cls.closing_s
-        return cls(_MATRIX.copy(), _OFFSET.copy(), memory, dt, power=power, radar=radar, closing_s=closing_s)
+        linear = _MATRIX.copy(), _OFFSET.copy()
+        return cls(*linear, APPROACH, memory, dt, power=power, radar=radar, closing_s=closing_s)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -121,16 +125,16 @@ class FeatureMap:
     @property
     def remembered(self) -> int:
         """Columns of memory."""
-        return 9 if self.radar else 6 if self.power else 3 if self.memory else 0
+        return 8 if self.radar else 5 if self.power else 3 if self.memory else 0
 
     def start(self, batch: int) -> Array:
         """Memory before the first observation, (batch, remembered)."""
-        still = [0.0, np.nan, np.nan, np.nan, 0.0, 0.0, np.nan, np.nan, np.nan]
+        still = [0.0, np.nan, np.nan, 0.0, 0.0, np.nan, np.nan, np.nan]
         return np.tile(still[: self.remembered], (batch, 1))
 
     def __call__(self, signals: Array, memory: Array) -> tuple[Array, Array]:
         """Features (batch, n) and the next memory, from signals (batch, 5) and memory."""
-        track = memory[:, 6:]
+        actions, track = memory[:, 3:5], memory[:, 5:]
         if self.radar:
             signals, track = self.radar(signals, track)
         features = signals @ self.matrix.T + self.offset
@@ -146,41 +150,33 @@ class FeatureMap:
         rates = (speeds - slow) / self.slow_s
         slow = slow + self.dt * rates
         parts = [features, integral[:, None] / 5.0, rates / 0.5]
-        kept = memory[:, 3:]
-        if self.power:
-            ideal = np.where(np.isnan(memory[:, 3]), signals[:, 0], memory[:, 3])
-            pull = (signals[:, 0] - ideal) / self._time_gap(signals)
-            parts += [self._power(signals, rates[:, 1], ideal, pull), memory[:, 4:6]]
-            kept = np.column_stack([ideal + self.dt * pull, memory[:, 4:6], track])
-        return np.hstack(parts), np.column_stack([integral, slow, kept])
+        parts += [self._power(signals, rates[:, 1]), actions] if self.power else []
+        return np.hstack(parts), np.column_stack([integral, slow, actions, track])
 
     def remember(self, memory: Array, action: Array) -> Array:
         """Memory after an action (batch, 2): the slow actions have moved."""
-        slow = memory[:, 4:6]
+        slow = memory[:, 3:5]
         change = np.clip(action, -1.0, 1.0)[:, : slow.shape[1]] - slow
-        return np.hstack([memory[:, :4], slow + self.dt / self.slow_s * change, memory[:, 6:]])
+        return np.hstack([memory[:, :3], slow + self.dt / self.slow_s * change, memory[:, 5:]])
 
-    @staticmethod
-    def _time_gap(signals: Array) -> Array:
-        """Wanted time gap (batch,), s, as far as near standstill it can be told."""
-        return np.asarray(np.clip(signals[:, 3] / np.maximum(signals[:, 1], 1.0), 1.0, 6.0))
+    def _power(self, signals: Array, rate: Array) -> Array:
+        """What following takes, (batch, 7), from signals and the truck's slow acceleration (batch,).
 
-    def _power(self, signals: Array, rate: Array, ideal: Array, pull: Array) -> Array:
-        """What following takes, (batch, 7), from signals, the truck's slow acceleration and the ideal
-        follower's speed and acceleration, each (batch,).
-
-        The ideal acceleration (in 0.5 m/s^2), speed error (m/s) and gap error (in 2 m); the time-gap error
-        (s), fine near zero; the acceleration that also takes the errors away; and power (in 8 W/kg), wanted
-        and delivered: an engine command is nearly a power.
+        The ideal follower's acceleration (in 0.5 m/s^2), how much faster it is (m/s) and how much too long
+        the gap is for the leader's speed (in 10 m); the time-gap error (s), fine near zero; the acceleration
+        that also takes the speed error away; and power (in 8 W/kg), wanted and delivered: an engine command
+        is nearly a power.
         """
-        _, speed, gap, target, grade = signals.T
-        time_gap = self._time_gap(signals)
-        behind, far = ideal - speed, gap - time_gap * ideal
-        closing = self.closing_s + self.closing_share * time_gap
-        wanted = np.clip(pull + (2 * behind + far / closing) / closing, -2.0, 1.0)
-        late = np.tanh((gap - target) / np.maximum(speed, 1.0) / 0.3)
+        leader, speed, gap, target, grade = signals.T
+        moving = np.maximum(speed, 1.0)
+        time_gap = np.clip(target / moving, 1.0, 6.0)  # as far as near standstill it can be told
+        far = gap - time_gap * leader
+        above, slope = approach(far, time_gap, self.approach)
+        pull, behind = slope * (leader - speed), leader + above - speed
+        wanted = np.clip(pull + behind / (self.closing_s + self.closing_share * time_gap), -2.0, 1.0)
+        late = np.tanh((gap - target) / moving / 0.3)
         power = (np.stack([wanted, rate]) + ROUNDED_GRAVITY * grade) * speed / 8.0
-        return np.column_stack([pull / 0.5, behind, far / 2.0, late, wanted / 0.5, *power])
+        return np.column_stack([pull / 0.5, behind, far / 10.0, late, wanted / 0.5, *power])
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for policy.json."""

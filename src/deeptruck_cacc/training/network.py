@@ -10,6 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from deeptruck_cacc.controllers.approach import approach
 from deeptruck_cacc.controllers.pedals import PedalMap
 from deeptruck_cacc.controllers.policy import MlpPolicy
 from deeptruck_cacc.controllers.radar_filter import RadarFilter
@@ -102,15 +103,15 @@ class SeedBatch(torch.nn.Module):
             hidden = hidden if k == last else torch.tanh(hidden)
         mean = hidden.reshape(-1, 2)
         action: Tensor = _ClipInward.apply(mean, -1.0, 1.0)  # type: ignore[no-untyped-call]
-        f, slow = self.features, memory[:, 4:6]
+        f, slow = self.features, memory[:, 3:5]
         if f.power:
             slow = slow + f.dt / f.slow_s * (action - slow)
-            memory = torch.cat([memory[:, :4], slow, memory[:, 6:]], dim=1)
+            memory = torch.cat([memory[:, :3], slow, memory[:, 5:]], dim=1)
         return action, memory
 
     def observe(self, signals: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
         """FeatureMap in torch."""
-        f, track = self.features, memory[:, 6:]
+        f, actions, track = self.features, memory[:, 3:5], memory[:, 5:]
         if f.radar:
             signals, track = _filtered(f.radar, signals, track)
         features = signals @ self.matrix.T + self.offset
@@ -125,25 +126,22 @@ class SeedBatch(torch.nn.Module):
         integral = (memory[:, 0] + f.dt * error).clamp(-f.integral_limit, f.integral_limit)
         rates = (speeds - slow) / f.slow_s
         parts = [features, integral[:, None] / 5.0, rates / 0.5]
-        kept = [integral[:, None], slow + f.dt * rates]
-        if f.power:
-            ideal = torch.where(memory[:, 3].isnan(), signals[:, 0], memory[:, 3])
-            told, pull = self._power(signals, rates[:, 1], ideal)
-            parts += [told, memory[:, 4:6]]
-            kept += [(ideal + f.dt * pull)[:, None], memory[:, 4:6], track]
+        parts += [self._power(signals, rates[:, 1]), actions] if f.power else []
+        kept = [integral[:, None], slow + f.dt * rates, actions, track]
         return torch.cat(parts, dim=1), torch.cat(kept, dim=1)
 
-    def _power(self, signals: Tensor, rate: Tensor, ideal: Tensor) -> tuple[Tensor, Tensor]:
-        """FeatureMap._power in torch, and the ideal follower's acceleration (rows,)."""
-        leader, speed, gap, target, grade = signals.unbind(dim=1)
+    def _power(self, signals: Tensor, rate: Tensor) -> Tensor:
+        """FeatureMap._power in torch."""
+        f, (leader, speed, gap, target, grade) = self.features, signals.unbind(dim=1)
         moving = speed.clamp(min=1.0)
         time_gap = (target / moving).clamp(1.0, 6.0)
-        pull, behind, far = (leader - ideal) / time_gap, ideal - speed, gap - time_gap * ideal
-        closing = self.features.closing_s + self.features.closing_share * time_gap
-        wanted = (pull + (2 * behind + far / closing) / closing).clamp(-2.0, 1.0)
+        far = gap - time_gap * leader
+        above, slope = approach(far, time_gap, f.approach)
+        pull, behind = slope * (leader - speed), leader + above - speed
+        wanted = (pull + behind / (f.closing_s + f.closing_share * time_gap)).clamp(-2.0, 1.0)
         powers = [(x + ROUNDED_GRAVITY * grade) * speed / 8.0 for x in (wanted, rate)]
         late = torch.tanh((gap - target) / moving / 0.3)
-        return torch.stack([pull / 0.5, behind, far / 2.0, late, wanted / 0.5, *powers], dim=1), pull
+        return torch.stack([pull / 0.5, behind, far / 10.0, late, wanted / 0.5, *powers], dim=1)
 
     def asked(self, action: Tensor) -> tuple[Tensor, Tensor]:
         """What an action asks of engine and brake, shares of their reach; the brake's dead half leads its
