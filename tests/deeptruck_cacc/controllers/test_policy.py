@@ -67,15 +67,15 @@ def test_saving_replaces_a_policy_only_where_asked(tmp_path):
     assert load_policy(tmp_path / "p").features.power
 
 
-def test_the_ideal_follower_nears_the_leaders_speed_with_the_time_gap():
-    features = FeatureMap.default(power=True)
-    memory, column = features.start(1), features.names.index("ideal_speed_error")
-    for k in range(31):
-        leader = 15.0 if k == 0 else 18.0
-        seen, memory = features(np.array([[leader, 15.0, 45.0, 45.0, 0.0]]), memory)
-    assert seen[0, column] == pytest.approx(
-        3.0 * (1 - np.exp(-1)), abs=0.05
-    )  # 3 s later at a time gap of 3 s
+def test_the_ideal_follower_has_the_speed_that_suits_the_gap_whatever_was_before():
+    features = replace(FeatureMap.default(power=True), radar=None)
+    column = features.names.index("ideal_speed_error")
+    seen = np.array([[16.0, 15.0, gap, 45.0, 0.0] for gap in (45.0, 46.5, 98.0, 20.0)])
+    first, memory = features(seen, features.start(4))
+    np.testing.assert_allclose(15.0 + first[:2, column], [15.0, 15.5])
+    over = np.sqrt(2 * np.array([50.0, 28.0]) - 9.0)  # 50 m too far and 28 m too near for 16 m/s, Tg 3 s
+    np.testing.assert_allclose(15.0 + first[2:, column], 16.0 + over * [1, -1])
+    np.testing.assert_allclose(features(seen, memory)[0][:, column], first[:, column])
 
 
 def test_reset_forgets_and_rows_do_not_mix():

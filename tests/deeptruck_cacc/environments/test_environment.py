@@ -82,7 +82,7 @@ def test_power_features_say_what_following_takes():
     assert features.names[8:] == (
         "ideal_acceleration",
         "ideal_speed_error",
-        "ideal_gap_error",
+        "leader_gap_error",
         "time_gap_error",
         "wanted_acceleration",
         "wanted_power",
@@ -92,14 +92,15 @@ def test_power_features_say_what_following_takes():
     )
     signals = np.array([[17.2, 17.0, 52.0, 51.0, 0.01]])  # 0.2 m/s slower, 1 m too far, Tg 3 s, uphill
     x, memory = features(signals, features.start(1))
-    closing = 0.8 + 0.1 * 3.0  # the ideal follower has 17.2 m/s and 51.6 m
-    wanted = (2 * 0.2 + 0.4 / closing) / closing
+    closing = 0.8 + 0.1 * 3.0  # the leader's speed suits 51.6 m, so the ideal follower is above it by 0.4 / 3
+    behind = 0.2 + 0.4 / 3.0
+    wanted = 0.2 / 3.0 + behind / closing
     slope = 9.81 * 0.01
     powers = [(wanted + slope) * 17 / 8, slope * 17 / 8]
-    expected = [0.0, 0.2, 0.2, np.tanh(1 / 17 / 0.3), 2 * wanted, *powers, 0.0, 0.0]
+    expected = [2 * 0.2 / 3.0, behind, 0.04, np.tanh(1 / 17 / 0.3), 2 * wanted, *powers, 0.0, 0.0]
     np.testing.assert_allclose(x[0, 8:], expected, atol=1e-9)
     memory = features.remember(memory, np.array([[0.5, -3.0]]))
-    np.testing.assert_allclose(memory[0, 3:6], [17.2, 0.1, -0.2])
+    np.testing.assert_allclose(memory[0, 3:5], [0.1, -0.2])
     assert features.remember(memory[:, :3], np.ones((1, 2))).shape == (1, 3)  # a policy without power
 
 
