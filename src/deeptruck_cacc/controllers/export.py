@@ -104,7 +104,7 @@ def _recall(g: _Graph, f: FeatureMap, signals: str, features: str) -> tuple[str,
     parts = [features, g.add("Div", integral, g.constant(5.0)), g.add("Div", rates, g.constant(0.5))]
     kept = [integral, after]
     if f.power:
-        parts += [*_power(g, f, signals, g.columns(rates, 1, 2)), g.columns("memory", 3, 5)]
+        parts += [*_power(g, f, signals, g.columns(rates, 1, 2), integral), g.columns("memory", 3, 5)]
     return g.add("Concat", *parts, axis=1), g.add("Concat", *kept, axis=1)
 
 
@@ -129,7 +129,7 @@ def _approach(g: _Graph, far: str, time_gap: str, rate: float) -> tuple[str, str
     return above, g.add("Div", g.constant(rate), most)
 
 
-def _power(g: _Graph, f: FeatureMap, signals: str, rate: str) -> list[str]:
+def _power(g: _Graph, f: FeatureMap, signals: str, rate: str, integral: str) -> list[str]:
     """FeatureMap._power, column by column."""
     leader, speed, gap, target, grade = (g.columns(signals, k, k + 1) for k in range(5))
     moving = g.add("Max", speed, g.constant(1.0))
@@ -138,9 +138,9 @@ def _power(g: _Graph, f: FeatureMap, signals: str, rate: str) -> list[str]:
     above, steep = _approach(g, far, time_gap, f.approach)
     slower = g.add("Sub", leader, speed)
     pull, behind = g.add("Mul", steep, slower), g.add("Add", slower, above)
-    closing = g.add("Mul", time_gap, g.constant(f.closing_share))
-    closing = g.add("Add", closing, g.constant(f.closing_s))
-    wanted = g.clip(g.add("Add", pull, g.add("Div", behind, closing)), -2.0, 1.0)
+    lasting = g.add("Div", g.add("Mul", integral, g.constant(1 / f.integral_s)), time_gap)
+    hurry = g.add("Mul", g.add("Add", behind, lasting), g.constant(1 / f.closing_s))
+    wanted = g.clip(g.add("Add", pull, hurry), -2.0, 1.0)
     error = g.add("Sub", gap, target)
     slope = g.add("Mul", grade, g.constant(ROUNDED_GRAVITY))
     weight = g.add("Mul", speed, g.constant(1 / 8.0))

@@ -111,6 +111,8 @@ def _impossible(policy: MlpPolicy) -> list[str]:
     possible = {
         "features.dt": 0 < policy.dt < math.inf,
         "features.slow_s": 0 < policy.features.slow_s < math.inf,
+        "features.closing_s": 0 < policy.features.closing_s < math.inf,
+        "features.integral_s": 0 < policy.features.integral_s < math.inf,
         "features.approach": 0 < policy.features.approach < math.inf,
         "features.matrix": bool(np.isfinite(policy.features.matrix).all()),
         "features.radar": radar is None or bool(np.isfinite(radar.gain).all()),

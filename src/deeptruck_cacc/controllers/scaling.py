@@ -96,8 +96,8 @@ class FeatureMap:
     slow_s: float = 0.5
     power: bool = False
     knee_m: float = 1.0
-    closing_s: float = 0.8  # the ideal follower's speed is wanted with this time constant
-    closing_share: float = 0.1  # and this much of the time gap: near a long one, haste in speed costs more
+    closing_s: float = 0.5  # the ideal follower's speed is wanted with this time constant
+    integral_s: float = 6.0  # and what lasts of the gap error gone with about this one
     radar: RadarFilter | None = None
 
     @classmethod
@@ -150,7 +150,7 @@ class FeatureMap:
         rates = (speeds - slow) / self.slow_s
         slow = slow + self.dt * rates
         parts = [features, integral[:, None] / 5.0, rates / 0.5]
-        parts += [self._power(signals, rates[:, 1]), actions] if self.power else []
+        parts += [self._power(signals, rates[:, 1], integral), actions] if self.power else []
         return np.hstack(parts), np.column_stack([integral, slow, actions, track])
 
     def remember(self, memory: Array, action: Array) -> Array:
@@ -159,13 +159,14 @@ class FeatureMap:
         change = np.clip(action, -1.0, 1.0)[:, : slow.shape[1]] - slow
         return np.hstack([memory[:, :3], slow + self.dt / self.slow_s * change, memory[:, 5:]])
 
-    def _power(self, signals: Array, rate: Array) -> Array:
-        """What following takes, (batch, 7), from signals and the truck's slow acceleration (batch,).
+    def _power(self, signals: Array, rate: Array, integral: Array) -> Array:
+        """What following takes, (batch, 7), from signals, the truck's slow acceleration and the integral of
+        the gap error, each (batch,).
 
         The ideal follower's acceleration (in 0.5 m/s^2), how much faster it is (m/s) and how much too long
         the gap is for the leader's speed (in 10 m); the time-gap error (s), fine near zero; the acceleration
-        that also takes the speed error away; and power (in 8 W/kg), wanted and delivered: an engine command
-        is nearly a power.
+        that also takes away the speed error and what lasts of the gap error; and power (in 8 W/kg), wanted
+        and delivered: an engine command is nearly a power.
         """
         leader, speed, gap, target, grade = signals.T
         moving = np.maximum(speed, 1.0)
@@ -173,7 +174,8 @@ class FeatureMap:
         far = gap - time_gap * leader
         above, slope = approach(far, time_gap, self.approach)
         pull, behind = slope * (leader - speed), leader + above - speed
-        wanted = np.clip(pull + behind / (self.closing_s + self.closing_share * time_gap), -2.0, 1.0)
+        lasting = integral / time_gap / self.integral_s
+        wanted = np.clip(pull + (behind + lasting) / self.closing_s, -2.0, 1.0)
         late = np.tanh((gap - target) / moving / 0.3)
         power = (np.stack([wanted, rate]) + ROUNDED_GRAVITY * grade) * speed / 8.0
         return np.column_stack([pull / 0.5, behind, far / 10.0, late, wanted / 0.5, *power])

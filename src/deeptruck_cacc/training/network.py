@@ -126,11 +126,11 @@ class SeedBatch(torch.nn.Module):
         integral = (memory[:, 0] + f.dt * error).clamp(-f.integral_limit, f.integral_limit)
         rates = (speeds - slow) / f.slow_s
         parts = [features, integral[:, None] / 5.0, rates / 0.5]
-        parts += [self._power(signals, rates[:, 1]), actions] if f.power else []
+        parts += [self._power(signals, rates[:, 1], integral), actions] if f.power else []
         kept = [integral[:, None], slow + f.dt * rates, actions, track]
         return torch.cat(parts, dim=1), torch.cat(kept, dim=1)
 
-    def _power(self, signals: Tensor, rate: Tensor) -> Tensor:
+    def _power(self, signals: Tensor, rate: Tensor, integral: Tensor) -> Tensor:
         """FeatureMap._power in torch."""
         f, (leader, speed, gap, target, grade) = self.features, signals.unbind(dim=1)
         moving = speed.clamp(min=1.0)
@@ -138,7 +138,8 @@ class SeedBatch(torch.nn.Module):
         far = gap - time_gap * leader
         above, slope = approach(far, time_gap, f.approach)
         pull, behind = slope * (leader - speed), leader + above - speed
-        wanted = (pull + behind / (f.closing_s + f.closing_share * time_gap)).clamp(-2.0, 1.0)
+        lasting = integral / time_gap / f.integral_s
+        wanted = (pull + (behind + lasting) / f.closing_s).clamp(-2.0, 1.0)
         powers = [(x + ROUNDED_GRAVITY * grade) * speed / 8.0 for x in (wanted, rate)]
         late = torch.tanh((gap - target) / moving / 0.3)
         return torch.stack([pull / 0.5, behind, far / 10.0, late, wanted / 0.5, *powers], dim=1)

@@ -149,6 +149,8 @@ def halved(name: str) -> Callable[[Path], None]:
         (without("features", "power"), "do not fit one another"),
         (changed("features", "dt", 0.0), "p/policy.json has an impossible features.dt: it is damaged"),
         (changed("features", "slow_s", 0.0), "p/policy.json has an impossible features.slow_s"),
+        (changed("features", "closing_s", 0.0), "p/policy.json has an impossible features.closing_s"),
+        (changed("features", "integral_s", 0.0), "p/policy.json has an impossible features.integral_s"),
         (changed("action", "brake_high", -100.0), "p/policy.json has an impossible action"),
         (changed("action", "engine_high", "much"), "do not fit one another"),
         (changed("coverage", "speed", [float("nan"), 24.0]), "p/policy.json has an impossible coverage"),

@@ -92,9 +92,9 @@ def test_power_features_say_what_following_takes():
     )
     signals = np.array([[17.2, 17.0, 52.0, 51.0, 0.01]])  # 0.2 m/s slower, 1 m too far, Tg 3 s, uphill
     x, memory = features(signals, features.start(1))
-    closing = 0.8 + 0.1 * 3.0  # the leader's speed suits 51.6 m, so the ideal follower is above it by 0.4 / 3
-    behind = 0.2 + 0.4 / 3.0
-    wanted = 0.2 / 3.0 + behind / closing
+    behind = 0.2 + 0.4 / 3.0  # the leader's speed suits 51.6 m, so the ideal follower is above it by 0.4 / 3
+    lasting = 0.1 * 0.5 / 3.0 / 6.0  # 0.1 s of 1 m, of which half counts, at 3 s
+    wanted = 0.2 / 3.0 + (behind + lasting) / 0.5
     slope = 9.81 * 0.01
     powers = [(wanted + slope) * 17 / 8, slope * 17 / 8]
     expected = [2 * 0.2 / 3.0, behind, 0.04, np.tanh(1 / 17 / 0.3), 2 * wanted, *powers, 0.0, 0.0]

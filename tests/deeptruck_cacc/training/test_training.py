@@ -104,7 +104,6 @@ def test_a_start_that_follows_better_than_what_comes_of_it_is_kept(toy, tmp_path
 
 
 @pytest.mark.usefixtures("quick_exam")
-@pytest.mark.usefixtures("quick_exam")
 def test_where_commands_come_late_errors_are_wanted_gone_more_slowly(toy, tmp_path):
     few = replace(QUICK, iterations=1)
     at_once, late = (
@@ -214,7 +213,22 @@ def test_a_follower_has_the_leaders_speed_after_25_s_at_a_long_time_gap_too(toy)
     errors = np.abs(trace["speed_error"])
     assert errors[0].max() > 1.2
     assert errors[250:].max() < 0.02  # as in the paper; exp(-25/5) of 1.39 m/s is 0.009
-    assert np.abs(trace["time_gap_error"][100:]).max() < 0.2  # training adds the integral
+    assert np.abs(trace["time_gap_error"][100:]).max() < 0.2
+
+
+def test_a_follower_leaves_no_gap_error_that_lasts(toy):
+    scene = replace(
+        scenes.paper(np.random.default_rng(5), 50, 600, toy.dt), hidden_grade=np.full((50, 600), 0.01)
+    )
+
+    def left(integral_s: float) -> float:
+        features = replace(FeatureMap.default(power=True), integral_s=integral_s)
+        batch = SeedBatch([0], features, replace(ActionScale.of(toy), exclusive=True))
+        batch.start_as_follower(PedalMap.calibrate(toy))
+        trace = roll_out(toy, batch.policy(0, toy.interface, {}, {}), scene)
+        return float(np.abs(trace["time_gap_error"][-50:]).max())
+
+    assert left(6.0) < 0.005 < 0.02 < left(1e9)
 
 
 def test_a_follower_gives_way_to_a_cut_in_without_nearly_stopping(toy):
