@@ -16,6 +16,7 @@ from deeptruck_exam.effects.law import GRAVITY, Array
 from deeptruck_exam.effects.planting import SEALED, Effect, Planted
 from deeptruck_exam.gates import CONDITIONS
 from deeptruck_exam.oracle import Watched
+from deeptruck_exam.teaching.strayed import strayed
 from deeptruck_exam.trace import Trace, setting_of
 from deeptruck_exam.worlds import trucks
 from deeptruck_model.trucks import PhysicsTruck
@@ -25,14 +26,19 @@ GATED = 0.3  # of the laws that can act under one condition also do
 BLOCK = 2  # samples of a drive to a row of the evidence
 LATE_S = 0.15  # at most, of the sensors through which a force is seen
 PERIOD_S = 0.1
+STRAYED = "~"  # at the end of a key: the law strayed from its author's form
 
 
 @dataclass(frozen=True)
 class Injected:
-    """A law's key, and its acceleration along stacked drives (n,), m/s^2."""
+    """A law's key, marked where it strayed from it, and its acceleration along stacked drives (n,), m/s^2."""
 
     key: str
     acceleration: Array
+
+    @property
+    def law(self) -> Effect:
+        return EFFECTS[self.key.removesuffix(STRAYED)]
 
 
 class Injection:
@@ -94,7 +100,8 @@ class Injection:
         )
         always, *gated = self._many.acceleration(planted.forces, gate)
         each = always.reshape(DRAWS, batch, -1)
-        found = [Injected(law.key, self._rows(one)) for one in each]
+        found = [Injected(law.key, self._rows(each[0]))]
+        found += [Injected(law.key + STRAYED, self._rows(strayed(one, self._rng))) for one in each[1:]]
         return found + [Injected(law.key, self._rows(one.reshape(DRAWS, batch, -1)[0])) for one in gated]
 
     def _alone(self, law: Effect, sizes: dict[str, float]) -> Injected:

@@ -14,7 +14,6 @@ from threadpoolctl import threadpool_limits
 
 from deeptruck_exam.cases import interface_of, measure
 from deeptruck_exam.construction import DT, Built, build
-from deeptruck_exam.effects import EFFECTS
 from deeptruck_exam.effects.law import Array
 from deeptruck_exam.effects.planting import Effect
 from deeptruck_exam.plans import FIT, Plan, draw_plan
@@ -130,12 +129,12 @@ def _some(laws: Sequence[Effect], nameless: bool, most: int, rng: np.random.Gene
 
 
 def _name(f: Injected) -> str:
-    return EFFECTS[f.key].name
+    return f.law.name
 
 
 def _of_law(f: Injected, second: Injected, drives: CleanDrives, rng: np.random.Generator) -> _Labelled:
     """A law of some size beside parameters that are a little off; sometimes with a second that is known."""
-    law = EFFECTS[f.key]
+    law = f.law
     force = f.acceleration * np.exp(rng.uniform(*SCALES))
     parameters = np.stack(list(drives.sensitivity.values()), axis=1)
     sd = np.exp(rng.uniform(*np.log(PARAMETER_SD)))
@@ -143,8 +142,8 @@ def _of_law(f: Injected, second: Injected, drives: CleanDrives, rng: np.random.G
     if rng.random() < ABSORBED:
         residual -= rng.uniform(0.5, 1.0) * parameters @ np.linalg.lstsq(parameters, force, rcond=None)[0]
     if rng.random() < SECOND and _name(second) != law.name:
-        return _Labelled(residual + second.acceleration, law.name, law.key, law.family, _name(second))
-    return _Labelled(residual, law.name, law.key, law.family)
+        return _Labelled(residual + second.acceleration, law.name, f.key, law.family, _name(second))
+    return _Labelled(residual, law.name, f.key, law.family)
 
 
 def _of_faults(drives: CleanDrives, rng: np.random.Generator) -> list[_Labelled]:
