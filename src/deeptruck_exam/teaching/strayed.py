@@ -1,7 +1,7 @@
 """How a law may stray from the form that an author gave it, and keep its name.
 
-Two hundred laws are few; trucks have more. A law's force is bent, begins later, ends earlier, follows slowly, or
-differs from drive to drive, so that names are learned by what acts and when, not by one author's curve.
+Two hundred laws are few; trucks have more. A law's force is bent, begins later, ends earlier, follows slowly,
+or differs from drive to drive, so that names are learned by what acts and when, not by one author's curve.
 """
 
 from __future__ import annotations

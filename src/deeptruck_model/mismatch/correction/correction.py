@@ -64,7 +64,7 @@ class Corrections:
 
     def after(self, with_unnamed: bool) -> tuple[CorrectedTruck, Chosen]:
         """The corrected simulator, with laws for what has no name where these are asked for and there."""
-        if with_unnamed and self.unnamed is not None:
+        if with_unnamed and self.unnamed is not None and self.chosen is not Chosen.LAWS:
             return self.unnamed, Chosen.LAWS
         return self.named, self.chosen
 
@@ -105,10 +105,11 @@ def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequenc
     alone = _Recipe((), (), frozenset(search.parameters), Chosen.PARAMETERS)
     nothing = _Recipe((), (), frozenset(), Chosen.NOTHING)
     recipes = [nothing, *_recipes(e, x), alone] if x.causes else [nothing]
+    folds = _folds(e, prepared) if x.causes else []
     unnamed = _with_laws(x)
-    if unnamed is not None and any(c.other_form for c in x.causes):
-        recipes.append(unnamed)  # these laws are the form of a name
-    folds = _folds(e, prepared) if len(recipes) > 1 else []
+    # few recordings drive what was fitted to them, and there more freedom always looks better
+    if unnamed is not None and (len(folds) == FOLDS or any(c.other_form for c in x.causes)):
+        recipes.append(unnamed)
     driven = [_crossed(simulator, recipe, folds, shares) for recipe in recipes] if folds else []
     best = int(np.argmin([_mean_square(errors) for errors in driven])) if driven else 0
     seen = len(folds) < FOLDS or best == 0

@@ -23,9 +23,9 @@ from deeptruck_model.mismatch.mechanisms.variants import (
     Simple,
     Spline,
 )
-from deeptruck_model.mismatch.posterior.search import SURELY, Model, Search
+from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.residual.noise import whiten
+from deeptruck_model.mismatch.residual.noise import Z95, whiten
 
 Array = NDArray[np.float64]
 
@@ -148,7 +148,7 @@ def practical(search: Search, model: Model, term: CandidateTerm) -> bool:
 def _beyond_possible(model: Model, term: CandidateTerm) -> bool:
     """Whether a coefficient is surely larger than it can be."""
     sd = np.sqrt(np.diag(model.covariance(term.mechanism.effect)))
-    surely = np.abs(model.coefficients(term.mechanism.effect)) - SURELY * sd
+    surely = np.abs(model.coefficients(term.mechanism.effect)) - Z95 * sd
     return any(size * part.factor > part.most for part, size in zip(term.parts, surely, strict=True))
 
 
