@@ -10,7 +10,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from deeptruck_exam import worlds
-from deeptruck_exam.construction import Built
+from deeptruck_exam.construction import DT, Built
 from deeptruck_exam.effects import EFFECTS
 from deeptruck_exam.effects.law import GRAVITY, Array
 from deeptruck_exam.effects.planting import SEALED, Effect, Planted
@@ -25,7 +25,6 @@ DRAWS, ROADS = 4, 6  # of the sizes of a law; of roads
 GATED = 0.3  # of the laws that can act under one condition also do
 BLOCK = 2  # samples of a drive to a row of the evidence
 LATE_S = 0.15  # at most, of the sensors through which a force is seen
-PERIOD_S = 0.1
 STRAYED = "~"  # at the end of a key: the law strayed from its author's form
 
 
@@ -50,7 +49,7 @@ class Injection:
         self._trace = Trace.of(self._nominal, built.drives, setting_of(built))
         self._many = self._trace.repeated(DRAWS)
         self._plain = self._driven(self._nominal)
-        self._keep = float(np.exp(-PERIOD_S / max(rng.uniform(0.0, LATE_S), 1e-3)))
+        self._keep = float(np.exp(-DT / max(rng.uniform(0.0, LATE_S), 1e-3)))
 
     def laws(self) -> list[Effect]:
         """What can be missing in this truck on these drives."""

@@ -19,10 +19,7 @@ if TYPE_CHECKING:
     import torch
 
 LEAST_NATS = 20.0  # less is no finding, and has no name
-LOST, FEWER_SHARE = (
-    (0.05, 0.4),
-    0.5,
-)  # share of names whose kernels go with a signal, and of samples once more so
+LOST, FEWER_SHARE = (0.05, 0.4), 0.5  # of names whose kernels go with a signal; of samples once more so
 HIDDEN_SHARE = 0.12  # of the samples, once more without their name's kernels: then they are unknown
 UNKNOWN_WEIGHT, FAULT_WEIGHT = 3.0, 0.5  # of a name with laws
 WIDTH, DROPPED, MEMBERS = 96, 0.3, 5

@@ -11,12 +11,13 @@ from collections.abc import Callable
 import numpy as np
 from scipy.signal import lfilter
 
+from deeptruck_exam.construction import DT
 from deeptruck_exam.effects.law import Array
 
-PERIOD_S = 0.1
-POWER, BEGINS, ENDS = (0.6, 1.7), (0.1, 0.5), (0.4, 0.9)  # exponent; shares of the force's own quantiles
-SLOW_S, WARM_S = (0.1, 0.8), (20.0, 200.0)
-SPREAD, GROWTH = 0.4, 1.5  # sd of the logarithm of a drive's own size; of its size when warm
+# Chosen, as how far laws stray is not known: wide, but so that what acts and when stays.
+POWER, BEGINS, ENDS = (0.6, 1.7), (0.1, 0.5), (0.4, 0.9)  # exponent; quantiles of the force's own size
+SLOW_S, WARM_S = (0.1, 0.8), (20.0, 200.0)  # time constants
+SPREAD, GROWTH = 0.4, 0.75  # sds of the logarithm of a size: from drive to drive, and once warm
 ACTS = 1e-6  # m/s^2: less is nothing
 
 
@@ -46,7 +47,7 @@ def _saturated(force: Array, rng: np.random.Generator) -> Array:
 
 
 def _slower(force: Array, rng: np.random.Generator) -> Array:
-    keep = np.exp(-PERIOD_S / rng.uniform(*SLOW_S))
+    keep = np.exp(-DT / rng.uniform(*SLOW_S))
     out: Array = lfilter([1.0 - keep], [1.0, -keep], force, axis=1)
     return out
 
@@ -57,10 +58,10 @@ def _of_each_drive(force: Array, rng: np.random.Generator) -> Array:
 
 def _by_its_work(force: Array, rng: np.random.Generator) -> Array:
     """More, or less, the more it acted before."""
-    keep = np.exp(-PERIOD_S / rng.uniform(*WARM_S))
+    keep = np.exp(-DT / rng.uniform(*WARM_S))
     heat = lfilter([1.0 - keep], [1.0, -keep], np.abs(force), axis=1)
     most = max(float(heat.max()), ACTS)
-    return force * np.exp(rng.normal(0.0, GROWTH / 2.0) * heat / most)
+    return force * np.exp(rng.normal(0.0, GROWTH) * heat / most)
 
 
 def _quantile(force: Array, share: float) -> float:
