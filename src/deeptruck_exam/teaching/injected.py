@@ -10,12 +10,13 @@ import numpy as np
 from scipy.signal import lfilter
 
 from deeptruck_exam import worlds
-from deeptruck_exam.construction import Built
+from deeptruck_exam.construction import DT, Built
 from deeptruck_exam.effects import EFFECTS
 from deeptruck_exam.effects.law import GRAVITY, Array
 from deeptruck_exam.effects.planting import SEALED, Effect, Planted
 from deeptruck_exam.gates import CONDITIONS
 from deeptruck_exam.oracle import Watched
+from deeptruck_exam.teaching.strayed import strayed
 from deeptruck_exam.trace import Trace, setting_of
 from deeptruck_exam.worlds import trucks
 from deeptruck_model.trucks import PhysicsTruck
@@ -24,15 +25,19 @@ DRAWS, ROADS = 4, 6  # of the sizes of a law; of roads
 GATED = 0.3  # of the laws that can act under one condition also do
 BLOCK = 2  # samples of a drive to a row of the evidence
 LATE_S = 0.15  # at most, of the sensors through which a force is seen
-PERIOD_S = 0.1
+STRAYED = "~"  # at the end of a key: the law strayed from its author's form
 
 
 @dataclass(frozen=True)
 class Injected:
-    """A law's key, and its acceleration along stacked drives (n,), m/s^2."""
+    """A law's key, marked where it strayed from it, and its acceleration along stacked drives (n,), m/s^2."""
 
     key: str
     acceleration: Array
+
+    @property
+    def law(self) -> Effect:
+        return EFFECTS[self.key.removesuffix(STRAYED)]
 
 
 class Injection:
@@ -44,7 +49,7 @@ class Injection:
         self._trace = Trace.of(self._nominal, built.drives, setting_of(built))
         self._many = self._trace.repeated(DRAWS)
         self._plain = self._driven(self._nominal)
-        self._keep = float(np.exp(-PERIOD_S / max(rng.uniform(0.0, LATE_S), 1e-3)))
+        self._keep = float(np.exp(-DT / max(rng.uniform(0.0, LATE_S), 1e-3)))
 
     def laws(self) -> list[Effect]:
         """What can be missing in this truck on these drives."""
@@ -94,7 +99,8 @@ class Injection:
         )
         always, *gated = self._many.acceleration(planted.forces, gate)
         each = always.reshape(DRAWS, batch, -1)
-        found = [Injected(law.key, self._rows(one)) for one in each]
+        found = [Injected(law.key, self._rows(each[0]))]
+        found += [Injected(law.key + STRAYED, self._rows(strayed(one, self._rng))) for one in each[1:]]
         return found + [Injected(law.key, self._rows(one.reshape(DRAWS, batch, -1)[0])) for one in gated]
 
     def _alone(self, law: Effect, sizes: dict[str, float]) -> Injected:

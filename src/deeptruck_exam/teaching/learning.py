@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_exam.effects.law import Array
+from deeptruck_exam.teaching.injected import STRAYED
 from deeptruck_exam.teaching.samples import UNKNOWN, Samples
 from deeptruck_model.mismatch import Fingerprint, Layer, Recogniser
 
@@ -18,10 +19,7 @@ if TYPE_CHECKING:
     import torch
 
 LEAST_NATS = 20.0  # less is no finding, and has no name
-LOST, FEWER_SHARE = (
-    (0.05, 0.4),
-    0.5,
-)  # share of names whose kernels go with a signal, and of samples once more so
+LOST, FEWER_SHARE = (0.05, 0.4), 0.5  # of names whose kernels go with a signal; of samples once more so
 HIDDEN_SHARE = 0.12  # of the samples, once more without their name's kernels: then they are unknown
 UNKNOWN_WEIGHT, FAULT_WEIGHT = 3.0, 0.5  # of a name with laws
 WIDTH, DROPPED, MEMBERS = 96, 0.3, 5
@@ -226,11 +224,11 @@ def without_each_family(
 
 
 def unseen(whole: Lesson, by: Mapping[str, Recogniser]) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Probabilities (N, names) of samples of a family in its own world, by what has seen neither; what
-    evidence alone says; and which samples (N,) these are."""
+    """Probabilities (N, names) of samples of a family in its own world, as its author wrote them, by what has
+    seen neither; what evidence alone says; and which samples (N,) these are."""
     p, rows = np.zeros(whole.evidence.shape), np.zeros(len(whole.answer), dtype=bool)
     for family, taught in by.items():
-        test = (whole.families == family) & (whole.worlds == family)
+        test = (whole.families == family) & (whole.worlds == family) & ~np.char.endswith(whole.laws, STRAYED)
         if test.any():
             some = whole.of(test)
             p[test] = taught.of(some.features.astype(float), some.evidence.astype(float), some.possible)

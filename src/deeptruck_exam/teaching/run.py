@@ -19,6 +19,7 @@ from deeptruck_exam.effects.planting import FAMILIES
 from deeptruck_exam.folder import RECOGNISER
 from deeptruck_exam.jobs import end_with_the_run
 from deeptruck_exam.teaching import learning
+from deeptruck_exam.teaching.injected import STRAYED
 from deeptruck_exam.teaching.learning import Lesson
 from deeptruck_exam.teaching.samples import UNKNOWN, Samples, samples
 from deeptruck_model import files
@@ -66,7 +67,7 @@ def _taught(out: Path, parts: Sequence[Samples], seed: int) -> dict[str, Any]:
         "taught_by": f"python -m deeptruck_exam.command recogniser --bases {len(parts)} --seed {seed}",
         "bases": len(parts),
         "residuals": len(whole.answer),
-        "laws": len({law for p in parts for law in p.laws.tolist()}),
+        "laws": len({law.removesuffix(STRAYED) for p in parts for law in p.laws.tolist()}),
         "families": sorted({p.world for p in parts}),
         "names": names,
         "unseen_families": _unseen(whole, by, names),

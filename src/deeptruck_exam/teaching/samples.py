@@ -14,7 +14,6 @@ from threadpoolctl import threadpool_limits
 
 from deeptruck_exam.cases import interface_of, measure
 from deeptruck_exam.construction import DT, Built, build
-from deeptruck_exam.effects import EFFECTS
 from deeptruck_exam.effects.law import Array
 from deeptruck_exam.effects.planting import Effect
 from deeptruck_exam.plans import FIT, Plan, draw_plan
@@ -30,10 +29,7 @@ SCALES = (-1.2, 0.3)  # of the logarithm of what a law's size is multiplied by
 PARAMETER_SD = (0.004, 0.05)  # relative: parameters are nearly right where names are weighed
 ABSORBED = 0.25  # share of laws that the parameters were tuned to, in part
 WRONG = (0.03, 0.2)  # relative, of a parameter that is the answer
-SECOND, SECOND_NAMES = (
-    0.15,
-    8,
-)  # share of samples with a second effect that is known, and how many names of these
+SECOND, SECOND_NAMES = 0.15, 8  # share of samples with a second effect that is known; names of these
 STYLES = (0.55, 0.2, 0.25)  # bases driven by people, by cruise control, behind a leader
 FAULTS = ("grade_bias", "clock_offset")  # that are forces to the tool
 UNKNOWN = "unknown"
@@ -130,12 +126,12 @@ def _some(laws: Sequence[Effect], nameless: bool, most: int, rng: np.random.Gene
 
 
 def _name(f: Injected) -> str:
-    return EFFECTS[f.key].name
+    return f.law.name
 
 
 def _of_law(f: Injected, second: Injected, drives: CleanDrives, rng: np.random.Generator) -> _Labelled:
     """A law of some size beside parameters that are a little off; sometimes with a second that is known."""
-    law = EFFECTS[f.key]
+    law = f.law
     force = f.acceleration * np.exp(rng.uniform(*SCALES))
     parameters = np.stack(list(drives.sensitivity.values()), axis=1)
     sd = np.exp(rng.uniform(*np.log(PARAMETER_SD)))
@@ -143,8 +139,8 @@ def _of_law(f: Injected, second: Injected, drives: CleanDrives, rng: np.random.G
     if rng.random() < ABSORBED:
         residual -= rng.uniform(0.5, 1.0) * parameters @ np.linalg.lstsq(parameters, force, rcond=None)[0]
     if rng.random() < SECOND and _name(second) != law.name:
-        return _Labelled(residual + second.acceleration, law.name, law.key, law.family, _name(second))
-    return _Labelled(residual, law.name, law.key, law.family)
+        return _Labelled(residual + second.acceleration, law.name, f.key, law.family, _name(second))
+    return _Labelled(residual, law.name, f.key, law.family)
 
 
 def _of_faults(drives: CleanDrives, rng: np.random.Generator) -> list[_Labelled]:

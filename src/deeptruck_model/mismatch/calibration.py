@@ -23,6 +23,7 @@ from deeptruck_model.mismatch.fit_result import Interval, Rmse
 from deeptruck_model.mismatch.posterior.linearised import accepted, refitted
 from deeptruck_model.mismatch.posterior.search import FREE, Model, Search
 from deeptruck_model.mismatch.residual.gather import gather
+from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.trucks import PARAMETERS, PhysicsTruck
@@ -134,7 +135,7 @@ def _parameter(
 ) -> Fitted:
     given, value = truck.parameters()[name], fitted.parameters()[name]
     about = given * (1.0 + search.e.moved.get(name, 0.0))  # the value whose relative change was fitted
-    wide = 1.96 * about * max(model.moved_sd(name), spread.get(name, 0.0))
+    wide = Z95 * about * max(model.moved_sd(name), spread.get(name, 0.0))
     interval = (value - wide, value + wide) if name in told else None
     return Fitted(name, PARAMETERS[name].unit, given, value, interval)
 
@@ -150,7 +151,7 @@ def _jackknife(search: Search, told: frozenset[str]) -> dict[str, float]:
     part[rows] = np.arange(len(rows)) * PARTS // max(len(rows), 1)
     fits = [Search(search.e, only=part != k).model((), told) for k in range(PARTS)]
     changes = {p: np.array([fit.moved(p) for fit in fits]) for p in told}
-    wider = float(student_t.ppf(0.975, PARTS - 1)) / 1.96
+    wider = float(student_t.ppf(0.975, PARTS - 1)) / Z95
     return {p: wider * float(np.sqrt((PARTS - 1) * np.var(x))) for p, x in changes.items()}
 
 

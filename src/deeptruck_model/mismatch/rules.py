@@ -70,7 +70,10 @@ class Rules:
         0.02, "m/s^2", "... rms over the tenth of the time in which it acts most", SENSORS
     )
     least_delay_s: float = _of(
-        0.15, "s", "a shorter delay or lag is that of message periods and filters", SENSORS
+        0.15,
+        "s",
+        "a delay or lag must surely be longer: shorter ones are those of message periods and filters",
+        SENSORS,
     )
 
     # evidence: what a term must gain

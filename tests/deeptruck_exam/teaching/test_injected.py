@@ -9,7 +9,7 @@ from deeptruck_exam.construction import Built, build
 from deeptruck_exam.effects import EFFECTS
 from deeptruck_exam.effects.planting import SEALED
 from deeptruck_exam.plans import draw_plan
-from deeptruck_exam.teaching.injected import DRAWS, Injection
+from deeptruck_exam.teaching.injected import DRAWS, STRAYED, Injection
 from deeptruck_exam.teaching.samples import samples
 
 
@@ -31,7 +31,8 @@ def test_a_force_is_drawn_several_times_and_a_filter_once(built: Built) -> None:
     limit = EFFECTS["torque_limit"]
     found = list(injection.forces([limit, delay]))
     n = built.extra.shape[0] * built.extra.shape[1] // 2
-    assert [f.key for f in found].count("torque_limit") >= DRAWS
+    assert [f.key for f in found].count("torque_limit" + STRAYED) == DRAWS - 1  # and one as it was written
+    assert [f.key for f in found].count("torque_limit") >= 1
     assert [f.key for f in found].count(delay.key) == 1
     assert all(f.acceleration.shape == (n,) and np.isfinite(f.acceleration).all() for f in found)
     assert all(np.abs(f.acceleration).max() > 1e-3 for f in found)

@@ -18,6 +18,7 @@ from deeptruck_model.mismatch.fit_result import Chosen, Compared, Errors, FitRes
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, held_steady, is_time_varying
 from deeptruck_model.mismatch.mechanisms.carriers import factors
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
+from deeptruck_model.mismatch.posterior.kernels import UNKNOWN
 from deeptruck_model.mismatch.posterior.linearised import accepted
 from deeptruck_model.mismatch.posterior.nuisances import left_beside
 from deeptruck_model.mismatch.posterior.search import PINNED, Model, Search
@@ -64,7 +65,7 @@ class Corrections:
 
     def after(self, with_unnamed: bool) -> tuple[CorrectedTruck, Chosen]:
         """The corrected simulator, with laws for what has no name where these are asked for and there."""
-        if with_unnamed and self.unnamed is not None:
+        if with_unnamed and self.unnamed is not None and self.chosen is not Chosen.LAWS:
             return self.unnamed, Chosen.LAWS
         return self.named, self.chosen
 
@@ -105,12 +106,14 @@ def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequenc
     alone = _Recipe((), (), frozenset(search.parameters), Chosen.PARAMETERS)
     nothing = _Recipe((), (), frozenset(), Chosen.NOTHING)
     recipes = [nothing, *_recipes(e, x), alone] if x.causes else [nothing]
+    folds = _folds(e, prepared) if x.causes else []
     unnamed = _with_laws(x)
-    if unnamed is not None and any(c.other_form for c in x.causes):
-        recipes.append(unnamed)  # these laws are the form of a name
-    folds = _folds(e, prepared) if len(recipes) > 1 else []
+    # few recordings drive what was fitted to them, and there more freedom always looks better
+    if unnamed is not None and (len(folds) == FOLDS or any(c.other_form for c in x.causes)):
+        recipes.append(unnamed)
     driven = [_crossed(simulator, recipe, folds, shares) for recipe in recipes] if folds else []
-    best = int(np.argmin([_mean_square(errors) for errors in driven])) if driven else 0
+    own = any(c.other_form or c.effect == UNKNOWN for c in x.causes)  # laws are what was found
+    best = _best(recipes, [_mean_square(errors) for errors in driven], own) if driven else 0
     seen = len(folds) < FOLDS or best == 0
     return Corrections(
         alone.corrected(simulator, search, shares),
@@ -121,6 +124,14 @@ def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequenc
         else dict(zip(COMPARED, (driven[k] for k in (0, recipes.index(alone), best)), strict=True)),
         recipes[best].what,
     )
+
+
+def _best(recipes: Sequence[_Recipe], squares: Sequence[float], own: bool) -> int:
+    """Which drives best. Laws join names only where these drive better than parameters without them: laws are
+    no proof of names. Where they are a finding of their `own` they need none."""
+    order = [int(k) for k in np.argsort(squares)]
+    plain = next(k for k in order if recipes[k].what is not Chosen.LAWS)
+    return order[0] if own or recipes[plain].what is Chosen.FINDINGS else plain
 
 
 def _as_given(e: Evidence, only: Mask) -> Search:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -54,7 +53,6 @@ def _accepted(simulator: Simulator, name: str, change: float, near: float) -> fl
 # Beyond this relative change parameters are set in the simulator, and all is linearised again; and once more.
 RETUNE, SETTLED, STEPS = 0.05, 0.02, 5
 CLOSE = 0.005  # where parameters are all that is fitted
-_guesses: WeakKeyDictionary[Search, Model] = WeakKeyDictionary()  # a search is large: no longer than it
 
 
 def explained(
@@ -171,10 +169,10 @@ def _starts(around: _Around, search: Search) -> list[Search]:
     """Searches about the parameters as given, as moved by the first guess; and about those that do best
     alone, where these explain more than the best one name: it may stand for what the simulator is not linear
     in about parameters far off, and they may stand for it."""
-    starts = [_followed(around, search, _first_guess)]
+    starts = [_followed(around, search, first_guess)]
     alone = _followed(around, search, _alone)
-    if alone is not search and _better(search, _first_guess(search), alone, _alone(alone), 0.0):
-        starts.append(_followed(around, alone, _first_guess))
+    if alone is not search and _better(search, first_guess(search), alone, _alone(alone), 0.0):
+        starts.append(_followed(around, alone, first_guess))
     return starts
 
 
@@ -189,8 +187,8 @@ def _best_of(starts: Sequence[Search]) -> tuple[Search, Explanation]:
 
 
 def _followed(around: _Around, search: Search, guess: Callable[[Search], Model]) -> Search:
-    """The search about the parameters of a guess, and of the guess there, until they have settled; as it was
-    where the first step explains no more.
+    """The search about the parameters of a guess, and on from the guess there, until they have settled; as it
+    was where the first step explains no more.
 
     Further steps are not weighed against each other: where mass and gains move together every step gains
     little, though the way is long.
@@ -199,22 +197,17 @@ def _followed(around: _Around, search: Search, guess: Callable[[Search], Model])
     moved = around.parameters_of(search, here, RETUNE)
     if moved is None or not _better(search, here, moved, guess(moved), search.rules.least_gain):
         return search
+    there = guess(moved)  # to guess anew takes long, and a name in its form shows as well how far to go
     for _ in range(STEPS):
-        further = around.parameters_of(moved, guess(moved), SETTLED)
+        further = around.parameters_of(moved, there, SETTLED)
         if further is None:
             break
-        moved = further
+        moved, there = further, _again(there, further)
     return moved
 
 
 def _alone(search: Search) -> Model:
     return search.background(())
-
-
-def _first_guess(search: Search) -> Model:
-    if search not in _guesses:
-        _guesses[search] = first_guess(search)
-    return _guesses[search]
 
 
 def _better(given: Search, guess: Model, anew: Search, moved: Model, by: float) -> bool:

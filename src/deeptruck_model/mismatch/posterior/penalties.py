@@ -23,9 +23,9 @@ from deeptruck_model.mismatch.mechanisms.variants import (
     Simple,
     Spline,
 )
-from deeptruck_model.mismatch.posterior.search import SURELY, Model, Search
+from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.residual.noise import whiten
+from deeptruck_model.mismatch.residual.noise import Z95, whiten
 
 Array = NDArray[np.float64]
 
@@ -131,12 +131,8 @@ def time_varying_penalty(model: Model, base: Model) -> float:
 
 def practical(search: Search, model: Model, term: CandidateTerm) -> bool:
     b = model.coefficients(term.mechanism.effect)
-    rules = search.rules
-    for name in ("delay", "time_constant"):
-        parts = [(p, value) for p, value in zip(term.parts, b, strict=True) if p.name.startswith(name)]
-        times = [value * part.factor for part, value in parts]
-        if times and abs(sum(times)) < rules.least_delay_s:
-            return False
+    if _ordinary_delay(model, term):
+        return False
     if _beyond_possible(model, term):
         return False
     if not is_time_varying(term) and (np.abs(b - term.prior.mean) > MOST_PRIOR_SD * term.prior.sd).any():
@@ -145,10 +141,20 @@ def practical(search: Search, model: Model, term: CandidateTerm) -> bool:
     return beyond_learning(search.e, term, force) or large_enough(search.e, force)
 
 
+def _ordinary_delay(model: Model, term: CandidateTerm) -> bool:
+    """Whether none of its delays is surely longer than those of message periods and filters."""
+    b, covariance = model.coefficients(term.mechanism.effect), model.covariance(term.mechanism.effect)
+    surely = []
+    for name in {p.name for p in term.parts if p.name.startswith(("delay", "time_constant"))}:
+        each = np.array([p.factor if p.name == name else 0.0 for p in term.parts])
+        surely.append(abs(float(each @ b)) - Z95 * float(np.sqrt(each @ covariance @ each)))
+    return bool(surely) and max(surely) < model.rules.least_delay_s
+
+
 def _beyond_possible(model: Model, term: CandidateTerm) -> bool:
     """Whether a coefficient is surely larger than it can be."""
     sd = np.sqrt(np.diag(model.covariance(term.mechanism.effect)))
-    surely = np.abs(model.coefficients(term.mechanism.effect)) - SURELY * sd
+    surely = np.abs(model.coefficients(term.mechanism.effect)) - Z95 * sd
     return any(size * part.factor > part.most for part, size in zip(term.parts, surely, strict=True))
 
 

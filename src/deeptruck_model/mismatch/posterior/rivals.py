@@ -18,8 +18,9 @@ from deeptruck_model.mismatch.posterior.penalties import (
     practical,
     time_varying_penalty,
 )
-from deeptruck_model.mismatch.posterior.search import SURELY, Model, Search
+from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.posterior.stepwise import WIDENED
+from deeptruck_model.mismatch.residual.noise import Z95
 
 Array = NDArray[np.float64]
 
@@ -204,7 +205,7 @@ def _beyond_its_own(search: Search, free: frozenset[str], name: str, value: floa
     if search.own is None:
         return False
     own = search.own.model((), free)
-    usual = search.rules.allowance * abs(own.moved(name)) + SURELY * own.moved_sd(name)
+    usual = search.rules.allowance * abs(own.moved(name)) + Z95 * own.moved_sd(name)
     return abs(value) > usual
 
 
@@ -218,7 +219,7 @@ def _parameter(
     value = search.e.total_change(name, model.moved(name))
     least = enough(search) + search.e.tolerance.get(f"parameter:{name}", 0.0)
     force = search.e.sensitivity[name] * value  # of the simulator as given, to first order
-    unsure = abs(value) < rules.nearly_right + SURELY * model.moved_sd(name)
+    unsure = abs(value) < rules.nearly_right + Z95 * model.moved_sd(name)
     if unsure:
         return None
     large = large_enough(search.e, force) or _beyond_its_own(search, after.free, name, value)

@@ -30,7 +30,6 @@ from deeptruck_model.mismatch.rules import Rules
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-SURELY = 1.96  # sds: half the width of a 95 % interval of a size that was fitted
 MOST_TERMS = 4  # that a model may have at once; so many too of laws without a name
 LARGEST_SLOPE = 0.75  # what four times the mass does
 HELD, PINNED = 0.01, 0.001

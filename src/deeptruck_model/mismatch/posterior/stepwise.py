@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from weakref import WeakKeyDictionary
+
 import numpy as np
 
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, candidate_term, is_time_varying
@@ -22,10 +24,20 @@ EXCHANGES = 3
 SETTLING = 2  # times
 
 
+_first: WeakKeyDictionary[Search, list[Model]] = WeakKeyDictionary()  # a search is large: no longer than it
+
+
+def _first_options(search: Search) -> list[Model]:
+    """Every mechanism beside the parameters alone, best first; found once, as it takes the longest."""
+    if search not in _first:
+        _first[search] = candidates(search, search.background(()))
+    return _first[search]
+
+
 def first_guess(search: Search) -> Model:
     """Parameters alone, or with the one best mechanism: enough to see how far the parameters are off."""
     base = search.background(())
-    best = max(candidates(search, base), key=lambda m: m.score, default=base)
+    best = max(_first_options(search), key=lambda m: m.score, default=base)
     return best if best.score > base.score + enough(search) + discrepancy_penalty(search, best) else base
 
 
@@ -34,7 +46,7 @@ def grow(search: Search, base: Model) -> tuple[Model, tuple[tuple[str, float], .
     ranking: tuple[tuple[str, float], ...] = ()
     bare = base
     while len(base.named) < MOST_TERMS:
-        options = candidates(search, base)
+        options = candidates(search, base) if base.named else _first_options(search)
         if not ranking:
             ranking = tuple((m.effects[-1], m.score - base.score) for m in options)
         more = _one_more(search, base, bare, options)

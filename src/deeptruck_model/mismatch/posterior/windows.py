@@ -6,6 +6,7 @@ which the simulator is plainly wrong, and mechanisms are fitted as if they acted
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -36,7 +37,7 @@ LENGTHS_S = (0.6, 2.0, 6.0)
 LARGEST = 6.0  # a single sample counts as no more than this
 AROUND_S = 1.5
 WINDOWS_MOST = 0.2  # of the time, all windows together: what acts for longer is not rare
-FITTED = 6
+FITTED, FORMS = 6, 3  # names, and forms of each, that are fitted in full
 ENDS = 2.0  # of a window, each a choice that costs a tempered nat
 LARGEST_LOG = 600.0  # of trials, which hundreds of windows would take beyond what a float holds
 SUDDEN = 0.5  # m/s^2, prior sd of a force without a name
@@ -185,14 +186,14 @@ def candidates(search: Search, base: Model, spans: list[Span]) -> list[Model]:
 def _fitted(
     search: Search, base: Model, options: list[CandidateTerm], best: dict[str, Model], leader: Model | None
 ) -> dict[str, Model]:
-    """The best model of each of the first FITTED names, and of those in `best`; from the noise of the leader
-    where there is one."""
-    best, new = dict(best), set[str]()
+    """The best model of each of the first FITTED names in its first FORMS, and of those in `best`; from the
+    noise of the leader where there is one."""
+    best, tried = dict(best), Counter[str]()
     for _, option in screen_terms(search, base, options, leader):
         effect = option.mechanism.effect
-        if effect not in new and len(new) >= FITTED:
+        if tried[effect] == FORMS or (effect not in tried and len(tried) >= FITTED):
             continue
-        new.add(effect)
+        tried[effect] += 1
         model = search.model((*base.named, option), base.free, (leader or base).fit, again=leader is not None)
         if effect not in best or model.score > best[effect].score:
             best[effect] = model

@@ -20,6 +20,7 @@ from deeptruck_model.mismatch.posterior.modelled import Formula
 from deeptruck_model.mismatch.posterior.road_lock import RoadLock
 from deeptruck_model.mismatch.report.sizes import picked, sizes_of
 from deeptruck_model.mismatch.residual.evidence import Evidence, ForceUnit
+from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.result import Finding, Kind, Rival, Size, Suspicion
 from deeptruck_model.mismatch.sentence import Named, Part, Sentence
 from deeptruck_model.mismatch.strength import Strength, acts
@@ -158,7 +159,7 @@ OTHER_FORM = ". It acts otherwise than in the form that is known here, and may b
 
 def from_sensor(fault: SensorFault) -> Finding:
     """A fault between two sensors, certain and beside all physics."""
-    ci = (fault.value - 1.96 * fault.se, fault.value + 1.96 * fault.se)
+    ci = (fault.value - Z95 * fault.se, fault.value + Z95 * fault.se)
     return Finding(
         kind=Kind.SENSOR,
         effect=fault.effect,
@@ -297,7 +298,7 @@ def _parameter(cause: Cause, e: Evidence, explanation: Explanation, own: dict[st
     change = e.total_change(cause.effect, explanation.model.moved(cause.effect))
     sd = explanation.model.moved_sd(cause.effect) * (1.0 + e.moved.get(cause.effect, 0.0))
     base, unit = (own[cause.effect], unit) if cause.effect in own else (1.0, "of the simulator's")
-    ci = (base * (1 + change - 1.96 * sd), base * (1 + change + 1.96 * sd))
+    ci = (base * (1 + change - Z95 * sd), base * (1 + change + Z95 * sd))
     return Told(
         Sentence.of(
             f"{says}: {abs(100 * change):.1f} % {'more' if change > 0 else 'less'} (+-{196 * sd:.1f} %)"

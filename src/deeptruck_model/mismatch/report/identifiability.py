@@ -14,10 +14,11 @@ from deeptruck_model.mismatch.correction.correction import corrected
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Variant
 from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.posterior.penalties import enough
-from deeptruck_model.mismatch.posterior.search import FREE, SURELY, Model, Search
+from deeptruck_model.mismatch.posterior.search import FREE, Model, Search
 from deeptruck_model.mismatch.posterior.windows import ENDS
 from deeptruck_model.mismatch.report.findings import TOLD_BY
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.result import Finding, SmallestVisible
 from deeptruck_model.mismatch.sentence import Named, Part
 from deeptruck_model.signals import SPEED
@@ -194,7 +195,7 @@ class _Hidden:
     def _seen(self, column: Array, size: float, nats: float, surely: float) -> bool:
         cost = -self.search.gain_of_given(self.model, -size * column)
         sd = size * np.sqrt(self.search.rules.temper / max(2.0 * cost, 1e-9))
-        return cost > nats and size - SURELY * sd > surely and not self._as_a_zero(column, size, cost)
+        return cost > nats and size - Z95 * sd > surely and not self._as_a_zero(column, size, cost)
 
     def _as_a_zero(self, column: Array, size: float, cost: float) -> bool:
         """Whether an ordinary zero of the slope sensor would do nearly as well."""

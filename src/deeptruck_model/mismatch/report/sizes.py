@@ -9,6 +9,7 @@ from deeptruck_model.mismatch.expression import Rerun
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, Column, carriers
 from deeptruck_model.mismatch.posterior.search import Model
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.result import Size
 
 Array = NDArray[np.float64]
@@ -67,7 +68,7 @@ def sizes_of(term: CandidateTerm, model: Model, e: Evidence) -> dict[str, Size]:
     }
     telling = sorted(sizes, key=lambda n: -abs(sizes[n][0]) / max(sizes[n][1], 1e-12))[:TELLING_PARAMETERS]
     return {
-        name: Size(value, unit, (value - 1.96 * sd, value + 1.96 * sd) if sd else None)
+        name: Size(value, unit, (value - Z95 * sd, value + Z95 * sd) if sd else None)
         for name, (value, sd, unit) in sizes.items()
         if name in telling
     }

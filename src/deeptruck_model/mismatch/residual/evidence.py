@@ -13,12 +13,11 @@ from scipy.signal import lfilter
 from deeptruck_model.mismatch.residual.noise import Series
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.signals import printed
-from deeptruck_model.vehicle_kinds import UNSTATED, VehicleKind
+from deeptruck_model.vehicle_kinds import CLUTCH_CLOSED, UNSTATED, VehicleKind
 
 Array = NDArray[np.float64]
 
 MOST_TURNS = 150.0  # rad/m: a crawler gear
-LOCKED_M_S = 2.5  # slower, a starting clutch may slip
 BIN, WIDTH = 0.02, 0.06  # of the logarithm; gears of a truck are at least 0.15 apart
 SELDOM = 0.005  # share of the time below which a ratio is no gear
 SLOW_NOISE_S = 10.0  # length of the means whose sd is the slow noise
@@ -33,7 +32,7 @@ def turns(engine_speed: Array, speed: Array) -> Array:
 
 def gears(ratio: Array, speed: Array) -> tuple[float, ...]:
     """The turns per metre at which driving gathers, rad/m, ascending; none where there is no driving."""
-    left = np.log(ratio[np.isfinite(ratio) & (ratio > 0.1) & (speed > LOCKED_M_S)])
+    left = np.log(ratio[np.isfinite(ratio) & (ratio > 0.1) & (speed > CLUTCH_CLOSED)])
     count, found = len(left), []
     while len(left) > max(SELDOM * count, 20):
         bins, edges = np.histogram(left, np.arange(left.min() - BIN, left.max() + 2 * BIN, BIN))

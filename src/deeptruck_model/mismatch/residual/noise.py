@@ -23,6 +23,7 @@ Rows = NDArray[np.intp]
 
 ORDER = 5  # of the autoregression
 TAIL = 5.0  # degrees of freedom of the innovations
+Z95 = 1.96  # sds to either side of a 95 % interval
 ORDINARY = 3.0  # robust sds of the residual beyond which it counts less for the autoregression
 LEAST_DRIVES = 4  # with fewer, nothing is said of how much drives disagree on a size
 
@@ -205,7 +206,7 @@ def _between(gradient: Array, series: Series, use: Mask, covariance: Array) -> A
     if count < LEAST_DRIVES:
         return np.zeros(len(covariance))
     score = np.stack([gradient[drive == k].sum(axis=0) for k in np.unique(drive)]) @ covariance
-    wider = count / (count - 1) * (student_t.ppf(0.975, count - 1) / 1.96) ** 2
+    wider = count / (count - 1) * (student_t.ppf(0.975, count - 1) / Z95) ** 2
     out: Array = np.sqrt(wider * np.sum(score**2, axis=0))
     return out
 

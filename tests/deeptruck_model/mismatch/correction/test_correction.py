@@ -209,6 +209,32 @@ def test_laws_without_a_name_go_in_beside_the_names_and_only_when_asked(nothing_
     assert fit.windows == 0 and fit.errors is None and fit.improvement is None
 
 
+@pytest.mark.parametrize(
+    ("recordings", "with_names", "chosen"),
+    [(8, 0.2, Chosen.LAWS), (1, 0.2, Chosen.FINDINGS), (8, 0.35, Chosen.PARAMETERS)],
+)
+def test_laws_join_names_that_drive_better_where_drives_that_were_not_fitted_ask_for_them(
+    nothing_missing: Evidence,
+    monkeypatch: pytest.MonkeyPatch,
+    recordings: int,
+    with_names: float,
+    chosen: Chosen,
+) -> None:
+    ends = np.linspace(0, len(nothing_missing), recordings + 1).astype(int)
+    drives = [Stretch(f"d{k}", ends[k], ends[k + 1], 0.0, k > 5) for k in range(recordings)]
+    e = replace(nothing_missing, stretches=tuple(drives))
+    law = next(s for s in laws(e) if is_law(s.variant.constants, "engine", "speed"))
+    search, (name, _) = Search(e), law_and_gusts(e)
+    model, lawful = search.model((name,), frozenset()), search.model((name, law), frozenset())
+    errors = {Chosen.LAWS: 0.1, Chosen.FINDINGS: with_names, Chosen.PARAMETERS: 0.3, Chosen.NOTHING: 0.4}
+    monkeypatch.setattr(correction, "_crossed", lambda simulator, recipe, *_: run(errors[recipe.what]))
+    cause = Cause("missing_physics", name.mechanism.effect, 200.0, 1.0, np.ones(len(e)), term=name)
+    prepared: Any = [None] * min(recordings, 6)
+    made = correction.correct(TRUCK, e, explanation((cause,), model, lawful), prepared)
+    assert made.chosen is chosen and made.after(with_unnamed=False)[1] is chosen
+    assert ("unknown" in {t.effect for t in made.named.terms}) == (chosen is Chosen.LAWS)
+
+
 def test_a_truck_with_laws_can_be_kept(nothing_missing: Evidence, tmp_path: Path) -> None:
     law = next(s for s in laws(nothing_missing) if s.variant.constants == Follower("brake", "late"))
     term = Term("unknown", law.variant, tuple(np.linspace(0.0, 0.1, law.columns.shape[1]).tolist()))

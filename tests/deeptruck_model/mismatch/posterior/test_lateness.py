@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.mechanisms import LIBRARY
+from deeptruck_model.mismatch.mechanisms import LIBRARY, candidate_term
 from deeptruck_model.mismatch.mechanisms.commands import Delays
 from deeptruck_model.mismatch.mechanisms.variants import Static
 from deeptruck_model.mismatch.posterior import nuisances
 from deeptruck_model.mismatch.posterior.candidates import candidates
+from deeptruck_model.mismatch.posterior.penalties import practical
 from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
@@ -71,6 +74,28 @@ def test_what_a_name_explains_is_not_left_to_it(truck: Evidence, lags: bool) -> 
     column = replace(brake, columns=force[:, None], prior=replace(brake.prior, mean=np.ones(1)))
     model = search.model((column,) if lags else (), frozenset())
     assert (nuisances.left_beside(late, model).late is None) == lags
+
+
+@pytest.mark.parametrize(
+    ("lines", "late_s", "sd_s", "told"),
+    [
+        (("all",), 0.14, 0.001, False),
+        (("all",), 0.18, 0.04, False),  # it may as well be an ordinary one
+        (("all",), 0.18, 0.01, True),
+        (("engine", "brake"), 0.1, 0.001, False),  # two ordinary ones are no long one
+        (("engine", "brake"), 0.18, 0.01, True),
+    ],
+)
+def test_a_delay_is_told_that_is_surely_longer_than_ordinary_ones(
+    truck: Evidence, lines: tuple[str, ...], late_s: float, sd_s: float, told: bool
+) -> None:
+    term = candidate_term(LIBRARY["command_delay"], Static(Delays(tuple((n, 0.2) for n in lines))), truck)
+    fitted: Any = SimpleNamespace(
+        rules=truck.rules,
+        coefficients=lambda name: np.full(len(lines), late_s / 0.2),
+        covariance=lambda name: np.eye(len(lines)) * (sd_s / 0.2) ** 2,
+    )
+    assert practical(Search(truck), fitted, term) == told
 
 
 def test_a_truck_without_commands_has_none(truck: Evidence) -> None:

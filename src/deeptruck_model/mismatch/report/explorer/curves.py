@@ -20,13 +20,13 @@ from deeptruck_model.mismatch.report.drawing import label
 from deeptruck_model.mismatch.report.regime_figure import LEAST_S, edges, place
 from deeptruck_model.mismatch.report.sizes import timing
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.noise import Z95
 from deeptruck_model.mismatch.result import Finding
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 PERIOD_S = 1.0
-Z95 = 1.96
 OWN_TELLS = 0.2  # share of how a force varies that its own variable must tell, to be drawn against it
 EVEN, QUANTILES = 8, 14  # bins: some of even width, and some of as much driving each
 SIGNALS_OF = {  # what the library calls its variables -> signals that can be drawn against
