@@ -49,7 +49,7 @@ def export_onnx(policy: MlpPolicy, path: str | Path) -> None:
     """Write `policy` as ONNX (opset 17, float32) into a new file, whole or not at all.
 
     Inputs, each (batch, 1): the five signals of OBSERVED; and, for a policy with memory, memory (batch,
-    3, 5 or 8), which starts as [0, NaN, NaN(, 0, 0(, NaN, NaN, NaN))]. Outputs (batch, 1):
+    3, 6 or 9), which starts as [0, NaN, NaN(, NaN, 0, 0(, NaN, NaN, NaN))]. Outputs (batch, 1):
     engine_command, brake_command; and memory_next like memory. Raises InputError for a file that exists or
     cannot be written.
     """
@@ -73,7 +73,7 @@ def export_onnx(policy: MlpPolicy, path: str | Path) -> None:
 
 def _track(g: _Graph, radar: RadarFilter, leader: str, speed: str, gap: str) -> tuple[str, str, str]:
     """RadarFilter: leader speed and gap as estimated, and the next track."""
-    seen, old = g.add("Concat", gap, leader, axis=1), g.columns("memory", 5, 8)
+    seen, old = g.add("Concat", gap, leader, axis=1), g.columns("memory", 6, 9)
     off = g.add("Abs", g.add("Sub", seen, g.columns(old, 0, 2)))
     near = g.add("Less", off, g.constant(np.array([radar.lost_m, radar.lost_speed])))
     kept = g.add("And", g.columns(near, 0, 1), g.columns(near, 1, 2))
@@ -104,7 +104,10 @@ def _recall(g: _Graph, f: FeatureMap, signals: str, features: str) -> tuple[str,
     parts = [features, g.add("Div", integral, g.constant(5.0)), g.add("Div", rates, g.constant(0.5))]
     kept = [integral, after]
     if f.power:
-        parts += [*_power(g, f, signals, g.columns(rates, 1, 2), integral), g.columns("memory", 3, 5)]
+        ideal, pull, far = _ideal(g, f, signals)
+        told = _power(g, f, signals, g.columns(rates, 1, 2), integral, (ideal, pull, far))
+        parts += [*told, g.columns("memory", 4, 6)]
+        kept.append(g.add("Add", ideal, g.add("Mul", pull, g.constant(f.dt))))
     return g.add("Concat", *parts, axis=1), g.add("Concat", *kept, axis=1)
 
 
@@ -112,11 +115,32 @@ def _remember(g: _Graph, f: FeatureMap, integral_and_slow: str, action: str, tra
     """FeatureMap.remember."""
     parts = [integral_and_slow]
     if f.power:
-        slow = g.columns("memory", 3, 5)
+        slow = g.columns("memory", 4, 6)
         change = g.add("Mul", g.add("Sub", action, slow), g.constant(f.dt / f.slow_s))
         parts.append(g.add("Add", slow, change))
     parts += [track] if f.radar else []
     g.add("Concat", *parts, output="memory_next", axis=1)
+
+
+def _time_gap(g: _Graph, signals: str) -> str:
+    """FeatureMap._time_gap."""
+    moving = g.add("Max", g.columns(signals, 1, 2), g.constant(1.0))
+    return g.clip(g.add("Div", g.columns(signals, 3, 4), moving), 1.0, 6.0)
+
+
+def _ideal(g: _Graph, f: FeatureMap, signals: str) -> tuple[str, str, str]:
+    """FeatureMap._ideal."""
+    leader, speed, gap = (g.columns(signals, k, k + 1) for k in range(3))
+    time_gap = _time_gap(g, signals)
+    if f.approach:
+        far = g.add("Sub", gap, g.add("Mul", time_gap, leader))
+        above, slope = _approach(g, far, time_gap, f.approach)
+        pull = g.add("Mul", slope, g.add("Sub", leader, speed))
+        return g.add("Add", leader, above), pull, g.add("Mul", gap, g.constant(0.0))
+    old = g.columns("memory", 3, 4)
+    ideal = g.add("Where", g.add("IsNaN", old), leader, old)
+    far = g.add("Sub", gap, g.add("Mul", time_gap, ideal))
+    return ideal, g.add("Div", g.add("Sub", leader, ideal), time_gap), far
 
 
 def _approach(g: _Graph, far: str, time_gap: str, rate: float) -> tuple[str, str]:
@@ -129,25 +153,26 @@ def _approach(g: _Graph, far: str, time_gap: str, rate: float) -> tuple[str, str
     return above, g.add("Div", g.constant(rate), most)
 
 
-def _power(g: _Graph, f: FeatureMap, signals: str, rate: str, integral: str) -> list[str]:
-    """FeatureMap._power, column by column."""
-    leader, speed, gap, target, grade = (g.columns(signals, k, k + 1) for k in range(5))
-    moving = g.add("Max", speed, g.constant(1.0))
-    time_gap = g.clip(g.add("Div", target, moving), 1.0, 6.0)
-    far = g.add("Sub", gap, g.add("Mul", time_gap, leader))
-    above, steep = _approach(g, far, time_gap, f.approach)
-    slower = g.add("Sub", leader, speed)
-    pull, behind = g.add("Mul", steep, slower), g.add("Add", slower, above)
-    lasting = g.add("Div", g.add("Mul", integral, g.constant(1 / f.integral_s)), time_gap)
-    hurry = g.add("Mul", g.add("Add", behind, lasting), g.constant(1 / f.closing_s))
-    wanted = g.clip(g.add("Add", pull, hurry), -2.0, 1.0)
+def _power(
+    g: _Graph, f: FeatureMap, signals: str, rate: str, integral: str, follower: tuple[str, str, str]
+) -> list[str]:
+    """FeatureMap._power, column by column; `follower` is what _ideal says."""
+    speed, gap, target, grade = (g.columns(signals, k, k + 1) for k in range(1, 5))
+    moving, time_gap = g.add("Max", speed, g.constant(1.0)), _time_gap(g, signals)
+    (ideal, pull, far), lasting = follower, g.add("Mul", integral, g.constant(f.integral_rate))
+    behind = g.add("Sub", ideal, speed)
+    closing = g.add("Mul", time_gap, g.constant(f.closing_share))
+    closing = g.add("Add", closing, g.constant(f.closing_s))
+    slower = g.add("Mul", g.add("Add", behind, g.add("Div", lasting, time_gap)), g.constant(2.0))
+    errors = g.add("Add", slower, g.add("Div", far, closing))
+    wanted = g.clip(g.add("Add", pull, g.add("Div", errors, closing)), -2.0, 1.0)
     error = g.add("Sub", gap, target)
     slope = g.add("Mul", grade, g.constant(ROUNDED_GRAVITY))
     weight = g.add("Mul", speed, g.constant(1 / 8.0))
     late = g.add("Tanh", g.add("Mul", g.add("Div", error, moving), g.constant(1 / 0.3)))
     doubled = [g.add("Mul", x, g.constant(2.0)) for x in (pull, wanted)]
     powers = [g.add("Mul", g.add("Add", x, slope), weight) for x in (wanted, rate)]
-    return [doubled[0], behind, g.add("Mul", far, g.constant(0.1)), late, doubled[1], *powers]
+    return [doubled[0], behind, g.add("Mul", far, g.constant(0.5)), late, doubled[1], *powers]
 
 
 def _network(g: _Graph, policy: MlpPolicy, features: str) -> str:

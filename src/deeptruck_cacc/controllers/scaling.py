@@ -55,7 +55,7 @@ def paper_signals(observation: Mapping[str, Any]) -> Array:
 POWER = (
     "ideal_acceleration",
     "ideal_speed_error",
-    "leader_gap_error",
+    "ideal_gap_error",
     "time_gap_error",
     "wanted_acceleration",
     "wanted_power",
@@ -63,8 +63,9 @@ POWER = (
     "engine_action",
     "brake_action",
 )
-LATE_CLOSING_S = 2.0
-APPROACH = 1.0  # m/s^2
+# How FeatureMap's ideal follower is followed; haste behind late commands makes the brake pulse.
+SUITED = {"closing_s": 1.6, "closing_share": 0.0, "approach": 1.0, "integral_rate": 1 / 6}
+REMEMBERED = {"closing_s": 2.0, "closing_share": 0.1}
 
 
 @dataclass(frozen=True)
@@ -76,19 +77,19 @@ class FeatureMap:
     of change, which the paper's memoryless policy cannot know: they remove steady error and see a leader
     that brakes.
 
-    With `power` as well, seven features say what it takes to drive as the ideal follower would from here (see
-    _power and approach): it has the speed that suits the gap, and comes back from far off at no more than
-    `approach`. Memory (batch, 5) and features end with the slow actions: beside the power that came of them
-    they tell load and wind. The gap error then counts less in the integral the further it lies beyond
-    `knee_m`, so that closing a gap does not wind it up.
+    With `power` as well, seven features say what it takes to follow the ideal follower (see _power). With
+    `approach` it has the speed that suits the gap, and comes back from far off at no more than that. Without,
+    its speed is remembered: v' = (v_leader - v) / Tg from the leader's own speed on, the one of all that hold
+    the time gap in which nothing is left to decay with Tg. Memory (batch, 6) and features end with the slow
+    actions: beside the power that came of them they tell load and wind. The gap error then counts less in the
+    integral the further it lies beyond `knee_m`, so that closing a gap does not wind it up.
 
     With `radar`, which needs `power`, all features are taken of what that filter makes of gap and leader
-    speed. Memory (batch, 8) ends with its track.
+    speed. Memory (batch, 9) ends with its track.
     """
 
     matrix: Array
     offset: Array
-    approach: float  # m/s^2
     memory: bool = True
     dt: float = 0.1
     integral_clip_m: float = 2.0
@@ -96,8 +97,10 @@ class FeatureMap:
     slow_s: float = 0.5
     power: bool = False
     knee_m: float = 1.0
-    closing_s: float = 0.5  # the ideal follower's speed is wanted with this time constant
-    integral_s: float = 6.0  # and what lasts of the gap error gone with about this one
+    closing_s: float = 0.8  # errors from the ideal follower are wanted gone with this time constant
+    closing_share: float = 0.1  # and this much of the time gap: near a long one, haste in speed costs more
+    approach: float = 0.0  # m/s^2; policies of before it have none
+    integral_rate: float = 0.0  # 1/s at which what lasts of the gap error is wanted gone
     radar: RadarFilter | None = None
 
     @classmethod
@@ -106,14 +109,13 @@ class FeatureMap:
     ) -> FeatureMap:
         """The map described at the top of this module. `power` needs memory and brings the radar's filter.
 
-        `late` is for commands that come up to 0.2 s late: what is wanted then takes errors away more slowly,
-        or the brake pulses.
+        `late` is for commands that come up to 0.2 s late: the ideal follower is then the remembered one,
+        whose speed is no noisier for the gap's noise, and errors go more slowly, or the brake pulses.
         """
         power = power and memory
         radar = RadarFilter.steady(dt) if power else None
-        closing_s = LATE_CLOSING_S if late else cls.closing_s
-        linear = _MATRIX.copy(), _OFFSET.copy()
-        return cls(*linear, APPROACH, memory, dt, power=power, radar=radar, closing_s=closing_s)
+        following = REMEMBERED if late else SUITED
+        return cls(_MATRIX.copy(), _OFFSET.copy(), memory, dt, power=power, radar=radar, **following)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -125,16 +127,16 @@ class FeatureMap:
     @property
     def remembered(self) -> int:
         """Columns of memory."""
-        return 8 if self.radar else 5 if self.power else 3 if self.memory else 0
+        return 9 if self.radar else 6 if self.power else 3 if self.memory else 0
 
     def start(self, batch: int) -> Array:
         """Memory before the first observation, (batch, remembered)."""
-        still = [0.0, np.nan, np.nan, 0.0, 0.0, np.nan, np.nan, np.nan]
+        still = [0.0, np.nan, np.nan, np.nan, 0.0, 0.0, np.nan, np.nan, np.nan]
         return np.tile(still[: self.remembered], (batch, 1))
 
     def __call__(self, signals: Array, memory: Array) -> tuple[Array, Array]:
         """Features (batch, n) and the next memory, from signals (batch, 5) and memory."""
-        actions, track = memory[:, 3:5], memory[:, 5:]
+        track = memory[:, 6:]
         if self.radar:
             signals, track = self.radar(signals, track)
         features = signals @ self.matrix.T + self.offset
@@ -150,35 +152,52 @@ class FeatureMap:
         rates = (speeds - slow) / self.slow_s
         slow = slow + self.dt * rates
         parts = [features, integral[:, None] / 5.0, rates / 0.5]
-        parts += [self._power(signals, rates[:, 1], integral), actions] if self.power else []
-        return np.hstack(parts), np.column_stack([integral, slow, actions, track])
+        kept = memory[:, 3:]
+        if self.power:
+            ideal, pull, far = self._ideal(signals, memory[:, 3])
+            parts += [self._power(signals, rates[:, 1], integral, ideal, pull, far), memory[:, 4:6]]
+            kept = np.column_stack([ideal + self.dt * pull, memory[:, 4:6], track])
+        return np.hstack(parts), np.column_stack([integral, slow, kept])
 
     def remember(self, memory: Array, action: Array) -> Array:
         """Memory after an action (batch, 2): the slow actions have moved."""
-        slow = memory[:, 3:5]
+        slow = memory[:, 4:6]
         change = np.clip(action, -1.0, 1.0)[:, : slow.shape[1]] - slow
-        return np.hstack([memory[:, :3], slow + self.dt / self.slow_s * change, memory[:, 5:]])
+        return np.hstack([memory[:, :4], slow + self.dt / self.slow_s * change, memory[:, 6:]])
 
-    def _power(self, signals: Array, rate: Array, integral: Array) -> Array:
-        """What following takes, (batch, 7), from signals, the truck's slow acceleration and the integral of
-        the gap error, each (batch,).
+    @staticmethod
+    def _time_gap(signals: Array) -> Array:
+        """Wanted time gap (batch,), s, as far as near standstill it can be told."""
+        return np.asarray(np.clip(signals[:, 3] / np.maximum(signals[:, 1], 1.0), 1.0, 6.0))
 
-        The ideal follower's acceleration (in 0.5 m/s^2), how much faster it is (m/s) and how much too long
-        the gap is for the leader's speed (in 10 m); the time-gap error (s), fine near zero; the acceleration
-        that also takes away the speed error and what lasts of the gap error; and power (in 8 W/kg), wanted
+    def _ideal(self, signals: Array, before: Array) -> tuple[Array, Array, Array]:
+        """The ideal follower's speed, its acceleration and how much shorter its gap is, each (batch,)."""
+        leader, speed, gap = signals.T[:3]
+        time_gap = self._time_gap(signals)
+        if self.approach:
+            above, slope = approach(gap - time_gap * leader, time_gap, self.approach)
+            return leader + above, slope * (leader - speed), np.zeros_like(gap)
+        ideal = np.where(np.isnan(before), leader, before)
+        return ideal, (leader - ideal) / time_gap, gap - time_gap * ideal
+
+    def _power(
+        self, signals: Array, rate: Array, integral: Array, ideal: Array, pull: Array, far: Array
+    ) -> Array:
+        """What following takes, (batch, 7), from signals, the truck's slow acceleration, the integral of the
+        gap error and what _ideal says, each (batch,).
+
+        The ideal acceleration (in 0.5 m/s^2), speed error (m/s) and gap error (in 2 m); the time-gap error
+        (s), fine near zero; the acceleration that also takes the errors away; and power (in 8 W/kg), wanted
         and delivered: an engine command is nearly a power.
         """
-        leader, speed, gap, target, grade = signals.T
-        moving = np.maximum(speed, 1.0)
-        time_gap = np.clip(target / moving, 1.0, 6.0)  # as far as near standstill it can be told
-        far = gap - time_gap * leader
-        above, slope = approach(far, time_gap, self.approach)
-        pull, behind = slope * (leader - speed), leader + above - speed
-        lasting = integral / time_gap / self.integral_s
-        wanted = np.clip(pull + (behind + lasting) / self.closing_s, -2.0, 1.0)
-        late = np.tanh((gap - target) / moving / 0.3)
+        _, speed, gap, target, grade = signals.T
+        time_gap = self._time_gap(signals)
+        behind, lasting = ideal - speed, self.integral_rate * integral / time_gap
+        closing = self.closing_s + self.closing_share * time_gap
+        wanted = np.clip(pull + (2 * (behind + lasting) + far / closing) / closing, -2.0, 1.0)
+        late = np.tanh((gap - target) / np.maximum(speed, 1.0) / 0.3)
         power = (np.stack([wanted, rate]) + ROUNDED_GRAVITY * grade) * speed / 8.0
-        return np.column_stack([pull / 0.5, behind, far / 10.0, late, wanted / 0.5, *power])
+        return np.column_stack([pull / 0.5, behind, far / 2.0, late, wanted / 0.5, *power])
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for policy.json."""

@@ -103,15 +103,15 @@ class SeedBatch(torch.nn.Module):
             hidden = hidden if k == last else torch.tanh(hidden)
         mean = hidden.reshape(-1, 2)
         action: Tensor = _ClipInward.apply(mean, -1.0, 1.0)  # type: ignore[no-untyped-call]
-        f, slow = self.features, memory[:, 3:5]
+        f, slow = self.features, memory[:, 4:6]
         if f.power:
             slow = slow + f.dt / f.slow_s * (action - slow)
-            memory = torch.cat([memory[:, :3], slow, memory[:, 5:]], dim=1)
+            memory = torch.cat([memory[:, :4], slow, memory[:, 6:]], dim=1)
         return action, memory
 
     def observe(self, signals: Tensor, memory: Tensor) -> tuple[Tensor, Tensor]:
         """FeatureMap in torch."""
-        f, actions, track = self.features, memory[:, 3:5], memory[:, 5:]
+        f, track = self.features, memory[:, 6:]
         if f.radar:
             signals, track = _filtered(f.radar, signals, track)
         features = signals @ self.matrix.T + self.offset
@@ -126,23 +126,36 @@ class SeedBatch(torch.nn.Module):
         integral = (memory[:, 0] + f.dt * error).clamp(-f.integral_limit, f.integral_limit)
         rates = (speeds - slow) / f.slow_s
         parts = [features, integral[:, None] / 5.0, rates / 0.5]
-        parts += [self._power(signals, rates[:, 1], integral), actions] if f.power else []
-        kept = [integral[:, None], slow + f.dt * rates, actions, track]
+        kept = [integral[:, None], slow + f.dt * rates]
+        if f.power:
+            ideal, pull, far = self._ideal(signals, memory[:, 3])
+            told = self._power(signals, rates[:, 1], integral, ideal, pull, far)
+            parts += [told, memory[:, 4:6]]
+            kept += [(ideal + f.dt * pull)[:, None], memory[:, 4:6], track]
         return torch.cat(parts, dim=1), torch.cat(kept, dim=1)
 
-    def _power(self, signals: Tensor, rate: Tensor, integral: Tensor) -> Tensor:
+    def _ideal(self, signals: Tensor, before: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """FeatureMap._ideal in torch."""
+        leader, speed, gap = signals.unbind(dim=1)[:3]
+        time_gap = _time_gap(signals)
+        if self.features.approach:
+            above, slope = approach(gap - time_gap * leader, time_gap, self.features.approach)
+            return leader + above, slope * (leader - speed), torch.zeros_like(gap)
+        ideal = torch.where(before.isnan(), leader, before)
+        return ideal, (leader - ideal) / time_gap, gap - time_gap * ideal
+
+    def _power(
+        self, signals: Tensor, rate: Tensor, integral: Tensor, ideal: Tensor, pull: Tensor, far: Tensor
+    ) -> Tensor:
         """FeatureMap._power in torch."""
-        f, (leader, speed, gap, target, grade) = self.features, signals.unbind(dim=1)
-        moving = speed.clamp(min=1.0)
-        time_gap = (target / moving).clamp(1.0, 6.0)
-        far = gap - time_gap * leader
-        above, slope = approach(far, time_gap, f.approach)
-        pull, behind = slope * (leader - speed), leader + above - speed
-        lasting = integral / time_gap / f.integral_s
-        wanted = (pull + (behind + lasting) / f.closing_s).clamp(-2.0, 1.0)
+        f, (_, speed, gap, target, grade) = self.features, signals.unbind(dim=1)
+        time_gap = _time_gap(signals)
+        behind, lasting = ideal - speed, f.integral_rate * integral / time_gap
+        closing = f.closing_s + f.closing_share * time_gap
+        wanted = (pull + (2 * (behind + lasting) + far / closing) / closing).clamp(-2.0, 1.0)
         powers = [(x + ROUNDED_GRAVITY * grade) * speed / 8.0 for x in (wanted, rate)]
-        late = torch.tanh((gap - target) / moving / 0.3)
-        return torch.stack([pull / 0.5, behind, far / 10.0, late, wanted / 0.5, *powers], dim=1)
+        late = torch.tanh((gap - target) / speed.clamp(min=1.0) / 0.3)
+        return torch.stack([pull / 0.5, behind, far / 2.0, late, wanted / 0.5, *powers], dim=1)
 
     def asked(self, action: Tensor) -> tuple[Tensor, Tensor]:
         """What an action asks of engine and brake, shares of their reach; the brake's dead half leads its
@@ -173,6 +186,11 @@ class SeedBatch(torch.nn.Module):
         pairs = zip(self.weights, self.biases, strict=True)
         layers = [(array(weight[seed]), array(bias[seed, 0])) for weight, bias in pairs]
         return MlpPolicy(layers, self.features, self.scale, interface, coverage, card)
+
+
+def _time_gap(signals: Tensor) -> Tensor:
+    """FeatureMap._time_gap in torch."""
+    return (signals[:, 3] / signals[:, 1].clamp(min=1.0)).clamp(1.0, 6.0)
 
 
 def _filtered(radar: RadarFilter, signals: Tensor, track: Tensor) -> tuple[Tensor, Tensor]:

@@ -74,7 +74,7 @@ class Road:
 
     def drive(self, scene: Scene, policy: SeedBatch, state: Traffic, steps: int) -> tuple[Traffic, Window]:
         """`steps` steps from `state`; gradients reach the policy through every one of them."""
-        leader, seen, felt, time_gap, gain = self._given(scene)
+        leader, ideal, seen, felt, time_gap, gain = self._given(scene)
         gap_noise, speed_noise = self._radar(scene)
         low, high = (torch.tensor(x) for x in policy.scale.limits)
         first, truck, speed, gap, memory, action, sent = state
@@ -93,21 +93,27 @@ class Road:
             speeds.append(speed)
             actions.append(action)
         after = Traffic(first + steps, truck, speed, gap, memory, action, sent)
+        ahead, wanted = (x[first + 1 : first + steps + 1] for x in (leader, ideal))
         driven = torch.stack(gaps), torch.stack(speeds), torch.stack(actions)
-        return after, self._judge(policy, *driven, leader[first + 1 : first + steps + 1], time_gap)
+        return after, self._judge(policy, *driven, ahead, wanted, time_gap)
 
     def _given(self, scene: Scene) -> tuple[Tensor, ...]:
-        """Leader's speed (T + 1, rows), seen grade (T, rows), felt w (T, rows, n_w), time gap, command
-        gain."""
-        speeds = [scene.leader_speed]
+        """Leader's and ideal follower's speed (T + 1, rows), seen grade (T, rows), felt w (T, rows, n_w),
+        time gap, command gain.
+
+        Behind a moving leader, holding the time gap takes a speed other than the leader's; the ideal
+        follower's is asked for instead (see FeatureMap).
+        """
+        speeds, ideal = [scene.leader_speed], [scene.leader_speed]
         for pull in scene.leader_acceleration.T:
+            ideal.append(ideal[-1] + (speeds[-1] - ideal[-1]) * self.dt / scene.time_gap)
             speeds.append(np.maximum(speeds[-1] + pull * self.dt, 0.0))
         grade = scene.grade.T
         felt = grade if scene.hidden_grade is None else grade + scene.hidden_grade.T
         seen = grade if self.has_grade else np.zeros_like(grade)
         w = felt[..., None] if self.has_grade else np.zeros((*grade.shape, 0))
         gain = np.ones((scene.batch, 2)) if scene.command_gain is None else scene.command_gain
-        return tuple(_tensor(x) for x in (np.array(speeds), seen, w, scene.time_gap, gain))
+        return tuple(_tensor(x) for x in (np.array(speeds), np.array(ideal), seen, w, scene.time_gap, gain))
 
     def _radar(self, scene: Scene) -> tuple[Tensor, Tensor]:
         """What the radar adds to gap and leader speed, each (T, rows)."""
@@ -123,19 +129,20 @@ class Road:
         speed: Tensor,
         action: Tensor,
         leader: Tensor,
+        ideal: Tensor,
         time_gap: Tensor,
     ) -> Window:
-        """Cost and errors of a window; gap, speed, leader (steps, rows), action (steps + 1, rows, 2).
-
-        The errors that cost are from the ideal follower: near the right gap they are those of the time gap.
-        """
+        """Cost and errors of a window; gap, speed, leader, ideal (steps, rows), action (steps + 1, rows,
+        2)."""
         gap_error, speed_error = gap - speed * time_gap, leader - speed
         taken = action[1:].flatten(0, 1)
         commands, scale = policy.commands(taken).view(*gap.shape, 2), policy.scale
         asked = [pedal.view(gap.shape) for pedal in policy.asked(taken)]
         engine, brake = commands[..., 0] / scale.engine_high, commands[..., 1] / max(scale.brake_high, 1e-12)
-        above, _ = approach(gap - time_gap * leader, time_gap, policy.features.approach)
-        cost = self._tracking(leader + above - speed, speed, time_gap) + self.paid.effort(engine, brake)
+        if rate := policy.features.approach:
+            ideal = leader + approach(gap - time_gap * leader, time_gap, rate)[0]
+        error = time_gap * (ideal - speed) if rate else gap_error  # near the right gap both are one
+        cost = self._tracking(error, speed, ideal) + self.paid.effort(engine, brake)
         hinge = (self.reward.d_safety + self.margin_m - gap).clamp(min=0.0, max=10.0)
         change = (action[1:] - action[:-1])[1:].square().sum(dim=2)
         both, weight = engine * brake, self.alpha_both
@@ -149,12 +156,11 @@ class Road:
         wasted = both.mean(dim=0) + 0.02 * jerk.square().mean(dim=0).sqrt()
         return Window(total, time_gap_error, speed_error.detach(), crashed, wasted.detach())
 
-    def _tracking(self, behind: Tensor, speed: Tensor, time_gap: Tensor) -> Tensor:
-        """The reward's tracking terms and the time-gap error, both as far as the truck is `behind` (m/s) the
-        speed that suits its gap, (steps, rows)."""
-        gap_error = time_gap * behind
+    def _tracking(self, gap_error: Tensor, speed: Tensor, ideal: Tensor) -> Tensor:
+        """The reward's tracking terms, as the ideal follower's speed has them, and the time-gap error,
+        (steps, rows)."""
         late = gap_error / speed.clamp(min=3.0) / 0.1
-        cost: Tensor = self.paid.tracking(gap_error, behind)
+        cost: Tensor = self.paid.tracking(gap_error, ideal - speed)
         cost = cost + self.alpha_time_gap * shaped_square(late, 3.0)
         return cost + self.alpha_sharp * shaped_square(late, 0.3)
 

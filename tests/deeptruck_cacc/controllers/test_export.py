@@ -17,10 +17,13 @@ from deeptruck_model.signals import TruckInterface
 onnxruntime.set_default_logger_severity(3)
 
 
-@pytest.mark.parametrize(("memory", "power"), [(True, True), (True, False), (False, False)])
-def test_onnx_drives_like_the_policy(tmp_path, memory, power):
+@pytest.mark.parametrize(
+    ("memory", "power", "late"),
+    [(True, True, False), (True, True, True), (True, False, False), (False, False, False)],
+)
+def test_onnx_drives_like_the_policy(tmp_path, memory, power, late):
     rng = np.random.default_rng(1)
-    features = FeatureMap.default(memory=memory, power=power)
+    features = FeatureMap.default(memory=memory, power=power, late=late)
     sizes = [len(features.names), 25, 25, 25, 2]
     layers = [(rng.normal(0, 0.4, (b, a)), rng.normal(0, 0.3, b)) for a, b in pairwise(sizes)]
     truck = TruckInterface("volvo", "percent", "m/s^2")

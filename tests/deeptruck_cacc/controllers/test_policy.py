@@ -78,6 +78,26 @@ def test_the_ideal_follower_has_the_speed_that_suits_the_gap_whatever_was_before
     np.testing.assert_allclose(features(seen, memory)[0][:, column], first[:, column])
 
 
+def test_the_remembered_ideal_follower_nears_the_leaders_speed_with_the_time_gap():
+    features = FeatureMap.default(power=True, late=True)
+    memory, column = features.start(1), features.names.index("ideal_speed_error")
+    for k in range(31):
+        leader = 15.0 if k == 0 else 18.0
+        seen, memory = features(np.array([[leader, 15.0, 45.0, 45.0, 0.0]]), memory)
+    assert seen[0, column] == pytest.approx(
+        3.0 * (1 - np.exp(-1)), abs=0.05
+    )  # 3 s later at a time gap of 3 s
+
+
+def test_a_policy_of_before_there_was_a_gap_that_suits_remembers_its_ideal_follower(tmp_path):
+    features = FeatureMap.default(power=True, late=True)
+    replace(random_policy(power=True), features=features).save(tmp_path / "p")
+    manifest = json.loads((tmp_path / "p" / "policy.json").read_text())
+    del manifest["features"]["approach"], manifest["features"]["integral_rate"]
+    (tmp_path / "p" / "policy.json").write_text(json.dumps(manifest))
+    assert load_policy(tmp_path / "p").features.to_dict() == features.to_dict()
+
+
 def test_reset_forgets_and_rows_do_not_mix():
     policy = random_policy()
     first = policy.act(SEEN)
@@ -150,7 +170,7 @@ def halved(name: str) -> Callable[[Path], None]:
         (changed("features", "dt", 0.0), "p/policy.json has an impossible features.dt: it is damaged"),
         (changed("features", "slow_s", 0.0), "p/policy.json has an impossible features.slow_s"),
         (changed("features", "closing_s", 0.0), "p/policy.json has an impossible features.closing_s"),
-        (changed("features", "integral_s", 0.0), "p/policy.json has an impossible features.integral_s"),
+        (changed("features", "approach", -1.0), "p/policy.json has an impossible features.approach"),
         (changed("action", "brake_high", -100.0), "p/policy.json has an impossible action"),
         (changed("action", "engine_high", "much"), "do not fit one another"),
         (changed("coverage", "speed", [float("nan"), 24.0]), "p/policy.json has an impossible coverage"),

@@ -82,7 +82,7 @@ def test_power_features_say_what_following_takes():
     assert features.names[8:] == (
         "ideal_acceleration",
         "ideal_speed_error",
-        "leader_gap_error",
+        "ideal_gap_error",
         "time_gap_error",
         "wanted_acceleration",
         "wanted_power",
@@ -90,18 +90,29 @@ def test_power_features_say_what_following_takes():
         "engine_action",
         "brake_action",
     )
-    signals = np.array([[17.2, 17.0, 52.0, 51.0, 0.01]])  # 0.2 m/s slower, 1 m too far, Tg 3 s, uphill
-    x, memory = features(signals, features.start(1))
     behind = 0.2 + 0.4 / 3.0  # the leader's speed suits 51.6 m, so the ideal follower is above it by 0.4 / 3
     lasting = 0.1 * 0.5 / 3.0 / 6.0  # 0.1 s of 1 m, of which half counts, at 3 s
-    wanted = 0.2 / 3.0 + (behind + lasting) / 0.5
+    wanted = 0.2 / 3.0 + (behind + lasting) / 0.8
+    memory = said(features, [2 * 0.2 / 3.0, behind, 0.0], wanted)
+    memory = features.remember(memory, np.array([[0.5, -3.0]]))
+    np.testing.assert_allclose(memory[0, 4:6], [0.1, -0.2])
+    assert features.remember(memory[:, :3], np.ones((1, 2))).shape == (1, 3)  # a policy without power
+
+
+def test_where_commands_come_late_the_ideal_follower_is_the_remembered_one():
+    closing = 2.0 + 0.1 * 3.0  # it has 17.2 m/s and 51.6 m
+    memory = said(FeatureMap.default(power=True, late=True), [0.0, 0.2, 0.2], (0.4 + 0.4 / closing) / closing)
+    assert memory[0, 3] == 17.2
+
+
+def said(features, ideal, wanted):
+    """Checks what `features` say 0.2 m/s slower than the leader, 1 m too far, at 3 s, uphill; the memory."""
+    x, memory = features(np.array([[17.2, 17.0, 52.0, 51.0, 0.01]]), features.start(1))
     slope = 9.81 * 0.01
     powers = [(wanted + slope) * 17 / 8, slope * 17 / 8]
-    expected = [2 * 0.2 / 3.0, behind, 0.04, np.tanh(1 / 17 / 0.3), 2 * wanted, *powers, 0.0, 0.0]
+    expected = [*ideal, np.tanh(1 / 17 / 0.3), 2 * wanted, *powers, 0.0, 0.0]
     np.testing.assert_allclose(x[0, 8:], expected, atol=1e-9)
-    memory = features.remember(memory, np.array([[0.5, -3.0]]))
-    np.testing.assert_allclose(memory[0, 3:5], [0.1, -0.2])
-    assert features.remember(memory[:, :3], np.ones((1, 2))).shape == (1, 3)  # a policy without power
+    return memory
 
 
 def test_a_wide_gap_does_not_wind_up_the_integral():
