@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from deeptruck_model.mismatch.data.checks import SensorFault
+from deeptruck_model.mismatch.finding import Finding, Kind, Rival, Size, Suspicion
 from deeptruck_model.mismatch.mechanisms import (
     LIBRARY,
     OWN,
@@ -21,7 +22,6 @@ from deeptruck_model.mismatch.posterior.road_lock import RoadLock
 from deeptruck_model.mismatch.report.sizes import picked, sizes_of
 from deeptruck_model.mismatch.residual.evidence import Evidence, ForceUnit
 from deeptruck_model.mismatch.residual.noise import Z95
-from deeptruck_model.mismatch.result import Finding, Kind, Rival, Size, Suspicion
 from deeptruck_model.mismatch.sentence import Named, Part, Sentence
 from deeptruck_model.mismatch.strength import Strength, acts
 
