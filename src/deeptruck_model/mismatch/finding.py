@@ -10,6 +10,7 @@ from typing import Any
 from deeptruck_model.mismatch.active_fault import ActiveFault
 from deeptruck_model.mismatch.fit_result import Interval
 from deeptruck_model.mismatch.posterior.causes import Cause
+from deeptruck_model.mismatch.posterior.left_out import LeftOut
 from deeptruck_model.mismatch.posterior.road_lock import RoadLock
 from deeptruck_model.mismatch.sentence import Sentence
 from deeptruck_model.mismatch.strength import Strength
@@ -67,6 +68,7 @@ class Finding:
     road: RoadLock | None = None
     engine_torque: str | None = None  # whether the engine's recorded torque shows it, where that is known
     strength: Strength | None = None  # None for a fault that shows between sensors alone
+    left_out: LeftOut | None = None  # of what acts at a time of its own: what its own drives show
     active_fault: ActiveFault | None = None  # told by the truck's controllers, mostly while it acts
     cause: Cause | None = field(default=None, compare=False)  # None for a fault between sensors
 
@@ -96,6 +98,7 @@ class Finding:
             "formula_r2": self.formula_r2,
             "engine_torque": self.engine_torque,
             "strength": self.strength.to_json() if self.strength is not None else None,
+            "left_out_blocks": self.left_out.to_json() if self.left_out is not None else None,
             "active_fault": self.active_fault.to_json() if self.active_fault is not None else None,
         }
         return out | {name: value for name, value in only_if.items() if value is not None}
@@ -115,6 +118,7 @@ class Finding:
             formula_r2=entry.get("formula_r2"), decided_by=entry.get("decided_by"),
             road=RoadLock(**road) if road else None, engine_torque=entry.get("engine_torque"),
             strength=Strength.read(entry.get("strength")),
+            left_out=LeftOut.read(entry.get("left_out_blocks")),
             active_fault=ActiveFault.read(entry.get("active_fault")),
         )  # fmt: skip
 
