@@ -196,10 +196,10 @@ def test_the_sealed_truth_alone_says_the_family(tmp_path):
 
 
 def test_unknown_forms_are_refused_in_one_line(tmp_path):
-    with pytest.raises(InputError, match="--forms: there are no effects of 'ninth'; choose from all, first"):
-        draw_plan("noise", 0, None, "physics", 1.0, forms="ninth")
-    with pytest.raises(InputError, match="no effects of 'ninth'"):
-        prove(tmp_path / "p", forms="ninth")
+    with pytest.raises(InputError, match="--forms: there are no effects of 'tenth'; choose from all, first"):
+        draw_plan("noise", 0, None, "physics", 1.0, forms="tenth")
+    with pytest.raises(InputError, match="no effects of 'tenth'"):
+        prove(tmp_path / "p", forms="tenth")
     assert not (tmp_path / "p").exists()
 
 

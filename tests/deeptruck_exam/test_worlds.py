@@ -78,6 +78,19 @@ def test_the_land_swells():
     assert np.isclose(land.std(), 1.0) and np.abs(np.diff(land)).max() < 0.3
 
 
+def test_drumlins_are_steeper_on_one_side():
+    for seed in range(4):
+        grade = roads.drumlins(np.random.default_rng(seed), 0.03)
+        up, down = grade[grade > 0.002].mean(), -grade[grade < -0.002].mean()
+        assert max(up, down) > 1.1 * min(up, down) and 0.02 < grade.std() < 0.031
+
+
+def test_fans_end_flatter_than_they_begin():
+    grade = roads.fans_down(np.random.default_rng(5))
+    assert np.quantile(grade, 0.02) < -0.06 and np.quantile(grade, 0.98) > -0.04
+    assert np.mean(np.diff(grade) > 0.0) > 0.75  # ever flatter, but at the heads
+
+
 def test_zones_have_stops_in_town_alone():
     rng = np.random.default_rng(7)
     town, highway = (np.mean(zones(rng, kind, 6000, 0.1) < 0.05) for kind in ("suburban", "highway"))

@@ -1,115 +1,85 @@
-"""Loads that are exchanged or move, tools and trailers that push and hold."""
+"""A load that soaks, one that swirls, and one that is dragged."""
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
-from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, index, moving, weight
 from deeptruck_exam.effects.planting import hidden, sizes
-from deeptruck_exam.effects.series import spells, within
+from deeptruck_exam.effects.series import ou_series, spells, within
 from deeptruck_model.trucks import View
 
+law = partial(hidden, family="sealed")
 
-@hidden("n_skips_by_turns", "sealed", "suburban", name="payload_change", accepts="mass")
-@sizes(full=(0.2, 0.4), empty=(0.15, 0.35), takes_s=(1.5, 4.0))
-class SkipsByTurns(Hidden, stood=0.0, stops=0.0):
-    """Each stand that lasts exchanges a full skip for an empty one, or an empty one for a full one, of other
-    masses every time. full, empty: of the known mass, above and below it.
-    Source: Roll-on roll-off and skip rounds (Bodin, Mingozzi, Baldacci and Ball, The Rollon-Rolloff Vehicle
-    Routing Problem, Transportation Science 34, 2000); masses are chosen here."""
+
+@law("t_peat_soaks", needs="suburban hills", name="payload_change", accepts="mass")
+@sizes(load=(0.45, 0.7), known=(0.2, 0.8), soaks_s=(40.0, 150.0), drains_s=(80.0, 260.0))
+class PeatSoaks(Hidden):
+    """`wet`: of all the water it can take. An open load takes up rain, quickly while it is dry, and drains.
+    load: of the mass, all its water; known: to the simulator, of it.
+    Source: Hall and Hoff, Water Transport in Brick, Stone and Concrete (2012), on sorptivity: what is soaked
+    up grows with the root of time; peat and bark hold more than their own mass, showers are chosen here."""
 
     def prepare(self) -> None:
-        rng, shape = self.rng(911), (self.setting.batch, 200)
-        turn = (np.arange(200) + rng.integers(0, 2, (self.setting.batch, 1))) % 2
-        self.loads = np.where(turn == 1, self.p.full, -self.p.empty) * rng.uniform(0.7, 1.1, shape)
+        rng, batch = self.rng(985), self.setting.batch
+        self.rain = spells(rng, batch, (20.0, 70.0), (30.0, 90.0))
+        self.first = rng.beta(0.7, 0.7, batch)
 
     def start(self, batch: int) -> dict[str, Array]:
-        return {**super().start(batch), "load": self.loads[:, 0].copy()}
+        return {"wet": self.first.copy()}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        soaks = within(self.rain, view.time) * (1.0 - s.wet) / (2.0 * np.maximum(s.wet, 0.15) * p.soaks_s)
+        s.wet = np.clip(s.wet + dt * (soaks - s.wet / p.drains_s), 0.0, 1.0)
+        more = p.load * (s.wet - p.known) * view.mass
+        felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
+        return -more * felt * moving(view)
+
+
+@law("t_liquid_swirls", needs="suburban", name="load_slosh")
+@sizes(share=(0.28, 0.5), hz=(0.35, 0.65), damping=(0.02, 0.07), softens=(0.8, 2.5))
+class LiquidSwirls(Hidden, x=0.0, y=0.0, vx=0.0, vy=0.0):
+    """Swings fore and aft pass into swings aside and come back. softens: 1/m2; share: of the mass.
+    Source: Miles, Resonantly Forced Surface Waves in a Circular Cylinder, J. Fluid Mech. 149 (1984): both
+    swings of a round tank have one frequency, which falls as they grow, and feed each other; upright tanks,
+    the road's unrest aside and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        shape = (self.setting.batch, int(self.setting.duration_s / 0.1) + 20)
+        self.aside = 0.2 * ou_series(self.rng(986), shape, 0.1, 1.5)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        omega = 2.0 * np.pi * p.hz
+        soft = omega**2 * np.maximum(1.0 - p.softens * (s.x**2 + s.y**2), 0.4)
+        cross = 0.6 * omega**2 * p.softens * s.x * s.y
+        damps = 2.0 * p.damping * omega
+        driven = -soft * s.x + cross * s.y - damps * s.vx - np.clip(view.acceleration, -4.0, 4.0)
+        beside = self.aside[:, index(view, self.aside, 0.1)]
+        s.vx = np.clip(s.vx + dt * driven, -2.5, 2.5)
+        s.vy = np.clip(s.vy + dt * (-soft * s.y - cross * s.x - damps * s.vy + beside), -2.5, 2.5)
+        s.x, s.y = np.clip(s.x + dt * s.vx, -0.8, 0.8), np.clip(s.y + dt * s.vy, -0.8, 0.8)
+        return -p.share * view.mass * np.clip(driven, -4.0, 4.0) * moving(view)
+
+
+@law("t_drags_logs", needs="suburban hills", name="unknown")
+@sizes(drags=(0.009, 0.02), ploughs=(0.2, 0.7), heaps_m=(30.0, 140.0), takes_s=(1.5, 4.0))
+class DragsLogs(Hidden, stood=0.0, stops=0.0, heap=0.0):
+    """Logs lie with one end on the ground and push up a heap of earth before them; at each stand that lasts
+    some are put down or taken on. drags: of the truck's weight; ploughs: more of it, with the whole heap.
+    Source: Hassan and Gustafson, Factors Affecting Tree Skidding Forces, Transactions of the ASAE 26 (1983):
+    friction on the ground and soil pushed ahead; bundles and soils are chosen here."""
+
+    def prepare(self) -> None:
+        rng, shape = self.rng(987), (self.setting.batch, 200)
+        self.loads = rng.uniform(0.4, 1.1, shape) * (rng.random(shape) < 0.7)
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         stood = np.where(view.speed < 0.1, s.stood + dt, 0.0)
         s.stops = s.stops + ((stood >= p.takes_s) & (s.stood < p.takes_s))
         s.stood = stood
-        now = self.loads[np.arange(len(stood)), s.stops.astype(int) % self.loads.shape[1]]
-        s.load = s.load + dt * (now - s.load) / 0.4
-        felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
-        return -s.load * view.mass * felt * moving(view)
-
-
-@hidden("n_flexitank_creeps", "sealed", "suburban", name="load_slosh")
-@sizes(share=(0.3, 0.55), hz=(0.3, 0.65), soft=(0.15, 0.45), relaxes_s=(0.4, 1.6))
-class FlexitankCreeps(Hidden, way=0.0, rate=0.0, set=0.0):
-    """share: of the mass; soft: of its stiffness that does not relax. `set` is what the bag has given.
-    Source: Flügge, Viscoelasticity (1975): the standard solid, a spring beside a spring and a dashpot in a
-    row; liquid in a bag within a container, sizes are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        stiff = (2.0 * np.pi * p.hz) ** 2
-        spring = stiff * (p.soft * s.way + (1.0 - p.soft) * (s.way - s.set))
-        driven = -spring - 0.15 * s.rate - np.clip(view.acceleration, -4.0, 4.0)
-        s.set = s.set + dt * (s.way - s.set) / p.relaxes_s
-        s.rate = s.rate + dt * driven
-        s.way = np.clip(s.way + dt * s.rate, -2.0, 2.0)
-        return -p.share * view.mass * np.clip(driven, -4.0, 4.0) * moving(view)
-
-
-@hidden("n_skid_trailer_locks_its_wheels", "sealed", "highway suburban", name="unknown")
-@sizes(force=(0.025, 0.05), every_m=(120.0, 350.0), locks_s=(1.0, 2.5), fades_mps=(15.0, 40.0))
-class SkidTrailerLocksItsWheels(Hidden, left=0.0, locked=0.0):
-    """A trailer that measures skid resistance locks its wheels for a moment, every so many metres. force: of
-    the weight, at walking pace; fades_mps: speed over which wet friction falls.
-    Source: ASTM E274, Standard Test Method for Skid Resistance of Paved Surfaces Using a Full-Scale Tire; a
-    heavy one that tests at any speed, intervals and sizes are chosen here."""
-
-    def prepare(self) -> None:
-        self.first_m = self.rng(912).uniform(0.0, self.p.every_m, self.setting.batch)
-
-    def start(self, batch: int) -> dict[str, Array]:
-        return {**super().start(batch), "next": self.first_m.copy()}
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        begins = view.distance > s.next
-        s.next = np.where(begins, view.distance + p.every_m, s.next)
-        s.left = np.where(begins, p.locks_s, np.maximum(s.left - dt, 0.0))
-        s.locked = s.locked + dt * ((s.left > 0.0) - s.locked) / 0.15
-        grips = np.exp(-np.maximum(view.speed, 0.0) / p.fades_mps)
-        return -p.force * s.locked * grips * weight(view) * moving(view)
-
-
-@hidden("n_jet_of_the_monitor", "sealed", "suburban hills", name="unknown")
-@sizes(thrust=(0.012, 0.028), sweeps_rad=(0.5, 1.6), turns_s=(12.0, 40.0), sprays_s=(20.0, 60.0))
-class JetOfTheMonitor(Hidden, pressure=0.0):
-    """A jet pushes the truck the other way; the nozzle is swept from side to side about any direction.
-    thrust: of the weight.
-    Source: Momentum of a jet, mass flow times speed, as tables of nozzle reaction give it (Fire Protection
-    Handbook, NFPA); a monitor that sprays on the way, spells and sizes are chosen here."""
-
-    def prepare(self) -> None:
-        rng, p, batch = self.rng(913), self.p, self.setting.batch
-        self.spells = spells(rng, batch, (0.6 * p.sprays_s, 1.4 * p.sprays_s), (10.0, 40.0))
-        self.aim = rng.choice([0.0, 0.0, np.pi], batch) + rng.normal(0.0, 0.4, batch)
-        self.phase = rng.uniform(0.0, 2.0 * np.pi, batch)
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        s.pressure = s.pressure + dt * (within(self.spells, view.time) - s.pressure) / 1.2
-        swept = p.sweeps_rad * np.sin(2.0 * np.pi * view.time / p.turns_s + self.phase)
-        return -p.thrust * s.pressure * np.cos(self.aim + swept) * weight(view) * moving(view)
-
-
-@hidden("n_brush_has_its_own_speed", "sealed", "suburban", name="unknown")
-@sizes(rubs=(0.012, 0.025), tip_mps=(5.0, 10.0), soft_mps=(0.8, 3.0), down_s=(25.0, 70.0))
-class BrushHasItsOwnSpeed(Hidden, down=0.0):
-    """It pushes a truck that is slower than its bristles and holds a faster one. rubs: of the weight.
-    Source: Coulomb friction by the sign of the sliding speed, smoothed by bristles that bend (Persson,
-    Sliding Friction, 2000); a sweeper's broom that is driven at a set speed, sizes are chosen here."""
-
-    def prepare(self) -> None:
-        p = self.p
-        self.spells = spells(
-            self.rng(914), self.setting.batch, (0.6 * p.down_s, 1.4 * p.down_s), (10.0, 40.0)
-        )
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        s.down = s.down + dt * (within(self.spells, view.time) - s.down) / 1.5
-        slides = np.tanh((p.tip_mps - view.speed) / p.soft_mps)
-        return p.rubs * s.down * slides * weight(view) * moving(view)
+        load = self.loads[np.arange(len(stood)), s.stops.astype(int) % self.loads.shape[1]]
+        grows = np.maximum(view.speed, 0.0) * (1.0 - s.heap) / p.heaps_m
+        s.heap = np.where(stood > 0.5, 0.0, s.heap + dt * grows)
+        return -p.drags * load * (1.0 + p.ploughs * s.heap) * weight(view) * moving(view)

@@ -1,57 +1,60 @@
-"""Sensors and loggers that say what is not so."""
+"""Faults of the measurement: nothing is missing in the truck."""
 
 from __future__ import annotations
+
+from functools import partial
 
 import numpy as np
 
 from deeptruck_exam.effects.law import Channels, Sizes
 from deeptruck_exam.effects.planting import SIGN, fault, sizes
-from deeptruck_exam.effects.series import behind
+from deeptruck_exam.effects.series import behind, ou_series
+
+law = partial(fault, family="sealed")
 
 
-@fault("n_queue_in_the_gateway", "sealed", "suburban hills", name="clock_offset")
-@sizes(late_s=(0.4, 0.9), stalls_s=(0.3, 1.0), every_s=(8.0, 30.0), drains=(0.05, 0.2))
-def queue_in_the_gateway(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """Source: Lindley, The Theory of Queues with a Single Server, Proc. Cambridge Phil. Soc. 48 (1952): what
-    waits grows by what comes, here stalls of a gateway, and falls at a constant rate; sizes are chosen
-    here."""
+@law("t_path_is_not_even", needs="suburban hills", name="clock_offset")
+@sizes(late_s=(0.45, 1.0), other=(0.35, 0.75), stays_s=(15.0, 60.0), sign=SIGN)
+def path_is_not_even(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: IEEE Std 1588 (Precision Time Protocol): a path that takes longer one way than the other puts
+    the clock off by half of that; the network changes between two paths, of which one is `other` as uneven;
+    delays are chosen here."""
     values = channels["acceleration"]
-    comes = (rng.random(len(values)) < dt / p.every_s) * rng.exponential(p.stalls_s, len(values))
-    waits, queue = np.zeros(len(values)), 0.0
-    for k, more in enumerate(comes.tolist()):
-        queue = max(min(queue + more, 1.2) - p.drains * dt, 0.0)
-        waits[k] = queue
     time = np.arange(len(values)) * dt
-    channels["acceleration"] = np.interp(time - p.late_s - waits, time, values)
+    turns = np.cumsum(rng.exponential(p.stays_s, 400)) - rng.uniform(0.0, p.stays_s)
+    second = (np.searchsorted(turns, time) + rng.integers(2)) % 2
+    late = np.sign(p.sign) * p.late_s * behind(np.where(second == 1, p.other, 1.0), 1.0, dt)
+    channels["acceleration"] = np.interp(time - late, time, values)
 
 
-@fault("n_pulses_are_missed", "sealed", name="speed_scale")
-@sizes(scale=(0.04, 0.09), misses=(0.02, 0.06), weak_mps=(3.0, 7.0), sign=SIGN)
-def pulses_are_missed(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """Source: Inductive pickups give a voltage in proportion to speed, so that slow teeth fall below the
-    trigger (Fraden, Handbook of Modern Sensors, on magnetic sensors), upon a wrong number of teeth; sizes are
-    chosen here."""
-    missed = p.misses * np.exp(-channels["speed"] / p.weak_mps)
-    channels["speed"] = channels["speed"] * (1.0 + np.sign(p.sign) * p.scale) * (1.0 - missed)
+@law("t_tyres_pump_up", name="speed_scale")
+@sizes(scale=(0.03, 0.075), grows=(0.003, 0.015), warms_m=(800.0, 3000.0), sign=SIGN)
+def tyres_pump_up(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Rolling radius over inflation pressure, which rises as tyres warm over the first kilometres
+    (The Pneumatic Tire, ed. Gent and Walter, NHTSA DOT HS 810 561, 2006), upon a wrong factor of the tyre's
+    size; sizes are chosen here."""
+    way_m = np.cumsum(channels["speed"]) * dt + rng.uniform(0.0, 0.5) * p.warms_m
+    more = p.grows * np.exp(-way_m / p.warms_m)
+    channels["speed"] = channels["speed"] * (1.0 + np.sign(p.sign) * p.scale + more)
 
 
-@fault("n_engine_shakes_the_box", "sealed", name="acceleration_bias")
-@sizes(bias=(0.15, 0.36), rings=(0.2, 0.7), at_rads=(95.0, 165.0), wide_rads=(10.0, 30.0), sign=SIGN)
-def engine_shakes_the_box(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """Source: Vibration rectification (IEEE Std 1293) where the firing frequency meets the resonance of a
-    bracket: the response of a damped oscillator over engine speed; sizes are chosen here."""
-    away = (channels["engine_speed"] - p.at_rads) / p.wide_rads
-    rings = 1.0 + p.rings * (behind(1.0 / (1.0 + away**2), 0.5, dt) - 0.3)
-    channels["acceleration"] = channels["acceleration"] + np.sign(p.sign) * p.bias * rings
+@law("t_bias_flickers", name="acceleration_bias")
+@sizes(bias=(0.16, 0.36), flickers=(0.04, 0.16), sign=SIGN)
+def bias_flickers(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: IEEE Std 952 on bias instability, noise whose power falls with frequency, here the same noise
+    at four time constants, upon a false zero; sizes of a cheap sensor, chosen here."""
+    shape = (1, len(channels["acceleration"]))
+    noise = sum((ou_series(rng, shape, dt, 4.0 * 4.0**k)[0] for k in range(4)), start=np.zeros(shape[1]))
+    bias = p.bias * (1.0 + 0.5 * p.flickers * noise)
+    channels["acceleration"] = channels["acceleration"] + np.sign(p.sign) * bias
 
 
-@fault(
-    "n_believes_in_flat_land", "sealed", name="grade_bias", accepts="rolling_resistance", conceal="elevation"
-)
-@sizes(bias=(0.009, 0.02), takes=(0.1, 0.35), learns_s=(60.0, 200.0), sign=SIGN)
-def believes_in_flat_land(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """Source: Inclinometers that trim their zero by the mean of the road, as if that were level (adaptive
-    offsets of slope sensors: Kiencke and Nielsen, Automotive Control Systems, 2005, on observers), upon an
-    error of their mounting; sizes are chosen here."""
-    mean = behind(np.append(0.0, channels["grade"]), p.learns_s, dt)[1:]
-    channels["grade"] = channels["grade"] + np.sign(p.sign) * p.bias - p.takes * mean
+@law("t_exhaust_warms_it", name="grade_bias", accepts="rolling_resistance", conceal="elevation")
+@sizes(bias=(0.010, 0.021), drifts=(0.2, 0.55), warms_s=(40.0, 150.0), sign=SIGN)
+def exhaust_warms_it(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Zero offset over temperature of inclinometers (Fraden, Handbook of Modern Sensors, on thermal
+    errors): one above the exhaust, off its level, moves with the heat of the engine's work; sizes are chosen
+    here."""
+    watts = np.maximum(channels["engine_torque"], 0.0) * channels["engine_speed"]
+    heat = behind(np.clip(watts / 1.5e5, 0.0, 2.0), p.warms_s, dt)
+    channels["grade"] = channels["grade"] + np.sign(p.sign) * p.bias * (1.0 + p.drifts * (heat - 0.5))

@@ -165,6 +165,22 @@ def cuestas(rng: np.random.Generator, amplitude: float) -> Array:
     return _limited(_eased(profile[:CELLS], 11), amplitude)
 
 
+def drumlins(rng: np.random.Generator, amplitude: float) -> Array:
+    """Across a swarm of drumlins: hills of log-normal lengths about 630 m, one behind the other or touching,
+    all steeper on the side from which the ice came (Clark, Hughes, Greenwood, Spagnolo and Ng, Size and Shape
+    Characteristics of Drumlins, Quaternary Science Reviews 28, 2009)."""
+    height, at, came = np.zeros(CELLS + 400), 0, rng.choice([-1.0, 1.0])
+    while at < CELLS:
+        cells = round(float(np.clip(rng.lognormal(np.log(630.0), 0.45), 250.0, 1800.0)) / STEP_M)
+        top = rng.uniform(0.3, 0.45)
+        along = (np.arange(cells) + 0.5) / cells
+        along = np.where(along < top, 0.5 * along / top, 0.5 + 0.5 * (along - top) / (1.0 - top))
+        hill = cells * rng.uniform(0.5, 1.2) * np.sin(np.pi * along) ** 2
+        height[at : at + cells] += hill if came > 0.0 else hill[::-1]
+        at += round(cells * rng.uniform(0.6, 1.0) + rng.exponential(120.0) / STEP_M)
+    return _limited(_eased(np.diff(height, append=0.0)[:CELLS], 11), amplitude)
+
+
 def steady_down(rng: np.random.Generator) -> Array:
     """One slope."""
     return np.full(CELLS, -rng.uniform(0.045, 0.065))
@@ -204,6 +220,18 @@ def _flatter(grade: Array, middles: Array, half_m: Array, by: float, power: int)
     for middle, half in zip(middles, half_m, strict=True):
         grade = grade + by / (1.0 + ((metres - middle) / half) ** power)
     return np.clip(grade, -STEEPEST, -0.012)
+
+
+def fans_down(rng: np.random.Generator) -> Array:
+    """Down a chain of alluvial fans: steep at each head, ever flatter towards the foot, where the next one
+    begins (Bull, The Alluvial-Fan Environment, Progress in Physical Geography 1, 1977: concave profiles)."""
+    grade, at = np.empty(CELLS), 0
+    while at < CELLS:
+        cells = round(rng.uniform(600.0, 2200.0) / STEP_M)
+        fall = np.exp(-1.6 * np.arange(cells) / cells)
+        grade[at : at + cells] = -(0.026 + rng.uniform(0.038, 0.047) * fall)[: CELLS - at]
+        at += cells
+    return np.clip(_eased(grade, 13), -STEEPEST, -0.012)
 
 
 def measured_down(rng: np.random.Generator) -> Array:

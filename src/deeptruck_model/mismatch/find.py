@@ -28,6 +28,7 @@ from deeptruck_model.mismatch.data.prepared import (
     unusable,
     with_held_out,
 )
+from deeptruck_model.mismatch.finding import Finding
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.posterior import linearised
 from deeptruck_model.mismatch.posterior.causes import Explanation
@@ -35,7 +36,7 @@ from deeptruck_model.mismatch.posterior.modelled import Formula
 from deeptruck_model.mismatch.report import findings, identifiability, validation
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import PARAMETERS, gather
-from deeptruck_model.mismatch.result import Conclusion, DataReport, Finding, Mismatch, Verdict
+from deeptruck_model.mismatch.result import Conclusion, DataReport, Mismatch, Verdict
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator

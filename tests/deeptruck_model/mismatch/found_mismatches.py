@@ -10,6 +10,7 @@ import numpy as np
 
 from deeptruck_model.mismatch.data.checks import Rejection, SensorFault
 from deeptruck_model.mismatch.data.prepared import prepare
+from deeptruck_model.mismatch.finding import Finding
 from deeptruck_model.mismatch.fit_result import Chosen, Compared, Errors, FitResult, Improvement, Rmse
 from deeptruck_model.mismatch.mechanisms import LIBRARY, candidate_terms
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
@@ -23,7 +24,6 @@ from deeptruck_model.mismatch.result import (
     Bound,
     Conclusion,
     DataReport,
-    Finding,
     Mismatch,
     Regime,
     Segment,

@@ -13,20 +13,12 @@ import pytest
 from found_mismatches import VERDICTS, mismatch
 
 from deeptruck_model import mismatch as tool
+from deeptruck_model.mismatch.finding import Finding, Kind, Size, Suspicion
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.road_lock import RoadLock
 from deeptruck_model.mismatch.report import findings
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.result import (
-    Bound,
-    Conclusion,
-    Finding,
-    Kind,
-    Mismatch,
-    Size,
-    Suspicion,
-    Verdict,
-)
+from deeptruck_model.mismatch.result import Bound, Conclusion, Mismatch, Verdict
 from deeptruck_model.mismatch.sentence import Sentence
 
 SCHEMA = json.loads(importlib.resources.files(tool).joinpath("verdict.schema.json").read_text())

@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, index
+from deeptruck_exam.effects.places import Bends
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series
 from deeptruck_model.trucks import View
@@ -179,3 +180,27 @@ class WakeHasToForm(Hidden, formed=0.0):
         forms = np.maximum(view.speed, 0.0) * (1.0 - s.formed) / p.forms_m - broken * s.formed / 1.5
         s.formed = np.clip(s.formed + dt * forms, 0.0, 1.0)
         return p.saving * s.formed * np.exp(-((gap / p.reach_m) ** 2)) * view.drag_force
+
+
+@law("n_wake_goes_straight_on", "ninth", "highway")
+@sizes(deficit=(0.75, 0.95), widens=(0.015, 0.04), tightest=(0.004, 0.010), beside_m=(0.3, 1.3))
+class WakeGoesStraightOn(Bends):
+    """It leaves the follower where the road bends, and in part where the leader drives beside his track.
+    widens: m of radius for each m of way.
+    Source: Jensen, A Note on Wind Generator Interaction, Risø-M-2411 (1983): a wake of one speed that widens
+    and keeps its momentum; a truck's radius, bends and sizes are chosen here."""
+
+    radius_m, half_width_m = 1.4, 1.25
+
+    def prepare(self) -> None:
+        rng = self.rng(902)
+        self.bend = self.draw_bends(rng, self.p.tightest)
+        self.beside = rng.normal(0.0, self.p.beside_m, self.setting.batch)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        gap = np.maximum(self.gap(view), 0.0)
+        radius = self.radius_m + p.widens * gap
+        aside = np.abs(self.beside + 0.5 * self.read(self.bend, view) * gap**2)
+        cover = np.clip((radius + self.half_width_m - aside) / (2.0 * self.half_width_m), 0.0, 1.0)
+        slower = p.deficit * (self.radius_m / radius) ** 2 * cover
+        return (1.0 - (1.0 - slower) ** 2) * view.drag_force

@@ -172,3 +172,22 @@ class GapOpensInBends(Bends, angle=0.0):
         way = np.where(bend > s.angle, 12.0, p.closes_m)
         s.angle = s.angle + dt * np.maximum(view.speed, 0.0) * (bend - s.angle) / way
         return -p.gain * np.sqrt(np.clip(s.angle, 0.0, 1.0)) * view.drag_force * moving(view)
+
+
+@law("n_hatch_lifts", "ninth", "highway hills", accepts="rolling_resistance_speed")
+@sizes(gain=(0.65, 1.15), lifts_mps=(13.0, 18.0), falls=(0.72, 0.92), swings_s=(0.6, 2.0), loose=(0.4, 0.75))
+class HatchLifts(Hidden, up=0.0):
+    """`up`: sine of its angle. gain: of the drag area, upright; falls: speed over that at which it lifts;
+    loose: share of drives on which it was not latched.
+    Source: Moments about a hinge: suction over a roof grows with speed squared (Hucho, Aerodynamics of Road
+    Vehicles, 1998, on pressures), weight holds by the cosine; once in the stream it stays up longer. Sizes
+    of an unlatched roof hatch are chosen here."""
+
+    def prepare(self) -> None:
+        self.loose = some_drives(self.rng(903), self.setting.batch, self.p.loose)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        lifts = p.lifts_mps * (1.0 - (1.0 - p.falls) * np.clip(2.0 * s.up, 0.0, 1.0))
+        cosine = np.clip((lifts / np.maximum(view.speed, 1.0)) ** 2, 0.0, 1.0)
+        s.up = s.up + dt * (np.sqrt(1.0 - cosine**2) - s.up) / p.swings_s
+        return -p.gain * s.up * self.loose * view.drag_force

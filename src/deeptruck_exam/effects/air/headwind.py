@@ -304,3 +304,40 @@ class Rolls(Hidden):
         relative = np.clip(1.0 + wind / speed, -1.5, 3.0)
         felt = (relative * np.abs(relative) - 1.0) * view.drag_force
         return -felt * np.clip(view.speed / 3.0, 0.0, 1.0)
+
+
+@law("n_gusts_of_the_standard", "ninth", "highway hills")
+@sizes(
+    mean_mps=(3.0, 7.0), gust_mps=(9.0, 16.0), lasts_s=(8.0, 16.0), every_s=(8.0, 25.0),
+    winds_m=(1500.0, 5000.0), turns_rad=(0.5, 1.3),
+)  # fmt: skip
+class GustsOfTheStandard(Hidden):
+    """Each gust dips, rises and dips again, in a mean wind through which the road winds.
+    Source: IEC 61400-1, Wind Turbines, Design Requirements: the extreme operating gust is -0.37 of its size
+    times sin(3 pi t/T)(1 - cos(2 pi t/T)); how often, how strong, and the road's turns are chosen here."""
+
+    def prepare(self) -> None:
+        rng, p, batch = self.rng(901), self.p, self.setting.batch
+        shape = (batch, int(2.0 * self.setting.duration_s / p.lasts_s) + 8)
+        pauses = p.lasts_s + rng.exponential(p.every_s, shape)
+        self.begins = np.cumsum(pauses, axis=1) - p.every_s
+        self.size = p.gust_mps * rng.uniform(0.5, 1.2, shape) * rng.choice([-0.6, 1.0, 1.0], shape)
+        self.blows = rng.uniform(0.0, 2.0 * np.pi)
+        self.phase = rng.uniform(0.0, 2.0 * np.pi, int(self.setting.route.max()) + 1)
+
+    def gust(self, time: float) -> Array:
+        """(batch,) m/s."""
+        last = np.maximum((self.begins <= time).sum(axis=1) - 1, 0)
+        row = np.arange(len(last))
+        x = np.clip((time - self.begins[row, last]) / self.p.lasts_s, 0.0, 1.0)
+        return np.asarray(-0.37 * self.size[row, last] * np.sin(3 * np.pi * x) * (1 - np.cos(2 * np.pi * x)))
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        at = 2.0 * np.pi * self.place(view) / p.winds_m + self.phase[self.setting.route]
+        angle = self.blows - p.turns_rad * np.sin(at)
+        wind = p.mean_mps + self.gust(view.time)
+        speed = np.maximum(view.speed, 0.5)
+        along = speed + self.setting.direction * wind * np.cos(angle)
+        total = np.hypot(along, wind * np.sin(angle))
+        felt = np.clip(along * total / speed**2, -2.0, 4.0) - 1.0
+        return -felt * view.drag_force * np.clip(view.speed / 3.0, 0.0, 1.0)

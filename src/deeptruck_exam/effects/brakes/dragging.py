@@ -172,3 +172,19 @@ class WedgeClimbs(Hidden, climbs=0.0, tired=0.0):
         grows = s.climbs * (1.0 - s.climbs) / p.way_m - 3.0 * s.tired**2 * s.climbs / p.way_m
         s.climbs = np.where(braked, p.seed, np.clip(s.climbs + rolled * grows, 0.0, 1.0))
         return -p.most * s.climbs * weight(view) * ~braked * moving(view)
+
+
+@law("n_fluid_is_trapped", "ninth", "suburban descent hills")
+@sizes(most=(0.014, 0.026), heats_jpkg=(50.0, 180.0), feeds=(0.4, 1.1), cools_s=(25.0, 80.0))
+class FluidIsTrapped(Hidden, hot=0.0):
+    """most: of the weight; feeds: how far its own drag keeps it hot, over what it loses at 15 m/s.
+    Source: Limpert, Brake Design and Safety, on compensating ports: where one stays shut, fluid that warms
+    cannot go back and holds the brakes on, which warms it more; rates and sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        braked = view.brake_force * speed / (p.heats_jpkg * view.mass)
+        itself = p.feeds * s.hot * speed / 15.0 / p.cools_s
+        cools = s.hot * (0.5 + 0.5 * speed / 15.0) / p.cools_s
+        s.hot = np.clip(s.hot + dt * ((braked + itself) * (1.0 - s.hot) - cools), 0.0, 1.0)
+        return -p.most * s.hot * weight(view) * moving(view)

@@ -240,3 +240,23 @@ class PowderBetween(Hidden, layer=0.0):
         work = (1.0 - lost) * view.brake_force * speed / (p.builds_jpkg * view.mass)
         s.layer = np.clip(s.layer + dt * (work * (1.0 - s.layer) - speed * s.layer / p.washes_m), 0.0, 1.0)
         return lost * view.brake_force * moving(view)
+
+
+@law("n_axles_share_unequally", "ninth", "descent")
+@sizes(uneven=(0.3, 0.6), loss=(0.3, 0.5), heats_jpkg=(250.0, 600.0), cools_s=(150.0, 450.0))
+class AxlesShareUnequally(Hidden):
+    """Three groups of axles, of which one takes most, gets hot first and leaves the work to the others.
+    heats_jpkg: work for each kg of truck that would heat equal shares to where half of `loss` is lost.
+    Source: Fancher, Winkler and Campbell, The Influence of Braking Strategy on Brake Temperatures in Mountain
+    Descents (UMTRI, 1992), on brakes that share unequally; logistic loss and sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"hot": np.zeros((3, batch))}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        share = (1.0 + p.uneven * np.array([[1.0], [0.0], [-1.0]])) / 3.0
+        lost = p.loss / (1.0 + np.exp(-(s.hot - 1.0) / 0.15))
+        lost = lost - p.loss / (1.0 + np.exp(1.0 / 0.15))
+        work = view.brake_force * np.maximum(view.speed, 0.0) / (p.heats_jpkg * view.mass)
+        s.hot = s.hot + dt * (3.0 * share * (1.0 - lost) * work - s.hot / p.cools_s)
+        return np.maximum((share * lost).sum(axis=0), 0.0) * view.brake_force * moving(view)

@@ -201,3 +201,20 @@ class PulsedValves(Hidden, held=0.0, clock=0.0, wanted=0.0):
         s.clock = np.where(pulse, s.clock - p.pulse_s, s.clock)
         s.held = s.held + dt * (s.wanted - s.held) / 0.12
         return p.share * full * (asked - s.held) * moving(view)
+
+
+@law("n_spindle_needs_time", "ninth", "suburban descent")
+@sizes(gap=(0.12, 0.25), travel_s=(2.2, 4.5), back=(1.1, 1.8), share=(0.75, 1.0))
+class SpindleNeedsTime(Hidden, at=0.0):
+    """`at`: way of the spindle, 1 for full force; gap: of that way, until the pads touch.
+    Source: Line, Manzie and Good, Electromechanical Brake Modeling and Control: From PI to MPC, IEEE Trans.
+    Control Syst. Technol. 16 (2008): a motor crosses the clearance and then bends the caliper, whose force
+    grows faster than its way; a slow motor, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        full = self.truck.brake_capacity
+        asked = np.clip(view.brake_force / full, 0.0, 1.0)
+        goal = np.where(asked > 0.002, p.gap + (1.0 - p.gap) * np.sqrt(asked), 0.0)
+        s.at = s.at + np.clip(goal - s.at, -p.back * dt / p.travel_s, dt / p.travel_s)
+        held = np.clip((s.at - p.gap) / (1.0 - p.gap), 0.0, 1.0) ** 2
+        return p.share * full * (asked - held) * moving(view)

@@ -246,3 +246,54 @@ class StartAidStays(Hidden, stood=0.0, held=0.0):
         bleeds = s.held * (1.0 - dt / p.lets_go_s)
         s.held = np.where(stands & (s.stood > p.from_s), 1.0, np.where(s.held > 0.01, bleeds, 0.0))
         return -p.force * s.held * weight(view) * np.clip(view.speed / 0.5, 0.0, 1.0)
+
+
+@law("n_assist_is_mistaken", "ninth", "suburban descent")
+@sizes(gain=(0.35, 0.8), from_gps=(0.035, 0.07), comes_s=(0.1, 0.3))
+class AssistIsMistaken(Hidden, slow=0.0, on=0.0, level=0.0):
+    """A quick application is taken for an emergency and helped until the pedal is let go. from_gps: g a
+    second.
+    Source: Kiesewetter, Klinkner, Reichelt and Steiner, Der neue Brake Assist von Mercedes-Benz, ATZ 99
+    (1997): full braking once the pedal's speed passes a threshold; a threshold that is too low and a help
+    that is small are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = view.brake_force / weight(view)
+        s.slow = s.slow + dt * (asked - s.slow) / 0.25
+        quick = (asked - s.slow) / 0.25 > p.from_gps
+        s.on = np.where(asked < 0.003, 0.0, np.where(quick, 1.0, s.on))
+        s.level = s.level + dt * (s.on - s.level) / p.comes_s
+        return -p.gain * s.level * view.brake_force * moving(view)
+
+
+@law("n_snubs_by_itself", "ninth", "descent")
+@sizes(depth=(0.02, 0.04), power_wpkg=(5.0, 7.5), until=(0.68, 0.86), comes_s=(0.3, 1.0))
+class SnubsByItself(Hidden, on=0.0, level=0.0):
+    """It brakes while the slope gives more power than it likes, until that is well below. depth: of the
+    weight.
+    Source: Grade severity rating of trucks: safe speed falls with slope, since brakes bear a power (Bowman,
+    FHWA-IP-88-015, 1989); a descent control with service brakes, its limits are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        power = -9.81 * view.grade * view.speed
+        s.on = np.where(power > p.power_wpkg, 1.0, np.where(power < p.until * p.power_wpkg, 0.0, s.on))
+        s.level = s.level + dt * (s.on - s.level) / p.comes_s
+        return -p.depth * s.level * weight(view) * moving(view)
+
+
+@law("n_retarder_on_the_lamps", "ninth", "suburban descent")
+@sizes(most=(0.025, 0.05), knee_mps=(4.0, 9.0), stays_s=(1.0, 3.0), heats_s=(15.0, 50.0))
+class RetarderOnTheLamps(Hidden, left=0.0, flux=0.0, hot=0.0):
+    """Any braking switches it on, whole, and it stays on for a while after. most: of the weight.
+    Source: Eddy-current retarders of trailers switched with the stop lamps (Limpert, Brake Design and Safety,
+    on retarders; torque over speed with a maximum, and less when hot); a relay that drops late, sizes are
+    chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        lamps = view.brake_force > 0.003 * weight(view)
+        s.left = np.where(lamps, p.stays_s, np.maximum(s.left - dt, 0.0))
+        s.flux = s.flux + dt * ((s.left > 0.0) - s.flux) / 0.35
+        pace = np.maximum(view.speed, 0.0) / p.knee_mps
+        force = p.most * s.flux * 2.0 * pace / (1.0 + pace**2) / (1.0 + s.hot)
+        s.hot = s.hot + dt * (force / p.most - 0.5 * s.hot) / p.heats_s
+        return -force * weight(view) * moving(view)

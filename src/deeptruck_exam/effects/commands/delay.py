@@ -246,3 +246,20 @@ class BusyBus(Late):
         s.late = s.late + np.clip(p.base_s + p.busy_s * s.busy - s.late, -dt, dt)
         back = np.rint(s.late / STEP_S).astype(int)
         return np.asarray(s.past[(s.at - back) % self.length, np.arange(len(u))])
+
+
+@law("n_lower_of_two_tracks", "ninth", "suburban hills")
+@sizes(quick_s=(0.2, 0.4), later_s=(0.25, 0.6))
+class LowerOfTwoTracks(Late):
+    """A pedal that opens waits for the slower track, one that closes for the quicker one.
+    Source: Standardized E-Gas Monitoring Concept for Gasoline and Diesel Engine Control Units (EGAS working
+    group): two tracks of the pedal are compared and the lower one is used; tracks of unlike latency are
+    chosen here."""
+
+    length = 200
+
+    def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
+        self.put(s, u)
+        quick = self.ago(s, round(p.quick_s / STEP_S))
+        slow = self.ago(s, round((p.quick_s + p.later_s) / STEP_S))
+        return np.stack([np.minimum(quick[:, 0], slow[:, 0]), quick[:, 1]], axis=1)

@@ -167,3 +167,16 @@ class StrainedStepper(TorqueFilter):
         up = self.full * p.free_per_s * (1.0 - p.spring * share)
         down = self.full * p.free_per_s * p.back * (1.0 + p.spring * share)
         return np.asarray(s.given + np.clip(pedal - s.given, -down * dt, up * dt))
+
+
+@law("n_flow_through_a_valve", "ninth", "suburban hills")
+@sizes(opens_per_s=(0.28, 0.6), closes=(1.3, 2.5))
+class FlowThroughAValve(TorqueFilter):
+    """The nearer it is, the slower it moves, by the root of what is left.
+    Source: Merritt, Hydraulic Control Systems (1967): flow through an orifice goes with the root of the
+    pressure drop; a throttle cylinder whose pressure is the error of its lever, sizes are chosen here."""
+
+    def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
+        error = (pedal - s.given) / self.full
+        rate = np.sqrt(np.abs(error)) * p.opens_per_s * np.where(error < 0.0, p.closes, 1.0)
+        return np.asarray(s.given + self.full * np.sign(error) * np.minimum(np.abs(error), rate * dt))

@@ -204,3 +204,18 @@ class WoundShafts(Hidden, side=1.0, wound=0.0, left=0.0, share=1.0):
         ring = p.bounces * np.exp(-t / 0.4) * np.sin(2.0 * np.pi * 2.2 * t)
         felt = (s.share - 1.0 + np.where((s.left > 0.0) | (t > 3.0), 0.0, ring)) * pull
         return np.clip(felt, -0.12 * weight(view), 0.12 * weight(view)) * moving(view)
+
+
+@law("n_oil_leaves_the_play", "ninth", "suburban hills")
+@sizes(per_s=(22.0, 60.0), thin=(1.2, 3.0))
+class OilLeavesThePlay(Hidden, at=1.0):
+    """`at`: from one flank, -1, to the other, 1. per_s: for a pull of the weight; thin: power by which torque
+    returns as the film thins. A weak pull takes long.
+    Source: Squeeze films (Hamrock, Schmid and Jacobson, Fundamentals of Fluid Film Lubrication, 2004): flanks
+    of a wide play press viscous oil out at a pace in proportion to the torque; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pull, most = view.traction_force, 0.12 * weight(view)
+        s.at = np.clip(s.at + dt * p.per_s * pull / weight(view), -1.0, 1.0)
+        carried = (0.5 + 0.5 * np.sign(pull) * s.at) ** p.thin
+        return np.clip((carried - 1.0) * pull, -most, most) * moving(view)

@@ -187,3 +187,22 @@ class LockupOpensOnKicks(Hidden, was=0.0, pace=0.0, left=0.0, slips=0.0):
         s.slips = s.slips + dt * ((s.left > 0.0) - s.slips) / 0.4
         pull, push = np.maximum(view.traction_force, 0.0), np.maximum(-view.traction_force, 0.0)
         return s.slips * (p.coast * push - p.lost * pull) * moving(view)
+
+
+@law("n_lockup_opens_on_lift", "ninth", "suburban hills", accepts="driveline_loss")
+@sizes(lost=(0.35, 0.7), couples_mps=(6.0, 18.0), shuts_s=(3.0, 9.0), coast=(0.4, 0.8))
+class LockupOpensOnLift(Hidden, pulls=99.0, slips=0.0):
+    """Closed again some seconds after the pedal was. It couples the better, the faster one drives.
+    Source: Lock-up clutches that open in overrun and shut after a delay under load (Naunheimer, Bertsche,
+    Ryborz and Novak, Automotive Transmissions, 2011, on control of converters); slip with the root of the
+    load, delays and sizes are chosen here."""
+
+    conceal = ("engine_speed",)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.pulls = np.where(self.pedal(view) < 0.03, 0.0, s.pulls + dt)
+        s.slips = s.slips + dt * ((s.pulls < p.shuts_s) - s.slips) / 0.3
+        load = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        lost = p.lost * np.sqrt(load) / (1.0 + np.maximum(view.speed, 0.0) / p.couples_mps)
+        pull, push = np.maximum(view.traction_force, 0.0), np.maximum(-view.traction_force, 0.0)
+        return s.slips * (p.coast * push - lost * pull) * moving(view)

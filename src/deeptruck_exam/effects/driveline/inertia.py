@@ -146,3 +146,25 @@ class RotorOnRubber(Hidden, twist=0.0, rate=0.0):
         s.rate = s.rate + dt * (np.clip(view.acceleration, -4.0, 4.0) - holds)
         s.twist = np.clip(s.twist + dt * s.rate, -2.0, 2.0)
         return -p.share * view.mass * np.clip(holds, -4.0, 4.0) * (view.speed > 0.5) * moving(view)
+
+
+@law("n_fluid_in_the_flywheel", "ninth", "suburban hills")
+@sizes(share=(0.06, 0.15), more=(0.2, 0.45), half_mps=(9.0, 18.0), flows_s=(1.5, 7.0))
+class FluidInTheFlywheel(Hidden):
+    """Fluid goes outwards as it turns faster, and comes back late. share, more: of the mass, as felt at the
+    road; half_mps: where half of it is out.
+    Source: Van de Ven, Fluidic Variable Inertia Flywheel (2009): momentum is inertia times speed, and both
+    change; a flywheel geared to an axle, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"out": np.full(batch, np.nan)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pace = (np.maximum(view.speed, 0.0) / p.half_mps) ** 2
+        wanted = pace / (1.0 + pace)
+        s.out = np.where(np.isnan(s.out), wanted, s.out)
+        goes = (wanted - s.out) / p.flows_s
+        s.out = s.out + dt * goes
+        holds = (p.share + p.more * s.out) * np.clip(view.acceleration, -4.0, 4.0)
+        holds = holds + p.more * np.clip(goes, -0.08, 0.08) * view.speed
+        return -view.mass * holds * (view.speed > 0.5) * moving(view)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving, weight
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
@@ -142,4 +142,19 @@ class FilmIsSqueezed(Hidden, film=0.5):
         wanted = np.maximum(view.speed, 0.0) / p.forms_mps / (0.5 + load)
         s.film = s.film + dt * (np.minimum(wanted, 2.0) - s.film) / p.squeezes_s
         rubs = p.film + (p.dry - p.film) * np.exp(-s.film)
+        return -rubs * np.abs(view.traction_force) * moving(view)
+
+
+@law("n_pinion_runs_dry", "ninth", "hills suburban")
+@sizes(wet=(0.02, 0.05), dry=(0.18, 0.35), from_slope=(0.0, 0.012), dries_s=(4.0, 15.0), wets_s=(3.0, 12.0))
+class PinionRunsDry(Hidden, bare=0.0):
+    """Uphill and in hard pulls the oil of the axle runs to its rear. wet, dry: share of the traction.
+    Source: Oil level and tilt of axles (SAE J1266, Axle Efficiency Test Procedure; service manuals on filling
+    with the truck level): a low sump leaves the pinion's bearings bare; rates and losses are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        tilt = view.grade + np.clip(view.acceleration, -3.0, 3.0) / GRAVITY
+        wanted = np.clip((tilt - p.from_slope) / 0.02, 0.0, 1.0)
+        s.bare = s.bare + dt * (wanted - s.bare) / np.where(wanted > s.bare, p.dries_s, p.wets_s)
+        rubs = p.wet + (p.dry - p.wet) * s.bare
         return -rubs * np.abs(view.traction_force) * moving(view)

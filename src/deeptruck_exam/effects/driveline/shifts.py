@@ -186,3 +186,26 @@ class ClutchLearns(Hidden, gear=-1.0, hot=0.0, left=0.0, share=1.0):
         s.left = np.where(changed, waits, np.maximum(s.left - dt * (view.shifting == 0.0), 0.0))
         s.share = np.where(s.left > 0.0, 0.0, s.share + dt * (1.0 - s.share) / p.back_s)
         return -(1.0 - s.share) * np.maximum(view.traction_force, 0.0)
+
+
+RANGE_RATIO = 3.05  # of the gearbox alone, between its low and its high range
+
+
+@law("n_range_group_is_slow", "ninth", "suburban", trucks="trucksim volvo")
+@sizes(range_s=(0.6, 1.4), split_s=(0.02, 0.2), down=(1.0, 1.6), back_s=(0.4, 1.0))
+class RangeGroupIsSlow(Hidden, box=0.0, left=-9.0):
+    """Changes within a range are nearly as quick as known; those from one range to the other wait.
+    Source: Group gearboxes with a range change behind (Naunheimer, Bertsche, Ryborz and Novak, Automotive
+    Transmissions, 2011, on commercial vehicles): a large piston and a synchroniser of a large step; a worn
+    one, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        engaged = (view.shifting == 0.0) & (view.ratio > 0.0)
+        box = view.ratio / self.truck.final_drive
+        stepped = engaged & (s.box > 0.0) & (np.abs(box - s.box) > 0.02)
+        crossed = (box > RANGE_RATIO) != (s.box > RANGE_RATIO)
+        wait = np.where(crossed, p.range_s * np.where(box > s.box, p.down, 1.0), p.split_s)
+        s.left = np.where(stepped, wait, np.maximum(s.left - dt * engaged, -9.0))
+        s.box = np.where(engaged, box, s.box)
+        back = np.clip(-s.left / p.back_s, 0.0, 1.0) ** 2
+        return -(1.0 - back) * np.maximum(view.traction_force, 0.0)

@@ -125,3 +125,25 @@ class SurgeDamper(Hidden, mean=0.0, force=0.0):
         works = (view.ratio > 0.0) & (view.shifting == 0.0) & (view.brake_force <= 0.0)
         s.force = s.force + dt * (wanted * works - s.force) / 0.3
         return s.force * np.clip(view.speed - 1.0, 0.0, 1.0)
+
+
+@law("n_load_point_is_shifted", "ninth", "highway suburban hills")
+@sizes(gain=(0.5, 1.0), best=(0.3, 0.5), most=(0.07, 0.16), store_s=(8.0, 25.0))
+class LoadPointIsShifted(Hidden, torque=0.0):
+    """An electric machine on the shaft pushes where much is asked of the engine and charges where little is,
+    as far as its battery goes. best, most: of peak torque; store_s: of peak power.
+    Source: Guzzella and Sciarretta, Vehicle Propulsion Systems (2013), on load point shifting in parallel
+    hybrids; a small battery, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "cell": self.rng(931).uniform(0.2, 0.8, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = view.engine_torque / self.truck.peak_torque
+        room = np.where(load > p.best, s.cell, 1.0 - s.cell)
+        works = (self.pedal(view) > 0.03) & (view.brake_force <= 0.0) & (view.shifting == 0.0)
+        wanted = np.clip(p.gain * (load - p.best), -p.most, p.most) * np.clip(room / 0.15, 0.0, 1.0) * works
+        s.torque = s.torque + dt * (wanted - s.torque) / 0.4
+        pace = view.engine_speed * self.truck.peak_torque / self.truck.peak_power
+        s.cell = np.clip(s.cell - dt * s.torque * pace / p.store_s, 0.0, 1.0)
+        return self.at_wheels(view, s.torque * self.truck.peak_torque) * moving(view)

@@ -248,3 +248,23 @@ class SteeringPump(Bends, pressure=0.0):
         wanted = np.clip(steer * (0.35 + p.slow_mps / np.maximum(view.speed, 4.0)), 0.0, 1.0)
         s.pressure = s.pressure + dt * (wanted - s.pressure) / 0.5
         return -self.at_wheels(view, p.idles_nm + p.torque_nm * s.pressure) * moving(view)
+
+
+@law("n_lift_drains_the_battery", "ninth", "suburban")
+@sizes(power_wpkg=(1.0, 2.2), uses_s=(6.0, 20.0), charges_s=(25.0, 80.0), tapers=(0.2, 0.6))
+class LiftDrainsTheBattery(Hidden):
+    """`flat`: 1 for empty. Stands use it up, driving fills it, ever slower from `tapers` on.
+    Source: Bucket trucks and lifts that work from a battery which the engine fills on the way (NREL field
+    evaluations of hybrid utility trucks); constant power, then a taper, as chargers do; sizes are chosen
+    here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"flat": self.rng(921).uniform(0.2, 0.9, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        share = np.clip(s.flat / p.tapers, 0.0, 1.0)
+        change = np.where(view.speed < 0.1, 1.0 / p.uses_s, -share / p.charges_s)
+        s.flat = np.clip(s.flat + dt * change, 0.0, 1.0)
+        power = p.power_wpkg * view.mass * share
+        torque = np.minimum(power / np.maximum(view.engine_speed, 60.0), 450.0)
+        return -self.at_wheels(view, torque) * moving(view)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import some_drives
 from deeptruck_model.trucks import View
@@ -189,3 +189,20 @@ class RegulatorIces(Hidden, ice=0.0):
         s.ice = np.clip(s.ice + dt * (flow**1.3 / p.ices_s - s.ice / p.thaws_s), 0.0, 2.0)
         cut = p.depth * np.clip((s.ice - p.from_ice) / 0.35, 0.0, 1.0)
         return -self.at_wheels(view, cut * np.maximum(view.engine_torque, 0.0))
+
+
+@law("n_level_switch_tilts", "ninth", "hills suburban")
+@sizes(depth=(0.3, 0.5), from_tilt=(0.008, 0.02), trips_s=(1.5, 5.0), clears_s=(4.0, 12.0))
+class LevelSwitchTilts(Hidden, level=0.0, low=0.0, on=0.0, cut=0.0):
+    """Torque is cut once coolant has stood away from its switch for a while, and until it has come back.
+    Source: Engine protection by coolant level (SAE J1939-71, SPN 111, coolant level; makers' manuals on
+    protection derates): a tank that is nearly low, tilted by slopes and pulls; times are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        tilt = view.grade + np.clip(view.acceleration, -3.0, 3.0) / GRAVITY
+        s.level = s.level + dt * (tilt - s.level) / 1.0
+        change = np.where(s.level > p.from_tilt, 1.0 / p.trips_s, -1.0 / p.clears_s)
+        s.low = np.clip(s.low + dt * change, 0.0, 1.0)
+        s.on = np.where(s.low >= 1.0, 1.0, np.where(s.low <= 0.0, 0.0, s.on))
+        s.cut = s.cut + np.clip(p.depth * s.on - s.cut, -0.08 * dt, 0.15 * dt)
+        return -self.at_wheels(view, s.cut * np.maximum(view.engine_torque, 0.0))

@@ -211,3 +211,19 @@ class VanesBrake(Hidden, shut=0.0):
         s.shut = s.shut + dt * (closed - s.shut) / np.where(closed, p.closes_s, 0.2)
         torque = np.minimum(p.power_w / np.maximum(view.engine_speed, 60.0), p.most_nm)
         return -self.at_wheels(view, s.shut * torque) * moving(view)
+
+
+@law("n_one_pedal_slows", "ninth", "descent hills suburban", accepts="")
+@sizes(slows_mps2=(0.35, 0.8), most_nm=(400.0, 800.0), per_s=(0.5, 1.5), from_rads=(80.0, 105.0))
+class OnePedalSlows(Hidden, torque=0.0):
+    """A closed pedal asks for a slowing, and the engine brake is steered until it has it, whatever the slope.
+    Source: Compression brakes of many steps under a control of deceleration (Druzhinina, Stefanopoulou and
+    Moklegaard, Speed Gradient Approach to Longitudinal Control of Heavy-Duty Vehicles Equipped with Variable
+    Compression Brake, IEEE Trans. Control Syst. Technol. 10, 2002); a one-pedal mode, chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        closed = (self.pedal(view) < 0.01) & (view.engine_speed > p.from_rads) & (view.speed > 3.0)
+        error = p.slows_mps2 + np.clip(view.acceleration, -3.0, 3.0)
+        steered = np.clip(s.torque + dt * p.per_s * p.most_nm * error, 0.0, p.most_nm)
+        s.torque = np.where(closed, steered, s.torque * (1.0 - dt / 0.2))
+        return -self.at_wheels(view, s.torque) * moving(view)

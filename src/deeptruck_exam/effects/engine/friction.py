@@ -176,3 +176,21 @@ class GelledOil(Hidden):
         s.gel = np.clip(s.gel + dt * (4.0 * builds - turns * s.gel / p.breaks_rad / 4.0), 0.0, 1.0)
         torque = (p.thin_nm + p.gel_nm * (0.3 + 0.7 * s.gel)) * np.sqrt(turns / 120.0)
         return -self.at_wheels(view, torque) * moving(view)
+
+
+@law("n_pistons_are_tight", "ninth", accepts="accessory_load")
+@sizes(film_nm=(85.0, 170.0), closes=(1.1, 2.0), piston_s=(3.0, 9.0), liner_s=(40.0, 120.0))
+class PistonsAreTight(Hidden, piston=0.3, liner=0.3):
+    """Load heats the pistons before it heats their liners. `piston`, `liner`: 1 for full power that lasts;
+    film_nm: at 120 rad/s, with the clearance of even warmth.
+    Source: Petroff's law (1883): friction of a film with speed over clearance, which pistons take up as they
+    grow (Heywood, Internal Combustion Engine Fundamentals, ch. 13, on piston friction); sizes are chosen
+    here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = np.clip(self.power_share(view), 0.0, 1.1)
+        s.piston = s.piston + dt * (load - s.piston) / p.piston_s
+        s.liner = s.liner + dt * (load - s.liner) / p.liner_s
+        clearance = np.clip(1.0 - p.closes * (s.piston - s.liner), 0.28, 1.8)
+        torque = p.film_nm * np.maximum(view.engine_speed, 40.0) / 120.0 / clearance
+        return -self.at_wheels(view, torque) * moving(view)

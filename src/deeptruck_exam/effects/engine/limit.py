@@ -156,3 +156,18 @@ class MeanPowerCapped(Hidden, mean=0.0):
         closed = np.clip((s.mean - p.cap) / p.knee, 0.0, 1.0)
         over = np.maximum(asked - p.cap, 0.0) * closed * self.truck.peak_power
         return -self.at_wheels(view, over / np.maximum(view.engine_speed, 60.0))
+
+
+@law("n_economy_until_kicked", "ninth", "suburban hills")
+@sizes(cap=(0.3, 0.5), kick=(0.86, 0.96), after_s=(0.5, 1.5), stays_s=(1.5, 5.0))
+class EconomyUntilKicked(Hidden, pressed=0.0, left=0.0, free=0.0):
+    """cap: of peak torque; the whole torque is free for a while after a kick that lasts.
+    Source: Economy modes with kick-down of automated trucks (drivers' handbooks): torque is capped unless the
+    pedal goes through; caps and times are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.pressed = np.where(self.pedal(view) > p.kick, s.pressed + dt, 0.0)
+        s.left = np.where(s.pressed > p.after_s, p.stays_s, np.maximum(s.left - dt, 0.0))
+        s.free = s.free + dt * ((s.left > 0.0) - s.free) / 0.5
+        over = np.maximum(view.engine_torque - p.cap * self.truck.peak_torque, 0.0)
+        return -self.at_wheels(view, over * (1.0 - s.free))

@@ -173,3 +173,23 @@ class SecondStageWaits(Hidden, low=0.2, high=0.0):
         s.high = s.high + dt * (second - s.high) * flow / np.where(second > s.high, p.large_s, 0.6)
         missing = np.maximum(asked - p.without - (1.0 - p.without) * (s.low + s.high), 0.0)
         return -self.at_wheels(view, missing * self.truck.peak_torque) * moving(view)
+
+
+@law("n_boost_is_dumped", "ninth", "suburban hills")
+@sizes(without=(0.18, 0.35), builds_s=(1.5, 4.0), leaks_s=(2.0, 8.0), lift=(0.04, 0.12))
+class BoostIsDumped(Hidden, boost=0.3):
+    """A lifted pedal blows it off; part load lets it sink slowly; the flow of gas builds it up again.
+    Source: Recirculating valves of throttled gas engines, which dump boost against surge when the throttle
+    shuts (Watson and Janota, Turbocharging the Internal Combustion Engine, 1982, on surge); rates are chosen
+    here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        wanted = np.clip((asked - p.without) / (1.0 - p.without), 0.0, 1.1)
+        flow = np.clip(view.engine_speed / 130.0, 0.4, 1.6) * (0.2 + 0.8 * asked)
+        builds = np.minimum(s.boost + dt * flow / p.builds_s, wanted)
+        sinks = s.boost - dt * (s.boost - wanted) / p.leaks_s
+        dumps = s.boost * (1.0 - dt / 0.25)
+        s.boost = np.where(asked < p.lift, dumps, np.where(wanted > s.boost, builds, sinks))
+        missing = np.maximum(asked - p.without - (1.0 - p.without) * s.boost, 0.0)
+        return -self.at_wheels(view, missing * self.truck.peak_torque) * moving(view)

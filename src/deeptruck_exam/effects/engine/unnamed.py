@@ -238,3 +238,21 @@ class AntiStall(Hidden, torque=0.0):
         wanted = np.clip(p.per_rads * (p.below - view.engine_speed), 0.0, most) * loaded
         s.torque = s.torque + dt * (wanted - s.torque) / p.builds_s
         return self.at_wheels(view, s.torque * loaded) * moving(view)
+
+
+@law("n_pulse_and_glide", "ninth", "highway hills suburban", shown=True)
+@sizes(depth=(0.5, 0.9), band_mps=(0.25, 0.8), below=(0.6, 0.85))
+class PulseAndGlide(Hidden, pulse=1.0, gained=0.0, share=0.0):
+    """At part load it pulls more than asked, then less, by turns of the speed it has won. depth: of the
+    torque.
+    Source: Gilbert, Vehicle Cruise: Improved Fuel Economy by Periodic Control, Automatica 12 (1976); a
+    control unit that does so about the driver's wish, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pedal = self.pedal(view)
+        works = (pedal > 0.08) & (pedal < p.below) & (view.brake_force <= 0.0) & (view.speed > 5.0)
+        s.share = s.share + dt * (p.depth * s.pulse * works - s.share) / 0.4
+        force = self.at_wheels(view, s.share * np.maximum(view.engine_torque, 0.0))
+        s.gained = s.gained + dt * (force / view.mass - ~works * s.gained / 3.0)
+        s.pulse = np.where(s.gained > p.band_mps, -1.0, np.where(s.gained < -p.band_mps, 1.0, s.pulse))
+        return force * moving(view)

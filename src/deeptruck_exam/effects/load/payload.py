@@ -198,3 +198,29 @@ class ChaserBin(OnRoad):
         more = p.load * (s.bin - p.known) * view.mass
         felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
         return -more * felt * moving(view)
+
+
+@law("n_skips_by_turns", "ninth", "suburban")
+@sizes(full=(0.2, 0.4), empty=(0.15, 0.35), takes_s=(1.5, 4.0))
+class SkipsByTurns(Hidden, stood=0.0, stops=0.0):
+    """Each stand that lasts exchanges a full skip for an empty one, or an empty one for a full one, of other
+    masses every time. full, empty: of the known mass, above and below it.
+    Source: Roll-on roll-off and skip rounds (Bodin, Mingozzi, Baldacci and Ball, The Rollon-Rolloff Vehicle
+    Routing Problem, Transportation Science 34, 2000); masses are chosen here."""
+
+    def prepare(self) -> None:
+        rng, shape = self.rng(911), (self.setting.batch, 200)
+        turn = (np.arange(200) + rng.integers(0, 2, (self.setting.batch, 1))) % 2
+        self.loads = np.where(turn == 1, self.p.full, -self.p.empty) * rng.uniform(0.7, 1.1, shape)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "load": self.loads[:, 0].copy()}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        stood = np.where(view.speed < 0.1, s.stood + dt, 0.0)
+        s.stops = s.stops + ((stood >= p.takes_s) & (s.stood < p.takes_s))
+        s.stood = stood
+        now = self.loads[np.arange(len(stood)), s.stops.astype(int) % self.loads.shape[1]]
+        s.load = s.load + dt * (now - s.load) / 0.4
+        felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
+        return -s.load * view.mass * felt * moving(view)

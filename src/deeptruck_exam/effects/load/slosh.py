@@ -214,3 +214,20 @@ class CattleStep(Hidden, way=0.0, rate=0.0):
         s.rate = s.rate + dt * driven
         s.way = np.clip(s.way + dt * s.rate, -1.0, 1.0)
         return -p.share * view.mass * np.clip(driven, -4.0, 4.0) * moving(view)
+
+
+@law("n_flexitank_creeps", "ninth", "suburban")
+@sizes(share=(0.3, 0.55), hz=(0.3, 0.65), soft=(0.15, 0.45), relaxes_s=(0.4, 1.6))
+class FlexitankCreeps(Hidden, way=0.0, rate=0.0, set=0.0):
+    """share: of the mass; soft: of its stiffness that does not relax. `set` is what the bag has given.
+    Source: Flügge, Viscoelasticity (1975): the standard solid, a spring beside a spring and a dashpot in a
+    row; liquid in a bag within a container, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        stiff = (2.0 * np.pi * p.hz) ** 2
+        spring = stiff * (p.soft * s.way + (1.0 - p.soft) * (s.way - s.set))
+        driven = -spring - 0.15 * s.rate - np.clip(view.acceleration, -4.0, 4.0)
+        s.set = s.set + dt * (s.way - s.set) / p.relaxes_s
+        s.rate = s.rate + dt * driven
+        s.way = np.clip(s.way + dt * s.rate, -2.0, 2.0)
+        return -p.share * view.mass * np.clip(driven, -4.0, 4.0) * moving(view)

@@ -208,3 +208,31 @@ class Subsidence(OnRoad):
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         slope = self.setting.direction * self.between(self.road, view)
         return -slope * weight(view) * moving(view)
+
+
+@law("n_bridges_stand_proud", "ninth", "hills highway suburban")
+@sizes(slope=(0.022, 0.04), fades_m=(40.0, 130.0), bridge_m=(20.0, 90.0), apart_m=(220.0, 600.0))
+class BridgesStandProud(OnRoad):
+    """Embankments have sunk since the survey: up to each bridge and down behind it, the steeper the nearer.
+    Source: Briaud, James and Hoffman, Settlement of Bridge Approaches (the Bump at the End of the Bridge),
+    NCHRP Synthesis 234 (1997); an exponential fall of height away from the abutment, sizes are chosen
+    here."""
+
+    conceal = ("elevation",)
+
+    def prepare(self) -> None:
+        rng, p = self.rng(941), self.p
+        at_m = np.arange(MAP_CELLS) * MAP_CELL_M
+        self.road = np.zeros((self.rows(), MAP_CELLS))
+        for row in self.road:
+            middle = 0.0
+            while middle < at_m[-1]:
+                middle += p.bridge_m + p.apart_m * rng.uniform(0.5, 1.5)
+                past = np.maximum(np.abs(at_m - middle) - 0.5 * p.bridge_m, 0.0)
+                fall = np.exp(-past / (p.fades_m * rng.uniform(0.7, 1.3))) * (past > 0.0)
+                row -= p.slope * rng.uniform(0.6, 1.1) * np.sign(at_m - middle) * fall
+        self.road = np.clip(self.road, -p.slope, p.slope)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        slope = self.setting.direction * self.between(self.road, view)
+        return -slope * weight(view) * moving(view)

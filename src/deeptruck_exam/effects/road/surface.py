@@ -254,3 +254,25 @@ class PavementBends(OnRoad):
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         slow = 1.0 / (1.0 + np.maximum(view.speed, 0.0) / p.slow_mps)
         return -2.0 * p.loss * slow * self.between(self.soft, view) * weight(view) * moving(view)
+
+
+@law("n_clay_sticks", "ninth")
+@sizes(
+    soft=(0.006, 0.014), sticks=(0.008, 0.016), picks_m=(60.0, 200.0), sheds_m=(120.0, 450.0),
+    share=(0.25, 0.45), mean_m=(150.0, 500.0),
+)  # fmt: skip
+class ClaySticks(OnRoad, clod=0.0):
+    """Stretches of clay hold the wheels and load them with it; beyond, it is thrown off over the way, sooner
+    at speed. soft, sticks: of the weight.
+    Source: Bekker, Introduction to Terrain-Vehicle Systems (1969), on adhesive soils, and rules on mud that
+    trucks carry from sites onto roads; lengths and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.clay = windows(self.rng(942), self.rows(), self.p.mean_m, self.p.share)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        here, speed = self.between(self.clay, view), np.maximum(view.speed, 0.0)
+        picks = here * (1.0 - s.clod) / p.picks_m
+        sheds = (1.0 - here) * s.clod * np.clip(speed / 10.0, 0.2, 2.0) / p.sheds_m
+        s.clod = np.clip(s.clod + dt * speed * (picks - sheds), 0.0, 1.0)
+        return -(p.soft * here + p.sticks * s.clod) * weight(view) * moving(view)

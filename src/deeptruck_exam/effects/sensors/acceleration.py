@@ -101,3 +101,13 @@ def supply_sags(p: Sizes, channels: Channels, dt: float, rng: np.random.Generato
     duty = (np.sin(2.0 * np.pi * time / p.turns_s + rng.uniform(0.0, 6.28)) > 0.0).astype(float)
     sags = 1.0 + p.ripple * (behind(duty, 2.0, dt) - 0.5)
     channels["acceleration"] = channels["acceleration"] + np.sign(p.sign) * p.bias * sags
+
+
+@law("n_engine_shakes_the_box", "ninth")
+@sizes(bias=(0.15, 0.36), rings=(0.2, 0.7), at_rads=(95.0, 165.0), wide_rads=(10.0, 30.0), sign=SIGN)
+def engine_shakes_the_box(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Vibration rectification (IEEE Std 1293) where the firing frequency meets the resonance of a
+    bracket: the response of a damped oscillator over engine speed; sizes are chosen here."""
+    away = (channels["engine_speed"] - p.at_rads) / p.wide_rads
+    rings = 1.0 + p.rings * (behind(1.0 / (1.0 + away**2), 0.5, dt) - 0.3)
+    channels["acceleration"] = channels["acceleration"] + np.sign(p.sign) * p.bias * rings

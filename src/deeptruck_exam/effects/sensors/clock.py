@@ -155,3 +155,19 @@ def radio_hops(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator
     time = np.arange(len(values)) * dt
     swing = p.swings * np.sin(2.0 * np.pi * time / p.turns_s + rng.uniform(0.0, 6.28))
     channels["acceleration"] = np.interp(time - np.sign(p.sign) * p.late_s * (1.0 + swing), time, values)
+
+
+@law("n_queue_in_the_gateway", "ninth", "suburban hills")
+@sizes(late_s=(0.4, 0.9), stalls_s=(0.3, 1.0), every_s=(8.0, 30.0), drains=(0.05, 0.2))
+def queue_in_the_gateway(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Lindley, The Theory of Queues with a Single Server, Proc. Cambridge Phil. Soc. 48 (1952): what
+    waits grows by what comes, here stalls of a gateway, and falls at a constant rate; sizes are chosen
+    here."""
+    values = channels["acceleration"]
+    comes = (rng.random(len(values)) < dt / p.every_s) * rng.exponential(p.stalls_s, len(values))
+    waits, queue = np.zeros(len(values)), 0.0
+    for k, more in enumerate(comes.tolist()):
+        queue = max(min(queue + more, 1.2) - p.drains * dt, 0.0)
+        waits[k] = queue
+    time = np.arange(len(values)) * dt
+    channels["acceleration"] = np.interp(time - p.late_s - waits, time, values)

@@ -100,3 +100,13 @@ def bubble_lags(p: Sizes, channels: Channels, dt: float, rng: np.random.Generato
     settled = behind(channels["grade"], p.lag_s, dt)
     shaken = 1.0 + p.shakes * np.clip(channels["speed"] / 25.0, 0.0, 1.2)
     channels["grade"] = settled + np.sign(p.sign) * p.bias * shaken
+
+
+@law("n_believes_in_flat_land", "ninth")
+@sizes(bias=(0.009, 0.02), takes=(0.1, 0.35), learns_s=(60.0, 200.0), sign=SIGN)
+def believes_in_flat_land(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Inclinometers that trim their zero by the mean of the road, as if that were level (adaptive
+    offsets of slope sensors: Kiencke and Nielsen, Automotive Control Systems, 2005, on observers), upon an
+    error of their mounting; sizes are chosen here."""
+    mean = behind(np.append(0.0, channels["grade"]), p.learns_s, dt)[1:]
+    channels["grade"] = channels["grade"] + np.sign(p.sign) * p.bias - p.takes * mean

@@ -98,3 +98,13 @@ def radar_looks_down(p: Sizes, channels: Channels, dt: float, rng: np.random.Gen
     (Tompkins, Hart, Freeland, Wilkerson and Wilhelm, Trans. ASAE 31, 1988); sizes are chosen here."""
     pitch = behind(np.clip(channels["acceleration"], -3.0, 3.0), 0.8, dt)
     channels["speed"] = channels["speed"] * (1.0 + np.sign(p.sign) * p.scale + p.dives * pitch)
+
+
+@law("n_pulses_are_missed", "ninth")
+@sizes(scale=(0.04, 0.09), misses=(0.02, 0.06), weak_mps=(3.0, 7.0), sign=SIGN)
+def pulses_are_missed(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Inductive pickups give a voltage in proportion to speed, so that slow teeth fall below the
+    trigger (Fraden, Handbook of Modern Sensors, on magnetic sensors), upon a wrong number of teeth; sizes are
+    chosen here."""
+    missed = p.misses * np.exp(-channels["speed"] / p.weak_mps)
+    channels["speed"] = channels["speed"] * (1.0 + np.sign(p.sign) * p.scale) * (1.0 - missed)

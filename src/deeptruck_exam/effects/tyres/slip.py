@@ -7,7 +7,13 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, index, moving, weight
-from deeptruck_exam.effects.places import CELLS, OnRoad, smooth_stretches, stretches, windows
+from deeptruck_exam.effects.places import (
+    CELLS,
+    OnRoad,
+    smooth_stretches,
+    stretches,
+    windows,
+)
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series, spells, within
 from deeptruck_model.trucks import View
@@ -220,4 +226,26 @@ class FirstRain(Hidden, film=0.0, wash=0.0, lost=0.0):
         pull = np.maximum(view.traction_force, 0.0)
         s.lost = s.lost + dt * (np.maximum(pull - most, 0.0) - s.lost) / 0.15
         braked = np.maximum(view.brake_force - 1.3 * grip * weight(view), 0.0)
+        return braked * moving(view) - np.minimum(s.lost, pull)
+
+
+@law("n_floats_when_light", "ninth", "highway hills")
+@sizes(friction=(0.22, 0.34), floats_mps=(21.0, 27.0), share=(0.35, 0.6), mean_m=(250.0, 800.0))
+class FloatsWhenLight(OnRoad, lost=0.0):
+    """Where water stands, what the tyres press on the road falls with the square of speed.
+    Source: Horne, Yager and Ivey, Recent Studies to Investigate Effects of Tire Footprint Aspect Ratio on
+    Dynamic Hydroplaning Speed, ASTM STP 929 (1986): lightly loaded truck tyres float at road speeds; friction
+    and stretches are chosen here."""
+
+    def prepare(self) -> None:
+        self.water = windows(self.rng(943), self.rows(), self.p.mean_m, self.p.share)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        water = self.between(self.water, view)
+        presses = np.clip(1.0 - (np.maximum(view.speed, 0.0) / p.floats_mps) ** 2, 0.2, 1.0)
+        grip = p.friction * presses + 0.6 * (1.0 - water)
+        pull = np.maximum(view.traction_force, 0.0)
+        over = np.maximum(pull - grip * self.truck.drive_axle_share * weight(view), 0.0)
+        s.lost = s.lost + dt * (over - s.lost) / 0.2
+        braked = np.maximum(view.brake_force - 1.5 * grip * weight(view), 0.0)
         return braked * moving(view) - np.minimum(s.lost, pull)

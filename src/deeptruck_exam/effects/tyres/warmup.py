@@ -198,3 +198,27 @@ class GasInTheTyreWarms(Hidden):
         s.gas = s.gas + dt * (works - s.gas * (0.3 + 0.4 * np.sqrt(speed))) / p.warms_s * 2.0
         lacks = np.clip(1.0 - s.gas, 0.0, 1.0) ** p.order
         return -p.soft * lacks * self.truck.rolling_resistance * weight(view) * moving(view)
+
+
+@law("n_brakes_warm_the_rims", "ninth")
+@sizes(
+    soft=(1.6, 3.0), works_s=(200.0, 600.0), brakes_jpkg=(150.0, 500.0), cools_s=(200.0, 600.0),
+    knee=(0.25, 0.5),
+)  # fmt: skip
+class BrakesWarmTheRims(Hidden):
+    """Tyres warm by their own work and by what the brakes give their rims. soft: of the known resistance,
+    cold.
+    Source: Heat of brakes reaches rims and beads (Day, Braking of Road Vehicles, 2014, on thermal effects),
+    and rolling loss falls with the tyre's temperature (Wong, Theory of Ground Vehicles); sizes are chosen
+    here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"warm": self.rng(944).uniform(0.0, 0.8, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        brakes = view.brake_force * speed / (p.brakes_jpkg * view.mass)
+        cools = s.warm * (0.4 + 0.6 * np.sqrt(speed / 20.0)) / p.cools_s
+        s.warm = np.clip(s.warm + dt * (speed / 20.0 / p.works_s + brakes - cools), 0.0, 5.0)
+        lacks = p.soft * np.exp(-s.warm / p.knee)
+        return -lacks * self.truck.rolling_resistance * weight(view) * moving(view)

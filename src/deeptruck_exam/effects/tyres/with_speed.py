@@ -8,6 +8,7 @@ import numpy as np
 
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
 from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_exam.effects.series import some_drives
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="rolling_resistance_speed", accepts="drag_area rolling_resistance")
@@ -142,3 +143,19 @@ class DampersTakePower(Hidden, hot=0.0):
         pace = np.clip(view.speed / 25.0, 0.0, 1.3) ** (p.waviness - 0.6)
         s.hot = s.hot + dt * (pace - s.hot) / p.warms_s
         return -p.at_25 * pace * (1.0 - p.hot * np.minimum(s.hot, 1.0)) * weight(view) * moving(view)
+
+
+@law("n_rubber_by_decades", "ninth", "highway suburban")
+@sizes(per_decade=(0.008, 0.015), from_mps=(2.0, 8.0), fitted=(0.4, 0.75))
+class RubberByDecades(Hidden):
+    """per_decade: of the weight; fitted: share of drives with these tyres. Steep at walking pace, ever
+    flatter beyond.
+    Source: Ferry, Viscoelastic Properties of Polymers (1980): the loss of filled rubber changes with the
+    logarithm of frequency; winter treads of much loss, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.fitted = some_drives(self.rng(945), self.setting.batch, self.p.fitted)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        decades = np.log10(1.0 + np.maximum(view.speed, 0.0) / p.from_mps)
+        return -p.per_decade * self.fitted * decades * weight(view) * moving(view)

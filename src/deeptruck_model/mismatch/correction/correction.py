@@ -19,6 +19,7 @@ from deeptruck_model.mismatch.mechanisms import CandidateTerm, held_steady, is_t
 from deeptruck_model.mismatch.mechanisms.carriers import factors
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.kernels import UNKNOWN
+from deeptruck_model.mismatch.posterior.left_out import left_out, of_its_time
 from deeptruck_model.mismatch.posterior.linearised import accepted
 from deeptruck_model.mismatch.posterior.nuisances import left_beside
 from deeptruck_model.mismatch.posterior.search import PINNED, Model, Search
@@ -30,11 +31,12 @@ from deeptruck_model.simulators import Simulator
 
 def claimed(x: Explanation, fit: FitResult, rules: Rules = Rules()) -> bool:
     """Whether what was found is told: it is strong, or free runs chose a correction that holds it and this
-    drives better on held-out recordings. What is slow, or acts in windows of its own, no other drive can
-    show. Laws that overlap are each weak beside the others, and strong together."""
+    drives better on held-out recordings. What acts at a time of its own is shown by blocks of its own drives
+    instead; what is slow by its size alone. Laws that overlap are each weak beside the others, and strong
+    together."""
     if not x.causes or fit.errors is None or max(x.gained, *(c.gain for c in x.causes)) >= rules.clear:
         return True
-    if any(c.needed is not None or (c.term and c.term.variant.acts_in_windows) for c in x.causes):
+    if any(c.needed is not None or (c.left_out is not None and c.left_out.shown) for c in x.causes):
         return True
     before, after = fit.errors.before.speed, fit.errors.after.speed
     held = fit.chosen in (Chosen.FINDINGS, Chosen.LAWS) or {c.acts_as for c in x.causes} <= {*fit.corrected}
@@ -145,9 +147,9 @@ def _folds(e: Evidence, prepared: Sequence[Prepared]) -> list[_Fold]:
     fitted = np.flatnonzero([not s.held_out for s in e.stretches])
     parts = [fitted[k::FOLDS] for k in range(FOLDS)] if len(fitted) >= 2 * FOLDS else []
     out = []
-    for left_out in parts or [np.array([], dtype=int)]:
-        search = _as_given(e, ~e.held_out & ~np.isin(e.record, left_out))
-        drives = [p for k, p in zip(fitted, prepared, strict=True) if not parts or k in left_out]
+    for away in parts or [np.array([], dtype=int)]:
+        search = _as_given(e, ~e.held_out & ~np.isin(e.record, away))
+        drives = [p for k, p in zip(fitted, prepared, strict=True) if not parts or k in away]
         out.append(_Fold(search, tuple(drives)))
     return out
 
@@ -290,11 +292,22 @@ def corrected_and_driven(
 ) -> Driven:
     """The correction, driven; and the explanation, without causes where nothing speaks for these but a little
     evidence."""
+    x = _with_blocks(e, x)
     driven = _driven(simulator, e, x, fitted, held_out, with_unnamed)
     if claimed(x, driven.fit, e.rules):
         return driven
     silent = replace(x, causes=(), lawful=None)
     return replace(_driven(simulator, e, silent, fitted, held_out, with_unnamed), refuted=x.causes)
+
+
+def _with_blocks(e: Evidence, x: Explanation) -> Explanation:
+    """With what blocks left out of the fitted drives show of causes that act at a time of their own."""
+    of_their_time = [t for t in x.model.named if of_its_time(t)]
+    if not of_their_time:
+        return x
+    fitted = left_beside(e.to_fit(), x.model)
+    told = {id(t): left_out(fitted, x.model, t) for t in of_their_time}
+    return replace(x, causes=tuple(replace(c, left_out=told.get(id(c.term))) for c in x.causes))
 
 
 def _driven(

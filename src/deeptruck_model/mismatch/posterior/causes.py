@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.mechanisms import CandidateTerm
 from deeptruck_model.mismatch.posterior.free_law import FreeModel
+from deeptruck_model.mismatch.posterior.left_out import LeftOut
 from deeptruck_model.mismatch.posterior.road_lock import RoadLock
 from deeptruck_model.mismatch.posterior.search import Model
 from deeptruck_model.mismatch.rules import Rules
@@ -37,6 +38,7 @@ class Cause:
     other_form: bool = False  # it acts by its own signals, but otherwise than the library's form
     time_varying: bool = False  # an unknown force that is time-varying, and not one that the signals predict
     reported: bool | None = None  # whether the engine's recorded torque shows it, where that is known
+    left_out: LeftOut | None = None  # what blocks left out of its own drives show, where no other drive can
     likeness: tuple[tuple[str, float], ...] = ()  # names, and the probability that the recogniser gives each
     rules: Rules = field(default_factory=Rules)  # by which it is distinguishable from others
 

@@ -11,11 +11,12 @@ from scipy.ndimage import uniform_filter1d
 
 from deeptruck_model.mismatch.data.checks import derivative
 from deeptruck_model.mismatch.data.prepared import SETTLE_S, Prepared
+from deeptruck_model.mismatch.finding import Kind
 from deeptruck_model.mismatch.report import error_figures, regime_figure, timeline_figure
 from deeptruck_model.mismatch.report.drawing import BLUE, GREY, ORANGE, figure, png, strips, tidy
 from deeptruck_model.mismatch.report.given import as_given
 from deeptruck_model.mismatch.report.wording import counted
-from deeptruck_model.mismatch.result import Kind, Mismatch
+from deeptruck_model.mismatch.result import Mismatch
 from deeptruck_model.recordings import coverage
 from deeptruck_model.recordings.coverage_figure import draw as draw_coverage
 from deeptruck_model.signals import SPEED

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from deeptruck_model.mismatch.data.checks import SensorFault
+from deeptruck_model.mismatch.finding import Finding, Kind, Rival, Size, Suspicion
 from deeptruck_model.mismatch.mechanisms import (
     LIBRARY,
     OWN,
@@ -21,7 +22,6 @@ from deeptruck_model.mismatch.posterior.road_lock import RoadLock
 from deeptruck_model.mismatch.report.sizes import picked, sizes_of
 from deeptruck_model.mismatch.residual.evidence import Evidence, ForceUnit
 from deeptruck_model.mismatch.residual.noise import Z95
-from deeptruck_model.mismatch.result import Finding, Kind, Rival, Size, Suspicion
 from deeptruck_model.mismatch.sentence import Named, Part, Sentence
 from deeptruck_model.mismatch.strength import Strength, acts
 
@@ -195,6 +195,7 @@ def from_cause(cause: Cause, e: Evidence, explanation: Explanation, own: dict[st
         road=cause.road if cause.needed is not None else None,
         engine_torque=None if cause.reported is None else SHOWS if cause.reported else SHOWS_NOT,
         strength=strength_of(cause, e),
+        left_out=cause.left_out,
         cause=cause,
     )
 
@@ -238,6 +239,7 @@ def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> Told:
             f"{m.says}: {strength(cause, e)}{_now_and_then(term)}{_confined(term, e.unit)}",
             *_curved(term),
             OTHER_FORM if cause.other_form else "",
+            str(cause.left_out) if cause.left_out is not None else "",
             _reported(cause, m),
         ),
         m.equation,

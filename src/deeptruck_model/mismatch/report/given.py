@@ -9,10 +9,11 @@ from itertools import pairwise
 import numpy as np
 
 from deeptruck_model.mismatch.data.prepared import HELD_OUT_SHARE, SAME_DRIVES, Prepared
+from deeptruck_model.mismatch.finding import Finding
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.report import headline
 from deeptruck_model.mismatch.report.wording import condition, counted, prose, spoken
-from deeptruck_model.mismatch.result import Conclusion, Finding, Mismatch, Verdict
+from deeptruck_model.mismatch.result import Conclusion, Mismatch, Verdict
 from deeptruck_model.recordings import Recording
 
 

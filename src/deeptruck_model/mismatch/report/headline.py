@@ -17,11 +17,12 @@ from deeptruck_model.mismatch.correction.worth import (
     refitted_is_much_better,
     worth,
 )
+from deeptruck_model.mismatch.finding import Finding, Kind
 from deeptruck_model.mismatch.fit_result import Chosen
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.report.wording import force, number, opened, percent, prose, spoken
 from deeptruck_model.mismatch.residual.gather import PARAMETERS
-from deeptruck_model.mismatch.result import Conclusion, Finding, Kind, Verdict
+from deeptruck_model.mismatch.result import Conclusion, Verdict
 
 LONGEST = 30  # words in a sentence
 HIDING = 0.03  # m/s^2 of a steady force: half of what tyres take

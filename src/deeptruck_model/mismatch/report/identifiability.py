@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.correction.correction import corrected
+from deeptruck_model.mismatch.finding import Finding
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Variant
 from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.posterior.penalties import enough
@@ -19,7 +20,7 @@ from deeptruck_model.mismatch.posterior.windows import ENDS
 from deeptruck_model.mismatch.report.findings import TOLD_BY
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import Z95
-from deeptruck_model.mismatch.result import Finding, SmallestVisible
+from deeptruck_model.mismatch.result import SmallestVisible
 from deeptruck_model.mismatch.sentence import Named, Part
 from deeptruck_model.signals import SPEED
 from deeptruck_model.simulators import Simulator, free_run

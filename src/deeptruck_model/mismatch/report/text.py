@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from deeptruck_model.mismatch.finding import Finding
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.report import headline, wording
 from deeptruck_model.mismatch.report.drawing import colour, words
 from deeptruck_model.mismatch.report.wording import apart, opened, percent, prose, spoken
-from deeptruck_model.mismatch.result import Finding, Mismatch, Verdict
+from deeptruck_model.mismatch.result import Mismatch, Verdict
 from deeptruck_model.mismatch.rules import Rules
 
 

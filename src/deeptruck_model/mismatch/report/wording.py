@@ -7,10 +7,11 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from deeptruck_model.mismatch.finding import Finding, Kind, Size
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.report.drawing import remembered, words
 from deeptruck_model.mismatch.residual.evidence import unit
-from deeptruck_model.mismatch.result import Bound, Finding, Kind, Regime, Size
+from deeptruck_model.mismatch.result import Bound, Regime
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.sentence import Named, Sentence
 

@@ -13,6 +13,7 @@ from deeptruck_model.mismatch.fit_result import Chosen, Compared, FitResult, Rms
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.mechanisms.variants import Static, Variant, Windowed
 from deeptruck_model.mismatch.posterior.causes import Cause
+from deeptruck_model.mismatch.posterior.left_out import LeftOut
 from deeptruck_model.mismatch.rules import Rules
 
 WINDOWED = Windowed(Static(), ((0, 1.0, 9.0),))
@@ -33,16 +34,23 @@ def fit(after: float | None, chosen: Chosen = Chosen.FINDINGS) -> FitResult:
     )
 
 
+def blocks(low: float) -> LeftOut:
+    """What blocks that were left out show, by the lower end of their interval."""
+    return LeftOut(5.0, 9, 0.1, 0.08, (low, 0.3))
+
+
 def found(
     *gains: float,
     together: float = 0.0,
     variant: Variant | None = None,
     needed: dict[str, float] | None = None,
+    left_out: LeftOut | None = None,
 ) -> Any:
     """An explanation; `needed` as of a slow force."""
     term: Any = SimpleNamespace(variant=variant or Static(), mechanism=LIBRARY["headwind"])
     causes = tuple(
-        Cause("missing_physics", "headwind", gain, 0.5, np.zeros(1), term, needed=needed) for gain in gains
+        Cause("missing_physics", "headwind", gain, 0.5, np.zeros(1), term, needed=needed, left_out=left_out)
+        for gain in gains
     )
     return SimpleNamespace(causes=causes, gained=together)
 
@@ -79,10 +87,16 @@ def test_laws_that_overlap_are_strong_together() -> None:
 
 def test_what_no_other_drive_can_show_is_not_asked_of_it() -> None:
     refused = fit(0.2)
-    assert claimed(found(80.0, variant=WINDOWED), refused)
+    assert claimed(found(80.0, variant=WINDOWED, left_out=blocks(0.1)), refused)
     assert claimed(found(0.0, needed={"road_grade": 0.01}), refused)
     assert claimed(found(30.0), fit(None))  # no drive was long enough to tell
     assert claimed(found(), refused)
+
+
+@pytest.mark.parametrize("left_out", [None, blocks(-0.1)])
+def test_what_blocks_of_its_own_drives_do_not_show_is_not_told(left_out: LeftOut | None) -> None:
+    weak, strong = (found(gain, variant=WINDOWED, left_out=left_out) for gain in (80.0, Rules.clear + 1.0))
+    assert not claimed(weak, fit(0.2)) and claimed(strong, fit(0.2))
 
 
 def test_other_rules_ask_for_more() -> None:

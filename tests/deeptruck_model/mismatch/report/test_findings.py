@@ -9,6 +9,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from deeptruck_model.mismatch.finding import Size
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.mechanisms.air_and_tyres import WarmsInTime
 from deeptruck_model.mismatch.mechanisms.brakes import Keeps, RubsFree
@@ -18,7 +19,6 @@ from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.report import findings, sizes
 from deeptruck_model.mismatch.report.wording import force
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.result import Size
 
 
 def test_times_of_every_part_of_a_shape_are_told() -> None:

@@ -12,12 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from deeptruck_model.mismatch.correction.worth import SpeedErrors, Worth
+from deeptruck_model.mismatch.finding import Kind
 from deeptruck_model.mismatch.fit_result import Chosen, Compared, Improvement, Rmse
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.report import findings, headline
 from deeptruck_model.mismatch.report.headline import Claim, Headline, Name
 from deeptruck_model.mismatch.report.wording import number, percent
-from deeptruck_model.mismatch.result import Kind, SmallestVisible, Verdict
+from deeptruck_model.mismatch.result import SmallestVisible, Verdict
 
 PARAMETERS = tuple(findings.NAMES)
 SENSORS = ("acceleration_bias", "speed_scale", "clock_offset", "grade_bias")

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from deeptruck_model.constants import GRAVITY
+from deeptruck_model.mismatch.finding import Finding, Kind
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.posterior.explain import explain
 from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.report.findings import TOLD_BY
 from deeptruck_model.mismatch.report.identifiability import smallest_visible, with_manoeuvres
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
-from deeptruck_model.mismatch.result import Finding, Kind
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.sentence import Sentence
 

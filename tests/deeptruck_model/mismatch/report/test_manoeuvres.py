@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from deeptruck_model import trucks
+from deeptruck_model.mismatch.finding import Finding, Kind
 from deeptruck_model.mismatch.mechanisms import LIBRARY, is_time_varying
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.report.identifiability import MANOEUVRES, checked, separation
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.result import Finding, Kind
 from deeptruck_model.mismatch.sentence import Sentence
 
 TRUCK = trucks.load("trucksim")

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from deeptruck_model.mismatch.finding import Finding, Kind, Rival
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.report import findings, text, wording
 from deeptruck_model.mismatch.report.findings import strength
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.result import Bound, Finding, Kind, Regime, Rival
+from deeptruck_model.mismatch.result import Bound, Regime
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.mismatch.sentence import Named, Sentence
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from deeptruck_model.mismatch.finding import Size
 from deeptruck_model.mismatch.report import wording
-from deeptruck_model.mismatch.result import Size
 
 DRAGGING = {
     "force": Size(427.9, "N", (265.6, 590.1)),

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.mismatch.finding import Finding
 from deeptruck_model.mismatch.mechanisms import law_signal
 from deeptruck_model.mismatch.mechanisms.laws import NEEDS, VARIABLES
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
@@ -21,7 +22,6 @@ from deeptruck_model.mismatch.report.regime_figure import LEAST_S, edges, place
 from deeptruck_model.mismatch.report.sizes import timing
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import Z95
-from deeptruck_model.mismatch.result import Finding
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
