@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from deeptruck_exam.effects.law import Array
 from deeptruck_exam.teaching.injected import STRAYED
 from deeptruck_exam.teaching.samples import UNKNOWN, Samples
-from deeptruck_model.mismatch import Fingerprint, Layer, Recogniser
+from deeptruck_model.mismatch import NOTHING, Fingerprint, Layer, Recogniser
 
 if TYPE_CHECKING:
     import torch
@@ -41,6 +42,14 @@ class Lesson:
     families: NDArray[np.str_]
     worlds: NDArray[np.str_]
 
+    def save(self, path: Path) -> None:
+        np.savez(path, **vars(self))
+
+    @staticmethod
+    def load(path: Path) -> Lesson:
+        with np.load(path) as a:
+            return Lesson(**{n: a[n] for n in Lesson.__dataclass_fields__})
+
     def of(self, rows: NDArray[np.bool_]) -> Lesson:
         return Lesson(*(getattr(self, n)[rows] for n in Lesson.__dataclass_fields__))
 
@@ -54,7 +63,11 @@ def lesson(parts: Sequence[Samples], keys: tuple[str, ...], names: tuple[str, ..
         made.append(_of(part, keys, names))
         for name in sorted(set(part.names.tolist())):
             again = (part.names == name) & (rng.random(len(part.names)) < HIDDEN_SHARE)
-            if again.any() and name != UNKNOWN and part.families[again][0] not in ("faults", "parameters"):
+            if (
+                again.any()
+                and name not in (UNKNOWN, NOTHING)
+                and part.families[again][0] not in ("faults", "parameters")
+            ):
                 made.append(_of(_without(part.of(again), {name}), keys, names))
         made.append(_of(_of_fewer_signals(part, rng), keys, names))
     return Lesson(*(np.concatenate([getattr(m, n) for m in made]) for n in Lesson.__dataclass_fields__))
@@ -73,18 +86,18 @@ def _without(part: Samples, lost: set[str]) -> Samples:
     kept = np.array([key.partition(",")[0] not in lost for key in f.keys])
     keys = tuple(key for key, k in zip(f.keys, kept, strict=True) if k)
     held, free = (seen.of(slice(None), kept) for seen in (f.held, f.free))
-    return replace(part, fingerprint=Fingerprint(keys, f.chance[kept], held, free))
+    return replace(part, fingerprint=Fingerprint(keys, f.chance[kept], held, free, f.given))
 
 
 def _of(part: Samples, keys: tuple[str, ...], names: tuple[str, ...]) -> Lesson:
     f = part.fingerprint
-    there = f.names
+    there = f.names | {NOTHING}
     answers = [name if name in there else UNKNOWN for name in part.names]
     n = len(part.names)
     return Lesson(
         f.features(keys).astype(np.float32),
         f.by_evidence(names).astype(np.float32),
-        np.tile([name in there for name in names], (n, 1)),
+        f.possible(names),
         np.array([names.index(a) for a in answers]),
         np.array([f"{a} {law}" for a, law in zip(answers, part.laws, strict=True)]),
         part.families,
@@ -93,7 +106,8 @@ def _of(part: Samples, keys: tuple[str, ...], names: tuple[str, ...]) -> Lesson:
 
 
 def weights(some: Lesson, names: tuple[str, ...]) -> Array:
-    """Every name counts alike, and every law of a name."""
+    """Every name counts alike, and every law of a name; that nothing more is missing as much as all that is,
+    where names are given."""
     out = np.zeros(len(some.answer))
     for k, name in enumerate(names):
         own = some.answer == k
@@ -103,6 +117,10 @@ def weights(some: Lesson, names: tuple[str, ...]) -> Array:
         fault = all(law.split(" ")[1] in ("fault", "parameter") for law in laws)
         size = UNKNOWN_WEIGHT if name == UNKNOWN else FAULT_WEIGHT if fault else 1.0
         out[own] = size / len(laws) / count[place]
+    if NOTHING in names:
+        nothing = some.answer == names.index(NOTHING)
+        more = some.possible[:, names.index(NOTHING)] & ~nothing
+        out[nothing] *= out[more].sum() / max(float(out[nothing].sum()), 1e-9)
     return out / out.mean()
 
 
@@ -214,13 +232,9 @@ def score(p: Array, answer: NDArray[np.intp], weight: Array, credible: float = 0
     )
 
 
-def without_each_family(
-    whole: Lesson, keys: tuple[str, ...], names: tuple[str, ...], members: int = MEMBERS
-) -> dict[str, Recogniser]:
-    """By family, what learned from all other families in all other worlds."""
-    families = sorted(set(whole.worlds.tolist()))
-    others = {f: whole.of((whole.families != f) & (whole.worlds != f)) for f in families}
-    return {f: learned(some, keys, names, members) for f, some in others.items()}
+def without(family: str, whole: Lesson) -> Lesson:
+    """All of other families in other worlds."""
+    return whole.of((whole.families != family) & (whole.worlds != family))
 
 
 def unseen(whole: Lesson, by: Mapping[str, Recogniser]) -> tuple[Array, Array, NDArray[np.bool_]]:

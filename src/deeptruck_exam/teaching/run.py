@@ -23,9 +23,12 @@ from deeptruck_exam.teaching.injected import STRAYED
 from deeptruck_exam.teaching.learning import Lesson
 from deeptruck_exam.teaching.samples import UNKNOWN, Samples, samples
 from deeptruck_model import files
-from deeptruck_model.mismatch import Recogniser
+from deeptruck_model.mismatch import NOTHING, Recogniser
 
 WEIGHTS, CARD, WITHOUT = "recogniser.npz", "recogniser.json", "recogniser-without-{}.npz"
+LESSONS = "lessons.npz"  # while networks learn from them
+BESIDE = "beside known names"  # where nothing more may be missing
+FEWER = 3  # members of an ensemble that only judges a family
 
 
 def run(out: Path, bases: int, seed: int, jobs: int) -> dict[str, Any]:
@@ -40,7 +43,7 @@ def run(out: Path, bases: int, seed: int, jobs: int) -> dict[str, Any]:
             for k, done in enumerate(as_completed(waiting), 1):
                 done.result()
                 Console(stderr=True).print(f"base {k} of {len(plan)}")
-        return _taught(out, [Samples.load(_place(out, *job)) for job in plan], seed)
+        return _taught(out, [Samples.load(_place(out, *job)) for job in plan], seed, jobs)
 
 
 def _place(out: Path, family: str, seed: int) -> Path:
@@ -52,36 +55,66 @@ def _kept(place: Path, family: str, seed: int) -> None:
         samples(family, seed).save(place)
 
 
-def _taught(out: Path, parts: Sequence[Samples], seed: int) -> dict[str, Any]:
-    import torch
-
-    torch.set_num_threads(2)
+def _taught(out: Path, parts: Sequence[Samples], seed: int, jobs: int) -> dict[str, Any]:
     keys = tuple(sorted({key for p in parts for key in p.fingerprint.keys}))
     names = tuple(sorted({name for p in parts for name in p.names.tolist()}))
     whole = learning.lesson(parts, keys, names)
-    Console(stderr=True).print("learning without each family in turn, then from all")
-    by = learning.without_each_family(whole, keys, names, members=3)
-    for family, taught in by.items():
-        files.rewrite(out / WITHOUT.format(family), learning.packed(taught))
+    families = sorted({p.world for p in parts})
+    _learn(out, whole, keys, names, families, jobs)
+    by = {family: Recogniser.load(out / WITHOUT.format(family)) for family in families}
     card = {
         "taught_by": f"python -m deeptruck_exam.command recogniser --bases {len(parts)} --seed {seed}",
         "bases": len(parts),
         "residuals": len(whole.answer),
         "laws": len({law.removesuffix(STRAYED) for p in parts for law in p.laws.tolist()}),
-        "families": sorted({p.world for p in parts}),
+        "families": families,
         "names": names,
         "unseen_families": _unseen(whole, by, names),
     }
     files.rewrite(out / CARD, json.dumps(card, indent=1).encode())
-    files.rewrite(out / WEIGHTS, learning.packed(learning.learned(whole, keys, names)))
     return card
+
+
+def _learn(
+    out: Path,
+    whole: Lesson,
+    keys: tuple[str, ...],
+    names: tuple[str, ...],
+    families: Sequence[str],
+    jobs: int,
+) -> None:
+    """Weights by all, and by all but each family: in parallel, each in a process of its own."""
+    lessons = out / LESSONS
+    whole.save(lessons)
+    context = get_context("spawn")
+    tasks = [*((WITHOUT.format(f), f, FEWER) for f in families), (WEIGHTS, "", learning.MEMBERS)]
+    try:
+        with ProcessPoolExecutor(jobs, context, end_with_the_run) as pool:
+            waiting = [pool.submit(_learned, lessons, keys, names, *task) for task in tasks]
+            for k, done in enumerate(as_completed(waiting), 1):
+                done.result()
+                Console(stderr=True).print(f"network {k} of {len(tasks)}")
+    finally:
+        lessons.unlink(missing_ok=True)
+
+
+def _learned(
+    lessons: Path, keys: tuple[str, ...], names: tuple[str, ...], place: str, left_out: str, members: int
+) -> None:
+    import torch
+
+    torch.set_num_threads(1)
+    whole = Lesson.load(lessons)
+    some = learning.without(left_out, whole) if left_out else whole
+    files.rewrite(lessons.parent / place, learning.packed(learning.learned(some, keys, names, members)))
 
 
 def _unseen(whole: Lesson, by: Mapping[str, Recogniser], names: tuple[str, ...]) -> dict[str, dict[str, Any]]:
     """Scores on families it had not seen, in worlds it had not seen: of the network and of evidence alone."""
     network, evidence, rows = learning.unseen(whole, by)
-    named = whole.answer != names.index(UNKNOWN)
-    parts = {"all": rows, "with a name": rows & named, "unknown": rows & ~named}
+    named, beside = whole.answer != names.index(UNKNOWN), whole.possible[:, names.index(NOTHING)]
+    alone = rows & ~beside
+    parts = {"all": alone, "with a name": alone & named, "unknown": alone & ~named, BESIDE: rows & beside}
     return {
         title: {way: _score(whole.of(some), p[some], names) for way, p in _ways(network, evidence)}
         for title, some in parts.items()

@@ -10,16 +10,21 @@ from deeptruck_model.lazy import names
 if TYPE_CHECKING:
     from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, load_directory
     from deeptruck_model.mismatch.find import find_mismatch
+    from deeptruck_model.mismatch.mechanisms import LIBRARY
     from deeptruck_model.mismatch.output import apply, figures, summary, write
     from deeptruck_model.mismatch.posterior.clean_drives import CleanDrives
-    from deeptruck_model.mismatch.posterior.fingerprint import Fingerprint, Seen
+    from deeptruck_model.mismatch.posterior.fingerprint import Fingerprint, Given, Seen
+    from deeptruck_model.mismatch.posterior.kernels import NOTHING
     from deeptruck_model.mismatch.posterior.recogniser import Layer, Recogniser
     from deeptruck_model.mismatch.result import Mismatch
 
 __all__ = [
+    "LIBRARY",
+    "NOTHING",
     "CleanDrives",
     "CorrectedTruck",
     "Fingerprint",
+    "Given",
     "Layer",
     "Mismatch",
     "Recogniser",
@@ -37,9 +42,11 @@ __getattr__ = names(
     {
         "correction.corrected_truck": ("CorrectedTruck", "load_directory"),
         "find": ("find_mismatch",),
+        "mechanisms": ("LIBRARY",),
         "output": ("apply", "figures", "summary", "write"),
         "posterior.clean_drives": ("CleanDrives",),
-        "posterior.fingerprint": ("Fingerprint", "Seen"),
+        "posterior.fingerprint": ("Fingerprint", "Given", "Seen"),
+        "posterior.kernels": ("NOTHING",),
         "posterior.recogniser": ("Layer", "Recogniser"),
         "result": ("Mismatch",),
     },

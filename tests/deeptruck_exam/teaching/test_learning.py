@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ pytest.importorskip("torch")
 
 from deeptruck_exam.teaching import learning
 from deeptruck_exam.teaching.samples import UNKNOWN, Samples
-from deeptruck_model.mismatch import Fingerprint, Recogniser, Seen
+from deeptruck_model.mismatch import NOTHING, Fingerprint, Given, Recogniser, Seen
 
 KEYS = ("brake_lag, law", "headwind, law", "unknown, law")
 NAMES = ("brake_lag", "headwind", UNKNOWN)
@@ -31,7 +32,18 @@ def taught(family: str, seed: int, count: int = 120) -> Samples:
     seen = Seen(nats, sign, size, told, noise)
     names = np.array(NAMES)[which]
     laws = np.array([f"{family} {name} {k % 2}" for k, name in enumerate(names)])
-    return Samples(Fingerprint(KEYS, np.ones(3), seen, seen), names, laws, np.full(count, family), family)
+    alone = Given(np.zeros(count, dtype=bool), np.zeros(count), np.zeros(count))
+    made = Fingerprint(KEYS, np.ones(3), seen, seen, alone)
+    return Samples(made, names, laws, np.full(count, family), family)
+
+
+def left_over(family: str, seed: int) -> Samples:
+    """The same beside names, half of which leave nothing but the error of their form, where they act."""
+    part = taught(family, seed)
+    nothing = np.arange(len(part.names)) % 2 == 0
+    given = Given(np.full(len(nothing), True), np.full(len(nothing), 900.0), np.where(nothing, 0.9, 0.2))
+    beside = replace(part.fingerprint, given=given)
+    return replace(part, fingerprint=beside, names=np.where(nothing, NOTHING, part.names))
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +52,7 @@ def whole() -> learning.Lesson:
 
 
 def test_what_laws_have_in_common_is_learned(whole: learning.Lesson) -> None:
-    taught_by = learning.without_each_family(whole, KEYS, NAMES, members=1)
+    taught_by = {f: learning.learned(learning.without(f, whole), KEYS, NAMES, members=1) for f in FAMILIES}
     by, alone, rows = learning.unseen(whole, taught_by)
     assert rows.all()
     weight = learning.weights(whole, NAMES)
@@ -62,7 +74,7 @@ def test_what_tells_nothing_teaches_nothing() -> None:
         *(getattr(part.fingerprint.held, n) for n in ("sign", "size", "told", "noise")),
     )
     silent = Samples(
-        Fingerprint(KEYS, np.ones(3), weak, weak), part.names, part.laws, part.families, part.world
+        replace(part.fingerprint, held=weak, free=weak), part.names, part.laws, part.families, part.world
     )
     assert len(learning.lesson([part, silent], KEYS, NAMES).answer) == len(
         learning.lesson([part], KEYS, NAMES).answer
@@ -76,6 +88,24 @@ def test_every_name_counts_alike_and_every_law_of_it(whole: learning.Lesson) -> 
     laws = whole.laws[whole.answer == 0]
     each = {law: weight[whole.answer == 0][laws == law].sum() for law in set(laws.tolist())}
     assert max(each.values()) == pytest.approx(min(each.values()))
+
+
+def test_beside_names_nothing_more_can_be_missing() -> None:
+    names = (*NAMES, NOTHING)
+    parts = [
+        *(taught(f, k) for k, f in enumerate(FAMILIES)),
+        *(left_over(f, k) for k, f in enumerate(FAMILIES)),
+    ]
+    whole = learning.lesson(parts, KEYS, names)
+    nothing, beside = whole.answer == names.index(NOTHING), whole.possible[:, names.index(NOTHING)]
+    assert nothing.any() and beside[nothing].all() and not beside.all()
+    weight = learning.weights(whole, names)
+    assert weight[nothing].sum() == pytest.approx(weight[beside & ~nothing].sum())
+    by = learning.learned(whole, KEYS, names, members=1)
+    alone = by.probabilities(taught("first", 7).fingerprint)[:, names.index(NOTHING)]
+    given, said = left_over("first", 7), by.probabilities(left_over("first", 7).fingerprint)
+    right = (said[:, names.index(NOTHING)] > 0.5) == (given.names == NOTHING)
+    assert alone.max() < 1e-6 and right.mean() > 0.9
 
 
 def test_what_is_packed_is_what_was_learned(whole: learning.Lesson, tmp_path: Path) -> None:

@@ -28,7 +28,7 @@ NUMERICS = {
     "correction/worth.py": {"NOTICED", "NOTICED_M_S"},
     "data/prepared.py": {"LEAST_DRIVING_S", "LEAST_SPEED_SD"},
     "posterior/candidates.py": {"FEW_COLUMNS", "FITTED", "MOST_COLUMNS", "SECOND_TERMS"},
-    "posterior/fingerprint.py": {"ACTING", "FEW_ROWS"},
+    "posterior/kernel_evidence.py": {"ACTING", "FEW_ROWS"},
     "posterior/formula.py": {"BEYOND", "CELLS", "LEAST_IN_CELL", "LEAST_R2"},
     "posterior/free_law.py": {"LEAST_R2"},
     "posterior/kernels.py": {"TINY"},

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.data.prepared import prepare
 from deeptruck_model.mismatch.mechanisms import LIBRARY
-from deeptruck_model.mismatch.posterior.fingerprint import Fingerprint, KernelEvidence
+from deeptruck_model.mismatch.posterior.fingerprint import Fingerprint
+from deeptruck_model.mismatch.posterior.kernel_evidence import KernelEvidence
 from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.residual.gather import gather
 from deeptruck_model.mismatch.rules import Rules

@@ -1,8 +1,7 @@
 """What every kernel says of one residual: its fingerprint, by which laws of no library's form are recognised.
 
 A force that follows one name's physics, in whatever form, is explained in part by other names too, and by
-how much each of them explains it one law is like another of its name. All of it needs inner products of
-whitened features alone, so that thousands of residuals along the same drives cost seconds.
+how much each of them explains it one law is like another of its name. `kernel_evidence` makes them.
 """
 
 from __future__ import annotations
@@ -12,19 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import log_ndtr, logsumexp
 
-from deeptruck_model.mismatch.posterior.kernels import Kernel, kernels
-from deeptruck_model.mismatch.posterior.search import Model, Search
-from deeptruck_model.mismatch.residual.noise import TAIL, whiten
+from deeptruck_model.mismatch.posterior.kernels import NOTHING
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
+Rows = NDArray[np.bool_] | Sequence[int]
 
 SIZES = np.array([0.05, 0.15, 0.4, 1.0, 2.5])  # of a kernel beside its prior sd, equally likely
-SIGNED_ROWS = 150  # at which a sign is looked at, where the force is ...
-ACTING = 0.2  # ... of its largest, or more; and it tells nothing by ...
-FEW_ROWS = 20  # ... fewer
 TEMPER, COARSE = 3.0, 0.05  # nats between names count by the larger of TEMPER and COARSE of the most
 FURTHEST = 8.0  # of such, by which a kernel may be worse
 
@@ -50,7 +44,11 @@ class Seen:
         out: Array = np.maximum(TEMPER, COARSE * self.nats.max(axis=0))
         return out
 
-    def of(self, rows: NDArray[np.bool_] | slice, kernels: NDArray[np.bool_] | slice = slice(None)) -> Seen:
+    def of(
+        self,
+        rows: NDArray[np.bool_] | Sequence[int] | slice,
+        kernels: NDArray[np.bool_] | slice = slice(None),
+    ) -> Seen:
         """Of some of the residuals, by some of the kernels."""
         nats, sign, told = (x[kernels][:, rows] for x in (self.nats, self.sign, self.told))
         return Seen(nats, sign, self.size[kernels][:, rows], told, self.noise[rows])
@@ -76,6 +74,26 @@ class Seen:
 
 
 @dataclass(frozen=True)
+class Given:
+    """Of N residuals, each (N,): whether they stand beside names that are given (`there`), so that nothing
+    more may be missing; the nats that these explain; and how far what is left acts where they act, 0 to 1. A
+    form that is not quite right leaves the more the more it explains, and leaves it where it acts."""
+
+    there: NDArray[np.bool_]
+    explained: Array
+    overlap: Array
+
+    @property
+    def features(self) -> Array:
+        """As a network sees it, (2, N)."""
+        return np.stack([np.log(np.maximum(self.explained, 1.0)) / 8.0, self.overlap])
+
+    def of(self, rows: Rows) -> Given:
+        """Of some of the residuals."""
+        return Given(self.there[rows], self.explained[rows], self.overlap[rows])
+
+
+@dataclass(frozen=True)
 class Fingerprint:
     """What kernels say of residuals, by their `keys`: beside parameters that are `held` near what they are,
     and that are `free`. `chance` (k,): prior odds of the kernels."""
@@ -84,21 +102,35 @@ class Fingerprint:
     chance: Array
     held: Seen
     free: Seen
+    given: Given
 
     @property
     def names(self) -> frozenset[str]:
         """What its kernels stand for."""
         return frozenset(key.partition(",")[0] for key in self.keys)
 
+    def of(self, rows: Rows) -> Fingerprint:
+        """Of some of the residuals."""
+        parts = (self.held.of(rows), self.free.of(rows), self.given.of(rows))
+        return Fingerprint(self.keys, self.chance, *parts)
+
+    def possible(self, names: Sequence[str]) -> NDArray[np.bool_]:
+        """Which names can be the answer, (N, names)."""
+        there = self.given.there
+        out = np.tile([name in self.names for name in names], (len(there), 1))
+        if NOTHING in names:
+            out[:, list(names).index(NOTHING)] = there
+        return out
+
     def features(self, keys: Sequence[str]) -> Array:
         """What a network sees of these kernels, (N, d): what they say, beside held and beside free
-        parameters, and which of them there are."""
+        parameters, what is given, and which of them there are."""
         known = [k for k, key in enumerate(self.keys) if key in keys]
         at = [list(keys).index(self.keys[k]) for k in known]
         there = np.zeros((len(keys), len(self.held.noise)))
         there[at] = 1.0
         seen = [part.features(at, known, len(keys)) for part in (self.held, self.free)]
-        return np.concatenate([*seen, there]).T
+        return np.concatenate([*seen, self.given.features, there]).T
 
     def by_evidence(self, names: Sequence[str]) -> Array:
         """Log of what evidence alone says of each name against the best, (N, names), in tempered nats."""
@@ -111,6 +143,7 @@ class Fingerprint:
         """The same by one part, (names, N)."""
         told = (part.nats + part.sign + np.log(self.chance)[:, None]) / part.unit
         out = np.full((len(names), told.shape[1]), -np.inf)
+        out[[name == NOTHING for name in names]] = 0.0
         for k, key in enumerate(self.keys):
             name = key.partition(",")[0]
             if name in names:
@@ -118,169 +151,3 @@ class Fingerprint:
                 out[at] = np.logaddexp(out[at], told[k])
         out -= out.max(axis=0)
         return out
-
-
-@dataclass(frozen=True)
-class _Directions:
-    """A kernel beside what is given, turned so that its directions are independent: the power of each (d,),
-    how features become directions (features, d), what the given block takes from them (features, given), and
-    signed features at some rows (rows, d), or None."""
-
-    power: Array
-    turn: Array
-    given: Array
-    signed: Array | None
-
-
-class KernelEvidence:
-    """Kernels along the drives of a search, whitened by the noise of a model once for all residuals."""
-
-    def __init__(self, search: Search, model: Model, where: NDArray[np.bool_] | None = None) -> None:
-        """By all rows that count, or those of them `where` (n,) something acts."""
-        self.kernels: tuple[Kernel, ...] = kernels(search)
-        X, prior, _ = search.design(search.model((), frozenset()))
-        blocks = [X * prior.sd, *(k.features for k in self.kernels)]
-        ends = np.cumsum([b.shape[1] for b in blocks])
-        self._of: list[Places] = [
-            np.arange(end - b.shape[1], end) for end, b in zip(ends, blocks, strict=True)
-        ]
-        self._rows = search.rows if where is None else search.rows[where[search.rows]]
-        self._ar = model.fit.ar
-        weight = np.sqrt((TAIL + 1) / (TAIL + model.fit.innovations[self._rows] ** 2))
-        self._weight = weight / (search.series.relative[self._rows] * model.fit.sigma)
-        self._features = self._whitened(np.concatenate(blocks, axis=1))
-        self._gram = self._features.T @ self._features
-        self._signed = [_where_signed(k, self._rows) for k in self.kernels]
-        self._mean = X @ prior.mean
-        self._torque = search.torque
-
-    def of(self, residuals: Array, beside: Sequence[str] = (), quiet: float | None = None) -> Fingerprint:
-        """The fingerprints of residuals (n, N), m/s^2, beside kernels of names that are given. `quiet` is the
-        sum of squares that noise alone leaves; else that of the number of rows."""
-        left = self._whitened(residuals - self._mean[:, None])
-        onto, squares = self._features.T @ left, np.einsum("ij,ij->j", left, left)
-        quiet = float(len(self._rows)) if quiet is None else quiet
-        given = self._given(onto, beside)
-        free = given
-        for j, k in enumerate(self.kernels):
-            free = self._with(*free, j, 1.0) if k.part == "parameter" else free
-        held, loose = (_seen(*self._beside(onto, squares, block), quiet) for block in (given, free))
-        chance = np.array([k.chance for k in self.kernels])
-        return Fingerprint(tuple(k.key for k in self.kernels), chance, held, loose)
-
-    def squares(self, residual: Array) -> float:
-        """The sum of squares of a whitened residual (n,)."""
-        return float(np.sum(self._whitened(residual - self._mean) ** 2))
-
-    def reported(self, force: Array, name: str) -> float:
-        """Nats by which the engine's recorded torque speaks for a force (n,) of a name."""
-        shown = max((k.reported for k in self.kernels if k.name == name), default=0.0)
-        return self._torque.gain(force, shown) if self._torque is not None and shown > 0.0 else 0.0
-
-    def _whitened(self, x: Array) -> Array:
-        return whiten(x, self._ar, self._rows, self._weight)
-
-    def _given(self, onto: Array, names: Sequence[str]) -> tuple[Places, Array]:
-        """Features that are given, and what each is multiplied by: sensors, held parameters, and the kernel
-        of each name, at the size that explains most of the first residual beside those before it."""
-        at, scale = self._of[0], np.ones(len(self._of[0]))
-        for name in names:
-            own = [(j, s) for j, k in enumerate(self.kernels) if k.name == name for s in SIZES]
-            if own:
-                explains = [self._explained(onto[:, 0], *self._with(at, scale, j, s)) for j, s in own]
-                at, scale = self._with(at, scale, *own[int(np.argmax(explains))])
-        return at, scale
-
-    def _with(self, at: Places, scale: Array, j: int, size: float) -> tuple[Places, Array]:
-        more = self._of[1 + j]
-        return np.concatenate([at, more]), np.concatenate([scale, np.full(len(more), size)])
-
-    def _explained(self, onto: Array, at: Places, scale: Array) -> float:
-        """Log evidence of features together, beside noise alone."""
-        precision = np.eye(len(at)) + self._gram[np.ix_(at, at)] * np.outer(scale, scale)
-        pull = onto[at] * scale
-        return float(0.5 * pull @ np.linalg.solve(precision, pull) - 0.5 * np.linalg.slogdet(precision)[1])
-
-    def _beside(
-        self, onto: Array, squares: Array, given: tuple[Places, Array]
-    ) -> tuple[list[_Directions], list[Array], Array]:
-        """Each kernel's directions, what residuals have along them, each (d, N), and the squares left (N,),
-        beside what is given."""
-        at, scale = given
-        precision = np.eye(len(at)) + self._gram[np.ix_(at, at)] * np.outer(scale, scale)
-        pull = onto[at] * scale[:, None]
-        taken = np.linalg.solve(precision, pull)
-        directions, along = [], []
-        for j, own in enumerate(self._of[1:]):
-            across = self._gram[np.ix_(own, at)] * scale
-            inner = self._gram[np.ix_(own, own)] - across @ np.linalg.solve(precision, across.T)
-            power, turn = np.linalg.eigh(inner)
-            signed = self._signed[j]
-            turned = None if signed is None else signed @ turn
-            directions.append(_Directions(np.maximum(power, 0.0), turn, across, turned))
-            along.append(turn.T @ (onto[own] - across @ taken))
-        return directions, along, squares - np.einsum("ij,ij->j", pull, taken)
-
-
-def _seen(directions: list[_Directions], along: list[Array], squares: Array, quiet: float) -> Seen:
-    noise = np.ones(len(squares))
-    nats = _nats(directions, along, noise)
-    noise = np.minimum(quiet / np.maximum(_left(directions, along, squares, nats), 1e-9), 1.0)
-    nats = _nats(directions, along, noise)
-    size = np.argmax(nats, axis=1)
-    told, sign = (np.stack(x) for x in zip(*_signs(directions, along, size, noise), strict=True))
-    return Seen(logsumexp(nats, axis=1) - np.log(len(SIZES)), sign, size, told, noise)
-
-
-def _nats(directions: list[_Directions], along: list[Array], noise: Array) -> Array:
-    """Log evidence (k, sizes, N) of every kernel of every size, at a precision of the noise (N,)."""
-    out = np.empty((len(directions), len(SIZES), len(noise)))
-    for j, (d, a) in enumerate(zip(directions, along, strict=True)):
-        for i, size in enumerate(SIZES):
-            precision = 1.0 + size**2 * d.power[:, None] * noise
-            out[j, i] = 0.5 * np.sum((noise * size * a) ** 2 / precision - np.log(precision), axis=0)
-    return out
-
-
-def _left(directions: list[_Directions], along: list[Array], squares: Array, nats: Array) -> Array:
-    """The sum of squares (N,) that the best kernel leaves."""
-    left = squares.copy()
-    best, size = np.unravel_index(nats.reshape(-1, len(squares)).argmax(axis=0), nats.shape[:2])
-    for j in np.unique(best):
-        its = best == j
-        s, power = SIZES[size[its]], directions[j].power[:, None]
-        q = s**2 * power
-        left[its] -= np.sum((s * along[j][:, its]) ** 2 * (2.0 + q) / (1.0 + q) ** 2, axis=0)
-    return left
-
-
-def _signs(
-    directions: list[_Directions], along: list[Array], size: NDArray[np.intp], noise: Array
-) -> list[tuple[Array, Array]]:
-    """How many directions of each kernel the data tell, and what its sign is worth in nats, each (N,): the
-    share of its posterior that has it, by the rows where it acts, for as many directions as are told."""
-    out = []
-    for d, a, best in zip(directions, along, size, strict=True):
-        s = SIZES[best]
-        precision = 1.0 + noise * s**2 * d.power[:, None]
-        told = np.maximum(np.sum(1.0 - 1.0 / precision, axis=0), 1.0)
-        if d.signed is None:
-            out.append((told, np.zeros(len(noise))))
-            continue
-        mean = d.signed @ (noise * s * a / precision) * s
-        sd = np.sqrt(d.signed**2 @ (1.0 / precision)) * s + 1e-9
-        out.append((told, told * np.mean(log_ndtr(mean / sd) - np.log(0.5), axis=0)))
-    return out
-
-
-def _where_signed(kernel: Kernel, rows: Places) -> Array | None:
-    """Features (m, k) at some rows where the name acts, times the sign that its force has there."""
-    if kernel.sign is None or not len(rows):
-        return None
-    size = np.abs(kernel.sign[rows])
-    acting = rows[size > ACTING * np.quantile(size, 0.98)]
-    if len(acting) < FEW_ROWS:
-        return None
-    some = acting[np.linspace(0, len(acting) - 1, SIGNED_ROWS).astype(int)]
-    out: Array = np.sign(kernel.sign[some])[:, None] * kernel.features[some]
-    return out

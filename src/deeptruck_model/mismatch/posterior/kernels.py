@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from deeptruck_model.mismatch.posterior.search import ENGINE_GAIN, FREE, GAIN_RE
 Array = NDArray[np.float64]
 
 UNKNOWN = "unknown"
+NOTHING = "nothing"  # is missing beside names that are given
 LAW, IN_TIME, UNNAMED = 24, 60, 40  # leading directions that are kept of a kernel
 TIME_VARYING = 0.3  # prior odds that a name which may be time-varying is
 CARRIERS = {
@@ -51,8 +53,17 @@ class Kernel:
         return f"{self.name}, {self.part}"
 
 
+_made: WeakKeyDictionary[Search, tuple[Kernel, ...]] = WeakKeyDictionary()  # no longer than the search
+
+
 def kernels(search: Search) -> tuple[Kernel, ...]:
-    """Of every name in the search's library, of what has none, and of every parameter."""
+    """Of every name in the search's library, of what has none, and of every parameter; made once."""
+    if search not in _made:
+        _made[search] = _kernels(search)
+    return _made[search]
+
+
+def _kernels(search: Search) -> tuple[Kernel, ...]:
     found = [k for m in search.library for k in _of_terms(search, search.candidate_terms(m))]
     parameters = [
         Kernel(

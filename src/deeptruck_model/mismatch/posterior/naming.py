@@ -12,8 +12,8 @@ from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
 from deeptruck_model.mismatch.mechanisms.variants import Gate
 from deeptruck_model.mismatch.posterior.candidates import enriched, screen_terms
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
-from deeptruck_model.mismatch.posterior.fingerprint import KernelEvidence
-from deeptruck_model.mismatch.posterior.kernels import UNKNOWN
+from deeptruck_model.mismatch.posterior.kernel_evidence import KernelEvidence
+from deeptruck_model.mismatch.posterior.kernels import NOTHING, UNKNOWN
 from deeptruck_model.mismatch.posterior.penalties import enough, practical
 from deeptruck_model.mismatch.posterior.recogniser import recogniser
 from deeptruck_model.mismatch.posterior.search import MOST_TERMS, Model, Search
@@ -33,16 +33,22 @@ class Likeness:
     def of(
         self, force: Array, others: Collection[str], term: CandidateTerm | None = None
     ) -> dict[str, float]:
-        """The probability of every name beside `others`. The engine's recorded torque speaks of `force` (n,),
-        what the best explanation so far takes it to be. A `term` that is confined to a regime is judged by
-        what is seen there."""
+        """The probability of every name beside `others`, and that nothing more is missing there. The engine's
+        recorded torque speaks of `force` (n,), what the best explanation so far takes it to be. A `term` that
+        is confined to a regime is judged by what is seen there."""
         kernels = self._kernels(term)
         seen = kernels.of(self._search.series.y[:, None], sorted(others))
+        if others and seen.held.nats.max() < self._search.rules.least_gain:
+            return {NOTHING: 1.0}
         by = recogniser()
         log_p = np.log(np.maximum(by.told(seen)[0], 1e-12))
         log_p += np.array([kernels.reported(force, name) for name in by.names]) / seen.held.unit[0]
         p = np.exp(log_p - log_p.max()) * np.array([name not in others for name in by.names])
         return dict(zip(by.names, (p / p.sum()).tolist(), strict=True))
+
+    def nothing_more(self, force: Array, others: Collection[str], term: CandidateTerm | None = None) -> bool:
+        """Whether it is more probable than not that what others leave is but their forms' error."""
+        return self.of(force, others, term).get(NOTHING, 0.0) > 0.5
 
     def _kernels(self, term: CandidateTerm | None) -> KernelEvidence:
         """Along all rows, or those of the regime that a term is confined to; made once."""
@@ -77,6 +83,32 @@ def renamed(search: Search, model: Model) -> Model:
     return model
 
 
+def asked_for(search: Search, model: Model) -> Model:
+    """The model without laws that are more like what the others' forms leave over than like any name: the
+    weakest first, as the others explain the more without it."""
+    if search.e.model_discrepancy > 0.0:
+        return model
+    likeness = Likeness(search, model)
+    for term in sorted(filter(_acts_throughout, model.named), key=lambda t: _alone_gains(search, model, t)):
+        others = tuple(t for t in model.named if t is not term)
+        force = term.columns @ model.coefficients(term.mechanism.effect)
+        if others and likeness.nothing_more(force, {t.mechanism.effect for t in others}, term):
+            model = search.background(others)
+    return model
+
+
+def _alone_gains(search: Search, model: Model, term: CandidateTerm) -> float:
+    return model.score - search.background(tuple(t for t in model.named if t is not term)).score
+
+
+def beside_names(search: Search, model: Model, tuned: Sequence[Cause]) -> list[Cause]:
+    """Wrong parameters that are more than what the forms of names leave over."""
+    if search.e.model_discrepancy > 0.0 or not model.named or not tuned:
+        return list(tuned)
+    likeness = Likeness(search, model)
+    return [c for c in tuned if not likeness.nothing_more(c.force, set(model.effects))]
+
+
 def _lost(search: Search, model: Model, other: Model, others: Sequence[CandidateTerm]) -> float:
     """By how much the forms of another name explain less, in nats as those between names count."""
     gain = model.score - search.background(tuple(others)).score
@@ -90,7 +122,7 @@ def with_the_rest(search: Search, model: Model, rest: Array) -> Model:
         return model
     told = Likeness(search, model).of(rest, set(model.effects))
     best = _likest(search, told)
-    if told.get(best, 0.0) <= told[UNKNOWN] or best in model.effects:
+    if told.get(best, 0.0) <= max(told[UNKNOWN], told.get(NOTHING, 0.0)) or best in model.effects:
         return model
     return _by_the_name(search, model, model.named, best) or model
 
@@ -112,8 +144,8 @@ def _by_the_name(search: Search, model: Model, others: Sequence[CandidateTerm], 
 
 
 def recognised(search: Search, found: Explanation) -> Explanation:
-    """The explanation, each finding of missing physics with the probabilities of names that the recogniser
-    gives it beside the others.
+    """The explanation, each finding with the probabilities of names that the recogniser gives it beside the
+    others.
 
     Beside a learned simulator there are none: its model discrepancy is like any name. Nor for what acts in
     windows alone, or is slow: kernels are of what acts throughout.
@@ -132,15 +164,21 @@ def _acts_throughout(term: CandidateTerm) -> bool:
 
 def _has_a_likeness(c: Cause) -> bool:
     windowed = c.term is not None and c.term.variant.acts_in_windows
-    return c.kind == "missing_physics" and c.needed is None and not windowed
+    return c.needed is None and not windowed
 
 
 def _recognised(likeness: Likeness, c: Cause, causes: Sequence[Cause]) -> Cause:
     if not _has_a_likeness(c):
         return c
-    others = {o.acts_as for o in causes if o is not c and o.term is not None} - {c.effect}
-    told = replace(c, likeness=tuple(likeness.of(c.force, others, c.term).items()))
+    wrong = c.kind == "parameter_error"  # beside laws every parameter is free anyway
+    others = {o.acts_as for o in causes if o is not c and (wrong or o.term is not None)} - {c.effect, UNKNOWN}
+    names = likeness.of(c.force, others, c.term)
+    more = 1.0 - names.pop(NOTHING, 0.0)
+    if not names:
+        return c
+    told = replace(c, likeness=tuple((name, p / more) for name, p in names.items()))
     likest = max(told.likeness, key=lambda item: item[1])[0]
-    if any(o.effect == UNKNOWN for o in causes) or likest != UNKNOWN:
-        return told  # what has no name is one finding
+    named = c.kind == "missing_physics" and likest == UNKNOWN
+    if not named or any(o.effect == UNKNOWN for o in causes):  # what has no name is one finding
+        return told
     return replace(told, effect=UNKNOWN, nearest=c.effect)  # its term stays, as the nearest there is

@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 from scipy.special import erf, softmax
 
 from deeptruck_model.mismatch.posterior.fingerprint import Fingerprint
+from deeptruck_model.mismatch.posterior.kernels import NOTHING
 
 Array = NDArray[np.float64]
 
 WEIGHTS = Path(__file__).with_name("recogniser.npz")
 PER_KERNEL, WHOLE = 5, 2  # features of each kernel, and of all together, in either part of a fingerprint
+GIVEN = 2  # features of names that are given
 FARTHEST = 3.0  # sds of a feature from its mean in the lessons: beyond, it says no more
 SURE = 0.6  # exponent of probabilities on whole trucks; fitted to development cases of families left out
 NOWHERE = -30.0  # log probability of a name that cannot be
@@ -58,12 +60,12 @@ class Recogniser:
         return Recogniser(keys, names, mean, sd, trust, layers)
 
     def probabilities(self, f: Fingerprint) -> Array:
-        """Of each name (N, names), given that it is one of those that kernels stand for."""
-        known = np.array([n in f.names for n in self.names])
-        return self.of(f.features(self.keys), f.by_evidence(self.names), known)
+        """Of each name (N, names), given that it is one of those that kernels stand for, or nothing more
+        where names are given."""
+        return self.of(f.features(self.keys), f.by_evidence(self.names), f.possible(self.names))
 
     def of(self, seen: Array, evidence: Array, known: NDArray[np.bool_]) -> Array:
-        """The same from a fingerprint's `features` and `by_evidence`, and which names can be."""
+        """The same from a fingerprint's `features`, `by_evidence` and `possible`."""
         x = self.scaled(seen, self.mean, self.sd, len(self.keys))
         each = [trust * evidence + self._through(x, k) for k, trust in enumerate(self.trust)]
         members = [softmax(np.where(known, logits, NOWHERE), axis=1) for logits in each]
@@ -71,10 +73,13 @@ class Recogniser:
         return out
 
     def told(self, f: Fingerprint) -> Array:
-        """The same of trucks that were driven with what is missing, which are less like the lessons."""
-        p = self.probabilities(f) ** SURE
-        out: Array = p / p.sum(axis=1, keepdims=True)
-        return out
+        """The same of trucks that were driven with what is missing, which are less like the lessons: which
+        name it is is less sure there; whether anything more is missing is not."""
+        p = self.probabilities(f)
+        more = np.array([name != NOTHING for name in self.names])
+        out = np.where(more, p**SURE, 0.0)
+        out *= p[:, more].sum(axis=1, keepdims=True) / out.sum(axis=1, keepdims=True)
+        return np.where(more, out, p)
 
     @staticmethod
     def scaled(seen: Array, mean: Array, sd: Array, kernels: int) -> Array:
@@ -82,7 +87,8 @@ class Recogniser:
         what is usual; and nothing says more than what is far."""
         there = seen[:, -kernels:] > 0.5
         each = np.concatenate([np.tile(there, PER_KERNEL), np.ones((len(seen), WHOLE), bool)], axis=1)
-        known = np.concatenate([each, each, np.ones_like(there)], axis=1)
+        always = np.ones((len(seen), GIVEN + kernels), dtype=bool)
+        known = np.concatenate([each, each, always], axis=1)
         out: Array = np.clip(np.where(known, (seen - mean) / sd, 0.0), -FARTHEST, FARTHEST)
         return out
 

@@ -10,11 +10,14 @@ import pytest
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.posterior import naming
+from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.explain import explain
-from deeptruck_model.mismatch.posterior.fingerprint import KernelEvidence
-from deeptruck_model.mismatch.posterior.naming import recognised, renamed
+from deeptruck_model.mismatch.posterior.kernel_evidence import KernelEvidence
+from deeptruck_model.mismatch.posterior.kernels import NOTHING
+from deeptruck_model.mismatch.posterior.naming import asked_for, beside_names, recognised, renamed
 from deeptruck_model.mismatch.posterior.recogniser import WEIGHTS, Recogniser, recogniser
 from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.posterior.stepwise import grow
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 
@@ -76,3 +79,53 @@ def test_a_liker_name_takes_the_place_unless_its_forms_explain_far_less(
     monkeypatch.setattr(Recogniser, "probabilities", lambda self, f: likely)
     monkeypatch.setattr(naming, "_lost", lambda *given: lost)
     assert renamed(search, model).effects == ((other,) if moves else (effect,))
+
+
+def two_laws(e: Evidence) -> Evidence:
+    """A wind's force beside brakes that come late."""
+    late = lazy_brakes(e)
+    return replace(late, residual=late.residual - 4e-4 * e["speed"] ** 2)
+
+
+@pytest.mark.parametrize(("nothing", "left"), [(0.9, 1), (0.1, 2)])
+def test_a_law_that_is_like_nothing_more_beside_the_others_goes(
+    nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch, nothing: float, left: int
+) -> None:
+    search = Search(two_laws(nothing_missing))
+    both = tuple(search.candidate_terms(LIBRARY[name])[0] for name in ("brake_lag", "headwind"))
+    model = search.model(both, frozenset())
+    names = recogniser().names
+    likely = np.full((1, len(names)), (1.0 - nothing) / (len(names) - 1))
+    likely[0, names.index(NOTHING)] = nothing
+    monkeypatch.setattr(Recogniser, "told", lambda self, f: likely)
+    assert len(asked_for(search, model).named) == left
+
+
+def test_one_law_alone_is_never_nothing_more(nothing_missing: Evidence) -> None:
+    search = Search(lazy_brakes(nothing_missing))
+    model = grow(search, search.background(()))[0]
+    assert len(model.named) == 1
+    assert asked_for(search, model) is model
+
+
+def test_nothing_more_is_an_answer_beside_names_alone(nothing_missing: Evidence) -> None:
+    search = Search(lazy_brakes(nothing_missing))
+    by, y = KernelEvidence(search, search.background(())), search.series.y[:, None]
+    at = recogniser().names.index(NOTHING)
+    alone, beside = (recogniser().probabilities(by.of(y, given))[0, at] for given in ((), ("brake_lag",)))
+    assert alone < 1e-6 < beside
+
+
+@pytest.mark.parametrize(("nothing", "kept"), [(0.9, 0), (0.1, 1)])
+def test_a_parameter_that_is_but_the_error_of_a_form_is_no_finding(
+    nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch, nothing: float, kept: int
+) -> None:
+    search = Search(lazy_brakes(nothing_missing))
+    model = grow(search, search.background(()))[0]
+    wrong = Cause("parameter_error", "torque_gain", 50.0, 0.1, search.e.sensitivity["torque_gain"] * 0.05)
+    names = recogniser().names
+    likely = np.full((1, len(names)), (1.0 - nothing) / (len(names) - 1))
+    likely[0, names.index(NOTHING)] = nothing
+    monkeypatch.setattr(Recogniser, "told", lambda self, f: likely)
+    assert len(beside_names(search, model, [wrong])) == kept
+    assert beside_names(search, search.background(()), [wrong]) == [wrong]

@@ -10,7 +10,8 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, is_time_varying
-from deeptruck_model.mismatch.posterior.fingerprint import SIZES, Fingerprint, KernelEvidence
+from deeptruck_model.mismatch.posterior.fingerprint import SIZES, Fingerprint
+from deeptruck_model.mismatch.posterior.kernel_evidence import KernelEvidence
 from deeptruck_model.mismatch.posterior.kernels import kernels
 from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -82,6 +83,18 @@ def test_what_other_names_explain_is_not_explained_again(nothing_missing: Eviden
     assert beside.held.nats.max() < 0.2 * alone.held.nats.max()
 
 
+def test_what_is_given_explains_and_the_error_of_its_form_acts_where_it_does(
+    nothing_missing: Evidence,
+) -> None:
+    e = nothing_missing
+    wind, wear = force(law(e, "headwind", 0), 0.08), force(law(e, "brake_fade", 0), 0.05)
+    bent = np.sign(wind) * np.abs(wind) ** 3 / np.max(wind**2)
+    form, second = of(e, bent, "headwind").given, of(e, wind + wear, "headwind").given
+    assert not of(e, wind).given.there[0] and of(e, wind).given.features.max() == 0.0
+    assert form.there[0] and form.explained[0] > 100.0 and second.explained[0] > 100.0
+    assert form.overlap[0] > second.overlap[0] + 0.1
+
+
 def test_many_residuals_at_once_are_each_as_alone(nothing_missing: Evidence) -> None:
     by, rng = by_kernels(nothing_missing), np.random.default_rng(1)
     many = nothing_missing.residual[:, None] + rng.normal(0.0, 0.02, (len(nothing_missing), 3))
@@ -120,7 +133,7 @@ def test_features_are_where_a_network_looks_for_them(nothing_missing: Evidence) 
     found = of(nothing_missing, force(law(nothing_missing, "headwind", 0), 0.04))
     keys = ("of no kernel here", *found.keys)
     seen = found.features(keys)
-    assert seen.shape == (1, 11 * len(keys) + 4) and np.isfinite(seen).all()
+    assert seen.shape == (1, 11 * len(keys) + 6) and np.isfinite(seen).all()
     np.testing.assert_array_equal(seen[0, -len(keys) :], [0.0, *np.ones(len(found.keys))])
     fewer = replace(found, keys=("other, law", *found.keys[1:]))
     assert fewer.features(keys)[0, -len(keys) + 1] == 0.0
