@@ -16,7 +16,7 @@ from deeptruck_model.mismatch.posterior.kernel_evidence import KernelEvidence
 from deeptruck_model.mismatch.posterior.kernels import NOTHING
 from deeptruck_model.mismatch.posterior.naming import asked_for, beside_names, recognised, renamed
 from deeptruck_model.mismatch.posterior.recogniser import WEIGHTS, Recogniser, recogniser
-from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.posterior.stepwise import grow
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
@@ -81,19 +81,22 @@ def test_a_liker_name_takes_the_place_unless_its_forms_explain_far_less(
     assert renamed(search, model).effects == ((other,) if moves else (effect,))
 
 
-def two_laws(e: Evidence) -> Evidence:
-    """A wind's force beside brakes that come late."""
-    late = lazy_brakes(e)
-    return replace(late, residual=late.residual - 4e-4 * e["speed"] ** 2)
+def of_two_laws(e: Evidence) -> tuple[Search, Model]:
+    """Brakes that fade beside a wind, as they are modelled."""
+    before = Search(e)
+    laws = [before.candidate_terms(LIBRARY[name])[0] for name in ("brake_fade", "headwind")]
+    shapes = [t.columns @ (np.abs(t.prior.mean) + t.prior.sd) for t in laws]
+    forces = [0.06 * shape / np.sqrt(np.mean(shape**2)) for shape in shapes]
+    search = Search(replace(e, residual=e.residual + forces[0] + forces[1]))
+    both = tuple(search.candidate_terms(LIBRARY[name])[0] for name in ("brake_fade", "headwind"))
+    return search, search.model(both, frozenset())
 
 
 @pytest.mark.parametrize(("nothing", "left"), [(0.9, 1), (0.1, 2)])
 def test_a_law_that_is_like_nothing_more_beside_the_others_goes(
     nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch, nothing: float, left: int
 ) -> None:
-    search = Search(two_laws(nothing_missing))
-    both = tuple(search.candidate_terms(LIBRARY[name])[0] for name in ("brake_lag", "headwind"))
-    model = search.model(both, frozenset())
+    search, model = of_two_laws(nothing_missing)
     names = recogniser().names
     likely = np.full((1, len(names)), (1.0 - nothing) / (len(names) - 1))
     likely[0, names.index(NOTHING)] = nothing
