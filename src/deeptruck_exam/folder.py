@@ -44,7 +44,7 @@ REAL = Result(
 )  # fmt: skip
 RECOGNISER = Result(
     "lessons of a recogniser",
-    ("recogniser.npz", "recogniser.json", "recogniser-without-*.npz", "base-*-*.npz", "lessons.npz"),
+    ("recogniser.npz", "recogniser.json", "recogniser-without-*.npz", "base-*-*.npz"),
 )
 LIMIT = Result("limits of cases", ("limit.json", "*-*-*.json"))
 

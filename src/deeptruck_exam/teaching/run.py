@@ -8,6 +8,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict
 from multiprocessing import get_context
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,6 @@ from deeptruck_model import files
 from deeptruck_model.mismatch import NOTHING, Recogniser
 
 WEIGHTS, CARD, WITHOUT = "recogniser.npz", "recogniser.json", "recogniser-without-{}.npz"
-LESSONS = "lessons.npz"  # while networks learn from them
 BESIDE = "beside known names"  # where nothing more may be missing
 FEWER = 3  # members of an ensemble that only judges a family
 
@@ -84,29 +84,28 @@ def _learn(
     jobs: int,
 ) -> None:
     """Weights by all, and by all but each family: in parallel, each in a process of its own."""
-    lessons = out / LESSONS
-    whole.save(lessons)
-    context = get_context("spawn")
     tasks = [*((WITHOUT.format(f), f, FEWER) for f in families), (WEIGHTS, "", learning.MEMBERS)]
-    try:
-        with ProcessPoolExecutor(jobs, context, end_with_the_run) as pool:
-            waiting = [pool.submit(_learned, lessons, keys, names, *task) for task in tasks]
-            for k, done in enumerate(as_completed(waiting), 1):
-                done.result()
-                Console(stderr=True).print(f"network {k} of {len(tasks)}")
-    finally:
-        lessons.unlink(missing_ok=True)
+    with (
+        TemporaryDirectory() as apart,
+        ProcessPoolExecutor(jobs, get_context("spawn"), end_with_the_run) as pool,
+    ):
+        lessons = Path(apart) / "lessons.npz"
+        whole.save(lessons)
+        waiting = [pool.submit(_learned, lessons, keys, names, out / n, f, m) for n, f, m in tasks]
+        for k, done in enumerate(as_completed(waiting), 1):
+            done.result()
+            Console(stderr=True).print(f"network {k} of {len(tasks)}")
 
 
 def _learned(
-    lessons: Path, keys: tuple[str, ...], names: tuple[str, ...], place: str, left_out: str, members: int
+    lessons: Path, keys: tuple[str, ...], names: tuple[str, ...], place: Path, left_out: str, members: int
 ) -> None:
     import torch
 
     torch.set_num_threads(1)
     whole = Lesson.load(lessons)
     some = learning.without(left_out, whole) if left_out else whole
-    files.rewrite(lessons.parent / place, learning.packed(learning.learned(some, keys, names, members)))
+    files.rewrite(place, learning.packed(learning.learned(some, keys, names, members)))
 
 
 def _unseen(whole: Lesson, by: Mapping[str, Recogniser], names: tuple[str, ...]) -> dict[str, dict[str, Any]]:
