@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch.mechanisms import is_time_varying
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.free_law import FreeModel, LeftOver, left_over
-from deeptruck_model.mismatch.posterior.naming import asked_for, beside_names, renamed, with_the_rest
+from deeptruck_model.mismatch.posterior.naming import asked_for, renamed, with_the_rest
 from deeptruck_model.mismatch.posterior.penalties import discrepancy_penalty, large_enough
 from deeptruck_model.mismatch.posterior.rivals import named_cause, tuned_causes
 from deeptruck_model.mismatch.posterior.road_lock import road_lock
@@ -83,7 +83,6 @@ def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[C
     names = sum(c.gain for c in named)
     unknown = _worth_calling_unknown(search.e, left, explained, names)
     tuned = tuned_causes(search, left.lawful if unknown and left.lawful else model)
-    tuned = beside_names(search, model, tuned)
     if named or tuned:  # a form that is not quite right biases the parameters a little; that is no finding
         most = max([c.gain for c in named + tuned] + ([left.gain] if unknown else []))
         tuned = [c for c in tuned if c.gain > search.rules.form_share * most]

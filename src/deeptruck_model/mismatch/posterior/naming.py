@@ -85,7 +85,8 @@ def renamed(search: Search, model: Model) -> Model:
 
 def asked_for(search: Search, model: Model) -> Model:
     """The model without laws that are more like what the others' forms leave over than like any name: the
-    weakest first, as the others explain the more without it."""
+    weakest first, as the others explain the more without it. Not so parameters: to a recogniser what forms
+    leave looks like them."""
     if search.e.model_discrepancy > 0.0:
         return model
     likeness = Likeness(search, model)
@@ -99,14 +100,6 @@ def asked_for(search: Search, model: Model) -> Model:
 
 def _alone_gains(search: Search, model: Model, term: CandidateTerm) -> float:
     return model.score - search.background(tuple(t for t in model.named if t is not term)).score
-
-
-def beside_names(search: Search, model: Model, tuned: Sequence[Cause]) -> list[Cause]:
-    """Wrong parameters that are more than what the forms of names leave over."""
-    if search.e.model_discrepancy > 0.0 or not model.named or not tuned:
-        return list(tuned)
-    likeness = Likeness(search, model)
-    return [c for c in tuned if not likeness.nothing_more(c.force, set(model.effects))]
 
 
 def _lost(search: Search, model: Model, other: Model, others: Sequence[CandidateTerm]) -> float:

@@ -10,11 +10,10 @@ import pytest
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.posterior import naming
-from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.explain import explain
 from deeptruck_model.mismatch.posterior.kernel_evidence import KernelEvidence
 from deeptruck_model.mismatch.posterior.kernels import NOTHING
-from deeptruck_model.mismatch.posterior.naming import asked_for, beside_names, recognised, renamed
+from deeptruck_model.mismatch.posterior.naming import asked_for, recognised, renamed
 from deeptruck_model.mismatch.posterior.recogniser import WEIGHTS, Recogniser, recogniser
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.posterior.stepwise import grow
@@ -117,18 +116,3 @@ def test_nothing_more_is_an_answer_beside_names_alone(nothing_missing: Evidence)
     at = recogniser().names.index(NOTHING)
     alone, beside = (recogniser().probabilities(by.of(y, given))[0, at] for given in ((), ("brake_lag",)))
     assert alone < 1e-6 < beside
-
-
-@pytest.mark.parametrize(("nothing", "kept"), [(0.9, 0), (0.1, 1)])
-def test_a_parameter_that_is_but_the_error_of_a_form_is_no_finding(
-    nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch, nothing: float, kept: int
-) -> None:
-    search = Search(lazy_brakes(nothing_missing))
-    model = grow(search, search.background(()))[0]
-    wrong = Cause("parameter_error", "torque_gain", 50.0, 0.1, search.e.sensitivity["torque_gain"] * 0.05)
-    names = recogniser().names
-    likely = np.full((1, len(names)), (1.0 - nothing) / (len(names) - 1))
-    likely[0, names.index(NOTHING)] = nothing
-    monkeypatch.setattr(Recogniser, "told", lambda self, f: likely)
-    assert len(beside_names(search, model, [wrong])) == kept
-    assert beside_names(search, search.background(()), [wrong]) == [wrong]
