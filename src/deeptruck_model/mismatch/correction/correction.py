@@ -31,16 +31,21 @@ from deeptruck_model.simulators import Simulator
 
 def claimed(x: Explanation, fit: FitResult, rules: Rules = Rules()) -> bool:
     """Whether what was found is told: it is strong, or free runs chose a correction that holds it and this
-    drives better on held-out recordings. What acts at a time of its own is shown by blocks of its own drives
-    instead; what is slow by its size alone. Laws that overlap are each weak beside the others, and strong
-    together."""
+    drives better on held-out recordings. What acts in windows of its own is shown by blocks of its own drives
+    instead; what is slow by its size alone. Knots predict left-out blocks of slow noise too, so blocks claim
+    nothing that is time-varying. Laws that overlap are each weak beside the others, and strong together."""
     if not x.causes or fit.errors is None or max(x.gained, *(c.gain for c in x.causes)) >= rules.clear:
         return True
-    if any(c.needed is not None or (c.left_out is not None and c.left_out.shown) for c in x.causes):
+    if any(c.needed is not None or _shown_in_windows(c) for c in x.causes):
         return True
     before, after = fit.errors.before.speed, fit.errors.after.speed
     held = fit.chosen in (Chosen.FINDINGS, Chosen.LAWS) or {c.acts_as for c in x.causes} <= {*fit.corrected}
     return held and after <= rules.no_better * before
+
+
+def _shown_in_windows(c: Cause) -> bool:
+    windowed = c.term is not None and c.term.variant.acts_in_windows
+    return windowed and c.left_out is not None and c.left_out.shown
 
 
 Mask = NDArray[np.bool_]
