@@ -196,10 +196,12 @@ def test_the_sealed_truth_alone_says_the_family(tmp_path):
 
 
 def test_unknown_forms_are_refused_in_one_line(tmp_path):
-    with pytest.raises(InputError, match="--forms: there are no effects of 'tenth'; choose from all, first"):
-        draw_plan("noise", 0, None, "physics", 1.0, forms="tenth")
-    with pytest.raises(InputError, match="no effects of 'tenth'"):
-        prove(tmp_path / "p", forms="tenth")
+    with pytest.raises(
+        InputError, match="--forms: there are no effects of 'eleventh'; choose from all, first"
+    ):
+        draw_plan("noise", 0, None, "physics", 1.0, forms="eleventh")
+    with pytest.raises(InputError, match="no effects of 'eleventh'"):
+        prove(tmp_path / "p", forms="eleventh")
     assert not (tmp_path / "p").exists()
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_exam.effects.law import Array
-from deeptruck_exam.effects.planting import FAMILIES, SEALED
+from deeptruck_exam.effects.planting import FAMILIES
 from deeptruck_exam.worlds import car_following, congestion, modes, procedures, roads, traffic, trucks
 from deeptruck_exam.worlds.drivers import Driver, Habits, Machine
 from deeptruck_exam.worlds.loggers import KMH, Logger, Sense
@@ -267,47 +267,56 @@ WORLDS = {
         ),
         Machine(ahead_s=1.8, band_mps=0.8, gain_per_s=0.25, integral=0.015),
     ),
-}
-SEALED_WORLD = World(  # a fleet that hires out; hasty, patient and heavy-footed people, a machine that is lax
-    Fleet(
-        shape=1.7,
-        tied=trucks.WITH_AGE,
-        lines={"rolling_resistance": (0.82, 0.95, 1.1, 1.25), "engine_inertia": (0.85, 1.0, 1.2)},
-        load_shape=0.6,
-        highest_m=1100.0,
-    ),
-    roads.drumlins,
-    roads.fans_down,
-    modes.modes,
-    (
-        Habits((0.7, 1.4), (0.1, 0.4), (0.35, 0.6), 0.006, (2.0, 4.5), mood=(0.06, 0.9)),
-        Habits(
-            (1.8, 3.2), (0.4, 1.0), (0.12, 0.24), 0.005, (0.5, 1.4), (0.1, 0.25), mood=(0.03, 4.0), glides=0.4
+    "drumlins": World(  # a fleet for hire; hasty, patient and heavy-footed people, a lax machine
+        Fleet(
+            shape=1.7,
+            tied=trucks.WITH_AGE,
+            lines={"rolling_resistance": (0.82, 0.95, 1.1, 1.25), "engine_inertia": (0.85, 1.0, 1.2)},
+            load_shape=0.6,
+            highest_m=1100.0,
         ),
-        Habits((1.0, 2.2), (0.2, 0.6), (0.2, 0.4), 0.007, (0.8, 2.0), notch=(0.04, 0.09), mood=(0.05, 2.5)),
-    ),
-    Logger(
-        {
-            "speed": Sense((0.008, 0.022), 0.2, (KMH / 256.0,), lag_s=(0.04, 0.2)),
-            "acceleration": Sense(
-                (0.03, 0.11), 0.08, (0.01, 0.03), lag_s=(0.02, 0.18), bias=0.005, walk=(0.0, 0.0025)
+        roads.drumlins,
+        roads.fans_down,
+        modes.modes,
+        (
+            Habits((0.7, 1.4), (0.1, 0.4), (0.35, 0.6), 0.006, (2.0, 4.5), mood=(0.06, 0.9)),
+            Habits(
+                (1.8, 3.2),
+                (0.4, 1.0),
+                (0.12, 0.24),
+                0.005,
+                (0.5, 1.4),
+                (0.1, 0.25),
+                mood=(0.03, 4.0),
+                glides=0.4,
             ),
-            "grade": Sense((0.0006, 0.0017), 5.0, (0.0002, 0.001), (0.0, 0.5), 0.0004, every=(1, 3, 5)),
-            "fuel_rate": Sense((0.006, 0.022), 0.3, (0.05 / 3.6,), every=(1, 2)),
-            "engine_torque": Sense((0.3, 0.9), 0.5, (1.0, 0.125), every=(1, 2)),
-        },
-        jitter_s=(0.001, 0.010),
-        jitter_tau_s=0.5,
-        late_s=(0.0, 0.06),
-        lost=(0.001, 0.012),
-        gaps=(0.0, 1.2),
-        spikes=(0.0, 2.0),
-        runout=(0.0, 0.0018),
-        joined=True,
-        pedal_steps=(0.4, 0.5, 0.1),
+            Habits(
+                (1.0, 2.2), (0.2, 0.6), (0.2, 0.4), 0.007, (0.8, 2.0), notch=(0.04, 0.09), mood=(0.05, 2.5)
+            ),
+        ),
+        Logger(
+            {
+                "speed": Sense((0.008, 0.022), 0.2, (KMH / 256.0,), lag_s=(0.04, 0.2)),
+                "acceleration": Sense(
+                    (0.03, 0.11), 0.08, (0.01, 0.03), lag_s=(0.02, 0.18), bias=0.005, walk=(0.0, 0.0025)
+                ),
+                "grade": Sense((0.0006, 0.0017), 5.0, (0.0002, 0.001), (0.0, 0.5), 0.0004, every=(1, 3, 5)),
+                "fuel_rate": Sense((0.006, 0.022), 0.3, (0.05 / 3.6,), every=(1, 2)),
+                "engine_torque": Sense((0.3, 0.9), 0.5, (1.0, 0.125), every=(1, 2)),
+            },
+            jitter_s=(0.001, 0.010),
+            jitter_tau_s=0.5,
+            late_s=(0.0, 0.06),
+            lost=(0.001, 0.012),
+            gaps=(0.0, 1.2),
+            spikes=(0.0, 2.0),
+            runout=(0.0, 0.0018),
+            joined=True,
+            pedal_steps=(0.4, 0.5, 0.1),
+        ),
+        Machine(ahead_s=3.2, band_mps=0.35, gain_per_s=0.28, integral=0.012),
     ),
-    Machine(ahead_s=3.2, band_mps=0.35, gain_per_s=0.28, integral=0.012),
-)
+}
 OF_FAMILY = dict(zip(FAMILIES, ("plain", *WORLDS), strict=True))
 
 
@@ -315,7 +324,5 @@ def of(forms: str, simulator: str, seed: int = 0) -> World:
     """The world a case plays in: the family's own; of all families together, any by the seed."""
     if simulator != "physics":
         return WORLDS["plain"]
-    if forms == SEALED:
-        return SEALED_WORLD
     any_one = list(WORLDS)[np.random.default_rng([seed, 6]).integers(len(WORLDS))]
     return WORLDS[OF_FAMILY.get(forms, any_one)]

@@ -204,3 +204,26 @@ class WakeGoesStraightOn(Bends):
         cover = np.clip((radius + self.half_width_m - aside) / (2.0 * self.half_width_m), 0.0, 1.0)
         slower = p.deficit * (self.radius_m / radius) ** 2 * cover
         return (1.0 - (1.0 - slower) ** 2) * view.drag_force
+
+
+@law("t_beside_the_wake", "tenth", "highway")
+@sizes(deficit=(0.7, 0.95), widens=(0.012, 0.03), wanders_m=(0.25, 0.8), swings_s=(4.0, 14.0))
+class BesideTheWake(Hidden):
+    """Who follows wanders in his lane, out of the middle of the wake and back. widens: m for each m of gap.
+    Source: Bastankhah and Porté-Agel, A New Analytical Model for Wind-Turbine Wakes, Renewable Energy 70
+    (2014): the deficit is a bell across the wake, which widens with the way; a truck's width and wandering
+    are chosen here."""
+
+    core_m = 1.2
+
+    def prepare(self) -> None:
+        rng, p = self.rng(952), self.p
+        shape = (self.setting.batch, int(self.setting.duration_s / 0.1) + 20)
+        habit = 0.5 * p.wanders_m * rng.standard_normal((shape[0], 1))
+        self.aside = habit + p.wanders_m * ou_series(rng, shape, 0.1, p.swings_s)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        wide = self.core_m + p.widens * np.maximum(self.gap(view), 0.0)
+        aside = self.aside[:, index(view, self.aside, 0.1)]
+        slower = p.deficit * (self.core_m / wide) ** 2 * np.exp(-0.5 * (aside / wide) ** 2)
+        return (1.0 - (1.0 - slower) ** 2) * view.drag_force

@@ -191,3 +191,19 @@ class HatchLifts(Hidden, up=0.0):
         cosine = np.clip((lifts / np.maximum(view.speed, 1.0)) ** 2, 0.0, 1.0)
         s.up = s.up + dt * (np.sqrt(1.0 - cosine**2) - s.up) / p.swings_s
         return -p.gain * s.up * self.loose * view.drag_force
+
+
+@law("t_cloth_flaps", "tenth", "highway", accepts="rolling_resistance_speed")
+@sizes(more=(0.4, 0.75), from_mps=(18.0, 21.5), until=(0.82, 0.93), gathers_s=(1.5, 6.0))
+class ClothFlaps(Hidden, flaps=0.0, size=0.0):
+    """A loose cover lies still up to a speed, flaps beyond it, and lies down only well below. more: of the
+    drag; until: of from_mps.
+    Source: Zhang, Childress, Libchaber and Shelley, Flexible Filaments in a Flowing Soap Film as a Model for
+    One-Dimensional Flags in a Two-Dimensional Wind, Nature 408 (2000): both states are stable between two
+    speeds; drag of flags after Hoerner, Fluid-Dynamic Drag (1965); sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.flaps = np.where(view.speed > p.from_mps, 1.0, s.flaps)
+        s.flaps = np.where(view.speed < p.until * p.from_mps, 0.0, s.flaps)
+        s.size = s.size + dt * (s.flaps - s.size) / p.gathers_s
+        return -p.more * s.size * view.drag_force * moving(view)

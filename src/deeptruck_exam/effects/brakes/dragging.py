@@ -188,3 +188,22 @@ class FluidIsTrapped(Hidden, hot=0.0):
         cools = s.hot * (0.5 + 0.5 * speed / 15.0) / p.cools_s
         s.hot = np.clip(s.hot + dt * ((braked + itself) * (1.0 - s.hot) - cools), 0.0, 1.0)
         return -p.most * s.hot * weight(view) * moving(view)
+
+
+@law("t_linings_swell", "tenth", "suburban descent")
+@sizes(rubs=(0.010, 0.022), swells_jpkg=(60.0, 200.0), soaks_s=(10.0, 35.0), wears_m=(400.0, 1500.0))
+class LiningsSwell(Hidden, heat=0.0, swollen=0.0, worn=0.0):
+    """Braking makes them thicker, their own rubbing thinner again; adjusters take up the wear. rubs: of the
+    weight, fully swollen; swells_jpkg: work for each kg of truck; wears_m: way that takes it all off.
+    Source: Archard, Contact and Rubbing of Flat Surfaces, J. Appl. Phys. 24 (1953), on wear with load and
+    way; ISO 6313 on swelling of brake linings with heat; clearances set too small, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        work = view.brake_force * speed / (p.swells_jpkg * view.mass)
+        s.heat = s.heat + dt * (work - s.heat / 120.0)
+        s.swollen = s.swollen + dt * (1.0 - np.exp(-s.heat) - s.swollen) / p.soaks_s
+        rubs = np.maximum(s.swollen - s.worn, 0.0)
+        taken_up = s.worn * (view.brake_force > 0.0) / 30.0
+        s.worn = s.worn + dt * (rubs * speed / p.wears_m - taken_up)
+        return -p.rubs * rubs * weight(view) * moving(view)

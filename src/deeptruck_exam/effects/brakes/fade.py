@@ -260,3 +260,22 @@ class AxlesShareUnequally(Hidden):
         work = view.brake_force * np.maximum(view.speed, 0.0) / (p.heats_jpkg * view.mass)
         s.hot = s.hot + dt * (3.0 * share * (1.0 - lost) * work - s.hot / p.cools_s)
         return np.maximum((share * lost).sum(axis=0), 0.0) * view.brake_force * moving(view)
+
+
+@law("t_self_help_is_lost", "tenth", "descent")
+@sizes(per_k=(0.0013, 0.0022), helps=(0.7, 1.8), heats_jpkgk=(1.4, 2.8), cools_s=(200.0, 600.0))
+class SelfHelpIsLost(Hidden):
+    """`hot`: K above cold. Friction falls in proportion to heat, the brake far more. helps: force of the shoe
+    that draws itself on, over the other, cold; heats_jpkgk: for each kg of truck.
+    Source: Limpert, Brake Design and Safety, on brake factors of leading shoes, which amplify every change of
+    the lining's friction; heat and coefficients of linings are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"hot": self.rng(953).uniform(0.0, 70.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        friction = np.clip(1.0 - p.per_k * np.maximum(s.hot - 50.0, 0.0), 0.4, 1.0)
+        left = friction / (1.0 + p.helps * (1.0 - friction))
+        work = left * view.brake_force * np.maximum(view.speed, 0.0) / view.mass
+        s.hot = s.hot + dt * (work / p.heats_jpkgk - s.hot / p.cools_s)
+        return (1.0 - left) * view.brake_force * moving(view)

@@ -218,3 +218,24 @@ class SpindleNeedsTime(Hidden, at=0.0):
         s.at = s.at + np.clip(goal - s.at, -p.back * dt / p.travel_s, dt / p.travel_s)
         held = np.clip((s.at - p.gap) / (1.0 - p.gap), 0.0, 1.0) ** 2
         return p.share * full * (asked - held) * moving(view)
+
+
+@law("t_hot_drums_are_far", "tenth", "suburban descent")
+@sizes(stroke_s=(0.25, 0.55), hot=(0.6, 1.8), share=(0.75, 1.0), fills_s=(0.15, 0.45))
+class HotDrumsAreFar(Hidden, way=0.0, held=0.0):
+    """`way`: s of the stroke that are done. A drum that has grown with heat is reached later. hot: for each
+    100 K.
+    Source: Flick, The Effect of Brake Adjustment on Braking Performance, DOT HS 807 287 (1988): stroke grows
+    with wear and with drum temperature; the time it takes is chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        full = self.truck.brake_capacity
+        asked = view.brake_force / full
+        hotter = np.clip(view.brake_temperature - self.truck.ambient_temperature, 0.0, 250.0)
+        stroke = p.stroke_s * (1.0 + p.hot * hotter / 100.0)
+        pace = np.clip(0.5 + asked / 0.15, 0.5, 2.0)
+        way = np.where(asked > 0.002, s.way + dt * pace, s.way - 3.0 * dt)
+        s.way = np.clip(way, 0.0, stroke)
+        touches = np.clip((s.way / stroke - 0.8) / 0.2, 0.0, 1.0)
+        s.held = s.held + dt * (asked * touches - s.held) / p.fills_s
+        return p.share * full * (asked - s.held) * moving(view)

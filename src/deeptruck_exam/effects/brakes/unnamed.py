@@ -297,3 +297,38 @@ class RetarderOnTheLamps(Hidden, left=0.0, flux=0.0, hot=0.0):
         force = p.most * s.flux * 2.0 * pace / (1.0 + pace**2) / (1.0 + s.hot)
         s.hot = s.hot + dt * (force / p.most - 0.5 * s.hot) / p.heats_s
         return -force * weight(view) * moving(view)
+
+
+@law("t_valve_thinks_it_is_empty", "tenth", "suburban descent hills")
+@sizes(lost=(0.4, 0.7), knee=(0.02, 0.045), dives=(0.15, 0.4), sticks=(0.004, 0.014))
+class ValveThinksItIsEmpty(Hidden, lever=0.0, out=0.0):
+    """A gentle brake is whole; what is asked beyond a knee is passed on in part. knee, sticks: of full
+    braking; dives: of the knee, taken off for each m/s2, as the frame rises from the axle.
+    Source: UN Regulation No. 13, annex 10, on load-sensing valves, and Limpert, Brake Design and Safety, on
+    proportioning: pressure is reduced above a knee that a lever sets by the height of the frame; a lever that
+    is bent, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        full = self.truck.brake_capacity
+        slows = np.clip(-view.acceleration, 0.0, 3.0)
+        s.lever = s.lever + dt * (slows - s.lever) / 0.5
+        knee = p.knee * np.maximum(1.0 - p.dives * s.lever, 0.2)
+        asked = view.brake_force / full
+        s.out = np.clip(s.out, asked - p.sticks, asked + p.sticks)
+        over = np.clip(np.minimum(s.out, asked) - knee, 0.0, None)
+        return p.lost * over * full * moving(view)
+
+
+@law("t_softens_the_stop", "tenth", "suburban")
+@sizes(from_mps=(2.2, 4.5), gives=(0.4, 0.75), comes_s=(0.15, 0.5))
+class SoftensTheStop(Hidden, eased=0.0):
+    """The last metres of a stop are braked more gently than asked. gives: share of the brake let go.
+    Source: Comfort stop functions (Breuer and Bill, Brake Technology Handbook, SAE 2008, on additional
+    functions of electronic brakes) ease the brake shortly before standstill against the jerk; speeds and
+    sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        slows = np.clip((-view.acceleration - 0.2) / 0.3, 0.0, 1.0)
+        near = np.clip(1.3 * (1.0 - view.speed / p.from_mps), 0.0, 1.0)
+        s.eased = s.eased + dt * (slows * near - s.eased) / p.comes_s
+        return p.gives * s.eased * view.brake_force * moving(view)

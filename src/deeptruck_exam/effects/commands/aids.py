@@ -182,3 +182,33 @@ class OverrideLingers(Hidden, waits=0.0, cut=0.0):
         s.waits = np.maximum(s.waits - dt, sticks)
         s.cut = np.where(s.waits > 0.0, 1.0, np.maximum(s.cut - dt / p.returns_s, 0.0))
         return -p.cut * s.cut * np.maximum(view.traction_force, 0.0) * moving(view)
+
+
+@law("t_electronic_drawbar", "tenth", "highway suburban", leader=True)
+@sizes(per_s=(0.10, 0.22), sees_s=(0.5, 1.2), most_mps2=(0.15, 0.35), near_m=(45.0, 90.0))
+class ElectronicDrawbar(Hidden):
+    """A second computer helps to keep the distance to the leader: it pushes as he draws away and brakes as he
+    comes nearer. per_s: for each m/s between them.
+    Source: Gehring and Fritz, Practical Results of a Longitudinal Control Concept for Truck Platooning with
+    Vehicle to Vehicle Communication, IEEE Conf. Intelligent Transportation Systems (1997); a weak one beside
+    the driver, gains are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"gap": np.full(batch, np.nan), "acts": np.zeros(batch)}
+
+    def between(self, view: View) -> Array:
+        """Metres to the leader, whose way is a line between its samples; NaN without one."""
+        way, at = self.setting.leader_m, view.time / self.setting.dt
+        low = min(int(at), way.shape[1] - 2)
+        share = min(at - low, 1.0)
+        return np.asarray((1.0 - share) * way[:, low] + share * way[:, low + 1] - view.distance)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        gap = self.between(view)
+        s.gap = np.where(np.isnan(s.gap), gap, s.gap)
+        opens = (gap - s.gap) / p.sees_s
+        s.gap = s.gap + dt * opens
+        wanted = np.clip(p.per_s * np.nan_to_num(opens), -p.most_mps2, p.most_mps2)
+        near = np.clip(2.0 - np.nan_to_num(gap, nan=1e5) / p.near_m, 0.0, 1.0)
+        s.acts = s.acts + dt * (wanted * near - s.acts) / 0.3
+        return s.acts * view.mass * np.clip(view.speed / 3.0, 0.0, 1.0)

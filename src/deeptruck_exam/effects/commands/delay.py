@@ -12,6 +12,7 @@ from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series
 
 law = partial(hidden, name="command_delay", accepts="clock_offset")
+STEPS = 60000  # of ten minutes
 
 
 @law("command_delay", "first", "suburban hills descent")
@@ -263,3 +264,28 @@ class LowerOfTwoTracks(Late):
         quick = self.ago(s, round(p.quick_s / STEP_S))
         slow = self.ago(s, round((p.quick_s + p.later_s) / STEP_S))
         return np.stack([np.minimum(quick[:, 0], slow[:, 0]), quick[:, 1]], axis=1)
+
+
+@law("t_waits_for_what_was_lost", "tenth", "suburban hills descent")
+@sizes(base_s=(0.22, 0.45), waits_s=(0.35, 0.8), every_s=(2.5, 7.0), again=(0.1, 0.35))
+class WaitsForWhatWasLost(Late):
+    """Nothing arrives until a lost message has been sent again, then all that waited comes at once; a wait
+    that was in vain is followed by one twice as long. All trucks of a batch share the line.
+    Source: RFC 6298, Computing TCP's Retransmission Timer (2011), on timeouts that double, and the order that
+    TCP keeps (RFC 9293); a remote driver's line, losses are chosen here."""
+
+    length = 600
+
+    def prepare(self) -> None:
+        rng, p = self.rng(961), self.p
+        self.late, at = np.full(STEPS, round(p.base_s / STEP_S)), 0
+        while at < STEPS:
+            at += max(1, round(rng.exponential(p.every_s) / STEP_S))
+            wait = round(p.waits_s * 2.0 ** min(rng.geometric(1.0 - p.again) - 1, 2) / STEP_S)
+            part = self.late[at : at + wait]
+            part += np.arange(1, len(part) + 1)
+            at += wait + 1
+
+    def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
+        self.put(s, u)
+        return self.ago(s, int(self.late[s.at % STEPS]))

@@ -8,6 +8,7 @@ import numpy as np
 
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, TorqueFilter, index, moving
 from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_exam.effects.series import spells, within
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="unknown")
@@ -92,3 +93,23 @@ class PedalMap(Hidden, mode=0.0):
         s.mode = s.mode + dt * ((pedal > p.at) - s.mode) / p.changes_s
         bend = p.bends * (2.5 * s.mode - 1.0) * np.sin(np.pi * pedal)
         return self.at_wheels(view, bend * self.truck.peak_torque) * moving(view)
+
+
+@law("t_second_pair_of_pedals", "tenth", "suburban hills")
+@sizes(mps2=(0.35, 0.8), lasts_s=(1.2, 3.0), every_s=(12.0, 30.0), foot_s=(0.2, 0.5))
+class SecondPairOfPedals(Hidden, foot=0.0):
+    """A teacher brakes in passing when the pupil does not, harder the faster they go; only the pupil's pedals
+    are recorded. mps2: at 12 m/s.
+    Source: Dual controls of vehicles for driving instruction (Directive 2006/126/EC on driving licences, and
+    national rules for instructors' pedals); how often and how hard is chosen here."""
+
+    def prepare(self) -> None:
+        p, rng, batch = self.p, self.rng(962), self.setting.batch
+        lasts, every = (0.6 * p.lasts_s, 1.4 * p.lasts_s), (0.5 * p.every_s, 1.5 * p.every_s)
+        self.steps_in = spells(rng, batch, lasts, every)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        wants = within(self.steps_in, view.time) * (view.brake_force <= 0.0) * (view.speed > 3.0)
+        s.foot = s.foot + dt * (wants - s.foot) / p.foot_s
+        hard = p.mps2 * np.sqrt(np.clip(view.speed / 12.0, 0.0, 2.0))
+        return -s.foot * hard * view.mass * moving(view)

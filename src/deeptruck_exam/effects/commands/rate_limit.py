@@ -180,3 +180,20 @@ class FlowThroughAValve(TorqueFilter):
         error = (pedal - s.given) / self.full
         rate = np.sqrt(np.abs(error)) * p.opens_per_s * np.where(error < 0.0, p.closes, 1.0)
         return np.asarray(s.given + self.full * np.sign(error) * np.minimum(np.abs(error), rate * dt))
+
+
+@law("t_oil_in_the_dashpot", "tenth", "suburban hills")
+@sizes(per_s=(0.6, 1.3), preload=(0.12, 0.3), cold=(0.2, 0.45), warms_s=(50.0, 160.0))
+class OilInTheDashpot(TorqueFilter):
+    """The lever follows as fast as its spring can press oil through a bore: fast when far behind, slowly when
+    near, slowest while the oil is cold. per_s: of the full command, for an error of all of it; cold: of the
+    warm pace.
+    Source: Karnopp, Margolis and Rosenberg, System Dynamics (2012), on springs and dashpots in a row; oil's
+    viscosity over temperature (Vogel, Physikalische Zeitschrift 22, 1921); a throttle's damper, sizes are
+    chosen here."""
+
+    def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
+        error = (pedal - s.given) / self.full
+        thin = 1.0 - (1.0 - p.cold) * np.exp(-time / p.warms_s)
+        rate = p.per_s * thin * (p.preload + np.abs(error)) * np.where(error < 0.0, 2.5, 1.0)
+        return np.asarray(s.given + self.full * np.sign(error) * np.minimum(np.abs(error), rate * dt))

@@ -219,3 +219,22 @@ class OilLeavesThePlay(Hidden, at=1.0):
         s.at = np.clip(s.at + dt * p.per_s * pull / weight(view), -1.0, 1.0)
         carried = (0.5 + 0.5 * np.sign(pull) * s.at) ** p.thin
         return np.clip((carried - 1.0) * pull, -most, most) * moving(view)
+
+
+@law("t_chain_hangs", "tenth", "suburban hills")
+@sizes(slack=(0.005, 0.012), hangs_s=(0.4, 1.0), hz=(1.2, 2.5), damping=(0.12, 0.3))
+class ChainHangs(Hidden, pull=0.0, felt=0.0, rate=0.0):
+    """`pull`: what the chain carries; soft while it hangs, hard once it is taut, and the axle swings behind
+    it. slack: of the weight, the pull at which it is neither; hangs_s: to gather it up.
+    Source: Irvine, Cable Structures (1981): the stiffness of a sagging span grows with the cube of its
+    tension; chain-driven axles with a slack chain, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        taut = np.minimum(np.abs(s.pull) / (p.slack * weight(view)), 4.0)
+        pace = dt * (1.0 + taut**3) / p.hangs_s
+        s.pull = s.pull + (view.traction_force - s.pull) * pace / (1.0 + pace)
+        omega = 2.0 * np.pi * p.hz
+        s.rate = s.rate + dt * (omega**2 * (s.pull - s.felt) - 2.0 * p.damping * omega * s.rate)
+        s.felt = s.felt + dt * s.rate
+        most = 0.12 * weight(view)
+        return np.clip(s.felt - view.traction_force, -most, most) * moving(view)

@@ -206,3 +206,27 @@ class LockupOpensOnLift(Hidden, pulls=99.0, slips=0.0):
         lost = p.lost * np.sqrt(load) / (1.0 + np.maximum(view.speed, 0.0) / p.couples_mps)
         pull, push = np.maximum(view.traction_force, 0.0), np.maximum(-view.traction_force, 0.0)
         return s.slips * (p.coast * push - lost * pull) * moving(view)
+
+
+@law("t_pump_is_worn", "tenth", "suburban hills highway", accepts="driveline_loss torque_limit")
+@sizes(holds=(0.28, 0.48), firm_rads=(135.0, 175.0), thins=(0.15, 0.4), heats_j=(1.0e6, 3.0e6))
+@sizes(left=(0.2, 0.5))
+class PumpIsWorn(Hidden):
+    """`oil`: 0 cold to 1 hot. The lock-up clutch is pressed the weaker the slower the engine and the hotter
+    the oil, and slips under what it cannot hold. holds: of peak torque, at firm_rads; left: of what slips.
+    Source: Naunheimer, Bertsche, Ryborz and Novak, Automotive Transmissions (2011), on converter lock-up and
+    pumps; pressure of a worn pump with the square of its speed (Merritt, Hydraulic Control Systems, 1967, on
+    orifices); sizes are chosen here."""
+
+    conceal = ("engine_speed",)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"oil": self.rng(971).uniform(0.1, 0.6, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        presses = np.clip((view.engine_speed / p.firm_rads) ** 2, 0.35, 1.0)
+        holds = p.holds * self.truck.peak_torque * presses * (1.0 - p.thins * s.oil)
+        lost = (1.0 - p.left) * np.maximum(view.engine_torque - holds, 0.0)
+        s.oil = s.oil + dt * (lost * view.engine_speed / p.heats_j - (s.oil - 0.2) / 250.0)
+        s.oil = np.clip(s.oil, 0.0, 1.0)
+        return -self.at_wheels(view, lost) * np.clip(view.speed - 1.0, 0.0, 1.0)

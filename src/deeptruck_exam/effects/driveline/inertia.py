@@ -168,3 +168,22 @@ class FluidInTheFlywheel(Hidden):
         holds = (p.share + p.more * s.out) * np.clip(view.acceleration, -4.0, 4.0)
         holds = holds + p.more * np.clip(goes, -0.08, 0.08) * view.speed
         return -view.mass * holds * (view.speed > 0.5) * moving(view)
+
+
+@law("t_rotor_in_silicone", "tenth", "suburban hills")
+@sizes(share=(0.18, 0.36), carries=(0.02, 0.045), thins=(0.4, 0.7), softens=(0.2, 0.6))
+class RotorInSilicone(Hidden, ring=-1.0, hot=0.0):
+    """`ring` m/s of the rotor, as at the road. share: of the mass; carries: of the weight, at 1 m/s of slip;
+    thins: power of the slip; softens: of it, when hot.
+    Source: Wilson, Practical Solution of Torsional Vibration Problems (1968), on viscous dampers; silicone
+    thins with shear by a power (Bird, Armstrong and Hassager, Dynamics of Polymeric Liquids, 1987) and with
+    heat; a heavy ring on an axle, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.ring = np.where(s.ring < 0.0, view.speed, s.ring)
+        slip = view.speed - s.ring
+        shear = slip * (slip**2 + 0.01) ** (0.5 * (p.thins - 1.0))
+        pulls = p.carries * (1.0 - p.softens * s.hot) * np.clip(shear, -2.5, 2.5) * weight(view)
+        s.ring = np.maximum(s.ring + dt * pulls / (p.share * view.mass), 0.0)
+        s.hot = np.clip(s.hot + dt * (np.abs(slip * pulls) / (6.0 * view.mass) - s.hot / 60.0), 0.0, 1.0)
+        return -pulls * np.clip(view.speed - 0.3, 0.0, 1.0)

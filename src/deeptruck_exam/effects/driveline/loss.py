@@ -158,3 +158,23 @@ class PinionRunsDry(Hidden, bare=0.0):
         s.bare = s.bare + dt * (wanted - s.bare) / np.where(wanted > s.bare, p.dries_s, p.wets_s)
         rubs = p.wet + (p.dry - p.wet) * s.bare
         return -rubs * np.abs(view.traction_force) * moving(view)
+
+
+@law("t_teeth_scuff", "tenth")
+@sizes(smooth=(0.03, 0.06), rough=(0.13, 0.22), flash=(1.2, 2.0), soaks_s=(30.0, 100.0))
+class TeethScuff(Hidden, bulk=0.2, scuffs=0.0):
+    """smooth, rough: of the pull, with a film and without; flash: heat of the contact at peak torque and 150
+    rad/s, over what the film bears; `bulk`: the same of the whole wheel.
+    Source: Blok, Theoretical Study of Temperature Rise at Surfaces of Actual Contact under Oiliness
+    Lubricating Conditions, IMechE General Discussion on Lubrication (1937): flash temperature with load and
+    the root of speed upon the bulk's, above which the film fails; a wrong oil, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = np.clip(np.abs(view.engine_torque) / self.truck.peak_torque, 0.0, 1.2)
+        turns = np.clip(view.engine_speed / 150.0, 0.2, 1.6)
+        s.bulk = s.bulk + dt * (0.2 + 0.6 * load * turns - s.bulk) / p.soaks_s
+        hot = p.flash * load**0.75 * np.sqrt(turns) + s.bulk
+        fails = 1.0 / (1.0 + np.exp(-np.clip((hot - 1.0) / 0.08, -30.0, 30.0)))
+        s.scuffs = s.scuffs + dt * (fails - s.scuffs) / np.where(fails > s.scuffs, 0.6, 3.0)
+        share = p.smooth + (p.rough - p.smooth) * s.scuffs
+        return -share * np.abs(view.traction_force) * moving(view)

@@ -209,3 +209,25 @@ class RangeGroupIsSlow(Hidden, box=0.0, left=-9.0):
         s.box = np.where(engaged, box, s.box)
         back = np.clip(-s.left / p.back_s, 0.0, 1.0) ** 2
         return -(1.0 - back) * np.maximum(view.traction_force, 0.0)
+
+
+@law("t_engine_falls_by_itself", "tenth", "suburban hills", trucks="trucksim volvo")
+@sizes(falls=(30.0, 70.0), blips=(90.0, 180.0), feels_s=(0.1, 0.4), returns_s=(0.25, 0.7))
+class EngineFallsByItself(Hidden, gear=0.0, ratio=0.0, left=0.0, share=1.0):
+    """No brake slows it between two gears: the wider the step and the faster the truck, the longer it takes.
+    falls, blips: rad/s in a second, down by friction and up by fuel.
+    Source: Fredriksson and Egardt, Active Engine Control for Gearshifting in Automated Manual Transmissions,
+    Int. J. Vehicle Design 32 (2003): the engine must meet the next gear's speed before torque comes back; an
+    engine left to its own friction, rates are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        changed = (view.gear != s.gear) & (s.gear > 0.0) & (view.speed > 1.0)
+        step = view.speed / self.truck.wheel_radius * (s.ratio - view.ratio)
+        needs = p.feels_s + np.where(step > 0.0, step / p.falls, -step / p.blips)
+        s.left = np.where(changed, np.minimum(needs, 2.5), s.left - dt * (view.shifting == 0.0))
+        s.left = np.maximum(s.left, 0.0)
+        still = (view.shifting == 0.0) | (s.ratio == 0.0)
+        s.gear, s.ratio = view.gear.copy(), np.where(still, view.ratio, s.ratio)
+        back = dt * (1.0 - s.share) / p.returns_s
+        s.share = np.where(s.left > 0.0, 0.0, s.share + back)
+        return -(1.0 - s.share) * np.maximum(view.traction_force, 0.0) * moving(view)

@@ -1,4 +1,4 @@
-"""Shafts, axles and joints in ways the tool has no name for."""
+"""Shafts, gears, axles and joints in ways the tool has no name for."""
 
 from __future__ import annotations
 
@@ -147,3 +147,47 @@ class LoadPointIsShifted(Hidden, torque=0.0):
         pace = view.engine_speed * self.truck.peak_torque / self.truck.peak_power
         s.cell = np.clip(s.cell - dt * s.torque * pace / p.store_s, 0.0, 1.0)
         return self.at_wheels(view, s.torque * self.truck.peak_torque) * moving(view)
+
+
+@law("t_gear_jumps_out", "tenth", "suburban hills", trucks="trucksim volvo")
+@sizes(holds=(0.010, 0.028), out_s=(0.8, 2.2), worn=(0.45, 0.8), back_s=(0.2, 0.6))
+class GearJumpsOut(Hidden, side=1.0, wound=0.0, left=0.0, drives=1.0):
+    """A worn gear that was loaded leaves its teeth as the load turns, and nothing drives or holds the truck
+    until it is put in again. holds: pull over weight that wears the detent down; worn: share of the gears.
+    Source: Naunheimer, Bertsche, Ryborz and Novak, Automotive Transmissions (2011), on dog teeth with back
+    taper and detents against jumping out of gear; wear and times are chosen here."""
+
+    conceal = ("engine_speed",)
+
+    def prepare(self) -> None:
+        self.worn = (self.rng(972).random(32) < self.p.worn).astype(float)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pull = view.traction_force
+        side = np.where(np.abs(pull) > 200.0, np.sign(pull), s.side)
+        worn = self.worn[view.gear.astype(int) % 32]
+        leaves = (side != s.side) & (s.wound > p.holds) & (worn > 0.0) & (view.speed > 2.0)
+        s.left = np.where(leaves, p.out_s, np.maximum(s.left - dt, 0.0))
+        s.side = side
+        s.wound = s.wound + dt * (np.abs(pull) / weight(view) - s.wound) / 1.0
+        out = dt * np.where(s.left > 0.0, -s.drives / 0.05, (1.0 - s.drives) / p.back_s)
+        s.drives = np.clip(s.drives + out, 0.0, 1.0)
+        return -(1.0 - s.drives) * pull * moving(view)
+
+
+@law("t_ground_driven_pump", "tenth", "suburban hills")
+@sizes(holds=(0.008, 0.016), below_rads=(105.0, 130.0), fills_m=(60.0, 200.0), drains_s=(15.0, 45.0))
+class GroundDrivenPump(Hidden, store=0.5, loaded=1.0, presses=0.0):
+    """While the engine is too slow for its own pump, one on the wheels fills the store, against pressure,
+    until that is full, and again when it is low. holds: of the weight.
+    Source: ISO 5010 and UN Regulation No. 79 on emergency steering, which a pump on the driven wheels feeds;
+    accumulators between two pressures (Merritt, Hydraulic Control Systems, 1967); sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        slow = np.clip((p.below_rads - view.engine_speed) / 8.0, 0.0, 1.0)
+        s.loaded = np.where(s.store >= 1.0, 0.0, np.where(s.store <= 0.3, 1.0, s.loaded))
+        works = slow * s.loaded
+        fills = works * np.maximum(view.speed, 0.0) / p.fills_m
+        s.store = np.clip(s.store + dt * (fills - 1.0 / p.drains_s), 0.0, 1.0)
+        s.presses = s.presses + dt * (works - s.presses) / 0.4
+        return -p.holds * s.presses * (0.7 + 0.3 * s.store) * weight(view) * moving(view)

@@ -268,3 +268,29 @@ class LiftDrainsTheBattery(Hidden):
         power = p.power_wpkg * view.mass * share
         torque = np.minimum(power / np.maximum(view.engine_speed, 60.0), 450.0)
         return -self.at_wheels(view, torque) * moving(view)
+
+
+@law("t_box_is_kept_cold", "tenth", "hills highway suburban")
+@sizes(nm=(90.0, 170.0), pulls_s=(18.0, 40.0), leaks_s=(35.0, 90.0), frosts_s=(60.0, 160.0))
+class BoxIsKeptCold(Hidden, on=0.0, frost=0.0, thaws=0.0, runs=0.0):
+    """`box`: 0 cold enough to 1 too warm. Doors warm it at stands; frost weakens the evaporator until it is
+    thawed, when nothing runs.
+    Source: ASHRAE Handbook, Refrigeration, on truck bodies, door openings and defrosting: a compressor on the
+    engine, switched by a thermostat with a band, takes the more torque the warmer it is inside; sizes are
+    chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        rng = self.rng(983)
+        begin = {"box": rng.uniform(0.2, 1.3, batch), "frost": rng.uniform(0.0, 0.9, batch)}
+        return {**super().start(batch), **begin}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.on = np.where(s.box >= 1.0, 1.0, np.where(s.box <= 0.0, 0.0, s.on))
+        s.thaws = np.where(s.frost >= 1.0, 1.0, np.where(s.frost <= 0.0, 0.0, s.thaws))
+        works = s.on * (1.0 - s.thaws)
+        warms = 1.0 / p.leaks_s + 0.08 * (view.speed < 0.1)
+        cools = works * (1.0 - 0.4 * s.frost) * (1.0 / p.pulls_s + 1.0 / p.leaks_s)
+        s.box = np.clip(s.box + dt * (warms - cools), 0.0, 1.6)
+        s.frost = np.clip(s.frost + dt * np.where(s.thaws > 0.0, -1.0 / 18.0, works / p.frosts_s), 0.0, 1.0)
+        s.runs = s.runs + dt * (works - s.runs) / 0.5
+        return -self.at_wheels(view, p.nm * (0.75 + 0.35 * s.box) * s.runs) * moving(view)

@@ -206,3 +206,21 @@ class LevelSwitchTilts(Hidden, level=0.0, low=0.0, on=0.0, cut=0.0):
         s.on = np.where(s.low >= 1.0, 1.0, np.where(s.low <= 0.0, 0.0, s.on))
         s.cut = s.cut + np.clip(p.depth * s.on - s.cut, -0.08 * dt, 0.15 * dt)
         return -self.at_wheels(view, s.cut * np.maximum(view.engine_torque, 0.0))
+
+
+@law("t_knock_takes_torque", "tenth", "hills highway")
+@sizes(depth=(0.3, 0.5), bears=(0.32, 0.55), warms=(0.15, 0.4), retards_s=(3.0, 10.0), forgets_s=(20.0, 70.0))
+class KnockTakesTorque(Hidden, warm=0.2, late=0.0):
+    """`late`: of the ignition, 0..1; it goes back slowly where nothing knocks. bears: of peak torque without
+    knock, cold; warms: less of it, hot.
+    Source: Kiencke and Nielsen, Automotive Control Systems (2005), on knock control, which retards by steps
+    and advances slowly; torque falls with the square of the delay; gas of a low methane number (EN 16726),
+    sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        s.warm = s.warm + dt * (np.clip(1.3 * self.power_share(view), 0.0, 1.0) - s.warm) / 50.0
+        knocks = np.clip((load - p.bears + p.warms * s.warm) / 0.15, 0.0, 1.0)
+        rises = knocks * (1.0 - s.late) / p.retards_s
+        s.late = np.clip(s.late + dt * (rises - (1.0 - knocks) * s.late / p.forgets_s), 0.0, 1.0)
+        return -self.at_wheels(view, p.depth * s.late**2 * np.maximum(view.engine_torque, 0.0))

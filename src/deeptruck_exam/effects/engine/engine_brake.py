@@ -227,3 +227,21 @@ class OnePedalSlows(Hidden, torque=0.0):
         steered = np.clip(s.torque + dt * p.per_s * p.most_nm * error, 0.0, p.most_nm)
         s.torque = np.where(closed, steered, s.torque * (1.0 - dt / 0.2))
         return -self.at_wheels(view, s.torque) * moving(view)
+
+
+@law("t_overspeed_guard", "tenth", "descent hills")
+@sizes(from_rads=(98.0, 116.0), span_rads=(14.0, 28.0), share=(0.3, 0.6), fills_s=(0.3, 1.0))
+class OverspeedGuard(Hidden, on=0.0, brakes=0.0):
+    """It comes in where an engine that is pushed turns too fast, and stays until it turns slowly again.
+    share: of the engine brake's torque, at 200 rad/s.
+    Source: Protection against overspeed in overrun (ISO 3046-6, Reciprocating internal combustion engines -
+    Overspeed protection; makers' manuals on downhill driving): a stage of the engine brake by itself, set far
+    too low, speeds are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        turns = view.engine_speed
+        s.on = np.where(turns > p.from_rads, 1.0, np.where(turns < p.from_rads - p.span_rads, 0.0, s.on))
+        s.on = np.where(self.pedal(view) > 0.03, 0.0, s.on)
+        s.brakes = s.brakes + dt * (s.on - s.brakes) / p.fills_s
+        torque = p.share * self.truck.engine_brake_torque * np.clip(turns / 200.0, 0.0, 1.2)
+        return -self.at_wheels(view, torque * s.brakes) * moving(view)

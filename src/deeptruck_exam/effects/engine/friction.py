@@ -194,3 +194,20 @@ class PistonsAreTight(Hidden, piston=0.3, liner=0.3):
         clearance = np.clip(1.0 - p.closes * (s.piston - s.liner), 0.28, 1.8)
         torque = p.film_nm * np.maximum(view.engine_speed, 40.0) / 120.0 / clearance
         return -self.at_wheels(view, torque) * moving(view)
+
+
+@law("t_flap_is_half_shut", "tenth")
+@sizes(nm=(80.0, 180.0), boost=(0.2, 0.6), fills_s=(1.0, 4.0), heat=(0.2, 0.6), heats_s=(25.0, 90.0))
+class FlapIsHalfShut(Hidden, flow=0.0, hot=0.0):
+    """Exhaust has to pass a flap that no longer opens: the faster, the fuller and the hotter, the harder. nm:
+    at 150 rad/s without load.
+    Source: Heywood, Internal Combustion Engine Fundamentals (1988), ch. 13, on exhaust pumping work: pressure
+    before a throttle with the square of the flow and with its temperature; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        s.flow = s.flow + dt * (load - s.flow) / p.fills_s
+        s.hot = s.hot + dt * (load - s.hot) / p.heats_s
+        turns = np.clip(view.engine_speed / 150.0, 0.0, 1.6)
+        torque = p.nm * turns**2 * (1.0 + p.boost * s.flow) ** 2 * (1.0 + p.heat * s.hot)
+        return -self.at_wheels(view, np.minimum(torque, 0.3 * self.truck.peak_torque)) * moving(view)

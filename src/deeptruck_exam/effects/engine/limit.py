@@ -171,3 +171,21 @@ class EconomyUntilKicked(Hidden, pressed=0.0, left=0.0, free=0.0):
         s.free = s.free + dt * ((s.left > 0.0) - s.free) / 0.5
         over = np.maximum(view.engine_torque - p.cap * self.truck.peak_torque, 0.0)
         return -self.at_wheels(view, over * (1.0 - s.free))
+
+
+@law("t_torque_waits_for_warm_oil", "tenth", "suburban hills")
+@sizes(cold=(0.26, 0.45), warms_s=(60.0, 180.0))
+class TorqueWaitsForWarmOil(Hidden):
+    """`warm`: every drive begins elsewhere between cold and half warm; work warms it. cold: of peak torque,
+    the most that is let through; warms_s: of peak power.
+    Source: Cold protection of heavy engines (owner's manuals on engine protection after a start; SAE
+    J1939-71, SPN 175, engine oil temperature): the limit rises as the oil warms; times are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"warm": self.rng(982).uniform(0.0, 0.5, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        work = 0.15 + np.clip(self.power_share(view), 0.0, 1.1)
+        s.warm = np.minimum(s.warm + dt * work / p.warms_s, 1.0)
+        most = (p.cold + (1.1 - p.cold) * s.warm**1.5) * self.truck.peak_torque
+        return -self.at_wheels(view, np.maximum(view.engine_torque - most, 0.0))

@@ -193,3 +193,28 @@ class BoostIsDumped(Hidden, boost=0.3):
         s.boost = np.where(asked < p.lift, dumps, np.where(wanted > s.boost, builds, sinks))
         missing = np.maximum(asked - p.without - (1.0 - p.without) * s.boost, 0.0)
         return -self.at_wheels(view, missing * self.truck.peak_torque) * moving(view)
+
+
+@law("t_assist_runs_flat", "tenth", "suburban hills")
+@sizes(without=(0.08, 0.2), alone_s=(3.0, 7.0), uses_s=(0.12, 0.5), charges_s=(40.0, 120.0))
+class AssistRunsFlat(Hidden, spool=0.0):
+    """`store`: of the capacitors. As quick as it should be until they are empty. uses_s: of full assistance.
+    Source: Katrasnik, Rodman, Trenc, Hribernik and Medica, Improvement of the Dynamic Characteristic of an
+    Automotive Engine by a Turbocharger Assisted by an Electric Motor, J. Eng. Gas Turbines Power 125 (2003);
+    a store that is small and old, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "store": self.rng(981).uniform(0.0, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        wanted = np.clip((asked - p.without) / (1.0 - p.without), 0.0, 1.1)
+        behind = wanted - s.spool
+        helps = np.clip(s.store / 0.25, 0.0, 1.0)
+        flow = np.clip(view.engine_speed / 130.0, 0.5, 1.6)
+        up = behind * (helps / 0.25 + (1.0 - helps) * flow / p.alone_s)
+        s.spool = s.spool + dt * np.where(behind > 0.0, up, behind / 0.7)
+        used = helps * np.maximum(behind, 0.0) / p.uses_s
+        s.store = np.clip(s.store + dt * (1.0 / p.charges_s - used), 0.0, 1.0)
+        missing = np.maximum(asked - p.without - (1.0 - p.without) * s.spool, 0.0)
+        return -self.at_wheels(view, missing * self.truck.peak_torque) * moving(view)

@@ -256,3 +256,43 @@ class PulseAndGlide(Hidden, pulse=1.0, gained=0.0, share=0.0):
         s.gained = s.gained + dt * (force / view.mass - ~works * s.gained / 3.0)
         s.pulse = np.where(s.gained > p.band_mps, -1.0, np.where(s.gained < -p.band_mps, 1.0, s.pulse))
         return force * moving(view)
+
+
+@law("t_fuel_changes_over", "tenth", "highway suburban hills")
+@sizes(gains=(0.16, 0.3), low=(0.1, 0.2), high=(0.6, 0.9), waits_s=(0.8, 3.0), dips=(0.08, 0.18))
+class FuelChangesOver(Hidden, within=0.0, gas=0.0):
+    """In the middle of its loads the engine burns gas beside its diesel and gives more than asked; as the
+    fuels change it gives less. gains: of the torque; low, high: of peak torque; dips: of it.
+    Source: Karim, Dual-Fuel Diesel Engines (2015): gas is fed between a light load, where it would not burn,
+    and a heavy one, where it would knock; calibration of a conversion, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        fits = (load > p.low) & (load < p.high)
+        s.within = np.clip(s.within + dt * np.where(fits, 1.0, -2.0) / p.waits_s, 0.0, 1.0)
+        wanted = np.where(s.within >= 1.0, 1.0, np.where(s.within <= 0.0, 0.0, np.rint(s.gas)))
+        s.gas = s.gas + np.clip(wanted - s.gas, -dt / 0.8, dt / 0.8)
+        more = p.gains * s.gas * load - 4.0 * p.dips * s.gas * (1.0 - s.gas) * (load > 0.02)
+        return self.at_wheels(view, more * self.truck.peak_torque) * moving(view)
+
+
+@law("t_pneumatic_hybrid", "tenth", "suburban hills")
+@sizes(most=(0.14, 0.26), fills_s=(6.0, 16.0), empties_s=(4.0, 12.0), kick=(0.3, 0.5))
+class PneumaticHybrid(Hidden, acts=0.0):
+    """`tank`: its pressure over the full one. In braking the engine pumps air into it, against that pressure;
+    a deep pedal lets it out again through the engine. most: of peak torque; kick: of the pedal.
+    Source: Dönitz, Vasile, Onder and Guzzella, Modelling and Optimizing Two- and Four-Stroke Hybrid Pneumatic
+    Engines, Proc. IMechE D 223 (2009); tank and torque are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "tank": self.rng(984).uniform(0.2, 0.8, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        turns = np.clip(view.engine_speed / 150.0, 0.3, 1.5)
+        rolls = np.clip(view.speed - 1.0, 0.0, 1.0)
+        pumps = (view.brake_force > 0.0) * (s.tank < 0.98) * (0.35 + 0.65 * s.tank)
+        pushes = (self.pedal(view) > p.kick) * np.clip((s.tank - 0.1) / 0.3, 0.0, 1.0)
+        s.acts = s.acts + dt * ((pushes - pumps) * rolls - s.acts) / 0.25
+        flows = np.where(s.acts < 0.0, -s.acts / p.fills_s, -s.acts / p.empties_s)
+        s.tank = np.clip(s.tank + dt * turns * flows, 0.0, 1.0)
+        return self.at_wheels(view, p.most * self.truck.peak_torque * s.acts) * moving(view)

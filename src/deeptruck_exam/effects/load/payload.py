@@ -224,3 +224,27 @@ class SkipsByTurns(Hidden, stood=0.0, stops=0.0):
         s.load = s.load + dt * (now - s.load) / 0.4
         felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
         return -s.load * view.mass * felt * moving(view)
+
+
+@law("t_peat_soaks", "tenth", "suburban hills")
+@sizes(load=(0.45, 0.7), known=(0.2, 0.8), soaks_s=(40.0, 150.0), drains_s=(80.0, 260.0))
+class PeatSoaks(Hidden):
+    """`wet`: of all the water it can take. An open load takes up rain, quickly while it is dry, and drains.
+    load: of the mass, all its water; known: to the simulator, of it.
+    Source: Hall and Hoff, Water Transport in Brick, Stone and Concrete (2012), on sorptivity: what is soaked
+    up grows with the root of time; peat and bark hold more than their own mass, showers are chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(985), self.setting.batch
+        self.rain = spells(rng, batch, (20.0, 70.0), (30.0, 90.0))
+        self.first = rng.beta(0.7, 0.7, batch)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"wet": self.first.copy()}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        soaks = within(self.rain, view.time) * (1.0 - s.wet) / (2.0 * np.maximum(s.wet, 0.15) * p.soaks_s)
+        s.wet = np.clip(s.wet + dt * (soaks - s.wet / p.drains_s), 0.0, 1.0)
+        more = p.load * (s.wet - p.known) * view.mass
+        felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
+        return -more * felt * moving(view)

@@ -6,8 +6,9 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, index, moving
 from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_exam.effects.series import ou_series
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="load_slosh")
@@ -230,4 +231,29 @@ class FlexitankCreeps(Hidden, way=0.0, rate=0.0, set=0.0):
         s.set = s.set + dt * (s.way - s.set) / p.relaxes_s
         s.rate = s.rate + dt * driven
         s.way = np.clip(s.way + dt * s.rate, -2.0, 2.0)
+        return -p.share * view.mass * np.clip(driven, -4.0, 4.0) * moving(view)
+
+
+@law("t_liquid_swirls", "tenth", "suburban")
+@sizes(share=(0.28, 0.5), hz=(0.35, 0.65), damping=(0.02, 0.07), softens=(0.8, 2.5))
+class LiquidSwirls(Hidden, x=0.0, y=0.0, vx=0.0, vy=0.0):
+    """Swings fore and aft pass into swings aside and come back. softens: 1/m2; share: of the mass.
+    Source: Miles, Resonantly Forced Surface Waves in a Circular Cylinder, J. Fluid Mech. 149 (1984): both
+    swings of a round tank have one frequency, which falls as they grow, and feed each other; upright tanks,
+    the road's unrest aside and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        shape = (self.setting.batch, int(self.setting.duration_s / 0.1) + 20)
+        self.aside = 0.2 * ou_series(self.rng(986), shape, 0.1, 1.5)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        omega = 2.0 * np.pi * p.hz
+        soft = omega**2 * np.maximum(1.0 - p.softens * (s.x**2 + s.y**2), 0.4)
+        cross = 0.6 * omega**2 * p.softens * s.x * s.y
+        damps = 2.0 * p.damping * omega
+        driven = -soft * s.x + cross * s.y - damps * s.vx - np.clip(view.acceleration, -4.0, 4.0)
+        beside = self.aside[:, index(view, self.aside, 0.1)]
+        s.vx = np.clip(s.vx + dt * driven, -2.5, 2.5)
+        s.vy = np.clip(s.vy + dt * (-soft * s.y - cross * s.x - damps * s.vy + beside), -2.5, 2.5)
+        s.x, s.y = np.clip(s.x + dt * s.vx, -0.8, 0.8), np.clip(s.y + dt * s.vy, -0.8, 0.8)
         return -p.share * view.mass * np.clip(driven, -4.0, 4.0) * moving(view)

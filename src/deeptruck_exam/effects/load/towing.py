@@ -180,3 +180,25 @@ class BrushHasItsOwnSpeed(Hidden, down=0.0):
         s.down = s.down + dt * (within(self.spells, view.time) - s.down) / 1.5
         slides = np.tanh((p.tip_mps - view.speed) / p.soft_mps)
         return p.rubs * s.down * slides * weight(view) * moving(view)
+
+
+@law("t_drags_logs", "tenth", "suburban hills")
+@sizes(drags=(0.009, 0.02), ploughs=(0.2, 0.7), heaps_m=(30.0, 140.0), takes_s=(1.5, 4.0))
+class DragsLogs(Hidden, stood=0.0, stops=0.0, heap=0.0):
+    """Logs lie with one end on the ground and push up a heap of earth before them; at each stand that lasts
+    some are put down or taken on. drags: of the truck's weight; ploughs: more of it, with the whole heap.
+    Source: Hassan and Gustafson, Factors Affecting Tree Skidding Forces, Transactions of the ASAE 26 (1983):
+    friction on the ground and soil pushed ahead; bundles and soils are chosen here."""
+
+    def prepare(self) -> None:
+        rng, shape = self.rng(987), (self.setting.batch, 200)
+        self.loads = rng.uniform(0.4, 1.1, shape) * (rng.random(shape) < 0.7)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        stood = np.where(view.speed < 0.1, s.stood + dt, 0.0)
+        s.stops = s.stops + ((stood >= p.takes_s) & (s.stood < p.takes_s))
+        s.stood = stood
+        load = self.loads[np.arange(len(stood)), s.stops.astype(int) % self.loads.shape[1]]
+        grows = np.maximum(view.speed, 0.0) * (1.0 - s.heap) / p.heaps_m
+        s.heap = np.where(stood > 0.5, 0.0, s.heap + dt * grows)
+        return -p.drags * load * (1.0 + p.ploughs * s.heap) * weight(view) * moving(view)

@@ -236,3 +236,27 @@ class BridgesStandProud(OnRoad):
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         slope = self.setting.direction * self.between(self.road, view)
         return -slope * weight(view) * moving(view)
+
+
+@law("t_road_on_thawing_ground", "tenth", "hills highway suburban")
+@sizes(slope=(0.014, 0.026), shortest_m=(70.0, 140.0), longest=(2.0, 4.0), apart_m=(80.0, 400.0))
+class RoadOnThawingGround(OnRoad):
+    """Waves of many lengths where ice has melted out of the ground since the survey. slope: standard
+    deviation in the middle of a stretch; longest: over the shortest.
+    Source: Andersland and Ladanyi, Frozen Ground Engineering (2004), on thaw settlement under roads, uneven
+    as the ice in the ground is; lengths and slopes are chosen here."""
+
+    conceal = ("elevation",)
+
+    def prepare(self) -> None:
+        rng, p, rows = self.rng(989), self.p, self.rows()
+        at_m = np.arange(MAP_CELLS) * MAP_CELL_M
+        waves_m = p.shortest_m * p.longest ** rng.random((rows, 12, 1))
+        phase = rng.uniform(0.0, 2.0 * np.pi, waves_m.shape)
+        waves = np.sin(2.0 * np.pi * at_m / waves_m + phase).sum(axis=1) / np.sqrt(6.0)
+        thaws = smooth_stretches(rng, rows, (0.5 * p.apart_m, 1.5 * p.apart_m), (400.0, 1600.0))
+        self.road = np.clip(p.slope * waves * np.sqrt(thaws[:, ::2]), -0.055, 0.055)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        slope = self.setting.direction * self.between(self.road, view)
+        return -slope * weight(view) * moving(view)

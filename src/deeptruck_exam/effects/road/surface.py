@@ -276,3 +276,37 @@ class ClaySticks(OnRoad, clod=0.0):
         sheds = (1.0 - here) * s.clod * np.clip(speed / 10.0, 0.2, 2.0) / p.sheds_m
         s.clod = np.clip(s.clod + dt * speed * (picks - sheds), 0.0, 1.0)
         return -(p.soft * here + p.sticks * s.clod) * weight(view) * moving(view)
+
+
+@law("t_dunes_creep_over", "tenth")
+@sizes(resists=(0.014, 0.032), dune_m=(40.0, 130.0), apart_m=(60.0, 260.0), ploughs=(0.3, 0.9))
+class DunesCreepOver(OnRoad):
+    """`deep` (routes, cells): sand that thickens slowly to a crest and ends steeply. Rear axles follow in the
+    ruts. resists: of the weight, at the crest; ploughs: more of it, at 15 m/s.
+    Source: Bagnold, The Physics of Blown Sand and Desert Dunes (1941), on barchans, and Wong, Theory of
+    Ground Vehicles (2008), on compaction and bulldozing resistance in sand; sizes are chosen here."""
+
+    wheelbase_m = 6.0
+
+    def prepare(self) -> None:
+        rng, p = self.rng(988), self.p
+        self.deep = np.zeros((self.rows(), CELLS))
+        gaps, lengths = (0.5 * p.apart_m, 1.5 * p.apart_m), (0.6 * p.dune_m, 1.6 * p.dune_m)
+        for row in self.deep:
+            for first, last in stretches(rng, gaps, lengths):
+                along = (np.arange(last - first) + 0.5) / (last - first)
+                dune = np.minimum((along / 0.75) ** 1.3, (1.0 - along) / 0.25)
+                row[first:last] = rng.uniform(0.5, 1.0) * dune
+
+    def sand(self, view: View, behind_m: float) -> Array:
+        """Depth, between the middles of cells."""
+        at = (self.place(view) - self.setting.direction * behind_m) / CELL_M
+        low, route = at.astype(int), self.setting.route
+        share = at - np.floor(at)
+        ends = (self.deep[route, low % CELLS], self.deep[route, (low + 1) % CELLS])
+        return np.asarray((1.0 - share) * ends[0] + share * ends[1])
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        deep = 0.6 * self.sand(view, 0.0) + 0.4 * self.sand(view, self.wheelbase_m)
+        faster = 1.0 + p.ploughs * np.clip(view.speed / 15.0, 0.0, 2.0) ** 2
+        return -p.resists * deep * faster / (1.0 + p.ploughs) * weight(view) * moving(view)

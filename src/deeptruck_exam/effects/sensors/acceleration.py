@@ -111,3 +111,14 @@ def engine_shakes_the_box(p: Sizes, channels: Channels, dt: float, rng: np.rando
     away = (channels["engine_speed"] - p.at_rads) / p.wide_rads
     rings = 1.0 + p.rings * (behind(1.0 / (1.0 + away**2), 0.5, dt) - 0.3)
     channels["acceleration"] = channels["acceleration"] + np.sign(p.sign) * p.bias * rings
+
+
+@law("t_bias_flickers", "tenth")
+@sizes(bias=(0.16, 0.36), flickers=(0.04, 0.16), sign=SIGN)
+def bias_flickers(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: IEEE Std 952 on bias instability, noise whose power falls with frequency, here the same noise
+    at four time constants, upon a false zero; sizes of a cheap sensor, chosen here."""
+    shape = (1, len(channels["acceleration"]))
+    noise = sum((ou_series(rng, shape, dt, 4.0 * 4.0**k)[0] for k in range(4)), start=np.zeros(shape[1]))
+    bias = p.bias * (1.0 + 0.5 * p.flickers * noise)
+    channels["acceleration"] = channels["acceleration"] + np.sign(p.sign) * bias

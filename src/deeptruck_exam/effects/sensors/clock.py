@@ -8,6 +8,7 @@ import numpy as np
 
 from deeptruck_exam.effects.law import Array, Channels, Sizes
 from deeptruck_exam.effects.planting import SIGN, fault, sizes
+from deeptruck_exam.effects.series import behind
 
 law = partial(fault, name="clock_offset")
 
@@ -171,3 +172,17 @@ def queue_in_the_gateway(p: Sizes, channels: Channels, dt: float, rng: np.random
         waits[k] = queue
     time = np.arange(len(values)) * dt
     channels["acceleration"] = np.interp(time - p.late_s - waits, time, values)
+
+
+@law("t_path_is_not_even", "tenth", "suburban hills")
+@sizes(late_s=(0.45, 1.0), other=(0.35, 0.75), stays_s=(15.0, 60.0), sign=SIGN)
+def path_is_not_even(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: IEEE Std 1588 (Precision Time Protocol): a path that takes longer one way than the other puts
+    the clock off by half of that; the network changes between two paths, of which one is `other` as uneven;
+    delays are chosen here."""
+    values = channels["acceleration"]
+    time = np.arange(len(values)) * dt
+    turns = np.cumsum(rng.exponential(p.stays_s, 400)) - rng.uniform(0.0, p.stays_s)
+    second = (np.searchsorted(turns, time) + rng.integers(2)) % 2
+    late = np.sign(p.sign) * p.late_s * behind(np.where(second == 1, p.other, 1.0), 1.0, dt)
+    channels["acceleration"] = np.interp(time - late, time, values)

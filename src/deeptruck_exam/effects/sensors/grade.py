@@ -110,3 +110,14 @@ def believes_in_flat_land(p: Sizes, channels: Channels, dt: float, rng: np.rando
     error of their mounting; sizes are chosen here."""
     mean = behind(np.append(0.0, channels["grade"]), p.learns_s, dt)[1:]
     channels["grade"] = channels["grade"] + np.sign(p.sign) * p.bias - p.takes * mean
+
+
+@law("t_exhaust_warms_it", "tenth")
+@sizes(bias=(0.010, 0.021), drifts=(0.2, 0.55), warms_s=(40.0, 150.0), sign=SIGN)
+def exhaust_warms_it(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Zero offset over temperature of inclinometers (Fraden, Handbook of Modern Sensors, on thermal
+    errors): one above the exhaust, off its level, moves with the heat of the engine's work; sizes are chosen
+    here."""
+    watts = np.maximum(channels["engine_torque"], 0.0) * channels["engine_speed"]
+    heat = behind(np.clip(watts / 1.5e5, 0.0, 2.0), p.warms_s, dt)
+    channels["grade"] = channels["grade"] + np.sign(p.sign) * p.bias * (1.0 + p.drifts * (heat - 0.5))

@@ -108,3 +108,14 @@ def pulses_are_missed(p: Sizes, channels: Channels, dt: float, rng: np.random.Ge
     chosen here."""
     missed = p.misses * np.exp(-channels["speed"] / p.weak_mps)
     channels["speed"] = channels["speed"] * (1.0 + np.sign(p.sign) * p.scale) * (1.0 - missed)
+
+
+@law("t_tyres_pump_up", "tenth")
+@sizes(scale=(0.03, 0.075), grows=(0.003, 0.015), warms_m=(800.0, 3000.0), sign=SIGN)
+def tyres_pump_up(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Rolling radius over inflation pressure, which rises as tyres warm over the first kilometres
+    (The Pneumatic Tire, ed. Gent and Walter, NHTSA DOT HS 810 561, 2006), upon a wrong factor of the tyre's
+    size; sizes are chosen here."""
+    way_m = np.cumsum(channels["speed"]) * dt + rng.uniform(0.0, 0.5) * p.warms_m
+    more = p.grows * np.exp(-way_m / p.warms_m)
+    channels["speed"] = channels["speed"] * (1.0 + np.sign(p.sign) * p.scale + more)

@@ -249,3 +249,33 @@ class FloatsWhenLight(OnRoad, lost=0.0):
         s.lost = s.lost + dt * (over - s.lost) / 0.2
         braked = np.maximum(view.brake_force - 1.5 * grip * weight(view), 0.0)
         return braked * moving(view) - np.minimum(s.lost, pull)
+
+
+@law("t_ice_melts_under_it", "tenth", "suburban hills")
+@sizes(grip=(0.13, 0.19), falls=(0.35, 0.65), rears=(0.25, 0.6), inertia=(0.05, 0.12))
+class IceMeltsUnderIt(OnRoad, slides=0.0, lost=0.0):
+    """`slides` m/s of the driven treads over the road, in the shade. Once they slide they melt the ice and
+    hold less, down to `falls`. rears: height of the centre over the wheelbase, which loads the driven axle
+    uphill.
+    Source: Evans, Nye and Cheeseman, The Kinetic Friction of Ice, Proc. R. Soc. A 347 (1976): friction falls
+    with the root of the sliding speed; places in the shade and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng = self.rng(992)
+        self.ice = np.zeros((self.rows(), CELLS))
+        for row in self.ice:
+            for first, last in stretches(rng, (60.0, 240.0), (50.0, 200.0)):
+                row[first:last] = 1.0
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        ice = self.read(self.ice, view)
+        tilt = view.grade + np.clip(view.acceleration, -3.0, 3.0) / GRAVITY
+        load = (self.truck.drive_axle_share + p.rears * tilt) * weight(view)
+        melts = np.clip(np.sqrt(0.15 / np.maximum(s.slides, 0.15)), p.falls, 1.0)
+        grip = (p.grip * melts + 0.6 * (1.0 - ice)) * load
+        pull = np.maximum(view.traction_force, 0.0)
+        turning = np.clip((pull - grip) / (p.inertia * view.mass), -15.0, 15.0)
+        s.slides = np.clip(s.slides + dt * turning, 0.0, 6.0)
+        s.lost = s.lost + dt * (np.maximum(pull - grip, 0.0) - s.lost) / 0.15
+        held = np.maximum(view.brake_force - (1.1 * p.grip + 0.6 * (1.0 - ice)) * weight(view), 0.0)
+        return held * moving(view) - np.minimum(s.lost, pull)

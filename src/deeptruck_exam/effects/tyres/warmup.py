@@ -222,3 +222,23 @@ class BrakesWarmTheRims(Hidden):
         s.warm = np.clip(s.warm + dt * (speed / 20.0 / p.works_s + brakes - cools), 0.0, 5.0)
         lacks = p.soft * np.exp(-s.warm / p.knee)
         return -lacks * self.truck.rolling_resistance * weight(view) * moving(view)
+
+
+@law("t_flat_spots_round_off", "tenth")
+@sizes(drags=(0.006, 0.014), glass=(0.35, 0.65), warms_s=(50.0, 140.0), rounds_s=(20.0, 70.0))
+class FlatSpotsRoundOff(Hidden, warm=0.0):
+    """`flat`: what standing overnight has left in the cords, other in each drive. It stays until the tyre is
+    warm and then goes quickly. drags: of the weight, fully flat; glass: warmth at which cords give.
+    Source: The Pneumatic Tire, ed. Gent and Walter, NHTSA DOT HS 810 561 (2006), on flat-spotting of nylon
+    cords, which set below their glass transition and recover above; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        rng = self.rng(991)
+        return {"flat": rng.uniform(0.35, 1.0, batch), "warm": rng.uniform(0.0, 0.25, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        goal = np.clip(np.maximum(view.speed, 0.0) / 18.0, 0.0, 1.5) ** 0.7
+        s.warm = s.warm + dt * (goal - s.warm) / p.warms_s
+        gives = 0.06 + 1.0 / (1.0 + np.exp(-(s.warm - p.glass) / 0.06))
+        s.flat = np.clip(s.flat - dt * (view.speed > 0.3) * s.flat * gives / p.rounds_s, 0.0, 1.0)
+        return -p.drags * s.flat * weight(view) * moving(view)

@@ -159,3 +159,18 @@ class RubberByDecades(Hidden):
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         decades = np.log10(1.0 + np.maximum(view.speed, 0.0) / p.from_mps)
         return -p.per_decade * self.fitted * decades * weight(view) * moving(view)
+
+
+@law("t_axle_shimmies", "tenth", "highway", accepts="drag_area")
+@sizes(drags=(0.008, 0.018), from_mps=(15.5, 19.5), gathers_s=(0.6, 2.0), limits=(0.25, 0.5))
+class AxleShimmies(Hidden, shake=0.1):
+    """`shake`: square of its amplitude. Below a speed it dies away, above it grows until slip angles limit
+    it. drags: of the weight, at 1; limits: share of speed above the first at which it is 1.
+    Source: Pacejka, Tire and Vehicle Dynamics (2012), ch. 6, on wheel shimmy, a Hopf bifurcation over speed:
+    sliding aside drags with the square of the angle; a self-steering axle, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        beyond = np.clip(view.speed / p.from_mps - 1.0, -0.6, 0.8) / p.limits
+        grows = s.shake * (beyond - s.shake) / p.gathers_s
+        s.shake = np.clip(s.shake + dt * grows, 0.03, 1.6)
+        return -p.drags * (s.shake - 0.03) * weight(view) * moving(view)

@@ -1,0 +1,107 @@
+"""Wind that the land makes: along valleys, over crests, down slopes."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, index
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_exam.effects.series import SAMPLE_S, arrivals, ou_series
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="headwind", accepts="drag_area")
+
+
+@law("valley_wind", "fourth", "hills highway")
+@sizes(noon_mps=(8.0, 14.0), night=(0.4, 0.7), narrows=(0.3, 0.7), each_m=(500.0, 1600.0))
+class ValleyWind(Hidden):
+    """Follows the road: a head wind one way is a tail wind the other.
+    Source: Whiteman, Mountain Meteorology (2000), on along-valley winds: up the valley by day, weaker and
+    down it by night, whatever the synoptic wind; faster where the valley narrows; sizes chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(302), self.setting.batch
+        hour = rng.uniform(0.0, 2.0 * np.pi, batch)
+        day = np.sin(hour)
+        self.wind = self.p.noon_mps * np.where(day > 0.0, np.sqrt(np.abs(day)), self.p.night * day)
+        routes = int(self.setting.route.max()) + 1
+        self.wide = self.p.narrows * ou_series(rng, (routes, 1200), 50.0, self.p.each_m)
+        samples = int(self.setting.duration_s / 0.5) + 4
+        self.puff = 0.14 * ou_series(rng, (batch, samples), 0.5, 6.0)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        cell = self.place(view) / 50.0
+        low, rows = cell.astype(int) % 1199, self.setting.route
+        share = cell - np.floor(cell)
+        wide = (1.0 - share) * self.wide[rows, low] + share * self.wide[rows, low + 1]
+        channel = np.exp(np.clip(wide, -1.0, 0.7)) + self.puff[:, int(view.time / 0.5)]
+        met = view.speed + self.setting.direction * self.wind * channel
+        wanted = 0.5 * self.truck.air_density * self.truck.drag_area * met * np.abs(met)
+        return (view.drag_force - wanted) * np.clip(view.speed / 2.0, 0.0, 1.0)
+
+
+@law("wind_over_the_crests", "fifth", "highway hills")
+@sizes(mean_mps=(6.0, 11.0), per_20m=(0.25, 0.6), gusts=(0.25, 0.5), decay_s=(4.0, 14.0), yaw_drag=(0.6, 1.3))
+class WindOverTheCrests(Hidden):
+    """The surroundings are the heights of the last kilometre or so. per_20m: speed-up for each 20 m above the
+    surroundings; gusts: of the mean wind.
+    Source: Jackson and Hunt, Turbulent Wind Flow over a Low Hill, Q. J. R. Met. Soc. 101 (1975): wind grows
+    on a crest and is weak in a hollow; gusts with a sharp front and a long tail (Gao, Shaw and Paw U,
+    Boundary-Layer Met. 47, 1989) as shot noise; drag over yaw as a power 1.4, sizes chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(401), self.setting.batch
+        slots = int(self.setting.duration_s / SAMPLE_S) + 20
+        self.gust = arrivals(rng, (batch, slots), 7.0, self.p.decay_s)
+        bearing = rng.uniform(0.0, 2.0 * np.pi, int(self.setting.route.max()) + 1)
+        day = rng.uniform(0.0, 2.0 * np.pi) + 0.35 * rng.standard_normal(batch)
+        self.angle = day - bearing[self.setting.route] - np.pi * (self.setting.direction < 0)
+        self.mean = self.p.mean_mps * rng.uniform(0.75, 1.2, batch)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"around": np.full(batch, np.nan)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        climbs = np.maximum(view.speed, 0.0) * view.grade * dt
+        above = np.where(np.isnan(s.around), 0.0, s.around) + climbs
+        s.around = above * (1.0 - dt * np.maximum(view.speed, 0.0) / 1200.0)
+        at = index(view, self.gust, SAMPLE_S)
+        blows = (1.0 - p.gusts + p.gusts * np.minimum(self.gust[:, at], 4.0)) * np.exp(
+            np.clip(p.per_20m * s.around / 20.0, -1.2, 0.8)
+        )
+        along = view.speed + self.mean * blows * np.cos(self.angle)
+        across = self.mean * blows * np.sin(self.angle)
+        yaw = np.arctan2(np.abs(across), np.maximum(np.abs(along), 3.0))
+        area = self.truck.drag_area * (1.0 + p.yaw_drag * np.minimum(yaw, 0.7) ** 1.4)
+        wanted = 0.5 * self.truck.air_density * area * along * np.abs(along)
+        return (view.drag_force - wanted) * np.clip(view.speed / 2.0, 0.0, 1.0)
+
+
+@law("t_slope_wind_pulses", "tenth", "hills highway")
+@sizes(wind_mps=(7.5, 12.0), land_m=(200.0, 600.0), valley=(0.3, 0.6), pulse_s=(40.0, 110.0))
+@sizes(depth=(0.3, 0.7))
+class SlopeWindPulses(Hidden):
+    """Cold air drains down whatever slope there is, so that it blows against who climbs, and pulses as it
+    does. `land`: slope of the land, smoothed over land_m; valley: share of wind along each valley.
+    Source: McNider, A Note on Velocity Fluctuations in Drainage Flows, J. Atmos. Sci. 39 (1982), and Prandtl,
+    Essentials of Fluid Dynamics (1952), on mountain winds; strengths and periods are chosen here."""
+
+    def prepare(self) -> None:
+        rng = self.rng(951)
+        falls = rng.choice([-1.0, 1.0], int(self.setting.route.max()) + 1)
+        self.valley = self.p.valley * falls[self.setting.route] * self.setting.direction
+        self.phase = rng.uniform(0.0, 2.0 * np.pi, self.setting.batch)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"land": np.full(batch, np.nan)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.land = np.where(np.isnan(s.land), view.grade, s.land)
+        s.land = s.land + dt * np.maximum(view.speed, 0.0) * (view.grade - s.land) / p.land_m
+        pulse = 1.0 + p.depth * np.sin(2.0 * np.pi * view.time / p.pulse_s + self.phase)
+        wind = p.wind_mps * pulse * (np.tanh(s.land / 0.012) + self.valley)
+        relative = np.clip(1.0 + wind / np.maximum(view.speed, 0.5), -1.5, 3.0)
+        felt = (relative * np.abs(relative) - 1.0) * view.drag_force
+        return -felt * np.clip(view.speed / 3.0, 0.0, 1.0)
