@@ -1,4 +1,4 @@
-"""Drums that help themselves less, strokes, linings, a valve and a soft stop."""
+"""Drums that open like bells, fluid with air in it, a short cable, and helpers in stops and turns."""
 
 from __future__ import annotations
 
@@ -6,102 +6,127 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, index, moving, weight
+from deeptruck_exam.effects.places import Bends
 from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_exam.effects.series import ou_series
 from deeptruck_model.trucks import View
 
 law = partial(hidden, family="sealed")
 
 
-@law("t_self_help_is_lost", needs="descent", name="brake_fade")
-@sizes(per_k=(0.0013, 0.0022), helps=(0.7, 1.8), heats_jpkgk=(1.4, 2.8), cools_s=(200.0, 600.0))
-class SelfHelpIsLost(Hidden):
-    """`hot`: K above cold. Friction falls in proportion to heat, the brake far more. helps: force of the shoe
-    that draws itself on, over the other, cold; heats_jpkgk: for each kg of truck.
-    Source: Limpert, Brake Design and Safety, on brake factors of leading shoes, which amplify every change of
-    the lining's friction; heat and coefficients of linings are chosen here."""
+@law("e_drums_open_like_bells", needs="descent", name="brake_fade")
+@sizes(heats_jpkgk=(1.6, 3.2), bears_k=(45.0, 90.0), loss=(0.45, 0.7), wears_jpkg=(700.0, 2500.0))
+@sizes(cools_s=(250.0, 500.0))
+class DrumsOpenLikeBells(Hidden, hot=0.0):
+    """`hot`: K above cold; `worn`: K at which the linings fit the drum. A drum that is hotter or colder than
+    that touches them at one edge alone, until they have worn to its shape. heats_jpkgk: for each kg of truck;
+    bears_k: misfit at which half of `loss` is lost.
+    Source: Day, Harding and Newcomb, Combined Thermal and Mechanical Analysis of Drum Brakes, Proc. IMechE D
+    198 (1984), on bell-mouthing, and Day, Braking of Road Vehicles (2014), on linings that wear to shape;
+    wheels that turn cool better; sizes are chosen here."""
 
     def start(self, batch: int) -> dict[str, Array]:
-        return {"hot": self.rng(953).uniform(0.0, 70.0, batch)}
+        return {**super().start(batch), "worn": self.rng(1011).uniform(0.0, 60.0, batch)}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        friction = np.clip(1.0 - p.per_k * np.maximum(s.hot - 50.0, 0.0), 0.4, 1.0)
-        left = friction / (1.0 + p.helps * (1.0 - friction))
-        work = left * view.brake_force * np.maximum(view.speed, 0.0) / view.mass
-        s.hot = s.hot + dt * (work / p.heats_jpkgk - s.hot / p.cools_s)
-        return (1.0 - left) * view.brake_force * moving(view)
-
-
-@law("t_hot_drums_are_far", needs="suburban descent", name="brake_lag", accepts="command_delay clock_offset")
-@sizes(stroke_s=(0.25, 0.55), hot=(0.6, 1.8), share=(0.75, 1.0), fills_s=(0.15, 0.45))
-class HotDrumsAreFar(Hidden, way=0.0, held=0.0):
-    """`way`: s of the stroke that are done. A drum that has grown with heat is reached later. hot: for each
-    100 K.
-    Source: Flick, The Effect of Brake Adjustment on Braking Performance, DOT HS 807 287 (1988): stroke grows
-    with wear and with drum temperature; the time it takes is chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        full = self.truck.brake_capacity
-        asked = view.brake_force / full
-        hotter = np.clip(view.brake_temperature - self.truck.ambient_temperature, 0.0, 250.0)
-        stroke = p.stroke_s * (1.0 + p.hot * hotter / 100.0)
-        pace = np.clip(0.5 + asked / 0.15, 0.5, 2.0)
-        way = np.where(asked > 0.002, s.way + dt * pace, s.way - 3.0 * dt)
-        s.way = np.clip(way, 0.0, stroke)
-        touches = np.clip((s.way / stroke - 0.8) / 0.2, 0.0, 1.0)
-        s.held = s.held + dt * (asked * touches - s.held) / p.fills_s
-        return p.share * full * (asked - s.held) * moving(view)
-
-
-@law("t_linings_swell", needs="suburban descent", name="dragging_brake")
-@sizes(rubs=(0.010, 0.022), swells_jpkg=(60.0, 200.0), soaks_s=(10.0, 35.0), wears_m=(400.0, 1500.0))
-class LiningsSwell(Hidden, heat=0.0, swollen=0.0, worn=0.0):
-    """Braking makes them thicker, their own rubbing thinner again; adjusters take up the wear. rubs: of the
-    weight, fully swollen; swells_jpkg: work for each kg of truck; wears_m: way that takes it all off.
-    Source: Archard, Contact and Rubbing of Flat Surfaces, J. Appl. Phys. 24 (1953), on wear with load and
-    way; ISO 6313 on swelling of brake linings with heat; clearances set too small, sizes are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        misfit = ((s.hot - s.worn) / p.bears_k) ** 2
+        lost = p.loss * misfit / (1.0 + misfit)
         speed = np.maximum(view.speed, 0.0)
-        work = view.brake_force * speed / (p.swells_jpkg * view.mass)
-        s.heat = s.heat + dt * (work - s.heat / 120.0)
-        s.swollen = s.swollen + dt * (1.0 - np.exp(-s.heat) - s.swollen) / p.soaks_s
-        rubs = np.maximum(s.swollen - s.worn, 0.0)
-        taken_up = s.worn * (view.brake_force > 0.0) / 30.0
-        s.worn = s.worn + dt * (rubs * speed / p.wears_m - taken_up)
-        return -p.rubs * rubs * weight(view) * moving(view)
+        work = (1.0 - lost) * view.brake_force * speed / view.mass
+        cools = (0.4 + np.sqrt(np.minimum(speed, 25.0) / 15.0)) / (1.4 * p.cools_s)
+        s.hot = s.hot + dt * (work / p.heats_jpkgk - s.hot * cools)
+        s.worn = s.worn + dt * work * (s.hot - s.worn) / p.wears_jpkg
+        return lost * view.brake_force * moving(view)
 
 
-@law("t_valve_thinks_it_is_empty", needs="suburban descent hills", name="unknown")
-@sizes(lost=(0.4, 0.7), knee=(0.02, 0.045), dives=(0.15, 0.4), sticks=(0.004, 0.014))
-class ValveThinksItIsEmpty(Hidden, lever=0.0, out=0.0):
-    """A gentle brake is whole; what is asked beyond a knee is passed on in part. knee, sticks: of full
-    braking; dives: of the knee, taken off for each m/s2, as the frame rises from the axle.
-    Source: UN Regulation No. 13, annex 10, on load-sensing valves, and Limpert, Brake Design and Safety, on
-    proportioning: pressure is reduced above a knee that a lever sets by the height of the frame; a lever that
-    is bent, sizes are chosen here."""
+@law("e_air_in_the_fluid", needs="suburban descent", name="brake_lag", accepts="command_delay clock_offset")
+@sizes(air=(0.12, 0.3), bar=(0.03, 0.08), stiff=(0.3, 0.6), flows_s=(0.25, 0.55), share=(0.75, 1.0))
+class AirInTheFluid(Hidden, volume=0.0):
+    """`volume`: what has been pushed into the lines. It presses the air together first, so that gentle
+    braking comes latest. air: of the volume at full braking; bar: pressure of the air at rest over that of
+    full braking; stiff: of the lines without air; flows_s: to fill them at full pressure.
+    Source: Yu, Chen and Lu, The Variation of Oil Effective Bulk Modulus with Pressure in Hydraulic Systems,
+    J. Dyn. Sys. Meas. Control 116 (1994), on fluid with air in it, and Limpert, Brake Design and Safety, on
+    air over hydraulic brakes; sizes are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         full = self.truck.brake_capacity
-        slows = np.clip(-view.acceleration, 0.0, 3.0)
-        s.lever = s.lever + dt * (slows - s.lever) / 0.5
-        knee = p.knee * np.maximum(1.0 - p.dives * s.lever, 0.2)
-        asked = view.brake_force / full
-        s.out = np.clip(s.out, asked - p.sticks, asked + p.sticks)
-        over = np.clip(np.minimum(s.out, asked) - knee, 0.0, None)
-        return p.lost * over * full * moving(view)
+        asked = np.clip(view.brake_force / full, 0.0, 1.2)
+        held = self.pressure(p, s.volume)
+        differs = asked - held
+        springs = np.where(differs > 0.0, differs, 1.5 * (differs - 0.05))  # of the shoes, that help it out
+        s.volume = np.clip(s.volume + dt * np.clip(springs, -0.5, 0.5) / p.flows_s, 0.0, 2.0)
+        return p.share * full * differs * moving(view)
+
+    def pressure(self, p: Sizes, volume: Array) -> Array:
+        """Over that of full braking: air takes p.air * q / (q + p.bar), the lines p.stiff * q."""
+        b = p.air + p.stiff * p.bar - volume
+        root = np.sqrt(np.maximum(b**2 + 4.0 * p.stiff * p.bar * volume, 0.0))
+        return np.asarray(np.maximum((root - b) / (2.0 * p.stiff), 0.0))
 
 
-@law("t_softens_the_stop", needs="suburban", name="unknown")
-@sizes(from_mps=(2.2, 4.5), gives=(0.4, 0.75), comes_s=(0.15, 0.5))
-class SoftensTheStop(Hidden, eased=0.0):
-    """The last metres of a stop are braked more gently than asked. gives: share of the brake let go.
-    Source: Comfort stop functions (Breuer and Bill, Brake Technology Handbook, SAE 2008, on additional
-    functions of electronic brakes) ease the brake shortly before standstill against the jerk; speeds and
-    sizes are chosen here."""
+@law("e_cable_is_too_short", needs="suburban descent", name="dragging_brake")
+@sizes(drags=(0.008, 0.016), tight=(0.1, 0.5), squats=(0.5, 1.1), bumps=(0.3, 0.6), grows_jpkg=(150.0, 500.0))
+class CableIsTooShort(Hidden, travel=0.0, pace=0.0, grown=0.0):
+    """`travel` of the axle pulls the cable of the parking brake: by pull, slope and bumps, on springs. The
+    drag warms the drum, which grows away from its shoes. drags: of the weight, for a travel of 1; tight: at
+    rest; squats: for 1 m/s2 along the frame; grows_jpkg: work for each kg of truck.
+    Source: Gillespie, Fundamentals of Vehicle Dynamics (1992), on squat and bounce, and Limpert, Brake Design
+    and Safety, on cables of parking brakes; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        shape = (self.setting.batch, int(self.setting.duration_s / 0.1) + 20)
+        self.bumps = ou_series(self.rng(1012), shape, 0.1, 0.8)
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        slows = np.clip((-view.acceleration - 0.2) / 0.3, 0.0, 1.0)
-        near = np.clip(1.3 * (1.0 - view.speed / p.from_mps), 0.0, 1.0)
-        s.eased = s.eased + dt * (slows * near - s.eased) / p.comes_s
-        return p.gives * s.eased * view.brake_force * moving(view)
+        along = np.clip(view.acceleration + GRAVITY * view.grade, -2.5, 2.5)
+        rough = p.bumps * self.bumps[:, index(view, self.bumps, 0.1)] * np.clip(view.speed / 12.0, 0.0, 1.5)
+        omega = 2.0 * np.pi * 1.2
+        s.pace = s.pace + dt * (omega**2 * (p.squats * along + rough - s.travel) - 0.7 * omega * s.pace)
+        s.travel = np.clip(s.travel + dt * s.pace, -3.0, 3.0)
+        pulls = np.clip(p.tight + s.travel - s.grown, 0.0, 2.0)
+        work = p.drags * GRAVITY * pulls * np.maximum(view.speed, 0.0)
+        s.grown = np.clip(s.grown + dt * (work / p.grows_jpkg - s.grown / 150.0), 0.0, 1.0)
+        return -p.drags * pulls * weight(view) * moving(view)
+
+
+@law("e_brake_closes_the_loop", needs="suburban descent", name="unknown")
+@sizes(per_s=(0.5, 1.2), most=(0.35, 0.6), waits_s=(0.3, 0.7), lets_go_s=(0.2, 0.5))
+class BrakeClosesTheLoop(Hidden, pressed=0.0, felt=0.0, adds=0.0):
+    """The pedal asks for a slowing on the flat: more brake downhill and less uphill, until it is met. per_s:
+    of what is lacking; most: of the brake force, added or taken.
+    Source: Wrede and Decker, Brake by Wire for Commercial Vehicles, SAE 922489, and Breuer and Bill, Brake
+    Technology Handbook (SAE, 2008), on deceleration control of electronic brakes of commercial vehicles;
+    gains are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        braking = view.brake_force > 0.002 * weight(view)
+        s.pressed = np.where(braking, s.pressed + dt, 0.0)
+        s.felt = s.felt + dt * (-view.acceleration - s.felt) / 0.25
+        known = view.brake_force + view.rolling_force + view.drag_force
+        lacks = np.clip(known / view.mass - s.felt, -2.0, 2.0) * (s.pressed > p.waits_s) * (view.speed > 1.5)
+        most = p.most * view.brake_force / view.mass
+        moves = np.where(braking, p.per_s * lacks, -s.adds / p.lets_go_s)
+        s.adds = np.clip(s.adds + dt * moves, np.minimum(-most, 0.0), most + 0.02)
+        return -s.adds * view.mass * np.where(braking, 1.0, 0.0) * np.clip(view.speed - 0.5, 0.0, 1.0)
+
+
+@law("e_inner_wheel_is_braked", needs="suburban hills", name="unknown")
+@sizes(brakes=(0.025, 0.05), from_pm=(0.004, 0.009), below_mps=(11.0, 15.0), fills_s=(0.3, 0.8))
+class InnerWheelIsBraked(Bends, acts=0.0):
+    """A turn assistant brakes the wheels inside of a bend, in slow and tight ones, while the engine pulls.
+    brakes: of the weight; from_pm: curvature at which it begins.
+    Source: Pilutti, Ulsoy and Hrovat, Vehicle Steering Intervention through Differential Braking, J. Dyn.
+    Sys. Meas. Control 120 (1998), and steering brakes of off-road trucks and tractors; thresholds are chosen
+    here."""
+
+    def prepare(self) -> None:
+        self.bend = self.draw_bends(self.rng(1013), 0.035)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        tight = np.clip((np.abs(self.read(self.bend, view)) - p.from_pm) / 0.006, 0.0, 1.0)
+        slow = np.clip((p.below_mps - view.speed) / 2.0, 0.0, 1.0)
+        pulls = (view.traction_force > 0.0) & (view.brake_force <= 0.0) & (view.speed > 1.0)
+        s.acts = s.acts + dt * (tight * slow * pulls - s.acts) / p.fills_s
+        return -p.brakes * s.acts * weight(view) * moving(view)

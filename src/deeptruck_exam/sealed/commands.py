@@ -1,4 +1,4 @@
-"""Messages sent again, a dashpot, an electronic drawbar, and who sits beside the driver."""
+"""A median, an air cylinder, and two who take torque: green waves and a watchman."""
 
 from __future__ import annotations
 
@@ -7,103 +7,117 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import STEP_S, Array, Hidden, Late, Sizes, State, TorqueFilter, moving
+from deeptruck_exam.effects.places import CELL_M, CELLS, OnRoad
 from deeptruck_exam.effects.planting import hidden, sizes
-from deeptruck_exam.effects.series import spells, within
 from deeptruck_model.trucks import View
 
 law = partial(hidden, family="sealed")
-STEPS = 60000  # of ten minutes
 
 
-@law(
-    "t_waits_for_what_was_lost", needs="suburban hills descent", name="command_delay", accepts="clock_offset"
-)
-@sizes(base_s=(0.22, 0.45), waits_s=(0.35, 0.8), every_s=(2.5, 7.0), again=(0.1, 0.35))
-class WaitsForWhatWasLost(Late):
-    """Nothing arrives until a lost message has been sent again, then all that waited comes at once; a wait
-    that was in vain is followed by one twice as long. All trucks of a batch share the line.
-    Source: RFC 6298, Computing TCP's Retransmission Timer (2011), on timeouts that double, and the order that
-    TCP keeps (RFC 9293); a remote driver's line, losses are chosen here."""
+@law("e_median_of_the_last", needs="suburban hills descent", name="command_delay", accepts="clock_offset")
+@sizes(window_s=(0.8, 1.7), line_s=(0.05, 0.2))
+class MedianOfTheLast(Late):
+    """What is passed on is the middle one of the commands of a window: half a window late, and what lasted
+    less than that never arrives.
+    Source: Gallagher and Wise, A Theoretical Analysis of the Properties of Median Filters, IEEE Trans.
+    Acoustics, Speech, Signal Processing 29 (1981): edges pass, impulses do not; against outliers of a pedal's
+    line, windows are chosen here."""
 
-    length = 600
+    length = 400
+    every = 4
 
     def prepare(self) -> None:
-        rng, p = self.rng(961), self.p
-        self.late, at = np.full(STEPS, round(p.base_s / STEP_S)), 0
-        while at < STEPS:
-            at += max(1, round(rng.exponential(p.every_s) / STEP_S))
-            wait = round(p.waits_s * 2.0 ** min(rng.geometric(1.0 - p.again) - 1, 2) / STEP_S)
-            part = self.late[at : at + wait]
-            part += np.arange(1, len(part) + 1)
-            at += wait + 1
+        middle = round(self.p.window_s / STEP_S / self.every / 2.0)
+        first = round(self.p.line_s / STEP_S)
+        self.steps = first + self.every * np.arange(2 * middle + 1)
 
     def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
         self.put(s, u)
-        return self.ago(s, int(self.late[s.at % STEPS]))
+        window = s.past[(s.at - self.steps) % self.length]
+        middle = len(self.steps) // 2
+        return np.asarray(np.partition(window, middle, axis=0)[middle])
 
 
-@law("t_oil_in_the_dashpot", needs="suburban hills", name="command_rate_limit", accepts="turbo_lag")
-@sizes(per_s=(0.6, 1.3), preload=(0.12, 0.3), cold=(0.2, 0.45), warms_s=(50.0, 160.0))
-class OilInTheDashpot(TorqueFilter):
-    """The lever follows as fast as its spring can press oil through a bore: fast when far behind, slowly when
-    near, slowest while the oil is cold. per_s: of the full command, for an error of all of it; cold: of the
-    warm pace.
-    Source: Karnopp, Margolis and Rosenberg, System Dynamics (2012), on springs and dashpots in a row; oil's
-    viscosity over temperature (Vogel, Physikalische Zeitschrift 22, 1921); a throttle's damper, sizes are
-    chosen here."""
+@law("e_cylinder_fills_with_air", needs="suburban hills", name="command_rate_limit", accepts="turbo_lag")
+@sizes(fills_s=(0.9, 1.9), empties_s=(0.5, 1.1), spring=(0.15, 0.3), supply=(1.25, 1.7))
+class CylinderFillsWithAir(TorqueFilter):
+    """Air moves the lever against a spring: nothing happens until it is stretched, then the lever goes at one
+    pace while the air chokes, and slower near its end. spring: of the pressure of a full pedal, before the
+    lever moves; supply: over that pressure; fills_s: from nothing to full, choked.
+    Source: Andersen, The Analysis and Design of Pneumatic Systems (1967): flow is choked below half of the
+    pressure ahead; air throttles of rear-engined vehicles, sizes are chosen here."""
+
+    def begin(self, s: State, u: Array) -> None:
+        super().begin(s, u)
+        s.bar = self.wanted(u[:, 0])
+
+    def wanted(self, pedal: Array) -> Array:
+        """Pressure, over that of a full pedal, which holds the lever there; none for a closed pedal."""
+        share = pedal / self.full
+        return np.asarray(np.where(share > 0.0, self.p.spring + (1.0 - self.p.spring) * share, 0.0))
 
     def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
-        error = (pedal - s.given) / self.full
-        thin = 1.0 - (1.0 - p.cold) * np.exp(-time / p.warms_s)
-        rate = p.per_s * thin * (p.preload + np.abs(error)) * np.where(error < 0.0, 2.5, 1.0)
-        return np.asarray(s.given + self.full * np.sign(error) * np.minimum(np.abs(error), rate * dt))
+        wanted = self.wanted(pedal)
+        ahead = np.clip((p.supply - s.bar) / (0.5 * p.supply), 0.0, 1.0) ** 0.5 / p.fills_s
+        back = np.clip((s.bar + 0.15) / 0.5, 0.3, 1.0) ** 0.5 / p.empties_s
+        closes = np.clip(np.abs(wanted - s.bar) / 0.2, 0.08, 1.0)
+        s.bar = np.clip(wanted, s.bar - dt * back * closes, s.bar + dt * ahead * closes)
+        lever = np.clip((s.bar - p.spring) / (1.0 - p.spring), 0.0, None)
+        arrived = (s.bar == wanted) & (pedal >= 0.0)
+        return np.asarray(np.where(arrived, np.maximum(pedal, 0.0), self.full * lever))
 
 
-@law("t_electronic_drawbar", needs="highway suburban", name="unknown", leader=True)
-@sizes(per_s=(0.10, 0.22), sees_s=(0.5, 1.2), most_mps2=(0.15, 0.35), near_m=(45.0, 90.0))
-class ElectronicDrawbar(Hidden):
-    """A second computer helps to keep the distance to the leader: it pushes as he draws away and brakes as he
-    comes nearer. per_s: for each m/s between them.
-    Source: Gehring and Fritz, Practical Results of a Longitudinal Control Concept for Truck Platooning with
-    Vehicle to Vehicle Communication, IEEE Conf. Intelligent Transportation Systems (1997); a weak one beside
-    the driver, gains are chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        return {"gap": np.full(batch, np.nan), "acts": np.zeros(batch)}
-
-    def between(self, view: View) -> Array:
-        """Metres to the leader, whose way is a line between its samples; NaN without one."""
-        way, at = self.setting.leader_m, view.time / self.setting.dt
-        low = min(int(at), way.shape[1] - 2)
-        share = min(at - low, 1.0)
-        return np.asarray((1.0 - share) * way[:, low] + share * way[:, low + 1] - view.distance)
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        gap = self.between(view)
-        s.gap = np.where(np.isnan(s.gap), gap, s.gap)
-        opens = (gap - s.gap) / p.sees_s
-        s.gap = s.gap + dt * opens
-        wanted = np.clip(p.per_s * np.nan_to_num(opens), -p.most_mps2, p.most_mps2)
-        near = np.clip(2.0 - np.nan_to_num(gap, nan=1e5) / p.near_m, 0.0, 1.0)
-        s.acts = s.acts + dt * (wanted * near - s.acts) / 0.3
-        return s.acts * view.mass * np.clip(view.speed / 3.0, 0.0, 1.0)
-
-
-@law("t_second_pair_of_pedals", needs="suburban hills", name="unknown")
-@sizes(mps2=(0.35, 0.8), lasts_s=(1.2, 3.0), every_s=(12.0, 30.0), foot_s=(0.2, 0.5))
-class SecondPairOfPedals(Hidden, foot=0.0):
-    """A teacher brakes in passing when the pupil does not, harder the faster they go; only the pupil's pedals
-    are recorded. mps2: at 12 m/s.
-    Source: Dual controls of vehicles for driving instruction (Directive 2006/126/EC on driving licences, and
-    national rules for instructors' pedals); how often and how hard is chosen here."""
+@law("e_rides_the_green_wave", needs="suburban hills", name="unknown")
+@sizes(
+    apart_m=(220.0, 420.0), cycle_s=(45.0, 80.0), red=(0.45, 0.65), ahead_m=(80.0, 160.0), takes=(0.5, 0.9)
+)
+class RidesTheGreenWave(OnRoad, eases=0.0):
+    """An assistant hears from the signals when they turn and takes torque where the truck would come too
+    early. takes: share of the pull. The lights stand where they stand, and keep their times.
+    Source: Katsaros, Kernchen, Dianati and Rieck, Performance Study of a Green Light Optimized Speed Advisory
+    (GLOSA) Application Using an Integrated Cooperative ITS Simulation Platform, IWCMC (2011); one that acts
+    by itself, signals and shares are chosen here."""
 
     def prepare(self) -> None:
-        p, rng, batch = self.p, self.rng(962), self.setting.batch
-        lasts, every = (0.6 * p.lasts_s, 1.4 * p.lasts_s), (0.5 * p.every_s, 1.5 * p.every_s)
-        self.steps_in = spells(rng, batch, lasts, every)
+        rng, p = self.rng(1021), self.p
+        self.lights_m = np.cumsum(p.apart_m * rng.uniform(0.6, 1.4, (self.rows(), 600)), axis=1)
+        self.offset_s = rng.uniform(0.0, p.cycle_s, (self.rows(), 600))
+        cells_m = (np.arange(CELLS) + 0.5) * CELL_M
+        self.following = np.array([np.searchsorted(lights, cells_m) for lights in self.lights_m])
+        self.back = (self.setting.direction < 0.0).astype(int)
+
+    def ahead(self, view: View) -> tuple[Array, Array]:
+        """Metres to the next light, and its offset."""
+        route = self.setting.route
+        light = np.clip(self.following[route, self.cell(view)] - self.back, 0, 599)
+        gap = self.setting.direction * (self.lights_m[route, light] - self.place(view))
+        return np.maximum(gap, 0.0), self.offset_s[route, light]
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        wants = within(self.steps_in, view.time) * (view.brake_force <= 0.0) * (view.speed > 3.0)
-        s.foot = s.foot + dt * (wants - s.foot) / p.foot_s
-        hard = p.mps2 * np.sqrt(np.clip(view.speed / 12.0, 0.0, 2.0))
-        return -s.foot * hard * view.mass * moving(view)
+        gap, offset = self.ahead(view)
+        comes = view.time + gap / np.maximum(view.speed, 2.0)
+        red = ((comes + offset) % p.cycle_s) < p.red * p.cycle_s
+        wants = red * (gap < p.ahead_m) * (view.speed > 4.0)
+        s.eases = s.eases + dt * (wants - s.eases) / 0.5
+        return -p.takes * s.eases * np.maximum(view.traction_force, 0.0) * moving(view)
+
+
+@law("e_watchman", needs="highway suburban hills", name="unknown")
+@sizes(waits_s=(3.0, 6.0), moves=(0.05, 0.10), takes=(0.5, 0.9), fades_s=(1.0, 3.0))
+class Watchman(Hidden, still=0.0, takes=0.0):
+    """Who keeps his foot still for too long is taken for asleep: torque fades until the pedal moves. moves:
+    of the full pedal, that count; waits_s: from the last of them.
+    Source: UIC 641, Conditions to be Fulfilled by Automatic Vigilance Devices Used in International Traffic,
+    and the risk mitigation function of UN Regulation No. 79 for trucks; times are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "last": np.full(batch, -1.0)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pedal = self.pedal(view)
+        moved = (np.abs(pedal - s.last) > p.moves) | (view.brake_force > 0.0) | (view.speed < 3.0)
+        s.last = np.where(moved, pedal, s.last)
+        s.still = np.where(moved, 0.0, s.still + dt)
+        asleep = (s.still > p.waits_s) & (pedal > 0.02)
+        s.takes = s.takes + dt * np.where(asleep, (1.0 - s.takes) / p.fades_s, -s.takes / 0.4)
+        return -p.takes * s.takes * np.maximum(view.traction_force, 0.0) * moving(view)

@@ -1,4 +1,4 @@
-"""Sand on the road, and a road on thawing ground."""
+"""A mat over a bog, and a lane beside the axis of its road."""
 
 from __future__ import annotations
 
@@ -7,80 +7,74 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Sizes, State, moving, weight
-from deeptruck_exam.effects.places import (
-    CELL_M,
-    CELLS,
-    MAP_CELL_M,
-    MAP_CELLS,
-    OnRoad,
-    smooth_stretches,
-    stretches,
-)
+from deeptruck_exam.effects.places import CELLS, MAP_CELL_M, MAP_CELLS, OnRoad, stretches
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
 law = partial(hidden, family="sealed")
 
 
-@law("t_dunes_creep_over", name="road_surface", accepts="road_grade")
-@sizes(resists=(0.014, 0.032), dune_m=(40.0, 130.0), apart_m=(60.0, 260.0), ploughs=(0.3, 0.9))
-class DunesCreepOver(OnRoad):
-    """`deep` (routes, cells): sand that thickens slowly to a crest and ends steeply. Rear axles follow in the
-    ruts. resists: of the weight, at the crest; ploughs: more of it, at 15 m/s.
-    Source: Bagnold, The Physics of Blown Sand and Desert Dunes (1941), on barchans, and Wong, Theory of
-    Ground Vehicles (2008), on compaction and bulldozing resistance in sand; sizes are chosen here."""
-
-    wheelbase_m = 6.0
+@law("e_mat_over_the_bog", name="road_surface", accepts="road_grade")
+@sizes(
+    whole=(0.004, 0.009), torn=(0.016, 0.032), bears=(0.02, 0.045), sinks_m=(4.0, 15.0), out_m=(25.0, 90.0)
+)
+class MatOverTheBog(OnRoad, sunk=0.0):
+    """A mat of roots bears the truck until its wheels shear it, by pull or brake; then they are in the peat,
+    and come out over the way. whole, torn: of the weight; bears: shear over weight, more in some places than
+    in others.
+    Source: Wong, Radforth and Preston-Thomas, Some Further Studies on the Mechanical Properties of Muskeg in
+    Relation to Vehicle Mobility, J. Terramechanics 19 (1982); stretches and sizes are chosen here."""
 
     def prepare(self) -> None:
-        rng, p = self.rng(988), self.p
-        self.deep = np.zeros((self.rows(), CELLS))
-        gaps, lengths = (0.5 * p.apart_m, 1.5 * p.apart_m), (0.6 * p.dune_m, 1.6 * p.dune_m)
-        for row in self.deep:
-            for first, last in stretches(rng, gaps, lengths):
-                along = (np.arange(last - first) + 0.5) / (last - first)
-                dune = np.minimum((along / 0.75) ** 1.3, (1.0 - along) / 0.25)
-                row[first:last] = rng.uniform(0.5, 1.0) * dune
+        rng = self.rng(1061)
+        self.soft = np.zeros((self.rows(), CELLS))
+        self.bears = np.full((self.rows(), CELLS), 1e3)
+        for soft, bears in zip(self.soft, self.bears, strict=True):
+            for first, last in stretches(rng, (60.0, 450.0), (90.0, 500.0)):
+                soft[first:last] = 1.0
+                bears[first:last] = self.p.bears * rng.lognormal(0.0, 0.35)
 
-    def sand(self, view: View, behind_m: float) -> Array:
-        """Depth, between the middles of cells."""
-        at = (self.place(view) - self.setting.direction * behind_m) / CELL_M
-        low, route = at.astype(int), self.setting.route
-        share = at - np.floor(at)
-        ends = (self.deep[route, low % CELLS], self.deep[route, (low + 1) % CELLS])
-        return np.asarray((1.0 - share) * ends[0] + share * ends[1])
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "on": np.zeros(batch)}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        deep = 0.6 * self.sand(view, 0.0) + 0.4 * self.sand(view, self.wheelbase_m)
-        faster = 1.0 + p.ploughs * np.clip(view.speed / 15.0, 0.0, 2.0) ** 2
-        return -p.resists * deep * faster / (1.0 + p.ploughs) * weight(view) * moving(view)
+        way = dt * np.maximum(view.speed, 0.0)
+        s.on = s.on + way * (self.read(self.soft, view) - s.on) / 6.0
+        shear = np.maximum(np.abs(view.traction_force), view.brake_force) / weight(view)
+        tears = np.clip((shear / self.read(self.bears, view) - 1.0) / 0.2, 0.0, 1.0)
+        s.sunk = np.clip(s.sunk + way * (tears * (1.0 - s.sunk) / p.sinks_m - s.sunk / p.out_m), 0.0, 1.0)
+        resists = p.whole + (p.torn - p.whole) * s.sunk
+        return -resists * s.on * weight(view) * moving(view)
 
 
 @law(
-    "t_road_on_thawing_ground",
+    "e_lane_beside_the_axis",
     needs="hills highway suburban",
     name="road_grade",
     accepts="road_surface",
     gateable=False,
 )
-@sizes(slope=(0.014, 0.026), shortest_m=(70.0, 140.0), longest=(2.0, 4.0), apart_m=(80.0, 400.0))
-class RoadOnThawingGround(OnRoad):
-    """Waves of many lengths where ice has melted out of the ground since the survey. slope: standard
-    deviation in the middle of a stretch; longest: over the shortest.
-    Source: Andersland and Ladanyi, Frozen Ground Engineering (2004), on thaw settlement under roads, uneven
-    as the ice in the ground is; lengths and slopes are chosen here."""
+@sizes(banks=(0.06, 0.09), aside_m=(6.0, 11.0), runoff_m=(40.0, 75.0), straight_m=(60.0, 250.0))
+class LaneBesideTheAxis(OnRoad):
+    """The map has the axis of the road; the lane lies aside of it, and climbs and falls where the road is
+    banked for a bend. Who comes the other way has the other side, and meets the same slope. banks: slope
+    across, in the tightest.
+    Source: AASHTO, A Policy on Geometric Design of Highways and Streets (2018), on superelevation runoff and
+    relative gradients of lanes far from the axis of rotation; widths and bends are chosen here."""
 
     conceal = ("elevation",)
 
     def prepare(self) -> None:
-        rng, p, rows = self.rng(989), self.p, self.rows()
-        at_m = np.arange(MAP_CELLS) * MAP_CELL_M
-        waves_m = p.shortest_m * p.longest ** rng.random((rows, 12, 1))
-        phase = rng.uniform(0.0, 2.0 * np.pi, waves_m.shape)
-        waves = np.sin(2.0 * np.pi * at_m / waves_m + phase).sum(axis=1) / np.sqrt(6.0)
-        thaws = smooth_stretches(rng, rows, (0.5 * p.apart_m, 1.5 * p.apart_m), (400.0, 1600.0))
-        self.road = np.clip(p.slope * waves * np.sqrt(thaws[:, ::2]), -0.055, 0.055)
+        rng, p = self.rng(1062), self.p
+        self.road = np.zeros((self.rows(), MAP_CELLS))
+        ramp = np.hanning(round(2.0 * p.runoff_m / MAP_CELL_M) + 3)
+        for row in self.road:
+            bank, side = np.zeros(CELLS), rng.choice([-1.0, 1.0])
+            for first, last in stretches(rng, (p.straight_m, 3.0 * p.straight_m), (100.0, 450.0)):
+                side *= rng.choice([-1.0, -1.0, 1.0])
+                bank[first:last] = side * p.banks * rng.uniform(0.5, 1.0)
+            eased = np.convolve(bank[: 2 * MAP_CELLS : 2], ramp / ramp.sum(), mode="same")
+            row[:] = np.clip(np.gradient(p.aside_m * eased, MAP_CELL_M), -0.03, 0.03)
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        slope = self.setting.direction * self.between(self.road, view)
-        return -slope * weight(view) * moving(view)
+        return -self.between(self.road, view) * weight(view) * moving(view)

@@ -6,55 +6,62 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Channels, Sizes
+from deeptruck_exam.effects.law import Array, Channels, Sizes
 from deeptruck_exam.effects.planting import SIGN, fault, sizes
-from deeptruck_exam.effects.series import behind, ou_series
+from deeptruck_exam.effects.series import behind
 
 law = partial(fault, family="sealed")
 
 
-@law("t_path_is_not_even", needs="suburban hills", name="clock_offset")
-@sizes(late_s=(0.45, 1.0), other=(0.35, 0.75), stays_s=(15.0, 60.0), sign=SIGN)
-def path_is_not_even(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """Source: IEEE Std 1588 (Precision Time Protocol): a path that takes longer one way than the other puts
-    the clock off by half of that; the network changes between two paths, of which one is `other` as uneven;
-    delays are chosen here."""
+@law("e_filter_grows_with_shaking", needs="suburban hills", name="clock_offset")
+@sizes(late_s=(0.5, 1.0), calm=(0.4, 0.75), adapts_s=(4.0, 15.0))
+def filter_grows_with_shaking(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Group delay of filters (Oppenheim and Schafer, Discrete-Time Signal Processing, 2010): half the
+    length, and a sensor that makes its filter the longer the more it is shaken, which is by speed; delays are
+    chosen here."""
     values = channels["acceleration"]
     time = np.arange(len(values)) * dt
-    turns = np.cumsum(rng.exponential(p.stays_s, 400)) - rng.uniform(0.0, p.stays_s)
-    second = (np.searchsorted(turns, time) + rng.integers(2)) % 2
-    late = np.sign(p.sign) * p.late_s * behind(np.where(second == 1, p.other, 1.0), 1.0, dt)
+    shaken = behind(np.clip(channels["speed"] / 20.0, 0.0, 1.2) ** 2, p.adapts_s, dt)
+    late = p.late_s * (p.calm + (1.0 - p.calm) * shaken) + 0.02 * rng.uniform()
     channels["acceleration"] = np.interp(time - late, time, values)
 
 
-@law("t_tyres_pump_up", name="speed_scale")
-@sizes(scale=(0.03, 0.075), grows=(0.003, 0.015), warms_m=(800.0, 3000.0), sign=SIGN)
-def tyres_pump_up(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """Source: Rolling radius over inflation pressure, which rises as tyres warm over the first kilometres
-    (The Pneumatic Tire, ed. Gent and Walter, NHTSA DOT HS 810 561, 2006), upon a wrong factor of the tyre's
-    size; sizes are chosen here."""
-    way_m = np.cumsum(channels["speed"]) * dt + rng.uniform(0.0, 0.5) * p.warms_m
-    more = p.grows * np.exp(-way_m / p.warms_m)
-    channels["speed"] = channels["speed"] * (1.0 + np.sign(p.sign) * p.scale + more)
+@law("e_height_of_the_optics", name="speed_scale")
+@sizes(scale=(0.03, 0.07), height=(0.004, 0.016), pitches_s=(0.3, 0.8), sign=SIGN)
+def height_of_the_optics(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Optical sensors over ground count a grating's lines (Ator, Image-Velocity Sensing with Parallel
+    Slit Reticles, J. Opt. Soc. Am. 53, 1963): their scale goes with the height above the road, which a wrong
+    mounting and the pitch of the frame change; sizes are chosen here."""
+    pitch = behind(np.clip(channels["acceleration"], -2.0, 2.0), p.pitches_s, dt)
+    where = rng.choice([-1.0, 1.0])  # ahead of the axles or behind them
+    channels["speed"] = channels["speed"] * (1.0 + np.sign(p.sign) * p.scale + where * p.height * pitch)
 
 
-@law("t_bias_flickers", name="acceleration_bias")
-@sizes(bias=(0.16, 0.36), flickers=(0.04, 0.16), sign=SIGN)
-def bias_flickers(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """Source: IEEE Std 952 on bias instability, noise whose power falls with frequency, here the same noise
-    at four time constants, upon a false zero; sizes of a cheap sensor, chosen here."""
-    shape = (1, len(channels["acceleration"]))
-    noise = sum((ou_series(rng, shape, dt, 4.0 * 4.0**k)[0] for k in range(4)), start=np.zeros(shape[1]))
-    bias = p.bias * (1.0 + 0.5 * p.flickers * noise)
+@law("e_bias_is_a_telegraph", name="acceleration_bias")
+@sizes(bias=(0.16, 0.34), jumps=(0.15, 0.4), stays_s=(8.0, 40.0), sign=SIGN)
+def bias_is_a_telegraph(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Burst noise (Kogan, Electronic Noise and Fluctuations in Solids, 1996): a level that jumps
+    between two, as a defect is charged or not, upon a false zero; sizes of a cheap sensor, chosen here."""
+    n = len(channels["acceleration"])
+    turns = np.cumsum(rng.random(n) < dt / p.stays_s) + rng.integers(2)
+    bias = p.bias * (1.0 + p.jumps * ((turns % 2) - 0.5))
     channels["acceleration"] = channels["acceleration"] + np.sign(p.sign) * bias
 
 
-@law("t_exhaust_warms_it", name="grade_bias", accepts="rolling_resistance", conceal="elevation")
-@sizes(bias=(0.010, 0.021), drifts=(0.2, 0.55), warms_s=(40.0, 150.0), sign=SIGN)
-def exhaust_warms_it(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """Source: Zero offset over temperature of inclinometers (Fraden, Handbook of Modern Sensors, on thermal
-    errors): one above the exhaust, off its level, moves with the heat of the engine's work; sizes are chosen
-    here."""
-    watts = np.maximum(channels["engine_torque"], 0.0) * channels["engine_speed"]
-    heat = behind(np.clip(watts / 1.5e5, 0.0, 2.0), p.warms_s, dt)
-    channels["grade"] = channels["grade"] + np.sign(p.sign) * p.bias * (1.0 + p.drifts * (heat - 0.5))
+@law("e_springs_stay_bent", name="grade_bias", accepts="rolling_resistance", conceal="elevation")
+@sizes(bias=(0.009, 0.02), pitch=(0.002, 0.006), rubs=(0.25, 0.7), sign=SIGN)
+def springs_stay_bent(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Fancher, Ervin, MacAdam and Winkler, Measurement and Representation of the Mechanical
+    Properties of Truck Leaf Springs, SAE 800905: friction between the leaves keeps a frame nose down after a braking and
+    up after a pull, under an inclinometer that is out of level; sizes are chosen here."""
+    squat = _held(np.clip(channels["acceleration"], -2.0, 2.0), p.rubs, rng.uniform(-0.3, 0.3))
+    channels["grade"] = channels["grade"] + np.sign(p.sign) * p.bias + p.pitch * behind(squat, 0.3, dt)
+
+
+def _held(values: Array, width: float, first: float) -> Array:
+    """What is dragged along by the values once they have gone further than `width` from it."""
+    out, at = np.empty(len(values)), first
+    for k, value in enumerate(values.tolist()):
+        at = min(max(at, value - width), value + width)
+        out[k] = at
+    return out
