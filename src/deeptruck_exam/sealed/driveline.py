@@ -1,4 +1,5 @@
-"""Teeth that bounce, a converter that locks late, a worm axle, a gear that is held fast, a loose rotor."""
+"""Teeth that bounce, a converter that locks late, a worm axle, a gear that is held fast, a loose rotor, and a
+spared clutch."""
 
 from __future__ import annotations
 
@@ -138,3 +139,24 @@ class RotorWithLostMotion(Hidden, ring=-1.0, ahead=0.0):
         s.ring = np.maximum(s.ring - dt * (pulls + slows), 0.0)
         s.ahead = np.clip(s.ahead + dt * faster, -p.play_m - 0.6, p.play_m + 0.6)
         return np.asarray(p.share * view.mass * pulls * np.clip(view.speed - 0.3, 0.0, 1.0))
+
+
+@law("e_clutch_is_spared", needs="suburban hills", name="torque_limit", trucks=BY_HAND, shown=True)
+@sizes(least=(0.26, 0.42), bears_jpkg=(6.0, 14.0), cools_s=(120.0, 300.0))
+class ClutchIsSpared(Hidden):
+    """`hot`: of what the clutch bears. The engine turns faster than the gear in every start; the work of that
+    slip heats the clutch, and a hot one is given less torque. least: of peak torque; bears_jpkg: for each kg
+    of truck.
+    Source: Dolcini, Canudas de Wit and Béchart, Dry Clutch Control for Automotive Applications (2010), on the
+    energy of engagement, and protection of automated clutches in makers' manuals; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"hot": self.rng(1043).uniform(0.3, 1.1, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        turns = np.maximum(view.speed, 0.0) * view.ratio / self.truck.wheel_radius
+        slips = np.clip(view.engine_speed - turns, 0.0, 120.0) * (view.speed < 4.0) * (1.0 - view.shifting)
+        work = np.maximum(view.engine_torque, 0.0) * slips / view.mass
+        s.hot = np.clip(s.hot + dt * (work / p.bears_jpkg - s.hot / p.cools_s), 0.0, 1.2)
+        most = (1.1 - (1.1 - p.least) * np.clip(s.hot, 0.0, 1.0) ** 0.8) * self.truck.peak_torque
+        return -self.at_wheels(view, np.maximum(view.engine_torque - most, 0.0))

@@ -1,5 +1,5 @@
-"""A stiff turbocharger, heat of the retarder, a spared clutch, foam, a stuck thermostat, a hot condenser, gas
-in the air, and a fan that is gone."""
+"""A stiff turbocharger, a retarder's heat, foam, a stuck thermostat, a hot condenser, gas in the air, and
+a fan that is gone."""
 
 from __future__ import annotations
 
@@ -64,27 +64,6 @@ class BrakingHeatsTheCoolant(Hidden):
         return -self.at_wheels(view, cut * np.maximum(view.engine_torque, 0.0))
 
 
-@law("e_clutch_is_spared", needs="suburban hills", name="torque_limit", trucks="trucksim volvo", shown=True)
-@sizes(least=(0.26, 0.42), bears_jpkg=(6.0, 14.0), cools_s=(60.0, 180.0))
-class ClutchIsSpared(Hidden):
-    """`hot`: of what the clutch bears. The engine turns faster than the gear in every start; the work of that
-    slip heats the clutch, and a hot one is given less torque. least: of peak torque; bears_jpkg: for each kg
-    of truck.
-    Source: Dolcini, Canudas de Wit and Béchart, Dry Clutch Control for Automotive Applications (2010), on the
-    energy of engagement, and protection of automated clutches in makers' manuals; sizes are chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        return {"hot": self.rng(1043).uniform(0.2, 1.0, batch)}
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        turns = np.maximum(view.speed, 0.0) * view.ratio / self.truck.wheel_radius
-        slips = np.clip(view.engine_speed - turns, 0.0, 120.0) * (view.speed < 4.0) * (1.0 - view.shifting)
-        work = np.maximum(view.engine_torque, 0.0) * slips / view.mass
-        s.hot = np.clip(s.hot + dt * (work / p.bears_jpkg - s.hot / p.cools_s), 0.0, 1.2)
-        most = (1.1 - (1.1 - p.least) * np.clip(s.hot, 0.0, 1.0) ** 0.8) * self.truck.peak_torque
-        return -self.at_wheels(view, np.maximum(view.engine_torque - most, 0.0))
-
-
 @law("e_foam_in_the_slave_pistons", needs="descent hills", name="engine_brake", accepts="engine_friction")
 @sizes(share=(0.45, 0.8), waits_s=(0.4, 1.5), foams_s=(10.0, 30.0), left=(0.3, 0.6), from_rads=(100.0, 118.0))
 class FoamInTheSlavePistons(Hidden, shut=0.0, on=0.0, foam=0.0):
@@ -108,11 +87,10 @@ class FoamInTheSlavePistons(Hidden, shut=0.0, on=0.0, foam=0.0):
 
 
 @law("e_thermostat_is_open", name="engine_friction", accepts="engine_brake accessory_load")
-@sizes(nm=(55.0, 120.0), works_s=(60.0, 160.0), winds_s=(70.0, 180.0), thick=(1.2, 2.2))
+@sizes(nm=(90.0, 180.0), works_s=(60.0, 160.0), winds_s=(70.0, 180.0), thick=(1.2, 2.2))
 class ThermostatIsOpen(Hidden):
-    """`warm`: 0 as the air, 1 as it should be. The wind of driving cools what work warms: oil is thick on long
-    ways down and thin uphill. nm: at 150 rad/s, cold, beyond the warm friction; thick: the power of
-    cold oil.
+    """`warm`: 0 as the air, 1 as it should be. The wind of driving cools what work warms: oil is thick on
+    long ways down and thin uphill. nm: at 150 rad/s, cold, beyond the warm friction; thick: a power.
     Source: Pang and Brace, Review of Engine Cooling Technologies for Modern Engines, Proc. IMechE D 218
     (2004), on overcooling at part load, and Sandoval and Heywood, An Improved Friction Model for
     Spark-Ignition Engines, SAE 2003-01-0725, on friction with viscosity; sizes are chosen here."""
@@ -176,7 +154,7 @@ class GasInTheAir(OnRoad, inside=0.0):
 
 
 @law("e_fan_that_is_gone", needs="highway suburban hills", name="unknown")
-@sizes(nm=(60.0, 130.0), warms_s=(25.0, 70.0), cools_s=(20.0, 60.0), below=(0.3, 0.6))
+@sizes(nm=(130.0, 240.0), warms_s=(15.0, 40.0), cools_s=(20.0, 60.0), below=(0.3, 0.6))
 class FanThatIsGone(Hidden, on=0.0, adds=0.0):
     """The control unit adds what its big fan would take whenever that is called for, and there is none. nm:
     at 180 rad/s; below: of the heat at which it is called, where it is sent away.

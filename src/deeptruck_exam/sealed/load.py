@@ -36,7 +36,7 @@ class GullyEmptier(Hidden, tips=0.0):
 
 
 @law("e_powder_settles", needs="suburban", name="load_slosh")
-@sizes(share=(0.3, 0.5), hz=(0.35, 0.65), thick=(0.06, 0.15), settles_s=(30.0, 110.0), shakes=(0.1, 0.35))
+@sizes(share=(0.45, 0.65), hz=(0.35, 0.65), thick=(0.04, 0.10), settles_s=(60.0, 200.0), shakes=(0.3, 0.7))
 class PowderSettles(Hidden, x=0.0, v=0.0):
     """`air` in the powder: 1 as it comes from the silo, when it flows like water, to 0, when it lies still.
     It leaves by itself, and shaking keeps it in. thick: damping, full of air; shakes: of the air lost, that
@@ -52,10 +52,10 @@ class PowderSettles(Hidden, x=0.0, v=0.0):
         brings = p.shakes * np.minimum(np.abs(view.acceleration), 2.0) * (1.0 - s.air)
         s.air = np.clip(s.air + dt * (brings - s.air) / p.settles_s, 0.0, 1.0)
         omega = 2.0 * np.pi * p.hz
-        damping = p.thick + 0.9 * (1.0 - s.air) ** 2
+        damping = p.thick + 0.7 * (1.0 - s.air) ** 2
         driven = -(omega**2) * s.x - 2.0 * damping * omega * s.v - felt
         s.v = np.clip(s.v + dt * driven, -2.5, 2.5)
         s.x = np.clip(s.x + dt * s.v, -0.9, 0.9)
-        flows = s.air / (s.air + 0.25)
+        flows = 1.2 * s.air / (s.air + 0.2)
         pushes = (omega**2) * s.x + 2.0 * damping * omega * s.v + felt
         return p.share * flows * view.mass * np.clip(pushes, -4.0, 4.0) * moving(view)

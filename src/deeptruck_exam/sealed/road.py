@@ -54,7 +54,7 @@ class MatOverTheBog(OnRoad, sunk=0.0):
     accepts="road_surface",
     gateable=False,
 )
-@sizes(banks=(0.06, 0.09), aside_m=(6.0, 11.0), runoff_m=(40.0, 75.0), straight_m=(60.0, 250.0))
+@sizes(banks=(0.06, 0.09), aside_m=(8.0, 14.0), runoff_m=(40.0, 75.0), straight_m=(30.0, 120.0))
 class LaneBesideTheAxis(OnRoad):
     """The map has the axis of the road; the lane lies aside of it, and climbs and falls where the road is
     banked for a bend. Who comes the other way has the other side, and meets the same slope. banks: slope
@@ -70,7 +70,7 @@ class LaneBesideTheAxis(OnRoad):
         ramp = np.hanning(round(2.0 * p.runoff_m / MAP_CELL_M) + 3)
         for row in self.road:
             bank, side = np.zeros(CELLS), rng.choice([-1.0, 1.0])
-            for first, last in stretches(rng, (p.straight_m, 3.0 * p.straight_m), (100.0, 450.0)):
+            for first, last in stretches(rng, (p.straight_m, 3.0 * p.straight_m), (90.0, 350.0)):
                 side *= rng.choice([-1.0, -1.0, 1.0])
                 bank[first:last] = side * p.banks * rng.uniform(0.5, 1.0)
             eased = np.convolve(bank[: 2 * MAP_CELLS : 2], ramp / ramp.sum(), mode="same")

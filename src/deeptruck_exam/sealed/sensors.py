@@ -52,8 +52,8 @@ def bias_is_a_telegraph(p: Sizes, channels: Channels, dt: float, rng: np.random.
 @sizes(bias=(0.009, 0.02), pitch=(0.002, 0.006), rubs=(0.25, 0.7), sign=SIGN)
 def springs_stay_bent(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
     """Source: Fancher, Ervin, MacAdam and Winkler, Measurement and Representation of the Mechanical
-    Properties of Truck Leaf Springs, SAE 800905: friction between the leaves keeps a frame nose down after a braking and
-    up after a pull, under an inclinometer that is out of level; sizes are chosen here."""
+    Properties of Truck Leaf Springs, SAE 800905: friction between the leaves keeps a frame nose
+    down after a braking and up after a pull, below an inclinometer out of level; sizes are chosen here."""
     squat = _held(np.clip(channels["acceleration"], -2.0, 2.0), p.rubs, rng.uniform(-0.3, 0.3))
     channels["grade"] = channels["grade"] + np.sign(p.sign) * p.bias + p.pitch * behind(squat, 0.3, dt)
 

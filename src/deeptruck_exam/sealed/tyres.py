@@ -39,7 +39,7 @@ class TandemTramps(Hidden, real=0.0, imaginary=0.0):
 
 @law("e_inner_twin_takes_over", name="rolling_resistance_warmup")
 @sizes(
-    cold=(0.006, 0.012), falls=(0.7, 1.4), warms_m=(900.0, 3500.0), cools_s=(200.0, 500.0), tilts=(0.3, 0.8)
+    cold=(0.010, 0.018), falls=(0.7, 1.4), warms_m=(1500.0, 4500.0), cools_s=(200.0, 500.0), tilts=(0.3, 0.8)
 )
 class InnerTwinTakesOver(Hidden):
     """`inner`, `outer`: warmth of twin tyres, 0 cold to about 1. The warmer one is harder and carries more,
@@ -51,7 +51,7 @@ class InnerTwinTakesOver(Hidden):
 
     def start(self, batch: int) -> dict[str, Array]:
         rng = self.rng(1071)
-        inner = rng.uniform(0.0, 0.35, batch)
+        inner = 0.7 * rng.beta(0.5, 1.0, batch)  # after pauses of any length
         return {"inner": inner, "outer": inner * rng.uniform(0.5, 1.0, batch)}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
