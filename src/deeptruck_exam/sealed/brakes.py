@@ -16,7 +16,7 @@ law = partial(hidden, family="sealed")
 
 
 @law("e_drums_open_like_bells", needs="descent", name="brake_fade")
-@sizes(heats_jpkgk=(1.6, 3.2), bears_k=(45.0, 90.0), loss=(0.45, 0.7), wears_jpkg=(700.0, 2500.0))
+@sizes(heats_jpkgk=(3.5, 7.0), bears_k=(60.0, 120.0), loss=(0.4, 0.65), wears_jpkg=(700.0, 2500.0))
 @sizes(cools_s=(250.0, 500.0))
 class DrumsOpenLikeBells(Hidden, hot=0.0):
     """`hot`: K above cold; `worn`: K at which the linings fit the drum. A drum that is hotter or colder than

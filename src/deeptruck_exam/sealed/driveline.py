@@ -110,7 +110,7 @@ class GearIsHeldFast(Hidden, gear=0.0, pull=0.0, before=0.0, left=0.0, share=1.0
         s.gear = view.gear.copy()
         s.before = np.where(open_, s.before, s.before + dt * (pull - s.before) / p.feels_s)
         needs = p.tries_s + p.per_pull_s * np.clip(s.before / 0.1, 0.0, 1.0) ** 1.5
-        s.left = np.where(changed, np.minimum(needs, 2.2), s.left - dt * ~open_)
+        s.left = np.where(changed, np.minimum(needs, 1.6), s.left - dt * ~open_)
         s.left = np.maximum(s.left, 0.0)
         s.share = np.where(s.left > 0.0, 0.0, s.share + dt * (1.0 - s.share) / p.returns_s)
         return np.asarray(-(1.0 - s.share) * np.maximum(view.traction_force, 0.0) * moving(view))

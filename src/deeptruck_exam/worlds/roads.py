@@ -254,12 +254,12 @@ def hummocks(rng: np.random.Generator, amplitude: float) -> Array:
         if at > belt_ends:
             dense = not dense
             belt_ends = at + rng.uniform(900.0, 2600.0) * (1.0 if dense else 0.5)
-        wide = float(np.clip(rng.lognormal(np.log(150.0), 0.5), 70.0, 500.0))
+        wide = float(np.clip(rng.lognormal(np.log(170.0), 0.45), 90.0, 500.0))
         low, high = (int(np.clip((at + side * wide) / STEP_M, 0, CELLS)) for side in (-3.0, 3.0))
         knob = rng.choice([1.0, 1.0, -1.0]) * wide * rng.uniform(0.4, 1.3)
         height[low:high] += knob * np.exp(-(((metres[low:high] - at) / wide) ** 2))
         at += rng.exponential(180.0 if dense else 900.0)
-    return _limited(np.gradient(height, STEP_M), amplitude)
+    return _limited(_eased(np.gradient(height, STEP_M), 13), amplitude)
 
 
 def slumps_down(rng: np.random.Generator) -> Array:
