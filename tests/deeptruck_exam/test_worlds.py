@@ -9,6 +9,7 @@ from deeptruck_exam.construction import build
 from deeptruck_exam.effects.planting import FAMILIES, SEALED
 from deeptruck_exam.plans import draw_plan
 from deeptruck_exam.worlds import BALLAST, OF_FAMILY, WORLDS, roads
+from deeptruck_exam.worlds.bends import bendy
 from deeptruck_exam.worlds.loggers import Logger, quantise
 from deeptruck_exam.worlds.traffic import zones
 
@@ -91,6 +92,26 @@ def test_fans_end_flatter_than_they_begin():
     grade = roads.fans_down(np.random.default_rng(5))
     assert np.quantile(grade, 0.02) < -0.06 and np.quantile(grade, 0.98) > -0.04
     assert np.mean(np.diff(grade) > 0.0) > 0.75  # ever flatter, but at the heads
+
+
+def test_hummocks_lie_in_belts():
+    for seed in range(4):
+        grade = roads.hummocks(np.random.default_rng(seed), 0.03)
+        belts = np.abs(grade)[:5900].reshape(-1, 100).mean(axis=1)
+        assert 0.02 < grade.std() < 0.031 and np.quantile(belts, 0.9) > 1.5 * np.quantile(belts, 0.1)
+
+
+def test_slumps_are_steep_or_gentle_and_little_between():
+    grade = roads.slumps_down(np.random.default_rng(5))
+    between = np.mean((grade > -0.055) & (grade < -0.042))
+    assert np.quantile(grade, 0.1) < -0.058 and np.quantile(grade, 0.9) > -0.042 and between < 0.25
+
+
+def test_speeds_follow_the_bends_and_stop_at_junctions_alone():
+    rng = np.random.default_rng(7)
+    town, highway, down = (bendy(rng, kind, 6000, 0.1) for kind in ("suburban", "highway", "descent"))
+    assert np.mean(town < 0.05) > 0.03 and highway.min() > 14.0 and down.min() > 3.0
+    assert highway.std() > 0.8 and down.std() > 0.8
 
 
 def test_zones_have_stops_in_town_alone():

@@ -243,3 +243,33 @@ def measured_down(rng: np.random.Generator) -> Array:
         at = end + round(rng.uniform(40.0, 120.0) / STEP_M)
         grade[end:at] = -0.022
     return np.clip(_eased(grade, 9), -STEEPEST, -0.015)
+
+
+def hummocks(rng: np.random.Generator, amplitude: float) -> Array:
+    """Belts of knobs and kettles, without order and one upon the other, between plains of outwash (Benn and
+    Evans, Glaciers and Glaciation, 2010, on hummocky moraine); sizes and belts are chosen here."""
+    height, at, belt_ends, dense = np.zeros(CELLS), 0.0, 0.0, True
+    metres = np.arange(CELLS) * STEP_M
+    while at < LENGTH_M:
+        if at > belt_ends:
+            dense = not dense
+            belt_ends = at + rng.uniform(900.0, 2600.0) * (1.0 if dense else 0.5)
+        wide = float(np.clip(rng.lognormal(np.log(170.0), 0.45), 90.0, 500.0))
+        low, high = (int(np.clip((at + side * wide) / STEP_M, 0, CELLS)) for side in (-3.0, 3.0))
+        knob = rng.choice([1.0, 1.0, -1.0]) * wide * rng.uniform(0.4, 1.3)
+        height[low:high] += knob * np.exp(-(((metres[low:high] - at) / wide) ** 2))
+        at += rng.exponential(180.0 if dense else 900.0)
+    return _limited(_eased(np.gradient(height, STEP_M), 13), amplitude)
+
+
+def slumps_down(rng: np.random.Generator) -> Array:
+    """Down a side that has slid: steep scarps, and below each a block that has tilted back, of any length
+    (Varnes, Slope Movement Types and Processes, 1978, on rotational slides)."""
+    grade, at = np.empty(CELLS), 0
+    while at < CELLS:
+        scarp = round((120.0 + rng.gamma(2.0, 140.0)) / STEP_M)
+        block = round((100.0 + rng.exponential(260.0)) / STEP_M)
+        grade[at : at + scarp] = -rng.uniform(0.058, 0.072)
+        grade[at + scarp : at + scarp + block] = -rng.uniform(0.022, 0.038)
+        at += scarp + block
+    return np.clip(_eased(grade, 15), -STEEPEST, -0.012)
