@@ -1,8 +1,8 @@
 """Worlds: trucks, roads, traffic, drivers and loggers that a case is made of, as tables of one `World`.
 
 In: a generator of random numbers. Out: parameters of a truck, roads, speeds to follow, a driver, recordings.
-Each family of effects came with a world of its own; the sealed one is not among `WORLDS`. A deep simulator's cases keep the plain one, because it
-has learned from drives there.
+Each family of effects came with a world of its own; that of the sealed one is not among `WORLDS`. A deep
+simulator's cases keep the plain one, because it has learned from drives there.
 """
 
 from __future__ import annotations
