@@ -49,7 +49,8 @@ HELPS = {
     "hydrostatic_front_axle", "antilock_is_fooled", "hole_in_the_blending", "fast_idle_pushes",
     "pedal_sticks_where_it_rests", "burns_its_own_oil", "remembers_a_speed", "dolly_pushes_uphill",
     "expander_pushes_late", "eco_roll", "wake_bistability", "wet_brakes", "s_winch_assist",
-    "s_rail_bleeds", "s_anti_stall", "e_gas_in_the_air", "e_fan_that_is_gone",
+    "s_rail_bleeds", "s_anti_stall", "t_valve_thinks_it_is_empty", "t_softens_the_stop",
+    "e_gas_in_the_air", "e_fan_that_is_gone",
 }  # fmt: skip
 BOTH_WAYS = {  # winds, bodies, slopes, masses and late brakes push and hold; so do governors and mode changes
     "headwind", "exchanged_bodies", "lining_on_the_dynamometer", "brake_lag", "road_grade", "payload_change",
@@ -58,7 +59,8 @@ BOTH_WAYS = {  # winds, bodies, slopes, masses and late brakes push and hold; so
     "cylinders_rest", "trucks_that_pass", "drum_on_a_belt", "worn_clutch_damper", "clunk_and_shuffle",
     "filled_gaps_are_paid_back", "hybrid_axle", "hitch_spring", "stepping_suspension_lock",
     "s_pedal_map", "s_surge_damper", "n_load_point_is_shifted", "n_pulse_and_glide", "n_jet_of_the_monitor",
-    "n_brush_has_its_own_speed", "e_brake_closes_the_loop", "e_power_hop",
+    "n_brush_has_its_own_speed", "t_electronic_drawbar", "t_gear_jumps_out", "t_fuel_changes_over",
+    "t_pneumatic_hybrid", "e_brake_closes_the_loop", "e_power_hop",
 }  # fmt: skip
 CHANNEL = {"speed_scale": "speed", "grade_bias": "grade", "commands_from_another_clock": "brake_command"}
 
