@@ -12,7 +12,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import bench_following
-import matplotlib
 import numpy as np
 from bench_radar_noise import NOISE, noisy
 from numpy.typing import NDArray
@@ -25,9 +24,6 @@ from deeptruck_cacc.environments.scenes import Scene
 from deeptruck_cacc.safety.guard import guard
 from deeptruck_model import trucks
 from deeptruck_model.simulators import Simulator
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 
 Array = NDArray[np.float64]
 
@@ -47,13 +43,11 @@ SAYS = """Ten seeds of each truck on the truck itself, mean and in brackets the 
 that of the leader node's radar, and a minute of each run is judged. One brake pulse a minute is what it
 takes. A pulse begins where the brake leaves 1 % of its reach, a throttle peak where the engine passes 80 %
 within 2 s of braking. Commands reach the truck *late*: a bus and its controllers take time that no policy
-saw in training.
-
-![both pedals behind a leader that slows, commands 0.1 s late, trucksim](gentle_braking.png)"""
+saw in training."""
 
 
 def main() -> None:
-    """Print the tables and write them to docs/results/gentle_braking.md, with a figure beside them."""
+    """Print the tables and write them to docs/results/gentle_braking.md."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -74,8 +68,6 @@ def main() -> None:
         policy = args.work / name / "policy"
         lines += ["", f"## {name}", "", *table(trucks.load(name), policy, args.seed)]
     (out / "gentle_braking.md").write_text("\n".join(lines) + "\n")
-    first = args.trucks[0]
-    draw(trucks.load(first), args.work / first / "policy", args.seed, out / "gentle_braking.png")
     print("\n".join(lines))
 
 
@@ -150,23 +142,6 @@ def recently(flags: NDArray[np.bool_], steps: int) -> NDArray[np.bool_]:
     """Where flags (T, batch) were true in one of the last `steps` steps."""
     total = np.cumsum(np.vstack([np.zeros((steps, flags.shape[1]), int), flags]), axis=0)
     return np.asarray(total[steps:] - total[:-steps] > 0)
-
-
-def draw(truck: Simulator, policy: Path, seed: int, path: Path) -> None:
-    """Both pedals and the acceleration of the chosen seed behind one leader, commands 0.1 s late."""
-    figure, axes = plt.subplots(3, 1, figsize=(8, 6), sharex=True, layout="constrained")
-    rows = (("engine_command", "engine"), ("brake_command", "brake"), ("acceleration", "acceleration [m/s²]"))
-    scale = ActionScale.of(truck)
-    reach = {"engine_command": 0.01 * scale.engine_high, "brake_command": 0.01 * scale.brake_high}
-    trace = drive(truck, policy, 0.1, seed)
-    shown = slice(round(5.0 / trace.dt), round(30.0 / trace.dt))
-    for (signal, label), axis in zip(rows, axes, strict=True):
-        axis.plot(trace.time[shown], trace[signal][shown, 0] / reach.get(signal, 1.0), lw=1.2)
-        axis.set_ylabel(f"{label} [% of its reach]" if signal in reach else label)
-        axis.grid(alpha=0.3)
-    axes[-1].set_xlabel("time [s]")
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
 
 
 if __name__ == "__main__":
