@@ -234,11 +234,10 @@ class OwnCurve(Simple):
 
 
 @dataclass(frozen=True)
-class Windowed(Variant):
-    """A variant that acts in `spans` alone, and nowhere on another drive."""
+class _Confined(Variant):
+    """Another variant, part of the time."""
 
     of: Variant
-    windows: tuple[Span, ...]
 
     @property
     def leaves(self) -> tuple[Simple, ...]:
@@ -258,41 +257,32 @@ class Windowed(Variant):
 
     @property
     def spans(self) -> tuple[Span, ...]:
-        return self.windows
+        return self.of.spans
 
     def steady(self) -> Variant:
         return replace(self, of=self.of.steady())
 
 
 @dataclass(frozen=True)
-class Gated(Variant):
+class Windowed(_Confined):
+    """A variant that acts in `windows` alone, and nowhere on another drive."""
+
+    windows: tuple[Span, ...]
+
+    @property
+    def spans(self) -> tuple[Span, ...]:
+        return self.windows
+
+
+@dataclass(frozen=True)
+class Gated(_Confined):
     """A variant that acts on one side of a border alone."""
 
-    of: Variant
     within: Gate
-
-    @property
-    def leaves(self) -> tuple[Simple, ...]:
-        return self.of.leaves
-
-    @property
-    def constants(self) -> Constants:
-        return self.of.constants
-
-    @property
-    def trials(self) -> float:
-        return self.of.trials
 
     @property
     def gate(self) -> Gate | None:
         return self.within
-
-    @property
-    def spans(self) -> tuple[Span, ...]:
-        return self.of.spans
-
-    def steady(self) -> Variant:
-        return replace(self, of=self.of.steady())
 
 
 @dataclass(frozen=True)
