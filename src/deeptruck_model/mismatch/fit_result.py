@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
@@ -111,11 +111,14 @@ class FitResult:
     validated: bool
     errors: Compared | None = None
     improvement: Improvement | None = None
+    refitted: Mapping[str, float] = field(default_factory=dict)  # relative changes of its parameters
 
     def to_json(self) -> dict[str, Any]:
         """`fit`."""
         names = ("held_out", "horizon_s", "windows", "chosen", "corrected")
         out = {name: getattr(self, name) for name in names}
+        if self.refitted:
+            out["refitted"] = dict(self.refitted)
         if self.errors is not None:
             out |= {name: rmse.to_json() for name, rmse in self.errors.each().items()}
         if self.improvement is not None:
@@ -134,4 +137,5 @@ class FitResult:
             tuple(fit["corrected"]), fit["validated"],
             Compared(**driven) if driven else None,
             Improvement.read(fit) if driven else None,
+            fit.get("refitted", {}),
         )  # fmt: skip

@@ -250,6 +250,7 @@ def shown(
         validated=bool(after.terms or after.moved) and _better(told, gained),
         errors=told,
         improvement=gained,
+        refitted={p: round(change, 4) for p, change in after.moved.items()},
     )
     return errors, after.marked(fit.validated), fit
 

@@ -11,6 +11,7 @@ from deeptruck_model.mismatch.correction.worth import (
     refitted_is_surely_better,
 )
 from deeptruck_model.mismatch.fit_result import Chosen, FitResult, Improvement, Interval
+from deeptruck_model.mismatch.report.wording import spoken
 
 LEAST_RESAMPLED = 3  # recordings; with fewer the interval is over the free runs
 ASKED = (
@@ -48,7 +49,16 @@ def said(fit: FitResult | None) -> list[str]:
     if fit.chosen is Chosen.NOTHING:
         more = [UNSTATED] if refitted_is_surely_better(fit) else []
         return ["Nothing was changed, so before and after are the same.", *more]
-    return [ASKED, *_passed(fit, fit.improvement), *_beside_parameters(fit, fit.improvement)]
+    beside = _beside_parameters(fit, fit.improvement)
+    return [ASKED, *_passed(fit, fit.improvement), *beside, *_refitted(fit)]
+
+
+def _refitted(fit: FitResult) -> list[str]:
+    """By how much the parameters in the correction are moved: forces are told beside these."""
+    if not fit.refitted:
+        return []
+    moved = [f"{spoken(name)} {100 * change:+.1f} %" for name, change in sorted(fit.refitted.items())]
+    return [f"Parameters in the correction, beside which its forces act: {', '.join(moved)}."]
 
 
 def _passed(fit: FitResult, improvement: Improvement) -> list[str]:

@@ -104,3 +104,11 @@ def test_where_nothing_was_found_and_other_parameters_drive_better_that_is_said(
     driven = fit((0.0, 0.0), (-0.5, -0.2), chosen=Chosen.NOTHING)
     said = validation.caveats(replace(driven, errors=errors(before, tuned, before)), found)
     assert any("0.4 m/s instead of 0.8 m/s" in line for line in said) == told
+
+
+def test_by_how_much_parameters_are_moved_is_said_and_kept() -> None:
+    moved = replace(fit((0.95, 0.96), (0.1, 0.3)), refitted={"rolling_resistance": -0.11, "brake_gain": 0.24})
+    assert validation.said(moved)[-1].endswith(": brake gain +24.0 %, rolling resistance -11.0 %.")
+    read = FitResult.read(moved.to_json())
+    assert read is not None and read.refitted == moved.refitted
+    assert "refitted" not in fit((0.95, 0.96), (0.1, 0.3)).to_json()
