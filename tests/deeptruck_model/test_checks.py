@@ -56,6 +56,7 @@ def test_simulators_tell_what_they_are(tmp_path: Path) -> None:
         ("truck:trucksim:{dir}/heavy.yaml", "parameter 'mass' is -1 kg, not 1000 to 100000"),
         ("truck:trucksim:{dir}/none.yaml", "none.yaml cannot be read: it does not exist"),
         ("{dir}/none", "none does not exist"),
+        (__file__, "is a Python file; give it as python:test_checks:FACTORY from its folder"),
         ("{dir}/empty", "is not a simulator directory: it has no simulator.json"),
         ("{dir}/odd", "has no known kind; installed are corrected, deep, outside, physics"),
         ("{dir}/cut", "simulator.json is damaged"),

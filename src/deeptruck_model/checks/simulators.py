@@ -95,6 +95,8 @@ def manifest(path: Path) -> dict[str, Any]:
         raise InputError(
             f"{path} does not exist; give a simulator directory, {_trucks()}, {FORM} or {FMU_FORM}"
         )
+    if path.suffix == ".py":
+        raise InputError(f"{path} is a Python file; give it as python:{path.stem}:FACTORY from its folder")
     if not (path / MANIFEST).exists():
         raise InputError(
             f"{path} is not a simulator directory: it has no {MANIFEST}; 'deeptruck-model train' makes one"

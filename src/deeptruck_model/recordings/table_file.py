@@ -58,8 +58,16 @@ class TextTable:
         """
         values, strange = self._parsed(name, _number)
         if np.isnan(values).all():
-            raise InputError(f"{self.path}: column '{name}' holds no numbers")
+            raise InputError(f"{self.path}: column '{name}' holds no numbers{self._other_decimal(name)}")
         return values, strange
+
+    def _other_decimal(self, name: str) -> str:
+        """What to mend where the first cell of a column is a number by the other decimal mark."""
+        first = next((str(cell) for cell in self.column(name).to_pylist() if cell is not None), "")
+        other = "," if self.decimal == "." else "."
+        if other not in first or _number(first.strip().replace(other, ".")) is None:
+            return ""
+        return f"; its first is '{first.strip()}': set decimal: \"{other}\" in the columns file"
 
     def dates(self, name: str) -> Array:
         """A column of ISO 8601 dates and times as s since the first, (n,); NaN for cells that are none."""

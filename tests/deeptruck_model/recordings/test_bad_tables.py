@@ -89,6 +89,11 @@ BAD: list[tuple[str, dict[str, Any], str]] = [
         "1 rows have no time in 't', first line 3",
     ),
     ("v\nx\ny\n", {"time": {"rate_hz": 1}, "channels": SPEED}, "column 'v' holds no numbers"),
+    (
+        "t;v\n0;1,5\n1;1,6\n",
+        {"delimiter": ";", "time": {"column": "t"}, "channels": SPEED},
+        "column 'v' holds no numbers; its first is '1,5': set decimal: \",\"",
+    ),
     ("v\n1\n", {"time": {"rate_hz": 1}, "channels": SPEED}, "has one row"),
     ("v\n", {"time": {"rate_hz": 1}, "channels": SPEED}, "is empty"),
     ("", {"time": {"rate_hz": 1}, "channels": SPEED}, "cannot be read|is empty"),
