@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from deeptruck_model.mismatch.report.validation import unnamed_would_help
-from deeptruck_model.mismatch.result import Verdict
+from deeptruck_model.mismatch.result import Conclusion, Verdict
 
 NEW_DRIVE = "NEW_DRIVE"
+AS_IT_IS = "Use the simulator as it is: on such driving it leaves nothing out that these recordings show."
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ def beside(out: Path, ending: str) -> str:
 
 def steps(verdict: Verdict, drive_next: list[str], asked: Asked) -> list[Step]:
     """What to do now, most useful first. `drive_next` says what to record, most useful first."""
-    out = []
+    out = [Step(AS_IT_IS)] if verdict.kind is Conclusion.NOTHING else []
     if verdict.validated:
         better = _line("apply", str(asked.out), "--out", beside(asked.out, "corrected"))
         out.append(Step("Take the corrected simulator over:", better))

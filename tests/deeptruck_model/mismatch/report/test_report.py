@@ -118,6 +118,13 @@ def test_a_call_from_python_is_not_repeated():
     assert [s.command for s in steps] == ["deeptruck-model apply found --out found_corrected", ""]
 
 
+@pytest.mark.parametrize(("kind", "first"), [("nothing_missing", True), ("missing_physics", False)])
+def test_a_simulator_that_leaves_nothing_out_is_to_be_used(kind, first):
+    found = mismatch(kind)
+    steps = what_now.steps(found.result, record_next(found), Asked(Path("found")))
+    assert (steps[0].says == what_now.AS_IT_IS) == first
+
+
 def test_a_call_is_repeated_with_its_topic_map():
     asked = Asked(Path("found"), "truck:trucksim", (Path("a"),), topic_map=Path("my topics.yaml"))
     again = "--simulator truck:trucksim --recordings a --topic-map 'my topics.yaml' --out found_again"
