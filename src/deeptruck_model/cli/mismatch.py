@@ -10,6 +10,7 @@ import typer
 
 from deeptruck_model import checks
 from deeptruck_model.cli.inputs import SIMULATOR, Overwrite, TopicMap, mapped
+from deeptruck_model.cli.progress import progress
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import folders
 from deeptruck_model.results import BAG_WITH_ROAD, FOUND, apart
@@ -55,12 +56,7 @@ def mismatch(
         lambda: checks.inputs(simulator, [*recordings, *held_out], mapped=mapped(topic_map)),
         lambda: checks.mass(mass_kg),
     )
-    from rich.console import Console
-
-    with (
-        FOUND.replacing(out, overwrite=overwrite) as draft,
-        Console(stderr=True).status("reading") as status,
-    ):
+    with FOUND.replacing(out, overwrite=overwrite) as draft, progress("reading") as say:
         from deeptruck_model import recordings as rec
         from deeptruck_model import simulators
         from deeptruck_model.mismatch import find_mismatch
@@ -80,10 +76,10 @@ def mismatch(
             seed=seed,
             with_unnamed=with_unnamed,
             exclude=exclude or (),
-            say=status.update,
+            say=say,
             mass_kg=mass_kg,
         )
-        status.update("writing the report")
+        say("writing the report")
         asked = Asked(out, simulator, tuple(recordings), tuple(held_out), topic_map, mass_kg)
         fill(draft, found, asked)
     _tell(found, asked)

@@ -11,6 +11,7 @@ import typer
 
 from deeptruck_model import checks, files, results
 from deeptruck_model.cli.inputs import SIMULATOR, Overwrite, TopicMap, mapped
+from deeptruck_model.cli.progress import progress
 from deeptruck_model.errors import InputError
 from deeptruck_model.outside import saved
 from deeptruck_model.outside.reference import is_outside, made, refer
@@ -122,8 +123,6 @@ def calibrate_truck(
         lambda: results.apart(out, Path(truck), *recordings, *held_out),
         lambda: checks.inputs(truck, [*recordings, *held_out], mapped=mapped(topic_map)),
     )
-    from rich.console import Console
-
     from deeptruck_model import recordings as rec
     from deeptruck_model import simulators
     from deeptruck_model.trucks import PhysicsTruck
@@ -131,14 +130,14 @@ def calibrate_truck(
     given = simulators.load(truck)
     if not isinstance(given, PhysicsTruck):
         raise InputError(f"{truck} is no physics truck; 'deeptruck-model mismatch' refits other simulators")
-    with Console(stderr=True).status("reading") as status:
+    with progress("reading") as say:
         from deeptruck_model.mismatch.calibration import calibrate
 
         fit, held = (
             rec.read_all(bags, topic_map=topic_map, rate_hz=1.0 / given.dt, among=others)
             for bags, others in ((recordings, held_out), (held_out, recordings))
         )
-        found = calibrate(given, fit, held, say=status.update)
+        found = calibrate(given, fit, held, say=say)
     found.truck.save(out, overwrite=overwrite)
     typer.echo("\n".join([*_calibrated(found), f"truck in {out}"]))
 

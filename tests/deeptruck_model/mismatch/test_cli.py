@@ -68,6 +68,7 @@ def test_from_bags_to_a_corrected_simulator(tmp_path: Path) -> None:
         out,
     )
     assert done.returncode == 0 and "Traceback" not in done.stderr
+    assert " s: correcting the simulator and driving it free\n" in done.stderr  # a log tells how far it is
     assert done.stdout.startswith(f"parameter_error: see {out / 'report.html'}") and "  Mass: " in done.stdout
     assert "Probability of mass: " in done.stdout
     said = json.loads((out / "verdict.json").read_text())
