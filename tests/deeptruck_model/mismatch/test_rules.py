@@ -22,7 +22,7 @@ ROOMS = tuple(f"deeptruck_model.mismatch.{room}." for room in DECIDING)
 # What may be compared with though it is no rule: how many are fitted, which samples enter a fit, how much
 # driving it takes to tell something, what cannot be at all, and how something is computed.
 NUMERICS = {
-    "correction/correction.py": {"FOLDS"},
+    "correction/recipes.py": {"FOLDS"},
     "correction/recovered_road.py": {"LEAST"},
     "correction/road_of_another.py": {"ROAD_SHARED"},
     "correction/worth.py": {"NOTICED", "NOTICED_M_S"},

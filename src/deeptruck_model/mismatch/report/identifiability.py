@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deeptruck_model.constants import GRAVITY
-from deeptruck_model.mismatch.correction.correction import corrected
+from deeptruck_model.mismatch.correction.recipes import corrected
 from deeptruck_model.mismatch.finding import Finding
 from deeptruck_model.mismatch.mechanisms import LIBRARY, Variant
 from deeptruck_model.mismatch.posterior.causes import Explanation

@@ -101,7 +101,7 @@ def fit(series: Series, X: Array, prior: Prior, start: Fit | None = None) -> Fit
             ar = _autoregression(series, series.y - X @ b, use, weight, top)
         yw, Xw = whiten(series.y, ar, rows), whiten(X, ar, rows)
         for _ in range(2):
-            b, active = _solve(yw, Xw, weight[use] / (rel * sigma) ** 2, prior)
+            b, active = ridge(yw, Xw, weight[use] / (rel * sigma) ** 2, prior)
             e = (yw - Xw @ b) / rel
             w = (TAIL + 1) / (TAIL + (e / sigma) ** 2)
             sigma = max(float(np.sqrt(np.mean(w * e**2))), series.rules.noise_floor)
@@ -230,8 +230,9 @@ def _whiten(x: Array, ar: Array, rows: Rows, weight: Array, out: Array) -> None:
             out[i, j] = w * (x[r, j] - before)
 
 
-def _solve(y: Array, X: Array, weight: Array, prior: Prior) -> tuple[Array, Mask]:
-    """Ridge regression with a sign for some coefficients: worst offenders are dropped until none is left."""
+def ridge(y: Array, X: Array, weight: Array, prior: Prior) -> tuple[Array, Mask]:
+    """Coefficients (k,) by ridge regression of y (n,) on X (n, k) with a sign for some of them, and which are
+    not zero: worst offenders are dropped until none is left."""
     root = np.sqrt(weight)
     Xr = X * root[:, None]
     H = Xr.T @ Xr + np.diag(1 / prior.sd**2)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from deeptruck_model import simulators, trucks
-from deeptruck_model.mismatch.correction import correction
+from deeptruck_model.mismatch.correction import correction, recipes
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.fit_result import Chosen, Errors
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, held_steady, is_time_varying, laws
@@ -48,12 +48,12 @@ def options(nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch) -> list[
     with one parameter moved."""
     driven: list[tuple[set[str], set[str]]] = []
 
-    def windows(truck: correction.CorrectedTruck, *_: object) -> Errors:
+    def windows(truck: CorrectedTruck, *_: object) -> Errors:
         driven.append(({t.effect for t in truck.terms}, set(truck.moved)))
         return run(len(truck.terms) + abs(len(truck.moved) - 1.0) if truck.terms else 9.0)
 
-    monkeypatch.setattr(correction, "free_windows", windows)
-    monkeypatch.setattr(correction, "horizon", lambda *_: 20.0)
+    monkeypatch.setattr(recipes, "free_windows", windows)
+    monkeypatch.setattr(recipes, "horizon", lambda *_: 20.0)
     return driven
 
 
@@ -90,16 +90,16 @@ def test_nothing_goes_in_where_the_truck_as_given_drives_best(
 ) -> None:
     e = nothing_missing
     law, _ = law_and_gusts(e)
-    monkeypatch.setattr(correction, "horizon", lambda *_: 20.0)
+    monkeypatch.setattr(recipes, "horizon", lambda *_: 20.0)
     monkeypatch.setattr(
-        correction, "free_windows", lambda made, *_: run(float(len(made.terms) + len(made.moved)))
+        recipes, "free_windows", lambda made, *_: run(float(len(made.terms) + len(made.moved)))
     )
     cause = Cause("missing_physics", "driveline_loss", 50.0, 1.0, np.zeros(len(e)), law)
     made = correction.correct(
         TRUCK, e, explanation((cause,), Search(e).model((law,), frozenset({"torque_gain"}))), ONE
     )
     assert not made.named.terms and not made.named.moved and made.tuned.moved
-    assert made.chosen is correction.Chosen.NOTHING
+    assert made.chosen is Chosen.NOTHING
 
 
 def test_what_was_not_stated_never_goes_in(
@@ -163,13 +163,14 @@ def test_each_correction_is_driven_where_it_was_not_fitted(
     def fitted(self: object, simulator: object, search: Search, shares: object) -> list[int]:
         return np.unique(search.e.record[search.series.valid]).tolist()
 
-    monkeypatch.setattr(correction._Recipe, "corrected", fitted)
-    monkeypatch.setattr(correction, "horizon", lambda *_: 20.0)
+    monkeypatch.setattr(recipes.Recipe, "corrected", fitted)
+    monkeypatch.setattr(recipes, "horizon", lambda *_: 20.0)
     monkeypatch.setattr(
-        correction, "free_windows", lambda made, names, _: seen.append((list(names), made)) or run(0.0)
+        recipes, "free_windows", lambda made, names, _: seen.append((list(names), made)) or run(0.0)
     )
     prepared: Any = [f"d{k}" for k in range(6)]
-    correction._crossed(TRUCK, correction._Recipe((), (), frozenset()), correction._folds(e, prepared), None)
+    trials = recipes.Trials(TRUCK, recipes.folds_of(e, prepared), None, e.rules)
+    trials.errors(recipes.Recipe((), (), frozenset()))
     assert sorted(name for names, _ in seen for name in names) == prepared
     for names, on in seen:
         assert not {f"d{k}" for k in on} & set(names) and len(on) == 4
@@ -227,7 +228,8 @@ def test_laws_join_names_that_drive_better_where_drives_that_were_not_fitted_ask
     search, (name, _) = Search(e), law_and_gusts(e)
     model, lawful = search.model((name,), frozenset()), search.model((name, law), frozenset())
     errors = {Chosen.LAWS: 0.1, Chosen.FINDINGS: with_names, Chosen.PARAMETERS: 0.3, Chosen.NOTHING: 0.4}
-    monkeypatch.setattr(correction, "_crossed", lambda simulator, recipe, *_: run(errors[recipe.what]))
+    monkeypatch.setattr(recipes.Trials, "errors", lambda self, recipe: run(errors[recipe.what]))
+    monkeypatch.setattr(recipes, "horizon", lambda *_: 20.0)
     cause = Cause("missing_physics", name.mechanism.effect, 200.0, 1.0, np.ones(len(e)), term=name)
     prepared: Any = [None] * min(recordings, 6)
     made = correction.correct(TRUCK, e, explanation((cause,), model, lawful), prepared)
