@@ -174,9 +174,11 @@ def _values(table: TextTable, channel: str, column: Column, notes: list[str]) ->
 
 
 def _measured(channel: str, time: Array, values: Array, notes: list[str]) -> Series:
-    """The channel's samples; where most rows leave it blank, it was sampled only in the others."""
+    """The channel's samples; where rows between them leave it blank, it was sampled only in the others. What
+    stands in one row after the other and then no more is no slow sensor, but one that failed."""
     valid = ~np.isnan(values)
-    if 2 * valid.sum() >= len(values):
+    rows_apart = np.diff(np.flatnonzero(valid))
+    if 2 * valid.sum() >= len(values) or (len(rows_apart) and np.median(rows_apart) == 1.0):
         if not valid.all():
             notes.append(f"{channel} is invalid in {(~valid).sum()} rows of {len(values)}")
         return Series(time, values)

@@ -56,6 +56,26 @@ def test_speed_alone_is_enough(tmp_path: Path) -> None:
     assert recording.notes == ("acceleration derived from speed",)
 
 
+def test_a_sensor_that_failed_is_no_slow_one(tmp_path: Path) -> None:
+    """Ambient temperature is there in the first 30 of 100 rows, elevation in every fifth."""
+    cells = {"v": [20.0] * 100, "T": [15.0] * 30 + [""] * 70, "h": [120.0, "", "", "", ""] * 20}
+    columns = {
+        **SPEED,
+        "ambient_temperature": {"column": "T", "unit": "degC"},
+        "elevation": {"column": "h", "unit": "m"},
+    }
+    import_table(
+        write_csv(tmp_path / "d.csv", cells),
+        {"time": {"rate_hz": 10.0}, "channels": columns},
+        tmp_path / "bag",
+    )
+    (recording,) = read(tmp_path / "bag")
+    known = np.isfinite(recording.channels["ambient_temperature"])
+    assert known[:30].all() and not known[31:].any() and np.isfinite(recording.channels["elevation"][:96]).all()
+    assert "ambient_temperature is invalid in 70 rows of 100" in recording.notes
+    assert "elevation taken as sampled in the 20 rows of 100 that have it" in recording.notes
+
+
 def test_a_table_keeps_its_own_rate(tmp_path: Path) -> None:
     table = write_csv(tmp_path / "drive.csv", {"t": np.arange(1000) * 10, "v": np.linspace(0, 10, 1000)})
     import_table(table, {"time": {"column": "t", "unit": "ms"}, "channels": SPEED}, tmp_path / "bag")
