@@ -92,7 +92,7 @@ def _bars(ax: Axes, bars: list[tuple[str, float, str]]) -> None:
         _number(ax, k, gain, low, limit)
     ax.axvline(0, color=INK, lw=0.8)
     ax.axvline(Rules.least_gain, color=GREEN, lw=1, ls="--")
-    ax.text(Rules.least_gain, -0.75, " needed to be stated", fontsize=8, color=GREEN, va="bottom")
+    ax.text(Rules.least_gain, -0.75, " least evidence of a name", fontsize=8, color=GREEN, va="bottom")
     tidy(ax)
     ax.grid(axis="y", visible=False)
     ax.set_xlim(low - (ROOM_BELOW * (limit - low) if low < 0.0 else 0.0), limit)

@@ -104,8 +104,8 @@ def smallest(seen: SmallestVisible | None) -> list[dict[str, str]]:
 
 def _relative(parameter: str, size: float) -> str:
     """A relative size; the largest that was tried may not have been seen either."""
-    percent = f"{100 * size:.1f} %"
-    return f"not even {percent}" if size >= most_tried(parameter) else percent
+    percent = f"{100 * size:.{0 if size >= 0.1 else 1}f} %"
+    return f"more than {percent}; larger ones were not tried" if size >= most_tried(parameter) else percent
 
 
 def _fit(fit: FitResult | None) -> dict[str, Any] | None:

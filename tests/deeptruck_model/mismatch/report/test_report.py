@@ -161,7 +161,7 @@ def test_a_parameter_that_would_never_have_been_seen_is_not_given_as_a_size():
     """A page gave 60 % of the mass as what would have been seen; it was the largest that had been tried."""
     rows = report.smallest(SmallestVisible({"mass": 0.6, "drag_area": 0.123}, 0.1, 0.4, None))
     told = {row["name"]: row["size"] for row in rows}
-    assert (told["mass"], told["drag area"]) == ("not even 60.0 %", "12.3 %")
+    assert (told["mass"], told["drag area"]) == ("more than 60 %; larger ones were not tried", "12 %")
 
 
 def test_a_sensor_fault_shows_the_sensors_against_each_other(written):
