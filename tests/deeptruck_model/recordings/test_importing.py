@@ -71,7 +71,9 @@ def test_a_sensor_that_failed_is_no_slow_one(tmp_path: Path) -> None:
     )
     (recording,) = read(tmp_path / "bag")
     known = np.isfinite(recording.channels["ambient_temperature"])
-    assert known[:30].all() and not known[31:].any() and np.isfinite(recording.channels["elevation"][:96]).all()
+    assert (
+        known[:30].all() and not known[31:].any() and np.isfinite(recording.channels["elevation"][:96]).all()
+    )
     assert "ambient_temperature is invalid in 70 rows of 100" in recording.notes
     assert "elevation taken as sampled in the 20 rows of 100 that have it" in recording.notes
 

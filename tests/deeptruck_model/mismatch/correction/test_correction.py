@@ -151,31 +151,6 @@ def test_the_interval_is_over_all_recordings_each_unseen(
     assert (fit.chosen, fit.corrected, fit.horizon_s) == (Chosen.FINDINGS, ("torque_gain",), 20.0)
 
 
-def test_each_correction_is_driven_where_it_was_not_fitted(
-    nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    e = nothing_missing
-    ends = np.linspace(0, len(e), 9).astype(int)
-    drives = [Stretch(f"d{k}", ends[k], ends[k + 1], 0.0, k > 5) for k in range(8)]
-    e = replace(e, stretches=tuple(drives))
-    seen: list[tuple[list[str], list[int]]] = []
-
-    def fitted(self: object, simulator: object, search: Search, shares: object) -> list[int]:
-        return np.unique(search.e.record[search.series.valid]).tolist()
-
-    monkeypatch.setattr(recipes.Recipe, "corrected", fitted)
-    monkeypatch.setattr(recipes, "horizon", lambda *_: 20.0)
-    monkeypatch.setattr(
-        recipes, "free_windows", lambda made, names, _: seen.append((list(names), made)) or run(0.0)
-    )
-    prepared: Any = [f"d{k}" for k in range(6)]
-    trials = recipes.Trials(TRUCK, recipes.folds_of(e, prepared), None, e.rules)
-    trials.errors(recipes.Recipe((), (), frozenset()))
-    assert sorted(name for names, _ in seen for name in names) == prepared
-    for names, on in seen:
-        assert not {f"d{k}" for k in on} & set(names) and len(on) == 4
-
-
 def test_no_parameter_goes_where_no_truck_is(nothing_missing: Evidence) -> None:
     stronger = 2.6 * nothing_missing.sensitivity["brake_gain"]  # brakes 3.6 times as strong
     e = replace(nothing_missing, residual=nothing_missing.residual + stronger)

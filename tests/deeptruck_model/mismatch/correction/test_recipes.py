@@ -1,0 +1,66 @@
+"""What goes in is driven where it was not fitted, and has the sizes that drive better there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from deeptruck_model import trucks
+from deeptruck_model.mismatch.correction import recipes
+from deeptruck_model.mismatch.fit_result import Errors
+from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
+from deeptruck_model.mismatch.rules import Rules
+
+TRUCK = trucks.load("trucksim")
+
+
+def run(size: float) -> Errors:
+    """A free run of one step with this error."""
+    one = np.full((1, 1), size)
+    return Errors(one, one, np.zeros(1, dtype=np.intp), np.zeros(1, dtype=np.intp))
+
+
+def test_each_correction_is_driven_where_it_was_not_fitted(
+    nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    e = nothing_missing
+    ends = np.linspace(0, len(e), 9).astype(int)
+    drives = [Stretch(f"d{k}", ends[k], ends[k + 1], 0.0, k > 5) for k in range(8)]
+    e = replace(e, stretches=tuple(drives))
+    seen: list[tuple[list[str], list[int]]] = []
+
+    def fitted(self: object, simulator: object, search: Search, shares: object) -> list[int]:
+        return np.unique(search.e.record[search.series.valid]).tolist()
+
+    monkeypatch.setattr(recipes.Recipe, "corrected", fitted)
+    monkeypatch.setattr(recipes, "horizon", lambda *_: 20.0)
+    monkeypatch.setattr(
+        recipes, "free_windows", lambda made, names, _: seen.append((list(names), made)) or run(0.0)
+    )
+    prepared: Any = [f"d{k}" for k in range(6)]
+    trials = recipes.Trials(TRUCK, recipes.folds_of(e, prepared), None, e.rules)
+    trials.errors(recipes.Recipe((), (), frozenset()))
+    assert sorted(name for names, _ in seen for name in names) == prepared
+    for names, on in seen:
+        assert not {f"d{k}" for k in on} & set(names) and len(on) == 4
+
+
+@pytest.mark.parametrize(
+    ("recordings", "for_driving", "taken"), [(3, 0.2, True), (3, 0.295, False), (1, 0.2, False)]
+)
+def test_sizes_fitted_to_free_runs_go_in_where_they_are_clearly_better_unseen(
+    monkeypatch: pytest.MonkeyPatch, recordings: int, for_driving: float, taken: bool
+) -> None:
+    """Along what they were fitted to, as where recordings are few, they always drive better."""
+    monkeypatch.setattr(recipes, "horizon", lambda *_: 20.0)
+    monkeypatch.setattr(
+        recipes.Trials, "errors", lambda self, recipe: run(for_driving if recipe.for_driving else 0.3)
+    )
+    folds: Any = [recipes.Fold(None, ())] * recordings  # type: ignore[arg-type]
+    probable = recipes.Recipe((), (), frozenset({"mass"}))
+    trials = recipes.Trials(TRUCK, folds, None, Rules())
+    assert trials.with_better_sizes(probable) == replace(probable, for_driving=taken)
