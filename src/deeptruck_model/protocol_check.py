@@ -6,6 +6,7 @@ what only some do. What somebody else's code raises counts as missing.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
@@ -29,6 +30,8 @@ GRADE = 0.03
 SEEN = 0.05  # m/s after DRIVE_S, by which a command shows
 ROUNDING = 0.02  # m/s^2, between acceleration and the change of speed
 LIKELY = 10.0  # m/s^2, more than any truck
+OFTEN = (100, 300)  # times that 'mismatch' drives along all recordings side by side
+TEN_MINUTES_S = 600.0
 
 
 class State(StrEnum):
@@ -159,6 +162,17 @@ def _acceleration(s: Simulator) -> str:
             "answer the mean acceleration over the step, in m/s^2: (v after - v before) / dt",
         )
     return f"acceleration is the change of speed over dt, to {off:.1g} m/s^2"
+
+
+def _time(s: Simulator) -> str:
+    begun = time.perf_counter()
+    steps = len(drive(s, SPEEDS))
+    step_s = (time.perf_counter() - begun) / steps
+    few, many = (n * step_s * TEN_MINUTES_S / s.dt for n in OFTEN)
+    return (
+        f"{1000.0 * step_s:.2g} ms a step; 'mismatch' drives {OFTEN[0]} to {OFTEN[1]} times along drives, "
+        f"{few:.0f} to {many:.0f} s where each takes ten minutes"
+    )
 
 
 def _batches(s: Simulator) -> str:
@@ -300,6 +314,7 @@ PROBES: tuple[tuple[str, Callable[[Simulator], str]], ...] = (
     ("interface", _interface),
     ("dt", _dt),
     ("reset, step", _reset_and_step),
+    ("time", _time),
     ("acceleration", _acceleration),
     ("batches", _batches),
     ("determinism", _repeats),
