@@ -97,7 +97,7 @@ def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[C
     causes = [replace(c, share=max(c.gain, 0.0) / weight * explained / total) for c in causes]
     causes = _unverified(search.e, causes)
     if not unknown:
-        return _in_order(_in_doubt(search.e, left, causes), search.rules)
+        return _in_order(causes, search.rules)
     rest = Cause(
         "missing_physics",
         "unknown",
@@ -116,7 +116,7 @@ def _causes(search: Search, model: Model, null: Model, left: LeftOver) -> list[C
         whole = replace(main, share=main.share + rest.share, force=main.force + rest.force, other_form=True)
         return _in_order([whole, *[c for c in causes if c is not main]], search.rules)
     if physics and names < 0.5 * (names + left.gain):
-        rest = replace(rest, nearest=main.effect, rivals=_perhaps_the_same(main))
+        rest = replace(rest, nearest=main.effect)
         return [rest, *_in_order([c for c in causes if c not in physics], search.rules)]
     return _in_order([*causes, rest], search.rules)
 
@@ -147,25 +147,6 @@ def _perhaps_unknown(c: Cause) -> Cause:
     """The cause with 'unknown' as likely as its name."""
     others = (rival for rival in c.rivals if rival[0] != "unknown")
     return replace(c, rivals=(*others, ("unknown", 0.0)))
-
-
-def _in_doubt(e: Evidence, left: LeftOver, causes: list[Cause]) -> list[Cause]:
-    """The causes, of which the main name may be that of a relative where laws without a name explain clearly
-    more beside it."""
-    physics = [c for c in causes if c.kind == "missing_physics"]
-    doubtful = left.gain > max(e.rules.weak, e.rules.form_share * sum(c.gain for c in physics))
-    if not physics or not doubtful or not large_enough(e, left.free.prediction):
-        return causes
-    main = max(physics, key=lambda c: c.gain)
-    return [_perhaps_unknown(c) if c is main else c for c in causes]
-
-
-def _perhaps_the_same(main: Cause) -> tuple[tuple[str, float], ...]:
-    """Names that may be all there is: what is finer than the knots of a force that is time-varying is left
-    over."""
-    if not _follows_anything_slow(main):
-        return ()
-    return tuple((name, 0.0) for name in (main.effect, *main.not_told_from) if name != "unknown")
 
 
 def _worth_calling_unknown(e: Evidence, left: LeftOver, explained: float, names: float) -> bool:

@@ -30,32 +30,6 @@ def gusts(nothing_missing: Evidence) -> CandidateTerm:
     return next(s for s in terms if is_time_varying(s))
 
 
-@pytest.mark.parametrize(
-    ("names", "left", "sure"), [(200.0, 70.0, False), (200.0, 20.0, True), (900.0, 70.0, True)]
-)
-def test_no_name_is_sure_beside_laws_that_explain_much_more(
-    nothing_missing: Evidence, names: float, left: float, sure: bool
-) -> None:
-    force = SimpleNamespace(prediction=np.full(len(nothing_missing), 0.05))
-    beside: Any = SimpleNamespace(gain=left, free=force)
-    (told,) = explain._in_doubt(nothing_missing, beside, [cause(nothing_missing, names)])
-    assert told.effect == "torque_derate" and ("unknown" not in told.not_told_from) == sure
-
-
-def test_a_parameter_is_not_doubted(nothing_missing: Evidence) -> None:
-    mass = Cause("parameter_error", "mass", 200.0, 0.9, np.zeros(len(nothing_missing)))
-    beside: Any = SimpleNamespace(gain=100.0, free=SimpleNamespace(prediction=np.ones(len(nothing_missing))))
-    assert explain._in_doubt(nothing_missing, beside, [mass]) == [mass]
-
-
-def test_what_is_left_of_a_force_that_comes_and_goes_may_be_that_force(
-    nothing_missing: Evidence, gusts: CandidateTerm
-) -> None:
-    names = explain._perhaps_the_same(cause(nothing_missing, term=gusts))
-    assert [n for n, _ in names] == ["dragging_brake", "headwind"]
-    assert explain._perhaps_the_same(cause(nothing_missing)) == ()
-
-
 @pytest.mark.parametrize("recorded", [True, False])
 def test_a_road_that_was_driven_once_may_be_no_road_where_slopes_are_known(
     nothing_missing: Evidence, recorded: bool
