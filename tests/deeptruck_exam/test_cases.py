@@ -91,7 +91,8 @@ def test_a_rare_effect_is_rare():
 
 def test_a_confounded_effect_acts_under_its_condition_only():
     for seed in range(40):
-        plan = draw_plan("confounded", seed, "driveline_loss", "physics", 0.7)
+        # in one world, whose cases a new family does not change: it has drives that are fast enough
+        plan = draw_plan("confounded", seed, "driveline_loss", "physics", 0.7, forms="first")
         if plan.condition == "above 17 m/s" and plan.truck != "freightliner":
             break
     built = build(plan)
