@@ -283,3 +283,24 @@ class SoftensTheStop(Hidden, eased=0.0):
         near = np.clip(1.3 * (1.0 - view.speed / p.from_mps), 0.0, 1.0)
         s.eased = s.eased + dt * (slows * near - s.eased) / p.comes_s
         return p.gives * s.eased * view.brake_force * moving(view)
+
+
+@law("e_brake_closes_the_loop", "eleventh", "suburban descent")
+@sizes(per_s=(0.5, 1.2), most=(0.35, 0.6), waits_s=(0.3, 0.7), lets_go_s=(0.2, 0.5))
+class BrakeClosesTheLoop(Hidden, pressed=0.0, felt=0.0, adds=0.0):
+    """The pedal asks for a slowing on the flat: more brake downhill and less uphill, until it is met. per_s:
+    of what is lacking; most: of the brake force, added or taken.
+    Source: Wrede and Decker, Brake by Wire for Commercial Vehicles, SAE 922489, and Breuer and Bill, Brake
+    Technology Handbook (SAE, 2008), on deceleration control of electronic brakes of commercial vehicles;
+    gains are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        braking = view.brake_force > 0.002 * weight(view)
+        s.pressed = np.where(braking, s.pressed + dt, 0.0)
+        s.felt = s.felt + dt * (-view.acceleration - s.felt) / 0.25
+        known = view.brake_force + view.rolling_force + view.drag_force
+        lacks = np.clip(known / view.mass - s.felt, -2.0, 2.0) * (s.pressed > p.waits_s) * (view.speed > 1.5)
+        most = p.most * view.brake_force / view.mass
+        moves = np.where(braking, p.per_s * lacks, -s.adds / p.lets_go_s)
+        s.adds = np.clip(s.adds + dt * moves, np.minimum(-most, 0.0), most + 0.02)
+        return -s.adds * view.mass * np.where(braking, 1.0, 0.0) * np.clip(view.speed - 0.5, 0.0, 1.0)
