@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from deeptruck_exam.effects.planting import FAMILIES, SEALED
+from deeptruck_exam.effects.planting import FAMILIES
 from deeptruck_exam.worlds import bends, car_following, congestion, modes, procedures, roads, traffic, trucks
 from deeptruck_exam.worlds.drivers import Habits, Machine
 from deeptruck_exam.worlds.loggers import KMH, Logger, Sense
@@ -283,50 +283,57 @@ WORLDS = {
         ),
         Machine(ahead_s=3.2, band_mps=0.35, gain_per_s=0.28, integral=0.012),
     ),
-}
-SEALED_WORLD = World(  # bends decide; some plan far and roll, some follow late, some press hard by notches
-    Fleet(
-        shape=2.3,
-        tied=trucks.WITH_SIZE,
-        lines={
-            "final_drive": (0.94, 1.0, 1.08),
-            "drag_area": (0.84, 0.97, 1.12),
-            "boost_lag": (0.7, 1.0, 1.3),
-        },
-        load_shape=0.55,
-        highest_m=800.0,
-    ),
-    roads.hummocks,
-    roads.slumps_down,
-    bends.bendy,
-    (
-        Habits((2.2, 4.2), (0.2, 0.6), (0.16, 0.3), 0.005, (0.9, 2.2), mood=(0.025, 5.0), glides=0.6),
-        Habits((0.5, 1.1), (0.15, 0.5), (0.28, 0.5), 0.008, (1.5, 3.5), mood=(0.05, 1.4)),
-        Habits(
-            (1.1, 2.0), (0.3, 0.7), (0.3, 0.5), 0.005, (0.6, 1.4), (0.12, 0.3), (0.025, 0.06), (0.035, 3.0)
+    "hummocks": World(  # bends decide; some plan far and roll, some follow late, some press hard by notches
+        Fleet(
+            shape=2.3,
+            tied=trucks.WITH_SIZE,
+            lines={
+                "final_drive": (0.94, 1.0, 1.08),
+                "drag_area": (0.84, 0.97, 1.12),
+                "boost_lag": (0.7, 1.0, 1.3),
+            },
+            load_shape=0.55,
+            highest_m=800.0,
         ),
-    ),
-    Logger(
-        {
-            "speed": Sense((0.006, 0.026), 0.1, (KMH / 256.0,), lag_s=(0.02, 0.16)),
-            "acceleration": Sense(
-                (0.035, 0.10), 0.2, (0.01, 0.02), lag_s=(0.0, 0.12), bias=0.004, walk=(0.0, 0.002)
+        roads.hummocks,
+        roads.slumps_down,
+        bends.bendy,
+        (
+            Habits((2.2, 4.2), (0.2, 0.6), (0.16, 0.3), 0.005, (0.9, 2.2), mood=(0.025, 5.0), glides=0.6),
+            Habits((0.5, 1.1), (0.15, 0.5), (0.28, 0.5), 0.008, (1.5, 3.5), mood=(0.05, 1.4)),
+            Habits(
+                (1.1, 2.0),
+                (0.3, 0.7),
+                (0.3, 0.5),
+                0.005,
+                (0.6, 1.4),
+                (0.12, 0.3),
+                (0.025, 0.06),
+                (0.035, 3.0),
             ),
-            "grade": Sense((0.0005, 0.0018), 3.0, (0.0002, 0.0005), (0.0, 0.6), 0.0004, every=(1, 2, 4)),
-            "fuel_rate": Sense((0.007, 0.018), 0.15, (0.05 / 3.6,), every=(1, 2, 4)),
-            "engine_torque": Sense((0.25, 0.75), 0.15, (1.0, 0.5), every=(1, 2)),
-        },
-        jitter_s=(0.002, 0.007),
-        jitter_tau_s=1.2,
-        late_s=(0.0, 0.05),
-        lost=(0.0, 0.015),
-        gaps=(0.2, 1.6),
-        spikes=(0.0, 1.5),
-        runout=(0.0003, 0.0012),
-        pedal_steps=(0.4, 0.25),
+        ),
+        Logger(
+            {
+                "speed": Sense((0.006, 0.026), 0.1, (KMH / 256.0,), lag_s=(0.02, 0.16)),
+                "acceleration": Sense(
+                    (0.035, 0.10), 0.2, (0.01, 0.02), lag_s=(0.0, 0.12), bias=0.004, walk=(0.0, 0.002)
+                ),
+                "grade": Sense((0.0005, 0.0018), 3.0, (0.0002, 0.0005), (0.0, 0.6), 0.0004, every=(1, 2, 4)),
+                "fuel_rate": Sense((0.007, 0.018), 0.15, (0.05 / 3.6,), every=(1, 2, 4)),
+                "engine_torque": Sense((0.25, 0.75), 0.15, (1.0, 0.5), every=(1, 2)),
+            },
+            jitter_s=(0.002, 0.007),
+            jitter_tau_s=1.2,
+            late_s=(0.0, 0.05),
+            lost=(0.0, 0.015),
+            gaps=(0.2, 1.6),
+            spikes=(0.0, 1.5),
+            runout=(0.0003, 0.0012),
+            pedal_steps=(0.4, 0.25),
+        ),
+        Machine(ahead_s=2.0, band_mps=0.6, gain_per_s=0.32, integral=0.018),
     ),
-    Machine(ahead_s=2.0, band_mps=0.6, gain_per_s=0.32, integral=0.018),
-)
+}
 OF_FAMILY = dict(zip(FAMILIES, ("plain", *WORLDS), strict=True))
 
 
@@ -334,7 +341,5 @@ def of(forms: str, simulator: str, seed: int = 0) -> World:
     """The world a case plays in: the family's own; of all families together, any by the seed."""
     if simulator != "physics":
         return WORLDS["plain"]
-    if forms == SEALED:
-        return SEALED_WORLD
     any_one = list(WORLDS)[np.random.default_rng([seed, 6]).integers(len(WORLDS))]
     return WORLDS[OF_FAMILY.get(forms, any_one)]

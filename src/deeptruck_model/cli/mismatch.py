@@ -181,7 +181,7 @@ def prove(
     forms: Annotated[
         str,
         typer.Option(
-            help="Family of effects to hide: 'all', one of the ten ('first' to 'tenth') or 'sealed'."
+            help="Family of effects to hide: 'all', one of the eleven ('first' to 'eleventh') or 'sealed'."
         ),
     ] = "all",
     real: Annotated[

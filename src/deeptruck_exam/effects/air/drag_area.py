@@ -207,3 +207,29 @@ class ClothFlaps(Hidden, flaps=0.0, size=0.0):
         s.flaps = np.where(view.speed < p.until * p.from_mps, 0.0, s.flaps)
         s.size = s.size + dt * (s.flaps - s.size) / p.gathers_s
         return -p.more * s.size * view.drag_force * moving(view)
+
+
+@law("e_round_loads", "eleventh", "highway hills", accepts="rolling_resistance_speed")
+@sizes(more=(0.7, 1.2), thick_m=(0.21, 0.29), left=(0.3, 0.5), apart=(0.03, 0.08))
+class RoundLoads(Hidden, late=0.0):
+    """Tubes lie across the stream: their drag falls to a half or less where the flow becomes turbulent, and
+    rises again at a lower speed. `late`: 1 where it separates late. more: of the drag, below, with the
+    whole load, which is not on every drive; left: of that, above; apart: of the Reynolds number, between
+    there and back.
+    Source: Schewe, On the Force Fluctuations Acting on a Circular Cylinder in Crossflow from Subcritical up
+    to Transcritical Reynolds Numbers, J. Fluid Mech. 133 (1983): a jump at 300 000, with hysteresis; loads
+    are chosen here."""
+
+    viscosity = 1.8e-5
+    critical = 3.0e5
+
+    def prepare(self) -> None:
+        self.loaded = self.rng(1003).permutation(np.tile([1.0, 0.7, 1.0, 0.0], 1 + self.setting.batch // 4))
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        reynolds = np.maximum(view.speed, 0.0) * p.thick_m * self.truck.air_density / self.viscosity
+        threshold = self.critical * (1.0 + p.apart * np.where(s.late > 0.5, -1.0, 1.0))
+        wanted = 1.0 / (1.0 + np.exp(-np.clip((reynolds / threshold - 1.0) / 0.015, -40.0, 40.0)))
+        s.late = s.late + dt * (wanted - s.late) / 0.6
+        share = p.more * self.loaded[: len(reynolds)] * (1.0 - (1.0 - p.left) * s.late)
+        return -share * view.drag_force * moving(view)

@@ -1,4 +1,4 @@
-"""Wind that the land makes: along valleys, over crests, down slopes."""
+"""Wind that the land makes: along valleys, over crests, down slopes, beside woods."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, index
+from deeptruck_exam.effects.places import CELL_M, CELLS, OnRoad, stretches
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import SAMPLE_S, arrivals, ou_series
 from deeptruck_model.trucks import View
@@ -103,5 +104,47 @@ class SlopeWindPulses(Hidden):
         pulse = 1.0 + p.depth * np.sin(2.0 * np.pi * view.time / p.pulse_s + self.phase)
         wind = p.wind_mps * pulse * (np.tanh(s.land / 0.012) + self.valley)
         relative = np.clip(1.0 + wind / np.maximum(view.speed, 0.5), -1.5, 3.0)
+        felt = (relative * np.abs(relative) - 1.0) * view.drag_force
+        return -felt * np.clip(view.speed / 3.0, 0.0, 1.0)
+
+
+@law("e_fields_and_woods", "eleventh", "hills highway")
+@sizes(aloft_mps=(12.0, 19.0), rough_m=(0.5, 1.2), smooth_m=(0.003, 0.03), fetch_m=(60.0, 250.0))
+@sizes(gusts=(1.6, 2.6))
+class FieldsAndWoods(OnRoad):
+    """`rough`: logarithm of the roughness length that the wind at the truck's height has come to; it follows
+    the land over a fetch, into the woods sooner than out of them. The rougher the land, the weaker the wind
+    and the gustier. aloft_mps: at 60 m; gusts: standard deviation over the friction velocity.
+    Source: Garratt, The Internal Boundary Layer - A Review, Boundary-Layer Meteorology 50 (1990), on changes
+    of roughness; gusts of 2.4 friction velocities (Panofsky and Dutton, Atmospheric Turbulence, 1984); woods,
+    headings and the least wind in them are chosen here."""
+
+    high_m, aloft_m = 3.0, 60.0
+
+    def prepare(self) -> None:
+        rng, p, batch = self.rng(1001), self.p, self.setting.batch
+        self.land = np.full((self.rows(), CELLS), np.log(p.smooth_m))
+        self.heading = np.empty((self.rows(), CELLS))
+        for land, heading in zip(self.land, self.heading, strict=True):
+            for first, last in stretches(rng, (250.0, 1500.0), (200.0, 900.0)):
+                land[first:last] = np.log(p.rough_m)
+            heading[:] = rng.uniform(-1.0, 1.0) + 0.35 * ou_series(rng, (1, CELLS), CELL_M, 900.0)[0]
+        self.side = rng.choice([-1.0, 1.0])
+        self.turbulence = ou_series(rng, (batch, int(self.setting.duration_s / 0.1) + 20), 0.1, 4.0)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"rough": np.full(batch, np.nan)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        land, speed = self.read(self.land, view), np.maximum(view.speed, 0.0)
+        s.rough = np.where(np.isnan(s.rough), land, s.rough)
+        fetch = p.fetch_m * np.where(land > s.rough, 0.6, 1.4)
+        s.rough = s.rough + dt * (speed + 3.0) * (land - s.rough) / fetch
+        friction = 0.4 * p.aloft_mps / (np.log(self.aloft_m) - s.rough)
+        mean = 2.5 * friction * np.maximum(np.log(self.high_m) - s.rough, 0.6)
+        gust = p.gusts * friction * self.turbulence[:, index(view, self.turbulence, 0.1)]
+        heading = self.read(self.heading, view)
+        along = self.side * self.setting.direction * np.cos(heading) * (mean + gust)
+        relative = np.clip(1.0 + along / np.maximum(view.speed, 0.5), -1.5, 3.0)
         felt = (relative * np.abs(relative) - 1.0) * view.drag_force
         return -felt * np.clip(view.speed / 3.0, 0.0, 1.0)

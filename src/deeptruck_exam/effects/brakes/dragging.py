@@ -6,8 +6,9 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, index, moving, weight
 from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_exam.effects.series import ou_series
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="dragging_brake")
@@ -207,3 +208,28 @@ class LiningsSwell(Hidden, heat=0.0, swollen=0.0, worn=0.0):
         taken_up = s.worn * (view.brake_force > 0.0) / 30.0
         s.worn = s.worn + dt * (rubs * speed / p.wears_m - taken_up)
         return -p.rubs * rubs * weight(view) * moving(view)
+
+
+@law("e_cable_is_too_short", "eleventh", "suburban descent")
+@sizes(drags=(0.008, 0.016), tight=(0.1, 0.5), squats=(0.5, 1.1), bumps=(0.3, 0.6), grows_jpkg=(150.0, 500.0))
+class CableIsTooShort(Hidden, travel=0.0, pace=0.0, grown=0.0):
+    """`travel` of the axle pulls the cable of the parking brake: by pull, slope and bumps, on springs. The
+    drag warms the drum, which grows away from its shoes. drags: of the weight, for a travel of 1; tight: at
+    rest; squats: for 1 m/s2 along the frame; grows_jpkg: work for each kg of truck.
+    Source: Gillespie, Fundamentals of Vehicle Dynamics (1992), on squat and bounce, and Limpert, Brake Design
+    and Safety, on cables of parking brakes; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        shape = (self.setting.batch, int(self.setting.duration_s / 0.1) + 20)
+        self.bumps = ou_series(self.rng(1012), shape, 0.1, 0.8)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        along = np.clip(view.acceleration + GRAVITY * view.grade, -2.5, 2.5)
+        rough = p.bumps * self.bumps[:, index(view, self.bumps, 0.1)] * np.clip(view.speed / 12.0, 0.0, 1.5)
+        omega = 2.0 * np.pi * 1.2
+        s.pace = s.pace + dt * (omega**2 * (p.squats * along + rough - s.travel) - 0.7 * omega * s.pace)
+        s.travel = np.clip(s.travel + dt * s.pace, -3.0, 3.0)
+        pulls = np.clip(p.tight + s.travel - s.grown, 0.0, 2.0)
+        work = p.drags * GRAVITY * pulls * np.maximum(view.speed, 0.0)
+        s.grown = np.clip(s.grown + dt * (work / p.grows_jpkg - s.grown / 150.0), 0.0, 1.0)
+        return -p.drags * pulls * weight(view) * moving(view)

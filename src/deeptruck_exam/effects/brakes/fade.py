@@ -279,3 +279,28 @@ class SelfHelpIsLost(Hidden):
         work = left * view.brake_force * np.maximum(view.speed, 0.0) / view.mass
         s.hot = s.hot + dt * (work / p.heats_jpkgk - s.hot / p.cools_s)
         return (1.0 - left) * view.brake_force * moving(view)
+
+
+@law("e_drums_open_like_bells", "eleventh", "descent")
+@sizes(heats_jpkgk=(3.5, 7.0), bears_k=(60.0, 120.0), loss=(0.4, 0.65), wears_jpkg=(700.0, 2500.0))
+@sizes(cools_s=(250.0, 500.0))
+class DrumsOpenLikeBells(Hidden, hot=0.0):
+    """`hot`: K above cold; `worn`: K at which the linings fit the drum. A drum that is hotter or colder than
+    that touches them at one edge alone, until they have worn to its shape. heats_jpkgk: for each kg of truck;
+    bears_k: misfit at which half of `loss` is lost.
+    Source: Day, Harding and Newcomb, Combined Thermal and Mechanical Analysis of Drum Brakes, Proc. IMechE D
+    198 (1984), on bell-mouthing, and Day, Braking of Road Vehicles (2014), on linings that wear to shape;
+    wheels that turn cool better; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "worn": self.rng(1011).uniform(0.0, 60.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        misfit = ((s.hot - s.worn) / p.bears_k) ** 2
+        lost = p.loss * misfit / (1.0 + misfit)
+        speed = np.maximum(view.speed, 0.0)
+        work = (1.0 - lost) * view.brake_force * speed / view.mass
+        cools = (0.4 + np.sqrt(np.minimum(speed, 25.0) / 15.0)) / (1.4 * p.cools_s)
+        s.hot = s.hot + dt * (work / p.heats_jpkgk - s.hot * cools)
+        s.worn = s.worn + dt * work * (s.hot - s.worn) / p.wears_jpkg
+        return lost * view.brake_force * moving(view)

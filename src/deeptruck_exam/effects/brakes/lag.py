@@ -239,3 +239,29 @@ class HotDrumsAreFar(Hidden, way=0.0, held=0.0):
         touches = np.clip((s.way / stroke - 0.8) / 0.2, 0.0, 1.0)
         s.held = s.held + dt * (asked * touches - s.held) / p.fills_s
         return p.share * full * (asked - s.held) * moving(view)
+
+
+@law("e_air_in_the_fluid", "eleventh", "suburban descent")
+@sizes(air=(0.12, 0.3), bar=(0.03, 0.08), stiff=(0.3, 0.6), flows_s=(0.25, 0.55), share=(0.75, 1.0))
+class AirInTheFluid(Hidden, volume=0.0):
+    """`volume`: what has been pushed into the lines. It presses the air together first, so that gentle
+    braking comes latest. air: of the volume at full braking; bar: pressure of the air at rest over that of
+    full braking; stiff: of the lines without air; flows_s: to fill them at full pressure.
+    Source: Yu, Chen and Lu, The Variation of Oil Effective Bulk Modulus with Pressure in Hydraulic Systems,
+    J. Dyn. Sys. Meas. Control 116 (1994), on fluid with air in it, and Limpert, Brake Design and Safety, on
+    air over hydraulic brakes; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        full = self.truck.brake_capacity
+        asked = np.clip(view.brake_force / full, 0.0, 1.2)
+        held = self.pressure(p, s.volume)
+        differs = asked - held
+        springs = np.where(differs > 0.0, differs, 1.5 * (differs - 0.05))  # of the shoes, that help it out
+        s.volume = np.clip(s.volume + dt * np.clip(springs, -0.5, 0.5) / p.flows_s, 0.0, 2.0)
+        return p.share * full * differs * moving(view)
+
+    def pressure(self, p: Sizes, volume: Array) -> Array:
+        """Over that of full braking: air takes p.air * q / (q + p.bar), the lines p.stiff * q."""
+        b = p.air + p.stiff * p.bar - volume
+        root = np.sqrt(np.maximum(b**2 + 4.0 * p.stiff * p.bar * volume, 0.0))
+        return np.asarray(np.maximum((root - b) / (2.0 * p.stiff), 0.0))

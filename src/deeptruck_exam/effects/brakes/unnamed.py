@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
 from deeptruck_exam.effects.places import CELLS, OnRoad, stretches
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
@@ -65,23 +65,6 @@ class WetBrakes(Hidden, film=1.0):
         return lost * view.brake_force * moving(view)
 
 
-@law("overrun_brake", "second", "suburban hills", trucks="trucksim volvo")
-@sizes(trailer=(0.25, 0.45), threshold=(0.02, 0.05), gain=(1.0, 2.5), damper_s=(0.3, 1.0))
-class OverrunBrake(Hidden, push=0.0):
-    """threshold: of the trailer's weight.
-    Source: Inertia braking of drawbar trailers, UN Regulation No. 13, annex 12: the trailer brakes itself
-    with the push on the coupling, after a threshold, through a damper; numbers of a heavy drawbar trailer,
-    chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        trailer = p.trailer * view.mass
-        pushes = -trailer * (np.clip(view.acceleration, -4.0, 4.0) + GRAVITY * view.grade)
-        lag = np.where(pushes > s.push, p.damper_s, 2.5 * p.damper_s)
-        s.push += dt * (pushes - s.push) / lag
-        braked = p.gain * np.maximum(s.push - p.threshold * trailer * GRAVITY, 0.0)
-        return -np.minimum(braked, 0.35 * trailer * GRAVITY) * moving(view)
-
-
 @law("brakes_made_ready", "second", "suburban hills descent")
 @sizes(force_n=(2500.0, 7000.0), hold_s=(1.5, 4.0), lift_per_s=(0.25, 0.5))
 class BrakesMadeReady(Hidden, pedal=0.0, left=0.0, force=0.0):
@@ -113,38 +96,6 @@ class DrumsOutOfRound(Hidden):
         fades = 1.0 / (1.0 + (np.maximum(view.speed, 0.0) / 8.0) ** 4)
         wave = np.sin(angle) - 0.35  # tight spots grab less than the others slip
         return -p.share * hot * fades * wave * view.brake_force * np.clip(view.speed, 0.0, 1.0)
-
-
-@law("stretch_brake", "fourth", "suburban descent", trucks="trucksim volvo")
-@sizes(depth=(0.022, 0.050), period_s=(2.0, 4.5), duty=(0.3, 0.5), below_mps=(11.0, 14.0))
-class StretchBrake(Hidden, closed=0.0, force=0.0):
-    """depth: over weight. No pedal is pressed, and no brake command is recorded.
-    Source: Stretch brakes (truck makers' driver guides): while the throttle is closed at low speed the
-    trailer's brakes are pulsed, to keep the train straight; pulses and depth are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        closed = (view.u[:, 0] <= 0.01 * self.truck.full_command) & (view.speed > 1.5)
-        s.closed = np.where(closed & (view.speed < p.below_mps), s.closed + dt, 0.0)
-        within = (s.closed - 0.5) / p.period_s
-        pulse = (s.closed > 0.5) & (within - np.floor(within) < p.duty)
-        s.force += dt * (p.depth * weight(view) * pulse - s.force) / np.where(pulse, 0.2, 0.3)
-        return -s.force * moving(view)
-
-
-@law("timed_trailer_brakes", "fourth", "suburban descent")
-@sizes(level=(0.025, 0.055), ramp_s=(1.5, 4.0), lets_go_s=(0.2, 0.8))
-class TimedTrailerBrakes(Hidden, current=0.0):
-    """level: over weight; magnets grip less as the wheels slow down.
-    Source: Time-delayed controllers of electric trailer brakes (suppliers' installation guides; SAE J2663 on
-    electric brakes): the stop-lamp switch starts a ramp to a dialled level, however gently the driver brakes;
-    ramps and levels are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        lamp = view.u[:, 1] > 0.02
-        rate = np.where(lamp, 1.0 / p.ramp_s, -1.0 / p.lets_go_s)
-        s.current = np.clip(s.current + dt * rate, 0.0, 1.0)
-        grips = np.clip(np.maximum(view.speed, 0.0) / 5.0, 0.0, 1.0) ** 0.5
-        return -p.level * s.current * grips * weight(view) * moving(view)
 
 
 @law("cam_hysteresis", "fifth", "suburban descent")
@@ -332,3 +283,24 @@ class SoftensTheStop(Hidden, eased=0.0):
         near = np.clip(1.3 * (1.0 - view.speed / p.from_mps), 0.0, 1.0)
         s.eased = s.eased + dt * (slows * near - s.eased) / p.comes_s
         return p.gives * s.eased * view.brake_force * moving(view)
+
+
+@law("e_brake_closes_the_loop", "eleventh", "suburban descent")
+@sizes(per_s=(0.5, 1.2), most=(0.35, 0.6), waits_s=(0.3, 0.7), lets_go_s=(0.2, 0.5))
+class BrakeClosesTheLoop(Hidden, pressed=0.0, felt=0.0, adds=0.0):
+    """The pedal asks for a slowing on the flat: more brake downhill and less uphill, until it is met. per_s:
+    of what is lacking; most: of the brake force, added or taken.
+    Source: Wrede and Decker, Brake by Wire for Commercial Vehicles, SAE 922489, and Breuer and Bill, Brake
+    Technology Handbook (SAE, 2008), on deceleration control of electronic brakes of commercial vehicles;
+    gains are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        braking = view.brake_force > 0.002 * weight(view)
+        s.pressed = np.where(braking, s.pressed + dt, 0.0)
+        s.felt = s.felt + dt * (-view.acceleration - s.felt) / 0.25
+        known = view.brake_force + view.rolling_force + view.drag_force
+        lacks = np.clip(known / view.mass - s.felt, -2.0, 2.0) * (s.pressed > p.waits_s) * (view.speed > 1.5)
+        most = p.most * view.brake_force / view.mass
+        moves = np.where(braking, p.per_s * lacks, -s.adds / p.lets_go_s)
+        s.adds = np.clip(s.adds + dt * moves, np.minimum(-most, 0.0), most + 0.02)
+        return -s.adds * view.mass * np.where(braking, 1.0, 0.0) * np.clip(view.speed - 0.5, 0.0, 1.0)

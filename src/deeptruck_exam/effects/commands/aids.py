@@ -212,3 +212,79 @@ class ElectronicDrawbar(Hidden):
         near = np.clip(2.0 - np.nan_to_num(gap, nan=1e5) / p.near_m, 0.0, 1.0)
         s.acts = s.acts + dt * (wanted * near - s.acts) / 0.3
         return s.acts * view.mass * np.clip(view.speed / 3.0, 0.0, 1.0)
+
+
+@law("e_inner_wheel_is_braked", "eleventh", "suburban hills")
+@sizes(brakes=(0.025, 0.05), from_pm=(0.004, 0.009), below_mps=(11.0, 15.0), fills_s=(0.3, 0.8))
+class InnerWheelIsBraked(Bends, acts=0.0):
+    """A turn assistant brakes the wheels inside of a bend, in slow and tight ones, while the engine pulls.
+    brakes: of the weight; from_pm: curvature at which it begins.
+    Source: Pilutti, Ulsoy and Hrovat, Vehicle Steering Intervention through Differential Braking, J. Dyn.
+    Sys. Meas. Control 120 (1998), and steering brakes of off-road trucks and tractors; thresholds are chosen
+    here."""
+
+    def prepare(self) -> None:
+        self.bend = self.draw_bends(self.rng(1013), 0.035)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        tight = np.clip((np.abs(self.read(self.bend, view)) - p.from_pm) / 0.006, 0.0, 1.0)
+        slow = np.clip((p.below_mps - view.speed) / 2.0, 0.0, 1.0)
+        pulls = (view.traction_force > 0.0) & (view.brake_force <= 0.0) & (view.speed > 1.0)
+        s.acts = s.acts + dt * (tight * slow * pulls - s.acts) / p.fills_s
+        return -p.brakes * s.acts * weight(view) * moving(view)
+
+
+@law("e_rides_the_green_wave", "eleventh", "suburban hills")
+@sizes(
+    apart_m=(220.0, 420.0), cycle_s=(45.0, 80.0), red=(0.45, 0.65), ahead_m=(80.0, 160.0), takes=(0.5, 0.9)
+)
+class RidesTheGreenWave(OnRoad, eases=0.0):
+    """An assistant hears from the signals when they turn and takes torque where the truck would come too
+    early. takes: share of the pull. The lights stand where they stand, and keep their times.
+    Source: Katsaros, Kernchen, Dianati and Rieck, Performance Study of a Green Light Optimized Speed Advisory
+    (GLOSA) Application Using an Integrated Cooperative ITS Simulation Platform, IWCMC (2011); one that acts
+    by itself, signals and shares are chosen here."""
+
+    def prepare(self) -> None:
+        rng, p = self.rng(1021), self.p
+        self.lights_m = np.cumsum(p.apart_m * rng.uniform(0.6, 1.4, (self.rows(), 600)), axis=1)
+        self.offset_s = rng.uniform(0.0, p.cycle_s, (self.rows(), 600))
+        cells_m = (np.arange(CELLS) + 0.5) * CELL_M
+        self.following = np.array([np.searchsorted(lights, cells_m) for lights in self.lights_m])
+        self.back = (self.setting.direction < 0.0).astype(int)
+
+    def ahead(self, view: View) -> tuple[Array, Array]:
+        """Metres to the next light, and its offset."""
+        route = self.setting.route
+        light = np.clip(self.following[route, self.cell(view)] - self.back, 0, 599)
+        gap = self.setting.direction * (self.lights_m[route, light] - self.place(view))
+        return np.maximum(gap, 0.0), self.offset_s[route, light]
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        gap, offset = self.ahead(view)
+        comes = view.time + gap / np.maximum(view.speed, 2.0)
+        red = ((comes + offset) % p.cycle_s) < p.red * p.cycle_s
+        wants = red * (gap < p.ahead_m) * (view.speed > 4.0)
+        s.eases = s.eases + dt * (wants - s.eases) / 0.5
+        return -p.takes * s.eases * np.maximum(view.traction_force, 0.0) * moving(view)
+
+
+@law("e_watchman", "eleventh", "highway suburban hills")
+@sizes(waits_s=(3.0, 6.0), moves=(0.05, 0.10), takes=(0.5, 0.9), fades_s=(1.0, 3.0))
+class Watchman(Hidden, still=0.0, takes=0.0):
+    """Who keeps his foot still for too long is taken for asleep: torque fades until the pedal moves. moves:
+    of the full pedal, that count; waits_s: from the last of them.
+    Source: UIC 641, Conditions to be Fulfilled by Automatic Vigilance Devices Used in International Traffic,
+    and the risk mitigation function of UN Regulation No. 79 for trucks; times are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "last": np.full(batch, -1.0)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pedal = self.pedal(view)
+        moved = (np.abs(pedal - s.last) > p.moves) | (view.brake_force > 0.0) | (view.speed < 3.0)
+        s.last = np.where(moved, pedal, s.last)
+        s.still = np.where(moved, 0.0, s.still + dt)
+        asleep = (s.still > p.waits_s) & (pedal > 0.02)
+        s.takes = s.takes + dt * np.where(asleep, (1.0 - s.takes) / p.fades_s, -s.takes / 0.4)
+        return -p.takes * s.takes * np.maximum(view.traction_force, 0.0) * moving(view)

@@ -289,3 +289,27 @@ class WaitsForWhatWasLost(Late):
     def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
         self.put(s, u)
         return self.ago(s, int(self.late[s.at % STEPS]))
+
+
+@law("e_median_of_the_last", "eleventh", "suburban hills descent")
+@sizes(window_s=(0.8, 1.7), line_s=(0.05, 0.2))
+class MedianOfTheLast(Late):
+    """What is passed on is the middle one of the commands of a window: half a window late, and what lasted
+    less than that never arrives.
+    Source: Gallagher and Wise, A Theoretical Analysis of the Properties of Median Filters, IEEE Trans.
+    Acoustics, Speech, Signal Processing 29 (1981): edges pass, impulses do not; against outliers of a pedal's
+    line, windows are chosen here."""
+
+    length = 400
+    every = 4
+
+    def prepare(self) -> None:
+        middle = round(self.p.window_s / STEP_S / self.every / 2.0)
+        first = round(self.p.line_s / STEP_S)
+        self.steps = first + self.every * np.arange(2 * middle + 1)
+
+    def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
+        self.put(s, u)
+        window = s.past[(s.at - self.steps) % self.length]
+        middle = len(self.steps) // 2
+        return np.asarray(np.partition(window, middle, axis=0)[middle])

@@ -197,3 +197,32 @@ class OilInTheDashpot(TorqueFilter):
         thin = 1.0 - (1.0 - p.cold) * np.exp(-time / p.warms_s)
         rate = p.per_s * thin * (p.preload + np.abs(error)) * np.where(error < 0.0, 2.5, 1.0)
         return np.asarray(s.given + self.full * np.sign(error) * np.minimum(np.abs(error), rate * dt))
+
+
+@law("e_cylinder_fills_with_air", "eleventh", "suburban hills")
+@sizes(fills_s=(0.9, 1.9), empties_s=(0.5, 1.1), spring=(0.15, 0.3), supply=(1.25, 1.7))
+class CylinderFillsWithAir(TorqueFilter):
+    """Air moves the lever against a spring: nothing happens until it is stretched, then the lever goes at one
+    pace while the air chokes, and slower near its end. spring: of the pressure of a full pedal, before the
+    lever moves; supply: over that pressure; fills_s: from nothing to full, choked.
+    Source: Andersen, The Analysis and Design of Pneumatic Systems (1967): flow is choked below half of the
+    pressure ahead; air throttles of rear-engined vehicles, sizes are chosen here."""
+
+    def begin(self, s: State, u: Array) -> None:
+        super().begin(s, u)
+        s.bar = self.wanted(u[:, 0])
+
+    def wanted(self, pedal: Array) -> Array:
+        """Pressure, over that of a full pedal, which holds the lever there; none for a closed pedal."""
+        share = pedal / self.full
+        return np.asarray(np.where(share > 0.0, self.p.spring + (1.0 - self.p.spring) * share, 0.0))
+
+    def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
+        wanted = self.wanted(pedal)
+        ahead = np.clip((p.supply - s.bar) / (0.5 * p.supply), 0.0, 1.0) ** 0.5 / p.fills_s
+        back = np.clip((s.bar + 0.15) / 0.5, 0.3, 1.0) ** 0.5 / p.empties_s
+        closes = np.clip(np.abs(wanted - s.bar) / 0.2, 0.08, 1.0)
+        s.bar = np.clip(wanted, s.bar - dt * back * closes, s.bar + dt * ahead * closes)
+        lever = np.clip((s.bar - p.spring) / (1.0 - p.spring), 0.0, None)
+        arrived = (s.bar == wanted) & (pedal >= 0.0)
+        return np.asarray(np.where(arrived, np.maximum(pedal, 0.0), self.full * lever))

@@ -238,3 +238,27 @@ class ChainHangs(Hidden, pull=0.0, felt=0.0, rate=0.0):
         s.felt = s.felt + dt * s.rate
         most = 0.12 * weight(view)
         return np.clip(s.felt - view.traction_force, -most, most) * moving(view)
+
+
+@law("e_teeth_bounce", "eleventh", "suburban hills")
+@sizes(flies=(250.0, 800.0), back=(0.45, 0.7), knocks_s=(0.12, 0.3), rests=(0.25, 0.6))
+class TeethBounce(Hidden, at=1.0, rate=0.0, touches=1.0, knock=0.0):
+    """`at`: -1 and 1 where the teeth touch, `rate` of the way between. They meet the other flank, bounce, and
+    meet it again, each time more gently; nothing is driven in between, and each blow is felt. flies: 1/s2 for
+    a pull of the weight; back: of the speed, after a blow; rests: 1/s at which they stay.
+    Source: Pfeiffer and Glocker, Multibody Dynamics with Unilateral Contacts (1996), on hammering in gears
+    with play and restitution; plays and sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pull = view.traction_force / weight(view)
+        s.rate = s.rate + dt * np.clip(p.flies * pull, -40.0, 40.0)
+        at = s.at + dt * s.rate
+        meets = (np.abs(at) >= 1.0) & (at * s.rate > 0.0)
+        stays = meets & (np.abs(s.rate) < p.rests)
+        blow = np.where(meets & ~stays, (1.0 + p.back) * s.rate / p.flies, 0.0)
+        s.rate = np.where(stays, 0.0, np.where(meets, -p.back * s.rate, s.rate))
+        s.at = np.clip(at, -1.0, 1.0)
+        s.touches = s.touches + dt * (1.0 * (np.abs(s.at) >= 1.0) - s.touches) / 0.04
+        s.knock = s.knock * np.exp(-dt / p.knocks_s) + blow / p.knocks_s
+        felt = np.clip(s.knock, -0.12, 0.12) - (1.0 - s.touches) * pull
+        return np.asarray(felt * weight(view) * moving(view))

@@ -230,3 +230,30 @@ class PumpIsWorn(Hidden):
         s.oil = s.oil + dt * (lost * view.engine_speed / p.heats_j - (s.oil - 0.2) / 250.0)
         s.oil = np.clip(s.oil, 0.0, 1.0)
         return -self.at_wheels(view, lost) * np.clip(view.speed - 1.0, 0.0, 1.0)
+
+
+@law("e_locks_when_it_is_let", "eleventh", "suburban hills", accepts="driveline_loss torque_limit")
+@sizes(gentle=(0.25, 0.45), waits_s=(1.0, 2.5), last_s=(12.0, 25.0), slips=(0.14, 0.26), left=(0.3, 0.7))
+class LocksWhenItIsLet(Hidden, gear=0.0, since=0.0, open=0.0):
+    """Every change of gear opens the lock-up clutch. It shuts again only once torque is gentle, or after a
+    long time. gentle: of peak torque; slips: of the torque, lost at peak torque; left: of the engine's drag,
+    while it is open.
+    Source: Hahn and Lee, Nonlinear Robust Control of Torque Converter Clutch Slip System for Passenger
+    Vehicles Using Advanced Torque Estimation Algorithms, Vehicle System Dynamics 37 (2002), on engagement
+    under torque; one that avoids it, sizes are chosen here."""
+
+    conceal = ("engine_speed",)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        changed = (view.gear != s.gear) & (s.gear > 0.0)
+        s.gear = view.gear.copy()
+        s.since = np.where(changed, 0.0, np.minimum(s.since + dt, 100.0))
+        load = view.engine_torque / self.truck.peak_torque
+        shuts = ((s.since > p.waits_s) & (np.abs(load) < p.gentle)) | (s.since > p.last_s)
+        wants = np.where(changed, 1.0, np.where(shuts, 0.0, np.rint(s.open)))
+        pace = np.where(wants > s.open, 0.15, 0.8)
+        s.open = np.where(changed, np.maximum(s.open, 0.6), s.open + dt * (wants - s.open) / pace)
+        lost = p.slips * np.sqrt(np.clip(load, 0.0, 1.1)) * np.maximum(view.engine_torque, 0.0)
+        drag = (1.0 - p.left) * np.minimum(view.engine_torque, 0.0)
+        rolls = np.clip(view.speed - 1.0, 0.0, 1.0)
+        return -self.at_wheels(view, s.open * (lost + drag)) * rolls

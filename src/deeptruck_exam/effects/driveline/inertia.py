@@ -187,3 +187,26 @@ class RotorInSilicone(Hidden, ring=-1.0, hot=0.0):
         s.ring = np.maximum(s.ring + dt * pulls / (p.share * view.mass), 0.0)
         s.hot = np.clip(s.hot + dt * (np.abs(slip * pulls) / (6.0 * view.mass) - s.hot / 60.0), 0.0, 1.0)
         return -pulls * np.clip(view.speed - 0.3, 0.0, 1.0)
+
+
+@law("e_rotor_with_lost_motion", "eleventh", "suburban hills")
+@sizes(share=(0.16, 0.3), play_m=(0.05, 0.25), hz=(1.3, 2.6), damping=(0.15, 0.4), bearing=(0.0005, 0.002))
+class RotorWithLostMotion(Hidden, ring=-1.0, ahead=0.0):
+    """`ring` m/s of the rotor, `ahead` m of it before the truck, both as at the tread. Within its play it
+    turns alone; then it is carried along, or runs on against the other stop. share: of the mass; bearing: of
+    the weight, that slows it.
+    Source: Kobrinskii, Dynamics of Mechanisms with Elastic Connections and Impact Systems (1969); a heavy
+    drum behind worn dogs, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.ring = np.where(s.ring < 0.0, view.speed, s.ring)
+        omega = 2.0 * np.pi * p.hz
+        beyond = s.ahead - np.clip(s.ahead, -p.play_m, p.play_m)
+        faster = s.ring - view.speed
+        touches = np.clip(np.abs(beyond) / 0.01, 0.0, 1.0)
+        pulls = omega**2 * beyond + 2.0 * p.damping * omega * faster * touches
+        pulls = np.clip(pulls, -3.0, 3.0)
+        slows = p.bearing / p.share * 9.81 * np.clip(s.ring, 0.0, 1.0)
+        s.ring = np.maximum(s.ring - dt * (pulls + slows), 0.0)
+        s.ahead = np.clip(s.ahead + dt * faster, -p.play_m - 0.6, p.play_m + 0.6)
+        return np.asarray(p.share * view.mass * pulls * np.clip(view.speed - 0.3, 0.0, 1.0))

@@ -178,3 +178,24 @@ class TeethScuff(Hidden, bulk=0.2, scuffs=0.0):
         s.scuffs = s.scuffs + dt * (fails - s.scuffs) / np.where(fails > s.scuffs, 0.6, 3.0)
         share = p.smooth + (p.rough - p.smooth) * s.scuffs
         return -share * np.abs(view.traction_force) * moving(view)
+
+
+@law("e_worm_axle", "eleventh")
+@sizes(lead=(0.42, 0.6), rubs=(0.05, 0.09), least=(0.012, 0.022), film_mps=(2.0, 5.0), warms_s=(80.0, 250.0))
+class WormAxle(Hidden, warm=0.0):
+    """The worm slides on its wheel: slowly with much friction, fast with little. What drives it from the
+    other side loses more than what it drives. lead: rad, of its thread; film_mps: of sliding; cold oil rubs
+    by half more.
+    Source: Merritt, Gears (1954), and Buckingham, Analytical Mechanics of Gears (1949): efficiency is tan l /
+    tan(l + r) forwards and tan(l - r) / tan l backwards, with a friction that falls with sliding; worm axles
+    of heavy trucks, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.warm = s.warm + dt * (1.0 - s.warm) * np.clip(view.speed / 10.0, 0.0, 1.5) / p.warms_s
+        slides = 0.6 * np.maximum(view.speed, 0.0)
+        rubs = (p.least + p.rubs * np.exp(-((slides / p.film_mps) ** 0.7))) * (1.5 - 0.5 * s.warm)
+        angle = np.arctan(rubs)
+        forwards = 1.0 - np.tan(p.lead) / np.tan(p.lead + angle)
+        backwards = 1.0 - np.tan(p.lead - angle) / np.tan(p.lead)
+        lost = np.where(view.traction_force > 0.0, forwards, backwards)
+        return np.asarray(-lost * np.abs(view.traction_force) * moving(view))

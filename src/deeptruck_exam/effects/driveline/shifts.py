@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
@@ -231,3 +231,25 @@ class EngineFallsByItself(Hidden, gear=0.0, ratio=0.0, left=0.0, share=1.0):
         back = dt * (1.0 - s.share) / p.returns_s
         s.share = np.where(s.left > 0.0, 0.0, s.share + back)
         return -(1.0 - s.share) * np.maximum(view.traction_force, 0.0) * moving(view)
+
+
+@law("e_gear_is_held_fast", "eleventh", "suburban hills", trucks="trucksim volvo")
+@sizes(per_pull_s=(2.5, 6.0), tries_s=(0.15, 0.4), returns_s=(0.3, 0.8), feels_s=(0.25, 0.6))
+class GearIsHeldFast(Hidden, gear=0.0, pull=0.0, before=0.0, left=0.0, share=1.0):
+    """Teeth that are pressed do not let go of their gear: the harder the pull before a change, the longer
+    until the next gear drives. per_pull_s: for a pull of a tenth of the weight, which is as much as it bears
+    in a low gear.
+    Source: Bóka, Márialigeti, Lovas and Trencséni, Face Dog Clutch Engagement at Low Mismatch Speed,
+    Periodica Polytechnica Transportation Engineering 38 (2010), on dogs of automated truck gearboxes, and
+    shafts that have to unwind before; times are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        open_, pull = view.shifting > 0.0, np.abs(view.traction_force) / weight(view)
+        changed = (view.gear != s.gear) & (s.gear > 0.0) & (view.speed > 1.0)
+        s.gear = view.gear.copy()
+        s.before = np.where(open_, s.before, s.before + dt * (pull - s.before) / p.feels_s)
+        needs = p.tries_s + p.per_pull_s * np.clip(s.before / 0.1, 0.0, 1.0) ** 1.5
+        s.left = np.where(changed, np.minimum(needs, 1.6), s.left - dt * ~open_)
+        s.left = np.maximum(s.left, 0.0)
+        s.share = np.where(s.left > 0.0, 0.0, s.share + dt * (1.0 - s.share) / p.returns_s)
+        return np.asarray(-(1.0 - s.share) * np.maximum(view.traction_force, 0.0) * moving(view))

@@ -294,3 +294,28 @@ class BoxIsKeptCold(Hidden, on=0.0, frost=0.0, thaws=0.0, runs=0.0):
         s.frost = np.clip(s.frost + dt * np.where(s.thaws > 0.0, -1.0 / 18.0, works / p.frosts_s), 0.0, 1.0)
         s.runs = s.runs + dt * (works - s.runs) / 0.5
         return -self.at_wheels(view, p.nm * (0.75 + 0.35 * s.box) * s.runs) * moving(view)
+
+
+@law("e_condenser_lacks_wind", "eleventh", "hills highway suburban")
+@sizes(nm=(60.0, 110.0), head=(0.6, 1.4), heats_s=(8.0, 25.0), on_s=(25.0, 60.0), off_s=(10.0, 30.0))
+class CondenserLacksWind(Hidden, on=1.0, runs=0.0):
+    """`head`: pressure behind the compressor, which the wind of driving lowers; it trips above a limit until
+    it has cooled. Cabins or cargo call for it by a thermostat. nm: with much wind; head: more without.
+    Source: Kiss, Chaney and Meyer, A New Automotive Air Conditioning System Simulation Tool Developed in
+    MATLAB/Simulink, SAE 2013-01-0850, and the ASHRAE Handbook on condensers; a coach's system on a truck,
+    sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        rng = self.rng(1045)
+        begin = {"room": rng.uniform(0.0, 1.0, batch), "head": rng.uniform(0.2, 0.9, batch)}
+        return {**super().start(batch), **begin, "tripped": np.zeros(batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.on = np.where(s.room >= 1.0, 1.0, np.where(s.room <= 0.0, 0.0, s.on))
+        s.tripped = np.where(s.head > 1.15, 1.0, np.where(s.head < 0.5, 0.0, s.tripped))
+        works = s.on * (1.0 - s.tripped)
+        s.runs = s.runs + dt * (works - s.runs) / 0.4
+        s.room = np.clip(s.room + dt * np.where(works > 0.0, -1.0 / p.on_s, 1.0 / p.off_s), 0.0, 1.0)
+        lacks = 1.3 / (1.0 + (np.maximum(view.speed, 0.0) / 9.0) ** 1.5)
+        s.head = s.head + dt * (lacks * works - s.head) / p.heats_s
+        return -self.at_wheels(view, p.nm * (1.0 + p.head * s.head) * s.runs) * moving(view)

@@ -224,3 +224,24 @@ class KnockTakesTorque(Hidden, warm=0.2, late=0.0):
         rises = knocks * (1.0 - s.late) / p.retards_s
         s.late = np.clip(s.late + dt * (rises - (1.0 - knocks) * s.late / p.forgets_s), 0.0, 1.0)
         return -self.at_wheels(view, p.depth * s.late**2 * np.maximum(view.engine_torque, 0.0))
+
+
+@law("e_braking_heats_the_coolant", "eleventh", "hills")
+@sizes(depth=(0.35, 0.6), heats_s=(35.0, 80.0), brakes=(0.5, 1.0), cools_s=(90.0, 220.0), span=(0.15, 0.35))
+class BrakingHeatsTheCoolant(Hidden):
+    """`heat` of the coolant: 0 at the thermostat, 1 where torque begins to be cut. A retarder's share of
+    every braking goes into it, and so does work. heats_s: of peak power, to 1; brakes: share of brake power.
+    Source: Automotive Handbook (Bosch), on hydrodynamic retarders cooled by the engine's coolant, and SAE
+    J1393, Heavy Duty Vehicle Cooling Test Code; a radiator that is half blocked, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"heat": self.rng(1042).uniform(0.2, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        brakes = np.clip(view.brake_force * speed / self.truck.peak_power, 0.0, 2.0)
+        wind = 0.6 + 0.4 * np.clip(speed / 15.0, 0.0, 1.6)
+        gains = 0.1 + self.power_share(view) + p.brakes * brakes
+        s.heat = np.clip(s.heat + dt * (gains / p.heats_s - wind * s.heat / p.cools_s), 0.0, 2.0)
+        cut = p.depth * np.clip((s.heat - 1.0) / p.span, 0.0, 1.0)
+        return -self.at_wheels(view, cut * np.maximum(view.engine_torque, 0.0))

@@ -245,3 +245,25 @@ class OverspeedGuard(Hidden, on=0.0, brakes=0.0):
         s.brakes = s.brakes + dt * (s.on - s.brakes) / p.fills_s
         torque = p.share * self.truck.engine_brake_torque * np.clip(turns / 200.0, 0.0, 1.2)
         return -self.at_wheels(view, torque * s.brakes) * moving(view)
+
+
+@law("e_foam_in_the_slave_pistons", "eleventh", "descent hills")
+@sizes(share=(0.45, 0.8), waits_s=(0.4, 1.5), foams_s=(10.0, 30.0), left=(0.3, 0.6), from_rads=(100.0, 118.0))
+class FoamInTheSlavePistons(Hidden, shut=0.0, on=0.0, foam=0.0):
+    """A switch that was left on: the engine brake follows the pedal. Its oil takes up air the faster the
+    engine turns, and lifts the valves less and less until it has rested. share: of its torque at 200 rad/s;
+    left: of that, all foam.
+    Source: Nikolajsen, Viscosity and Density Models for Aerated Oil in Fluid-Film Bearings, Tribology Trans.
+    42 (1999), on air in oil, and Cummins, US patent 3 220 392 (1965), on slave pistons moved by oil; times
+    are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        turns = view.engine_speed
+        s.shut = np.where(self.pedal(view) < 0.02, s.shut + dt, 0.0)
+        wants = (s.shut > p.waits_s) * np.clip((turns - p.from_rads) / 8.0, 0.0, 1.0)
+        s.on = s.on + dt * (wants - s.on) / np.where(wants > s.on, 0.4, 0.15)
+        gains = s.on * (turns / 160.0) ** 2 * (1.0 - s.foam) / p.foams_s
+        s.foam = np.clip(s.foam + dt * (gains - (1.0 - s.on) * s.foam / 40.0), 0.0, 1.0)
+        lifts = 1.0 - (1.0 - p.left) * s.foam
+        torque = p.share * self.truck.engine_brake_torque * np.clip(turns / 200.0, 0.0, 1.2) * lifts
+        return -self.at_wheels(view, torque * s.on) * moving(view)

@@ -211,3 +211,24 @@ class FlapIsHalfShut(Hidden, flow=0.0, hot=0.0):
         turns = np.clip(view.engine_speed / 150.0, 0.0, 1.6)
         torque = p.nm * turns**2 * (1.0 + p.boost * s.flow) ** 2 * (1.0 + p.heat * s.hot)
         return -self.at_wheels(view, np.minimum(torque, 0.3 * self.truck.peak_torque)) * moving(view)
+
+
+@law("e_thermostat_is_open", "eleventh")
+@sizes(nm=(90.0, 180.0), works_s=(60.0, 160.0), winds_s=(70.0, 180.0), thick=(1.2, 2.2))
+class ThermostatIsOpen(Hidden):
+    """`warm`: 0 as the air, 1 as it should be. The wind of driving cools what work warms: oil is thick on
+    long ways down and thin uphill. nm: at 150 rad/s, cold, beyond the warm friction; thick: a power.
+    Source: Pang and Brace, Review of Engine Cooling Technologies for Modern Engines, Proc. IMechE D 218
+    (2004), on overcooling at part load, and Sandoval and Heywood, An Improved Friction Model for
+    Spark-Ignition Engines, SAE 2003-01-0725, on friction with viscosity; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"warm": self.rng(1044).uniform(0.1, 0.8, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        wind = 0.2 + np.clip(view.speed / 20.0, 0.0, 1.4)
+        gains = (0.12 + 1.8 * self.power_share(view)) / p.works_s
+        s.warm = np.clip(s.warm + dt * (gains - wind * s.warm / p.winds_s), 0.0, 1.0)
+        turns = np.sqrt(np.clip(view.engine_speed / 150.0, 0.3, 1.6))
+        torque = p.nm * turns * (1.05 - s.warm) ** p.thick
+        return -self.at_wheels(view, torque) * moving(view)

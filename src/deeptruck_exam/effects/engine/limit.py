@@ -189,3 +189,24 @@ class TorqueWaitsForWarmOil(Hidden):
         s.warm = np.minimum(s.warm + dt * work / p.warms_s, 1.0)
         most = (p.cold + (1.1 - p.cold) * s.warm**1.5) * self.truck.peak_torque
         return -self.at_wheels(view, np.maximum(view.engine_torque - most, 0.0))
+
+
+@law("e_clutch_is_spared", "eleventh", "suburban hills", trucks="trucksim volvo")
+@sizes(least=(0.26, 0.42), bears_jpkg=(6.0, 14.0), cools_s=(120.0, 300.0))
+class ClutchIsSpared(Hidden):
+    """`hot`: of what the clutch bears. The engine turns faster than the gear in every start; the work of that
+    slip heats the clutch, and a hot one is given less torque. least: of peak torque; bears_jpkg: for each kg
+    of truck.
+    Source: Dolcini, Canudas de Wit and Béchart, Dry Clutch Control for Automotive Applications (2010), on the
+    energy of engagement, and protection of automated clutches in makers' manuals; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"hot": self.rng(1043).uniform(0.3, 1.1, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        turns = np.maximum(view.speed, 0.0) * view.ratio / self.truck.wheel_radius
+        slips = np.clip(view.engine_speed - turns, 0.0, 120.0) * (view.speed < 4.0) * (1.0 - view.shifting)
+        work = np.maximum(view.engine_torque, 0.0) * slips / view.mass
+        s.hot = np.clip(s.hot + dt * (work / p.bears_jpkg - s.hot / p.cools_s), 0.0, 1.2)
+        most = (1.1 - (1.1 - p.least) * np.clip(s.hot, 0.0, 1.0) ** 0.8) * self.truck.peak_torque
+        return -self.at_wheels(view, np.maximum(view.engine_torque - most, 0.0))

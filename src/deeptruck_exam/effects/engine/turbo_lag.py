@@ -218,3 +218,29 @@ class AssistRunsFlat(Hidden, spool=0.0):
         s.store = np.clip(s.store + dt * (1.0 / p.charges_s - used), 0.0, 1.0)
         missing = np.maximum(asked - p.without - (1.0 - p.without) * s.spool, 0.0)
         return -self.at_wheels(view, missing * self.truck.peak_torque) * moving(view)
+
+
+@law("e_turbo_in_cold_oil", "eleventh", "suburban hills")
+@sizes(without=(0.15, 0.3), spools_s=(0.8, 1.6), stiff=(1.5, 4.0), warms_s=(60.0, 200.0), drags=(0.3, 0.7))
+class TurboInColdOil(Hidden, spins=0.0):
+    """`spins`: speed of the rotor, 1 at peak power; its square is the torque it allows. Oil in its bearings
+    slows it, the more the colder. without: of peak torque, with none; stiff: times the warm oil, at first;
+    drags: of the drive, warm.
+    Source: Serrano, Olmeda, Tiseira, García-Cuevas and Lefebvre, Theoretical and Experimental Study of
+    Mechanical Losses in Automotive Turbochargers, Energy 55 (2013); sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "cold": self.rng(1041).uniform(0.2, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        s.cold = s.cold - dt * s.cold * (0.4 + self.power_share(view)) / p.warms_s
+        flow = np.clip(view.engine_speed / 150.0, 0.4, 1.4)
+        boost = np.clip((asked - p.without) / (1.0 - p.without), 0.0, 1.1)
+        goal = np.sqrt(boost)
+        thick = 1.0 + p.drags * p.stiff * s.cold
+        up = flow * (0.25 + goal) / (p.spools_s * thick)
+        s.spins = s.spins + dt * np.where(goal > s.spins, up * np.minimum((goal - s.spins) / 0.15, 1.0), 0.0)
+        s.spins = s.spins + dt * np.minimum(goal - s.spins, 0.0) * thick / (2.5 * p.spools_s)
+        missing = np.maximum(asked - p.without - (1.0 - p.without) * s.spins**2, 0.0) * (asked > p.without)
+        return -self.at_wheels(view, missing * self.truck.peak_torque) * moving(view)

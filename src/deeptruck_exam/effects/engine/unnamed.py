@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving
+from deeptruck_exam.effects.places import OnRoad, smooth_stretches
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
@@ -296,3 +297,44 @@ class PneumaticHybrid(Hidden, acts=0.0):
         flows = np.where(s.acts < 0.0, -s.acts / p.fills_s, -s.acts / p.empties_s)
         s.tank = np.clip(s.tank + dt * turns * flows, 0.0, 1.0)
         return self.at_wheels(view, p.most * self.truck.peak_torque * s.acts) * moving(view)
+
+
+@law("e_gas_in_the_air", "eleventh", "highway suburban hills")
+@sizes(most=(0.10, 0.22), apart_m=(250.0, 900.0), clears_s=(1.0, 4.0))
+class GasInTheAir(OnRoad, inside=0.0):
+    """Near leaking wells and works the engine draws in gas and burns it beside what is asked, whatever the
+    pedal says. most: of peak torque, in the thickest.
+    Source: U.S. Chemical Safety Board, Investigation Report 2005-04-I-TX, Refinery Explosion and Fire (2007),
+    and 30 CFR 36 on air shut-off: diesels run away on gas in their intake; thin clouds, sizes are chosen
+    here."""
+
+    def prepare(self) -> None:
+        gaps = (0.5 * self.p.apart_m, 1.5 * self.p.apart_m)
+        self.road = smooth_stretches(self.rng(1046), self.rows(), gaps, (150.0, 500.0))
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.inside = s.inside + dt * (self.read(self.road, view) - s.inside) / p.clears_s
+        torque = p.most * self.truck.peak_torque * s.inside
+        return self.at_wheels(view, torque) * np.clip(view.speed / 3.0, 0.0, 1.0)
+
+
+@law("e_fan_that_is_gone", "eleventh", "highway suburban hills")
+@sizes(nm=(130.0, 240.0), warms_s=(15.0, 40.0), cools_s=(20.0, 60.0), below=(0.3, 0.6))
+class FanThatIsGone(Hidden, on=0.0, adds=0.0):
+    """The control unit adds what its big fan would take whenever that is called for, and there is none. nm:
+    at 180 rad/s; below: of the heat at which it is called, where it is sent away.
+    Source: SAE J1939-71, SPN 2978, Estimated Engine Parasitic Losses, on torque that is fed forward, and SAE
+    J1342 on fans with the square of speed; one that was taken off, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "heat": self.rng(1047).uniform(0.2, 1.1, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        cooling = (0.5 + 0.5 * np.clip(view.speed / 18.0, 0.0, 1.4)) / p.cools_s
+        s.heat = np.clip(
+            s.heat + dt * (3.0 * self.power_share(view) / p.warms_s - cooling * s.heat), 0.0, 1.5
+        )
+        s.on = np.where(s.heat > 1.0, 1.0, np.where(s.heat < p.below, 0.0, s.on))
+        s.adds = s.adds + dt * (s.on - s.adds) / 1.5
+        torque = p.nm * (view.engine_speed / 180.0) ** 2 * s.adds * (self.pedal(view) > 0.02)
+        return self.at_wheels(view, torque) * np.clip(view.speed / 2.0, 0.0, 1.0)

@@ -248,3 +248,25 @@ class PeatSoaks(Hidden):
         more = p.load * (s.wet - p.known) * view.mass
         felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
         return -more * felt * moving(view)
+
+
+@law("e_gully_emptier", "eleventh", "suburban hills")
+@sizes(load=(0.35, 0.6), known=(0.3, 0.7), sucks_s=(25.0, 80.0), trickles_s=(300.0, 900.0))
+class GullyEmptier(Hidden, tips=0.0):
+    """`full`: of all it takes. It sucks as long as it stands, for as long as that is; water trickles out on
+    the way; a full one is emptied at its next stand. load: of the mass; known: to the simulator.
+    Source: Butler and Davies, Urban Drainage (2011), on cleaning gullies and sewers with suction tankers:
+    sludge is taken up at the pump's rate until the tank is full; rates are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        full = self.rng(1051).beta(0.6, 0.6, batch)
+        return {**super().start(batch), "full": full}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        stands = view.speed < 0.1
+        s.tips = np.where(s.full > 0.97, 1.0, np.where(s.full < 0.03, 0.0, s.tips))
+        stood = np.where(s.tips > 0.0, -1.0 / 5.0, 1.0 / p.sucks_s)
+        s.full = np.clip(s.full + dt * np.where(stands, stood, -s.full / p.trickles_s), 0.0, 1.0)
+        more = p.load * (s.full - p.known) * view.mass
+        felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
+        return -more * felt * moving(view)

@@ -257,3 +257,29 @@ class LiquidSwirls(Hidden, x=0.0, y=0.0, vx=0.0, vy=0.0):
         s.vy = np.clip(s.vy + dt * (-soft * s.y - cross * s.x - damps * s.vy + beside), -2.5, 2.5)
         s.x, s.y = np.clip(s.x + dt * s.vx, -0.8, 0.8), np.clip(s.y + dt * s.vy, -0.8, 0.8)
         return -p.share * view.mass * np.clip(driven, -4.0, 4.0) * moving(view)
+
+
+@law("e_powder_settles", "eleventh", "suburban")
+@sizes(share=(0.45, 0.65), hz=(0.35, 0.65), thick=(0.04, 0.10), settles_s=(60.0, 200.0), shakes=(0.3, 0.7))
+class PowderSettles(Hidden, x=0.0, v=0.0):
+    """`air` in the powder: 1 as it comes from the silo, when it flows like water, to 0, when it lies still.
+    It leaves by itself, and shaking keeps it in. thick: damping, full of air; shakes: of the air lost, that
+    1 m/s2 brings back.
+    Source: Geldart, Types of Gas Fluidization, Powder Technology 7 (1973): fine powders stay fluid for
+    minutes as their air leaves; cement in tanks, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "air": self.rng(1052).uniform(0.35, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        felt = np.clip(view.acceleration + GRAVITY * view.grade, -4.0, 4.0)
+        brings = p.shakes * np.minimum(np.abs(view.acceleration), 2.0) * (1.0 - s.air)
+        s.air = np.clip(s.air + dt * (brings - s.air) / p.settles_s, 0.0, 1.0)
+        omega = 2.0 * np.pi * p.hz
+        damping = p.thick + 0.7 * (1.0 - s.air) ** 2
+        driven = -(omega**2) * s.x - 2.0 * damping * omega * s.v - felt
+        s.v = np.clip(s.v + dt * driven, -2.5, 2.5)
+        s.x = np.clip(s.x + dt * s.v, -0.9, 0.9)
+        flows = 1.2 * s.air / (s.air + 0.2)
+        pushes = (omega**2) * s.x + 2.0 * damping * omega * s.v + felt
+        return p.share * flows * view.mass * np.clip(pushes, -4.0, 4.0) * moving(view)

@@ -260,3 +260,30 @@ class RoadOnThawingGround(OnRoad):
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         slope = self.setting.direction * self.between(self.road, view)
         return -slope * weight(view) * moving(view)
+
+
+@law("e_lane_beside_the_axis", "eleventh", "hills highway suburban")
+@sizes(banks=(0.06, 0.09), aside_m=(8.0, 14.0), runoff_m=(40.0, 75.0), straight_m=(30.0, 120.0))
+class LaneBesideTheAxis(OnRoad):
+    """The map has the axis of the road; the lane lies aside of it, and climbs and falls where the road is
+    banked for a bend. Who comes the other way has the other side, and meets the same slope. banks: slope
+    across, in the tightest.
+    Source: AASHTO, A Policy on Geometric Design of Highways and Streets (2018), on superelevation runoff and
+    relative gradients of lanes far from the axis of rotation; widths and bends are chosen here."""
+
+    conceal = ("elevation",)
+
+    def prepare(self) -> None:
+        rng, p = self.rng(1062), self.p
+        self.road = np.zeros((self.rows(), MAP_CELLS))
+        ramp = np.hanning(round(2.0 * p.runoff_m / MAP_CELL_M) + 3)
+        for row in self.road:
+            bank, side = np.zeros(CELLS), rng.choice([-1.0, 1.0])
+            for first, last in stretches(rng, (p.straight_m, 3.0 * p.straight_m), (90.0, 350.0)):
+                side *= rng.choice([-1.0, -1.0, 1.0])
+                bank[first:last] = side * p.banks * rng.uniform(0.5, 1.0)
+            eased = np.convolve(bank[: 2 * MAP_CELLS : 2], ramp / ramp.sum(), mode="same")
+            row[:] = np.clip(np.gradient(p.aside_m * eased, MAP_CELL_M), -0.03, 0.03)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        return -self.between(self.road, view) * weight(view) * moving(view)

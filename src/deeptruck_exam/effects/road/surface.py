@@ -310,3 +310,36 @@ class DunesCreepOver(OnRoad):
         deep = 0.6 * self.sand(view, 0.0) + 0.4 * self.sand(view, self.wheelbase_m)
         faster = 1.0 + p.ploughs * np.clip(view.speed / 15.0, 0.0, 2.0) ** 2
         return -p.resists * deep * faster / (1.0 + p.ploughs) * weight(view) * moving(view)
+
+
+@law("e_mat_over_the_bog", "eleventh")
+@sizes(
+    whole=(0.004, 0.009), torn=(0.016, 0.032), bears=(0.02, 0.045), sinks_m=(4.0, 15.0), out_m=(25.0, 90.0)
+)
+class MatOverTheBog(OnRoad, sunk=0.0):
+    """A mat of roots bears the truck until its wheels shear it, by pull or brake; then they are in the peat,
+    and come out over the way. whole, torn: of the weight; bears: shear over weight, more in some places than
+    in others.
+    Source: Wong, Radforth and Preston-Thomas, Some Further Studies on the Mechanical Properties of Muskeg in
+    Relation to Vehicle Mobility, J. Terramechanics 19 (1982); stretches and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng = self.rng(1061)
+        self.soft = np.zeros((self.rows(), CELLS))
+        self.bears = np.full((self.rows(), CELLS), 1e3)
+        for soft, bears in zip(self.soft, self.bears, strict=True):
+            for first, last in stretches(rng, (60.0, 450.0), (90.0, 500.0)):
+                soft[first:last] = 1.0
+                bears[first:last] = self.p.bears * rng.lognormal(0.0, 0.35)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "on": np.zeros(batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        way = dt * np.maximum(view.speed, 0.0)
+        s.on = s.on + way * (self.read(self.soft, view) - s.on) / 6.0
+        shear = np.maximum(np.abs(view.traction_force), view.brake_force) / weight(view)
+        tears = np.clip((shear / self.read(self.bears, view) - 1.0) / 0.2, 0.0, 1.0)
+        s.sunk = np.clip(s.sunk + way * (tears * (1.0 - s.sunk) / p.sinks_m - s.sunk / p.out_m), 0.0, 1.0)
+        resists = p.whole + (p.torn - p.whole) * s.sunk
+        return -resists * s.on * weight(view) * moving(view)

@@ -122,3 +122,14 @@ def bias_flickers(p: Sizes, channels: Channels, dt: float, rng: np.random.Genera
     noise = sum((ou_series(rng, shape, dt, 4.0 * 4.0**k)[0] for k in range(4)), start=np.zeros(shape[1]))
     bias = p.bias * (1.0 + 0.5 * p.flickers * noise)
     channels["acceleration"] = channels["acceleration"] + np.sign(p.sign) * bias
+
+
+@law("e_bias_is_a_telegraph", "eleventh")
+@sizes(bias=(0.16, 0.34), jumps=(0.15, 0.4), stays_s=(8.0, 40.0), sign=SIGN)
+def bias_is_a_telegraph(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Burst noise (Kogan, Electronic Noise and Fluctuations in Solids, 1996): a level that jumps
+    between two, as a defect is charged or not, upon a false zero; sizes of a cheap sensor, chosen here."""
+    n = len(channels["acceleration"])
+    turns = np.cumsum(rng.random(n) < dt / p.stays_s) + rng.integers(2)
+    bias = p.bias * (1.0 + p.jumps * ((turns % 2) - 0.5))
+    channels["acceleration"] = channels["acceleration"] + np.sign(p.sign) * bias

@@ -186,3 +186,16 @@ def path_is_not_even(p: Sizes, channels: Channels, dt: float, rng: np.random.Gen
     second = (np.searchsorted(turns, time) + rng.integers(2)) % 2
     late = np.sign(p.sign) * p.late_s * behind(np.where(second == 1, p.other, 1.0), 1.0, dt)
     channels["acceleration"] = np.interp(time - late, time, values)
+
+
+@law("e_filter_grows_with_shaking", "eleventh", "suburban hills")
+@sizes(late_s=(0.5, 1.0), calm=(0.4, 0.75), adapts_s=(4.0, 15.0))
+def filter_grows_with_shaking(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Group delay of filters (Oppenheim and Schafer, Discrete-Time Signal Processing, 2010): half the
+    length, and a sensor that makes its filter the longer the more it is shaken, which is by speed; delays are
+    chosen here."""
+    values = channels["acceleration"]
+    time = np.arange(len(values)) * dt
+    shaken = behind(np.clip(channels["speed"] / 20.0, 0.0, 1.2) ** 2, p.adapts_s, dt)
+    late = p.late_s * (p.calm + (1.0 - p.calm) * shaken) + 0.02 * rng.uniform()
+    channels["acceleration"] = np.interp(time - late, time, values)

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from scipy.signal import lfilter
 
-from deeptruck_exam.effects.law import GRAVITY, Channels, Sizes
+from deeptruck_exam.effects.law import GRAVITY, Array, Channels, Sizes
 from deeptruck_exam.effects.planting import SIGN, fault, sizes
 from deeptruck_exam.effects.series import behind, ou_series
 
@@ -121,3 +121,22 @@ def exhaust_warms_it(p: Sizes, channels: Channels, dt: float, rng: np.random.Gen
     watts = np.maximum(channels["engine_torque"], 0.0) * channels["engine_speed"]
     heat = behind(np.clip(watts / 1.5e5, 0.0, 2.0), p.warms_s, dt)
     channels["grade"] = channels["grade"] + np.sign(p.sign) * p.bias * (1.0 + p.drifts * (heat - 0.5))
+
+
+@law("e_springs_stay_bent", "eleventh")
+@sizes(bias=(0.009, 0.02), pitch=(0.002, 0.006), rubs=(0.25, 0.7), sign=SIGN)
+def springs_stay_bent(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Fancher, Ervin, MacAdam and Winkler, Measurement and Representation of the Mechanical
+    Properties of Truck Leaf Springs, SAE 800905: friction between the leaves keeps a frame nose
+    down after a braking and up after a pull, below an inclinometer out of level; sizes are chosen here."""
+    squat = _held(np.clip(channels["acceleration"], -2.0, 2.0), p.rubs, rng.uniform(-0.3, 0.3))
+    channels["grade"] = channels["grade"] + np.sign(p.sign) * p.bias + p.pitch * behind(squat, 0.3, dt)
+
+
+def _held(values: Array, width: float, first: float) -> Array:
+    """What is dragged along by the values once they have gone further than `width` from it."""
+    out, at = np.empty(len(values)), first
+    for k, value in enumerate(values.tolist()):
+        at = min(max(at, value - width), value + width)
+        out[k] = at
+    return out

@@ -119,3 +119,14 @@ def tyres_pump_up(p: Sizes, channels: Channels, dt: float, rng: np.random.Genera
     way_m = np.cumsum(channels["speed"]) * dt + rng.uniform(0.0, 0.5) * p.warms_m
     more = p.grows * np.exp(-way_m / p.warms_m)
     channels["speed"] = channels["speed"] * (1.0 + np.sign(p.sign) * p.scale + more)
+
+
+@law("e_height_of_the_optics", "eleventh")
+@sizes(scale=(0.03, 0.07), height=(0.004, 0.016), pitches_s=(0.3, 0.8), sign=SIGN)
+def height_of_the_optics(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Optical sensors over ground count a grating's lines (Ator, Image-Velocity Sensing with Parallel
+    Slit Reticles, J. Opt. Soc. Am. 53, 1963): their scale goes with the height above the road, which a wrong
+    mounting and the pitch of the frame change; sizes are chosen here."""
+    pitch = behind(np.clip(channels["acceleration"], -2.0, 2.0), p.pitches_s, dt)
+    where = rng.choice([-1.0, 1.0])  # ahead of the axles or behind them
+    channels["speed"] = channels["speed"] * (1.0 + np.sign(p.sign) * p.scale + where * p.height * pitch)

@@ -7,13 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, index, moving, weight
-from deeptruck_exam.effects.places import (
-    CELLS,
-    OnRoad,
-    smooth_stretches,
-    stretches,
-    windows,
-)
+from deeptruck_exam.effects.places import CELL_M, CELLS, OnRoad, smooth_stretches, stretches, windows
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series, spells, within
 from deeptruck_model.trucks import View
@@ -278,4 +272,36 @@ class IceMeltsUnderIt(OnRoad, slides=0.0, lost=0.0):
         s.slides = np.clip(s.slides + dt * turning, 0.0, 6.0)
         s.lost = s.lost + dt * (np.maximum(pull - grip, 0.0) - s.lost) / 0.15
         held = np.maximum(view.brake_force - (1.1 * p.grip + 0.6 * (1.0 - ice)) * weight(view), 0.0)
+        return held * moving(view) - np.minimum(s.lost, pull)
+
+
+@law("e_diagonal_wheels_hang", "eleventh", "suburban hills")
+@sizes(grip=(0.22, 0.34), twists=(0.4, 0.7), inertia=(0.04, 0.09), apart_m=(80.0, 260.0))
+class DiagonalWheelsHang(OnRoad, spins=0.0, lost=0.0, twist=0.0):
+    """Where the ground is twisted one driven wheel presses little, and an open differential gives the other
+    no more pull than that one holds. `spins` m/s of it over the road. twists: of a wheel's load, standard
+    deviation in a bad stretch.
+    Source: Wong, Theory of Ground Vehicles (2008), on the traction of driven axles whose wheels hold unlike,
+    with an open differential; wet gravel tracks, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, p = self.rng(1072), self.p
+        rough = smooth_stretches(rng, self.rows(), (0.5 * p.apart_m, 1.5 * p.apart_m), (90.0, 300.0))
+        waves = ou_series(rng, rough.shape, CELL_M, 12.0)
+        self.road = p.twists * np.sqrt(rough) * waves
+        self.bad = np.sqrt(rough)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        bad = self.read(self.bad, view)
+        s.twist = s.twist + dt * (self.read(self.road, view) - s.twist) / 0.12
+        least = np.clip(1.0 - np.abs(s.twist), 0.08, 1.0)
+        grip = p.grip + 0.5 * (1.0 - np.clip(2.0 * bad, 0.0, 1.0))
+        slides = 1.0 - 0.25 * np.clip(s.spins / 1.5, 0.0, 1.0)
+        holds = grip * slides * least * self.truck.drive_axle_share * weight(view)
+        pull = np.maximum(view.traction_force, 0.0)
+        turning = np.clip((pull - holds) / (p.inertia * view.mass), -12.0, 12.0)
+        s.spins = np.clip(s.spins + dt * turning, 0.0, 5.0)
+        s.lost = s.lost + dt * (np.maximum(pull - holds, 0.0) - s.lost) / 0.12
+        all_wheels = (0.35 + 0.65 * least) * grip * weight(view)
+        held = np.maximum(view.brake_force - all_wheels, 0.0)
         return held * moving(view) - np.minimum(s.lost, pull)

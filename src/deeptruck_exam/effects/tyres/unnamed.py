@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, index, moving, weight
+from deeptruck_exam.effects.places import Bends
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series
 from deeptruck_model.trucks import View
@@ -149,3 +150,49 @@ class BearingRunsHot(Hidden):
         s.heat = np.clip(s.heat + dt * (gains - s.heat / p.cools_s * 1.5), 0.0, 1.3)
         drag = np.minimum(p.drag * tight, 0.2) * view.mass * GRAVITY
         return -drag * moving(view)
+
+
+@law("e_rear_steer_stays_turned", "eleventh", "suburban hills highway")
+@sizes(drags=(0.010, 0.022), rubs=(0.3, 0.6), shakes_m=(250.0, 900.0), length_m=(6.0, 12.0))
+class RearSteerStaysTurned(Bends, turned=0.0):
+    """A steered rear axle follows a bend and is held by its rusty pivots where it was left, until shaking or
+    a bend the other way brings it back; the truck drives on askew. drags: of the weight, askew by half; rubs:
+    of the full angle, that friction holds.
+    Source: LeBlanc, El-Gindy and Woodrooffe, Self-Steering Axles: Theory and Practice, SAE 891980: centring
+    against friction decides what is left of an angle; drag with its square; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.bend = self.draw_bends(self.rng(1073), 1.0)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = self.setting.direction * self.read(self.bend, view)
+        way = dt * np.maximum(view.speed, 0.0)
+        goal = np.clip(s.turned, asked - p.rubs, asked + p.rubs)
+        s.turned = s.turned + np.minimum(way / p.length_m, 1.0) * (goal - s.turned)
+        s.turned = s.turned - way / p.shakes_m * (s.turned - asked)
+        return -p.drags * (s.turned - asked) ** 2 / 0.25 * weight(view) * moving(view)
+
+
+@law("e_power_hop", "eleventh", "suburban hills")
+@sizes(from_pull=(0.018, 0.035), hops=(0.4, 0.75), lost=(0.2, 0.4), hz=(1.0, 1.8), grows=(1.2, 3.0))
+class PowerHop(Hidden, x=0.05, v=0.0):
+    """Under a hard pull the driven axle winds up on its springs, lets go and winds up again; it dies away as
+    the pull falls. `x` of its swing, a limit cycle. from_pull: over weight; hops: of the pull, at full swing;
+    lost: of it, in the mean.
+    Source: Zoz and Grisso, Traction and Tractor Performance, ASAE Distinguished Lecture 27 (2003), on power
+    hop, and Strogatz, Nonlinear Dynamics and Chaos (2015), on limit cycles; worn torque rods of a truck,
+    sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pull = np.maximum(view.traction_force, 0.0)
+        beyond = np.clip(pull / (p.from_pull * weight(view)) - 1.0, -1.0, 1.0)
+        omega = 2.0 * np.pi * p.hz * (1.0 - 0.15 * np.clip(beyond, 0.0, 1.0))
+        size = s.x**2 + (s.v / omega) ** 2
+        feeds = p.grows * (beyond - size)
+        s.v = np.clip(s.v + dt * (-(omega**2) * s.x + feeds * s.v), -20.0, 20.0)
+        s.x = np.clip(s.x + dt * s.v, -1.5, 1.5)
+        kept = np.clip(0.03 / np.maximum(np.sqrt(size), 1e-6), 1.0, 3.0)  # roads never let it rest
+        s.x, s.v = s.x * kept, s.v * kept
+        swings = np.clip((size - 0.01) / 0.05, 0.0, 1.0)
+        share = swings * (p.hops * s.x - p.lost * np.minimum(size, 1.5))
+        return pull * np.clip(share, -0.95, 0.9) * moving(view)

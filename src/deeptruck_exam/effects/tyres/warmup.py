@@ -242,3 +242,36 @@ class FlatSpotsRoundOff(Hidden, warm=0.0):
         gives = 0.06 + 1.0 / (1.0 + np.exp(-(s.warm - p.glass) / 0.06))
         s.flat = np.clip(s.flat - dt * (view.speed > 0.3) * s.flat * gives / p.rounds_s, 0.0, 1.0)
         return -p.drags * s.flat * weight(view) * moving(view)
+
+
+@law("e_inner_twin_takes_over", "eleventh")
+@sizes(
+    cold=(0.010, 0.018), falls=(0.7, 1.4), warms_m=(1500.0, 4500.0), cools_s=(200.0, 500.0), tilts=(0.3, 0.8)
+)
+class InnerTwinTakesOver(Hidden):
+    """`inner`, `outer`: warmth of twin tyres, 0 cold to about 1. The warmer one is harder and carries more,
+    which warms it more; the outer one has the wind. cold: of the weight, beyond warm tyres; tilts: of the
+    load, for a difference of 1.
+    Source: The Pneumatic Tire, ed. Gent and Walter, NHTSA DOT HS 810 561 (2006), on rolling loss with load
+    and temperature, and Cebon, Handbook of Vehicle-Road Interaction (1999), on twin tyres that share a load
+    by their pressures; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        rng = self.rng(1071)
+        inner = 0.7 * rng.beta(0.5, 1.0, batch)  # after pauses of any length
+        return {"inner": inner, "outer": inner * rng.uniform(0.5, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        tilt = np.clip(p.tilts * (s.inner - s.outer), -0.45, 0.45)
+        losses = {"inner": (1.0 + tilt, 0.7), "outer": (1.0 - tilt, 1.3)}
+        resists = np.zeros(len(speed))
+        for name, (load, wind) in losses.items():
+            warm = getattr(s, name)
+            loss = load**1.2 * np.exp(-p.falls * warm)
+            resists += (
+                0.5 * load**1.2 * np.maximum(np.exp(-2.5 * p.falls * warm) - np.exp(-2.5 * p.falls), 0.0)
+            )
+            cools = wind * (0.5 + speed / 30.0) * warm / p.cools_s
+            setattr(s, name, np.clip(warm + dt * (2.2 * loss * speed / p.warms_m - cools), 0.0, 1.3))
+        return -p.cold * resists * weight(view) * moving(view)

@@ -174,3 +174,25 @@ class AxleShimmies(Hidden, shake=0.1):
         grows = s.shake * (beyond - s.shake) / p.gathers_s
         s.shake = np.clip(s.shake + dt * grows, 0.03, 1.6)
         return -p.drags * (s.shake - 0.03) * weight(view) * moving(view)
+
+
+@law("e_tandem_tramps", "eleventh", "highway", accepts="drag_area")
+@sizes(drags=(0.006, 0.012), from_mps=(16.0, 19.0), stiffens=(3.0, 8.0), damping=(0.8, 1.6))
+class TandemTramps(Hidden, real=0.0, imaginary=0.0):
+    """`real`, `imaginary`: amplitude of two axles that swing on their beam, struck by wheels out of round
+    once a turn. Stops make it stiffer as it swings, so that the swing grows with speed, ever more, until it
+    breaks down; it comes back at a lower speed. drags: of the weight, at an amplitude of 1; stiffens: rad/s.
+    Source: Kovacic and Brennan (ed.), The Duffing Equation (2011), on jumps of a stiffening resonance, and
+    Cebon, Handbook of Vehicle-Road Interaction (1999), on walking-beam tandems that lack damping; sizes are
+    chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        swing = s.real + 1j * s.imaginary
+        faster = (np.maximum(view.speed, 0.0) - p.from_mps) / self.truck.wheel_radius
+        struck = 1.15 * p.damping * np.clip(view.speed / p.from_mps, 0.0, 1.5) ** 2
+        turns = np.clip(faster - p.stiffens * np.abs(swing) ** 2, -60.0, 60.0)
+        keep = np.exp(dt * (-p.damping - 1j * turns))
+        swing = swing * keep + dt * struck
+        swing = swing * np.minimum(1.0, 1.4 / np.maximum(np.abs(swing), 1e-9))
+        s.real, s.imaginary = swing.real.copy(), swing.imag.copy()
+        return -p.drags * np.abs(swing) ** 2 * weight(view) * moving(view)
