@@ -1,4 +1,4 @@
-"""Wind over fields and woods, a column of leaders, round loads."""
+"""Bursts of wind in a calm night, a wake that meanders, rime on racks, and an open box that sings."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, index, moving
-from deeptruck_exam.effects.places import CELL_M, CELLS, OnRoad, stretches
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series
 from deeptruck_model.trucks import View
@@ -15,96 +14,97 @@ from deeptruck_model.trucks import View
 law = partial(hidden, family="sealed")
 
 
-@law("e_fields_and_woods", needs="hills highway", name="headwind", accepts="drag_area")
-@sizes(aloft_mps=(12.0, 19.0), rough_m=(0.5, 1.2), smooth_m=(0.003, 0.03), fetch_m=(60.0, 250.0))
-@sizes(gusts=(1.6, 2.6))
-class FieldsAndWoods(OnRoad):
-    """`rough`: logarithm of the roughness length that the wind at the truck's height has come to; it follows
-    the land over a fetch, into the woods sooner than out of them. The rougher the land, the weaker the wind
-    and the gustier. aloft_mps: at 60 m; gusts: standard deviation over the friction velocity.
-    Source: Garratt, The Internal Boundary Layer - A Review, Boundary-Layer Meteorology 50 (1990), on changes
-    of roughness; gusts of 2.4 friction velocities (Panofsky and Dutton, Atmospheric Turbulence, 1984); woods,
-    headings and the least wind in them are chosen here."""
-
-    high_m, aloft_m = 3.0, 60.0
+@law("w_bursts_in_a_calm_night", needs="highway hills", name="headwind", accepts="drag_area")
+@sizes(aloft_mps=(9.0, 15.0), builds_s=(25.0, 60.0), mixes_s=(4.0, 10.0), critical=(0.55, 0.75))
+class BurstsInACalmNight(Hidden):
+    """`shear`: wind aloft over its most, which grows while the air below lies still; `mixed`: 1 while it
+    breaks and the wind comes down, until the shear is spent. aloft_mps: at its most.
+    Source: Van de Wiel, Ronda, Moene, de Bruin and Holtslag, Intermittent Turbulence and Oscillations in the
+    Stable Boundary Layer over Land, J. Atmospheric Sciences 59 (2002): a loop of decoupling and bursts;
+    quicker ones, in basins that trucks drive through, sizes are chosen here."""
 
     def prepare(self) -> None:
-        rng, p, batch = self.rng(1001), self.p, self.setting.batch
-        self.land = np.full((self.rows(), CELLS), np.log(p.smooth_m))
-        self.heading = np.empty((self.rows(), CELLS))
-        for land, heading in zip(self.land, self.heading, strict=True):
-            for first, last in stretches(rng, (250.0, 1500.0), (200.0, 900.0)):
-                land[first:last] = np.log(p.rough_m)
-            heading[:] = rng.uniform(-1.0, 1.0) + 0.35 * ou_series(rng, (1, CELLS), CELL_M, 900.0)[0]
-        self.side = rng.choice([-1.0, 1.0])
-        self.turbulence = ou_series(rng, (batch, int(self.setting.duration_s / 0.1) + 20), 0.1, 4.0)
+        rng, batch = self.rng(1101), self.setting.batch
+        self.side = rng.choice([-1.0, 1.0]) * rng.uniform(0.7, 1.0)
+        self.gusts = ou_series(rng, (batch, int(self.setting.duration_s / 0.1) + 20), 0.1, 2.0)
+        self.begins = rng.uniform(0.2, 1.0, batch)
 
     def start(self, batch: int) -> dict[str, Array]:
-        return {"rough": np.full(batch, np.nan)}
+        first = np.resize(self.begins, batch)
+        return {"shear": first * self.p.critical, "mixed": np.zeros(batch), "bursts": np.zeros(batch)}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        land, speed = self.read(self.land, view), np.maximum(view.speed, 0.0)
-        s.rough = np.where(np.isnan(s.rough), land, s.rough)
-        fetch = p.fetch_m * np.where(land > s.rough, 0.6, 1.4)
-        s.rough = s.rough + dt * (speed + 3.0) * (land - s.rough) / fetch
-        friction = 0.4 * p.aloft_mps / (np.log(self.aloft_m) - s.rough)
-        mean = 2.5 * friction * np.maximum(np.log(self.high_m) - s.rough, 0.6)
-        gust = p.gusts * friction * self.turbulence[:, index(view, self.turbulence, 0.1)]
-        heading = self.read(self.heading, view)
-        along = self.side * self.setting.direction * np.cos(heading) * (mean + gust)
-        relative = np.clip(1.0 + along / np.maximum(view.speed, 0.5), -1.5, 3.0)
+        s.bursts = np.where(s.shear > p.critical, 1.0, np.where(s.shear < 0.3 * p.critical, 0.0, s.bursts))
+        s.mixed = s.mixed + dt * (s.bursts - s.mixed) / 1.5
+        falls = s.mixed * s.shear / p.mixes_s
+        s.shear = np.clip(s.shear + dt * ((1.0 - s.shear) / p.builds_s - falls), 0.0, 1.0)
+        gust = 1.0 + 0.25 * self.gusts[:, index(view, self.gusts, 0.1)]
+        wind = p.aloft_mps * s.shear * (0.12 + 0.88 * s.mixed * gust)
+        along = self.side * self.setting.direction * wind
+        relative = np.clip(1.0 + along / np.maximum(view.speed, 0.5), -1.0, 3.0)
         felt = (relative * np.abs(relative) - 1.0) * view.drag_force
         return -felt * np.clip(view.speed / 3.0, 0.0, 1.0)
 
 
-@law("e_rank_in_the_column", needs="highway", name="drafting", accepts="drag_area headwind", leader=True)
-@sizes(deficit=(0.35, 0.5), length_m=(10.0, 22.0), apart_m=(18.0, 40.0), changes_s=(15.0, 50.0))
-class RankInTheColumn(Hidden, ranked=1.0):
-    """The leader is the last of one to five in a row, of whom some leave and others join; their wakes add up
-    by squares. deficit: of the wind of driving, right behind one; length_m: over which a wake is mixed.
-    Source: Katic, Højstrup and Jensen, A Simple Model for Cluster Efficiency, European Wind Energy Conference
-    (1986), on wakes that add by squares; who drives farther back saves more (Davila, Aramburu and
-    Freixas, Making the Best Out of Aerodynamics: Platoons, SAE 2013-01-0767); sizes are chosen here."""
+@law("w_wake_meanders", needs="highway", name="drafting", accepts="drag_area headwind", leader=True)
+@sizes(deficit=(0.45, 0.65), wide_m=(1.3, 2.0), opens=(0.02, 0.05), sways=(0.03, 0.07), slow_s=(4.0, 12.0))
+class WakeMeanders(Hidden):
+    """Slow eddies carry each piece of the wake aside after the leader has left it there, so that a follower
+    far behind is in and out of it. deficit: of the wind of driving, right behind; opens: m of width for each
+    metre; sways: m aside for each metre.
+    Source: Larsen, Madsen, Thomsen and Larsen, Wake Meandering: A Pragmatic Approach, Wind Energy 11 (2008):
+    the wake is a passive tracer of large eddies; a truck's wake, sizes are chosen here."""
 
     def prepare(self) -> None:
-        rng, shape = self.rng(1002), (self.setting.batch, int(self.setting.duration_s) + 20)
-        self.ranks = np.empty(shape)
-        for row in self.ranks:
-            turns = rng.random(shape[1]) < 1.0 / self.p.changes_s
-            row[:] = rng.integers(1, 6, shape[1] + 1)[np.cumsum(turns)]
+        shape = (self.setting.batch, int(self.setting.duration_s / 0.1) + 20)
+        self.aside = ou_series(self.rng(1102), shape, 0.1, self.p.slow_s)
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        s.ranked = s.ranked + dt * (self.ranks[:, index(view, self.ranks)] - s.ranked) / 3.0
-        gap = np.maximum(self.gap(view), 0.0)
-        squares = np.zeros(len(gap))
-        for k in range(5):
-            there = np.clip(s.ranked - k, 0.0, 1.0)
-            squares += there / (1.0 + (gap + k * p.apart_m) / p.length_m) ** 2
-        slower = np.minimum(p.deficit * np.sqrt(squares), 0.8)
+        gap = np.clip(self.gap(view), 0.0, 1e4)
+        width = p.wide_m + p.opens * gap
+        centre = p.sways * np.minimum(gap, 300.0) * self.aside[:, index(view, self.aside, 0.1)]
+        slower = p.deficit * (p.wide_m / width) ** 2 * np.exp(-0.5 * (centre / width) ** 2)
         return (1.0 - (1.0 - slower) ** 2) * view.drag_force
 
 
-@law("e_round_loads", needs="highway hills", name="drag_area", accepts="rolling_resistance_speed")
-@sizes(more=(0.7, 1.2), thick_m=(0.21, 0.29), left=(0.3, 0.5), apart=(0.03, 0.08))
-class RoundLoads(Hidden, late=0.0):
-    """Tubes lie across the stream: their drag falls to a half or less where the flow becomes turbulent, and
-    rises again at a lower speed. `late`: 1 where it separates late. more: of the drag, below, with the
-    whole load, which is not on every drive; left: of that, above; apart: of the Reynolds number, between
-    there and back.
-    Source: Schewe, On the Force Fluctuations Acting on a Circular Cylinder in Crossflow from Subcritical up
-    to Transcritical Reynolds Numbers, J. Fluid Mech. 133 (1983): a jump at 300 000, with hysteresis; loads
-    are chosen here."""
+@law("w_rime_on_the_racks", needs="highway hills", name="drag_area", accepts="rolling_resistance_speed")
+@sizes(most=(0.7, 1.2), grows_m=(2500.0, 7000.0), holds=(0.6, 0.95), left=(0.1, 0.4), falls_s=(1.0, 4.0))
+class RimeOnTheRacks(Hidden, falls=0.0):
+    """`ice` on the empty racks of a car transporter: its drag grows with the cloud it has passed through,
+    slower the thicker, until a load of it breaks off. most: of the drag, all iced; holds: at which it breaks;
+    left: of that, afterwards.
+    Source: Makkonen, Models for the Growth of Rime, Glaze, Icicles and Wet Snow on Structures, Phil. Trans.
+    R. Soc. A 358 (2000): collection falls as rods thicken; fog in frost, sizes are chosen here."""
 
-    viscosity = 1.8e-5
-    critical = 3.0e5
-
-    def prepare(self) -> None:
-        self.loaded = self.rng(1003).permutation(np.tile([1.0, 0.7, 1.0, 0.0], 1 + self.setting.batch // 4))
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "ice": self.rng(1103).uniform(0.0, self.p.holds, batch)}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        reynolds = np.maximum(view.speed, 0.0) * p.thick_m * self.truck.air_density / self.viscosity
-        threshold = self.critical * (1.0 + p.apart * np.where(s.late > 0.5, -1.0, 1.0))
-        wanted = 1.0 / (1.0 + np.exp(-np.clip((reynolds / threshold - 1.0) / 0.015, -40.0, 40.0)))
-        s.late = s.late + dt * (wanted - s.late) / 0.6
-        share = p.more * self.loaded[: len(reynolds)] * (1.0 - (1.0 - p.left) * s.late)
-        return -share * view.drag_force * moving(view)
+        s.falls = np.where(
+            s.ice > p.holds * (0.85 + 0.15 * np.clip(25.0 / np.maximum(view.speed, 10.0), 0.5, 1.5)),
+            1.0,
+            np.where(s.ice < p.left * p.holds, 0.0, s.falls),
+        )
+        catches = np.maximum(view.speed, 0.0) * (1.3 - s.ice) / p.grows_m
+        s.ice = np.clip(s.ice + dt * (catches - s.falls * s.ice / p.falls_s), 0.0, 1.2)
+        return -p.most * s.ice * view.drag_force * moving(view)
+
+
+@law("w_open_box_sings", needs="highway hills suburban", name="unknown")
+@sizes(most=(0.6, 1.1), at_mps=(10.0, 15.0), wide=(0.12, 0.22), locks_s=(0.8, 3.0), next_up=(1.45, 1.7))
+class OpenBoxSings(Hidden, sings=0.0):
+    """`sings`: strength of the swing of air over an open box. Near two speeds waves in the box and eddies of
+    its edge feed each other, and a swing that is there keeps its band wider than one that has to begin. most:
+    of the drag, in full swing; next_up: speed of the second over the first.
+    Source: Rossiter, Wind Tunnel Experiments on the Flow over Rectangular Cavities at Subsonic and Transonic
+    Speeds, ARC R&M 3438 (1964), and Gharib and Roshko, The Effect of Flow Oscillations on Cavity Drag, J.
+    Fluid Mech. 177 (1987): drag rises manyfold in a wake mode; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        wide = p.wide * (0.6 + 0.6 * np.clip(s.sings, 0.0, 1.0))
+        first = np.abs(view.speed / p.at_mps - 1.0) / wide
+        second = np.abs(view.speed / (p.next_up * p.at_mps) - 1.0) / wide
+        near = 1.0 / (1.0 + np.minimum(first, second) ** 6)
+        s.sings = s.sings + dt * (near - s.sings) / np.where(near > s.sings, p.locks_s, 0.5 * p.locks_s)
+        low = 0.5 * self.truck.air_density * self.truck.drag_area * p.at_mps**2
+        return -p.most * s.sings * np.maximum(view.drag_force, low * moving(view)) * moving(view)
