@@ -1,4 +1,5 @@
-"""Drums that open like bells, fluid with air in it, a short cable, and helpers in stops and turns."""
+"""Oil baths that overheat, a regulator that rings, pads that bends knock off, damp linings, and a brake that
+learns from slopes."""
 
 from __future__ import annotations
 
@@ -6,127 +7,125 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, index, moving, weight
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
 from deeptruck_exam.effects.places import Bends
 from deeptruck_exam.effects.planting import hidden, sizes
-from deeptruck_exam.effects.series import ou_series
 from deeptruck_model.trucks import View
 
 law = partial(hidden, family="sealed")
 
 
-@law("e_drums_open_like_bells", needs="descent", name="brake_fade")
-@sizes(heats_jpkgk=(3.5, 7.0), bears_k=(60.0, 120.0), loss=(0.4, 0.65), wears_jpkg=(700.0, 2500.0))
-@sizes(cools_s=(250.0, 500.0))
-class DrumsOpenLikeBells(Hidden, hot=0.0):
-    """`hot`: K above cold; `worn`: K at which the linings fit the drum. A drum that is hotter or colder than
-    that touches them at one edge alone, until they have worn to its shape. heats_jpkgk: for each kg of truck;
-    bears_k: misfit at which half of `loss` is lost.
-    Source: Day, Harding and Newcomb, Combined Thermal and Mechanical Analysis of Drum Brakes, Proc. IMechE D
-    198 (1984), on bell-mouthing, and Day, Braking of Road Vehicles (2014), on linings that wear to shape;
-    wheels that turn cool better; sizes are chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        return {**super().start(batch), "worn": self.rng(1011).uniform(0.0, 60.0, batch)}
+@law("w_oil_bath_overheats", needs="descent", name="brake_fade")
+@sizes(oil_jpkgk=(5.0, 10.0), passes_s=(15.0, 40.0), bears_k=(50.0, 100.0), loss=(0.4, 0.65))
+@sizes(cools_s=(60.0, 160.0))
+class OilBathOverheats(Hidden, disc=0.0, oil=0.0):
+    """`disc`, `oil`: K above cold. Discs in a bath give their heat to oil that the engine's pump sends
+    through a cooler: thin oil makes them rub less, and who brakes in a high gear cools them least. oil_jpkgk:
+    for each kg of truck; bears_k: of the discs, where half of `loss` is lost; cools_s: at 150 rad/s.
+    Source: Yang, Twaddell, Chen and Lam, Theoretical and Experimental Studies on the Thermal Degradation of
+    Wet Friction Materials, SAE 970978, and makers' manuals of articulated haulers on forced cooling of wet
+    discs; sizes are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        misfit = ((s.hot - s.worn) / p.bears_k) ** 2
-        lost = p.loss * misfit / (1.0 + misfit)
-        speed = np.maximum(view.speed, 0.0)
-        work = (1.0 - lost) * view.brake_force * speed / view.mass
-        cools = (0.4 + np.sqrt(np.minimum(speed, 25.0) / 15.0)) / (1.4 * p.cools_s)
-        s.hot = s.hot + dt * (work / p.heats_jpkgk - s.hot * cools)
-        s.worn = s.worn + dt * work * (s.hot - s.worn) / p.wears_jpkg
+        hot = np.maximum(s.disc / p.bears_k, 0.0) ** 2
+        lost = p.loss * hot / (1.0 + hot)
+        work = (1.0 - lost) * view.brake_force * np.maximum(view.speed, 0.0) / view.mass
+        passes = (s.disc - s.oil) / p.passes_s
+        pumps = np.clip(view.engine_speed / 150.0, 0.3, 1.5)
+        s.disc = s.disc + dt * (work / (0.4 * p.oil_jpkgk) - passes)
+        s.oil = np.maximum(s.oil + dt * (0.4 * passes - pumps * s.oil / p.cools_s), 0.0)
         return lost * view.brake_force * moving(view)
 
 
-@law("e_air_in_the_fluid", needs="suburban descent", name="brake_lag", accepts="command_delay clock_offset")
-@sizes(air=(0.12, 0.3), bar=(0.03, 0.08), stiff=(0.3, 0.6), flows_s=(0.25, 0.55), share=(0.75, 1.0))
-class AirInTheFluid(Hidden, volume=0.0):
-    """`volume`: what has been pushed into the lines. It presses the air together first, so that gentle
-    braking comes latest. air: of the volume at full braking; bar: pressure of the air at rest over that of
-    full braking; stiff: of the lines without air; flows_s: to fill them at full pressure.
-    Source: Yu, Chen and Lu, The Variation of Oil Effective Bulk Modulus with Pressure in Hydraulic Systems,
-    J. Dyn. Sys. Meas. Control 116 (1994), on fluid with air in it, and Limpert, Brake Design and Safety, on
-    air over hydraulic brakes; sizes are chosen here."""
+@law("w_regulator_rings", needs="suburban descent", name="brake_lag", accepts="command_delay clock_offset")
+@sizes(hz=(0.4, 0.75), damping=(0.3, 0.6), dead_s=(0.0, 0.2), share=(0.7, 1.0), vents=(0.7, 1.0))
+class RegulatorRings(Hidden, bar=0.0, pace=0.0, heard=0.0):
+    """The pressure of the far axles is regulated by a loop that is slow and rings: it comes late, goes too
+    far and comes back; letting go, a little slower still. vents: of the loop's own speed, downwards.
+    Source: Subramanian, Darbha and Rajagopal, Modeling the Pneumatic Subsystem of an S-cam Air Brake System,
+    J. Dyn. Sys. Meas. Control 126 (2004), on pressure transients, and Astrom and Hagglund, PID Controllers
+    (1995), on loops tuned too sharply; frequencies are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         full = self.truck.brake_capacity
-        asked = np.clip(view.brake_force / full, 0.0, 1.2)
-        held = self.pressure(p, s.volume)
-        differs = asked - held
-        springs = np.where(differs > 0.0, differs, 1.5 * (differs - 0.05))  # of the shoes, that help it out
-        s.volume = np.clip(s.volume + dt * np.clip(springs, -0.5, 0.5) / p.flows_s, 0.0, 2.0)
-        return p.share * full * differs * moving(view)
-
-    def pressure(self, p: Sizes, volume: Array) -> Array:
-        """Over that of full braking: air takes p.air * q / (q + p.bar), the lines p.stiff * q."""
-        b = p.air + p.stiff * p.bar - volume
-        root = np.sqrt(np.maximum(b**2 + 4.0 * p.stiff * p.bar * volume, 0.0))
-        return np.asarray(np.maximum((root - b) / (2.0 * p.stiff), 0.0))
+        asked = view.brake_force / full
+        s.heard = s.heard + dt * (asked - s.heard) / (0.06 + p.dead_s)
+        omega = 2.0 * np.pi * p.hz * np.where(s.heard < s.bar, p.vents, 1.0)
+        s.pace = s.pace + dt * (omega**2 * (s.heard - s.bar) - 2.0 * p.damping * omega * s.pace)
+        bar = s.bar + dt * s.pace
+        s.pace = np.where((bar < 0.0) & (s.pace < 0.0), 0.0, s.pace)
+        s.bar = np.clip(bar, 0.0, 1.5)
+        return p.share * full * (asked - s.bar) * moving(view)
 
 
-@law("e_cable_is_too_short", needs="suburban descent", name="dragging_brake")
-@sizes(drags=(0.008, 0.016), tight=(0.1, 0.5), squats=(0.5, 1.1), bumps=(0.3, 0.6), grows_jpkg=(150.0, 500.0))
-class CableIsTooShort(Hidden, travel=0.0, pace=0.0, grown=0.0):
-    """`travel` of the axle pulls the cable of the parking brake: by pull, slope and bumps, on springs. The
-    drag warms the drum, which grows away from its shoes. drags: of the weight, for a travel of 1; tight: at
-    rest; squats: for 1 m/s2 along the frame; grows_jpkg: work for each kg of truck.
-    Source: Gillespie, Fundamentals of Vehicle Dynamics (1992), on squat and bounce, and Limpert, Brake Design
-    and Safety, on cables of parking brakes; sizes are chosen here."""
+@law("w_bends_knock_it_off", needs="suburban descent hills", name="dragging_brake")
+@sizes(drags=(0.007, 0.015), sets=(0.02, 0.06), knocks=(0.15, 0.5), eases_m=(900.0, 3000.0))
+class BendsKnockItOff(Bends, near=0.5):
+    """`near`: 1 where the pads lie on the disc with all of `drags`. Each braking sets them there; hubs that
+    bend under the side force of a curve push them away, and smooth straights hardly do. drags: of the weight;
+    sets: brake over weight at which they are set in a second; knocks: 1/m, at 1 m/s2 aside.
+    Source: Breuer and Bill, Brake Technology Handbook (SAE, 2008), on residual torque and knock-back of pads
+    by elastic hubs; pins that rust, bends and sizes are chosen here."""
 
     def prepare(self) -> None:
-        shape = (self.setting.batch, int(self.setting.duration_s / 0.1) + 20)
-        self.bumps = ou_series(self.rng(1012), shape, 0.1, 0.8)
+        self.bend = self.draw_bends(self.rng(1113), 0.02)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"near": self.rng(1114).uniform(0.2, 1.0, batch)}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        along = np.clip(view.acceleration + GRAVITY * view.grade, -2.5, 2.5)
-        rough = p.bumps * self.bumps[:, index(view, self.bumps, 0.1)] * np.clip(view.speed / 12.0, 0.0, 1.5)
-        omega = 2.0 * np.pi * 1.2
-        s.pace = s.pace + dt * (omega**2 * (p.squats * along + rough - s.travel) - 0.7 * omega * s.pace)
-        s.travel = np.clip(s.travel + dt * s.pace, -3.0, 3.0)
-        pulls = np.clip(p.tight + s.travel - s.grown, 0.0, 2.0)
-        work = p.drags * GRAVITY * pulls * np.maximum(view.speed, 0.0)
-        s.grown = np.clip(s.grown + dt * (work / p.grows_jpkg - s.grown / 150.0), 0.0, 1.0)
-        return -p.drags * pulls * weight(view) * moving(view)
+        speed = np.maximum(view.speed, 0.0)
+        aside = np.minimum(speed**2 * np.abs(self.read(self.bend, view)), 2.5)
+        set_per_s = np.minimum(view.brake_force / weight(view) / p.sets, 2.0)
+        away = speed * (p.knocks * 0.02 * aside**2 + 1.0 / p.eases_m)
+        s.near = np.clip(s.near + dt * (set_per_s * (1.0 - s.near) - away * s.near), 0.0, 1.0)
+        return -p.drags * s.near * weight(view) * moving(view)
 
 
-@law("e_brake_closes_the_loop", needs="suburban descent", name="unknown")
-@sizes(per_s=(0.5, 1.2), most=(0.35, 0.6), waits_s=(0.3, 0.7), lets_go_s=(0.2, 0.5))
-class BrakeClosesTheLoop(Hidden, pressed=0.0, felt=0.0, adds=0.0):
-    """The pedal asks for a slowing on the flat: more brake downhill and less uphill, until it is met. per_s:
-    of what is lacking; most: of the brake force, added or taken.
-    Source: Wrede and Decker, Brake by Wire for Commercial Vehicles, SAE 922489, and Breuer and Bill, Brake
-    Technology Handbook (SAE, 2008), on deceleration control of electronic brakes of commercial vehicles;
-    gains are chosen here."""
+@law("w_sharp_in_the_morning", needs="suburban descent hills", name="unknown")
+@sizes(more=(0.45, 0.9), dries_jpkg=(60.0, 220.0), air_s=(400.0, 1500.0), gentle=(0.3, 0.6))
+class SharpInTheMorning(Hidden):
+    """`damp` of linings that stood in moist air, other in each drive: they bite too hard, gentle braking
+    most, until work has dried them. more: of the brake force; gentle: of the brake force that counts as
+    gentle, over a tenth of full braking.
+    Source: Parker and Newcomb, The Performance and Characteristics of the Disc Brake, Proc. IMechE Automobile
+    Division (1964-65), and Limpert, Brake Design and Safety, on morning sharpness of linings; sizes are
+    chosen here."""
 
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        braking = view.brake_force > 0.002 * weight(view)
-        s.pressed = np.where(braking, s.pressed + dt, 0.0)
-        s.felt = s.felt + dt * (-view.acceleration - s.felt) / 0.25
-        known = view.brake_force + view.rolling_force + view.drag_force
-        lacks = np.clip(known / view.mass - s.felt, -2.0, 2.0) * (s.pressed > p.waits_s) * (view.speed > 1.5)
-        most = p.most * view.brake_force / view.mass
-        moves = np.where(braking, p.per_s * lacks, -s.adds / p.lets_go_s)
-        s.adds = np.clip(s.adds + dt * moves, np.minimum(-most, 0.0), most + 0.02)
-        return -s.adds * view.mass * np.where(braking, 1.0, 0.0) * np.clip(view.speed - 0.5, 0.0, 1.0)
-
-
-@law("e_inner_wheel_is_braked", needs="suburban hills", name="unknown")
-@sizes(brakes=(0.025, 0.05), from_pm=(0.004, 0.009), below_mps=(11.0, 15.0), fills_s=(0.3, 0.8))
-class InnerWheelIsBraked(Bends, acts=0.0):
-    """A turn assistant brakes the wheels inside of a bend, in slow and tight ones, while the engine pulls.
-    brakes: of the weight; from_pm: curvature at which it begins.
-    Source: Pilutti, Ulsoy and Hrovat, Vehicle Steering Intervention through Differential Braking, J. Dyn.
-    Sys. Meas. Control 120 (1998), and steering brakes of off-road trucks and tractors; thresholds are chosen
-    here."""
-
-    def prepare(self) -> None:
-        self.bend = self.draw_bends(self.rng(1013), 0.035)
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"damp": self.rng(1115).uniform(0.5, 1.0, batch)}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        tight = np.clip((np.abs(self.read(self.bend, view)) - p.from_pm) / 0.006, 0.0, 1.0)
-        slow = np.clip((p.below_mps - view.speed) / 2.0, 0.0, 1.0)
-        pulls = (view.traction_force > 0.0) & (view.brake_force <= 0.0) & (view.speed > 1.0)
-        s.acts = s.acts + dt * (tight * slow * pulls - s.acts) / p.fills_s
-        return -p.brakes * s.acts * weight(view) * moving(view)
+        work = view.brake_force * np.maximum(view.speed, 0.0) / view.mass
+        s.damp = s.damp * np.exp(-dt * (work / p.dries_jpkg + 1.0 / p.air_s))
+        hard = view.brake_force / (0.1 * self.truck.brake_capacity)
+        bites = p.more * s.damp * (0.35 + 0.65 / (1.0 + (hard / p.gentle) ** 2))
+        return -bites * view.brake_force * np.clip(view.speed - 0.3, 0.0, 1.0)
+
+
+@law("w_learns_from_slopes", needs="descent suburban hills", name="unknown")
+@sizes(learns=(0.3, 0.6), needs_s=(0.8, 2.0), most=(0.3, 0.5), forgets_s=(120.0, 400.0), builds_s=(0.2, 0.5))
+class LearnsFromSlopes(Hidden, factor=0.0, held=0.0, sum=0.0, uses=0.0):
+    """`factor` by which the brake is turned up or down, learned after each braking from what was felt against
+    what was meant, as if the road were flat: down long slopes it turns up, and the next stop in a dip is
+    harsh. learns: of the difference, at each.
+    Source: Breuer and Bill, Brake Technology Handbook (SAE, 2008), and Lindemann, Petersen, Schult and Korn,
+    EBS and Tractor Trailer Brake Compatibility, SAE 973283, on adapting brakes from application to
+    application; one that does not know the slope, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        first = self.rng(1116).uniform(-0.5, 0.5, batch) * self.p.most
+        return {**super().start(batch), "factor": first}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        brakes = (view.brake_force > 0.01 * weight(view)) & (view.speed > 1.5)
+        ends = ~brakes & (s.held > p.needs_s)
+        meant = view.brake_force + view.drag_force + view.rolling_force
+        lacks = (meant / view.mass + view.acceleration) / np.maximum(view.brake_force / view.mass, 0.1)
+        lesson = s.sum / np.maximum(s.held, 0.1)
+        s.factor = np.where(ends, s.factor + p.learns * np.clip(lesson, -0.8, 0.8), s.factor)
+        s.factor = np.clip(s.factor * (1.0 - dt / p.forgets_s), -p.most, p.most)
+        s.sum = np.where(brakes, s.sum + dt * np.clip(lacks, -1.5, 1.5), 0.0)
+        s.held = np.where(brakes, s.held + dt, 0.0)
+        s.uses = s.uses + dt * (s.factor - s.uses) / p.builds_s
+        return -s.uses * view.brake_force * np.clip(view.speed - 0.5, 0.0, 1.0)
