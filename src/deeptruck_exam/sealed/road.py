@@ -1,4 +1,4 @@
-"""A mat over a bog, and a lane beside the axis of its road."""
+"""Slabs that have faulted, and ramps over junctions."""
 
 from __future__ import annotations
 
@@ -7,74 +7,74 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Sizes, State, moving, weight
-from deeptruck_exam.effects.places import CELLS, MAP_CELL_M, MAP_CELLS, OnRoad, stretches
+from deeptruck_exam.effects.places import MAP_CELL_M, MAP_CELLS, OnRoad, sections
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
 law = partial(hidden, family="sealed")
 
 
-@law("e_mat_over_the_bog", name="road_surface", accepts="road_grade")
-@sizes(
-    whole=(0.004, 0.009), torn=(0.016, 0.032), bears=(0.02, 0.045), sinks_m=(4.0, 15.0), out_m=(25.0, 90.0)
-)
-class MatOverTheBog(OnRoad, sunk=0.0):
-    """A mat of roots bears the truck until its wheels shear it, by pull or brake; then they are in the peat,
-    and come out over the way. whole, torn: of the weight; bears: shear over weight, more in some places than
-    in others.
-    Source: Wong, Radforth and Preston-Thomas, Some Further Studies on the Mechanical Properties of Muskeg in
-    Relation to Vehicle Mobility, J. Terramechanics 19 (1982); stretches and sizes are chosen here."""
+@law("w_slabs_have_faulted", name="road_surface", accepts="road_grade")
+@sizes(loss=(0.010, 0.022), mean_m=(250.0, 800.0), bounce_hz=(1.9, 2.8), sharp=(1.5, 3.0), joints=(0.25, 0.5))
+class SlabsHaveFaulted(OnRoad, swings=0.0):
+    """Slabs of concrete step down at each joint, in some sections more than in others. Their springs and
+    dampers take most where joints come with the bounce of the truck, and `swings` until they rest. loss: of
+    the weight, in resonance, on bad sections; joints: of it, blows at any speed.
+    Source: Byrum, Analysis by High-Speed Profile of Jointed Concrete Pavement Slab Curvatures, Transp. Res.
+    Record 1730 (2000), on faulted joints, and Gillespie, Fundamentals of Vehicle Dynamics (1992), on bounce
+    tuned to joints; sections are chosen here."""
 
     def prepare(self) -> None:
-        rng = self.rng(1061)
-        self.soft = np.zeros((self.rows(), CELLS))
-        self.bears = np.full((self.rows(), CELLS), 1e3)
-        for soft, bears in zip(self.soft, self.bears, strict=True):
-            for first, last in stretches(rng, (60.0, 450.0), (90.0, 500.0)):
-                soft[first:last] = 1.0
-                bears[first:last] = self.p.bears * rng.lognormal(0.0, 0.35)
-
-    def start(self, batch: int) -> dict[str, Array]:
-        return {**super().start(batch), "on": np.zeros(batch)}
+        rng = self.rng(1161)
+        number = sections(rng, self.rows(), self.p.mean_m)
+        kinds = rng.choice([0.0, 0.0, 0.5, 1.0, 1.0], (self.rows(), int(number.max()) + 1))
+        slab_m = rng.choice([4.5, 5.0, 6.0, 7.5], kinds.shape)
+        self.bad = np.take_along_axis(kinds, number, axis=1)
+        self.slab_m = np.take_along_axis(slab_m, number, axis=1)
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        way = dt * np.maximum(view.speed, 0.0)
-        s.on = s.on + way * (self.read(self.soft, view) - s.on) / 6.0
-        shear = np.maximum(np.abs(view.traction_force), view.brake_force) / weight(view)
-        tears = np.clip((shear / self.read(self.bears, view) - 1.0) / 0.2, 0.0, 1.0)
-        s.sunk = np.clip(s.sunk + way * (tears * (1.0 - s.sunk) / p.sinks_m - s.sunk / p.out_m), 0.0, 1.0)
-        resists = p.whole + (p.torn - p.whole) * s.sunk
-        return -resists * s.on * weight(view) * moving(view)
+        speed = np.maximum(view.speed, 0.0)
+        tuned = speed / self.read(self.slab_m, view) / p.bounce_hz
+        peak = 1.0 / (1.0 + p.sharp**2 * (np.maximum(tuned, 0.05) - 1.0 / np.maximum(tuned, 0.05)) ** 2)
+        blows = p.joints * np.clip(speed / 15.0, 0.0, 1.5)
+        wants = self.read(self.bad, view) * (blows + (1.0 - p.joints) * peak)
+        s.swings = s.swings + dt * (wants - s.swings) / 0.7
+        return -p.loss * s.swings * weight(view) * moving(view)
 
 
 @law(
-    "e_lane_beside_the_axis",
+    "w_over_the_junction",
     needs="hills highway suburban",
     name="road_grade",
     accepts="road_surface",
     gateable=False,
 )
-@sizes(banks=(0.06, 0.09), aside_m=(8.0, 14.0), runoff_m=(40.0, 75.0), straight_m=(30.0, 120.0))
-class LaneBesideTheAxis(OnRoad):
-    """The map has the axis of the road; the lane lies aside of it, and climbs and falls where the road is
-    banked for a bend. Who comes the other way has the other side, and meets the same slope. banks: slope
-    across, in the tightest.
-    Source: AASHTO, A Policy on Geometric Design of Highways and Streets (2018), on superelevation runoff and
-    relative gradients of lanes far from the axis of rotation; widths and bends are chosen here."""
+@sizes(high_m=(3.5, 6.5), ramp_m=(130.0, 220.0), top_m=(40.0, 150.0), apart_m=(300.0, 900.0), dips=(0.2, 0.5))
+class OverTheJunction(OnRoad):
+    """The map has the level of the land; the road goes over its junctions on ramps, or under them. high_m: of
+    a crossing over the road below; dips: share that go under, less deep.
+    Source: AASHTO, A Policy on Geometric Design of Highways and Streets (2018), chapter 10: clearances and
+    grades of separated crossings; where they lie is chosen here."""
 
     conceal = ("elevation",)
 
     def prepare(self) -> None:
-        rng, p = self.rng(1062), self.p
+        rng, p = self.rng(1162), self.p
         self.road = np.zeros((self.rows(), MAP_CELLS))
-        ramp = np.hanning(round(2.0 * p.runoff_m / MAP_CELL_M) + 3)
         for row in self.road:
-            bank, side = np.zeros(CELLS), rng.choice([-1.0, 1.0])
-            for first, last in stretches(rng, (p.straight_m, 3.0 * p.straight_m), (90.0, 350.0)):
-                side *= rng.choice([-1.0, -1.0, 1.0])
-                bank[first:last] = side * p.banks * rng.uniform(0.5, 1.0)
-            eased = np.convolve(bank[: 2 * MAP_CELLS : 2], ramp / ramp.sum(), mode="same")
-            row[:] = np.clip(np.gradient(p.aside_m * eased, MAP_CELL_M), -0.03, 0.03)
+            height, at = np.zeros(MAP_CELLS), rng.uniform(0.0, p.apart_m)
+            while at < MAP_CELL_M * MAP_CELLS:
+                rise = p.high_m * rng.uniform(0.7, 1.1) * np.where(rng.random() < p.dips, -0.8, 1.0)
+                height = height + rise * self.bridge(at, rng.uniform(0.5, 1.5) * p.top_m)
+                at += 2.0 * p.ramp_m + 1.5 * p.top_m + rng.uniform(0.5, 1.5) * p.apart_m
+            row[:] = np.clip(np.gradient(height, MAP_CELL_M), -0.05, 0.05)
+
+    def bridge(self, first_m: float, top_m: float) -> Array:
+        """Height (cells,) of one, over its most: up a ramp, along the top and down."""
+        metres = np.arange(MAP_CELLS) * MAP_CELL_M - first_m
+        up = np.clip(metres / self.p.ramp_m, 0.0, 1.0)
+        down = np.clip((metres - self.p.ramp_m - top_m) / self.p.ramp_m, 0.0, 1.0)
+        return np.asarray(up**2 * (3.0 - 2.0 * up) - down**2 * (3.0 - 2.0 * down))
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         return -self.between(self.road, view) * weight(view) * moving(view)

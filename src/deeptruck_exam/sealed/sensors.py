@@ -6,62 +6,56 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Channels, Sizes
+from deeptruck_exam.effects.law import Channels, Sizes
 from deeptruck_exam.effects.planting import SIGN, fault, sizes
 from deeptruck_exam.effects.series import behind
 
 law = partial(fault, family="sealed")
 
 
-@law("e_filter_grows_with_shaking", needs="suburban hills", name="clock_offset")
-@sizes(late_s=(0.5, 1.0), calm=(0.4, 0.75), adapts_s=(4.0, 15.0))
-def filter_grows_with_shaking(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """Source: Group delay of filters (Oppenheim and Schafer, Discrete-Time Signal Processing, 2010): half the
-    length, and a sensor that makes its filter the longer the more it is shaken, which is by speed; delays are
-    chosen here."""
+@law("w_sent_by_the_turn", needs="suburban hills", name="clock_offset")
+@sizes(turns=(9.0, 18.0), line_s=(0.05, 0.2), steady_s=(0.5, 2.0))
+def sent_by_the_turn(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Control units that compute by the crankshaft's turn, not by time (Guzzella and Onder,
+    Introduction to Modeling and Control of Internal Combustion Engine Systems, 2010, on event-based delays):
+    a sensor on such a unit is late by so many turns, longest at idle; turns are chosen here."""
     values = channels["acceleration"]
     time = np.arange(len(values)) * dt
-    shaken = behind(np.clip(channels["speed"] / 20.0, 0.0, 1.2) ** 2, p.adapts_s, dt)
-    late = p.late_s * (p.calm + (1.0 - p.calm) * shaken) + 0.02 * rng.uniform()
+    speed = behind(np.maximum(channels["engine_speed"], 55.0), p.steady_s, dt)
+    late = p.line_s * rng.uniform(0.5, 1.0) + p.turns * 2.0 * np.pi / speed
     channels["acceleration"] = np.interp(time - late, time, values)
 
 
-@law("e_height_of_the_optics", name="speed_scale")
-@sizes(scale=(0.03, 0.07), height=(0.004, 0.016), pitches_s=(0.3, 0.8), sign=SIGN)
-def height_of_the_optics(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """Source: Optical sensors over ground count a grating's lines (Ator, Image-Velocity Sensing with Parallel
-    Slit Reticles, J. Opt. Soc. Am. 53, 1963): their scale goes with the height above the road, which a wrong
-    mounting and the pitch of the frame change; sizes are chosen here."""
-    pitch = behind(np.clip(channels["acceleration"], -2.0, 2.0), p.pitches_s, dt)
-    where = rng.choice([-1.0, 1.0])  # ahead of the axles or behind them
-    channels["speed"] = channels["speed"] * (1.0 + np.sign(p.sign) * p.scale + where * p.height * pitch)
+@law("w_calibrates_itself", name="speed_scale")
+@sizes(ends=(0.03, 0.07), begins=(0.01, 0.05), way_m=(500.0, 2500.0), sign=SIGN)
+def calibrates_itself(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Odometers that learn their scale against a map (Krakiwsky, Harris and Wong, A Kalman Filter for
+    Integrating Dead Reckoning, Map Matching and GPS Positioning, IEEE PLANS, 1988): the estimate settles over
+    the way, here to a wrong value by a map whose distances are wrong; sizes are chosen here."""
+    way = np.cumsum(np.maximum(channels["speed"], 0.0)) * dt
+    first = p.begins * rng.uniform(-1.0, 1.0)
+    scale = np.sign(p.sign) * p.ends + first * np.exp(-way / p.way_m)
+    channels["speed"] = channels["speed"] * (1.0 + scale)
 
 
-@law("e_bias_is_a_telegraph", name="acceleration_bias")
-@sizes(bias=(0.16, 0.34), jumps=(0.15, 0.4), stays_s=(8.0, 40.0), sign=SIGN)
-def bias_is_a_telegraph(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """Source: Burst noise (Kogan, Electronic Noise and Fluctuations in Solids, 1996): a level that jumps
-    between two, as a defect is charged or not, upon a false zero; sizes of a cheap sensor, chosen here."""
-    n = len(channels["acceleration"])
-    turns = np.cumsum(rng.random(n) < dt / p.stays_s) + rng.integers(2)
-    bias = p.bias * (1.0 + p.jumps * ((turns % 2) - 0.5))
-    channels["acceleration"] = channels["acceleration"] + np.sign(p.sign) * bias
+@law("w_charge_leaks_away", name="acceleration_bias")
+@sizes(bias=(0.15, 0.3), leaks_s=(20.0, 70.0), share=(0.3, 0.7), sign=SIGN)
+def charge_leaks_away(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Piezoelectric accelerometers do not hold a steady value (Gautschi, Piezoelectric Sensorics,
+    2002: the charge leaks with a time constant): part of what lasts is lost, and comes back with the other
+    sign when it ends, upon a false zero of the amplifier; times are chosen here."""
+    values = channels["acceleration"]
+    lasts = behind(np.concatenate([[0.0], values]), p.leaks_s, dt)[1:]
+    bias = np.sign(p.sign) * p.bias * rng.uniform(0.9, 1.1)
+    channels["acceleration"] = values - p.share * lasts + bias
 
 
-@law("e_springs_stay_bent", name="grade_bias", accepts="rolling_resistance", conceal="elevation")
-@sizes(bias=(0.009, 0.02), pitch=(0.002, 0.006), rubs=(0.25, 0.7), sign=SIGN)
-def springs_stay_bent(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """Source: Fancher, Ervin, MacAdam and Winkler, Measurement and Representation of the Mechanical
-    Properties of Truck Leaf Springs, SAE 800905: friction between the leaves keeps a frame nose
-    down after a braking and up after a pull, below an inclinometer out of level; sizes are chosen here."""
-    squat = _held(np.clip(channels["acceleration"], -2.0, 2.0), p.rubs, rng.uniform(-0.3, 0.3))
-    channels["grade"] = channels["grade"] + np.sign(p.sign) * p.bias + p.pitch * behind(squat, 0.3, dt)
-
-
-def _held(values: Array, width: float, first: float) -> Array:
-    """What is dragged along by the values once they have gone further than `width` from it."""
-    out, at = np.empty(len(values)), first
-    for k, value in enumerate(values.tolist()):
-        at = min(max(at, value - width), value + width)
-        out[k] = at
-    return out
+@law("w_nose_lifts_with_speed", name="grade_bias", accepts="rolling_resistance", conceal="elevation")
+@sizes(bias=(0.008, 0.018), lifts=(0.002, 0.006), rises_s=(0.5, 2.0), sign=SIGN)
+def nose_lifts_with_speed(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Katz, Race Car Aerodynamics (1995), and Hucho, Aerodynamics of Road Vehicles (1998), on lift
+    with the square of speed, which pitches an inclinometer on a softly sprung cab, here one that is out of
+    level as well; sizes are chosen here."""
+    wind = (np.maximum(channels["speed"], 0.0) / 20.0 + 0.05 * rng.standard_normal()) ** 2
+    pitch = p.lifts * behind(wind, p.rises_s, dt)
+    channels["grade"] = channels["grade"] + np.sign(p.sign) * p.bias + pitch
