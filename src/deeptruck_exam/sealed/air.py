@@ -15,7 +15,7 @@ law = partial(hidden, family="sealed")
 
 
 @law("w_bursts_in_a_calm_night", needs="highway hills", name="headwind", accepts="drag_area")
-@sizes(aloft_mps=(9.0, 15.0), builds_s=(25.0, 60.0), mixes_s=(4.0, 10.0), critical=(0.55, 0.75))
+@sizes(aloft_mps=(13.0, 20.0), builds_s=(25.0, 60.0), mixes_s=(4.0, 10.0), critical=(0.55, 0.75))
 class BurstsInACalmNight(Hidden):
     """`shear`: wind aloft over its most, which grows while the air below lies still; `mixed`: 1 while it
     breaks and the wind comes down, until the shear is spent. aloft_mps: at its most.
@@ -47,7 +47,7 @@ class BurstsInACalmNight(Hidden):
 
 
 @law("w_wake_meanders", needs="highway", name="drafting", accepts="drag_area headwind", leader=True)
-@sizes(deficit=(0.45, 0.65), wide_m=(1.3, 2.0), opens=(0.02, 0.05), sways=(0.03, 0.07), slow_s=(4.0, 12.0))
+@sizes(deficit=(0.6, 0.8), wide_m=(1.5, 2.2), opens=(0.015, 0.035), sways=(0.05, 0.10), slow_s=(4.0, 12.0))
 class WakeMeanders(Hidden):
     """Slow eddies carry each piece of the wake aside after the leader has left it there, so that a follower
     far behind is in and out of it. deficit: of the wind of driving, right behind; opens: m of width for each

@@ -99,7 +99,8 @@ class ZoneWithoutEngine(OnRoad, runs=0.0):
 
     def prepare(self) -> None:
         gaps = (0.5 * self.p.apart_m, 1.5 * self.p.apart_m)
-        self.road = smooth_stretches(self.rng(1124), self.rows(), gaps, (250.0, 800.0)) > 0.25
+        zones = smooth_stretches(self.rng(1124), self.rows(), gaps, (250.0, 800.0))
+        self.road = np.where(zones > 0.25, 1.0, 0.0)
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         s.runs = s.runs + dt * (self.read(self.road, view) - s.runs) / p.changes_s

@@ -87,7 +87,7 @@ class WaitsForACalmFoot(Hidden, gear=0.0, foot=0.0, moves=0.0, waits=0.0, share=
     trucks="freightliner",
     gateable=False,
 )
-@sizes(tilt=(0.02, 0.045), foams_s=(2.0, 7.0), settles_s=(6.0, 20.0), holds=(0.25, 0.45), drags=(0.3, 0.6))
+@sizes(tilt=(0.012, 0.03), foams_s=(1.5, 5.0), settles_s=(6.0, 20.0), holds=(0.12, 0.25), drags=(0.2, 0.5))
 class PumpDrawsAir(Hidden, air=0.0):
     """`air` in the oil of a low sump, drawn in while slope and pull tilt it away from the pump. The lock-up
     clutch is pressed by that oil: what is beyond its hold slips. tilt: slope at which it begins; holds: of

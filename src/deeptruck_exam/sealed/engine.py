@@ -86,7 +86,7 @@ class WarmUpFlap(Hidden, shut=0.0, closed=0.0):
     def start(self, batch: int) -> dict[str, Array]:
         rng = self.rng(1142)
         first = rng.uniform(0.0, 1.0, batch)
-        return {**super().start(batch), "warm": first, "calls": (first < 0.8) * 1.0}
+        return {**super().start(batch), "warm": first, "calls": np.where(first < 0.8, 1.0, 0.0)}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         wind = 0.3 + np.clip(view.speed / 20.0, 0.0, 1.3)
@@ -137,7 +137,8 @@ class SpraysByTheMetre(OnRoad, sprays=0.0):
 
     def prepare(self) -> None:
         gaps = (0.4 * self.p.apart_m, 1.6 * self.p.apart_m)
-        self.road = smooth_stretches(self.rng(1144), self.rows(), gaps, (200.0, 900.0)) > 0.15
+        strips = smooth_stretches(self.rng(1144), self.rows(), gaps, (200.0, 900.0))
+        self.road = np.where(strips > 0.15, 1.0, 0.0)
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         s.sprays = s.sprays + dt * (self.read(self.road, view) - s.sprays) / p.opens_s

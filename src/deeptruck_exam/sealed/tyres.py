@@ -80,8 +80,8 @@ class GripGoesToTheBend(Bends, lost=0.0):
 
 
 @law("w_steers_as_it_bounces", needs="suburban hills descent", name="unknown")
-@sizes(toe=(0.004, 0.012), dives=(0.012, 0.024), rolls=(0.0, 0.4), stiff=(5.0, 8.0), hz=(1.1, 1.8))
-@sizes(share=(0.5, 0.9))
+@sizes(toe=(0.008, 0.02), dives=(0.03, 0.05), rolls=(0.0, 0.4), stiff=(5.0, 8.0), hz=(1.1, 1.8))
+@sizes(share=(0.6, 0.95))
 class SteersAsItBounces(Hidden, travel=0.0, pace=0.0):
     """`travel` of the front springs, 1 at 1 m/s2 of braking. Worn links turn the wheels in and out with it,
     and wheels that do not roll straight drag with the square of their angle. toe: rad at rest, either way;
