@@ -22,7 +22,7 @@ law = partial(hidden, family="sealed")
     accepts="command_rate_limit",
     shown=True,
 )
-@sizes(without=(0.18, 0.32), spools_s=(0.7, 1.4), slower=(1.5, 3.5), opens=(0.75, 0.95), shuts=(0.15, 0.35))
+@sizes(without=(0.18, 0.32), spools_s=(0.9, 1.8), slower=(2.0, 4.0), opens=(0.75, 0.95), shuts=(0.15, 0.35))
 class WastegateSticksOpen(Hidden, boost=0.0, open=0.0):
     """`boost` over the most; much of it opens the wastegate, which sticks and shuts only after the boost has
     gone. A pull that follows upon a hard one builds its boost with half of the gas. without: of peak torque,
@@ -46,9 +46,7 @@ class WastegateSticksOpen(Hidden, boost=0.0, open=0.0):
 
 
 @law("w_fuel_comes_back_hot", needs="hills highway", name="torque_derate", accepts="torque_gain", shown=True)
-@sizes(
-    thins=(0.12, 0.25), cuts=(0.25, 0.45), heats_s=(30.0, 80.0), cools_s=(70.0, 200.0), feels_s=(5.0, 20.0)
-)
+@sizes(thins=(0.18, 0.32), cuts=(0.3, 0.45), heats_s=(20.0, 55.0), cools_s=(70.0, 200.0), feels_s=(5.0, 20.0))
 class FuelComesBackHot(Hidden):
     """`tank`, `pump`: heat of fuel, 0 as the air to about 1, where torque is cut. What the injectors return
     heats a tank that is nearly empty, the wind of driving cools it; thin fuel gives less, too hot fuel is

@@ -15,7 +15,7 @@ law = partial(hidden, family="sealed")
 
 
 @law("w_speed_before_heat", needs="highway hills", name="rolling_resistance_speed", accepts="drag_area")
-@sizes(at_once=(0.005, 0.010), power=(1.2, 1.9), heals=(0.35, 0.65), warms_s=(40.0, 130.0))
+@sizes(at_once=(0.007, 0.013), power=(1.2, 1.9), heals=(0.5, 0.8), warms_s=(25.0, 80.0))
 class SpeedBeforeHeat(Hidden, heat=-1.0):
     """Faster rolling costs more at once; then the tyre warms to the new speed and part of that goes. `heat`:
     the speed that its warmth belongs to. at_once: of the weight, from standing to 20 m/s; heals: of that, in
@@ -57,7 +57,7 @@ class PuddlesCoolTheTyres(OnRoad):
 
 
 @law("w_grip_goes_to_the_bend", needs="suburban hills", name="wheel_slip", accepts="torque_limit")
-@sizes(grip=(0.13, 0.2), driven=(0.32, 0.42), care=(0.75, 0.95), finds_s=(0.15, 0.4), edge=(0.7, 0.85))
+@sizes(grip=(0.17, 0.25), driven=(0.32, 0.42), care=(0.75, 0.95), finds_s=(0.15, 0.4), edge=(0.7, 0.85))
 class GripGoesToTheBend(Bends, lost=0.0):
     """On a greasy road driven wheels have what a bend leaves of their grip, and slip beyond. grip: of the
     road; driven: of the weight; care: most of the grip that drivers give to bends; edge: of what is left,
@@ -80,7 +80,7 @@ class GripGoesToTheBend(Bends, lost=0.0):
 
 
 @law("w_steers_as_it_bounces", needs="suburban hills descent", name="unknown")
-@sizes(toe=(0.008, 0.02), dives=(0.03, 0.05), rolls=(0.0, 0.4), stiff=(5.0, 8.0), hz=(1.1, 1.8))
+@sizes(toe=(0.001, 0.008), dives=(0.045, 0.07), rolls=(0.0, 0.2), stiff=(6.0, 10.0), hz=(0.9, 1.4))
 @sizes(share=(0.6, 0.95))
 class SteersAsItBounces(Hidden, travel=0.0, pace=0.0):
     """`travel` of the front springs, 1 at 1 m/s2 of braking. Worn links turn the wheels in and out with it,
@@ -95,8 +95,8 @@ class SteersAsItBounces(Hidden, travel=0.0, pace=0.0):
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         along = np.clip(view.acceleration + GRAVITY * view.grade, -3.0, 3.0)
         omega = 2.0 * np.pi * p.hz
-        s.pace = s.pace + dt * (omega**2 * (-along - s.travel) - 0.6 * omega * s.pace)
+        s.pace = s.pace + dt * (omega**2 * (-along - s.travel) - 0.45 * omega * s.pace)
         s.travel = np.clip(s.travel + dt * s.pace, -4.0, 4.0)
         angle = self.side * p.toe + p.dives * s.travel
         drag = p.stiff * angle**2 / (1.0 + p.rolls + (angle / 0.06) ** 2)
-        return -p.share * np.minimum(drag, 0.05) * weight(view) * moving(view)
+        return -p.share * np.minimum(drag, 0.07) * weight(view) * moving(view)
