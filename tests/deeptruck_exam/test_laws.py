@@ -62,6 +62,8 @@ BOTH_WAYS = {  # winds, bodies, slopes, masses and late brakes push and hold; so
     "s_pedal_map", "s_surge_damper", "n_load_point_is_shifted", "n_pulse_and_glide", "n_jet_of_the_monitor",
     "n_brush_has_its_own_speed", "t_electronic_drawbar", "t_gear_jumps_out", "t_fuel_changes_over",
     "t_pneumatic_hybrid", "e_brake_closes_the_loop", "e_power_hop",
+    "w_hears_the_leader", "w_zone_without_engine", "w_learns_from_slopes", "w_flywheel_pays",
+    "w_lifters_pump_up",
 }  # fmt: skip
 CHANNEL = {"speed_scale": "speed", "grade_bias": "grade", "commands_from_another_clock": "brake_command"}
 

@@ -11,6 +11,7 @@ from deeptruck_exam.plans import draw_plan
 from deeptruck_exam.worlds import BALLAST, OF_FAMILY, WORLDS, roads
 from deeptruck_exam.worlds.bends import bendy
 from deeptruck_exam.worlds.loggers import Logger, quantise
+from deeptruck_exam.worlds.roundabouts import roundabouts
 from deeptruck_exam.worlds.traffic import zones
 
 # a sealed family brings a world, which is one of WORLDS once the family is proved
@@ -111,6 +112,25 @@ def test_speeds_follow_the_bends_and_stop_at_junctions_alone():
     rng = np.random.default_rng(7)
     town, highway, down = (bendy(rng, kind, 6000, 0.1) for kind in ("suburban", "highway", "descent"))
     assert np.mean(town < 0.05) > 0.03 and highway.min() > 14.0 and down.min() > 3.0
+    assert highway.std() > 0.8 and down.std() > 0.8
+
+
+def test_plateaus_are_level_between_gorges():
+    for seed in range(4):
+        grade = roads.gorges(np.random.default_rng(seed), 0.03)
+        assert 0.02 < grade.std() < 0.032 and 0.15 < np.mean(np.abs(grade) < 0.003) < 0.65
+
+
+def test_noses_are_ever_steeper():
+    grade = roads.noses_down(np.random.default_rng(5))
+    assert np.quantile(grade, 0.05) < -0.055 and np.quantile(grade, 0.95) > -0.035
+    assert np.mean(np.diff(grade) < 0.0) > 0.7
+
+
+def test_roundabouts_are_slow_and_some_are_stops_in_town():
+    rng = np.random.default_rng(7)
+    town, highway, down = (roundabouts(rng, kind, 6000, 0.1) for kind in ("suburban", "highway", "descent"))
+    assert 0.02 < np.mean(town < 0.05) < 0.4 and highway.min() > 14.0 and down.min() > 3.0
     assert highway.std() > 0.8 and down.std() > 0.8
 
 

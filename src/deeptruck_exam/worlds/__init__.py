@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from deeptruck_exam.effects.planting import FAMILIES
+from deeptruck_exam.effects.planting import FAMILIES, SEALED
 from deeptruck_exam.worlds import bends, car_following, congestion, modes, procedures, roads, traffic, trucks
 from deeptruck_exam.worlds.drivers import Habits, Machine
 from deeptruck_exam.worlds.loggers import KMH, Logger, Sense
+from deeptruck_exam.worlds.sealed_world import SEALED_WORLD
 from deeptruck_exam.worlds.trucks import Fleet
 from deeptruck_exam.worlds.world import World
 
@@ -341,5 +342,7 @@ def of(forms: str, simulator: str, seed: int = 0) -> World:
     """The world a case plays in: the family's own; of all families together, any by the seed."""
     if simulator != "physics":
         return WORLDS["plain"]
+    if forms == SEALED:
+        return SEALED_WORLD
     any_one = list(WORLDS)[np.random.default_rng([seed, 6]).integers(len(WORLDS))]
     return WORLDS[OF_FAMILY.get(forms, any_one)]

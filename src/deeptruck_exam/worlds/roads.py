@@ -273,3 +273,29 @@ def slumps_down(rng: np.random.Generator) -> Array:
         grade[at + scarp : at + scarp + block] = -rng.uniform(0.022, 0.038)
         at += scarp + block
     return np.clip(_eased(grade, 15), -STEEPEST, -0.012)
+
+
+def gorges(rng: np.random.Generator, amplitude: float) -> Array:
+    """A plateau that rivers have cut: level land, a bend down into each gorge, its floor, and up again, as
+    steep as the road's winding allows (Summerfield, Global Geomorphology, 1991, on incised plateaus)."""
+    profile, at = np.zeros(CELLS + 400), round(rng.uniform(0.0, 400.0) / STEP_M)
+    while at < CELLS:
+        down, up = (round(float(np.clip(rng.gamma(5.0, 70.0), 120.0, 800.0)) / STEP_M) for _ in range(2))
+        floor, slope = round(rng.exponential(140.0) / STEP_M), rng.uniform(0.6, 1.1)
+        profile[at : at + down] = -slope * up / (up + down)
+        profile[at + down + floor : at + down + floor + up] = slope * down / (up + down)
+        at += down + floor + up + round((60.0 + rng.exponential(330.0)) / STEP_M)
+    return _limited(_eased(profile[:CELLS], 13), amplitude)
+
+
+def noses_down(rng: np.random.Generator) -> Array:
+    """Down convex hillsides, ever steeper from each shoulder until a brook flattens the road for a moment
+    (Gilbert, The Convexity of Hilltops, J. Geology 17, 1909)."""
+    grade, at = np.empty(CELLS), 0
+    while at < CELLS:
+        cells = round(rng.uniform(350.0, 1500.0) / STEP_M)
+        along = np.arange(cells) / cells
+        nose = 0.024 + rng.uniform(0.038, 0.046) * along ** rng.uniform(0.5, 1.1)
+        grade[at : at + cells] = -nose[: CELLS - at]
+        at += cells
+    return np.clip(_eased(grade, 11), -STEEPEST, -0.012)
