@@ -25,8 +25,10 @@ TELLS = 2.0  # independent numbers that a free run's error in speed tells: how f
 def refitted(search: Search, model: Model, horizon_s: float) -> Model:
     """The model with the coefficients that leave the least squares of speed error in free runs of
     `horizon_s`, to first order, under the same priors and signs."""
-    columns, prior, _ = search.design(model)
     counted, length = search.series.valid, max(1, round(horizon_s / search.e.dt))
+    if not counted.any():
+        return model  # its sizes are those of the priors
+    columns, prior, _ = search.design(model)
     X = _added_up(search, columns, length)[counted]
     y = _added_up(search, search.series.y[:, None], length)[counted, 0]
     b = model.fit.b

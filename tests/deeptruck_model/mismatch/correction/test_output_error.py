@@ -40,3 +40,9 @@ def test_what_acts_on_slow_changes_alone_has_its_size_by_free_runs(nothing_missi
     )
     probable, driving = moved(e)
     assert probable < 0.07 and driving == pytest.approx(0.1, abs=0.01)
+
+
+def test_where_no_row_counts_sizes_stay_those_of_the_priors(nothing_missing: Evidence) -> None:
+    search = Search(nothing_missing, only=np.zeros(len(nothing_missing), dtype=bool))
+    model = search.model((), FREE)
+    assert output_error.refitted(search, model, 20.0) is model
