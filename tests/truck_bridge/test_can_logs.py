@@ -11,7 +11,7 @@ import can
 import numpy as np
 import pytest
 
-from deeptruck_model.recordings import import_table
+from deeptruck_model.recordings import import_table, read
 from truck_bridge import can_logs
 from truck_bridge.can_logs import convert, import_can_log
 from truck_bridge.errors import InputError
@@ -179,6 +179,35 @@ def test_columns_choose_other_signals(tmp_path):
     assert interface["name"] == "mine"
     assert channels["engine_command"][1] == pytest.approx(40.0)
     assert channels["engine_torque"][1] == pytest.approx(0.3 * 2600)
+
+
+def test_a_chosen_command_has_the_unit_of_its_signal(tmp_path):
+    """Fuel drives, and a demanded deceleration brakes; a demand to accelerate brakes by nothing."""
+    codec, lines = load(), []
+    for k in range(100):
+        sent = {
+            "CCVS1": {"WheelBasedVehicleSpeed": 36.0},
+            "LFE1": {"EngineFuelRate": 36.0},
+            "XBR": {"ExternalAccelerationDemand": -2.0 if k < 50 else 1.0},
+        }
+        frames = [(codec[name].can_id(0), codec[name].encode(values)) for name, values in sent.items()]
+        lines += [f"({k / 10:.6f}) can0 {i:08X}#{data.hex()}\n" for i, data in frames]
+    log = written(tmp_path, "".join(lines), "fuel.log")
+    chosen = {
+        "engine_command": {"signal": "LFE1.EngineFuelRate"},
+        "brake_command": {"signal": "XBR.ExternalAccelerationDemand"},
+    }
+    channels, interface = import_can_log(log, {"channels": chosen})
+    assert (interface["engine_unit"], interface["brake_unit"]) == ("cm^3/s", "m/s^2")
+    assert channels["engine_command"][1] == pytest.approx(10.0, abs=0.01)
+    brake = channels["brake_command"][1]
+    assert brake[:50] == pytest.approx(2.0, abs=0.001) and not brake[50:].any()
+    import_table(log, {"channels": chosen}, tmp_path / "bag")
+    (recording,) = read(tmp_path / "bag")
+    assert (recording.interface.engine_unit, recording.interface.brake_unit) == ("cm^3/s", "m/s^2")
+    speed = {"channels": {"brake_command": {"signal": "CCVS1.WheelBasedVehicleSpeed"}}}
+    with pytest.raises(InputError, match="brake_command cannot be in 'km/h'; choose a signal in %, m/s"):
+        import_can_log(log, speed)
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from truck_bridge.can_logs.decoding import Decoding, decode
 from truck_bridge.channels import CARRIERS, converter
 from truck_bridge.errors import InputError
 from truck_bridge.j1939.codec import Codec
-from truck_bridge.units import to_si
+from truck_bridge.units import COMMANDS, of_command, to_si
 
 Array = NDArray[np.float64]
 Series = tuple[Array, Array]
@@ -30,8 +30,9 @@ def import_can_log(log_path: Path, columns: Mapping[str, Any]) -> tuple[dict[str
     is the driver's demand torque (SPN 512, percent) and the brake command the pedal position (SPN 521,
     percent) where the log has it. `columns` may hold: `vehicle` (whose DBC files and reference torque
     apply), `name`, `reference_torque` (N m), `conceal` (channels to leave out), and `channels: {speed:
-    {signal: EBC2.FrontAxleSpeed, source: 0x0B}, ...}` to take a channel from elsewhere. Torque in N m is
-    left out where no reference torque is known (SPN 544 in the log, the vehicle or `reference_torque`).
+    {signal: EBC2.FrontAxleSpeed, source: 0x0B}, ...}` to take a channel from elsewhere; a command so taken
+    has its signal's unit. Torque in N m is left out where no reference torque is known (SPN 544 in the log,
+    the vehicle or `reference_torque`).
     Active faults (DM1) are channels of their own; `interface["notes"]` names them and the VIN, where heard.
     Raises InputError on a bad log or bad columns.
     """
@@ -39,9 +40,12 @@ def import_can_log(log_path: Path, columns: Mapping[str, Any]) -> tuple[dict[str
     found = decode(log_path, codec)
     torque = found.reference_torque if math.isnan(torque) else torque
     channels: dict[str, Series] = {}
-    chosen = columns.get("channels") or {}
-    for channel, spec in chosen.items():
-        channels[channel] = _chosen(found, channel, spec, torque)
+    units = dict.fromkeys(COMMANDS, "percent")
+    for channel, spec in (columns.get("channels") or {}).items():
+        if channel in COMMANDS:
+            channels[channel], units[channel] = _command(found, channel, spec)
+        else:
+            channels[channel] = _chosen(found, channel, spec, torque)
     for channel, keys in _defaults(found, torque).items():
         if channel not in channels and keys:
             channels[channel] = keys
@@ -52,8 +56,8 @@ def import_can_log(log_path: Path, columns: Mapping[str, Any]) -> tuple[dict[str
         raise InputError(f"{log_path} holds no vehicle speed (CCVS1 or EBC2); is it a J1939 log of a truck?")
     interface: dict[str, Any] = {
         "name": str(columns.get("name", columns.get("vehicle", log_path.stem))),
-        "engine_unit": "percent",
-        "brake_unit": "percent" if "brake_command" in channels else None,
+        "engine_unit": units["engine_command"],
+        "brake_unit": units["brake_command"] if "brake_command" in channels else None,
         "grade": "grade" in channels,
         "fuel": "fuel_rate" in channels,
     }
@@ -124,13 +128,29 @@ def _arrays(found: Decoding, key: tuple[str, str, int]) -> Series:
 
 
 def _chosen(found: Decoding, channel: str, spec: Any, torque: float) -> Series:
+    message, name, (times, values) = _raw(found, channel, spec)
+    same = [c for c in CARRIERS if (c.channel, c.message, c.signal) == (channel, message, name)]
+    factor = to_si(found.codec[message].signals[name].unit)[0]
+    convert = converter(same[0], found.codec, torque) if same else (lambda value: value * factor)
+    return times, np.array([convert(value) for value in values])
+
+
+def _command(found: Decoding, channel: str, spec: Any) -> tuple[Series, str]:
+    """A command in a unit that a truck interface can have, and that unit. What is no braking brakes by 0."""
+    message, name, (times, values) = _raw(found, channel, spec)
+    factor, unit = of_command(channel, found.codec[message].signals[name].unit)
+    values = factor * values
+    return (times, np.maximum(values, 0.0) if channel == "brake_command" else values), unit
+
+
+def _raw(found: Decoding, channel: str, spec: Any) -> tuple[str, str, Series]:
+    """Message and signal that a channel is to be taken from, and its samples in the unit of the bus."""
     if not isinstance(spec, Mapping) or "signal" not in spec or set(spec) - {"signal", "source"}:
         raise InputError(
             f"columns: channel {channel} needs {{signal: MESSAGE.SIGNAL, source: ADDRESS (optional)}}"
         )
     message, _, name = str(spec["signal"]).partition(".")
-    signal = found.codec[message].signals.get(name)
-    if signal is None:
+    if name not in found.codec[message].signals:
         raise InputError(
             f"columns: {message} has no signal '{name}'; known: {', '.join(found.codec[message].signals)}"
         )
@@ -141,8 +161,4 @@ def _chosen(found: Decoding, channel: str, spec: Any, torque: float) -> Series:
         series = _best(found, message, name)
     if series is None:
         raise InputError(f"columns: the log holds no valid sample of {spec['signal']} for channel {channel}")
-    same = [c for c in CARRIERS if (c.channel, c.message, c.signal) == (channel, message, name)]
-    convert = (
-        converter(same[0], found.codec, torque) if same else (lambda value: value * to_si(signal.unit)[0])
-    )
-    return series[0], np.array([convert(value) for value in series[1]])
+    return message, name, series
