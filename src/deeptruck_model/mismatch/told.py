@@ -26,7 +26,7 @@ def rows(simulator: Simulator) -> list[Row]:
     """Rows for a simulator that passed the protocol check."""
     seen = simulator.inside(start(simulator, 15.0))
     own = simulator.parameters()
-    out = [_refitted(simulator), _components(set(seen)), _newtons(set(seen), own), _gears(set(seen))]
+    out = [_refitted(simulator), _components(set(seen)), _newtons(set(seen), own, simulator.interface.mass_kg), _gears(set(seen))]
     return out if own else [*out, _learned(simulator)]
 
 
@@ -65,11 +65,11 @@ def _components(seen: set[str]) -> Row:
     return Row("forces", State.NOTE, says, f"tell {', '.join(FORCES)} in inside(), in SI")
 
 
-def _newtons(seen: set[str], own: dict[str, float]) -> Row:
-    if "mass" in own or "traction_force" in seen:
+def _newtons(seen: set[str], own: dict[str, float], stated_kg: float | None) -> Row:
+    if "mass" in own or "traction_force" in seen or stated_kg is not None:
         return Row("forces in N", State.YES, "by its own mass")
-    says = "by a mass guessed from recorded engine_torque or fuel_rate, else of 20 t"
-    return Row("forces in N", State.NOTE, says, "tell mass (kg) in parameters(), or mass_kg in COLUMNS.yaml")
+    mend = "tell mass (kg) in parameters(), or state it: mass_kg in COLUMNS.yaml, or --mass-kg"
+    return Row("forces in N", State.NOTE, "told in m/s^2, as nothing tells its mass", mend)
 
 
 def _gears(seen: set[str]) -> Row:

@@ -33,7 +33,7 @@ def test_of_a_truck_that_tells_nothing_the_rest_is_guessed(shuttle: Path) -> Non
     truck.parameters = dict  # type: ignore[method-assign]
     found = rows(truck)
     assert {row.state for row in found.values()} == {State.NOTE}
-    assert "20 t" in found["forces in N"].says and "counts as learned" in found["own errors"].says
+    assert "m/s^2" in found["forces in N"].says and "counts as learned" in found["own errors"].says
 
 
 def test_half_of_the_forces_and_parameters_that_do_nothing_are_missing(shuttle: Path) -> None:
