@@ -26,7 +26,12 @@ def rows(simulator: Simulator) -> list[Row]:
     """Rows for a simulator that passed the protocol check."""
     seen = simulator.inside(start(simulator, 15.0))
     own = simulator.parameters()
-    out = [_refitted(simulator), _components(set(seen)), _newtons(set(seen), own, simulator.interface.mass_kg), _gears(set(seen))]
+    out = [
+        _refitted(simulator),
+        _components(set(seen)),
+        _newtons(set(seen), own, simulator.interface.mass_kg),
+        _gears(set(seen)),
+    ]
     return out if own else [*out, _learned(simulator)]
 
 
