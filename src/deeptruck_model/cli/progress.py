@@ -12,7 +12,7 @@ QUIET_S = 2.0  # a log tells no step before: what refuses its input does so by o
 
 @contextmanager
 def progress(first: str) -> Iterator[Callable[[str], None]]:
-    """A function that tells on stderr which step begins; the `first` one is told at once."""
+    """A function that tells on stderr which step begins; a terminal shows the `first` one at once."""
     from rich.console import Console
 
     console = Console(stderr=True)

@@ -112,6 +112,7 @@ class FitResult:
     errors: Compared | None = None
     improvement: Improvement | None = None
     refitted: Mapping[str, float] = field(default_factory=dict)  # relative changes of its parameters
+    for_driving: bool = False  # whether its sizes are those of least speed error, not the most probable ones
 
     def to_json(self) -> dict[str, Any]:
         """`fit`."""
@@ -119,6 +120,8 @@ class FitResult:
         out = {name: getattr(self, name) for name in names}
         if self.refitted:
             out["refitted"] = dict(self.refitted)
+        if self.for_driving:
+            out["for_driving"] = True
         if self.errors is not None:
             out |= {name: rmse.to_json() for name, rmse in self.errors.each().items()}
         if self.improvement is not None:
@@ -138,4 +141,5 @@ class FitResult:
             Compared(**driven) if driven else None,
             Improvement.read(fit) if driven else None,
             fit.get("refitted", {}),
+            fit.get("for_driving", False),
         )  # fmt: skip

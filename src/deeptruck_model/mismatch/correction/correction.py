@@ -69,6 +69,7 @@ class Corrections:
     unnamed: CorrectedTruck | None
     crossed: dict[str, Errors] = field(default_factory=dict)
     chosen: Chosen = Chosen.FINDINGS  # what `named` holds
+    for_driving: bool = False  # whether `named` has the sizes that drive best
 
     def after(self, with_unnamed: bool) -> tuple[CorrectedTruck, Chosen]:
         """The corrected simulator, with laws for what has no name where these are asked for and there."""
@@ -95,17 +96,19 @@ def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequenc
     if unnamed is not None and (trials.crossed or any(c.other_form for c in x.causes)):
         recipes.append(unnamed)
     own = any(c.other_form or c.effect == UNKNOWN for c in x.causes)  # laws are what was found
-    best = trials.with_better_sizes(best_of(recipes, [trials.mean_square(r) for r in recipes], own))
-    alone = trials.with_better_sizes(alone)
+    first = best_of(recipes, [trials.mean_square(r) for r in recipes], own)
+    tuned = trials.with_better_sizes(alone)
+    best = tuned if first is alone else trials.with_better_sizes(first)
     truck = partial(Recipe.corrected, simulator=simulator, search=search, shares=trials.shares)
     return Corrections(
-        truck(alone),
+        truck(tuned),
         truck(best),
         truck(best if best.what is Chosen.LAWS else unnamed) if unnamed is not None else None,
-        dict(zip(COMPARED, map(trials.errors, (nothing, alone, best)), strict=True))
+        dict(zip(COMPARED, map(trials.errors, (nothing, tuned, best)), strict=True))
         if trials.crossed and best is not nothing
         else {},
         best.what,
+        best.for_driving,
     )
 
 
@@ -131,6 +134,7 @@ def shown(
         errors=told,
         improvement=gained,
         refitted={p: round(change, 4) for p, change in after.moved.items()},
+        for_driving=made.for_driving and after is made.named,
     )
     return errors, after.marked(fit.validated), fit
 

@@ -39,6 +39,10 @@ TUNED = (
     "with other parameters the speed error of held-out free runs is {tuned:.3g} m/s instead of "
     "{before:.3g} m/s, though none of them is surely wrong"
 )
+FOR_DRIVING = (
+    "The correction has the sizes that drive best along recordings they were not fitted to; "
+    "findings tell the most probable ones."
+)
 HELPS = 0.9  # of the error, below which what has no name is worth asking for
 
 
@@ -50,7 +54,8 @@ def said(fit: FitResult | None) -> list[str]:
         more = [UNSTATED] if refitted_is_surely_better(fit) else []
         return ["Nothing was changed, so before and after are the same.", *more]
     beside = _beside_parameters(fit, fit.improvement)
-    return [ASKED, *_passed(fit, fit.improvement), *beside, *_refitted(fit)]
+    sizes = [FOR_DRIVING] if fit.for_driving else []
+    return [ASKED, *_passed(fit, fit.improvement), *beside, *sizes, *_refitted(fit)]
 
 
 def _refitted(fit: FitResult) -> list[str]:

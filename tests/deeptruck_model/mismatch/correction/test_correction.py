@@ -212,6 +212,27 @@ def test_laws_join_names_that_drive_better_where_drives_that_were_not_fitted_ask
     assert ("unknown" in {t.effect for t in made.named.terms}) == (chosen is Chosen.LAWS)
 
 
+def test_sizes_that_drive_better_go_in_and_are_told(
+    nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ends = np.linspace(0, len(nothing_missing), 9).astype(int)
+    drives = [Stretch(f"d{k}", ends[k], ends[k + 1], 0.0, k > 5) for k in range(8)]
+    e = replace(nothing_missing, stretches=tuple(drives))
+    law, _ = law_and_gusts(e)
+    monkeypatch.setattr(
+        recipes.Trials,
+        "errors",
+        lambda self, r: run(0.1 if r.for_driving else 0.2 if r.what is Chosen.FINDINGS else 0.4),
+    )
+    monkeypatch.setattr(recipes, "horizon", lambda *_: 20.0)
+    cause = Cause("missing_physics", law.mechanism.effect, 200.0, 1.0, np.ones(len(e)), term=law)
+    model = Search(e).model((law,), frozenset())
+    made = correction.correct(TRUCK, e, explanation((cause,), model), [None] * 6)  # type: ignore[list-item]
+    assert made.chosen is Chosen.FINDINGS and made.for_driving
+    _, _, fit = correction.shown(TRUCK, made, [], with_unnamed=False)
+    assert fit.for_driving
+
+
 def test_a_truck_with_laws_can_be_kept(nothing_missing: Evidence, tmp_path: Path) -> None:
     law = next(s for s in laws(nothing_missing) if s.variant.constants == Follower("brake", "late"))
     term = Term("unknown", law.variant, tuple(np.linspace(0.0, 0.1, law.columns.shape[1]).tolist()))

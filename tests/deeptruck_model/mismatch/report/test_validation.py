@@ -106,6 +106,14 @@ def test_where_nothing_was_found_and_other_parameters_drive_better_that_is_said(
     assert any("0.4 m/s instead of 0.8 m/s" in line for line in said) == told
 
 
+def test_that_the_correction_has_other_sizes_is_said_and_kept() -> None:
+    usual = fit((0.95, 0.96), (0.1, 0.3))
+    driving = replace(usual, for_driving=True)
+    assert validation.FOR_DRIVING in validation.said(driving) and driving.to_json()["for_driving"]
+    assert validation.FOR_DRIVING not in validation.said(usual) and "for_driving" not in usual.to_json()
+    assert FitResult.read(driving.to_json()) == driving
+
+
 def test_by_how_much_parameters_are_moved_is_said_and_kept() -> None:
     moved = replace(fit((0.95, 0.96), (0.1, 0.3)), refitted={"rolling_resistance": -0.11, "brake_gain": 0.24})
     assert validation.said(moved)[-1].endswith(": brake gain +24.0 %, rolling resistance -11.0 %.")
