@@ -36,7 +36,7 @@ from deeptruck_model.mismatch.posterior.modelled import Formula
 from deeptruck_model.mismatch.report import findings, identifiability, validation
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import PARAMETERS, gather
-from deeptruck_model.mismatch.result import Conclusion, DataReport, Mismatch, Verdict
+from deeptruck_model.mismatch.result import Conclusion, DataReport, Mismatch, Regime, Verdict
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.simulators import Simulator
@@ -162,7 +162,7 @@ def _find(
     force = sum((cause.force for cause in causes.values()), start=np.zeros(len(e)))
     data = _data(c, e)
     regimes = locate.regimes(e, force if causes else e.residual)
-    unsaid = "" if found else differs(simulator, c.prepared[0].measured_acceleration, fit, regimes, rules)
+    unsaid = "" if found else _unsaid(simulator, c, driven, regimes, rules)
     verdict = Verdict(
         kind=Conclusion.UNDETERMINED if unsaid else _conclusion(found),
         findings=tuple(found),
@@ -209,6 +209,14 @@ def _explained(
     e, x = linearised.explained(simulator, given, c.prepared, c.held_out, seed, without, say)
     again = correction.corrected_and_driven(simulator, e, x, fitted, held_out, with_unnamed)
     return e, replace(again, refuted=(*driven.refuted, *again.refuted))
+
+
+def _unsaid(
+    simulator: Simulator, c: Checked, driven: correction.Driven, regimes: Sequence[Regime], rules: Rules
+) -> str:
+    """Why 'nothing missing' is no answer where there is no finding; empty where it is one."""
+    differs_here = differs(simulator, c.prepared[0].measured_acceleration, driven.fit, regimes, rules)
+    return differs_here or validation.no_name_is_sure(driven.fit, bool(driven.refuted))
 
 
 def _without_mass(e: Evidence, found: Sequence[Finding]) -> list[str]:

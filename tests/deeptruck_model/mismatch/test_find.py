@@ -119,6 +119,17 @@ def test_what_held_out_drives_refute_is_suspected_and_the_search_goes_on(
     assert again  # the search did go on
 
 
+def test_where_no_name_held_and_other_parameters_drive_much_better_nothing_missing_is_no_answer(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(correction, "claimed", lambda x, fit, rules: not x.causes)
+    recorded = drives(TRUCK.with_parameters({"mass": 24000.0}), 4, seed=50)
+    said = run(recorded[:-1], recorded[-1:])
+    assert said["suspicions"] and not said["findings"]
+    assert said["verdict"] == "undetermined"
+    assert "no name for it is sure" in said["caveats"][-1]
+
+
 def test_forces_without_a_mass_are_told_per_kilogram() -> None:
     """A small car's slopes came to 7000 N, of the 20 t that are taken where nothing tells a mass."""
     known, unknown = (cast(Evidence, SimpleNamespace(mass_known=told)) for told in (True, False))

@@ -39,6 +39,10 @@ TUNED = (
     "with other parameters the speed error of held-out free runs is {tuned:.3g} m/s instead of "
     "{before:.3g} m/s, though none of them is surely wrong"
 )
+NO_NAME = (
+    "other parameters drive the held-out recordings much better, and what explained the fitted ones did not "
+    "hold there: something differs, and no name for it is sure"
+)
 FOR_DRIVING = (
     "The correction has the sizes that drive best along recordings they were not fitted to; "
     "findings tell the most probable ones."
@@ -117,6 +121,12 @@ def caveats(fit: FitResult, found: bool) -> list[str]:
     if e is not None and e.free_model is not None and unnamed_would_help(fit):
         out.append(UNNAMED.format(after=e.after.speed, free=e.free_model.speed))
     return out
+
+
+def no_name_is_sure(fit: FitResult, withdrawn: bool) -> str:
+    """That the simulator is off, where what was found was `withdrawn` and other parameters help much; else
+    empty."""
+    return NO_NAME if withdrawn and refitted_is_much_better(fit) else ""
 
 
 def unnamed_would_help(fit: FitResult | None) -> bool:
