@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from deeptruck_model.mismatch.mechanisms import is_time_varying
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.free_law import FreeModel, LeftOver, left_over
-from deeptruck_model.mismatch.posterior.naming import as_laws, asked_for, renamed, with_the_rest
+from deeptruck_model.mismatch.posterior.naming import asked_for, renamed, with_the_rest
 from deeptruck_model.mismatch.posterior.penalties import discrepancy_penalty, large_enough
 from deeptruck_model.mismatch.posterior.rivals import named_cause, tuned_causes
 from deeptruck_model.mismatch.posterior.road_lock import road_lock
@@ -35,11 +35,6 @@ def explain(search: Search) -> Explanation:
     model = renamed(search, asked_for(search, _fewest_parameters(search, model, null)))
     left = _beyond_its_own(search, left_over(search, model))
     causes = _causes(search, model, null, left)
-    search, lawful = as_laws(search, model, causes)
-    if lawful is not model:
-        model = renamed(search, asked_for(search, lawful))
-        left = _beyond_its_own(search, left_over(search, model))
-        causes = _causes(search, model, null, left)
     rest = next((c for c in causes if c.predictable and not c.nearest), None)
     wider = model if rest is None else with_the_rest(search, model, rest.force)
     if wider is not model:

@@ -108,34 +108,6 @@ def _lost(search: Search, model: Model, other: Model, others: Sequence[Candidate
     return (model.score - other.score) / max(search.rules.temper, search.rules.coarse * gain)
 
 
-def as_laws(search: Search, model: Model, causes: Sequence[Cause]) -> tuple[Search, Model]:
-    """The model with a law in the place of each wrong parameter among the causes that is more like that law,
-    and the search in which these parameters are right.
-
-    A parameter has no form that fits badly, and is free to take what a law of no form here would explain. A
-    weak one stays: it is told for what its own correction shows, and the law's would have to show as much.
-    """
-    wrong = [c for c in causes if c.kind == "parameter_error" and c.gain > search.rules.clear]
-    likeness = Likeness(search, model)
-    for c in sorted(wrong, key=lambda c: -c.gain) if search.e.model_discrepancy == 0.0 else ():
-        told = _recognised(likeness, c, causes)
-        law = _likest(search, told.names)
-        if len(model.named) >= MOST_TERMS or law in model.effects or not _more_like(told, law):
-            continue
-        sure = search.with_right({c.effect})
-        other = _by_the_name(sure, sure.background(model.named), model.named, law)
-        if other is None:
-            continue
-        rivals = (*((n, lost) for n, lost in c.rivals if n != law), (law, model.score - other.score))
-        if _more_like(replace(told, rivals=rivals), law):
-            search, model = sure, other
-    return search, model
-
-
-def _more_like(c: Cause, name: str) -> bool:
-    return c.names.get(name, 0.0) > c.names.get(c.effect, 0.0)
-
-
 def with_the_rest(search: Search, model: Model, rest: Array) -> Model:
     """The model with one name more, where what it leaves over, `rest` (n,), is more like a name than like
     nothing known, and that name's own forms explain enough of it."""

@@ -8,8 +8,7 @@ penalises every coefficient.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
-from copy import copy
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -106,7 +105,7 @@ class Search:
     ) -> None:
         """`only` of its rows (n,); `sigma`, m/s^2, is the noise by which rows are weighed, else measured;
         `held` the relative change by which parameters may move that are not free."""
-        self._held, self._right = held, frozenset[str]()
+        self._held = held
         self.e, self.rules = evidence, evidence.rules
         self.parameters = tuple(evidence.sensitivity)
         self._late, self._lateness = sensor_filter.known(evidence)
@@ -125,12 +124,6 @@ class Search:
         self._candidate_terms: dict[str, list[CandidateTerm]] = {}
         self._memo: tuple[Model, Fit, tuple[Array, Array, Array, Array]] | None = None
         self._models: dict[tuple[object, ...], Model] = {}
-
-    def with_right(self, parameters: Collection[str]) -> Search:
-        """The same search, in which these parameters of the simulator are right and never set free."""
-        other = copy(self)
-        other._right = self._right | set(parameters)
-        return other
 
     def candidate_terms(self, mechanism: Mechanism) -> list[CandidateTerm]:
         """All candidate terms of a mechanism on this evidence, made once."""
@@ -192,14 +185,11 @@ class Search:
     def background(self, named: tuple[CandidateTerm, ...]) -> Model:
         """The best model with these mechanisms and any set of free parameters that a greedy search finds."""
         best = self.model(named, frozenset())
-        unsure = frozenset(self.parameters) - self._right
-        everything = self.model(named, unsure)
+        everything = self.model(named, frozenset(self.parameters))
         grown = best
         while True:
             options = [
-                self.model(named, grown.free | {p}, grown.fit)
-                for p in self.parameters
-                if p in unsure - grown.free
+                self.model(named, grown.free | {p}, grown.fit) for p in self.parameters if p not in grown.free
             ]
             step = max(options, key=lambda m: m.score, default=grown)
             if step.score < grown.score + self.rules.temper:

@@ -13,9 +13,8 @@ from deeptruck_model.mismatch.posterior import naming
 from deeptruck_model.mismatch.posterior.explain import explain
 from deeptruck_model.mismatch.posterior.kernel_evidence import KernelEvidence
 from deeptruck_model.mismatch.posterior.kernels import NOTHING
-from deeptruck_model.mismatch.posterior.naming import as_laws, asked_for, recognised, renamed
+from deeptruck_model.mismatch.posterior.naming import asked_for, recognised, renamed
 from deeptruck_model.mismatch.posterior.recogniser import WEIGHTS, Recogniser, recogniser
-from deeptruck_model.mismatch.posterior.rivals import tuned_causes
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.posterior.stepwise import grow
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -79,24 +78,6 @@ def test_a_liker_name_takes_the_place_unless_its_forms_explain_far_less(
     monkeypatch.setattr(Recogniser, "probabilities", lambda self, f: likely)
     monkeypatch.setattr(naming, "_lost", lambda *given: lost)
     assert renamed(search, model).effects == ((other,) if moves else (effect,))
-
-
-@pytest.mark.parametrize(("likest", "laws"), [("torque_derate", 1), ("torque_gain", 0)])
-def test_a_parameter_gives_way_to_the_law_that_it_is_more_like(
-    nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch, likest: str, laws: int
-) -> None:
-    e = nothing_missing
-    search = Search(replace(e, residual=e.residual - 0.25 * e.sensitivity["torque_gain"]))
-    model = search.background(())
-    causes = tuned_causes(search, model)
-    assert [c.effect for c in causes] == ["torque_gain"] and causes[0].gain > search.rules.clear
-    likely = np.array([[1.0 if name == likest else 0.0 for name in recogniser().names]])
-    monkeypatch.setattr(Recogniser, "probabilities", lambda self, f: likely)
-    sure, lawful = as_laws(search, model, causes)
-    assert lawful.effects == ("torque_derate",) * laws
-    assert (sure is search) == (not laws)
-    if laws:
-        assert "torque_gain" not in sure.background(lawful.named).free
 
 
 def of_two_laws(e: Evidence) -> tuple[Search, Model]:
