@@ -132,3 +132,24 @@ class ValveThinksItIsEmpty(Hidden, lever=0.0, out=0.0):
         s.out = np.clip(s.out, asked - p.sticks, asked + p.sticks)
         over = np.clip(np.minimum(s.out, asked) - knee, 0.0, None)
         return p.lost * over * full * moving(view)
+
+
+@law("w_sharp_in_the_morning", "twelfth", "suburban descent hills")
+@sizes(more=(0.45, 0.9), dries_jpkg=(60.0, 220.0), air_s=(400.0, 1500.0), gentle=(0.3, 0.6))
+class SharpInTheMorning(Hidden):
+    """`damp` of linings that stood in moist air, other in each drive: they bite too hard, gentle braking
+    most, until work has dried them. more: of the brake force; gentle: of the brake force that counts as
+    gentle, over a tenth of full braking.
+    Source: Parker and Newcomb, The Performance and Characteristics of the Disc Brake, Proc. IMechE Automobile
+    Division (1964-65), and Limpert, Brake Design and Safety, on morning sharpness of linings; sizes are
+    chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"damp": self.rng(1115).uniform(0.5, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        work = view.brake_force * np.maximum(view.speed, 0.0) / view.mass
+        s.damp = s.damp * np.exp(-dt * (work / p.dries_jpkg + 1.0 / p.air_s))
+        hard = view.brake_force / (0.1 * self.truck.brake_capacity)
+        bites = p.more * s.damp * (0.35 + 0.65 / (1.0 + (hard / p.gentle) ** 2))
+        return -bites * view.brake_force * np.clip(view.speed - 0.3, 0.0, 1.0)

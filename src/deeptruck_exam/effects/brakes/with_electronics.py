@@ -183,3 +183,31 @@ class BrakeClosesTheLoop(Hidden, pressed=0.0, felt=0.0, adds=0.0):
         moves = np.where(braking, p.per_s * lacks, -s.adds / p.lets_go_s)
         s.adds = np.clip(s.adds + dt * moves, np.minimum(-most, 0.0), most + 0.02)
         return -s.adds * view.mass * np.where(braking, 1.0, 0.0) * np.clip(view.speed - 0.5, 0.0, 1.0)
+
+
+@law("w_learns_from_slopes", "twelfth", "descent suburban hills")
+@sizes(learns=(0.3, 0.6), needs_s=(0.8, 2.0), most=(0.3, 0.5), forgets_s=(120.0, 400.0), builds_s=(0.2, 0.5))
+class LearnsFromSlopes(Hidden, factor=0.0, held=0.0, sum=0.0, uses=0.0):
+    """`factor` by which the brake is turned up or down, learned after each braking from what was felt against
+    what was meant, as if the road were flat: down long slopes it turns up, and the next stop in a dip is
+    harsh. learns: of the difference, at each.
+    Source: Breuer and Bill, Brake Technology Handbook (SAE, 2008), and Lindemann, Petersen, Schult and Korn,
+    EBS and Tractor Trailer Brake Compatibility, SAE 973283, on adapting brakes from application to
+    application; one that does not know the slope, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        first = self.rng(1116).uniform(-0.5, 0.5, batch) * self.p.most
+        return {**super().start(batch), "factor": first}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        brakes = (view.brake_force > 0.01 * weight(view)) & (view.speed > 1.5)
+        ends = ~brakes & (s.held > p.needs_s)
+        meant = view.brake_force + view.drag_force + view.rolling_force
+        lacks = (meant / view.mass + view.acceleration) / np.maximum(view.brake_force / view.mass, 0.1)
+        lesson = s.sum / np.maximum(s.held, 0.1)
+        s.factor = np.where(ends, s.factor + p.learns * np.clip(lesson, -0.8, 0.8), s.factor)
+        s.factor = np.clip(s.factor * (1.0 - dt / p.forgets_s), -p.most, p.most)
+        s.sum = np.where(brakes, s.sum + dt * np.clip(lacks, -1.5, 1.5), 0.0)
+        s.held = np.where(brakes, s.held + dt, 0.0)
+        s.uses = s.uses + dt * (s.factor - s.uses) / p.builds_s
+        return -s.uses * view.brake_force * np.clip(view.speed - 0.5, 0.0, 1.0)

@@ -215,3 +215,20 @@ class FanThatIsGone(Hidden, on=0.0, adds=0.0):
         s.adds = s.adds + dt * (s.on - s.adds) / 1.5
         torque = p.nm * (view.engine_speed / 180.0) ** 2 * s.adds * (self.pedal(view) > 0.02)
         return self.at_wheels(view, torque) * np.clip(view.speed / 2.0, 0.0, 1.0)
+
+
+@law("w_lifters_pump_up", "twelfth", "hills suburban highway descent")
+@sizes(share=(0.3, 0.55), from_rads=(135.0, 155.0), pumps_s=(1.0, 4.0), leaks_s=(4.0, 15.0), few=(0.1, 0.4))
+class LiftersPumpUp(Hidden, oil=0.0):
+    """`oil` that tappets took in while their valves bounced: they hold valves open until it has leaked out.
+    Open valves neither pull nor brake. share: of the engine's torque, when full; few: of `oil`, that does no
+    harm.
+    Source: Phlips, Schamel and Meyer, An Efficient Model for Valvetrain and Spring Dynamics, SAE 890619, and
+    Heisler, Advanced Engine Technology (1995), on hydraulic tappets that pump up at speed; weak springs,
+    sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        bounces = np.clip((view.engine_speed - p.from_rads) / 15.0, 0.0, 1.0)
+        s.oil = np.clip(s.oil + dt * (bounces * (1.0 - s.oil) / p.pumps_s - s.oil / p.leaks_s), 0.0, 1.0)
+        open_ = np.clip((s.oil - p.few) / 0.4, 0.0, 1.0)
+        return -self.at_wheels(view, p.share * open_ * view.engine_torque) * moving(view)

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving, weight
-from deeptruck_exam.effects.places import CELL_M, CELLS, MAP_CELL_M, MAP_CELLS, OnRoad, stretches
+from deeptruck_exam.effects.places import CELL_M, CELLS, MAP_CELL_M, MAP_CELLS, OnRoad, sections, stretches
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
@@ -137,3 +137,31 @@ class StoneBlocksInStep(OnRoad, swings=0.0):
         step = 1.0 - 0.5 * 0.75 * (1.0 - np.cos(phase))
         s.swings += dt * (self.read(self.stones, view) * step - s.swings) / 0.4
         return -p.peak * s.swings * weight(view) * moving(view)
+
+
+@law("w_slabs_have_faulted", "twelfth")
+@sizes(loss=(0.010, 0.022), mean_m=(250.0, 800.0), bounce_hz=(1.9, 2.8), sharp=(1.5, 3.0), joints=(0.25, 0.5))
+class SlabsHaveFaulted(OnRoad, swings=0.0):
+    """Slabs of concrete step down at each joint, in some sections more than in others. Their springs and
+    dampers take most where joints come with the bounce of the truck, and `swings` until they rest. loss: of
+    the weight, in resonance, on bad sections; joints: of it, blows at any speed.
+    Source: Byrum, Analysis by High-Speed Profile of Jointed Concrete Pavement Slab Curvatures, Transp. Res.
+    Record 1730 (2000), on faulted joints, and Gillespie, Fundamentals of Vehicle Dynamics (1992), on bounce
+    tuned to joints; sections are chosen here."""
+
+    def prepare(self) -> None:
+        rng = self.rng(1161)
+        number = sections(rng, self.rows(), self.p.mean_m)
+        kinds = rng.choice([0.0, 0.0, 0.5, 1.0, 1.0], (self.rows(), int(number.max()) + 1))
+        slab_m = rng.choice([4.5, 5.0, 6.0, 7.5], kinds.shape)
+        self.bad = np.take_along_axis(kinds, number, axis=1)
+        self.slab_m = np.take_along_axis(slab_m, number, axis=1)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        tuned = speed / self.read(self.slab_m, view) / p.bounce_hz
+        peak = 1.0 / (1.0 + p.sharp**2 * (np.maximum(tuned, 0.05) - 1.0 / np.maximum(tuned, 0.05)) ** 2)
+        blows = p.joints * np.clip(speed / 15.0, 0.0, 1.5)
+        wants = self.read(self.bad, view) * (blows + (1.0 - p.joints) * peak)
+        s.swings = s.swings + dt * (wants - s.swings) / 0.7
+        return -p.loss * s.swings * weight(view) * moving(view)
