@@ -8,8 +8,9 @@ from deeptruck_exam.cases import measure
 from deeptruck_exam.construction import build
 from deeptruck_exam.effects.planting import FAMILIES, SEALED
 from deeptruck_exam.plans import draw_plan
-from deeptruck_exam.worlds import BALLAST, OF_FAMILY, WORLDS, roads
+from deeptruck_exam.worlds import OF_FAMILY, WORLDS, roads
 from deeptruck_exam.worlds.bends import bendy
+from deeptruck_exam.worlds.by_trade import BALLAST
 from deeptruck_exam.worlds.loggers import Logger, quantise
 from deeptruck_exam.worlds.roundabouts import roundabouts
 from deeptruck_exam.worlds.traffic import zones

@@ -36,6 +36,7 @@ FAMILIES = (
     "ninth",
     "tenth",
     "eleventh",
+    "twelfth",
 )
 SEALED, ALL = "sealed", "all"  # the next family; those of FAMILIES together
 FORMS = (ALL, *FAMILIES, SEALED)

@@ -181,7 +181,7 @@ def prove(
     forms: Annotated[
         str,
         typer.Option(
-            help="Family of effects to hide: 'all', one of the eleven ('first' to 'eleventh') or 'sealed'."
+            help="Family of effects to hide: 'all', one of the twelve ('first' to 'twelfth') or 'sealed'."
         ),
     ] = "all",
     real: Annotated[

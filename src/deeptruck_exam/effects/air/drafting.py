@@ -254,3 +254,24 @@ class RankInTheColumn(Hidden, ranked=1.0):
             squares += there / (1.0 + (gap + k * p.apart_m) / p.length_m) ** 2
         slower = np.minimum(p.deficit * np.sqrt(squares), 0.8)
         return (1.0 - (1.0 - slower) ** 2) * view.drag_force
+
+
+@law("w_wake_meanders", "twelfth", "highway")
+@sizes(deficit=(0.6, 0.8), wide_m=(1.5, 2.2), opens=(0.015, 0.035), sways=(0.05, 0.10), slow_s=(4.0, 12.0))
+class WakeMeanders(Hidden):
+    """Slow eddies carry each piece of the wake aside after the leader has left it there, so that a follower
+    far behind is in and out of it. deficit: of the wind of driving, right behind; opens: m of width for each
+    metre; sways: m aside for each metre.
+    Source: Larsen, Madsen, Thomsen and Larsen, Wake Meandering: A Pragmatic Approach, Wind Energy 11 (2008):
+    the wake is a passive tracer of large eddies; a truck's wake, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        shape = (self.setting.batch, int(self.setting.duration_s / 0.1) + 20)
+        self.aside = ou_series(self.rng(1102), shape, 0.1, self.p.slow_s)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        gap = np.clip(self.gap(view), 0.0, 1e4)
+        width = p.wide_m + p.opens * gap
+        centre = p.sways * np.minimum(gap, 300.0) * self.aside[:, index(view, self.aside, 0.1)]
+        slower = p.deficit * (p.wide_m / width) ** 2 * np.exp(-0.5 * (centre / width) ** 2)
+        return (1.0 - (1.0 - slower) ** 2) * view.drag_force

@@ -233,3 +233,26 @@ class RoundLoads(Hidden, late=0.0):
         s.late = s.late + dt * (wanted - s.late) / 0.6
         share = p.more * self.loaded[: len(reynolds)] * (1.0 - (1.0 - p.left) * s.late)
         return -share * view.drag_force * moving(view)
+
+
+@law("w_rime_on_the_racks", "twelfth", "highway hills", accepts="rolling_resistance_speed")
+@sizes(most=(0.7, 1.2), grows_m=(2500.0, 7000.0), holds=(0.6, 0.95), left=(0.1, 0.4), falls_s=(1.0, 4.0))
+class RimeOnTheRacks(Hidden, falls=0.0):
+    """`ice` on the empty racks of a car transporter: its drag grows with the cloud it has passed through,
+    slower the thicker, until a load of it breaks off. most: of the drag, all iced; holds: at which it breaks;
+    left: of that, afterwards.
+    Source: Makkonen, Models for the Growth of Rime, Glaze, Icicles and Wet Snow on Structures, Phil. Trans.
+    R. Soc. A 358 (2000): collection falls as rods thicken; fog in frost, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "ice": self.rng(1103).uniform(0.0, self.p.holds, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.falls = np.where(
+            s.ice > p.holds * (0.85 + 0.15 * np.clip(25.0 / np.maximum(view.speed, 10.0), 0.5, 1.5)),
+            1.0,
+            np.where(s.ice < p.left * p.holds, 0.0, s.falls),
+        )
+        catches = np.maximum(view.speed, 0.0) * (1.3 - s.ice) / p.grows_m
+        s.ice = np.clip(s.ice + dt * (catches - s.falls * s.ice / p.falls_s), 0.0, 1.2)
+        return -p.most * s.ice * view.drag_force * moving(view)

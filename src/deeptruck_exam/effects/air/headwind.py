@@ -276,3 +276,35 @@ class GustsOfTheStandard(Hidden):
         total = np.hypot(along, wind * np.sin(angle))
         felt = np.clip(along * total / speed**2, -2.0, 4.0) - 1.0
         return -felt * view.drag_force * np.clip(view.speed / 3.0, 0.0, 1.0)
+
+
+@law("w_bursts_in_a_calm_night", "twelfth", "highway hills")
+@sizes(aloft_mps=(13.0, 20.0), builds_s=(25.0, 60.0), mixes_s=(4.0, 10.0), critical=(0.55, 0.75))
+class BurstsInACalmNight(Hidden):
+    """`shear`: wind aloft over its most, which grows while the air below lies still; `mixed`: 1 while it
+    breaks and the wind comes down, until the shear is spent. aloft_mps: at its most.
+    Source: Van de Wiel, Ronda, Moene, de Bruin and Holtslag, Intermittent Turbulence and Oscillations in the
+    Stable Boundary Layer over Land, J. Atmospheric Sciences 59 (2002): a loop of decoupling and bursts;
+    quicker ones, in basins that trucks drive through, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(1101), self.setting.batch
+        self.side = rng.choice([-1.0, 1.0]) * rng.uniform(0.7, 1.0)
+        self.gusts = ou_series(rng, (batch, int(self.setting.duration_s / 0.1) + 20), 0.1, 2.0)
+        self.begins = rng.uniform(0.2, 1.0, batch)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        first = np.resize(self.begins, batch)
+        return {"shear": first * self.p.critical, "mixed": np.zeros(batch), "bursts": np.zeros(batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.bursts = np.where(s.shear > p.critical, 1.0, np.where(s.shear < 0.3 * p.critical, 0.0, s.bursts))
+        s.mixed = s.mixed + dt * (s.bursts - s.mixed) / 1.5
+        falls = s.mixed * s.shear / p.mixes_s
+        s.shear = np.clip(s.shear + dt * ((1.0 - s.shear) / p.builds_s - falls), 0.0, 1.0)
+        gust = 1.0 + 0.25 * self.gusts[:, index(view, self.gusts, 0.1)]
+        wind = p.aloft_mps * s.shear * (0.12 + 0.88 * s.mixed * gust)
+        along = self.side * self.setting.direction * wind
+        relative = np.clip(1.0 + along / np.maximum(view.speed, 0.5), -1.0, 3.0)
+        felt = (relative * np.abs(relative) - 1.0) * view.drag_force
+        return -felt * np.clip(view.speed / 3.0, 0.0, 1.0)

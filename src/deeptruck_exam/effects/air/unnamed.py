@@ -109,3 +109,23 @@ class TrucksThatPass(Hidden):
         least = 0.5 * self.truck.air_density * self.truck.drag_area * np.maximum(view.speed, 10.0) ** 2
         pulse = self.size[row, nearest] * (after - before)
         return pulse * least * np.clip(view.speed / 4.0, 0.0, 1.0)
+
+
+@law("w_open_box_sings", "twelfth", "highway hills suburban")
+@sizes(most=(0.6, 1.1), at_mps=(10.0, 15.0), wide=(0.12, 0.22), locks_s=(0.8, 3.0), next_up=(1.45, 1.7))
+class OpenBoxSings(Hidden, sings=0.0):
+    """`sings`: strength of the swing of air over an open box. Near two speeds waves in the box and eddies of
+    its edge feed each other, and a swing that is there keeps its band wider than one that has to begin. most:
+    of the drag, in full swing; next_up: speed of the second over the first.
+    Source: Rossiter, Wind Tunnel Experiments on the Flow over Rectangular Cavities at Subsonic and Transonic
+    Speeds, ARC R&M 3438 (1964), and Gharib and Roshko, The Effect of Flow Oscillations on Cavity Drag, J.
+    Fluid Mech. 177 (1987): drag rises manyfold in a wake mode; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        wide = p.wide * (0.6 + 0.6 * np.clip(s.sings, 0.0, 1.0))
+        first = np.abs(view.speed / p.at_mps - 1.0) / wide
+        second = np.abs(view.speed / (p.next_up * p.at_mps) - 1.0) / wide
+        near = 1.0 / (1.0 + np.minimum(first, second) ** 6)
+        s.sings = s.sings + dt * (near - s.sings) / np.where(near > s.sings, p.locks_s, 0.5 * p.locks_s)
+        low = 0.5 * self.truck.air_density * self.truck.drag_area * p.at_mps**2
+        return -p.most * s.sings * np.maximum(view.drag_force, low * moving(view)) * moving(view)

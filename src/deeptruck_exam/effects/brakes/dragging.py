@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, index, moving, weight
+from deeptruck_exam.effects.places import Bends
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series
 from deeptruck_model.trucks import View
@@ -233,3 +234,27 @@ class CableIsTooShort(Hidden, travel=0.0, pace=0.0, grown=0.0):
         work = p.drags * GRAVITY * pulls * np.maximum(view.speed, 0.0)
         s.grown = np.clip(s.grown + dt * (work / p.grows_jpkg - s.grown / 150.0), 0.0, 1.0)
         return -p.drags * pulls * weight(view) * moving(view)
+
+
+@law("w_bends_knock_it_off", "twelfth", "suburban descent hills")
+@sizes(drags=(0.007, 0.015), sets=(0.02, 0.06), knocks=(0.15, 0.5), eases_m=(900.0, 3000.0))
+class BendsKnockItOff(Bends, near=0.5):
+    """`near`: 1 where the pads lie on the disc with all of `drags`. Each braking sets them there; hubs that
+    bend under the side force of a curve push them away, and smooth straights hardly do. drags: of the weight;
+    sets: brake over weight at which they are set in a second; knocks: 1/m, at 1 m/s2 aside.
+    Source: Breuer and Bill, Brake Technology Handbook (SAE, 2008), on residual torque and knock-back of pads
+    by elastic hubs; pins that rust, bends and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.bend = self.draw_bends(self.rng(1113), 0.02)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"near": self.rng(1114).uniform(0.2, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        aside = np.minimum(speed**2 * np.abs(self.read(self.bend, view)), 2.5)
+        set_per_s = np.minimum(view.brake_force / weight(view) / p.sets, 2.0)
+        away = speed * (p.knocks * 0.02 * aside**2 + 1.0 / p.eases_m)
+        s.near = np.clip(s.near + dt * (set_per_s * (1.0 - s.near) - away * s.near), 0.0, 1.0)
+        return -p.drags * s.near * weight(view) * moving(view)

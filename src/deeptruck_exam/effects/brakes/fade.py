@@ -304,3 +304,25 @@ class DrumsOpenLikeBells(Hidden, hot=0.0):
         s.hot = s.hot + dt * (work / p.heats_jpkgk - s.hot * cools)
         s.worn = s.worn + dt * work * (s.hot - s.worn) / p.wears_jpkg
         return lost * view.brake_force * moving(view)
+
+
+@law("w_oil_bath_overheats", "twelfth", "descent")
+@sizes(oil_jpkgk=(5.0, 10.0), passes_s=(15.0, 40.0), bears_k=(50.0, 100.0), loss=(0.4, 0.65))
+@sizes(cools_s=(60.0, 160.0))
+class OilBathOverheats(Hidden, disc=0.0, oil=0.0):
+    """`disc`, `oil`: K above cold. Discs in a bath give their heat to oil that the engine's pump sends
+    through a cooler: thin oil makes them rub less, and who brakes in a high gear cools them least. oil_jpkgk:
+    for each kg of truck; bears_k: of the discs, where half of `loss` is lost; cools_s: at 150 rad/s.
+    Source: Yang, Twaddell, Chen and Lam, Theoretical and Experimental Studies on the Thermal Degradation of
+    Wet Friction Materials, SAE 970978, and makers' manuals of articulated haulers on forced cooling of wet
+    discs; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        hot = np.maximum(s.disc / p.bears_k, 0.0) ** 2
+        lost = p.loss * hot / (1.0 + hot)
+        work = (1.0 - lost) * view.brake_force * np.maximum(view.speed, 0.0) / view.mass
+        passes = (s.disc - s.oil) / p.passes_s
+        pumps = np.clip(view.engine_speed / 150.0, 0.3, 1.5)
+        s.disc = s.disc + dt * (work / (0.4 * p.oil_jpkgk) - passes)
+        s.oil = np.maximum(s.oil + dt * (0.4 * passes - pumps * s.oil / p.cools_s), 0.0)
+        return lost * view.brake_force * moving(view)

@@ -265,3 +265,24 @@ class AirInTheFluid(Hidden, volume=0.0):
         b = p.air + p.stiff * p.bar - volume
         root = np.sqrt(np.maximum(b**2 + 4.0 * p.stiff * p.bar * volume, 0.0))
         return np.asarray(np.maximum((root - b) / (2.0 * p.stiff), 0.0))
+
+
+@law("w_regulator_rings", "twelfth", "suburban descent")
+@sizes(hz=(0.4, 0.75), damping=(0.3, 0.6), dead_s=(0.0, 0.2), share=(0.7, 1.0), vents=(0.7, 1.0))
+class RegulatorRings(Hidden, bar=0.0, pace=0.0, heard=0.0):
+    """The pressure of the far axles is regulated by a loop that is slow and rings: it comes late, goes too
+    far and comes back; letting go, a little slower still. vents: of the loop's own speed, downwards.
+    Source: Subramanian, Darbha and Rajagopal, Modeling the Pneumatic Subsystem of an S-cam Air Brake System,
+    J. Dyn. Sys. Meas. Control 126 (2004), on pressure transients, and Astrom and Hagglund, PID Controllers
+    (1995), on loops tuned too sharply; frequencies are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        full = self.truck.brake_capacity
+        asked = view.brake_force / full
+        s.heard = s.heard + dt * (asked - s.heard) / (0.06 + p.dead_s)
+        omega = 2.0 * np.pi * p.hz * np.where(s.heard < s.bar, p.vents, 1.0)
+        s.pace = s.pace + dt * (omega**2 * (s.heard - s.bar) - 2.0 * p.damping * omega * s.pace)
+        bar = s.bar + dt * s.pace
+        s.pace = np.where((bar < 0.0) & (s.pace < 0.0), 0.0, s.pace)
+        s.bar = np.clip(bar, 0.0, 1.5)
+        return p.share * full * (asked - s.bar) * moving(view)

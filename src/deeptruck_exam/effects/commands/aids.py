@@ -288,3 +288,30 @@ class Watchman(Hidden, still=0.0, takes=0.0):
         asleep = (s.still > p.waits_s) & (pedal > 0.02)
         s.takes = s.takes + dt * np.where(asleep, (1.0 - s.takes) / p.fades_s, -s.takes / 0.4)
         return -p.takes * s.takes * np.maximum(view.traction_force, 0.0) * moving(view)
+
+
+@law("w_hears_the_leader", "twelfth", "highway suburban hills", leader=True)
+@sizes(gain=(0.25, 0.5), late_s=(0.3, 0.9), lags_s=(0.3, 0.8), reach_m=(45.0, 90.0), most=(0.02, 0.045))
+class HearsTheLeader(Hidden, acts=0.0):
+    """The leader says by radio how he speeds up and slows down, and the truck's own drive and brakes answer
+    at once, beside whoever drives. gain: of his acceleration; most: of the weight.
+    Source: Ploeg, Scheepers, van Nunen, van de Wouw and Nijmeijer, Design and Experimental Evaluation of
+    Cooperative Adaptive Cruise Control, IEEE ITSC (2011), on feedforward of the leader's acceleration; gains
+    and reach are chosen here."""
+
+    def prepare(self) -> None:
+        steps = max(1, round(0.4 / self.setting.dt))
+        way = self.setting.leader_m
+        pace = np.gradient(way, self.setting.dt, axis=1)
+        change = np.gradient(pace, self.setting.dt, axis=1)
+        total = np.cumsum(np.nan_to_num(change), axis=1)
+        smooth = (total[:, 2 * steps :] - total[:, : -2 * steps]) / (2.0 * steps)
+        self.heard = np.pad(smooth, ((0, 0), (2 * steps, 0)))
+        self.late = round(self.p.late_s / self.setting.dt)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        heard = np.clip(self.heard[:, max(self.now(view) - self.late, 0)], -2.0, 1.5)
+        near = np.clip((p.reach_m - self.gap(view)) / 15.0, 0.0, 1.0)
+        s.acts = s.acts + dt * (p.gain * heard * near - s.acts) / p.lags_s
+        force = p.most * np.tanh(s.acts / (9.81 * p.most))
+        return np.asarray(force * weight(view) * np.clip(view.speed - 1.0, 0.0, 1.0))

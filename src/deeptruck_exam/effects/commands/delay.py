@@ -313,3 +313,33 @@ class MedianOfTheLast(Late):
         window = s.past[(s.at - self.steps) % self.length]
         middle = len(self.steps) // 2
         return np.asarray(np.partition(window, middle, axis=0)[middle])
+
+
+@law("w_joins_the_frames", "twelfth", "suburban hills descent")
+@sizes(every_s=(0.3, 0.7), line_s=(0.1, 0.3), uneven=(0.2, 0.5))
+class JoinsTheFrames(Late):
+    """Commands come in frames some time apart, and are played one frame late along the line from each to the
+    next, so that nothing jumps. uneven: of the time between frames.
+    Source: Franklin, Powell and Workman, Digital Control of Dynamic Systems (1998), on first-order holds,
+    here one that waits for the next frame; drive by wire of remote trucks, times are chosen here."""
+
+    length = 400
+
+    def prepare(self) -> None:
+        mean = self.p.every_s / STEP_S
+        spread = self.rng(1121).uniform(-self.p.uneven, self.p.uneven, 4000)
+        self.frames = np.maximum(np.rint(mean * (1.0 + spread)), 5.0).astype(int)
+        self.line = round(self.p.line_s / STEP_S)
+
+    def begin(self, s: State, u: Array) -> None:
+        super().begin(s, u)
+        s.old, s.new, s.since, s.frame = u.copy(), u.copy(), 0, 0
+
+    def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
+        self.put(s, u)
+        s.since += 1
+        if s.since >= self.frames[s.frame % len(self.frames)]:
+            s.old, s.new = s.new, self.ago(s, self.line).copy()
+            s.since, s.frame = 0, s.frame + 1
+        share = s.since / self.frames[s.frame % len(self.frames)]
+        return np.asarray(s.old + share * (s.new - s.old))

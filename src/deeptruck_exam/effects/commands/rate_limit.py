@@ -226,3 +226,19 @@ class CylinderFillsWithAir(TorqueFilter):
         lever = np.clip((s.bar - p.spring) / (1.0 - p.spring), 0.0, None)
         arrived = (s.bar == wanted) & (pedal >= 0.0)
         return np.asarray(np.where(arrived, np.maximum(pedal, 0.0), self.full * lever))
+
+
+@law("w_steps_over_the_lash", "twelfth", "suburban hills")
+@sizes(low=(0.02, 0.05), high=(0.2, 0.4), slow_per_s=(0.12, 0.28), quick_per_s=(0.6, 1.4), drops=(1.0, 2.0))
+class StepsOverTheLash(TorqueFilter):
+    """So that the teeth do not clash, torque passes slowly through a band near nothing and quickly above it;
+    slower upwards than downwards. low, high: of the full command; drops: times as quick, downwards.
+    Source: Fredriksson, Weiefors and Egardt, Powertrain Control for Active Damping of Driveline Oscillations,
+    Vehicle System Dynamics 37 (2002), and Lagerberg and Egardt, Evaluation of Control Strategies for
+    Automotive Powertrains with Backlash, AVEC (2002), on crossing it gently; rates are chosen here."""
+
+    def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
+        share = s.given / self.full
+        out = np.clip((share - p.high) / 0.1, 0.0, 1.0) + np.clip((p.low - share) / 0.02, 0.0, 0.3)
+        pace = (p.slow_per_s + (p.quick_per_s - p.slow_per_s) * out) * self.full * dt
+        return np.asarray(np.clip(pedal, s.given - p.drops * pace, s.given + pace))

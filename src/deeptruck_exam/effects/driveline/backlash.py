@@ -262,3 +262,22 @@ class TeethBounce(Hidden, at=1.0, rate=0.0, touches=1.0, knock=0.0):
         s.knock = s.knock * np.exp(-dt / p.knocks_s) + blow / p.knocks_s
         felt = np.clip(s.knock, -0.12, 0.12) - (1.0 - s.touches) * pull
         return np.asarray(felt * weight(view) * moving(view))
+
+
+@law("w_claws_are_worn", "twelfth", "suburban hills")
+@sizes(play=(0.35, 0.6), soft=(0.03, 0.07), crosses_s=(0.18, 0.4), hardens=(1.5, 4.0))
+class ClawsAreWorn(Hidden, twist=0.0):
+    """`twist` of a coupling with rubber between its claws, 1 at the end of soft rubber. Where the rubber is
+    gone there is play, through which it is pushed against its grease by whatever pull there is. play: of the
+    twist, either side; soft: pull over weight at a twist of 1; hardens: of the rubber, with its square.
+    Source: Nestorides, A Handbook on Torsional Vibration (1958), on couplings whose rubber stiffens, and Kim,
+    Rook and Singh, Super- and Sub-harmonic Response Calculations for a Torsional System with Clearance
+    Nonlinearity Using the Harmonic Balance Method, J. Sound Vibration 281 (2005); sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pull = view.traction_force / weight(view)
+        beyond = s.twist - np.clip(s.twist, -p.play, p.play)
+        carries = p.soft * beyond * (1.0 + p.hardens * beyond**2)
+        rate = np.clip((pull - carries) / p.soft, -4.0, 4.0) / p.crosses_s
+        s.twist = np.clip(s.twist + dt * rate * 0.6, -2.5, 2.5)
+        return np.asarray((carries - pull) * weight(view) * np.clip(view.speed, 0.0, 1.0))

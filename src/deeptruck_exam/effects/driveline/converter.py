@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Setting, Sizes, State, moving
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Setting, Sizes, State, moving
 from deeptruck_exam.effects.planting import Planted, hidden, planted, sizes
 from deeptruck_model.trucks import View
 
@@ -257,3 +257,25 @@ class LocksWhenItIsLet(Hidden, gear=0.0, since=0.0, open=0.0):
         drag = (1.0 - p.left) * np.minimum(view.engine_torque, 0.0)
         rolls = np.clip(view.speed - 1.0, 0.0, 1.0)
         return -self.at_wheels(view, s.open * (lost + drag)) * rolls
+
+
+@law("w_pump_draws_air", "twelfth", "hills suburban", accepts="driveline_loss torque_limit")
+@sizes(tilt=(0.012, 0.03), foams_s=(1.5, 5.0), settles_s=(6.0, 20.0), holds=(0.12, 0.25), drags=(0.2, 0.5))
+class PumpDrawsAir(Hidden, air=0.0):
+    """`air` in the oil of a low sump, drawn in while slope and pull tilt it away from the pump. The lock-up
+    clutch is pressed by that oil: what is beyond its hold slips. tilt: slope at which it begins; holds: of
+    peak torque, with all air; drags: of the slip's torque, that reaches the wheels yet.
+    Source: Totten (ed.), Handbook of Lubrication and Tribology I (2006), on entrained air in transmission
+    fluids, and service manuals of automatic truck gearboxes on low levels uphill; sizes are chosen here."""
+
+    conceal = ("engine_speed",)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        tilted = view.grade + np.clip(view.acceleration, -2.0, 2.0) / GRAVITY
+        wants = np.clip((np.abs(tilted) - p.tilt) / 0.03, 0.0, 1.0)
+        s.air = s.air + dt * (wants - s.air) / np.where(wants > s.air, p.foams_s, p.settles_s)
+        holds = (1.1 - (1.1 - p.holds) * s.air) * self.truck.peak_torque
+        torque = view.engine_torque
+        slips = np.sign(torque) * np.maximum(np.abs(torque) - holds, 0.0) * (1.0 - p.drags)
+        drag = 0.3 * s.air * np.minimum(torque, 0.0)
+        return -self.at_wheels(view, slips + drag) * np.clip(view.speed - 1.0, 0.0, 1.0)

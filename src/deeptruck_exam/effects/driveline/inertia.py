@@ -210,3 +210,26 @@ class RotorWithLostMotion(Hidden, ring=-1.0, ahead=0.0):
         s.ring = np.maximum(s.ring - dt * (pulls + slows), 0.0)
         s.ahead = np.clip(s.ahead + dt * faster, -p.play_m - 0.6, p.play_m + 0.6)
         return np.asarray(p.share * view.mass * pulls * np.clip(view.speed - 0.3, 0.0, 1.0))
+
+
+@law("w_rotor_comes_and_goes", "twelfth", "suburban hills")
+@sizes(share=(0.18, 0.32), on_s=(20.0, 70.0), off_s=(15.0, 50.0), couples_s=(0.6, 1.5), feels_s=(0.15, 0.4))
+class RotorComesAndGoes(Hidden, holds=0.0, speed=-1.0):
+    """A clutch couples a heavy rotor to the wheels whenever its owner calls for it, by the clock; then its
+    rim has to be sped up and slowed down with the truck. share: of the mass, as felt at the road.
+    Source: Wong, Theory of Ground Vehicles (2008), on the mass factor of rotating parts, and the
+    electromagnetic clutches of makers' power take-offs; a flail's rotor, spells are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        turn = self.rng(1136).uniform(0.0, self.p.on_s + self.p.off_s, batch)
+        return {**super().start(batch), "clock": turn}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.speed = np.where(s.speed < 0.0, view.speed, s.speed)
+        lag = (view.speed - s.speed) / p.feels_s
+        s.speed = s.speed + dt * lag
+        s.clock = (s.clock + dt) % (p.on_s + p.off_s)
+        wants = (s.clock < p.on_s) * 1.0
+        s.holds = s.holds + dt * (wants - s.holds) / p.couples_s
+        felt = np.clip(lag, -2.5, 2.5)
+        return -p.share * s.holds * view.mass * felt * np.clip(view.speed - 0.3, 0.0, 1.0)

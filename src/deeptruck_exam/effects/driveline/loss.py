@@ -199,3 +199,23 @@ class WormAxle(Hidden, warm=0.0):
         backwards = 1.0 - np.tan(p.lead - angle) / np.tan(p.lead)
         lost = np.where(view.traction_force > 0.0, forwards, backwards)
         return np.asarray(-lost * np.abs(view.traction_force) * moving(view))
+
+
+@law("w_power_is_split", "twelfth")
+@sizes(least=(0.01, 0.03), away=(0.07, 0.14), lock_mps=(8.0, 11.0), second=(1.8, 2.2), cold=(0.3, 0.8))
+@sizes(warms_s=(80.0, 240.0))
+class PowerIsSplit(Hidden, warm=0.0):
+    """Part of the power goes by oil: none at two speeds, where gears alone drive, and the more the farther
+    away from the nearest. least, away: of the traction; second: of the first speed; cold: more, by cold oil.
+    Source: Renius and Resch, Continuously Variable Tractor Transmissions, ASAE Distinguished Lecture 29
+    (2005): full-load efficiency peaks at lock-up points; such a gearbox in a truck, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        work = 0.3 + np.abs(view.traction_force) * speed / self.truck.peak_power
+        s.warm = s.warm + dt * (1.0 - s.warm) * work / p.warms_s
+        ratio = np.log(np.maximum(speed, 1.0) / p.lock_mps)
+        off = np.minimum(np.abs(ratio), np.abs(ratio - np.log(p.second)))
+        by_oil = 1.0 - np.exp(-((off / 0.28) ** 2))
+        lost = (p.least + p.away * by_oil) * (1.0 + p.cold * (1.0 - s.warm))
+        return np.asarray(-lost * np.abs(view.traction_force) * moving(view))

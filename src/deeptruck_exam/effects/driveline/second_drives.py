@@ -197,3 +197,28 @@ class GeneratesUnasked(Hidden, on=0.0, current=0.0, charge=0.0):
         power = p.power_wpkg * view.mass * s.current
         s.charge += dt * power / view.mass / 150.0 - dt * s.charge / 120.0
         return -power / np.maximum(view.speed, 5.0) * moving(view)
+
+
+@law("w_zone_without_engine", "twelfth", "suburban hills highway")
+@sizes(least=(0.2, 0.4), back=(0.012, 0.028), frees=(0.6, 1.0), apart_m=(300.0, 900.0), changes_s=(0.6, 2.0))
+class ZoneWithoutEngine(OnRoad, runs=0.0):
+    """In zones that a map holds, a smaller motor drives and the engine stands. It gives less than was asked,
+    turns no engine when coasting, and takes energy back once the pedal is up. least: of peak torque; back: of
+    the weight; frees: of the engine's drag.
+    Source: Soldo, Skugor and Deur, Synthesis of Optimal Battery State-of-Charge Trajectory for Blended
+    Regime of Plug-in Hybrid Electric Vehicles in the Presence of Low-Emission Zones and Varying Road Grades,
+    Energies 12 (2019); zones and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        gaps = (0.5 * self.p.apart_m, 1.5 * self.p.apart_m)
+        zones = smooth_stretches(self.rng(1124), self.rows(), gaps, (250.0, 800.0))
+        self.road = np.where(zones > 0.25, 1.0, 0.0)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.runs = s.runs + dt * (self.read(self.road, view) - s.runs) / p.changes_s
+        asked = np.maximum(view.engine_torque, 0.0)
+        lacks = np.maximum(asked - p.least * self.truck.peak_torque, 0.0)
+        drag = p.frees * np.maximum(-view.engine_torque, 0.0)
+        up = np.clip(1.0 - self.pedal(view) / 0.03, 0.0, 1.0) * np.clip((view.speed - 2.0) / 3.0, 0.0, 1.0)
+        back = p.back * weight(view) * up * np.minimum(1.0, 12.0 / np.maximum(view.speed, 1.0))
+        return (self.at_wheels(view, drag - lacks) - back) * s.runs * moving(view)

@@ -253,3 +253,27 @@ class GearIsHeldFast(Hidden, gear=0.0, pull=0.0, before=0.0, left=0.0, share=1.0
         s.left = np.maximum(s.left, 0.0)
         s.share = np.where(s.left > 0.0, 0.0, s.share + dt * (1.0 - s.share) / p.returns_s)
         return np.asarray(-(1.0 - s.share) * np.maximum(view.traction_force, 0.0) * moving(view))
+
+
+@law("w_waits_for_a_calm_foot", "twelfth", "suburban hills", trucks="trucksim volvo")
+@sizes(calm=(0.05, 0.12), longest_s=(0.9, 1.6), least_s=(0.15, 0.4), closes_s=(0.25, 0.6), feels_s=(0.3, 0.7))
+class WaitsForACalmFoot(Hidden, gear=0.0, foot=0.0, moves=0.0, waits=0.0, share=1.0):
+    """After a change of gear the clutch closes once the pedal has come to rest, or after a longest time, so
+    that a restless foot costs drive. calm: of the full pedal, moved in a second.
+    Source: Glielmo, Iannelli, Vacca and Vasca, Gearshift Control for Automated Manual Transmissions,
+    IEEE/ASME Trans. Mechatronics 11 (2006), on engagement by the driver's demand; times are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pedal = self.pedal(view)
+        s.foot = np.where(s.gear > 0.0, s.foot, pedal)
+        lag = (pedal - s.foot) / p.feels_s
+        s.foot = s.foot + dt * lag
+        s.moves = s.moves + dt * (np.abs(lag) - s.moves) / p.feels_s
+        changed = (view.gear != s.gear) & (s.gear > 0.0) & (view.speed > 1.0)
+        s.gear = view.gear.copy()
+        s.waits = np.where(changed, dt, np.where(s.waits > 0.0, s.waits + dt * (view.shifting < 0.5), 0.0))
+        done = ((s.waits > p.least_s) & (s.moves < p.calm)) | (s.waits > p.longest_s)
+        s.waits = np.where(done, 0.0, s.waits)
+        pace = np.where(s.waits > 0.0, -1.0 / 0.08, 1.0 / p.closes_s)
+        s.share = np.clip(s.share + dt * pace, 0.0, 1.0)
+        return np.asarray(-(1.0 - s.share) * np.maximum(view.traction_force, 0.0) * moving(view))

@@ -191,3 +191,26 @@ class GroundDrivenPump(Hidden, store=0.5, loaded=1.0, presses=0.0):
         s.store = np.clip(s.store + dt * (fills - 1.0 / p.drains_s), 0.0, 1.0)
         s.presses = s.presses + dt * (works - s.presses) / 0.4
         return -p.holds * s.presses * (0.7 + 0.3 * s.store) * weight(view) * moving(view)
+
+
+@law("w_flywheel_pays", "twelfth", "suburban hills", trucks="trucksim volvo")
+@sizes(inertia=(0.7, 1.3), lasts_s=(0.4, 1.0), bites_s=(0.1, 0.25), most=(0.05, 0.09))
+class FlywheelPays(Hidden, ratio=0.0, owed=0.0, push=0.0):
+    """The clutch closes before the engine has the new gear's speed: the flywheel gives what it has too much
+    to the truck, and takes what it lacks. inertia: over that of the engine; most: of the weight.
+    Source: Kiencke and Nielsen, Automotive Control Systems (2005), and Dolcini, Canudas de Wit and Bechart,
+    Lurch Avoidance Strategy and Its Implementation in AMT Vehicles, Mechatronics 18 (2008), on engagement at
+    unequal speeds; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        wheel = np.maximum(view.speed, 0.0) / self.truck.wheel_radius
+        changed = (s.ratio > 0.0) & (np.abs(view.ratio - s.ratio) > 0.02 * s.ratio) & (view.speed > 1.0)
+        spin = np.clip((s.ratio - view.ratio) * wheel, -70.0, 70.0)
+        impulse = p.inertia * self.truck.engine_inertia * spin * view.ratio / self.truck.wheel_radius
+        s.owed = np.where(changed, impulse, s.owed)
+        s.ratio = view.ratio.copy()
+        pays = s.owed * (1.0 - view.shifting) / p.lasts_s
+        pays = np.clip(pays, -p.most * weight(view), p.most * weight(view))
+        s.owed = s.owed - dt * pays
+        s.push = s.push + dt * (pays - s.push) / p.bites_s
+        return np.asarray(s.push * np.clip(view.speed - 0.5, 0.0, 1.0))

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving
-from deeptruck_exam.effects.places import Bends
+from deeptruck_exam.effects.places import Bends, OnRoad, smooth_stretches
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import spells, within
 from deeptruck_model.trucks import View
@@ -319,3 +319,26 @@ class CondenserLacksWind(Hidden, on=1.0, runs=0.0):
         lacks = 1.3 / (1.0 + (np.maximum(view.speed, 0.0) / 9.0) ** 1.5)
         s.head = s.head + dt * (lacks * works - s.head) / p.heats_s
         return -self.at_wheels(view, p.nm * (1.0 + p.head * s.head) * s.runs) * moving(view)
+
+
+@law("w_sprays_by_the_metre", "twelfth", "highway suburban hills")
+@sizes(kw=(35.0, 70.0), at_mps=(9.0, 14.0), opens_s=(0.5, 1.5), apart_m=(250.0, 800.0), idles=(0.1, 0.25))
+class SpraysByTheMetre(OnRoad, sprays=0.0):
+    """A sprayer gives each metre of the strips that are to be treated the same, so that its pump needs power
+    with a power of speed, up to its relief valve. kw: of the pump, most; at_mps: where the valve opens;
+    idles: of that, between.
+    Source: Akesson and Yates, Pesticide Application Equipment and Techniques, FAO Agricultural Services
+    Bulletin 38 (1979), on pressure with the square of ground speed at a constant rate; de-icing sprayers of
+    airports, strips and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        gaps = (0.4 * self.p.apart_m, 1.6 * self.p.apart_m)
+        strips = smooth_stretches(self.rng(1144), self.rows(), gaps, (200.0, 900.0))
+        self.road = np.where(strips > 0.15, 1.0, 0.0)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.sprays = s.sprays + dt * (self.read(self.road, view) - s.sprays) / p.opens_s
+        rate = np.clip(view.speed / p.at_mps, 0.0, 1.0) ** 2.2
+        watts = 1000.0 * p.kw * (p.idles + (1.0 - p.idles) * rate * s.sprays)
+        torque = np.minimum(watts / np.maximum(view.engine_speed, 70.0), 450.0)
+        return -self.at_wheels(view, torque) * moving(view)

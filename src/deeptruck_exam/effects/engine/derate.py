@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import some_drives
 from deeptruck_model.trucks import View
@@ -245,3 +245,28 @@ class BrakingHeatsTheCoolant(Hidden):
         s.heat = np.clip(s.heat + dt * (gains / p.heats_s - wind * s.heat / p.cools_s), 0.0, 2.0)
         cut = p.depth * np.clip((s.heat - 1.0) / p.span, 0.0, 1.0)
         return -self.at_wheels(view, cut * np.maximum(view.engine_torque, 0.0))
+
+
+@law("w_fuel_comes_back_hot", "twelfth", "hills highway")
+@sizes(thins=(0.18, 0.32), cuts=(0.3, 0.45), heats_s=(20.0, 55.0), cools_s=(70.0, 200.0), feels_s=(5.0, 20.0))
+class FuelComesBackHot(Hidden):
+    """`tank`, `pump`: heat of fuel, 0 as the air to about 1, where torque is cut. What the injectors return
+    heats a tank that is nearly empty, the wind of driving cools it; thin fuel gives less, too hot fuel is
+    protected. thins: of the torque, at 1; cuts: of it, beyond.
+    Source: Bosch, Diesel Engine Management (2014), on return flow and power by fuel temperature; a tank that
+    is nearly empty, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        first = self.rng(1141).uniform(0.2, 0.95, batch)
+        return {"tank": first, "pump": first.copy()}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        wind = 0.5 + np.clip(view.speed / 20.0, 0.0, 1.3)
+        turns = 0.25 * np.clip(view.engine_speed / 150.0, 0.3, 1.5)
+        gains = (turns + self.power_share(view)) / p.heats_s
+        s.tank = np.clip(s.tank + dt * (gains - wind * s.tank / p.cools_s), 0.0, 1.6)
+        s.pump = s.pump + dt * (s.tank - s.pump) / p.feels_s
+        cut = p.thins * np.clip(s.pump, 0.0, 1.2) ** 2 + p.cuts * np.clip((s.pump - 0.9) / 0.25, 0.0, 1.0)
+        return -self.at_wheels(view, np.minimum(cut, 0.7) * np.maximum(view.engine_torque, 0.0)) * moving(
+            view
+        )

@@ -267,3 +267,32 @@ class FoamInTheSlavePistons(Hidden, shut=0.0, on=0.0, foam=0.0):
         lifts = 1.0 - (1.0 - p.left) * s.foam
         torque = p.share * self.truck.engine_brake_torque * np.clip(turns / 200.0, 0.0, 1.2) * lifts
         return -self.at_wheels(view, torque * s.on) * moving(view)
+
+
+@law("w_warm_up_flap", "twelfth", "descent hills suburban")
+@sizes(
+    share=(0.35, 0.6), warms_s=(60.0, 160.0), chills_s=(120.0, 300.0), moves_s=(0.3, 0.9), shy_s=(0.3, 1.0)
+)
+class WarmUpFlap(Hidden, shut=0.0, closed=0.0):
+    """A flap in the exhaust holds the gas back while the engine is cool and nothing is asked of it; coasting
+    cools it again, and two temperatures apart it opens and shuts. share: of the engine brake's torque.
+    Source: Automotive Handbook (Bosch), on exhaust flaps as warm-up aids, and Mayer, Lutz, Lammle, Wyser and
+    Legerer, Engine Intake Throttling for Active Regeneration of Diesel Particle Filters, SAE 2003-01-0381, on
+    heat from throttling; temperatures are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        rng = self.rng(1142)
+        first = rng.uniform(0.0, 1.0, batch)
+        return {**super().start(batch), "warm": first, "calls": np.where(first < 0.8, 1.0, 0.0)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        wind = 0.3 + np.clip(view.speed / 20.0, 0.0, 1.3)
+        gains = (0.1 + 1.4 * self.power_share(view) + 0.3 * s.closed) / p.warms_s
+        s.warm = np.clip(s.warm + dt * (gains - wind * s.warm / p.chills_s), 0.0, 1.3)
+        s.calls = np.where(s.warm > 1.0, 0.0, np.where(s.warm < 0.8, 1.0, s.calls))
+        s.shut = np.where(self.pedal(view) < 0.02, s.shut + dt, 0.0)
+        wants = s.calls * (s.shut > p.shy_s) * np.clip((view.engine_speed - 75.0) / 15.0, 0.0, 1.0)
+        s.closed = s.closed + dt * (wants - s.closed) / np.where(wants > s.closed, p.moves_s, 0.2)
+        turns = np.clip(view.engine_speed / 180.0, 0.0, 1.3)
+        torque = p.share * self.truck.engine_brake_torque * turns * s.closed
+        return -self.at_wheels(view, torque) * moving(view)

@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.places import Bends
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
@@ -210,3 +211,24 @@ class ClutchIsSpared(Hidden):
         s.hot = np.clip(s.hot + dt * (work / p.bears_jpkg - s.hot / p.cools_s), 0.0, 1.2)
         most = (1.1 - (1.1 - p.least) * np.clip(s.hot, 0.0, 1.0) ** 0.8) * self.truck.peak_torque
         return -self.at_wheels(view, np.maximum(view.engine_torque - most, 0.0))
+
+
+@law("w_torque_by_the_bend", "twelfth", "suburban hills")
+@sizes(least=(0.2, 0.4), from_mps2=(0.35, 0.7), full_mps2=(1.1, 1.8), gives_s=(0.8, 2.5))
+class TorqueByTheBend(Bends, most=1.1):
+    """`most`: over peak torque, what may be asked for: the less, the more a bend presses a tall load aside,
+    taken at once and given back slowly behind the bend.
+    Source: Palkovics, Semsey and Gerum, Roll-over Prevention System for Commercial Vehicles - Additional
+    Sensorless Function of the Electronic Brake System, Vehicle System Dynamics 32 (1999), here by engine
+    torque alone; thresholds and bends are chosen here."""
+
+    def prepare(self) -> None:
+        self.bend = self.draw_bends(self.rng(1137), 0.022)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        aside = np.minimum(view.speed**2 * np.abs(self.read(self.bend, view)), 3.0)
+        hard = np.clip((aside - p.from_mps2) / (p.full_mps2 - p.from_mps2), 0.0, 1.0)
+        allows = 1.1 - (1.1 - p.least) * hard
+        s.most = s.most + dt * (allows - s.most) / np.where(allows < s.most, 0.15, p.gives_s)
+        excess = np.maximum(view.engine_torque - s.most * self.truck.peak_torque, 0.0)
+        return -self.at_wheels(view, excess) * moving(view)

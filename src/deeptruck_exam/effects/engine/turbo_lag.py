@@ -244,3 +244,27 @@ class TurboInColdOil(Hidden, spins=0.0):
         s.spins = s.spins + dt * np.minimum(goal - s.spins, 0.0) * thick / (2.5 * p.spools_s)
         missing = np.maximum(asked - p.without - (1.0 - p.without) * s.spins**2, 0.0) * (asked > p.without)
         return -self.at_wheels(view, missing * self.truck.peak_torque) * moving(view)
+
+
+@law("w_wastegate_sticks_open", "twelfth", "suburban hills")
+@sizes(without=(0.18, 0.32), spools_s=(0.9, 1.8), slower=(2.0, 4.0), opens=(0.75, 0.95), shuts=(0.15, 0.35))
+class WastegateSticksOpen(Hidden, boost=0.0, open=0.0):
+    """`boost` over the most; much of it opens the wastegate, which sticks and shuts only after the boost has
+    gone. A pull that follows upon a hard one builds its boost with half of the gas. without: of peak torque,
+    with none; slower: times, with an open gate; opens, shuts: boost.
+    Source: Galindo, Climent, Guardiola and Domenech, Modeling the Vacuum Circuit of a Pneumatic Valve System,
+    J. Dyn. Sys. Meas. Control 131 (2009), and Thomasson, Eriksson, Leufven and Andersson, Wastegate Actuator
+    Modeling and Model-Based Boost Pressure Control, IFAC E-COSM (2009), on friction in actuators; sizes are
+    chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        goal = np.clip((asked - p.without) / (1.0 - p.without), 0.0, 1.1)
+        flow = np.clip(view.engine_speed / 140.0, 0.4, 1.3)
+        pushed = np.where(s.boost > p.opens, 1.0, np.where(s.boost < p.shuts, 0.0, np.rint(s.open)))
+        s.open = s.open + dt * (pushed - s.open) / 0.5
+        up = flow * (0.3 + s.boost) / (p.spools_s * (1.0 + (p.slower - 1.0) * s.open))
+        rises = up * np.clip((goal - s.boost) / 0.15, 0.0, 1.0)
+        s.boost = s.boost + dt * (rises + np.minimum(goal - s.boost, 0.0) / 0.7)
+        lacks = np.maximum(goal - s.boost, 0.0) * (1.0 - p.without) * self.truck.peak_torque
+        return -self.at_wheels(view, lacks) * moving(view)

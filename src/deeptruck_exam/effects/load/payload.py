@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving
-from deeptruck_exam.effects.places import OnRoad, windows
+from deeptruck_exam.effects.places import CELL_M, CELLS, OnRoad, windows
 from deeptruck_exam.effects.planting import SIGN, hidden, sizes
 from deeptruck_exam.effects.series import some_drives, spells, within
 from deeptruck_model.trucks import View
@@ -267,6 +267,37 @@ class GullyEmptier(Hidden, tips=0.0):
         s.tips = np.where(s.full > 0.97, 1.0, np.where(s.full < 0.03, 0.0, s.tips))
         stood = np.where(s.tips > 0.0, -1.0 / 5.0, 1.0 / p.sucks_s)
         s.full = np.clip(s.full + dt * np.where(stands, stood, -s.full / p.trickles_s), 0.0, 1.0)
+        more = p.load * (s.full - p.known) * view.mass
+        felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
+        return -more * felt * moving(view)
+
+
+@law("w_patches_the_road", "twelfth", "suburban hills")
+@sizes(load=(0.4, 0.6), known=(0.3, 0.7), apart_m=(120.0, 350.0), takes=(0.08, 0.2), fills_s=(4.0, 12.0))
+class PatchesTheRoad(OnRoad, stood=0.0):
+    """`full`: of the hot mix that was loaded. Every hole that is passed takes a part, some much and some
+    little; an empty truck is filled at its next stand. load: of the mass; known: to the simulator, of that;
+    takes: of a full load, the mean hole.
+    Source: Wilson and Romine, Materials and Procedures for Repair of Potholes in Asphalt-Surfaced Pavements,
+    FHWA-RD-99-168 (1999), on spray injection from a truck; quicker work, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng = self.rng(1151)
+        self.road = np.zeros((self.rows(), CELLS))
+        for row in self.road:
+            at = np.cumsum(rng.exponential(self.p.apart_m, 2 * CELLS))
+            cells = (at[at < CELL_M * (CELLS - 4)] / CELL_M).astype(int)
+            size = self.p.takes * rng.gamma(2.0, 0.5, len(cells))
+            for k in range(3):
+                np.add.at(row, cells + k, size / (3.0 * CELL_M))
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "full": self.rng(1152).uniform(0.1, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.stood = np.where(view.speed < 0.2, np.where(s.full < 0.15, 1.0, s.stood), 0.0)
+        lays = self.read(self.road, view) * np.maximum(view.speed, 0.0)
+        s.full = np.clip(s.full + dt * (s.stood / p.fills_s - lays * (view.speed > 0.2)), 0.0, 1.0)
         more = p.load * (s.full - p.known) * view.mass
         felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
         return -more * felt * moving(view)

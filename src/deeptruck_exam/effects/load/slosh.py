@@ -283,3 +283,24 @@ class PowderSettles(Hidden, x=0.0, v=0.0):
         flows = 1.2 * s.air / (s.air + 0.2)
         pushes = (omega**2) * s.x + 2.0 * damping * omega * s.v + felt
         return p.share * flows * view.mass * np.clip(pushes, -4.0, 4.0) * moving(view)
+
+
+@law("w_pipe_between_tanks", "twelfth", "suburban")
+@sizes(share=(0.35, 0.6), hz=(0.16, 0.34), turns=(0.25, 0.8), rubs=(0.03, 0.10), room_m=(0.5, 1.1))
+class PipeBetweenTanks(Hidden, x=0.0, v=0.0):
+    """`x` m that the middle of the liquid has moved from the rear tank to the front one, `v` of that. A bend
+    and a valve in the pipe hold fast flows more than slow ones, and a full tank stops it. share: of the mass;
+    turns: 1/m, loss with the square of `v`; rubs: damping of slow flows.
+    Source: Sakai, Takaeda and Tamaki, Tuned Liquid Column Damper, Int. Conf. Highrise Buildings, Nanjing
+    (1989): a column in a U that an orifice damps; tanks of a road sprinkler, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        felt = np.clip(view.acceleration + GRAVITY * view.grade, -4.0, 4.0)
+        omega = 2.0 * np.pi * p.hz
+        beyond = s.x - np.clip(s.x, -p.room_m, p.room_m)
+        holds = (2.0 * p.rubs * omega + p.turns * np.abs(s.v)) * s.v
+        pace = -(omega**2) * s.x - 40.0 * beyond - holds - 3.0 * s.v * (beyond != 0.0) - 0.8 * felt
+        pace = np.clip(pace, -4.0, 4.0)
+        s.v = np.clip(s.v + dt * pace, -2.5, 2.5)
+        s.x = np.clip(s.x + dt * s.v, -p.room_m - 0.3, p.room_m + 0.3)
+        return -p.share * view.mass * pace * moving(view)

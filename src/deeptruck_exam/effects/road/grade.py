@@ -287,3 +287,35 @@ class LaneBesideTheAxis(OnRoad):
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         return -self.between(self.road, view) * weight(view) * moving(view)
+
+
+@law("w_over_the_junction", "twelfth", "hills highway suburban")
+@sizes(high_m=(3.5, 6.5), ramp_m=(130.0, 220.0), top_m=(40.0, 150.0), apart_m=(300.0, 900.0), dips=(0.2, 0.5))
+class OverTheJunction(OnRoad):
+    """The map has the level of the land; the road goes over its junctions on ramps, or under them. high_m: of
+    a crossing over the road below; dips: share that go under, less deep.
+    Source: AASHTO, A Policy on Geometric Design of Highways and Streets (2018), chapter 10: clearances and
+    grades of separated crossings; where they lie is chosen here."""
+
+    conceal = ("elevation",)
+
+    def prepare(self) -> None:
+        rng, p = self.rng(1162), self.p
+        self.road = np.zeros((self.rows(), MAP_CELLS))
+        for row in self.road:
+            height, at = np.zeros(MAP_CELLS), rng.uniform(0.0, p.apart_m)
+            while at < MAP_CELL_M * MAP_CELLS:
+                rise = p.high_m * rng.uniform(0.7, 1.1) * np.where(rng.random() < p.dips, -0.8, 1.0)
+                height = height + rise * self.bridge(at, rng.uniform(0.5, 1.5) * p.top_m)
+                at += 2.0 * p.ramp_m + 1.5 * p.top_m + rng.uniform(0.5, 1.5) * p.apart_m
+            row[:] = np.clip(np.gradient(height, MAP_CELL_M), -0.05, 0.05)
+
+    def bridge(self, first_m: float, top_m: float) -> Array:
+        """Height (cells,) of one, over its most: up a ramp, along the top and down."""
+        metres = np.arange(MAP_CELLS) * MAP_CELL_M - first_m
+        up = np.clip(metres / self.p.ramp_m, 0.0, 1.0)
+        down = np.clip((metres - self.p.ramp_m - top_m) / self.p.ramp_m, 0.0, 1.0)
+        return np.asarray(up**2 * (3.0 - 2.0 * up) - down**2 * (3.0 - 2.0 * down))
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        return -self.between(self.road, view) * weight(view) * moving(view)

@@ -133,3 +133,15 @@ def bias_is_a_telegraph(p: Sizes, channels: Channels, dt: float, rng: np.random.
     turns = np.cumsum(rng.random(n) < dt / p.stays_s) + rng.integers(2)
     bias = p.bias * (1.0 + p.jumps * ((turns % 2) - 0.5))
     channels["acceleration"] = channels["acceleration"] + np.sign(p.sign) * bias
+
+
+@law("w_charge_leaks_away", "twelfth")
+@sizes(bias=(0.15, 0.3), leaks_s=(20.0, 70.0), share=(0.3, 0.7), sign=SIGN)
+def charge_leaks_away(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Piezoelectric accelerometers do not hold a steady value (Gautschi, Piezoelectric Sensorics,
+    2002: the charge leaks with a time constant): part of what lasts is lost, and comes back with the other
+    sign when it ends, upon a false zero of the amplifier; times are chosen here."""
+    values = channels["acceleration"]
+    lasts = behind(np.concatenate([[0.0], values]), p.leaks_s, dt)[1:]
+    bias = np.sign(p.sign) * p.bias * rng.uniform(0.9, 1.1)
+    channels["acceleration"] = values - p.share * lasts + bias

@@ -199,3 +199,16 @@ def filter_grows_with_shaking(p: Sizes, channels: Channels, dt: float, rng: np.r
     shaken = behind(np.clip(channels["speed"] / 20.0, 0.0, 1.2) ** 2, p.adapts_s, dt)
     late = p.late_s * (p.calm + (1.0 - p.calm) * shaken) + 0.02 * rng.uniform()
     channels["acceleration"] = np.interp(time - late, time, values)
+
+
+@law("w_sent_by_the_turn", "twelfth", "suburban hills")
+@sizes(turns=(9.0, 18.0), line_s=(0.05, 0.2), steady_s=(0.5, 2.0))
+def sent_by_the_turn(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Control units that compute by the crankshaft's turn, not by time (Guzzella and Onder,
+    Introduction to Modeling and Control of Internal Combustion Engine Systems, 2010, on event-based delays):
+    a sensor on such a unit is late by so many turns, longest at idle; turns are chosen here."""
+    values = channels["acceleration"]
+    time = np.arange(len(values)) * dt
+    speed = behind(np.maximum(channels["engine_speed"], 55.0), p.steady_s, dt)
+    late = p.line_s * rng.uniform(0.5, 1.0) + p.turns * 2.0 * np.pi / speed
+    channels["acceleration"] = np.interp(time - late, time, values)

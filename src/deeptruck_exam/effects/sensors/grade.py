@@ -140,3 +140,14 @@ def _held(values: Array, width: float, first: float) -> Array:
         at = min(max(at, value - width), value + width)
         out[k] = at
     return out
+
+
+@law("w_nose_lifts_with_speed", "twelfth")
+@sizes(bias=(0.008, 0.018), lifts=(0.002, 0.006), rises_s=(0.5, 2.0), sign=SIGN)
+def nose_lifts_with_speed(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Katz, Race Car Aerodynamics (1995), and Hucho, Aerodynamics of Road Vehicles (1998), on lift
+    with the square of speed, which pitches an inclinometer on a softly sprung cab, here one that is out of
+    level as well; sizes are chosen here."""
+    wind = (np.maximum(channels["speed"], 0.0) / 20.0 + 0.05 * rng.standard_normal()) ** 2
+    pitch = p.lifts * behind(wind, p.rises_s, dt)
+    channels["grade"] = channels["grade"] + np.sign(p.sign) * p.bias + pitch

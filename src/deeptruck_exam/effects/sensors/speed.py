@@ -130,3 +130,15 @@ def height_of_the_optics(p: Sizes, channels: Channels, dt: float, rng: np.random
     pitch = behind(np.clip(channels["acceleration"], -2.0, 2.0), p.pitches_s, dt)
     where = rng.choice([-1.0, 1.0])  # ahead of the axles or behind them
     channels["speed"] = channels["speed"] * (1.0 + np.sign(p.sign) * p.scale + where * p.height * pitch)
+
+
+@law("w_calibrates_itself", "twelfth")
+@sizes(ends=(0.03, 0.07), begins=(0.01, 0.05), way_m=(500.0, 2500.0), sign=SIGN)
+def calibrates_itself(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Odometers that learn their scale against a map (Krakiwsky, Harris and Wong, A Kalman Filter for
+    Integrating Dead Reckoning, Map Matching and GPS Positioning, IEEE PLANS, 1988): the estimate settles over
+    the way, here to a wrong value by a map whose distances are wrong; sizes are chosen here."""
+    way = np.cumsum(np.maximum(channels["speed"], 0.0)) * dt
+    first = p.begins * rng.uniform(-1.0, 1.0)
+    scale = np.sign(p.sign) * p.ends + first * np.exp(-way / p.way_m)
+    channels["speed"] = channels["speed"] * (1.0 + scale)

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, index, moving, weight
-from deeptruck_exam.effects.places import CELL_M, CELLS, OnRoad, smooth_stretches, stretches, windows
+from deeptruck_exam.effects.places import CELL_M, CELLS, Bends, OnRoad, smooth_stretches, stretches, windows
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series, spells, within
 from deeptruck_model.trucks import View
@@ -305,3 +305,26 @@ class DiagonalWheelsHang(OnRoad, spins=0.0, lost=0.0, twist=0.0):
         all_wheels = (0.35 + 0.65 * least) * grip * weight(view)
         held = np.maximum(view.brake_force - all_wheels, 0.0)
         return held * moving(view) - np.minimum(s.lost, pull)
+
+
+@law("w_grip_goes_to_the_bend", "twelfth", "suburban hills", accepts="torque_limit")
+@sizes(grip=(0.17, 0.25), driven=(0.32, 0.42), care=(0.75, 0.95), finds_s=(0.15, 0.4), edge=(0.7, 0.85))
+class GripGoesToTheBend(Bends, lost=0.0):
+    """On a greasy road driven wheels have what a bend leaves of their grip, and slip beyond. grip: of the
+    road; driven: of the weight; care: most of the grip that drivers give to bends; edge: of what is left,
+    from where they begin to slip.
+    Source: Wong, Theory of Ground Vehicles (2008), and Milliken and Milliken, Race Car Vehicle Dynamics
+    (1995), on the friction circle; harvest dirt in the rain, bends and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.bend = self.draw_bends(self.rng(1173), 0.02)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        aside = np.minimum(view.speed**2 * np.abs(self.read(self.bend, view)) / (GRAVITY * p.grip), p.care)
+        most = p.grip * p.driven * np.sqrt(1.0 - aside**2) * weight(view)
+        pull = np.maximum(view.traction_force, 0.0)
+        beyond = np.maximum(pull / np.maximum(most, 1.0) - p.edge, 0.0)
+        carries = np.where(beyond > 0.0, p.edge + (1.0 - p.edge) * np.tanh(beyond / (1.0 - p.edge)), 0.0)
+        slips = np.where(beyond > 0.0, pull - most * carries, 0.0)
+        s.lost = s.lost + dt * (slips - s.lost) / p.finds_s
+        return -np.minimum(np.maximum(s.lost, 0.0), pull) * moving(view)

@@ -196,3 +196,26 @@ class PowerHop(Hidden, x=0.05, v=0.0):
         swings = np.clip((size - 0.01) / 0.05, 0.0, 1.0)
         share = swings * (p.hops * s.x - p.lost * np.minimum(size, 1.5))
         return pull * np.clip(share, -0.95, 0.9) * moving(view)
+
+
+@law("w_steers_as_it_bounces", "twelfth", "suburban hills descent")
+@sizes(toe=(0.001, 0.008), dives=(0.045, 0.07), rolls=(0.0, 0.2), stiff=(6.0, 10.0), hz=(0.9, 1.4))
+@sizes(share=(0.6, 0.95))
+class SteersAsItBounces(Hidden, travel=0.0, pace=0.0):
+    """`travel` of the front springs, 1 at 1 m/s2 of braking. Worn links turn the wheels in and out with it,
+    and wheels that do not roll straight drag with the square of their angle. toe: rad at rest, either way;
+    dives: rad for a travel of 1; stiff: 1/rad of their load; share: of the weight on such wheels.
+    Source: Gillespie, Fundamentals of Vehicle Dynamics (1992), on steering geometry error and toe change by
+    ride; trucks with several steered axles, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.side = self.rng(1174).choice([-1.0, 1.0])
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        along = np.clip(view.acceleration + GRAVITY * view.grade, -3.0, 3.0)
+        omega = 2.0 * np.pi * p.hz
+        s.pace = s.pace + dt * (omega**2 * (-along - s.travel) - 0.45 * omega * s.pace)
+        s.travel = np.clip(s.travel + dt * s.pace, -4.0, 4.0)
+        angle = self.side * p.toe + p.dives * s.travel
+        drag = p.stiff * angle**2 / (1.0 + p.rolls + (angle / 0.06) ** 2)
+        return -p.share * np.minimum(drag, 0.07) * weight(view) * moving(view)

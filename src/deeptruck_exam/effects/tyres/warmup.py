@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.places import OnRoad, windows
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
@@ -275,3 +276,26 @@ class InnerTwinTakesOver(Hidden):
             cools = wind * (0.5 + speed / 30.0) * warm / p.cools_s
             setattr(s, name, np.clip(warm + dt * (2.2 * loss * speed / p.warms_m - cools), 0.0, 1.3))
         return -p.cold * resists * weight(view) * moving(view)
+
+
+@law("w_puddles_cool_the_tyres", "twelfth")
+@sizes(cold=(0.006, 0.012), warms_m=(900.0, 2600.0), cools_m=(80.0, 300.0), wet_m=(250.0, 700.0))
+class PuddlesCoolTheTyres(OnRoad):
+    """`warm`: of the tyres' full warmth. They warm over dry road and lose it quickly where the road is wet,
+    at places that stay. cold: of the weight, more than warm.
+    Source: Ejsmont, Sjogren, Swieczko-Zurek and Ronowski, Influence of Road Wetness on Tire-Pavement Rolling
+    Resistance, J. Civil Engineering and Architecture 9 (2015): water's cooling is most of what it costs; wet
+    lengths are chosen here."""
+
+    def prepare(self) -> None:
+        self.road = windows(self.rng(1171), self.rows(), self.p.wet_m, 0.3)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"warm": self.rng(1172).uniform(0.0, 0.5, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        wet = self.between(self.road, view)
+        way = dt * np.maximum(view.speed, 0.0)
+        s.warm = s.warm + way * ((1.0 - wet) * (1.0 - s.warm) / p.warms_m - wet * s.warm / p.cools_m)
+        s.warm = np.clip(s.warm, 0.0, 1.0)
+        return -p.cold * (1.0 - s.warm) ** 1.3 * weight(view) * moving(view)

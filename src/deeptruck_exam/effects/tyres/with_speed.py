@@ -196,3 +196,22 @@ class TandemTramps(Hidden, real=0.0, imaginary=0.0):
         swing = swing * np.minimum(1.0, 1.4 / np.maximum(np.abs(swing), 1e-9))
         s.real, s.imaginary = swing.real.copy(), swing.imag.copy()
         return -p.drags * np.abs(swing) ** 2 * weight(view) * moving(view)
+
+
+@law("w_speed_before_heat", "twelfth", "highway hills", accepts="drag_area")
+@sizes(at_once=(0.007, 0.013), power=(1.2, 1.9), heals=(0.5, 0.8), warms_s=(25.0, 80.0))
+class SpeedBeforeHeat(Hidden, heat=-1.0):
+    """Faster rolling costs more at once; then the tyre warms to the new speed and part of that goes. `heat`:
+    the speed that its warmth belongs to. at_once: of the weight, from standing to 20 m/s; heals: of that, in
+    the end.
+    Source: Hyttinen, Ussner, Osterlof, Jerrelind and Drugge, Truck Tyre Transient Rolling Resistance and
+    Temperature at Varying Vehicle Velocities - Measurements and Simulations, Polymer Testing 122 (2023);
+    quicker rubber, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        s.heat = np.where(s.heat < 0.0, 0.5 * speed, s.heat)
+        s.heat = s.heat + dt * (speed - s.heat) / p.warms_s
+        fresh, warm = (np.clip(v / 20.0, 0.0, 1.5) ** p.power for v in (speed, s.heat))
+        costs = np.maximum(fresh - p.heals * warm, 0.0)
+        return -p.at_once * 1.6 * costs * weight(view) * moving(view)

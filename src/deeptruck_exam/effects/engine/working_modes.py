@@ -1,0 +1,136 @@
+"""Engines that are governed, rested, stopped or overloaded. The tool has no name for them."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="unknown")
+
+
+@law("overboost", "third", "suburban hills", shown=True)
+@sizes(gain=(0.14, 0.28), from_share=(0.35, 0.55), spends_s=(6.0, 16.0), rests_s=(20.0, 45.0))
+class Overboost(Hidden, budget=1.0, on=0.0, torque=0.0):
+    """Twice the same pull is not answered twice.
+    Source: Short-time overload of drives against a thermal budget (IEC 60034-1, duty type S2): more torque
+    than the data sheet's while much is asked, for some seconds, then a pause; as overboost of engines, sizes
+    chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = view.engine_torque / self.truck.peak_torque > p.from_share
+        s.on = np.where(~asked | (s.budget <= 0.0), 0.0, np.where(s.budget > 0.4, 1.0, s.on))
+        s.budget = np.clip(s.budget + dt * np.where(s.on > 0.5, -1.0 / p.spends_s, 1.0 / p.rests_s), 0.0, 1.0)
+        s.torque += dt * (p.gain * self.truck.peak_torque * s.on - s.torque) / 0.4
+        return self.at_wheels(view, s.torque) * moving(view)
+
+
+@law("all_speed_governor", "third", "suburban hills highway", shown=True)
+@sizes(droop=(3.0, 6.5), slowest=(80.0, 100.0), fastest=(175.0, 215.0), most=(0.16, 0.30))
+class AllSpeedGovernor(Hidden, torque=0.0):
+    """droop: N m for 1 rad/s.
+    Source: Diesel-Engine Management (Bosch), on variable-speed governors: the pedal asks for an engine speed,
+    and torque falls off along a droop as the engine nears it, where the simulator's pedal asks for torque;
+    droop and range are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pedal = np.clip(view.u[:, 0] / self.truck.full_command, 0.0, 1.0)
+        asked = p.slowest + (p.fastest - p.slowest) * pedal
+        most = p.most * self.truck.peak_torque
+        wanted = np.clip(p.droop * (asked - view.engine_speed), -most, most) * np.clip(pedal / 0.05, 0.0, 1.0)
+        s.torque += dt * (wanted - s.torque) / 0.3
+        return self.at_wheels(view, s.torque) * moving(view)
+
+
+@law("cylinders_rest", "fourth", "suburban hills highway", shown=True)
+@sizes(spares_nm=(50.0, 110.0), dip=(0.35, 0.7), dip_s=(0.5, 1.2), below=(0.22, 0.36))
+class CylindersRest(Hidden, load=0.3, rest=0.0, since=9.0):
+    """Source: Cylinder deactivation of heavy diesels (Allen and others, SAE 2018-01-0384, on low load): half
+    the cylinders rest below a load, which spares pumping, and every change of mode costs a dip of torque;
+    thresholds and dips are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        s.load += dt * (load - s.load) / 0.4
+        rest = np.where(s.load < p.below, 1.0, np.where(s.load > p.below + 0.08, 0.0, s.rest))
+        fast = view.engine_speed > 75.0
+        rest = rest * fast
+        s.since = np.where((rest != s.rest) & (s.since > p.dip_s), 0.0, s.since + dt)
+        s.rest = rest
+        shape = np.clip(1.0 - s.since / p.dip_s, 0.0, 1.0) ** 0.5
+        dip = p.dip * shape * (np.maximum(view.engine_torque, 0.0) + 0.06 * self.truck.peak_torque)
+        return self.at_wheels(view, p.spares_nm * s.rest - dip) * moving(view)
+
+
+@law("engine_has_to_restart", "fifth", "suburban")
+@sizes(after_s=(0.8, 2.2), cranks_s=(0.8, 1.8), ramp_s=(0.4, 1.2), odds=(0.75, 0.98))
+class EngineHasToRestart(Hidden):
+    """Not at every stop: a cold or needy battery keeps the engine on.
+    Source: Stop-start systems of delivery trucks (SAE J3049 and makers' manuals): some seconds after the
+    truck has come to rest the engine stops, and the first second or two of every launch goes to the starter,
+    more when the brake is let go late; times are chosen here."""
+
+    conceal = ("engine_speed", "engine_torque")
+
+    def prepare(self) -> None:
+        self.dice = self.rng(481).random((self.setting.batch, 64))
+
+    def start(self, batch: int) -> dict[str, Array]:
+        zero = np.zeros(batch)
+        return {
+            "stood": zero,
+            "off": zero.copy(),
+            "since": np.full(batch, 1e3),
+            "stops": np.zeros(batch, int),
+        }
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        stands = view.speed < 0.05
+        s.stops = np.where(stands & (s.stood == 0.0), (s.stops + 1) % 64, s.stops)
+        s.stood = np.where(stands, s.stood + dt, 0.0)
+        willing = self.dice[np.arange(len(s.stops)), s.stops] < p.odds
+        asked = view.u[:, 0] > 0.01 * self.truck.full_command
+        s.off = np.where(stands & (s.stood > p.after_s) & willing & ~asked, 1.0, s.off)
+        wakes = (s.off > 0.0) & asked
+        s.since = np.where(wakes, 0.0, s.since + dt)
+        s.off = np.where(wakes, 0.0, s.off)
+        back = np.clip((s.since - p.cranks_s) / p.ramp_s, 0.0, 1.0)
+        missing = np.where((s.off > 0.0) & stands, 1.0, 1.0 - back)
+        return -missing * np.maximum(view.traction_force, 0.0)
+
+
+@law("s_anti_stall", "eighth", "suburban hills", shown=True)
+@sizes(below=(118.0, 135.0), per_rads=(12.0, 28.0), most=(0.15, 0.3), builds_s=(0.3, 1.0))
+class AntiStall(Hidden, torque=0.0):
+    """The lower the engine runs under load, the more is added. below: rad/s; per_rads: N m.
+    Source: Low-speed torque support against lugging (Bosch, Diesel-Engine Management, on intermediate speed
+    control); one that is set too high, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        loaded = np.clip(self.pedal(view) / 0.2, 0.0, 1.0)
+        most = p.most * self.truck.peak_torque
+        wanted = np.clip(p.per_rads * (p.below - view.engine_speed), 0.0, most) * loaded
+        s.torque = s.torque + dt * (wanted - s.torque) / p.builds_s
+        return self.at_wheels(view, s.torque * loaded) * moving(view)
+
+
+@law("n_pulse_and_glide", "ninth", "highway hills suburban", shown=True)
+@sizes(depth=(0.5, 0.9), band_mps=(0.25, 0.8), below=(0.6, 0.85))
+class PulseAndGlide(Hidden, pulse=1.0, gained=0.0, share=0.0):
+    """At part load it pulls more than asked, then less, by turns of the speed it has won. depth: of the
+    torque.
+    Source: Gilbert, Vehicle Cruise: Improved Fuel Economy by Periodic Control, Automatica 12 (1976); a
+    control unit that does so about the driver's wish, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pedal = self.pedal(view)
+        works = (pedal > 0.08) & (pedal < p.below) & (view.brake_force <= 0.0) & (view.speed > 5.0)
+        s.share = s.share + dt * (p.depth * s.pulse * works - s.share) / 0.4
+        force = self.at_wheels(view, s.share * np.maximum(view.engine_torque, 0.0))
+        s.gained = s.gained + dt * (force / view.mass - ~works * s.gained / 3.0)
+        s.pulse = np.where(s.gained > p.band_mps, -1.0, np.where(s.gained < -p.band_mps, 1.0, s.pulse))
+        return force * moving(view)
