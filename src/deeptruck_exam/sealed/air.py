@@ -1,4 +1,4 @@
-"""Bursts of wind in a calm night, a wake that meanders, rime on racks, and an open box that sings."""
+"""A valley's wind that turns about, a gap that air closes or leaves open, and a blade that is raised."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, index, moving
+from deeptruck_exam.effects.places import CELL_M, OnRoad, sections, smooth_stretches
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series
 from deeptruck_model.trucks import View
@@ -14,97 +15,85 @@ from deeptruck_model.trucks import View
 law = partial(hidden, family="sealed")
 
 
-@law("w_bursts_in_a_calm_night", needs="highway hills", name="headwind", accepts="drag_area")
-@sizes(aloft_mps=(13.0, 20.0), builds_s=(25.0, 60.0), mixes_s=(4.0, 10.0), critical=(0.55, 0.75))
-class BurstsInACalmNight(Hidden):
-    """`shear`: wind aloft over its most, which grows while the air below lies still; `mixed`: 1 while it
-    breaks and the wind comes down, until the shear is spent. aloft_mps: at its most.
-    Source: Van de Wiel, Ronda, Moene, de Bruin and Holtslag, Intermittent Turbulence and Oscillations in the
-    Stable Boundary Layer over Land, J. Atmospheric Sciences 59 (2002): a loop of decoupling and bursts;
-    quicker ones, in basins that trucks drive through, sizes are chosen here."""
+@law("x_valley_turns_the_wind", needs="highway hills", name="headwind", accepts="drag_area")
+@sizes(aloft_mps=(9.0, 14.0), veers_s=(90.0, 260.0), veers=(0.6, 1.1), flows_s=(4.0, 14.0), bends=(0.3, 0.7))
+@sizes(mean_m=(900.0, 2500.0))
+class ValleyTurnsTheWind(OnRoad, flow=0.0):
+    """`flow` of the air along a valley, over the wind aloft. It follows the axis towards the side that the
+    wind aloft leans to, so that it turns right about when that wind veers a little across the axis. veers:
+    rad, of the wind aloft; bends: rad, of the axis from one reach to the next.
+    Source: Whiteman and Doran, The Relationship between Overlying Synoptic-Scale Flows and Winds within a
+    Valley, J. Applied Meteorology 32 (1993): forced channelling; quicker winds, sizes are chosen here."""
 
     def prepare(self) -> None:
-        rng, batch = self.rng(1101), self.setting.batch
-        self.side = rng.choice([-1.0, 1.0]) * rng.uniform(0.7, 1.0)
-        self.gusts = ou_series(rng, (batch, int(self.setting.duration_s / 0.1) + 20), 0.1, 2.0)
-        self.begins = rng.uniform(0.2, 1.0, batch)
-
-    def start(self, batch: int) -> dict[str, Array]:
-        first = np.resize(self.begins, batch)
-        return {"shear": first * self.p.critical, "mixed": np.zeros(batch), "bursts": np.zeros(batch)}
+        rng, batch = self.rng(1301), self.setting.batch
+        number = sections(rng, self.rows(), self.p.mean_m)
+        turns = self.p.bends * rng.standard_normal((self.rows(), int(number.max()) + 1))
+        self.axis = np.take_along_axis(turns, number, axis=1)
+        shape = (batch, int(self.setting.duration_s) + 5)
+        self.aloft = 0.5 * np.pi + self.p.veers * ou_series(rng, shape, 1.0, self.p.veers_s)
+        self.gusts = 1.0 + 0.15 * ou_series(rng, shape, 1.0, 3.0)
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        s.bursts = np.where(s.shear > p.critical, 1.0, np.where(s.shear < 0.3 * p.critical, 0.0, s.bursts))
-        s.mixed = s.mixed + dt * (s.bursts - s.mixed) / 1.5
-        falls = s.mixed * s.shear / p.mixes_s
-        s.shear = np.clip(s.shear + dt * ((1.0 - s.shear) / p.builds_s - falls), 0.0, 1.0)
-        gust = 1.0 + 0.25 * self.gusts[:, index(view, self.gusts, 0.1)]
-        wind = p.aloft_mps * s.shear * (0.12 + 0.88 * s.mixed * gust)
-        along = self.side * self.setting.direction * wind
-        relative = np.clip(1.0 + along / np.maximum(view.speed, 0.5), -1.0, 3.0)
+        k = index(view, self.aloft)
+        leans = np.cos(self.aloft[:, k] - self.read(self.axis, view))
+        wants = np.sign(leans) * np.sqrt(np.abs(leans))
+        s.flow = s.flow + dt * (wants - s.flow) / p.flows_s
+        wind = self.setting.direction * p.aloft_mps * s.flow * self.gusts[:, k]
+        relative = np.clip(1.0 + wind / np.maximum(view.speed, 0.5), -1.5, 3.0)
         felt = (relative * np.abs(relative) - 1.0) * view.drag_force
         return -felt * np.clip(view.speed / 3.0, 0.0, 1.0)
 
 
-@law("w_wake_meanders", needs="highway", name="drafting", accepts="drag_area headwind", leader=True)
-@sizes(deficit=(0.6, 0.8), wide_m=(1.5, 2.2), opens=(0.015, 0.035), sways=(0.05, 0.10), slow_s=(4.0, 12.0))
-class WakeMeanders(Hidden):
-    """Slow eddies carry each piece of the wake aside after the leader has left it there, so that a follower
-    far behind is in and out of it. deficit: of the wind of driving, right behind; opens: m of width for each
-    metre; sways: m aside for each metre.
-    Source: Larsen, Madsen, Thomsen and Larsen, Wake Meandering: A Pragmatic Approach, Wind Energy 11 (2008):
-    the wake is a passive tracer of large eddies; a truck's wake, sizes are chosen here."""
+@law("x_air_bridges_the_gap", needs="highway", name="drafting", accepts="drag_area headwind", leader=True)
+@sizes(bridged=(0.7, 0.9), open=(0.05, 0.25), half_m=(22.0, 38.0), flips_s=(3.0, 9.0), forms_s=(0.6, 2.0))
+@sizes(sharp=(2.0, 5.0))
+class AirBridgesTheGap(Hidden, last=-1.0, bridges=0.0, air=0.0):
+    """The air that leaves the leader either lands on the truck and bridges the gap, or falls into it. Which of
+    both is a matter of chance, and of distance. bridged, open: of the drag saved; half_m: where both are as
+    likely; flips_s: how often the air may change its mind.
+    Source: Martinuzzi and Havel, Turbulent Flow around Two Interfering Surface-Mounted Cubic Obstacles in
+    Tandem Arrangement, J. Fluids Engineering 122 (2000): two regimes that alternate; sizes are chosen here."""
 
     def prepare(self) -> None:
-        shape = (self.setting.batch, int(self.setting.duration_s / 0.1) + 20)
-        self.aside = ou_series(self.rng(1102), shape, 0.1, self.p.slow_s)
+        shape = (self.setting.batch, int(self.setting.duration_s / 0.5) + 20)
+        self.dice = self.rng(1302).random((2, *shape))
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        gap = np.clip(self.gap(view), 0.0, 1e4)
-        width = p.wide_m + p.opens * gap
-        centre = p.sways * np.minimum(gap, 300.0) * self.aside[:, index(view, self.aside, 0.1)]
-        slower = p.deficit * (p.wide_m / width) ** 2 * np.exp(-0.5 * (centre / width) ** 2)
-        return (1.0 - (1.0 - slower) ** 2) * view.drag_force
+        gap = np.clip(self.gap(view), 0.5, 1e4)
+        chance = 1.0 / (1.0 + (gap / p.half_m) ** (2.0 * p.sharp))
+        k = index(view, self.dice[0], 0.5)
+        thrown = (s.last < k) & (self.dice[0][:, k] < 0.5 / p.flips_s)
+        s.bridges = np.where(thrown | (s.last < 0.0), self.dice[1][:, k] < chance, s.bridges)
+        s.last = np.full_like(s.last, k)
+        s.air = s.air + dt * (s.bridges - s.air) / p.forms_s
+        near = np.exp(-gap / (3.0 * p.half_m))
+        saved = near * (p.open + (p.bridged - p.open) * s.air)
+        return np.clip(saved * 1.15, 0.0, 0.92) * view.drag_force
 
 
-@law("w_rime_on_the_racks", needs="highway hills", name="drag_area", accepts="rolling_resistance_speed")
-@sizes(most=(0.7, 1.2), grows_m=(2500.0, 7000.0), holds=(0.6, 0.95), left=(0.1, 0.4), falls_s=(1.0, 4.0))
-class RimeOnTheRacks(Hidden, falls=0.0):
-    """`ice` on the empty racks of a car transporter: its drag grows with the cloud it has passed through,
-    slower the thicker, until a load of it breaks off. most: of the drag, all iced; holds: at which it breaks;
-    left: of that, afterwards.
-    Source: Makkonen, Models for the Growth of Rime, Glaze, Icicles and Wet Snow on Structures, Phil. Trans.
-    R. Soc. A 358 (2000): collection falls as rods thicken; fog in frost, sizes are chosen here."""
+@law("x_blade_is_raised", needs="highway hills", name="drag_area", accepts="headwind")
+@sizes(most=(1.6, 2.8), up_s=(18.0, 45.0), down_s=(12.0, 30.0), apart_m=(500.0, 1500.0), flat=(0.0, 0.1))
+class BladeIsRaised(OnRoad, angle=0.0):
+    """`angle` of a wind turbine's blade on its lifter, over the steepest: raised before narrow places, slowly,
+    and laid down behind them. It stands across the wind with the square of its sine. most: of the drag, more
+    when steepest; flat: of that, laid down.
+    Source: Makers' manuals of blade lifters for self-propelled and towed modules (Goldhofer FTV), on raising
+    to 60 degrees in passages, and Hoerner, Fluid-Dynamic Drag (1965), on inclined bodies across a stream;
+    places and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        gaps = (0.4 * self.p.apart_m, 1.6 * self.p.apart_m)
+        narrow = smooth_stretches(self.rng(1303), self.rows(), gaps, (400.0, 1300.0))
+        self.road = np.where(narrow > 0.2, 1.0, 0.0)
 
     def start(self, batch: int) -> dict[str, Array]:
-        return {**super().start(batch), "ice": self.rng(1103).uniform(0.0, self.p.holds, batch)}
+        return {"angle": self.rng(1304).uniform(0.0, 0.5, batch)}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        s.falls = np.where(
-            s.ice > p.holds * (0.85 + 0.15 * np.clip(25.0 / np.maximum(view.speed, 10.0), 0.5, 1.5)),
-            1.0,
-            np.where(s.ice < p.left * p.holds, 0.0, s.falls),
-        )
-        catches = np.maximum(view.speed, 0.0) * (1.3 - s.ice) / p.grows_m
-        s.ice = np.clip(s.ice + dt * (catches - s.falls * s.ice / p.falls_s), 0.0, 1.2)
-        return -p.most * s.ice * view.drag_force * moving(view)
-
-
-@law("w_open_box_sings", needs="highway hills suburban", name="unknown")
-@sizes(most=(0.6, 1.1), at_mps=(10.0, 15.0), wide=(0.12, 0.22), locks_s=(0.8, 3.0), next_up=(1.45, 1.7))
-class OpenBoxSings(Hidden, sings=0.0):
-    """`sings`: strength of the swing of air over an open box. Near two speeds waves in the box and eddies of
-    its edge feed each other, and a swing that is there keeps its band wider than one that has to begin. most:
-    of the drag, in full swing; next_up: speed of the second over the first.
-    Source: Rossiter, Wind Tunnel Experiments on the Flow over Rectangular Cavities at Subsonic and Transonic
-    Speeds, ARC R&M 3438 (1964), and Gharib and Roshko, The Effect of Flow Oscillations on Cavity Drag, J.
-    Fluid Mech. 177 (1987): drag rises manyfold in a wake mode; sizes are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        wide = p.wide * (0.6 + 0.6 * np.clip(s.sings, 0.0, 1.0))
-        first = np.abs(view.speed / p.at_mps - 1.0) / wide
-        second = np.abs(view.speed / (p.next_up * p.at_mps) - 1.0) / wide
-        near = 1.0 / (1.0 + np.minimum(first, second) ** 6)
-        s.sings = s.sings + dt * (near - s.sings) / np.where(near > s.sings, p.locks_s, 0.5 * p.locks_s)
-        low = 0.5 * self.truck.air_density * self.truck.drag_area * p.at_mps**2
-        return -p.most * s.sings * np.maximum(view.drag_force, low * moving(view)) * moving(view)
+        ahead = (self.place(view) + self.setting.direction * 150.0) / CELL_M
+        cell = ahead.astype(int) % self.road.shape[1]
+        wants = self.road[self.setting.route, cell]
+        s.angle = np.clip(s.angle + dt * np.where(wants > 0.5, 1.0 / p.up_s, -1.0 / p.down_s), 0.0, 1.0)
+        across = np.sin(0.5 * np.pi * s.angle) ** 2
+        return -p.most * (p.flat + (1.0 - p.flat) * across) * view.drag_force * moving(view)

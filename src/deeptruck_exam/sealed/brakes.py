@@ -1,5 +1,4 @@
-"""Oil baths that overheat, a regulator that rings, pads that bends knock off, damp linings, and a brake that
-learns from slopes."""
+"""Linings that polish themselves, rubber that creeps, iron that stays magnetic, and brakes against gusts."""
 
 from __future__ import annotations
 
@@ -7,125 +6,104 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
-from deeptruck_exam.effects.places import Bends
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, index, moving, weight
 from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_exam.effects.series import SAMPLE_S, arrivals
 from deeptruck_model.trucks import View
 
 law = partial(hidden, family="sealed")
 
 
-@law("w_oil_bath_overheats", needs="descent", name="brake_fade")
-@sizes(oil_jpkgk=(5.0, 10.0), passes_s=(15.0, 40.0), bears_k=(50.0, 100.0), loss=(0.4, 0.65))
-@sizes(cools_s=(60.0, 160.0))
-class OilBathOverheats(Hidden, disc=0.0, oil=0.0):
-    """`disc`, `oil`: K above cold. Discs in a bath give their heat to oil that the engine's pump sends
-    through a cooler: thin oil makes them rub less, and who brakes in a high gear cools them least. oil_jpkgk:
-    for each kg of truck; bears_k: of the discs, where half of `loss` is lost; cools_s: at 150 rad/s.
-    Source: Yang, Twaddell, Chen and Lam, Theoretical and Experimental Studies on the Thermal Degradation of
-    Wet Friction Materials, SAE 970978, and makers' manuals of articulated haulers on forced cooling of wet
-    discs; sizes are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        hot = np.maximum(s.disc / p.bears_k, 0.0) ** 2
-        lost = p.loss * hot / (1.0 + hot)
-        work = (1.0 - lost) * view.brake_force * np.maximum(view.speed, 0.0) / view.mass
-        passes = (s.disc - s.oil) / p.passes_s
-        pumps = np.clip(view.engine_speed / 150.0, 0.3, 1.5)
-        s.disc = s.disc + dt * (work / (0.4 * p.oil_jpkgk) - passes)
-        s.oil = np.maximum(s.oil + dt * (0.4 * passes - pumps * s.oil / p.cools_s), 0.0)
-        return lost * view.brake_force * moving(view)
-
-
-@law("w_regulator_rings", needs="suburban descent", name="brake_lag", accepts="command_delay clock_offset")
-@sizes(hz=(0.4, 0.75), damping=(0.3, 0.6), dead_s=(0.0, 0.2), share=(0.7, 1.0), vents=(0.7, 1.0))
-class RegulatorRings(Hidden, bar=0.0, pace=0.0, heard=0.0):
-    """The pressure of the far axles is regulated by a loop that is slow and rings: it comes late, goes too
-    far and comes back; letting go, a little slower still. vents: of the loop's own speed, downwards.
-    Source: Subramanian, Darbha and Rajagopal, Modeling the Pneumatic Subsystem of an S-cam Air Brake System,
-    J. Dyn. Sys. Meas. Control 126 (2004), on pressure transients, and Astrom and Hagglund, PID Controllers
-    (1995), on loops tuned too sharply; frequencies are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        full = self.truck.brake_capacity
-        asked = view.brake_force / full
-        s.heard = s.heard + dt * (asked - s.heard) / (0.06 + p.dead_s)
-        omega = 2.0 * np.pi * p.hz * np.where(s.heard < s.bar, p.vents, 1.0)
-        s.pace = s.pace + dt * (omega**2 * (s.heard - s.bar) - 2.0 * p.damping * omega * s.pace)
-        bar = s.bar + dt * s.pace
-        s.pace = np.where((bar < 0.0) & (s.pace < 0.0), 0.0, s.pace)
-        s.bar = np.clip(bar, 0.0, 1.5)
-        return p.share * full * (asked - s.bar) * moving(view)
-
-
-@law("w_bends_knock_it_off", needs="suburban descent hills", name="dragging_brake")
-@sizes(drags=(0.007, 0.015), sets=(0.02, 0.06), knocks=(0.15, 0.5), eases_m=(900.0, 3000.0))
-class BendsKnockItOff(Bends, near=0.5):
-    """`near`: 1 where the pads lie on the disc with all of `drags`. Each braking sets them there; hubs that
-    bend under the side force of a curve push them away, and smooth straights hardly do. drags: of the weight;
-    sets: brake over weight at which they are set in a second; knocks: 1/m, at 1 m/s2 aside.
-    Source: Breuer and Bill, Brake Technology Handbook (SAE, 2008), on residual torque and knock-back of pads
-    by elastic hubs; pins that rust, bends and sizes are chosen here."""
-
-    def prepare(self) -> None:
-        self.bend = self.draw_bends(self.rng(1113), 0.02)
+@law("x_linings_polish_themselves", needs="descent", name="brake_fade")
+@sizes(loss=(0.45, 0.7), warms_jpkg=(350.0, 800.0), cools_s=(90.0, 260.0), turns=(0.3, 0.6))
+@sizes(polishes_m=(150.0, 450.0), rips=(0.10, 0.2))
+class LiningsPolishThemselves(Hidden, hot=0.0):
+    """`hot`: 1 where resin softens; `glaze`: share of the face that is polished. Long gentle braking when hot
+    melts a smooth skin over the lining, which stays when it is cold again; one firm braking rips it off.
+    loss: of the brake force, all polished; turns: `hot` at which it begins; rips: of full braking.
+    Source: Jacko, Physical and Chemical Changes of Organic Disc Pads in Service, Wear 46 (1978), and Limpert,
+    Brake Design and Safety, on glazing; sizes are chosen here."""
 
     def start(self, batch: int) -> dict[str, Array]:
-        return {"near": self.rng(1114).uniform(0.2, 1.0, batch)}
+        return {**super().start(batch), "glaze": self.rng(1311).uniform(0.0, 0.5, batch)}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         speed = np.maximum(view.speed, 0.0)
-        aside = np.minimum(speed**2 * np.abs(self.read(self.bend, view)), 2.5)
-        set_per_s = np.minimum(view.brake_force / weight(view) / p.sets, 2.0)
-        away = speed * (p.knocks * 0.02 * aside**2 + 1.0 / p.eases_m)
-        s.near = np.clip(s.near + dt * (set_per_s * (1.0 - s.near) - away * s.near), 0.0, 1.0)
-        return -p.drags * s.near * weight(view) * moving(view)
+        lost = p.loss * s.glaze
+        work = (1.0 - lost) * view.brake_force * speed / view.mass
+        s.hot = np.clip(s.hot + dt * (work / p.warms_jpkg - s.hot / p.cools_s), 0.0, 2.0)
+        hard = view.brake_force / self.truck.brake_capacity / p.rips
+        rubs = np.clip(10.0 * hard, 0.0, 1.0) * speed / p.polishes_m
+        skin = rubs * np.clip((s.hot - p.turns) / 0.3, 0.0, 1.0) * (1.0 - s.glaze)
+        s.glaze = np.clip(s.glaze + dt * (skin - 0.4 * np.clip(hard - 1.0, 0.0, 3.0) * s.glaze), 0.0, 1.0)
+        return lost * view.brake_force * moving(view)
 
 
-@law("w_sharp_in_the_morning", needs="suburban descent hills", name="unknown")
-@sizes(more=(0.45, 0.9), dries_jpkg=(60.0, 220.0), air_s=(400.0, 1500.0), gentle=(0.3, 0.6))
-class SharpInTheMorning(Hidden):
-    """`damp` of linings that stood in moist air, other in each drive: they bite too hard, gentle braking
-    most, until work has dried them. more: of the brake force; gentle: of the brake force that counts as
-    gentle, over a tenth of full braking.
-    Source: Parker and Newcomb, The Performance and Characteristics of the Disc Brake, Proc. IMechE Automobile
-    Division (1964-65), and Limpert, Brake Design and Safety, on morning sharpness of linings; sizes are
-    chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        return {"damp": self.rng(1115).uniform(0.5, 1.0, batch)}
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        work = view.brake_force * np.maximum(view.speed, 0.0) / view.mass
-        s.damp = s.damp * np.exp(-dt * (work / p.dries_jpkg + 1.0 / p.air_s))
-        hard = view.brake_force / (0.1 * self.truck.brake_capacity)
-        bites = p.more * s.damp * (0.35 + 0.65 / (1.0 + (hard / p.gentle) ** 2))
-        return -bites * view.brake_force * np.clip(view.speed - 0.3, 0.0, 1.0)
-
-
-@law("w_learns_from_slopes", needs="descent suburban hills", name="unknown")
-@sizes(learns=(0.3, 0.6), needs_s=(0.8, 2.0), most=(0.3, 0.5), forgets_s=(120.0, 400.0), builds_s=(0.2, 0.5))
-class LearnsFromSlopes(Hidden, factor=0.0, held=0.0, sum=0.0, uses=0.0):
-    """`factor` by which the brake is turned up or down, learned after each braking from what was felt against
-    what was meant, as if the road were flat: down long slopes it turns up, and the next stop in a dip is
-    harsh. learns: of the difference, at each.
-    Source: Breuer and Bill, Brake Technology Handbook (SAE, 2008), and Lindemann, Petersen, Schult and Korn,
-    EBS and Tractor Trailer Brake Compatibility, SAE 973283, on adapting brakes from application to
-    application; one that does not know the slope, sizes are chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        first = self.rng(1116).uniform(-0.5, 0.5, batch) * self.p.most
-        return {**super().start(batch), "factor": first}
+@law("x_rubber_creeps", needs="suburban descent", name="brake_lag", accepts="command_delay clock_offset")
+@sizes(quick_s=(0.25, 0.5), slow_s=(1.8, 4.0), creeps=(0.4, 0.65), stiff=(0.5, 1.5), warms_s=(60.0, 200.0))
+class RubberCreeps(Hidden, quick=0.0, slow=0.0, soft=0.0):
+    """Rubber in old chambers takes its share of the stroke twice: soon, and creeping for seconds. Force that
+    creeps in creeps out again, and frost makes both slower until use has warmed it. creeps: share that comes
+    slowly; stiff: times as slow, more, when cold; warms_s: of braking.
+    Source: Findley, Lai and Onaran, Creep and Relaxation of Nonlinear Viscoelastic Materials (1976), on chains
+    of springs and dampers, and SAE J1469 on brake actuators in the cold; sizes are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        brakes = (view.brake_force > 0.01 * weight(view)) & (view.speed > 1.5)
-        ends = ~brakes & (s.held > p.needs_s)
-        meant = view.brake_force + view.drag_force + view.rolling_force
-        lacks = (meant / view.mass + view.acceleration) / np.maximum(view.brake_force / view.mass, 0.1)
-        lesson = s.sum / np.maximum(s.held, 0.1)
-        s.factor = np.where(ends, s.factor + p.learns * np.clip(lesson, -0.8, 0.8), s.factor)
-        s.factor = np.clip(s.factor * (1.0 - dt / p.forgets_s), -p.most, p.most)
-        s.sum = np.where(brakes, s.sum + dt * np.clip(lacks, -1.5, 1.5), 0.0)
-        s.held = np.where(brakes, s.held + dt, 0.0)
-        s.uses = s.uses + dt * (s.factor - s.uses) / p.builds_s
-        return -s.uses * view.brake_force * np.clip(view.speed - 0.5, 0.0, 1.0)
+        asked = view.brake_force / self.truck.brake_capacity
+        s.soft = s.soft + dt * (1.0 - s.soft) * np.clip(20.0 * asked, 0.0, 1.0) / p.warms_s
+        cold = 1.0 + p.stiff * (1.0 - s.soft)
+        s.quick = s.quick + dt * (asked - s.quick) / (p.quick_s * cold)
+        s.slow = s.slow + dt * (asked - s.slow) / (p.slow_s * cold)
+        comes = (1.0 - p.creeps) * s.quick + p.creeps * s.slow
+        return (asked - comes) * self.truck.brake_capacity * moving(view)
+
+
+@law("x_iron_stays_magnetic", needs="suburban descent hills", name="dragging_brake")
+@sizes(most=(0.012, 0.022), peak_mps=(5.0, 11.0), full=(0.04, 0.1), shakes_m=(700.0, 2500.0))
+@sizes(turns=(0.3, 0.7))
+class IronStaysMagnetic(Hidden):
+    """`kept`: magnetism of a retarder's iron, of the most. Each braking drives a current that leaves its mark,
+    a hard one a strong mark, a gentle one wipes part of it out; shaking over the way loosens it. The rotor
+    then turns in a field that nobody asked for. most: of the weight; full: brake over weight that saturates;
+    turns: of `kept` that a gentle current wipes out, in a second.
+    Source: Bozorth, Ferromagnetism (1951), on remanence and minor loops, and Wouterse, IEE Proc. B 138 (1991),
+    on eddy torque over speed; a retarder on the brake pedal, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"kept": self.rng(1312).uniform(0.2, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        current = np.clip(view.brake_force / weight(view) / p.full, 0.0, 1.3)
+        marks = np.tanh(1.5 * current)
+        grows = 3.0 * np.maximum(marks - s.kept, 0.0) * (current > 0.02)
+        wipes = p.turns * s.kept * np.where((current > 0.02) & (marks < 0.6 * s.kept), 1.0, 0.0)
+        speed = np.maximum(view.speed, 0.0)
+        s.kept = np.clip(s.kept + dt * (grows - wipes - speed * s.kept / p.shakes_m), 0.0, 1.0)
+        slip = speed / p.peak_mps
+        return -p.most * s.kept * weight(view) * 2.0 * slip / (1.0 + slip**2) * moving(view)
+
+
+@law("x_brakes_against_gusts", needs="highway hills", name="unknown")
+@sizes(most=(0.018, 0.035), from_mps=(11.0, 14.0), mean_s=(9.0, 25.0), dies_s=(1.2, 3.5), bears=(0.35, 0.8))
+@sizes(holds_s=(0.8, 2.5))
+class BrakesAgainstGusts(Hidden, acts=0.0, tired=0.0):
+    """Gusts from the side turn a high truck, and its computer brakes the wheels of one side against it, above
+    a speed; wheels that it has braked for long get a rest. most: of the weight; bears: gust that it leaves to
+    the driver; holds_s: of the brake, behind the gust.
+    Source: Hilf, Trapp and Kuhne, and makers' descriptions of crosswind assistants by one-sided brakes, and
+    Baker, Ground Vehicles in High Cross Winds, J. Fluids and Structures 5 (1991), on gusts and yaw; gusts by
+    chance, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        shape = (self.setting.batch, int(self.setting.duration_s / SAMPLE_S) + 20)
+        raw = arrivals(self.rng(1313), shape, self.p.mean_s, self.p.dies_s)
+        self.gusts = raw * self.p.dies_s / self.p.mean_s
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        gust = self.gusts[:, index(view, self.gusts, SAMPLE_S)]
+        gust = gust * np.clip(view.speed / 20.0, 0.0, 1.3)
+        fast = np.clip((view.speed - p.from_mps) / 1.5, 0.0, 1.0)
+        wants = fast * np.clip((gust - 0.4 * p.bears) / 0.5, 0.0, 1.0) * (1.0 - 0.6 * s.tired)
+        s.acts = s.acts + dt * (wants - s.acts) / np.where(wants > s.acts, 0.25, p.holds_s)
+        s.tired = np.clip(s.tired + dt * (s.acts / 15.0 - s.tired / 40.0), 0.0, 1.0)
+        return -p.most * s.acts * weight(view) * moving(view)
