@@ -1,4 +1,4 @@
-"""Frames that are joined, torque that steps softly over the lash, and two who meddle: a radio and a zone."""
+"""Messages that wait for an answer, an engine that is spared, a truck that weighs itself, and a map of bends."""
 
 from __future__ import annotations
 
@@ -6,107 +6,111 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import STEP_S, Array, Hidden, Late, Sizes, State, TorqueFilter, moving, weight
-from deeptruck_exam.effects.places import OnRoad, smooth_stretches
+from deeptruck_exam.effects.law import Array, Filter, Hidden, Sizes, State, TorqueFilter, moving, weight
+from deeptruck_exam.effects.places import CELL_M, Bends
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
 law = partial(hidden, family="sealed")
 
 
-@law("w_joins_the_frames", needs="suburban hills descent", name="command_delay", accepts="clock_offset")
-@sizes(every_s=(0.3, 0.7), line_s=(0.1, 0.3), uneven=(0.2, 0.5))
-class JoinsTheFrames(Late):
-    """Commands come in frames some time apart, and are played one frame late along the line from each to the
-    next, so that nothing jumps. uneven: of the time between frames.
-    Source: Franklin, Powell and Workman, Digital Control of Dynamic Systems (1998), on first-order holds,
-    here one that waits for the next frame; drive by wire of remote trucks, times are chosen here."""
-
-    length = 400
+@law("x_waits_for_the_answer", needs="suburban hills descent", name="command_delay", accepts="clock_offset")
+@sizes(way_s=(0.18, 0.4), back_s=(0.1, 0.3), lazy_s=(0.1, 0.3), uneven=(0.1, 0.3))
+class WaitsForTheAnswer(Filter):
+    """A small message is sent only when the last one has been answered: what changes meanwhile waits, and goes
+    as one. After a rest the first message goes at once. way_s: of a message; back_s: of its answer; lazy_s:
+    that the receiver keeps an answer for; uneven: of all, by chance.
+    Source: Nagle, Congestion Control in IP/TCP Internetworks, RFC 896 (1984), and RFC 1122 (1989) on delayed
+    acknowledgements; driving by mobile radio, times are chosen here."""
 
     def prepare(self) -> None:
-        mean = self.p.every_s / STEP_S
-        spread = self.rng(1121).uniform(-self.p.uneven, self.p.uneven, 4000)
-        self.frames = np.maximum(np.rint(mean * (1.0 + spread)), 5.0).astype(int)
-        self.line = round(self.p.line_s / STEP_S)
+        rng, p = self.rng(1321), self.p
+        spread = 1.0 + p.uneven * rng.uniform(-1.0, 1.0, 4000)
+        self.way, self.answer = p.way_s * spread, (p.back_s + p.lazy_s * rng.random(4000)) * spread
+
+    def begin(self, s: State, u: Array) -> None:
+        s.out, s.sent, s.clock = u.copy(), u.copy(), 0.0
+        s.lands, s.free = np.zeros((2, len(u)))
+        s.count = np.arange(len(u)) * 97
+
+    def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
+        s.clock += dt
+        s.out = np.where((s.lands <= s.clock)[:, None], s.sent, s.out)
+        goes = (s.free <= s.clock) & np.any(u != s.sent, axis=1)
+        s.count = np.where(goes, (s.count + 1) % len(self.way), s.count)
+        s.sent = np.where(goes[:, None], u, s.sent)
+        s.lands = np.where(goes, s.clock + self.way[s.count], s.lands)
+        s.free = np.where(goes, s.lands + self.answer[s.count], s.free)
+        return np.asarray(s.out)
+
+
+@law("x_pistons_are_warmed_first", needs="suburban hills", name="command_rate_limit", accepts="turbo_lag")
+@sizes(cold_per_s=(0.08, 0.14), warm_per_s=(0.45, 0.9), at=(0.15, 0.3), readies_s=(4.0, 10.0))
+@sizes(chills_s=(5.0, 15.0), falls=(3.0, 6.0))
+class PistonsAreWarmedFirst(TorqueFilter):
+    """A big engine is let up the slower, the longer nothing was asked of it: load makes it ready, rest takes
+    that away. Down it goes quickly. cold_per_s, warm_per_s: of the full command; at: of it, that readies in
+    the time said; falls: times as quick as up, when ready.
+    Source: ISO 8528-5:2022 on load acceptance, and CIMAC Recommendation 13 on how loads have to be applied to
+    highly rated engines, here for each pull of a truck; rates are chosen here."""
 
     def begin(self, s: State, u: Array) -> None:
         super().begin(s, u)
-        s.old, s.new, s.since, s.frame = u.copy(), u.copy(), 0, 0
-
-    def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
-        self.put(s, u)
-        s.since += 1
-        if s.since >= self.frames[s.frame % len(self.frames)]:
-            s.old, s.new = s.new, self.ago(s, self.line).copy()
-            s.since, s.frame = 0, s.frame + 1
-        share = s.since / self.frames[s.frame % len(self.frames)]
-        return np.asarray(s.old + share * (s.new - s.old))
-
-
-@law("w_steps_over_the_lash", needs="suburban hills", name="command_rate_limit", accepts="turbo_lag")
-@sizes(low=(0.02, 0.05), high=(0.2, 0.4), slow_per_s=(0.12, 0.28), quick_per_s=(0.6, 1.4), drops=(1.0, 2.0))
-class StepsOverTheLash(TorqueFilter):
-    """So that the teeth do not clash, torque passes slowly through a band near nothing and quickly above it;
-    slower upwards than downwards. low, high: of the full command; drops: times as quick, downwards.
-    Source: Fredriksson, Weiefors and Egardt, Powertrain Control for Active Damping of Driveline Oscillations,
-    Vehicle System Dynamics 37 (2002), and Lagerberg and Egardt, Evaluation of Control Strategies for
-    Automotive Powertrains with Backlash, AVEC (2002), on crossing it gently; rates are chosen here."""
+        s.ready = np.clip(u[:, 0] / self.full / self.p.at, 0.0, 1.0)
 
     def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
-        share = s.given / self.full
-        out = np.clip((share - p.high) / 0.1, 0.0, 1.0) + np.clip((p.low - share) / 0.02, 0.0, 0.3)
-        pace = (p.slow_per_s + (p.quick_per_s - p.slow_per_s) * out) * self.full * dt
-        return np.asarray(np.clip(pedal, s.given - p.drops * pace, s.given + pace))
+        load = np.clip(s.given / self.full / p.at, 0.0, 1.0)
+        slow = np.where(load > s.ready, p.readies_s, p.chills_s)
+        s.ready = s.ready + dt * (load - s.ready) / slow
+        pace = p.cold_per_s + (p.warm_per_s - p.cold_per_s) * s.ready**2
+        down = p.falls * p.warm_per_s * self.full * dt
+        return np.asarray(np.clip(pedal, s.given - down, s.given + pace * self.full * dt))
 
 
-@law("w_hears_the_leader", needs="highway suburban hills", name="unknown", leader=True)
-@sizes(gain=(0.25, 0.5), late_s=(0.3, 0.9), lags_s=(0.3, 0.8), reach_m=(45.0, 90.0), most=(0.02, 0.045))
-class HearsTheLeader(Hidden, acts=0.0):
-    """The leader says by radio how he speeds up and slows down, and the truck's own drive and brakes answer
-    at once, beside whoever drives. gain: of his acceleration; most: of the weight.
-    Source: Ploeg, Scheepers, van Nunen, van de Wouw and Nijmeijer, Design and Experimental Evaluation of
-    Cooperative Adaptive Cruise Control, IEEE ITSC (2011), on feedforward of the leader's acceleration; gains
-    and reach are chosen here."""
-
-    def prepare(self) -> None:
-        steps = max(1, round(0.4 / self.setting.dt))
-        way = self.setting.leader_m
-        pace = np.gradient(way, self.setting.dt, axis=1)
-        change = np.gradient(pace, self.setting.dt, axis=1)
-        total = np.cumsum(np.nan_to_num(change), axis=1)
-        smooth = (total[:, 2 * steps :] - total[:, : -2 * steps]) / (2.0 * steps)
-        self.heard = np.pad(smooth, ((0, 0), (2 * steps, 0)))
-        self.late = round(self.p.late_s / self.setting.dt)
+@law("x_weighs_itself", needs="suburban hills highway", name="unknown")
+@sizes(most=(0.16, 0.3), half_s=(1.2, 2.8), learns=(0.02, 0.06), doubts_s=(40.0, 120.0), eases_s=(0.2, 0.5))
+class WeighsItself(Hidden, unsure=1.0, still=0.0, phase=0.0, asks=0.0, felt=0.0):
+    """`unsure` of its own mass after each stand, and slowly again later, a computer moves the torque up and
+    down by turns while the engine pulls evenly, until what the truck answers has told it enough; what the
+    driver does tells it too. most: of the torque; half_s: of a turn; learns: of `unsure`, for each second and
+    0.1 m/s2.
+    Source: Fathy, Kang and Stein, Online Vehicle Mass Estimation Using Recursive Least Squares and Supervisory
+    Data Extraction, ACC (2008), and Astrom and Wittenmark, Adaptive Control (1995), on dual control that
+    probes; sizes are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        heard = np.clip(self.heard[:, max(self.now(view) - self.late, 0)], -2.0, 1.5)
-        near = np.clip((p.reach_m - self.gap(view)) / 15.0, 0.0, 1.0)
-        s.acts = s.acts + dt * (p.gain * heard * near - s.acts) / p.lags_s
-        force = p.most * np.tanh(s.acts / (9.81 * p.most))
-        return np.asarray(force * weight(view) * np.clip(view.speed - 1.0, 0.0, 1.0))
+        s.felt = s.felt + dt * (view.acceleration - s.felt) / 2.0
+        news = np.minimum(np.abs(view.acceleration - s.felt) / 0.1, 4.0)
+        s.still = np.where(view.speed < 0.3, s.still + dt, 0.0)
+        gains = (1.0 - s.unsure) / p.doubts_s - p.learns * news * s.unsure
+        s.unsure = np.where(s.still > 1.0, 1.0, np.clip(s.unsure + dt * gains, 0.0, 1.0))
+        s.phase = (s.phase + dt / (2.0 * p.half_s)) % 1.0
+        pulls = np.clip((self.pedal(view) - 0.12) / 0.1, 0.0, 1.0) * np.clip(view.speed / 3.0 - 0.5, 0.0, 1.0)
+        wants = p.most * np.sqrt(s.unsure) * pulls * np.where(s.phase < 0.5, -1.0, 1.0)
+        s.asks = s.asks + dt * (wants - s.asks) / p.eases_s
+        return self.at_wheels(view, s.asks * np.maximum(view.engine_torque, 0.0)) * moving(view)
 
 
-@law("w_zone_without_engine", needs="suburban hills highway", name="unknown")
-@sizes(least=(0.2, 0.4), back=(0.012, 0.028), frees=(0.6, 1.0), apart_m=(300.0, 900.0), changes_s=(0.6, 2.0))
-class ZoneWithoutEngine(OnRoad, runs=0.0):
-    """In zones that a map holds, a smaller motor drives and the engine stands. It gives less than was asked,
-    turns no engine when coasting, and takes energy back once the pedal is up. least: of peak torque; back: of
-    the weight; frees: of the engine's drag.
-    Source: Soldo, Skugor and Deur, Synthesis of Optimal Battery State-of-Charge Trajectory for Blended
-    Regime of Plug-in Hybrid Electric Vehicles in the Presence of Low-Emission Zones and Varying Road Grades,
-    Energies 12 (2019); zones and sizes are chosen here."""
+@law("x_slows_before_bends", needs="suburban hills descent", name="unknown")
+@sizes(most=(0.035, 0.06), aside_mps2=(0.7, 1.1), ahead_s=(3.0, 6.0), harsh=(0.10, 0.22), lets_s=(0.8, 2.0))
+class SlowsBeforeBends(Bends, acts=0.0):
+    """A map tells of the bends ahead. Where the truck comes too fast for one, torque is taken and the brakes
+    come on softly before it, and are let go in it. most: of the weight; aside_mps2: that it wants in bends;
+    harsh: m/s too fast to m/s2.
+    Source: Sentouh, Glaser and Mammar, Advanced Vehicle-Infrastructure-Driver Speed Profile for Road Departure
+    Accident Prevention, Vehicle System Dynamics 44 (2006): speed for the bend ahead by its curvature; bends
+    and sizes are chosen here."""
 
     def prepare(self) -> None:
-        gaps = (0.5 * self.p.apart_m, 1.5 * self.p.apart_m)
-        zones = smooth_stretches(self.rng(1124), self.rows(), gaps, (250.0, 800.0))
-        self.road = np.where(zones > 0.25, 1.0, 0.0)
+        self.bend = np.abs(self.draw_bends(self.rng(1322), 0.018))
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        s.runs = s.runs + dt * (self.read(self.road, view) - s.runs) / p.changes_s
-        asked = np.maximum(view.engine_torque, 0.0)
-        lacks = np.maximum(asked - p.least * self.truck.peak_torque, 0.0)
-        drag = p.frees * np.maximum(-view.engine_torque, 0.0)
-        up = np.clip(1.0 - self.pedal(view) / 0.03, 0.0, 1.0) * np.clip((view.speed - 2.0) / 3.0, 0.0, 1.0)
-        back = p.back * weight(view) * up * np.minimum(1.0, 12.0 / np.maximum(view.speed, 1.0))
-        return (self.at_wheels(view, drag - lacks) - back) * s.runs * moving(view)
+        too_fast = np.zeros_like(view.speed)
+        for share in (0.3, 0.65, 1.0):
+            way = self.setting.direction * share * p.ahead_s * np.maximum(view.speed, 0.0)
+            cell = ((self.place(view) + way) / CELL_M).astype(int) % self.bend.shape[1]
+            bears = np.sqrt(p.aside_mps2 / np.maximum(self.bend[self.setting.route, cell], 1e-4))
+            too_fast = np.maximum(too_fast, view.speed - bears)
+        wants = np.clip(p.harsh * too_fast, 0.0, 9.81 * p.most)
+        s.acts = s.acts + dt * (wants - s.acts) / np.where(wants > s.acts, 0.4, p.lets_s)
+        return -s.acts / 9.81 * weight(view) * np.clip(view.speed / 2.0 - 1.0, 0.0, 1.0)
