@@ -90,9 +90,9 @@ class BrakesAgainstGusts(Hidden, acts=0.0, tired=0.0):
     """Gusts from the side turn a high truck, and its computer brakes the wheels of one side against it, above
     a speed; wheels that it has braked for long get a rest. most: of the weight; bears: gust that it leaves to
     the driver; holds_s: of the brake, behind the gust.
-    Source: Hilf, Trapp and Kuhne, and makers' descriptions of crosswind assistants by one-sided brakes, and
-    Baker, Ground Vehicles in High Cross Winds, J. Fluids and Structures 5 (1991), on gusts and yaw; gusts by
-    chance, sizes are chosen here."""
+    Source: Baker, Ground Vehicles in High Cross Winds, J. Fluids and Structures 5 (1991), on gusts and yaw, and
+    makers' descriptions of crosswind assistants that brake one side; gusts by chance, sizes are chosen
+    here."""
 
     def prepare(self) -> None:
         shape = (self.setting.batch, int(self.setting.duration_s / SAMPLE_S) + 20)

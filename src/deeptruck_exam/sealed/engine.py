@@ -1,5 +1,5 @@
-"""A wastegate that sticks, fuel that comes back hot, a flap that warms, ash, a sprayer's pump, and lifters
-that pump up."""
+"""Burnt gas in a long pipe, cold gas that shakes, an engine brake that cools, fuel in the oil, a catalyst that
+is heated, a turbine on the shaft, and fuel on the walls."""
 
 from __future__ import annotations
 
@@ -7,157 +7,193 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving
-from deeptruck_exam.effects.places import OnRoad, smooth_stretches
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving
 from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_exam.effects.series import spells, within
 from deeptruck_model.trucks import View
 
 law = partial(hidden, family="sealed")
 
 
 @law(
-    "w_wastegate_sticks_open",
+    "x_pipe_holds_burnt_gas",
     needs="suburban hills",
     name="turbo_lag",
     accepts="command_rate_limit",
     shown=True,
 )
-@sizes(without=(0.18, 0.32), spools_s=(0.9, 1.8), slower=(2.0, 4.0), opens=(0.75, 0.95), shuts=(0.15, 0.35))
-class WastegateSticksOpen(Hidden, boost=0.0, open=0.0):
-    """`boost` over the most; much of it opens the wastegate, which sticks and shuts only after the boost has
-    gone. A pull that follows upon a hard one builds its boost with half of the gas. without: of peak torque,
-    with none; slower: times, with an open gate; opens, shuts: boost.
-    Source: Galindo, Climent, Guardiola and Domenech, Modeling the Vacuum Circuit of a Pneumatic Valve System,
-    J. Dyn. Sys. Meas. Control 131 (2009), and Thomasson, Eriksson, Leufven and Andersson, Wastegate Actuator
-    Modeling and Model-Based Boost Pressure Control, IFAC E-COSM (2009), on friction in actuators; sizes are
-    chosen here."""
+@sizes(burnt=(0.5, 0.75), clears_s=(0.5, 1.1), valve_s=(0.3, 0.8), boosts_s=(0.7, 1.6), least=(0.2, 0.35))
+class PipeHoldsBurntGas(Hidden, valve=1.0, near=1.0, mid=1.0, far=1.0, boost=0.0):
+    """Exhaust that is led back fills the long pipe to the engine at part load. When more is asked the valve
+    shuts, but the engine has to breathe what is in the pipe: `near` the valve, `mid` and `far` along it. It
+    breathes the slower, the lower the boost, and smoke limits torque until air has come. burnt: torque that
+    burnt gas takes; clears_s: of a third of the pipe; least: of peak torque, without boost.
+    Source: Wahlstrom and Eriksson, Modelling Diesel Engines with a Variable-Geometry Turbocharger and Exhaust
+    Gas Recirculation, Proc. IMechE I 225 (2011), on oxygen in the intake, and Heywood, Internal Combustion Engine
+    Fundamentals (2018), on transport in manifolds; a long route, sizes are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
-        goal = np.clip((asked - p.without) / (1.0 - p.without), 0.0, 1.1)
-        flow = np.clip(view.engine_speed / 140.0, 0.4, 1.3)
-        pushed = np.where(s.boost > p.opens, 1.0, np.where(s.boost < p.shuts, 0.0, np.rint(s.open)))
-        s.open = s.open + dt * (pushed - s.open) / 0.5
-        up = flow * (0.3 + s.boost) / (p.spools_s * (1.0 + (p.slower - 1.0) * s.open))
-        rises = up * np.clip((goal - s.boost) / 0.15, 0.0, 1.0)
-        s.boost = s.boost + dt * (rises + np.minimum(goal - s.boost, 0.0) / 0.7)
-        lacks = np.maximum(goal - s.boost, 0.0) * (1.0 - p.without) * self.truck.peak_torque
+        s.boost = s.boost + dt * (asked - s.boost) / np.where(asked > s.boost, p.boosts_s, 0.5)
+        shut = np.clip((asked - 0.3) / 0.25, 0.0, 1.0)
+        s.valve = s.valve + dt * (1.0 - shut - s.valve) / p.valve_s
+        flow = np.clip(view.engine_speed / 130.0, 0.4, 1.5) * (0.5 + s.boost) / p.clears_s
+        s.far = s.far + dt * flow * (s.mid - s.far)
+        s.mid = s.mid + dt * flow * (s.near - s.mid)
+        s.near = s.near + dt * flow * (s.valve - s.near)
+        most = (p.least + (1.1 - p.least) * np.clip(1.15 * s.boost, 0.0, 1.0)) * (1.0 - p.burnt * s.far)
+        lacks = np.maximum(asked - most, 0.0) * self.truck.peak_torque
         return -self.at_wheels(view, lacks) * moving(view)
 
 
-@law("w_fuel_comes_back_hot", needs="hills highway", name="torque_derate", accepts="torque_gain", shown=True)
-@sizes(thins=(0.18, 0.32), cuts=(0.3, 0.45), heats_s=(20.0, 55.0), cools_s=(70.0, 200.0), feels_s=(5.0, 20.0))
-class FuelComesBackHot(Hidden):
-    """`tank`, `pump`: heat of fuel, 0 as the air to about 1, where torque is cut. What the injectors return
-    heats a tank that is nearly empty, the wind of driving cools it; thin fuel gives less, too hot fuel is
-    protected. thins: of the torque, at 1; cuts: of it, beyond.
-    Source: Bosch, Diesel Engine Management (2014), on return flow and power by fuel temperature; a tank that
-    is nearly empty, sizes are chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        first = self.rng(1141).uniform(0.2, 0.95, batch)
-        return {"tank": first, "pump": first.copy()}
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        wind = 0.5 + np.clip(view.speed / 20.0, 0.0, 1.3)
-        turns = 0.25 * np.clip(view.engine_speed / 150.0, 0.3, 1.5)
-        gains = (turns + self.power_share(view)) / p.heats_s
-        s.tank = np.clip(s.tank + dt * (gains - wind * s.tank / p.cools_s), 0.0, 1.6)
-        s.pump = s.pump + dt * (s.tank - s.pump) / p.feels_s
-        cut = p.thins * np.clip(s.pump, 0.0, 1.2) ** 2 + p.cuts * np.clip((s.pump - 0.9) / 0.25, 0.0, 1.0)
-        return -self.at_wheels(view, np.minimum(cut, 0.7) * np.maximum(view.engine_torque, 0.0)) * moving(
-            view
-        )
-
-
-@law("w_warm_up_flap", needs="descent hills suburban", name="engine_brake", accepts="engine_friction")
-@sizes(
-    share=(0.35, 0.6), warms_s=(60.0, 160.0), chills_s=(120.0, 300.0), moves_s=(0.3, 0.9), shy_s=(0.3, 1.0)
-)
-class WarmUpFlap(Hidden, shut=0.0, closed=0.0):
-    """A flap in the exhaust holds the gas back while the engine is cool and nothing is asked of it; coasting
-    cools it again, and two temperatures apart it opens and shuts. share: of the engine brake's torque.
-    Source: Automotive Handbook (Bosch), on exhaust flaps as warm-up aids, and Mayer, Lutz, Lammle, Wyser and
-    Legerer, Engine Intake Throttling for Active Regeneration of Diesel Particle Filters, SAE 2003-01-0381, on
-    heat from throttling; temperatures are chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        rng = self.rng(1142)
-        first = rng.uniform(0.0, 1.0, batch)
-        return {**super().start(batch), "warm": first, "calls": np.where(first < 0.8, 1.0, 0.0)}
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        wind = 0.3 + np.clip(view.speed / 20.0, 0.0, 1.3)
-        gains = (0.1 + 1.4 * self.power_share(view) + 0.3 * s.closed) / p.warms_s
-        s.warm = np.clip(s.warm + dt * (gains - wind * s.warm / p.chills_s), 0.0, 1.3)
-        s.calls = np.where(s.warm > 1.0, 0.0, np.where(s.warm < 0.8, 1.0, s.calls))
-        s.shut = np.where(self.pedal(view) < 0.02, s.shut + dt, 0.0)
-        wants = s.calls * (s.shut > p.shy_s) * np.clip((view.engine_speed - 75.0) / 15.0, 0.0, 1.0)
-        s.closed = s.closed + dt * (wants - s.closed) / np.where(wants > s.closed, p.moves_s, 0.2)
-        turns = np.clip(view.engine_speed / 180.0, 0.0, 1.3)
-        torque = p.share * self.truck.engine_brake_torque * turns * s.closed
-        return -self.at_wheels(view, torque) * moving(view)
-
-
-@law("w_ash_holds_the_gas_back", name="engine_friction", accepts="engine_brake accessory_load")
-@sizes(nm=(70.0, 150.0), fills_s=(60.0, 200.0), burns_s=(15.0, 50.0), ash=(0.25, 0.5), power=(1.3, 2.0))
-class AshHoldsTheGasBack(Hidden):
-    """`soot` on a filter that ash has half filled: easy work lays it on, hard work burns it off. The engine
-    pumps against what is left, with the flow. nm: at 150 rad/s, all soot; ash: of that, always.
-    Source: Konstandopoulos, Skaperdas and Masoudi, Microstructural Properties of Soot Deposits in Diesel
-    Particulate Traps, SAE 2002-01-1015, on pressure drop by soot, and Heywood, Internal Combustion Engine
-    Fundamentals (1988), on pumping work; a trap that is overdue, sizes are chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        return {"soot": self.rng(1143).uniform(0.1, 1.0, batch)}
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        power = self.power_share(view)
-        lays = (0.3 + power) / p.fills_s * (1.0 - s.soot)
-        burns = s.soot * np.clip((power - 0.45) / 0.3, 0.0, 1.0) / p.burns_s
-        s.soot = np.clip(s.soot + dt * (lays - burns), 0.0, 1.0)
-        flow = np.clip(view.engine_speed / 150.0, 0.2, 1.6) * (0.7 + 0.5 * power)
-        torque = p.nm * (p.ash + (1.0 - p.ash) * s.soot) * flow**p.power
-        return -self.at_wheels(view, torque) * moving(view)
-
-
 @law(
-    "w_sprays_by_the_metre", needs="highway suburban hills", name="accessory_load", accepts="engine_friction"
+    "x_shaking_cools_the_gas",
+    needs="hills suburban highway",
+    name="torque_derate",
+    accepts="torque_gain",
+    shown=True,
 )
-@sizes(kw=(35.0, 70.0), at_mps=(9.0, 14.0), opens_s=(0.5, 1.5), apart_m=(250.0, 800.0), idles=(0.1, 0.25))
-class SpraysByTheMetre(OnRoad, sprays=0.0):
-    """A sprayer gives each metre of the strips that are to be treated the same, so that its pump needs power
-    with a power of speed, up to its relief valve. kw: of the pump, most; at_mps: where the valve opens;
-    idles: of that, between.
-    Source: Akesson and Yates, Pesticide Application Equipment and Techniques, FAO Agricultural Services
-    Bulletin 38 (1979), on pressure with the square of ground speed at a constant rate; de-icing sprayers of
-    airports, strips and sizes are chosen here."""
+@sizes(most=(0.4, 0.65), falls=(0.04, 0.12), builds_s=(40.0, 120.0), draws_s=(150.0, 400.0), knee=(0.5, 0.7))
+@sizes(feels_s=(0.6, 1.5))
+class ShakingCoolsTheGas(Hidden, felt=0.0):
+    """`bar`: pressure of the gas over liquid in a tank of cold gas, of the usual one. Sloshing brings cold
+    liquid to the gas, which condenses, and the pressure falls in seconds; heat raises it again in minutes,
+    and the engine draws on it. Below the knee torque is cut. most: of the torque; falls: of the pressure, in
+    a second at 1 m/s2 of change.
+    Source: Moran, McNelis, Kudlac, Haberbusch and Satornino, Experimental Results of Hydrogen Slosh in a 62
+    Cubic Foot Tank, AIAA 94-3259 (1994): pressure collapse by slosh; a tank of natural gas on a truck, sizes
+    are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "bar": self.rng(1341).uniform(0.45, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        along = np.clip(view.acceleration + GRAVITY * view.grade, -3.0, 3.0)
+        s.felt = s.felt + dt * (along - s.felt) / p.feels_s
+        slosh = np.minimum(np.abs(along - s.felt), 1.5)
+        gains = (1.1 - s.bar) / p.builds_s - self.power_share(view) * s.bar / p.draws_s
+        s.bar = np.clip(s.bar + dt * (gains - p.falls * slosh * np.maximum(s.bar - 0.25, 0.0)), 0.2, 1.0)
+        cut = p.most * np.clip((p.knee + 0.25 - s.bar) / 0.3, 0.0, 1.0)
+        return -self.at_wheels(view, cut * np.maximum(view.engine_torque, 0.0)) * moving(view)
+
+
+@law("x_brakes_with_hot_gas", needs="descent hills suburban", name="engine_brake", accepts="engine_friction")
+@sizes(share=(0.6, 0.95), cools_s=(15.0, 45.0), heats_s=(8.0, 25.0), left=(0.2, 0.4), waits_s=(0.4, 1.2))
+@sizes(fills_s=(0.4, 1.0))
+class BrakesWithHotGas(Hidden, shut=0.0, on=0.0, heat=0.5):
+    """A switch that was left on: when the pedal is up the engine brakes, by gas that its turbine holds back.
+    Behind a climb hot gas and a fast turbine brake strongly; without fuel both cool, and the brake fades away
+    while nobody touches anything. share: of the engine brake's torque; left: of it, all cold.
+    Source: Hu, Israel and Vorih, Variable Valve Actuation and Diesel Engine Retarding Performance, SAE 970343,
+    and Heisler, Advanced Engine Technology (1995), on exhaust manifold pressure in retarding; sizes are
+    chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        power = np.clip(1.6 * self.power_share(view), 0.0, 1.0)
+        s.heat = s.heat + dt * (power - s.heat) / np.where(power > s.heat, p.heats_s, p.cools_s)
+        s.shut = np.where(self.pedal(view) < 0.02, s.shut + dt, 0.0)
+        wants = (s.shut > p.waits_s) * np.clip((view.engine_speed - 85.0) / 15.0, 0.0, 1.0)
+        s.on = s.on + dt * (wants - s.on) / np.where(wants > s.on, p.fills_s, 0.15)
+        turns = np.clip(view.engine_speed / 190.0, 0.0, 1.3) ** 1.4
+        torque = p.share * self.truck.engine_brake_torque * turns * (p.left + (1.0 - p.left) * s.heat)
+        return -self.at_wheels(view, s.on * torque) * np.clip(view.speed / 3.0, 0.0, 1.0)
+
+
+@law("x_fuel_is_in_the_oil", name="engine_friction", accepts="engine_brake accessory_load")
+@sizes(rubs_nm=(110.0, 220.0), meets_s=(50.0, 140.0), leaves_s=(60.0, 200.0), film=(110.0, 150.0))
+@sizes(power=(1.2, 2.0), clean=(0.1, 0.3))
+class FuelIsInTheOil(Hidden, late=0.0):
+    """`fuel` in the oil, of the most. In spells fuel is sprayed late to burn out a filter; at light load much
+    of it runs down the liners, and hard work boils it off. Thin oil gives way where the engine turns slowly
+    under load: metals rub there. rubs_nm: at idle and full load, all thin; film: rad/s that carry a film;
+    clean: of it, with no fuel.
+    Source: Andreae, Fang and Bhandary, Biodiesel and Fuel Dilution of Engine Oil, SAE 2007-01-4036, and Taylor
+    and Coy, Improved Fuel Efficiency by Lubricant Design: A Review, Proc. IMechE J 214 (2000), on boundary
+    friction with thin oils; quicker, sizes are chosen here."""
 
     def prepare(self) -> None:
-        gaps = (0.4 * self.p.apart_m, 1.6 * self.p.apart_m)
-        strips = smooth_stretches(self.rng(1144), self.rows(), gaps, (200.0, 900.0))
-        self.road = np.where(strips > 0.15, 1.0, 0.0)
+        self.burns = spells(self.rng(1342), self.setting.batch, (30.0, 100.0), (30.0, 120.0))
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "fuel": self.rng(1343).uniform(0.0, 1.0, batch)}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        s.sprays = s.sprays + dt * (self.read(self.road, view) - s.sprays) / p.opens_s
-        rate = np.clip(view.speed / p.at_mps, 0.0, 1.0) ** 2.2
-        watts = 1000.0 * p.kw * (p.idles + (1.0 - p.idles) * rate * s.sprays)
+        power = np.clip(self.power_share(view), 0.0, 1.0)
+        sprays = within(self.burns, view.time) * np.clip(1.2 - 2.0 * power, 0.0, 1.0)
+        s.late = s.late + dt * (sprays - s.late) / 5.0
+        gains = s.late * (1.0 - s.fuel) / p.meets_s - 2.5 * power * s.fuel / p.leaves_s
+        s.fuel = np.clip(s.fuel + dt * gains, 0.0, 1.0)
+        load = 0.35 + 0.65 * np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.0)
+        thin = 1.0 / (1.0 + (np.maximum(view.engine_speed, 30.0) / p.film) ** (2.0 * p.power))
+        torque = 2.0 * p.rubs_nm * (p.clean + (1.0 - p.clean) * s.fuel) * load * thin
+        return -self.at_wheels(view, torque) * moving(view)
+
+
+@law("x_heats_its_catalyst", needs="suburban descent hills", name="accessory_load", accepts="engine_friction")
+@sizes(kw=(28.0, 50.0), warms_s=(25.0, 70.0), chills_s=(40.0, 110.0), on=(0.45, 0.6), off=(0.75, 0.95))
+@sizes(ramps_s=(0.5, 1.5), spares=(0.2, 0.5))
+class HeatsItsCatalyst(Hidden, heats=0.0, load=0.0):
+    """`cat`: heat of a catalyst, 1 where it works well. The gas of a working engine warms it, the air that a
+    coasting engine pumps through chills it, and a generator heats it whenever it is too cold, less while the
+    driver pulls hard. kw: of the shaft; spares: of that, left at full pull.
+    Source: MECA, Technology Feasibility for Heavy-Duty Diesel Trucks in Achieving 90% Lower NOx Standards in
+    2027 (2020), on heated catalysts, and Guzzella and Onder, Introduction to Modeling and Control of Internal
+    Combustion Engine Systems (2010), on heat of converters; two heaters, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "cat": self.rng(1344).uniform(0.2, 0.9, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        power = np.clip(self.power_share(view), 0.0, 1.0)
+        flow = np.clip(view.engine_speed / 150.0, 0.2, 1.4)
+        gas = np.clip(2.2 * power, 0.0, 1.3)
+        gains = np.where(gas > s.cat, (gas - s.cat) * (0.4 + flow) / p.warms_s, 0.0)
+        loss = flow * np.maximum(s.cat - gas, 0.0) / p.chills_s
+        s.cat = np.clip(s.cat + dt * (gains - loss + 0.008 * s.load), 0.0, 1.3)
+        s.heats = np.where(s.cat < p.on, 1.0, np.where(s.cat > p.off, 0.0, s.heats))
+        s.load = s.load + dt * (s.heats - s.load) / p.ramps_s
+        hard = np.clip(self.pedal(view) / 0.8, 0.0, 1.0)
+        watts = 1000.0 * p.kw * s.load * (1.0 - (1.0 - p.spares) * hard**2)
         torque = np.minimum(watts / np.maximum(view.engine_speed, 70.0), 450.0)
         return -self.at_wheels(view, torque) * moving(view)
 
 
-@law("w_lifters_pump_up", needs="hills suburban highway descent", name="unknown")
-@sizes(share=(0.3, 0.55), from_rads=(135.0, 155.0), pumps_s=(1.0, 4.0), leaks_s=(4.0, 15.0), few=(0.1, 0.4))
-class LiftersPumpUp(Hidden, oil=0.0):
-    """`oil` that tappets took in while their valves bounced: they hold valves open until it has leaked out.
-    Open valves neither pull nor brake. share: of the engine's torque, when full; few: of `oil`, that does no
-    harm.
-    Source: Phlips, Schamel and Meyer, An Efficient Model for Valvetrain and Spring Dynamics, SAE 890619, and
-    Heisler, Advanced Engine Technology (1995), on hydraulic tappets that pump up at speed; weak springs,
-    sizes are chosen here."""
+@law("x_turbine_on_the_shaft", needs="hills highway suburban", name="unknown")
+@sizes(adds=(0.14, 0.24), gas_s=(4.0, 14.0), drags_nm=(60.0, 120.0), lit=(0.15, 0.35), oil_s=(0.5, 1.5))
+class TurbineOnTheShaft(Hidden, gas=0.0, turns=0.0):
+    """A turbine in the exhaust turns the crankshaft through gears and a fluid coupling. `gas`: its energy,
+    which comes as the manifolds warm and stays for a while when the pedal is up; a turbine without gas has
+    to be dragged along. adds: of peak torque, at full power; lit: of `gas`, where it pays.
+    Source: Hopmann and Algrain, Diesel Engine Electric Turbo Compound Technology, SAE 2003-01-2294, and
+    Greszler, Diesel Turbo-Compound Technology, ICCT/NESCCAF Workshop (2008), on gain at load and loss in
+    coasting; sizes are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        bounces = np.clip((view.engine_speed - p.from_rads) / 15.0, 0.0, 1.0)
-        s.oil = np.clip(s.oil + dt * (bounces * (1.0 - s.oil) / p.pumps_s - s.oil / p.leaks_s), 0.0, 1.0)
-        open_ = np.clip((s.oil - p.few) / 0.4, 0.0, 1.0)
-        return -self.at_wheels(view, p.share * open_ * view.engine_torque) * moving(view)
+        power = np.clip(1.2 * self.power_share(view), 0.0, 1.1)
+        s.gas = s.gas + dt * (power - s.gas) / p.gas_s
+        speed = np.clip(view.engine_speed / 140.0, 0.0, 1.5)
+        gains = p.adds * self.truck.peak_torque * np.maximum(s.gas - p.lit, 0.0) / (1.0 - p.lit)
+        drags = p.drags_nm * speed**2 * np.clip((p.lit - s.gas) / p.lit, 0.0, 1.0)
+        wants = gains * np.clip(speed / 0.6 - 0.3, 0.0, 1.0) - drags
+        s.turns = s.turns + dt * (wants - s.turns) / p.oil_s
+        return self.at_wheels(view, s.turns) * np.clip(view.speed - 1.0, 0.0, 1.0)
+
+
+@law("x_fuel_wets_the_walls", needs="suburban hills", name="unknown")
+@sizes(wets=(0.45, 0.7), cold_s=(2.0, 4.5), warm_s=(0.8, 1.6), warms_s=(60.0, 200.0), most=(0.5, 0.8))
+class FuelWetsTheWalls(Hidden, film=0.0, warm=0.0):
+    """`film` of a second fuel on the walls of the intake, as the torque that passes through it: part of what
+    is sprayed stays there, and comes off with delay. Torque comes late when more is asked, and goes on when
+    the pedal is let go. wets: of that fuel; cold_s, warm_s: until it is off; most: of the torque by it.
+    Source: Aquino, Transient A/F Control Characteristics of the 5 Liter Central Fuel Injection Engine, SAE
+    810494: share and time constant of the film; alcohol beside diesel (fumigation), sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        power = np.clip(self.power_share(view), 0.0, 1.0)
+        s.warm = s.warm + dt * (0.2 + power) * (1.0 - s.warm) / p.warms_s
+        stays_s = p.cold_s + (p.warm_s - p.cold_s) * s.warm
+        by_it = p.most * np.maximum(view.engine_torque, 0.0)
+        flow = np.clip(view.engine_speed / 130.0, 0.4, 1.5)
+        s.film = s.film + dt * flow * (by_it - s.film) / stays_s
+        late = p.wets * (s.film - by_it)
+        return self.at_wheels(view, late) * np.clip(view.speed - 1.0, 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""Slabs that have faulted, and ramps over junctions."""
+"""Humps against speeding, and slopes that earthworks have taken down."""
 
 from __future__ import annotations
 
@@ -7,74 +7,76 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Sizes, State, moving, weight
-from deeptruck_exam.effects.places import MAP_CELL_M, MAP_CELLS, OnRoad, sections
+from deeptruck_exam.effects.places import CELL_M, CELLS, MAP_CELL_M, MAP_CELLS, OnRoad
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
 law = partial(hidden, family="sealed")
 
 
-@law("w_slabs_have_faulted", name="road_surface", accepts="road_grade")
-@sizes(loss=(0.010, 0.022), mean_m=(250.0, 800.0), bounce_hz=(1.9, 2.8), sharp=(1.5, 3.0), joints=(0.25, 0.5))
-class SlabsHaveFaulted(OnRoad, swings=0.0):
-    """Slabs of concrete step down at each joint, in some sections more than in others. Their springs and
-    dampers take most where joints come with the bounce of the truck, and `swings` until they rest. loss: of
-    the weight, in resonance, on bad sections; joints: of it, blows at any speed.
-    Source: Byrum, Analysis by High-Speed Profile of Jointed Concrete Pavement Slab Curvatures, Transp. Res.
-    Record 1730 (2000), on faulted joints, and Gillespie, Fundamentals of Vehicle Dynamics (1992), on bounce
-    tuned to joints; sections are chosen here."""
+@law("x_humps_against_speeding", needs="suburban hills", name="road_surface", accepts="road_grade")
+@sizes(loss=(0.03, 0.055), apart_m=(45.0, 90.0), series=(4.0, 9.0), rests_m=(200.0, 700.0), best=(6.0, 9.0))
+@sizes(swings_s=(0.6, 1.5))
+class HumpsAgainstSpeeding(OnRoad, swings=0.0):
+    """Series of humps. Slow trucks climb them and get most of it back; at a middle speed springs and dampers
+    take most; faster ones are thrown less for each metre. A truck that still `swings` from the last hump
+    loses more on the next. loss: of the weight, on a hump; best: m/s that cost most.
+    Source: Watts, Road Humps for the Control of Vehicle Speeds, TRRL Report LR 597 (1973): profile, spacing and
+    discomfort over speed; series and sizes are chosen here."""
 
     def prepare(self) -> None:
-        rng = self.rng(1161)
-        number = sections(rng, self.rows(), self.p.mean_m)
-        kinds = rng.choice([0.0, 0.0, 0.5, 1.0, 1.0], (self.rows(), int(number.max()) + 1))
-        slab_m = rng.choice([4.5, 5.0, 6.0, 7.5], kinds.shape)
-        self.bad = np.take_along_axis(kinds, number, axis=1)
-        self.slab_m = np.take_along_axis(slab_m, number, axis=1)
+        rng, p = self.rng(1361), self.p
+        self.road = np.zeros((self.rows(), CELLS))
+        for row in self.road:
+            at = rng.uniform(0.0, p.rests_m)
+            while at < CELL_M * (CELLS - 8):
+                for _ in range(int(rng.integers(3, int(p.series) + 3))):
+                    cell = min(int(at / CELL_M), CELLS - 8)
+                    row[cell : cell + 5] = np.maximum(row[cell : cell + 5], [0.5, 1.0, 0.8, 1.0, 0.5])
+                    at += p.apart_m * rng.uniform(0.85, 1.15)
+                at += p.rests_m * rng.uniform(0.4, 1.6)
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        speed = np.maximum(view.speed, 0.0)
-        tuned = speed / self.read(self.slab_m, view) / p.bounce_hz
-        peak = 1.0 / (1.0 + p.sharp**2 * (np.maximum(tuned, 0.05) - 1.0 / np.maximum(tuned, 0.05)) ** 2)
-        blows = p.joints * np.clip(speed / 15.0, 0.0, 1.5)
-        wants = self.read(self.bad, view) * (blows + (1.0 - p.joints) * peak)
-        s.swings = s.swings + dt * (wants - s.swings) / 0.7
-        return -p.loss * s.swings * weight(view) * moving(view)
+        on = self.read(self.road, view)
+        ratio = np.maximum(view.speed, 0.1) / p.best
+        costs = 0.2 + 1.6 * ratio / (1.0 + ratio**2)
+        wants = on * costs
+        s.swings = s.swings + dt * (wants - s.swings) / np.where(wants > s.swings, 0.15, p.swings_s)
+        return -p.loss * (0.6 * s.swings + 0.5 * on * s.swings) * weight(view) * moving(view)
 
 
 @law(
-    "w_over_the_junction",
-    needs="hills highway suburban",
+    "x_slopes_were_taken_down",
+    needs="hills descent",
     name="road_grade",
     accepts="road_surface",
     gateable=False,
 )
-@sizes(high_m=(3.5, 6.5), ramp_m=(130.0, 220.0), top_m=(40.0, 150.0), apart_m=(300.0, 900.0), dips=(0.2, 0.5))
-class OverTheJunction(OnRoad):
-    """The map has the level of the land; the road goes over its junctions on ramps, or under them. high_m: of
-    a crossing over the road below; dips: share that go under, less deep.
-    Source: AASHTO, A Policy on Geometric Design of Highways and Streets (2018), chapter 10: clearances and
-    grades of separated crossings; where they lie is chosen here."""
+@sizes(share=(0.3, 0.55), mean_m=(500.0, 1400.0), built=(0.4, 0.6), eases_m=(30.0, 90.0), tips=(0.002, 0.006))
+class SlopesWereTakenDown(OnRoad):
+    """Stretches were rebuilt since the map was made: cuttings and embankments took a share of each slope, and
+    what was dug is spread at their ends, where the road is a little steeper than mapped. share: of the
+    slope; built: of the road; tips: slope of the ends.
+    Source: AASHTO, A Policy on Geometric Design of Highways and Streets (2018), chapter 3, on reducing grades,
+    and Hickerson, Route Location and Design (1964), on balance of cut and fill; stretches are chosen here."""
 
     conceal = ("elevation",)
 
     def prepare(self) -> None:
-        rng, p = self.rng(1162), self.p
-        self.road = np.zeros((self.rows(), MAP_CELLS))
-        for row in self.road:
-            height, at = np.zeros(MAP_CELLS), rng.uniform(0.0, p.apart_m)
-            while at < MAP_CELL_M * MAP_CELLS:
-                rise = p.high_m * rng.uniform(0.7, 1.1) * np.where(rng.random() < p.dips, -0.8, 1.0)
-                height = height + rise * self.bridge(at, rng.uniform(0.5, 1.5) * p.top_m)
-                at += 2.0 * p.ramp_m + 1.5 * p.top_m + rng.uniform(0.5, 1.5) * p.apart_m
-            row[:] = np.clip(np.gradient(height, MAP_CELL_M), -0.05, 0.05)
-
-    def bridge(self, first_m: float, top_m: float) -> Array:
-        """Height (cells,) of one, over its most: up a ramp, along the top and down."""
-        metres = np.arange(MAP_CELLS) * MAP_CELL_M - first_m
-        up = np.clip(metres / self.p.ramp_m, 0.0, 1.0)
-        down = np.clip((metres - self.p.ramp_m - top_m) / self.p.ramp_m, 0.0, 1.0)
-        return np.asarray(up**2 * (3.0 - 2.0 * up) - down**2 * (3.0 - 2.0 * down))
+        rng, p = self.rng(1362), self.p
+        wide = max(3, round(p.eases_m / MAP_CELL_M))
+        ease = np.hanning(wide + 2) / np.hanning(wide + 2).sum()
+        rough = np.zeros((self.rows(), MAP_CELLS))
+        for row in rough:
+            at = 0
+            while at < MAP_CELLS:
+                cells = max(4, round(p.mean_m * rng.uniform(0.5, 1.5) / MAP_CELL_M))
+                row[at : at + cells] = (rng.random() < p.built) * rng.uniform(0.7, 1.2)
+                at += cells
+        self.road = np.array([np.convolve(row, ease, mode="same") for row in rough])
+        self.ends = p.tips * np.gradient(self.road, axis=1) / max(float(np.abs(np.diff(self.road)).max()), 1e-6)
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        return -self.between(self.road, view) * weight(view) * moving(view)
+        taken = np.clip(p.share * self.between(self.road, view), 0.0, 0.7) * view.grade
+        tips = self.setting.direction * self.between(self.ends, view)
+        return np.asarray((taken - tips) * weight(view) * moving(view))

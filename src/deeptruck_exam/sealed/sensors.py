@@ -13,49 +13,56 @@ from deeptruck_exam.effects.series import behind
 law = partial(fault, family="sealed")
 
 
-@law("w_sent_by_the_turn", needs="suburban hills", name="clock_offset")
-@sizes(turns=(9.0, 18.0), line_s=(0.05, 0.2), steady_s=(0.5, 2.0))
-def sent_by_the_turn(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """Source: Control units that compute by the crankshaft's turn, not by time (Guzzella and Onder,
-    Introduction to Modeling and Control of Internal Combustion Engine Systems, 2010, on event-based delays):
-    a sensor on such a unit is late by so many turns, longest at idle; turns are chosen here."""
+@law("x_each_leg_is_matched_alone", needs="suburban hills", name="clock_offset")
+@sizes(peak_s=(0.35, 0.7), line_s=(0.15, 0.35), leg_s=(40.0, 120.0), slides_s=(1.0, 4.0))
+def each_leg_is_matched_alone(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Knapp and Carter, The Generalized Correlation Method for Estimation of Time Delay, IEEE Trans.
+    Acoustics, Speech and Signal Processing 24 (1976): a delay found at the highest peak is wrong by a whole
+    wave where peaks are alike; here each leg of a drive is matched alone, waves are chosen here."""
     values = channels["acceleration"]
-    time = np.arange(len(values)) * dt
-    speed = behind(np.maximum(channels["engine_speed"], 55.0), p.steady_s, dt)
-    late = p.line_s * rng.uniform(0.5, 1.0) + p.turns * 2.0 * np.pi / speed
-    channels["acceleration"] = np.interp(time - late, time, values)
+    clock = np.arange(len(values)) * dt
+    ends = np.cumsum(p.leg_s * rng.uniform(0.6, 1.4, 2 + int(2.0 * clock[-1] / p.leg_s)))
+    waves = rng.choice([0.0, 1.0, 1.0, 2.0], len(ends) + 1)
+    late = p.line_s + p.peak_s * waves[np.searchsorted(ends, clock)]
+    channels["acceleration"] = np.interp(clock - behind(late, p.slides_s, dt), clock, values)
 
 
-@law("w_calibrates_itself", name="speed_scale")
-@sizes(ends=(0.03, 0.07), begins=(0.01, 0.05), way_m=(500.0, 2500.0), sign=SIGN)
-def calibrates_itself(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """Source: Odometers that learn their scale against a map (Krakiwsky, Harris and Wong, A Kalman Filter for
-    Integrating Dead Reckoning, Map Matching and GPS Positioning, IEEE PLANS, 1988): the estimate settles over
-    the way, here to a wrong value by a map whose distances are wrong; sizes are chosen here."""
-    way = np.cumsum(np.maximum(channels["speed"], 0.0)) * dt
-    first = p.begins * rng.uniform(-1.0, 1.0)
-    scale = np.sign(p.sign) * p.ends + first * np.exp(-way / p.way_m)
+@law("x_two_speed_axle", name="speed_scale")
+@sizes(high=(0.02, 0.04), low=(0.05, 0.08), shifts_s=(0.3, 1.0), sign=SIGN)
+def two_speed_axle(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Dana Spicer service manuals of two-speed axles, on speedometer adapters that have to follow the
+    range of the axle: an adapter of another axle is wrong in both ranges, and more in the low one; factors
+    and the gear where ranges change are chosen here."""
+    gear = channels["gear"]
+    low = np.where(gear <= 0.55 * max(float(np.max(gear)), 1.0), 1.0, 0.0)
+    share = behind(low, p.shifts_s, dt)
+    scale = np.sign(p.sign) * (p.high + (p.low - p.high) * share) * rng.uniform(0.95, 1.05)
     channels["speed"] = channels["speed"] * (1.0 + scale)
 
 
-@law("w_charge_leaks_away", name="acceleration_bias")
-@sizes(bias=(0.15, 0.3), leaks_s=(20.0, 70.0), share=(0.3, 0.7), sign=SIGN)
-def charge_leaks_away(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """Source: Piezoelectric accelerometers do not hold a steady value (Gautschi, Piezoelectric Sensorics,
-    2002: the charge leaks with a time constant): part of what lasts is lost, and comes back with the other
-    sign when it ends, upon a false zero of the amplifier; times are chosen here."""
+@law("x_glue_creeps", name="acceleration_bias")
+@sizes(bias=(0.12, 0.22), creeps=(0.05, 0.14), third_s=(60.0, 200.0), gives=(0.01, 0.04), sign=SIGN)
+def glue_creeps(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Andrade, On the Viscous Flow in Metals, and Allied Phenomena, Proc. R. Soc. A 84 (1910), and
+    Findley, Lai and Onaran, Creep and Relaxation of Nonlinear Viscoelastic Materials (1976): creep with the
+    third root of time; a box that tilts on its warm glue and gives to what it feels, sizes are chosen here."""
     values = channels["acceleration"]
-    lasts = behind(np.concatenate([[0.0], values]), p.leaks_s, dt)[1:]
-    bias = np.sign(p.sign) * p.bias * rng.uniform(0.9, 1.1)
-    channels["acceleration"] = values - p.share * lasts + bias
+    clock = np.arange(len(values)) * dt
+    creeps = p.creeps * np.cbrt(clock / p.third_s) * rng.uniform(0.7, 1.3)
+    gives = p.gives * behind(values, 8.0, dt)
+    channels["acceleration"] = values + np.sign(p.sign) * (p.bias + creeps) + gives
 
 
-@law("w_nose_lifts_with_speed", name="grade_bias", accepts="rolling_resistance", conceal="elevation")
-@sizes(bias=(0.008, 0.018), lifts=(0.002, 0.006), rises_s=(0.5, 2.0), sign=SIGN)
-def nose_lifts_with_speed(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """Source: Katz, Race Car Aerodynamics (1995), and Hucho, Aerodynamics of Road Vehicles (1998), on lift
-    with the square of speed, which pitches an inclinometer on a softly sprung cab, here one that is out of
-    level as well; sizes are chosen here."""
-    wind = (np.maximum(channels["speed"], 0.0) / 20.0 + 0.05 * rng.standard_normal()) ** 2
-    pitch = p.lifts * behind(wind, p.rises_s, dt)
-    channels["grade"] = channels["grade"] + np.sign(p.sign) * p.bias + pitch
+@law("x_levels_anew_at_each_stand", name="grade_bias", accepts="rolling_resistance", conceal="elevation")
+@sizes(bias=(0.009, 0.017), differs=(0.002, 0.005), level_s=(3.0, 8.0), stands_s=(1.0, 3.0), sign=SIGN)
+def levels_anew_at_each_stand(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: WABCO, ECAS Electronically Controlled Air Suspension, System Description (2007): levels are set
+    at stands, each within a tolerance, and kept while driving; a frame that is set nose up or down carries
+    an inclinometer along, tolerances of worn sensors are chosen here."""
+    stands = channels["speed"] < 0.2
+    first = np.flatnonzero(stands & ~np.concatenate([[False], stands[:-1]]))
+    level = np.full(len(stands), p.differs * rng.standard_normal())
+    for at in first + round(p.stands_s / dt):
+        level[at:] = p.differs * rng.standard_normal()
+    slow = behind(level, p.level_s, dt)
+    channels["grade"] = channels["grade"] + np.sign(p.sign) * p.bias + slow
