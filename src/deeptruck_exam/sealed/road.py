@@ -74,7 +74,9 @@ class SlopesWereTakenDown(OnRoad):
                 row[at : at + cells] = (rng.random() < p.built) * rng.uniform(0.7, 1.2)
                 at += cells
         self.road = np.array([np.convolve(row, ease, mode="same") for row in rough])
-        self.ends = p.tips * np.gradient(self.road, axis=1) / max(float(np.abs(np.diff(self.road)).max()), 1e-6)
+        self.ends = (
+            p.tips * np.gradient(self.road, axis=1) / max(float(np.abs(np.diff(self.road)).max()), 1e-6)
+        )
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         taken = np.clip(p.share * self.between(self.road, view), 0.0, 0.7) * view.grade

@@ -15,7 +15,9 @@ law = partial(hidden, family="sealed")
 
 
 @law("x_studs_strike", needs="highway hills", name="rolling_resistance_speed", accepts="drag_area")
-@sizes(strikes=(0.006, 0.012), power=(1.5, 2.2), bare=(0.55, 0.8), stretch_m=(400.0, 1500.0), on_ice=(0.0, 0.2))
+@sizes(
+    strikes=(0.006, 0.012), power=(1.5, 2.2), bare=(0.55, 0.8), stretch_m=(400.0, 1500.0), on_ice=(0.0, 0.2)
+)
 @sizes(sinks_m=(600.0, 2000.0))
 class StudsStrike(OnRoad, out=1.0):
     """`out`: how far studs stand out of the tread. Each hits a bare road with the energy of its speed, and ice
@@ -39,7 +41,9 @@ class StudsStrike(OnRoad, out=1.0):
 
 
 @law("x_cold_lies_in_hollows", needs="hills suburban descent highway", name="rolling_resistance_warmup")
-@sizes(cold=(0.005, 0.009), deep_m=(5.0, 14.0), takes_s=(20.0, 70.0), land_m=(900.0, 2500.0), begins=(0.3, 0.9))
+@sizes(
+    cold=(0.005, 0.009), deep_m=(5.0, 14.0), takes_s=(20.0, 70.0), land_m=(900.0, 2500.0), begins=(0.3, 0.9)
+)
 class ColdLiesInHollows(Hidden, land=0.0, begun=0.0):
     """`rubber`: warmth of the tyres, 1 on a mild height. In a clear night cold air fills the hollows of the
     land, and tyres that roll through it follow with delay; they start colder than all of it. cold: of the
@@ -63,7 +67,9 @@ class ColdLiesInHollows(Hidden, land=0.0, begun=0.0):
 
 
 @law("x_tread_clogs_with_snow", needs="suburban hills", name="wheel_slip")
-@sizes(clean=(0.26, 0.34), clogged=(0.10, 0.14), driven=(0.32, 0.42), fills_m=(40.0, 150.0), throws_s=(3.0, 9.0))
+@sizes(
+    clean=(0.26, 0.34), clogged=(0.10, 0.14), driven=(0.32, 0.42), fills_m=(40.0, 150.0), throws_s=(3.0, 9.0)
+)
 @sizes(from_mps=(8.0, 12.0), finds_s=(0.15, 0.4))
 class TreadClogsWithSnow(Hidden, lost=0.0):
     """`full`: of the grooves with snow. Slow rolling packs them, and a full tread holds on snow no better than
