@@ -49,11 +49,12 @@ class ValleyTurnsTheWind(OnRoad, flow=0.0):
 @sizes(bridged=(0.7, 0.9), open=(0.05, 0.25), half_m=(22.0, 38.0), flips_s=(3.0, 9.0), forms_s=(0.6, 2.0))
 @sizes(sharp=(2.0, 5.0))
 class AirBridgesTheGap(Hidden, last=-1.0, bridges=0.0, air=0.0):
-    """The air that leaves the leader either lands on the truck and bridges the gap, or falls into it. Which of
-    both is a matter of chance, and of distance. bridged, open: of the drag saved; half_m: where both are as
-    likely; flips_s: how often the air may change its mind.
+    """The air that leaves the leader either lands on the truck and bridges the gap, or falls into it. Which
+    of both is a matter of chance, and of distance. bridged, open: of the drag saved; half_m: where both are
+    as likely; flips_s: how often the air may change its mind.
     Source: Martinuzzi and Havel, Turbulent Flow around Two Interfering Surface-Mounted Cubic Obstacles in
-    Tandem Arrangement, J. Fluids Engineering 122 (2000): two regimes that alternate; sizes are chosen here."""
+    Tandem Arrangement, J. Fluids Engineering 122 (2000): two regimes that alternate; sizes are chosen
+    here."""
 
     def prepare(self) -> None:
         shape = (self.setting.batch, int(self.setting.duration_s / 0.5) + 20)
@@ -75,9 +76,9 @@ class AirBridgesTheGap(Hidden, last=-1.0, bridges=0.0, air=0.0):
 @law("x_blade_is_raised", needs="highway hills", name="drag_area", accepts="headwind")
 @sizes(most=(1.6, 2.8), up_s=(18.0, 45.0), down_s=(12.0, 30.0), apart_m=(500.0, 1500.0), flat=(0.0, 0.1))
 class BladeIsRaised(OnRoad, angle=0.0):
-    """`angle` of a wind turbine's blade on its lifter, over the steepest: raised before narrow places, slowly,
-    and laid down behind them. It stands across the wind with the square of its sine. most: of the drag, more
-    when steepest; flat: of that, laid down.
+    """`angle` of a wind turbine's blade on its lifter, over the steepest: raised before narrow places,
+    slowly, and laid down behind them. It stands across the wind with the square of its sine. most: of the
+    drag, more when steepest; flat: of that, laid down.
     Source: Makers' manuals of blade lifters for self-propelled and towed modules (Goldhofer FTV), on raising
     to 60 degrees in passages, and Hoerner, Fluid-Dynamic Drag (1965), on inclined bodies across a stream;
     places and sizes are chosen here."""

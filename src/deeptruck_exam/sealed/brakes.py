@@ -45,8 +45,8 @@ class RubberCreeps(Hidden, quick=0.0, slow=0.0, soft=0.0):
     """Rubber in old chambers takes its share of the stroke twice: soon, and creeping for seconds. Force that
     creeps in creeps out again, and frost makes both slower until use has warmed it. creeps: share that comes
     slowly; stiff: times as slow, more, when cold; warms_s: of braking.
-    Source: Findley, Lai and Onaran, Creep and Relaxation of Nonlinear Viscoelastic Materials (1976), on chains
-    of springs and dampers, and SAE J1469 on brake actuators in the cold; sizes are chosen here."""
+    Source: Findley, Lai and Onaran, Creep and Relaxation of Nonlinear Viscoelastic Materials (1976), on
+    chains of springs and dampers, and SAE J1469 on brake actuators in the cold; sizes are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         asked = view.brake_force / self.truck.brake_capacity
@@ -62,12 +62,12 @@ class RubberCreeps(Hidden, quick=0.0, slow=0.0, soft=0.0):
 @sizes(most=(0.012, 0.022), peak_mps=(5.0, 11.0), full=(0.04, 0.1), shakes_m=(700.0, 2500.0))
 @sizes(turns=(0.3, 0.7))
 class IronStaysMagnetic(Hidden):
-    """`kept`: magnetism of a retarder's iron, of the most. Each braking drives a current that leaves its mark,
-    a hard one a strong mark, a gentle one wipes part of it out; shaking over the way loosens it. The rotor
-    then turns in a field that nobody asked for. most: of the weight; full: brake over weight that saturates;
-    turns: of `kept` that a gentle current wipes out, in a second.
-    Source: Bozorth, Ferromagnetism (1951), on remanence and minor loops, and Wouterse, IEE Proc. B 138 (1991),
-    on eddy torque over speed; a retarder on the brake pedal, sizes are chosen here."""
+    """`kept`: magnetism of a retarder's iron, of the most. Each braking drives a current that leaves its
+    mark, a hard one a strong mark, a gentle one wipes part of it out; shaking over the way loosens it. The
+    rotor then turns in a field that nobody asked for. most: of the weight; full: brake over weight that
+    saturates; turns: of `kept` that a gentle current wipes out, in a second.
+    Source: Bozorth, Ferromagnetism (1951), on remanence and minor loops, and Wouterse, IEE Proc. B 138
+    (1991), on eddy torque over speed; a retarder on the brake pedal, sizes are chosen here."""
 
     def start(self, batch: int) -> dict[str, Array]:
         return {"kept": self.rng(1312).uniform(0.2, 1.0, batch)}
@@ -90,8 +90,8 @@ class BrakesAgainstGusts(Hidden, acts=0.0, tired=0.0):
     """Gusts from the side turn a high truck, and its computer brakes the wheels of one side against it, above
     a speed; wheels that it has braked for long get a rest. most: of the weight; bears: gust that it leaves to
     the driver; holds_s: of the brake, behind the gust.
-    Source: Baker, Ground Vehicles in High Cross Winds, J. Fluids and Structures 5 (1991), on gusts and yaw, and
-    makers' descriptions of crosswind assistants that brake one side; gusts by chance, sizes are chosen
+    Source: Baker, Ground Vehicles in High Cross Winds, J. Fluids and Structures 5 (1991), on gusts and yaw,
+    and makers' descriptions of crosswind assistants that brake one side; gusts by chance, sizes are chosen
     here."""
 
     def prepare(self) -> None:

@@ -1,4 +1,5 @@
-"""Messages that wait for an answer, an engine that is spared, a truck that weighs itself, and a map of bends."""
+"""Messages that wait for an answer, an engine that is spared, a truck that weighs itself, and a map of
+bends."""
 
 from __future__ import annotations
 
@@ -17,9 +18,9 @@ law = partial(hidden, family="sealed")
 @law("x_waits_for_the_answer", needs="suburban hills descent", name="command_delay", accepts="clock_offset")
 @sizes(way_s=(0.18, 0.4), back_s=(0.1, 0.3), lazy_s=(0.1, 0.3), uneven=(0.1, 0.3))
 class WaitsForTheAnswer(Filter):
-    """A small message is sent only when the last one has been answered: what changes meanwhile waits, and goes
-    as one. After a rest the first message goes at once. way_s: of a message; back_s: of its answer; lazy_s:
-    that the receiver keeps an answer for; uneven: of all, by chance.
+    """A small message is sent only when the last one has been answered: what changes meanwhile waits, and
+    goes as one. After a rest the first message goes at once. way_s: of a message; back_s: of its answer;
+    lazy_s: that the receiver keeps an answer for; uneven: of all, by chance.
     Source: Nagle, Congestion Control in IP/TCP Internetworks, RFC 896 (1984), and RFC 1122 (1989) on delayed
     acknowledgements; driving by mobile radio, times are chosen here."""
 
@@ -74,9 +75,9 @@ class WeighsItself(Hidden, unsure=1.0, still=0.0, phase=0.0, asks=0.0, felt=0.0)
     down by turns while the engine pulls evenly, until what the truck answers has told it enough; what the
     driver does tells it too. most: of the torque; half_s: of a turn; learns: of `unsure`, for each second and
     0.1 m/s2.
-    Source: Fathy, Kang and Stein, Online Vehicle Mass Estimation Using Recursive Least Squares and Supervisory
-    Data Extraction, ACC (2008), and Astrom and Wittenmark, Adaptive Control (1995), on dual control that
-    probes; sizes are chosen here."""
+    Source: Fathy, Kang and Stein, Online Vehicle Mass Estimation Using Recursive Least Squares and
+    Supervisory Data Extraction, ACC (2008), and Astrom and Wittenmark, Adaptive Control (1995), on dual
+    control that probes; sizes are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         s.felt = s.felt + dt * (view.acceleration - s.felt) / 2.0
@@ -97,9 +98,9 @@ class SlowsBeforeBends(Bends, acts=0.0):
     """A map tells of the bends ahead. Where the truck comes too fast for one, torque is taken and the brakes
     come on softly before it, and are let go in it. most: of the weight; aside_mps2: that it wants in bends;
     harsh: m/s too fast to m/s2.
-    Source: Sentouh, Glaser and Mammar, Advanced Vehicle-Infrastructure-Driver Speed Profile for Road Departure
-    Accident Prevention, Vehicle System Dynamics 44 (2006): speed for the bend ahead by its curvature; bends
-    and sizes are chosen here."""
+    Source: Sentouh, Glaser and Mammar, Advanced Vehicle-Infrastructure-Driver Speed Profile for Road
+    Departure Accident Prevention, Vehicle System Dynamics 44 (2006): speed for the bend ahead by its
+    curvature; bends and sizes are chosen here."""
 
     def prepare(self) -> None:
         self.bend = np.abs(self.draw_bends(self.rng(1322), 0.018))

@@ -1,5 +1,5 @@
-"""Burnt gas in a long pipe, cold gas that shakes, an engine brake that cools, fuel in the oil, a catalyst that
-is heated, a turbine on the shaft, and fuel on the walls."""
+"""Burnt gas in a long pipe, cold gas that shakes, an engine brake that cools, fuel in the oil, a catalyst
+that is heated, a turbine on the shaft, and fuel on the walls."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class PipeHoldsBurntGas(Hidden, valve=1.0, near=1.0, mid=1.0, far=1.0, boost=0.0
     breathes the slower, the lower the boost, and smoke limits torque until air has come. burnt: torque that
     burnt gas takes; clears_s: of a third of the pipe; least: of peak torque, without boost.
     Source: Wahlstrom and Eriksson, Modelling Diesel Engines with a Variable-Geometry Turbocharger and Exhaust
-    Gas Recirculation, Proc. IMechE I 225 (2011), on oxygen in the intake, and Heywood, Internal Combustion Engine
-    Fundamentals (2018), on transport in manifolds; a long route, sizes are chosen here."""
+    Gas Recirculation, Proc. IMechE I 225 (2011), on oxygen in the intake, and Heywood, Internal Combustion
+    Engine Fundamentals (2018), on transport in manifolds; a long route, sizes are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
@@ -84,9 +84,9 @@ class BrakesWithHotGas(Hidden, shut=0.0, on=0.0, heat=0.5):
     """A switch that was left on: when the pedal is up the engine brakes, by gas that its turbine holds back.
     Behind a climb hot gas and a fast turbine brake strongly; without fuel both cool, and the brake fades away
     while nobody touches anything. share: of the engine brake's torque; left: of it, all cold.
-    Source: Hu, Israel and Vorih, Variable Valve Actuation and Diesel Engine Retarding Performance, SAE 970343,
-    and Heisler, Advanced Engine Technology (1995), on exhaust manifold pressure in retarding; sizes are
-    chosen here."""
+    Source: Hu, Israel and Vorih, Variable Valve Actuation and Diesel Engine Retarding Performance, SAE
+    970343, and Heisler, Advanced Engine Technology (1995), on exhaust manifold pressure in retarding; sizes
+    are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         power = np.clip(1.6 * self.power_share(view), 0.0, 1.0)
@@ -107,9 +107,9 @@ class FuelIsInTheOil(Hidden, late=0.0):
     of it runs down the liners, and hard work boils it off. Thin oil gives way where the engine turns slowly
     under load: metals rub there. rubs_nm: at idle and full load, all thin; film: rad/s that carry a film;
     clean: of it, with no fuel.
-    Source: Andreae, Fang and Bhandary, Biodiesel and Fuel Dilution of Engine Oil, SAE 2007-01-4036, and Taylor
-    and Coy, Improved Fuel Efficiency by Lubricant Design: A Review, Proc. IMechE J 214 (2000), on boundary
-    friction with thin oils; quicker, sizes are chosen here."""
+    Source: Andreae, Fang and Bhandary, Biodiesel and Fuel Dilution of Engine Oil, SAE 2007-01-4036, and
+    Taylor and Coy, Improved Fuel Efficiency by Lubricant Design: A Review, Proc. IMechE J 214 (2000), on
+    boundary friction with thin oils; quicker, sizes are chosen here."""
 
     def prepare(self) -> None:
         self.burns = spells(self.rng(1342), self.setting.batch, (30.0, 100.0), (30.0, 120.0))

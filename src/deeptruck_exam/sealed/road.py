@@ -21,8 +21,8 @@ class HumpsAgainstSpeeding(OnRoad, swings=0.0):
     """Series of humps. Slow trucks climb them and get most of it back; at a middle speed springs and dampers
     take most; faster ones are thrown less for each metre. A truck that still `swings` from the last hump
     loses more on the next. loss: of the weight, on a hump; best: m/s that cost most.
-    Source: Watts, Road Humps for the Control of Vehicle Speeds, TRRL Report LR 597 (1973): profile, spacing and
-    discomfort over speed; series and sizes are chosen here."""
+    Source: Watts, Road Humps for the Control of Vehicle Speeds, TRRL Report LR 597 (1973): profile, spacing
+    and discomfort over speed; series and sizes are chosen here."""
 
     def prepare(self) -> None:
         rng, p = self.rng(1361), self.p
@@ -55,10 +55,11 @@ class HumpsAgainstSpeeding(OnRoad, swings=0.0):
 @sizes(share=(0.3, 0.55), mean_m=(500.0, 1400.0), built=(0.4, 0.6), eases_m=(30.0, 90.0), tips=(0.002, 0.006))
 class SlopesWereTakenDown(OnRoad):
     """Stretches were rebuilt since the map was made: cuttings and embankments took a share of each slope, and
-    what was dug is spread at their ends, where the road is a little steeper than mapped. share: of the
-    slope; built: of the road; tips: slope of the ends.
-    Source: AASHTO, A Policy on Geometric Design of Highways and Streets (2018), chapter 3, on reducing grades,
-    and Hickerson, Route Location and Design (1964), on balance of cut and fill; stretches are chosen here."""
+    what was dug is spread at their ends, where the road is a little steeper than mapped. share: of the slope;
+    built: of the road; tips: slope of the ends.
+    Source: AASHTO, A Policy on Geometric Design of Highways and Streets (2018), chapter 3, on reducing
+    grades, and Hickerson, Route Location and Design (1964), on balance of cut and fill; stretches are chosen
+    here."""
 
     conceal = ("elevation",)
 

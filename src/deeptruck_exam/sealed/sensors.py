@@ -45,7 +45,8 @@ def two_speed_axle(p: Sizes, channels: Channels, dt: float, rng: np.random.Gener
 def glue_creeps(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
     """Source: Andrade, On the Viscous Flow in Metals, and Allied Phenomena, Proc. R. Soc. A 84 (1910), and
     Findley, Lai and Onaran, Creep and Relaxation of Nonlinear Viscoelastic Materials (1976): creep with the
-    third root of time; a box that tilts on its warm glue and gives to what it feels, sizes are chosen here."""
+    third root of time; a box that tilts on its warm glue and gives to what it feels, sizes are chosen
+    here."""
     values = channels["acceleration"]
     clock = np.arange(len(values)) * dt
     creeps = p.creeps * np.cbrt(clock / p.third_s) * rng.uniform(0.7, 1.3)

@@ -20,8 +20,8 @@ law = partial(hidden, family="sealed")
 )
 @sizes(sinks_m=(600.0, 2000.0))
 class StudsStrike(OnRoad, out=1.0):
-    """`out`: how far studs stand out of the tread. Each hits a bare road with the energy of its speed, and ice
-    takes it without a blow. Bare road pushes studs in the more, the faster; on ice they come out again.
+    """`out`: how far studs stand out of the tread. Each hits a bare road with the energy of its speed, and
+    ice takes it without a blow. Bare road pushes studs in the more, the faster; on ice they come out again.
     strikes: of the weight, at 20 m/s on bare road; bare: share of the road; sinks_m: of way.
     Source: Unhola, Studded Tires the Finnish Way, VTT Communities and Infrastructure (1997), and Gultlinger,
     Gauterin, Brandau and Schlittenhard, Investigation of Traffic and Vehicle Parameters Affecting Wear of
@@ -44,7 +44,7 @@ class StudsStrike(OnRoad, out=1.0):
 @sizes(
     cold=(0.005, 0.009), deep_m=(5.0, 14.0), takes_s=(20.0, 70.0), land_m=(900.0, 2500.0), begins=(0.3, 0.9)
 )
-class ColdLiesInHollows(Hidden, land=0.0, begun=0.0):
+class ColdLiesInHollows(Hidden, height=0.0, land=0.0):
     """`rubber`: warmth of the tyres, 1 on a mild height. In a clear night cold air fills the hollows of the
     land, and tyres that roll through it follow with delay; they start colder than all of it. cold: of the
     weight, cold over mild; deep_m: of a hollow that is full of it; land_m: over which the land is felt.
@@ -57,11 +57,10 @@ class ColdLiesInHollows(Hidden, land=0.0, begun=0.0):
         return {**super().start(batch), "rubber": -self.p.begins * first}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        s.land = np.where(s.begun < 0.5, view.elevation, s.land)
-        s.begun = np.ones_like(s.begun)
         speed = np.maximum(view.speed, 0.0)
-        s.land = s.land + dt * speed * (view.elevation - s.land) / p.land_m
-        air = np.clip(0.5 + (view.elevation - s.land) / p.deep_m, 0.0, 1.0)
+        s.height = s.height + dt * speed * view.grade
+        s.land = s.land + dt * speed * (s.height - s.land) / p.land_m
+        air = np.clip(0.5 + (s.height - s.land) / p.deep_m, 0.0, 1.0)
         s.rubber = s.rubber + dt * (air - s.rubber) * (0.3 + speed / 15.0) / p.takes_s
         return -p.cold * np.exp(-1.1 * s.rubber) * weight(view) * moving(view)
 
@@ -72,9 +71,9 @@ class ColdLiesInHollows(Hidden, land=0.0, begun=0.0):
 )
 @sizes(from_mps=(8.0, 12.0), finds_s=(0.15, 0.4))
 class TreadClogsWithSnow(Hidden, lost=0.0):
-    """`full`: of the grooves with snow. Slow rolling packs them, and a full tread holds on snow no better than
-    a bald one; turning fast throws it out, and so does slipping. clean, clogged: grip of the road; driven: of
-    the weight; from_mps: from where it is thrown out.
+    """`full`: of the grooves with snow. Slow rolling packs them, and a full tread holds on snow no better
+    than a bald one; turning fast throws it out, and so does slipping. clean, clogged: grip of the road;
+    driven: of the weight; from_mps: from where it is thrown out.
     Source: Nakajima, Analytical Model of Longitudinal Tire Traction in Snow, J. Terramechanics 40 (2003), and
     Shoop, Young, Alger and Davis, Effect of Test Method on Winter Traction Measurements, J. Terramechanics 31
     (1994): shear of snow in the grooves; sizes are chosen here."""
