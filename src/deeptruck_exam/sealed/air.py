@@ -16,7 +16,7 @@ law = partial(hidden, family="sealed")
 
 
 @law("x_valley_turns_the_wind", needs="highway hills", name="headwind", accepts="drag_area")
-@sizes(aloft_mps=(9.0, 14.0), veers_s=(90.0, 260.0), veers=(0.6, 1.1), flows_s=(4.0, 14.0), bends=(0.3, 0.7))
+@sizes(aloft_mps=(12.0, 18.0), veers_s=(90.0, 260.0), veers=(0.6, 1.1), flows_s=(4.0, 14.0), bends=(0.3, 0.7))
 @sizes(mean_m=(900.0, 2500.0))
 class ValleyTurnsTheWind(OnRoad, flow=0.0):
     """`flow` of the air along a valley, over the wind aloft. It follows the axis towards the side that the
@@ -46,7 +46,7 @@ class ValleyTurnsTheWind(OnRoad, flow=0.0):
 
 
 @law("x_air_bridges_the_gap", needs="highway", name="drafting", accepts="drag_area headwind", leader=True)
-@sizes(bridged=(0.7, 0.9), open=(0.05, 0.25), half_m=(22.0, 38.0), flips_s=(3.0, 9.0), forms_s=(0.6, 2.0))
+@sizes(bridged=(0.8, 0.95), open=(0.0, 0.15), half_m=(26.0, 45.0), flips_s=(3.0, 9.0), forms_s=(0.6, 2.0))
 @sizes(sharp=(2.0, 5.0))
 class AirBridgesTheGap(Hidden, last=-1.0, bridges=0.0, air=0.0):
     """The air that leaves the leader either lands on the truck and bridges the gap, or falls into it. Which
@@ -68,7 +68,7 @@ class AirBridgesTheGap(Hidden, last=-1.0, bridges=0.0, air=0.0):
         s.bridges = np.where(thrown | (s.last < 0.0), self.dice[1][:, k] < chance, s.bridges)
         s.last = np.full_like(s.last, k)
         s.air = s.air + dt * (s.bridges - s.air) / p.forms_s
-        near = np.exp(-gap / (3.0 * p.half_m))
+        near = 1.0 / (1.0 + (gap / (6.0 * p.half_m)) ** 2)
         saved = near * (p.open + (p.bridged - p.open) * s.air)
         return np.clip(saved * 1.15, 0.0, 0.92) * view.drag_force
 

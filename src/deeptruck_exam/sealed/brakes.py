@@ -59,7 +59,7 @@ class RubberCreeps(Hidden, quick=0.0, slow=0.0, soft=0.0):
 
 
 @law("x_iron_stays_magnetic", needs="suburban descent hills", name="dragging_brake")
-@sizes(most=(0.012, 0.022), peak_mps=(5.0, 11.0), full=(0.04, 0.1), shakes_m=(700.0, 2500.0))
+@sizes(most=(0.016, 0.028), peak_mps=(5.0, 11.0), full=(0.04, 0.1), shakes_m=(300.0, 1200.0))
 @sizes(turns=(0.3, 0.7))
 class IronStaysMagnetic(Hidden):
     """`kept`: magnetism of a retarder's iron, of the most. Each braking drives a current that leaves its

@@ -69,7 +69,7 @@ class PistonsAreWarmedFirst(TorqueFilter):
 
 
 @law("x_weighs_itself", needs="suburban hills highway", name="unknown")
-@sizes(most=(0.16, 0.3), half_s=(1.2, 2.8), learns=(0.02, 0.06), doubts_s=(40.0, 120.0), eases_s=(0.2, 0.5))
+@sizes(most=(0.25, 0.45), half_s=(1.8, 3.5), learns=(0.02, 0.06), doubts_s=(40.0, 120.0), eases_s=(0.2, 0.5))
 class WeighsItself(Hidden, unsure=1.0, still=0.0, phase=0.0, asks=0.0, felt=0.0):
     """`unsure` of its own mass after each stand, and slowly again later, a computer moves the torque up and
     down by turns while the engine pulls evenly, until what the truck answers has told it enough; what the
@@ -93,7 +93,7 @@ class WeighsItself(Hidden, unsure=1.0, still=0.0, phase=0.0, asks=0.0, felt=0.0)
 
 
 @law("x_slows_before_bends", needs="suburban hills descent", name="unknown")
-@sizes(most=(0.035, 0.06), aside_mps2=(0.7, 1.1), ahead_s=(3.0, 6.0), harsh=(0.10, 0.22), lets_s=(0.8, 2.0))
+@sizes(most=(0.025, 0.045), aside_mps2=(0.7, 1.1), ahead_s=(3.0, 6.0), harsh=(0.10, 0.22), lets_s=(0.8, 2.0))
 class SlowsBeforeBends(Bends, acts=0.0):
     """A map tells of the bends ahead. Where the truck comes too fast for one, torque is taken and the brakes
     come on softly before it, and are let go in it. most: of the weight; aside_mps2: that it wants in bends;

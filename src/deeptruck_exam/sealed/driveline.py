@@ -38,7 +38,7 @@ class BothAxlesMustTouch(Hidden, one=1.0, two=1.0, runs=0.0, given=0.0):
 
 
 @law("x_bearings_clamp_as_they_warm", name="driveline_loss", accepts="torque_gain")
-@sizes(mesh=(0.03, 0.06), clamp=(0.09, 0.16), gear_s=(30.0, 90.0), case_s=(150.0, 500.0), power=(1.2, 2.0))
+@sizes(mesh=(0.02, 0.04), clamp=(0.18, 0.3), gear_s=(20.0, 60.0), case_s=(150.0, 500.0), power=(1.2, 2.0))
 class BearingsClamp(Hidden):
     """`gear`, `case`: heat of the gears and of the housing round them. Gears warm first and grow, and clamp
     their tapered bearings until the housing has followed. mesh, clamp: of the traction, the second when gears
@@ -58,7 +58,7 @@ class BearingsClamp(Hidden):
         wind = 0.3 + np.clip(view.speed / 20.0, 0.0, 1.3)
         s.case = np.clip(s.case + dt * (0.3 * passes - wind * s.case / p.case_s), 0.0, 3.0)
         clamps = np.clip(s.gear - s.case, 0.0, 1.6) ** p.power
-        lost = np.minimum(p.mesh + p.clamp * clamps, 0.3)
+        lost = np.minimum(p.mesh + p.clamp * clamps, 0.35)
         return np.asarray(-lost * np.abs(view.traction_force) * moving(view))
 
 
@@ -96,7 +96,7 @@ class SpeedRunsAwayUphill(Hidden, gear=0.0, open=0.0, wish=0.0, share=1.0):
     trucks="freightliner",
     gateable=False,
 )
-@sizes(sticks=(0.45, 0.62), slides=(0.55, 0.75), hot=(0.2, 0.4), heats_s=(4.0, 14.0), cools_s=(15.0, 50.0))
+@sizes(sticks=(0.34, 0.5), slides=(0.6, 0.8), hot=(0.2, 0.4), heats_s=(4.0, 14.0), cools_s=(15.0, 50.0))
 @sizes(catches=(0.6, 0.85), finds_s=(0.15, 0.4))
 class OnceItSlips(Hidden, slips=0.0, heat=0.0, lost=0.0):
     """A lock-up clutch holds a torque while it sticks, and less once it slides, so that it goes on slipping
@@ -114,7 +114,7 @@ class OnceItSlips(Hidden, slips=0.0, heat=0.0, lost=0.0):
         slides = p.slides * holds
         size = np.abs(torque)
         s.slips = np.where(size > holds, 1.0, np.where(size < p.catches * slides, 0.0, s.slips))
-        over = np.sign(torque) * np.maximum(size - slides, 0.0) * s.slips
+        over = np.sign(torque) * np.maximum(size - slides, 0.0) * 0.6 * s.slips
         s.lost = s.lost + dt * (over - s.lost) / p.finds_s
         s.heat = np.clip(s.heat + dt * (4.0 * np.abs(s.lost) / p.heats_s - s.heat / p.cools_s), 0.0, 1.0)
         given = np.sign(s.lost) * np.minimum(np.abs(s.lost), size)

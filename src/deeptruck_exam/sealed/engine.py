@@ -130,7 +130,7 @@ class FuelIsInTheOil(Hidden, late=0.0):
 
 
 @law("x_heats_its_catalyst", needs="suburban descent hills", name="accessory_load", accepts="engine_friction")
-@sizes(kw=(28.0, 50.0), warms_s=(25.0, 70.0), chills_s=(40.0, 110.0), on=(0.45, 0.6), off=(0.75, 0.95))
+@sizes(kw=(18.0, 34.0), warms_s=(25.0, 70.0), chills_s=(40.0, 110.0), on=(0.45, 0.6), off=(0.75, 0.95))
 @sizes(ramps_s=(0.5, 1.5), spares=(0.2, 0.5))
 class HeatsItsCatalyst(Hidden, heats=0.0, load=0.0):
     """`cat`: heat of a catalyst, 1 where it works well. The gas of a working engine warms it, the air that a
@@ -154,12 +154,12 @@ class HeatsItsCatalyst(Hidden, heats=0.0, load=0.0):
         s.load = s.load + dt * (s.heats - s.load) / p.ramps_s
         hard = np.clip(self.pedal(view) / 0.8, 0.0, 1.0)
         watts = 1000.0 * p.kw * s.load * (1.0 - (1.0 - p.spares) * hard**2)
-        torque = np.minimum(watts / np.maximum(view.engine_speed, 70.0), 450.0)
+        torque = np.minimum(watts / np.maximum(view.engine_speed, 70.0), 230.0)
         return -self.at_wheels(view, torque) * moving(view)
 
 
 @law("x_turbine_on_the_shaft", needs="hills highway suburban", name="unknown")
-@sizes(adds=(0.14, 0.24), gas_s=(4.0, 14.0), drags_nm=(60.0, 120.0), lit=(0.15, 0.35), oil_s=(0.5, 1.5))
+@sizes(adds=(0.18, 0.3), gas_s=(4.0, 14.0), drags_nm=(60.0, 120.0), lit=(0.15, 0.35), oil_s=(0.5, 1.5))
 class TurbineOnTheShaft(Hidden, gas=0.0, turns=0.0):
     """A turbine in the exhaust turns the crankshaft through gears and a fluid coupling. `gas`: its energy,
     which comes as the manifolds warm and stays for a while when the pedal is up; a turbine without gas has

@@ -39,7 +39,7 @@ class WetLoadDrains(Hidden, floor=0.0):
 
 
 @law("x_reels_rock_on_their_edges", needs="suburban", name="load_slosh")
-@sizes(share=(0.4, 0.6), slender=(0.02, 0.05), base_m=(0.35, 0.6), lands=(1.2, 2.5), room=(0.5, 0.8))
+@sizes(share=(0.3, 0.45), slender=(0.02, 0.05), base_m=(0.35, 0.6), lands=(1.2, 2.5), room=(0.5, 0.8))
 class ReelsRock(Hidden, x=0.0, v=0.0):
     """`x` m that the middle of tall reels is ahead of where it stands upright, `v` of that. They stand firm
     until a push goes beyond their slenderness; then they rock from edge to edge, the weaker held the farther

@@ -41,9 +41,7 @@ class StudsStrike(OnRoad, out=1.0):
 
 
 @law("x_cold_lies_in_hollows", needs="hills suburban descent highway", name="rolling_resistance_warmup")
-@sizes(
-    cold=(0.005, 0.009), deep_m=(5.0, 14.0), takes_s=(20.0, 70.0), land_m=(900.0, 2500.0), begins=(0.3, 0.9)
-)
+@sizes(cold=(0.007, 0.012), deep_m=(3.0, 8.0), takes_s=(8.0, 30.0), land_m=(900.0, 2500.0), begins=(0.1, 0.5))
 class ColdLiesInHollows(Hidden, height=0.0, land=0.0):
     """`rubber`: warmth of the tyres, 1 on a mild height. In a clear night cold air fills the hollows of the
     land, and tyres that roll through it follow with delay; they start colder than all of it. cold: of the
@@ -62,7 +60,7 @@ class ColdLiesInHollows(Hidden, height=0.0, land=0.0):
         s.land = s.land + dt * speed * (s.height - s.land) / p.land_m
         air = np.clip(0.5 + (s.height - s.land) / p.deep_m, 0.0, 1.0)
         s.rubber = s.rubber + dt * (air - s.rubber) * (0.3 + speed / 15.0) / p.takes_s
-        return -p.cold * np.exp(-1.1 * s.rubber) * weight(view) * moving(view)
+        return -p.cold * np.exp(-1.8 * s.rubber) * weight(view) * moving(view)
 
 
 @law("x_tread_clogs_with_snow", needs="suburban hills", name="wheel_slip")
