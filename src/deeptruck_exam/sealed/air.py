@@ -74,7 +74,7 @@ class AirBridgesTheGap(Hidden, last=-1.0, bridges=0.0, air=0.0):
 
 
 @law("x_blade_is_raised", needs="highway hills", name="drag_area", accepts="headwind")
-@sizes(most=(1.6, 2.8), up_s=(18.0, 45.0), down_s=(12.0, 30.0), apart_m=(500.0, 1500.0), flat=(0.0, 0.1))
+@sizes(most=(2.0, 3.4), up_s=(18.0, 45.0), down_s=(12.0, 30.0), apart_m=(500.0, 1500.0), flat=(0.0, 0.1))
 class BladeIsRaised(OnRoad, angle=0.0):
     """`angle` of a wind turbine's blade on its lifter, over the steepest: raised before narrow places,
     slowly, and laid down behind them. It stands across the wind with the square of its sine. most: of the

@@ -15,8 +15,8 @@ law = partial(hidden, family="sealed")
 
 
 @law("x_linings_polish_themselves", needs="descent", name="brake_fade")
-@sizes(loss=(0.45, 0.7), warms_jpkg=(350.0, 800.0), cools_s=(90.0, 260.0), turns=(0.3, 0.6))
-@sizes(polishes_m=(150.0, 450.0), rips=(0.10, 0.2))
+@sizes(loss=(0.45, 0.7), warms_jpkg=(250.0, 600.0), cools_s=(90.0, 260.0), turns=(0.3, 0.6))
+@sizes(polishes_m=(150.0, 450.0), rips=(0.14, 0.25))
 class LiningsPolishThemselves(Hidden, hot=0.0):
     """`hot`: 1 where resin softens; `glaze`: share of the face that is polished. Long gentle braking when hot
     melts a smooth skin over the lining, which stays when it is cold again; one firm braking rips it off.
@@ -25,7 +25,7 @@ class LiningsPolishThemselves(Hidden, hot=0.0):
     Brake Design and Safety, on glazing; sizes are chosen here."""
 
     def start(self, batch: int) -> dict[str, Array]:
-        return {**super().start(batch), "glaze": self.rng(1311).uniform(0.0, 0.5, batch)}
+        return {**super().start(batch), "glaze": self.rng(1311).uniform(0.2, 0.8, batch)}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         speed = np.maximum(view.speed, 0.0)

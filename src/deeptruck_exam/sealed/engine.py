@@ -135,7 +135,7 @@ class FuelIsInTheOil(Hidden, late=0.0):
 class HeatsItsCatalyst(Hidden, heats=0.0, load=0.0):
     """`cat`: heat of a catalyst, 1 where it works well. The gas of a working engine warms it, the air that a
     coasting engine pumps through chills it, and a generator heats it whenever it is too cold, less while the
-    driver pulls hard. kw: of the shaft; spares: of that, left at full pull.
+    driver pulls hard. kw: of the shaft, for a 20 t truck; spares: of that, left at full pull.
     Source: MECA, Technology Feasibility for Heavy-Duty Diesel Trucks in Achieving 90% Lower NOx Standards in
     2027 (2020), on heated catalysts, and Guzzella and Onder, Introduction to Modeling and Control of Internal
     Combustion Engine Systems (2010), on heat of converters; two heaters, sizes are chosen here."""
@@ -153,7 +153,8 @@ class HeatsItsCatalyst(Hidden, heats=0.0, load=0.0):
         s.heats = np.where(s.cat < p.on, 1.0, np.where(s.cat > p.off, 0.0, s.heats))
         s.load = s.load + dt * (s.heats - s.load) / p.ramps_s
         hard = np.clip(self.pedal(view) / 0.8, 0.0, 1.0)
-        watts = 1000.0 * p.kw * s.load * (1.0 - (1.0 - p.spares) * hard**2)
+        size = np.clip(view.mass / 20000.0, 0.3, 1.3)
+        watts = 1000.0 * p.kw * size * s.load * (1.0 - (1.0 - p.spares) * hard**2)
         torque = np.minimum(watts / np.maximum(view.engine_speed, 70.0), 230.0)
         return -self.at_wheels(view, torque) * moving(view)
 
