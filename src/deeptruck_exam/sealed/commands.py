@@ -52,8 +52,8 @@ class PistonsAreWarmedFirst(TorqueFilter):
     """A big engine is let up the slower, the longer nothing was asked of it: load makes it ready, rest takes
     that away. Down it goes quickly. cold_per_s, warm_per_s: of the full command; at: of it, that readies in
     the time said; falls: times as quick as up, when ready.
-    Source: ISO 8528-5:2022 on load acceptance, and CIMAC Recommendation 13 on how loads have to be applied to
-    highly rated engines, here for each pull of a truck; rates are chosen here."""
+    Source: ISO 8528-5:2022, on load that highly rated engines accept in steps, by mean effective pressure;
+    here for each pull of a truck; rates are chosen here."""
 
     def begin(self, s: State, u: Array) -> None:
         super().begin(s, u)

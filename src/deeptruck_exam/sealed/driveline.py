@@ -71,8 +71,9 @@ class SpeedRunsAwayUphill(Hidden, gear=0.0, open=0.0, wish=0.0, share=1.0):
     truck has lost or won since. Uphill, with much load, it falls below the aim and the gear does not go in
     until the engine has been asked again. meets_mps: off, that still goes in; misses: longer, for each m/s
     that is off.
-    Source: Zhong, Kong, Yu, Xin and Chen, Gear Shifting Control of Automated Manual Transmissions, Mechanical
-    Systems and Signal Processing (2012), on synchronising a moving target; times are chosen here."""
+    Source: Tseng and Yu, Advanced Shifting Control of Synchronizer Mechanisms for Clutchless Automatic Manual
+    Transmission in an Electric Vehicle, Mechanism and Machine Theory 84 (2015), on synchronising a moving
+    target; times are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         changed = (view.gear != s.gear) & (s.gear > 0.0) & (view.speed > 1.5)

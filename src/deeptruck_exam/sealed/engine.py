@@ -29,7 +29,7 @@ class PipeHoldsBurntGas(Hidden, valve=1.0, near=1.0, mid=1.0, far=1.0, boost=0.0
     breathes the slower, the lower the boost, and smoke limits torque until air has come. burnt: torque that
     burnt gas takes; clears_s: of a third of the pipe; least: of peak torque, without boost.
     Source: Wahlstrom and Eriksson, Modelling Diesel Engines with a Variable-Geometry Turbocharger and Exhaust
-    Gas Recirculation, Proc. IMechE I 225 (2011), on oxygen in the intake, and Heywood, Internal Combustion
+    Gas Recirculation, Proc. IMechE D 225 (2011), on oxygen in the intake, and Heywood, Internal Combustion
     Engine Fundamentals (2018), on transport in manifolds; a long route, sizes are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
