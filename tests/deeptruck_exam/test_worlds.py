@@ -11,6 +11,7 @@ from deeptruck_exam.plans import draw_plan
 from deeptruck_exam.worlds import OF_FAMILY, WORLDS, roads
 from deeptruck_exam.worlds.bends import bendy
 from deeptruck_exam.worlds.by_trade import BALLAST
+from deeptruck_exam.worlds.courses import errands, karst, lava_down
 from deeptruck_exam.worlds.loggers import Logger, quantise
 from deeptruck_exam.worlds.roundabouts import roundabouts
 from deeptruck_exam.worlds.traffic import zones
@@ -168,3 +169,17 @@ def test_messages_that_are_missing_are_held_or_joined():
 def test_a_step_of_nothing_leaves_values_alone():
     np.testing.assert_array_equal(quantise(np.array([0.1, 0.26]), 0.25), [0.0, 0.25])
     np.testing.assert_array_equal(quantise(np.array([0.1]), 0.0), [0.1])
+
+
+def test_karst_and_lava_are_steep_in_their_own_ways():
+    for seed in range(4):
+        assert 0.02 < karst(np.random.default_rng(seed), 0.03).std() < 0.032
+    steps = lava_down(np.random.default_rng(5))
+    assert np.quantile(steps, 0.1) < -0.05 and np.quantile(steps, 0.9) > -0.042
+
+
+def test_errands_meet_obstacles_that_are_stops_in_town():
+    rng = np.random.default_rng(7)
+    town, highway, down = (errands(rng, kind, 6000, 0.1) for kind in ("suburban", "highway", "descent"))
+    assert 0.02 < np.mean(town < 0.05) < 0.5 and highway.min() > 14.0
+    assert highway.std() > 0.8 and down.std() > 0.8
