@@ -9,7 +9,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -23,7 +23,7 @@ from deeptruck_model import driving_cycles, mismatch, simulators, trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import find
 from deeptruck_model.mismatch.correction import correction
-from deeptruck_model.mismatch.fit_result import FitResult
+from deeptruck_model.mismatch.correction.claims import OwnCorrection
 from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Rules
@@ -106,9 +106,9 @@ def test_what_held_out_drives_refute_is_suspected_and_the_search_goes_on(
     judged: list[list[str]] = []
     told = correction.claimed
 
-    def first_is_refuted(x: Explanation, fit: FitResult, rules: Rules) -> bool:
+    def first_is_refuted(x: Explanation, own: Callable[[], OwnCorrection], rules: Rules) -> bool:
         judged.append([c.effect for c in x.causes])
-        return len(judged) > 1 and told(x, fit, rules)
+        return len(judged) > 1 and told(x, own, rules)
 
     monkeypatch.setattr(correction, "claimed", first_is_refuted)
     recorded = drives(TRUCK.with_forces([], [LazyBrake()]), 4, seed=50)
@@ -122,7 +122,7 @@ def test_what_held_out_drives_refute_is_suspected_and_the_search_goes_on(
 def test_where_no_name_held_and_other_parameters_drive_much_better_nothing_missing_is_no_answer(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(correction, "claimed", lambda x, fit, rules: not x.causes)
+    monkeypatch.setattr(correction, "claimed", lambda x, own, rules: not x.causes)
     recorded = drives(TRUCK.with_parameters({"mass": 24000.0}), 4, seed=50)
     said = run(recorded[:-1], recorded[-1:])
     assert said["suspicions"] and not said["findings"]

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
+from deeptruck_model.mismatch.correction.claims import OwnCorrection, claimed
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.correction.improvement import compared, free_windows, improvement, joined
 from deeptruck_model.mismatch.correction.recipes import (
@@ -17,6 +18,7 @@ from deeptruck_model.mismatch.correction.recipes import (
     as_given,
     best_of,
     folds_of,
+    holds,
     horizon,
     recipes_of,
     with_laws,
@@ -29,28 +31,7 @@ from deeptruck_model.mismatch.posterior.left_out import left_out, of_its_time
 from deeptruck_model.mismatch.posterior.nuisances import left_beside
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.simulators import Simulator
-
-
-def claimed(x: Explanation, fit: FitResult, rules: Rules = Rules()) -> bool:
-    """Whether what was found is told: it is strong, or free runs chose a correction that holds it and this
-    drives better on held-out recordings. What acts in windows of its own is shown by blocks of its own drives
-    instead; what is slow by its size alone. Knots predict left-out blocks of slow noise too, so blocks claim
-    nothing that is time-varying. Laws that overlap are each weak beside the others, and strong together."""
-    if not x.causes or fit.errors is None or max(x.gained, *(c.gain for c in x.causes)) >= rules.clear:
-        return True
-    if any(c.needed is not None or _shown_in_windows(c) for c in x.causes):
-        return True
-    before, after = fit.errors.before.speed, fit.errors.after.speed
-    held = fit.chosen in (Chosen.FINDINGS, Chosen.LAWS) or {c.acts_as for c in x.causes} <= {*fit.corrected}
-    return held and after <= rules.no_better * before
-
-
-def _shown_in_windows(c: Cause) -> bool:
-    windowed = c.term is not None and c.term.variant.acts_in_windows
-    return windowed and c.left_out is not None and c.left_out.shown
-
 
 COMPARED = ("before", "parameters_only", "after")
 
@@ -70,6 +51,8 @@ class Corrections:
     crossed: dict[str, Errors] = field(default_factory=dict)
     chosen: Chosen = Chosen.FINDINGS  # what `named` holds
     for_driving: bool = False  # whether `named` has the sizes that drive best
+    whole: CorrectedTruck | None = None  # with all that was found, whatever drives best
+    whole_crossed: tuple[Errors, Errors] | None = None  # of the simulator as given and of it, as `crossed`
 
     def after(self, with_unnamed: bool) -> tuple[CorrectedTruck, Chosen]:
         """The corrected simulator, with laws for what has no name where these are asked for and there."""
@@ -99,6 +82,8 @@ def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequenc
     first = best_of(recipes, [trials.mean_square(r) for r in recipes], own)
     tuned = trials.with_better_sizes(alone)
     best = tuned if first is alone else trials.with_better_sizes(first)
+    complete = [r for r in recipes if r is not alone and holds(r, x)]
+    whole = trials.with_better_sizes(min(complete, key=trials.mean_square, default=nothing))
     truck = partial(Recipe.corrected, simulator=simulator, search=search, shares=trials.shares)
     return Corrections(
         truck(tuned),
@@ -109,6 +94,8 @@ def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequenc
         else {},
         best.what,
         best.for_driving,
+        truck(whole),
+        (trials.errors(nothing), trials.errors(whole)) if trials.crossed else None,
     )
 
 
@@ -183,11 +170,20 @@ def corrected_and_driven(
     """The correction, driven; and the explanation, without causes where nothing speaks for these but a little
     evidence."""
     x = _with_blocks(e, x)
-    driven = _driven(simulator, e, x, fitted, held_out, with_unnamed)
-    if claimed(x, driven.fit, e.rules):
-        return driven
+    made = correct(simulator, e, x, fitted)
+    if claimed(x, lambda: own_correction(simulator, made, held_out), e.rules):
+        return Driven(x, *shown(simulator, made, held_out, with_unnamed))
     silent = replace(x, causes=(), lawful=None)
-    return replace(_driven(simulator, e, silent, fitted, held_out, with_unnamed), refuted=x.causes)
+    made = correct(simulator, e, silent, fitted)
+    return Driven(silent, *shown(simulator, made, held_out, with_unnamed), refuted=x.causes)
+
+
+def own_correction(simulator: Simulator, made: Corrections, held_out: Sequence[Prepared]) -> OwnCorrection:
+    """All that was found, driven, whatever drives best."""
+    horizon_s = horizon(held_out)
+    before = free_windows(simulator, held_out, horizon_s)
+    after = before if made.whole is None else free_windows(made.whole, held_out, horizon_s)
+    return OwnCorrection(before, after, made.whole_crossed)
 
 
 def _with_blocks(e: Evidence, x: Explanation) -> Explanation:
@@ -198,15 +194,3 @@ def _with_blocks(e: Evidence, x: Explanation) -> Explanation:
     fitted = left_beside(e.to_fit(), x.model)
     told = {id(t): left_out(fitted, x.model, t) for t in of_their_time}
     return replace(x, causes=tuple(replace(c, left_out=told.get(id(c.term))) for c in x.causes))
-
-
-def _driven(
-    simulator: Simulator,
-    e: Evidence,
-    x: Explanation,
-    fitted: Sequence[Prepared],
-    held_out: Sequence[Prepared],
-    with_unnamed: bool,
-) -> Driven:
-    made = correct(simulator, e, x, fitted)
-    return Driven(x, *shown(simulator, made, held_out, with_unnamed))

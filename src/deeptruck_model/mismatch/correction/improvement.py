@@ -125,10 +125,10 @@ def improvement(judged: Mapping[str, Errors], seed: int = 0) -> Improvement:
     """Bootstrap intervals over recordings of the relative improvement, over the free runs in `judged`."""
     before, after, tuned = judged["before"], judged["after"], judged["parameters_only"]
     recordings = len(np.unique(before.recording))
-    return Improvement(_interval(before, after, seed), _interval(tuned, after, seed), recordings)
+    return Improvement(interval(before, after, seed), interval(tuned, after, seed), recordings)
 
 
-def _interval(old: Errors, new: Errors, seed: int) -> Interval:
+def interval(old: Errors, new: Errors, seed: int = 0) -> Interval:
     """95 % interval of 1 - rmse_new / rmse_old for speed."""
     rng = np.random.default_rng(seed)
     owners = np.unique(old.recording)

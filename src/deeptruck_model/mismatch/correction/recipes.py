@@ -116,6 +116,16 @@ def with_laws(x: Explanation) -> Recipe | None:
     return Recipe(x.lawful.named, _physics(x.lawful.named), x.lawful.free, Chosen.LAWS)
 
 
+def holds(recipe: Recipe, x: Explanation) -> bool:
+    """Whether all that was found is in it: every force, every wrong parameter, and laws where these are what
+    was found."""
+    forces = {c.acts_as for c in x.causes if c.term is not None and c.kind == "missing_physics"}
+    wrong = {c.effect for c in x.causes if c.kind == "parameter_error"}
+    lawful = x.lawful is not None and any(c.predictable for c in x.causes)
+    within = forces <= {k.mechanism.effect for k in recipe.kept} and wrong <= recipe.free
+    return within and (not lawful or recipe.what is Chosen.LAWS)
+
+
 def best_of(recipes: Sequence[Recipe], squares: Sequence[float], own: bool) -> Recipe:
     """Which drives best. Laws join names only where these drive better than parameters without them: laws are
     no proof of names. Where they are a finding of their `own` they need none."""

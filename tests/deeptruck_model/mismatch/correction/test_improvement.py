@@ -67,7 +67,7 @@ def test_few_recordings_are_resampled_by_window() -> None:
         e = scale * rng.normal(size=(8, 50))
         return Errors(e, e, np.repeat([0, 1], 4), np.arange(8))
 
-    low, high = improvement._interval(some(1.0), some(0.5), 0)
+    low, high = improvement.interval(some(1.0), some(0.5))
     assert 0.3 < low < 0.5 < high < 0.65
 
 

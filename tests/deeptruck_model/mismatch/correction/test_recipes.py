@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,10 @@ import pytest
 
 from deeptruck_model import trucks
 from deeptruck_model.mismatch.correction import recipes
-from deeptruck_model.mismatch.fit_result import Errors
+from deeptruck_model.mismatch.fit_result import Chosen, Errors
+from deeptruck_model.mismatch.mechanisms import LIBRARY
+from deeptruck_model.mismatch.mechanisms.variants import Static
+from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
 from deeptruck_model.mismatch.rules import Rules
@@ -64,3 +68,27 @@ def test_sizes_fitted_to_free_runs_go_in_where_they_are_clearly_better_unseen(
     probable = recipes.Recipe((), (), frozenset({"mass"}))
     trials = recipes.Trials(TRUCK, folds, None, Rules())
     assert trials.with_better_sizes(probable) == replace(probable, for_driving=taken)
+
+
+@pytest.mark.parametrize(
+    ("kept", "free", "what", "whole"),
+    [
+        (("headwind",), {"mass", "drag_area"}, Chosen.LAWS, True),
+        (("headwind",), {"mass"}, Chosen.FINDINGS, False),
+        ((), {"mass"}, Chosen.LAWS, False),
+        (("headwind",), set(), Chosen.LAWS, False),
+    ],
+)
+def test_a_correction_is_whole_with_every_force_parameter_and_law_that_was_found(
+    kept: tuple[str, ...], free: set[str], what: Chosen, whole: bool
+) -> None:
+    terms: Any = {n: SimpleNamespace(mechanism=LIBRARY[n], variant=Static()) for n in ("headwind",)}
+    none = np.zeros(1)
+    causes = (
+        Cause("missing_physics", "headwind", 50.0, 0.4, none, terms["headwind"]),
+        Cause("parameter_error", "mass", 40.0, 0.3, none),
+        Cause("missing_physics", "unknown", 70.0, 0.3, none),
+    )
+    x: Any = SimpleNamespace(causes=causes, lawful=object())
+    recipe = recipes.Recipe((), tuple(terms[n] for n in kept), frozenset(free), what)
+    assert recipes.holds(recipe, x) == whole
