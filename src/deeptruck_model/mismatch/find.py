@@ -155,7 +155,8 @@ def _find(
     if little := too_little(e):
         return _useless(replace(c, useless=little, data=_data(c, e)))
     e, driven = _explained(simulator, c, e, seed, with_unnamed, exclude, say)
-    x, fit = driven.explanation, driven.fit
+    x = driven.explanation
+    fit = replace(driven.fit, next_pass=next((c.road.ahead for c in x.causes if c.road is not None), None))
     say("locating it")
     found = _findings(simulator, c, e, x)
     causes = {place: f.cause for place, f in enumerate(found) if f.cause is not None}

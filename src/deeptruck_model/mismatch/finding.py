@@ -90,7 +90,7 @@ class Finding:
         if self.evidence_nats is not None:
             out["evidence_nats"] = self.evidence_nats
             out["rivals"] = [vars(r) for r in self.rivals]
-        road = {n: round(v, 3) for n, v in vars(self.road).items()} if self.road is not None else None
+        road = self.road.to_json() if self.road is not None else None
         only_if = {
             "nearest": self.nearest,
             "decided_by": self.decided_by,

@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.mismatch.posterior.next_pass import NextPass
+
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
 
@@ -113,6 +115,7 @@ class FitResult:
     improvement: Improvement | None = None
     refitted: Mapping[str, float] = field(default_factory=dict)  # relative changes of its parameters
     for_driving: bool = False  # whether its sizes are those of least speed error, not the most probable ones
+    next_pass: NextPass | None = None  # of a road that came again: what one pass tells of another
 
     def to_json(self) -> dict[str, Any]:
         """`fit`."""
@@ -122,6 +125,8 @@ class FitResult:
             out["refitted"] = dict(self.refitted)
         if self.for_driving:
             out["for_driving"] = True
+        if self.next_pass is not None:
+            out["next_pass"] = self.next_pass.to_json()
         if self.errors is not None:
             out |= {name: rmse.to_json() for name, rmse in self.errors.each().items()}
         if self.improvement is not None:
@@ -142,4 +147,5 @@ class FitResult:
             Improvement.read(fit) if driven else None,
             fit.get("refitted", {}),
             fit.get("for_driving", False),
+            NextPass.read(fit.get("next_pass")),
         )  # fmt: skip

@@ -15,11 +15,12 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, candidate_term
 from deeptruck_model.mismatch.posterior import nuisances
-from deeptruck_model.mismatch.posterior.causes import Explanation
-from deeptruck_model.mismatch.posterior.explain import explain, slow_beside
+from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
+from deeptruck_model.mismatch.posterior.explain import ROADS, explain, slow_beside
 from deeptruck_model.mismatch.posterior.naming import recognised
 from deeptruck_model.mismatch.posterior.penalties import LEARNABLE
 from deeptruck_model.mismatch.posterior.rivals import force_of
+from deeptruck_model.mismatch.posterior.road_lock import road_lock
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.posterior.stepwise import first_guess
 from deeptruck_model.mismatch.residual.evidence import Evidence
@@ -109,7 +110,8 @@ def refitted(
 
 def located_everywhere(e: Evidence, x: Explanation) -> Explanation:
     """The explanation, whose names and sizes the held-out recordings had no part in, with the forces that
-    every recording has its own of fitted along these too: to be told where they act."""
+    every recording has its own of fitted along these too: to be told where they act, and whether a road
+    came again."""
     whole = e.everywhere()
     own = [c for c in x.causes if c.term is not None and _untold(e, c.term) and not _untold(whole, c.term)]
     slow = [c for c in x.causes if c.needed is not None]
@@ -120,7 +122,12 @@ def located_everywhere(e: Evidence, x: Explanation) -> Explanation:
     told = {id(c): replace(c, force=force_of(search, model, c.term)) for c in own if c.term is not None}
     if slow and (found := slow_beside(search, model, x.left_over)) is not None:
         told |= {id(c): replace(c, force=np.where(e.valid, c.force, found.force)) for c in slow}
-    return replace(x, causes=tuple(told.get(id(c), c) for c in x.causes))
+    return replace(x, causes=tuple(_with_road(whole, told.get(id(c), c)) for c in x.causes))
+
+
+def _with_road(whole: Evidence, c: Cause) -> Cause:
+    """The cause with where its road came again, in the recordings that it was found in and in the others."""
+    return replace(c, road=road_lock(whole, c.force)) if c.effect in ROADS or c.needed is not None else c
 
 
 def _untold(e: Evidence, term: CandidateTerm) -> bool:

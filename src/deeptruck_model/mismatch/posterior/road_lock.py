@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from deeptruck_model.mismatch.posterior.next_pass import NextPass, next_pass
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.stretches import LENGTH_M, STEP_M, Windows, likeness, turned
 
@@ -28,6 +29,11 @@ class RoadLock:
     other_way_km: float
     agreement: float
     by_chance: float
+    ahead: NextPass | None = None  # what the other pass tells of the road beyond
+
+    def to_json(self) -> dict[str, float]:
+        """`road` of a finding in verdict.json; what lies ahead stands in `fit`."""
+        return {n: round(v, 3) for n, v in vars(self).items() if n != "ahead"}
 
 
 def road_lock(e: Evidence, force: Array) -> RoadLock | None:
@@ -39,18 +45,22 @@ def road_lock(e: Evidence, force: Array) -> RoadLock | None:
     all_of_them = windows.centred()
     a = all_of_them[picked]
 
-    def best(sought: Array) -> Array:
-        """How well each agrees with the most alike elsewhere."""
-        return _elsewhere(windows, picked, likeness(sought, all_of_them)).max(axis=1)
+    def found(sought: Array) -> tuple[Array, Indices]:
+        """How well each agrees with the most alike elsewhere, and which that is."""
+        alike = _elsewhere(windows, picked, likeness(sought, all_of_them))
+        return alike.max(axis=1), alike.argmax(axis=1)
 
-    same, other = best(a), best(turned(a))
-    chance = np.concatenate([best(-a), best(-turned(a))])
+    (same, there), (other, back) = found(a), found(turned(a))
+    chance = np.concatenate([found(-a)[0], found(-turned(a))[0]])
     limit = float(np.quantile(chance, BY_CHANCE))
     same_km, other_km = _beyond_chance(same > limit), _beyond_chance(other > limit)
     if not same_km and not other_km:
         return None
     again = np.maximum(same if same_km else -1.0, other if other_km else -1.0)
-    return RoadLock(same_km, other_km, float(np.median(again[again > limit])), limit)
+    on = again > limit
+    reverse = (again == other) & (other_km > 0.0)
+    ahead = next_pass(windows, picked[on], np.where(reverse, back, there)[on], reverse[on])
+    return RoadLock(same_km, other_km, float(np.median(again[on])), limit, ahead)
 
 
 def _beyond_chance(found: NDArray[np.bool_]) -> float:

@@ -20,6 +20,7 @@ from deeptruck_model.mismatch.correction.worth import (
 from deeptruck_model.mismatch.finding import Finding, Kind
 from deeptruck_model.mismatch.fit_result import Chosen
 from deeptruck_model.mismatch.mechanisms import LIBRARY
+from deeptruck_model.mismatch.posterior.next_pass import NextPass
 from deeptruck_model.mismatch.report.wording import force, number, opened, percent, prose, spoken
 from deeptruck_model.mismatch.residual.gather import PARAMETERS
 from deeptruck_model.mismatch.result import Conclusion, Verdict
@@ -75,6 +76,7 @@ class Headline:
     errors: SpeedErrors | None = None
     seen: str = ""  # the smallest steady force that would have been seen; empty where that is not known
     reason: str = ""  # why nothing can be said
+    next_pass: NextPass | None = None  # of a road that another pass shows
 
 
 def text(verdict: Verdict) -> str:
@@ -102,6 +104,7 @@ def of(verdict: Verdict) -> Headline:
         fit is not None and fit.chosen is Chosen.LAWS,
         worth(fit),
         errors(fit),
+        next_pass=fit.next_pass if fit is not None and fit.next_pass and fit.next_pass.shown else None,
     )
 
 
@@ -146,7 +149,7 @@ def sentences(h: Headline) -> list[str]:
     if h.claim is Claim.UNDETERMINED:
         return ["Nothing can be said yet.", f"{opened(prose(h.reason))}."]
     if h.claim is Claim.FOUND:
-        return [*_found(h), *_shown(h)]
+        return [*_found(h), *_shown(h), *_again(h.next_pass)]
     if h.claim is Claim.AGREES:
         return [_agrees(h.seen)]
     seen = [f"A steady force above {h.seen} would have been seen."] if h.seen else []
@@ -251,6 +254,13 @@ def _shown(h: Headline) -> list[str]:
         said.append(fitting(lambda n, r: _not_in(h.left_out, n)))
     refitted = f"with all parameters refitted instead it is {number(h.errors.refitted)} m/s"
     return [*said, f"{_runs(h.errors)}; {refitted}.", SHOWN[h.worth]]
+
+
+def _again(p: NextPass | None) -> list[str]:
+    if p is None:
+        return []
+    left = f"{number(p.left)} of {number(p.rms)} m/s²"
+    return [f"Another pass over the road shows it: on {p.km:.0f} km ahead it leaves {left}."]
 
 
 def _runs(e: SpeedErrors) -> str:

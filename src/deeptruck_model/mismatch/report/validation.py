@@ -11,6 +11,7 @@ from deeptruck_model.mismatch.correction.worth import (
     refitted_is_surely_better,
 )
 from deeptruck_model.mismatch.fit_result import Chosen, FitResult, Improvement, Interval
+from deeptruck_model.mismatch.posterior.next_pass import NextPass
 from deeptruck_model.mismatch.report.wording import spoken
 
 LEAST_RESAMPLED = 3  # recordings; with fewer the interval is over the free runs
@@ -52,14 +53,26 @@ HELPS = 0.9  # of the error, below which what has no name is worth asking for
 
 def said(fit: FitResult | None) -> list[str]:
     """Sentences on what the correction does; none where there were no free runs."""
-    if fit is None or fit.improvement is None:
+    if fit is None:
         return []
+    road = [] if fit.next_pass is None else [_next_pass(fit.next_pass)]
+    if fit.improvement is None:
+        return road
     if fit.chosen is Chosen.NOTHING:
         more = [UNSTATED] if refitted_is_surely_better(fit) else []
-        return ["Nothing was changed, so before and after are the same.", *more]
+        return ["Nothing was changed, so before and after are the same.", *more, *road]
     beside = _beside_parameters(fit, fit.improvement)
     sizes = [FOR_DRIVING] if fit.for_driving else []
-    return [ASKED, *_passed(fit, fit.improvement), *beside, *sizes, *_refitted(fit)]
+    return [ASKED, *_passed(fit, fit.improvement), *beside, *sizes, *_refitted(fit), *road]
+
+
+def _next_pass(p: NextPass) -> str:
+    """What the slope of one pass is worth on another."""
+    sure = "So the road is shown" if p.shown else "So the road is not shown"
+    return (
+        f"On {p.km:.0f} km ahead of where the road was known again, the other pass leaves {p.left:.2g} of "
+        f"{p.rms:.2g} m/s^2: {_change(p.smaller_ci95)} (95 %). {sure} by another pass."
+    )
 
 
 def _refitted(fit: FitResult) -> list[str]:

@@ -15,6 +15,7 @@ from deeptruck_model.mismatch.correction.worth import SpeedErrors, Worth
 from deeptruck_model.mismatch.finding import Kind
 from deeptruck_model.mismatch.fit_result import Chosen, Compared, Improvement, Rmse
 from deeptruck_model.mismatch.mechanisms import LIBRARY
+from deeptruck_model.mismatch.posterior.next_pass import NextPass
 from deeptruck_model.mismatch.report import findings, headline
 from deeptruck_model.mismatch.report.headline import Claim, Headline, Name
 from deeptruck_model.mismatch.report.wording import number, percent
@@ -193,3 +194,10 @@ def test_whatever_was_found_no_sentence_is_long(h: Headline) -> None:
         assert len(sentence.split()) <= headline.LONGEST and sentence.endswith(".")
         assert sentence[0].isupper() and "_" not in sentence
         assert not re.search(r"\([^)]*\(", sentence)
+
+
+@pytest.mark.parametrize(("low", "told"), [(0.5, True), (-0.1, False)])
+def test_a_road_that_another_pass_shows_is_said(low: float, told: bool) -> None:
+    again = NextPass(28.0, 0.112, 0.0414, (low, 0.78))
+    sentences = headline.sentences(headline.of(corrected("missing_physics", next_pass=again)))
+    assert any("on 28 km ahead it leaves 0.0414 of 0.112 m/s²" in s for s in sentences) == told

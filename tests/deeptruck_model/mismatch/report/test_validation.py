@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from deeptruck_model.mismatch.fit_result import Chosen, Compared, FitResult, Improvement, Interval, Rmse
+from deeptruck_model.mismatch.posterior.next_pass import NextPass
 from deeptruck_model.mismatch.report import validation
 
 NOT_DRIVEN = FitResult((), 20.0, 0, Chosen.FINDINGS, ("mass",), False)
@@ -131,3 +132,13 @@ def test_by_how_much_parameters_are_moved_is_said_and_kept() -> None:
     read = FitResult.read(moved.to_json())
     assert read is not None and read.refitted == moved.refitted
     assert "refitted" not in fit((0.95, 0.96), (0.1, 0.3)).to_json()
+
+
+@pytest.mark.parametrize(("low", "says"), [(0.3, "is shown by another pass"), (-0.1, "is not shown")])
+def test_what_one_pass_over_a_road_is_worth_on_another_is_said(low: float, says: str) -> None:
+    again = NextPass(12.0, 0.21, 0.09, (low, 0.7))
+    driven = replace(fit((0.0, 0.0), (0.0, 0.0), chosen=Chosen.NOTHING), next_pass=again)
+    assert any("leaves 0.09 of 0.21 m/s^2" in line and says in line for line in validation.said(driven))
+    assert validation.said(replace(NOT_DRIVEN, next_pass=again))
+    read = FitResult.read(driven.to_json())
+    assert read is not None and read.next_pass == again

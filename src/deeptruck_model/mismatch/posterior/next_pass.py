@@ -1,0 +1,110 @@
+"""What one pass over a road tells of another: the slope ahead, beyond the stretch by which it was found.
+
+Windows of 6 km find the place. How well they agree proves nothing, as they were picked for that. The 2 km
+that follow were not: there the force of the other pass is taken for the slope of this one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.residual.stretches import STEP_M, WIDTH, Windows, turned
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+SEAM, AHEAD = 5, 20  # steps: a slow force is smoothed over 8 s on either side; and what is predicted
+LEAST = 3  # stretches ahead, of which fewer show nothing
+RESAMPLED = 1000
+
+
+@dataclass(frozen=True)
+class NextPass:
+    """Over `km` ahead: the force (rms, m/s^2), what that of the other pass leaves of it, and the 95 %
+    interval by which it is smaller, over recordings (over stretches where there are fewer than three)."""
+
+    km: float
+    rms: float
+    left: float
+    smaller_ci95: tuple[float, float]
+
+    @property
+    def shown(self) -> bool:
+        """Whether the other pass surely predicts it."""
+        return self.smaller_ci95[0] > 0.0
+
+    def to_json(self) -> dict[str, Any]:
+        """`fit.next_pass` of verdict.json."""
+        ci = [round(x, 3) for x in self.smaller_ci95]
+        return {"km": self.km, "rms": round(self.rms, 4), "left": round(self.left, 4), "smaller_ci95": ci}
+
+    @staticmethod
+    def read(entry: Mapping[str, Any] | None) -> NextPass | None:
+        """From verdict.json."""
+        if entry is None:
+            return None
+        low, high = entry["smaller_ci95"]
+        return NextPass(entry["km"], entry["rms"], entry["left"], (low, high))
+
+
+def next_pass(windows: Windows, here: Indices, there: Indices, reverse: NDArray[np.bool_]) -> NextPass | None:
+    """What the pass of windows `there` (k,) tells ahead of windows `here`, which were found again there, the
+    other way where `reverse`. None where hardly one of the roads goes on."""
+    both: list[tuple[int, Array, Array]] = []
+    last = -AHEAD  # stretches of one road do not overlap
+    for i, j, back in zip(here, there, reverse, strict=True):
+        pair = _ahead(windows, i, j, back) if i - last >= AHEAD or not _same(windows, i, last) else None
+        if pair is not None:
+            both.append((int(windows.profile[i]), *pair))
+            last = i
+    if len(both) < LEAST:
+        return None
+    owner = np.array([k for k, _, _ in both])
+    before, after = (np.array([np.mean(x**2) for x in column]) for column in _columns(both))
+    return NextPass(
+        round(AHEAD * STEP_M / 1000.0 * len(both), 1),
+        float(np.sqrt(before.mean())),
+        float(np.sqrt(after.mean())),
+        _smaller(before, after, owner),
+    )
+
+
+def _columns(both: list[tuple[int, Array, Array]]) -> tuple[list[Array], list[Array]]:
+    return [own for _, own, _ in both], [own - other for _, own, other in both]
+
+
+def _ahead(w: Windows, i: int, j: int, reverse: bool) -> tuple[Array, Array] | None:
+    """The force ahead of window i, and that of the pass of window j there, as it feels here, (AHEAD,) each
+    without the mean of its window; None where a profile ends."""
+    far = SEAM + AHEAD
+    k, m = i + far, j - far if reverse else j + far
+    if not (_same(w, i, k) and _same(w, j, m)):
+        return None
+    own = w.values[k][WIDTH - AHEAD :] - w.values[i].mean()
+    other = turned(w.values[m : m + 1])[0] if reverse else w.values[m]
+    mean = -w.values[j].mean() if reverse else w.values[j].mean()
+    return own, other[WIDTH - AHEAD :] - mean
+
+
+def _same(w: Windows, i: int, k: int) -> bool:
+    """Whether both windows are of one profile."""
+    return 0 <= k < len(w.at) and bool(w.profile[i] == w.profile[k])
+
+
+def _smaller(before: Array, after: Array, owner: Indices) -> tuple[float, float]:
+    rng = np.random.default_rng(0)
+    names = np.unique(owner)
+    if len(names) < 3:
+        owner = names = np.arange(len(owner))
+    groups = [np.flatnonzero(owner == k) for k in names]
+    gains = []
+    for _ in range(RESAMPLED):
+        rows = np.concatenate([groups[g] for g in rng.integers(0, len(groups), len(groups))])
+        gains.append(1.0 - np.sqrt(after[rows].mean() / max(before[rows].mean(), 1e-12)))
+    low, high = np.quantile(gains, [0.025, 0.975])
+    return float(low), float(high)
