@@ -146,6 +146,7 @@ def _examine(source: Source, folder: Path, layouts: Path, out: Path, updates: in
         "right": _right(source, run, said),
         "says": run.says if run.returncode else "",
         "agreement": asdict(agreement) if agreement else None,
+        "next_pass": fitted.get("next_pass"),
     }
 
 

@@ -85,6 +85,7 @@ class Row:
     after: float | None
     smallest: float | None = None
     agreement: Mapping[str, float] | None = None
+    next_pass: Mapping[str, Any] | None = None  # what another pass over the road leaves, as in verdict.json
 
     @property
     def false_alarm(self) -> bool:
@@ -192,7 +193,8 @@ def _of_concealed(result: Mapping[str, Any]) -> Row:
     }
     told |= {"said": tuple(told["said"]), "sizes": tuple(told["sizes"])}
     hidden = ", ".join(source.hide)
-    return Row(source.name, "its own", part, hidden, "", **told, agreement=result["agreement"])
+    road = {"agreement": result["agreement"], "next_pass": result.get("next_pass")}
+    return Row(source.name, "its own", part, hidden, "", **told, **road)
 
 
 HEAD = (
@@ -226,6 +228,8 @@ def page(rows: Sequence[Row]) -> list[str]:
 def _cells(row: Row) -> tuple[str, ...]:
     road = row.agreement
     told = f" (slope: correlation {road['correlation']:.2f}, factor {road['slope']:.2f})" if road else ""
+    if row.next_pass:
+        told += f"; another pass leaves {row.next_pass['left']:.3f} of {row.next_pass['rms']:.3f} m/s^2"
     said = " ".join(row.said) or row.verdict
     errors = ("" if x is None else f"{x:.2f}" for x in (row.speed_error, row.after, row.smallest))
     concealed = row.concealed or f"nothing; not in the log: {row.lacks}"
