@@ -59,9 +59,6 @@ def mismatch(
     with FOUND.replacing(out, overwrite=overwrite) as draft, progress("reading") as say:
         from deeptruck_model import recordings as rec
         from deeptruck_model import simulators
-        from deeptruck_model.mismatch import find_mismatch
-        from deeptruck_model.mismatch.output import fill
-        from deeptruck_model.mismatch.report.what_now import Asked
 
         truck = simulators.load(simulator)
         rate = 1.0 / truck.dt
@@ -69,6 +66,11 @@ def mismatch(
             rec.read_all(bags, topic_map=topic_map, rate_hz=rate, among=others)
             for bags, others in ((recordings, held_out), (held_out, recordings))
         )
+        # the search's libraries take seconds to import: a bag that cannot be read is refused before
+        from deeptruck_model.mismatch import find_mismatch
+        from deeptruck_model.mismatch.output import fill
+        from deeptruck_model.mismatch.report.what_now import Asked
+
         found = find_mismatch(
             truck,
             fit,

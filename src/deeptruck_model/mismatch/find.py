@@ -217,7 +217,7 @@ def _unsaid(
 ) -> str:
     """Why 'nothing missing' is no answer where there is no finding; empty where it is one."""
     differs_here = differs(simulator, c.prepared[0].measured_acceleration, driven.fit, regimes, rules)
-    return differs_here or validation.no_name_is_sure(driven.fit, bool(driven.refuted))
+    return differs_here or validation.no_name_is_sure([c.effect for c in driven.refuted])
 
 
 def _without_mass(e: Evidence, found: Sequence[Finding]) -> list[str]:

@@ -134,6 +134,8 @@ def asked(named: str, what: str) -> Iterator[None]:
 
 
 def _where(error: BaseException) -> str:
+    if isinstance(error, SyntaxError) and error.filename:
+        return f" at {Path(error.filename).name}:{error.lineno}"
     frames = traceback.extract_tb(error.__traceback__)
     own = [f for f in frames if not f.filename.startswith("<") and Path(f.filename).parent != HERE]
     return f" at {Path(own[-1].filename).name}:{own[-1].lineno}" if own else ""

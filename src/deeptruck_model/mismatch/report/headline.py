@@ -6,7 +6,7 @@ Terminal, page and demo print these same sentences. None has more than LONGEST w
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum, auto
 
@@ -18,7 +18,7 @@ from deeptruck_model.mismatch.correction.worth import (
     worth,
 )
 from deeptruck_model.mismatch.finding import Finding, Kind
-from deeptruck_model.mismatch.fit_result import Chosen
+from deeptruck_model.mismatch.fit_result import Chosen, FitResult
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.posterior.next_pass import NextPass
 from deeptruck_model.mismatch.report.wording import force, number, opened, percent, prose, spoken
@@ -28,6 +28,7 @@ from deeptruck_model.mismatch.result import Conclusion, Verdict
 LONGEST = 30  # words in a sentence
 HIDING = 0.03  # m/s^2 of a steady force: half of what tyres take
 NAMED, RIVALS = 4, 3  # names, and others that each may be, in one sentence
+MOVED = 3  # parameters in one sentence
 
 PARAMETERS_ALONE = "The correction is refitted parameters alone, which drove the fitted recordings best."
 SHOWN = {
@@ -77,6 +78,7 @@ class Headline:
     seen: str = ""  # the smallest steady force that would have been seen; empty where that is not known
     reason: str = ""  # why nothing can be said
     next_pass: NextPass | None = None  # of a road that another pass shows
+    moved: str = ""  # parameters that the correction moves though none of them is a finding
 
 
 def text(verdict: Verdict) -> str:
@@ -105,7 +107,17 @@ def of(verdict: Verdict) -> Headline:
         worth(fit),
         errors(fit),
         next_pass=fit.next_pass if fit is not None and fit.next_pass and fit.next_pass.shown else None,
+        moved=_moved(fit, {f.effect for f in found}),
     )
+
+
+def _moved(fit: FitResult | None, found: Collection[str]) -> str:
+    """Parameters in a correction by findings that are none, with their changes: 'drag area by -21 %'."""
+    moved = fit.refitted.items() if fit is not None else ()
+    told = [
+        f"{_spoken(name)} by {100 * x:+.0f} %" for name, x in moved if name not in found and abs(x) >= 0.005
+    ]
+    return " and ".join(told if len(told) <= MOVED else [*told[:MOVED], "others"])
 
 
 def _order(finding: Finding, main: Conclusion) -> tuple[bool, float]:
@@ -155,7 +167,7 @@ def sentences(h: Headline) -> list[str]:
     seen = [f"A steady force above {h.seen} would have been seen."] if h.seen else []
     if h.claim is Claim.MUCH_COULD_HIDE:
         return [
-            "Nothing was found, but much could hide in what the simulator has learned imperfectly.",
+            "Nothing was found, but these recordings would not show a small effect.",
             *seen,
         ]
     said = "The simulator is off, but no physics and no parameter alone has shown itself as the cause."
@@ -252,6 +264,8 @@ def _shown(h: Headline) -> list[str]:
         said.append("Laws without a name are in the correction too.")
     elif h.left_out:
         said.append(fitting(lambda n, r: _not_in(h.left_out, n)))
+    if h.moved:
+        said.append(f"Besides what was found, the correction moves {h.moved}.")
     refitted = f"with all parameters refitted instead it is {number(h.errors.refitted)} m/s"
     return [*said, f"{_runs(h.errors)}; {refitted}.", SHOWN[h.worth]]
 

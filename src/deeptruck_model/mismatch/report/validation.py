@@ -6,6 +6,8 @@ Only the first decides whether it may be applied; the second says what the names
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from deeptruck_model.mismatch.correction.worth import (
     refitted_is_much_better,
     refitted_is_surely_better,
@@ -41,8 +43,8 @@ TUNED = (
     "{before:.3g} m/s, though none of them is surely wrong"
 )
 NO_NAME = (
-    "other parameters drive the held-out recordings much better, and what explained the fitted ones did not "
-    "hold there: something differs, and no name for it is sure"
+    "{names} explained the fitted recordings, and those held out do not confirm it: something may be "
+    "missing, and no name for it is sure"
 )
 FOR_DRIVING = (
     "The correction has the sizes that drive best along recordings they were not fitted to; "
@@ -136,10 +138,10 @@ def caveats(fit: FitResult, found: bool) -> list[str]:
     return out
 
 
-def no_name_is_sure(fit: FitResult, withdrawn: bool) -> str:
-    """That the simulator is off, where what was found was `withdrawn` and other parameters help much; else
-    empty."""
-    return NO_NAME if withdrawn and refitted_is_much_better(fit) else ""
+def no_name_is_sure(withdrawn: Sequence[str]) -> str:
+    """That nothing missing is no answer, where what was found was `withdrawn`; else empty."""
+    names = [spoken(n) for n in dict.fromkeys(withdrawn)]
+    return NO_NAME.format(names=" or ".join(names)) if names else ""
 
 
 def unnamed_would_help(fit: FitResult | None) -> bool:

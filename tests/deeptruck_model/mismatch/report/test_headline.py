@@ -201,3 +201,9 @@ def test_a_road_that_another_pass_shows_is_said(low: float, told: bool) -> None:
     again = NextPass(28.0, 0.112, 0.0414, (low, 0.78))
     sentences = headline.sentences(headline.of(corrected("missing_physics", next_pass=again)))
     assert any("on 28 km ahead it leaves 0.0414 of 0.112 m/s²" in s for s in sentences) == told
+
+
+def test_parameters_that_the_correction_moves_beside_what_was_found_are_said() -> None:
+    moved = {"drag_area": -0.212, "mass": 0.001}
+    sentences = headline.sentences(headline.of(corrected("missing_physics", refitted=moved)))
+    assert "Besides what was found, the correction moves drag area by -21 %." in sentences

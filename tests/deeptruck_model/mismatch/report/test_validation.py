@@ -107,15 +107,10 @@ def test_where_nothing_was_found_and_other_parameters_drive_better_that_is_said(
     assert any("0.4 m/s instead of 0.8 m/s" in line for line in said) == told
 
 
-@pytest.mark.parametrize(
-    ("tuned", "withdrawn", "told"), [(0.4, True, True), (0.4, False, False), (0.6, True, False)]
-)
-def test_a_simulator_that_is_off_without_a_name_is_not_said_to_agree(
-    tuned: float, withdrawn: bool, told: bool
-) -> None:
-    driven = fit((0.0, 0.0), (-0.5, -0.2), chosen=Chosen.NOTHING)
-    said = validation.no_name_is_sure(replace(driven, errors=errors(0.8, tuned, 0.8)), withdrawn)
-    assert said == (validation.NO_NAME if told else "")
+def test_where_something_was_withdrawn_nothing_missing_is_no_answer() -> None:
+    said = validation.no_name_is_sure(["accessory_load", "accessory_load", "headwind"])
+    assert said.startswith("accessory load or headwind explained the fitted recordings")
+    assert validation.no_name_is_sure([]) == ""
 
 
 def test_that_the_correction_has_other_sizes_is_said_and_kept() -> None:
