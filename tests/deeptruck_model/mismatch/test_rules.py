@@ -33,6 +33,7 @@ NUMERICS = {
     "posterior/free_law.py": {"LEAST_R2"},
     "posterior/kernels.py": {"TINY"},
     "posterior/left_out.py": {"ACTS", "FEWEST"},
+    "posterior/next_pass.py": {"AHEAD", "LEAST"},
     "posterior/nuisances.py": {"LEAST_DRIVING_S"},
     "posterior/penalties.py": {"LEARNABLE", "MOST_PRIOR_SD"},
     "posterior/naming.py": {"MOST_TERMS", "NOTHING", "UNKNOWN"},
