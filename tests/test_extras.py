@@ -16,7 +16,7 @@ from deeptruck_model import driving_cycles, recordings, trucks
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 EXTRAS = {
-    "deep": ("torch", "safetensors", "onnx", "tensorboard"),
+    "deep": ("torch", "safetensors", "onnx", "onnxruntime", "tensorboard"),
     "cacc": ("gymnasium", "stable_baselines3", "sb3_contrib", "osqp"),
     "can": ("can", "cantools"),
     "formula": ("pyoperon", "sympy"),

@@ -21,7 +21,7 @@ from deeptruck_model.errors import InputError
 INTERRUPTED = 130
 MISSING = "{name} is not installed; pip install 'deeptruck[{extra}]'"
 EXTRA_OF = {  # of what a slim installation is without
-    **dict.fromkeys(("torch", "safetensors", "onnx", "tensorboard"), "deep"),
+    **dict.fromkeys(("torch", "safetensors", "onnx", "onnxruntime", "tensorboard"), "deep"),
     **dict.fromkeys(("gymnasium", "stable_baselines3", "sb3_contrib", "osqp"), "cacc"),
     **dict.fromkeys(("can", "cantools"), "can"),
     **dict.fromkeys(("fmpy", "pythonfmu3"), "fmu"),

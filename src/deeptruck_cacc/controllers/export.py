@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -208,7 +209,15 @@ def _write(g: _Graph, policy: MlpPolicy, path: Path) -> None:
     graph = helper.make_graph(g.nodes, "deeptruck_cacc", inputs, outputs, g.constants)
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
     units = {name: policy.interface.unit(name) for name in policy.interface.u}
-    facts = {"dt": policy.dt, "units": units, "interface": policy.interface.to_dict(), "card": policy.card}
+    facts = {
+        "dt": policy.dt,
+        "units": units,
+        "interface": policy.interface.to_dict(),
+        "action": asdict(policy.scale),
+        "coverage": policy.coverage,
+        "memory": [None if np.isnan(x) else float(x) for x in policy.features.start(1)[0]],
+        "card": policy.card,
+    }
     helper.set_model_props(model, {"deeptruck": json.dumps(facts)})
     onnx.checker.check_model(model)
     with files.new_file(path) as draft:

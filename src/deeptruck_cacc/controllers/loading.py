@@ -15,6 +15,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load_file
 
 from deeptruck_cacc.controllers.baselines import baseline
+from deeptruck_cacc.controllers.onnx_policy import SUFFIX, TYPICAL, load_onnx
 from deeptruck_cacc.controllers.policy import MANIFEST, WEIGHTS, MlpPolicy, Policy
 from deeptruck_cacc.controllers.scaling import ActionScale, FeatureMap
 from deeptruck_model import reading
@@ -25,7 +26,7 @@ Array = NDArray[np.float64]
 
 
 def load_policy(path: str | Path, interface: TruckInterface | None = None) -> Policy:
-    """A policy directory written by `deeptruck-cacc train`, or `baseline:NAME` for a classical controller.
+    """A policy directory written by `deeptruck-cacc train`, a policy as ONNX, or `baseline:NAME`.
 
     `interface` is the truck a baseline is to drive (default: engine torque in N m, brake in percent), and is
     checked against a trained policy's own. Raises InputError where the path, a file or the interface is
@@ -34,7 +35,7 @@ def load_policy(path: str | Path, interface: TruckInterface | None = None) -> Po
     text = str(path)
     if text.startswith("baseline:"):
         return baseline(text.removeprefix("baseline:"), interface or TruckInterface("trucksim"))
-    policy = load_trained(Path(text))
+    policy = load_onnx(Path(text)) if text.endswith(SUFFIX) else load_trained(Path(text))
     if interface is not None and (interface.u, interface.engine_unit, interface.brake_unit) != (
         policy.interface.u,
         policy.interface.engine_unit,
@@ -52,7 +53,6 @@ def _units(interface: TruckInterface) -> str:
 
 
 AGAIN = "train the policy again"
-TYPICAL = {"leader_speed": 20.0, "speed": 20.0, "gap": 40.0, "target_time_gap": 2.0, "grade": 0.0}
 
 
 def load_trained(path: Path) -> MlpPolicy:

@@ -39,17 +39,23 @@ def require(observation: Mapping[str, Any]) -> None:
         raise InputError(f"observation lacks {', '.join(missing)}; a policy needs {', '.join(OBSERVED)}")
 
 
-def paper_signals(observation: Mapping[str, Any]) -> Array:
-    """The paper's observation [v_leader, v_ego, gap, v_ego * Tg, grade], (batch, 5), from a dict of OBSERVED.
+def observed(observation: Mapping[str, Any]) -> Array:
+    """An observation's signals in the order of OBSERVED, (batch, 5).
 
     Entries may be scalars or (batch,); grade may be absent or NaN (a truck without the sensor) and counts
     as 0.
     """
     require(observation)
-    leader_speed, speed, gap, time_gap = (np.asarray(observation[name], float) for name in OBSERVED[:4])
+    told = [np.asarray(observation[name], float) for name in OBSERVED[:4]]
     grade = np.nan_to_num(np.asarray(observation.get("grade", 0.0), float))
-    columns = np.broadcast_arrays(leader_speed, speed, gap, speed * time_gap, grade)
-    return np.stack([np.atleast_1d(column) for column in columns], axis=-1)
+    return np.stack([np.atleast_1d(x) for x in np.broadcast_arrays(*told, grade)], axis=-1)
+
+
+def paper_signals(observation: Mapping[str, Any]) -> Array:
+    """The paper's observation [v_leader, v_ego, gap, v_ego * Tg, grade], (batch, 5), as `observed`."""
+    out = observed(observation)
+    out[:, 3] *= out[:, 1]
+    return out
 
 
 POWER = (

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from deeptruck_cacc.controllers.baselines import baseline
 from deeptruck_cacc.controllers.loading import load_policy
+from deeptruck_cacc.controllers.onnx_policy import OnnxPolicy
 from deeptruck_cacc.controllers.policy import MlpPolicy, Observation, Policy
 from deeptruck_cacc.controllers.scaling import ActionScale, require
 from deeptruck_cacc.safety.shield import Promise, Shield
@@ -139,14 +140,15 @@ def guard(policy: Policy, promise: Promise | None = None, *, shield: bool = True
 
     The promise is the one given, else the one kept for a truck of this name, else the cautious default.
     """
-    scale = policy.scale if isinstance(policy, MlpPolicy) else ActionScale.of(policy)
+    learned = policy if isinstance(policy, MlpPolicy | OnnxPolicy) else None
+    scale = (learned and learned.scale) or ActionScale.of(policy)
     promise = replace(promise or known(policy.interface) or Promise(), dt=policy.dt)
     stands = shield and policy.interface.brake_unit is not None
     return Guard(
         policy,
         baseline("acc", policy.interface, dt=policy.dt),
         Shield(promise, scale.engine_low, scale.brake_high) if stands else None,
-        policy.coverage if isinstance(policy, MlpPolicy) else {},
+        learned.coverage if learned else {},
     )
 
 

@@ -32,7 +32,7 @@ def main(
             help="Simulator directory, truck:NAME[:overrides.yaml], python:MODULE:FACTORY or fmu:MODEL.fmu."
         ),
     ],
-    policy: Annotated[str, typer.Option(help="Policy directory, or baseline:NAME.")],
+    policy: Annotated[str, typer.Option(help="Policy directory, policy as ONNX, or baseline:NAME.")],
     record: Annotated[Path | None, typer.Option(help="Bag to record; a new folder.")] = None,
     overwrite: Annotated[bool, typer.Option(help=OVERWRITE_HELP)] = False,
     leader: Annotated[

@@ -1,0 +1,119 @@
+"""A policy that comes as ONNX: what `export` wrote, or anybody's network with the same inputs and outputs."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_cacc.controllers.policy import Observation
+from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, observed
+from deeptruck_model import reading
+from deeptruck_model.errors import InputError
+from deeptruck_model.signals import TruckInterface
+
+Array = NDArray[np.float64]
+
+SUFFIX, FACTS = ".onnx", "deeptruck"  # of the file; of the metadata that say what its numbers mean
+COMMANDS, MEMORY = ("engine_command", "brake_command"), "memory"
+AGAIN = "export the policy again"
+
+
+@dataclass
+class OnnxPolicy:
+    """A Policy whose `session` (an onnxruntime.InferenceSession) takes the signals of OBSERVED, (batch, 1)
+    each, and tells both commands. `start` (k,) is its memory before the first observation; empty without."""
+
+    session: Any
+    interface: TruckInterface
+    dt: float
+    start: Array = field(default_factory=lambda: np.zeros(0))
+    scale: ActionScale | None = None
+    coverage: dict[str, tuple[float, float]] = field(default_factory=dict)
+    _memory: NDArray[np.float32] | None = field(default=None, repr=False)
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self._memory = None
+
+    def act(self, observation: Observation) -> tuple[Array, Array]:
+        """(engine_command, brake_command) in the interface's units, each (batch,); NaN of what is not seen,
+        whatever the network makes of it, and there its memory begins anew."""
+        signals = observed(observation).astype(np.float32)
+        fed = {name: signals[:, k : k + 1] for k, name in enumerate(OBSERVED)}
+        unseen: NDArray[np.bool_] = np.asarray(np.isnan(signals).any(axis=1))
+        if self._memory is None or len(self._memory) != len(signals):
+            self._memory = np.tile(self.start.astype(np.float32), (len(signals), 1))
+        if len(self.start):
+            engine, brake, after = self.session.run(
+                (*COMMANDS, f"{MEMORY}_next"), fed | {MEMORY: self._memory}
+            )
+            self._memory = np.where(unseen[:, None], self.start.astype(np.float32), after)
+        else:
+            engine, brake = self.session.run(COMMANDS, fed)
+        told = np.concatenate([engine, brake], axis=1).astype(float)
+        told[unseen] = np.nan
+        return told[:, 0], told[:, 1]
+
+
+def load_onnx(path: Path) -> OnnxPolicy:
+    """The policy in an ONNX file, which says in its metadata what its numbers mean.
+
+    Raises InputError where the file is missing, damaged or of another kind.
+    """
+    reading.check_file(path, AGAIN)
+    import onnxruntime
+
+    try:
+        session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
+    except Exception as error:  # its own kinds of error are of no common base
+        said = reading.plain(str(error), reading.MOST_SAID)
+        raise InputError(f"{path} is no ONNX that can be run ({said}); {AGAIN}") from None
+    takes, tells = ({port.name for port in ports} for ports in (session.get_inputs(), session.get_outputs()))
+    lacks = [*sorted({*OBSERVED} - takes), *sorted({*COMMANDS} - tells)]
+    if lacks:
+        raise InputError(f"{path} has no {', '.join(lacks)} among its inputs and outputs; {AGAIN}")
+    found = _described(session, path, MEMORY in takes)
+    return _tried(found, path)
+
+
+def _described(session: Any, path: Path, remembers: bool) -> OnnxPolicy:
+    """With what its metadata say."""
+    try:
+        facts: Mapping[str, Any] = json.loads(session.get_modelmeta().custom_metadata_map[FACTS])
+        start = [math.nan if x is None else float(x) for x in facts[MEMORY]] if remembers else []
+        action = facts.get("action")
+        return OnnxPolicy(
+            session,
+            TruckInterface.from_dict(facts["interface"]),
+            float(facts["dt"]),
+            np.array(start),
+            ActionScale(**action) if action else None,
+            {name: (float(low), float(high)) for name, (low, high) in facts.get("coverage", {}).items()},
+        )
+    except (KeyError, AttributeError, TypeError, ValueError) as error:
+        said = reading.plain(repr(error))
+        raise InputError(
+            f"{path} does not say in its metadata '{FACTS}' what its numbers mean ({said}); {AGAIN}"
+        ) from None
+
+
+TYPICAL = {"leader_speed": 20.0, "speed": 20.0, "gap": 40.0, "target_time_gap": 2.0, "grade": 0.0}
+
+
+def _tried(policy: OnnxPolicy, path: Path) -> OnnxPolicy:
+    """The policy, if it makes commands."""
+    try:
+        works = 0.0 < policy.dt < math.inf and bool(np.isfinite(policy.act(TYPICAL)).all())
+    except Exception:  # whatever the runtime says of shapes
+        works = False
+    if not works:
+        raise InputError(f"{path} makes no commands from {', '.join(OBSERVED)}; {AGAIN}")
+    policy.reset()
+    return policy
