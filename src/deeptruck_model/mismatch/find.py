@@ -33,6 +33,7 @@ from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.posterior import linearised
 from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.posterior.modelled import Formula
+from deeptruck_model.mismatch.posterior.windows import often_off
 from deeptruck_model.mismatch.report import findings, identifiability, validation
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import PARAMETERS, gather
@@ -163,7 +164,7 @@ def _find(
     force = sum((cause.force for cause in causes.values()), start=np.zeros(len(e)))
     data = _data(c, e)
     regimes = locate.regimes(e, force if causes else e.residual)
-    unsaid = "" if found else _unsaid(simulator, c, driven, regimes, rules)
+    unsaid = "" if found else _unsaid(simulator, c, e, driven, regimes)
     verdict = Verdict(
         kind=Conclusion.UNDETERMINED if unsaid else _conclusion(found),
         findings=tuple(found),
@@ -213,11 +214,15 @@ def _explained(
 
 
 def _unsaid(
-    simulator: Simulator, c: Checked, driven: correction.Driven, regimes: Sequence[Regime], rules: Rules
+    simulator: Simulator, c: Checked, e: Evidence, driven: correction.Driven, regimes: Sequence[Regime]
 ) -> str:
     """Why 'nothing missing' is no answer where there is no finding; empty where it is one."""
-    differs_here = differs(simulator, c.prepared[0].measured_acceleration, driven.fit, regimes, rules)
-    return differs_here or validation.no_name_is_sure([c.effect for c in driven.refuted])
+    measured, fit = c.prepared[0].measured_acceleration, driven.fit
+    return (
+        differs(simulator, measured, fit, regimes, e.rules)
+        or validation.no_name_is_sure([f.effect for f in driven.refuted])
+        or validation.off_without_a_name(fit, often_off(e, driven.explanation.model))
+    )
 
 
 def _without_mass(e: Evidence, found: Sequence[Finding]) -> list[str]:

@@ -47,6 +47,19 @@ ALWAYS = ("clock_offset", "grade_bias", "payload_change", "rolling_resistance_wa
 
 def windows(e: Evidence, model: Model) -> list[Span]:
     """Spans in which the innovations of a model are off together; none where they are no exception."""
+    near, share = _off(e, model)
+    return _spans(e, near) if 0.0 < share <= WINDOWS_MOST else []
+
+
+def often_off(e: Evidence, model: Model) -> float:
+    """The share of the fitted time in which a model is off as no noise is, where that is no exception; else
+    0."""
+    share = _off(e, model)[1]
+    return share if share > WINDOWS_MOST and e.model_discrepancy == 0.0 else 0.0
+
+
+def _off(e: Evidence, model: Model) -> tuple[Mask, float]:
+    """Rows (n,) around which the innovations of a model are off together, and their share."""
     z = np.clip(np.nan_to_num(model.fit.innovations), -LARGEST, LARGEST)
     known = np.isfinite(model.fit.innovations)
     off = np.zeros(len(e), dtype=bool)
@@ -59,9 +72,7 @@ def windows(e: Evidence, model: Model) -> list[Span]:
         )
     off &= ~_near_other_gear(e) & (e["speed"] > CLUTCH_CLOSED)
     near = np.convolve(off, np.ones(2 * round(AROUND_S / e.dt) + 1), mode="same") > 0.5
-    if not off.any() or near[e.valid].mean() > WINDOWS_MOST:
-        return []
-    return _spans(e, near)
+    return near, float(near[known].mean()) if known.any() else 0.0
 
 
 def _near_other_gear(e: Evidence) -> Mask:

@@ -14,7 +14,6 @@ from deeptruck_model.mismatch.correction.worth import (
     SpeedErrors,
     Worth,
     errors,
-    refitted_is_much_better,
     worth,
 )
 from deeptruck_model.mismatch.finding import Finding, Kind
@@ -44,7 +43,7 @@ class Claim(Enum):
     UNDETERMINED = auto()
     AGREES = auto()
     MUCH_COULD_HIDE = auto()
-    OFF_WITHOUT_A_NAME = auto()  # other parameters drive much better, though none is surely wrong
+    OFF_WITHOUT_A_NAME = auto()  # something differs, and no name for it is sure
     FOUND = auto()
 
 
@@ -90,7 +89,8 @@ def of(verdict: Verdict) -> Headline:
     """What the verdict comes down to."""
     if verdict.kind is Conclusion.UNDETERMINED:
         reason = verdict.caveats[-1] if verdict.caveats else "the recordings do not tell"
-        return Headline(Claim.UNDETERMINED, reason=reason)
+        claim = Claim.OFF_WITHOUT_A_NAME if verdict.fit is not None else Claim.UNDETERMINED
+        return Headline(claim, reason=reason)
     if not verdict.findings:
         return _nothing(verdict)
     found = sorted(verdict.findings, key=lambda f: _order(f, verdict.kind))
@@ -129,8 +129,7 @@ def _nothing(verdict: Verdict) -> Headline:
     said = force(seen.always, seen.mass_kg) if seen is not None else ""
     if seen is not None and seen.always > HIDING:
         return Headline(Claim.MUCH_COULD_HIDE, seen=said)
-    claim = Claim.OFF_WITHOUT_A_NAME if refitted_is_much_better(verdict.fit) else Claim.AGREES
-    return Headline(claim, errors=errors(verdict.fit), seen=said)
+    return Headline(Claim.AGREES, seen=said)
 
 
 def name(finding: Finding) -> Name:
@@ -160,18 +159,14 @@ def sentences(h: Headline) -> list[str]:
     """What is claimed, then what is shown of the correction: sentences of at most LONGEST words."""
     if h.claim is Claim.UNDETERMINED:
         return ["Nothing can be said yet.", f"{opened(prose(h.reason))}."]
+    if h.claim is Claim.OFF_WITHOUT_A_NAME:
+        return ["No cause can be named.", f"{opened(prose(h.reason))}."]
     if h.claim is Claim.FOUND:
         return [*_found(h), *_shown(h), *_again(h.next_pass)]
     if h.claim is Claim.AGREES:
         return [_agrees(h.seen)]
     seen = [f"A steady force above {h.seen} would have been seen."] if h.seen else []
-    if h.claim is Claim.MUCH_COULD_HIDE:
-        return [
-            "Nothing was found, but these recordings would not show a small effect.",
-            *seen,
-        ]
-    said = "The simulator is off, but no physics and no parameter alone has shown itself as the cause."
-    return [said, *([_compared(h.errors)] if h.errors else []), *seen]
+    return ["Nothing was found, but these recordings would not show a small effect.", *seen]
 
 
 def _agrees(seen: str) -> str:
@@ -279,11 +274,6 @@ def _again(p: NextPass | None) -> list[str]:
 
 def _runs(e: SpeedErrors) -> str:
     return f"This is the error of {number(e.horizon_s)} s free runs on held-out recordings"
-
-
-def _compared(e: SpeedErrors) -> str:
-    runs = f"In {number(e.horizon_s)} s free runs on held-out recordings, the speed error is"
-    return f"{runs} {number(e.given)} m/s as given and {number(e.refitted)} m/s with all parameters refitted."
 
 
 def _not_in(left_out: Sequence[Name], names: int) -> str:

@@ -14,7 +14,7 @@ from deeptruck_model.mismatch.correction.worth import (
 )
 from deeptruck_model.mismatch.fit_result import Chosen, FitResult, Improvement, Interval
 from deeptruck_model.mismatch.posterior.next_pass import NextPass
-from deeptruck_model.mismatch.report.wording import spoken
+from deeptruck_model.mismatch.report.wording import percent, spoken
 
 LEAST_RESAMPLED = 3  # recordings; with fewer the interval is over the free runs
 ASKED = (
@@ -45,6 +45,10 @@ TUNED = (
 NO_NAME = (
     "{names} explained the fitted recordings, and those held out do not confirm it: something may be "
     "missing, and no name for it is sure"
+)
+OFTEN = (
+    "in {share} of the fitted driving the simulator is off by more than noise can be, and nothing that has a "
+    "name explains it"
 )
 FOR_DRIVING = (
     "The correction has the sizes that drive best along recordings they were not fitted to; "
@@ -131,8 +135,6 @@ def caveats(fit: FitResult, found: bool) -> list[str]:
     """What to know before the corrected simulator is applied."""
     e = fit.errors
     out = [NOT_BETTER if e else NOT_DRIVEN] if found and not fit.validated else []
-    if e is not None and not found and refitted_is_much_better(fit):
-        out.append(TUNED.format(before=e.before.speed, tuned=e.parameters_only.speed))
     if e is not None and e.free_model is not None and unnamed_would_help(fit):
         out.append(UNNAMED.format(after=e.after.speed, free=e.free_model.speed))
     return out
@@ -142,6 +144,14 @@ def no_name_is_sure(withdrawn: Sequence[str]) -> str:
     """That nothing missing is no answer, where what was found was `withdrawn`; else empty."""
     names = [spoken(n) for n in dict.fromkeys(withdrawn)]
     return NO_NAME.format(names=" or ".join(names)) if names else ""
+
+
+def off_without_a_name(fit: FitResult, often: float) -> str:
+    """That the simulator is off though nothing was found, as other parameters help much, or as it is `often`
+    (share of the time) off by more than noise; else empty."""
+    if fit.errors is not None and refitted_is_much_better(fit):
+        return TUNED.format(before=fit.errors.before.speed, tuned=fit.errors.parameters_only.speed)
+    return OFTEN.format(share=percent(often)) if often else ""
 
 
 def unnamed_would_help(fit: FitResult | None) -> bool:

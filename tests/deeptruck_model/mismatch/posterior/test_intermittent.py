@@ -92,3 +92,15 @@ def test_bursts_that_follow_nothing_are_unknown(nothing_missing: Evidence) -> No
     said = from_cause(cause, e, found, {})
     assert "moments listed under segments" in str(said.would_be_told_by) and said.nearest is None
     assert np.corrcoef(cause.force, force)[0, 1] > 0.9
+
+
+def test_what_is_off_for_much_of_the_time_is_no_noise_and_no_exception(nothing_missing: Evidence) -> None:
+    """Humps every few seconds, by the place: no name for them, and 'nothing missing' had been told."""
+    humps = ((TIME * 20.0) % 160.0 < 40.0) * 0.4 * np.sin(TIME * 0.9)
+    often = replace(nothing_missing, residual=nothing_missing.residual - humps)
+    rare = replace(nothing_missing, residual=nothing_missing.residual - 0.25 * STUCK)
+    off = [windows.often_off(e, Search(e).background(())) for e in (often, rare, nothing_missing)]
+    assert off[0] > 0.2 and off[1:] == [0.0, 0.0]
+    assert windows.windows(often, Search(often).background(())) == []
+    learned = replace(often, model_discrepancy=0.02)
+    assert windows.often_off(learned, Search(learned).background(())) == 0.0

@@ -19,7 +19,7 @@ from deeptruck_model.mismatch.posterior.next_pass import NextPass
 from deeptruck_model.mismatch.report import findings, headline
 from deeptruck_model.mismatch.report.headline import Claim, Headline, Name
 from deeptruck_model.mismatch.report.wording import number, percent
-from deeptruck_model.mismatch.result import SmallestVisible, Verdict
+from deeptruck_model.mismatch.result import Conclusion, SmallestVisible, Verdict
 
 PARAMETERS = tuple(findings.NAMES)
 SENSORS = ("acceleration_bias", "speed_scale", "clock_offset", "grade_bias")
@@ -158,11 +158,11 @@ def test_where_much_could_hide_nothing_is_said_to_agree(newton: float, claim: Cl
     assert headline.of(v).claim is claim and "would have been seen" in headline.text(v)
 
 
-@pytest.mark.parametrize(("tuned", "agrees"), [(0.005, False), (0.25, True)])
-def test_a_simulator_that_other_parameters_mend_does_not_agree(tuned: float, agrees: bool) -> None:
-    v = unchanged(tuned, before=0.257)
-    assert ("the simulator agrees" in headline.text(v)) == agrees
-    assert ("The simulator is off" in headline.text(v)) != agrees
+def test_where_something_differs_without_a_name_the_reason_is_said() -> None:
+    v = replace(unchanged(0.1), kind=Conclusion.UNDETERMINED, caveats=("two drives", "it is off by much"))
+    assert headline.sentences(headline.of(v)) == ["No cause can be named.", "It is off by much."]
+    nothing_driven = replace(v, fit=None)
+    assert headline.text(nothing_driven) == "Nothing can be said yet. It is off by much."
 
 
 EFFECTS = st.sampled_from((*LIBRARY, *PARAMETERS, *SENSORS, "unknown"))
