@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from itertools import pairwise
 from pathlib import Path
 
@@ -15,9 +16,11 @@ from deeptruck_cacc import MlpPolicy, load_policy
 from deeptruck_cacc.controllers.export import export_onnx
 from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, FeatureMap
 from deeptruck_cacc.safety.guard import load_controller
+from deeptruck_model import trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 
+DOCS = Path(__file__).parents[3] / "docs"
 TRUCK = TruckInterface("volvo", "percent", "m/s^2")
 COVERAGE = dict.fromkeys(OBSERVED, (-1000.0, 1000.0))
 
@@ -89,6 +92,15 @@ def test_a_network_of_ones_own_needs_only_to_say_its_truck_and_period(tmp_path: 
     engine, brake = policy.act({"leader_speed": 20.0, "speed": 21.0, "gap": 33.0, "target_time_gap": 2.0})
     assert (engine[0], brake[0]) == (33.0, 21.0)
     assert load_controller(tmp_path / "mine.onnx", TRUCK).dt == 0.1
+
+
+def test_the_metadata_of_the_page_are_understood(tmp_path: Path) -> None:
+    """The snippet of docs/nodes.md."""
+    (block,) = re.findall(r"```python\n(.*?)```", (DOCS / "nodes.md").read_text(), re.DOTALL)
+    model, truck = onnx.load(stranger(tmp_path / "mine.onnx", None)), trucks.load("trucksim")
+    exec(block, {"onnx": onnx, "json": json, "model": model, "truck": truck})
+    onnx.save(model, tmp_path / "mine.onnx")
+    assert load_controller(tmp_path / "mine.onnx", truck.interface).coverage == {"speed": (0.0, 25.0)}
 
 
 def test_what_is_no_policy_is_said_in_a_line(tmp_path: Path) -> None:
