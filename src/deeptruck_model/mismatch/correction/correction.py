@@ -171,19 +171,23 @@ def corrected_and_driven(
     evidence."""
     x = _with_blocks(e, x)
     made = correct(simulator, e, x, fitted)
-    if claimed(x, lambda: own_correction(simulator, made, held_out), e.rules):
+    if claimed(x, lambda: own_correction(simulator, x, made, held_out), e.rules):
         return Driven(x, *shown(simulator, made, held_out, with_unnamed))
     silent = replace(x, causes=(), lawful=None)
     made = correct(simulator, e, silent, fitted)
     return Driven(silent, *shown(simulator, made, held_out, with_unnamed), refuted=x.causes)
 
 
-def own_correction(simulator: Simulator, made: Corrections, held_out: Sequence[Prepared]) -> OwnCorrection:
+def own_correction(
+    simulator: Simulator, x: Explanation, made: Corrections, held_out: Sequence[Prepared]
+) -> OwnCorrection:
     """All that was found, driven, whatever drives best."""
     horizon_s = horizon(held_out)
     before = free_windows(simulator, held_out, horizon_s)
     after = before if made.whole is None else free_windows(made.whole, held_out, horizon_s)
-    return OwnCorrection(before, after, made.whole_crossed)
+    within = {c.acts_as for c in x.causes} <= set(made.named.moved)
+    chosen = made.chosen in (Chosen.FINDINGS, Chosen.LAWS) or within
+    return OwnCorrection(before, after, made.whole_crossed, chosen)
 
 
 def _with_blocks(e: Evidence, x: Explanation) -> Explanation:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -68,6 +69,14 @@ def test_what_is_weak_is_told_where_its_own_correction_surely_helps(
     """Whatever drives best: a law had been withdrawn because refitted parameters drove a little better, and a
     truck that was 0.2 m/s off was said to lack nothing."""
     assert claimed(found(Rules.clear - 1.0), own(after, spread)) == told
+
+
+def test_what_free_runs_chose_needs_no_certainty() -> None:
+    """Half of the recordings were driven before the drag area changed, and gain nothing."""
+    unsure = own(0.09, 0.07)()
+    assert claimed(found(50.0), lambda: replace(unsure, chosen=True))
+    worse = OwnCorrection(runs(2, 0.1), runs(2, 0.12), chosen=True)
+    assert not claimed(found(50.0), lambda: worse)
 
 
 def test_what_is_strong_needs_no_drive() -> None:

@@ -73,7 +73,7 @@ def test_the_zero_of_a_slope_sensor_is_no_rolling_resistance() -> None:
     for r in recorded:
         r.channels["grade"] += 0.0006
     verdict = compared(recorded)
-    assert verdict["verdict"] == "nothing_missing"
+    assert verdict["findings"] == [] and verdict["verdict"] == "undetermined"  # other parameters help much
 
 
 class Wind:
