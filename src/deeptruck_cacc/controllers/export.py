@@ -11,6 +11,7 @@ import onnx
 from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
+from deeptruck_cacc.controllers.onnx_policy import FACTS
 from deeptruck_cacc.controllers.policy import MlpPolicy
 from deeptruck_cacc.controllers.radar_filter import RadarFilter
 from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, FeatureMap
@@ -218,7 +219,7 @@ def _write(g: _Graph, policy: MlpPolicy, path: Path) -> None:
         "memory": [None if np.isnan(x) else float(x) for x in policy.features.start(1)[0]],
         "card": policy.card,
     }
-    helper.set_model_props(model, {"deeptruck": json.dumps(facts)})
+    helper.set_model_props(model, {FACTS: json.dumps(facts)})
     onnx.checker.check_model(model)
     with files.new_file(path) as draft:
         draft.write_bytes(model.SerializeToString())

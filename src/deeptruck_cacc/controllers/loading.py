@@ -15,8 +15,8 @@ from safetensors import SafetensorError
 from safetensors.numpy import load_file
 
 from deeptruck_cacc.controllers.baselines import baseline
-from deeptruck_cacc.controllers.onnx_policy import SUFFIX, TYPICAL, load_onnx
-from deeptruck_cacc.controllers.policy import MANIFEST, WEIGHTS, MlpPolicy, Policy
+from deeptruck_cacc.controllers.onnx_policy import SUFFIX, load_onnx
+from deeptruck_cacc.controllers.policy import MANIFEST, TYPICAL, WEIGHTS, MlpPolicy, Policy
 from deeptruck_cacc.controllers.scaling import ActionScale, FeatureMap
 from deeptruck_model import reading
 from deeptruck_model.errors import InputError
@@ -107,7 +107,7 @@ def _tried(policy: MlpPolicy, path: Path) -> MlpPolicy:
 
 def _impossible(policy: MlpPolicy) -> list[str]:
     """Entries of the manifest whose numbers no policy can have."""
-    scale, radar = policy.scale, policy.features.radar
+    radar = policy.features.radar
     possible = {
         "features.dt": 0 < policy.dt < math.inf,
         "features.slow_s": 0 < policy.features.slow_s < math.inf,
@@ -117,7 +117,7 @@ def _impossible(policy: MlpPolicy) -> list[str]:
         "features.matrix": bool(np.isfinite(policy.features.matrix).all()),
         "features.radar": radar is None or bool(np.isfinite(radar.gain).all()),
         "features.offset": bool(np.isfinite(policy.features.offset).all()),
-        "action": scale.engine_low < scale.engine_high and scale.brake_high >= 0,
+        "action": policy.scale.possible,
         "coverage": all(low <= high for low, high in policy.coverage.values()),
     }
     return [name for name, fine in possible.items() if not fine]

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_cacc.controllers.policy import Observation
+from deeptruck_cacc.controllers.policy import TYPICAL, Observation
 from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, observed
 from deeptruck_model import reading
 from deeptruck_model.errors import InputError
@@ -28,13 +28,14 @@ AGAIN = "export the policy again"
 @dataclass
 class OnnxPolicy:
     """A Policy whose `session` (an onnxruntime.InferenceSession) takes the signals of OBSERVED, (batch, 1)
-    each, and tells both commands. `start` (k,) is its memory before the first observation; empty without."""
+    each, and tells both commands. `start` (k,) is its memory before the first observation; empty without.
+    Commands are held within `scale`, as those of a policy of ours are."""
 
     session: Any
     interface: TruckInterface
     dt: float
+    scale: ActionScale
     start: Array = field(default_factory=lambda: np.zeros(0))
-    scale: ActionScale | None = None
     coverage: dict[str, tuple[float, float]] = field(default_factory=dict)
     _memory: NDArray[np.float32] | None = field(default=None, repr=False)
 
@@ -58,8 +59,9 @@ class OnnxPolicy:
         else:
             engine, brake = self.session.run(COMMANDS, fed)
         told = np.concatenate([engine, brake], axis=1).astype(float)
-        told[unseen] = np.nan
-        return told[:, 0], told[:, 1]
+        told[unseen | ~np.isfinite(told).all(axis=1)] = np.nan
+        s = self.scale
+        return np.clip(told[:, 0], s.engine_low, s.engine_high), np.clip(told[:, 1], 0.0, s.brake_high)
 
 
 def load_onnx(path: Path) -> OnnxPolicy:
@@ -71,7 +73,10 @@ def load_onnx(path: Path) -> OnnxPolicy:
     import onnxruntime
 
     try:
-        session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
+        options = onnxruntime.SessionOptions()
+        # one thread: a pool that waits busily takes the cores of the other nodes
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        session = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # its own kinds of error are of no common base
         said = reading.plain(str(error), reading.MOST_SAID)
         raise InputError(f"{path} is no ONNX that can be run ({said}); {AGAIN}") from None
@@ -88,23 +93,17 @@ def _described(session: Any, path: Path, remembers: bool) -> OnnxPolicy:
     try:
         facts: Mapping[str, Any] = json.loads(session.get_modelmeta().custom_metadata_map[FACTS])
         start = [math.nan if x is None else float(x) for x in facts[MEMORY]] if remembers else []
-        action = facts.get("action")
-        return OnnxPolicy(
-            session,
-            TruckInterface.from_dict(facts["interface"]),
-            float(facts["dt"]),
-            np.array(start),
-            ActionScale(**action) if action else None,
-            {name: (float(low), float(high)) for name, (low, high) in facts.get("coverage", {}).items()},
-        )
+        interface, action = TruckInterface.from_dict(facts["interface"]), facts.get("action")
+        scale = ActionScale(**action) if action else ActionScale.of(interface)
+        seen = {name: (float(low), float(high)) for name, (low, high) in facts.get("coverage", {}).items()}
+        if not scale.possible or not all(low <= high for low, high in seen.values()):
+            raise ValueError("an impossible action or coverage")
+        return OnnxPolicy(session, interface, float(facts["dt"]), scale, np.array(start), seen)
     except (KeyError, AttributeError, TypeError, ValueError) as error:
         said = reading.plain(repr(error))
         raise InputError(
             f"{path} does not say in its metadata '{FACTS}' what its numbers mean ({said}); {AGAIN}"
         ) from None
-
-
-TYPICAL = {"leader_speed": 20.0, "speed": 20.0, "gap": 40.0, "target_time_gap": 2.0, "grade": 0.0}
 
 
 def _tried(policy: OnnxPolicy, path: Path) -> OnnxPolicy:

@@ -20,6 +20,7 @@ from deeptruck_model.signals import TruckInterface
 Array = NDArray[np.float64]
 Observation = Mapping[str, Any]
 
+TYPICAL = {"leader_speed": 20.0, "speed": 20.0, "gap": 40.0, "target_time_gap": 2.0, "grade": 0.0}
 MANIFEST, WEIGHTS = "policy.json", "policy.safetensors"
 GO_ON = "make room and go on with --resume"
 MENDED = "mend that and go on with --resume"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -252,6 +253,12 @@ class ActionScale:
         low, high = stated.get("engine_command", (low, high))
         brake = stated.get("brake_command", (0.0, _BRAKE_REACH[interface.brake_unit]))[1]
         return cls(float(max(low, 0.0)), float(high), float(brake))
+
+    @property
+    def possible(self) -> bool:
+        """Whether a truck can have it."""
+        ends = (self.engine_low, self.engine_high, self.brake_high)
+        return all(map(math.isfinite, ends)) and self.engine_low < self.engine_high and self.brake_high >= 0
 
     def commands(self, action: Array) -> Array:
         """Commands (batch, 2) from actions (batch, 2), which are clipped to [-1, 1]."""

@@ -141,7 +141,7 @@ def guard(policy: Policy, promise: Promise | None = None, *, shield: bool = True
     The promise is the one given, else the one kept for a truck of this name, else the cautious default.
     """
     learned = policy if isinstance(policy, MlpPolicy | OnnxPolicy) else None
-    scale = (learned and learned.scale) or ActionScale.of(policy)
+    scale = learned.scale if learned else ActionScale.of(policy)
     promise = replace(promise or known(policy.interface) or Promise(), dt=policy.dt)
     stands = shield and policy.interface.brake_unit is not None
     return Guard(

@@ -89,8 +89,11 @@ def test_what_is_not_seen_commands_nothing_and_is_forgotten(tmp_path: Path) -> N
 def test_a_network_of_ones_own_needs_only_to_say_its_truck_and_period(tmp_path: Path) -> None:
     facts = {"dt": 0.1, "interface": TRUCK.to_dict()}
     policy = load_policy(stranger(tmp_path / "mine.onnx", facts), TRUCK)
-    engine, brake = policy.act({"leader_speed": 20.0, "speed": 21.0, "gap": 33.0, "target_time_gap": 2.0})
-    assert (engine[0], brake[0]) == (33.0, 21.0)
+    seen = {"leader_speed": 20.0, "speed": 1.5, "gap": 33.0, "target_time_gap": 2.0}
+    assert np.concatenate(policy.act(seen)).tolist() == [33.0, 1.5]
+    most = ActionScale.of(TRUCK)
+    beyond = np.concatenate(policy.act(seen | {"speed": 500.0, "gap": 500.0})).tolist()
+    assert beyond == [most.engine_high, most.brake_high]
     assert load_controller(tmp_path / "mine.onnx", TRUCK).dt == 0.1
 
 
@@ -108,12 +111,15 @@ def test_what_is_no_policy_is_said_in_a_line(tmp_path: Path) -> None:
     stranger(tmp_path / "mute.onnx", None)
     stranger(tmp_path / "still.onnx", {"dt": 0.0, "interface": TRUCK.to_dict()})
     stranger(tmp_path / "other.onnx", {}, ("engine", "horn"))
+    limp = {"engine_low": 0.0, "engine_high": 100.0, "brake_high": float("nan")}
+    stranger(tmp_path / "limp.onnx", {"dt": 0.1, "interface": TRUCK.to_dict(), "action": limp})
     export_onnx(trained(), tmp_path / "p.onnx")
     for name, truck, says in (
         ("gone.onnx", None, "does not exist"),
         ("text.onnx", None, "is no ONNX that can be run"),
         ("mute.onnx", None, "does not say in its metadata 'deeptruck'"),
         ("still.onnx", None, "makes no commands"),
+        ("limp.onnx", None, "impossible action"),
         ("other.onnx", None, "has no brake_command among its inputs and outputs"),
         ("p.onnx", TruckInterface("x", "N m", "percent"), "commands engine_command in percent"),
     ):
