@@ -12,8 +12,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import jsonschema
 import numpy as np
@@ -21,11 +20,9 @@ import pytest
 
 from deeptruck_model import driving_cycles, mismatch, simulators, trucks
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch import find
 from deeptruck_model.mismatch.correction import correction
 from deeptruck_model.mismatch.correction.claims import OwnCorrection
 from deeptruck_model.mismatch.posterior.causes import Explanation
-from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
@@ -128,23 +125,6 @@ def test_where_no_name_held_and_other_parameters_drive_much_better_nothing_missi
     assert said["suspicions"] and not said["findings"]
     assert said["verdict"] == "undetermined"
     assert "no name for it is sure" in said["caveats"][-1]
-
-
-def test_forces_without_a_mass_are_told_per_kilogram() -> None:
-    """A small car's slopes came to 7000 N, of the 20 t that are taken where nothing tells a mass."""
-    known, unknown = (cast(Evidence, SimpleNamespace(mass_known=told)) for told in (True, False))
-    found: Any = [SimpleNamespace(cause=SimpleNamespace())]
-    (said,) = find._without_mass(unknown, found)
-    assert "m/s^2" in said and "--mass-kg" in said
-    assert find._without_mass(known, found) == find._without_mass(unknown, []) == []
-
-
-@pytest.mark.parametrize(
-    ("mass_kg", "says"), [(-1.0, "cannot be"), (float("nan"), "cannot be"), (900.0, "own mass is")]
-)
-def test_a_mass_that_cannot_be_is_refused(mass_kg: float, says: str) -> None:
-    with pytest.raises(InputError, match=says):
-        mismatch.find_mismatch(TRUCK, [], mass_kg=mass_kg)
 
 
 def test_nothing_missing_is_said_with_what_would_have_been_seen() -> None:

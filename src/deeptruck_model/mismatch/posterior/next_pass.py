@@ -26,7 +26,8 @@ RESAMPLED = 1000
 @dataclass(frozen=True)
 class NextPass:
     """Over `km` ahead: the force (rms, m/s^2), what that of the other pass leaves of it, and the 95 %
-    interval by which it is smaller, over recordings (over stretches where there are fewer than three)."""
+    interval by which it is smaller, over recordings (over stretches where there are fewer than three). A
+    road that two passes share counts once for each."""
 
     km: float
     rms: float
