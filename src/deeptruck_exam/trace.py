@@ -11,13 +11,12 @@ from typing import Any
 import numpy as np
 
 from deeptruck_exam.construction import Built
-from deeptruck_exam.effects.law import Array, Setting
+from deeptruck_exam.effects.law import STEP_S, Array, Setting
 from deeptruck_exam.gates import Open
 from deeptruck_exam.worlds.drive import Drives
 from deeptruck_model.trucks import Force, PhysicsTruck, View
 
-STEP_S = 0.1  # at which laws are asked; the truck itself steps ten times as often
-SUBSTEPS = 10
+SUBSTEPS = 10  # of the truck between two views; a law is asked in each, as at 0.1 s fast parts would swing up
 
 
 class _Recorder:
@@ -42,7 +41,7 @@ class _Recorder:
 
 @dataclass(frozen=True)
 class Trace:
-    """Views of a batch of drives, one each STEP_S; `setting` is that of the batch."""
+    """Views of a batch of drives, one for each 0.1 s; `setting` is that of the batch."""
 
     views: tuple[Any, ...]  # as View has them
     setting: Setting
@@ -71,8 +70,8 @@ class Trace:
             force.reset(self.setting.batch)
         out = np.zeros((1 + len(openings), len(self.views), self.setting.batch))
         for k, view in enumerate(self.views):
-            newtons = sum((force.force(view, STEP_S) for force in forces), start=np.zeros(()))
-            out[0, k] = newtons / view.effective_mass
+            asked = [force.force(view, STEP_S) for _ in range(SUBSTEPS) for force in forces]
+            out[0, k] = sum(asked, start=np.zeros(())) / SUBSTEPS / view.effective_mass
             for row, opening in enumerate(openings, 1):
                 out[row, k] = out[0, k] * opening(view)
         return np.moveaxis(out, 1, 2)

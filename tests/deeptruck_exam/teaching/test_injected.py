@@ -10,7 +10,6 @@ from deeptruck_exam.effects import EFFECTS
 from deeptruck_exam.effects.planting import SEALED
 from deeptruck_exam.plans import draw_plan
 from deeptruck_exam.teaching.injected import DRAWS, STRAYED, Injection
-from deeptruck_exam.teaching.samples import samples
 
 
 @pytest.fixture(scope="module")
@@ -36,14 +35,3 @@ def test_a_force_is_drawn_several_times_and_a_filter_once(built: Built) -> None:
     assert [f.key for f in found].count(delay.key) == 1
     assert all(f.acceleration.shape == (n,) and np.isfinite(f.acceleration).all() for f in found)
     assert all(np.abs(f.acceleration).max() > 1e-3 for f in found)
-
-
-@pytest.mark.long
-def test_a_base_has_fingerprints_of_names_parameters_and_faults() -> None:
-    made = samples("first", 7)
-    assert len(made.names) > 150 and np.isfinite(made.fingerprint.held.nats).all()
-    assert {"brake_fade", "unknown", "mass", "grade_bias"} <= set(made.names.tolist())
-    right = [
-        made.fingerprint.names >= {name} or name == "unknown" for name in made.names[made.families == "first"]
-    ]
-    assert np.mean(right) > 0.8
