@@ -18,6 +18,8 @@ from deeptruck_model.mismatch.posterior.next_pass import NextPass
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
 
+CLEARLY_WORSE = 1.03  # times the error: less is how free runs of the same drives happen to begin
+
 
 class Chosen(StrEnum):
     """What goes into a corrected simulator."""
@@ -99,6 +101,24 @@ class Improvement:
 
 
 @dataclass(frozen=True)
+class HandedOver:
+    """Speed error after a correction, rms in m/s, where nobody tells it the signals it asks for beyond the
+    protocol, such as a gap: they count as absent."""
+
+    without: tuple[str, ...]
+    after: float
+
+    def to_json(self) -> dict[str, Any]:
+        """`fit.handed_over`."""
+        return {"without": list(self.without), "after": self.after}
+
+    @staticmethod
+    def read(entry: Mapping[str, Any] | None) -> HandedOver | None:
+        """From `fit.handed_over`; None where there is none."""
+        return HandedOver(tuple(entry["without"]), entry["after"]) if entry else None
+
+
+@dataclass(frozen=True)
 class FitResult:
     """What the correction does for `windows` free runs of `horizon_s` on the held-out recordings.
 
@@ -116,6 +136,14 @@ class FitResult:
     refitted: Mapping[str, float] = field(default_factory=dict)  # relative changes of its parameters
     for_driving: bool = False  # whether its sizes are those of least speed error, not the most probable ones
     next_pass: NextPass | None = None  # of a road that came again: what one pass tells of another
+    handed_over: HandedOver | None = None  # None where it asks for nothing beyond the protocol
+
+    @property
+    def harms_alone(self) -> bool:
+        """Whether the correction makes drives worse where nobody tells it all that it asks for."""
+        if self.handed_over is None or self.errors is None:
+            return False
+        return self.handed_over.after > CLEARLY_WORSE * self.errors.before.speed
 
     def to_json(self) -> dict[str, Any]:
         """`fit`."""
@@ -127,6 +155,8 @@ class FitResult:
             out["for_driving"] = True
         if self.next_pass is not None:
             out["next_pass"] = self.next_pass.to_json()
+        if self.handed_over is not None:
+            out["handed_over"] = self.handed_over.to_json()
         if self.errors is not None:
             out |= {name: rmse.to_json() for name, rmse in self.errors.each().items()}
         if self.improvement is not None:
@@ -148,4 +178,5 @@ class FitResult:
             fit.get("refitted", {}),
             fit.get("for_driving", False),
             NextPass.read(fit.get("next_pass")),
+            HandedOver.read(fit.get("handed_over")),
         )  # fmt: skip

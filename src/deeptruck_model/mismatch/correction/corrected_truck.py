@@ -29,6 +29,8 @@ from deeptruck_model.simulators import load as load_simulator
 
 Array = NDArray[np.float64]
 
+EXOGENOUS = ("gap", "leader_speed", "ambient_temperature", "elevation", "gear", "engine_speed")
+
 # 1: forces gave force per mass of acceleration; 2: a force that changed did nothing while brakes held.
 # 3: forces were of the size they had about other parameters. Coefficients of all three mean something else.
 # 4: terms were settings by name, and not variants.
@@ -93,6 +95,8 @@ class CorrectedTruck:
                     weighted.append((column.expression, b))
         self._path = CommandPath(paths, base.interface.u, base.dt)
         self._stream = Stream([expression for expression, _ in weighted])
+        asked = frozenset[str]().union(*(expression.signals() for expression, _ in weighted))
+        self._asks = asked | {"engine_speed" for _ in asked & {"ratio", "lever"}}  # it is read from that
         self._weights = [b for _, b in weighted]
         self._radius = own.get("wheel_radius")
         self._holds = effective_mass.holds(base)
@@ -102,6 +106,12 @@ class CorrectedTruck:
     def adds(self) -> bool:
         """Whether it is more than the truck beneath with other parameters."""
         return bool(self.terms or self._weights)
+
+    def asks_beyond(self) -> tuple[str, ...]:
+        """Signals that its terms are made of and that the protocol does not tell, such as a gap."""
+        inside = self.base.inside(self.base.reset(np.zeros((1, len(self.interface.y)))))
+        told = {*self.interface.u, *self.interface.w, *inside}
+        return tuple(name for name in EXOGENOUS if name in self._asks and name not in told)
 
     @property
     def interface(self) -> TruckInterface:

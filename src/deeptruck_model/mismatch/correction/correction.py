@@ -24,7 +24,7 @@ from deeptruck_model.mismatch.correction.recipes import (
     with_laws,
 )
 from deeptruck_model.mismatch.data.prepared import Prepared
-from deeptruck_model.mismatch.fit_result import Chosen, Compared, Errors, FitResult, Improvement
+from deeptruck_model.mismatch.fit_result import Chosen, Compared, Errors, FitResult, HandedOver, Improvement
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.kernels import UNKNOWN
 from deeptruck_model.mismatch.posterior.left_out import left_out, of_its_time
@@ -122,8 +122,19 @@ def shown(
         improvement=gained,
         refitted={p: round(change, 4) for p, change in after.moved.items()},
         for_driving=made.for_driving and after is made.named,
+        handed_over=_handed_over(after, held_out, horizon_s),
     )
+    fit = replace(fit, validated=fit.validated and not fit.harms_alone)
     return errors, after.marked(fit.validated), fit
+
+
+def _handed_over(after: CorrectedTruck, held_out: Sequence[Prepared], horizon_s: float) -> HandedOver | None:
+    """As whoever drives the corrected simulator has it, told what the protocol tells alone."""
+    lacks = after.asks_beyond()
+    if not lacks:
+        return None
+    errors = free_windows(after, held_out, horizon_s, alone=True)
+    return HandedOver(lacks, errors.rmse().speed) if len(errors.speed) else None
 
 
 def _side_by_side(simulator: Simulator, made: Corrections, after: CorrectedTruck) -> dict[str, Simulator]:

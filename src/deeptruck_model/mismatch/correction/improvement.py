@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
+from deeptruck_model.mismatch.correction.corrected_truck import EXOGENOUS, CorrectedTruck
 from deeptruck_model.mismatch.data.prepared import Prepared, fed, padded
 from deeptruck_model.mismatch.fit_result import Compared, Errors, Improvement, Interval
 from deeptruck_model.mismatch.residual.evidence import turns
@@ -19,12 +19,14 @@ Array = NDArray[np.float64]
 SETTLE_S = 6.0  # forced along the recording before each free window
 BOOTSTRAPS = 1000
 LEAST = 1e-3  # m/s; errors this small are as good as none, and none can be no improvement
-EXOGENOUS = ("gap", "leader_speed", "ambient_temperature", "elevation", "gear", "engine_speed")
 
 
-def free_windows(simulator: Simulator, prepared: Sequence[Prepared], horizon_s: float) -> Errors:
+def free_windows(
+    simulator: Simulator, prepared: Sequence[Prepared], horizon_s: float, *, alone: bool = False
+) -> Errors:
     """Free runs of `horizon_s` one after another along each recording, with a forced stretch before each.
 
+    `alone`: a corrected simulator is told no channel that the protocol does not carry.
     The inner state goes on from window to window, so slow memories (heat, distance) are those of the whole
     drive.
     """
@@ -40,7 +42,9 @@ def free_windows(simulator: Simulator, prepared: Sequence[Prepared], horizon_s: 
     u, w, y, observed = (
         np.stack([padded(getattr(prepared[i], f), length) for i in used]) for f in ("u", "w", "y", "observed")
     )
-    predicted = _run(simulator, u, w, y, [starts[i] for i in used], horizon, prepared, used, length)
+    predicted = _run(
+        simulator, u, w, y, [starts[i] for i in used], horizon, [] if alone else prepared, used, length
+    )
     speed, acceleration, owner, begin = [], [], [], []
     for row, i in enumerate(used):
         for s in starts[i]:
@@ -94,7 +98,7 @@ def _run(
 
 def _exogenous(prepared: Sequence[Prepared], used: Sequence[int], length: int) -> dict[str, Array]:
     out = {}
-    for name in EXOGENOUS:
+    for name in EXOGENOUS if prepared else ():
         if all(name in prepared[i].recording.channels for i in used):
             out[name] = np.stack([padded(prepared[i].recording.channels[name], length) for i in used])
     if "engine_speed" in out:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.correction import output_error
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
-from deeptruck_model.mismatch.correction.improvement import free_windows, joined
+from deeptruck_model.mismatch.correction.improvement import SETTLE_S, free_windows, joined
 from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.fit_result import Chosen, Errors
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, held_steady, is_time_varying
@@ -28,7 +28,7 @@ from deeptruck_model.simulators import Simulator
 
 Mask = NDArray[np.bool_]
 
-HORIZON_S = 20.0  # of free runs: of long ones there are too few for an interval
+HORIZON_S = 40.0  # of free runs: what is slow adds up, and what helps 20 s may harm 40
 FOLDS = 3  # of the recordings that are not held out, to choose what goes in
 
 
@@ -181,7 +181,7 @@ def as_given(e: Evidence, only: Mask) -> Search:
     return Search(e, only=only, held=PINNED)
 
 
-def horizon(prepared: Sequence[Prepared], most_s: float = HORIZON_S) -> float:
-    """Length of the free runs along these recordings, s: shorter where one of them is short."""
+def horizon(prepared: Sequence[Prepared]) -> float:
+    """Length of the free runs along these recordings, s: shorter where one of them is too short for two."""
     shortest = min((len(p.recording) * p.dt for p in prepared), default=np.inf)
-    return min(most_s, max(10.0, shortest - 10.0))
+    return min(HORIZON_S, max(10.0, shortest / 2.0 - SETTLE_S - 1.0))

@@ -21,6 +21,7 @@ ASKED = (
     "Validation asks one thing: does the corrected simulator surely have a smaller speed error than the one "
     "given, on recordings it was not fitted to?"
 )
+REFUSED = "The correction did not pass validation and is not applied."
 BETTER = "So {what} worth more than other parameters."
 WORSE = (
     "So on these drives the findings predict worse than refitted parameters. "
@@ -33,6 +34,10 @@ UNSTATED = (
 )
 EQUAL = "So these drives do not tell which of the two predicts better."
 NOT_BETTER = "the corrected simulator does not predict the held-out recordings better: nothing may be applied"
+HARMS = (
+    "without {names}, which no simulator is told, the corrected one predicts held-out recordings worse than "
+    "the one given ({before:.3g} -> {after:.3g} m/s): nothing may be applied"
+)
 NOT_DRIVEN = "no held-out recording is long enough without a gap to judge by: nothing may be applied"
 UNNAMED = (
     "what has no name is not in the corrected simulator; with it (--with-unnamed) the speed error of "
@@ -94,7 +99,17 @@ def _passed(fit: FitResult, improvement: Improvement) -> list[str]:
     gained = f"it is {_change(improvement.ci95)} (95 % interval over {over})"
     if fit.validated:
         return [f"Yes, {gained}.", "The correction passed validation and may be applied."]
-    return [f"No, {gained}.", "The correction did not pass validation and is not applied."]
+    if harm := _harms(fit):
+        return [f"It is {_change(improvement.ci95)} (95 % interval over {over}).", f"But {harm}."]
+    return [f"No, {gained}.", REFUSED]
+
+
+def _harms(fit: FitResult) -> str:
+    """How the corrected simulator fails as it is handed over; else empty."""
+    if fit.handed_over is None or fit.errors is None or not fit.harms_alone:
+        return ""
+    names = " and ".join(spoken(n) for n in fit.handed_over.without)
+    return HARMS.format(names=names, before=fit.errors.before.speed, after=fit.handed_over.after)
 
 
 def _beside_parameters(fit: FitResult, improvement: Improvement) -> list[str]:
@@ -134,7 +149,8 @@ def _resampled(fit: FitResult, recordings: int) -> str:
 def caveats(fit: FitResult, found: bool) -> list[str]:
     """What to know before the corrected simulator is applied."""
     e = fit.errors
-    out = [NOT_BETTER if e else NOT_DRIVEN] if found and not fit.validated else []
+    refused = _harms(fit) or (NOT_BETTER if e else NOT_DRIVEN)
+    out = [refused] if found and not fit.validated else []
     if e is not None and e.free_model is not None and unnamed_would_help(fit):
         out.append(UNNAMED.format(after=e.after.speed, free=e.free_model.speed))
     return out

@@ -16,8 +16,9 @@ from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, 
 from deeptruck_model.mismatch.fit_result import Chosen, Errors
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, held_steady, is_time_varying, laws
 from deeptruck_model.mismatch.mechanisms.laws import Follower, Law
-from deeptruck_model.mismatch.mechanisms.variants import Constants
+from deeptruck_model.mismatch.mechanisms.variants import Constants, Static
 from deeptruck_model.mismatch.posterior.causes import Cause
+from deeptruck_model.mismatch.posterior.kernels import UNKNOWN
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
 
@@ -149,6 +150,27 @@ def test_the_interval_is_over_all_recordings_each_unseen(
     assert fit.improvement is not None and fit.improvement.recordings == 8 and fit.windows == 8
     assert fit.improvement.ci95[0] > 0.2 and fit.validated and marked.validated
     assert (fit.chosen, fit.corrected, fit.horizon_s) == (Chosen.FINDINGS, ("torque_gain",), 20.0)
+
+
+def test_a_correction_is_judged_as_it_is_handed_over_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One by the gap helps where the gap is told, and no simulator is told it."""
+
+    def windows(truck: object, *_: object, alone: bool = False) -> Errors:
+        speed = np.full((6, 10), 1.0 if truck is TRUCK else 1.6 if alone else 0.3)
+        return Errors(speed, speed, np.arange(6), np.zeros(6, dtype=np.intp))
+
+    monkeypatch.setattr(correction, "free_windows", windows)
+    monkeypatch.setattr(correction, "horizon", lambda *_: 40.0)
+    held_out: Any = [SimpleNamespace(recording=SimpleNamespace(name="a"))]
+    constants = {"speed": True, "gap": False}
+    for of, kept in constants.items():
+        term = Term(UNKNOWN, Static(constants=Law("force", of, (5.0, 25.0))), (0.1, 0.2))
+        after = CorrectedTruck(TRUCK, [term], {}, None, False)
+        _, marked, fit = correction.shown(
+            TRUCK, correction.Corrections(after, after, None), held_out, with_unnamed=False
+        )
+        assert marked.validated == fit.validated == kept
+        assert (fit.handed_over is None) == kept
 
 
 def test_no_parameter_goes_where_no_truck_is(nothing_missing: Evidence) -> None:

@@ -6,7 +6,15 @@ from dataclasses import replace
 
 import pytest
 
-from deeptruck_model.mismatch.fit_result import Chosen, Compared, FitResult, Improvement, Interval, Rmse
+from deeptruck_model.mismatch.fit_result import (
+    Chosen,
+    Compared,
+    FitResult,
+    HandedOver,
+    Improvement,
+    Interval,
+    Rmse,
+)
 from deeptruck_model.mismatch.posterior.next_pass import NextPass
 from deeptruck_model.mismatch.report import validation
 
@@ -116,6 +124,16 @@ def test_where_something_was_withdrawn_nothing_missing_is_no_answer() -> None:
     said = validation.no_name_is_sure(["accessory_load", "accessory_load", "headwind"])
     assert said.startswith("accessory load or headwind explained the fitted recordings")
     assert validation.no_name_is_sure([]) == ""
+
+
+def test_a_correction_that_harms_where_nobody_tells_it_the_gap_is_refused_and_says_so() -> None:
+    good = fit((0.95, 0.96), (0.1, 0.3))
+    for after, harms in ((0.91, False), (1.4, True)):
+        alone = replace(good, handed_over=HandedOver(("gap",), after), validated=not harms)
+        assert alone.harms_alone == harms and FitResult.read(alone.to_json()) == alone
+        told = "without gap, which no simulator is told, the corrected one predicts held-out recordings worse"
+        assert any(told in line for line in validation.said(alone)) == harms
+        assert any(told in line for line in validation.caveats(alone, found=True)) == harms
 
 
 def test_that_the_correction_has_other_sizes_is_said_and_kept() -> None:
