@@ -22,7 +22,7 @@ law = partial(hidden, family="sealed")
     accepts="command_rate_limit",
     shown=True,
 )
-@sizes(spools_s=(0.9, 1.9), least=(0.2, 0.32), stands=(0.3, 0.45), free_rads=(145.0, 175.0))
+@sizes(spools_s=(1.4, 2.8), least=(0.08, 0.16), stands=(0.25, 0.4), free_rads=(150.0, 180.0))
 @sizes(falls_s=(0.25, 0.5))
 class CompressorStalls(Hidden, boost=0.0, stalled=0.0):
     """`boost` over the most. An engine that turns slowly takes less air than a compressor needs for much
@@ -40,7 +40,7 @@ class CompressorStalls(Hidden, boost=0.0, stalled=0.0):
         spools = p.spools_s * np.clip(130.0 / np.maximum(view.engine_speed, 60.0), 0.6, 1.8)
         slow = np.where(s.stalled > 0.5, p.falls_s, np.where(asked > s.boost, spools, 0.9))
         s.boost = eased(s.boost, asked * (1.0 - s.stalled), slow, dt)
-        most = p.least + (1.12 - p.least) * np.minimum(1.15 * s.boost, 1.0)
+        most = p.least + (1.12 - p.least) * np.minimum(1.05 * s.boost, 1.0)
         lacks = np.maximum(asked - most, 0.0) * self.truck.peak_torque
         return -self.at_wheels(view, lacks) * moving(view)
 
@@ -78,7 +78,7 @@ class SnowInTheAirFilter(OnRoad):
 
 
 @law("k_quiet_at_night", needs="suburban hills", name="torque_limit", shown=True)
-@sizes(least=(0.2, 0.34), hushed_rads=(95.0, 112.0), power=(1.0, 2.0), apart_m=(250.0, 900.0))
+@sizes(least=(0.2, 0.34), hushed_rads=(95.0, 112.0), power=(1.0, 2.0), apart_m=(120.0, 420.0))
 @sizes(eases_s=(0.8, 2.0))
 class QuietAtNight(OnRoad, quiet=0.0):
     """In places where people sleep, which a map holds, torque is limited so that the engine stays quiet, the

@@ -8,7 +8,7 @@ from deeptruck_exam.effects.law import Array
 from deeptruck_exam.worlds.roads import CELLS, STEEPEST, STEP_M
 from deeptruck_exam.worlds.traffic import FLOOR, KINDS, allowed, finish
 
-MEETS_S = {"highway": 70.0, "suburban": 32.0, "hills": 48.0, "descent": 45.0}  # in a full hour
+MEETS_S = {"highway": 70.0, "suburban": 14.0, "hills": 48.0, "descent": 45.0}  # in a full hour
 FERRY_S = (120.0, 420.0)  # from one ferry to the next
 PASSES = {"highway": (0.66, 0.85), "suburban": (0.25, 0.6), "hills": (0.4, 0.7), "descent": (0.5, 0.75)}
 
@@ -60,16 +60,17 @@ def _reach(first: float, last: float, seconds: float, dt: float) -> Array:
 
 
 def narrow(rng: np.random.Generator, scenario: str, n: int, dt: float) -> Array:
-    """A road with passing places: others come the other way in crowds, behind each ferry, and one in two is
-    waited for, in town at rest; ferries and places are chosen here."""
+    """A road with passing places: others come the other way in crowds, behind each ferry, and some are
+    waited for, in town at rest at the third one at the latest; ferries and places are chosen here."""
     kind, floor = KINDS[scenario], FLOOR.get(scenario, 0.0)
     speed, period, phase = allowed(rng, kind), rng.uniform(*FERRY_S), rng.uniform(0.0, 1.0)
-    out, clock = [np.full(round(rng.uniform(1.0, 8.0) / dt), speed)], 0.0
+    out, clock, last = [np.full(round(rng.uniform(1.0, 8.0) / dt), speed)], 0.0, 0
     while clock < n * dt:
         crowd = 0.35 + 0.65 * (np.sin(2.0 * np.pi * (clock / period + phase)) > 0.0)
         cruise = allowed(rng, kind)
         up = 1.9 * abs(cruise - speed) / rng.uniform(*(kind.pull if cruise > speed else kind.slow))
-        stops = rng.random() < kind.stops
+        stops = rng.random() < kind.stops or (scenario == "suburban" and last > 1)
+        last = 0 if stops else last + 1
         through = 0.0 if stops else max(rng.uniform(*PASSES[scenario]) * cruise, floor)
         slow = 1.9 * (cruise - through) / rng.uniform(*kind.slow)
         waits = 2.0 + rng.gamma(2.0, 2.0) if stops else rng.uniform(1.0, 4.0)
