@@ -31,9 +31,9 @@ def fjords(rng: np.random.Generator, amplitude: float) -> Array:
         back = round(cells[0] * ratio)
         profile[at : at + back] = -first * slope / ratio
         at += back + round((40.0 + rng.exponential(380.0)) / STEP_M)
-    slope = _smooth(profile[:CELLS], 15)
+    along = _smooth(profile[:CELLS], 15)
     limit = 2.2 * amplitude
-    return np.clip(limit * np.tanh(amplitude * slope / slope.std() / limit), -STEEPEST, STEEPEST)
+    return np.clip(limit * np.tanh(amplitude * along / along.std() / limit), -STEEPEST, STEEPEST)
 
 
 def troughs_down(rng: np.random.Generator) -> Array:
