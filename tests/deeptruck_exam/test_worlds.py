@@ -12,6 +12,7 @@ from deeptruck_exam.worlds import OF_FAMILY, WORLDS, roads
 from deeptruck_exam.worlds.bends import bendy
 from deeptruck_exam.worlds.by_trade import BALLAST
 from deeptruck_exam.worlds.courses import errands, karst, lava_down
+from deeptruck_exam.worlds.ferries import fjords, narrow, troughs_down
 from deeptruck_exam.worlds.loggers import Logger, quantise
 from deeptruck_exam.worlds.roundabouts import roundabouts
 from deeptruck_exam.worlds.traffic import zones
@@ -32,7 +33,7 @@ def test_each_family_has_its_world_and_deep_simulators_the_plain_one():
     assert all(worlds.of(f, "physics") is WORLDS[OF_FAMILY[f]] for f in FAMILIES)
     assert all(worlds.of(f, "physics") is w and w not in WORLDS.values() for f, w in WAITING.items())
     assert all(worlds.of(f, "deep") is WORLDS["plain"] for f in FAMILIES)
-    assert {id(worlds.of("all", "physics", seed)) for seed in range(40)} == {id(w) for w in WORLDS.values()}
+    assert {id(worlds.of("all", "physics", seed)) for seed in range(100)} == {id(w) for w in WORLDS.values()}
 
 
 @pytest.mark.parametrize("name", ALL_WORLDS)
@@ -181,5 +182,20 @@ def test_karst_and_lava_are_steep_in_their_own_ways():
 def test_errands_meet_obstacles_that_are_stops_in_town():
     rng = np.random.default_rng(7)
     town, highway, down = (errands(rng, kind, 6000, 0.1) for kind in ("suburban", "highway", "descent"))
+    assert 0.02 < np.mean(town < 0.05) < 0.5 and highway.min() > 14.0
+    assert highway.std() > 0.8 and down.std() > 0.8
+
+
+def test_fjords_are_level_between_and_troughs_go_down_in_steps():
+    for seed in range(4):
+        grade = fjords(np.random.default_rng(seed), 0.03)
+        assert 0.02 < grade.std() < 0.032 and 0.15 < np.mean(np.abs(grade) < 0.003) < 0.65
+    steps = troughs_down(np.random.default_rng(5))
+    assert np.quantile(steps, 0.1) < -0.055 and np.quantile(steps, 0.9) > -0.04
+
+
+def test_narrow_roads_have_stops_in_town_alone():
+    rng = np.random.default_rng(7)
+    town, highway, down = (narrow(rng, kind, 6000, 0.1) for kind in ("suburban", "highway", "descent"))
     assert 0.02 < np.mean(town < 0.05) < 0.5 and highway.min() > 14.0
     assert highway.std() > 0.8 and down.std() > 0.8

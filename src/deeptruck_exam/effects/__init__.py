@@ -1,8 +1,8 @@
 """All hidden effects, one folder for each part of the truck, one file for each name a right answer can have.
 
-In: a `Setting` and drawn sizes. Out: what is `Planted`. Every effect belongs to one of twelve families, which
-came from other sources one after the other; together they are the development set. `deeptruck_exam.sealed`
-is for the next family. Importing this package registers them all.
+In: a `Setting` and drawn sizes. Out: what is `Planted`. Every effect belongs to one of thirteen families,
+which came from other sources one after the other; together they are the development set.
+`deeptruck_exam.sealed` is for the next family. Importing this package registers them all.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ for _paths, _package in ((__path__, __name__), (sealed.__path__, sealed.__name__
 
 
 def of_family(family: str = ALL) -> list[Effect]:
-    """The effects of a family, or of all twelve. A wrong parameter has no law and is the same effect in every
-    family. Raises InputError for a family that is not there."""
+    """The effects of a family, or of all thirteen. A wrong parameter has no law and is the same effect in
+    every family. Raises InputError for a family that is not there."""
     wanted = FAMILIES if family == ALL else (family,)
     if not any(e.family in wanted for e in EFFECTS.values()):
         raise InputError(f"--forms: there are no effects of '{family}'; choose from {', '.join(FORMS)}")

@@ -212,3 +212,8 @@ def weight(view: View) -> Array:
 def index(view: View, series: Array, seconds: float = 1.0) -> int:
     """The column of a series (batch, n) at this moment; `seconds` from one to the next."""
     return min(int(view.time / seconds), series.shape[1] - 1)
+
+
+def eased(value: Array, wish: Array | float, seconds: Array | float, dt: float) -> Array:
+    """`value` a step nearer to what it follows with a time constant; exact for any step."""
+    return np.asarray(wish + (value - wish) * np.exp(-dt / np.maximum(seconds, 1e-3)))

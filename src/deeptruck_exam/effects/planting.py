@@ -37,6 +37,7 @@ FAMILIES = (
     "tenth",
     "eleventh",
     "twelfth",
+    "thirteenth",
 )
 SEALED, ALL = "sealed", "all"  # the next family; those of FAMILIES together
 FORMS = (ALL, *FAMILIES, SEALED)

@@ -1,4 +1,4 @@
-"""A valley's wind that turns about, a gap that air closes or leaves open, and a blade that is raised."""
+"""Waves of air behind a ridge, walls that keep the leader's air, and curtains that are rolled up."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, index, moving
-from deeptruck_exam.effects.places import CELL_M, OnRoad, sections, smooth_stretches
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, index, moving
+from deeptruck_exam.effects.places import MAP_CELL_M, MAP_CELLS, OnRoad, windows
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series
 from deeptruck_model.trucks import View
@@ -15,86 +15,83 @@ from deeptruck_model.trucks import View
 law = partial(hidden, family="sealed")
 
 
-@law("x_valley_turns_the_wind", needs="highway hills", name="headwind", accepts="drag_area")
-@sizes(aloft_mps=(12.0, 18.0), veers_s=(90.0, 260.0), veers=(0.6, 1.1), flows_s=(4.0, 14.0), bends=(0.3, 0.7))
-@sizes(mean_m=(900.0, 2500.0))
-class ValleyTurnsTheWind(OnRoad, flow=0.0):
-    """`flow` of the air along a valley, over the wind aloft. It follows the axis towards the side that the
-    wind aloft leans to, so that it turns right about when that wind veers a little across the axis. veers:
-    rad, of the wind aloft; bends: rad, of the axis from one reach to the next.
-    Source: Whiteman and Doran, The Relationship between Overlying Synoptic-Scale Flows and Winds within a
-    Valley, J. Applied Meteorology 32 (1993): forced channelling; quicker winds, sizes are chosen here."""
+@law("k_waves_behind_the_ridge", needs="highway hills", name="headwind", accepts="drag_area")
+@sizes(mean_mps=(6.0, 10.0), swings=(0.9, 1.5), long_m=(1300.0, 3000.0), dies_m=(3000.0, 8000.0))
+@sizes(breathes_s=(60.0, 180.0))
+class WavesBehindTheRidge(OnRoad):
+    """Air that has crossed a ridge swings up and down behind it, and stands in waves over the land: at the
+    ground it blows by turns hard, hardly, and back towards the ridge. Waves die away until the next ridge.
+    mean_mps: of the wind along the road; swings: over half of that, in the first wave.
+    Source: Scorer, Theory of Waves in the Lee of Mountains, Q. J. R. Met. Soc. 75 (1949), and Doyle and
+    Durran, The Dynamics of Mountain-Wave-Induced Rotors, J. Atmospheric Sciences 59 (2002); shorter waves,
+    sizes are chosen here."""
 
     def prepare(self) -> None:
-        rng, batch = self.rng(1301), self.setting.batch
-        number = sections(rng, self.rows(), self.p.mean_m)
-        turns = self.p.bends * rng.standard_normal((self.rows(), int(number.max()) + 1))
-        self.axis = np.take_along_axis(turns, number, axis=1)
-        shape = (batch, int(self.setting.duration_s) + 5)
-        self.aloft = 0.5 * np.pi + self.p.veers * ou_series(rng, shape, 1.0, self.p.veers_s)
-        self.gusts = 1.0 + 0.15 * ou_series(rng, shape, 1.0, 3.0)
+        rng, p = self.rng(1401), self.p
+        metres = (np.arange(MAP_CELLS) + 0.5) * MAP_CELL_M
+        self.road = np.zeros((self.rows(), MAP_CELLS))
+        self.looks = rng.choice([-1.0, 1.0], self.rows())
+        for row in self.road:
+            ridge, long = -rng.uniform(0.0, 6000.0), p.long_m * rng.uniform(0.85, 1.15)
+            while ridge < metres[-1]:
+                behind = np.maximum(metres - ridge, 0.0)
+                row += np.exp(-behind / p.dies_m) * np.sin(2.0 * np.pi * behind / long) * (behind > 0.0)
+                ridge += rng.uniform(5000.0, 12000.0)
+        self.road = np.where(self.looks[:, None] > 0.0, self.road, self.road[:, ::-1])
+        shape = (self.setting.batch, int(self.setting.duration_s) + 5)
+        self.breath = 1.0 + 0.25 * ou_series(rng, shape, 1.0, p.breathes_s)
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        k = index(view, self.aloft)
-        leans = np.cos(self.aloft[:, k] - self.read(self.axis, view))
-        wants = np.sign(leans) * np.sqrt(np.abs(leans))
-        s.flow = s.flow + dt * (wants - s.flow) / p.flows_s
-        wind = self.setting.direction * p.aloft_mps * s.flow * self.gusts[:, k]
+        blows = 0.5 + p.swings * np.clip(self.between(self.road, view), -1.5, 1.5)
+        breath = np.clip(self.breath[:, index(view, self.breath)], 0.3, 1.7)
+        wind = p.mean_mps * blows * breath * self.looks[self.setting.route] * self.setting.direction
         relative = np.clip(1.0 + wind / np.maximum(view.speed, 0.5), -1.5, 3.0)
         felt = (relative * np.abs(relative) - 1.0) * view.drag_force
         return -felt * np.clip(view.speed / 3.0, 0.0, 1.0)
 
 
-@law("x_air_bridges_the_gap", needs="highway", name="drafting", accepts="drag_area headwind", leader=True)
-@sizes(bridged=(0.8, 0.95), open=(0.0, 0.15), half_m=(26.0, 45.0), flips_s=(3.0, 9.0), forms_s=(0.6, 2.0))
-@sizes(sharp=(2.0, 5.0))
-class AirBridgesTheGap(Hidden, last=-1.0, bridges=0.0, air=0.0):
-    """The air that leaves the leader either lands on the truck and bridges the gap, or falls into it. Which
-    of both is a matter of chance, and of distance. bridged, open: of the drag saved; half_m: where both are
-    as likely; flips_s: how often the air may change its mind.
-    Source: Martinuzzi and Havel, Turbulent Flow around Two Interfering Surface-Mounted Cubic Obstacles in
-    Tandem Arrangement, J. Fluids Engineering 122 (2000): two regimes that alternate; sizes are chosen
-    here."""
+@law("k_walls_keep_the_wake", needs="highway", name="drafting", accepts="drag_area headwind", leader=True)
+@sizes(drawn=(0.6, 0.85), fills_s=(1.5, 4.0), mean_m=(300.0, 900.0), share=(0.45, 0.65), open=(0.02, 0.15))
+@sizes(reach_m=(60.0, 160.0))
+class WallsKeepTheWake(OnRoad, air=0.0):
+    """`air` m/s that the leader has set in motion. Between walls and in galleries it cannot get out aside and
+    runs along with him; in the open it is gone in a moment, and little is left behind him. drawn: of the
+    leader's speed; share: of the road, that has walls; open: of the drag, saved right behind him elsewhere.
+    Source: Bickel, Kuesel and King, Tunnel Engineering Handbook (1996), on air that vehicles drive through
+    tunnels like pistons; walls beside an open road, sizes are chosen here."""
 
     def prepare(self) -> None:
-        shape = (self.setting.batch, int(self.setting.duration_s / 0.5) + 20)
-        self.dice = self.rng(1302).random((2, *shape))
+        self.road = windows(self.rng(1402), self.rows(), self.p.mean_m, self.p.share)
+        self.pace = np.nan_to_num(np.gradient(self.setting.leader_m, self.setting.dt, axis=1))
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        gap = np.clip(self.gap(view), 0.5, 1e4)
-        chance = 1.0 / (1.0 + (gap / p.half_m) ** (2.0 * p.sharp))
-        k = index(view, self.dice[0], 0.5)
-        thrown = (s.last < k) & (self.dice[0][:, k] < 0.5 / p.flips_s)
-        s.bridges = np.where(thrown | (s.last < 0.0), self.dice[1][:, k] < chance, s.bridges)
-        s.last = np.full_like(s.last, k)
-        s.air = s.air + dt * (s.bridges - s.air) / p.forms_s
-        near = 1.0 / (1.0 + (gap / (6.0 * p.half_m)) ** 2)
-        saved = near * (p.open + (p.bridged - p.open) * s.air)
-        return np.clip(saved * 1.15, 0.0, 0.92) * view.drag_force
+        walls, gap = self.between(self.road, view), np.clip(self.gap(view), 0.0, 1e4)
+        pace = np.clip(self.pace[:, self.now(view)], 0.0, 30.0)
+        wish = p.drawn * pace * walls / (1.0 + (gap / p.reach_m) ** 2)
+        s.air = eased(s.air, wish, p.fills_s * (0.4 + 0.6 * walls), dt)
+        still = 1.0 - np.clip(s.air / np.maximum(view.speed, 5.0), 0.0, 0.95)
+        saved = 1.0 - still**2 * (1.0 - p.open / (1.0 + gap / 15.0))
+        return saved * view.drag_force * moving(view)
 
 
-@law("x_blade_is_raised", needs="highway hills", name="drag_area", accepts="headwind")
-@sizes(most=(2.0, 3.4), up_s=(18.0, 45.0), down_s=(12.0, 30.0), apart_m=(500.0, 1500.0), flat=(0.0, 0.1))
-class BladeIsRaised(OnRoad, angle=0.0):
-    """`angle` of a wind turbine's blade on its lifter, over the steepest: raised before narrow places,
-    slowly, and laid down behind them. It stands across the wind with the square of its sine. most: of the
-    drag, more when steepest; flat: of that, laid down.
-    Source: Makers' manuals of blade lifters for self-propelled and towed modules (Goldhofer FTV), on raising
-    to 60 degrees in passages, and Hoerner, Fluid-Dynamic Drag (1965), on inclined bodies across a stream;
-    places and sizes are chosen here."""
-
-    def prepare(self) -> None:
-        gaps = (0.4 * self.p.apart_m, 1.6 * self.p.apart_m)
-        narrow = smooth_stretches(self.rng(1303), self.rows(), gaps, (400.0, 1300.0))
-        self.road = np.where(narrow > 0.2, 1.0, 0.0)
+@law("k_curtains_for_the_birds", needs="highway hills", name="drag_area", accepts="headwind")
+@sizes(more=(0.9, 1.6), warms_s=(25.0, 70.0), airs_s=(25.0, 60.0), opens_s=(5.0, 14.0), on=(0.6, 0.75))
+@sizes(off=(0.38, 0.48))
+class CurtainsForTheBirds(Hidden, rolled=0.0, open=0.0):
+    """`warm`: air between crates of poultry. Birds warm it, the wind of driving airs it, the more the wider
+    the curtains are open; they are rolled up when it is too warm and let down when it is too cold. Open
+    crates are a grid in the stream. more: of the drag, all open; on, off: of `warm`.
+    Source: Kettlewell, Hoxey and Mitchell, Heat Produced by Broiler Chickens in a Commercial Transport
+    Vehicle, J. Agricultural Engineering Research 75 (2000); motors that roll curtains on the way, sizes are
+    chosen here."""
 
     def start(self, batch: int) -> dict[str, Array]:
-        return {"angle": self.rng(1304).uniform(0.0, 0.5, batch)}
+        return {**super().start(batch), "warm": self.rng(1403).uniform(0.3, 0.9, batch)}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        ahead = (self.place(view) + self.setting.direction * 150.0) / CELL_M
-        cell = ahead.astype(int) % self.road.shape[1]
-        wants = self.road[self.setting.route, cell]
-        s.angle = np.clip(s.angle + dt * np.where(wants > 0.5, 1.0 / p.up_s, -1.0 / p.down_s), 0.0, 1.0)
-        across = np.sin(0.5 * np.pi * s.angle) ** 2
-        return -p.most * (p.flat + (1.0 - p.flat) * across) * view.drag_force * moving(view)
+        airs = (0.12 + s.open) * np.maximum(view.speed, 0.0) / 15.0 / p.airs_s
+        rate = 1.0 / p.warms_s + airs
+        s.warm = eased(s.warm, 1.0 / p.warms_s / rate, 1.0 / rate, dt)
+        s.rolled = np.where(s.warm > p.on, 1.0, np.where(s.warm < p.off, 0.0, s.rolled))
+        s.open = np.clip(s.open + dt * np.where(s.rolled > 0.5, 1.0, -1.0) / p.opens_s, 0.0, 1.0)
+        return -p.more * s.open * view.drag_force * moving(view)

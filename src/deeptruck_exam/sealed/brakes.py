@@ -1,4 +1,4 @@
-"""Linings that polish themselves, rubber that creeps, iron that stays magnetic, and brakes against gusts."""
+"""Iron that warms in its field, magnets that a drum drags along, a foot that rests, and axles by turns."""
 
 from __future__ import annotations
 
@@ -6,104 +6,104 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, index, moving, weight
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, index, moving, weight
 from deeptruck_exam.effects.planting import hidden, sizes
-from deeptruck_exam.effects.series import SAMPLE_S, arrivals
+from deeptruck_exam.effects.series import ou_series
 from deeptruck_model.trucks import View
 
 law = partial(hidden, family="sealed")
 
 
-@law("x_linings_polish_themselves", needs="descent", name="brake_fade")
-@sizes(loss=(0.45, 0.7), warms_jpkg=(250.0, 600.0), cools_s=(90.0, 260.0), turns=(0.3, 0.6))
-@sizes(polishes_m=(150.0, 450.0), rips=(0.14, 0.25))
-class LiningsPolishThemselves(Hidden, hot=0.0):
-    """`hot`: 1 where resin softens; `glaze`: share of the face that is polished. Long gentle braking when hot
-    melts a smooth skin over the lining, which stays when it is cold again; one firm braking rips it off.
-    loss: of the brake force, all polished; turns: `hot` at which it begins; rips: of full braking.
-    Source: Jacko, Physical and Chemical Changes of Organic Disc Pads in Service, Wear 46 (1978), and Limpert,
-    Brake Design and Safety, on glazing; sizes are chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        return {**super().start(batch), "glaze": self.rng(1311).uniform(0.2, 0.8, batch)}
+@law("k_iron_warms_in_its_field", needs="descent", name="brake_fade")
+@sizes(share=(0.65, 0.9), peak_mps=(9.0, 14.0), resists=(0.9, 1.6), heats_jpkg=(120.0, 320.0))
+@sizes(cools_s=(80.0, 220.0), field=(0.2, 0.35))
+class IronWarmsInItsField(Hidden, hot=0.0):
+    """An electric retarder does most of what the pedal asks. Its iron conducts the worse, the hotter: then
+    it brakes best at a higher speed and less below it, and hot coils make a weaker field. Air that it blows
+    itself cools it. share: of the brake force; peak_mps: where it brakes best, cold; resists: of the
+    resistance, more when hot; field: of the force, lost by hot coils.
+    Source: Schieber, Braking Torque on Rotating Sheet in Stationary Magnetic Field, Proc. IEE 121 (1974), and
+    Limpert, Brake Design and Safety, on electric retarders when hot; sizes are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         speed = np.maximum(view.speed, 0.0)
-        lost = p.loss * s.glaze
-        work = (1.0 - lost) * view.brake_force * speed / view.mass
-        s.hot = np.clip(s.hot + dt * (work / p.warms_jpkg - s.hot / p.cools_s), 0.0, 2.0)
-        hard = view.brake_force / self.truck.brake_capacity / p.rips
-        rubs = np.clip(10.0 * hard, 0.0, 1.0) * speed / p.polishes_m
-        skin = rubs * np.clip((s.hot - p.turns) / 0.3, 0.0, 1.0) * (1.0 - s.glaze)
-        s.glaze = np.clip(s.glaze + dt * (skin - 0.4 * np.clip(hard - 1.0, 0.0, 3.0) * s.glaze), 0.0, 1.0)
-        return lost * view.brake_force * moving(view)
+        cold = speed / p.peak_mps
+        warm = cold / (1.0 + p.resists * s.hot)
+        ratio = (1.0 + cold**2) / (1.0 + warm**2) / (1.0 + p.resists * s.hot)
+        kept = np.minimum(ratio, 1.0) * (1.0 - p.field * np.minimum(s.hot, 1.0))
+        work = p.share * kept * view.brake_force * speed / view.mass
+        s.hot = np.clip(
+            s.hot + dt * (work / p.heats_jpkg - s.hot * (0.4 + speed / 20.0) / p.cools_s), 0.0, 1.5
+        )
+        return p.share * (1.0 - kept) * view.brake_force * moving(view)
 
 
-@law("x_rubber_creeps", needs="suburban descent", name="brake_lag", accepts="command_delay clock_offset")
-@sizes(quick_s=(0.25, 0.5), slow_s=(1.8, 4.0), creeps=(0.4, 0.65), stiff=(0.5, 1.5), warms_s=(60.0, 200.0))
-class RubberCreeps(Hidden, quick=0.0, slow=0.0, soft=0.0):
-    """Rubber in old chambers takes its share of the stroke twice: soon, and creeping for seconds. Force that
-    creeps in creeps out again, and frost makes both slower until use has warmed it. creeps: share that comes
-    slowly; stiff: times as slow, more, when cold; warms_s: of braking.
-    Source: Findley, Lai and Onaran, Creep and Relaxation of Nonlinear Viscoelastic Materials (1976), on
-    chains of springs and dampers, and SAE J1469 on brake actuators in the cold; sizes are chosen here."""
+@law(
+    "k_magnets_are_dragged_along",
+    needs="suburban descent",
+    name="brake_lag",
+    accepts="command_delay clock_offset",
+)
+@sizes(share=(0.6, 0.9), rises_m=(5.0, 12.0), coil_s=(0.1, 0.3), lets_s=(0.25, 0.6))
+class MagnetsAreDraggedAlong(Hidden, coil=0.0, lever=0.0):
+    """Electric brakes of a trailer: a magnet sticks to the turning drum, which drags it along and so turns
+    the lever that spreads the shoes. Force comes over a way, not over a time, and slowest when slow; a spring
+    takes it back. share: of the brake force; rises_m: of the way.
+    Source: Limpert, Brake Design and Safety, on electric brakes whose magnets are carried along by the drum;
+    a worn armature, sizes are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         asked = view.brake_force / self.truck.brake_capacity
-        s.soft = s.soft + dt * (1.0 - s.soft) * np.clip(20.0 * asked, 0.0, 1.0) / p.warms_s
-        cold = 1.0 + p.stiff * (1.0 - s.soft)
-        s.quick = s.quick + dt * (asked - s.quick) / (p.quick_s * cold)
-        s.slow = s.slow + dt * (asked - s.slow) / (p.slow_s * cold)
-        comes = (1.0 - p.creeps) * s.quick + p.creeps * s.slow
-        return (asked - comes) * self.truck.brake_capacity * moving(view)
+        s.coil = eased(s.coil, asked, p.coil_s, dt)
+        drags = p.rises_m / np.maximum(view.speed, 0.3)
+        s.lever = eased(s.lever, s.coil, np.where(s.coil > s.lever, drags, p.lets_s), dt)
+        return p.share * (asked - s.lever) * self.truck.brake_capacity * moving(view)
 
 
-@law("x_iron_stays_magnetic", needs="suburban descent hills", name="dragging_brake")
-@sizes(most=(0.016, 0.028), peak_mps=(5.0, 11.0), full=(0.04, 0.1), shakes_m=(300.0, 1200.0))
-@sizes(turns=(0.3, 0.7))
-class IronStaysMagnetic(Hidden):
-    """`kept`: magnetism of a retarder's iron, of the most. Each braking drives a current that leaves its
-    mark, a hard one a strong mark, a gentle one wipes part of it out; shaking over the way loosens it. The
-    rotor then turns in a field that nobody asked for. most: of the weight; full: brake over weight that
-    saturates; turns: of `kept` that a gentle current wipes out, in a second.
-    Source: Bozorth, Ferromagnetism (1951), on remanence and minor loops, and Wouterse, IEE Proc. B 138
-    (1991), on eddy torque over speed; a retarder on the brake pedal, sizes are chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        return {"kept": self.rng(1312).uniform(0.2, 1.0, batch)}
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        current = np.clip(view.brake_force / weight(view) / p.full, 0.0, 1.3)
-        marks = np.tanh(1.5 * current)
-        grows = 3.0 * np.maximum(marks - s.kept, 0.0) * (current > 0.02)
-        wipes = p.turns * s.kept * np.where((current > 0.02) & (marks < 0.6 * s.kept), 1.0, 0.0)
-        speed = np.maximum(view.speed, 0.0)
-        s.kept = np.clip(s.kept + dt * (grows - wipes - speed * s.kept / p.shakes_m), 0.0, 1.0)
-        slip = speed / p.peak_mps
-        return -p.most * s.kept * weight(view) * 2.0 * slip / (1.0 + slip**2) * moving(view)
-
-
-@law("x_brakes_against_gusts", needs="highway hills", name="unknown")
-@sizes(most=(0.018, 0.035), from_mps=(11.0, 14.0), mean_s=(9.0, 25.0), dies_s=(1.2, 3.5), bears=(0.35, 0.8))
-@sizes(holds_s=(0.8, 2.5))
-class BrakesAgainstGusts(Hidden, acts=0.0, tired=0.0):
-    """Gusts from the side turn a high truck, and its computer brakes the wheels of one side against it, above
-    a speed; wheels that it has braked for long get a rest. most: of the weight; bears: gust that it leaves to
-    the driver; holds_s: of the brake, behind the gust.
-    Source: Baker, Ground Vehicles in High Cross Winds, J. Fluids and Structures 5 (1991), on gusts and yaw,
-    and makers' descriptions of crosswind assistants that brake one side; gusts by chance, sizes are chosen
-    here."""
+@law("k_foot_rests_on_the_pedal", needs="suburban descent hills", name="dragging_brake")
+@sizes(most=(0.012, 0.022), stays_s=(25.0, 90.0), tense_s=(6.0, 20.0), kicks=(0.55, 0.8), lifts_s=(3.0, 8.0))
+class FootRestsOnThePedal(Hidden):
+    """`rests`: a left foot that stays on the brake pedal after it has braked, lighter and lighter, below what
+    the switch of the pedal tells; a driver who treads on the accelerator firmly takes it away. How tense he
+    is comes and goes. most: of the weight; kicks: of the full pedal, that takes the foot away.
+    Source: AAMVA, Model Commercial Driver License Manual, against riding the brakes; times and sizes are
+    chosen here."""
 
     def prepare(self) -> None:
-        shape = (self.setting.batch, int(self.setting.duration_s / SAMPLE_S) + 20)
-        raw = arrivals(self.rng(1313), shape, self.p.mean_s, self.p.dies_s)
-        self.gusts = raw * self.p.dies_s / self.p.mean_s
+        shape = (self.setting.batch, int(self.setting.duration_s / 0.5) + 20)
+        self.tense = 0.65 + 0.35 * np.tanh(ou_series(self.rng(1411), shape, 0.5, self.p.tense_s))
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"rests": self.rng(1412).uniform(0.2, 0.9, batch)}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        gust = self.gusts[:, index(view, self.gusts, SAMPLE_S)]
-        gust = gust * np.clip(view.speed / 20.0, 0.0, 1.3)
-        fast = np.clip((view.speed - p.from_mps) / 1.5, 0.0, 1.0)
-        wants = fast * np.clip((gust - 0.4 * p.bears) / 0.5, 0.0, 1.0) * (1.0 - 0.6 * s.tired)
-        s.acts = s.acts + dt * (wants - s.acts) / np.where(wants > s.acts, 0.25, p.holds_s)
-        s.tired = np.clip(s.tired + dt * (s.acts / 15.0 - s.tired / 40.0), 0.0, 1.0)
-        return -p.most * s.acts * weight(view) * moving(view)
+        brakes = np.clip(view.brake_force / weight(view) / 0.02, 0.0, 1.0)
+        kicked = self.pedal(view) > p.kicks
+        wish = np.where(brakes > 0.3, 1.0, 0.0)
+        s.rests = eased(
+            s.rests, wish, np.where(brakes > 0.3, 0.8, np.where(kicked, p.lifts_s, p.stays_s)), dt
+        )
+        tense = self.tense[:, index(view, self.tense, 0.5)]
+        return -p.most * s.rests * tense * (1.0 - brakes) * weight(view) * moving(view)
+
+
+@law("k_wears_its_axles_by_turns", needs="suburban descent hills", name="unknown")
+@sizes(weak=(0.3, 0.5), strong=(0.15, 0.3), gentle=(0.14, 0.28), hands_s=(0.15, 0.4))
+class WearsItsAxlesByTurns(Hidden, pressed=0.0, share=0.0):
+    """So that linings wear alike, gentle braking is done by one group of axles and then by the other, one
+    application after the other; one has poor linings and the other has sharp ones. Hard braking uses all.
+    weak, strong: of the brake force, less and more; gentle: of full braking.
+    Source: WABCO, EBS, Electronically Controlled Brake System, System Description, on lining wear control
+    between axles; linings of two makes, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "turn": self.rng(1413).integers(0, 2, batch).astype(float)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = view.brake_force / self.truck.brake_capacity
+        begins = (asked > 0.012) & (s.pressed < 0.5)
+        s.turn = np.where(begins, 1.0 - s.turn, s.turn)
+        s.pressed = np.where(begins, 1.0, np.where(asked < 0.005, 0.0, s.pressed))
+        alone = np.clip(2.0 - asked / p.gentle, 0.0, 1.0)
+        s.share = eased(s.share, alone * np.where(s.turn > 0.5, p.weak, -p.strong), p.hands_s, dt)
+        return s.share * view.brake_force * moving(view)

@@ -1,4 +1,4 @@
-"""A wet load that drains, reels that rock on their edges, and a box that fills with earth."""
+"""Grain that runs out, a stack that leans, and a sledge on its film of water."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, moving, weight
 from deeptruck_exam.effects.places import OnRoad, sections
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
@@ -14,75 +14,76 @@ from deeptruck_model.trucks import View
 law = partial(hidden, family="sealed")
 
 
-@law("x_wet_load_drains", needs="suburban hills", name="payload_change", accepts="mass")
-@sizes(water=(0.3, 0.45), known=(0.1, 0.4), seeps_s=(40.0, 150.0), runs_s=(5.0, 20.0), tilt=(0.005, 0.03))
-class WetLoadDrains(Hidden, floor=0.0):
-    """`pores`: water in a wet load, of all it can hold; `floor`: what has seeped down and stands in the body.
-    It runs out behind, but only while slope or pull tilt it that way. Each drive begins as wet as it was
-    loaded. water: of the mass; known: of it, to the simulator; tilt: slope at which it runs.
-    Source: Terzaghi, Peck and Mesri, Soil Mechanics in Engineering Practice (1996), on drainage of sands, and
-    guides on dewatering of dredged and washed sand by haul trucks; quicker sand, sizes are chosen here."""
+@law("k_grain_runs_out", needs="suburban hills", name="payload_change", accepts="mass")
+@sizes(grain=(0.3, 0.45), known=(0.1, 0.4), empties_s=(90.0, 240.0), frees=(0.5, 0.9), mean_m=(300.0, 900.0))
+class GrainRunsOut(OnRoad, runs=0.0):
+    """`full`: grain in a body whose hatch is not tight. It runs out at one rate however much is above, but
+    it arches over the gap where nothing shakes it: on smooth stretches and at stands it stops. Each drive
+    begins with what another one left. grain: of the mass; known: of it, to the simulator; frees: shaking that
+    breaks arches.
+    Source: Beverloo, Leniger and van de Velde, The Flow of Granular Solids through Orifices, Chemical
+    Engineering Science 15 (1961), and Mankoc and others, Role of Vibrations in the Jamming and Unjamming of
+    Grains Discharging from a Silo, Phys. Rev. E 80 (2009); sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng = self.rng(1451)
+        number = sections(rng, self.rows(), self.p.mean_m)
+        rough = rng.choice([0.2, 0.6, 1.0, 1.4], (self.rows(), int(number.max()) + 1))
+        self.road = np.take_along_axis(rough, number, axis=1)
 
     def start(self, batch: int) -> dict[str, Array]:
-        wet = self.rng(1351).choice([0.0, 0.2, 0.7, 1.0, 1.0], batch)
-        return {**super().start(batch), "pores": wet}
+        return {**super().start(batch), "full": self.rng(1452).choice([0.0, 0.2, 0.7, 1.0, 1.0], batch)}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
-        tilted = view.grade + np.clip(view.acceleration, -2.0, 2.0) / GRAVITY
-        runs = s.floor * np.clip((tilted - p.tilt) / 0.02, 0.0, 1.0) / p.runs_s
-        seeps = s.pores / p.seeps_s
-        s.pores = s.pores - dt * seeps
-        s.floor = s.floor + dt * (seeps - runs)
-        more = p.water * (s.pores + s.floor - p.known) * view.mass
-        return -more * felt * moving(view)
+        shaken = self.read(self.road, view) * np.clip(view.speed / 12.0, 0.0, 1.4)
+        s.runs = eased(s.runs, np.where(shaken > p.frees, 1.0, 0.0), 2.0, dt)
+        s.full = np.maximum(s.full - dt * s.runs / p.empties_s, 0.0)
+        return -p.grain * (s.full - p.known) * view.mass * felt * moving(view)
 
 
-@law("x_reels_rock_on_their_edges", needs="suburban", name="load_slosh")
-@sizes(share=(0.3, 0.45), slender=(0.02, 0.05), base_m=(0.35, 0.6), lands=(1.2, 2.5), room=(0.5, 0.8))
-class ReelsRock(Hidden, x=0.0, v=0.0):
-    """`x` m that the middle of tall reels is ahead of where it stands upright, `v` of that. They stand firm
-    until a push goes beyond their slenderness; then they rock from edge to edge, the weaker held the farther
-    they lean, and each landing takes energy. share: of the mass; slender: push over gravity that lifts an
-    edge; room: of the lean that topples them, where the straps are.
-    Source: Housner, The Behavior of Inverted Pendulum Structures during Earthquakes, Bulletin Seismological
-    Society of America 53 (1963); reels of paper in straps, sizes are chosen here."""
+@law("k_stack_leans", needs="suburban", name="load_slosh")
+@sizes(share=(0.35, 0.5), omega=(2.4, 4.0), left=(0.2, 0.4), yields_m=(0.04, 0.1), damps=(0.03, 0.08))
+class StackLeans(Hidden, x=0.0, v=0.0, z=0.0):
+    """`x` m that a stack of wrapped pallets leans ahead, `v` of that, `z` m of it that the wrapping holds
+    before it slips. It gives, slips and stays leaning until it is pushed back. share: of the mass; omega:
+    rad/s of its swing; left: of the stiffness, once it slips.
+    Source: Wen, Method for Random Vibration of Hysteretic Systems, J. Engineering Mechanics Division 102
+    (1976); stacks on a floor, sizes are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         felt = np.clip(view.acceleration + GRAVITY * view.grade, -4.0, 4.0)
-        lean = s.x / p.base_m
-        holds = GRAVITY * p.slender * np.tanh(s.x / 0.02) * (1.0 - np.minimum(np.abs(lean), 1.0))
-        straps = 45.0 * (s.x - np.clip(s.x, -p.room * p.base_m, p.room * p.base_m))
-        lands = (0.3 + p.lands * np.exp(-((s.x / 0.04) ** 2)) + 4.0 * (straps != 0.0)) * s.v
-        pace = np.clip(-felt - holds - straps - lands, -5.0, 5.0)
-        s.v = np.clip(s.v + dt * pace, -2.5, 2.5)
-        s.x = np.clip(s.x + dt * s.v, -p.base_m, p.base_m)
+        holds = p.omega**2 * (p.left * s.x + (1.0 - p.left) * s.z)
+        before = s.v
+        s.v = (s.v - dt * (felt + holds)) / (1.0 + dt * 2.0 * p.damps * p.omega)
+        s.v = np.clip(s.v, -2.0, 2.0)
+        slips = np.minimum(np.abs(s.z) / p.yields_m, 1.0) ** 2 * (0.5 + 0.5 * np.sign(s.v * s.z))
+        s.x = np.clip(s.x + dt * s.v, -0.9, 0.9)
+        s.z = np.clip(s.z + dt * s.v * (1.0 - slips), -p.yields_m, p.yields_m)
+        pace = np.clip((s.v - before) / dt, -4.0, 4.0)
         return -p.share * view.mass * pace * moving(view)
 
 
-@law("x_box_fills_with_earth", needs="suburban hills descent", name="unknown")
-@sizes(cuts=(0.006, 0.012), pushes=(0.02, 0.035), fills_m=(15.0, 50.0), spills_m=(40.0, 120.0))
-@sizes(mean_m=(120.0, 350.0), floats_mps=(12.0, 16.0))
-class BoxFillsWithEarth(OnRoad, heap=0.0):
-    """`heap` in a box that is towed to level the verge: hard places are cut and fill it, holes empty it, and
-    what it carries has to be pushed. Too fast it floats up. cuts: of the weight, on the hardest; pushes: of
-    the weight, full.
-    Source: McKyes, Soil Cutting and Tillage (1985), and Reece, The Fundamental Equation of Earth-Moving
-    Mechanics, Proc. IMechE (1964-65): cohesion and surcharge before a blade; places and sizes are chosen
-    here."""
-
-    def prepare(self) -> None:
-        rng = self.rng(1352)
-        number = sections(rng, self.rows(), self.p.mean_m)
-        hard = rng.choice([-0.6, 0.0, 0.5, 1.0], (self.rows(), int(number.max()) + 1))
-        self.road = np.take_along_axis(hard, number, axis=1)
+@law("k_sledge_on_its_film", needs="suburban hills highway", name="unknown")
+@sizes(
+    dry=(0.008, 0.015), film=(0.45, 0.7), sucks=(0.004, 0.008), melts_m=(200.0, 700.0), dries_s=(20.0, 60.0)
+)
+@sizes(freezes_s=(4.0, 15.0), grips=(0.01, 0.025), tears_m=(4.0, 15.0))
+class SledgeOnItsFilm(Hidden, wet=0.3, stuck=0.0):
+    """A sledge is towed over a winter road. Its runners rub dry until they have melted a film, `wet`, which
+    carries them well and sucks the more, the faster; it freezes away when slow. At stands the runners freeze
+    down, `stuck`, and have to be torn off. dry, sucks, grips: of the weight, the second at 20 m/s; film: of
+    the dry friction, spared.
+    Source: Colbeck, A Review of the Processes that Control Snow Friction, CRREL Monograph 92-2 (1992): dry
+    friction, lubrication and capillary drag; a sledge behind a truck, sizes are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        hard = self.read(self.road, view)
-        down = np.clip((p.floats_mps - view.speed) / 2.0, 0.15, 1.0)
-        way = dt * np.maximum(view.speed, 0.0)
-        takes = np.maximum(hard, 0.0) * down * (1.0 - s.heap) / p.fills_m
-        drops = (0.3 + np.maximum(-hard, 0.0) * 2.0 + 1.0 - down) * s.heap / p.spills_m
-        s.heap = np.clip(s.heap + way * (takes - drops), 0.0, 1.0)
-        drag = p.pushes * s.heap**1.3 + p.cuts * np.maximum(hard, 0.0) * down
-        return -drag * weight(view) * np.clip(view.speed, 0.0, 1.0)
+        speed = np.maximum(view.speed, 0.0)
+        melts, dries = speed / p.melts_m, 1.0 / p.dries_s
+        s.wet = eased(s.wet, melts / (melts + dries), 1.0 / (melts + dries), dt)
+        rests = speed < 0.3
+        s.stuck = eased(
+            s.stuck, np.where(rests, 1.0, 0.0), np.where(rests, p.freezes_s, p.tears_m / (speed + 0.1)), dt
+        )
+        costs = p.dry * (1.0 - p.film * s.wet) + p.sucks * s.wet * (speed / 20.0) ** 1.5 + p.grips * s.stuck
+        return -costs * weight(view) * moving(view)

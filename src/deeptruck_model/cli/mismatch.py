@@ -183,7 +183,7 @@ def prove(
     forms: Annotated[
         str,
         typer.Option(
-            help="Family of effects to hide: 'all', one of the twelve ('first' to 'twelfth') or 'sealed'."
+            help="Family of effects to hide: 'all', one of thirteen ('first' to 'thirteenth') or 'sealed'."
         ),
     ] = "all",
     real: Annotated[

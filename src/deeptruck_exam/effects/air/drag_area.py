@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, index, moving
-from deeptruck_exam.effects.places import Bends
+from deeptruck_exam.effects.places import CELL_M, Bends, OnRoad, smooth_stretches
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series, some_drives, spells, within
 from deeptruck_model.trucks import View
@@ -256,3 +256,30 @@ class RimeOnTheRacks(Hidden, falls=0.0):
         catches = np.maximum(view.speed, 0.0) * (1.3 - s.ice) / p.grows_m
         s.ice = np.clip(s.ice + dt * (catches - s.falls * s.ice / p.falls_s), 0.0, 1.2)
         return -p.most * s.ice * view.drag_force * moving(view)
+
+
+@law("x_blade_is_raised", "thirteenth", "highway hills", accepts="headwind")
+@sizes(most=(2.0, 3.4), up_s=(18.0, 45.0), down_s=(12.0, 30.0), apart_m=(500.0, 1500.0), flat=(0.0, 0.1))
+class BladeIsRaised(OnRoad, angle=0.0):
+    """`angle` of a wind turbine's blade on its lifter, over the steepest: raised before narrow places,
+    slowly, and laid down behind them. It stands across the wind with the square of its sine. most: of the
+    drag, more when steepest; flat: of that, laid down.
+    Source: Makers' manuals of blade lifters for self-propelled and towed modules (Goldhofer FTV), on raising
+    to 60 degrees in passages, and Hoerner, Fluid-Dynamic Drag (1965), on inclined bodies across a stream;
+    places and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        gaps = (0.4 * self.p.apart_m, 1.6 * self.p.apart_m)
+        narrow = smooth_stretches(self.rng(1303), self.rows(), gaps, (400.0, 1300.0))
+        self.road = np.where(narrow > 0.2, 1.0, 0.0)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"angle": self.rng(1304).uniform(0.0, 0.5, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        ahead = (self.place(view) + self.setting.direction * 150.0) / CELL_M
+        cell = ahead.astype(int) % self.road.shape[1]
+        wants = self.road[self.setting.route, cell]
+        s.angle = np.clip(s.angle + dt * np.where(wants > 0.5, 1.0 / p.up_s, -1.0 / p.down_s), 0.0, 1.0)
+        across = np.sin(0.5 * np.pi * s.angle) ** 2
+        return -p.most * (p.flat + (1.0 - p.flat) * across) * view.drag_force * moving(view)

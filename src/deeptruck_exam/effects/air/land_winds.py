@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, index
-from deeptruck_exam.effects.places import CELL_M, CELLS, OnRoad, stretches
+from deeptruck_exam.effects.places import CELL_M, CELLS, OnRoad, sections, stretches
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import SAMPLE_S, arrivals, ou_series
 from deeptruck_model.trucks import View
@@ -146,5 +146,35 @@ class FieldsAndWoods(OnRoad):
         heading = self.read(self.heading, view)
         along = self.side * self.setting.direction * np.cos(heading) * (mean + gust)
         relative = np.clip(1.0 + along / np.maximum(view.speed, 0.5), -1.5, 3.0)
+        felt = (relative * np.abs(relative) - 1.0) * view.drag_force
+        return -felt * np.clip(view.speed / 3.0, 0.0, 1.0)
+
+
+@law("x_valley_turns_the_wind", "thirteenth", "highway hills")
+@sizes(aloft_mps=(12.0, 18.0), veers_s=(90.0, 260.0), veers=(0.6, 1.1), flows_s=(4.0, 14.0), bends=(0.3, 0.7))
+@sizes(mean_m=(900.0, 2500.0))
+class ValleyTurnsTheWind(OnRoad, flow=0.0):
+    """`flow` of the air along a valley, over the wind aloft. It follows the axis towards the side that the
+    wind aloft leans to, so that it turns right about when that wind veers a little across the axis. veers:
+    rad, of the wind aloft; bends: rad, of the axis from one reach to the next.
+    Source: Whiteman and Doran, The Relationship between Overlying Synoptic-Scale Flows and Winds within a
+    Valley, J. Applied Meteorology 32 (1993): forced channelling; quicker winds, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(1301), self.setting.batch
+        number = sections(rng, self.rows(), self.p.mean_m)
+        turns = self.p.bends * rng.standard_normal((self.rows(), int(number.max()) + 1))
+        self.axis = np.take_along_axis(turns, number, axis=1)
+        shape = (batch, int(self.setting.duration_s) + 5)
+        self.aloft = 0.5 * np.pi + self.p.veers * ou_series(rng, shape, 1.0, self.p.veers_s)
+        self.gusts = 1.0 + 0.15 * ou_series(rng, shape, 1.0, 3.0)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        k = index(view, self.aloft)
+        leans = np.cos(self.aloft[:, k] - self.read(self.axis, view))
+        wants = np.sign(leans) * np.sqrt(np.abs(leans))
+        s.flow = s.flow + dt * (wants - s.flow) / p.flows_s
+        wind = self.setting.direction * p.aloft_mps * s.flow * self.gusts[:, k]
+        relative = np.clip(1.0 + wind / np.maximum(view.speed, 0.5), -1.5, 3.0)
         felt = (relative * np.abs(relative) - 1.0) * view.drag_force
         return -felt * np.clip(view.speed / 3.0, 0.0, 1.0)

@@ -258,3 +258,28 @@ class BendsKnockItOff(Bends, near=0.5):
         away = speed * (p.knocks * 0.02 * aside**2 + 1.0 / p.eases_m)
         s.near = np.clip(s.near + dt * (set_per_s * (1.0 - s.near) - away * s.near), 0.0, 1.0)
         return -p.drags * s.near * weight(view) * moving(view)
+
+
+@law("x_iron_stays_magnetic", "thirteenth", "suburban descent hills")
+@sizes(most=(0.016, 0.028), peak_mps=(5.0, 11.0), full=(0.04, 0.1), shakes_m=(300.0, 1200.0))
+@sizes(turns=(0.3, 0.7))
+class IronStaysMagnetic(Hidden):
+    """`kept`: magnetism of a retarder's iron, of the most. Each braking drives a current that leaves its
+    mark, a hard one a strong mark, a gentle one wipes part of it out; shaking over the way loosens it. The
+    rotor then turns in a field that nobody asked for. most: of the weight; full: brake over weight that
+    saturates; turns: of `kept` that a gentle current wipes out, in a second.
+    Source: Bozorth, Ferromagnetism (1951), on remanence and minor loops, and Wouterse, IEE Proc. B 138
+    (1991), on eddy torque over speed; a retarder on the brake pedal, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"kept": self.rng(1312).uniform(0.2, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        current = np.clip(view.brake_force / weight(view) / p.full, 0.0, 1.3)
+        marks = np.tanh(1.5 * current)
+        grows = 3.0 * np.maximum(marks - s.kept, 0.0) * (current > 0.02)
+        wipes = p.turns * s.kept * np.where((current > 0.02) & (marks < 0.6 * s.kept), 1.0, 0.0)
+        speed = np.maximum(view.speed, 0.0)
+        s.kept = np.clip(s.kept + dt * (grows - wipes - speed * s.kept / p.shakes_m), 0.0, 1.0)
+        slip = speed / p.peak_mps
+        return -p.most * s.kept * weight(view) * 2.0 * slip / (1.0 + slip**2) * moving(view)

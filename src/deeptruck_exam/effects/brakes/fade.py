@@ -12,8 +12,6 @@ from deeptruck_model.trucks import View
 
 law = partial(hidden, name="brake_fade")
 
-LINING_C = np.array([0.0, 100.0, 140.0, 190.0, 230.0, 280.0, 330.0, 400.0])
-LINING = np.array([1.0, 1.04, 1.05, 0.95, 0.80, 0.63, 0.50, 0.42])
 SKIN_S = np.array([3.0, 15.0, 75.0])[:, None]  # layers below the rubbing face
 SKIN = np.array([0.5, 0.3, 0.2])[:, None]
 
@@ -98,66 +96,6 @@ class SoakingHeat(Hidden):
         return lost * view.brake_force * moving(view)
 
 
-@law("lining_on_the_dynamometer", "fourth", "descent")
-@sizes(severity=(0.9, 1.4), overworked=(0.50, 0.68), recovers_s=(40.0, 120.0))
-class LiningOnTheDynamometer(Hidden):
-    """A drum that has been hot rubs as if hot for a while after it has cooled. overworked: share of the work
-    on 0.4 of the drums' heat capacity.
-    Source: Friction over drum temperature of SAE J661 (first and second fade) and the recovery that comes
-    late in FMVSS 121 S5.4 dynamometer tests: a table that first rises; two axle groups of unlike shares of
-    the work; table and shares are chosen here."""
-
-    def prepare(self) -> None:
-        self.share = np.array([[self.p.overworked], [1.0 - self.p.overworked]])
-        self.capacity = 0.42 * self.truck.brake_heat_capacity * np.array([[0.4], [0.6]])
-
-    def start(self, batch: int) -> dict[str, Array]:
-        first = self.rng(313).uniform(40.0, 130.0, batch)
-        drums = np.tile(self.truck.ambient_temperature + first, (2, 1))
-        return {"drums": drums, "memory": drums.copy()}
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        truck = self.truck
-        left = 1.0 - p.severity * (1.0 - np.interp(s.memory, LINING_C, LINING))
-        lost = np.minimum((self.share * (1.0 - left)).sum(axis=0), 0.55)
-        speed = np.maximum(view.speed, 0.0)
-        power = self.share * left * view.brake_force * speed
-        film = truck.brake_cooling + truck.brake_cooling_speed * speed
-        cooling = film * np.array([[0.4], [0.6]]) * (s.drums - truck.ambient_temperature)
-        s.drums += dt * (power - cooling) / self.capacity
-        s.memory = np.maximum(s.drums, s.memory + dt * (s.drums - s.memory) / p.recovers_s)
-        return lost * view.brake_force * moving(view)
-
-
-@law("green_linings", "fourth", "descent")
-@sizes(depth=(0.50, 0.80), onset_c=(90.0, 120.0), e_fold_k=(14.0, 28.0), resin_s=(90.0, 200.0))
-class GreenLinings(Hidden):
-    """The first heat fades, the second does not. resin_s: of gas at the onset.
-    Source: Herring, Mechanism of Brake Fade in Organic Brake Linings, SAE 670146: gas of the decomposing
-    resin lifts the lining; it comes by Arrhenius and is gone once the lining has been hot, why new linings
-    are burnished (SAE J880); rates and sizes are chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        return {
-            "drum": np.full(batch, self.truck.ambient_temperature + 30.0),
-            "resin": self.rng(310).uniform(0.5, 1.0, batch),
-        }
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        truck = self.truck
-        hot = np.exp(np.clip((s.drum - p.onset_c) / p.e_fold_k, -8.0, 2.5))
-        gas = s.resin * hot / p.resin_s
-        s.resin = np.maximum(s.resin - dt * gas, 0.0)
-        lost = p.depth * (1.0 - np.exp(-60.0 * gas))
-        speed = np.maximum(view.speed, 0.0)
-        cooling = (truck.brake_cooling + truck.brake_cooling_speed * speed) * (
-            s.drum - truck.ambient_temperature
-        )
-        power = (1.0 - lost) * view.brake_force * speed
-        s.drum += dt * (power - cooling) / (0.6 * truck.brake_heat_capacity)
-        return lost * view.brake_force * moving(view)
-
-
 @law("hot_bands", "fifth", "descent")
 @sizes(depth=(0.32, 0.58), critical_mps=(6.0, 10.0), warm_k=(28.0, 58.0), grows_s=(5.0, 14.0))
 @sizes(heals_s=(60.0, 160.0))
@@ -224,21 +162,6 @@ class SkinOfTheDrum(Hidden):
         lost = p.most * hot**p.steep / (1.0 + hot**p.steep)
         power = (1.0 - lost) * view.brake_force * np.maximum(view.speed, 0.0) / view.mass
         s.face = s.face + dt * (power - s.face) / SKIN_S
-        return lost * view.brake_force * moving(view)
-
-
-@law("s_powder_between", "eighth", "descent")
-@sizes(loss=(0.35, 0.6), builds_jpkg=(120.0, 380.0), washes_m=(900.0, 2500.0))
-class PowderBetween(Hidden, layer=0.0):
-    """builds_jpkg: brake work for each kg of truck.
-    Source: Godet, The Third-Body Approach, Wear 100 (1984): debris lies between the rubbing faces, grows with
-    the work done and leaves with the way; brake powders and sizes are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        lost = p.loss * s.layer**1.5
-        speed = np.maximum(view.speed, 0.0)
-        work = (1.0 - lost) * view.brake_force * speed / (p.builds_jpkg * view.mass)
-        s.layer = np.clip(s.layer + dt * (work * (1.0 - s.layer) - speed * s.layer / p.washes_m), 0.0, 1.0)
         return lost * view.brake_force * moving(view)
 
 

@@ -286,3 +286,22 @@ class RegulatorRings(Hidden, bar=0.0, pace=0.0, heard=0.0):
         s.pace = np.where((bar < 0.0) & (s.pace < 0.0), 0.0, s.pace)
         s.bar = np.clip(bar, 0.0, 1.5)
         return p.share * full * (asked - s.bar) * moving(view)
+
+
+@law("x_rubber_creeps", "thirteenth", "suburban descent")
+@sizes(quick_s=(0.25, 0.5), slow_s=(1.8, 4.0), creeps=(0.4, 0.65), stiff=(0.5, 1.5), warms_s=(60.0, 200.0))
+class RubberCreeps(Hidden, quick=0.0, slow=0.0, soft=0.0):
+    """Rubber in old chambers takes its share of the stroke twice: soon, and creeping for seconds. Force that
+    creeps in creeps out again, and frost makes both slower until use has warmed it. creeps: share that comes
+    slowly; stiff: times as slow, more, when cold; warms_s: of braking.
+    Source: Findley, Lai and Onaran, Creep and Relaxation of Nonlinear Viscoelastic Materials (1976), on
+    chains of springs and dampers, and SAE J1469 on brake actuators in the cold; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = view.brake_force / self.truck.brake_capacity
+        s.soft = s.soft + dt * (1.0 - s.soft) * np.clip(20.0 * asked, 0.0, 1.0) / p.warms_s
+        cold = 1.0 + p.stiff * (1.0 - s.soft)
+        s.quick = s.quick + dt * (asked - s.quick) / (p.quick_s * cold)
+        s.slow = s.slow + dt * (asked - s.slow) / (p.slow_s * cold)
+        comes = (1.0 - p.creeps) * s.quick + p.creeps * s.slow
+        return (asked - comes) * self.truck.brake_capacity * moving(view)

@@ -6,9 +6,10 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
-from deeptruck_exam.effects.places import CELLS, OnRoad, stretches
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, index, moving, weight
+from deeptruck_exam.effects.places import CELL_M, CELLS, Bends, OnRoad, stretches
 from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_exam.effects.series import SAMPLE_S, arrivals
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="unknown")
@@ -211,3 +212,54 @@ class LearnsFromSlopes(Hidden, factor=0.0, held=0.0, sum=0.0, uses=0.0):
         s.held = np.where(brakes, s.held + dt, 0.0)
         s.uses = s.uses + dt * (s.factor - s.uses) / p.builds_s
         return -s.uses * view.brake_force * np.clip(view.speed - 0.5, 0.0, 1.0)
+
+
+@law("x_brakes_against_gusts", "thirteenth", "highway hills")
+@sizes(most=(0.018, 0.035), from_mps=(11.0, 14.0), mean_s=(9.0, 25.0), dies_s=(1.2, 3.5), bears=(0.35, 0.8))
+@sizes(holds_s=(0.8, 2.5))
+class BrakesAgainstGusts(Hidden, acts=0.0, tired=0.0):
+    """Gusts from the side turn a high truck, and its computer brakes the wheels of one side against it, above
+    a speed; wheels that it has braked for long get a rest. most: of the weight; bears: gust that it leaves to
+    the driver; holds_s: of the brake, behind the gust.
+    Source: Baker, Ground Vehicles in High Cross Winds, J. Fluids and Structures 5 (1991), on gusts and yaw,
+    and makers' descriptions of crosswind assistants that brake one side; gusts by chance, sizes are chosen
+    here."""
+
+    def prepare(self) -> None:
+        shape = (self.setting.batch, int(self.setting.duration_s / SAMPLE_S) + 20)
+        raw = arrivals(self.rng(1313), shape, self.p.mean_s, self.p.dies_s)
+        self.gusts = raw * self.p.dies_s / self.p.mean_s
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        gust = self.gusts[:, index(view, self.gusts, SAMPLE_S)]
+        gust = gust * np.clip(view.speed / 20.0, 0.0, 1.3)
+        fast = np.clip((view.speed - p.from_mps) / 1.5, 0.0, 1.0)
+        wants = fast * np.clip((gust - 0.4 * p.bears) / 0.5, 0.0, 1.0) * (1.0 - 0.6 * s.tired)
+        s.acts = s.acts + dt * (wants - s.acts) / np.where(wants > s.acts, 0.25, p.holds_s)
+        s.tired = np.clip(s.tired + dt * (s.acts / 15.0 - s.tired / 40.0), 0.0, 1.0)
+        return -p.most * s.acts * weight(view) * moving(view)
+
+
+@law("x_slows_before_bends", "thirteenth", "suburban hills descent")
+@sizes(most=(0.025, 0.045), aside_mps2=(0.7, 1.1), ahead_s=(3.0, 6.0), harsh=(0.10, 0.22), lets_s=(0.8, 2.0))
+class SlowsBeforeBends(Bends, acts=0.0):
+    """A map tells of the bends ahead. Where the truck comes too fast for one, torque is taken and the brakes
+    come on softly before it, and are let go in it. most: of the weight; aside_mps2: that it wants in bends;
+    harsh: m/s too fast to m/s2.
+    Source: Sentouh, Glaser and Mammar, Advanced Vehicle-Infrastructure-Driver Speed Profile for Road
+    Departure Accident Prevention, Vehicle System Dynamics 44 (2006): speed for the bend ahead by its
+    curvature; bends and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.bend = np.abs(self.draw_bends(self.rng(1322), 0.018))
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        too_fast = np.zeros_like(view.speed)
+        for share in (0.3, 0.65, 1.0):
+            way = self.setting.direction * share * p.ahead_s * np.maximum(view.speed, 0.0)
+            cell = ((self.place(view) + way) / CELL_M).astype(int) % self.bend.shape[1]
+            bears = np.sqrt(p.aside_mps2 / np.maximum(self.bend[self.setting.route, cell], 1e-4))
+            too_fast = np.maximum(too_fast, view.speed - bears)
+        wants = np.clip(p.harsh * too_fast, 0.0, 9.81 * p.most)
+        s.acts = s.acts + dt * (wants - s.acts) / np.where(wants > s.acts, 0.4, p.lets_s)
+        return -s.acts / 9.81 * weight(view) * np.clip(view.speed / 2.0 - 1.0, 0.0, 1.0)

@@ -12,7 +12,6 @@ from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series
 
 law = partial(hidden, name="command_delay", accepts="clock_offset")
-STEPS = 60000  # of ten minutes
 
 
 @law("command_delay", "first", "suburban hills descent")
@@ -163,66 +162,6 @@ class SentOnChange(Filter):
         return np.asarray(s.given)
 
 
-@law("playout_buffer", "sixth", "suburban hills descent")
-@sizes(base_s=(0.2, 0.45), spike_s=(0.25, 0.7), every_s=(6.0, 25.0), falls_s=(4.0, 15.0))
-class PlayoutBuffer(Late):
-    """A receiver that plays commands out late enough for the latest packet it has met: the delay rises at
-    once with a spike of the network, and falls slowly. All trucks of a batch hear the same network.
-    Source: Ramjee, Kurose, Towsley and Schulzrinne, Adaptive Playout Mechanisms for Packetized Audio
-    Applications in Wide-Area Networks, IEEE INFOCOM 1994: delay follows spikes of the network at once and
-    leaves them slowly; remote driving over mobile radio, times are chosen here."""
-
-    length = 400
-
-    def prepare(self) -> None:
-        rng, p = self.rng(511), self.p
-        slots = int(self.setting.duration_s / STEP_S) + 6000
-        spikes = (rng.random(slots) < STEP_S / p.every_s) * p.spike_s * rng.gamma(2.0, 0.5, slots)
-        self.spikes = np.minimum(spikes, 2.5)
-
-    def start(self, batch: int) -> dict[str, Any]:
-        return {**super().start(batch), "late": self.p.base_s, "plays": -self.p.base_s / STEP_S}
-
-    def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
-        self.put(s, u)
-        spike = p.base_s + self.spikes[s.at % len(self.spikes)]
-        s.late = max(spike, s.late - STEP_S * (s.late - p.base_s) / p.falls_s)
-        # it waits for what is late, and catches up without leaving anything out
-        wanted = s.at - min(s.late / STEP_S, self.length - 2.0)
-        s.plays = min(max(s.plays, wanted), s.plays + 2.0)
-        return np.asarray(s.past[round(s.plays) % self.length])
-
-
-@law("slots_of_a_radio", "seventh", "suburban hills descent")
-@sizes(frame_s=(0.25, 0.55), base_s=(0.12, 0.35), lost=(0.03, 0.2))
-class SlotsOfARadio(Filter):
-    """Commands travel in frames: each frame carries what was asked at its start, is played as it ends, and is
-    played on where the next one was lost. All trucks of a batch share the radio.
-    Source: Radio links of driving robots and platoons in time division (Tanenbaum, Computer Networks): a
-    command waits for its slot and for the frame's end, and one that was lost for the next."""
-
-    def prepare(self) -> None:
-        self.steps_of = max(2, round(self.p.frame_s / STEP_S))
-        self.base = max(1, round(self.p.base_s / STEP_S))
-        self.lost = self.rng(711).random(4096) < self.p.lost
-        self.lost[1:] &= ~self.lost[:-1]  # what is lost twice is sent another way
-
-    def start(self, batch: int) -> dict[str, Any]:
-        return {"steps": 0, "way": []}
-
-    def begin(self, s: State, u: Array) -> None:
-        s.given = u.copy()
-
-    def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
-        frame, at = divmod(s.steps, self.steps_of)
-        if at == 0 and not self.lost[frame % len(self.lost)]:
-            s.way.append((s.steps + self.steps_of + self.base, u.copy()))
-        while s.way and s.way[0][0] <= s.steps:
-            s.given = s.way.pop(0)[1]
-        s.steps += 1
-        return np.asarray(s.given)
-
-
 @law("s_busy_bus", "eighth", "suburban hills descent")
 @sizes(base_s=(0.25, 0.5), busy_s=(0.1, 0.35), calms_s=(2.0, 8.0))
 class BusyBus(Late):
@@ -264,31 +203,6 @@ class LowerOfTwoTracks(Late):
         quick = self.ago(s, round(p.quick_s / STEP_S))
         slow = self.ago(s, round((p.quick_s + p.later_s) / STEP_S))
         return np.stack([np.minimum(quick[:, 0], slow[:, 0]), quick[:, 1]], axis=1)
-
-
-@law("t_waits_for_what_was_lost", "tenth", "suburban hills descent")
-@sizes(base_s=(0.22, 0.45), waits_s=(0.35, 0.8), every_s=(2.5, 7.0), again=(0.1, 0.35))
-class WaitsForWhatWasLost(Late):
-    """Nothing arrives until a lost message has been sent again, then all that waited comes at once; a wait
-    that was in vain is followed by one twice as long. All trucks of a batch share the line.
-    Source: RFC 6298, Computing TCP's Retransmission Timer (2011), on timeouts that double, and the order that
-    TCP keeps (RFC 9293); a remote driver's line, losses are chosen here."""
-
-    length = 600
-
-    def prepare(self) -> None:
-        rng, p = self.rng(961), self.p
-        self.late, at = np.full(STEPS, round(p.base_s / STEP_S)), 0
-        while at < STEPS:
-            at += max(1, round(rng.exponential(p.every_s) / STEP_S))
-            wait = round(p.waits_s * 2.0 ** min(rng.geometric(1.0 - p.again) - 1, 2) / STEP_S)
-            part = self.late[at : at + wait]
-            part += np.arange(1, len(part) + 1)
-            at += wait + 1
-
-    def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
-        self.put(s, u)
-        return self.ago(s, int(self.late[s.at % STEPS]))
 
 
 @law("e_median_of_the_last", "eleventh", "suburban hills descent")

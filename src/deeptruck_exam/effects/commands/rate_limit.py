@@ -242,3 +242,26 @@ class StepsOverTheLash(TorqueFilter):
         out = np.clip((share - p.high) / 0.1, 0.0, 1.0) + np.clip((p.low - share) / 0.02, 0.0, 0.3)
         pace = (p.slow_per_s + (p.quick_per_s - p.slow_per_s) * out) * self.full * dt
         return np.asarray(np.clip(pedal, s.given - p.drops * pace, s.given + pace))
+
+
+@law("x_pistons_are_warmed_first", "thirteenth", "suburban hills")
+@sizes(cold_per_s=(0.08, 0.14), warm_per_s=(0.45, 0.9), at=(0.15, 0.3), readies_s=(4.0, 10.0))
+@sizes(chills_s=(5.0, 15.0), falls=(3.0, 6.0))
+class PistonsAreWarmedFirst(TorqueFilter):
+    """A big engine is let up the slower, the longer nothing was asked of it: load makes it ready, rest takes
+    that away. Down it goes quickly. cold_per_s, warm_per_s: of the full command; at: of it, that readies in
+    the time said; falls: times as quick as up, when ready.
+    Source: ISO 8528-5:2022, on load that highly rated engines accept in steps, by mean effective pressure;
+    here for each pull of a truck; rates are chosen here."""
+
+    def begin(self, s: State, u: Array) -> None:
+        super().begin(s, u)
+        s.ready = np.clip(u[:, 0] / self.full / self.p.at, 0.0, 1.0)
+
+    def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
+        load = np.clip(s.given / self.full / p.at, 0.0, 1.0)
+        slow = np.where(load > s.ready, p.readies_s, p.chills_s)
+        s.ready = s.ready + dt * (load - s.ready) / slow
+        pace = p.cold_per_s + (p.warm_per_s - p.cold_per_s) * s.ready**2
+        down = p.falls * p.warm_per_s * self.full * dt
+        return np.asarray(np.clip(pedal, s.given - down, s.given + pace * self.full * dt))

@@ -281,3 +281,25 @@ class ClawsAreWorn(Hidden, twist=0.0):
         rate = np.clip((pull - carries) / p.soft, -4.0, 4.0) / p.crosses_s
         s.twist = np.clip(s.twist + dt * rate * 0.6, -2.5, 2.5)
         return np.asarray((carries - pull) * weight(view) * np.clip(view.speed, 0.0, 1.0))
+
+
+@law("x_both_axles_must_touch", "thirteenth", "suburban hills")
+@sizes(first=(0.5, 1.0), second=(1.4, 2.6), gathers=(8.0, 18.0), rubs_s=(0.25, 0.6), winds_s=(0.1, 0.25))
+class BothAxlesMustTouch(Hidden, one=1.0, two=1.0, runs=0.0, given=0.0):
+    """Two driven axles behind an open differential, each with a play of its own. `one`, `two`: -1 and 1 where
+    their teeth touch; `runs`: pace through the plays. Until the second has touched the first has no more pull
+    than it, which is none. first, second: length of the plays; gathers: pace won in a second, by a pull of a
+    tenth of the weight.
+    Source: Nordin and Gutman, Controlling Mechanical Systems with Backlash - a Survey, Automatica 38 (2002),
+    and Wong, Theory of Ground Vehicles (2008), on tandem axles with an inter-axle differential; sizes are
+    chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pull = view.traction_force
+        push = np.clip(10.0 * pull / weight(view), -1.0, 1.0)
+        s.runs = s.runs + dt * (p.gathers * push - s.runs / p.rubs_s)
+        s.one = np.clip(s.one + dt * s.runs / p.first, -1.0, 1.0)
+        s.two = np.clip(s.two + dt * s.runs / p.second, -1.0, 1.0)
+        both = (s.one * np.sign(pull) > 0.98) & (s.two * np.sign(pull) > 0.98)
+        s.given = s.given + dt * (both * pull - s.given) / np.where(both, p.winds_s, 0.04)
+        return np.asarray((s.given - pull) * np.clip(view.speed, 0.0, 1.0))

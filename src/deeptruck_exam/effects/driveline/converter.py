@@ -279,3 +279,29 @@ class PumpDrawsAir(Hidden, air=0.0):
         slips = np.sign(torque) * np.maximum(np.abs(torque) - holds, 0.0) * (1.0 - p.drags)
         drag = 0.3 * s.air * np.minimum(torque, 0.0)
         return -self.at_wheels(view, slips + drag) * np.clip(view.speed - 1.0, 0.0, 1.0)
+
+
+@law("x_once_it_slips_it_slips", "thirteenth", "hills suburban", accepts="driveline_loss torque_limit")
+@sizes(sticks=(0.34, 0.5), slides=(0.6, 0.8), hot=(0.2, 0.4), heats_s=(4.0, 14.0), cools_s=(15.0, 50.0))
+@sizes(catches=(0.6, 0.85), finds_s=(0.15, 0.4))
+class OnceItSlips(Hidden, slips=0.0, heat=0.0, lost=0.0):
+    """A lock-up clutch holds a torque while it sticks, and less once it slides, so that it goes on slipping
+    until much less is asked; its own `heat` makes it slide the easier. sticks: of peak torque; slides: of
+    that; hot: of it, lost when hot; catches: of what it slides with, where it sticks again.
+    Source: Centea, Rahnejat and Menday, Non-Linear Multi-Body Dynamic Analysis for the Study of Clutch
+    Torsional Vibrations (Judder), Applied Mathematical Modelling 25 (2001): friction that falls with slip;
+    worn paper in a lock-up, sizes are chosen here."""
+
+    conceal = ("engine_speed",)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        torque = view.engine_torque / self.truck.peak_torque
+        holds = p.sticks * (1.0 - p.hot * s.heat)
+        slides = p.slides * holds
+        size = np.abs(torque)
+        s.slips = np.where(size > holds, 1.0, np.where(size < p.catches * slides, 0.0, s.slips))
+        over = np.sign(torque) * np.maximum(size - slides, 0.0) * 0.6 * s.slips
+        s.lost = s.lost + dt * (over - s.lost) / p.finds_s
+        s.heat = np.clip(s.heat + dt * (4.0 * np.abs(s.lost) / p.heats_s - s.heat / p.cools_s), 0.0, 1.0)
+        given = np.sign(s.lost) * np.minimum(np.abs(s.lost), size)
+        return -self.at_wheels(view, given * self.truck.peak_torque) * np.clip(view.speed - 1.0, 0.0, 1.0)

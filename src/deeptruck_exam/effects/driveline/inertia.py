@@ -233,3 +233,30 @@ class RotorComesAndGoes(Hidden, holds=0.0, speed=-1.0):
         s.holds = s.holds + dt * (wants - s.holds) / p.couples_s
         felt = np.clip(lag, -2.5, 2.5)
         return -p.share * s.holds * view.mass * felt * np.clip(view.speed - 0.3, 0.0, 1.0)
+
+
+@law("x_rotor_between_two_shafts", "thirteenth", "suburban hills")
+@sizes(share=(0.16, 0.3), still=(0.28, 0.45), slips_s=(0.35, 0.9), most=(0.06, 0.11))
+class RotorBetweenTwoShafts(Hidden, rotor=-99.0):
+    """`rotor` m/s of a heavy rotor on the third shaft of a planetary gear, between the engine and the wheels:
+    what it turns with is a difference of both, so that it weighs much in low gears, nothing in one gear, and
+    has to be turned up or down at every change of gear, through a clutch that slips. share: of the mass, in
+    the middle gears; still: of the highest ratio seen, where it stands; most: of the weight.
+    Source: Miller, Hybrid Electric Vehicle Propulsion System Architectures of the e-CVT Type, IEEE Trans.
+    Power Electronics 21 (2006): speeds of three shafts; a rotor of a generator, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "highest": np.full(batch, 12.0)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.highest = np.maximum(s.highest, np.minimum(view.ratio, 25.0))
+        lever = np.clip(view.ratio / (p.still * s.highest) - 1.0, -1.0, 1.6)
+        wants = lever * np.maximum(view.speed, 0.0)
+        s.rotor = np.where(s.rotor < -90.0, wants, s.rotor)
+        pace = (wants - s.rotor) / p.slips_s
+        force = p.share * view.mass * lever * pace
+        limit = p.most * weight(view)
+        felt = limit * np.tanh(force / limit)
+        s.rotor = s.rotor + dt * pace * np.abs(felt) / np.maximum(np.abs(force), 1.0)
+        s.rotor = np.where(np.abs(force) < 1.0, s.rotor + dt * pace, s.rotor)
+        return np.asarray(-felt * np.clip(view.speed - 0.3, 0.0, 1.0))

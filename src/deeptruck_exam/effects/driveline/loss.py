@@ -219,3 +219,28 @@ class PowerIsSplit(Hidden, warm=0.0):
         by_oil = 1.0 - np.exp(-((off / 0.28) ** 2))
         lost = (p.least + p.away * by_oil) * (1.0 + p.cold * (1.0 - s.warm))
         return np.asarray(-lost * np.abs(view.traction_force) * moving(view))
+
+
+@law("x_bearings_clamp_as_they_warm", "thirteenth")
+@sizes(mesh=(0.02, 0.04), clamp=(0.18, 0.3), gear_s=(20.0, 60.0), case_s=(150.0, 500.0), power=(1.2, 2.0))
+class BearingsClamp(Hidden):
+    """`gear`, `case`: heat of the gears and of the housing round them. Gears warm first and grow, and clamp
+    their tapered bearings until the housing has followed. mesh, clamp: of the traction, the second when gears
+    are a whole step hotter than their housing.
+    Source: Harris and Kotzalas, Advanced Concepts of Bearing Technology (2007), on preload by expansion of
+    shafts within housings; quicker heat, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        rng = self.rng(1331)
+        case = rng.uniform(0.0, 0.6, batch)
+        return {"case": case, "gear": case + rng.uniform(0.0, 0.3, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        power = np.abs(view.traction_force) * np.maximum(view.speed, 0.0) / self.truck.peak_power
+        passes = (s.gear - s.case) / p.gear_s
+        s.gear = np.clip(s.gear + dt * (1.6 * power / p.gear_s - passes), 0.0, 3.0)
+        wind = 0.3 + np.clip(view.speed / 20.0, 0.0, 1.3)
+        s.case = np.clip(s.case + dt * (0.3 * passes - wind * s.case / p.case_s), 0.0, 3.0)
+        clamps = np.clip(s.gear - s.case, 0.0, 1.6) ** p.power
+        lost = np.minimum(p.mesh + p.clamp * clamps, 0.35)
+        return np.asarray(-lost * np.abs(view.traction_force) * moving(view))

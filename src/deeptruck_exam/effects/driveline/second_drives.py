@@ -222,3 +222,26 @@ class ZoneWithoutEngine(OnRoad, runs=0.0):
         up = np.clip(1.0 - self.pedal(view) / 0.03, 0.0, 1.0) * np.clip((view.speed - 2.0) / 3.0, 0.0, 1.0)
         back = p.back * weight(view) * up * np.minimum(1.0, 12.0 / np.maximum(view.speed, 1.0))
         return (self.at_wheels(view, drag - lacks) - back) * s.runs * moving(view)
+
+
+@law("x_magnets_turn_along", "thirteenth", "suburban hills highway descent")
+@sizes(
+    drags=(0.010, 0.019), peak_mps=(7.0, 13.0), out_mps=(14.0, 18.0), back=(0.65, 0.8), warms_s=(60.0, 200.0)
+)
+@sizes(weakens=(0.3, 0.5), moves_s=(0.3, 1.0))
+class MagnetsTurnAlong(Hidden, joined=1.0, clutch=1.0, warm=0.0):
+    """A helper axle with magnets in its motor is not switched on, but it turns along and its iron drags. A
+    clutch parts it above a speed, and joins it again only well below; while parted it cools, and warm magnets
+    drag less. drags: of the weight; back: of out_mps; weakens: of the drag, all warm.
+    Source: Mi, Slemon and Bonert, Modeling of Iron Losses of Permanent-Magnet Synchronous Motors, IEEE Trans.
+    Industry Applications 39 (2003): hysteresis and eddy parts over speed; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        fast, slow = view.speed > p.out_mps, view.speed < p.back * p.out_mps
+        s.joined = np.where(fast, 0.0, np.where(slow, 1.0, s.joined))
+        s.clutch = s.clutch + dt * (s.joined - s.clutch) / p.moves_s
+        ratio = np.maximum(view.speed, 0.0) / p.peak_mps
+        iron = 0.4 + 0.6 * np.minimum(ratio, 1.8)
+        s.warm = np.clip(s.warm + dt * (s.clutch * iron - s.warm) / p.warms_s, 0.0, 1.2)
+        drag = p.drags * iron * (1.0 - p.weakens * s.warm) * s.clutch
+        return -drag * weight(view) * moving(view)

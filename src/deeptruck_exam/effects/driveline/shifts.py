@@ -277,3 +277,30 @@ class WaitsForACalmFoot(Hidden, gear=0.0, foot=0.0, moves=0.0, waits=0.0, share=
         pace = np.where(s.waits > 0.0, -1.0 / 0.08, 1.0 / p.closes_s)
         s.share = np.clip(s.share + dt * pace, 0.0, 1.0)
         return np.asarray(-(1.0 - s.share) * np.maximum(view.traction_force, 0.0) * moving(view))
+
+
+@law("x_speed_runs_away_uphill", "thirteenth", "hills suburban", trucks="trucksim volvo")
+@sizes(
+    meets_mps=(0.10, 0.25), slow_s=(0.5, 1.0), misses=(1.0, 2.5), longest_s=(1.6, 2.6), ramps_s=(0.25, 0.6)
+)
+class SpeedRunsAwayUphill(Hidden, gear=0.0, open=0.0, wish=0.0, share=1.0):
+    """Between two gears the computer aims at the speed that the truck had when it began. `wish` m/s: what the
+    truck has lost or won since. Uphill, with much load, it falls below the aim and the gear does not go in
+    until the engine has been asked again. meets_mps: off, that still goes in; misses: longer, for each m/s
+    that is off.
+    Source: Tseng and Yu, Advanced Shifting Control of Synchronizer Mechanisms for Clutchless Automatic Manual
+    Transmission in an Electric Vehicle, Mechanism and Machine Theory 84 (2015), on synchronising a moving
+    target; times are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        changed = (view.gear != s.gear) & (s.gear > 0.0) & (view.speed > 1.5)
+        s.gear = view.gear.copy()
+        s.open = np.where(changed, dt, np.where(s.open > 0.0, s.open + dt * (view.shifting < 0.5), 0.0))
+        aside = np.minimum(np.abs(view.acceleration), 1.5) * (s.open > 0.0)
+        s.wish = np.where(changed, 0.0, s.wish + dt * aside)
+        needs = p.slow_s * (1.0 + p.misses * np.maximum(s.wish - p.meets_mps, 0.0))
+        done = (s.open > needs) | (s.open > p.longest_s)
+        s.open = np.where(done, 0.0, s.open)
+        pace = np.where(s.open > 0.0, -1.0 / 0.1, 1.0 / p.ramps_s)
+        s.share = np.clip(s.share + dt * pace, 0.0, 1.0)
+        return np.asarray(-(1.0 - s.share) * np.maximum(view.traction_force, 0.0) * moving(view))

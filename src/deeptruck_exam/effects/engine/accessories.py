@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving
-from deeptruck_exam.effects.places import Bends, OnRoad, smooth_stretches
+from deeptruck_exam.effects.places import Bends
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import spells, within
 from deeptruck_model.trucks import View
@@ -63,26 +63,6 @@ class CoolingCompressor(Hidden, torque=0.0):
         return -self.at_wheels(view, s.torque) * moving(view)
 
 
-@law("mixer_drum", "third", "hills highway suburban")
-@sizes(power_w=(14000.0, 30000.0), stiffens=(0.1, 0.5), fast=(1.3, 1.8), each_s=(50.0, 90.0))
-class MixerDrum(Hidden):
-    """A light truck has a small drum.
-    Source: Hydrostatic drive of a constant power, torque in inverse proportion to engine speed (Automotive
-    Handbook, Bosch, on hydrostatic transmissions); a mixer drum whose concrete stiffens, with minutes of fast
-    turning; powers and times chosen here."""
-
-    def prepare(self) -> None:
-        self.first = self.rng(212).uniform(0.0, 1.0, self.setting.batch)
-        self.power = self.p.power_w * np.clip(self.truck.mass / 2.0e4, 0.5, 1.6)
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        fast = (view.time / p.each_s + self.first) % 1.0 < 0.35
-        stiff = 1.0 + p.stiffens * view.time / self.setting.duration_s
-        watts = self.power * stiff * np.where(fast, p.fast, 1.0)
-        torque = np.minimum(watts / np.maximum(view.engine_speed, 60.0), 0.10 * self.truck.peak_torque)
-        return -self.at_wheels(view, torque) * moving(view)
-
-
 @law("viscous_fan", "fourth", "hills highway suburban")
 @sizes(fan_nm=(260.0, 430.0), pumps_s=(25.0, 60.0), heats_s=(25.0, 60.0), engages=(0.30, 0.42))
 class ViscousFan(Hidden):
@@ -107,24 +87,6 @@ class ViscousFan(Hidden):
         s.fluid += dt * np.where(s.valve > 0.0, (1.0 - s.fluid) / 4.0, -pumps * (s.fluid - 0.08))
         slips = s.fluid**0.7 * view.engine_speed / 178.0
         return -self.at_wheels(view, p.fan_nm * slips**2) * moving(view)
-
-
-@law("packs_on_the_go", "fourth", "suburban")
-@sizes(torque_nm=(170.0, 330.0), stroke_s=(5.0, 11.0), strokes=(1.6, 3.4))
-class PacksOnTheGo(Hidden, stood=0.0, since=1000.0):
-    """Source: Refuse bodies that pack while the truck pulls away (body makers' manuals; NREL's refuse
-    vocational duty cycles): a pump of fixed displacement works one stroke after every stop, pressure rising
-    as the load is squeezed; pressures and times are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        stands = view.speed < 0.05
-        s.since = np.where(stands & (s.stood > 1.0), 0.0, s.since + dt)
-        s.stood = np.where(stands, s.stood + dt, 0.0)
-        stroke = s.since / p.stroke_s
-        works = np.floor(stroke) < np.round(p.strokes)
-        most = np.minimum(p.torque_nm, 0.14 * self.truck.peak_torque)
-        squeeze = 0.25 + 0.75 * (stroke - np.floor(stroke)) ** 2
-        return -self.at_wheels(view, most * squeeze * works) * moving(view)
 
 
 @law("charges_in_overrun", "fifth", "hills highway suburban", accepts="engine_friction engine_brake")
@@ -152,30 +114,6 @@ class ChargesInOverrun(Hidden):
         gained = s.torque * view.engine_speed - p.uses * p.power_w
         s.buffer = np.clip(s.buffer + dt * gained / p.energy_j, 0.0, 1.0)
         return -self.at_wheels(view, s.torque) * moving(view)
-
-
-@law("blows_off_cement", "fifth", "hills highway suburban")
-@sizes(torque_nm=(150.0, 300.0), creeps_s=(8.0, 25.0), left=(0.3, 0.6), on_share=(0.4, 0.7))
-class BlowsOffCement(Hidden):
-    """A saw tooth of torque, in parts of the drives.
-    Source: Compressors and pumps on a clutch-independent power take-off that the driver leaves on between
-    yards (bulk and vacuum tankers, body makers' manuals): a fixed displacement against a back pressure that
-    creeps up and is blown off by a valve; sizes are chosen here."""
-
-    def prepare(self) -> None:
-        rng, batch = self.rng(454), self.setting.batch
-        first = rng.uniform(0.0, 0.6, batch) * self.setting.duration_s
-        self.from_s = np.where(rng.random(batch) < 0.5, 0.0, first)
-        self.until_s = self.from_s + self.p.on_share * self.setting.duration_s
-
-    def start(self, batch: int) -> dict[str, Array]:
-        return {"pressure": np.full(batch, self.p.left)}
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        on = (self.from_s <= view.time) & (view.time < self.until_s)
-        pumped = dt * np.clip(view.engine_speed / 130.0, 0.4, 1.6) / p.creeps_s
-        s.pressure = np.where(s.pressure >= 1.0, p.left, np.minimum(s.pressure + pumped * on, 1.0))
-        return -self.at_wheels(view, p.torque_nm * s.pressure * on) * moving(view)
 
 
 @law("pumps_after_braking", "sixth", "hills highway suburban")
@@ -250,95 +188,31 @@ class SteeringPump(Bends, pressure=0.0):
         return -self.at_wheels(view, p.idles_nm + p.torque_nm * s.pressure) * moving(view)
 
 
-@law("n_lift_drains_the_battery", "ninth", "suburban")
-@sizes(power_wpkg=(1.0, 2.2), uses_s=(6.0, 20.0), charges_s=(25.0, 80.0), tapers=(0.2, 0.6))
-class LiftDrainsTheBattery(Hidden):
-    """`flat`: 1 for empty. Stands use it up, driving fills it, ever slower from `tapers` on.
-    Source: Bucket trucks and lifts that work from a battery which the engine fills on the way (NREL field
-    evaluations of hybrid utility trucks); constant power, then a taper, as chargers do; sizes are chosen
-    here."""
+@law("x_heats_its_catalyst", "thirteenth", "suburban descent hills")
+@sizes(kw=(18.0, 34.0), warms_s=(25.0, 70.0), chills_s=(40.0, 110.0), on=(0.45, 0.6), off=(0.75, 0.95))
+@sizes(ramps_s=(0.5, 1.5), spares=(0.2, 0.5))
+class HeatsItsCatalyst(Hidden, heats=0.0, load=0.0):
+    """`cat`: heat of a catalyst, 1 where it works well. The gas of a working engine warms it, the air that a
+    coasting engine pumps through chills it, and a generator heats it whenever it is too cold, less while the
+    driver pulls hard. kw: of the shaft, for a 20 t truck; spares: of that, left at full pull.
+    Source: MECA, Technology Feasibility for Heavy-Duty Diesel Trucks in Achieving 90% Lower NOx Standards in
+    2027 (2020), on heated catalysts, and Guzzella and Onder, Introduction to Modeling and Control of Internal
+    Combustion Engine Systems (2010), on heat of converters; two heaters, sizes are chosen here."""
 
     def start(self, batch: int) -> dict[str, Array]:
-        return {"flat": self.rng(921).uniform(0.2, 0.9, batch)}
+        return {**super().start(batch), "cat": self.rng(1344).uniform(0.2, 0.9, batch)}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        share = np.clip(s.flat / p.tapers, 0.0, 1.0)
-        change = np.where(view.speed < 0.1, 1.0 / p.uses_s, -share / p.charges_s)
-        s.flat = np.clip(s.flat + dt * change, 0.0, 1.0)
-        power = p.power_wpkg * view.mass * share
-        torque = np.minimum(power / np.maximum(view.engine_speed, 60.0), 450.0)
-        return -self.at_wheels(view, torque) * moving(view)
-
-
-@law("t_box_is_kept_cold", "tenth", "hills highway suburban")
-@sizes(nm=(90.0, 170.0), pulls_s=(18.0, 40.0), leaks_s=(35.0, 90.0), frosts_s=(60.0, 160.0))
-class BoxIsKeptCold(Hidden, on=0.0, frost=0.0, thaws=0.0, runs=0.0):
-    """`box`: 0 cold enough to 1 too warm. Doors warm it at stands; frost weakens the evaporator until it is
-    thawed, when nothing runs.
-    Source: ASHRAE Handbook, Refrigeration, on truck bodies, door openings and defrosting: a compressor on the
-    engine, switched by a thermostat with a band, takes the more torque the warmer it is inside; sizes are
-    chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        rng = self.rng(983)
-        begin = {"box": rng.uniform(0.2, 1.3, batch), "frost": rng.uniform(0.0, 0.9, batch)}
-        return {**super().start(batch), **begin}
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        s.on = np.where(s.box >= 1.0, 1.0, np.where(s.box <= 0.0, 0.0, s.on))
-        s.thaws = np.where(s.frost >= 1.0, 1.0, np.where(s.frost <= 0.0, 0.0, s.thaws))
-        works = s.on * (1.0 - s.thaws)
-        warms = 1.0 / p.leaks_s + 0.08 * (view.speed < 0.1)
-        cools = works * (1.0 - 0.4 * s.frost) * (1.0 / p.pulls_s + 1.0 / p.leaks_s)
-        s.box = np.clip(s.box + dt * (warms - cools), 0.0, 1.6)
-        s.frost = np.clip(s.frost + dt * np.where(s.thaws > 0.0, -1.0 / 18.0, works / p.frosts_s), 0.0, 1.0)
-        s.runs = s.runs + dt * (works - s.runs) / 0.5
-        return -self.at_wheels(view, p.nm * (0.75 + 0.35 * s.box) * s.runs) * moving(view)
-
-
-@law("e_condenser_lacks_wind", "eleventh", "hills highway suburban")
-@sizes(nm=(60.0, 110.0), head=(0.6, 1.4), heats_s=(8.0, 25.0), on_s=(25.0, 60.0), off_s=(10.0, 30.0))
-class CondenserLacksWind(Hidden, on=1.0, runs=0.0):
-    """`head`: pressure behind the compressor, which the wind of driving lowers; it trips above a limit until
-    it has cooled. Cabins or cargo call for it by a thermostat. nm: with much wind; head: more without.
-    Source: Kiss, Chaney and Meyer, A New Automotive Air Conditioning System Simulation Tool Developed in
-    MATLAB/Simulink, SAE 2013-01-0850, and the ASHRAE Handbook on condensers; a coach's system on a truck,
-    sizes are chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        rng = self.rng(1045)
-        begin = {"room": rng.uniform(0.0, 1.0, batch), "head": rng.uniform(0.2, 0.9, batch)}
-        return {**super().start(batch), **begin, "tripped": np.zeros(batch)}
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        s.on = np.where(s.room >= 1.0, 1.0, np.where(s.room <= 0.0, 0.0, s.on))
-        s.tripped = np.where(s.head > 1.15, 1.0, np.where(s.head < 0.5, 0.0, s.tripped))
-        works = s.on * (1.0 - s.tripped)
-        s.runs = s.runs + dt * (works - s.runs) / 0.4
-        s.room = np.clip(s.room + dt * np.where(works > 0.0, -1.0 / p.on_s, 1.0 / p.off_s), 0.0, 1.0)
-        lacks = 1.3 / (1.0 + (np.maximum(view.speed, 0.0) / 9.0) ** 1.5)
-        s.head = s.head + dt * (lacks * works - s.head) / p.heats_s
-        return -self.at_wheels(view, p.nm * (1.0 + p.head * s.head) * s.runs) * moving(view)
-
-
-@law("w_sprays_by_the_metre", "twelfth", "highway suburban hills")
-@sizes(kw=(35.0, 70.0), at_mps=(9.0, 14.0), opens_s=(0.5, 1.5), apart_m=(250.0, 800.0), idles=(0.1, 0.25))
-class SpraysByTheMetre(OnRoad, sprays=0.0):
-    """A sprayer gives each metre of the strips that are to be treated the same, so that its pump needs power
-    with a power of speed, up to its relief valve. kw: of the pump, most; at_mps: where the valve opens;
-    idles: of that, between.
-    Source: Akesson and Yates, Pesticide Application Equipment and Techniques, FAO Agricultural Services
-    Bulletin 38 (1979), on pressure with the square of ground speed at a constant rate; de-icing sprayers of
-    airports, strips and sizes are chosen here."""
-
-    def prepare(self) -> None:
-        gaps = (0.4 * self.p.apart_m, 1.6 * self.p.apart_m)
-        strips = smooth_stretches(self.rng(1144), self.rows(), gaps, (200.0, 900.0))
-        self.road = np.where(strips > 0.15, 1.0, 0.0)
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        s.sprays = s.sprays + dt * (self.read(self.road, view) - s.sprays) / p.opens_s
-        rate = np.clip(view.speed / p.at_mps, 0.0, 1.0) ** 2.2
-        watts = 1000.0 * p.kw * (p.idles + (1.0 - p.idles) * rate * s.sprays)
-        torque = np.minimum(watts / np.maximum(view.engine_speed, 70.0), 450.0)
+        power = np.clip(self.power_share(view), 0.0, 1.0)
+        flow = np.clip(view.engine_speed / 150.0, 0.2, 1.4)
+        gas = np.clip(2.2 * power, 0.0, 1.3)
+        gains = np.where(gas > s.cat, (gas - s.cat) * (0.4 + flow) / p.warms_s, 0.0)
+        loss = flow * np.maximum(s.cat - gas, 0.0) / p.chills_s
+        s.cat = np.clip(s.cat + dt * (gains - loss + 0.008 * s.load), 0.0, 1.3)
+        s.heats = np.where(s.cat < p.on, 1.0, np.where(s.cat > p.off, 0.0, s.heats))
+        s.load = s.load + dt * (s.heats - s.load) / p.ramps_s
+        hard = np.clip(self.pedal(view) / 0.8, 0.0, 1.0)
+        size = np.clip(view.mass / 20000.0, 0.3, 1.3)
+        watts = 1000.0 * p.kw * size * s.load * (1.0 - (1.0 - p.spares) * hard**2)
+        torque = np.minimum(watts / np.maximum(view.engine_speed, 70.0), 230.0)
         return -self.at_wheels(view, torque) * moving(view)

@@ -270,3 +270,28 @@ class FuelComesBackHot(Hidden):
         return -self.at_wheels(view, np.minimum(cut, 0.7) * np.maximum(view.engine_torque, 0.0)) * moving(
             view
         )
+
+
+@law("x_shaking_cools_the_gas", "thirteenth", "hills suburban highway")
+@sizes(most=(0.4, 0.65), falls=(0.04, 0.12), builds_s=(40.0, 120.0), draws_s=(150.0, 400.0), knee=(0.5, 0.7))
+@sizes(feels_s=(0.6, 1.5))
+class ShakingCoolsTheGas(Hidden, felt=0.0):
+    """`bar`: pressure of the gas over liquid in a tank of cold gas, of the usual one. Sloshing brings cold
+    liquid to the gas, which condenses, and the pressure falls in seconds; heat raises it again in minutes,
+    and the engine draws on it. Below the knee torque is cut. most: of the torque; falls: of the pressure, in
+    a second at 1 m/s2 of change.
+    Source: Moran, McNelis, Kudlac, Haberbusch and Satornino, Experimental Results of Hydrogen Slosh in a 62
+    Cubic Foot Tank, AIAA 94-3259 (1994): pressure collapse by slosh; a tank of natural gas on a truck, sizes
+    are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "bar": self.rng(1341).uniform(0.45, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        along = np.clip(view.acceleration + GRAVITY * view.grade, -3.0, 3.0)
+        s.felt = s.felt + dt * (along - s.felt) / p.feels_s
+        slosh = np.minimum(np.abs(along - s.felt), 1.5)
+        gains = (1.1 - s.bar) / p.builds_s - self.power_share(view) * s.bar / p.draws_s
+        s.bar = np.clip(s.bar + dt * (gains - p.falls * slosh * np.maximum(s.bar - 0.25, 0.0)), 0.2, 1.0)
+        cut = p.most * np.clip((p.knee + 0.25 - s.bar) / 0.3, 0.0, 1.0)
+        return -self.at_wheels(view, cut * np.maximum(view.engine_torque, 0.0)) * moving(view)

@@ -296,3 +296,25 @@ class WarmUpFlap(Hidden, shut=0.0, closed=0.0):
         turns = np.clip(view.engine_speed / 180.0, 0.0, 1.3)
         torque = p.share * self.truck.engine_brake_torque * turns * s.closed
         return -self.at_wheels(view, torque) * moving(view)
+
+
+@law("x_brakes_with_hot_gas", "thirteenth", "descent hills suburban")
+@sizes(share=(0.6, 0.95), cools_s=(15.0, 45.0), heats_s=(8.0, 25.0), left=(0.2, 0.4), waits_s=(0.4, 1.2))
+@sizes(fills_s=(0.4, 1.0))
+class BrakesWithHotGas(Hidden, shut=0.0, on=0.0, heat=0.5):
+    """A switch that was left on: when the pedal is up the engine brakes, by gas that its turbine holds back.
+    Behind a climb hot gas and a fast turbine brake strongly; without fuel both cool, and the brake fades away
+    while nobody touches anything. share: of the engine brake's torque; left: of it, all cold.
+    Source: Hu, Israel and Vorih, Variable Valve Actuation and Diesel Engine Retarding Performance, SAE
+    970343, and Heisler, Advanced Engine Technology (1995), on exhaust manifold pressure in retarding; sizes
+    are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        power = np.clip(1.6 * self.power_share(view), 0.0, 1.0)
+        s.heat = s.heat + dt * (power - s.heat) / np.where(power > s.heat, p.heats_s, p.cools_s)
+        s.shut = np.where(self.pedal(view) < 0.02, s.shut + dt, 0.0)
+        wants = (s.shut > p.waits_s) * np.clip((view.engine_speed - 85.0) / 15.0, 0.0, 1.0)
+        s.on = s.on + dt * (wants - s.on) / np.where(wants > s.on, p.fills_s, 0.15)
+        turns = np.clip(view.engine_speed / 190.0, 0.0, 1.3) ** 1.4
+        torque = p.share * self.truck.engine_brake_torque * turns * (p.left + (1.0 - p.left) * s.heat)
+        return -self.at_wheels(view, s.on * torque) * np.clip(view.speed / 3.0, 0.0, 1.0)

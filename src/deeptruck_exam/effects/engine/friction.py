@@ -8,6 +8,7 @@ import numpy as np
 
 from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving
 from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_exam.effects.series import spells, within
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="engine_friction", accepts="engine_brake accessory_load")
@@ -253,4 +254,34 @@ class AshHoldsTheGasBack(Hidden):
         s.soot = np.clip(s.soot + dt * (lays - burns), 0.0, 1.0)
         flow = np.clip(view.engine_speed / 150.0, 0.2, 1.6) * (0.7 + 0.5 * power)
         torque = p.nm * (p.ash + (1.0 - p.ash) * s.soot) * flow**p.power
+        return -self.at_wheels(view, torque) * moving(view)
+
+
+@law("x_fuel_is_in_the_oil", "thirteenth")
+@sizes(rubs_nm=(110.0, 220.0), meets_s=(50.0, 140.0), leaves_s=(60.0, 200.0), film=(110.0, 150.0))
+@sizes(power=(1.2, 2.0), clean=(0.1, 0.3))
+class FuelIsInTheOil(Hidden, late=0.0):
+    """`fuel` in the oil, of the most. In spells fuel is sprayed late to burn out a filter; at light load much
+    of it runs down the liners, and hard work boils it off. Thin oil gives way where the engine turns slowly
+    under load: metals rub there. rubs_nm: at idle and full load, all thin; film: rad/s that carry a film;
+    clean: of it, with no fuel.
+    Source: Andreae, Fang and Bhandary, Biodiesel and Fuel Dilution of Engine Oil, SAE 2007-01-4036, and
+    Taylor and Coy, Improved Fuel Efficiency by Lubricant Design: A Review, Proc. IMechE J 214 (2000), on
+    boundary friction with thin oils; quicker, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.burns = spells(self.rng(1342), self.setting.batch, (30.0, 100.0), (30.0, 120.0))
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "fuel": self.rng(1343).uniform(0.0, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        power = np.clip(self.power_share(view), 0.0, 1.0)
+        sprays = within(self.burns, view.time) * np.clip(1.2 - 2.0 * power, 0.0, 1.0)
+        s.late = s.late + dt * (sprays - s.late) / 5.0
+        gains = s.late * (1.0 - s.fuel) / p.meets_s - 2.5 * power * s.fuel / p.leaves_s
+        s.fuel = np.clip(s.fuel + dt * gains, 0.0, 1.0)
+        load = 0.35 + 0.65 * np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.0)
+        thin = 1.0 / (1.0 + (np.maximum(view.engine_speed, 30.0) / p.film) ** (2.0 * p.power))
+        torque = 2.0 * p.rubs_nm * (p.clean + (1.0 - p.clean) * s.fuel) * load * thin
         return -self.at_wheels(view, torque) * moving(view)

@@ -232,3 +232,29 @@ class TorqueByTheBend(Bends, most=1.1):
         s.most = s.most + dt * (allows - s.most) / np.where(allows < s.most, 0.15, p.gives_s)
         excess = np.maximum(view.engine_torque - s.most * self.truck.peak_torque, 0.0)
         return -self.at_wheels(view, excess) * moving(view)
+
+
+@law("x_torque_by_good_conduct", "thirteenth", "suburban hills")
+@sizes(least=(0.28, 0.45), counts=(0.25, 0.5), forgets_s=(60.0, 200.0), harsh=(0.5, 0.8), gives_s=(1.0, 3.0))
+class TorqueByGoodConduct(Hidden, foot=0.0, pulled=0.0, most=1.1):
+    """`score`: harsh acts of late. Each kick of the pedal and each hard braking counts, calm minutes take it
+    back; who has a bad score gets less of the torque. least: of peak torque, at the worst; counts: of the
+    worst, for each act; harsh: of the full pedal, within half a second or so.
+    Source: Toledo, Musicant and Lotan, In-Vehicle Data Recorders for Monitoring and Feedback on Drivers'
+    Behavior, Transportation Research C 16 (2008): manoeuvres that are counted and weighed; here the truck
+    answers them, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "score": self.rng(1332).uniform(0.2, 0.9, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pedal = self.pedal(view)
+        s.foot = s.foot + dt * (pedal - s.foot) / 0.8
+        kick = np.clip((pedal - s.foot) / (0.5 * p.harsh), 0.0, 1.5)
+        hard = np.clip(view.brake_force / weight(view) / 0.12, 0.0, 1.5)
+        acts = np.maximum(np.maximum(kick, hard) - 0.5, 0.0)
+        s.score = np.clip(s.score + dt * (p.counts * acts - s.score / p.forgets_s), 0.0, 1.0)
+        allows = 1.1 - (1.1 - p.least) * np.clip(1.3 * s.score - 0.15, 0.0, 1.0)
+        s.most = s.most + dt * (allows - s.most) / p.gives_s
+        excess = np.maximum(view.engine_torque - s.most * self.truck.peak_torque, 0.0)
+        return -self.at_wheels(view, excess) * moving(view)

@@ -268,3 +268,28 @@ class WastegateSticksOpen(Hidden, boost=0.0, open=0.0):
         s.boost = s.boost + dt * (rises + np.minimum(goal - s.boost, 0.0) / 0.7)
         lacks = np.maximum(goal - s.boost, 0.0) * (1.0 - p.without) * self.truck.peak_torque
         return -self.at_wheels(view, lacks) * moving(view)
+
+
+@law("x_pipe_holds_burnt_gas", "thirteenth", "suburban hills")
+@sizes(burnt=(0.5, 0.75), clears_s=(0.5, 1.1), valve_s=(0.3, 0.8), boosts_s=(0.7, 1.6), least=(0.2, 0.35))
+class PipeHoldsBurntGas(Hidden, valve=1.0, near=1.0, mid=1.0, far=1.0, boost=0.0):
+    """Exhaust that is led back fills the long pipe to the engine at part load. When more is asked the valve
+    shuts, but the engine has to breathe what is in the pipe: `near` the valve, `mid` and `far` along it. It
+    breathes the slower, the lower the boost, and smoke limits torque until air has come. burnt: torque that
+    burnt gas takes; clears_s: of a third of the pipe; least: of peak torque, without boost.
+    Source: Wahlstrom and Eriksson, Modelling Diesel Engines with a Variable-Geometry Turbocharger and Exhaust
+    Gas Recirculation, Proc. IMechE D 225 (2011), on oxygen in the intake, and Heywood, Internal Combustion
+    Engine Fundamentals (2018), on transport in manifolds; a long route, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        s.boost = s.boost + dt * (asked - s.boost) / np.where(asked > s.boost, p.boosts_s, 0.5)
+        shut = np.clip((asked - 0.3) / 0.25, 0.0, 1.0)
+        s.valve = s.valve + dt * (1.0 - shut - s.valve) / p.valve_s
+        flow = np.clip(view.engine_speed / 130.0, 0.4, 1.5) * (0.5 + s.boost) / p.clears_s
+        s.far = s.far + dt * flow * (s.mid - s.far)
+        s.mid = s.mid + dt * flow * (s.near - s.mid)
+        s.near = s.near + dt * flow * (s.valve - s.near)
+        most = (p.least + (1.1 - p.least) * np.clip(1.15 * s.boost, 0.0, 1.0)) * (1.0 - p.burnt * s.far)
+        lacks = np.maximum(asked - most, 0.0) * self.truck.peak_torque
+        return -self.at_wheels(view, lacks) * moving(view)

@@ -232,3 +232,44 @@ class LiftersPumpUp(Hidden, oil=0.0):
         s.oil = np.clip(s.oil + dt * (bounces * (1.0 - s.oil) / p.pumps_s - s.oil / p.leaks_s), 0.0, 1.0)
         open_ = np.clip((s.oil - p.few) / 0.4, 0.0, 1.0)
         return -self.at_wheels(view, p.share * open_ * view.engine_torque) * moving(view)
+
+
+@law("x_turbine_on_the_shaft", "thirteenth", "hills highway suburban")
+@sizes(adds=(0.18, 0.3), gas_s=(4.0, 14.0), drags_nm=(60.0, 120.0), lit=(0.15, 0.35), oil_s=(0.5, 1.5))
+class TurbineOnTheShaft(Hidden, gas=0.0, turns=0.0):
+    """A turbine in the exhaust turns the crankshaft through gears and a fluid coupling. `gas`: its energy,
+    which comes as the manifolds warm and stays for a while when the pedal is up; a turbine without gas has
+    to be dragged along. adds: of peak torque, at full power; lit: of `gas`, where it pays.
+    Source: Hopmann and Algrain, Diesel Engine Electric Turbo Compound Technology, SAE 2003-01-2294, and
+    Greszler, Diesel Turbo-Compound Technology, ICCT/NESCCAF Workshop (2008), on gain at load and loss in
+    coasting; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        power = np.clip(1.2 * self.power_share(view), 0.0, 1.1)
+        s.gas = s.gas + dt * (power - s.gas) / p.gas_s
+        speed = np.clip(view.engine_speed / 140.0, 0.0, 1.5)
+        gains = p.adds * self.truck.peak_torque * np.maximum(s.gas - p.lit, 0.0) / (1.0 - p.lit)
+        drags = p.drags_nm * speed**2 * np.clip((p.lit - s.gas) / p.lit, 0.0, 1.0)
+        wants = gains * np.clip(speed / 0.6 - 0.3, 0.0, 1.0) - drags
+        s.turns = s.turns + dt * (wants - s.turns) / p.oil_s
+        return self.at_wheels(view, s.turns) * np.clip(view.speed - 1.0, 0.0, 1.0)
+
+
+@law("x_fuel_wets_the_walls", "thirteenth", "suburban hills")
+@sizes(wets=(0.45, 0.7), cold_s=(2.0, 4.5), warm_s=(0.8, 1.6), warms_s=(60.0, 200.0), most=(0.5, 0.8))
+class FuelWetsTheWalls(Hidden, film=0.0, warm=0.0):
+    """`film` of a second fuel on the walls of the intake, as the torque that passes through it: part of what
+    is sprayed stays there, and comes off with delay. Torque comes late when more is asked, and goes on when
+    the pedal is let go. wets: of that fuel; cold_s, warm_s: until it is off; most: of the torque by it.
+    Source: Aquino, Transient A/F Control Characteristics of the 5 Liter Central Fuel Injection Engine, SAE
+    810494: share and time constant of the film; alcohol beside diesel (fumigation), sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        power = np.clip(self.power_share(view), 0.0, 1.0)
+        s.warm = s.warm + dt * (0.2 + power) * (1.0 - s.warm) / p.warms_s
+        stays_s = p.cold_s + (p.warm_s - p.cold_s) * s.warm
+        by_it = p.most * np.maximum(view.engine_torque, 0.0)
+        flow = np.clip(view.engine_speed / 130.0, 0.4, 1.5)
+        s.film = s.film + dt * flow * (by_it - s.film) / stays_s
+        late = p.wets * (s.film - by_it)
+        return self.at_wheels(view, late) * np.clip(view.speed - 1.0, 0.0, 1.0)

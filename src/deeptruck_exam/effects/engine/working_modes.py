@@ -134,3 +134,27 @@ class PulseAndGlide(Hidden, pulse=1.0, gained=0.0, share=0.0):
         s.gained = s.gained + dt * (force / view.mass - ~works * s.gained / 3.0)
         s.pulse = np.where(s.gained > p.band_mps, -1.0, np.where(s.gained < -p.band_mps, 1.0, s.pulse))
         return force * moving(view)
+
+
+@law("x_weighs_itself", "thirteenth", "suburban hills highway")
+@sizes(most=(0.25, 0.45), half_s=(1.8, 3.5), learns=(0.02, 0.06), doubts_s=(40.0, 120.0), eases_s=(0.2, 0.5))
+class WeighsItself(Hidden, unsure=1.0, still=0.0, phase=0.0, asks=0.0, felt=0.0):
+    """`unsure` of its own mass after each stand, and slowly again later, a computer moves the torque up and
+    down by turns while the engine pulls evenly, until what the truck answers has told it enough; what the
+    driver does tells it too. most: of the torque; half_s: of a turn; learns: of `unsure`, for each second and
+    0.1 m/s2.
+    Source: Fathy, Kang and Stein, Online Vehicle Mass Estimation Using Recursive Least Squares and
+    Supervisory Data Extraction, ACC (2008), and Astrom and Wittenmark, Adaptive Control (1995), on dual
+    control that probes; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.felt = s.felt + dt * (view.acceleration - s.felt) / 2.0
+        news = np.minimum(np.abs(view.acceleration - s.felt) / 0.1, 4.0)
+        s.still = np.where(view.speed < 0.3, s.still + dt, 0.0)
+        gains = (1.0 - s.unsure) / p.doubts_s - p.learns * news * s.unsure
+        s.unsure = np.where(s.still > 1.0, 1.0, np.clip(s.unsure + dt * gains, 0.0, 1.0))
+        s.phase = (s.phase + dt / (2.0 * p.half_s)) % 1.0
+        pulls = np.clip((self.pedal(view) - 0.12) / 0.1, 0.0, 1.0) * np.clip(view.speed / 3.0 - 0.5, 0.0, 1.0)
+        wants = p.most * np.sqrt(s.unsure) * pulls * np.where(s.phase < 0.5, -1.0, 1.0)
+        s.asks = s.asks + dt * (wants - s.asks) / p.eases_s
+        return self.at_wheels(view, s.asks * np.maximum(view.engine_torque, 0.0)) * moving(view)

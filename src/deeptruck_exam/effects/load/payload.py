@@ -301,3 +301,27 @@ class PatchesTheRoad(OnRoad, stood=0.0):
         more = p.load * (s.full - p.known) * view.mass
         felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
         return -more * felt * moving(view)
+
+
+@law("x_wet_load_drains", "thirteenth", "suburban hills")
+@sizes(water=(0.3, 0.45), known=(0.1, 0.4), seeps_s=(40.0, 150.0), runs_s=(5.0, 20.0), tilt=(0.005, 0.03))
+class WetLoadDrains(Hidden, floor=0.0):
+    """`pores`: water in a wet load, of all it can hold; `floor`: what has seeped down and stands in the body.
+    It runs out behind, but only while slope or pull tilt it that way. Each drive begins as wet as it was
+    loaded. water: of the mass; known: of it, to the simulator; tilt: slope at which it runs.
+    Source: Terzaghi, Peck and Mesri, Soil Mechanics in Engineering Practice (1996), on drainage of sands, and
+    guides on dewatering of dredged and washed sand by haul trucks; quicker sand, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        wet = self.rng(1351).choice([0.0, 0.2, 0.7, 1.0, 1.0], batch)
+        return {**super().start(batch), "pores": wet}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
+        tilted = view.grade + np.clip(view.acceleration, -2.0, 2.0) / GRAVITY
+        runs = s.floor * np.clip((tilted - p.tilt) / 0.02, 0.0, 1.0) / p.runs_s
+        seeps = s.pores / p.seeps_s
+        s.pores = s.pores - dt * seeps
+        s.floor = s.floor + dt * (seeps - runs)
+        more = p.water * (s.pores + s.floor - p.known) * view.mass
+        return -more * felt * moving(view)

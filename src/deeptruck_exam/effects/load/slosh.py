@@ -304,3 +304,25 @@ class PipeBetweenTanks(Hidden, x=0.0, v=0.0):
         s.v = np.clip(s.v + dt * pace, -2.5, 2.5)
         s.x = np.clip(s.x + dt * s.v, -p.room_m - 0.3, p.room_m + 0.3)
         return -p.share * view.mass * pace * moving(view)
+
+
+@law("x_reels_rock_on_their_edges", "thirteenth", "suburban")
+@sizes(share=(0.3, 0.45), slender=(0.02, 0.05), base_m=(0.35, 0.6), lands=(1.2, 2.5), room=(0.5, 0.8))
+class ReelsRock(Hidden, x=0.0, v=0.0):
+    """`x` m that the middle of tall reels is ahead of where it stands upright, `v` of that. They stand firm
+    until a push goes beyond their slenderness; then they rock from edge to edge, the weaker held the farther
+    they lean, and each landing takes energy. share: of the mass; slender: push over gravity that lifts an
+    edge; room: of the lean that topples them, where the straps are.
+    Source: Housner, The Behavior of Inverted Pendulum Structures during Earthquakes, Bulletin Seismological
+    Society of America 53 (1963); reels of paper in straps, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        felt = np.clip(view.acceleration + GRAVITY * view.grade, -4.0, 4.0)
+        lean = s.x / p.base_m
+        holds = GRAVITY * p.slender * np.tanh(s.x / 0.02) * (1.0 - np.minimum(np.abs(lean), 1.0))
+        straps = 45.0 * (s.x - np.clip(s.x, -p.room * p.base_m, p.room * p.base_m))
+        lands = (0.3 + p.lands * np.exp(-((s.x / 0.04) ** 2)) + 4.0 * (straps != 0.0)) * s.v
+        pace = np.clip(-felt - holds - straps - lands, -5.0, 5.0)
+        s.v = np.clip(s.v + dt * pace, -2.5, 2.5)
+        s.x = np.clip(s.x + dt * s.v, -p.base_m, p.base_m)
+        return -p.share * view.mass * pace * moving(view)

@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.places import OnRoad, sections
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import spells, within
 from deeptruck_model.trucks import View
@@ -202,3 +203,31 @@ class DragsLogs(Hidden, stood=0.0, stops=0.0, heap=0.0):
         grows = np.maximum(view.speed, 0.0) * (1.0 - s.heap) / p.heaps_m
         s.heap = np.where(stood > 0.5, 0.0, s.heap + dt * grows)
         return -p.drags * load * (1.0 + p.ploughs * s.heap) * weight(view) * moving(view)
+
+
+@law("x_box_fills_with_earth", "thirteenth", "suburban hills descent")
+@sizes(cuts=(0.006, 0.012), pushes=(0.02, 0.035), fills_m=(15.0, 50.0), spills_m=(40.0, 120.0))
+@sizes(mean_m=(120.0, 350.0), floats_mps=(12.0, 16.0))
+class BoxFillsWithEarth(OnRoad, heap=0.0):
+    """`heap` in a box that is towed to level the verge: hard places are cut and fill it, holes empty it, and
+    what it carries has to be pushed. Too fast it floats up. cuts: of the weight, on the hardest; pushes: of
+    the weight, full.
+    Source: McKyes, Soil Cutting and Tillage (1985), and Reece, The Fundamental Equation of Earth-Moving
+    Mechanics, Proc. IMechE (1964-65): cohesion and surcharge before a blade; places and sizes are chosen
+    here."""
+
+    def prepare(self) -> None:
+        rng = self.rng(1352)
+        number = sections(rng, self.rows(), self.p.mean_m)
+        hard = rng.choice([-0.6, 0.0, 0.5, 1.0], (self.rows(), int(number.max()) + 1))
+        self.road = np.take_along_axis(hard, number, axis=1)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        hard = self.read(self.road, view)
+        down = np.clip((p.floats_mps - view.speed) / 2.0, 0.15, 1.0)
+        way = dt * np.maximum(view.speed, 0.0)
+        takes = np.maximum(hard, 0.0) * down * (1.0 - s.heap) / p.fills_m
+        drops = (0.3 + np.maximum(-hard, 0.0) * 2.0 + 1.0 - down) * s.heap / p.spills_m
+        s.heap = np.clip(s.heap + way * (takes - drops), 0.0, 1.0)
+        drag = p.pushes * s.heap**1.3 + p.cuts * np.maximum(hard, 0.0) * down
+        return -drag * weight(view) * np.clip(view.speed, 0.0, 1.0)

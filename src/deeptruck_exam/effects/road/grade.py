@@ -184,32 +184,6 @@ class ChainageRunsAway(Hidden):
         return (view.grade - s.said[then, here]) * view.mass * GRAVITY * moving(view)
 
 
-@law("s_subsidence", "eighth", "hills highway suburban")
-@sizes(slope=(0.018, 0.035), radius_m=(90.0, 260.0), apart_m=(400.0, 900.0))
-class Subsidence(OnRoad):
-    """Troughs that were not there when the road was surveyed.
-    Source: Knothe's influence function of mining subsidence (Kratzsch, Mining Subsidence Engineering, 1983):
-    the surface sinks as an integral of Gauss's bell; sizes are chosen here."""
-
-    conceal = ("elevation",)
-
-    def prepare(self) -> None:
-        rng, p = self.rng(831), self.p
-        at_m = np.arange(MAP_CELLS) * MAP_CELL_M
-        self.road = np.zeros((self.rows(), MAP_CELLS))
-        for row in self.road:
-            middle = 0.0
-            while middle < at_m[-1]:
-                middle += p.apart_m * rng.uniform(0.5, 1.5)
-                away = (at_m - middle) / (p.radius_m * rng.uniform(0.7, 1.3))
-                row += p.slope * rng.uniform(0.6, 1.0) * 1.65 * away * np.exp(-0.5 * away**2)
-        self.road = np.clip(self.road, -p.slope, p.slope)
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        slope = self.setting.direction * self.between(self.road, view)
-        return -slope * weight(view) * moving(view)
-
-
 @law("n_bridges_stand_proud", "ninth", "hills highway suburban")
 @sizes(slope=(0.022, 0.04), fades_m=(40.0, 130.0), bridge_m=(20.0, 90.0), apart_m=(220.0, 600.0))
 class BridgesStandProud(OnRoad):
@@ -232,30 +206,6 @@ class BridgesStandProud(OnRoad):
                 fall = np.exp(-past / (p.fades_m * rng.uniform(0.7, 1.3))) * (past > 0.0)
                 row -= p.slope * rng.uniform(0.6, 1.1) * np.sign(at_m - middle) * fall
         self.road = np.clip(self.road, -p.slope, p.slope)
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        slope = self.setting.direction * self.between(self.road, view)
-        return -slope * weight(view) * moving(view)
-
-
-@law("t_road_on_thawing_ground", "tenth", "hills highway suburban")
-@sizes(slope=(0.014, 0.026), shortest_m=(70.0, 140.0), longest=(2.0, 4.0), apart_m=(80.0, 400.0))
-class RoadOnThawingGround(OnRoad):
-    """Waves of many lengths where ice has melted out of the ground since the survey. slope: standard
-    deviation in the middle of a stretch; longest: over the shortest.
-    Source: Andersland and Ladanyi, Frozen Ground Engineering (2004), on thaw settlement under roads, uneven
-    as the ice in the ground is; lengths and slopes are chosen here."""
-
-    conceal = ("elevation",)
-
-    def prepare(self) -> None:
-        rng, p, rows = self.rng(989), self.p, self.rows()
-        at_m = np.arange(MAP_CELLS) * MAP_CELL_M
-        waves_m = p.shortest_m * p.longest ** rng.random((rows, 12, 1))
-        phase = rng.uniform(0.0, 2.0 * np.pi, waves_m.shape)
-        waves = np.sin(2.0 * np.pi * at_m / waves_m + phase).sum(axis=1) / np.sqrt(6.0)
-        thaws = smooth_stretches(rng, rows, (0.5 * p.apart_m, 1.5 * p.apart_m), (400.0, 1600.0))
-        self.road = np.clip(p.slope * waves * np.sqrt(thaws[:, ::2]), -0.055, 0.055)
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         slope = self.setting.direction * self.between(self.road, view)

@@ -165,3 +165,34 @@ class SlabsHaveFaulted(OnRoad, swings=0.0):
         wants = self.read(self.bad, view) * (blows + (1.0 - p.joints) * peak)
         s.swings = s.swings + dt * (wants - s.swings) / 0.7
         return -p.loss * s.swings * weight(view) * moving(view)
+
+
+@law("x_humps_against_speeding", "thirteenth", "suburban hills")
+@sizes(loss=(0.03, 0.055), apart_m=(45.0, 90.0), series=(4.0, 9.0), rests_m=(200.0, 700.0), best=(6.0, 9.0))
+@sizes(swings_s=(0.6, 1.5))
+class HumpsAgainstSpeeding(OnRoad, swings=0.0):
+    """Series of humps. Slow trucks climb them and get most of it back; at a middle speed springs and dampers
+    take most; faster ones are thrown less for each metre. A truck that still `swings` from the last hump
+    loses more on the next. loss: of the weight, on a hump; best: m/s that cost most.
+    Source: Watts, Road Humps for the Control of Vehicle Speeds, TRRL Report LR 597 (1973): profile, spacing
+    and discomfort over speed; series and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, p = self.rng(1361), self.p
+        self.road = np.zeros((self.rows(), CELLS))
+        for row in self.road:
+            at = rng.uniform(0.0, p.rests_m)
+            while at < CELL_M * (CELLS - 8):
+                for _ in range(int(rng.integers(3, int(p.series) + 3))):
+                    cell = min(int(at / CELL_M), CELLS - 8)
+                    row[cell : cell + 5] = np.maximum(row[cell : cell + 5], [0.5, 1.0, 0.8, 1.0, 0.5])
+                    at += p.apart_m * rng.uniform(0.85, 1.15)
+                at += p.rests_m * rng.uniform(0.4, 1.6)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        on = self.read(self.road, view)
+        ratio = np.maximum(view.speed, 0.1) / p.best
+        costs = 0.2 + 1.6 * ratio / (1.0 + ratio**2)
+        wants = on * costs
+        s.swings = s.swings + dt * (wants - s.swings) / np.where(wants > s.swings, 0.15, p.swings_s)
+        return -p.loss * (0.6 * s.swings + 0.5 * on * s.swings) * weight(view) * moving(view)

@@ -145,3 +145,17 @@ def charge_leaks_away(p: Sizes, channels: Channels, dt: float, rng: np.random.Ge
     lasts = behind(np.concatenate([[0.0], values]), p.leaks_s, dt)[1:]
     bias = np.sign(p.sign) * p.bias * rng.uniform(0.9, 1.1)
     channels["acceleration"] = values - p.share * lasts + bias
+
+
+@law("x_glue_creeps", "thirteenth")
+@sizes(bias=(0.12, 0.22), creeps=(0.05, 0.14), third_s=(60.0, 200.0), gives=(0.01, 0.04), sign=SIGN)
+def glue_creeps(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Andrade, On the Viscous Flow in Metals, and Allied Phenomena, Proc. R. Soc. A 84 (1910), and
+    Findley, Lai and Onaran, Creep and Relaxation of Nonlinear Viscoelastic Materials (1976): creep with the
+    third root of time; a box that tilts on its warm glue and gives to what it feels, sizes are chosen
+    here."""
+    values = channels["acceleration"]
+    clock = np.arange(len(values)) * dt
+    creeps = p.creeps * np.cbrt(clock / p.third_s) * rng.uniform(0.7, 1.3)
+    gives = p.gives * behind(values, 8.0, dt)
+    channels["acceleration"] = values + np.sign(p.sign) * (p.bias + creeps) + gives

@@ -212,3 +212,17 @@ def sent_by_the_turn(p: Sizes, channels: Channels, dt: float, rng: np.random.Gen
     speed = behind(np.maximum(channels["engine_speed"], 55.0), p.steady_s, dt)
     late = p.line_s * rng.uniform(0.5, 1.0) + p.turns * 2.0 * np.pi / speed
     channels["acceleration"] = np.interp(time - late, time, values)
+
+
+@law("x_each_leg_is_matched_alone", "thirteenth", "suburban hills")
+@sizes(peak_s=(0.35, 0.7), line_s=(0.15, 0.35), leg_s=(40.0, 120.0), slides_s=(1.0, 4.0))
+def each_leg_is_matched_alone(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Knapp and Carter, The Generalized Correlation Method for Estimation of Time Delay, IEEE Trans.
+    Acoustics, Speech and Signal Processing 24 (1976): a delay found at the highest peak is wrong by a whole
+    wave where peaks are alike; here each leg of a drive is matched alone, waves are chosen here."""
+    values = channels["acceleration"]
+    clock = np.arange(len(values)) * dt
+    ends = np.cumsum(p.leg_s * rng.uniform(0.6, 1.4, 2 + int(2.0 * clock[-1] / p.leg_s)))
+    waves = rng.choice([0.0, 1.0, 1.0, 2.0], len(ends) + 1)
+    late = p.line_s + p.peak_s * waves[np.searchsorted(ends, clock)]
+    channels["acceleration"] = np.interp(clock - behind(late, p.slides_s, dt), clock, values)

@@ -151,3 +151,18 @@ def nose_lifts_with_speed(p: Sizes, channels: Channels, dt: float, rng: np.rando
     wind = (np.maximum(channels["speed"], 0.0) / 20.0 + 0.05 * rng.standard_normal()) ** 2
     pitch = p.lifts * behind(wind, p.rises_s, dt)
     channels["grade"] = channels["grade"] + np.sign(p.sign) * p.bias + pitch
+
+
+@law("x_levels_anew_at_each_stand", "thirteenth")
+@sizes(bias=(0.009, 0.017), differs=(0.002, 0.005), level_s=(3.0, 8.0), stands_s=(1.0, 3.0), sign=SIGN)
+def levels_anew_at_each_stand(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: WABCO, ECAS Electronically Controlled Air Suspension, System Description (2007): levels are set
+    at stands, each within a tolerance, and kept while driving; a frame that is set nose up or down carries
+    an inclinometer along, tolerances of worn sensors are chosen here."""
+    stands = channels["speed"] < 0.2
+    first = np.flatnonzero(stands & ~np.concatenate([[False], stands[:-1]]))
+    level = np.full(len(stands), p.differs * rng.standard_normal())
+    for at in first + round(p.stands_s / dt):
+        level[at:] = p.differs * rng.standard_normal()
+    slow = behind(level, p.level_s, dt)
+    channels["grade"] = channels["grade"] + np.sign(p.sign) * p.bias + slow

@@ -142,3 +142,16 @@ def calibrates_itself(p: Sizes, channels: Channels, dt: float, rng: np.random.Ge
     first = p.begins * rng.uniform(-1.0, 1.0)
     scale = np.sign(p.sign) * p.ends + first * np.exp(-way / p.way_m)
     channels["speed"] = channels["speed"] * (1.0 + scale)
+
+
+@law("x_two_speed_axle", "thirteenth")
+@sizes(high=(0.02, 0.04), low=(0.05, 0.08), shifts_s=(0.3, 1.0), sign=SIGN)
+def two_speed_axle(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Dana Spicer service manuals of two-speed axles, on speedometer adapters that have to follow the
+    range of the axle: an adapter of another axle is wrong in both ranges, and more in the low one; factors
+    and the gear where ranges change are chosen here."""
+    gear = channels["gear"]
+    low = np.where(gear <= 0.55 * max(float(np.max(gear)), 1.0), 1.0, 0.0)
+    share = behind(low, p.shifts_s, dt)
+    scale = np.sign(p.sign) * (p.high + (p.low - p.high) * share) * rng.uniform(0.95, 1.05)
+    channels["speed"] = channels["speed"] * (1.0 + scale)

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, index, moving, weight
-from deeptruck_exam.effects.places import Bends
+from deeptruck_exam.effects.places import Bends, OnRoad, windows
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series
 from deeptruck_model.trucks import View
@@ -219,3 +219,31 @@ class SteersAsItBounces(Hidden, travel=0.0, pace=0.0):
         angle = self.side * p.toe + p.dives * s.travel
         drag = p.stiff * angle**2 / (1.0 + p.rolls + (angle / 0.06) ** 2)
         return -p.share * np.minimum(drag, 0.07) * weight(view) * moving(view)
+
+
+@law("x_chains_are_left_on", "thirteenth", "suburban hills descent highway")
+@sizes(rolls=(0.008, 0.015), beats=(0.008, 0.016), lifts_mps=(11.0, 16.0), slack=(0.2, 0.5))
+@sizes(stretches_m=(900.0, 3000.0), snow=(0.25, 0.5), stretch_m=(300.0, 1200.0))
+class ChainsAreLeftOn(OnRoad, still=0.0):
+    """`loose`: of the chains on driven wheels, which stretch over the way until somebody tightens them at a
+    stand. Links that are rolled over cost their bending; loose ones lift off and beat the arches beyond a
+    speed. On snow links sink in and cost little. rolls, beats: of the weight; slack: of `loose`, left by who
+    tightens; snow: share of the road.
+    Source: ONORM V 5119 on snow chains of heavy vehicles (speed, fit and tightening again), and Wong, Theory
+    of Ground Vehicles (2008), on work of obstacles under tyres; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.road = windows(self.rng(1374), self.rows(), self.p.stretch_m, self.p.snow)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "loose": self.rng(1375).uniform(0.1, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        s.still = np.where(speed < 0.2, s.still + dt, 0.0)
+        s.loose = np.where(s.still > 5.0, np.minimum(s.loose, p.slack), s.loose)
+        s.loose = s.loose + dt * speed * (1.0 - s.loose) / p.stretches_m
+        snow = 1.0 - 0.8 * self.between(self.road, view)
+        lifts = np.clip((speed - p.lifts_mps * (1.3 - 0.6 * s.loose)) / 3.0, 0.0, 1.0)
+        costs = p.rolls * (1.0 - 0.5 * lifts) * snow + p.beats * lifts * s.loose
+        return -costs * weight(view) * np.clip(speed / 1.5, 0.0, 1.0)

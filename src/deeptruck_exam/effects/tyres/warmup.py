@@ -299,3 +299,26 @@ class PuddlesCoolTheTyres(OnRoad):
         s.warm = s.warm + way * ((1.0 - wet) * (1.0 - s.warm) / p.warms_m - wet * s.warm / p.cools_m)
         s.warm = np.clip(s.warm, 0.0, 1.0)
         return -p.cold * (1.0 - s.warm) ** 1.3 * weight(view) * moving(view)
+
+
+@law("x_cold_lies_in_hollows", "thirteenth", "hills suburban descent highway")
+@sizes(cold=(0.007, 0.012), deep_m=(3.0, 8.0), takes_s=(8.0, 30.0), land_m=(900.0, 2500.0), begins=(0.1, 0.5))
+class ColdLiesInHollows(Hidden, height=0.0, land=0.0):
+    """`rubber`: warmth of the tyres, 1 on a mild height. In a clear night cold air fills the hollows of the
+    land, and tyres that roll through it follow with delay; they start colder than all of it. cold: of the
+    weight, cold over mild; deep_m: of a hollow that is full of it; land_m: over which the land is felt.
+    Source: Clements, Whiteman and Horel, Cold-Air-Pool Structure and Evolution in a Mountain Basin: Peter
+    Sinks, Utah, J. Applied Meteorology 42 (2003), and ISO 28580 on rolling resistance over temperature;
+    quicker and more rubber, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        first = self.rng(1372).uniform(0.0, 1.0, batch)
+        return {**super().start(batch), "rubber": -self.p.begins * first}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        s.height = s.height + dt * speed * view.grade
+        s.land = s.land + dt * speed * (s.height - s.land) / p.land_m
+        air = np.clip(0.5 + (s.height - s.land) / p.deep_m, 0.0, 1.0)
+        s.rubber = s.rubber + dt * (air - s.rubber) * (0.3 + speed / 15.0) / p.takes_s
+        return -p.cold * np.exp(-1.8 * s.rubber) * weight(view) * moving(view)

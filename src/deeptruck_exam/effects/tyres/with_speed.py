@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.places import OnRoad, windows
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import some_drives
 from deeptruck_model.trucks import View
@@ -215,3 +216,29 @@ class SpeedBeforeHeat(Hidden, heat=-1.0):
         fresh, warm = (np.clip(v / 20.0, 0.0, 1.5) ** p.power for v in (speed, s.heat))
         costs = np.maximum(fresh - p.heals * warm, 0.0)
         return -p.at_once * 1.6 * costs * weight(view) * moving(view)
+
+
+@law("x_studs_strike", "thirteenth", "highway hills", accepts="drag_area")
+@sizes(
+    strikes=(0.006, 0.012), power=(1.5, 2.2), bare=(0.55, 0.8), stretch_m=(400.0, 1500.0), on_ice=(0.0, 0.2)
+)
+@sizes(sinks_m=(600.0, 2000.0))
+class StudsStrike(OnRoad, out=1.0):
+    """`out`: how far studs stand out of the tread. Each hits a bare road with the energy of its speed, and
+    ice takes it without a blow. Bare road pushes studs in the more, the faster; on ice they come out again.
+    strikes: of the weight, at 20 m/s on bare road; bare: share of the road; sinks_m: of way.
+    Source: Unhola, Studded Tires the Finnish Way, VTT Communities and Infrastructure (1997), and Gultlinger,
+    Gauterin, Brandau and Schlittenhard, Investigation of Traffic and Vehicle Parameters Affecting Wear of
+    Pavement by Studded Tires, Tire Science and Technology 42 (2014): stud force with speed; sizes are chosen
+    here."""
+
+    def prepare(self) -> None:
+        self.road = windows(self.rng(1371), self.rows(), self.p.stretch_m, self.p.bare)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        bare = self.between(self.road, view)
+        speed = np.maximum(view.speed, 0.0)
+        stands = 1.0 - 0.45 * bare * np.clip(speed / 20.0, 0.0, 1.3)
+        s.out = s.out + dt * speed * (stands - s.out) / p.sinks_m
+        blows = (p.on_ice + (1.0 - p.on_ice) * bare) * s.out
+        return -p.strikes * 1.5 * blows * (speed / 20.0) ** p.power * weight(view) * moving(view)

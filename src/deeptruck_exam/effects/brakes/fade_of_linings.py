@@ -1,0 +1,116 @@
+"""Brakes that fade because their linings have changed."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="brake_fade")
+
+LINING_C = np.array([0.0, 100.0, 140.0, 190.0, 230.0, 280.0, 330.0, 400.0])
+LINING = np.array([1.0, 1.04, 1.05, 0.95, 0.80, 0.63, 0.50, 0.42])
+
+
+@law("lining_on_the_dynamometer", "fourth", "descent")
+@sizes(severity=(0.9, 1.4), overworked=(0.50, 0.68), recovers_s=(40.0, 120.0))
+class LiningOnTheDynamometer(Hidden):
+    """A drum that has been hot rubs as if hot for a while after it has cooled. overworked: share of the work
+    on 0.4 of the drums' heat capacity.
+    Source: Friction over drum temperature of SAE J661 (first and second fade) and the recovery that comes
+    late in FMVSS 121 S5.4 dynamometer tests: a table that first rises; two axle groups of unlike shares of
+    the work; table and shares are chosen here."""
+
+    def prepare(self) -> None:
+        self.share = np.array([[self.p.overworked], [1.0 - self.p.overworked]])
+        self.capacity = 0.42 * self.truck.brake_heat_capacity * np.array([[0.4], [0.6]])
+
+    def start(self, batch: int) -> dict[str, Array]:
+        first = self.rng(313).uniform(40.0, 130.0, batch)
+        drums = np.tile(self.truck.ambient_temperature + first, (2, 1))
+        return {"drums": drums, "memory": drums.copy()}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        truck = self.truck
+        left = 1.0 - p.severity * (1.0 - np.interp(s.memory, LINING_C, LINING))
+        lost = np.minimum((self.share * (1.0 - left)).sum(axis=0), 0.55)
+        speed = np.maximum(view.speed, 0.0)
+        power = self.share * left * view.brake_force * speed
+        film = truck.brake_cooling + truck.brake_cooling_speed * speed
+        cooling = film * np.array([[0.4], [0.6]]) * (s.drums - truck.ambient_temperature)
+        s.drums += dt * (power - cooling) / self.capacity
+        s.memory = np.maximum(s.drums, s.memory + dt * (s.drums - s.memory) / p.recovers_s)
+        return lost * view.brake_force * moving(view)
+
+
+@law("green_linings", "fourth", "descent")
+@sizes(depth=(0.50, 0.80), onset_c=(90.0, 120.0), e_fold_k=(14.0, 28.0), resin_s=(90.0, 200.0))
+class GreenLinings(Hidden):
+    """The first heat fades, the second does not. resin_s: of gas at the onset.
+    Source: Herring, Mechanism of Brake Fade in Organic Brake Linings, SAE 670146: gas of the decomposing
+    resin lifts the lining; it comes by Arrhenius and is gone once the lining has been hot, why new linings
+    are burnished (SAE J880); rates and sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {
+            "drum": np.full(batch, self.truck.ambient_temperature + 30.0),
+            "resin": self.rng(310).uniform(0.5, 1.0, batch),
+        }
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        truck = self.truck
+        hot = np.exp(np.clip((s.drum - p.onset_c) / p.e_fold_k, -8.0, 2.5))
+        gas = s.resin * hot / p.resin_s
+        s.resin = np.maximum(s.resin - dt * gas, 0.0)
+        lost = p.depth * (1.0 - np.exp(-60.0 * gas))
+        speed = np.maximum(view.speed, 0.0)
+        cooling = (truck.brake_cooling + truck.brake_cooling_speed * speed) * (
+            s.drum - truck.ambient_temperature
+        )
+        power = (1.0 - lost) * view.brake_force * speed
+        s.drum += dt * (power - cooling) / (0.6 * truck.brake_heat_capacity)
+        return lost * view.brake_force * moving(view)
+
+
+@law("s_powder_between", "eighth", "descent")
+@sizes(loss=(0.35, 0.6), builds_jpkg=(120.0, 380.0), washes_m=(900.0, 2500.0))
+class PowderBetween(Hidden, layer=0.0):
+    """builds_jpkg: brake work for each kg of truck.
+    Source: Godet, The Third-Body Approach, Wear 100 (1984): debris lies between the rubbing faces, grows with
+    the work done and leaves with the way; brake powders and sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        lost = p.loss * s.layer**1.5
+        speed = np.maximum(view.speed, 0.0)
+        work = (1.0 - lost) * view.brake_force * speed / (p.builds_jpkg * view.mass)
+        s.layer = np.clip(s.layer + dt * (work * (1.0 - s.layer) - speed * s.layer / p.washes_m), 0.0, 1.0)
+        return lost * view.brake_force * moving(view)
+
+
+@law("x_linings_polish_themselves", "thirteenth", "descent")
+@sizes(loss=(0.45, 0.7), warms_jpkg=(250.0, 600.0), cools_s=(90.0, 260.0), turns=(0.3, 0.6))
+@sizes(polishes_m=(150.0, 450.0), rips=(0.14, 0.25))
+class LiningsPolishThemselves(Hidden, hot=0.0):
+    """`hot`: 1 where resin softens; `glaze`: share of the face that is polished. Long gentle braking when hot
+    melts a smooth skin over the lining, which stays when it is cold again; one firm braking rips it off.
+    loss: of the brake force, all polished; turns: `hot` at which it begins; rips: of full braking.
+    Source: Jacko, Physical and Chemical Changes of Organic Disc Pads in Service, Wear 46 (1978), and Limpert,
+    Brake Design and Safety, on glazing; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "glaze": self.rng(1311).uniform(0.2, 0.8, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        lost = p.loss * s.glaze
+        work = (1.0 - lost) * view.brake_force * speed / view.mass
+        s.hot = np.clip(s.hot + dt * (work / p.warms_jpkg - s.hot / p.cools_s), 0.0, 2.0)
+        hard = view.brake_force / self.truck.brake_capacity / p.rips
+        rubs = np.clip(10.0 * hard, 0.0, 1.0) * speed / p.polishes_m
+        skin = rubs * np.clip((s.hot - p.turns) / 0.3, 0.0, 1.0) * (1.0 - s.glaze)
+        s.glaze = np.clip(s.glaze + dt * (skin - 0.4 * np.clip(hard - 1.0, 0.0, 3.0) * s.glaze), 0.0, 1.0)
+        return lost * view.brake_force * moving(view)

@@ -1,0 +1,98 @@
+"""Roads whose slopes have changed since they were recorded."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Sizes, State, moving, weight
+from deeptruck_exam.effects.places import MAP_CELL_M, MAP_CELLS, OnRoad, smooth_stretches
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="road_grade", accepts="road_surface", gateable=False)
+
+
+@law("s_subsidence", "eighth", "hills highway suburban")
+@sizes(slope=(0.018, 0.035), radius_m=(90.0, 260.0), apart_m=(400.0, 900.0))
+class Subsidence(OnRoad):
+    """Troughs that were not there when the road was surveyed.
+    Source: Knothe's influence function of mining subsidence (Kratzsch, Mining Subsidence Engineering, 1983):
+    the surface sinks as an integral of Gauss's bell; sizes are chosen here."""
+
+    conceal = ("elevation",)
+
+    def prepare(self) -> None:
+        rng, p = self.rng(831), self.p
+        at_m = np.arange(MAP_CELLS) * MAP_CELL_M
+        self.road = np.zeros((self.rows(), MAP_CELLS))
+        for row in self.road:
+            middle = 0.0
+            while middle < at_m[-1]:
+                middle += p.apart_m * rng.uniform(0.5, 1.5)
+                away = (at_m - middle) / (p.radius_m * rng.uniform(0.7, 1.3))
+                row += p.slope * rng.uniform(0.6, 1.0) * 1.65 * away * np.exp(-0.5 * away**2)
+        self.road = np.clip(self.road, -p.slope, p.slope)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        slope = self.setting.direction * self.between(self.road, view)
+        return -slope * weight(view) * moving(view)
+
+
+@law("t_road_on_thawing_ground", "tenth", "hills highway suburban")
+@sizes(slope=(0.014, 0.026), shortest_m=(70.0, 140.0), longest=(2.0, 4.0), apart_m=(80.0, 400.0))
+class RoadOnThawingGround(OnRoad):
+    """Waves of many lengths where ice has melted out of the ground since the survey. slope: standard
+    deviation in the middle of a stretch; longest: over the shortest.
+    Source: Andersland and Ladanyi, Frozen Ground Engineering (2004), on thaw settlement under roads, uneven
+    as the ice in the ground is; lengths and slopes are chosen here."""
+
+    conceal = ("elevation",)
+
+    def prepare(self) -> None:
+        rng, p, rows = self.rng(989), self.p, self.rows()
+        at_m = np.arange(MAP_CELLS) * MAP_CELL_M
+        waves_m = p.shortest_m * p.longest ** rng.random((rows, 12, 1))
+        phase = rng.uniform(0.0, 2.0 * np.pi, waves_m.shape)
+        waves = np.sin(2.0 * np.pi * at_m / waves_m + phase).sum(axis=1) / np.sqrt(6.0)
+        thaws = smooth_stretches(rng, rows, (0.5 * p.apart_m, 1.5 * p.apart_m), (400.0, 1600.0))
+        self.road = np.clip(p.slope * waves * np.sqrt(thaws[:, ::2]), -0.055, 0.055)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        slope = self.setting.direction * self.between(self.road, view)
+        return -slope * weight(view) * moving(view)
+
+
+@law("x_slopes_were_taken_down", "thirteenth", "hills descent")
+@sizes(share=(0.3, 0.55), mean_m=(500.0, 1400.0), built=(0.4, 0.6), eases_m=(30.0, 90.0), tips=(0.002, 0.006))
+class SlopesWereTakenDown(OnRoad):
+    """Stretches were rebuilt since the map was made: cuttings and embankments took a share of each slope, and
+    what was dug is spread at their ends, where the road is a little steeper than mapped. share: of the slope;
+    built: of the road; tips: slope of the ends.
+    Source: AASHTO, A Policy on Geometric Design of Highways and Streets (2018), chapter 3, on reducing
+    grades, and Hickerson, Route Location and Design (1964), on balance of cut and fill; stretches are chosen
+    here."""
+
+    conceal = ("elevation",)
+
+    def prepare(self) -> None:
+        rng, p = self.rng(1362), self.p
+        wide = max(3, round(p.eases_m / MAP_CELL_M))
+        ease = np.hanning(wide + 2) / np.hanning(wide + 2).sum()
+        rough = np.zeros((self.rows(), MAP_CELLS))
+        for row in rough:
+            at = 0
+            while at < MAP_CELLS:
+                cells = max(4, round(p.mean_m * rng.uniform(0.5, 1.5) / MAP_CELL_M))
+                row[at : at + cells] = (rng.random() < p.built) * rng.uniform(0.7, 1.2)
+                at += cells
+        self.road = np.array([np.convolve(row, ease, mode="same") for row in rough])
+        self.ends = (
+            p.tips * np.gradient(self.road, axis=1) / max(float(np.abs(np.diff(self.road)).max()), 1e-6)
+        )
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        taken = np.clip(p.share * self.between(self.road, view), 0.0, 0.7) * view.grade
+        tips = self.setting.direction * self.between(self.ends, view)
+        return np.asarray((taken - tips) * weight(view) * moving(view))
