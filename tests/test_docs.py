@@ -37,7 +37,7 @@ RUN_BY = {  # the snippets of other pages need what their own tests have at hand
     "docs/recordings.md": "tests/deeptruck_model/recordings/test_documentation.py",
     "docs/deep_model.md": "tests/deeptruck_model/deep/test_docs.py",
     "docs/mismatch.md": "tests/deeptruck_model/mismatch/test_docs.py",
-    "docs/nodes.md": "tests/deeptruck_cacc/controllers/test_onnx_policy.py",
+    "docs/own_policy.md": "tests/deeptruck_cacc/controllers/test_onnx_policy.py",
 }
 COUNTS, SHARES = re.compile(r"(\w+)_n$"), re.compile("_(first|in_group|recall|precision|said)$")
 

@@ -55,6 +55,7 @@ def mismatch(
         lambda: apart(out, Path(simulator), *recordings, *held_out),
         lambda: checks.inputs(simulator, [*recordings, *held_out], mapped=mapped(topic_map)),
         lambda: checks.mass(mass_kg),
+        lambda: _check_excluded(exclude or []),
     )
     with FOUND.replacing(out, overwrite=overwrite) as draft, progress("reading") as say:
         from deeptruck_model import recordings as rec
@@ -85,6 +86,14 @@ def mismatch(
         asked = Asked(out, simulator, tuple(recordings), tuple(held_out), topic_map, mass_kg)
         fill(draft, found, asked)
     _tell(found, asked)
+
+
+def _check_excluded(names: list[str]) -> None:
+    """Before hours of driving are read. Raises InputError for what is no effect."""
+    if names:
+        from deeptruck_model.mismatch.find import check_excluded
+
+        check_excluded(names)
 
 
 def _tell(found: Mismatch, asked: Asked) -> None:

@@ -76,7 +76,7 @@ def find_mismatch(
     Raises InputError where simulator and recordings do not belong together, for an effect there is not, and
     for a mass that cannot be or is another than the simulator's.
     """
-    _check_excluded(exclude)
+    check_excluded(exclude)
     _check_mass(simulator, mass_kg)
     with threadpool_limits(1):
         return _find(simulator, recordings, held_out, seed, with_unnamed, list(exclude), say, rules, mass_kg)
@@ -91,7 +91,7 @@ def _check_mass(simulator: Simulator, mass_kg: float | None) -> None:
         raise InputError(f"the simulator's own mass is {own:g} kg; leave --mass-kg out, or set its parameter")
 
 
-def _check_excluded(names: Sequence[str]) -> None:
+def check_excluded(names: Sequence[str]) -> None:
     """Raises InputError for what is no effect: an examination would believe that it had been left out."""
     for name in names:
         if name not in NAMED:
