@@ -16,8 +16,7 @@ from scipy.stats import t as student_t
 from threadpoolctl import threadpool_limits
 
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.correction.improvement import free_windows, improvement
-from deeptruck_model.mismatch.correction.recipes import horizon
+from deeptruck_model.mismatch.correction.improvement import free_windows, horizon, improvement
 from deeptruck_model.mismatch.find import Checked, checked_drives
 from deeptruck_model.mismatch.fit_result import Interval, Rmse
 from deeptruck_model.mismatch.posterior.linearised import accepted, refitted

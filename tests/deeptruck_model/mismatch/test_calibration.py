@@ -91,7 +91,7 @@ def test_the_command_prints_what_it_found_and_saves_a_truck(
     assert run(*given) == 0
     says = capsys.readouterr().out
     assert (
-        "drag_area" in says and "(lbf, mph)" in says and "speed error of free runs of 40 s on drive2" in says
+        "drag_area" in says and "(lbf, mph)" in says and "speed error of free runs of 20 s on drive2" in says
     )
     assert simulators.load("mine").parameters()["mass"] == pytest.approx(TRUE["mass"], rel=0.08)
     assert run(*given) == 2 and "add --overwrite" in capsys.readouterr().err

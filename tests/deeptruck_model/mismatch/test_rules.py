@@ -22,6 +22,7 @@ ROOMS = tuple(f"deeptruck_model.mismatch.{room}." for room in DECIDING)
 # What may be compared with though it is no rule: how many are fitted, which samples enter a fit, how much
 # driving it takes to tell something, what cannot be at all, and how something is computed.
 NUMERICS = {
+    "correction/improvement.py": {"ENOUGH"},
     "correction/recipes.py": {"FOLDS"},
     "correction/recovered_road.py": {"LEAST"},
     "correction/road_of_another.py": {"ROAD_SHARED"},

@@ -11,7 +11,13 @@ from functools import partial
 
 from deeptruck_model.mismatch.correction.claims import OwnCorrection, claimed
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
-from deeptruck_model.mismatch.correction.improvement import compared, free_windows, improvement, joined
+from deeptruck_model.mismatch.correction.improvement import (
+    compared,
+    free_windows,
+    horizon,
+    improvement,
+    joined,
+)
 from deeptruck_model.mismatch.correction.recipes import (
     Recipe,
     Trials,
@@ -19,7 +25,6 @@ from deeptruck_model.mismatch.correction.recipes import (
     best_of,
     folds_of,
     holds,
-    horizon,
     recipes_of,
     with_laws,
 )
@@ -61,8 +66,14 @@ class Corrections:
         return self.named, self.chosen
 
 
-def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequence[Prepared]) -> Corrections:
-    """Corrected simulators, without and with what has no name.
+def correct(
+    simulator: Simulator,
+    e: Evidence,
+    x: Explanation,
+    prepared: Sequence[Prepared],
+    horizon_s: float,
+) -> Corrections:
+    """Corrected simulators, without and with what has no name, chosen in free runs of `horizon_s`.
 
     What is time-varying is of no use on another drive but for its mean, and a parameter that nobody states as
     wrong may only be biased. So what goes in is what free runs ask for along `prepared`, the recordings
@@ -70,7 +81,13 @@ def correct(simulator: Simulator, e: Evidence, x: Explanation, prepared: Sequenc
     """
     e = left_beside(e.to_fit(), x.model).everywhere()
     search = as_given(e, ~e.held_out)
-    trials = Trials(simulator, folds_of(e, prepared) if x.causes else [], Shares.untold(e), e.rules)
+    trials = Trials(
+        simulator,
+        folds_of(e, prepared) if x.causes else [],
+        Shares.untold(e),
+        e.rules,
+        horizon_s,
+    )
     alone = Recipe((), (), frozenset(search.parameters), Chosen.PARAMETERS)
     nothing = Recipe((), (), frozenset(), Chosen.NOTHING)
     recipes = [nothing, *recipes_of(e, x), alone] if x.causes else [nothing]
@@ -181,11 +198,12 @@ def corrected_and_driven(
     """The correction, driven; and the explanation, without causes where nothing speaks for these but a little
     evidence."""
     x = _with_blocks(e, x)
-    made = correct(simulator, e, x, fitted)
+    horizon_s = horizon(held_out or fitted)  # one for both, so that their free runs can be told together
+    made = correct(simulator, e, x, fitted, horizon_s)
     if claimed(x, lambda: own_correction(simulator, x, made, held_out), e.rules):
         return Driven(x, *shown(simulator, made, held_out, with_unnamed))
     silent = replace(x, causes=(), lawful=None)
-    made = correct(simulator, e, silent, fitted)
+    made = correct(simulator, e, silent, fitted, horizon_s)
     return Driven(silent, *shown(simulator, made, held_out, with_unnamed), refuted=x.causes)
 
 

@@ -16,6 +16,8 @@ from deeptruck_model.simulators import Simulator
 
 Array = NDArray[np.float64]
 
+HORIZONS_S = (40.0, 20.0, 10.0)  # of free runs: what is slow adds up, and what helps 20 s may harm 40
+ENOUGH = 4  # runs one after another, to take such long ones
 SETTLE_S = 6.0  # forced along the recording before each free window
 BOOTSTRAPS = 1000
 LEAST = 1e-3  # m/s; errors this small are as good as none, and none can be no improvement
@@ -24,7 +26,8 @@ LEAST = 1e-3  # m/s; errors this small are as good as none, and none can be no i
 def free_windows(
     simulator: Simulator, prepared: Sequence[Prepared], horizon_s: float, *, alone: bool = False
 ) -> Errors:
-    """Free runs of `horizon_s` one after another along each recording, with a forced stretch before each.
+    """Free runs of `horizon_s` one after another along each recording, with a forced stretch before each, and
+    once more from halfway between their beginnings: what a run tells hangs on where it happens to begin.
 
     `alone`: a corrected simulator is told no channel that the protocol does not carry.
     The inner state goes on from window to window, so slow memories (heat, distance) are those of the whole
@@ -32,8 +35,9 @@ def free_windows(
     """
     dt = simulator.dt
     settle, horizon = round(SETTLE_S / dt), round(horizon_s / dt)
-    starts = [_starts(p, settle, horizon) for p in prepared]
-    used = [i for i, s in enumerate(starts) if s]
+    halfway = (horizon + settle) // 2
+    found = [(i, _starts(p, settle, horizon, more)) for more in (0, halfway) for i, p in enumerate(prepared)]
+    used, starts = [i for i, s in found if s], [s for _, s in found if s]
     if not used:
         empty = np.zeros((0, horizon))
         none = np.zeros(0, dtype=np.intp)
@@ -42,18 +46,25 @@ def free_windows(
     u, w, y, observed = (
         np.stack([padded(getattr(prepared[i], f), length) for i in used]) for f in ("u", "w", "y", "observed")
     )
-    predicted = _run(
-        simulator, u, w, y, [starts[i] for i in used], horizon, [] if alone else prepared, used, length
-    )
+    predicted = _run(simulator, u, w, y, starts, horizon, [] if alone else prepared, used, length)
     speed, acceleration, owner, begin = [], [], [], []
     for row, i in enumerate(used):
-        for s in starts[i]:
+        for s in starts[row]:
             cut = slice(s + 1, s + 1 + horizon)
             speed.append(predicted[row, cut, SPEED] - y[row, cut, SPEED])
             acceleration.append(predicted[row, cut, ACCELERATION] - observed[row, cut])
             owner.append(i)
             begin.append(s + 1)
     return Errors(np.stack(speed), np.stack(acceleration), np.array(owner), np.array(begin))
+
+
+def horizon(prepared: Sequence[Prepared]) -> float:
+    """Length of free runs along these recordings, s: the longest of which enough fit between their gaps."""
+    for long in HORIZONS_S:
+        runs = sum(len(_starts(p, round(SETTLE_S / p.dt), round(long / p.dt), 0)) for p in prepared)
+        if runs >= ENOUGH:
+            return long
+    return HORIZONS_S[-1] if prepared else HORIZONS_S[0]
 
 
 def joined(parts: Sequence[Errors]) -> Errors:
@@ -107,14 +118,17 @@ def _exogenous(prepared: Sequence[Prepared], used: Sequence[int], length: int) -
     return out
 
 
-def _starts(p: Prepared, settle: int, horizon: int) -> list[int]:
-    out, k = [], settle
+def _starts(p: Prepared, settle: int, horizon: int, more: int) -> list[int]:
+    """Where runs begin; after each gap the first is `more` samples later than it could be."""
+    out, k, after_gap = [], settle, True
     while k + horizon + 1 < len(p.recording):
-        if p.valid[k : k + horizon].mean() > 0.9:
-            out.append(k)
-            k += horizon + settle
+        if p.valid[k : k + horizon].mean() <= 0.9:
+            k, after_gap = k + max(1, settle), True
+        elif after_gap and more:
+            k, after_gap = k + more, False
         else:
-            k += max(1, settle)
+            out.append(k)
+            k, after_gap = k + horizon + settle, False
     return out
 
 

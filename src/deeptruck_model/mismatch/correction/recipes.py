@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.correction import output_error
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
-from deeptruck_model.mismatch.correction.improvement import SETTLE_S, free_windows, joined
+from deeptruck_model.mismatch.correction.improvement import HORIZONS_S, free_windows, joined
 from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.fit_result import Chosen, Errors
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, held_steady, is_time_varying
@@ -28,7 +28,6 @@ from deeptruck_model.simulators import Simulator
 
 Mask = NDArray[np.bool_]
 
-HORIZON_S = 40.0  # of free runs: what is slow adds up, and what helps 20 s may harm 40
 FOLDS = 3  # of the recordings that are not held out, to choose what goes in
 
 
@@ -53,7 +52,7 @@ class Recipe:
     def corrected(self, simulator: Simulator, search: Search, shares: Shares | None) -> CorrectedTruck:
         model = search.model(self.fitted, self.free)
         if self.for_driving:
-            model = output_error.refitted(search, model, HORIZON_S)
+            model = output_error.refitted(search, model, HORIZONS_S[0])
         change = _change(search.e, model, self.free)
         return _truck(simulator, search.e, _terms(self.kept, model), change, shares)
 
@@ -62,11 +61,16 @@ class Trials:
     """Free runs of recipes along recordings that are not held out, each driven once."""
 
     def __init__(
-        self, simulator: Simulator, folds: Sequence[Fold], shares: Shares | None, rules: Rules
+        self,
+        simulator: Simulator,
+        folds: Sequence[Fold],
+        shares: Shares | None,
+        rules: Rules,
+        horizon_s: float,
     ) -> None:
         self._simulator, self._folds, self.shares, self._rules = simulator, folds, shares, rules
         self.crossed = len(folds) == FOLDS  # along recordings that a fit has not seen
-        self._horizon_s = horizon([p for f in folds for p in f.driven])
+        self._horizon_s = horizon_s
         self._driven: dict[int, tuple[Recipe, Errors]] = {}
 
     def errors(self, recipe: Recipe) -> Errors:
@@ -179,9 +183,3 @@ def folds_of(e: Evidence, prepared: Sequence[Prepared]) -> list[Fold]:
 def as_given(e: Evidence, only: Mask) -> Search:
     """A search in which parameters that are not corrected stay as given: the others fit beside them so."""
     return Search(e, only=only, held=PINNED)
-
-
-def horizon(prepared: Sequence[Prepared]) -> float:
-    """Length of the free runs along these recordings, s: shorter where one of them is too short for two."""
-    shortest = min((len(p.recording) * p.dt for p in prepared), default=np.inf)
-    return min(HORIZON_S, max(10.0, shortest / 2.0 - SETTLE_S - 1.0))

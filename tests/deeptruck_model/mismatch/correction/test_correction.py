@@ -54,7 +54,6 @@ def options(nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch) -> list[
         return run(len(truck.terms) + abs(len(truck.moved) - 1.0) if truck.terms else 9.0)
 
     monkeypatch.setattr(recipes, "free_windows", windows)
-    monkeypatch.setattr(recipes, "horizon", lambda *_: 20.0)
     return driven
 
 
@@ -72,7 +71,7 @@ def test_of_all_that_was_found_the_part_goes_in_that_drives_best(
             ("parameter_error", "brake_gain", None),
         )
     )
-    made = correction.correct(TRUCK, e, explanation(causes, model), ONE)
+    made = correction.correct(TRUCK, e, explanation(causes, model), ONE, 20.0)
     tuned, after = made.tuned, made.named
     assert made.unnamed is None
     assert set(tuned.moved) == {"torque_gain", "brake_gain"} and not tuned.terms
@@ -91,13 +90,13 @@ def test_nothing_goes_in_where_the_truck_as_given_drives_best(
 ) -> None:
     e = nothing_missing
     law, _ = law_and_gusts(e)
-    monkeypatch.setattr(recipes, "horizon", lambda *_: 20.0)
+    monkeypatch.setattr(correction, "horizon", lambda *_: 20.0)
     monkeypatch.setattr(
         recipes, "free_windows", lambda made, *_: run(float(len(made.terms) + len(made.moved)))
     )
     cause = Cause("missing_physics", "driveline_loss", 50.0, 1.0, np.zeros(len(e)), law)
     made = correction.correct(
-        TRUCK, e, explanation((cause,), Search(e).model((law,), frozenset({"torque_gain"}))), ONE
+        TRUCK, e, explanation((cause,), Search(e).model((law,), frozenset({"torque_gain"}))), ONE, 20.0
     )
     assert not made.named.terms and not made.named.moved and made.tuned.moved
     assert made.chosen is Chosen.NOTHING
@@ -109,7 +108,7 @@ def test_what_was_not_stated_never_goes_in(
     law, gusts = law_and_gusts(nothing_missing)
     model = Search(nothing_missing).model((law, gusts), frozenset())
     cause = Cause("missing_physics", "driveline_loss", 90.0, 1.0, np.zeros(len(nothing_missing)), law)
-    after = correction.correct(TRUCK, nothing_missing, explanation((cause,), model), ONE).named
+    after = correction.correct(TRUCK, nothing_missing, explanation((cause,), model), ONE, 20.0).named
     assert [t.effect for t in after.terms] == ["driveline_loss"] and not after.moved
     nothing: set[str] = set()
     assert options == [
@@ -177,13 +176,13 @@ def test_no_parameter_goes_where_no_truck_is(nothing_missing: Evidence) -> None:
     stronger = 2.6 * nothing_missing.sensitivity["brake_gain"]  # brakes 3.6 times as strong
     e = replace(nothing_missing, residual=nothing_missing.residual + stronger)
     model = Search(e).model((), frozenset())
-    made = correction.correct(TRUCK, e, explanation((), model), [])
+    made = correction.correct(TRUCK, e, explanation((), model), [], 20.0)
     assert abs(made.tuned.moved["brake_gain"]) < 0.2 and not made.named.moved
 
 
 def test_where_nothing_is_missing_nothing_is_corrected(nothing_missing: Evidence) -> None:
     model = Search(nothing_missing).model((), frozenset({"brake_gain"}))
-    made = correction.correct(TRUCK, nothing_missing, explanation((), model), ONE)
+    made = correction.correct(TRUCK, nothing_missing, explanation((), model), ONE, 20.0)
     assert not made.named.terms and not made.named.moved
     assert made.tuned.moved
 
@@ -197,7 +196,7 @@ def test_laws_without_a_name_go_in_beside_the_names_and_only_when_asked(nothing_
     law = next(s for s in laws(e) if is_law(s.variant.constants, "engine", "speed"))
     search = Search(e)
     lawful = search.model((law,), frozenset())
-    made = correction.correct(TRUCK, e, explanation((), search.model((), frozenset()), lawful), [])
+    made = correction.correct(TRUCK, e, explanation((), search.model((), frozenset()), lawful), [], 20.0)
     assert made.unnamed is not None and not made.named.terms
     assert [t.effect for t in made.unnamed.terms] == ["unknown"]
     _, unasked, fit = correction.shown(TRUCK, made, [], with_unnamed=False)
@@ -226,10 +225,10 @@ def test_laws_join_names_that_drive_better_where_drives_that_were_not_fitted_ask
     model, lawful = search.model((name,), frozenset()), search.model((name, law), frozenset())
     errors = {Chosen.LAWS: 0.1, Chosen.FINDINGS: with_names, Chosen.PARAMETERS: 0.3, Chosen.NOTHING: 0.4}
     monkeypatch.setattr(recipes.Trials, "errors", lambda self, recipe: run(errors[recipe.what]))
-    monkeypatch.setattr(recipes, "horizon", lambda *_: 20.0)
+    monkeypatch.setattr(correction, "horizon", lambda *_: 20.0)
     cause = Cause("missing_physics", name.mechanism.effect, 200.0, 1.0, np.ones(len(e)), term=name)
     prepared: Any = [None] * min(recordings, 6)
-    made = correction.correct(TRUCK, e, explanation((cause,), model, lawful), prepared)
+    made = correction.correct(TRUCK, e, explanation((cause,), model, lawful), prepared, 20.0)
     assert made.chosen is chosen and made.after(with_unnamed=False)[1] is chosen
     assert ("unknown" in {t.effect for t in made.named.terms}) == (chosen is Chosen.LAWS)
 
@@ -246,10 +245,10 @@ def test_sizes_that_drive_better_go_in_and_are_told(
         "errors",
         lambda self, r: run(0.1 if r.for_driving else 0.2 if r.what is Chosen.FINDINGS else 0.4),
     )
-    monkeypatch.setattr(recipes, "horizon", lambda *_: 20.0)
+    monkeypatch.setattr(correction, "horizon", lambda *_: 20.0)
     cause = Cause("missing_physics", law.mechanism.effect, 200.0, 1.0, np.ones(len(e)), term=law)
     model = Search(e).model((law,), frozenset())
-    made = correction.correct(TRUCK, e, explanation((cause,), model), [None] * 6)  # type: ignore[list-item]
+    made = correction.correct(TRUCK, e, explanation((cause,), model), [None] * 6, 20.0)  # type: ignore[list-item]
     assert made.chosen is Chosen.FINDINGS and made.for_driving
     _, _, fit = correction.shown(TRUCK, made, [], with_unnamed=False)
     assert fit.for_driving

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -31,12 +33,15 @@ def test_the_truck_itself_has_no_error(prepared: list[Prepared]) -> None:
     assert np.median(np.abs(errors.speed)) < 0.01
 
 
-def test_windows_do_not_overlap_and_lie_on_valid_driving(prepared: list[Prepared]) -> None:
+def test_windows_begin_twice_and_lie_on_valid_driving(prepared: list[Prepared]) -> None:
     blind = prepared[0].valid.copy()
     blind[:700] = False
     part = Prepared(**{**prepared[0].__dict__, "valid": blind})
     errors = free_windows(TRUCK, [part], 20.0)
-    assert errors.start.min() > 600 and (np.diff(errors.start) >= 200).all()
+    assert errors.start.min() > 600
+    first, again = np.split(errors.start, np.flatnonzero(np.diff(errors.start) < 0) + 1)
+    assert all((np.diff(one) >= 200).all() for one in (first, again))
+    assert len(again) >= 1 and np.abs(first[:, None] - again).min() > 50
     assert len(free_windows(TRUCK, prepared, 500.0).start) == 0
 
 
@@ -88,3 +93,13 @@ def test_joined_runs_keep_their_recordings_apart() -> None:
     all_of_them = improvement.joined([one, none, three])
     assert all_of_them.recording.tolist() == [0, 1, 2, 3]
     assert all_of_them.speed[:, 0].tolist() == [1.0, 3.0, 3.0, 3.0]
+
+
+def test_free_runs_are_as_long_as_the_driving_between_gaps_lets_them_be(prepared: list[Prepared]) -> None:
+    assert improvement.horizon(prepared) == 40.0
+    broken = [replace(p, valid=np.arange(len(p.valid)) % 350 > 60) for p in prepared]
+    assert improvement.horizon(broken) == 20.0
+    assert (
+        improvement.horizon([replace(p, valid=np.arange(len(p.valid)) % 200 > 50) for p in prepared]) == 10.0
+    )
+    assert len(free_windows(TRUCK, broken, 20.0).speed) > len(free_windows(TRUCK, broken, 40.0).speed)

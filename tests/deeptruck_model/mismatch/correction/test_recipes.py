@@ -41,12 +41,11 @@ def test_each_correction_is_driven_where_it_was_not_fitted(
         return np.unique(search.e.record[search.series.valid]).tolist()
 
     monkeypatch.setattr(recipes.Recipe, "corrected", fitted)
-    monkeypatch.setattr(recipes, "horizon", lambda *_: 20.0)
     monkeypatch.setattr(
         recipes, "free_windows", lambda made, names, _: seen.append((list(names), made)) or run(0.0)
     )
     prepared: Any = [f"d{k}" for k in range(6)]
-    trials = recipes.Trials(TRUCK, recipes.folds_of(e, prepared), None, e.rules)
+    trials = recipes.Trials(TRUCK, recipes.folds_of(e, prepared), None, e.rules, 20.0)
     trials.errors(recipes.Recipe((), (), frozenset()))
     assert sorted(name for names, _ in seen for name in names) == prepared
     for names, on in seen:
@@ -60,13 +59,12 @@ def test_sizes_fitted_to_free_runs_go_in_where_they_are_clearly_better_unseen(
     monkeypatch: pytest.MonkeyPatch, recordings: int, for_driving: float, taken: bool
 ) -> None:
     """Along what they were fitted to, as where recordings are few, they always drive better."""
-    monkeypatch.setattr(recipes, "horizon", lambda *_: 20.0)
     monkeypatch.setattr(
         recipes.Trials, "errors", lambda self, recipe: run(for_driving if recipe.for_driving else 0.3)
     )
     folds: Any = [recipes.Fold(None, ())] * recordings  # type: ignore[arg-type]
     probable = recipes.Recipe((), (), frozenset({"mass"}))
-    trials = recipes.Trials(TRUCK, folds, None, Rules())
+    trials = recipes.Trials(TRUCK, folds, None, Rules(), 20.0)
     assert trials.with_better_sizes(probable) == replace(probable, for_driving=taken)
 
 
