@@ -22,14 +22,14 @@ class OwnCorrection:
     chosen: bool = False  # whether free runs along fitted recordings chose it among all corrections
 
     def helps(self, rules: Rules) -> bool:
-        """Whether it is clearly better over what was held out, and was chosen or is surely better over all
+        """Whether it is clearly better in what is held out, and was chosen or is surely better over all
         that it has not seen; true where nothing is long enough to tell."""
         if not len(self.before.speed):
             return True
         old, new = self.before, self.after
         if self.crossed is not None and self.crossed[0].speed.shape[1] == old.speed.shape[1]:
             old, new = (joined(both) for both in zip((old, new), self.crossed, strict=True))
-        clearly = self.after.rmse().speed <= rules.no_better * self.before.rmse().speed
+        clearly = self.after.typical() <= rules.no_better * self.before.typical()
         return clearly and (self.chosen or interval(old, new)[0] > 0.0)
 
 

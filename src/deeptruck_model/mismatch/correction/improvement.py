@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.correction.corrected_truck import EXOGENOUS, CorrectedTruck
 from deeptruck_model.mismatch.data.prepared import Prepared, fed, padded
-from deeptruck_model.mismatch.fit_result import Compared, Errors, Improvement, Interval
+from deeptruck_model.mismatch.fit_result import LEAST, Compared, Errors, Improvement, Interval
 from deeptruck_model.mismatch.residual.evidence import turns
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Simulator
@@ -20,7 +20,6 @@ HORIZONS_S = (40.0, 20.0, 10.0)  # of free runs: what is slow adds up, and what 
 ENOUGH = 4  # runs one after another, to take such long ones
 SETTLE_S = 6.0  # forced along the recording before each free window
 BOOTSTRAPS = 1000
-LEAST = 1e-3  # m/s; errors this small are as good as none, and none can be no improvement
 
 
 def free_windows(

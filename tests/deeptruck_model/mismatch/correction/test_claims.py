@@ -35,6 +35,16 @@ def own(after: float, spread: float = 0.0) -> Callable[[], OwnCorrection]:
     return lambda: OwnCorrection(runs(2, 0.1), runs(2, after), crossed)
 
 
+def test_one_run_that_is_off_whatever_is_corrected_does_not_hide_what_the_others_show() -> None:
+    def off(size: float) -> Errors:
+        made = runs(2, size)
+        made.speed[3] = 1.0
+        return made
+
+    for after, helps in ((0.05, True), (0.099, False)):
+        assert OwnCorrection(off(0.1), off(after), chosen=True).helps(Rules()) == helps
+
+
 def not_asked() -> OwnCorrection:
     raise AssertionError("what is strong is told without driving it")
 
