@@ -45,10 +45,14 @@ class Errors:
         speed, acceleration = (float(np.sqrt(np.mean(x**2))) for x in (self.speed, self.acceleration))
         return Rmse(speed, acceleration)
 
-    def typical(self) -> float:
-        """Geometric mean over the runs of their speed error, rms in m/s: one run in which a gear is chosen
-        otherwise, by whatever little, outweighs all others in a mean of squares."""
-        return float(np.exp(0.5 * np.mean(np.log(np.mean(self.speed**2, axis=1) + LEAST**2))))
+    def of_runs(self) -> Array:
+        """Speed error of each run, rms in m/s, (windows,)."""
+        return np.asarray(np.sqrt(np.mean(self.speed**2, axis=1) + LEAST**2))
+
+    def of_a_run(self) -> float:
+        """Mean of `of_runs`. In a mean of squares one run in which a gear is chosen otherwise, by whatever
+        little, outweighs all others."""
+        return float(np.mean(self.of_runs()))
 
 
 @dataclass(frozen=True)

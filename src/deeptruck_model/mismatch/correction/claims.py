@@ -29,7 +29,7 @@ class OwnCorrection:
         old, new = self.before, self.after
         if self.crossed is not None and self.crossed[0].speed.shape[1] == old.speed.shape[1]:
             old, new = (joined(both) for both in zip((old, new), self.crossed, strict=True))
-        clearly = self.after.typical() <= rules.no_better * self.before.typical()
+        clearly = self.after.of_a_run() <= rules.no_better * self.before.of_a_run()
         return clearly and (self.chosen or interval(old, new)[0] > 0.0)
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.correction.corrected_truck import EXOGENOUS, CorrectedTruck
 from deeptruck_model.mismatch.data.prepared import Prepared, fed, padded
-from deeptruck_model.mismatch.fit_result import LEAST, Compared, Errors, Improvement, Interval
+from deeptruck_model.mismatch.fit_result import Compared, Errors, Improvement, Interval
 from deeptruck_model.mismatch.residual.evidence import turns
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Simulator
@@ -146,16 +146,16 @@ def improvement(judged: Mapping[str, Errors], seed: int = 0) -> Improvement:
 
 
 def interval(old: Errors, new: Errors, seed: int = 0) -> Interval:
-    """95 % interval of 1 - rmse_new / rmse_old for speed."""
+    """95 % interval of 1 - new / old, of the mean speed error of a free run (`Errors.of_a_run`)."""
     rng = np.random.default_rng(seed)
     owners = np.unique(old.recording)
-    a, b = np.mean(old.speed**2, axis=1), np.mean(new.speed**2, axis=1)
+    a, b = old.of_runs(), new.of_runs()
     groups = [np.flatnonzero(old.recording == o) for o in owners]
     if len(owners) < 3:
-        groups = [np.array([i]) for i in range(len(a))]  # too few recordings to resample: windows instead
+        groups = [np.array([i]) for i in range(len(a))]  # too few recordings: windows
     gains = []
     for _ in range(BOOTSTRAPS):
         pick = np.concatenate([groups[i] for i in rng.integers(0, len(groups), len(groups))])
-        gains.append(1.0 - np.sqrt((b[pick].mean() + LEAST**2) / (a[pick].mean() + LEAST**2)))
+        gains.append(1.0 - b[pick].mean() / a[pick].mean())
     low, high = np.quantile(gains, [0.025, 0.975])
     return float(low), float(high)

@@ -18,8 +18,8 @@ from deeptruck_model.mismatch.report.wording import percent, spoken
 
 LEAST_RESAMPLED = 3  # recordings; with fewer the interval is over the free runs
 ASKED = (
-    "Validation asks one thing: does the corrected simulator surely have a smaller speed error than the one "
-    "given, on recordings it was not fitted to?"
+    "Validation asks one thing: does the corrected simulator surely have a smaller mean speed error than the "
+    "one given, over free runs along recordings it was not fitted to?"
 )
 REFUSED = "The correction did not pass validation and is not applied."
 BETTER = "So {what} worth more than other parameters."

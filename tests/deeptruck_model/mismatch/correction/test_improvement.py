@@ -59,6 +59,16 @@ def test_a_better_simulator_has_an_interval_above_zero_and_a_worse_one_below(
     assert improvement.improvement(errors).ci95[1] < 0.0
 
 
+def test_one_run_that_is_off_whatever_is_corrected_does_not_hide_the_others() -> None:
+    def off(size: float) -> Errors:
+        speed = np.full((12, 10), size)
+        speed[7] = 1.0
+        return Errors(speed, speed, np.arange(12) // 4, np.zeros(12, dtype=np.intp))
+
+    low, high = improvement.interval(off(0.1), off(0.05))
+    assert 0.1 < low <= high < 0.51
+
+
 def test_equal_simulators_have_not_improved(prepared: list[Prepared]) -> None:
     same = free_windows(TRUCK, prepared, 30.0)
     errors = {"before": same, "parameters_only": same, "after": same}

@@ -64,8 +64,7 @@ def test_a_tenth_of_the_drag_is_told_where_held_out_drives_show_it() -> None:
     (found,) = verdict["findings"]
     assert found["effect"] == "drag_area"
     assert found["parameters"]["drag_area"]["value"] == pytest.approx(0.9 * own, rel=0.03)
-    # one of its free runs changes gear at another moment whatever the drag, and is most of the mean of squares
-    assert verdict["fit"]["after"]["speed_rmse"] < verdict["fit"]["before"]["speed_rmse"]
+    assert verdict["fit"]["validated"]
 
 
 @pytest.mark.long

@@ -120,6 +120,13 @@ def test_a_simulator_that_is_off_without_a_name_is_not_said_to_agree(
     assert says in said and bool(says) == bool(said)
 
 
+def test_by_how_much_other_parameters_must_help_goes_with_the_length_of_the_runs() -> None:
+    """A steady acceleration makes twice the speed error in runs twice as long."""
+    driven = replace(fit((0.0, 0.0), (-0.5, -0.2), chosen=Chosen.NOTHING), errors=errors(0.16, 0.08, 0.16))
+    for horizon_s, noticed in ((20.0, True), (40.0, False)):
+        assert bool(validation.off_without_a_name(replace(driven, horizon_s=horizon_s), 0.0)) == noticed
+
+
 def test_where_something_was_withdrawn_nothing_missing_is_no_answer() -> None:
     said = validation.no_name_is_sure(["accessory_load", "accessory_load", "headwind"])
     assert said.startswith("accessory load or headwind explained the fitted recordings")
