@@ -24,7 +24,7 @@ def test_answers_are_names_parameters_and_nothing_more(base: Samples) -> None:
     named = ~np.isin(base.names, [NOTHING, UNKNOWN])
     laws = [EFFECTS.get(law.removesuffix("~")) for law in base.laws[named]]
     of_laws = [law.name == name for law, name in zip(laws, base.names[named], strict=True) if law is not None]
-    assert len(of_laws) > 100 and all(of_laws)
+    assert len(of_laws) > 150 and all(of_laws)
 
 
 def test_an_answer_is_among_the_names_of_its_fingerprint(base: Samples) -> None:
@@ -40,9 +40,9 @@ def test_nothing_more_is_missing_beside_names_alone(base: Samples) -> None:
 
 
 def test_a_known_name_explains_what_is_its_own(base: Samples) -> None:
-    """Beside its own name far less is left of many laws; of others it has another form, and much is left."""
+    """Beside its own name less than half is left of most laws; some have a form of their own."""
     f = base.fingerprint
     told = (base.names == NOTHING) & (f.given.explained > 100.0)
     assert told.sum() > 20
     left = f.held.nats.max(axis=0)[told] / f.given.explained[told]
-    assert np.mean(left < 0.5) > 0.4
+    assert np.median(left) < 0.5
