@@ -38,6 +38,7 @@ FAMILIES = (
     "eleventh",
     "twelfth",
     "thirteenth",
+    "fourteenth",
 )
 SEALED, ALL = "sealed", "all"  # the next family; those of FAMILIES together
 FORMS = (ALL, *FAMILIES, SEALED)

@@ -6,8 +6,8 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, index
-from deeptruck_exam.effects.places import Bends
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, index, moving
+from deeptruck_exam.effects.places import Bends, OnRoad, windows
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series
 from deeptruck_model.trucks import View
@@ -303,3 +303,27 @@ class AirBridgesTheGap(Hidden, last=-1.0, bridges=0.0, air=0.0):
         near = 1.0 / (1.0 + (gap / (6.0 * p.half_m)) ** 2)
         saved = near * (p.open + (p.bridged - p.open) * s.air)
         return np.clip(saved * 1.15, 0.0, 0.92) * view.drag_force
+
+
+@law("k_walls_keep_the_wake", "fourteenth", "highway")
+@sizes(drawn=(0.6, 0.85), fills_s=(1.5, 4.0), mean_m=(300.0, 900.0), share=(0.45, 0.65), open=(0.02, 0.15))
+@sizes(reach_m=(60.0, 160.0))
+class WallsKeepTheWake(OnRoad, air=0.0):
+    """`air` m/s that the leader has set in motion. Between walls and in galleries it cannot get out aside and
+    runs along with him; in the open it is gone in a moment, and little is left behind him. drawn: of the
+    leader's speed; share: of the road, that has walls; open: of the drag, saved right behind him elsewhere.
+    Source: Bickel, Kuesel and King, Tunnel Engineering Handbook (1996), on air that vehicles drive through
+    tunnels like pistons; walls beside an open road, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.road = windows(self.rng(1402), self.rows(), self.p.mean_m, self.p.share)
+        self.pace = np.nan_to_num(np.gradient(self.setting.leader_m, self.setting.dt, axis=1))
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        walls, gap = self.between(self.road, view), np.clip(self.gap(view), 0.0, 1e4)
+        pace = np.clip(self.pace[:, self.now(view)], 0.0, 30.0)
+        wish = p.drawn * pace * walls / (1.0 + (gap / p.reach_m) ** 2)
+        s.air = eased(s.air, wish, p.fills_s * (0.4 + 0.6 * walls), dt)
+        still = 1.0 - np.clip(s.air / np.maximum(view.speed, 5.0), 0.0, 0.95)
+        saved = 1.0 - still**2 * (1.0 - p.open / (1.0 + gap / 15.0))
+        return saved * view.drag_force * moving(view)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, index, moving
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, index, moving
 from deeptruck_exam.effects.places import CELL_M, Bends, OnRoad, smooth_stretches
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series, some_drives, spells, within
@@ -283,3 +283,26 @@ class BladeIsRaised(OnRoad, angle=0.0):
         s.angle = np.clip(s.angle + dt * np.where(wants > 0.5, 1.0 / p.up_s, -1.0 / p.down_s), 0.0, 1.0)
         across = np.sin(0.5 * np.pi * s.angle) ** 2
         return -p.most * (p.flat + (1.0 - p.flat) * across) * view.drag_force * moving(view)
+
+
+@law("k_curtains_for_the_birds", "fourteenth", "highway hills", accepts="headwind")
+@sizes(more=(0.9, 1.6), warms_s=(25.0, 70.0), airs_s=(25.0, 60.0), opens_s=(5.0, 14.0), on=(0.6, 0.75))
+@sizes(off=(0.38, 0.48))
+class CurtainsForTheBirds(Hidden, rolled=0.0, open=0.0):
+    """`warm`: air between crates of poultry. Birds warm it, the wind of driving airs it, the more the wider
+    the curtains are open; they are rolled up when it is too warm and let down when it is too cold. Open
+    crates are a grid in the stream. more: of the drag, all open; on, off: of `warm`.
+    Source: Kettlewell, Hoxey and Mitchell, Heat Produced by Broiler Chickens in a Commercial Transport
+    Vehicle, J. Agricultural Engineering Research 75 (2000); motors that roll curtains on the way, sizes are
+    chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "warm": self.rng(1403).uniform(0.3, 0.9, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        airs = (0.12 + s.open) * np.maximum(view.speed, 0.0) / 15.0 / p.airs_s
+        rate = 1.0 / p.warms_s + airs
+        s.warm = eased(s.warm, 1.0 / p.warms_s / rate, 1.0 / rate, dt)
+        s.rolled = np.where(s.warm > p.on, 1.0, np.where(s.warm < p.off, 0.0, s.rolled))
+        s.open = np.clip(s.open + dt * np.where(s.rolled > 0.5, 1.0, -1.0) / p.opens_s, 0.0, 1.0)
+        return -p.more * s.open * view.drag_force * moving(view)

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, index
-from deeptruck_exam.effects.places import CELL_M, CELLS, OnRoad, sections, stretches
+from deeptruck_exam.effects.places import CELL_M, CELLS, MAP_CELL_M, MAP_CELLS, OnRoad, sections, stretches
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import SAMPLE_S, arrivals, ou_series
 from deeptruck_model.trucks import View
@@ -175,6 +175,41 @@ class ValleyTurnsTheWind(OnRoad, flow=0.0):
         wants = np.sign(leans) * np.sqrt(np.abs(leans))
         s.flow = s.flow + dt * (wants - s.flow) / p.flows_s
         wind = self.setting.direction * p.aloft_mps * s.flow * self.gusts[:, k]
+        relative = np.clip(1.0 + wind / np.maximum(view.speed, 0.5), -1.5, 3.0)
+        felt = (relative * np.abs(relative) - 1.0) * view.drag_force
+        return -felt * np.clip(view.speed / 3.0, 0.0, 1.0)
+
+
+@law("k_waves_behind_the_ridge", "fourteenth", "highway hills")
+@sizes(mean_mps=(6.0, 10.0), swings=(0.9, 1.5), long_m=(1300.0, 3000.0), dies_m=(3000.0, 8000.0))
+@sizes(breathes_s=(60.0, 180.0))
+class WavesBehindTheRidge(OnRoad):
+    """Air that has crossed a ridge swings up and down behind it, and stands in waves over the land: at the
+    ground it blows by turns hard, hardly, and back towards the ridge. Waves die away until the next ridge.
+    mean_mps: of the wind along the road; swings: over half of that, in the first wave.
+    Source: Scorer, Theory of Waves in the Lee of Mountains, Q. J. R. Met. Soc. 75 (1949), and Doyle and
+    Durran, The Dynamics of Mountain-Wave-Induced Rotors, J. Atmospheric Sciences 59 (2002); shorter waves,
+    sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, p = self.rng(1401), self.p
+        metres = (np.arange(MAP_CELLS) + 0.5) * MAP_CELL_M
+        self.road = np.zeros((self.rows(), MAP_CELLS))
+        self.looks = rng.choice([-1.0, 1.0], self.rows())
+        for row in self.road:
+            ridge, long = -rng.uniform(0.0, 6000.0), p.long_m * rng.uniform(0.85, 1.15)
+            while ridge < metres[-1]:
+                behind = np.maximum(metres - ridge, 0.0)
+                row += np.exp(-behind / p.dies_m) * np.sin(2.0 * np.pi * behind / long) * (behind > 0.0)
+                ridge += rng.uniform(5000.0, 12000.0)
+        self.road = np.where(self.looks[:, None] > 0.0, self.road, self.road[:, ::-1])
+        shape = (self.setting.batch, int(self.setting.duration_s) + 5)
+        self.breath = 1.0 + 0.25 * ou_series(rng, shape, 1.0, p.breathes_s)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        blows = 0.5 + p.swings * np.clip(self.between(self.road, view), -1.5, 1.5)
+        breath = np.clip(self.breath[:, index(view, self.breath)], 0.3, 1.7)
+        wind = p.mean_mps * blows * breath * self.looks[self.setting.route] * self.setting.direction
         relative = np.clip(1.0 + wind / np.maximum(view.speed, 0.5), -1.5, 3.0)
         felt = (relative * np.abs(relative) - 1.0) * view.drag_force
         return -felt * np.clip(view.speed / 3.0, 0.0, 1.0)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, index, moving, weight
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, index, moving, weight
 from deeptruck_exam.effects.places import Bends
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series
@@ -283,3 +283,30 @@ class IronStaysMagnetic(Hidden):
         s.kept = np.clip(s.kept + dt * (grows - wipes - speed * s.kept / p.shakes_m), 0.0, 1.0)
         slip = speed / p.peak_mps
         return -p.most * s.kept * weight(view) * 2.0 * slip / (1.0 + slip**2) * moving(view)
+
+
+@law("k_foot_rests_on_the_pedal", "fourteenth", "suburban descent hills")
+@sizes(most=(0.012, 0.022), stays_s=(25.0, 90.0), tense_s=(6.0, 20.0), kicks=(0.55, 0.8), lifts_s=(3.0, 8.0))
+class FootRestsOnThePedal(Hidden):
+    """`rests`: a left foot that stays on the brake pedal after it has braked, lighter and lighter, below what
+    the switch of the pedal tells; a driver who treads on the accelerator firmly takes it away. How tense he
+    is comes and goes. most: of the weight; kicks: of the full pedal, that takes the foot away.
+    Source: AAMVA, Model Commercial Driver License Manual, against riding the brakes; times and sizes are
+    chosen here."""
+
+    def prepare(self) -> None:
+        shape = (self.setting.batch, int(self.setting.duration_s / 0.5) + 20)
+        self.tense = 0.65 + 0.35 * np.tanh(ou_series(self.rng(1411), shape, 0.5, self.p.tense_s))
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"rests": self.rng(1412).uniform(0.2, 0.9, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        brakes = np.clip(view.brake_force / weight(view) / 0.02, 0.0, 1.0)
+        kicked = self.pedal(view) > p.kicks
+        wish = np.where(brakes > 0.3, 1.0, 0.0)
+        s.rests = eased(
+            s.rests, wish, np.where(brakes > 0.3, 0.8, np.where(kicked, p.lifts_s, p.stays_s)), dt
+        )
+        tense = self.tense[:, index(view, self.tense, 0.5)]
+        return -p.most * s.rests * tense * (1.0 - brakes) * weight(view) * moving(view)

@@ -249,3 +249,27 @@ class OilBathOverheats(Hidden, disc=0.0, oil=0.0):
         s.disc = s.disc + dt * (work / (0.4 * p.oil_jpkgk) - passes)
         s.oil = np.maximum(s.oil + dt * (0.4 * passes - pumps * s.oil / p.cools_s), 0.0)
         return lost * view.brake_force * moving(view)
+
+
+@law("k_iron_warms_in_its_field", "fourteenth", "descent")
+@sizes(share=(0.65, 0.9), peak_mps=(9.0, 14.0), resists=(0.9, 1.6), heats_jpkg=(120.0, 320.0))
+@sizes(cools_s=(80.0, 220.0), field=(0.2, 0.35))
+class IronWarmsInItsField(Hidden, hot=0.0):
+    """An electric retarder does most of what the pedal asks. Its iron conducts the worse, the hotter: then
+    it brakes best at a higher speed and less below it, and hot coils make a weaker field. Air that it blows
+    itself cools it. share: of the brake force; peak_mps: where it brakes best, cold; resists: of the
+    resistance, more when hot; field: of the force, lost by hot coils.
+    Source: Schieber, Braking Torque on Rotating Sheet in Stationary Magnetic Field, Proc. IEE 121 (1974), and
+    Limpert, Brake Design and Safety, on electric retarders when hot; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        cold = speed / p.peak_mps
+        warm = cold / (1.0 + p.resists * s.hot)
+        ratio = (1.0 + cold**2) / (1.0 + warm**2) / (1.0 + p.resists * s.hot)
+        kept = np.minimum(ratio, 1.0) * (1.0 - p.field * np.minimum(s.hot, 1.0))
+        work = p.share * kept * view.brake_force * speed / view.mass
+        s.hot = np.clip(
+            s.hot + dt * (work / p.heats_jpkg - s.hot * (0.4 + speed / 20.0) / p.cools_s), 0.0, 1.5
+        )
+        return p.share * (1.0 - kept) * view.brake_force * moving(view)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import spells, within
 from deeptruck_model.trucks import View
@@ -305,3 +305,20 @@ class RubberCreeps(Hidden, quick=0.0, slow=0.0, soft=0.0):
         s.slow = s.slow + dt * (asked - s.slow) / (p.slow_s * cold)
         comes = (1.0 - p.creeps) * s.quick + p.creeps * s.slow
         return (asked - comes) * self.truck.brake_capacity * moving(view)
+
+
+@law("k_magnets_are_dragged_along", "fourteenth", "suburban descent")
+@sizes(share=(0.6, 0.9), rises_m=(5.0, 12.0), coil_s=(0.1, 0.3), lets_s=(0.25, 0.6))
+class MagnetsAreDraggedAlong(Hidden, coil=0.0, lever=0.0):
+    """Electric brakes of a trailer: a magnet sticks to the turning drum, which drags it along and so turns
+    the lever that spreads the shoes. Force comes over a way, not over a time, and slowest when slow; a spring
+    takes it back. share: of the brake force; rises_m: of the way.
+    Source: Limpert, Brake Design and Safety, on electric brakes whose magnets are carried along by the drum;
+    a worn armature, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = view.brake_force / self.truck.brake_capacity
+        s.coil = eased(s.coil, asked, p.coil_s, dt)
+        drags = p.rises_m / np.maximum(view.speed, 0.3)
+        s.lever = eased(s.lever, s.coil, np.where(s.coil > s.lever, drags, p.lets_s), dt)
+        return p.share * (asked - s.lever) * self.truck.brake_capacity * moving(view)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, index, moving, weight
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, index, moving, weight
 from deeptruck_exam.effects.places import CELL_M, CELLS, Bends, OnRoad, stretches
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import SAMPLE_S, arrivals
@@ -263,3 +263,25 @@ class SlowsBeforeBends(Bends, acts=0.0):
         wants = np.clip(p.harsh * too_fast, 0.0, 9.81 * p.most)
         s.acts = s.acts + dt * (wants - s.acts) / np.where(wants > s.acts, 0.4, p.lets_s)
         return -s.acts / 9.81 * weight(view) * np.clip(view.speed / 2.0 - 1.0, 0.0, 1.0)
+
+
+@law("k_wears_its_axles_by_turns", "fourteenth", "suburban descent hills")
+@sizes(weak=(0.3, 0.5), strong=(0.15, 0.3), gentle=(0.14, 0.28), hands_s=(0.15, 0.4))
+class WearsItsAxlesByTurns(Hidden, pressed=0.0, share=0.0):
+    """So that linings wear alike, gentle braking is done by one group of axles and then by the other, one
+    application after the other; one has poor linings and the other has sharp ones. Hard braking uses all.
+    weak, strong: of the brake force, less and more; gentle: of full braking.
+    Source: WABCO, EBS, Electronically Controlled Brake System, System Description, on lining wear control
+    between axles; linings of two makes, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "turn": self.rng(1413).integers(0, 2, batch).astype(float)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = view.brake_force / self.truck.brake_capacity
+        begins = (asked > 0.012) & (s.pressed < 0.5)
+        s.turn = np.where(begins, 1.0 - s.turn, s.turn)
+        s.pressed = np.where(begins, 1.0, np.where(asked < 0.005, 0.0, s.pressed))
+        alone = np.clip(2.0 - asked / p.gentle, 0.0, 1.0)
+        s.share = eased(s.share, alone * np.where(s.turn > 0.5, p.weak, -p.strong), p.hands_s, dt)
+        return s.share * view.brake_force * moving(view)

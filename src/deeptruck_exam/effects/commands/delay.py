@@ -257,3 +257,31 @@ class JoinsTheFrames(Late):
             s.since, s.frame = 0, s.frame + 1
         share = s.since / self.frames[s.frame % len(self.frames)]
         return np.asarray(s.old + share * (s.new - s.old))
+
+
+@law("k_two_of_three_decide", "fourteenth", "suburban hills descent")
+@sizes(
+    quick_s=(0.2, 0.4), middle_s=(0.45, 0.75), slow_s=(0.8, 1.3), uneven=(0.15, 0.35), wander_s=(5.0, 20.0)
+)
+class TwoOfThreeDecide(Late):
+    """Three computers pass each command on, each by a way of its own that is quick or slow by turns; what is
+    done is what the middle one says, so that nothing happens before the second one has heard. quick_s,
+    middle_s, slow_s: of the three ways; uneven: of them, by chance.
+    Source: Lyons and Vanderkulk, The Use of Triple-Modular Redundancy to Improve Computer Reliability, IBM
+    Journal 6 (1962); a voter behind unlike links, times are chosen here."""
+
+    length = 400
+
+    def prepare(self) -> None:
+        p, slots = self.p, int(self.setting.duration_s / 0.1) + 600
+        wander = np.exp(p.uneven * ou_series(self.rng(1421), (3, slots), 0.1, p.wander_s))
+        late = np.array([[p.quick_s], [p.middle_s], [p.slow_s]]) * wander / STEP_S
+        self.late = np.clip(np.rint(late), 5, self.length - 2).astype(int)
+
+    def start(self, batch: int) -> dict[str, Any]:
+        return super().start(batch)
+
+    def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
+        self.put(s, u)
+        three = self.late[:, (s.at // 10) % self.late.shape[1]]
+        return np.asarray(np.median([self.ago(s, int(steps)) for steps in three], axis=0))

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Sizes, State, TorqueFilter
+from deeptruck_exam.effects.law import Array, Sizes, State, TorqueFilter, eased
 from deeptruck_exam.effects.planting import hidden, sizes
 
 law = partial(hidden, name="command_rate_limit", accepts="turbo_lag")
@@ -264,4 +264,28 @@ class PistonsAreWarmedFirst(TorqueFilter):
         s.ready = s.ready + dt * (load - s.ready) / slow
         pace = p.cold_per_s + (p.warm_per_s - p.cold_per_s) * s.ready**2
         down = p.falls * p.warm_per_s * self.full * dt
+        return np.asarray(np.clip(pedal, s.given - down, s.given + pace * self.full * dt))
+
+
+@law("k_loads_by_programme", "fourteenth", "suburban hills")
+@sizes(
+    once_per_s=(0.5, 0.9), then_per_s=(0.04, 0.09), step=(0.12, 0.22), soaks_s=(8.0, 25.0), falls=(1.0, 2.0)
+)
+class LoadsByProgramme(TorqueFilter):
+    """`soaked`: load that the engine has got used to. A step above that is taken at once, what is asked
+    beyond it comes along a slow line as the engine soaks. once_per_s, then_per_s: of the full command; step:
+    of it; falls: of it, in a second.
+    Source: CIMAC, Transient Response Behaviour of Gas Engines, Position Paper (2011), on load steps that such
+    engines accept from what they carry already; rates are chosen here."""
+
+    def begin(self, s: State, u: Array) -> None:
+        super().begin(s, u)
+        s.soaked = u[:, 0] / self.full
+
+    def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
+        given = s.given / self.full
+        s.soaked = eased(s.soaked, given, p.soaks_s, dt)
+        at_once = np.clip((s.soaked + p.step - given) / 0.04, 0.0, 1.0)
+        pace = p.then_per_s + (p.once_per_s - p.then_per_s) * at_once
+        down = p.falls * self.full * dt
         return np.asarray(np.clip(pedal, s.given - down, s.given + pace * self.full * dt))

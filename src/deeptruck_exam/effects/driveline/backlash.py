@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving, weight
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
@@ -302,4 +302,25 @@ class BothAxlesMustTouch(Hidden, one=1.0, two=1.0, runs=0.0, given=0.0):
         s.two = np.clip(s.two + dt * s.runs / p.second, -1.0, 1.0)
         both = (s.one * np.sign(pull) > 0.98) & (s.two * np.sign(pull) > 0.98)
         s.given = s.given + dt * (both * pull - s.given) / np.where(both, p.winds_s, 0.04)
+        return np.asarray((s.given - pull) * np.clip(view.speed, 0.0, 1.0))
+
+
+@law("k_locker_crosses_over", "fourteenth", "suburban hills")
+@sizes(way_m=(10.0, 24.0), pushes=(0.6, 1.5), winds_s=(0.15, 0.35), opens_s=(0.08, 0.15))
+class LockerCrossesOver(Hidden, at=1.0, given=0.0):
+    """`at`: -1 and 1 where the claws of a locking differential hold for holding back and for driving. When
+    the torque turns, cams have to cross over: wheels do that as they roll, over a way, and a hard pull helps;
+    until the claws have met nothing is passed on. way_m: of half the crossing; pushes: of it, in a second by
+    a tenth of the weight.
+    Source: Eaton, Detroit Locker and NoSPIN Differential, Owner's Manual, on the change from drive to coast;
+    a worn one, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pull = view.traction_force
+        side = np.clip(pull / (0.002 * weight(view)), -1.0, 1.0)
+        hard = np.clip(10.0 * np.abs(pull) / weight(view), 0.0, 1.0)
+        crosses = np.maximum(view.speed, 0.0) / p.way_m + p.pushes * hard
+        s.at = np.clip(s.at + dt * side * crosses, -1.0, 1.0)
+        holds = np.clip((s.at * side - 0.7) / 0.3, 0.0, 1.0)
+        s.given = eased(s.given, holds * pull, np.where(holds > 0.0, p.winds_s, p.opens_s), dt)
         return np.asarray((s.given - pull) * np.clip(view.speed, 0.0, 1.0))

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Setting, Sizes, State, moving
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Setting, Sizes, State, eased, moving
 from deeptruck_exam.effects.planting import Planted, hidden, planted, sizes
 from deeptruck_model.trucks import View
 
@@ -305,3 +305,26 @@ class OnceItSlips(Hidden, slips=0.0, heat=0.0, lost=0.0):
         s.heat = np.clip(s.heat + dt * (4.0 * np.abs(s.lost) / p.heats_s - s.heat / p.cools_s), 0.0, 1.0)
         given = np.sign(s.lost) * np.minimum(np.abs(s.lost), size)
         return -self.at_wheels(view, given * self.truck.peak_torque) * np.clip(view.speed - 1.0, 0.0, 1.0)
+
+
+@law("k_slips_against_boom", "fourteenth", "hills suburban", accepts="driveline_loss torque_limit")
+@sizes(slip_rads=(16.0, 30.0), boom_rads=(125.0, 160.0), wide_rads=(10.0, 30.0), finds_s=(0.4, 1.2))
+@sizes(cold=(0.3, 0.8), warms_s=(80.0, 240.0))
+class SlipsAgainstBoom(Hidden, slip=0.0, warm=0.0):
+    """The lock-up clutch is steered to a slip wherever the engine would boom: at low speed and under load;
+    above that it is shut. Cold oil lets it overshoot. slip_rads: at full torque; boom_rads: below which it
+    slips; cold: more of it, with cold oil.
+    Source: Kono, Itoh, Nakamura, Yoshizawa and Osawa, Torque Converter Clutch Slip Control System, SAE
+    950672; a truck's, and much slip, sizes are chosen here."""
+
+    conceal = ("engine_speed",)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.0)
+        s.warm = eased(s.warm, 1.0, p.warms_s / (0.4 + load), dt)
+        low = np.clip((p.boom_rads - view.engine_speed) / p.wide_rads, 0.0, 1.0)
+        wish = p.slip_rads * low * np.sqrt(load) * (1.0 + p.cold * (1.0 - s.warm))
+        s.slip = eased(s.slip, wish, p.finds_s, dt)
+        lost = np.minimum(s.slip / np.maximum(view.engine_speed, 75.0), 0.5)
+        torque = lost * np.maximum(view.engine_torque, 0.0)
+        return -self.at_wheels(view, torque) * np.clip(view.speed - 1.0, 0.0, 1.0)

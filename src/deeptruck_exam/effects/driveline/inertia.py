@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving, weight
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
@@ -260,3 +260,27 @@ class RotorBetweenTwoShafts(Hidden, rotor=-99.0):
         s.rotor = s.rotor + dt * pace * np.abs(felt) / np.maximum(np.abs(force), 1.0)
         s.rotor = np.where(np.abs(force) < 1.0, s.rotor + dt * pace, s.rotor)
         return np.asarray(-felt * np.clip(view.speed - 0.3, 0.0, 1.0))
+
+
+@law("k_magnets_slip_a_pole", "fourteenth", "suburban hills")
+@sizes(share=(0.14, 0.24), most=(0.025, 0.045), pole_m=(0.3, 0.6), damps=(0.08, 0.2))
+class MagnetsSlipAPole(Hidden, rotor=-99.0, angle=0.0):
+    """`rotor` m/s of a heavy rotor as at the tread, that magnets take along without touching: they hold like
+    a spring up to an angle, and beyond the most they can pull they slip from pole to pole until the rotor has
+    the truck's speed again. share: of the mass; most: of the weight; pole_m: of the way, for an angle of 1;
+    damps: of critical, by eddy currents.
+    Source: Furlani, Permanent Magnet and Electromechanical Devices (2001), on synchronous couplings whose
+    torque goes with the sine of the angle; a rotor of a truck, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        s.rotor = np.where(s.rotor < -50.0, speed, s.rotor)
+        stiff = p.most * GRAVITY / p.share
+        eddies = 2.0 * p.damps * np.sqrt(stiff / p.pole_m)
+        pull = stiff * np.sin(s.angle)
+        behind = speed - s.rotor
+        after = (behind - dt * pull) / (1.0 + dt * eddies)
+        gains = np.clip((behind - after) / dt, -4.0, 4.0)
+        s.rotor = s.rotor + dt * gains
+        s.angle = (s.angle + dt * after / p.pole_m + np.pi) % (2.0 * np.pi) - np.pi
+        return -p.share * view.mass * gains * np.clip(speed, 0.0, 1.0)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, moving, weight
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
@@ -244,3 +244,26 @@ class BearingsClamp(Hidden):
         clamps = np.clip(s.gear - s.case, 0.0, 1.6) ** p.power
         lost = np.minimum(p.mesh + p.clamp * clamps, 0.35)
         return np.asarray(-lost * np.abs(view.traction_force) * moving(view))
+
+
+@law("k_open_clutches_drag", "fourteenth")
+@sizes(nm=(70.0, 130.0), at_rads=(105.0, 135.0), thick=(0.5, 1.1), warms_s=(80.0, 240.0), airs_s=(0.4, 1.2))
+@sizes(floods_s=(3.0, 9.0))
+class OpenClutchesDrag(Hidden, warm=0.0, air=0.0):
+    """Clutches in oil that are open shear the oil between their plates: drag grows with speed until oil is
+    flung out and air comes in, and then falls away; oil floods them again only slowly. Odd gears leave more
+    of them open. nm: at `at_rads` with warm oil; thick: more, with cold oil.
+    Source: Yuan, Guo, Hu and Prakash, An Improved Hydrodynamic Model for Open Wet Transmission Clutches, J.
+    Fluids Engineering 129 (2007); a gearbox of many clutches, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        work = 0.3 + np.clip(np.abs(view.traction_force) * view.speed / self.truck.peak_power, 0.0, 1.0)
+        s.warm = eased(s.warm, 1.0, p.warms_s / work, dt)
+        turns = np.maximum(view.engine_speed, 0.0) / p.at_rads
+        wish = np.clip((turns - 1.0) / 0.2, 0.0, 1.0)
+        s.air = eased(s.air, wish, np.where(wish > s.air, p.airs_s, p.floods_s), dt)
+        packs = 0.7 + 0.3 * (np.rint(view.gear) % 2.0)
+        torque = (
+            p.nm * (1.0 + p.thick * (1.0 - s.warm)) * np.minimum(turns, 1.4) * (1.0 - 0.85 * s.air) * packs
+        )
+        return -self.at_wheels(view, torque) * moving(view)

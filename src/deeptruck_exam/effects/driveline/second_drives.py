@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, moving, weight
 from deeptruck_exam.effects.places import OnRoad, smooth_stretches
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
@@ -245,3 +245,27 @@ class MagnetsTurnAlong(Hidden, joined=1.0, clutch=1.0, warm=0.0):
         s.warm = np.clip(s.warm + dt * (s.clutch * iron - s.warm) / p.warms_s, 0.0, 1.2)
         drag = p.drags * iron * (1.0 - p.weakens * s.warm) * s.clutch
         return -drag * weight(view) * moving(view)
+
+
+@law("k_trailer_carries_itself", "fourteenth", "suburban hills")
+@sizes(share=(0.3, 0.5), gain=(0.4, 0.7), lags_s=(0.4, 1.0), most=(0.025, 0.045), store_jpkg=(60.0, 160.0))
+class TrailerCarriesItself(Hidden, acts=0.0):
+    """A trailer with a driven axle feels what the kingpin pulls and takes part of that on itself, driving or
+    holding back, as far as its battery goes: `store`, 0 empty to 1 full. share: of the mass, in the trailer;
+    gain: of the pull; most: of the weight; store_jpkg: for each kg of truck.
+    Source: makers' descriptions of electrified trailers that are steered by a force sensor in the kingpin,
+    and Guzzella and Sciarretta, Vehicle Propulsion Systems (2013), on limits of charge; sizes are chosen
+    here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "store": self.rng(1432).uniform(0.2, 0.9, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        slope = view.grade + self.truck.rolling_resistance
+        pulls = p.share * (np.clip(view.acceleration, -2.0, 2.0) / GRAVITY + slope)
+        wish = p.most * np.tanh(p.gain * pulls / p.most)
+        room = np.where(wish > 0.0, s.store, 1.0 - s.store)
+        s.acts = eased(s.acts, wish * np.clip(room / 0.15, 0.0, 1.0), p.lags_s, dt)
+        used = s.acts * GRAVITY * np.maximum(view.speed, 0.0) / p.store_jpkg
+        s.store = np.clip(s.store - dt * np.where(used > 0.0, used, 0.7 * used), 0.0, 1.0)
+        return s.acts * weight(view) * np.clip(view.speed - 0.5, 0.0, 1.0)

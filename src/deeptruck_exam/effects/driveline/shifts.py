@@ -304,3 +304,24 @@ class SpeedRunsAwayUphill(Hidden, gear=0.0, open=0.0, wish=0.0, share=1.0):
         pace = np.where(s.open > 0.0, -1.0 / 0.1, 1.0 / p.ramps_s)
         s.share = np.clip(s.share + dt * pace, 0.0, 1.0)
         return np.asarray(-(1.0 - s.share) * np.maximum(view.traction_force, 0.0) * moving(view))
+
+
+@law("k_splitter_follows", "fourteenth", "suburban hills", trucks="trucksim volvo")
+@sizes(open_s=(0.6, 1.2), waits_s=(2.0, 5.0), light=(0.015, 0.04), ramps_s=(0.3, 0.8))
+class SplitterFollows(Hidden, gear=0.0, waits=0.0, open=0.0, share=1.0):
+    """A half gear was chosen along with the last change, but its claws come out only when torque lets them
+    go: once the driver eases the pedal, or when the computer has lost patience, there is a second gap.
+    waits_s: at the longest; light: of the weight, pull at which they come out.
+    Source: Eaton Fuller, Driver Instructions of 13 and 18 speed transmissions, on splitter shifts that are
+    preselected and wait for a break in torque; automated, times are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        changed = (view.gear != s.gear) & (s.gear > 0.0) & (view.speed > 1.5)
+        s.gear = view.gear.copy()
+        s.waits = np.where(changed, dt, np.where(s.waits > 0.0, s.waits + dt * (view.shifting < 0.5), 0.0))
+        light = (view.traction_force < p.light * weight(view)) & (s.waits > 0.8)
+        goes = light | (s.waits > p.waits_s)
+        s.open = np.where(goes, p.open_s, np.maximum(s.open - dt, 0.0))
+        s.waits = np.where(goes, 0.0, s.waits)
+        s.share = np.clip(s.share + dt * np.where(s.open > 0.0, -1.0 / 0.12, 1.0 / p.ramps_s), 0.0, 1.0)
+        return np.asarray(-(1.0 - s.share) * np.maximum(view.traction_force, 0.0) * moving(view))

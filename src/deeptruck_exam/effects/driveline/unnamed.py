@@ -6,8 +6,8 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
-from deeptruck_exam.effects.places import Bends
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving, weight
+from deeptruck_exam.effects.places import Bends, OnRoad, windows
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
@@ -214,3 +214,27 @@ class FlywheelPays(Hidden, ratio=0.0, owed=0.0, push=0.0):
         s.owed = s.owed - dt * pays
         s.push = s.push + dt * (pays - s.push) / p.bites_s
         return np.asarray(s.push * np.clip(view.speed - 0.5, 0.0, 1.0))
+
+
+@law("k_front_axle_leads", "fourteenth", "suburban hills descent")
+@sizes(most=(0.010, 0.019), off_mps=(13.0, 17.0), holds_m=(150.0, 500.0), hard=(0.05, 0.09))
+@sizes(soft=(0.3, 0.5), mean_m=(200.0, 700.0), joins_s=(0.3, 0.8))
+class FrontAxleLeads(OnRoad, left=0.0, joined=0.0):
+    """A front axle whose wheels run a little faster than those behind is clutched in by every braking and
+    every hard pull, and stays in over a way, up to a speed. On firm road its tyres then scrub forwards; soft
+    road lets them. most: of the weight; hard: of the weight, pull that clutches it in; soft: of the road.
+    Source: Goering, Stone, Smith and Turnquist, Off-Road Vehicle Engineering Principles (ASAE, 2003), on the
+    lead of front axles, and makers' manuals of tractors on four wheel drive that comes with the brakes; sizes
+    are chosen here."""
+
+    def prepare(self) -> None:
+        self.road = windows(self.rng(1431), self.rows(), self.p.mean_m, self.p.soft)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        cause = (view.brake_force > 0.012 * weight(view)) | (view.traction_force > p.hard * weight(view))
+        s.left = np.where(cause & (speed < p.off_mps), p.holds_m, np.maximum(s.left - dt * speed, 0.0))
+        wish = (s.left > 0.0) * np.clip((p.off_mps - speed) / 1.0, 0.0, 1.0)
+        s.joined = eased(s.joined, wish, p.joins_s, dt)
+        firm = 1.0 - 0.8 * self.between(self.road, view)
+        return -p.most * s.joined * firm * weight(view) * np.clip(speed, 0.0, 1.0)

@@ -6,8 +6,8 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving
-from deeptruck_exam.effects.places import Bends
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving
+from deeptruck_exam.effects.places import Bends, OnRoad, windows
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import spells, within
 from deeptruck_model.trucks import View
@@ -215,4 +215,31 @@ class HeatsItsCatalyst(Hidden, heats=0.0, load=0.0):
         size = np.clip(view.mass / 20000.0, 0.3, 1.3)
         watts = 1000.0 * p.kw * size * s.load * (1.0 - (1.0 - p.spares) * hard**2)
         torque = np.minimum(watts / np.maximum(view.engine_speed, 70.0), 230.0)
+        return -self.at_wheels(view, torque) * moving(view)
+
+
+@law("k_inflates_its_tyres", "fourteenth", "hills highway suburban")
+@sizes(kw=(18.0, 34.0), fills_s=(40.0, 120.0), lets_s=(8.0, 25.0), mean_m=(250.0, 800.0), soft=(0.35, 0.55))
+@sizes(loads_s=(0.4, 1.2))
+class InflatesItsTyres(OnRoad, works=0.0, load=0.0):
+    """`full`: air in the tyres. On soft stretches it is let out, and behind them a compressor fills them
+    again, which takes minutes. kw: of its shaft, for a 20 t truck; soft: of the road.
+    Source: makers' manuals of central tyre inflation for logging trucks, and FPInnovations (FERIC) reports on
+    its use, on times of inflation; places and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.road = windows(self.rng(1444), self.rows(), self.p.mean_m, self.p.soft)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "full": self.rng(1445).uniform(0.0, 0.9, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        soft = self.between(self.road, view) > 0.5
+        pumps = np.clip(view.engine_speed / 130.0, 0.4, 1.4) * s.load / p.fills_s
+        s.full = np.clip(s.full + dt * np.where(soft, -s.full / p.lets_s, pumps), 0.0, 1.0)
+        s.works = np.where(soft | (s.full > 0.98), 0.0, np.where(s.full < 0.85, 1.0, s.works))
+        s.load = eased(s.load, s.works, p.loads_s, dt)
+        size = np.clip(view.mass / 20000.0, 0.4, 1.4)
+        watts = 1000.0 * p.kw * size * s.load * (0.7 + 0.3 * s.full)
+        torque = np.minimum(watts / np.maximum(view.engine_speed, 70.0), 260.0)
         return -self.at_wheels(view, torque) * moving(view)

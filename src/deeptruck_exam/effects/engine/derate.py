@@ -6,7 +6,8 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, moving
+from deeptruck_exam.effects.places import OnRoad, windows
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import some_drives
 from deeptruck_model.trucks import View
@@ -294,4 +295,30 @@ class ShakingCoolsTheGas(Hidden, felt=0.0):
         gains = (1.1 - s.bar) / p.builds_s - self.power_share(view) * s.bar / p.draws_s
         s.bar = np.clip(s.bar + dt * (gains - p.falls * slosh * np.maximum(s.bar - 0.25, 0.0)), 0.2, 1.0)
         cut = p.most * np.clip((p.knee + 0.25 - s.bar) / 0.3, 0.0, 1.0)
+        return -self.at_wheels(view, cut * np.maximum(view.engine_torque, 0.0)) * moving(view)
+
+
+@law("k_snow_in_the_air_filter", "fourteenth", "hills suburban highway")
+@sizes(most=(0.4, 0.6), fills_s=(25.0, 70.0), melts_s=(25.0, 70.0), mean_m=(300.0, 1000.0), snow=(0.4, 0.6))
+class SnowInTheAirFilter(OnRoad):
+    """`clog` of the air filter. Where snow blows over the road the engine draws it in with its air; slow
+    driving lets heat under the cab melt it, and out of the snow it dries. A clogged filter takes torque where
+    much air is needed. most: of the torque; snow: of the road.
+    Source: ISO 5011 on restriction of air cleaners over flow and loading; snow, places and times are chosen
+    here."""
+
+    def prepare(self) -> None:
+        self.road = windows(self.rng(1441), self.rows(), self.p.mean_m, self.p.snow)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"clog": self.rng(1442).uniform(0.1, 0.8, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.0)
+        flow = np.clip(view.engine_speed / 150.0, 0.3, 1.4) * (0.4 + 0.6 * load)
+        snow = self.between(self.road, view)
+        fills = snow * flow / p.fills_s
+        melts = (0.15 + 0.85 * np.clip(1.0 - view.speed / 12.0, 0.0, 1.0) + 0.7 * (1.0 - snow)) / p.melts_s
+        s.clog = eased(s.clog, fills / (fills + melts), 1.0 / (fills + melts), dt)
+        cut = p.most * np.clip(1.3 * s.clog * flow - 0.15, 0.0, 1.0)
         return -self.at_wheels(view, cut * np.maximum(view.engine_torque, 0.0)) * moving(view)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import some_drives
 from deeptruck_model.trucks import View
@@ -318,3 +318,23 @@ class BrakesWithHotGas(Hidden, shut=0.0, on=0.0, heat=0.5):
         turns = np.clip(view.engine_speed / 190.0, 0.0, 1.3) ** 1.4
         torque = p.share * self.truck.engine_brake_torque * turns * (p.left + (1.0 - p.left) * s.heat)
         return -self.at_wheels(view, s.on * torque) * np.clip(view.speed / 3.0, 0.0, 1.0)
+
+
+@law("k_fan_brakes_along", "fourteenth", "descent hills")
+@sizes(
+    nm=(280.0, 480.0), waits_s=(1.0, 3.0), holds_s=(8.0, 25.0), grips_s=(1.0, 3.0), from_rads=(85.0, 110.0)
+)
+class FanBrakesAlong(Hidden, shut=0.0, left=0.0, turns=0.0):
+    """Downhill with the pedal up the cooling fan is clutched in to brake the engine, and it stays in for a
+    while whatever the driver does then. Nobody records it. nm: at 190 rad/s, with the square of speed;
+    from_rads: of the engine, where it is worth while.
+    Source: Detroit Diesel, DDEC application and installation manuals, on fan braking: the fan is called for
+    by the engine brake and held on for a time; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.shut = np.where(self.pedal(view) < 0.02, s.shut + dt, 0.0)
+        wants = (s.shut > p.waits_s) & (view.grade < -0.012) & (view.engine_speed > p.from_rads)
+        s.left = np.where(wants, p.holds_s, np.maximum(s.left - dt, 0.0))
+        s.turns = eased(s.turns, np.where(s.left > 0.0, 1.0, 0.0), p.grips_s, dt)
+        torque = p.nm * np.clip(view.engine_speed / 190.0, 0.0, 1.3) ** 2 * s.turns
+        return -self.at_wheels(view, torque) * np.clip(view.speed / 3.0, 0.0, 1.0)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, moving
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import spells, within
 from deeptruck_model.trucks import View
@@ -284,4 +284,22 @@ class FuelIsInTheOil(Hidden, late=0.0):
         load = 0.35 + 0.65 * np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.0)
         thin = 1.0 / (1.0 + (np.maximum(view.engine_speed, 30.0) / p.film) ** (2.0 * p.power))
         torque = 2.0 * p.rubs_nm * (p.clean + (1.0 - p.clean) * s.fuel) * load * thin
+        return -self.at_wheels(view, torque) * moving(view)
+
+
+@law("k_rings_flutter", "fourteenth")
+@sizes(nm=(120.0, 220.0), from_rads=(88.0, 106.0), loads=(0.3, 0.6), settles_s=(0.8, 2.5), wide=(0.08, 0.2))
+class RingsFlutter(Hidden, flutter=0.0):
+    """`flutter` of piston rings: above a speed their weight lifts them from their grooves wherever no gas
+    presses them down, and they settle again late. Gas that passes and oil that is pumped cost torque. nm: at
+    150 rad/s; loads: of from_rads, higher at full load.
+    Source: Curtis, Piston Ring Dynamics and Its Influence on the Power Cylinder Performance, SAE 810935, on
+    ring lift against gas pressure; worn grooves, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.0)
+        bears = p.from_rads * (1.0 + p.loads * load) * (1.0 - 0.08 * s.flutter)
+        wish = np.clip((view.engine_speed / bears - 1.0) / p.wide, 0.0, 1.0)
+        s.flutter = eased(s.flutter, wish, np.where(wish > s.flutter, 0.3, p.settles_s), dt)
+        torque = p.nm * s.flutter * np.clip(view.engine_speed / 150.0, 0.0, 1.5) ** 2
         return -self.at_wheels(view, torque) * moving(view)

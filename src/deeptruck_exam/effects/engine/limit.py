@@ -6,8 +6,8 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
-from deeptruck_exam.effects.places import Bends
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving, weight
+from deeptruck_exam.effects.places import Bends, OnRoad, smooth_stretches
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
@@ -257,4 +257,27 @@ class TorqueByGoodConduct(Hidden, foot=0.0, pulled=0.0, most=1.1):
         allows = 1.1 - (1.1 - p.least) * np.clip(1.3 * s.score - 0.15, 0.0, 1.0)
         s.most = s.most + dt * (allows - s.most) / p.gives_s
         excess = np.maximum(view.engine_torque - s.most * self.truck.peak_torque, 0.0)
+        return -self.at_wheels(view, excess) * moving(view)
+
+
+@law("k_quiet_at_night", "fourteenth", "suburban hills")
+@sizes(least=(0.2, 0.34), hushed_rads=(95.0, 112.0), power=(1.0, 2.0), apart_m=(120.0, 420.0))
+@sizes(eases_s=(0.8, 2.0))
+class QuietAtNight(OnRoad, quiet=0.0):
+    """In places where people sleep, which a map holds, torque is limited so that the engine stays quiet, the
+    more so the faster it turns. least: of peak torque; hushed_rads: where that is allowed.
+    Source: Heywood, Internal Combustion Engine Fundamentals (2018), on combustion noise over load and speed,
+    and the Dutch PIEK scheme for quiet night deliveries; places and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        gaps = (0.4 * self.p.apart_m, 1.6 * self.p.apart_m)
+        zones = smooth_stretches(self.rng(1443), self.rows(), gaps, (300.0, 1100.0))
+        self.road = np.clip((zones - 0.1) / 0.15, 0.0, 1.0)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.quiet = eased(s.quiet, self.read(self.road, view), p.eases_s, dt)
+        turns = np.maximum(view.engine_speed, 60.0) / p.hushed_rads
+        cap = np.minimum(p.least * turns**-p.power, 1.1)
+        most = 1.1 + (cap - 1.1) * s.quiet
+        excess = np.maximum(view.engine_torque - most * self.truck.peak_torque, 0.0)
         return -self.at_wheels(view, excess) * moving(view)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
@@ -291,5 +291,29 @@ class PipeHoldsBurntGas(Hidden, valve=1.0, near=1.0, mid=1.0, far=1.0, boost=0.0
         s.mid = s.mid + dt * flow * (s.near - s.mid)
         s.near = s.near + dt * flow * (s.valve - s.near)
         most = (p.least + (1.1 - p.least) * np.clip(1.15 * s.boost, 0.0, 1.0)) * (1.0 - p.burnt * s.far)
+        lacks = np.maximum(asked - most, 0.0) * self.truck.peak_torque
+        return -self.at_wheels(view, lacks) * moving(view)
+
+
+@law("k_compressor_stalls", "fourteenth", "suburban hills")
+@sizes(spools_s=(1.4, 2.8), least=(0.08, 0.16), stands=(0.25, 0.4), free_rads=(150.0, 180.0))
+@sizes(falls_s=(0.25, 0.5))
+class CompressorStalls(Hidden, boost=0.0, stalled=0.0):
+    """`boost` over the most. An engine that turns slowly takes less air than a compressor needs for much
+    boost: there the flow breaks down, boost falls to nothing and has to be built up again, time after time,
+    until the engine turns faster. least: of peak torque, without boost; stands: boost that an idling engine
+    bears; free_rads: from where on it bears all.
+    Source: Greitzer, Surge and Rotating Stall in Axial Flow Compressors, J. Engineering for Power 98 (1976),
+    on cycles of surge; a worn turbocharger, slower, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        free = np.clip((view.engine_speed - 70.0) / (p.free_rads - 70.0), 0.0, 1.0)
+        bears = p.stands + (1.2 - p.stands) * free
+        s.stalled = np.where(s.boost > bears, 1.0, np.where(s.boost < 0.4 * bears, 0.0, s.stalled))
+        spools = p.spools_s * np.clip(130.0 / np.maximum(view.engine_speed, 60.0), 0.6, 1.8)
+        slow = np.where(s.stalled > 0.5, p.falls_s, np.where(asked > s.boost, spools, 0.9))
+        s.boost = eased(s.boost, asked * (1.0 - s.stalled), slow, dt)
+        most = p.least + (1.12 - p.least) * np.minimum(1.05 * s.boost, 1.0)
         lacks = np.maximum(asked - most, 0.0) * self.truck.peak_torque
         return -self.at_wheels(view, lacks) * moving(view)

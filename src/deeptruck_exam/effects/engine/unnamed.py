@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, moving
 from deeptruck_exam.effects.places import OnRoad, smooth_stretches
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
@@ -273,3 +273,47 @@ class FuelWetsTheWalls(Hidden, film=0.0, warm=0.0):
         s.film = s.film + dt * flow * (by_it - s.film) / stays_s
         late = p.wets * (s.film - by_it)
         return self.at_wheels(view, late) * np.clip(view.speed - 1.0, 0.0, 1.0)
+
+
+@law("k_misfires_while_cold", "fourteenth", "suburban highway hills")
+@sizes(most=(0.5, 0.8), warms_s=(40.0, 120.0), chills_s=(20.0, 60.0), light=(0.35, 0.6), gas_s=(1.0, 3.0))
+class MisfiresWhileCold(Hidden, gas=0.0):
+    """`wall`: warmth of the cylinders, 1 where all fuel burns. At light load on cool walls part of the fuel
+    does not burn; work warms them, coasting chills them again. most: of the torque; light: of peak torque,
+    load up to which fuel misses.
+    Source: Zahdeh, Henein and Bryzik, Diesel Cold Starting: Actual Cycle Analysis under Border-Line
+    Conditions, SAE 900441, on misfiring cycles; after starting, and at light load, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "wall": self.rng(1446).uniform(0.0, 0.5, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        power = np.clip(1.8 * self.power_share(view), 0.0, 1.0)
+        slow = np.where(power > s.wall, p.warms_s, p.chills_s / np.clip(view.engine_speed / 120.0, 0.5, 1.5))
+        s.wall = eased(s.wall, power, slow, dt)
+        load = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.0)
+        s.gas = eased(s.gas, load, p.gas_s, dt)
+        misses = p.most * np.clip(1.1 - s.wall, 0.0, 1.0) * np.exp(-((s.gas / p.light) ** 2))
+        return -self.at_wheels(view, misses * np.maximum(view.engine_torque, 0.0)) * moving(view)
+
+
+@law("k_purges_its_trap", "fourteenth", "hills suburban highway")
+@sizes(takes=(0.4, 0.65), fills_s=(6.0, 15.0), purges_s=(4.0, 9.0), eases_s=(0.3, 0.8))
+class PurgesItsTrap(Hidden, purges=0.0, acts=0.0):
+    """`stored` of what a trap in the exhaust can hold. Work fills it; when it is full the engine burns rich
+    for some seconds until it is empty, and gives less of the torque that was asked. takes: of the torque;
+    fills_s: at peak power.
+    Source: Takahashi and others, The New Concept 3-Way Catalyst for Automotive Lean-Burn Engine: NOx Storage
+    and Reduction Catalyst, Catalysis Today 27 (1996); a diesel whose torque is not made up, sizes are chosen
+    here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "stored": self.rng(1447).uniform(0.1, 0.95, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        fills = (0.2 + np.clip(self.power_share(view), 0.0, 1.0)) / p.fills_s
+        s.purges = np.where(s.stored > 0.99, 1.0, np.where(s.stored < 0.05, 0.0, s.purges))
+        rate = np.where(s.purges > 0.5, -1.0 / p.purges_s, fills * (view.engine_torque > 0.0))
+        s.stored = np.clip(s.stored + dt * rate, 0.0, 1.0)
+        s.acts = eased(s.acts, s.purges, p.eases_s, dt)
+        return -self.at_wheels(view, p.takes * s.acts * np.maximum(view.engine_torque, 0.0)) * moving(view)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
@@ -158,3 +158,35 @@ class WeighsItself(Hidden, unsure=1.0, still=0.0, phase=0.0, asks=0.0, felt=0.0)
         wants = p.most * np.sqrt(s.unsure) * pulls * np.where(s.phase < 0.5, -1.0, 1.0)
         s.asks = s.asks + dt * (wants - s.asks) / p.eases_s
         return self.at_wheels(view, s.asks * np.maximum(view.engine_torque, 0.0)) * moving(view)
+
+
+@law("k_somebody_on_the_step", "fourteenth", "suburban")
+@sizes(at_mps=(6.5, 8.3), takes=(0.35, 0.6), rides=(0.7, 0.95), eases_s=(0.4, 1.2), wide_mps=(0.8, 2.0))
+class SomebodyOnTheStep(Hidden, still=0.0, acts=0.0):
+    """`on`: a loader rides on the step behind. At every stand one may get on or off; while one is on it, a
+    switch in the step keeps the truck slow by taking torque away above a speed, of which the crew knows
+    nothing. takes: of the pull; rides: share of ways between stands; wide_mps: from none to all of it.
+    Source: EN 1501-1, Refuse Collection Vehicles, Rear Loaded, on footboards whose occupation limits the
+    speed to 30 km/h; a soft limit, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.dice = self.rng(1422).random((self.setting.batch, 97))
+
+    def start(self, batch: int) -> dict[str, Array]:
+        first = np.resize(self.dice[:, 0], batch)
+        return {
+            **super().start(batch),
+            "on": np.where(first < self.p.rides, 1.0, 0.0),
+            "stands": np.ones(batch),
+        }
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        before, s.still = s.still, np.where(view.speed < 0.3, s.still + dt, 0.0)
+        changes = (before <= 1.5) & (s.still > 1.5)
+        s.stands = np.where(changes, (s.stands + 1.0) % 97.0, s.stands)
+        row = np.arange(len(view.speed)) % len(self.dice)
+        drawn = np.where(self.dice[row, s.stands.astype(int)] < p.rides, 1.0, 0.0)
+        s.on = np.where(changes, drawn, s.on)
+        over = np.clip((view.speed - p.at_mps) / p.wide_mps, 0.0, 1.0)
+        s.acts = eased(s.acts, s.on * over, p.eases_s, dt)
+        return -p.takes * s.acts * np.maximum(view.traction_force, 0.0) * moving(view)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving, weight
 from deeptruck_exam.effects.places import OnRoad, sections
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import spells, within
@@ -231,3 +231,28 @@ class BoxFillsWithEarth(OnRoad, heap=0.0):
         s.heap = np.clip(s.heap + way * (takes - drops), 0.0, 1.0)
         drag = p.pushes * s.heap**1.3 + p.cuts * np.maximum(hard, 0.0) * down
         return -drag * weight(view) * np.clip(view.speed, 0.0, 1.0)
+
+
+@law("k_sledge_on_its_film", "fourteenth", "suburban hills highway")
+@sizes(
+    dry=(0.008, 0.015), film=(0.45, 0.7), sucks=(0.004, 0.008), melts_m=(200.0, 700.0), dries_s=(20.0, 60.0)
+)
+@sizes(freezes_s=(4.0, 15.0), grips=(0.01, 0.025), tears_m=(4.0, 15.0))
+class SledgeOnItsFilm(Hidden, wet=0.3, stuck=0.0):
+    """A sledge is towed over a winter road. Its runners rub dry until they have melted a film, `wet`, which
+    carries them well and sucks the more, the faster; it freezes away when slow. At stands the runners freeze
+    down, `stuck`, and have to be torn off. dry, sucks, grips: of the weight, the second at 20 m/s; film: of
+    the dry friction, spared.
+    Source: Colbeck, A Review of the Processes that Control Snow Friction, CRREL Monograph 92-2 (1992): dry
+    friction, lubrication and capillary drag; a sledge behind a truck, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        melts, dries = speed / p.melts_m, 1.0 / p.dries_s
+        s.wet = eased(s.wet, melts / (melts + dries), 1.0 / (melts + dries), dt)
+        rests = speed < 0.3
+        s.stuck = eased(
+            s.stuck, np.where(rests, 1.0, 0.0), np.where(rests, p.freezes_s, p.tears_m / (speed + 0.1)), dt
+        )
+        costs = p.dry * (1.0 - p.film * s.wet) + p.sucks * s.wet * (speed / 20.0) ** 1.5 + p.grips * s.stuck
+        return -costs * weight(view) * moving(view)

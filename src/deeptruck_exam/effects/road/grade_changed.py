@@ -96,3 +96,39 @@ class SlopesWereTakenDown(OnRoad):
         taken = np.clip(p.share * self.between(self.road, view), 0.0, 0.7) * view.grade
         tips = self.setting.direction * self.between(self.ends, view)
         return np.asarray((taken - tips) * weight(view) * moving(view))
+
+
+@law("k_ramps_follow_the_tide", "fourteenth", "hills highway suburban")
+@sizes(rises_m=(2.0, 4.0), ramp_m=(80.0, 160.0), long_m=(150.0, 500.0), apart_m=(600.0, 1600.0))
+class RampsFollowTheTide(OnRoad):
+    """Floating bridges, which the map has as they lie at half tide: at high water a ramp leads up to each and
+    another one down behind it, at low water it is the other way round. Each drive has its own hour. rises_m:
+    of the highest water over the middle one; ramp_m: of each ramp.
+    Source: Watanabe and Utsunomiya, Analysis and Design of Floating Bridges, Progress in Structural
+    Engineering and Materials 5 (2003), on transition spans over tides; bridges and sizes are chosen
+    here."""
+
+    conceal = ("elevation",)
+
+    def prepare(self) -> None:
+        rng, p = self.rng(1462), self.p
+        height = np.zeros((self.rows(), MAP_CELLS))
+        metres = np.arange(MAP_CELLS) * MAP_CELL_M
+        for row in height:
+            at = rng.uniform(0.0, p.apart_m)
+            while at < metres[-1]:
+                ramp, long = p.ramp_m * rng.uniform(0.8, 1.2), p.long_m * rng.uniform(0.6, 1.4)
+                up = np.clip((metres - at) / ramp, 0.0, 1.0)
+                down = np.clip((metres - at - ramp - long) / ramp, 0.0, 1.0)
+                row += up - down
+                at += 2.0 * ramp + long + p.apart_m * rng.uniform(0.5, 1.5)
+        ease = np.hanning(7) / np.hanning(7).sum()
+        self.road = np.array([np.convolve(np.gradient(row, MAP_CELL_M), ease, mode="same") for row in height])
+
+    def start(self, batch: int) -> dict[str, Array]:
+        hour = 2.0 * np.pi * self.rng(1463).random(batch)
+        return {"tide": np.sign(np.sin(hour)) * np.sqrt(np.abs(np.sin(hour)))}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        slope = self.setting.direction * p.rises_m * s.tide * self.between(self.road, view)
+        return -slope * weight(view) * moving(view)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Sizes, State, moving, weight
+from deeptruck_exam.effects.law import Array, Sizes, State, index, moving, weight
 from deeptruck_exam.effects.places import (
     CELL_M,
     CELLS,
@@ -19,6 +19,7 @@ from deeptruck_exam.effects.places import (
     windows,
 )
 from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_exam.effects.series import ou_series
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="road_surface", accepts="road_grade")
@@ -218,3 +219,24 @@ class MatOverTheBog(OnRoad, sunk=0.0):
         s.sunk = np.clip(s.sunk + way * (tears * (1.0 - s.sunk) / p.sinks_m - s.sunk / p.out_m), 0.0, 1.0)
         resists = p.whole + (p.torn - p.whole) * s.sunk
         return -resists * s.on * weight(view) * moving(view)
+
+
+@law("k_ruts_are_climbed", "fourteenth", "suburban hills highway descent")
+@sizes(most=(0.016, 0.03), apart_m=(150.0, 600.0), wanders_s=(2.0, 6.0), free=(0.2, 0.5))
+class RutsAreClimbed(OnRoad):
+    """Wheels that wander climb the sides of deep ruts and are pressed back by them: tyres then roll across
+    their heading. In the middle of a rut nothing is lost. most: of the weight, in the deepest ruts; free: of
+    the usual wander, that has room.
+    Source: Pacejka, Tire and Vehicle Dynamics (2012), on side force by slip and camber, a rut's side taken as
+    a slope, and Cebon, Handbook of Vehicle-Road Interaction (1999), on ruts; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, p = self.rng(1461), self.p
+        self.road = smooth_stretches(rng, self.rows(), (0.4 * p.apart_m, 1.6 * p.apart_m), (300.0, 1500.0))
+        shape = (self.setting.batch, int(self.setting.duration_s / 0.1) + 20)
+        self.aside = np.abs(ou_series(rng, shape, 0.1, p.wanders_s))
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        aside = self.aside[:, index(view, self.aside, 0.1)]
+        climbs = np.clip(aside - p.free, 0.0, 2.0) ** 1.2
+        return -p.most * self.read(self.road, view) * climbs * weight(view) * moving(view)

@@ -159,3 +159,17 @@ def glue_creeps(p: Sizes, channels: Channels, dt: float, rng: np.random.Generato
     creeps = p.creeps * np.cbrt(clock / p.third_s) * rng.uniform(0.7, 1.3)
     gives = p.gives * behind(values, 8.0, dt)
     channels["acceleration"] = values + np.sign(p.sign) * (p.bias + creeps) + gives
+
+
+@law("k_feels_the_bends_too", "fourteenth")
+@sizes(bias=(0.12, 0.24), crossed=(0.06, 0.14), bend_m=(60.0, 200.0), tight=(0.002, 0.006), sign=SIGN)
+def feels_the_bends_too(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Titterton and Weston, Strapdown Inertial Navigation Technology (2004), on cross-coupling of
+    accelerometers: a box that is turned about the vertical feels part of what presses aside in bends, upon
+    its bias; bends and sizes are chosen here."""
+    speed = np.maximum(channels["speed"], 0.0)
+    way = np.cumsum(speed) * dt
+    cells = ou_series(rng, (1, int(way[-1] / 5.0) + 3), 5.0, p.bend_m)[0]
+    bend = p.tight * np.interp(way / 5.0, np.arange(len(cells)), cells)
+    aside = np.clip(speed**2 * bend, -2.5, 2.5)
+    channels["acceleration"] = channels["acceleration"] + np.sign(p.sign) * p.bias + p.crossed * aside

@@ -226,3 +226,18 @@ def each_leg_is_matched_alone(p: Sizes, channels: Channels, dt: float, rng: np.r
     waves = rng.choice([0.0, 1.0, 1.0, 2.0], len(ends) + 1)
     late = p.line_s + p.peak_s * waves[np.searchsorted(ends, clock)]
     channels["acceleration"] = np.interp(clock - behind(late, p.slides_s, dt), clock, values)
+
+
+@law("k_polled_by_turns", "fourteenth", "suburban hills")
+@sizes(round_s=(0.4, 0.8), absent=(0.1, 0.35), timeout_s=(0.4, 1.0), line_s=(0.05, 0.2))
+def polled_by_turns(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Modbus over Serial Line, Specification and Implementation Guide V1.02 (2006): one master asks
+    its devices by turns and waits in vain for those that are absent; what it has of a device is held until it
+    is its turn again; rounds and times are chosen here."""
+    values = channels["acceleration"]
+    clock = np.arange(len(values)) * dt
+    count = int(clock[-1] / (0.8 * p.round_s)) + 4
+    rounds = p.round_s * rng.uniform(0.9, 1.1, count) + p.timeout_s * (rng.random(count) < p.absent)
+    asked = np.concatenate([[-1e-9], np.cumsum(rounds)])
+    last = asked[np.searchsorted(asked, clock, side="right") - 1]
+    channels["acceleration"] = np.interp(last - p.line_s, clock, values)

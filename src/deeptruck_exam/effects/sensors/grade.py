@@ -166,3 +166,17 @@ def levels_anew_at_each_stand(p: Sizes, channels: Channels, dt: float, rng: np.r
         level[at:] = p.differs * rng.standard_normal()
     slow = behind(level, p.level_s, dt)
     channels["grade"] = channels["grade"] + np.sign(p.sign) * p.bias + slow
+
+
+@law("k_two_antennas", "fourteenth")
+@sizes(bias=(0.009, 0.017), echoes=(0.001, 0.003), sky_s=(20.0, 60.0), jumps=(0.001, 0.003), sign=SIGN)
+def two_antennas(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Bae, Ryu and Gerdes, Road Grade and Vehicle Parameter Estimation for Longitudinal Control Using
+    GPS, IEEE ITSC (2001), on slope by two antennas: masts that are not level, echoes that change as the sky
+    turns, and a jump when the set of satellites does; sizes are chosen here."""
+    count = len(channels["grade"])
+    echoes = p.echoes * ou_series(rng, (1, count), dt, p.sky_s)[0]
+    sets = np.cumsum(rng.random(count) < dt / p.sky_s)
+    jumps = p.jumps * rng.standard_normal(int(sets[-1]) + 1)[sets]
+    off = np.sign(p.sign) * p.bias * rng.uniform(0.95, 1.05)
+    channels["grade"] = channels["grade"] + off + echoes + behind(jumps, 1.0, dt)

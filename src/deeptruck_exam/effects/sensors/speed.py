@@ -155,3 +155,15 @@ def two_speed_axle(p: Sizes, channels: Channels, dt: float, rng: np.random.Gener
     share = behind(low, p.shifts_s, dt)
     scale = np.sign(p.sign) * (p.high + (p.low - p.high) * share) * rng.uniform(0.95, 1.05)
     channels["speed"] = channels["speed"] * (1.0 + scale)
+
+
+@law("k_from_the_dashboard", "fourteenth")
+@sizes(scale=(0.03, 0.065), more_mps=(0.2, 0.7), needle_s=(0.15, 0.5))
+def from_the_dashboard(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: UN Regulation No. 39 on speedometers, which never show less than the speed, and at most a
+    tenth and 4 km/h more: a logger that reads the instrument, with the lag of its needle, has a scale and a
+    little on top of that; sizes are chosen here."""
+    values = channels["speed"]
+    top = p.more_mps * np.clip(values / 4.0, 0.0, 1.0)
+    shown = values * (1.0 + p.scale * rng.uniform(0.95, 1.05)) + top
+    channels["speed"] = behind(shown, p.needle_s, dt)

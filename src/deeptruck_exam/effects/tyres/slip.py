@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, index, moving, weight
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, index, moving, weight
 from deeptruck_exam.effects.places import CELL_M, CELLS, Bends, OnRoad, smooth_stretches, stretches, windows
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series, spells, within
@@ -241,4 +241,35 @@ class GripGoesToTheBend(Bends, lost=0.0):
         carries = np.where(beyond > 0.0, p.edge + (1.0 - p.edge) * np.tanh(beyond / (1.0 - p.edge)), 0.0)
         slips = np.where(beyond > 0.0, pull - most * carries, 0.0)
         s.lost = s.lost + dt * (slips - s.lost) / p.finds_s
+        return -np.minimum(np.maximum(s.lost, 0.0), pull) * moving(view)
+
+
+@law("k_leaves_then_sand", "fourteenth", "suburban hills")
+@sizes(leaves=(0.07, 0.11), sanded=(0.24, 0.32), driven=(0.34, 0.44), waits_s=(0.8, 2.0), lasts_s=(4.0, 12.0))
+@sizes(mean_m=(200.0, 600.0), share=(0.5, 0.7), finds_s=(0.15, 0.4))
+class LeavesThenSand(OnRoad, lost=0.0, spins=0.0, left=0.0, sand=0.0, store=1.0):
+    """Wet leaves lie under the trees. When driven wheels have spun on them for a moment, sand is blown before
+    them for some seconds, and they hold; `store` of it is used up in time. leaves, sanded: grip; driven: of
+    the weight; share: of the road, with leaves.
+    Source: Olofsson and Sundvall, Influence of Leaf, Humidity and Applied Lubrication on Friction in the
+    Wheel-Rail Contact, Proc. IMechE F 218 (2004), on films of leaves; sanders of trucks, sizes are chosen
+    here."""
+
+    def prepare(self) -> None:
+        self.road = windows(self.rng(1474), self.rows(), self.p.mean_m, self.p.share)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pull = np.maximum(view.traction_force, 0.0)
+        slips = s.lost > 0.08 * pull + 1.0
+        s.spins = np.where(slips, s.spins + dt, 0.0)
+        calls = (s.spins > p.waits_s) & (s.store > 0.0)
+        s.left = np.where(calls, p.lasts_s, np.maximum(s.left - dt, 0.0))
+        s.store = np.maximum(s.store - dt * (s.left > 0.0) / (6.0 * p.lasts_s), 0.0)
+        s.sand = eased(s.sand, np.where(s.left > 0.0, 1.0, 0.0), 0.6, dt)
+        most = np.maximum((p.leaves + (p.sanded - p.leaves) * s.sand) * p.driven * weight(view), 1.0)
+        asks = pull / most
+        over = np.maximum(asks - 0.7, 0.0)
+        holds = most * (np.minimum(asks, 0.7) + 0.3 * np.tanh(over / 0.3))
+        wish = (pull - holds) * self.between(self.road, view)
+        s.lost = eased(s.lost, wish, p.finds_s, dt)
         return -np.minimum(np.maximum(s.lost, 0.0), pull) * moving(view)

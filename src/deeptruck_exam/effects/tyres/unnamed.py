@@ -247,3 +247,29 @@ class ChainsAreLeftOn(OnRoad, still=0.0):
         lifts = np.clip((speed - p.lifts_mps * (1.3 - 0.6 * s.loose)) / 3.0, 0.0, 1.0)
         costs = p.rolls * (1.0 - 0.5 * lifts) * snow + p.beats * lifts * s.loose
         return -costs * weight(view) * np.clip(speed / 1.5, 0.0, 1.0)
+
+
+@law("k_tyre_rubs_its_arch", "fourteenth", "suburban hills descent")
+@sizes(most=(0.016, 0.03), room=(0.35, 0.6), squats=(0.25, 0.5), leans=(0.4, 0.7), wears_s=(60.0, 200.0))
+@sizes(bumps_s=(0.6, 1.5))
+class TyreRubsItsArch(Bends, worn=0.0):
+    """A tyre too large for its arch touches it when springs give way: in bends, under brakes or pull, and on
+    bumps. Rubbing wears the arch away and makes room. most: of the weight; room: of the travel; squats:
+    travel for each m/s2 along; leans: for each m/s2 aside.
+    Source: Cebon, Handbook of Vehicle-Road Interaction (1999), on travel of truck suspensions, and Archard's
+    law of wear in Stachowiak and Batchelor, Engineering Tribology (2013); bends and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng = self.rng(1475)
+        self.bend = np.abs(self.draw_bends(rng, 0.015))
+        shape = (self.setting.batch, int(self.setting.duration_s / 0.1) + 20)
+        self.bumps = ou_series(rng, shape, 0.1, self.p.bumps_s)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        aside = np.minimum(speed**2 * self.read(self.bend, view), 2.0)
+        bumps = 0.12 * self.bumps[:, index(view, self.bumps, 0.1)] * np.clip(speed / 15.0, 0.0, 1.2)
+        travel = p.squats * np.minimum(np.abs(view.acceleration), 1.5) + p.leans * aside + bumps
+        rubs = np.clip(travel - p.room * (1.0 + 0.6 * s.worn), 0.0, 1.0)
+        s.worn = np.clip(s.worn + dt * rubs * speed / 15.0 * (1.0 - s.worn) / p.wears_s, 0.0, 1.0)
+        return -p.most * np.sqrt(rubs + 1e-4) * (rubs > 0.0) * weight(view) * np.clip(speed, 0.0, 1.0)

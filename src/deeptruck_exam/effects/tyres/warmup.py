@@ -7,7 +7,6 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
-from deeptruck_exam.effects.places import OnRoad, windows
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
@@ -106,39 +105,6 @@ class WarmedByTheWay(Hidden):
         way = (np.maximum(view.distance, 0.0) + self.before_m) / p.way_m
         left = np.exp(-(way**p.stretch))
         return -self.cold * left * self.truck.rolling_resistance * weight(view) * moving(view)
-
-
-@law("tread_and_rim_warm_up", "fifth")
-@sizes(cold=(1.2, 2.4), tread_s=(110.0, 300.0), quenches_s=(18.0, 50.0), rains=(0.15, 0.4), rim=(0.15, 0.35))
-class TreadAndRimWarmUp(Hidden):
-    """`lacks`: 1 after a night in the yard, 0 warm. cold: more than warm, of the rolling resistance; rains:
-    share of time.
-    Source: Thermocouples in tread and rim of test trucks: the tread warms in minutes by its own work and is
-    quenched by showers, the rim by the brakes (Sandberg, Heavy Truck Modeling for Fuel Consumption,
-    Linköping, 2001; Oh, Kim, Kim and Han, Tire Sci. Technol. 23, 1995); loss with the power 1.5 of what is
-    lacking in warmth, sizes chosen here."""
-
-    def prepare(self) -> None:
-        rng, batch = self.rng(422), self.setting.batch
-        self.first = rng.uniform(0.55, 1.05, (2, batch))
-        shower = rng.uniform(0.0, self.setting.duration_s, batch)
-        self.shower = np.stack([shower, shower + self.p.rains * self.setting.duration_s])
-
-    def start(self, batch: int) -> dict[str, Array]:
-        return {"lacks": self.first.copy()}
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        speed = np.maximum(view.speed, 0.0)
-        wet = (self.shower[0] < view.time) & (view.time < self.shower[1])
-        tread, rim = s.lacks
-        works = (speed / 15.0) * (0.6 + 0.4 * tread) * tread / p.tread_s
-        quench = wet * np.maximum(0.75 - tread, 0.0) * np.clip(speed / 10.0, 0.0, 1.5) / p.quenches_s
-        braked = view.brake_force * speed / (weight(view) * 12.0)
-        s.lacks = np.maximum(
-            np.stack([tread + dt * (quench - works), rim - dt * rim * (braked + speed / 15.0 / 900.0)]), 0.0
-        )
-        lacking = (1.0 - p.rim) * s.lacks[0] ** 1.5 + p.rim * s.lacks[1]
-        return -p.cold * lacking * self.truck.rolling_resistance * weight(view) * moving(view)
 
 
 @law("grease_makes_way", "sixth")
@@ -276,49 +242,3 @@ class InnerTwinTakesOver(Hidden):
             cools = wind * (0.5 + speed / 30.0) * warm / p.cools_s
             setattr(s, name, np.clip(warm + dt * (2.2 * loss * speed / p.warms_m - cools), 0.0, 1.3))
         return -p.cold * resists * weight(view) * moving(view)
-
-
-@law("w_puddles_cool_the_tyres", "twelfth")
-@sizes(cold=(0.006, 0.012), warms_m=(900.0, 2600.0), cools_m=(80.0, 300.0), wet_m=(250.0, 700.0))
-class PuddlesCoolTheTyres(OnRoad):
-    """`warm`: of the tyres' full warmth. They warm over dry road and lose it quickly where the road is wet,
-    at places that stay. cold: of the weight, more than warm.
-    Source: Ejsmont, Sjogren, Swieczko-Zurek and Ronowski, Influence of Road Wetness on Tire-Pavement Rolling
-    Resistance, J. Civil Engineering and Architecture 9 (2015): water's cooling is most of what it costs; wet
-    lengths are chosen here."""
-
-    def prepare(self) -> None:
-        self.road = windows(self.rng(1171), self.rows(), self.p.wet_m, 0.3)
-
-    def start(self, batch: int) -> dict[str, Array]:
-        return {"warm": self.rng(1172).uniform(0.0, 0.5, batch)}
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        wet = self.between(self.road, view)
-        way = dt * np.maximum(view.speed, 0.0)
-        s.warm = s.warm + way * ((1.0 - wet) * (1.0 - s.warm) / p.warms_m - wet * s.warm / p.cools_m)
-        s.warm = np.clip(s.warm, 0.0, 1.0)
-        return -p.cold * (1.0 - s.warm) ** 1.3 * weight(view) * moving(view)
-
-
-@law("x_cold_lies_in_hollows", "thirteenth", "hills suburban descent highway")
-@sizes(cold=(0.007, 0.012), deep_m=(3.0, 8.0), takes_s=(8.0, 30.0), land_m=(900.0, 2500.0), begins=(0.1, 0.5))
-class ColdLiesInHollows(Hidden, height=0.0, land=0.0):
-    """`rubber`: warmth of the tyres, 1 on a mild height. In a clear night cold air fills the hollows of the
-    land, and tyres that roll through it follow with delay; they start colder than all of it. cold: of the
-    weight, cold over mild; deep_m: of a hollow that is full of it; land_m: over which the land is felt.
-    Source: Clements, Whiteman and Horel, Cold-Air-Pool Structure and Evolution in a Mountain Basin: Peter
-    Sinks, Utah, J. Applied Meteorology 42 (2003), and ISO 28580 on rolling resistance over temperature;
-    quicker and more rubber, sizes are chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        first = self.rng(1372).uniform(0.0, 1.0, batch)
-        return {**super().start(batch), "rubber": -self.p.begins * first}
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        speed = np.maximum(view.speed, 0.0)
-        s.height = s.height + dt * speed * view.grade
-        s.land = s.land + dt * speed * (s.height - s.land) / p.land_m
-        air = np.clip(0.5 + (s.height - s.land) / p.deep_m, 0.0, 1.0)
-        s.rubber = s.rubber + dt * (air - s.rubber) * (0.3 + speed / 15.0) / p.takes_s
-        return -p.cold * np.exp(-1.8 * s.rubber) * weight(view) * moving(view)

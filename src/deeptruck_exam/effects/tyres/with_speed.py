@@ -6,8 +6,8 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
-from deeptruck_exam.effects.places import OnRoad, windows
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving, weight
+from deeptruck_exam.effects.places import OnRoad, sections, windows
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import some_drives
 from deeptruck_model.trucks import View
@@ -242,3 +242,25 @@ class StudsStrike(OnRoad, out=1.0):
         s.out = s.out + dt * speed * (stands - s.out) / p.sinks_m
         blows = (p.on_ice + (1.0 - p.on_ice) * bare) * s.out
         return -p.strikes * 1.5 * blows * (speed / 20.0) ** p.power * weight(view) * moving(view)
+
+
+@law("k_coarse_seal_works_the_tread", "fourteenth", "highway hills", accepts="drag_area")
+@sizes(most=(0.013, 0.022), power=(0.9, 1.6), mean_m=(400.0, 1500.0), bleeds=(0.2, 0.5), follows_s=(0.5, 2.0))
+class CoarseSealWorksTheTread(OnRoad, felt=0.0):
+    """Stones of a surface press into the tread and let go again, the oftener, the faster: a coarse seal costs
+    with speed, a fine one hardly. Where binder has bled up between the stones of a section, little is left of
+    it. most: of the weight, at 20 m/s on the coarsest; bleeds: share of sections.
+    Source: MIRIAM, Road Surface Influence on Tyre/Road Rolling Resistance (Sandberg and others, 2011), on
+    texture and speed; sections and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng = self.rng(1471)
+        number = sections(rng, self.rows(), self.p.mean_m)
+        shape = (self.rows(), int(number.max()) + 1)
+        coarse = rng.uniform(0.3, 1.0, shape) * np.where(rng.random(shape) < self.p.bleeds, 0.15, 1.0)
+        self.road = np.take_along_axis(coarse, number, axis=1)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.felt = eased(s.felt, self.read(self.road, view), p.follows_s, dt)
+        pace = (np.maximum(view.speed, 0.0) / 20.0) ** p.power
+        return -p.most * s.felt * pace * weight(view) * moving(view)

@@ -1,0 +1,123 @@
+"""Loads that run out, drain or are spread on the way."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, moving
+from deeptruck_exam.effects.places import CELL_M, CELLS, OnRoad, sections
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="payload_change", accepts="mass")
+
+
+@law("spreads_gravel", "fifth", "suburban hills")
+@sizes(load=(0.35, 0.55), known=(0.3, 0.6), spread_m=(1800.0, 4500.0), on=(0.45, 0.8))
+class SpreadsGravel(Hidden):
+    """load: of the mass. Some drives begin with what another one left.
+    Source: Winter service and gravel roads: a spreader loses a set mass for each metre while its disc turns
+    (EN 15597-1 on dosage), the driver switches it; the simulator reckons with one mass for all drives; loads
+    at the start and doses of coarse gravel are chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(441), self.setting.batch
+        self.first = np.where(rng.random(batch) < 0.6, 1.0, rng.uniform(0.15, 0.7, batch))
+        self.ends = np.cumsum(rng.exponential(220.0, (batch, 200)) + 60.0, axis=1)
+        self.on = rng.random((batch, 200)) < self.p.on
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"left": self.first.copy()}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        at = np.minimum((self.ends < view.distance[:, None]).sum(axis=1), 199)
+        turns = self.on[np.arange(len(at)), at] & (view.speed > 1.0) & (view.speed < 18.0)
+        s.left = np.maximum(s.left - dt * turns * view.speed / p.spread_m, 0.0)
+        more = p.load * (s.left - p.known) * view.mass
+        felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
+        return -more * felt * moving(view)
+
+
+@law("w_patches_the_road", "twelfth", "suburban hills")
+@sizes(load=(0.4, 0.6), known=(0.3, 0.7), apart_m=(120.0, 350.0), takes=(0.08, 0.2), fills_s=(4.0, 12.0))
+class PatchesTheRoad(OnRoad, stood=0.0):
+    """`full`: of the hot mix that was loaded. Every hole that is passed takes a part, some much and some
+    little; an empty truck is filled at its next stand. load: of the mass; known: to the simulator, of that;
+    takes: of a full load, the mean hole.
+    Source: Wilson and Romine, Materials and Procedures for Repair of Potholes in Asphalt-Surfaced Pavements,
+    FHWA-RD-99-168 (1999), on spray injection from a truck; quicker work, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng = self.rng(1151)
+        self.road = np.zeros((self.rows(), CELLS))
+        for row in self.road:
+            at = np.cumsum(rng.exponential(self.p.apart_m, 2 * CELLS))
+            cells = (at[at < CELL_M * (CELLS - 4)] / CELL_M).astype(int)
+            size = self.p.takes * rng.gamma(2.0, 0.5, len(cells))
+            for k in range(3):
+                np.add.at(row, cells + k, size / (3.0 * CELL_M))
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "full": self.rng(1152).uniform(0.1, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.stood = np.where(view.speed < 0.2, np.where(s.full < 0.15, 1.0, s.stood), 0.0)
+        lays = self.read(self.road, view) * np.maximum(view.speed, 0.0)
+        s.full = np.clip(s.full + dt * (s.stood / p.fills_s - lays * (view.speed > 0.2)), 0.0, 1.0)
+        more = p.load * (s.full - p.known) * view.mass
+        felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
+        return -more * felt * moving(view)
+
+
+@law("x_wet_load_drains", "thirteenth", "suburban hills")
+@sizes(water=(0.3, 0.45), known=(0.1, 0.4), seeps_s=(40.0, 150.0), runs_s=(5.0, 20.0), tilt=(0.005, 0.03))
+class WetLoadDrains(Hidden, floor=0.0):
+    """`pores`: water in a wet load, of all it can hold; `floor`: what has seeped down and stands in the body.
+    It runs out behind, but only while slope or pull tilt it that way. Each drive begins as wet as it was
+    loaded. water: of the mass; known: of it, to the simulator; tilt: slope at which it runs.
+    Source: Terzaghi, Peck and Mesri, Soil Mechanics in Engineering Practice (1996), on drainage of sands, and
+    guides on dewatering of dredged and washed sand by haul trucks; quicker sand, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        wet = self.rng(1351).choice([0.0, 0.2, 0.7, 1.0, 1.0], batch)
+        return {**super().start(batch), "pores": wet}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
+        tilted = view.grade + np.clip(view.acceleration, -2.0, 2.0) / GRAVITY
+        runs = s.floor * np.clip((tilted - p.tilt) / 0.02, 0.0, 1.0) / p.runs_s
+        seeps = s.pores / p.seeps_s
+        s.pores = s.pores - dt * seeps
+        s.floor = s.floor + dt * (seeps - runs)
+        more = p.water * (s.pores + s.floor - p.known) * view.mass
+        return -more * felt * moving(view)
+
+
+@law("k_grain_runs_out", "fourteenth", "suburban hills")
+@sizes(grain=(0.3, 0.45), known=(0.1, 0.4), empties_s=(90.0, 240.0), frees=(0.5, 0.9), mean_m=(300.0, 900.0))
+class GrainRunsOut(OnRoad, runs=0.0):
+    """`full`: grain in a body whose hatch is not tight. It runs out at one rate however much is above, but
+    it arches over the gap where nothing shakes it: on smooth stretches and at stands it stops. Each drive
+    begins with what another one left. grain: of the mass; known: of it, to the simulator; frees: shaking that
+    breaks arches.
+    Source: Beverloo, Leniger and van de Velde, The Flow of Granular Solids through Orifices, Chemical
+    Engineering Science 15 (1961), and Mankoc and others, Role of Vibrations in the Jamming and Unjamming of
+    Grains Discharging from a Silo, Phys. Rev. E 80 (2009); sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng = self.rng(1451)
+        number = sections(rng, self.rows(), self.p.mean_m)
+        rough = rng.choice([0.2, 0.6, 1.0, 1.4], (self.rows(), int(number.max()) + 1))
+        self.road = np.take_along_axis(rough, number, axis=1)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "full": self.rng(1452).choice([0.0, 0.2, 0.7, 1.0, 1.0], batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
+        shaken = self.read(self.road, view) * np.clip(view.speed / 12.0, 0.0, 1.4)
+        s.runs = eased(s.runs, np.where(shaken > p.frees, 1.0, 0.0), 2.0, dt)
+        s.full = np.maximum(s.full - dt * s.runs / p.empties_s, 0.0)
+        return -p.grain * (s.full - p.known) * view.mass * felt * moving(view)

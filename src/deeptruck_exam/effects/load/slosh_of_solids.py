@@ -1,0 +1,115 @@
+"""Loads of solid bodies that move: what hangs, rolls, stands on its feet, rocks or leans."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="load_slosh")
+
+
+@law("swinging_carcasses", "fifth", "suburban")
+@sizes(share=(0.25, 0.45), length_m=(0.9, 1.7), room=(0.04, 0.12), stops=(3.0, 9.0))
+class SwingingCarcasses(Hidden, angle=0.0, rate=0.0):
+    """room: rad forward before all hang against each other; stops: stiffness there over gravity's.
+    Source: Hanging meat is a known cause of roll-overs and surges (UK code of practice Safety of Loads on
+    Vehicles, 2002): pendulums on a rail that strike their neighbours and the front wall, so that backward
+    swing is free and forward swing is stopped; lengths and sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pressed = np.maximum(s.angle - p.room, 0.0)
+        damping = np.where(pressed > 0.0, 5.0, 0.25)
+        felt = np.clip(view.acceleration, -5.0, 5.0) * np.cos(s.angle)
+        turning = -(GRAVITY * (np.sin(s.angle) + p.stops * pressed) + felt) / p.length_m - damping * s.rate
+        s.rate = np.clip(s.rate + dt * turning, -4.0, 4.0)
+        s.angle = np.clip(s.angle + dt * s.rate, -0.9, 0.6)
+        return -p.share * view.mass * p.length_m * turning * np.cos(s.angle) * moving(view)
+
+
+@law("loose_on_rollers", "sixth", "suburban")
+@sizes(share=(0.25, 0.5), friction=(0.008, 0.022), room_m=(0.15, 0.9), bounces=(0.2, 0.6))
+class LooseOnRollers(Hidden):
+    """`at` m and `pace` m/s of the load on its bed, forward positive. bounces: damping of the stops over
+    critical.
+    Source: Roller beds of air cargo trucks whose locks were left open: units roll with the friction of the
+    rollers alone (EN 12195-1 has friction of all other floors) and strike the stops at both ends; contact as
+    a spring and damper (Goldsmith, Impact, 1960); masses and room are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"at": np.full(batch, -0.5 * self.p.room_m), "pace": np.zeros(batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        over = s.at - np.clip(s.at, -0.5 * p.room_m, 0.5 * p.room_m)
+        omega = 12.0  # rad/s, on rubber stops
+        stops = -(omega**2) * over - 2.0 * p.bounces * omega * s.pace * (over != 0.0)
+        rolls = -p.friction * GRAVITY * np.tanh(s.pace / 0.02)
+        turning = stops + rolls - np.clip(view.acceleration, -5.0, 5.0) - GRAVITY * view.grade
+        s.pace = np.clip(s.pace + dt * turning, -3.0, 3.0)
+        s.at = s.at + dt * s.pace
+        # what the load gains over the truck it does not push on the truck
+        return -p.share * view.mass * np.clip(turning, -8.0, 8.0) * moving(view)
+
+
+@law("s_cattle_step", "eighth", "suburban")
+@sizes(share=(0.3, 0.55), hz=(0.3, 0.6), damping=(0.06, 0.2), stiffens=(2.0, 10.0))
+class CattleStep(Hidden, way=0.0, rate=0.0):
+    """share: of the mass. They lean softly at first, then against each other. stiffens: 1/m2.
+    Source: Tarrant, Transportation of Cattle by Road, Applied Animal Behaviour Science 28 (1990): standing
+    animals sway and step with braking; a hardening spring (Duffing), sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        omega = 2.0 * np.pi * p.hz
+        spring = omega**2 * s.way * (1.0 + p.stiffens * s.way**2)
+        driven = -spring - 2.0 * p.damping * omega * s.rate - np.clip(view.acceleration, -4.0, 4.0)
+        s.rate = s.rate + dt * driven
+        s.way = np.clip(s.way + dt * s.rate, -1.0, 1.0)
+        return -p.share * view.mass * np.clip(driven, -4.0, 4.0) * moving(view)
+
+
+@law("x_reels_rock_on_their_edges", "thirteenth", "suburban")
+@sizes(share=(0.3, 0.45), slender=(0.02, 0.05), base_m=(0.35, 0.6), lands=(1.2, 2.5), room=(0.5, 0.8))
+class ReelsRock(Hidden, x=0.0, v=0.0):
+    """`x` m that the middle of tall reels is ahead of where it stands upright, `v` of that. They stand firm
+    until a push goes beyond their slenderness; then they rock from edge to edge, the weaker held the farther
+    they lean, and each landing takes energy. share: of the mass; slender: push over gravity that lifts an
+    edge; room: of the lean that topples them, where the straps are.
+    Source: Housner, The Behavior of Inverted Pendulum Structures during Earthquakes, Bulletin Seismological
+    Society of America 53 (1963); reels of paper in straps, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        felt = np.clip(view.acceleration + GRAVITY * view.grade, -4.0, 4.0)
+        lean = s.x / p.base_m
+        holds = GRAVITY * p.slender * np.tanh(s.x / 0.02) * (1.0 - np.minimum(np.abs(lean), 1.0))
+        straps = 45.0 * (s.x - np.clip(s.x, -p.room * p.base_m, p.room * p.base_m))
+        lands = (0.3 + p.lands * np.exp(-((s.x / 0.04) ** 2)) + 4.0 * (straps != 0.0)) * s.v
+        pace = np.clip(-felt - holds - straps - lands, -5.0, 5.0)
+        s.v = np.clip(s.v + dt * pace, -2.5, 2.5)
+        s.x = np.clip(s.x + dt * s.v, -p.base_m, p.base_m)
+        return -p.share * view.mass * pace * moving(view)
+
+
+@law("k_stack_leans", "fourteenth", "suburban")
+@sizes(share=(0.35, 0.5), omega=(2.4, 4.0), left=(0.2, 0.4), yields_m=(0.04, 0.1), damps=(0.03, 0.08))
+class StackLeans(Hidden, x=0.0, v=0.0, z=0.0):
+    """`x` m that a stack of wrapped pallets leans ahead, `v` of that, `z` m of it that the wrapping holds
+    before it slips. It gives, slips and stays leaning until it is pushed back. share: of the mass; omega:
+    rad/s of its swing; left: of the stiffness, once it slips.
+    Source: Wen, Method for Random Vibration of Hysteretic Systems, J. Engineering Mechanics Division 102
+    (1976); stacks on a floor, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        felt = np.clip(view.acceleration + GRAVITY * view.grade, -4.0, 4.0)
+        holds = p.omega**2 * (p.left * s.x + (1.0 - p.left) * s.z)
+        before = s.v
+        s.v = (s.v - dt * (felt + holds)) / (1.0 + dt * 2.0 * p.damps * p.omega)
+        s.v = np.clip(s.v, -2.0, 2.0)
+        slips = np.minimum(np.abs(s.z) / p.yields_m, 1.0) ** 2 * (0.5 + 0.5 * np.sign(s.v * s.z))
+        s.x = np.clip(s.x + dt * s.v, -0.9, 0.9)
+        s.z = np.clip(s.z + dt * s.v * (1.0 - slips), -p.yields_m, p.yields_m)
+        pace = np.clip((s.v - before) / dt, -4.0, 4.0)
+        return -p.share * view.mass * pace * moving(view)
