@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -14,16 +15,14 @@ from numpy.typing import NDArray
 
 from deeptruck_model import reading
 from deeptruck_model.errors import InputError
-from deeptruck_model.mismatch.data.prepared import heard
-from deeptruck_model.mismatch.expression import Rerun, Stream
+from deeptruck_model.mismatch.correction.added import Added, State, TruckWithForces
+from deeptruck_model.mismatch.expression import Expression, Rerun
 from deeptruck_model.mismatch.mechanisms import KNOWN, Variant, build, saved
 from deeptruck_model.mismatch.mechanisms.carriers import CARRIERS
 from deeptruck_model.mismatch.residual import effective_mass
-from deeptruck_model.mismatch.residual.command_path import CommandPath
 from deeptruck_model.mismatch.residual.components import SENSITIVITY, Shares
-from deeptruck_model.mismatch.residual.evidence import overall_ratio, turns
 from deeptruck_model.outside.truck import keep
-from deeptruck_model.signals import ACCELERATION, SPEED, TruckInterface
+from deeptruck_model.signals import TruckInterface
 from deeptruck_model.simulators import MANIFEST, Run, Simulator
 from deeptruck_model.simulators import load as load_simulator
 
@@ -44,19 +43,6 @@ class Term:
     effect: str
     variant: Variant
     coefficients: tuple[float, ...]
-
-
-@dataclass
-class State:
-    """State of a corrected truck: the base truck's, the mechanisms' memory, and where the drive stands."""
-
-    base: Any
-    memory: tuple[list[Any], list[Any]]  # of what brakes make up for, of the mechanisms
-    path: Any
-    speed: Array
-    distance: Array
-    elapsed: float
-    row: int
 
 
 class CorrectedTruck:
@@ -80,38 +66,28 @@ class CorrectedTruck:
     ) -> None:
         self._carried = dict(carried or {})
         own = base.parameters()
-        inner = {name: own[name] * (1 + change) for name, change in moved.items() if name in own}
+        self.inner = {name: own[name] * (1 + change) for name, change in moved.items() if name in own}
         self.original, self.terms, self.moved = base, tuple(terms), dict(moved)
-        self.base = base.with_parameters(inner) if inner else base
+        self.base = base.with_parameters(self.inner) if self.inner else base
         self.shares, self.validated, self.gears = shares, validated, tuple(gears)
+        self.added = _added(self.terms, {n: x for n, x in moved.items() if n not in own}, self._carried)
         self._exogenous: dict[str, Array] = {}
-        weighted = [(SENSITIVITY[name], change) for name, change in moved.items() if name not in own]
-        paths = []
-        for term in self.terms:
-            for column, b in zip(build(KNOWN[term.effect], term.variant), term.coefficients, strict=True):
-                if isinstance(column.expression, Rerun):
-                    paths.append((column.expression.path, column.expression.amount, b))
-                elif b != 0.0:
-                    weighted.append((column.expression, b))
-        self._path = CommandPath(paths, base.interface.u, base.dt)
-        self._stream = Stream([expression for expression, _ in weighted])
-        asked = frozenset[str]().union(*(expression.signals() for expression, _ in weighted))
-        self._asks = asked | {"engine_speed" for _ in asked & {"ratio", "lever"}}  # it is read from that
-        self._weights = [b for _, b in weighted]
-        self._radius = own.get("wheel_radius")
-        self._holds = effective_mass.holds(base)
-        self._held = Stream([effective_mass.held(self._holds)])
 
     @property
     def adds(self) -> bool:
         """Whether it is more than the truck beneath with other parameters."""
-        return bool(self.terms or self._weights)
+        return bool(self.terms or self.added.forces)
+
+    @cached_property
+    def _with_forces(self) -> TruckWithForces:
+        holds = effective_mass.holds(self.base)
+        return TruckWithForces(self.base, self.added, holds, self.shares, self.gears, self._exogenous)
 
     def asks_beyond(self) -> tuple[str, ...]:
         """Signals that its terms are made of and that the protocol does not tell, such as a gap."""
         inside = self.base.inside(self.base.reset(np.zeros((1, len(self.interface.y)))))
-        told = {*self.interface.u, *self.interface.w, *inside}
-        return tuple(name for name in EXOGENOUS if name in self._asks and name not in told)
+        told, asked = {*self.interface.u, *self.interface.w, *inside}, self.added.signals()
+        return tuple(name for name in EXOGENOUS if name in asked and name not in told)
 
     @property
     def interface(self) -> TruckInterface:
@@ -151,55 +127,16 @@ class CorrectedTruck:
         return other
 
     def reset(self, y0: Array) -> State:
-        batch = len(y0)
-        return State(
-            self.base.reset(y0),
-            (self._held.begin(batch), self._stream.begin(batch)),
-            self._path.begin(),
-            y0[:, SPEED].copy(),
-            np.zeros(batch),
-            0.0,
-            0,
-        )
+        return self._with_forces.reset(y0)
 
     def step(self, state: State, u: Array, w: Array) -> tuple[State, Array]:
-        commands, path = self._path.step(state.path, u)
-        inner, y = self.base.step(state.base, commands, w)
-        now = self._now(inner, y, u, w, state)
-        (left,), braked = self._held.step(state.memory[0], now, self.dt)
-        now["effective_mass_gain"] = now["effective_mass_gain"] * left
-        now |= effective_mass.holding(self._holds, now, left)
-        if "engine" in now:
-            now["sensitivity:mass"] = now["effective_mass_gain"] * (
-                now["brake"] + now["drag"] - now["engine"]
-            )
-        values, memory = self._stream.step(state.memory[1], now, self.dt)
-        extra = sum((b * v for b, v in zip(self._weights, values, strict=True)), start=np.zeros(len(y)))
-        y = y.copy()
-        speed = np.maximum(state.speed + (y[:, ACCELERATION] + extra) * self.dt, 0.0)
-        held = (y[:, SPEED] <= 0.0) & (extra <= 0.0)  # a force against motion does not push a standing truck
-        speed = np.where(held, 0.0, speed)
-        y[:, ACCELERATION], y[:, SPEED] = (speed - state.speed) / self.dt, speed
-        after = State(
-            self._feed(inner, y),
-            (braked, memory),
-            path,
-            speed,
-            state.distance + speed * self.dt,
-            state.elapsed + self.dt,
-            state.row + 1,
-        )
-        return after, y
+        return self._with_forces.step(state, u, w)
 
     def force(self, state: State, y: Array) -> State:
-        return replace(state, base=self._feed(state.base, y), speed=y[:, SPEED].copy())
-
-    def _feed(self, inner: Any, y: Array) -> Any:
-        """The base truck's state, told y (batch, n_y); as along the recordings its forces were fitted to."""
-        return self.base.force(inner, heard(self.base, y))
+        return self._with_forces.force(state, y)
 
     def inside(self, state: State) -> dict[str, Array]:
-        return self.base.inside(state.base)
+        return self._with_forces.inside(state)
 
     def parameters(self) -> dict[str, float]:
         return self.base.parameters()
@@ -255,40 +192,18 @@ class CorrectedTruck:
         }
         (path / MANIFEST).write_text(json.dumps(manifest, indent=1))
 
-    def _now(self, inner: Any, y: Array, u: Array, w: Array, state: State) -> dict[str, Array]:
-        """The signals of this step, by the names mechanisms use."""
-        speed = y[:, SPEED]
-        now: dict[str, Array] = {
-            "speed": speed,
-            "simulated": y[:, ACCELERATION],
-            "distance": state.distance,
-            "elapsed": np.full(len(y), state.elapsed),
-        }
-        now |= {name: u[:, i] for i, name in enumerate(self.interface.u)}
-        now |= {name: w[:, i] for i, name in enumerate(self.interface.w)}
-        inside = self.base.inside(inner)
-        if "traction_force" in inside:
-            mass = inside["mass"]
-            now |= {"engine": inside["traction_force"] / mass, "brake": np.abs(inside["brake_force"]) / mass}
-            now |= {
-                "drag": np.abs(inside["drag_force"]) / mass,
-                "rolling": np.abs(inside["rolling_force"]) / mass,
-            }
-            now |= {name: now[name] * factor for name, factor in self._carried.items()}
-            now |= {name: inside[name] for name in ("gear", "engine_speed")}
-        elif self.shares is not None:
-            now |= self.shares.now(speed, u)
-        if "engine_speed" in now:
-            now["ratio"] = turns(now["engine_speed"], speed)
-        for name, x in self._exogenous.items():
-            # the simulator's own gear goes with the speed it drives at, the recorded one does not
-            now.setdefault(name, x[:, min(state.row, x.shape[1] - 1)])
-        if "ratio" in now:
-            in_gear = inside["ratio"] / self._radius if self._radius and "ratio" in inside else None
-            now["lever"] = overall_ratio(now["ratio"], self.gears, in_gear)
-        turning = effective_mass.free(inside)
-        now["effective_mass_gain"] = np.ones(len(y)) if turning is None else turning
-        return now
+
+def _added(terms: Sequence[Term], moved: Mapping[str, float], carried: Mapping[str, float]) -> Added:
+    """The columns of the terms, and `moved` parameters that the truck has not, as forces."""
+    forces: list[tuple[Expression, float]] = [(SENSITIVITY[n], change) for n, change in moved.items()]
+    paths = []
+    for term in terms:
+        for column, b in zip(build(KNOWN[term.effect], term.variant), term.coefficients, strict=True):
+            if isinstance(column.expression, Rerun):
+                paths.append((column.expression.path, column.expression.amount, b))
+            elif b != 0.0:
+                forces.append((column.expression, b))
+    return Added(tuple(forces), tuple(paths), carried)
 
 
 def load_directory(path: Path, manifest: dict[str, Any]) -> CorrectedTruck:

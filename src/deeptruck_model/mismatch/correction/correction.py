@@ -13,7 +13,7 @@ from deeptruck_model.mismatch.correction.claims import OwnCorrection, claimed
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck
 from deeptruck_model.mismatch.correction.improvement import (
     compared,
-    free_windows,
+    free_runs,
     horizon,
     improvement,
     joined,
@@ -96,23 +96,24 @@ def correct(
     if unnamed is not None and (trials.crossed or any(c.other_form for c in x.causes)):
         recipes.append(unnamed)
     own = any(c.other_form or c.effect == UNKNOWN for c in x.causes)  # laws are what was found
-    first = best_of(recipes, [trials.mean_square(r) for r in recipes], own)
-    tuned = trials.with_better_sizes(alone)
-    best = tuned if first is alone else trials.with_better_sizes(first)
-    complete = [r for r in recipes if r is not alone and holds(r, x)]
-    whole = trials.with_better_sizes(min(complete, key=trials.mean_square, default=nothing))
+    errors = trials.mean_errors(recipes)
+    first = best_of(recipes, errors, own)
+    complete = {
+        k: error for k, error in enumerate(errors) if recipes[k] is not alone and holds(recipes[k], x)
+    }
+    whole = recipes[min(complete, key=complete.__getitem__)] if complete else nothing
+    tuned, best, whole = trials.with_better_sizes([alone, first, whole])
+    driven = trials.errors([nothing, tuned, best, whole]) if trials.crossed else []
     truck = partial(Recipe.corrected, simulator=simulator, search=search, shares=trials.shares)
     return Corrections(
         truck(tuned),
         truck(best),
         truck(best if best.what is Chosen.LAWS else unnamed) if unnamed is not None else None,
-        dict(zip(COMPARED, map(trials.errors, (nothing, tuned, best)), strict=True))
-        if trials.crossed and best is not nothing
-        else {},
+        dict(zip(COMPARED, driven, strict=False)) if driven and best is not nothing else {},
         best.what,
         best.for_driving,
         truck(whole),
-        (trials.errors(nothing), trials.errors(whole)) if trials.crossed else None,
+        (driven[0], driven[-1]) if driven else None,
     )
 
 
@@ -124,7 +125,8 @@ def shown(
     """
     after, chosen = made.after(with_unnamed)
     named, horizon_s = _side_by_side(simulator, made, after), horizon(held_out)
-    errors = {name: free_windows(s, held_out, horizon_s) for name, s in named.items()}
+    driven = free_runs([(truck, held_out) for truck in named.values()], horizon_s)
+    errors = dict(zip(named, driven, strict=True))
     told = compared(errors)
     judged = _judged(errors, made.crossed if after is made.named else {})
     gained = improvement(judged) if told is not None else None
@@ -150,7 +152,7 @@ def _handed_over(after: CorrectedTruck, held_out: Sequence[Prepared], horizon_s:
     lacks = after.asks_beyond()
     if not lacks:
         return None
-    errors = free_windows(after, held_out, horizon_s, alone=True)
+    errors = free_runs([(after, held_out)], horizon_s, alone=True)[0]
     return HandedOver(lacks, errors.rmse().speed) if len(errors.speed) else None
 
 
@@ -212,8 +214,9 @@ def own_correction(
 ) -> OwnCorrection:
     """All that was found, driven, whatever drives best."""
     horizon_s = horizon(held_out)
-    before = free_windows(simulator, held_out, horizon_s)
-    after = before if made.whole is None else free_windows(made.whole, held_out, horizon_s)
+    both = [simulator, *([made.whole] if made.whole is not None else [])]
+    before, *others = free_runs([(truck, held_out) for truck in both], horizon_s)
+    after = others[0] if others else before
     within = {c.acts_as for c in x.causes} <= set(made.named.moved)
     chosen = made.chosen in (Chosen.FINDINGS, Chosen.LAWS) or within
     return OwnCorrection(before, after, made.whole_crossed, chosen)

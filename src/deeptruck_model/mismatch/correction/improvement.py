@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.correction.corrected_truck import EXOGENOUS, CorrectedTruck
+from deeptruck_model.mismatch.correction import side_by_side
+from deeptruck_model.mismatch.correction.added import TruckWithForces
+from deeptruck_model.mismatch.correction.corrected_truck import EXOGENOUS
 from deeptruck_model.mismatch.data.prepared import Prepared, fed, padded
 from deeptruck_model.mismatch.fit_result import Compared, Errors, Improvement, Interval
 from deeptruck_model.mismatch.residual.evidence import turns
@@ -22,39 +26,67 @@ SETTLE_S = 6.0  # forced along the recording before each free window
 BOOTSTRAPS = 1000
 
 
+@dataclass(frozen=True)
+class _Row:
+    """A pass along a recording, the place of that among others, and the samples at which free runs begin."""
+
+    prepared: Prepared
+    place: int
+    starts: list[int]
+
+
 def free_windows(
     simulator: Simulator, prepared: Sequence[Prepared], horizon_s: float, *, alone: bool = False
 ) -> Errors:
-    """Free runs of `horizon_s` one after another along each recording, with a forced stretch before each, and
-    once more from halfway between their beginnings: what a run tells hangs on where it happens to begin.
+    """Free runs of one simulator; see `free_runs`."""
+    return free_runs([(simulator, prepared)], horizon_s, alone=alone)[0]
+
+
+def free_runs(
+    jobs: Sequence[tuple[Simulator, Sequence[Prepared]]], horizon_s: float, *, alone: bool = False
+) -> list[Errors]:
+    """Free runs of `horizon_s` of each simulator one after another along its recordings, with a forced
+    stretch before each, and once more from halfway between their beginnings: what a run tells hangs on
+    where it happens to begin.
 
     `alone`: a corrected simulator is told no channel that the protocol does not carry.
     The inner state goes on from window to window, so slow memories (heat, distance) are those of the whole
     drive.
     """
-    dt = simulator.dt
-    settle, horizon = round(SETTLE_S / dt), round(horizon_s / dt)
-    halfway = (horizon + settle) // 2
-    found = [(i, _starts(p, settle, horizon, more)) for more in (0, halfway) for i, p in enumerate(prepared)]
-    used, starts = [i for i, s in found if s], [s for _, s in found if s]
-    if not used:
-        empty = np.zeros((0, horizon))
-        none = np.zeros(0, dtype=np.intp)
-        return Errors(empty, empty, none, none)
-    length = max(len(prepared[i].recording) for i in used)
-    u, w, y, observed = (
-        np.stack([padded(getattr(prepared[i], f), length) for i in used]) for f in ("u", "w", "y", "observed")
+    steps = [round(horizon_s / simulator.dt) for simulator, _ in jobs]
+    rows = [_rows(prepared, n) for (_, prepared), n in zip(jobs, steps, strict=True)]
+    found = [_errors((), np.zeros((0, 0, 2)), n) for n in steps]
+    channels = [_told(own) for own in rows]
+    for simulator, members in side_by_side.groups([s for s, _ in jobs], list(map(len, rows)), channels):
+        predicted = _run(simulator, [row for k in members for row in rows[k]], steps[members[0]], alone)
+        ends = np.cumsum([len(rows[k]) for k in members])
+        for k, part in zip(members, np.split(predicted, ends[:-1]), strict=True):
+            found[k] = _errors(rows[k], part, steps[k])
+    return found
+
+
+def _rows(prepared: Sequence[Prepared], horizon: int) -> list[_Row]:
+    out = []
+    for half in (0, 1):
+        for place, p in enumerate(prepared):
+            settle = round(SETTLE_S / p.dt)
+            starts = _starts(p, settle, horizon, half * (horizon + settle) // 2)
+            out += [_Row(p, place, starts)] if starts else []
+    return out
+
+
+def _errors(rows: Sequence[_Row], predicted: Array, horizon: int) -> Errors:
+    """Of the windows of `rows`, along which responses (rows, T, n_y) were predicted."""
+    cuts = [(k, slice(s + 1, s + 1 + horizon)) for k, row in enumerate(rows) for s in row.starts]
+    speed = [predicted[k, cut, SPEED] - rows[k].prepared.y[cut, SPEED] for k, cut in cuts]
+    acceleration = [predicted[k, cut, ACCELERATION] - rows[k].prepared.observed[cut] for k, cut in cuts]
+    empty = np.zeros((0, horizon))
+    return Errors(
+        np.stack(speed) if cuts else empty,
+        np.stack(acceleration) if cuts else empty,
+        np.array([rows[k].place for k, _ in cuts], dtype=np.intp),
+        np.array([cut.start for _, cut in cuts], dtype=np.intp),
     )
-    predicted = _run(simulator, u, w, y, starts, horizon, [] if alone else prepared, used, length)
-    speed, acceleration, owner, begin = [], [], [], []
-    for row, i in enumerate(used):
-        for s in starts[row]:
-            cut = slice(s + 1, s + 1 + horizon)
-            speed.append(predicted[row, cut, SPEED] - y[row, cut, SPEED])
-            acceleration.append(predicted[row, cut, ACCELERATION] - observed[row, cut])
-            owner.append(i)
-            begin.append(s + 1)
-    return Errors(np.stack(speed), np.stack(acceleration), np.array(owner), np.array(begin))
 
 
 def horizon(prepared: Sequence[Prepared]) -> float:
@@ -77,25 +109,20 @@ def joined(parts: Sequence[Errors]) -> Errors:
     )
 
 
-def _run(
-    simulator: Simulator,
-    u: Array,
-    w: Array,
-    y: Array,
-    starts: Sequence[Sequence[int]],
-    horizon: int,
-    prepared: Sequence[Prepared],
-    used: Sequence[int],
-    length: int,
-) -> Array:
+def _run(simulator: Simulator | TruckWithForces, rows: Sequence[_Row], horizon: int, alone: bool) -> Array:
+    """Responses (rows, T, n_y): free within the windows, told the recorded ones outside."""
+    length = max(len(row.prepared.recording) for row in rows)
+    u, w, y = (np.stack([padded(getattr(r.prepared, f), length) for r in rows]) for f in ("u", "w", "y"))
     free = np.zeros(u.shape[:2], dtype=bool)
-    for row, own in enumerate(starts):
-        for s in own:
+    for row, own in enumerate(rows):
+        for s in own.starts:
             free[row, s + 1 : s + horizon] = True
-    if isinstance(simulator, CorrectedTruck):
-        exogenous = _exogenous(prepared, used, length)
-        simulator = simulator.along(exogenous) if simulator.adds else simulator.base
-    state, known = simulator.reset(y[:, 0]), fed(simulator, y)
+    if isinstance(simulator, TruckWithForces):
+        known = fed(simulator.base, y)
+        simulator = simulator if alone else simulator.along(_exogenous(rows, length))
+    else:
+        known = fed(simulator, y)
+    state: Any = simulator.reset(y[:, 0])
     out = y.copy()
     for k in range(length - 1):
         state, response = simulator.step(state, u[:, k], w[:, k])
@@ -106,13 +133,16 @@ def _run(
     return out
 
 
-def _exogenous(prepared: Sequence[Prepared], used: Sequence[int], length: int) -> dict[str, Array]:
-    out = {}
-    for name in EXOGENOUS if prepared else ():
-        if all(name in prepared[i].recording.channels for i in used):
-            out[name] = np.stack([padded(prepared[i].recording.channels[name], length) for i in used])
+def _told(rows: Sequence[_Row]) -> tuple[str, ...]:
+    """Channels beyond the protocol that all these recordings have."""
+    return tuple(n for n in EXOGENOUS if all(n in row.prepared.recording.channels for row in rows))
+
+
+def _exogenous(rows: Sequence[_Row], length: int) -> dict[str, Array]:
+    drives = [row.prepared for row in rows]
+    out = {n: np.stack([padded(p.recording.channels[n], length) for p in drives]) for n in _told(rows)}
     if "engine_speed" in out:
-        driven = np.stack([padded(prepared[i].y[:, SPEED], length) for i in used])
+        driven = np.stack([padded(p.y[:, SPEED], length) for p in drives])
         out["ratio"] = turns(out["engine_speed"], driven)
     return out
 

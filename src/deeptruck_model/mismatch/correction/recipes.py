@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.correction import output_error
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
-from deeptruck_model.mismatch.correction.improvement import HORIZONS_S, free_windows, joined
+from deeptruck_model.mismatch.correction.improvement import HORIZONS_S, free_runs, joined
 from deeptruck_model.mismatch.data.prepared import Prepared
 from deeptruck_model.mismatch.fit_result import Chosen, Errors
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, held_steady, is_time_varying
@@ -68,32 +68,40 @@ class Trials:
         rules: Rules,
         horizon_s: float,
     ) -> None:
-        self._simulator, self._folds, self.shares, self._rules = simulator, folds, shares, rules
+        self._simulator, self.folds, self.shares, self._rules = simulator, folds, shares, rules
         self.crossed = len(folds) == FOLDS  # along recordings that a fit has not seen
         self._horizon_s = horizon_s
         self._driven: dict[int, tuple[Recipe, Errors]] = {}
 
-    def errors(self, recipe: Recipe) -> Errors:
-        if id(recipe) not in self._driven:
-            each = [(recipe.corrected(self._simulator, f.search, self.shares), f.driven) for f in self._folds]
-            found = joined([free_windows(truck, drives, self._horizon_s) for truck, drives in each])
-            self._driven[id(recipe)] = recipe, found
-        return self._driven[id(recipe)][1]
+    def errors(self, recipes: Sequence[Recipe]) -> list[Errors]:
+        """Of each; those that are not driven yet go in one batch."""
+        new = list({id(r): r for r in recipes if id(r) not in self._driven}.values())
+        folds = self.folds
+        jobs = [(r.corrected(self._simulator, f.search, self.shares), f.driven) for r in new for f in folds]
+        driven = free_runs(jobs, self._horizon_s)
+        for k, recipe in enumerate(new):
+            self._driven[id(recipe)] = recipe, joined(driven[k * len(folds) : (k + 1) * len(folds)])
+        return [self._driven[id(r)][1] for r in recipes]
 
-    def mean_square(self, recipe: Recipe) -> float:
-        if not self._folds:
-            return 0.0
-        speed = self.errors(recipe).speed
-        return float(np.mean(speed**2)) if len(speed) else 0.0
+    def mean_errors(self, recipes: Sequence[Recipe]) -> list[float]:
+        """Mean speed error of a free run, m/s, by which corrections are validated too."""
+        if not self.folds:
+            return [0.0] * len(recipes)
+        return [e.of_a_run() if len(e.speed) else 0.0 for e in self.errors(recipes)]
 
-    def with_better_sizes(self, recipe: Recipe) -> Recipe:
-        """The recipe with its most probable sizes, or with those fitted to free runs where these drive better
-        along what neither was fitted to. Along what they were fitted to they always do."""
-        other = replace(recipe, for_driving=True)
-        if not self.crossed or not (recipe.fitted or recipe.free):
-            return recipe
-        better = self.mean_square(other) < self._rules.no_better**2 * self.mean_square(recipe)
-        return other if better else recipe
+    def with_better_sizes(self, recipes: Sequence[Recipe]) -> list[Recipe]:
+        """Each with its most probable sizes, or with those fitted to free runs where these drive better along
+        what neither was fitted to. Along what they were fitted to they always do."""
+        if not self.crossed:
+            return list(recipes)
+        fitted = {id(r): replace(r, for_driving=True) for r in recipes if r.fitted or r.free}
+        others = [fitted.get(id(r), r) for r in recipes]
+        errors = self.mean_errors([*recipes, *others])
+        better = [
+            new < self._rules.no_better * old
+            for old, new in zip(errors[: len(recipes)], errors[len(recipes) :], strict=True)
+        ]
+        return [other if b else r for r, other, b in zip(recipes, others, better, strict=True)]
 
 
 def recipes_of(e: Evidence, x: Explanation) -> list[Recipe]:
@@ -130,10 +138,10 @@ def holds(recipe: Recipe, x: Explanation) -> bool:
     return within and (not lawful or recipe.what is Chosen.LAWS)
 
 
-def best_of(recipes: Sequence[Recipe], squares: Sequence[float], own: bool) -> Recipe:
+def best_of(recipes: Sequence[Recipe], errors: Sequence[float], own: bool) -> Recipe:
     """Which drives best. Laws join names only where these drive better than parameters without them: laws are
     no proof of names. Where they are a finding of their `own` they need none."""
-    order = [int(k) for k in np.argsort(squares)]
+    order = [int(k) for k in np.argsort(errors)]
     plain = next(k for k in order if recipes[k].what is not Chosen.LAWS)
     return recipes[order[0] if own or recipes[plain].what is Chosen.FINDINGS else plain]
 

@@ -61,7 +61,7 @@ class Stream:
     def __init__(self, expressions: Sequence[Expression]) -> None:
         self._order: list[tuple[Expression, tuple[int, ...]]] = []  # and the places of its inputs
         self._places: dict[tuple[object, ...], int] = {}
-        self._outputs = [self._visit(x) for x in expressions]
+        self.outputs = [self._visit(x) for x in expressions]  # the place of each; equal ones share theirs
 
     def _visit(self, x: Expression) -> int:
         inputs = tuple(self._visit(part) for part in x.inputs)
@@ -85,7 +85,7 @@ class Stream:
                 value, m = x.advance([values[k] for k in inputs], m, now, dt)
                 values.append(value)
                 after.append(m)
-        return [values[k] for k in self._outputs], after
+        return [values[k] for k in self.outputs], after
 
 
 @dataclass(frozen=True, eq=False)

@@ -86,12 +86,14 @@ def lagged(dt: float, tau_s: float) -> tuple[float, float]:
 
 
 class CommandPath:
-    """A chain of (path name, amount, share): each moves the command by `share` of what the full path does."""
+    """A chain of (path name, amount, share): each moves the command by `share` of what the full path does; a
+    share is that of all rows of a batch, or of each (batch,)."""
 
     def __init__(
-        self, paths: Sequence[tuple[str, float, float]], channels: tuple[str, ...], dt: float
+        self, paths: Sequence[tuple[str, float, float | Array]], channels: tuple[str, ...], dt: float
     ) -> None:
-        self._paths, self._channels, self._dt = list(paths), channels, dt
+        self._paths = [(name, amount, np.reshape(share, (-1, 1))) for name, amount, share in paths]
+        self._channels, self._dt = channels, dt
 
     def begin(self) -> Any:
         """Empty memory; each path fills its own at the first step."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -49,11 +50,11 @@ def options(nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch) -> list[
     with one parameter moved."""
     driven: list[tuple[set[str], set[str]]] = []
 
-    def windows(truck: CorrectedTruck, *_: object) -> Errors:
+    def windows(truck: CorrectedTruck) -> Errors:
         driven.append(({t.effect for t in truck.terms}, set(truck.moved)))
         return run(len(truck.terms) + abs(len(truck.moved) - 1.0) if truck.terms else 9.0)
 
-    monkeypatch.setattr(recipes, "free_windows", windows)
+    monkeypatch.setattr(recipes, "free_runs", lambda jobs, _: [windows(truck) for truck, _ in jobs])
     return driven
 
 
@@ -92,7 +93,9 @@ def test_nothing_goes_in_where_the_truck_as_given_drives_best(
     law, _ = law_and_gusts(e)
     monkeypatch.setattr(correction, "horizon", lambda *_: 20.0)
     monkeypatch.setattr(
-        recipes, "free_windows", lambda made, *_: run(float(len(made.terms) + len(made.moved)))
+        recipes,
+        "free_runs",
+        lambda jobs, _: [run(float(len(made.terms) + len(made.moved))) for made, _ in jobs],
     )
     cause = Cause("missing_physics", "driveline_loss", 50.0, 1.0, np.zeros(len(e)), law)
     made = correction.correct(
@@ -137,7 +140,7 @@ def test_the_interval_is_over_all_recordings_each_unseen(
         return Errors(speed, speed, of, np.arange(4 * count))
 
     sizes = iter([1.0, 1.0, 0.9])  # before, parameters only and after
-    monkeypatch.setattr(correction, "free_windows", lambda *a: runs(2, next(sizes)))
+    monkeypatch.setattr(correction, "free_runs", lambda jobs, _: [runs(2, next(sizes)) for _ in jobs])
     monkeypatch.setattr(correction, "horizon", lambda *_: 20.0)
     after = CorrectedTruck(TRUCK, [], {"torque_gain": 0.1}, None, False)
     crossed = {
@@ -154,11 +157,11 @@ def test_the_interval_is_over_all_recordings_each_unseen(
 def test_a_correction_is_judged_as_it_is_handed_over_too(monkeypatch: pytest.MonkeyPatch) -> None:
     """One by the gap helps where the gap is told, and no simulator is told it."""
 
-    def windows(truck: object, *_: object, alone: bool = False) -> Errors:
-        speed = np.full((6, 10), 1.0 if truck is TRUCK else 1.6 if alone else 0.3)
-        return Errors(speed, speed, np.arange(6), np.zeros(6, dtype=np.intp))
+    def windows(jobs: Sequence[tuple[object, object]], _: float, alone: bool = False) -> list[Errors]:
+        each = [np.full((6, 10), 1.0 if truck is TRUCK else 1.6 if alone else 0.3) for truck, _ in jobs]
+        return [Errors(speed, speed, np.arange(6), np.zeros(6, dtype=np.intp)) for speed in each]
 
-    monkeypatch.setattr(correction, "free_windows", windows)
+    monkeypatch.setattr(correction, "free_runs", windows)
     monkeypatch.setattr(correction, "horizon", lambda *_: 40.0)
     held_out: Any = [SimpleNamespace(recording=SimpleNamespace(name="a"))]
     constants = {"speed": True, "gap": False}
@@ -224,7 +227,7 @@ def test_laws_join_names_that_drive_better_where_drives_that_were_not_fitted_ask
     search, (name, _) = Search(e), law_and_gusts(e)
     model, lawful = search.model((name,), frozenset()), search.model((name, law), frozenset())
     errors = {Chosen.LAWS: 0.1, Chosen.FINDINGS: with_names, Chosen.PARAMETERS: 0.3, Chosen.NOTHING: 0.4}
-    monkeypatch.setattr(recipes.Trials, "errors", lambda self, recipe: run(errors[recipe.what]))
+    monkeypatch.setattr(recipes.Trials, "errors", lambda self, some: [run(errors[r.what]) for r in some])
     monkeypatch.setattr(correction, "horizon", lambda *_: 20.0)
     cause = Cause("missing_physics", name.mechanism.effect, 200.0, 1.0, np.ones(len(e)), term=name)
     prepared: Any = [None] * min(recordings, 6)
@@ -243,7 +246,9 @@ def test_sizes_that_drive_better_go_in_and_are_told(
     monkeypatch.setattr(
         recipes.Trials,
         "errors",
-        lambda self, r: run(0.1 if r.for_driving else 0.2 if r.what is Chosen.FINDINGS else 0.4),
+        lambda self, some: [
+            run(0.1 if r.for_driving else 0.2 if r.what is Chosen.FINDINGS else 0.4) for r in some
+        ],
     )
     monkeypatch.setattr(correction, "horizon", lambda *_: 20.0)
     cause = Cause("missing_physics", law.mechanism.effect, 200.0, 1.0, np.ones(len(e)), term=law)

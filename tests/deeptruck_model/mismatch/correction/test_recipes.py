@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -41,12 +42,15 @@ def test_each_correction_is_driven_where_it_was_not_fitted(
         return np.unique(search.e.record[search.series.valid]).tolist()
 
     monkeypatch.setattr(recipes.Recipe, "corrected", fitted)
-    monkeypatch.setattr(
-        recipes, "free_windows", lambda made, names, _: seen.append((list(names), made)) or run(0.0)
-    )
+
+    def driven(jobs: Sequence[tuple[Any, Any]], _: float) -> list[Errors]:
+        seen.extend((list(names), made) for made, names in jobs)
+        return [run(0.0)] * len(jobs)
+
+    monkeypatch.setattr(recipes, "free_runs", driven)
     prepared: Any = [f"d{k}" for k in range(6)]
     trials = recipes.Trials(TRUCK, recipes.folds_of(e, prepared), None, e.rules, 20.0)
-    trials.errors(recipes.Recipe((), (), frozenset()))
+    trials.errors([recipes.Recipe((), (), frozenset())])
     assert sorted(name for names, _ in seen for name in names) == prepared
     for names, on in seen:
         assert not {f"d{k}" for k in on} & set(names) and len(on) == 4
@@ -60,12 +64,14 @@ def test_sizes_fitted_to_free_runs_go_in_where_they_are_clearly_better_unseen(
 ) -> None:
     """Along what they were fitted to, as where recordings are few, they always drive better."""
     monkeypatch.setattr(
-        recipes.Trials, "errors", lambda self, recipe: run(for_driving if recipe.for_driving else 0.3)
+        recipes.Trials,
+        "errors",
+        lambda self, some: [run(for_driving if r.for_driving else 0.3) for r in some],
     )
     folds: Any = [recipes.Fold(None, ())] * recordings  # type: ignore[arg-type]
     probable = recipes.Recipe((), (), frozenset({"mass"}))
     trials = recipes.Trials(TRUCK, folds, None, Rules(), 20.0)
-    assert trials.with_better_sizes(probable) == replace(probable, for_driving=taken)
+    assert trials.with_better_sizes([probable]) == [replace(probable, for_driving=taken)]
 
 
 @pytest.mark.parametrize(
