@@ -76,6 +76,7 @@ class Form:
     sd: float = 0.3
     needs: tuple[str, ...] = ()
     knots: tuple[float, ...] = EVEN  # quantiles of `of` where the carrier acts
+    when: str = ""  # in words, where the carrier is there part of the time alone
 
 
 def _heated(power: Expression, over_s: float) -> Expression:
@@ -104,6 +105,7 @@ OWN: dict[str, tuple[Form, ...]] = {
             "time since braking",
             "any",
             share=False,
+            when="while the brake is off",
         ),
         *(
             Form(
@@ -168,12 +170,18 @@ OWN: dict[str, tuple[Form, ...]] = {
         Form(PULL * -1.0, ENGINE_SPEED, "engine speed", "falling", sd=0.6, needs=("engine_speed",)),
     ),
     "engine_brake": tuple(
-        Form(-(when * overall_ratio), of, by, "rising", level=by != "time", share=False, needs=needs)
-        for when in (COASTING, COASTING * (BRAKE > 0.05), COASTING * BRAKED)
+        Form(
+            -(acts * overall_ratio), of, by, "rising", level=by != "time", share=False, needs=needs, when=when
+        )
+        for acts, when in (
+            (COASTING, "while coasting"),
+            (COASTING * (BRAKE > 0.05), "while coasting with the brake on"),
+            (COASTING * BRAKED, "while coasting since a touch of the brake"),
+        )
         for overall_ratio, of, by, needs in (
             (lift(1.0), SPEED, "speed", ()),
             (OVERALL_RATIO, ENGINE_SPEED, "engine speed", ("ratio", "engine_speed")),
-            (OVERALL_RATIO, minimum(Since((1.0 - when,)), 6.0), "time", ("ratio",)),
+            (OVERALL_RATIO, minimum(Since((1.0 - acts,)), 6.0), "time", ("ratio",)),
         )
     ),
     "accessory_load": (

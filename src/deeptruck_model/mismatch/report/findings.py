@@ -10,15 +10,14 @@ from deeptruck_model.mismatch.data.checks import SensorFault
 from deeptruck_model.mismatch.finding import Finding, Kind, Rival, Size, Suspicion
 from deeptruck_model.mismatch.mechanisms import (
     LIBRARY,
-    OWN,
     UNNAMED,
     CandidateTerm,
     Mechanism,
 )
-from deeptruck_model.mismatch.mechanisms.variants import OwnCurve
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.modelled import Formula
 from deeptruck_model.mismatch.posterior.road_lock import RoadLock
+from deeptruck_model.mismatch.report.form import border, curved, equation
 from deeptruck_model.mismatch.report.sizes import picked, sizes_of
 from deeptruck_model.mismatch.residual.evidence import Evidence, ForceUnit
 from deeptruck_model.mismatch.residual.noise import Z95
@@ -237,12 +236,12 @@ def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> Told:
     return Told(
         Sentence.of(
             f"{m.says}: {strength(cause, e)}{_now_and_then(term)}{_confined(term, e.unit)}",
-            *_curved(term),
+            *curved(term, e.unit),
             OTHER_FORM if cause.other_form else "",
             str(cause.left_out) if cause.left_out is not None else "",
             _reported(cause, m),
         ),
-        m.equation,
+        equation(term),
         sizes_of(term, explanation.model, e) | picked(term),
         Sentence.of(m.told_by),
         (*m.depends_on, *_confined_by(term)),
@@ -267,24 +266,7 @@ def _confined_by(term: CandidateTerm) -> list[str]:
 def _confined(term: CandidateTerm, force: ForceUnit) -> str:
     """In which regime alone an effect acts, where it does."""
     gate = term.variant.gate
-    if gate is None:
-        return ""
-    side, at = gate.side, gate.at
-    border = {
-        "speed": f"the speed is {side} {at:.1f} m/s",
-        "grade": f"the grade is {side} {100 * at:.1f} %",
-        "lever": f"the engine turns {side} {at:.1f} rad per metre",
-        "engine": f"the engine's force is {side} {force.told(at)}",
-        "engine torque": f"the engine's torque is {side} {at * force.scale:.3g} {force.of('N m')}",
-    }[gate.signal]
-    return f". It shows only where {border}"
-
-
-def _curved(term: CandidateTerm) -> tuple[Part, ...]:
-    """Over what an effect runs in a curve of its own, where it does."""
-    own = [leaf.index for leaf in term.variant.leaves if isinstance(leaf, OwnCurve)]
-    over = [OWN[term.mechanism.effect][index].by for index in own]
-    return (". It is a curve of its own over ", *Sentence.named(list(dict.fromkeys(over)))) if over else ()
+    return f". It shows only where {border(gate, force)}" if gate is not None else ""
 
 
 def _now_and_then(term: CandidateTerm) -> str:

@@ -78,6 +78,7 @@ class Headline:
     reason: str = ""  # why nothing can be said
     next_pass: NextPass | None = None  # of a road that another pass shows
     moved: str = ""  # parameters that the correction moves though none of them is a finding
+    instead: tuple[str, ...] = ()  # names in the correction that are no finding
 
 
 def text(verdict: Verdict) -> str:
@@ -108,6 +109,7 @@ def of(verdict: Verdict) -> Headline:
         errors(fit),
         next_pass=fit.next_pass if fit is not None and fit.next_pass and fit.next_pass.shown else None,
         moved=_moved(fit, {f.effect for f in found}),
+        instead=tuple(n for n in corrected if n in LIBRARY and n not in {f.effect for f in found}),
     )
 
 
@@ -259,6 +261,9 @@ def _shown(h: Headline) -> list[str]:
         said.append("Laws without a name are in the correction too.")
     elif h.left_out:
         said.append(fitting(lambda n, r: _not_in(h.left_out, n)))
+    if h.instead:
+        beside = " and ".join(map(_spoken, h.instead[:NAMED]))
+        said.append(f"It holds {beside} instead, which comes near to it and is no finding.")
     if h.moved:
         said.append(f"Besides what was found, the correction moves {h.moved}.")
     refitted = f"with all parameters refitted instead it is {number(h.errors.refitted)} m/s"

@@ -86,18 +86,21 @@ def suspicions(verdict: Verdict) -> list[Unstated]:
 
 
 def rejected_names(m: Mismatch) -> tuple[list[Unstated], list[str]]:
-    """Names that gained something and why they are not stated; and names that gained nothing."""
+    """Names that gained something and why they are not stated; and names that gained nothing. Names of a
+    group, and those that are suspected, are in neither: these are told where they stand."""
     if m.explanation is None or m.evidence is None:
         return [], []
-    stated = {c.effect for c in m.explanation.causes}  # a parameter has the name of its effect
+    causes = m.explanation.causes
+    stated = {c.effect for c in causes}  # a parameter has the name of its effect
+    told = stated | {n for c in causes for n in c.not_told_from} | {s.effect for s in m.result.suspicions}
     nearest = next((c.nearest for c in m.explanation.causes if c.nearest), None)
     winner = next((spoken(s) for s in m.explanation.model.effects if s in stated), None)
     gained = []
     for name, gain in sorted(m.explanation.ranking, key=lambda named: -named[1]):
-        if name in stated or gain < 1.0:
+        if name in told or gain < 1.0:
             continue
         gained.append(Unstated(spoken(name), f"{gain:.1f}", _why(name, gain, nearest, winner)))
-    seen = stated | {n for n, g in m.explanation.ranking if g >= 1.0}
+    seen = told | {n for n, g in m.explanation.ranking if g >= 1.0}
     tried = [n for n, x in LIBRARY.items() if n not in m.excluded and m.evidence.has(*x.needs)]
     nothing = [spoken(n) for n in tried if n not in seen]
     return gained, nothing

@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 from found_mismatches import mismatch
 
+from deeptruck_model.mismatch.finding import Suspicion
 from deeptruck_model.mismatch.report import error_figures
 from deeptruck_model.mismatch.report import text as page_text
 
@@ -45,4 +46,12 @@ def test_rejected_names_stand_by_their_nats() -> None:
     found = mismatch("missing_physics")
     x = replace(found.explanation, ranking=RANKING)
     gained, _ = page_text.rejected_names(replace(found, explanation=x))
-    assert [g.name for g in gained] == ["dragging brake", "headwind"]
+    assert [g.name for g in gained] == ["headwind"]  # dragging brake is in the group
+
+
+def test_what_is_suspected_is_not_said_to_have_gained_nothing() -> None:
+    found = mismatch("missing_physics")
+    _, before = page_text.rejected_names(found)
+    suspected = replace(found.result, suspicions=(Suspicion("road_grade", 30.4, "drive it both ways"),))
+    _, after = page_text.rejected_names(replace(found, result=suspected))
+    assert set(before) - set(after) == {"road grade"}

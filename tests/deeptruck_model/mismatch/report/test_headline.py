@@ -207,3 +207,10 @@ def test_parameters_that_the_correction_moves_beside_what_was_found_are_said() -
     moved = {"drag_area": -0.212, "mass": 0.001}
     sentences = headline.sentences(headline.of(corrected("missing_physics", refitted=moved)))
     assert "Besides what was found, the correction moves drag area by -21 %." in sentences
+
+
+def test_a_name_that_the_correction_holds_instead_of_what_was_found_is_said() -> None:
+    held = corrected("missing_physics", corrected=("driveline_loss",))
+    sentences = headline.sentences(headline.of(held))
+    assert "It holds driveline loss instead, which comes near to it and is no finding." in sentences
+    assert not [s for s in headline.sentences(headline.of(corrected("missing_physics"))) if "instead, " in s]

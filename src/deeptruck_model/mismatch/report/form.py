@@ -1,0 +1,75 @@
+"""The form in which a mechanism was fitted, where that is another than the known one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from deeptruck_model.mismatch.mechanisms import OWN, CandidateTerm
+from deeptruck_model.mismatch.mechanisms.variants import Gate, OwnCurve
+from deeptruck_model.mismatch.residual.evidence import ForceUnit
+from deeptruck_model.mismatch.sentence import Named, Part
+
+KNOWN = "the known form"
+
+
+@dataclass(frozen=True)
+class Summand:
+    """The variable of a curve of its own, None for the known form; when its carrier is there, in words; and
+    the regime of its own."""
+
+    by: str | None
+    when: str
+    gate: Gate | None
+
+
+def _summands(term: CandidateTerm) -> list[Summand]:
+    shared = term.variant.gate  # told of the whole effect
+    found = []
+    for part in term.variant.parts:
+        gate = None if shared is not None else part.gate
+        for leaf in part.leaves:
+            form = OWN[term.mechanism.effect][leaf.index] if isinstance(leaf, OwnCurve) else None
+            found.append(Summand(form.by, form.when, gate) if form else Summand(None, "", gate))
+    return list(dict.fromkeys(found))
+
+
+def equation(term: CandidateTerm) -> str:
+    """The equation of the form that was fitted: the mechanism's, or curves of its own and their sum."""
+    summands, known = _summands(term), term.mechanism.equation
+    if all(s.by is None for s in summands):
+        return known
+    told = [f"f{k}({s.by})" if s.by else "F0" for k, s in enumerate(summands, 1)]
+    ending = f";  F0: {known}" if "F0" in told else ""
+    return f"F = {' + '.join(told)}{ending}"
+
+
+def curved(term: CandidateTerm, unit: ForceUnit) -> tuple[Part, ...]:
+    """What is added up, where it is not the known form alone."""
+    summands = _summands(term)
+    if all(s.by is None for s in summands):
+        return ()
+    if len(summands) == 1:
+        return (". It is ", *_summand(summands[0], unit))
+    out: list[Part] = [". It is the sum of "]
+    for k, summand in enumerate(summands):
+        out += [" and " if k == len(summands) - 1 else ", " if k else "", *_summand(summand, unit)]
+    return tuple(out)
+
+
+def _summand(s: Summand, unit: ForceUnit) -> tuple[Part, ...]:
+    what: tuple[Part, ...] = (KNOWN,) if s.by is None else ("a curve of its own over ", Named(s.by))
+    when = f" {s.when}" if s.when else ""
+    where = f" where {border(s.gate, unit)}" if s.gate is not None else ""
+    return (*what, when, where)
+
+
+def border(gate: Gate, unit: ForceUnit) -> str:
+    """A regime in words: 'the speed is above 4.4 m/s'."""
+    side, at = gate.side, gate.at
+    return {
+        "speed": f"the speed is {side} {at:.1f} m/s",
+        "grade": f"the grade is {side} {100 * at:.1f} %",
+        "lever": f"the engine turns {side} {at:.1f} rad per metre",
+        "engine": f"the engine's force is {side} {unit.told(at)}",
+        "engine torque": f"the engine's torque is {side} {at * unit.scale:.3g} {unit.of('N m')}",
+    }[gate.signal]

@@ -1,0 +1,49 @@
+"""The form that is told is the one that was fitted."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
+from deeptruck_model.mismatch.mechanisms.variants import Gate, Gated, OwnCurve, Static, Sum, Variant
+from deeptruck_model.mismatch.report import form
+from deeptruck_model.mismatch.residual.evidence import PER_KILOGRAM
+from deeptruck_model.mismatch.sentence import Sentence
+
+TIME, SPEED = OwnCurve(2, (0.2, 6.0), 1.0), OwnCurve(4, (60.0, 130.0), 1.0)
+
+
+def term(variant: Variant) -> CandidateTerm:
+    prior: Any = None
+    return CandidateTerm(LIBRARY["engine_brake"], variant, (), np.zeros((0, 0)), prior, 1.0)
+
+
+def told(variant: Variant) -> str:
+    return str(Sentence.of(*form.curved(term(variant), PER_KILOGRAM)))
+
+
+def test_the_known_form_alone_needs_no_word() -> None:
+    assert told(Static()) == ""
+    assert form.equation(term(Static())) == LIBRARY["engine_brake"].equation
+
+
+def test_one_curve_is_told_with_when_it_acts() -> None:
+    assert told(SPEED) == ". It is a curve of its own over engine speed while coasting with the brake on"
+    assert form.equation(term(SPEED)) == "F = f1(engine speed)"
+
+
+def test_a_sum_tells_each_part_and_its_own_regime() -> None:
+    variant = Sum((Gated(SPEED, Gate("speed", "above", 4.4)), TIME, Static()))
+    said = told(variant)
+    assert said.startswith(". It is the sum of a curve of its own over engine speed while coasting with the")
+    assert "brake on where the speed is above 4.4 m/s, a curve of its own over time while coasting" in said
+    assert said.endswith(" and the known form")
+    equation = form.equation(term(variant))
+    assert equation.startswith("F = f1(engine speed) + f2(time) + F0;  F0: F = -c n(w) r")
+
+
+def test_a_regime_of_all_is_not_told_of_each() -> None:
+    gate = Gate("speed", "above", 4.4)
+    assert "4.4" not in told(Sum((Gated(SPEED, gate), Gated(TIME, gate))))
