@@ -1,4 +1,4 @@
-"""`deeptruck-model suggest`, `import`, `coverage` and `repair`: users' own logs and bags."""
+"""`deeptruck-model suggest`, `import`, `export`, `coverage` and `repair`: users' own logs and bags."""
 
 from __future__ import annotations
 
@@ -32,6 +32,12 @@ Example:
 
   deeptruck-model coverage drive1 drive2 --out coverage
 """
+_TABLE_HELP = """Write bags as one table, CSV or Parquet: a row a sample, channels in SI units on one clock.
+
+Example:
+
+  deeptruck-model table drive1 drive2 --out drives.parquet
+"""
 _SUGGEST_HELP = """List the topics and numbers of a bag, and propose a topic map for --topic-map.
 
 Examples:
@@ -58,6 +64,7 @@ def register(app: typer.Typer) -> None:
     """Add this room's commands to the console script."""
     app.command("suggest", help=_SUGGEST_HELP)(suggest_map)
     app.command("import", help=_IMPORT_HELP)(import_log)
+    app.command("table", help=_TABLE_HELP)(table_of)
     app.command("coverage", help=_COVERAGE_HELP)(show_coverage)
     app.command("repair", help=_REPAIR_HELP)(repair_bag)
 
@@ -126,6 +133,31 @@ def import_log(
         print(f"note: {note}")
     if done.sealed is not None:
         print(f"sealed: {done.sealed} sha256 {done.sha256}")
+
+
+def table_of(
+    bags: Bags,
+    out: Annotated[Path, typer.Option(help="table to write, a new .csv or .parquet file", metavar="FILE")],
+    rate_hz: Annotated[
+        float,
+        typer.Option(help="Samples a second; no more than the speed was recorded with.", min=0.1, max=1000),
+    ] = 10.0,
+    topic_map: TopicMap = None,
+) -> None:
+    """Write the recordings of bags as a table."""
+    checks.every(
+        lambda: results.apart(out, *bags),
+        lambda: files.check_new(out),
+        lambda: checks.inputs(None, bags, mapped=mapped(topic_map)),
+    )
+    from deeptruck_model.recordings import check_table, read_all, write_table
+
+    check_table(out)
+    recordings = read_all(bags, topic_map=topic_map, rate_hz=rate_hz)
+    write_table(out, recordings)
+    samples = sum(map(len, recordings))
+    print(f"{out}: {samples} rows of {len(recordings)} piece{'s' if len(recordings) != 1 else ''}")
+    print(f"channels: {', '.join(dict.fromkeys(c for r in recordings for c in r.channels))}")
 
 
 def show_coverage(

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from deeptruck_model.recordings.several import read_all
     from deeptruck_model.recordings.splits import data_hash, split
     from deeptruck_model.recordings.suggestion import Suggestion, suggest
+    from deeptruck_model.recordings.table_writer import check_table, write_table
 
 __all__ = [
     "Coverage",
@@ -25,6 +26,7 @@ __all__ = [
     "Recording",
     "Series",
     "Suggestion",
+    "check_table",
     "coverage",
     "data_hash",
     "grade_from_elevation",
@@ -36,6 +38,7 @@ __all__ = [
     "suggest",
     "uniform",
     "write_bag",
+    "write_table",
 ]
 
 __getattr__ = lazy.names(
@@ -53,5 +56,6 @@ __getattr__ = lazy.names(
         "several": ("read_all",),
         "splits": ("data_hash", "split"),
         "suggestion": ("Suggestion", "suggest"),
+        "table_writer": ("check_table", "write_table"),
     },
 )

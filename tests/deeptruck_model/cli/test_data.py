@@ -33,6 +33,20 @@ def run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
     return 0
 
 
+def test_a_bag_becomes_a_table(
+    workplace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, "import", "drive.csv", "--columns", "columns.yaml", "--out", "bag") == 0
+    assert run(monkeypatch, "table", "bag", "--out", "table.csv") == 0
+    said = capsys.readouterr().out
+    assert "table.csv: 100 rows of 1 piece" in said and "channels: speed" in said
+    assert (workplace / "table.csv").read_text().startswith('"recording","time","speed","acceleration"')
+    assert run(monkeypatch, "table", "bag", "--out", "table.csv") == 2
+    assert run(monkeypatch, "table", "bag", "--out", "table.xlsx") == 2
+    assert run(monkeypatch, "table", "nothing", "--out", "other.csv") == 2
+    assert not list(workplace.glob(".other*")) and not (workplace / "other.csv").exists()
+
+
 def test_import_then_coverage(
     workplace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

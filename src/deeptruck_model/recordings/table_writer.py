@@ -1,0 +1,68 @@
+"""Recordings as one table, for whatever else reads tables: CSV or Parquet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+from pyarrow import csv, parquet
+
+from deeptruck_model import files
+from deeptruck_model.errors import InputError
+from deeptruck_model.recordings.recording import Recording
+from deeptruck_model.signals import CHANNELS, TruckInterface
+
+KINDS = (".csv", ".parquet")
+
+
+def check_table(path: Path) -> None:
+    """Raises InputError where `path` is no new file that ends on one of KINDS."""
+    if path.suffix.lower() not in KINDS:
+        raise InputError(f"{path} must end on {' or '.join(KINDS)}: the ending says which table is written")
+    files.check_new(path)
+
+
+def write_table(path: str | Path, recordings: Sequence[Recording]) -> Path:
+    """Write a new table: the piece's name, `time` in s since the start of its bag, then every channel.
+
+    A channel that a piece lacks is empty there, as is what was not valid. Parquet keeps the unit of each
+    column in its metadata (`unit`). Raises InputError as `check_table`, and without recordings.
+    """
+    path = Path(path)
+    check_table(path)
+    if not recordings:
+        raise InputError("there is no recording to write")
+    table = _table(recordings)
+    with files.new_file(path) as draft:
+        if path.suffix.lower() == ".csv":
+            csv.write_csv(table, draft)
+        else:
+            parquet.write_table(table, draft)
+    return path
+
+
+def _table(recordings: Sequence[Recording]) -> pa.Table:
+    present = {name for r in recordings for name in r.channels}
+    names = [*(n for n in CHANNELS if n in present), *sorted(present - set(CHANNELS))]
+    fields = [pa.field("recording", pa.string()), pa.field("time", pa.float64(), metadata={"unit": "s"})]
+    units = [_unit(name, recordings[0].interface) for name in names]
+    fields += [pa.field(n, pa.float64(), metadata={"unit": u}) for n, u in zip(names, units, strict=True)]
+    columns = [
+        pa.array(np.repeat([r.name for r in recordings], [len(r) for r in recordings])),
+        pa.array(np.concatenate([r.time for r in recordings])),
+    ]
+    columns += [
+        pa.array(np.concatenate([_channel(r, n) for r in recordings]), from_pandas=True) for n in names
+    ]
+    return pa.table(columns, pa.schema(fields))
+
+
+def _channel(r: Recording, name: str) -> np.ndarray:
+    return r.channels.get(name, np.full(len(r), np.nan))
+
+
+def _unit(name: str, interface: TruckInterface) -> str:
+    own = {"engine_command": interface.engine_unit, "brake_command": interface.brake_unit}
+    return own.get(name) or (CHANNELS[name].unit if name in CHANNELS else "")
