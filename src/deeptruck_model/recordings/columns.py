@@ -90,10 +90,11 @@ def load_columns(columns: Mapping[str, Any] | str | Path) -> Columns:
     data = dict(columns)
     _known(data, set(KEYS), "COLUMNS")
     channels = data.get("channels")
-    if not isinstance(channels, Mapping) or "speed" not in channels:
-        raise InputError("COLUMNS needs 'channels' with at least 'speed: {column: ..., unit: m/s}'")
     notes: list[str] = []
-    parsed = {channel: _column(channel, entry, notes) for channel, entry in channels.items()}
+    named = channels.items() if isinstance(channels, Mapping) else ()
+    parsed = {channel: _column(channel, entry, notes) for channel, entry in named}
+    if "speed" not in parsed:
+        raise InputError("COLUMNS needs 'channels' with at least 'speed: {column: ..., unit: m/s}'")
     time_column, time_unit, rate_hz = _time(data.get("time"))
     delimiter = str(data.get("delimiter", ","))
     if len(delimiter) != 1:

@@ -25,6 +25,7 @@ from deeptruck_model.mismatch.sentence import Named, Part, Sentence
 from deeptruck_model.mismatch.strength import Strength, acts
 
 ONE_WAY = 0.5  # of its rms that the mean of a force must have, to tell its size
+MOVED_FAR = 0.05  # relative, of a parameter that is told beside a force
 AT_ITS_MOMENTS = "record more signals, and look what else happens at the moments listed under segments"
 
 
@@ -177,7 +178,7 @@ def from_cause(cause: Cause, e: Evidence, explanation: Explanation, own: dict[st
     return Finding(
         kind=Kind(cause.kind),
         effect=cause.effect,
-        says=told.says,
+        says=told.says.and_then(*beside) if (beside := _beside(cause, e, explanation)) else told.says,
         equation=told.equation,
         parameters=told.parameters,
         probability=round(cause.believed, 3),
@@ -197,6 +198,17 @@ def from_cause(cause: Cause, e: Evidence, explanation: Explanation, own: dict[st
         left_out=cause.left_out,
         cause=cause,
     )
+
+
+def _beside(cause: Cause, e: Evidence, x: Explanation) -> tuple[Part, ...]:
+    """Parameters that are no finding, were fitted beside a force and moved far."""
+    if cause.kind != "missing_physics" or cause.needed is not None:
+        return ()
+    stated = {c.effect for c in x.causes}
+    moved = {p: e.total_change(p, x.model.moved(p)) for p in sorted(x.model.free - stated)}
+    told = [(Named(p), f" {100 * change:+.0f} %") for p, change in moved.items() if abs(change) >= MOVED_FAR]
+    parts = [part for k, pair in enumerate(told) for part in ((" and ", *pair) if k else pair)]
+    return ("its size holds beside ", *parts, ", which may make up for a part of it") if told else ()
 
 
 def _is_capped(cause: Cause) -> bool:

@@ -43,7 +43,7 @@ def test_without_a_mass_no_force_is_told_in_newtons(
     steady = next(t for t in search.candidate_terms(LIBRARY["dragging_brake"]) if t.parts[0].per_mass)
     model = search.model((steady,), frozenset())
     cause = Cause("missing_physics", "dragging_brake", 90.0, 1.0, np.full(len(e), -0.2), steady)
-    x: Any = SimpleNamespace(model=model)
+    x: Any = SimpleNamespace(model=model, causes=(cause,))
     found = findings.from_cause(cause, e, x, {})
     told = [*str(found.says).split(), *(size.unit for size in found.parameters.values())]
     assert unit in told and ("N" in told) == known
@@ -63,6 +63,22 @@ def test_what_only_a_held_out_recording_has_gets_no_size(nothing_missing: Eviden
     term = next(t for t in terms if isinstance(t.variant, PerRecording))
     model = search.model((term,), frozenset())
     cause = Cause("missing_physics", "dragging_brake", 100.0, 1.0, term.columns.sum(axis=1), term)
-    explanation = cast(Explanation, SimpleNamespace(model=model))
+    explanation = cast(Explanation, SimpleNamespace(model=model, causes=(cause,)))
     found = findings.from_cause(cause, nothing_missing, explanation, {})
     assert "force[a]" in found.parameters and "force[b]" not in found.parameters
+
+
+def test_parameters_that_moved_far_beside_a_force_are_told(nothing_missing: Evidence) -> None:
+    """A push that more torque made up for was told as a loss, and nothing of the torque."""
+    e = replace(nothing_missing, moved={"torque_gain": 0.2, "drag_area": 0.01})
+    search = Search(e)
+    term = search.candidate_terms(LIBRARY["driveline_loss"])[0]
+    model = search.model((term,), frozenset(search.parameters))
+    far = {p for p in search.parameters if abs(e.total_change(p, model.moved(p))) >= 0.05}
+    assert far == {"torque_gain"}
+    cause = Cause("missing_physics", "driveline_loss", 100.0, 1.0, np.full(len(e), -0.1), term)
+    for causes, told in (((cause,), True), ((cause, replace(cause, effect="torque_gain")), False)):
+        x: Any = SimpleNamespace(model=model, causes=causes)
+        said = str(findings.from_cause(cause, e, x, {}).says)
+        assert ("Its size holds beside torque_gain +20 %" in said) == told
+        assert "drag_area" not in said
