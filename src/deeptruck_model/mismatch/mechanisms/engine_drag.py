@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deeptruck_model.mismatch.expression import (
     Expression,
@@ -49,6 +50,10 @@ class Demanded(Constants):
     geared: bool
 
 
+LITTLE, RELEASED = 0.03, 0.005  # of the largest command
+LINGERS = 0.02  # of the time
+
+
 @dataclass(frozen=True)
 class Overrun(Constants):
     """Braking while the engine command is below `small`, from `after_s` later on. A torque that follows
@@ -70,19 +75,29 @@ class Staged(Constants):
 
 def _engine_brakes(e: Evidence) -> Iterator[Simple]:
     command = e["engine_command"][e.valid]
-    small = 0.03 * float(np.nanmax(np.abs(command), initial=0.0))
     reference = overall_ratio_reference(e)
     if np.nanmin(command, initial=0.0) < 0:
         full = float(-np.nanmin(command))
         yield Static(Demanded(full, 0, geared=False))
         if e.has("ratio", "engine_speed"):
             yield from (Static(Demanded(full, order, geared=True)) for order in (0, 1, 2))
-    for after_s in (0.0, 0.7):  # valves and vanes take a moment
-        if e.has("ratio", "engine_speed"):
-            yield from (Static(Overrun("engine_speed", small, after_s, reference, order)) for order in (1, 2))
-        yield Static(Overrun("speed", small, after_s, reference))
-        yield Static(Overrun("nothing", small, after_s, reference))
-    yield from splines(e, -_coasting(small), 0.3, constants=Staged(small))
+    smalls = _smalls(command)
+    for small in smalls:
+        for after_s in (0.0, 0.7):  # valves and vanes take a moment
+            if e.has("ratio", "engine_speed"):
+                for order in (1, 2):
+                    yield Static(Overrun("engine_speed", small, after_s, reference, order))
+            yield Static(Overrun("speed", small, after_s, reference))
+            yield Static(Overrun("nothing", small, after_s, reference))
+    yield from splines(e, -_coasting(smalls[0]), 0.3, constants=Staged(smalls[0]))
+
+
+def _smalls(command: NDArray[np.float64]) -> list[float]:
+    """Commands below which a pedal may count as released; a smaller one too where a foot lingers there."""
+    largest = float(np.nanmax(np.abs(command), initial=0.0))
+    lingers = np.mean((command > RELEASED * largest) & (command < LITTLE * largest))
+    let_go = np.mean(np.abs(command) <= RELEASED * largest)
+    return [LITTLE * largest, *([RELEASED * largest] if min(lingers, let_go) > LINGERS else [])]
 
 
 def _coasting(small: float) -> Expression:

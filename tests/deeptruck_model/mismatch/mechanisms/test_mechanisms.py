@@ -11,6 +11,7 @@ from deeptruck_model.mismatch.mechanisms import LIBRARY, candidate_term, distinc
 from deeptruck_model.mismatch.mechanisms.brakes import Keeps
 from deeptruck_model.mismatch.mechanisms.driveline import PlayTaken
 from deeptruck_model.mismatch.mechanisms.engine import Boost, Top
+from deeptruck_model.mismatch.mechanisms.engine_drag import Overrun
 from deeptruck_model.mismatch.mechanisms.variants import Constants, Static
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
@@ -82,3 +83,16 @@ def test_every_different_force_of_a_mechanism_is_an_alternative(nothing_missing:
     assert distinct([one, replace(one, columns=-2.0 * one.columns)], e) == pytest.approx(1.0)
     assert distinct(other, e) == pytest.approx(4.0, rel=0.01)
     assert 1.0 < distinct([one, one, one, other[0]], e) < 2.0
+
+
+@pytest.mark.parametrize(("lingers", "offered"), [(0.0, {36.0}), (0.1, {36.0, 6.0})])
+def test_a_pedal_that_lingers_is_not_let_go_by_one_border_alone(
+    nothing_missing: Evidence, lingers: float, offered: set[float]
+) -> None:
+    """An engine brake that begins below half a percent was fitted beside one that begins below three."""
+    e = nothing_missing
+    share = np.arange(len(e)) / len(e)
+    command = np.where(share < 0.3, 0.0, np.where(share < 0.3 + lingers, 20.0, 1200.0))
+    asked = replace(e, signals=e.signals | {"engine_command": command})
+    terms = [v.constants for v in LIBRARY["engine_brake"].variants(asked)]
+    assert {round(c.small, 6) for c in terms if isinstance(c, Overrun)} == offered
