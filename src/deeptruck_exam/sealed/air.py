@@ -48,7 +48,7 @@ class ShuttersBehindTheLeader(Hidden, wants=0.0, open=0.0):
     """`hot`: the radiator, that lacks air close behind a leader. At 1 the shutters of the grille open and the
     fan comes in, and most of what the leader's wake saves is gone until it is cool again. most: of the drag,
     saved right behind him; starves: of the air, that the radiator lacks there.
-    Source: Lammert and others, Influences on Energy Savings of Heavy Trucks Using Cooperative Adaptive Cruise
+    Source: McAuliffe, Lammert and others, Influences on Energy Savings of Heavy Trucks Using Cooperative Adaptive Cruise
     Control, SAE 2018-01-1181, on following trucks that save less when too near, and on their fans; shutters,
     sizes are chosen here."""
 

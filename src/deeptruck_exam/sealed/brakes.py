@@ -103,7 +103,7 @@ class HandBrakeHalfReleased(Hidden, still=0.0, hot=0.0):
 @law("q_halt_brake_lets_go_late", needs="suburban", name="unknown")
 @sizes(most=(0.025, 0.045), sets_s=(0.6, 1.5), lets=(0.07, 0.12), waits_s=(0.6, 1.6), frees_s=(0.6, 1.8))
 @sizes(off_mps=(3.5, 6.0))
-class HaltBrakeLetsGoLate(Hidden, still=0.0, holds=0.0, pulled=0.0):
+class HaltBrakeLetsGoLate(Hidden, still=0.0, on=0.0, holds=0.0, pulled=0.0):
     """`holds`: a brake that holds by itself at stands. It lets go when the truck has pulled firmly for a
     while, or rolls after all; a gentle start drags it along. most, lets: of the weight, the second one of the
     pull; off_mps: where it lets go in any case.
@@ -115,8 +115,8 @@ class HaltBrakeLetsGoLate(Hidden, still=0.0, holds=0.0, pulled=0.0):
         firm = view.traction_force > p.lets * weight(view)
         s.pulled = np.where(firm, s.pulled + dt, 0.0)
         goes = (s.pulled > p.waits_s) | (view.speed > p.off_mps)
-        wish = np.where(s.still > p.sets_s, 1.0, np.where(goes, 0.0, np.round(s.holds + 0.3)))
-        s.holds = np.clip(s.holds + dt * np.where(wish > 0.5, 4.0, -1.0 / p.frees_s), 0.0, 1.0)
+        s.on = np.where(s.still > p.sets_s, 1.0, np.where(goes, 0.0, s.on))
+        s.holds = np.clip(s.holds + dt * np.where(s.on > 0.5, 4.0, -1.0 / p.frees_s), 0.0, 1.0)
         return -p.most * s.holds * weight(view) * moving(view)
 
 

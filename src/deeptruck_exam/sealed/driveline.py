@@ -99,7 +99,7 @@ class OpensWithTheBrakeLights(Hidden, left=0.0, open=0.0):
     from the last braking to locking; slips, frees: of the torque, pulling and holding back; free_mps: where
     little slip is left.
     Source: General Motors and Allison service manuals on converter clutches that are released through the
-    brake switch, and SAE J1453 on converters; a long wait, sizes are chosen here."""
+    brake switch; a long wait, sizes are chosen here."""
 
     conceal = ("engine_speed",)
 
