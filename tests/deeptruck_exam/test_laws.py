@@ -54,7 +54,7 @@ HELPS = {
     "pedal_sticks_where_it_rests", "burns_its_own_oil", "remembers_a_speed", "dolly_pushes_uphill",
     "expander_pushes_late", "eco_roll", "wake_bistability", "wet_brakes", "s_winch_assist",
     "s_rail_bleeds", "s_anti_stall", "t_valve_thinks_it_is_empty", "t_softens_the_stop",
-    "e_gas_in_the_air", "e_fan_that_is_gone", "q_somebody_close_behind",
+    "e_gas_in_the_air", "e_fan_that_is_gone",
 }  # fmt: skip
 BOTH_WAYS = {  # winds, bodies, slopes, masses and late brakes push and hold; so do governors and mode changes
     "headwind", "exchanged_bodies", "lining_on_the_dynamometer", "brake_lag", "road_grade", "payload_change",

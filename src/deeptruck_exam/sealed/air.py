@@ -1,4 +1,4 @@
-"""Air that traffic drags along, shutters behind a leader, wind from the side, and somebody close behind."""
+"""Air that traffic drags along, shutters behind a leader, and wind from the side."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, index, moving
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, index, moving
 from deeptruck_exam.effects.places import OnRoad, windows
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series, spells, within
@@ -17,7 +17,7 @@ law = partial(hidden, family="sealed")
 
 @law("q_traffic_drags_the_air", needs="highway hills", name="headwind", accepts="drag_area")
 @sizes(
-    most_mps=(4.5, 7.5), along=(0.35, 0.7), dies_s=(4.0, 12.0), platoon_s=(14.0, 40.0), pause_s=(15.0, 45.0)
+    most_mps=(6.5, 10.5), along=(0.35, 0.7), dies_s=(4.0, 12.0), platoon_s=(14.0, 40.0), pause_s=(15.0, 45.0)
 )
 class TrafficDragsTheAir(Hidden, against=0.0, behind=0.0):
     """`against`, `behind`: share of the air that platoons have set in motion, those who come the other way
@@ -43,7 +43,7 @@ class TrafficDragsTheAir(Hidden, against=0.0, behind=0.0):
 
 
 @law("q_shutters_behind_the_leader", needs="highway", name="drafting", accepts="drag_area", leader=True)
-@sizes(most=(0.4, 0.6), reach_m=(22.0, 45.0), starves=(0.5, 0.85), heats_s=(20.0, 50.0), opens_s=(3.0, 9.0))
+@sizes(most=(0.6, 0.85), reach_m=(30.0, 60.0), starves=(0.5, 0.85), heats_s=(20.0, 50.0), opens_s=(3.0, 9.0))
 class ShuttersBehindTheLeader(Hidden, wants=0.0, open=0.0):
     """`hot`: the radiator, that lacks air close behind a leader. At 1 the shutters of the grille open and the
     fan comes in, and most of what the leader's wake saves is gone until it is cool again. most: of the drag,
@@ -69,7 +69,7 @@ class ShuttersBehindTheLeader(Hidden, wants=0.0, open=0.0):
 
 @law("q_wind_turns_the_stream", needs="highway hills suburban", name="drag_area", accepts="headwind")
 @sizes(
-    aside_mps=(5.0, 8.5), rise=(0.45, 0.8), stalls=(0.16, 0.24), gusts_s=(12.0, 40.0), mean_m=(300.0, 1200.0)
+    aside_mps=(6.5, 10.5), rise=(0.45, 0.8), stalls=(0.16, 0.24), gusts_s=(12.0, 40.0), mean_m=(300.0, 1200.0)
 )
 @sizes(open=(0.55, 0.75))
 class WindTurnsTheStream(OnRoad, felt=0.0):
@@ -92,29 +92,3 @@ class WindTurnsTheStream(OnRoad, felt=0.0):
         angle = np.arctan2(aside, speed) / p.stalls
         more = (1.0 + (aside / speed) ** 2) * (1.0 + p.rise * np.tanh(angle**2)) - 1.0
         return -more * view.drag_force * np.clip(view.speed / 3.0, 0.0, 1.0)
-
-
-@law("q_somebody_close_behind", needs="highway hills", name="unknown")
-@sizes(most=(0.3, 0.5), reach_m=(14.0, 30.0), headway_s=(0.3, 0.6), strong=(2.5, 4.5), stays_s=(40.0, 120.0))
-@sizes(away_s=(15.0, 45.0))
-class SomebodyCloseBehind(Hidden, gap=25.0, pace=-9.0):
-    """`pace` m/s of another truck that follows at `gap` m. Its front fills the wake, and pushes. It falls
-    back uphill and where one pulls away, for it is weak; after a while it turns off and another one comes.
-    most: of the drag, when it touches; strong: W for each kg.
-    Source: McAuliffe and others, Influences on Energy Savings of Heavy Trucks Using Cooperative Adaptive
-    Cruise Control, SAE 2018-01-1181, on leading trucks that save too; nearer, sizes are chosen here."""
-
-    def prepare(self) -> None:
-        on, off = (0.5 * self.p.stays_s, 1.5 * self.p.stays_s), (0.5 * self.p.away_s, 1.5 * self.p.away_s)
-        self.there = spells(self.rng(1504), self.setting.batch, on, off)
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        there = within(self.there, view.time) > 0.5
-        s.pace = np.where((s.pace < 0.0) | ~there, view.speed, s.pace)
-        s.gap = np.where(there, s.gap, eased(s.gap, 70.0, 2.0, dt))
-        wish = 4.0 + p.headway_s * s.pace
-        asks = 0.06 * (s.gap - wish) + 0.6 * (view.speed - s.pace)
-        pulls = np.minimum(p.strong / np.maximum(s.pace, 3.0), 0.8) - GRAVITY * (view.grade + 0.006)
-        s.pace = np.maximum(s.pace + dt * np.clip(asks, -2.5, np.maximum(pulls, -1.0)), 0.0)
-        s.gap = np.clip(s.gap + dt * (view.speed - s.pace) * there, 2.0, 80.0)
-        return p.most / (1.0 + (s.gap / p.reach_m) ** 2) * view.drag_force * moving(view)

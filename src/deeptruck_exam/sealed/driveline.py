@@ -1,5 +1,5 @@
 """Oil that is put away, play that grows, cones that get hot, a converter that opens with the brake lights,
-another shaft that spins along, and a locker that is left in."""
+another shaft that spins along, a locker that is left in, and a clutch that slips after starts."""
 
 from __future__ import annotations
 
@@ -160,3 +160,32 @@ class LockerIsLeftIn(Bends):
         s.locked = eased(s.locked, np.where(s.left > 0.0, 1.0, 0.0), 0.5, dt)
         scrubs = np.tanh(self.read(self.bend, view) / p.tight)
         return -p.most * s.locked * scrubs * weight(view) * np.clip(speed, 0.0, 1.0)
+
+
+@law("q_clutch_slips_after_starts", needs="suburban hills", name="unknown", trucks=BY_HAND, gateable=False)
+@sizes(
+    holds=(0.75, 0.95), fades=(0.35, 0.55), heats_jpkg=(25.0, 60.0), cools_s=(50.0, 150.0), grabs_s=(0.2, 0.6)
+)
+class ClutchSlipsAfterStarts(Hidden, slip=0.0):
+    """`hot`: a worn clutch, that every start heats, and slip upon that. A cool one holds nearly all that the
+    engine gives; a hot one passes on what it can, and the rest of the torque goes into more heat. holds: of
+    peak torque, cool; fades: of that, lost when hot; heats_jpkg: for each kg of truck.
+    Source: Naunheimer, Bertsche, Ryborz and Novak, Automotive Transmissions (2011), on dry clutches and their
+    heat at starts, and ZF Sachs, clutch damage leaflets, on slip of worn ones; sizes are chosen here."""
+
+    conceal = ("engine_speed",)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "hot": self.rng(1533).uniform(0.2, 0.9, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        torque = np.maximum(view.engine_torque, 0.0)
+        most = p.holds * (1.0 - p.fades * np.minimum(s.hot, 1.2)) * self.truck.peak_torque
+        s.slip = eased(s.slip, np.maximum(torque - most, 0.0), p.grabs_s, dt)
+        lost = np.minimum(s.slip, torque)
+        starts = (
+            np.maximum(view.traction_force, 0.0) * np.clip(2.5 - view.speed, 0.0, 1.5) * (view.speed > 0.1)
+        )
+        work = (0.25 * lost * view.engine_speed + starts) / view.mass / p.heats_jpkg
+        s.hot = np.clip(s.hot + dt * (work - s.hot / p.cools_s), 0.0, 1.5)
+        return -self.at_wheels(view, lost) * moving(view)

@@ -31,7 +31,7 @@ def basins(rng: np.random.Generator, amplitude: float) -> Array:
             rise = steep * np.exp(-bent * np.arange(cells) / cells)
             slope[at : at + cells] += (way * (rise[::-1] if way > 0.0 else rise))[: len(slope) - at]
             at += cells
-        at += round((150.0 + rng.exponential(350.0)) / STEP_M)
+        at += round((250.0 + rng.exponential(500.0)) / STEP_M)
     along = _smooth(slope[:CELLS], 13)
     limit = 2.2 * amplitude
     return np.clip(limit * np.tanh(amplitude * along / along.std() / limit), -STEEPEST, STEEPEST)
@@ -98,8 +98,8 @@ def held_up(rng: np.random.Generator, scenario: str, n: int, dt: float) -> Array
             his = max(rng.uniform(*SLOWER[scenario]) * free, floor + 0.3)
             out.append(_loses(free, his, slow, dt))
             steps = round((3.0 + rng.gamma(2.0, 0.5 * BEHIND_S[scenario])) / dt)
-            uneven = ou_series(rng, (1, steps), dt, 6.0)[0]
-            uneven = np.convolve(uneven, np.hanning(41) / 20.0, mode="same")
+            uneven = ou_series(rng, (1, steps + 40), dt, 6.0)[0]
+            uneven = np.convolve(uneven, np.hanning(41) / 20.0, mode="valid")
             out.append(np.maximum(his + 0.05 * his * uneven * np.sin(np.pi * np.arange(steps) / steps), 0.5))
             speed = his
         length = sum(len(piece) for piece in out)
