@@ -17,7 +17,7 @@ law = partial(hidden, family="sealed")
 
 @law("q_traffic_drags_the_air", needs="highway hills", name="headwind", accepts="drag_area")
 @sizes(
-    most_mps=(6.5, 10.5), along=(0.35, 0.7), dies_s=(4.0, 12.0), platoon_s=(14.0, 40.0), pause_s=(15.0, 45.0)
+    most_mps=(7.0, 11.0), along=(0.35, 0.7), dies_s=(4.0, 12.0), platoon_s=(14.0, 40.0), pause_s=(15.0, 45.0)
 )
 class TrafficDragsTheAir(Hidden, against=0.0, behind=0.0):
     """`against`, `behind`: share of the air that platoons have set in motion, those who come the other way
@@ -43,7 +43,7 @@ class TrafficDragsTheAir(Hidden, against=0.0, behind=0.0):
 
 
 @law("q_shutters_behind_the_leader", needs="highway", name="drafting", accepts="drag_area", leader=True)
-@sizes(most=(0.6, 0.85), reach_m=(30.0, 60.0), starves=(0.5, 0.85), heats_s=(20.0, 50.0), opens_s=(3.0, 9.0))
+@sizes(most=(0.6, 0.85), reach_m=(35.0, 70.0), starves=(0.5, 0.85), heats_s=(20.0, 50.0), opens_s=(3.0, 9.0))
 class ShuttersBehindTheLeader(Hidden, wants=0.0, open=0.0):
     """`hot`: the radiator, that lacks air close behind a leader. At 1 the shutters of the grille open and the
     fan comes in, and most of what the leader's wake saves is gone until it is cool again. most: of the drag,
@@ -69,7 +69,7 @@ class ShuttersBehindTheLeader(Hidden, wants=0.0, open=0.0):
 
 @law("q_wind_turns_the_stream", needs="highway hills suburban", name="drag_area", accepts="headwind")
 @sizes(
-    aside_mps=(6.5, 10.5), rise=(0.45, 0.8), stalls=(0.16, 0.24), gusts_s=(12.0, 40.0), mean_m=(300.0, 1200.0)
+    aside_mps=(6.0, 9.5), rise=(0.45, 0.8), stalls=(0.16, 0.24), gusts_s=(12.0, 40.0), mean_m=(300.0, 1200.0)
 )
 @sizes(open=(0.55, 0.75))
 class WindTurnsTheStream(OnRoad, felt=0.0):

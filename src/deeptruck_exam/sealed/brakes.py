@@ -70,7 +70,7 @@ class PadsAreKnockedBack(OnRoad, room=0.3, given=0.0):
 
 @law("q_hand_brake_half_released", needs="suburban", name="dragging_brake", accepts="rolling_resistance")
 @sizes(
-    most=(0.02, 0.035), often=(0.6, 0.85), heats_jpkg=(40.0, 120.0), cools_s=(30.0, 90.0), softens=(1.0, 2.5)
+    most=(0.016, 0.03), often=(0.6, 0.85), heats_jpkg=(40.0, 120.0), cools_s=(30.0, 90.0), softens=(1.0, 2.5)
 )
 @sizes(rests_s=(1.5, 3.0))
 class HandBrakeHalfReleased(Hidden, still=0.0, hot=0.0):
@@ -101,8 +101,8 @@ class HandBrakeHalfReleased(Hidden, still=0.0, hot=0.0):
 
 
 @law("q_halt_brake_lets_go_late", needs="suburban", name="unknown")
-@sizes(most=(0.025, 0.045), sets_s=(0.6, 1.5), lets=(0.07, 0.12), waits_s=(0.6, 1.6), frees_s=(0.6, 1.8))
-@sizes(off_mps=(3.5, 6.0))
+@sizes(most=(0.04, 0.065), sets_s=(0.6, 1.5), lets=(0.07, 0.12), waits_s=(0.6, 1.6), frees_s=(0.6, 1.8))
+@sizes(off_mps=(5.0, 8.5))
 class HaltBrakeLetsGoLate(Hidden, still=0.0, on=0.0, holds=0.0, pulled=0.0):
     """`holds`: a brake that holds by itself at stands. It lets go when the truck has pulled firmly for a
     while, or rolls after all; a gentle start drags it along. most, lets: of the weight, the second one of the
@@ -121,7 +121,7 @@ class HaltBrakeLetsGoLate(Hidden, still=0.0, on=0.0, holds=0.0, pulled=0.0):
 
 
 @law("q_learns_brake_by_brake", needs="suburban descent hills", name="unknown")
-@sizes(wide=(0.35, 0.6), learns=(0.5, 0.85), least_s=(0.8, 2.0), eases_s=(0.15, 0.4))
+@sizes(wide=(0.25, 0.42), learns=(0.5, 0.85), least_s=(0.8, 2.0), eases_s=(0.15, 0.4))
 class LearnsBrakeByBrake(Hidden, lasts=0.0, acts=0.0):
     """`miss`: of the trailer's share, which its controller learns anew after each braking from the pull in
     the coupling that it has felt, rightly or wrongly. Within a braking nothing changes. wide: of the brake

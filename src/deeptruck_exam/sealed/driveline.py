@@ -22,7 +22,7 @@ BY_HAND = "trucksim volvo"  # gearboxes without a converter
     name="driveline_loss",
     accepts="rolling_resistance_speed drag_area",
 )
-@sizes(most=(0.009, 0.015), hard=(0.02, 0.035), rests_s=(2.0, 6.0), empties_s=(8.0, 25.0), power=(1.3, 1.9))
+@sizes(most=(0.007, 0.011), hard=(0.02, 0.035), rests_s=(2.0, 6.0), empties_s=(8.0, 25.0), power=(1.3, 1.9))
 @sizes(left=(0.1, 0.25))
 class OilIsPutAway(Hidden, full=1.0, easy=0.0):
     """`full`: of the oil in an axle. When little torque has passed for a while a valve puts most of it away
@@ -114,7 +114,7 @@ class OpensWithTheBrakeLights(Hidden, left=0.0, open=0.0):
 
 
 @law("q_other_shaft_spins_along", needs="suburban hills", name="rotating_inertia", trucks=BY_HAND)
-@sizes(kgm2=(1.8, 3.4), step=(1.24, 1.34), meets_s=(0.6, 1.3), sure_s=(0.5, 1.5))
+@sizes(kgm2=(4.5, 8.0), step=(1.24, 1.34), meets_s=(0.6, 1.3), sure_s=(0.5, 1.5))
 class OtherShaftSpinsAlong(Hidden, turns=-9.0, leans=0.0, side=1.0):
     """`turns` rad/s of the other of two input shafts, which waits in the gear that is expected next: a higher
     one while the truck gains speed, a lower one while it loses it. It costs inertia, and a jerk whenever the
@@ -137,7 +137,7 @@ class OtherShaftSpinsAlong(Hidden, turns=-9.0, leans=0.0, side=1.0):
 
 
 @law("q_locker_is_left_in", needs="suburban", name="unknown")
-@sizes(most=(0.03, 0.05), hard=(0.05, 0.08), forgets_m=(250.0, 900.0), tight=(0.004, 0.009), ever=(0.3, 0.6))
+@sizes(most=(0.022, 0.04), hard=(0.05, 0.08), forgets_m=(250.0, 900.0), tight=(0.004, 0.009), ever=(0.3, 0.6))
 class LockerIsLeftIn(Bends):
     """`left` m until the driver thinks of a differential that he has locked for a hard start. In bends its
     wheels want to roll ways of unlike length and scrub, nearly as much in a wide bend as in a tight one; on
@@ -164,7 +164,7 @@ class LockerIsLeftIn(Bends):
 
 @law("q_clutch_slips_after_starts", needs="suburban hills", name="unknown", trucks=BY_HAND, gateable=False)
 @sizes(
-    holds=(0.75, 0.95), fades=(0.35, 0.55), heats_jpkg=(25.0, 60.0), cools_s=(50.0, 150.0), grabs_s=(0.2, 0.6)
+    holds=(0.75, 0.95), fades=(0.25, 0.4), heats_jpkg=(25.0, 60.0), cools_s=(50.0, 150.0), grabs_s=(0.2, 0.6)
 )
 class ClutchSlipsAfterStarts(Hidden, slip=0.0):
     """`hot`: a worn clutch, that every start heats, and slip upon that. A cool one holds nearly all that the

@@ -16,7 +16,7 @@ law = partial(hidden, family="sealed")
 
 
 @law("q_flap_opens_late", needs="suburban hills", name="turbo_lag", accepts="command_rate_limit", shown=True)
-@sizes(sticks_s=(0.8, 2.0), opens_s=(0.8, 2.0), spools_s=(0.6, 1.3), least=(0.16, 0.28), cakes_s=(6.0, 20.0))
+@sizes(sticks_s=(1.2, 2.6), opens_s=(1.4, 3.2), spools_s=(0.6, 1.3), least=(0.06, 0.15), cakes_s=(6.0, 20.0))
 class FlapOpensLate(Hidden, flap=1.0, boost=0.3, sticks=0.0, cakes=0.0):
     """`flap` in the exhaust, 1 open, which shuts while the pedal is up. Soot cakes it the longer it is shut;
     then it sticks for a while when it is to open, and the turbine gets no gas until it does. sticks_s: caked;
@@ -33,14 +33,14 @@ class FlapOpensLate(Hidden, flap=1.0, boost=0.3, sticks=0.0, cakes=0.0):
         asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
         spools = np.where(asked > s.boost, p.spools_s / (0.1 + 0.9 * s.flap), 0.8)
         s.boost = eased(s.boost, asked, spools, dt)
-        most = p.least + (1.12 - p.least) * np.minimum(1.2 * s.boost, 1.0) * (0.3 + 0.7 * s.flap)
+        most = p.least + (1.12 - p.least) * np.minimum(1.2 * s.boost, 1.0) * (0.15 + 0.85 * s.flap)
         lacks = np.maximum(asked - most, 0.0) * self.truck.peak_torque
         return -self.at_wheels(view, lacks) * moving(view)
 
 
 @law("q_soot_chokes_it", needs="suburban hills", name="torque_derate", accepts="torque_gain", shown=True)
 @sizes(
-    most=(0.4, 0.65), fills_s=(50.0, 140.0), burns_s=(25.0, 70.0), warms_s=(15.0, 45.0), lights=(0.5, 0.65)
+    most=(0.28, 0.45), fills_s=(50.0, 140.0), burns_s=(25.0, 70.0), warms_s=(15.0, 45.0), lights=(0.5, 0.65)
 )
 class SootChokesIt(Hidden):
     """`soot` in a filter, 1 where the engine is protected by less torque; `hot`: the filter. Gentle driving
@@ -66,7 +66,7 @@ class SootChokesIt(Hidden):
 
 @law("q_spares_its_flywheel", needs="suburban hills", name="torque_limit", accepts="turbo_lag", shown=True)
 @sizes(
-    least=(0.25, 0.4), low_rads=(85.0, 100.0), wide_rads=(35.0, 60.0), tightens=(0.2, 0.4), tires_s=(2.0, 8.0)
+    least=(0.2, 0.3), low_rads=(105.0, 120.0), wide_rads=(50.0, 75.0), tightens=(0.2, 0.4), tires_s=(2.0, 8.0)
 )
 class SparesItsFlywheel(Hidden, lugs=0.0):
     """A two-mass flywheel resonates below idling, so torque is held down where the engine turns slowly, and
@@ -88,7 +88,7 @@ class SparesItsFlywheel(Hidden, lugs=0.0):
 @law(
     "q_brake_oil_drains_late", needs="descent hills suburban", name="engine_brake", accepts="engine_friction"
 )
-@sizes(nm=(160.0, 320.0), fills_s=(0.2, 0.5), drains_s=(0.6, 1.4), cold=(1.0, 2.5), warms_s=(80.0, 240.0))
+@sizes(nm=(240.0, 430.0), fills_s=(0.2, 0.5), drains_s=(0.6, 1.4), cold=(1.0, 2.5), warms_s=(80.0, 240.0))
 class BrakeOilDrainsLate(Hidden, oil=0.0, warm=0.0):
     """`oil` in the housings of a compression brake that comes in whenever the pedal is up. When the driver
     pulls again it has to drain first, and some cylinders brake on for a moment, longer while it is cold. nm:
@@ -107,7 +107,7 @@ class BrakeOilDrainsLate(Hidden, oil=0.0, warm=0.0):
 
 @law("q_oil_cooler_by_turns", name="engine_friction", accepts="accessory_load torque_gain")
 @sizes(
-    nm=(60.0, 110.0),
+    nm=(50.0, 90.0),
     thick=(1.0, 1.8),
     warms_s=(12.0, 30.0),
     opens=(0.95, 1.1),

@@ -16,7 +16,7 @@ law = partial(hidden, family="sealed")
 
 @law("q_snow_slides_off_the_roof", needs="suburban hills", name="payload_change", accepts="mass")
 @sizes(
-    most=(0.14, 0.24),
+    most=(0.16, 0.26),
     falls_s=(60.0, 150.0),
     holds_mps2=(0.6, 1.3),
     slides_s=(0.8, 2.5),
@@ -46,8 +46,8 @@ class SnowSlidesOffTheRoof(Hidden):
 
 
 @law("q_straps_work_loose", needs="suburban", name="load_slosh")
-@sizes(share=(0.4, 0.6), omega=(5.0, 8.0), rubs_mps2=(0.15, 0.4), loosens=(0.25, 0.6), most_m=(0.25, 0.5))
-@sizes(damps=(0.15, 0.35))
+@sizes(share=(0.5, 0.7), omega=(2.2, 3.6), rubs_mps2=(0.08, 0.2), loosens=(0.25, 0.6), most_m=(0.4, 0.8))
+@sizes(damps=(0.05, 0.14))
 class StrapsWorkLoose(Hidden, x=0.0, v=0.0, slack=0.04):
     """`x` m of a load that stands on its own wheels between straps, `v` of that; `slack` m that the straps
     give before they hold. Each time it runs into them they give a little more, so that it runs ever further
@@ -72,7 +72,7 @@ class StrapsWorkLoose(Hidden, x=0.0, v=0.0, slack=0.04):
 
 
 @law("q_casualty_turns_its_gearbox", needs="suburban hills", name="unknown")
-@sizes(thick=(0.008, 0.014), runs_dry=(0.010, 0.018), warms_s=(40.0, 120.0), dries_m=(300.0, 1200.0))
+@sizes(thick=(0.005, 0.009), runs_dry=(0.006, 0.012), warms_s=(40.0, 120.0), dries_m=(300.0, 1200.0))
 @sizes(wets_s=(4.0, 15.0))
 class CasualtyTurnsItsGearbox(Hidden, warm=0.0):
     """A broken truck is towed with its propeller shaft in place. Its gearbox turns backwards with cold oil,

@@ -38,7 +38,7 @@ class SurveyedOneWay(Hidden, lagging=-9.0):
     "q_gives_way_onto_the_shoulder", needs="suburban hills", name="road_surface", accepts="rolling_resistance"
 )
 @sizes(
-    most=(0.035, 0.06), aside_s=(3.0, 8.0), between_s=(12.0, 40.0), soft=(0.5, 0.75), mean_m=(200.0, 800.0)
+    most=(0.028, 0.048), aside_s=(3.0, 8.0), between_s=(12.0, 40.0), soft=(0.5, 0.75), mean_m=(200.0, 800.0)
 )
 @sizes(sinks_mps=(6.0, 15.0))
 class GivesWayOntoTheShoulder(OnRoad, aside=0.0):

@@ -15,7 +15,7 @@ law = partial(hidden, family="sealed")
 
 
 @law("q_frost_on_bridges", needs="suburban hills", name="wheel_slip")
-@sizes(frost=(0.07, 0.11), driven=(0.3, 0.4), mean_m=(90.0, 220.0), share=(0.25, 0.4), finds_s=(0.15, 0.4))
+@sizes(frost=(0.08, 0.13), driven=(0.3, 0.4), mean_m=(90.0, 220.0), share=(0.25, 0.4), finds_s=(0.15, 0.4))
 @sizes(warms=(0.3, 0.8))
 class FrostOnBridges(OnRoad, lost=0.0, held=0.0, melts=0.0):
     """Bridges freeze before the road does. There driven wheels hold little, and so do braked ones, all of
@@ -49,7 +49,7 @@ class FrostOnBridges(OnRoad, lost=0.0, held=0.0, melts=0.0):
     accepts="drag_area",
 )
 @sizes(
-    most=(0.012, 0.02), power=(0.6, 0.75), thrown_mps=(16.0, 24.0), leaves_s=(15.0, 50.0), back_s=(8.0, 25.0)
+    most=(0.007, 0.011), power=(0.6, 0.75), thrown_mps=(16.0, 24.0), leaves_s=(15.0, 50.0), back_s=(8.0, 25.0)
 )
 class GreaseLeavesItsBearings(Hidden, full=1.0):
     """`full`: of the grease between the rollers of new wheel bearings. It is sheared with two thirds of a
@@ -67,7 +67,7 @@ class GreaseLeavesItsBearings(Hidden, full=1.0):
 
 
 @law("q_rubber_holds_crystals", name="rolling_resistance_warmup")
-@sizes(most=(0.014, 0.024), warms_s=(40.0, 110.0), at=(0.3, 0.5), melts_s=(8.0, 25.0), forms_s=(60.0, 200.0))
+@sizes(most=(0.009, 0.014), warms_s=(40.0, 110.0), at=(0.3, 0.5), melts_s=(8.0, 25.0), forms_s=(60.0, 200.0))
 class RubberHoldsCrystals(Hidden):
     """`crystals` that natural rubber has grown over cold nights; they make it stiff. `warm`: the tyre, 1 as
     at 20 m/s for long. Nothing happens until it is warm enough to melt them, then they go soon; at slow
@@ -89,7 +89,7 @@ class RubberHoldsCrystals(Hidden):
 
 
 @law("q_tread_peels_off", needs="highway hills", name="unknown")
-@sizes(most=(0.02, 0.035), grows_s=(8.0, 25.0), holds_m=(300.0, 1500.0), flies=(0.7, 1.0), stays=(0.0, 0.1))
+@sizes(most=(0.018, 0.03), grows_s=(8.0, 25.0), holds_m=(300.0, 1500.0), flies=(0.7, 1.0), stays=(0.0, 0.1))
 class TreadPeelsOff(Hidden, way=0.0):
     """`strip`: of a retread that has come off its casing, 1 once around. It tears the faster, the faster the
     tyre turns, beats the road and the air, and flies off in the end. The next piece holds for a while.
