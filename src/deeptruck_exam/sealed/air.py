@@ -43,7 +43,7 @@ class TrafficDragsTheAir(Hidden, against=0.0, behind=0.0):
 
 
 @law("q_shutters_behind_the_leader", needs="highway", name="drafting", accepts="drag_area", leader=True)
-@sizes(most=(0.6, 0.85), reach_m=(35.0, 70.0), starves=(0.5, 0.85), heats_s=(20.0, 50.0), opens_s=(3.0, 9.0))
+@sizes(most=(0.7, 0.92), reach_m=(45.0, 90.0), starves=(0.5, 0.85), heats_s=(20.0, 50.0), opens_s=(3.0, 9.0))
 class ShuttersBehindTheLeader(Hidden, wants=0.0, open=0.0):
     """`hot`: the radiator, that lacks air close behind a leader. At 1 the shutters of the grille open and the
     fan comes in, and most of what the leader's wake saves is gone until it is cool again. most: of the drag,
@@ -64,7 +64,7 @@ class ShuttersBehindTheLeader(Hidden, wants=0.0, open=0.0):
         s.hot = np.clip(eased(s.hot, gains / cools, p.heats_s / cools, dt), 0.0, 2.0)
         s.wants = np.where(s.hot > 1.0, 1.0, np.where(s.hot < 0.8, 0.0, s.wants))
         s.open = eased(s.open, s.wants, p.opens_s, dt)
-        return p.most * near * (1.0 - 0.85 * s.open) * view.drag_force * moving(view)
+        return p.most * near * (1.0 - 0.8 * s.open) * view.drag_force * moving(view)
 
 
 @law("q_wind_turns_the_stream", needs="highway hills suburban", name="drag_area", accepts="headwind")

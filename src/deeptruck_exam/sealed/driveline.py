@@ -137,7 +137,9 @@ class OtherShaftSpinsAlong(Hidden, turns=-9.0, leans=0.0, side=1.0):
 
 
 @law("q_locker_is_left_in", needs="suburban", name="unknown")
-@sizes(most=(0.022, 0.04), hard=(0.05, 0.08), forgets_m=(250.0, 900.0), tight=(0.004, 0.009), ever=(0.3, 0.6))
+@sizes(
+    most=(0.018, 0.032), hard=(0.05, 0.08), forgets_m=(250.0, 900.0), tight=(0.004, 0.009), ever=(0.3, 0.6)
+)
 class LockerIsLeftIn(Bends):
     """`left` m until the driver thinks of a differential that he has locked for a hard start. In bends its
     wheels want to roll ways of unlike length and scrub, nearly as much in a wide bend as in a tight one; on

@@ -40,7 +40,7 @@ class FlapOpensLate(Hidden, flap=1.0, boost=0.3, sticks=0.0, cakes=0.0):
 
 @law("q_soot_chokes_it", needs="suburban hills", name="torque_derate", accepts="torque_gain", shown=True)
 @sizes(
-    most=(0.28, 0.45), fills_s=(50.0, 140.0), burns_s=(25.0, 70.0), warms_s=(15.0, 45.0), lights=(0.5, 0.65)
+    most=(0.24, 0.4), fills_s=(50.0, 140.0), burns_s=(25.0, 70.0), warms_s=(15.0, 45.0), lights=(0.5, 0.65)
 )
 class SootChokesIt(Hidden):
     """`soot` in a filter, 1 where the engine is protected by less torque; `hot`: the filter. Gentle driving
@@ -66,7 +66,11 @@ class SootChokesIt(Hidden):
 
 @law("q_spares_its_flywheel", needs="suburban hills", name="torque_limit", accepts="turbo_lag", shown=True)
 @sizes(
-    least=(0.2, 0.3), low_rads=(105.0, 120.0), wide_rads=(50.0, 75.0), tightens=(0.2, 0.4), tires_s=(2.0, 8.0)
+    least=(0.24, 0.36),
+    low_rads=(102.0, 116.0),
+    wide_rads=(50.0, 75.0),
+    tightens=(0.2, 0.4),
+    tires_s=(2.0, 8.0),
 )
 class SparesItsFlywheel(Hidden, lugs=0.0):
     """A two-mass flywheel resonates below idling, so torque is held down where the engine turns slowly, and

@@ -46,7 +46,7 @@ class SnowSlidesOffTheRoof(Hidden):
 
 
 @law("q_straps_work_loose", needs="suburban", name="load_slosh")
-@sizes(share=(0.5, 0.7), omega=(2.2, 3.6), rubs_mps2=(0.08, 0.2), loosens=(0.25, 0.6), most_m=(0.4, 0.8))
+@sizes(share=(0.35, 0.55), omega=(2.2, 3.6), rubs_mps2=(0.08, 0.2), loosens=(0.25, 0.6), most_m=(0.4, 0.8))
 @sizes(damps=(0.05, 0.14))
 class StrapsWorkLoose(Hidden, x=0.0, v=0.0, slack=0.04):
     """`x` m of a load that stands on its own wheels between straps, `v` of that; `slack` m that the straps
