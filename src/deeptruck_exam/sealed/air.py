@@ -48,9 +48,9 @@ class ShuttersBehindTheLeader(Hidden, wants=0.0, open=0.0):
     """`hot`: the radiator, that lacks air close behind a leader. At 1 the shutters of the grille open and the
     fan comes in, and most of what the leader's wake saves is gone until it is cool again. most: of the drag,
     saved right behind him; starves: of the air, that the radiator lacks there.
-    Source: McAuliffe, Lammert and others, Influences on Energy Savings of Heavy Trucks Using Cooperative
-    Adaptive Cruise Control, SAE 2018-01-1181, on following trucks that save less when too near, and
-    on their fans; shutters, sizes are chosen here."""
+    Source: Lammert and others, Effect of Platooning on Fuel Consumption of Class 8 Vehicles Over a Range of
+    Speeds, Following Distances, and Mass, SAE 2014-01-2438, on close following and cooling fans; shutters,
+    sizes are chosen here."""
 
     def start(self, batch: int) -> dict[str, Array]:
         return {**super().start(batch), "hot": self.rng(1502).uniform(0.3, 0.95, batch)}

@@ -1,5 +1,4 @@
-"""A flap that opens late, soot that chokes, a flywheel that is spared, brake oil that drains late, an oil
-cooler by turns, a leak that keeps the compressor busy, soot burnt on the way, and a monitor."""
+"""Late flaps, soot, a spared flywheel, brake oil that stays, an oil cooler by turns, a leak, and a monitor."""
 
 from __future__ import annotations
 
@@ -176,7 +175,7 @@ class LeakKeepsItPumping(Hidden, works=0.0, load=0.0):
 @sizes(gives_up_s=(4.0, 12.0))
 class BurnsSootOnTheWay(Hidden, acts=0.0, still=0.0, given_up=0.0):
     """While soot in the filter is burnt off on the way, air is throttled and fuel is injected late, also
-    when the pedal is up: the engine pulls less and holds back less. A long stand ends it until the next time.
+    when the pedal is up. So the engine pulls less and holds back less. A long stand ends it until the next time.
     takes: of the torque; keeps: of the engine's drag, made up for.
     Source: Salvat, Marez and Belot, Passenger Car Serial Application of a Particulate Filter System on a
     Common Rail Direct Injection Diesel Engine, SAE 2000-01-0473, on post-injection during regeneration; a
@@ -200,7 +199,7 @@ class BurnsSootOnTheWay(Hidden, acts=0.0, still=0.0, given_up=0.0):
 @sizes(falls=(0.07, 0.14), looks_s=(0.5, 1.0), cuts_s=(1.2, 2.8), back_s=(0.8, 2.0), waits_s=(2.0, 6.0))
 class MonitorShutsTheFuel(Hidden, seen=0.0, left=0.0, rests=0.0, lets=1.0):
     """A second computer reckons what torque the pedal allows. Fuel that follows a pedal on its way up a
-    moment late looks like too much to it once the pedal eases: it shuts the fuel off, and lets it back by a
+    moment late looks like too much to it once the pedal eases. It shuts the fuel off, and lets it back by a
     ramp. falls: of the full pedal, that it eases within looks_s; waits_s: until it can trip again.
     Source: EGAS Workgroup, Standardized E-Gas Monitoring Concept for Gasoline and Diesel Engine Control Units
     (2013), on torque monitoring and fuel cut-off; one that is set too sharp, sizes are chosen here."""

@@ -23,8 +23,8 @@ law = partial(hidden, family="sealed")
     blows_mps=(17.0, 23.0),
 )
 class SnowSlidesOffTheRoof(Hidden):
-    """`snow` on long roofs, 1 at most. It falls in showers, more of it stays while one drives slowly, the
-    wind of driving takes it away, and firm braking lets what has lain long slide off at once. most: of the
+    """`snow` on long roofs, 1 at most. It falls in showers, and more of it stays while one drives slowly. The
+    wind of driving takes it away, and firm braking lets it slide off at once. most: of the
     mass, wet and deep; holds_mps2: of braking, that it bears.
     Source: ISO 4355, Bases for Design of Structures, Determination of Snow Loads on Roofs, on exposure and
     sliding, and police advice to clear truck roofs of snow and ice; sizes are chosen here."""

@@ -16,10 +16,10 @@ law = partial(hidden, family="sealed")
 
 
 @law("q_surveyed_one_way", needs="hills descent", name="road_grade", gateable=False)
-@sizes(late_m=(60.0, 120.0), gain=(0.8, 1.2))
+@sizes(late_m=(45.0, 90.0), gain=(0.8, 1.2))
 class SurveyedOneWay(Hidden, lagging=-9.0):
     """`lagging`: slope as a filter follows it along the way. The map comes from one survey drive whose slopes
-    were filtered as they came, so each lies too far along that way: who drives the same way meets hills
+    were filtered as they came, so each lies too far along that way. Who drives the same way meets hills
     earlier than the map says, who drives the other way later. late_m: of the filter.
     Source: Oppenheim and Schafer, Discrete-Time Signal Processing (2010), on the delay of causal filters, and
     Sahlholm and Johansson, Road Grade Estimation for Look-ahead Vehicle Control, Control Engineering Practice
