@@ -115,9 +115,9 @@ class OpensWithTheBrakeLights(Hidden, left=0.0, open=0.0):
 @law("q_other_shaft_spins_along", needs="suburban hills", name="rotating_inertia", trucks=BY_HAND)
 @sizes(kgm2=(4.5, 8.0), step=(1.24, 1.34), meets_s=(0.6, 1.3), sure_s=(0.5, 1.5))
 class OtherShaftSpinsAlong(Hidden, turns=-9.0, leans=0.0, side=1.0):
-    """`turns` rad/s of the other of two input shafts, which waits in the gear that is expected next. That is a
-    higher one while the truck gains speed, a lower one while it loses it. It costs inertia, and a jerk whenever the
-    mind is changed. kgm2: for a 20 t truck; step: from gear to gear; sure_s: until the mind is changed.
+    """`turns` rad/s of the other of two input shafts, which waits in the gear that is expected next. It is
+    a higher one while the truck gains speed, a lower one while it loses it. It costs inertia, and a jerk
+    whenever the mind is changed. kgm2: for a 20 t truck; step: from gear to gear; sure_s: until the mind is changed.
     Source: Naunheimer, Bertsche, Ryborz and Novak, Automotive Transmissions (2011), on dual clutch gearboxes
     and preselection; a heavy shaft, sizes are chosen here."""
 

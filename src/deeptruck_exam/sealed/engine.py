@@ -1,4 +1,4 @@
-"""Late flaps, soot, a spared flywheel, brake oil that stays, an oil cooler by turns, a leak, and a monitor."""
+"""Late flaps, soot, a spared flywheel, brake oil, an oil cooler by turns, a leak, and a monitor."""
 
 from __future__ import annotations
 
@@ -175,8 +175,8 @@ class LeakKeepsItPumping(Hidden, works=0.0, load=0.0):
 @sizes(gives_up_s=(4.0, 12.0))
 class BurnsSootOnTheWay(Hidden, acts=0.0, still=0.0, given_up=0.0):
     """While soot in the filter is burnt off on the way, air is throttled and fuel is injected late, also
-    when the pedal is up. So the engine pulls less and holds back less. A long stand ends it until the next time.
-    takes: of the torque; keeps: of the engine's drag, made up for.
+    when the pedal is up. So the engine pulls less and holds back less. A long stand ends it until the next
+    time. takes: of the torque; keeps: of the engine's drag, made up for.
     Source: Salvat, Marez and Belot, Passenger Car Serial Application of a Particulate Filter System on a
     Common Rail Direct Injection Diesel Engine, SAE 2000-01-0473, on post-injection during regeneration; a
     truck's, times are chosen here."""

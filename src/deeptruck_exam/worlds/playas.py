@@ -20,8 +20,8 @@ def _smooth(slope: Array, cells: int) -> Array:
 
 
 def basins(rng: np.random.Generator, amplitude: float) -> Array:
-    """Level over a salt lake, up a fan that steepens all the way to a pass, and at once down the other side, ever
-    flatter, to the next lake. (Blair and McPherson, Alluvial Fans and their Natural Distinction from
+    """Level over a salt lake, up a fan that steepens all the way to a pass, and at once down the other side,
+    ever flatter, to the next lake. (Blair and McPherson, Alluvial Fans and their Natural Distinction from
     Rivers, J. Sedimentary Research A64, 1994, on concave fans; lengths are chosen here.)"""
     slope, at = np.zeros(CELLS + 900), round(rng.uniform(0.0, 400.0) / STEP_M)
     while at < CELLS:
