@@ -117,7 +117,7 @@ class OpensWithTheBrakeLights(Hidden, left=0.0, open=0.0):
 class OtherShaftSpinsAlong(Hidden, turns=-9.0, leans=0.0, side=1.0):
     """`turns` rad/s of the other of two input shafts, which waits in the gear that is expected next. It is
     a higher one while the truck gains speed, a lower one while it loses it. It costs inertia, and a jerk
-    whenever the mind is changed. kgm2: for a 20 t truck; step: from gear to gear; sure_s: until the mind is changed.
+    whenever the mind is changed. kgm2: for a 20 t truck; step: from gear to gear; sure_s: until that happens.
     Source: Naunheimer, Bertsche, Ryborz and Novak, Automotive Transmissions (2011), on dual clutch gearboxes
     and preselection; a heavy shaft, sizes are chosen here."""
 
