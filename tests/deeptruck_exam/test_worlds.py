@@ -14,6 +14,7 @@ from deeptruck_exam.worlds.by_trade import BALLAST
 from deeptruck_exam.worlds.courses import errands, karst, lava_down
 from deeptruck_exam.worlds.ferries import fjords, narrow, troughs_down
 from deeptruck_exam.worlds.loggers import Logger, quantise
+from deeptruck_exam.worlds.playas import basins, held_up, washes_down
 from deeptruck_exam.worlds.roundabouts import roundabouts
 from deeptruck_exam.worlds.traffic import zones
 
@@ -198,4 +199,21 @@ def test_narrow_roads_have_stops_in_town_alone():
     rng = np.random.default_rng(7)
     town, highway, down = (narrow(rng, kind, 6000, 0.1) for kind in ("suburban", "highway", "descent"))
     assert 0.02 < np.mean(town < 0.05) < 0.5 and highway.min() > 14.0
+    assert highway.std() > 0.8 and down.std() > 0.8
+
+
+def test_basins_are_level_and_their_ranges_steepest_at_the_pass():
+    for seed in range(4):
+        grade = basins(np.random.default_rng(seed), 0.03)
+        assert 0.02 < grade.std() < 0.032 and 0.15 < np.mean(np.abs(grade) < 0.003) < 0.65
+        passes = np.flatnonzero((grade[:-1] > 0.0) & (grade[1:] <= 0.0))[1:-1]
+        assert np.median(grade[passes - 8]) > 1.3 * np.median(grade[passes - 40])
+    steps = washes_down(np.random.default_rng(5))
+    assert np.quantile(steps, 0.05) < -0.06 and np.quantile(steps, 0.95) > -0.03
+
+
+def test_one_is_held_up_by_the_slow_and_stops_at_crossings_in_town_alone():
+    rng = np.random.default_rng(7)
+    town, highway, down = (held_up(rng, kind, 6000, 0.1) for kind in ("suburban", "highway", "descent"))
+    assert 0.05 < np.mean(town < 0.05) < 0.5 and highway.min() > 14.0 and down.min() > 2.0
     assert highway.std() > 0.8 and down.std() > 0.8
