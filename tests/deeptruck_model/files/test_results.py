@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import errno
-import json
-import os
-import resource
 import subprocess
 import sys
 from collections.abc import Callable
@@ -13,48 +9,10 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 
 import pytest
+from result_kit import KIND, publish, record
 
 from deeptruck_model import files
 from deeptruck_model.errors import InputError
-
-
-@pytest.fixture
-def small_disk():
-    """A limit on the size of files stands in for the end of the disk."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, before)
-
-
-def test_a_full_disk_leaves_the_old_file_and_nothing_beside_it(tmp_path: Path, small_disk: None) -> None:
-    path = tmp_path / "new" / "file"
-    files.write(path, b"old")
-    with pytest.raises(InputError, match=r"cannot write .*; make room or choose another --out"):
-        files.write(path, bytes(2000))
-    assert [p.name for p in path.parent.iterdir()] == ["file"] and path.read_bytes() == b"old"
-
-
-def test_everyone_may_read_it_whom_the_umask_lets(tmp_path: Path) -> None:
-    before = os.umask(0o022)
-    try:
-        files.write(tmp_path / "file", b"x")
-    finally:
-        os.umask(before)
-    assert (tmp_path / "file").stat().st_mode & 0o777 == 0o644
-
-
-def test_a_folder_that_is_a_file_is_one_line(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("x")
-    with pytest.raises(InputError, match=r"cannot write .*; choose another --out"):
-        files.write(tmp_path / "file" / "below", b"x")
-
-
-@pytest.mark.parametrize("number", [errno.ENOTDIR, errno.EROFS, errno.EACCES])
-def test_room_helps_a_full_disk_alone(number: int) -> None:
-    assert files.advice(OSError(number, ""), "make room") == "choose another --out"
-    assert files.advice(OSError(errno.ENOSPC, ""), "make room") == "make room"
-
 
 HOLD = """
 import sys, pathlib
@@ -79,15 +37,6 @@ def test_a_second_run_is_refused_until_the_first_ends(tmp_path: Path) -> None:
         other.communicate()
     with files.writing(tmp_path):
         pass
-
-
-KIND = files.Result("a test result", ("a", "b", "gone", "log/*.txt"))
-
-
-def publish(out: Path, *, overwrite: bool = False, **content: str) -> None:
-    with KIND.replacing(out, overwrite=overwrite) as draft:
-        for name, text in content.items():
-            (draft / name).write_text(text)
 
 
 def test_a_result_stands_whole_and_its_draft_is_gone(tmp_path: Path) -> None:
@@ -195,29 +144,6 @@ def test_what_is_finished_is_kept_where_something_else_came_to_its_place(
     assert {p.name for p in tmp_path.iterdir()} <= {"out", "out.new", "out.new1", "mine.txt"}
 
 
-def test_a_finished_file_is_kept_where_another_came_to_its_place(tmp_path: Path) -> None:
-    path, kept = tmp_path / "a.csv", tmp_path / "a.new.csv"
-    with pytest.raises(InputError, match=f"kept as {kept}$"), files.new_file(path) as draft:
-        draft.write_text("new")
-        path.write_text("mine")
-    assert kept.read_text() == "new" and path.read_text() == "mine"
-    assert len(list(tmp_path.iterdir())) == 2
-
-
-@pytest.mark.parametrize("name", ["n" * 250, "ä" * 120])
-def test_a_name_that_is_too_long_is_one_line(tmp_path: Path, name: str) -> None:
-    """Whatever fits alone, but not with what is written beside it, and whatever does not fit at all."""
-    for longer in (name, name * 2):
-        with pytest.raises(InputError, match=r"is a name of \d+ bytes; .* choose a shorter one"):
-            KIND.check(tmp_path / longer)
-        with pytest.raises(InputError, match="choose a shorter one"), files.new_file(tmp_path / (longer * 2)):
-            pass
-    longest = tmp_path / ("n" * 230)
-    publish(longest, a="1")
-    KIND.anew(longest)
-    assert longest.is_dir()
-
-
 def test_unfinished_work_is_gone_on_with_or_forgotten(tmp_path: Path) -> None:
     out = tmp_path / "out"
     with pytest.raises(ZeroDivisionError), KIND.going_on(out) as draft:
@@ -234,36 +160,6 @@ def test_unfinished_work_is_gone_on_with_or_forgotten(tmp_path: Path) -> None:
         raise ZeroDivisionError
     KIND.forget(out)
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
-
-
-def test_a_single_file_never_takes_the_place_of_another(tmp_path: Path) -> None:
-    with files.new_file(tmp_path / "new" / "a.csv") as draft:
-        draft.write_text("1")
-    with pytest.raises(InputError, match="exists already"), files.new_file(tmp_path / "new" / "a.csv"):
-        pass
-    with pytest.raises(ZeroDivisionError), files.new_file(tmp_path / "b.csv") as draft:
-        raise ZeroDivisionError
-    assert [p.name for p in tmp_path.iterdir()] == ["new"] and len(list((tmp_path / "new").iterdir())) == 1
-
-
-def test_what_a_killed_run_left_of_a_single_file_is_named_and_stays(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    left = tmp_path / ".a.k3x_9qz1.csv"
-    left.write_text("half")
-    with files.new_file(tmp_path / "a.csv") as draft:
-        draft.write_text("1")
-    assert f"note: {left} is unfinished work on a.csv" in capsys.readouterr().err
-    assert left.read_text() == "half" and (tmp_path / "a.csv").read_text() == "1"
-
-
-def record(out: Path, content: str, *, is_whole: bool = True) -> Path:
-    """As a recorder does; where it worked."""
-    with KIND.recording(out, overwrite=True, whole=lambda _: is_whole) as place:
-        place.mkdir()
-        (place / "a").write_text(content)
-        KIND.sign(place)
-    return place
 
 
 def test_the_older_recording_stands_until_the_newer_one_is_whole(
@@ -296,85 +192,6 @@ def test_where_nothing_was_recorded_the_older_one_stands(tmp_path: Path) -> None
     with KIND.recording(out, overwrite=True, whole=lambda _: True):
         assert (out / "a").read_text() == "first"
     assert (out / "a").read_text() == "first" and [p.name for p in tmp_path.iterdir()] == ["out"]
-
-
-def test_a_file_that_changed_since_refuses_by_its_name(tmp_path: Path) -> None:
-    publish(tmp_path / "out", a="old", b="old")
-    (tmp_path / "out" / "b").write_text("own")  # as long as ours
-    with pytest.raises(InputError, match="holds b, which has changed since this command wrote it"):
-        publish(tmp_path / "out", overwrite=True, a="new")
-    assert (tmp_path / "out" / "b").read_text() == "own"
-
-
-def test_a_file_that_this_tool_changed_is_told_to_every_ledger_above(tmp_path: Path) -> None:
-    inner = files.Result("an inner result")
-    with KIND.replacing(tmp_path / "out") as draft, inner.replacing(draft / "inner") as deeper:
-        (deeper / "a").write_text("old")
-    changed = tmp_path / "out" / "inner" / "a"
-    changed.write_text("new")
-    files.renew(changed)
-    assert inner.check(tmp_path / "elsewhere") is False
-    publish(tmp_path / "out", overwrite=True, a="new")
-
-
-def test_a_part_of_another_result_is_not_replaced(tmp_path: Path) -> None:
-    with KIND.replacing(tmp_path / "out") as draft:
-        publish(draft / "part", a="old")
-    with pytest.raises(InputError, match=r"out/part is part of a test result, .*out; choose another"):
-        publish(tmp_path / "out" / "part", overwrite=True, a="new")
-
-
-def test_a_ledger_inside_that_changed_since_refuses_too(tmp_path: Path) -> None:
-    with KIND.replacing(tmp_path / "out") as draft:
-        publish(draft / "part", a="old")
-    (tmp_path / "out" / "part" / files.LEDGER).write_text('{"mine": 1}')
-    with pytest.raises(InputError, match=r"holds part/.deeptruck.json, which has changed"):
-        publish(tmp_path / "out", overwrite=True, a="new")
-
-
-def test_a_file_that_comes_into_the_draft_is_never_the_commands(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    named = files.Result("a named result", ("a",))
-    with named.replacing(tmp_path / "out") as draft:
-        (draft / "a").write_text("1")
-        (draft / "mine.txt").write_text("mine")
-    with pytest.raises(InputError, match=r"holds mine\.txt, which is no part of a named result"):
-        named.check(tmp_path / "out", overwrite=True)
-    with pytest.raises(RuntimeError), named.replacing(tmp_path / "other") as draft:
-        (draft / "a").write_text("half")
-        (draft / "mine.txt").write_text("mine")
-        raise RuntimeError
-    assert [path.name for path in draft.iterdir()] == ["mine.txt"]
-    assert f"{draft} keeps what this command did not write" in capsys.readouterr().err
-
-
-def test_nothing_new_is_put_into_a_finished_result(tmp_path: Path) -> None:
-    publish(tmp_path / "out", a="old")
-    with pytest.raises(
-        InputError, match=r"out/sub would lie in .*out, a test result, which holds nothing else"
-    ):
-        files.Result("another result").check(tmp_path / "out" / "sub")
-
-
-def test_a_ledger_of_an_earlier_version_lists_names_and_they_are_enough(tmp_path: Path) -> None:
-    publish(tmp_path / "out", a="old")
-    ledger = tmp_path / "out" / files.LEDGER
-    ledger.write_text(json.dumps({"what": "a test result", "files": ["a"]}))
-    (tmp_path / "out" / "a").write_text("written before there were prints")
-    publish(tmp_path / "out", overwrite=True, a="new")
-    assert (tmp_path / "out" / "a").read_text() == "new"
-
-
-@pytest.mark.parametrize(
-    "text", ["", "{", "[]", '{"what": 1}', '{"what": "a test result", "files": {"a": 3}}']
-)
-def test_a_damaged_ledger_is_none(tmp_path: Path, text: str) -> None:
-    publish(tmp_path / "out", a="old")
-    (tmp_path / "out" / files.LEDGER).write_text(text)
-    with pytest.raises(InputError, match=r"holds a but no \.deeptruck\.json that can be read"):
-        publish(tmp_path / "out", overwrite=True, a="new")
-    assert (tmp_path / "out" / "a").read_text() == "old"
 
 
 def test_begun_work_is_set_aside_when_the_user_begins_anew(
