@@ -128,6 +128,7 @@ def opened(text: str) -> str:
 
 
 AT = re.compile(r"at (?P<by>.+) (?P<x>-?[\d.]+(?:e[+-]?\d+)?)")  # a place on a curve, as own_forms names it
+PER_SECOND = re.compile(r"(\d) (rad|m) s$")
 IN = re.compile(r"(?P<name>[^\[]+)\[(?P<where>.+)\]")  # in one recording, or at one knot
 NOTHING = 1e-3  # of the widest place on a curve: a place nearer to zero is zero
 ADD_UP = "what acts at a moment is the sum of all that hold there: {}"
@@ -166,7 +167,12 @@ def _named(name: str, shown: Parameters) -> str:
     if own:
         near = re.search(r"\d (s|m)$", own["where"])  # a knot in time or along the road
         return f"{words(own['name'])} {'near' if near else 'in'} {own['where']}{'' if near else ' alone'}"
-    return SETTINGS.get(name, words(name)) if shown[name].picked else words(name)
+    return SETTINGS.get(name, words(name)) if shown[name].picked else _plain(name)
+
+
+def _plain(name: str) -> str:
+    """A size's name in words, the unit at its end as it is written: 'force at 150 rad/s'."""
+    return PER_SECOND.sub(r"\1 \2/s", words(name))
 
 
 def _places(by: str, shown: Parameters) -> list[float]:
@@ -198,8 +204,9 @@ def _kinds(shown: Parameters) -> str:
         elif own:
             kinds[f"[{own['name']}"] = f"{words(own['name'])} {THERE_ALONE}"
         else:
-            kinds[name] = prose(name)
-    mixed = any(k.startswith(("at ", "[")) for k in kinds) and len({p.unit for p in shown.values()}) == 1
+            kinds[name] = _plain(name)
+    units = {p.unit for p in shown.values() if not p.picked}
+    mixed = any(k.startswith(("at ", "[")) for k in kinds) and len(units) == 1
     return ", ".join(kinds.values()) if mixed and len(kinds) > 1 else ""
 
 

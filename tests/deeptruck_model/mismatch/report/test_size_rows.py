@@ -74,3 +74,15 @@ def test_a_place_on_a_grid_is_not_told_beside_the_size_fitted_about_it(
 def test_what_was_picked_from_a_few_is_told_so() -> None:
     rows = shown({"force": Size(400.0, "N", (300.0, 500.0)), "decay_s": Size(20.0, "s", picked=True)})
     assert rows["time in which it fades to a third"] == "about 20 s, the best of a few that were tried"
+
+
+def test_a_curve_beside_a_known_form_is_added_to_it_also_where_a_time_was_picked() -> None:
+    rows = shown(
+        {
+            "force_at_150_rad_s": Size(5230.0, "N", (4910.0, 5550.0)),
+            "at engine speed 75": Size(820.0, "N", (410.0, 1220.0)),
+            "after_s": Size(0.7, "s", picked=True),
+        }
+    )
+    assert rows["force at 150 rad/s"].startswith("5230 N")
+    assert rows["together"].endswith("hold there: force at 150 rad/s, the curve over engine speed")
