@@ -17,6 +17,7 @@ from deeptruck_model.mismatch import locate
 from deeptruck_model.mismatch.active_fault import active_fault
 from deeptruck_model.mismatch.correction import correction
 from deeptruck_model.mismatch.correction.own_error import differs
+from deeptruck_model.mismatch.correction.worth import noticed
 from deeptruck_model.mismatch.data import checks
 from deeptruck_model.mismatch.data.prepared import (
     Prepared,
@@ -218,9 +219,10 @@ def _unsaid(
 ) -> str:
     """Why 'nothing missing' is no answer where there is no finding; empty where it is one."""
     measured, fit = c.prepared[0].measured_acceleration, driven.fit
+    suspected = [f.effect for f in driven.refuted if noticed(f.force, e, fit.horizon_s)]
     return (
         differs(simulator, measured, fit, regimes, e.rules)
-        or validation.no_name_is_sure([f.effect for f in driven.refuted])
+        or validation.no_name_is_sure(suspected)
         or validation.off_without_a_name(fit, often_off(e, driven.explanation.model))
     )
 

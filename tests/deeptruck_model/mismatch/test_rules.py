@@ -26,7 +26,7 @@ NUMERICS = {
     "correction/recipes.py": {"FOLDS"},
     "correction/recovered_road.py": {"LEAST"},
     "correction/road_of_another.py": {"ROAD_SHARED"},
-    "correction/worth.py": {"NOTICED"},
+    "correction/worth.py": {"NOTICED", "NOTICED_M_S2"},
     "data/prepared.py": {"LEAST_DRIVING_S", "LEAST_SPEED_SD"},
     "posterior/candidates.py": {"FEW_COLUMNS", "FITTED", "MOST_COLUMNS", "SECOND_TERMS"},
     "posterior/kernel_evidence.py": {"ACTING", "FEW_ROWS"},

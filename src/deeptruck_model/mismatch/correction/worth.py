@@ -9,7 +9,11 @@ import math
 from dataclasses import dataclass
 from enum import Enum, auto
 
+import numpy as np
+from numpy.typing import NDArray
+
 from deeptruck_model.mismatch.fit_result import Chosen, FitResult
+from deeptruck_model.mismatch.residual.evidence import Evidence
 
 NOTICED = 0.7  # of the error, below which other parameters are worth a word where nothing was found
 # And by how much they must help: as much as a steady acceleration of this size makes of a free run. Along
@@ -75,3 +79,12 @@ def refitted_is_much_better(fit: FitResult | None) -> bool:
     # a steady acceleration makes a speed error that grows along the run, and its rms is 1/sqrt(3) of the last
     slow = NOTICED_M_S2 * e.horizon_s / math.sqrt(3.0)
     return e.refitted < min(NOTICED * e.given, e.given - slow)
+
+
+def noticed(force: NDArray[np.float64], e: Evidence, horizon_s: float) -> bool:
+    """Whether a force (n,), m/s^2, changes some free run of `horizon_s` as much as a steady acceleration that
+    is noticed would."""
+    rows = max(1, round(horizon_s / e.dt))
+    runs = (range(s.start, max(s.stop - rows, s.start) + 1, rows) for s in e.stretches)
+    means = [abs(float(np.mean(force[k : k + rows]))) for starts in runs for k in starts]
+    return max(means, default=0.0) >= NOTICED_M_S2

@@ -79,6 +79,7 @@ class Headline:
     next_pass: NextPass | None = None  # of a road that another pass shows
     moved: str = ""  # parameters that the correction moves though none of them is a finding
     instead: tuple[str, ...] = ()  # names in the correction that are no finding
+    suspected: tuple[str, ...] = ()  # where nothing was found: names for too little to be noticed
 
 
 def text(verdict: Verdict) -> str:
@@ -129,9 +130,8 @@ def _order(finding: Finding, main: Conclusion) -> tuple[bool, float]:
 def _nothing(verdict: Verdict) -> Headline:
     seen = verdict.data.smallest_visible
     said = force(seen.always, seen.mass_kg) if seen is not None else ""
-    if seen is not None and seen.always > HIDING:
-        return Headline(Claim.MUCH_COULD_HIDE, seen=said)
-    return Headline(Claim.AGREES, seen=said)
+    claim = Claim.MUCH_COULD_HIDE if seen is not None and seen.always > HIDING else Claim.AGREES
+    return Headline(claim, seen=said, suspected=tuple(dict.fromkeys(s.effect for s in verdict.suspicions)))
 
 
 def name(finding: Finding) -> Name:
@@ -166,9 +166,14 @@ def sentences(h: Headline) -> list[str]:
     if h.claim is Claim.FOUND:
         return [*_found(h), *_shown(h), *_again(h.next_pass)]
     if h.claim is Claim.AGREES:
-        return [_agrees(h.seen)]
+        return [_agrees(h.seen), *_suspected(h.suspected)]
     seen = [f"A steady force above {h.seen} would have been seen."] if h.seen else []
-    return ["Nothing was found, but these recordings would not show a small effect.", *seen]
+    none = "Nothing was found, but these recordings would not show a small effect."
+    return [none, *seen, *_suspected(h.suspected)]
+
+
+def _suspected(effects: Sequence[str]) -> list[str]:
+    return [f"Suspected, and too little to be noticed: {either(effects, NAMED)}."] if effects else []
 
 
 def _agrees(seen: str) -> str:

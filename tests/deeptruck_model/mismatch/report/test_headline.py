@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from deeptruck_model.mismatch.correction.worth import SpeedErrors, Worth
-from deeptruck_model.mismatch.finding import Kind
+from deeptruck_model.mismatch.finding import Kind, Suspicion
 from deeptruck_model.mismatch.fit_result import Chosen, Compared, Improvement, Rmse
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.posterior.next_pass import NextPass
@@ -214,3 +214,11 @@ def test_a_name_that_the_correction_holds_instead_of_what_was_found_is_said() ->
     sentences = headline.sentences(headline.of(held))
     assert "It holds driveline loss instead, which comes near to it and is no finding." in sentences
     assert not [s for s in headline.sentences(headline.of(corrected("missing_physics"))) if "instead, " in s]
+
+
+def test_what_is_suspected_and_too_little_is_said_beside_nothing() -> None:
+    silent = unchanged(0.6)
+    suspected = replace(silent, suspicions=(Suspicion("command_rate_limit", 30.4, "step the commands"),))
+    last = headline.sentences(headline.of(suspected))[-1]
+    assert last == "Suspected, and too little to be noticed: limited rate of the commands."
+    assert not [s for s in headline.sentences(headline.of(silent)) if "uspected" in s]
