@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
+from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.noise import Prior
 
@@ -17,6 +19,8 @@ Array = NDArray[np.float64]
 LATE_S = 0.15  # of all commands together
 # Filters of ordinary speed sensors and message periods make every response a little late (s).
 SENSOR_LAG = Prior(np.array([0.03, 0.03]), np.array([0.06, 0.06]), np.zeros(2))
+SLOPE_LATE_S = 0.4  # prior sd: sensors of slope are filtered, and by elevation and distance late or early
+SMOOTH_S = 1.0  # of the recorded slope, so that its steps are no turns of the road
 REACH_S = 0.6  # from how far before and after a sample a sensor's filter may take a share ...
 ROUNDING = 1e-6
 SHARE = 0.06  # ... and the prior sd of each
@@ -26,12 +30,28 @@ LATE_SHARE = 0.3  # prior sd of the share of a delay that is known beside all el
 def known(e: Evidence) -> tuple[Array, Prior]:
     """Columns (n, k), m/s^2, and the prior of their shares."""
     late = [-e.difference(e.simulated), e.rerun("delay_all", LATE_S) / LATE_S]
+    slope = _late_slope(e)
     filtered = _shifted(e, rows(e))
     found = np.zeros((len(e), 0)) if e.late is None else e.late
     prior = Prior.join(
-        SENSOR_LAG, _around_nothing(len(filtered), SHARE), _around_nothing(found.shape[1], LATE_SHARE)
+        SENSOR_LAG,
+        _around_nothing(len(slope), SLOPE_LATE_S),
+        _around_nothing(len(filtered), SHARE),
+        _around_nothing(found.shape[1], LATE_SHARE),
     )
-    return np.column_stack([*late, *filtered, found]), prior
+    return np.column_stack([*late, *slope, *filtered, found]), prior
+
+
+def _late_slope(e: Evidence) -> list[Array]:
+    """What a slope that is recorded a second late hides, (n,) m/s^2; none where no slope is recorded."""
+    if not e.has("grade"):
+        return []
+    turns, over = np.zeros(len(e)), max(1, round(SMOOTH_S / e.dt))
+    for s in e.stretches:
+        if s.stop - s.start > over:
+            turns[s.rows] = np.gradient(uniform_filter1d(np.nan_to_num(e["grade"][s.rows]), over)) / e.dt
+    gain = e.signals.get("effective_mass_gain", np.ones(len(e)))
+    return [-GRAVITY * gain * turns]
 
 
 def rows(e: Evidence) -> int:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
+from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch.posterior.candidates import candidates
 from deeptruck_model.mismatch.posterior.nuisances import left_beside
 from deeptruck_model.mismatch.posterior.search import Search
@@ -49,6 +50,25 @@ def test_it_does_not_reach_into_another_drive(nothing_missing: Evidence) -> None
     columns, _ = sensor_filter.known(replace(e, simulated=where))
     assert len(e.stretches) > 1
     assert np.abs(columns[:, 2:]).max() == 0.0
+
+
+@pytest.mark.parametrize("late_s", [0.6, -0.4])
+def test_a_slope_that_is_recorded_late_or_early_is_no_finding(
+    nothing_missing: Evidence, late_s: float
+) -> None:
+    """Where a road turned over within seconds, a late sensor's slope had been a finding."""
+    e = nothing_missing
+    seconds = e["elapsed"]
+    road = 0.05 * np.tanh(3.0 * np.sin(2.0 * np.pi * seconds / 60.0))
+    recorded = 0.05 * np.tanh(3.0 * np.sin(2.0 * np.pi * (seconds - late_s) / 60.0))
+    hidden = e.residual - GRAVITY * (road - recorded)
+    search = Search(replace(e, signals=e.signals | {"grade": recorded}, residual=hidden))
+    model = search.background(())
+    lateness = model.coefficients("sensor lag")[2]
+    assert lateness == pytest.approx(late_s, abs=0.1)
+    level = Search(replace(search.e, signals=search.e.signals | {"grade": np.zeros(len(e))}))
+    assert model.score > level.background(()).score + 100.0  # it had to be made up for
+    assert _most(search) < 20.0
 
 
 def test_it_is_kept_where_the_names_of_a_model_leave_much_of_it(
