@@ -96,10 +96,10 @@ def correct(
     if unnamed is not None and (trials.crossed or any(c.other_form for c in x.causes)):
         recipes.append(unnamed)
     own = any(c.other_form or c.effect == UNKNOWN for c in x.causes)  # laws are what was found
-    errors = trials.mean_errors(recipes)
-    first = best_of(recipes, errors, own)
+    squares = trials.squares(recipes)
+    first = best_of(recipes, squares, own)
     complete = {
-        k: error for k, error in enumerate(errors) if recipes[k] is not alone and holds(recipes[k], x)
+        k: square for k, square in enumerate(squares) if recipes[k] is not alone and holds(recipes[k], x)
     }
     whole = recipes[min(complete, key=complete.__getitem__)] if complete else nothing
     tuned, best, whole = trials.with_better_sizes([alone, first, whole])
