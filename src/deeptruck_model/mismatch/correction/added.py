@@ -125,7 +125,7 @@ class TruckWithForces:
             self._feed(inner, y),
             (braked, memory),
             path,
-            y[:, SPEED],
+            y[:, SPEED].copy(),  # whoever drives it may write into what he is given
             state.distance + y[:, SPEED] * self.base.dt,
             state.elapsed + self.base.dt,
             state.row + 1,

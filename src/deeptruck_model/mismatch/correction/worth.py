@@ -85,6 +85,7 @@ def noticed(force: NDArray[np.float64], e: Evidence, horizon_s: float) -> bool:
     """Whether a force (n,), m/s^2, changes some free run of `horizon_s` as much as a steady acceleration that
     is noticed would."""
     rows = max(1, round(horizon_s / e.dt))
-    runs = (range(s.start, max(s.stop - rows, s.start) + 1, rows) for s in e.stretches)
+    last = [(s, max(s.stop - rows, s.start)) for s in e.stretches]
+    runs = ([*range(s.start, end, rows), end] for s, end in last)
     means = [abs(float(np.mean(force[k : k + rows]))) for starts in runs for k in starts]
     return max(means, default=0.0) >= NOTICED_M_S2

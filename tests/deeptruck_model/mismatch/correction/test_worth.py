@@ -23,8 +23,10 @@ def test_a_force_to_and_fro_that_is_gone_by_the_end_of_a_run_is_not_noticed(
     assert not noticed(force, e, 40.0)
 
 
-def test_one_run_in_which_it_acts_is_enough(nothing_missing: Evidence) -> None:
+@pytest.mark.parametrize("at_the_end", [False, True])
+def test_one_run_in_which_it_acts_is_enough(nothing_missing: Evidence, at_the_end: bool) -> None:
     e, force = nothing_missing, np.zeros(len(nothing_missing))
-    (first, *_) = e.stretches
-    force[first.start : first.start + round(3.0 / e.dt)] = 0.1
+    (first, *_), rows = e.stretches, round(3.0 / nothing_missing.dt)
+    begin = first.stop - rows if at_the_end else first.start
+    force[begin : begin + rows] = 0.1
     assert noticed(force, e, 40.0)

@@ -131,6 +131,19 @@ def test_a_call_is_repeated_with_its_topic_map():
     assert asked.command(ending="again") == f"deeptruck-model mismatch {again}"
 
 
+@pytest.mark.parametrize(
+    ("recordings", "held_out", "told"),
+    [
+        ("ab", "b", "--recordings a --held-out b"),
+        ("a", "a", "--recordings a --out"),
+        ("ab", "", "--recordings a b --out"),
+    ],
+)
+def test_what_is_fitted_and_held_out_too_is_proposed_once(recordings, held_out, told):
+    asked = Asked(Path("found"), "truck:trucksim", tuple(map(Path, recordings)), tuple(map(Path, held_out)))
+    assert told in asked.command(ending="again")
+
+
 def test_a_group_is_told_with_what_decided_and_the_manoeuvre(written):
     text = text_of(written, "missing_physics")
     assert "It is not distinguishable from dragging brake." in text

@@ -82,3 +82,11 @@ def test_it_is_kept_where_the_names_of_a_model_leave_much_of_it(
 def _most(search: Search) -> float:
     base = search.background(())
     return max(m.score for m in candidates(search, base)) - base.score
+
+
+def test_a_hole_in_the_recorded_slope_is_no_turn_of_the_road(nothing_missing: Evidence) -> None:
+    grade = np.full(len(nothing_missing), 0.05)
+    grade[200:230] = np.nan
+    whole = replace(nothing_missing, signals=nothing_missing.signals | {"grade": grade})
+    columns, _ = sensor_filter.known(whole)
+    assert np.abs(columns[:, 2]).max() < 1e-9
