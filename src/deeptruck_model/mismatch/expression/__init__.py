@@ -16,6 +16,7 @@ from deeptruck_model.mismatch.expression.nodes import (
     lift,
     maximum,
     minimum,
+    rows_of,
 )
 from deeptruck_model.mismatch.expression.places import (
     During,
@@ -52,4 +53,5 @@ __all__ = [
     "lift",
     "maximum",
     "minimum",
+    "rows_of",
 ]

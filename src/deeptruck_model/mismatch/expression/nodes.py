@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,8 +35,7 @@ class Expression:
 
     def rows(self, e: Evidence) -> Array:
         """Values over stacked recordings, (n,); memory starts afresh with each recording."""
-        out = self.over([x.rows(e) for x in self.inputs], e)
-        return out if np.isfinite(out).all() else np.nan_to_num(out, posinf=1e9, neginf=-1e9)
+        return rows_of([self], e)[0]
 
     def over(self, values: Sequence[Array], e: Evidence) -> Array:
         """Values over stacked recordings, from the values of the inputs."""
@@ -88,6 +87,19 @@ class Expression:
 
     __radd__ = __add__
     __rmul__ = __mul__
+
+
+def rows_of(expressions: Iterable[Expression], e: Evidence) -> list[Array]:
+    """The `rows` of several expressions, (n,) each; a node that stands in several is computed once."""
+    known: dict[int, Array] = {}
+
+    def value(x: Expression) -> Array:
+        if id(x) not in known:
+            out = x.over([value(part) for part in x.inputs], e)
+            known[id(x)] = out if np.isfinite(out).all() else np.nan_to_num(out, posinf=1e9, neginf=-1e9)
+        return known[id(x)]
+
+    return [value(x) for x in expressions]
 
 
 class Leaf(Expression):

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.expression import During, Expression, Lag, Rerun, Signal, maximum
+from deeptruck_model.mismatch.expression import During, Expression, Lag, Rerun, Signal, maximum, rows_of
 from deeptruck_model.mismatch.mechanisms.own_forms import OWN, SIZE, curve, curves
 from deeptruck_model.mismatch.mechanisms.symbols import ENGINE, OVERALL_RATIO, PULL, SPEED
 from deeptruck_model.mismatch.mechanisms.variants import (
@@ -222,7 +222,7 @@ def distinct(made: Sequence[CandidateTerm], e: Evidence) -> float:
 def candidate_term(mechanism: Mechanism, variant: Variant, e: Evidence) -> CandidateTerm:
     """One candidate term of a mechanism on this evidence."""
     parts = build(mechanism, variant)
-    columns = np.stack([p.expression.rows(e) for p in parts], axis=1)
+    columns = np.stack(rows_of([p.expression for p in parts], e), axis=1)
     prior = Prior(*(np.array([getattr(p, f) for p in parts], dtype=float) for f in ("mean", "sd", "sign")))
     return CandidateTerm(mechanism, variant, tuple(parts), columns, prior, variant.trials)
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from deeptruck_model.constants import GRAVITY
-from deeptruck_model.mismatch.expression import Expression, Lag, Signal, lift
+from deeptruck_model.mismatch.expression import Expression, Lag, Signal, lift, rows_of
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Simulator, free_run
@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 HELD_UNIT = "m/s^2"  # of a brake command that is a deceleration
 BRAKED = 0.05  # m/s^2: the brake switch
 HOLD_S, ORDER = 0.25, 3  # valves, and the controller that holds the deceleration: lags in a row
+FORGOTTEN = 40.0  # time constants after which nothing is left of a force
 RELEASED_S = 1.0  # for which such brakes still make up for a force after the pedal is let go
 ASKED, ASKED_AT, ASKED_S, ASKED_MORE = 1.5, 15.0, 3.0, 0.005  # m/s^2, from m/s, and more rolling resistance
 
@@ -47,10 +48,7 @@ class WithEffectiveMass(Expression):
         force, gain, holds, made_up = values
         if not holds.any():
             return force * gain
-        keep = float(np.exp(-e.dt / HOLD_S))
-        b, a = [(1.0 - keep) ** ORDER], np.poly([keep] * ORDER)
-        late = np.concatenate([lfilter(b, a, (holds * force)[s.rows]) for s in e.stretches])
-        return force * gain + made_up * force - holds * late
+        return force * gain + made_up * force - holds * _late(holds * force, e)
 
     def begin(self, batch: int) -> Any:
         return np.zeros((ORDER, batch))
@@ -65,6 +63,17 @@ class WithEffectiveMass(Expression):
         return force * gain + made_up * force - holds * late, after
 
 
+def _late(held_force: Array, e: Evidence) -> Array:
+    """What brakes have made up for of a force that acts while they hold, (n,); afresh in each recording."""
+    keep = float(np.exp(-e.dt / HOLD_S))
+    apart = np.zeros(round(FORGOTTEN * HOLD_S / e.dt) + 1)
+    parts = [part for s in e.stretches for part in (held_force[s.rows], apart)]
+    late = lfilter([(1.0 - keep) ** ORDER], np.poly([keep] * ORDER), np.concatenate(parts))
+    inside = np.concatenate([np.full(len(part), part is not apart) for part in parts])
+    out: Array = late[inside]
+    return out
+
+
 def with_effective_mass(force: Expression) -> Expression:
     """What a force per mass gives on the truck along a recording or in a simulation."""
     return WithEffectiveMass((force, EFFECTIVE_MASS_GAIN, HOLDS, MADE_UP))
@@ -75,7 +84,7 @@ def acceleration_of(x: Expression, column: Array, e: Evidence) -> tuple[Array, C
     of what is an acceleration already, itself."""
     if not isinstance(x, WithEffectiveMass):
         return column, lambda force: force
-    force, *others = (part.rows(e) for part in x.inputs)
+    force, *others = rows_of(x.inputs, e)
     return force, lambda force: np.nan_to_num(x.over([force, *others], e))
 
 
