@@ -202,9 +202,11 @@ def _followed(around: _Around, search: Search, guess: Callable[[Search], Model])
     """
     here = guess(search)
     moved = around.parameters_of(search, here, RETUNE)
-    if moved is None or not _better(search, here, moved, guess(moved), search.rules.least_gain):
+    if moved is None:
         return search
-    there = guess(moved)  # to guess anew takes long, and a name in its form shows as well how far to go
+    there = _again(here, moved)  # a name in its form shows as well as a new guess how far to go
+    if not _better(search, here, moved, there, search.rules.least_gain):
+        return search
     for _ in range(STEPS):
         further = around.parameters_of(moved, there, SETTLED)
         if further is None:
