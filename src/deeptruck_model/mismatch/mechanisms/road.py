@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 
 import numpy as np
@@ -29,7 +30,9 @@ SLOPE, SURFACE = lift(-GRAVITY), lift(-1.0)
 
 def _grades(e: Evidence) -> Iterator[Spline]:
     """Slopes of a plain come as slowly as wind does; those of hills are finer and larger than anything
-    else."""
+    else. Where none was recorded it may be one and the same slope; else that is the sensor's zero."""
+    if not e.has("grade"):
+        yield from (s.steady() for s in itertools.islice(_fine(e, HILLY / 2), 1))
     yield from splines(e, SLOPE, HILLY, "distance")
     yield from _fine(e, HILLY)
 

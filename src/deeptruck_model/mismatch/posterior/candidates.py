@@ -102,9 +102,9 @@ def _approximate_gains(products: Products, Xty: Array, H0: Array, s: CandidateTe
 
 
 MORE_TERMS = 2  # further candidate terms a mechanism may be widened by
-MOST_COLUMNS = 8  # profiles with more columns are wide enough as they are
+MOST_COLUMNS = 8  # of a term that another is widened by
 FITTED = 8  # mechanisms that are fitted in full in each round
-SECOND_TERMS = 9  # among the first of these, more than one candidate term of a mechanism
+SECOND_TERMS = 9  # among the first of these, more than one candidate term of a mechanism that lasts
 LEADING = 4  # mechanisms also tried without freeing the parameters
 
 
@@ -140,14 +140,16 @@ def _fitted(
     """The best model of each of the first FITTED effects that were screened, and of those in `best`; from
     the noise of the leader where there is one."""
     everything = frozenset(search.parameters)
-    best, seen = dict(best), set[str]()
+    best, seen, lasting = dict(best), set[str](), set[str]()
     for rank, (_, term) in enumerate(screened):
         effect = term.mechanism.effect
         if effect not in seen and len(seen) >= FITTED:
             continue
-        if effect in seen and rank >= SECOND_TERMS and not is_time_varying(term):
+        if effect in lasting and rank >= SECOND_TERMS and not is_time_varying(term):
             continue
         seen.add(effect)
+        if not is_time_varying(term):
+            lasting.add(effect)
         named, start = (*base.named, term), (leader or base).fit
         model = search.model(named, everything, start, again=leader is not None)
         worth = model.score - time_varying_penalty(model, base)
@@ -172,7 +174,9 @@ def enriched(search: Search, model: Model) -> Model:
         options = [
             search.model((*others, merge(last, s)), model.free, model.fit)
             for s in search.candidate_terms(last.mechanism)
-            if s.variant not in last.variant.parts and s.columns.shape[1] <= MOST_COLUMNS
+            if s.variant not in last.variant.parts
+            and s.columns.shape[1] <= MOST_COLUMNS
+            and not is_time_varying(s)
         ]
         best = max(options, key=lambda m: m.score, default=model)
         if best.score < model.score + search.rules.temper:

@@ -21,7 +21,7 @@ from deeptruck_model.mismatch.mechanisms import (
     held_steady,
     is_time_varying,
 )
-from deeptruck_model.mismatch.mechanisms.variants import OwnCurve, Span, Sum, Windowed
+from deeptruck_model.mismatch.mechanisms.variants import OwnCurve, Span, Spline, Sum, Windowed
 from deeptruck_model.mismatch.posterior.candidates import screen_terms
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.penalties import large_enough
@@ -171,7 +171,7 @@ def _steady(search: Search, mechanism: Mechanism) -> list[CandidateTerm]:
     """The candidate terms of a mechanism that few windows can show; of what is time-varying, its mean."""
     terms = search.candidate_terms(mechanism)
     plain = [s for s in terms if not (s.variant.per_recording or isinstance(s.variant, OwnCurve))]
-    lasting = [s for s in plain if not is_time_varying(s)]
+    lasting = [s for s in plain if not isinstance(s.variant, Spline)]
     varying = [s for s in plain if is_time_varying(s)]
     return [*lasting, *(held_steady(s, search.e) for s in varying[:1])]
 
