@@ -39,6 +39,7 @@ FAMILIES = (
     "twelfth",
     "thirteenth",
     "fourteenth",
+    "fifteenth",
 )
 SEALED, ALL = "sealed", "all"  # the next family; those of FAMILIES together
 FORMS = (ALL, *FAMILIES, SEALED)

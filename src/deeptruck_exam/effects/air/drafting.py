@@ -7,9 +7,8 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, index, moving
-from deeptruck_exam.effects.places import Bends, OnRoad, windows
+from deeptruck_exam.effects.places import OnRoad, windows
 from deeptruck_exam.effects.planting import hidden, sizes
-from deeptruck_exam.effects.series import ou_series
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="drafting", accepts="drag_area headwind", leader=True)
@@ -76,52 +75,6 @@ class PocketBehindLeader(Hidden, saving=0.0):
         return s.saving * view.drag_force
 
 
-@law("out_of_the_slot", "fourth", "highway")
-@sizes(saving=(0.50, 0.75), level_m=(9.0, 16.0), fades_m=(35.0, 70.0), half_width_m=(0.9, 1.9))
-@sizes(steers_s=(8.0, 25.0))
-class OutOfTheSlot(Hidden):
-    """Whoever drifts half a lane to see past the leader is out of the slot.
-    Source: Track tests of platoons (Lammert, Duran, Diez, Burton and Nicholson, SAE 2014-01-2438; McAuliffe
-    and others, NRC LTR-AL-2017-0008): saving level at short gaps, then exponential in gap, less with lateral
-    offset and in a cross wind; offsets of human steering and sizes are chosen here."""
-
-    def prepare(self) -> None:
-        rng, batch = self.rng(303), self.setting.batch
-        samples = int(self.setting.duration_s / 0.5) + 4
-        wander = 0.45 * ou_series(rng, (batch, samples), 0.5, self.p.steers_s)
-        offset = np.abs(wander + rng.normal(0.0, 0.3, (batch, 1)))
-        self.hits = np.exp(-((offset / self.p.half_width_m) ** 2)) * rng.uniform(0.85, 1.0, (batch, 1))
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        at = self.now(view)
-        gap = np.nan_to_num(self.setting.leader_m[:, at] - view.distance, nan=1e4)
-        fades = np.exp(-np.maximum(gap - p.level_m, 0.0) / p.fades_m)
-        return p.saving * fades * self.hits[:, int(view.time / 0.5)] * view.drag_force
-
-
-@law("wake_blown_aside", "fifth", "highway")
-@sizes(saving=(0.45, 0.7), reach_m=(80.0, 170.0), side_mps=(0.5, 2.5), wide_m=(2.2, 4.5))
-class WakeBlownAside(Hidden):
-    """The farther the leader, the less side wind it takes.
-    Source: Instrumented pairs of trucks on motorways: saving falls with the logarithm of the gap and is gone
-    where a side wind has carried the wake off the follower (McAuliffe and others, SAE 2020-01-0679, on real
-    traffic and cross wind); side winds and sizes are chosen here."""
-
-    def prepare(self) -> None:
-        rng, batch = self.rng(402), self.setting.batch
-        slots = int(self.setting.duration_s / 0.5) + 6
-        mean = rng.normal(0.0, 1.0, (batch, 1))
-        self.side = self.p.side_mps * (mean + 0.6 * ou_series(rng, (batch, slots), 0.5, 20.0))
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        at = self.now(view)
-        gap = np.nan_to_num(self.setting.leader_m[:, at] - view.distance, nan=1e5)
-        near = np.log(p.reach_m / np.clip(gap, 6.0, p.reach_m)) / np.log(p.reach_m / 6.0)
-        side = self.side[:, index(view, self.side, 0.5)]
-        carried = np.minimum(gap, 300.0) * side / np.maximum(view.speed, 5.0)
-        return p.saving * near / (1.0 + (carried / p.wide_m) ** 4) * view.drag_force
-
-
 @law("pocket_lost_and_found", "sixth", "highway")
 @sizes(saving=(0.45, 0.7), finds_m=(19.0, 28.0), wider=(1.12, 1.4), settles_s=(0.8, 3.0))
 class PocketLostAndFound(Hidden, found=0.0, inside=0.0):
@@ -182,53 +135,6 @@ class WakeHasToForm(Hidden, formed=0.0):
         return p.saving * s.formed * np.exp(-((gap / p.reach_m) ** 2)) * view.drag_force
 
 
-@law("n_wake_goes_straight_on", "ninth", "highway")
-@sizes(deficit=(0.75, 0.95), widens=(0.015, 0.04), tightest=(0.004, 0.010), beside_m=(0.3, 1.3))
-class WakeGoesStraightOn(Bends):
-    """It leaves the follower where the road bends, and in part where the leader drives beside his track.
-    widens: m of radius for each m of way.
-    Source: Jensen, A Note on Wind Generator Interaction, Risø-M-2411 (1983): a wake of one speed that widens
-    and keeps its momentum; a truck's radius, bends and sizes are chosen here."""
-
-    radius_m, half_width_m = 1.4, 1.25
-
-    def prepare(self) -> None:
-        rng = self.rng(902)
-        self.bend = self.draw_bends(rng, self.p.tightest)
-        self.beside = rng.normal(0.0, self.p.beside_m, self.setting.batch)
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        gap = np.maximum(self.gap(view), 0.0)
-        radius = self.radius_m + p.widens * gap
-        aside = np.abs(self.beside + 0.5 * self.read(self.bend, view) * gap**2)
-        cover = np.clip((radius + self.half_width_m - aside) / (2.0 * self.half_width_m), 0.0, 1.0)
-        slower = p.deficit * (self.radius_m / radius) ** 2 * cover
-        return (1.0 - (1.0 - slower) ** 2) * view.drag_force
-
-
-@law("t_beside_the_wake", "tenth", "highway")
-@sizes(deficit=(0.7, 0.95), widens=(0.012, 0.03), wanders_m=(0.25, 0.8), swings_s=(4.0, 14.0))
-class BesideTheWake(Hidden):
-    """Who follows wanders in his lane, out of the middle of the wake and back. widens: m for each m of gap.
-    Source: Bastankhah and Porté-Agel, A New Analytical Model for Wind-Turbine Wakes, Renewable Energy 70
-    (2014): the deficit is a bell across the wake, which widens with the way; a truck's width and wandering
-    are chosen here."""
-
-    core_m = 1.2
-
-    def prepare(self) -> None:
-        rng, p = self.rng(952), self.p
-        shape = (self.setting.batch, int(self.setting.duration_s / 0.1) + 20)
-        habit = 0.5 * p.wanders_m * rng.standard_normal((shape[0], 1))
-        self.aside = habit + p.wanders_m * ou_series(rng, shape, 0.1, p.swings_s)
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        wide = self.core_m + p.widens * np.maximum(self.gap(view), 0.0)
-        aside = self.aside[:, index(view, self.aside, 0.1)]
-        slower = p.deficit * (self.core_m / wide) ** 2 * np.exp(-0.5 * (aside / wide) ** 2)
-        return (1.0 - (1.0 - slower) ** 2) * view.drag_force
-
-
 @law("e_rank_in_the_column", "eleventh", "highway")
 @sizes(deficit=(0.35, 0.5), length_m=(10.0, 22.0), apart_m=(18.0, 40.0), changes_s=(15.0, 50.0))
 class RankInTheColumn(Hidden, ranked=1.0):
@@ -253,27 +159,6 @@ class RankInTheColumn(Hidden, ranked=1.0):
             there = np.clip(s.ranked - k, 0.0, 1.0)
             squares += there / (1.0 + (gap + k * p.apart_m) / p.length_m) ** 2
         slower = np.minimum(p.deficit * np.sqrt(squares), 0.8)
-        return (1.0 - (1.0 - slower) ** 2) * view.drag_force
-
-
-@law("w_wake_meanders", "twelfth", "highway")
-@sizes(deficit=(0.6, 0.8), wide_m=(1.5, 2.2), opens=(0.015, 0.035), sways=(0.05, 0.10), slow_s=(4.0, 12.0))
-class WakeMeanders(Hidden):
-    """Slow eddies carry each piece of the wake aside after the leader has left it there, so that a follower
-    far behind is in and out of it. deficit: of the wind of driving, right behind; opens: m of width for each
-    metre; sways: m aside for each metre.
-    Source: Larsen, Madsen, Thomsen and Larsen, Wake Meandering: A Pragmatic Approach, Wind Energy 11 (2008):
-    the wake is a passive tracer of large eddies; a truck's wake, sizes are chosen here."""
-
-    def prepare(self) -> None:
-        shape = (self.setting.batch, int(self.setting.duration_s / 0.1) + 20)
-        self.aside = ou_series(self.rng(1102), shape, 0.1, self.p.slow_s)
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        gap = np.clip(self.gap(view), 0.0, 1e4)
-        width = p.wide_m + p.opens * gap
-        centre = p.sways * np.minimum(gap, 300.0) * self.aside[:, index(view, self.aside, 0.1)]
-        slower = p.deficit * (p.wide_m / width) ** 2 * np.exp(-0.5 * (centre / width) ** 2)
         return (1.0 - (1.0 - slower) ** 2) * view.drag_force
 
 
@@ -327,3 +212,28 @@ class WallsKeepTheWake(OnRoad, air=0.0):
         still = 1.0 - np.clip(s.air / np.maximum(view.speed, 5.0), 0.0, 0.95)
         saved = 1.0 - still**2 * (1.0 - p.open / (1.0 + gap / 15.0))
         return saved * view.drag_force * moving(view)
+
+
+@law("q_shutters_behind_the_leader", "fifteenth", "highway", accepts="drag_area")
+@sizes(most=(0.7, 0.92), reach_m=(45.0, 90.0), starves=(0.5, 0.85), heats_s=(20.0, 50.0), opens_s=(3.0, 9.0))
+class ShuttersBehindTheLeader(Hidden, wants=0.0, open=0.0):
+    """`hot`: the radiator, that lacks air close behind a leader. At 1 the shutters of the grille open and the
+    fan comes in, and most of what the leader's wake saves is gone until it is cool again. most: of the drag,
+    saved right behind him; starves: of the air, that the radiator lacks there.
+    Source: Lammert and others, Effect of Platooning on Fuel Consumption of Class 8 Vehicles Over a Range of
+    Speeds, Following Distances, and Mass, SAE 2014-01-2438, on close following and cooling fans; shutters,
+    sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "hot": self.rng(1502).uniform(0.3, 0.95, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        gap = np.clip(self.gap(view), 0.0, 1e4)
+        near = 1.0 / (1.0 + (gap / p.reach_m) ** 2)
+        air = (1.0 - p.starves * near) * np.clip(view.speed / 22.0, 0.1, 1.3)
+        gains = 0.3 + np.clip(self.power_share(view), 0.0, 1.0)
+        cools = 0.2 + air * (0.6 + 0.8 * s.open)
+        s.hot = np.clip(eased(s.hot, gains / cools, p.heats_s / cools, dt), 0.0, 2.0)
+        s.wants = np.where(s.hot > 1.0, 1.0, np.where(s.hot < 0.8, 0.0, s.wants))
+        s.open = eased(s.open, s.wants, p.opens_s, dt)
+        return p.most * near * (1.0 - 0.8 * s.open) * view.drag_force * moving(view)

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, index, moving
-from deeptruck_exam.effects.places import CELL_M, Bends, OnRoad, smooth_stretches
+from deeptruck_exam.effects.places import CELL_M, Bends, OnRoad, smooth_stretches, windows
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series, some_drives, spells, within
 from deeptruck_model.trucks import View
@@ -306,3 +306,30 @@ class CurtainsForTheBirds(Hidden, rolled=0.0, open=0.0):
         s.rolled = np.where(s.warm > p.on, 1.0, np.where(s.warm < p.off, 0.0, s.rolled))
         s.open = np.clip(s.open + dt * np.where(s.rolled > 0.5, 1.0, -1.0) / p.opens_s, 0.0, 1.0)
         return -p.more * s.open * view.drag_force * moving(view)
+
+
+@law("q_wind_turns_the_stream", "fifteenth", "highway hills suburban", accepts="headwind")
+@sizes(
+    aside_mps=(6.0, 9.5), rise=(0.45, 0.8), stalls=(0.16, 0.24), gusts_s=(12.0, 40.0), mean_m=(300.0, 1200.0)
+)
+@sizes(open=(0.55, 0.75))
+class WindTurnsTheStream(OnRoad, felt=0.0):
+    """Wind from the side meets a box on wheels at an angle, and its drag rises with that angle until the flow
+    along the far side has broken away. So slow driving does not help; walls and woods do. rise: of the drag,
+    at most; stalls: radians where most of that is there; open: share of the road.
+    Source: SAE J1252, Wind Tunnel Test Procedure for Trucks and Buses, on drag averaged over yaw angles; wind
+    without a part along the road, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng = self.rng(1503)
+        self.road = windows(rng, self.rows(), self.p.mean_m, self.p.open)
+        shape = (self.setting.batch, int(self.setting.duration_s) + 5)
+        self.gusts = 1.0 + 0.35 * ou_series(rng, shape, 1.0, self.p.gusts_s)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        gust = np.clip(self.gusts[:, index(view, self.gusts)], 0.2, 2.0)
+        s.felt = eased(s.felt, gust * (0.1 + 0.9 * self.between(self.road, view)), 1.0, dt)
+        speed, aside = np.maximum(view.speed, 1.0), p.aside_mps * s.felt
+        angle = np.arctan2(aside, speed) / p.stalls
+        more = (1.0 + (aside / speed) ** 2) * (1.0 + p.rise * np.tanh(angle**2)) - 1.0
+        return -more * view.drag_force * np.clip(view.speed / 3.0, 0.0, 1.0)

@@ -6,9 +6,9 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, index
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, index
 from deeptruck_exam.effects.planting import hidden, sizes
-from deeptruck_exam.effects.series import davenport, ou_series
+from deeptruck_exam.effects.series import davenport, ou_series, spells, within
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="headwind", accepts="drag_area")
@@ -308,3 +308,30 @@ class BurstsInACalmNight(Hidden):
         relative = np.clip(1.0 + along / np.maximum(view.speed, 0.5), -1.0, 3.0)
         felt = (relative * np.abs(relative) - 1.0) * view.drag_force
         return -felt * np.clip(view.speed / 3.0, 0.0, 1.0)
+
+
+@law("q_traffic_drags_the_air", "fifteenth", "highway hills")
+@sizes(
+    most_mps=(7.0, 11.0), along=(0.35, 0.7), dies_s=(4.0, 12.0), platoon_s=(14.0, 40.0), pause_s=(15.0, 45.0)
+)
+class TrafficDragsTheAir(Hidden, against=0.0, behind=0.0):
+    """`against`, `behind`: share of the air that platoons have set in motion, those who come the other way
+    and those who drive ahead. It is there at once and dies away after the last of them. most_mps: of the
+    wind against, at 20 m/s; along: of that, from the own lane.
+    Source: Eskridge and Hunt, Highway Modeling, Part I: Prediction of Velocity and Turbulence Fields in the
+    Wake of Vehicles, J. Applied Meteorology 18 (1979); a narrow road, platoons and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, on = self.rng(1501), (0.5 * self.p.platoon_s, 1.5 * self.p.platoon_s)
+        off = (0.5 * self.p.pause_s, 1.5 * self.p.pause_s)
+        self.come = spells(rng, self.setting.batch, on, off)
+        self.lead = spells(rng, self.setting.batch, on, off)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        come, lead = within(self.come, view.time), within(self.lead, view.time)
+        s.against = eased(s.against, come, np.where(come > s.against, 1.5, p.dies_s), dt)
+        s.behind = eased(s.behind, lead, np.where(lead > s.behind, 4.0, p.dies_s), dt)
+        pace = 0.3 + 0.7 * np.clip(view.speed / 20.0, 0.0, 1.3)
+        wind = p.most_mps * pace * (s.against - p.along * s.behind)
+        relative = np.clip(1.0 + wind / np.maximum(view.speed, 3.0), 0.0, 3.0)
+        return -(relative**2 - 1.0) * view.drag_force * np.clip(view.speed / 3.0, 0.0, 1.0)

@@ -13,6 +13,7 @@ from deeptruck_exam.effects.series import ou_series
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="dragging_brake")
+MANY = 97  # throws of dice for each drive
 
 
 @law("dragging_brake", "first", "suburban descent")
@@ -310,3 +311,35 @@ class FootRestsOnThePedal(Hidden):
         )
         tense = self.tense[:, index(view, self.tense, 0.5)]
         return -p.most * s.rests * tense * (1.0 - brakes) * weight(view) * moving(view)
+
+
+@law("q_hand_brake_half_released", "fifteenth", "suburban", accepts="rolling_resistance")
+@sizes(
+    most=(0.016, 0.03), often=(0.6, 0.85), heats_jpkg=(40.0, 120.0), cools_s=(30.0, 90.0), softens=(1.0, 2.5)
+)
+@sizes(rests_s=(1.5, 3.0))
+class HandBrakeHalfReleased(Hidden, still=0.0, hot=0.0):
+    """`pulls`: of a hand brake behind the gearbox, that was set at a stand and not quite let off. Each stand
+    leaves something else, often nothing. Its small drum grows hot in a moment and then holds less. most: of
+    the weight, cold; often: of stands, after which something is left; softens: of the grip, when hot.
+    Source: Limpert, Brake Design and Safety, on parking brakes at the driveshaft, and AAMVA, Model Commercial
+    Driver License Manual, on releasing the parking brake; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        dice = self.rng(1512).random((self.setting.batch, MANY))
+        self.leaves = np.where(dice < self.p.often, 0.35 + 0.65 * dice / self.p.often, 0.0)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        first = np.resize(self.leaves[:, 0], batch)
+        return {**super().start(batch), "pulls": first, "stands": np.ones(batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        before, s.still = s.still, np.where(view.speed < 0.2, s.still + dt, 0.0)
+        sets = (before <= p.rests_s) & (s.still > p.rests_s)
+        row = np.arange(len(view.speed)) % len(self.leaves)
+        s.pulls = np.where(sets, self.leaves[row, s.stands.astype(int)], s.pulls)
+        s.stands = np.where(sets, (s.stands + 1.0) % MANY, s.stands)
+        holds = p.most * s.pulls / (1.0 + p.softens * s.hot)
+        work = 9.81 * holds * np.maximum(view.speed, 0.0) / p.heats_jpkg
+        s.hot = np.clip(s.hot + dt * (work - s.hot / p.cools_s), 0.0, 3.0)
+        return -holds * weight(view) * moving(view)

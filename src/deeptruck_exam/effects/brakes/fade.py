@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving, weight
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
@@ -273,3 +273,23 @@ class IronWarmsInItsField(Hidden, hot=0.0):
             s.hot + dt * (work / p.heats_jpkg - s.hot * (0.4 + speed / 20.0) / p.cools_s), 0.0, 1.5
         )
         return p.share * (1.0 - kept) * view.brake_force * moving(view)
+
+
+@law("q_leaks_while_it_is_held", "fifteenth", "suburban descent", accepts="brake_gain")
+@sizes(share=(0.5, 0.8), leaks_s=(2.0, 5.5), found=(0.3, 0.55), fills_s=(0.3, 0.8), step=(0.02, 0.05))
+class LeaksWhileItIsHeld(Hidden, left=1.0, top=0.0, fills=0.0):
+    """`left`: of the pressure behind torn diaphragms. While the pedal is held still the valve is shut, and
+    they leak; it opens again when the pedal goes deeper, or when what is missing has been found. share: of
+    the brake force; found: `left` that is noticed; step: of full braking.
+    Source: WABCO, EBS, Electronically Controlled Brake System, System Description, on modulators that hold
+    pressure with both valves shut, and UN Regulation No. 13 on leaks; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = view.brake_force / self.truck.brake_capacity
+        off = asked < 0.004
+        deeper = asked > s.top + p.step
+        s.top = np.where(off, 0.0, np.where(deeper, asked, np.minimum(s.top, asked + p.step)))
+        s.fills = np.where(deeper | (s.left < p.found), 1.0, np.where(s.left > 0.97, 0.0, s.fills))
+        s.left = eased(s.left, s.fills, np.where(s.fills > 0.5, p.fills_s, p.leaks_s), dt)
+        s.left = np.where(off, 1.0, s.left)
+        return p.share * (1.0 - s.left) * view.brake_force * moving(view)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import spells, within
 from deeptruck_model.trucks import View
@@ -203,70 +203,6 @@ class PulsedValves(Hidden, held=0.0, clock=0.0, wanted=0.0):
         return p.share * full * (asked - s.held) * moving(view)
 
 
-@law("n_spindle_needs_time", "ninth", "suburban descent")
-@sizes(gap=(0.12, 0.25), travel_s=(2.2, 4.5), back=(1.1, 1.8), share=(0.75, 1.0))
-class SpindleNeedsTime(Hidden, at=0.0):
-    """`at`: way of the spindle, 1 for full force; gap: of that way, until the pads touch.
-    Source: Line, Manzie and Good, Electromechanical Brake Modeling and Control: From PI to MPC, IEEE Trans.
-    Control Syst. Technol. 16 (2008): a motor crosses the clearance and then bends the caliper, whose force
-    grows faster than its way; a slow motor, sizes are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        full = self.truck.brake_capacity
-        asked = np.clip(view.brake_force / full, 0.0, 1.0)
-        goal = np.where(asked > 0.002, p.gap + (1.0 - p.gap) * np.sqrt(asked), 0.0)
-        s.at = s.at + np.clip(goal - s.at, -p.back * dt / p.travel_s, dt / p.travel_s)
-        held = np.clip((s.at - p.gap) / (1.0 - p.gap), 0.0, 1.0) ** 2
-        return p.share * full * (asked - held) * moving(view)
-
-
-@law("t_hot_drums_are_far", "tenth", "suburban descent")
-@sizes(stroke_s=(0.25, 0.55), hot=(0.6, 1.8), share=(0.75, 1.0), fills_s=(0.15, 0.45))
-class HotDrumsAreFar(Hidden, way=0.0, held=0.0):
-    """`way`: s of the stroke that are done. A drum that has grown with heat is reached later. hot: for each
-    100 K.
-    Source: Flick, The Effect of Brake Adjustment on Braking Performance, DOT HS 807 287 (1988): stroke grows
-    with wear and with drum temperature; the time it takes is chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        full = self.truck.brake_capacity
-        asked = view.brake_force / full
-        hotter = np.clip(view.brake_temperature - self.truck.ambient_temperature, 0.0, 250.0)
-        stroke = p.stroke_s * (1.0 + p.hot * hotter / 100.0)
-        pace = np.clip(0.5 + asked / 0.15, 0.5, 2.0)
-        way = np.where(asked > 0.002, s.way + dt * pace, s.way - 3.0 * dt)
-        s.way = np.clip(way, 0.0, stroke)
-        touches = np.clip((s.way / stroke - 0.8) / 0.2, 0.0, 1.0)
-        s.held = s.held + dt * (asked * touches - s.held) / p.fills_s
-        return p.share * full * (asked - s.held) * moving(view)
-
-
-@law("e_air_in_the_fluid", "eleventh", "suburban descent")
-@sizes(air=(0.12, 0.3), bar=(0.03, 0.08), stiff=(0.3, 0.6), flows_s=(0.25, 0.55), share=(0.75, 1.0))
-class AirInTheFluid(Hidden, volume=0.0):
-    """`volume`: what has been pushed into the lines. It presses the air together first, so that gentle
-    braking comes latest. air: of the volume at full braking; bar: pressure of the air at rest over that of
-    full braking; stiff: of the lines without air; flows_s: to fill them at full pressure.
-    Source: Yu, Chen and Lu, The Variation of Oil Effective Bulk Modulus with Pressure in Hydraulic Systems,
-    J. Dyn. Sys. Meas. Control 116 (1994), on fluid with air in it, and Limpert, Brake Design and Safety, on
-    air over hydraulic brakes; sizes are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        full = self.truck.brake_capacity
-        asked = np.clip(view.brake_force / full, 0.0, 1.2)
-        held = self.pressure(p, s.volume)
-        differs = asked - held
-        springs = np.where(differs > 0.0, differs, 1.5 * (differs - 0.05))  # of the shoes, that help it out
-        s.volume = np.clip(s.volume + dt * np.clip(springs, -0.5, 0.5) / p.flows_s, 0.0, 2.0)
-        return p.share * full * differs * moving(view)
-
-    def pressure(self, p: Sizes, volume: Array) -> Array:
-        """Over that of full braking: air takes p.air * q / (q + p.bar), the lines p.stiff * q."""
-        b = p.air + p.stiff * p.bar - volume
-        root = np.sqrt(np.maximum(b**2 + 4.0 * p.stiff * p.bar * volume, 0.0))
-        return np.asarray(np.maximum((root - b) / (2.0 * p.stiff), 0.0))
-
-
 @law("w_regulator_rings", "twelfth", "suburban descent")
 @sizes(hz=(0.4, 0.75), damping=(0.3, 0.6), dead_s=(0.0, 0.2), share=(0.7, 1.0), vents=(0.7, 1.0))
 class RegulatorRings(Hidden, bar=0.0, pace=0.0, heard=0.0):
@@ -286,39 +222,3 @@ class RegulatorRings(Hidden, bar=0.0, pace=0.0, heard=0.0):
         s.pace = np.where((bar < 0.0) & (s.pace < 0.0), 0.0, s.pace)
         s.bar = np.clip(bar, 0.0, 1.5)
         return p.share * full * (asked - s.bar) * moving(view)
-
-
-@law("x_rubber_creeps", "thirteenth", "suburban descent")
-@sizes(quick_s=(0.25, 0.5), slow_s=(1.8, 4.0), creeps=(0.4, 0.65), stiff=(0.5, 1.5), warms_s=(60.0, 200.0))
-class RubberCreeps(Hidden, quick=0.0, slow=0.0, soft=0.0):
-    """Rubber in old chambers takes its share of the stroke twice: soon, and creeping for seconds. Force that
-    creeps in creeps out again, and frost makes both slower until use has warmed it. creeps: share that comes
-    slowly; stiff: times as slow, more, when cold; warms_s: of braking.
-    Source: Findley, Lai and Onaran, Creep and Relaxation of Nonlinear Viscoelastic Materials (1976), on
-    chains of springs and dampers, and SAE J1469 on brake actuators in the cold; sizes are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        asked = view.brake_force / self.truck.brake_capacity
-        s.soft = s.soft + dt * (1.0 - s.soft) * np.clip(20.0 * asked, 0.0, 1.0) / p.warms_s
-        cold = 1.0 + p.stiff * (1.0 - s.soft)
-        s.quick = s.quick + dt * (asked - s.quick) / (p.quick_s * cold)
-        s.slow = s.slow + dt * (asked - s.slow) / (p.slow_s * cold)
-        comes = (1.0 - p.creeps) * s.quick + p.creeps * s.slow
-        return (asked - comes) * self.truck.brake_capacity * moving(view)
-
-
-@law("k_magnets_are_dragged_along", "fourteenth", "suburban descent")
-@sizes(share=(0.6, 0.9), rises_m=(5.0, 12.0), coil_s=(0.1, 0.3), lets_s=(0.25, 0.6))
-class MagnetsAreDraggedAlong(Hidden, coil=0.0, lever=0.0):
-    """Electric brakes of a trailer: a magnet sticks to the turning drum, which drags it along and so turns
-    the lever that spreads the shoes. Force comes over a way, not over a time, and slowest when slow; a spring
-    takes it back. share: of the brake force; rises_m: of the way.
-    Source: Limpert, Brake Design and Safety, on electric brakes whose magnets are carried along by the drum;
-    a worn armature, sizes are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        asked = view.brake_force / self.truck.brake_capacity
-        s.coil = eased(s.coil, asked, p.coil_s, dt)
-        drags = p.rises_m / np.maximum(view.speed, 0.3)
-        s.lever = eased(s.lever, s.coil, np.where(s.coil > s.lever, drags, p.lets_s), dt)
-        return p.share * (asked - s.lever) * self.truck.brake_capacity * moving(view)

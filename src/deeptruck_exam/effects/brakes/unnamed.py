@@ -153,3 +153,23 @@ class SharpInTheMorning(Hidden):
         hard = view.brake_force / (0.1 * self.truck.brake_capacity)
         bites = p.more * s.damp * (0.35 + 0.65 / (1.0 + (hard / p.gentle) ** 2))
         return -bites * view.brake_force * np.clip(view.speed - 0.3, 0.0, 1.0)
+
+
+@law("q_halt_brake_lets_go_late", "fifteenth", "suburban")
+@sizes(most=(0.04, 0.065), sets_s=(0.6, 1.5), lets=(0.07, 0.12), waits_s=(0.6, 1.6), frees_s=(0.6, 1.8))
+@sizes(off_mps=(5.0, 8.5))
+class HaltBrakeLetsGoLate(Hidden, still=0.0, on=0.0, holds=0.0, pulled=0.0):
+    """`holds`: a brake that holds by itself at stands. It lets go when the truck has pulled firmly for a
+    while, or rolls after all; a gentle start drags it along. most, lets: of the weight, the second one of the
+    pull; off_mps: where it lets go in any case.
+    Source: makers' manuals of distribution trucks and city buses, on halt brakes and hill holders that are
+    released by the accelerator; a late one, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.still = np.where(view.speed < 0.2, s.still + dt, 0.0)
+        firm = view.traction_force > p.lets * weight(view)
+        s.pulled = np.where(firm, s.pulled + dt, 0.0)
+        goes = (s.pulled > p.waits_s) | (view.speed > p.off_mps)
+        s.on = np.where(s.still > p.sets_s, 1.0, np.where(goes, 0.0, s.on))
+        s.holds = np.clip(s.holds + dt * np.where(s.on > 0.5, 4.0, -1.0 / p.frees_s), 0.0, 1.0)
+        return -p.most * s.holds * weight(view) * moving(view)

@@ -13,6 +13,7 @@ from deeptruck_exam.effects.series import SAMPLE_S, arrivals
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="unknown")
+MANY = 97  # throws of dice for each drive
 
 
 @law("antilock_is_fooled", "fifth", "suburban descent")
@@ -285,3 +286,31 @@ class WearsItsAxlesByTurns(Hidden, pressed=0.0, share=0.0):
         alone = np.clip(2.0 - asked / p.gentle, 0.0, 1.0)
         s.share = eased(s.share, alone * np.where(s.turn > 0.5, p.weak, -p.strong), p.hands_s, dt)
         return s.share * view.brake_force * moving(view)
+
+
+@law("q_learns_brake_by_brake", "fifteenth", "suburban descent hills")
+@sizes(wide=(0.25, 0.42), learns=(0.5, 0.85), least_s=(0.8, 2.0), eases_s=(0.15, 0.4))
+class LearnsBrakeByBrake(Hidden, lasts=0.0, acts=0.0):
+    """`miss`: of the trailer's share, which its controller learns anew after each braking from the pull in
+    the coupling that it has felt, rightly or wrongly. Within a braking nothing changes. wide: of the brake
+    force, too much or too little; learns: of what it believes, at a time; least_s: of a braking that counts.
+    Source: WABCO, EBS, Electronically Controlled Brake System, System Description, on coupling force control,
+    which adapts over several applications; felt with much chance, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.felt = self.rng(1513).uniform(-1.0, 1.0, (self.setting.batch, MANY))
+
+    def start(self, batch: int) -> dict[str, Array]:
+        first = np.resize(self.felt[:, 0], batch)
+        return {**super().start(batch), "miss": self.p.wide * first, "count": np.ones(batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        brakes = view.brake_force > 0.004 * weight(view)
+        learns = ~brakes & (s.lasts > p.least_s)
+        row = np.arange(len(view.speed)) % len(self.felt)
+        believes = p.wide * self.felt[row, s.count.astype(int)]
+        s.miss = np.where(learns, s.miss + p.learns * (believes - s.miss), s.miss)
+        s.count = np.where(learns, (s.count + 1.0) % MANY, s.count)
+        s.lasts = np.where(brakes, s.lasts + dt, 0.0)
+        s.acts = eased(s.acts, s.miss, p.eases_s, dt)
+        return -s.acts * view.brake_force * moving(view)

@@ -285,3 +285,42 @@ class TwoOfThreeDecide(Late):
         self.put(s, u)
         three = self.late[:, (s.at // 10) % self.late.shape[1]]
         return np.asarray(np.median([self.ago(s, int(steps)) for steps in three], axis=0))
+
+
+@law("q_gateway_falls_asleep", "fifteenth", "suburban hills highway")
+@sizes(usual_s=(0.3, 0.5), wakes_s=(0.7, 1.4), quiet_s=(1.2, 2.5), least=(0.02, 0.035))
+class GatewayFallsAsleep(Late):
+    """Commands that change little for a while let the gateway fall asleep: it holds what it sent last. The
+    next change has to wake it; what came meanwhile is passed on at double pace, until all has been sent.
+    usual_s: when awake; least: of the full command, a change that keeps it awake.
+    Source: ISO 11898-6 (2013), selective wake-up of CAN nodes, and AUTOSAR, Specification of CAN Network
+    Management, on bus sleep after a silence; a slow one, times are chosen here."""
+
+    length = 500
+
+    def start(self, batch: int) -> dict[str, Any]:
+        names = ("quiet", "wakes", "asleep")
+        return {**super().start(batch), **{name: np.zeros(batch) for name in names}}
+
+    def begin(self, s: State, u: Array) -> None:
+        super().begin(s, u)
+        s.kept, s.held = u.copy(), u.copy()
+        s.behind = np.zeros(len(u), np.int64)
+
+    def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
+        self.put(s, u)
+        usual = min(round(p.usual_s / dt), self.length // 3)
+        change = np.abs(u - s.kept)
+        moved = (change[:, 0] > p.least * self.full) | (change[:, 1] > p.least * 5.0)
+        s.kept = np.where(moved[:, None], u, s.kept)
+        s.quiet = np.where(moved, 0.0, s.quiet + dt)
+        s.wakes = np.where(moved & (s.asleep > 0.5), p.wakes_s, np.maximum(s.wakes - dt, 0.0))
+        rests = (s.quiet > p.quiet_s) & (s.behind <= usual)
+        s.asleep = np.where(moved, 0.0, np.where(rests, 1.0, s.asleep))
+        grown = np.minimum(s.behind + 1, self.length - 2)
+        caught_up = np.maximum(s.behind - 1, usual)
+        s.behind = np.where(s.asleep > 0.5, usual, np.where(s.wakes > 0.0, grown, caught_up))
+        old = s.past[(s.at - s.behind) % self.length, np.arange(len(u))]
+        holds = (s.asleep > 0.5) | (s.wakes > 0.0)
+        s.held = np.where(holds[:, None], s.held, old)
+        return np.asarray(s.held)

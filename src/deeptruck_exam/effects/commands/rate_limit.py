@@ -289,3 +289,32 @@ class LoadsByProgramme(TorqueFilter):
         pace = p.then_per_s + (p.once_per_s - p.then_per_s) * at_once
         down = p.falls * self.full * dt
         return np.asarray(np.clip(pedal, s.given - down, s.given + pace * self.full * dt))
+
+
+@law("q_slow_after_coasting", "fifteenth", "suburban hills")
+@sizes(
+    warm_per_s=(0.3, 0.55),
+    cold_per_s=(0.05, 0.1),
+    chills_s=(4.0, 12.0),
+    warms_s=(4.0, 10.0),
+    falls=(1.0, 2.0),
+)
+class SlowAfterCoasting(TorqueFilter):
+    """`chilled`: the catalyst, that cool air has been pumped through while the pedal was up. A cool one lets
+    nitrogen oxides pass, so the controller lets torque rise slowly until the engine has warmed it again.
+    warm_per_s, cold_per_s, falls: of the full command in a second.
+    Source: Guzzella and Onder, Introduction to Modeling and Control of Internal Combustion Engine Systems
+    (2010), on catalysts that need heat and on limits of transients; rates are chosen here."""
+
+    def begin(self, s: State, u: Array) -> None:
+        super().begin(s, u)
+        s.chilled = np.where(u[:, 0] > 0.05 * self.full, 0.2, 0.7)
+
+    def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
+        load = np.clip(s.given / self.full, 0.0, 1.0)
+        coasts = load < 0.02
+        slow = np.where(coasts, p.chills_s, p.warms_s / (0.15 + load))
+        s.chilled = eased(s.chilled, np.where(coasts, 1.0, 0.0), slow, dt)
+        pace = p.warm_per_s * (p.cold_per_s / p.warm_per_s) ** s.chilled
+        full = self.full * dt
+        return np.asarray(np.clip(pedal, s.given - p.falls * full, s.given + pace * full))

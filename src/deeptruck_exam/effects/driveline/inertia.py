@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, moving, weight
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
@@ -284,3 +284,26 @@ class MagnetsSlipAPole(Hidden, rotor=-99.0, angle=0.0):
         s.rotor = s.rotor + dt * gains
         s.angle = (s.angle + dt * after / p.pole_m + np.pi) % (2.0 * np.pi) - np.pi
         return -p.share * view.mass * gains * np.clip(speed, 0.0, 1.0)
+
+
+@law("q_other_shaft_spins_along", "fifteenth", "suburban hills", accepts="", trucks="trucksim volvo")
+@sizes(kgm2=(4.5, 8.0), step=(1.24, 1.34), meets_s=(0.6, 1.3), sure_s=(0.5, 1.5))
+class OtherShaftSpinsAlong(Hidden, turns=-9.0, leans=0.0, side=1.0):
+    """`turns` rad/s of the other of two input shafts, which waits in the gear that is expected next. It is
+    a higher one while the truck gains speed, a lower one while it loses it. It costs inertia, and a jerk
+    whenever the mind is changed. kgm2: for a 20 t truck; step: from gear to gear; sure_s: until that happens.
+    Source: Naunheimer, Bertsche, Ryborz and Novak, Automotive Transmissions (2011), on dual clutch gearboxes
+    and preselection; a heavy shaft, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.leans = eased(s.leans, np.clip(view.acceleration / 0.15, -1.0, 1.0), p.sure_s, dt)
+        s.side = np.where(s.leans > 0.4, 1.0, np.where(s.leans < -0.4, -1.0, s.side))
+        lever = np.minimum(view.ratio * p.step**-s.side / self.truck.wheel_radius, 24.0)
+        wish = np.maximum(view.speed, 0.0) * lever
+        s.turns = np.where(s.turns < 0.0, wish, s.turns)
+        before = s.turns
+        s.turns = eased(s.turns, wish, p.meets_s, dt)
+        gains = np.clip((s.turns - before) / dt, -400.0, 400.0)
+        most = 0.06 * weight(view)
+        costs = p.kgm2 * view.mass / 20000.0 * gains * lever
+        return -most * np.tanh(costs / most) * (1.0 - view.shifting) * np.clip(view.speed, 0.0, 1.0)

@@ -267,3 +267,22 @@ class OpenClutchesDrag(Hidden, warm=0.0, air=0.0):
             p.nm * (1.0 + p.thick * (1.0 - s.warm)) * np.minimum(turns, 1.4) * (1.0 - 0.85 * s.air) * packs
         )
         return -self.at_wheels(view, torque) * moving(view)
+
+
+@law("q_oil_is_put_away", "fifteenth", "highway hills", accepts="rolling_resistance_speed drag_area")
+@sizes(most=(0.007, 0.011), hard=(0.02, 0.035), rests_s=(2.0, 6.0), empties_s=(8.0, 25.0), power=(1.3, 1.9))
+@sizes(left=(0.1, 0.25))
+class OilIsPutAway(Hidden, full=1.0, easy=0.0):
+    """`full`: of the oil in an axle. When little torque has passed for a while a valve puts most of it away
+    and the crown wheel splashes less; firm torque calls it back at once. most: of the weight, at 20 m/s with
+    all of it; hard: of the weight, torque that needs it; left: of the splash, without it.
+    Source: Meritor, LogixDrive and 17X EVO rear axles, on oil levels that follow torque and speed; much oil,
+    sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        hard = np.abs(view.traction_force) > p.hard * weight(view)
+        s.easy = np.where(hard, 0.0, s.easy + dt)
+        wish = np.where(s.easy > p.rests_s, 0.0, 1.0)
+        s.full = eased(s.full, wish, np.where(wish > 0.5, 0.8, p.empties_s), dt)
+        pace = np.clip(view.speed / 20.0, 0.0, 1.4) ** p.power
+        return -p.most * (p.left + (1.0 - p.left) * s.full) * pace * weight(view) * moving(view)

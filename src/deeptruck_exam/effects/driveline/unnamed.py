@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving, weight
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, moving, weight
 from deeptruck_exam.effects.places import Bends, OnRoad, windows
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
@@ -238,3 +238,60 @@ class FrontAxleLeads(OnRoad, left=0.0, joined=0.0):
         s.joined = eased(s.joined, wish, p.joins_s, dt)
         firm = 1.0 - 0.8 * self.between(self.road, view)
         return -p.most * s.joined * firm * weight(view) * np.clip(speed, 0.0, 1.0)
+
+
+@law("q_locker_is_left_in", "fifteenth", "suburban")
+@sizes(
+    most=(0.018, 0.032), hard=(0.05, 0.08), forgets_m=(250.0, 900.0), tight=(0.004, 0.009), ever=(0.3, 0.6)
+)
+class LockerIsLeftIn(Bends):
+    """`left` m until the driver thinks of a differential that he has locked for a hard start. In bends its
+    wheels want to roll ways of unlike length and scrub, nearly as much in a wide bend as in a tight one; on
+    straights nothing is felt. most: of the weight; hard: of it, pull of a start at which he locks; tight:
+    1/m, where most of the scrub is there; ever: of drives, that begin so.
+    Source: Gillespie, Fundamentals of Vehicle Dynamics (1992), on solid axles in bends, and makers' manuals
+    against locked differentials on firm roads; bends and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.bend = np.abs(self.draw_bends(self.rng(1531), 0.02))
+
+    def start(self, batch: int) -> dict[str, Array]:
+        begins = self.rng(1532).random(batch) < self.p.ever
+        return {"left": np.where(begins, self.p.forgets_m, 0.0), "locked": begins.astype(float)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        starts = (speed < 3.0) & (view.traction_force > p.hard * view.mass * GRAVITY)
+        s.left = np.where(starts, p.forgets_m, np.maximum(s.left - dt * speed, 0.0))
+        s.locked = eased(s.locked, np.where(s.left > 0.0, 1.0, 0.0), 0.5, dt)
+        scrubs = np.tanh(self.read(self.bend, view) / p.tight)
+        return -p.most * s.locked * scrubs * weight(view) * np.clip(speed, 0.0, 1.0)
+
+
+@law("q_clutch_slips_after_starts", "fifteenth", "suburban hills", trucks="trucksim volvo", gateable=False)
+@sizes(
+    holds=(0.75, 0.95), fades=(0.25, 0.4), heats_jpkg=(25.0, 60.0), cools_s=(50.0, 150.0), grabs_s=(0.2, 0.6)
+)
+class ClutchSlipsAfterStarts(Hidden, slip=0.0):
+    """`hot`: a worn clutch, that every start heats, and slip upon that. A cool one holds nearly all that the
+    engine gives; a hot one passes on what it can, and the rest of the torque goes into more heat. holds: of
+    peak torque, cool; fades: of that, lost when hot; heats_jpkg: for each kg of truck.
+    Source: Naunheimer, Bertsche, Ryborz and Novak, Automotive Transmissions (2011), on dry clutches and their
+    heat at starts, and ZF Sachs, clutch damage leaflets, on slip of worn ones; sizes are chosen here."""
+
+    conceal = ("engine_speed",)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "hot": self.rng(1533).uniform(0.2, 0.9, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        torque = np.maximum(view.engine_torque, 0.0)
+        most = p.holds * (1.0 - p.fades * np.minimum(s.hot, 1.2)) * self.truck.peak_torque
+        s.slip = eased(s.slip, np.maximum(torque - most, 0.0), p.grabs_s, dt)
+        lost = np.minimum(s.slip, torque)
+        starts = (
+            np.maximum(view.traction_force, 0.0) * np.clip(2.5 - view.speed, 0.0, 1.5) * (view.speed > 0.1)
+        )
+        work = (0.25 * lost * view.engine_speed + starts) / view.mass / p.heats_jpkg
+        s.hot = np.clip(s.hot + dt * (work - s.hot / p.cools_s), 0.0, 1.5)
+        return -self.at_wheels(view, lost) * moving(view)

@@ -243,3 +243,28 @@ class InflatesItsTyres(OnRoad, works=0.0, load=0.0):
         watts = 1000.0 * p.kw * size * s.load * (0.7 + 0.3 * s.full)
         torque = np.minimum(watts / np.maximum(view.engine_speed, 70.0), 260.0)
         return -self.at_wheels(view, torque) * moving(view)
+
+
+@law("q_leak_keeps_it_pumping", "fifteenth", "suburban hills highway")
+@sizes(kw=(16.0, 28.0), leaks_s=(15.0, 45.0), fills_s=(10.0, 25.0), draws=(0.5, 1.2), loads_s=(0.3, 0.8))
+class LeakKeepsItPumping(Hidden, works=0.0, load=0.0):
+    """`air` in the tanks of a leaking train, 0 where the governor lets the compressor pump and 1 where it
+    idles again. It pumps time after time, sooner after braking and for longer when the engine turns slowly,
+    and against more and more pressure. kw: of its shaft, for a 20 t truck; draws: of the air, by a second of
+    full braking.
+    Source: Bendix, Tu-Flo compressor service data sheets and air brake handbook, on governors, leakage and
+    duty cycles; a large compressor, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "air": self.rng(1543).uniform(0.1, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pumps = s.load * np.clip(view.engine_speed / 120.0, 0.4, 1.5) / p.fills_s
+        braking = p.draws * view.brake_force / self.truck.brake_capacity
+        s.air = np.clip(s.air + dt * (pumps - 1.0 / p.leaks_s * (1.0 - s.works) - 0.3 * braking), -0.5, 1.0)
+        s.works = np.where(s.air <= 0.0, 1.0, np.where(s.air > 0.99, 0.0, s.works))
+        s.load = eased(s.load, s.works, p.loads_s, dt)
+        size = np.clip(view.mass / 20000.0, 0.4, 1.5)
+        watts = 1000.0 * p.kw * size * s.load * (0.75 + 0.25 * s.air)
+        torque = np.minimum(watts / np.maximum(view.engine_speed, 70.0), 280.0)
+        return -self.at_wheels(view, torque) * moving(view)

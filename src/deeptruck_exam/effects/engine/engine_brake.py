@@ -53,24 +53,6 @@ class ExhaustFlap(Hidden, shut=0.0, pressure=0.0):
         return -self.at_wheels(view, p.torque_nm * back) * moving(view)
 
 
-@law("speed_held_downhill", "third", "descent hills")
-@sizes(torque_nm=(350.0, 900.0), band_mps=(0.6, 2.0), below_mps=(0.2, 1.0), lag_s=(0.3, 1.0))
-class SpeedHeldDownhill(Hidden, kept=-1.0, torque=0.0):
-    """The faster above the kept speed the harder, and nothing where the truck slows by itself. torque_nm: at
-    1800 rpm.
-    Source: Auxiliary brakes that keep the speed at which the throttle was left (Automotive Handbook, Bosch,
-    on retarders): proportional to the excess, limited by a torque in proportion to engine speed; gain and
-    sizes are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        closed = (view.u[:, 0] <= 0.01 * self.truck.full_command) & (view.speed > 5.0)
-        just = closed & (s.kept < 0.0)
-        s.kept = np.where(just, view.speed - p.below_mps, np.where(closed, s.kept, -1.0))
-        share = np.clip((view.speed - s.kept) / p.band_mps, 0.0, 1.0) * closed
-        s.torque += dt * (share * p.torque_nm * view.engine_speed / 188.5 - s.torque) / p.lag_s
-        return -self.at_wheels(view, s.torque) * moving(view)
-
-
 @law("engine_brake_with_pedal", "fourth", "descent suburban hills")
 @sizes(torque_nm=(450.0, 1100.0), after_s=(0.3, 0.9), stays_s=(1.0, 4.0))
 class EngineBrakeWithPedal(Hidden, pressed=0.0, left=0.0, torque=0.0):
@@ -213,40 +195,6 @@ class VanesBrake(Hidden, shut=0.0):
         return -self.at_wheels(view, s.shut * torque) * moving(view)
 
 
-@law("n_one_pedal_slows", "ninth", "descent hills suburban", accepts="")
-@sizes(slows_mps2=(0.35, 0.8), most_nm=(400.0, 800.0), per_s=(0.5, 1.5), from_rads=(80.0, 105.0))
-class OnePedalSlows(Hidden, torque=0.0):
-    """A closed pedal asks for a slowing, and the engine brake is steered until it has it, whatever the slope.
-    Source: Compression brakes of many steps under a control of deceleration (Druzhinina, Stefanopoulou and
-    Moklegaard, Speed Gradient Approach to Longitudinal Control of Heavy-Duty Vehicles Equipped with Variable
-    Compression Brake, IEEE Trans. Control Syst. Technol. 10, 2002); a one-pedal mode, chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        closed = (self.pedal(view) < 0.01) & (view.engine_speed > p.from_rads) & (view.speed > 3.0)
-        error = p.slows_mps2 + np.clip(view.acceleration, -3.0, 3.0)
-        steered = np.clip(s.torque + dt * p.per_s * p.most_nm * error, 0.0, p.most_nm)
-        s.torque = np.where(closed, steered, s.torque * (1.0 - dt / 0.2))
-        return -self.at_wheels(view, s.torque) * moving(view)
-
-
-@law("t_overspeed_guard", "tenth", "descent hills")
-@sizes(from_rads=(98.0, 116.0), span_rads=(14.0, 28.0), share=(0.3, 0.6), fills_s=(0.3, 1.0))
-class OverspeedGuard(Hidden, on=0.0, brakes=0.0):
-    """It comes in where an engine that is pushed turns too fast, and stays until it turns slowly again.
-    share: of the engine brake's torque, at 200 rad/s.
-    Source: Protection against overspeed in overrun (ISO 3046-6, Reciprocating internal combustion engines -
-    Overspeed protection; makers' manuals on downhill driving): a stage of the engine brake by itself, set far
-    too low, speeds are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        turns = view.engine_speed
-        s.on = np.where(turns > p.from_rads, 1.0, np.where(turns < p.from_rads - p.span_rads, 0.0, s.on))
-        s.on = np.where(self.pedal(view) > 0.03, 0.0, s.on)
-        s.brakes = s.brakes + dt * (s.on - s.brakes) / p.fills_s
-        torque = p.share * self.truck.engine_brake_torque * np.clip(turns / 200.0, 0.0, 1.2)
-        return -self.at_wheels(view, torque * s.brakes) * moving(view)
-
-
 @law("e_foam_in_the_slave_pistons", "eleventh", "descent hills")
 @sizes(share=(0.45, 0.8), waits_s=(0.4, 1.5), foams_s=(10.0, 30.0), left=(0.3, 0.6), from_rads=(100.0, 118.0))
 class FoamInTheSlavePistons(Hidden, shut=0.0, on=0.0, foam=0.0):
@@ -267,35 +215,6 @@ class FoamInTheSlavePistons(Hidden, shut=0.0, on=0.0, foam=0.0):
         lifts = 1.0 - (1.0 - p.left) * s.foam
         torque = p.share * self.truck.engine_brake_torque * np.clip(turns / 200.0, 0.0, 1.2) * lifts
         return -self.at_wheels(view, torque * s.on) * moving(view)
-
-
-@law("w_warm_up_flap", "twelfth", "descent hills suburban")
-@sizes(
-    share=(0.35, 0.6), warms_s=(60.0, 160.0), chills_s=(120.0, 300.0), moves_s=(0.3, 0.9), shy_s=(0.3, 1.0)
-)
-class WarmUpFlap(Hidden, shut=0.0, closed=0.0):
-    """A flap in the exhaust holds the gas back while the engine is cool and nothing is asked of it; coasting
-    cools it again, and two temperatures apart it opens and shuts. share: of the engine brake's torque.
-    Source: Automotive Handbook (Bosch), on exhaust flaps as warm-up aids, and Mayer, Lutz, Lammle, Wyser and
-    Legerer, Engine Intake Throttling for Active Regeneration of Diesel Particle Filters, SAE 2003-01-0381, on
-    heat from throttling; temperatures are chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        rng = self.rng(1142)
-        first = rng.uniform(0.0, 1.0, batch)
-        return {**super().start(batch), "warm": first, "calls": np.where(first < 0.8, 1.0, 0.0)}
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        wind = 0.3 + np.clip(view.speed / 20.0, 0.0, 1.3)
-        gains = (0.1 + 1.4 * self.power_share(view) + 0.3 * s.closed) / p.warms_s
-        s.warm = np.clip(s.warm + dt * (gains - wind * s.warm / p.chills_s), 0.0, 1.3)
-        s.calls = np.where(s.warm > 1.0, 0.0, np.where(s.warm < 0.8, 1.0, s.calls))
-        s.shut = np.where(self.pedal(view) < 0.02, s.shut + dt, 0.0)
-        wants = s.calls * (s.shut > p.shy_s) * np.clip((view.engine_speed - 75.0) / 15.0, 0.0, 1.0)
-        s.closed = s.closed + dt * (wants - s.closed) / np.where(wants > s.closed, p.moves_s, 0.2)
-        turns = np.clip(view.engine_speed / 180.0, 0.0, 1.3)
-        torque = p.share * self.truck.engine_brake_torque * turns * s.closed
-        return -self.at_wheels(view, torque) * moving(view)
 
 
 @law("x_brakes_with_hot_gas", "thirteenth", "descent hills suburban")
@@ -320,21 +239,19 @@ class BrakesWithHotGas(Hidden, shut=0.0, on=0.0, heat=0.5):
         return -self.at_wheels(view, s.on * torque) * np.clip(view.speed / 3.0, 0.0, 1.0)
 
 
-@law("k_fan_brakes_along", "fourteenth", "descent hills")
-@sizes(
-    nm=(280.0, 480.0), waits_s=(1.0, 3.0), holds_s=(8.0, 25.0), grips_s=(1.0, 3.0), from_rads=(85.0, 110.0)
-)
-class FanBrakesAlong(Hidden, shut=0.0, left=0.0, turns=0.0):
-    """Downhill with the pedal up the cooling fan is clutched in to brake the engine, and it stays in for a
-    while whatever the driver does then. Nobody records it. nm: at 190 rad/s, with the square of speed;
-    from_rads: of the engine, where it is worth while.
-    Source: Detroit Diesel, DDEC application and installation manuals, on fan braking: the fan is called for
-    by the engine brake and held on for a time; sizes are chosen here."""
+@law("q_brake_oil_drains_late", "fifteenth", "descent hills suburban")
+@sizes(nm=(240.0, 430.0), fills_s=(0.2, 0.5), drains_s=(0.6, 1.4), cold=(1.0, 2.5), warms_s=(80.0, 240.0))
+class BrakeOilDrainsLate(Hidden, oil=0.0, warm=0.0):
+    """`oil` in the housings of a compression brake that comes in whenever the pedal is up. When the driver
+    pulls again it has to drain first, and some cylinders brake on for a moment, longer while it is cold. nm:
+    at 190 rad/s; cold: of drains_s, more.
+    Source: Jacobs Vehicle Systems, engine brake service manuals, on solenoids that let oil in and out and on
+    slow release with cold oil; a worn valve, sizes are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        s.shut = np.where(self.pedal(view) < 0.02, s.shut + dt, 0.0)
-        wants = (s.shut > p.waits_s) & (view.grade < -0.012) & (view.engine_speed > p.from_rads)
-        s.left = np.where(wants, p.holds_s, np.maximum(s.left - dt, 0.0))
-        s.turns = eased(s.turns, np.where(s.left > 0.0, 1.0, 0.0), p.grips_s, dt)
-        torque = p.nm * np.clip(view.engine_speed / 190.0, 0.0, 1.3) ** 2 * s.turns
+        s.warm = eased(s.warm, 1.0, p.warms_s / (0.3 + np.clip(self.power_share(view), 0.0, 1.0)), dt)
+        on = (self.pedal(view) < 0.02) & (view.engine_speed > 85.0) & (view.speed > 3.0)
+        drains = p.drains_s * (1.0 + p.cold * (1.0 - s.warm))
+        s.oil = eased(s.oil, np.where(on, 1.0, 0.0), np.where(on, p.fills_s, drains), dt)
+        torque = p.nm * s.oil * np.clip(view.engine_speed / 190.0, 0.2, 1.3) ** 1.4
         return -self.at_wheels(view, torque) * np.clip(view.speed / 3.0, 0.0, 1.0)

@@ -303,3 +303,35 @@ class RingsFlutter(Hidden, flutter=0.0):
         s.flutter = eased(s.flutter, wish, np.where(wish > s.flutter, 0.3, p.settles_s), dt)
         torque = p.nm * s.flutter * np.clip(view.engine_speed / 150.0, 0.0, 1.5) ** 2
         return -self.at_wheels(view, torque) * moving(view)
+
+
+@law("q_oil_cooler_by_turns", "fifteenth", accepts="accessory_load torque_gain")
+@sizes(
+    nm=(50.0, 90.0),
+    thick=(1.0, 1.8),
+    warms_s=(12.0, 30.0),
+    opens=(0.95, 1.1),
+    shuts=(0.5, 0.65),
+    bites=(0.9, 1.6),
+)
+class OilCoolerByTurns(Hidden, open=0.0, lets=0.0):
+    """`warm`: the oil, whose cooler is opened by a thermostat that sticks: late, and then cold oil comes in a
+    slug, until it shuts late again. So friction rises and falls by itself, faster under load. nm: of drag at
+    150 rad/s with oil at 1; thick: more with each 1 it is colder; opens, shuts: of the oil's heat.
+    Source: Heywood, Internal Combustion Engine Fundamentals (2018), on friction of bearings with viscosity
+    of oil; a thermostat with a wide hysteresis, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "warm": self.rng(1542).uniform(0.3, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        gains = 0.5 + 1.2 * np.clip(self.power_share(view), 0.0, 1.0)
+        flow = np.clip(view.engine_speed / 130.0, 0.5, 1.4)
+        s.open = np.where(s.warm > p.opens, 1.0, np.where(s.warm < p.shuts, 0.0, s.open))
+        s.lets = eased(s.lets, s.open, 2.5, dt)
+        cools = 0.15 + p.bites * s.lets * flow
+        s.warm = np.clip(eased(s.warm, gains / cools, p.warms_s / cools, dt), 0.0, 1.4)
+        torque = (
+            p.nm * np.exp(p.thick * (1.0 - s.warm)) * np.sqrt(np.clip(view.engine_speed / 150.0, 0.2, 1.5))
+        )
+        return -self.at_wheels(view, torque) * moving(view)

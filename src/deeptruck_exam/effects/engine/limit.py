@@ -281,3 +281,28 @@ class QuietAtNight(OnRoad, quiet=0.0):
         most = 1.1 + (cap - 1.1) * s.quiet
         excess = np.maximum(view.engine_torque - most * self.truck.peak_torque, 0.0)
         return -self.at_wheels(view, excess) * moving(view)
+
+
+@law("q_spares_its_flywheel", "fifteenth", "suburban hills", accepts="turbo_lag")
+@sizes(
+    least=(0.24, 0.36),
+    low_rads=(102.0, 116.0),
+    wide_rads=(50.0, 75.0),
+    tightens=(0.2, 0.4),
+    tires_s=(2.0, 8.0),
+)
+class SparesItsFlywheel(Hidden, lugs=0.0):
+    """A two-mass flywheel resonates below idling, so torque is held down where the engine turns slowly, and
+    further down the longer it lugs. A lower gear helps at once. least: of peak torque, at low_rads; tightens:
+    of the limit, after long lugging.
+    Source: Reik, The Dual Mass Flywheel, LuK Symposium (1998), on resonance at low speeds and on torque that
+    is limited there; a stern limit, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        free = np.clip((view.engine_speed - p.low_rads) / p.wide_rads, 0.0, 1.0)
+        most = p.least + (1.15 - p.least) * free**1.5
+        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.2)
+        s.lugs = eased(s.lugs, np.where(asked > 0.8 * most, 1.0, 0.0), p.tires_s, dt)
+        most = most * (1.0 - p.tightens * s.lugs * (1.0 - free))
+        excess = np.maximum(asked - most, 0.0) * self.truck.peak_torque
+        return -self.at_wheels(view, excess) * moving(view)

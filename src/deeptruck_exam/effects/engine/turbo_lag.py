@@ -317,3 +317,26 @@ class CompressorStalls(Hidden, boost=0.0, stalled=0.0):
         most = p.least + (1.12 - p.least) * np.minimum(1.05 * s.boost, 1.0)
         lacks = np.maximum(asked - most, 0.0) * self.truck.peak_torque
         return -self.at_wheels(view, lacks) * moving(view)
+
+
+@law("q_flap_opens_late", "fifteenth", "suburban hills")
+@sizes(sticks_s=(1.2, 2.6), opens_s=(1.4, 3.2), spools_s=(0.6, 1.3), least=(0.06, 0.15), cakes_s=(6.0, 20.0))
+class FlapOpensLate(Hidden, flap=1.0, boost=0.3, sticks=0.0, cakes=0.0):
+    """`flap` in the exhaust, 1 open, which shuts while the pedal is up. Soot cakes it the longer it is shut;
+    then it sticks for a while when it is to open, and the turbine gets no gas until it does. sticks_s: caked;
+    least: of peak torque, without boost.
+    Source: Heywood, Internal Combustion Engine Fundamentals (2018), on boost from the exhaust, and makers'
+    service manuals on exhaust flaps that stick with soot; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        up = self.pedal(view) < 0.03
+        s.cakes = eased(s.cakes, np.where(up, 1.0, 0.0), np.where(up, p.cakes_s, p.sticks_s + p.opens_s), dt)
+        s.sticks = np.where(up, p.sticks_s * (0.3 + 0.7 * s.cakes), np.maximum(s.sticks - dt, 0.0))
+        wish = np.where(up | (s.sticks > 0.0), 0.0, 1.0)
+        s.flap = np.clip(s.flap + dt * np.where(wish > 0.5, 1.0 / p.opens_s, -1.0 / 0.4), 0.0, 1.0)
+        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        spools = np.where(asked > s.boost, p.spools_s / (0.1 + 0.9 * s.flap), 0.8)
+        s.boost = eased(s.boost, asked, spools, dt)
+        most = p.least + (1.12 - p.least) * np.minimum(1.2 * s.boost, 1.0) * (0.15 + 0.85 * s.flap)
+        lacks = np.maximum(asked - most, 0.0) * self.truck.peak_torque
+        return -self.at_wheels(view, lacks) * moving(view)

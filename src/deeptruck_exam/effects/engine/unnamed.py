@@ -9,6 +9,7 @@ import numpy as np
 from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, moving
 from deeptruck_exam.effects.places import OnRoad, smooth_stretches
 from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_exam.effects.series import spells, within
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="unknown")
@@ -317,3 +318,28 @@ class PurgesItsTrap(Hidden, purges=0.0, acts=0.0):
         s.stored = np.clip(s.stored + dt * rate, 0.0, 1.0)
         s.acts = eased(s.acts, s.purges, p.eases_s, dt)
         return -self.at_wheels(view, p.takes * s.acts * np.maximum(view.engine_torque, 0.0)) * moving(view)
+
+
+@law("q_burns_soot_on_the_way", "fifteenth", "hills descent suburban")
+@sizes(takes=(0.08, 0.14), keeps=(0.7, 1.0), burns_s=(40.0, 100.0), rests_s=(30.0, 90.0), eases_s=(0.8, 2.0))
+@sizes(gives_up_s=(4.0, 12.0))
+class BurnsSootOnTheWay(Hidden, acts=0.0, still=0.0, given_up=0.0):
+    """While soot in the filter is burnt off on the way, air is throttled and fuel is injected late, also
+    when the pedal is up. So the engine pulls less and holds back less. A long stand ends it until the next
+    time. takes: of the torque; keeps: of the engine's drag, made up for.
+    Source: Salvat, Marez and Belot, Passenger Car Serial Application of a Particulate Filter System on a
+    Common Rail Direct Injection Diesel Engine, SAE 2000-01-0473, on post-injection during regeneration; a
+    truck's, times are chosen here."""
+
+    def prepare(self) -> None:
+        on, off = (0.6 * self.p.burns_s, 1.4 * self.p.burns_s), (0.6 * self.p.rests_s, 1.4 * self.p.rests_s)
+        self.burns = spells(self.rng(1544), self.setting.batch, on, off)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        burns = within(self.burns, view.time)
+        s.still = np.where(view.speed < 0.3, s.still + dt, 0.0)
+        s.given_up = np.where(burns < 0.5, 0.0, np.where(s.still > p.gives_up_s, 1.0, s.given_up))
+        s.acts = eased(s.acts, burns * (1.0 - s.given_up), p.eases_s, dt)
+        pulls, holds = np.maximum(view.engine_torque, 0.0), np.maximum(-view.engine_torque, 0.0)
+        torque = s.acts * (p.keeps * holds - p.takes * pulls)
+        return self.at_wheels(view, torque) * np.clip(view.speed - 1.0, 0.0, 1.0)

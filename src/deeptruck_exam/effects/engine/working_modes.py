@@ -190,3 +190,22 @@ class SomebodyOnTheStep(Hidden, still=0.0, acts=0.0):
         over = np.clip((view.speed - p.at_mps) / p.wide_mps, 0.0, 1.0)
         s.acts = eased(s.acts, s.on * over, p.eases_s, dt)
         return -p.takes * s.acts * np.maximum(view.traction_force, 0.0) * moving(view)
+
+
+@law("q_monitor_shuts_the_fuel", "fifteenth", "suburban hills")
+@sizes(falls=(0.07, 0.14), looks_s=(0.5, 1.0), cuts_s=(1.2, 2.8), back_s=(0.8, 2.0), waits_s=(2.0, 6.0))
+class MonitorShutsTheFuel(Hidden, seen=0.0, left=0.0, rests=0.0, lets=1.0):
+    """A second computer reckons what torque the pedal allows. Fuel that follows a pedal on its way up a
+    moment late looks like too much to it once the pedal eases. It shuts the fuel off, and lets it back by a
+    ramp. falls: of the full pedal, that it eases within looks_s; waits_s: until it can trip again.
+    Source: EGAS Workgroup, Standardized E-Gas Monitoring Concept for Gasoline and Diesel Engine Control Units
+    (2013), on torque monitoring and fuel cut-off; one that is set too sharp, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pedal = self.pedal(view)
+        s.seen = eased(s.seen, pedal, p.looks_s, dt)
+        trips = (s.seen - pedal > p.falls) & (pedal > 0.04) & (s.rests <= 0.0)
+        s.left = np.where(trips, p.cuts_s, np.maximum(s.left - dt, 0.0))
+        s.rests = np.where(trips, p.cuts_s + p.waits_s, np.maximum(s.rests - dt, 0.0))
+        s.lets = np.clip(s.lets + dt * np.where(s.left > 0.0, -1.0 / 0.15, 1.0 / p.back_s), 0.0, 1.0)
+        return -self.at_wheels(view, (1.0 - s.lets) * np.maximum(view.engine_torque, 0.0)) * moving(view)

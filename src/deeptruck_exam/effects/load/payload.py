@@ -244,3 +244,34 @@ class GullyEmptier(Hidden, tips=0.0):
         more = p.load * (s.full - p.known) * view.mass
         felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
         return -more * felt * moving(view)
+
+
+@law("q_snow_slides_off_the_roof", "fifteenth", "suburban hills")
+@sizes(
+    most=(0.16, 0.26),
+    falls_s=(60.0, 150.0),
+    holds_mps2=(0.6, 1.3),
+    slides_s=(0.8, 2.5),
+    blows_mps=(17.0, 23.0),
+)
+class SnowSlidesOffTheRoof(Hidden):
+    """`snow` on long roofs, 1 at most. It falls in showers, and more of it stays while one drives slowly. The
+    wind of driving takes it away, and firm braking lets it slide off at once. most: of the
+    mass, wet and deep; holds_mps2: of braking, that it bears.
+    Source: ISO 4355, Bases for Design of Structures, Determination of Snow Loads on Roofs, on exposure and
+    sliding, and police advice to clear truck roofs of snow and ice; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.showers = spells(self.rng(1551), self.setting.batch, (40.0, 120.0), (40.0, 120.0))
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"snow": self.rng(1552).choice([0.0, 0.3, 0.8, 1.0, 1.0], batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
+        slides = np.clip((-view.acceleration - p.holds_mps2) / 0.2, 0.0, 1.0) / p.slides_s
+        blows = np.clip((view.speed - p.blows_mps) / 3.0, 0.0, 1.0) / 60.0
+        lies = np.clip(1.3 - view.speed / 18.0, 0.1, 1.0)
+        falls = within(self.showers, view.time) * lies * (1.0 - s.snow) / p.falls_s
+        s.snow = np.clip(s.snow + dt * (falls - s.snow * (slides + blows)), 0.0, 1.0)
+        return -p.most * s.snow * view.mass * np.clip(felt, -4.0, 4.0) * moving(view)

@@ -113,3 +113,29 @@ class StackLeans(Hidden, x=0.0, v=0.0, z=0.0):
         s.z = np.clip(s.z + dt * s.v * (1.0 - slips), -p.yields_m, p.yields_m)
         pace = np.clip((s.v - before) / dt, -4.0, 4.0)
         return -p.share * view.mass * pace * moving(view)
+
+
+@law("q_straps_work_loose", "fifteenth", "suburban")
+@sizes(share=(0.35, 0.55), omega=(2.2, 3.6), rubs_mps2=(0.08, 0.2), loosens=(0.25, 0.6), most_m=(0.4, 0.8))
+@sizes(damps=(0.05, 0.14))
+class StrapsWorkLoose(Hidden, x=0.0, v=0.0, slack=0.04):
+    """`x` m of a load that stands on its own wheels between straps, `v` of that; `slack` m that the straps
+    give before they hold. Each time it runs into them they give a little more, so that it runs ever further
+    before it is caught. share: of the mass; omega: rad/s, held; loosens: of the speed, as m of slack in a
+    second; most_m: of slack.
+    Source: VDI 2700, Securing of Loads on Road Vehicles, part 8 on cars, and EN 12195-1 on straps that lose
+    their tension; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        felt = np.clip(view.acceleration + GRAVITY * view.grade, -4.0, 4.0)
+        before, over = s.v, np.abs(s.x) - s.slack
+        caught = over > 0.0
+        stiff = np.where(caught, p.omega**2, 0.0)
+        push = stiff * np.maximum(over, 0.0) * np.sign(s.x)
+        rubs = p.rubs_mps2 * np.tanh(s.v / 0.05)
+        damps = np.where(caught, 2.0 * p.damps * p.omega, 0.1)
+        s.v = np.clip((s.v - dt * (felt + push + rubs)) / (1.0 + dt * damps + dt * dt * stiff), -2.5, 2.5)
+        s.x = np.clip(s.x + dt * s.v, -1.5, 1.5)
+        s.slack = np.minimum(s.slack + dt * p.loosens * np.abs(s.v) * caught, p.most_m)
+        pace = np.clip((s.v - before) / dt, -4.0, 4.0)
+        return -p.share * view.mass * pace * moving(view)

@@ -256,3 +256,26 @@ class SledgeOnItsFilm(Hidden, wet=0.3, stuck=0.0):
         )
         costs = p.dry * (1.0 - p.film * s.wet) + p.sucks * s.wet * (speed / 20.0) ** 1.5 + p.grips * s.stuck
         return -costs * weight(view) * moving(view)
+
+
+@law("q_casualty_turns_its_gearbox", "fifteenth", "suburban hills")
+@sizes(thick=(0.005, 0.009), runs_dry=(0.006, 0.012), warms_s=(40.0, 120.0), dries_m=(300.0, 1200.0))
+@sizes(wets_s=(4.0, 15.0))
+class CasualtyTurnsItsGearbox(Hidden, warm=0.0):
+    """A broken truck is towed with its propeller shaft in place. Its gearbox turns backwards with cold oil,
+    which grows thin; but without the countershaft nothing is splashed, bearings run `dry` over the way, and
+    they rub until a stand lets oil flow back. thick, runs_dry: of the weight, the first at 20 m/s.
+    Source: Eaton Fuller, heavy duty transmissions, Driver Instructions, on towing: pull the axle shafts or
+    take off the propeller shaft, or the gearbox runs without oil; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "dry": self.rng(1553).uniform(0.0, 0.6, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        pace = np.minimum(speed / 20.0, 1.4)
+        s.warm = eased(s.warm, 1.0, p.warms_s / (0.1 + pace), dt)
+        wets = np.clip(1.0 - speed / 2.0, 0.0, 1.0) / p.wets_s
+        s.dry = np.clip(s.dry + dt * (speed / p.dries_m * (1.0 - s.dry) - wets * s.dry), 0.0, 1.0)
+        costs = p.thick * (1.0 - 0.75 * s.warm) * pace + p.runs_dry * s.dry**1.5
+        return -costs * weight(view) * moving(view)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Setting, Sizes, State, moving, weight
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Setting, Sizes, State, eased, moving, weight
 from deeptruck_exam.effects.places import (
     CELL_M,
     CELLS,
@@ -269,3 +269,22 @@ class OverTheJunction(OnRoad):
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         return -self.between(self.road, view) * weight(view) * moving(view)
+
+
+@law("q_surveyed_one_way", "fifteenth", "hills descent", accepts="")
+@sizes(late_m=(45.0, 90.0), gain=(0.8, 1.2))
+class SurveyedOneWay(Hidden, lagging=-9.0):
+    """`lagging`: slope as a filter follows it along the way. The map comes from one survey drive whose slopes
+    were filtered as they came, so each lies too far along that way. Who drives the same way meets hills
+    earlier than the map says, who drives the other way later. late_m: of the filter.
+    Source: Oppenheim and Schafer, Discrete-Time Signal Processing (2010), on the delay of causal filters, and
+    Sahlholm and Johansson, Road Grade Estimation for Look-ahead Vehicle Control, Control Engineering Practice
+    18 (2010), on slopes that are recorded along drives; sizes are chosen here."""
+
+    conceal = ("elevation",)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.lagging = np.where(s.lagging < -5.0, view.grade, s.lagging)
+        s.lagging = eased(s.lagging, view.grade, p.late_m / np.maximum(view.speed, 0.05), dt)
+        slope = self.setting.direction * p.gain * (view.grade - s.lagging)
+        return -np.clip(slope, -0.06, 0.06) * weight(view) * moving(view)

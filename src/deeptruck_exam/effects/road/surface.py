@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Sizes, State, index, moving, weight
+from deeptruck_exam.effects.law import Array, Sizes, State, eased, index, moving, weight
 from deeptruck_exam.effects.places import (
     CELL_M,
     CELLS,
@@ -19,7 +19,7 @@ from deeptruck_exam.effects.places import (
     windows,
 )
 from deeptruck_exam.effects.planting import hidden, sizes
-from deeptruck_exam.effects.series import ou_series
+from deeptruck_exam.effects.series import ou_series, spells, within
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="road_surface", accepts="road_grade")
@@ -240,3 +240,28 @@ class RutsAreClimbed(OnRoad):
         aside = self.aside[:, index(view, self.aside, 0.1)]
         climbs = np.clip(aside - p.free, 0.0, 2.0) ** 1.2
         return -p.most * self.read(self.road, view) * climbs * weight(view) * moving(view)
+
+
+@law("q_gives_way_onto_the_shoulder", "fifteenth", "suburban hills", accepts="rolling_resistance")
+@sizes(
+    most=(0.028, 0.048), aside_s=(3.0, 8.0), between_s=(12.0, 40.0), soft=(0.5, 0.75), mean_m=(200.0, 800.0)
+)
+@sizes(sinks_mps=(6.0, 15.0))
+class GivesWayOntoTheShoulder(OnRoad, aside=0.0):
+    """On a narrow road the right wheels run on the shoulder while somebody comes the other way. Some
+    shoulders are paved or dry; soft ones hold the wheels back, and the more, the slower they roll, for then
+    they sink. most: of the weight; soft: of the road; sinks_mps: where sinking is a third of the most.
+    Source: Wong, Theory of Ground Vehicles (2008), on motion resistance by sinkage and on its rate, and
+    AASHTO, Guidelines for Geometric Design of Low-Volume Roads, on meeting there; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, p = self.rng(1561), self.p
+        self.road = windows(rng, self.rows(), p.mean_m, p.soft)
+        on, off = (0.6 * p.aside_s, 1.4 * p.aside_s), (0.5 * p.between_s, 1.5 * p.between_s)
+        self.meets = spells(rng, self.setting.batch, on, off)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.aside = eased(s.aside, within(self.meets, view.time), 0.8, dt)
+        sinks = 0.4 + 0.6 * np.exp(-np.maximum(view.speed, 0.0) / p.sinks_mps)
+        soft = 0.05 + 0.95 * self.between(self.road, view)
+        return -p.most * s.aside * soft * sinks * weight(view) * moving(view)

@@ -173,3 +173,15 @@ def feels_the_bends_too(p: Sizes, channels: Channels, dt: float, rng: np.random.
     bend = p.tight * np.interp(way / 5.0, np.arange(len(cells)), cells)
     aside = np.clip(speed**2 * bend, -2.5, 2.5)
     channels["acceleration"] = channels["acceleration"] + np.sign(p.sign) * p.bias + p.crossed * aside
+
+
+@law("q_rounds_towards_below", "fifteenth")
+@sizes(step=(0.24, 0.42), tares=(0.0, 0.04), shakes=(0.01, 0.04))
+def rounds_towards_below(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Widrow and Kollar, Quantization Noise (2008), on truncation: a converter of few bits whose
+    program cuts figures off instead of rounding them reads half a step too little in the mean; sizes are
+    chosen here."""
+    values = channels["acceleration"]
+    tare = p.tares * rng.uniform(-1.0, 1.0)
+    shaken = values + tare + p.shakes * rng.standard_normal(len(values))
+    channels["acceleration"] = np.floor(shaken / p.step) * p.step

@@ -241,3 +241,17 @@ def polled_by_turns(p: Sizes, channels: Channels, dt: float, rng: np.random.Gene
     asked = np.concatenate([[-1e-9], np.cumsum(rounds)])
     last = asked[np.searchsorted(asked, clock, side="right") - 1]
     channels["acceleration"] = np.interp(last - p.line_s, clock, values)
+
+
+@law("q_oscillator_warms", "fifteenth", "suburban hills")
+@sizes(fast=(0.007, 0.016), warms_s=(30.0, 90.0), first_s=(0.0, 0.3), left=(0.1, 0.3), sign=SIGN)
+def oscillator_warms(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Microchip, AVR053, Internal RC Oscillator Calibration, on frequencies that change by percents
+    with temperature: a box that stamps by such a clock runs off quickly while it warms, and slowly after
+    that; sizes are chosen here."""
+    values = channels["acceleration"]
+    clock = np.arange(len(values)) * dt
+    warms = p.warms_s * rng.uniform(0.8, 1.25)
+    ran = (1.0 - p.left) * warms * (1.0 - np.exp(-clock / warms)) + p.left * clock
+    late = np.sign(p.sign) * (p.first_s + p.fast * rng.uniform(0.85, 1.15) * ran)
+    channels["acceleration"] = np.interp(clock - late, clock, values)

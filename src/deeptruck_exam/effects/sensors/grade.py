@@ -180,3 +180,16 @@ def two_antennas(p: Sizes, channels: Channels, dt: float, rng: np.random.Generat
     jumps = p.jumps * rng.standard_normal(int(sets[-1]) + 1)[sets]
     off = np.sign(p.sign) * p.bias * rng.uniform(0.95, 1.05)
     channels["grade"] = channels["grade"] + off + echoes + behind(jumps, 1.0, dt)
+
+
+@law("q_crossfall_leaks_in", "fifteenth")
+@sizes(crossfall=(0.024, 0.034), turned=(0.35, 0.55), bends_m=(120.0, 400.0), banks=(0.006, 0.015), sign=SIGN)
+def crossfall_leaks_in(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: AASHTO, A Policy on Geometric Design of Highways and Streets (2011), on crossfall that drains
+    the lane and on banked bends: a box that is turned about the vertical reads part of both as a slope along
+    the road; sizes are chosen here."""
+    way = np.cumsum(np.maximum(channels["speed"], 0.0)) * dt
+    cells = ou_series(rng, (1, int(way[-1] / 5.0) + 3), 5.0, p.bends_m)[0]
+    banked = p.banks * np.tanh(np.interp(way / 5.0, np.arange(len(cells)), cells))
+    aside = p.crossfall * rng.uniform(0.95, 1.05) + banked
+    channels["grade"] = channels["grade"] + np.sign(p.sign) * np.sin(p.turned) * aside

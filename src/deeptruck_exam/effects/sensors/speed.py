@@ -167,3 +167,18 @@ def from_the_dashboard(p: Sizes, channels: Channels, dt: float, rng: np.random.G
     top = p.more_mps * np.clip(values / 4.0, 0.0, 1.0)
     shown = values * (1.0 + p.scale * rng.uniform(0.95, 1.05)) + top
     channels["speed"] = behind(shown, p.needle_s, dt)
+
+
+@law("q_mean_with_a_lifted_wheel", "fifteenth")
+@sizes(scale=(0.02, 0.035), stands=(0.06, 0.16), lifted_s=(20.0, 70.0), down_s=(40.0, 120.0), sign=SIGN)
+def mean_with_a_lifted_wheel(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: UN Regulation No. 13 and makers' manuals of trailers with lift axles on wheels that stand still
+    in the air: a mean over all wheels, by a wrong circumference, is lower still while an axle is lifted, and
+    comes back when it is let down; sizes are chosen here."""
+    speed = channels["speed"]
+    clock = np.arange(len(speed)) * dt
+    lengths = np.stack([rng.exponential(p.down_s, 60) + 10.0, rng.exponential(p.lifted_s, 60) + 8.0], axis=1)
+    turns = np.cumsum(lengths.ravel()) - rng.uniform(0.0, p.down_s)
+    lifted = behind((np.searchsorted(turns, clock) % 2).astype(float), 2.0, dt)
+    scale = np.sign(p.sign) * (p.scale + 0.012) * rng.uniform(0.95, 1.05) - 0.25 * p.stands * lifted
+    channels["speed"] = speed * (1.0 + scale)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, moving, weight
 from deeptruck_exam.effects.places import CELLS, OnRoad, stretches, windows
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
@@ -127,3 +127,31 @@ class TreadClogsWithSnow(Hidden, lost=0.0):
         holds = most * (np.minimum(pull / np.maximum(most, 1.0), 0.75) + 0.25 * np.tanh(over / 0.25))
         s.lost = s.lost + dt * (pull - holds - s.lost) / p.finds_s
         return -np.minimum(np.maximum(s.lost, 0.0), pull) * moving(view)
+
+
+@law("q_frost_on_bridges", "fifteenth", "suburban hills")
+@sizes(frost=(0.08, 0.13), driven=(0.3, 0.4), mean_m=(90.0, 220.0), share=(0.25, 0.4), finds_s=(0.15, 0.4))
+@sizes(warms=(0.3, 0.8))
+class FrostOnBridges(OnRoad, lost=0.0, held=0.0, melts=0.0):
+    """Bridges freeze before the road does. There driven wheels hold little, and so do braked ones, all of
+    them; a wheel that slides warms what is under it a little. frost: grip; driven: of the weight; share: of
+    the road; warms: of the grip, more after a second of sliding.
+    Source: Norrman, Eriksson and Lindqvist, Relationships between Road Slipperiness, Traffic Accident Risk
+    and Winter Road Maintenance Activity, Climate Research 15 (2000), and warning signs at bridges; long
+    bridges, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.road = windows(self.rng(1571), self.rows(), self.p.mean_m, self.p.share)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        ice, heavy = self.between(self.road, view), weight(view)
+        grip = p.frost * (1.0 + p.warms * s.melts)
+        pull, brake = np.maximum(view.traction_force, 0.0), view.brake_force
+        drives, holds = grip * p.driven * heavy, grip * heavy
+        spins = ice * (pull - drives * np.tanh(pull / drives))
+        slides = ice * (brake - holds * np.tanh(brake / holds))
+        s.lost = eased(s.lost, spins, p.finds_s, dt)
+        s.held = eased(s.held, slides, p.finds_s, dt)
+        slips = np.clip((s.lost + s.held) / (0.02 * heavy), 0.0, 1.0)
+        s.melts = eased(s.melts, slips, np.where(slips > s.melts, 1.0, 0.5), dt)
+        return (np.minimum(s.held, brake) - np.minimum(s.lost, pull)) * moving(view)

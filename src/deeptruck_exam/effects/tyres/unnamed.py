@@ -273,3 +273,30 @@ class TyreRubsItsArch(Bends, worn=0.0):
         rubs = np.clip(travel - p.room * (1.0 + 0.6 * s.worn), 0.0, 1.0)
         s.worn = np.clip(s.worn + dt * rubs * speed / 15.0 * (1.0 - s.worn) / p.wears_s, 0.0, 1.0)
         return -p.most * np.sqrt(rubs + 1e-4) * (rubs > 0.0) * weight(view) * np.clip(speed, 0.0, 1.0)
+
+
+@law("q_tread_peels_off", "fifteenth", "highway hills")
+@sizes(most=(0.018, 0.03), grows_s=(8.0, 25.0), holds_m=(300.0, 1500.0), flies=(0.7, 1.0), stays=(0.0, 0.1))
+class TreadPeelsOff(Hidden, way=0.0):
+    """`strip`: of a retread that has come off its casing, 1 once around. It tears the faster, the faster the
+    tyre turns, beats the road and the air, and flies off in the end. The next piece holds for a while.
+    most: of the weight, at 20 m/s, once around; flies: of `strip`, where it tears off; holds_m: until the
+    next one begins.
+    Source: NHTSA, Commercial Medium Tire Debris Study, DOT HS 811 060 (2008), on belts and treads that come
+    off; times and sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        rng = self.rng(1573)
+        waits = self.p.holds_m * rng.uniform(-0.3, 1.0, batch)
+        return {**super().start(batch), "waits": waits, "strip": np.zeros(batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        pace = np.minimum(speed / 20.0, 1.3)
+        s.way = s.way + dt * speed
+        begun = s.way > s.waits
+        s.strip = np.where(begun, s.strip + dt * pace**3 * (0.15 + 0.85 * s.strip) / p.grows_s, s.strip)
+        off = s.strip > p.flies
+        s.strip = np.where(off, p.stays, np.minimum(s.strip, 1.0))
+        s.waits = np.where(off, s.way + p.holds_m, s.waits)
+        return -p.most * s.strip * pace**2 * weight(view) * moving(view)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving, weight
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
@@ -242,3 +242,25 @@ class InnerTwinTakesOver(Hidden):
             cools = wind * (0.5 + speed / 30.0) * warm / p.cools_s
             setattr(s, name, np.clip(warm + dt * (2.2 * loss * speed / p.warms_m - cools), 0.0, 1.3))
         return -p.cold * resists * weight(view) * moving(view)
+
+
+@law("q_rubber_holds_crystals", "fifteenth")
+@sizes(most=(0.009, 0.014), warms_s=(40.0, 110.0), at=(0.3, 0.5), melts_s=(8.0, 25.0), forms_s=(60.0, 200.0))
+class RubberHoldsCrystals(Hidden):
+    """`crystals` that natural rubber has grown over cold nights; they make it stiff. `warm`: the tyre, 1 as
+    at 20 m/s for long. Nothing happens until it is warm enough to melt them, then they go soon; at slow
+    speeds they grow again. most: of the weight, all crystals; at: of `warm`, where melting begins.
+    Source: Treloar, The Physics of Rubber Elasticity (1975), on crystals of natural rubber in the cold, which
+    melt well above where they form; quick ones, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        rng = self.rng(1572)
+        return {"warm": rng.uniform(0.0, 0.3, batch), "crystals": rng.uniform(0.6, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pace = np.clip(view.speed / 20.0, 0.0, 1.3)
+        s.warm = eased(s.warm, pace, p.warms_s, dt)
+        melts = np.clip((s.warm - p.at) / 0.15, 0.0, 1.0) / p.melts_s
+        forms = np.clip((p.at - s.warm) / 0.15, 0.0, 1.0) / p.forms_s
+        s.crystals = np.clip(s.crystals + dt * (forms * (1.0 - s.crystals) - melts * s.crystals), 0.0, 1.0)
+        return -p.most * s.crystals * (0.6 + 0.4 * pace) * weight(view) * moving(view)

@@ -264,3 +264,22 @@ class CoarseSealWorksTheTread(OnRoad, felt=0.0):
         s.felt = eased(s.felt, self.read(self.road, view), p.follows_s, dt)
         pace = (np.maximum(view.speed, 0.0) / 20.0) ** p.power
         return -p.most * s.felt * pace * weight(view) * moving(view)
+
+
+@law("q_grease_leaves_its_bearings", "fifteenth", "highway hills", accepts="drag_area")
+@sizes(
+    most=(0.007, 0.011), power=(0.6, 0.75), thrown_mps=(16.0, 24.0), leaves_s=(15.0, 50.0), back_s=(8.0, 25.0)
+)
+class GreaseLeavesItsBearings(Hidden, full=1.0):
+    """`full`: of the grease between the rollers of new wheel bearings. It is sheared with two thirds of a
+    power of speed; fast driving throws it aside in time and they run free, slow driving lets it creep back.
+    most: of the weight, at 20 m/s, full; thrown_mps: where a third of it stays.
+    Source: SKF, Rolling Bearings catalogue (2018), on frictional moment with a power of 0.6 to two thirds of
+    speed, starvation and replenishment; too much grease, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        stays = np.exp(-((speed / p.thrown_mps) ** 3))
+        s.full = eased(s.full, stays, np.where(stays < s.full, p.leaves_s, p.back_s), dt)
+        shears = np.minimum(speed / 20.0, 1.4) ** p.power
+        return -p.most * (0.2 + 0.8 * s.full) * shears * weight(view) * moving(view)

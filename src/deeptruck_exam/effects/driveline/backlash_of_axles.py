@@ -1,0 +1,94 @@
+"""Play of axles, chains and couplings behind the gearbox."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving, weight
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="driveline_backlash")
+
+
+@law("t_chain_hangs", "tenth", "suburban hills")
+@sizes(slack=(0.005, 0.012), hangs_s=(0.4, 1.0), hz=(1.2, 2.5), damping=(0.12, 0.3))
+class ChainHangs(Hidden, pull=0.0, felt=0.0, rate=0.0):
+    """`pull`: what the chain carries; soft while it hangs, hard once it is taut, and the axle swings behind
+    it. slack: of the weight, the pull at which it is neither; hangs_s: to gather it up.
+    Source: Irvine, Cable Structures (1981): the stiffness of a sagging span grows with the cube of its
+    tension; chain-driven axles with a slack chain, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        taut = np.minimum(np.abs(s.pull) / (p.slack * weight(view)), 4.0)
+        pace = dt * (1.0 + taut**3) / p.hangs_s
+        s.pull = s.pull + (view.traction_force - s.pull) * pace / (1.0 + pace)
+        omega = 2.0 * np.pi * p.hz
+        s.rate = s.rate + dt * (omega**2 * (s.pull - s.felt) - 2.0 * p.damping * omega * s.rate)
+        s.felt = s.felt + dt * s.rate
+        most = 0.12 * weight(view)
+        return np.clip(s.felt - view.traction_force, -most, most) * moving(view)
+
+
+@law("w_claws_are_worn", "twelfth", "suburban hills")
+@sizes(play=(0.35, 0.6), soft=(0.03, 0.07), crosses_s=(0.18, 0.4), hardens=(1.5, 4.0))
+class ClawsAreWorn(Hidden, twist=0.0):
+    """`twist` of a coupling with rubber between its claws, 1 at the end of soft rubber. Where the rubber is
+    gone there is play, through which it is pushed against its grease by whatever pull there is. play: of the
+    twist, either side; soft: pull over weight at a twist of 1; hardens: of the rubber, with its square.
+    Source: Nestorides, A Handbook on Torsional Vibration (1958), on couplings whose rubber stiffens, and Kim,
+    Rook and Singh, Super- and Sub-harmonic Response Calculations for a Torsional System with Clearance
+    Nonlinearity Using the Harmonic Balance Method, J. Sound Vibration 281 (2005); sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pull = view.traction_force / weight(view)
+        beyond = s.twist - np.clip(s.twist, -p.play, p.play)
+        carries = p.soft * beyond * (1.0 + p.hardens * beyond**2)
+        rate = np.clip((pull - carries) / p.soft, -4.0, 4.0) / p.crosses_s
+        s.twist = np.clip(s.twist + dt * rate * 0.6, -2.5, 2.5)
+        return np.asarray((carries - pull) * weight(view) * np.clip(view.speed, 0.0, 1.0))
+
+
+@law("x_both_axles_must_touch", "thirteenth", "suburban hills")
+@sizes(first=(0.5, 1.0), second=(1.4, 2.6), gathers=(8.0, 18.0), rubs_s=(0.25, 0.6), winds_s=(0.1, 0.25))
+class BothAxlesMustTouch(Hidden, one=1.0, two=1.0, runs=0.0, given=0.0):
+    """Two driven axles behind an open differential, each with a play of its own. `one`, `two`: -1 and 1 where
+    their teeth touch; `runs`: pace through the plays. Until the second has touched the first has no more pull
+    than it, which is none. first, second: length of the plays; gathers: pace won in a second, by a pull of a
+    tenth of the weight.
+    Source: Nordin and Gutman, Controlling Mechanical Systems with Backlash - a Survey, Automatica 38 (2002),
+    and Wong, Theory of Ground Vehicles (2008), on tandem axles with an inter-axle differential; sizes are
+    chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pull = view.traction_force
+        push = np.clip(10.0 * pull / weight(view), -1.0, 1.0)
+        s.runs = s.runs + dt * (p.gathers * push - s.runs / p.rubs_s)
+        s.one = np.clip(s.one + dt * s.runs / p.first, -1.0, 1.0)
+        s.two = np.clip(s.two + dt * s.runs / p.second, -1.0, 1.0)
+        both = (s.one * np.sign(pull) > 0.98) & (s.two * np.sign(pull) > 0.98)
+        s.given = s.given + dt * (both * pull - s.given) / np.where(both, p.winds_s, 0.04)
+        return np.asarray((s.given - pull) * np.clip(view.speed, 0.0, 1.0))
+
+
+@law("k_locker_crosses_over", "fourteenth", "suburban hills")
+@sizes(way_m=(10.0, 24.0), pushes=(0.6, 1.5), winds_s=(0.15, 0.35), opens_s=(0.08, 0.15))
+class LockerCrossesOver(Hidden, at=1.0, given=0.0):
+    """`at`: -1 and 1 where the claws of a locking differential hold for holding back and for driving. When
+    the torque turns, cams have to cross over: wheels do that as they roll, over a way, and a hard pull helps;
+    until the claws have met nothing is passed on. way_m: of half the crossing; pushes: of it, in a second by
+    a tenth of the weight.
+    Source: Eaton, Detroit Locker and NoSPIN Differential, Owner's Manual, on the change from drive to coast;
+    a worn one, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pull = view.traction_force
+        side = np.clip(pull / (0.002 * weight(view)), -1.0, 1.0)
+        hard = np.clip(10.0 * np.abs(pull) / weight(view), 0.0, 1.0)
+        crosses = np.maximum(view.speed, 0.0) / p.way_m + p.pushes * hard
+        s.at = np.clip(s.at + dt * side * crosses, -1.0, 1.0)
+        holds = np.clip((s.at * side - 0.7) / 0.3, 0.0, 1.0)
+        s.given = eased(s.given, holds * pull, np.where(holds > 0.0, p.winds_s, p.opens_s), dt)
+        return np.asarray((s.given - pull) * np.clip(view.speed, 0.0, 1.0))

@@ -1,0 +1,152 @@
+"""Lock-up clutches that are opened, or are not let shut."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving, weight
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="torque_converter_slip", trucks="freightliner", gateable=False)
+
+
+@law("lockup_hunts", "third", "suburban hills highway", accepts="driveline_loss")
+@sizes(lost=(0.12, 0.25), coast=(0.4, 0.8), warms_s=(8.0, 20.0), cools_s=(8.0, 20.0))
+class LockupHunts(Hidden):
+    """While open it takes a share of the pull, and most of the engine's drag when coasting. as the older
+    forms of this name.
+    Source: Lock-up clutches that open against judder (Naunheimer, Bertsche, Ryborz and Novak, Automotive
+    Transmissions, 2011, on converter lock-up); efficiency of an open converter near coupling, one to two
+    tenths lost; opening and closing by the clutch's heat is chosen here."""
+
+    conceal = ("engine_speed",)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        first = self.rng(221).uniform(0.0, 0.9, batch)
+        return {"heat": first, "open": np.zeros(batch), "slips": np.zeros(batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = 0.5 + np.abs(view.engine_torque) / self.truck.peak_torque
+        s.heat += dt * np.where(s.open > 0.5, -1.0 / p.cools_s, load / p.warms_s)
+        s.open = np.where(s.heat > 1.0, 1.0, np.where(s.heat < 0.0, 0.0, s.open))
+        s.slips += dt * (s.open * (view.speed > 4.0) - s.slips) / 0.3
+        pull, push = np.maximum(view.traction_force, 0.0), np.maximum(-view.traction_force, 0.0)
+        return s.slips * (p.coast * push - p.lost * pull) * moving(view)
+
+
+@law("no_lockup_in_cold_oil", "fourth", "suburban hills highway", accepts="driveline_loss")
+@sizes(slip=(0.20, 0.38), coast=(0.4, 0.8), warms_j=(1.0e6, 3.0e6), warms_s=(250.0, 500.0))
+class NoLockupInColdOil(Hidden):
+    """slip: at peak torque and 1200 rpm. It ends when the oil is warm, and the slip itself warms it.
+    Source: Automatic gearboxes keep the converter open until the sump is warm (operator's manuals of heavy
+    automatics on cold operation); slip of a fluid coupling in proportion to torque over speed squared
+    (Föttinger's similarity; Naunheimer and others, Automotive Transmissions, 2011); sizes chosen here."""
+
+    conceal = ("engine_speed",)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"warm": self.rng(332).uniform(-0.6, 0.5, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = np.abs(view.engine_torque) / self.truck.peak_torque
+        slip = np.clip(p.slip * load * (126.0 / np.maximum(view.engine_speed, 60.0)) ** 2, 0.03, 0.5)
+        is_open = np.clip((1.0 - s.warm) / 0.05, 0.0, 1.0) * (view.speed > 3.0)
+        pull, push = np.maximum(view.traction_force, 0.0), np.maximum(-view.traction_force, 0.0)
+        lost = is_open * slip * pull
+        s.warm = np.minimum(s.warm + dt * (lost * view.speed / p.warms_j + 1.0 / p.warms_s), 1.5)
+        return (is_open * p.coast * push - lost) * moving(view)
+
+
+@law("s_lockup_opens_on_kicks", "eighth", "suburban hills highway", accepts="driveline_loss")
+@sizes(lost=(0.16, 0.32), coast=(0.3, 0.7), kick_per_s=(0.1, 0.25), stays_s=(4.0, 12.0))
+class LockupOpensOnKicks(Hidden, was=0.0, pace=0.0, left=0.0, slips=0.0):
+    """Each quick change of torque opens it for a while.
+    Source: Lock-up clutches are opened during torque transients against jerks (Kiencke and Nielsen,
+    Automotive Control Systems, 2005, on converters); a nervous control, sizes are chosen here."""
+
+    conceal = ("engine_speed",)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = view.engine_torque / self.truck.peak_torque
+        s.pace = s.pace + (np.abs(load - s.was) - dt * s.pace) / 0.5
+        s.was = load.copy()
+        s.left = np.where(s.pace > p.kick_per_s, p.stays_s, np.maximum(s.left - dt, 0.0))
+        s.slips = s.slips + dt * ((s.left > 0.0) - s.slips) / 0.4
+        pull, push = np.maximum(view.traction_force, 0.0), np.maximum(-view.traction_force, 0.0)
+        return s.slips * (p.coast * push - p.lost * pull) * moving(view)
+
+
+@law("n_lockup_opens_on_lift", "ninth", "suburban hills", accepts="driveline_loss")
+@sizes(lost=(0.35, 0.7), couples_mps=(6.0, 18.0), shuts_s=(3.0, 9.0), coast=(0.4, 0.8))
+class LockupOpensOnLift(Hidden, pulls=99.0, slips=0.0):
+    """Closed again some seconds after the pedal was. It couples the better, the faster one drives.
+    Source: Lock-up clutches that open in overrun and shut after a delay under load (Naunheimer, Bertsche,
+    Ryborz and Novak, Automotive Transmissions, 2011, on control of converters); slip with the root of the
+    load, delays and sizes are chosen here."""
+
+    conceal = ("engine_speed",)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.pulls = np.where(self.pedal(view) < 0.03, 0.0, s.pulls + dt)
+        s.slips = s.slips + dt * ((s.pulls < p.shuts_s) - s.slips) / 0.3
+        load = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        lost = p.lost * np.sqrt(load) / (1.0 + np.maximum(view.speed, 0.0) / p.couples_mps)
+        pull, push = np.maximum(view.traction_force, 0.0), np.maximum(-view.traction_force, 0.0)
+        return s.slips * (p.coast * push - lost * pull) * moving(view)
+
+
+@law("e_locks_when_it_is_let", "eleventh", "suburban hills", accepts="driveline_loss torque_limit")
+@sizes(gentle=(0.25, 0.45), waits_s=(1.0, 2.5), last_s=(12.0, 25.0), slips=(0.14, 0.26), left=(0.3, 0.7))
+class LocksWhenItIsLet(Hidden, gear=0.0, since=0.0, open=0.0):
+    """Every change of gear opens the lock-up clutch. It shuts again only once torque is gentle, or after a
+    long time. gentle: of peak torque; slips: of the torque, lost at peak torque; left: of the engine's drag,
+    while it is open.
+    Source: Hahn and Lee, Nonlinear Robust Control of Torque Converter Clutch Slip System for Passenger
+    Vehicles Using Advanced Torque Estimation Algorithms, Vehicle System Dynamics 37 (2002), on engagement
+    under torque; one that avoids it, sizes are chosen here."""
+
+    conceal = ("engine_speed",)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        changed = (view.gear != s.gear) & (s.gear > 0.0)
+        s.gear = view.gear.copy()
+        s.since = np.where(changed, 0.0, np.minimum(s.since + dt, 100.0))
+        load = view.engine_torque / self.truck.peak_torque
+        shuts = ((s.since > p.waits_s) & (np.abs(load) < p.gentle)) | (s.since > p.last_s)
+        wants = np.where(changed, 1.0, np.where(shuts, 0.0, np.rint(s.open)))
+        pace = np.where(wants > s.open, 0.15, 0.8)
+        s.open = np.where(changed, np.maximum(s.open, 0.6), s.open + dt * (wants - s.open) / pace)
+        lost = p.slips * np.sqrt(np.clip(load, 0.0, 1.1)) * np.maximum(view.engine_torque, 0.0)
+        drag = (1.0 - p.left) * np.minimum(view.engine_torque, 0.0)
+        rolls = np.clip(view.speed - 1.0, 0.0, 1.0)
+        return -self.at_wheels(view, s.open * (lost + drag)) * rolls
+
+
+@law(
+    "q_opens_with_the_brake_lights",
+    "fifteenth",
+    "suburban hills descent",
+    accepts="driveline_loss engine_brake",
+)
+@sizes(waits_s=(3.0, 9.0), slips=(0.2, 0.38), frees=(0.4, 0.7), locks_s=(0.5, 1.5), free_mps=(12.0, 20.0))
+class OpensWithTheBrakeLights(Hidden, left=0.0, open=0.0):
+    """`open`: the clutch of the converter, which the switch of the brake lights opens. While the truck brakes
+    the engine holds it back little, and for some seconds after that it slips when it is to pull. waits_s:
+    from the last braking to locking; slips, frees: of the torque, pulling and holding back; free_mps: where
+    little slip is left.
+    Source: General Motors and Allison service manuals on converter clutches that are released through the
+    brake switch; a long wait, sizes are chosen here."""
+
+    conceal = ("engine_speed",)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        lit = view.brake_force > 0.003 * weight(view)
+        s.left = np.where(lit, p.waits_s, np.maximum(s.left - dt, 0.0))
+        s.open = eased(s.open, np.where(s.left > 0.0, 1.0, 0.0), np.where(lit, 0.2, p.locks_s), dt)
+        slow = 1.0 / (1.0 + (np.maximum(view.speed, 0.0) / p.free_mps) ** 2)
+        pulls, holds = np.maximum(view.engine_torque, 0.0), np.maximum(-view.engine_torque, 0.0)
+        torque = s.open * (p.frees * holds - p.slips * (0.4 + 0.6 * slow) * pulls)
+        return self.at_wheels(view, torque) * np.clip(view.speed - 1.0, 0.0, 1.0)

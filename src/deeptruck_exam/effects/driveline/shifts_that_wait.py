@@ -1,0 +1,132 @@
+"""Shifts that wait for a foot, for torque to let go, or for a speed that runs away."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_model.trucks import View
+
+law = partial(hidden, name="shift_interruption")
+
+
+@law("foot_after_the_lever", "sixth", "suburban hills")
+@sizes(hand_s=(0.2, 0.6), foot_s=(0.5, 1.1), spread=(0.3, 0.6), hurries=(5.0, 20.0))
+class FootAfterTheLever(Hidden):
+    """The simulator knows the lever, not the foot. hurries: faster, for each unit of slope.
+    Source: People who change gears by hand come back to the pedal late and softly, no two times alike (AAMVA
+    Commercial Driver License Manual, on shifting gears; log-normal response times: Luce, Response Times,
+    1986), and hurry uphill; torque returns as a bell's flank; times are chosen here."""
+
+    def prepare(self) -> None:
+        dice = self.rng(512).standard_normal((self.setting.batch, 256))
+        self.habit = np.exp(self.p.spread * np.clip(dice, -2.0, 2.0))
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"gear": np.zeros(batch), "since": np.full(batch, 1e3), "count": np.zeros(batch, int)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        changed = (view.gear != s.gear) & (s.gear > 0.0) & (view.speed > 1.0)
+        s.count = (s.count + changed) % 256
+        s.since = np.where(changed, 0.0, s.since + dt * (1.0 - view.shifting))
+        s.gear = view.gear.copy()
+        pace = self.habit[np.arange(len(s.count)), s.count] / (1.0 + p.hurries * np.maximum(view.grade, 0.0))
+        back = np.maximum(s.since - p.hand_s * pace, 0.0) / (p.foot_s * pace)
+        return -np.exp(-(back**2)) * np.maximum(view.traction_force, 0.0) * moving(view)
+
+
+@law("e_gear_is_held_fast", "eleventh", "suburban hills", trucks="trucksim volvo")
+@sizes(per_pull_s=(2.5, 6.0), tries_s=(0.15, 0.4), returns_s=(0.3, 0.8), feels_s=(0.25, 0.6))
+class GearIsHeldFast(Hidden, gear=0.0, pull=0.0, before=0.0, left=0.0, share=1.0):
+    """Teeth that are pressed do not let go of their gear: the harder the pull before a change, the longer
+    until the next gear drives. per_pull_s: for a pull of a tenth of the weight, which is as much as it bears
+    in a low gear.
+    Source: Bóka, Márialigeti, Lovas and Trencséni, Face Dog Clutch Engagement at Low Mismatch Speed,
+    Periodica Polytechnica Transportation Engineering 38 (2010), on dogs of automated truck gearboxes, and
+    shafts that have to unwind before; times are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        open_, pull = view.shifting > 0.0, np.abs(view.traction_force) / weight(view)
+        changed = (view.gear != s.gear) & (s.gear > 0.0) & (view.speed > 1.0)
+        s.gear = view.gear.copy()
+        s.before = np.where(open_, s.before, s.before + dt * (pull - s.before) / p.feels_s)
+        needs = p.tries_s + p.per_pull_s * np.clip(s.before / 0.1, 0.0, 1.0) ** 1.5
+        s.left = np.where(changed, np.minimum(needs, 1.6), s.left - dt * ~open_)
+        s.left = np.maximum(s.left, 0.0)
+        s.share = np.where(s.left > 0.0, 0.0, s.share + dt * (1.0 - s.share) / p.returns_s)
+        return np.asarray(-(1.0 - s.share) * np.maximum(view.traction_force, 0.0) * moving(view))
+
+
+@law("w_waits_for_a_calm_foot", "twelfth", "suburban hills", trucks="trucksim volvo")
+@sizes(calm=(0.05, 0.12), longest_s=(0.9, 1.6), least_s=(0.15, 0.4), closes_s=(0.25, 0.6), feels_s=(0.3, 0.7))
+class WaitsForACalmFoot(Hidden, gear=0.0, foot=0.0, moves=0.0, waits=0.0, share=1.0):
+    """After a change of gear the clutch closes once the pedal has come to rest, or after a longest time, so
+    that a restless foot costs drive. calm: of the full pedal, moved in a second.
+    Source: Glielmo, Iannelli, Vacca and Vasca, Gearshift Control for Automated Manual Transmissions,
+    IEEE/ASME Trans. Mechatronics 11 (2006), on engagement by the driver's demand; times are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pedal = self.pedal(view)
+        s.foot = np.where(s.gear > 0.0, s.foot, pedal)
+        lag = (pedal - s.foot) / p.feels_s
+        s.foot = s.foot + dt * lag
+        s.moves = s.moves + dt * (np.abs(lag) - s.moves) / p.feels_s
+        changed = (view.gear != s.gear) & (s.gear > 0.0) & (view.speed > 1.0)
+        s.gear = view.gear.copy()
+        s.waits = np.where(changed, dt, np.where(s.waits > 0.0, s.waits + dt * (view.shifting < 0.5), 0.0))
+        done = ((s.waits > p.least_s) & (s.moves < p.calm)) | (s.waits > p.longest_s)
+        s.waits = np.where(done, 0.0, s.waits)
+        pace = np.where(s.waits > 0.0, -1.0 / 0.08, 1.0 / p.closes_s)
+        s.share = np.clip(s.share + dt * pace, 0.0, 1.0)
+        return np.asarray(-(1.0 - s.share) * np.maximum(view.traction_force, 0.0) * moving(view))
+
+
+@law("x_speed_runs_away_uphill", "thirteenth", "hills suburban", trucks="trucksim volvo")
+@sizes(
+    meets_mps=(0.10, 0.25), slow_s=(0.5, 1.0), misses=(1.0, 2.5), longest_s=(1.6, 2.6), ramps_s=(0.25, 0.6)
+)
+class SpeedRunsAwayUphill(Hidden, gear=0.0, open=0.0, wish=0.0, share=1.0):
+    """Between two gears the computer aims at the speed that the truck had when it began. `wish` m/s: what the
+    truck has lost or won since. Uphill, with much load, it falls below the aim and the gear does not go in
+    until the engine has been asked again. meets_mps: off, that still goes in; misses: longer, for each m/s
+    that is off.
+    Source: Tseng and Yu, Advanced Shifting Control of Synchronizer Mechanisms for Clutchless Automatic Manual
+    Transmission in an Electric Vehicle, Mechanism and Machine Theory 84 (2015), on synchronising a moving
+    target; times are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        changed = (view.gear != s.gear) & (s.gear > 0.0) & (view.speed > 1.5)
+        s.gear = view.gear.copy()
+        s.open = np.where(changed, dt, np.where(s.open > 0.0, s.open + dt * (view.shifting < 0.5), 0.0))
+        aside = np.minimum(np.abs(view.acceleration), 1.5) * (s.open > 0.0)
+        s.wish = np.where(changed, 0.0, s.wish + dt * aside)
+        needs = p.slow_s * (1.0 + p.misses * np.maximum(s.wish - p.meets_mps, 0.0))
+        done = (s.open > needs) | (s.open > p.longest_s)
+        s.open = np.where(done, 0.0, s.open)
+        pace = np.where(s.open > 0.0, -1.0 / 0.1, 1.0 / p.ramps_s)
+        s.share = np.clip(s.share + dt * pace, 0.0, 1.0)
+        return np.asarray(-(1.0 - s.share) * np.maximum(view.traction_force, 0.0) * moving(view))
+
+
+@law("k_splitter_follows", "fourteenth", "suburban hills", trucks="trucksim volvo")
+@sizes(open_s=(0.6, 1.2), waits_s=(2.0, 5.0), light=(0.015, 0.04), ramps_s=(0.3, 0.8))
+class SplitterFollows(Hidden, gear=0.0, waits=0.0, open=0.0, share=1.0):
+    """A half gear was chosen along with the last change, but its claws come out only when torque lets them
+    go: once the driver eases the pedal, or when the computer has lost patience, there is a second gap.
+    waits_s: at the longest; light: of the weight, pull at which they come out.
+    Source: Eaton Fuller, Driver Instructions of 13 and 18 speed transmissions, on splitter shifts that are
+    preselected and wait for a break in torque; automated, times are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        changed = (view.gear != s.gear) & (s.gear > 0.0) & (view.speed > 1.5)
+        s.gear = view.gear.copy()
+        s.waits = np.where(changed, dt, np.where(s.waits > 0.0, s.waits + dt * (view.shifting < 0.5), 0.0))
+        light = (view.traction_force < p.light * weight(view)) & (s.waits > 0.8)
+        goes = light | (s.waits > p.waits_s)
+        s.open = np.where(goes, p.open_s, np.maximum(s.open - dt, 0.0))
+        s.waits = np.where(goes, 0.0, s.waits)
+        s.share = np.clip(s.share + dt * np.where(s.open > 0.0, -1.0 / 0.12, 1.0 / p.ramps_s), 0.0, 1.0)
+        return np.asarray(-(1.0 - s.share) * np.maximum(view.traction_force, 0.0) * moving(view))
