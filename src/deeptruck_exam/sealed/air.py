@@ -47,8 +47,8 @@ class StreetOfEddies(Hidden):
 
 
 @law("v_leader_folds_out_his_tail", needs="highway", name="drafting", accepts="drag_area", leader=True)
-@sizes(most=(0.55, 0.8), reach_m=(50.0, 100.0), takes=(0.55, 0.85), out_mps=(18.5, 21.5), in_mps=(14.5, 17.0))
-@sizes(sure_s=(2.0, 6.0), folds_s=(2.0, 5.0))
+@sizes(most=(0.8, 0.95), reach_m=(60.0, 120.0), takes=(0.85, 0.98), out_mps=(20.5, 23.0), in_mps=(17.5, 20.0))
+@sizes(sure_s=(1.0, 3.0), folds_s=(2.0, 5.0))
 class LeaderFoldsOutHisTail(Hidden, tail=0.0):
     """`tail`: of the flaps at the leader's rear, which fold out by themselves above one speed and in again
     below another. Out, they narrow his wake and little is saved behind him. most: of the drag, right behind
@@ -74,7 +74,7 @@ class LeaderFoldsOutHisTail(Hidden, tail=0.0):
 
 
 @law("v_chaff_fills_the_net", needs="highway hills suburban", name="drag_area", accepts="headwind")
-@sizes(more=(0.7, 1.2), fills_m=(250.0, 900.0), solid=(1.3, 2.2), bears=(0.55, 0.95), shakes_mps2=(0.5, 1.0))
+@sizes(more=(1.3, 2.0), fills_m=(150.0, 500.0), solid=(1.3, 2.2), bears=(0.55, 0.95), shakes_mps2=(0.5, 1.0))
 class ChaffFillsTheNet(Hidden):
     """`shut`: of the meshes of a net over loose straw. The wind of driving presses chaff into them, and the
     net turns from a sieve into a wall. What has been pressed in falls out when the driver brakes, or of

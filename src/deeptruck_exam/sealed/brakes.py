@@ -15,7 +15,9 @@ law = partial(hidden, family="sealed")
 
 
 @law("v_pins_bind_when_hot", needs="suburban descent", name="brake_fade", accepts="brake_gain")
-@sizes(binds=(0.1, 0.2), share=(0.6, 0.9), heats_jpkg=(60.0, 160.0), cools_s=(40.0, 120.0), frees=(0.35, 0.6))
+@sizes(
+    binds=(0.05, 0.1), share=(0.3, 0.5), heats_jpkg=(60.0, 160.0), cools_s=(40.0, 120.0), frees=(0.35, 0.6)
+)
 class PinsBindWhenHot(Hidden, bound=0.0):
     """`hot`: the pins on which callipers slide. At 1 they bind, and stay so until they are much cooler: then
     the outer pads get only what is left of the force after friction, gentle braking gets nothing. binds: of
@@ -66,7 +68,7 @@ class AxlesComeInTurn(Hidden, one=0.0, two=0.0, three=0.0):
 
 @law("v_mud_dries_in_the_drums", needs="suburban hills", name="dragging_brake", accepts="rolling_resistance")
 @sizes(
-    most=(0.014, 0.024),
+    most=(0.008, 0.014),
     sticks=(0.35, 0.6),
     picks_m=(40.0, 150.0),
     dries_s=(20.0, 60.0),
@@ -101,8 +103,8 @@ class MudDriesInTheDrums(OnRoad):
 
 
 @law("v_switch_shakes_open", needs="suburban hills", name="unknown")
-@sizes(most=(0.03, 0.055), trips=(0.75, 1.15), lasts_s=(1.2, 3.0), ramps_s=(0.3, 0.7), mean_m=(60.0, 200.0))
-@sizes(deaf_s=(3.0, 8.0))
+@sizes(most=(0.02, 0.035), trips=(0.75, 1.15), lasts_s=(1.2, 3.0), ramps_s=(0.3, 0.7), mean_m=(60.0, 200.0))
+@sizes(deaf_s=(6.0, 15.0))
 class SwitchShakesOpen(OnRoad, shakes=0.0, left=0.0, deaf=0.0, on=0.0):
     """A ramp that is not shut must hold the truck, so its switch puts the brakes on gently. A worn switch
     shakes open where the road is rough and the speed shakes it; it shuts again in a moment, and its bus

@@ -18,7 +18,7 @@ law = partial(hidden, family="sealed")
 @law(
     "v_coast_flanks_are_pitted", needs="hills suburban descent", name="driveline_loss", accepts="torque_gain"
 )
-@sizes(coasts=(0.3, 0.55), pulls=(0.06, 0.12), film_mps=(9.0, 18.0), heats=(0.6, 1.4), warms_s=(20.0, 60.0))
+@sizes(coasts=(0.5, 0.9), pulls=(0.2, 0.32), film_mps=(7.0, 14.0), heats=(0.6, 1.4), warms_s=(20.0, 60.0))
 class CoastFlanksArePitted(Hidden):
     """`thin`: the oil in an axle, by the work that is lost in it. Its coast flanks are pitted, so that it
     takes more of the torque when the truck pushes than when the engine pulls. A film parts the flanks the
@@ -63,7 +63,7 @@ class PlayByTheTurn(Hidden, x=0.0, turn=0.0, given=0.0):
 
 
 @law("v_eases_ahead_of_changes", needs="suburban hills", name="shift_interruption", accepts="torque_limit")
-@sizes(deep=(0.55, 0.85), band_rads=(14.0, 28.0), after_s=(0.6, 1.5), back_s=(0.5, 1.2), forgets=(0.2, 0.5))
+@sizes(deep=(0.3, 0.5), band_rads=(8.0, 18.0), after_s=(0.6, 1.5), back_s=(0.5, 1.2), forgets=(0.2, 0.5))
 class EasesAheadOfChanges(Hidden, gear=0.0, turned=0.0, since=9.0, given=1.0):
     """The gearbox asks the engine for less torque ahead of a change up, and lets it come back late. It has
     learned `at` rad/s, where the last ones came, and eases as the engine comes near that, whether a change
@@ -170,7 +170,7 @@ class ShuddersOffTheLine(Hidden, shakes=0.05):
 
 
 @law("v_pistons_touch_their_ring", needs="suburban hills", name="unknown")
-@sizes(most=(0.02, 0.034), hard=(0.03, 0.06), slow_mps=(4.0, 7.5), back_s=(12.0, 35.0), firm_mps=(8.0, 14.0))
+@sizes(most=(0.011, 0.019), hard=(0.03, 0.06), slow_mps=(4.0, 7.5), back_s=(12.0, 35.0), firm_mps=(8.0, 14.0))
 class PistonsTouchTheirRing(Hidden):
     """`out`: of the pistons of hydraulic motors in the front hubs, which help at hard starts. When the truck
     is faster they should be pushed back by the pressure in the housing; a weak one takes long, and they beat

@@ -18,9 +18,7 @@ law = partial(hidden, family="sealed")
 @law(
     "v_vanes_choke_first", needs="suburban hills", name="turbo_lag", accepts="command_rate_limit", shown=True
 )
-@sizes(
-    chokes=(0.12, 0.25), slow_s=(1.6, 3.2), flow_rads=(110.0, 150.0), shuts_s=(0.1, 0.3), opens_s=(0.8, 2.0)
-)
+@sizes(chokes=(0.1, 0.2), slow_s=(1.2, 2.4), flow_rads=(110.0, 150.0), shuts_s=(0.1, 0.3), opens_s=(0.8, 2.0))
 @sizes(least=(0.12, 0.25))
 class VanesChokeFirst(Hidden, boost=0.4, vanes=0.0):
     """`vanes` of the turbine, 1 shut. When more is asked than there is air for they shut to spin it up, and
@@ -45,7 +43,7 @@ class VanesChokeFirst(Hidden, boost=0.4, vanes=0.0):
 
 @law("v_battery_is_weak", needs="suburban hills", name="torque_derate", accepts="torque_gain", shown=True)
 @sizes(
-    most=(0.3, 0.5), cut_in_rads=(95.0, 115.0), holds_s=(8.0, 25.0), draws_s=(10.0, 30.0), lamps=(0.5, 0.8)
+    most=(0.2, 0.34), cut_in_rads=(95.0, 115.0), holds_s=(5.0, 14.0), draws_s=(5.0, 14.0), lamps=(0.5, 0.8)
 )
 class BatteryIsWeak(Hidden):
     """`charge` of a worn battery, 1 full. Its generator gives little below cut_in_rads while lamps, heaters
@@ -78,7 +76,7 @@ class BatteryIsWeak(Hidden):
     accepts="turbo_lag",
     shown=True,
 )
-@sizes(flat=(0.32, 0.46), at=(0.012, 0.024), wide=(0.004, 0.009), feels_s=(1.5, 4.0), weighs=(0.1, 0.25))
+@sizes(flat=(0.38, 0.54), at=(0.012, 0.024), wide=(0.004, 0.009), feels_s=(1.5, 4.0), weighs=(0.1, 0.25))
 class FullTorqueUphillOnly(Hidden, slope=-9.0):
     """A programme that saves fuel: on the flat the engine may give part of its torque, and all of it only on
     a slope, which it feels some seconds late. It takes the truck's own pull for part of a slope. flat: of
@@ -97,7 +95,7 @@ class FullTorqueUphillOnly(Hidden, slope=-9.0):
 
 
 @law("v_slug_of_oil", needs="descent hills suburban", name="engine_brake", accepts="engine_friction")
-@sizes(holds=(0.018, 0.032), over=(0.8, 1.6), settles_s=(1.0, 2.5), waits_s=(0.4, 1.2), knee_mps=(6.0, 10.0))
+@sizes(holds=(0.011, 0.019), over=(0.8, 1.6), settles_s=(1.0, 2.5), waits_s=(0.4, 1.2), knee_mps=(6.0, 10.0))
 @sizes(refills_s=(8.0, 25.0))
 class SlugOfOil(Hidden, up=0.0, oil=0.0, kept=1.0):
     """`oil` in a retarder behind the gearbox that somebody left on: it comes in whenever the pedal is up. Air
@@ -120,7 +118,7 @@ class SlugOfOil(Hidden, up=0.0, oil=0.0, kept=1.0):
 
 
 @law("v_breather_is_iced", name="engine_friction", accepts="accessory_load torque_gain")
-@sizes(nm=(90.0, 150.0), fills_s=(12.0, 35.0), bursts_s=(0.8, 2.5), shuts=(0.1, 0.3), light=(0.15, 0.3))
+@sizes(nm=(150.0, 240.0), fills_s=(12.0, 35.0), bursts_s=(0.8, 2.5), shuts=(0.1, 0.3), light=(0.15, 0.3))
 class BreatherIsIced(Hidden, open=0.0):
     """`presses`: gas in a crankcase whose breather is iced, 1 where it bursts open. Gas blows by the pistons
     with the load, pistons pump it to and fro and oil foams in it; at 1 the ice gives way, the pressure goes
@@ -143,7 +141,7 @@ class BreatherIsIced(Hidden, open=0.0):
 
 @law("v_sieve_at_resonance", needs="suburban hills highway", name="accessory_load", accepts="engine_friction")
 @sizes(
-    kw=(28.0, 45.0), at_rads=(112.0, 135.0), narrow_rads=(9.0, 18.0), bends=(0.06, 0.14), grows_s=(0.6, 1.8)
+    kw=(24.0, 38.0), at_rads=(112.0, 135.0), narrow_rads=(9.0, 18.0), bends=(0.06, 0.14), grows_s=(0.6, 1.8)
 )
 class SieveAtResonance(Hidden, swings=0.1):
     """`swings`: of a sieve on springs that a belt from the engine shakes. It takes power where the engine
@@ -165,7 +163,7 @@ class SieveAtResonance(Hidden, swings=0.1):
 
 @law("v_loses_its_teeth", needs="suburban hills", name="unknown")
 @sizes(
-    jerks_rads2=(28.0, 50.0), finds_s=(0.7, 1.6), again_s=(0.5, 1.2), fresh=(0.3, 0.6), sure_s=(10.0, 30.0)
+    jerks_rads2=(45.0, 75.0), finds_s=(0.5, 1.1), again_s=(0.5, 1.2), fresh=(0.3, 0.6), sure_s=(10.0, 30.0)
 )
 class LosesItsTeeth(Hidden, turned=-1.0, swift=0.0, left=0.0, doubts=0.0, lets=1.0):
     """The sensor of the crankshaft sits too far from its wheel: where the engine's speed changes quickly the

@@ -47,7 +47,7 @@ class CrewGetsOnAndOff(Hidden, still=0.0):
 
 
 @law("v_pallets_shunt", needs="suburban", name="load_slosh")
-@sizes(share=(0.4, 0.6), gap_m=(0.1, 0.25), rubs=(0.015, 0.035), omega=(7.0, 12.0), dull=(0.15, 0.35))
+@sizes(share=(0.3, 0.5), gap_m=(0.2, 0.45), rubs=(0.015, 0.035), omega=(7.0, 12.0), dull=(0.15, 0.35))
 class PalletsShunt(Hidden, a=0.0, b=0.0, c=0.0, va=0.0, vb=0.0, vc=0.0):
     """`a`, `b`, `c` m: of three rows of pallets on rollers, one behind the other, with room between them and
     before both walls; `va`, `vb`, `vc` of that. The last row runs into the next, and so on to the wall, as
@@ -76,7 +76,7 @@ class PalletsShunt(Hidden, a=0.0, b=0.0, c=0.0, va=0.0, vb=0.0, vc=0.0):
 
 @law("v_branches_brush_the_hedges", needs="suburban hills descent", name="unknown")
 @sizes(
-    most=(0.025, 0.042), apart_m=(80.0, 260.0), long_m=(120.0, 500.0), bends_mps=(3.0, 8.0), strips=(0.3, 0.7)
+    most=(0.014, 0.024), apart_m=(80.0, 260.0), long_m=(120.0, 500.0), bends_mps=(3.0, 8.0), strips=(0.3, 0.7)
 )
 @sizes(strips_m=(400.0, 1500.0))
 class BranchesBrushTheHedges(OnRoad, stripped=0.0):

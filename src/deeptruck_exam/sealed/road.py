@@ -16,7 +16,7 @@ law = partial(hidden, family="sealed")
 
 
 @law("v_heights_by_the_barometer", needs="hills descent", name="road_grade", gateable=False)
-@sizes(spread=(0.22, 0.4), mean_m=(700.0, 2500.0), drifts=(0.002, 0.005), sign=(-1.0, 1.0))
+@sizes(spread=(0.12, 0.22), mean_m=(700.0, 2500.0), drifts=(0.001, 0.003), sign=(-1.0, 1.0))
 class HeightsByTheBarometer(OnRoad):
     """The map's heights were read from a barometer, day after day. Cold days had denser air than was thought
     and warm ones thinner, so a day's slopes are all too steep or too flat by one share; and weather that
@@ -46,7 +46,7 @@ class HeightsByTheBarometer(OnRoad):
 
 @law("v_bitumen_bleeds", needs="suburban hills highway", name="road_surface", accepts="rolling_resistance")
 @sizes(
-    most=(0.01, 0.018), power=(0.3, 0.5), mean_m=(150.0, 700.0), sunny=(0.3, 0.55), cleans_m=(150.0, 600.0)
+    most=(0.006, 0.01), power=(0.3, 0.5), mean_m=(150.0, 700.0), sunny=(0.3, 0.55), cleans_m=(150.0, 600.0)
 )
 @sizes(clouds_s=(40.0, 120.0))
 class BitumenBleeds(OnRoad, coat=0.0):
@@ -74,7 +74,7 @@ class BitumenBleeds(OnRoad, coat=0.0):
 
 @law("v_guided_by_kerbs", needs="suburban hills highway", name="unknown")
 @sizes(
-    rubs=(0.008, 0.014), presses=(0.014, 0.026), play=(0.4, 0.9), sways_m=(60.0, 200.0), long_m=(300.0, 900.0)
+    rubs=(0.004, 0.007), presses=(0.008, 0.014), play=(0.4, 0.9), sways_m=(60.0, 200.0), long_m=(300.0, 900.0)
 )
 @sizes(share=(0.4, 0.65))
 class GuidedByKerbs(OnRoad, inside=0.0):

@@ -15,7 +15,7 @@ law = partial(hidden, family="sealed")
 
 
 @law("v_hops_off_its_grip", needs="suburban hills", name="wheel_slip")
-@sizes(grip=(0.2, 0.3), leaves=(0.7, 0.88), at_mps=(4.0, 9.0), wide_mps=(2.5, 4.5), mean_m=(120.0, 450.0))
+@sizes(grip=(0.26, 0.36), leaves=(0.6, 0.8), at_mps=(3.5, 8.0), wide_mps=(2.5, 4.5), mean_m=(120.0, 450.0))
 @sizes(share=(0.4, 0.65), hops_s=(0.4, 1.0))
 class HopsOffItsGrip(OnRoad, hops=0.0, lost=0.0):
     """`hops`: of driven wheels on a corrugated road. Where ripples come as fast as the axle likes to bounce
@@ -46,7 +46,7 @@ class HopsOffItsGrip(OnRoad, hops=0.0, lost=0.0):
     accepts="drag_area",
 )
 @sizes(
-    most=(0.009, 0.015), sticks_mps=(15.5, 20.0), falls=(0.75, 0.9), spreads_s=(3.0, 9.0), power=(0.8, 1.6)
+    most=(0.008, 0.013), sticks_mps=(15.5, 20.0), falls=(0.75, 0.9), spreads_s=(3.0, 9.0), power=(0.8, 1.6)
 )
 class BeadsInTheTyres(Hidden, held=0.0):
     """`held`: of the beads that were put into the tyres to balance them, against the tread. Slow wheels carry
@@ -70,7 +70,7 @@ class BeadsInTheTyres(Hidden, held=0.0):
 
 
 @law("v_pull_warms_the_tread", name="rolling_resistance_warmup")
-@sizes(most=(0.01, 0.016), hard=(0.03, 0.05), warms_s=(12.0, 35.0), cools_s=(60.0, 180.0), rolls=(0.1, 0.25))
+@sizes(most=(0.014, 0.021), hard=(0.03, 0.05), warms_s=(12.0, 35.0), cools_s=(60.0, 180.0), rolls=(0.1, 0.25))
 class PullWarmsTheTread(Hidden):
     """`warm`: the tread of winter tyres. Rolling warms it little, but each pull and each braking makes it
     creep on the road, and that heat comes with the square of the force. So a truck that has worked hard
@@ -92,7 +92,7 @@ class PullWarmsTheTread(Hidden):
 
 
 @law("v_nuts_are_loose", needs="suburban hills", name="unknown")
-@sizes(most=(0.022, 0.036), notch=(0.25, 0.5), hard=(0.02, 0.04), seats_s=(6.0, 18.0), power=(1.0, 1.8))
+@sizes(most=(0.015, 0.025), notch=(0.25, 0.5), hard=(0.02, 0.04), seats_s=(6.0, 18.0), power=(1.0, 1.8))
 class NutsAreLoose(Hidden, side=0.0):
     """`wobbles`: of wheels whose nuts are loose. Each time the torque turns round they shift on their studs
     and sit askew, and roll with a wobble that costs with speed; a firm pull in one direction draws them

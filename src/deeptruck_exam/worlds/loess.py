@@ -63,7 +63,7 @@ def _first_of_them(rng: np.random.Generator, scenario: str, n: int, dt: float) -
         if left <= 0.0 and abs(speed - goal) < 0.05:
             stops = scenario == "suburban" and goal > 0.0 and rng.random() < kind.stops
             goal = 0.0 if stops else allowed(rng, kind)
-            left = rng.uniform(3.0, 10.0) if stops else 4.0 + rng.exponential(kind.lasts_s)
+            left = rng.uniform(6.0, 15.0) if stops else 4.0 + rng.exponential(kind.lasts_s)
             up, down = rng.uniform(*kind.pull), rng.uniform(*kind.slow)
         speed += np.clip(goal - speed, -down * dt, up * dt)
         out[k] = speed
@@ -82,8 +82,8 @@ def _follows(rng: np.random.Generator, ahead: Array, floor: float, dt: float) ->
         wish = looks * (then - speeds[0]) + pulls * (gaps[0] - GAP_M - headway * speeds[0])
         speed = max(speed + dt * float(np.clip(wish, -1.9, 0.9)), floor)
         gap = max(gap + dt * (pace - speed), 1.0)
-        if gap < 0.8 * GAP_M and pace < 0.1:
-            speed = max(speed - 2.0 * dt, floor)
+        if pace < 0.5 and speed < 4.0 and gap < 3.0 * GAP_M:  # creeps no further
+            speed = max(speed - 0.9 * dt, floor)
         gaps, speeds = [*gaps[1:], gap], [*speeds[1:], speed]
         out[k] = speed
     return out
