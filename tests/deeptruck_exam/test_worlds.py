@@ -13,6 +13,7 @@ from deeptruck_exam.worlds.bends import bendy
 from deeptruck_exam.worlds.by_trade import BALLAST
 from deeptruck_exam.worlds.courses import errands, karst, lava_down
 from deeptruck_exam.worlds.ferries import fjords, narrow, troughs_down
+from deeptruck_exam.worlds.loess import convoys, gullies_down, round_hills
 from deeptruck_exam.worlds.loggers import Logger, quantise
 from deeptruck_exam.worlds.playas import basins, held_up, washes_down
 from deeptruck_exam.worlds.roundabouts import roundabouts
@@ -216,4 +217,22 @@ def test_one_is_held_up_by_the_slow_and_stops_at_crossings_in_town_alone():
     rng = np.random.default_rng(7)
     town, highway, down = (held_up(rng, kind, 6000, 0.1) for kind in ("suburban", "highway", "descent"))
     assert 0.05 < np.mean(town < 0.05) < 0.5 and highway.min() > 14.0 and down.min() > 2.0
+    assert highway.std() > 0.8 and down.std() > 0.8
+
+
+def test_round_hills_are_steepest_at_their_feet_and_gullies_flatten():
+    for seed in range(4):
+        grade = round_hills(np.random.default_rng(seed), 0.03)
+        assert 0.02 < grade.std() < 0.032 and 0.1 < np.mean(np.abs(grade) < 0.003) < 0.5
+        feet = np.flatnonzero((grade[:-1] < 0.0) & (grade[1:] >= 0.0))[1:-1]
+        tops = np.flatnonzero((grade[:-1] > 0.0) & (grade[1:] <= 0.0))[1:-1]
+        assert np.median(np.abs(grade[feet - 5])) > 1.5 * np.median(np.abs(grade[tops - 5]))
+    steps = gullies_down(np.random.default_rng(5))
+    assert np.quantile(steps, 0.1) < -0.055 and np.quantile(steps, 0.97) > -0.03
+
+
+def test_convoys_swing_and_stop_in_town_alone():
+    rng = np.random.default_rng(7)
+    town, highway, down = (convoys(rng, kind, 6000, 0.1) for kind in ("suburban", "highway", "descent"))
+    assert 0.005 < np.mean(town < 0.05) < 0.5 and highway.min() > 14.0 and down.min() > 2.0
     assert highway.std() > 0.8 and down.std() > 0.8

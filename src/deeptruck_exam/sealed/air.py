@@ -47,7 +47,7 @@ class StreetOfEddies(Hidden):
 
 
 @law("v_leader_folds_out_his_tail", needs="highway", name="drafting", accepts="drag_area", leader=True)
-@sizes(most=(0.8, 0.95), reach_m=(60.0, 120.0), takes=(0.85, 0.98), out_mps=(20.5, 23.0), in_mps=(17.5, 20.0))
+@sizes(most=(0.8, 0.95), reach_m=(60.0, 120.0), takes=(0.85, 0.98), out_mps=(22.8, 24.4), in_mps=(20.0, 22.3))
 @sizes(sure_s=(1.0, 3.0), folds_s=(2.0, 5.0))
 class LeaderFoldsOutHisTail(Hidden, tail=0.0):
     """`tail`: of the flaps at the leader's rear, which fold out by themselves above one speed and in again
