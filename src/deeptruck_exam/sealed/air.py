@@ -73,8 +73,8 @@ class LeaderFoldsOutHisTail(Hidden, tail=0.0):
         return p.most * np.exp(-gap / p.reach_m) * (1.0 - p.takes * s.tail) * view.drag_force * moving(view)
 
 
-@law("v_chaff_fills_the_net", needs="highway hills suburban", name="drag_area", accepts="headwind")
-@sizes(more=(1.3, 2.0), fills_m=(150.0, 500.0), solid=(1.3, 2.2), bears=(0.55, 0.95), shakes_mps2=(0.5, 1.0))
+@law("v_chaff_fills_the_net", needs="highway hills", name="drag_area", accepts="headwind")
+@sizes(more=(1.4, 2.1), fills_m=(150.0, 500.0), solid=(1.0, 1.5), bears=(0.55, 0.95), shakes_mps2=(0.5, 1.0))
 class ChaffFillsTheNet(Hidden):
     """`shut`: of the meshes of a net over loose straw. The wind of driving presses chaff into them, and the
     net turns from a sieve into a wall. What has been pressed in falls out when the driver brakes, or of

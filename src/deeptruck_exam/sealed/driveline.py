@@ -1,4 +1,4 @@
-"""Pitted flanks, play by the turn, torque that eases ahead of changes, a converter that rough roads open,
+"""Pitted flanks, play by the turn, torque that eases ahead of changes, and rough roads for a converter;
 weights that fly out, a shaft that shudders, and pistons that touch their ring."""
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class CoastFlanksArePitted(Hidden):
 @sizes(wide_s=(0.35, 0.7), uneven=(0.5, 0.9), turn_m=(6.0, 30.0), winds_s=(0.1, 0.25), hard=(0.03, 0.06))
 class PlayByTheTurn(Hidden, x=0.0, turn=0.0, given=0.0):
     """`x`: -1 and 1 where the teeth of two eccentric wheels touch. Their play is wide on one side of the
-    `turn` and narrow on the other, and two wheels of nearly equal count come back to the same pair of teeth
+    `turn` and narrow on the other. Two wheels of nearly equal count come back to the same pair of teeth
     after many turns only. So the time without torque depends on where torque turns. wide_s: across the mean
     play, with a pull of `hard` of the weight; turn_m: way of the truck, until it repeats.
     Source: Niemann and Winter, Maschinenelemente II (2003), on run-out of gears and on tooth pairs that
@@ -100,9 +100,9 @@ class EasesAheadOfChanges(Hidden, gear=0.0, turned=0.0, since=9.0, given=1.0):
 @sizes(slips=(0.2, 0.36), frees=(0.4, 0.7), trips=(0.5, 0.8), stays_s=(2.0, 6.0), couples_mps=(9.0, 18.0))
 @sizes(mean_m=(120.0, 400.0))
 class RoughRoadsOpenIt(OnRoad, shakes=0.0, left=0.0, open=0.0):
-    """`open`: the lock-up clutch. Speeds of the wheels that shake on a rough road look like a driveline that
-    shuffles, so it is opened, and shut again once they have been smooth for a while. Open, it slips less
-    the faster one drives, and the engine holds back little. slips, frees: of the torque, pulling and
+    """`open`: the lock-up clutch. Speeds of the wheels that shake on a rough road look like a driveline
+    that shuffles, so it is opened. It is shut again once they have been smooth for a while. Open, it slips
+    less the faster one drives, and the engine holds back little. slips, frees: of the torque, pulling and
     holding back; trips: of the shaking of a rough road at 15 m/s.
     Source: General Motors service manuals on rough road detection by wheel speeds, which disables lock-up
     and misfire tests; sizes are chosen here."""

@@ -76,7 +76,7 @@ class BatteryIsWeak(Hidden):
     accepts="turbo_lag",
     shown=True,
 )
-@sizes(flat=(0.38, 0.54), at=(0.012, 0.024), wide=(0.004, 0.009), feels_s=(1.5, 4.0), weighs=(0.1, 0.25))
+@sizes(flat=(0.34, 0.48), at=(0.012, 0.024), wide=(0.004, 0.009), feels_s=(1.5, 4.0), weighs=(0.1, 0.25))
 class FullTorqueUphillOnly(Hidden, slope=-9.0):
     """A programme that saves fuel: on the flat the engine may give part of its torque, and all of it only on
     a slope, which it feels some seconds late. It takes the truck's own pull for part of a slope. flat: of

@@ -74,7 +74,7 @@ class BitumenBleeds(OnRoad, coat=0.0):
 
 @law("v_guided_by_kerbs", needs="suburban hills highway", name="unknown")
 @sizes(
-    rubs=(0.004, 0.007), presses=(0.008, 0.014), play=(0.4, 0.9), sways_m=(60.0, 200.0), long_m=(300.0, 900.0)
+    rubs=(0.004, 0.006), presses=(0.007, 0.012), play=(0.4, 0.9), sways_m=(60.0, 200.0), long_m=(300.0, 900.0)
 )
 @sizes(share=(0.4, 0.65))
 class GuidedByKerbs(OnRoad, inside=0.0):

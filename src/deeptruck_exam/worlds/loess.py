@@ -91,9 +91,9 @@ def _follows(rng: np.random.Generator, ahead: Array, floor: float, dt: float) ->
 
 def convoys(rng: np.random.Generator, scenario: str, n: int, dt: float) -> Array:
     """In a convoy behind one to three others: what the first one does comes down the row late, and swings
-    wider from one to the next (Helly, Simulation of Bottlenecks in Single-Lane Traffic Flow, 1959, and
+    wider from one to the next. (Helly, Simulation of Bottlenecks in Single-Lane Traffic Flow, 1959, and
     Herman, Montroll, Potts and Rothery, Traffic Dynamics, Operations Research 7, 1959; numbers are chosen
-    here)."""
+    here.)"""
     floor = FLOOR.get(scenario, 0.0)
     speed = _first_of_them(rng, scenario, n, dt)
     for _ in range(int(rng.integers(*LOOKS[scenario]))):
