@@ -17,6 +17,7 @@ import numpy as np
 
 from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.mismatch.calibration import Calibration, calibrate
+from deeptruck_model.mismatch.correction.improvement import HORIZONS_S
 from deeptruck_model.recordings import Recording
 
 OFF = {  # relative sd of what a truck differs by
@@ -45,7 +46,7 @@ and held-out drives show it.
 LINE = "|---|---|---|---|---|"
 TITLES = (
     "| truck | 95 % intervals that hold | parameters not told | median error of mass, drag area, rolling "
-    "| speed error of 20 s free runs, median, m/s |"
+    f"| speed error of {HORIZONS_S[0]:.0f} s free runs, median, m/s |"
 )
 
 

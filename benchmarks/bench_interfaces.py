@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from deeptruck_model.constants import GRAVITY
 from deeptruck_model.mismatch import find_mismatch
+from deeptruck_model.mismatch.correction.improvement import HORIZONS_S
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
 from deeptruck_model.simulators import Simulator
@@ -247,7 +248,8 @@ def page(cases: Sequence[Found]) -> list[str]:
         f"Where nothing is hidden, {sum(silent)} of {len(silent)} are silent.",
         f"Corrections that validate: {sum(c.validated for c in missing)} of {len(missing)}.",
         "",
-        "Speed errors are of held-out free runs of 20 s, m/s: as given, parameters alone, corrected.",
+        f"Speed errors are of held-out free runs of {HORIZONS_S[0]:.0f} s, m/s: as given, parameters alone,",
+        "corrected.",
         "",
         "| interface | hidden | told first | not distinguishable from | as given | parameters | corrected |",
         "| --- | --- | --- | --- | --- | --- | --- |",

@@ -18,7 +18,6 @@ from deeptruck_model.mismatch.posterior import nuisances
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.explain import ROADS, explain, slow_beside
 from deeptruck_model.mismatch.posterior.naming import recognised
-from deeptruck_model.mismatch.posterior.penalties import LEARNABLE
 from deeptruck_model.mismatch.posterior.rivals import force_of
 from deeptruck_model.mismatch.posterior.road_lock import road_lock
 from deeptruck_model.mismatch.posterior.search import Model, Search
@@ -73,8 +72,7 @@ def explained(
         say("learning the simulator's model discrepancy from the recordings it keeps")
         evidence = nuisances.allow_for(evidence, itself)
     elif not simulator.parameters():
-        unmeasured = LEARNABLE
-        evidence = replace(evidence, model_discrepancy=unmeasured, slow_noise=unmeasured)
+        evidence = nuisances.allow_for_the_unmeasured(evidence)
     around = _Around(simulator, tuple(prepared), tuple(held_out), seed, tuple(exclude), say)
     search = nuisances.beside_it(Search(evidence, exclude=exclude), exclude)
     search, found = _best_of(_starts(around, search))

@@ -19,7 +19,7 @@ from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm, Constant
 from deeptruck_model.mismatch.mechanisms.commands import Delays
 from deeptruck_model.mismatch.posterior.candidates import candidates, screen_terms
 from deeptruck_model.mismatch.posterior.free_law import left_over
-from deeptruck_model.mismatch.posterior.penalties import enough, practical
+from deeptruck_model.mismatch.posterior.penalties import LEARNABLE, enough, practical
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.residual import sensor_filter
 from deeptruck_model.mismatch.residual.evidence import SLOW_NOISE_S, Evidence
@@ -114,6 +114,16 @@ def allow_for(evidence: Evidence, own: Evidence) -> Evidence:
     )
 
 
+def allow_for_the_unmeasured(evidence: Evidence) -> Evidence:
+    """The evidence beside a simulator that has no parameters, and so may be a learned one, but keeps no
+    recordings: it is off by as much as learned ones are, though by no more than it is here most of the time.
+    """
+    smooth = uniform_filter1d(_residual(evidence), _rows(1.0, evidence))
+    usual = 1.4826 * float(np.median(np.abs(smooth[evidence.valid])))
+    off = min(LEARNABLE, usual)
+    return replace(evidence, model_discrepancy=off, slow_noise=max(off, evidence.rules.slow_noise))
+
+
 def _penalties(own: Evidence, ratio: float) -> dict[str, float]:
     """Nats that each name gains on the simulator's own recordings, scaled to the amount of new data."""
     search = Search(own)
@@ -129,7 +139,7 @@ def _penalties(own: Evidence, ratio: float) -> dict[str, float]:
 
 def _slow_noise(own: Evidence) -> float:
     """Sd (m/s^2) of the means over SLOW_NOISE_S of the model discrepancy, other driving allowed for."""
-    per = max(1, round(SLOW_NOISE_S / own.dt))
+    per = _rows(SLOW_NOISE_S, own)
     means = []
     for s in own.stretches:
         rows = np.arange(s.start, s.start + (s.stop - s.start) // per * per).reshape(-1, per)
@@ -140,6 +150,14 @@ def _slow_noise(own: Evidence) -> float:
 
 def _slow_rms(own: Evidence) -> float:
     """Rms (m/s^2) of what is left of the model discrepancy in means of a second, without most noise."""
-    smooth = uniform_filter1d(np.where(own.valid, own.residual, 0.0), max(1, round(1.0 / own.dt)))
+    smooth = uniform_filter1d(_residual(own), _rows(1.0, own))
     quiet = np.sort(np.abs(smooth[own.valid]))[: int(0.98 * own.valid.sum())]  # without the rare jolt
     return float(np.sqrt(np.mean(quiet**2)))
+
+
+def _residual(e: Evidence) -> Array:
+    return np.where(e.valid, e.residual, 0.0)
+
+
+def _rows(seconds: float, e: Evidence) -> int:
+    return max(1, round(seconds / e.dt))
