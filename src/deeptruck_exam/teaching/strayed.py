@@ -22,10 +22,12 @@ ACTS = 1e-6  # m/s^2: less is nothing
 
 
 def strayed(force: Array, rng: np.random.Generator) -> Array:
-    """A force along drives (drives, samples), m/s^2, changed in one or two ways."""
+    """A force along drives (drives, samples), m/s^2, changed in one or two ways; by none that leaves
+    nothing."""
     ways = rng.permutation(len(WAYS))[: rng.integers(1, 3)]
     for k in ways:
-        force = WAYS[k](force, rng)
+        changed = WAYS[k](force, rng)
+        force = changed if np.any(changed) else force
     return force
 
 
