@@ -20,7 +20,7 @@ from deeptruck_model.mismatch.mechanisms.over_time import (
     spline_columns,
     splines,
 )
-from deeptruck_model.mismatch.mechanisms.variants import Simple, Spline
+from deeptruck_model.mismatch.mechanisms.variants import Simple, Spline, Variant
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 FINE_M, HILLY = 100.0, 0.02  # knots of a hilly road, and the sd of its slope
@@ -28,7 +28,7 @@ ROUGH = 0.1  # m/s^2: soft ground
 SLOPE, SURFACE = lift(-GRAVITY), lift(-1.0)
 
 
-def _grades(e: Evidence) -> Iterator[Spline]:
+def _grades(e: Evidence) -> Iterator[Variant]:
     """Slopes of a plain come as slowly as wind does; those of hills are finer and larger than anything
     else. Where none was recorded it may be one and the same slope; else that is the sensor's zero."""
     if not e.has("grade"):
