@@ -63,3 +63,14 @@ def test_slow_noise_is_as_strong_as_the_trucks_own_drifts(nothing_missing: Evide
     quiet, restless = (nuisances.allow_for(nothing_missing, own) for own in (nothing_missing, drifting))
     assert quiet.slow_noise == Rules.slow_noise < 0.04 < restless.slow_noise < 0.12
     assert restless.series(0.03).slow < quiet.series(0.03).slow
+
+
+def test_an_unmeasured_error_is_no_larger_than_it_is_off_most_of_the_time(nothing_missing: Evidence) -> None:
+    quiet = nuisances.allow_for_the_unmeasured(nothing_missing)
+    now_and_then = np.where(nothing_missing["brake"] > 0.0, 0.5, 0.0)
+    seldom = replace(nothing_missing, residual=nothing_missing.residual + now_and_then)
+    always = replace(nothing_missing, residual=nothing_missing.residual + 0.5)
+    assert 0.0 < quiet.model_discrepancy < 0.02
+    assert nuisances.allow_for_the_unmeasured(seldom).model_discrepancy < 0.02
+    assert nuisances.allow_for_the_unmeasured(always).model_discrepancy == nuisances.LEARNABLE
+    assert quiet.slow_noise == Rules.slow_noise

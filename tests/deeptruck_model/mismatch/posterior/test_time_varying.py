@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from deeptruck_model.mismatch.mechanisms import LIBRARY, candidate_terms, is_time_varying
+from deeptruck_model.mismatch.posterior.candidates import enriched
 from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.posterior.explain import explain
 from deeptruck_model.mismatch.posterior.search import Search
@@ -72,3 +74,20 @@ def test_a_push_that_goes_by_time_alone_may_be_a_slope(nothing_missing: Evidence
     )
     (cause,) = explain(search).causes
     assert "road_grade" in {cause.effect, *cause.not_told_from}
+
+
+def test_a_climb_that_was_not_recorded_may_be_one_and_the_same(nothing_missing: Evidence) -> None:
+    """And it is not widened by what varies in time, which would have to pay for that."""
+    climbing = replace(nothing_missing, residual=nothing_missing.residual - 9.81 * 0.03)
+    found = explain(Search(climbing))
+    assert "road_grade" in {found.causes[0].effect, *found.causes[0].not_told_from}
+    levelled = replace(climbing, signals=climbing.signals | {"grade": np.zeros(len(climbing))})
+    steady = {
+        seen: [t for t in candidate_terms(LIBRARY["road_grade"], e) if not is_time_varying(t)]
+        for seen, e in (("no slope", climbing), ("a slope", levelled))
+    }
+    assert len(steady["no slope"]) == 1 and not steady["a slope"]
+    search = Search(climbing)
+    base = search.background(())
+    alone = search.model(tuple(steady["no slope"]), base.free, base.fit)
+    assert not is_time_varying(enriched(search, alone).named[-1])
