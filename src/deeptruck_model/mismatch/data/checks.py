@@ -22,12 +22,11 @@ class Kinematics:
     """What speed and accelerometer say of each other in one drive.
 
     `slope` and `offset` (m/s^2) map dv/dt to the accelerometer, `lag_s` is by how much the accelerometer is
-    late, with standard errors; NaN where acceleration was not measured or hardly varied. Noise is that of one
-    sample.
+    late, with standard errors; NaN where acceleration was not measured or hardly varied. The
+    noise is that of one sample of speed.
     """
 
     speed_noise: float
-    acceleration_noise: float
     slope: float
     slope_se: float
     offset: float
@@ -73,18 +72,17 @@ def compare(speed: Array, accelerometer: Array | None, dt: float) -> Kinematics:
     nan = float("nan")
     speed_noise = noise_of(speed)
     if accelerometer is None or np.isfinite(accelerometer).sum() < 50:
-        return Kinematics(speed_noise, nan, nan, nan, nan, nan, nan, nan)
+        return Kinematics(speed_noise, nan, nan, nan, nan, nan, nan)
     width = max(1.0, 1.0 / dt)
     ok = np.isfinite(accelerometer) & np.isfinite(speed)
     a = gaussian_filter1d(np.where(ok, accelerometer, 0.0), width)
     d = gaussian_filter1d(np.where(ok, derivative(np.where(ok, speed, 0.0), dt), 0.0), width)
     moving = gaussian_filter1d(ok.astype(float), width) > 0.999
     moving &= np.abs(speed) > 0.5
-    base = (speed_noise, noise_of(accelerometer))
     if moving.sum() < 100 or np.std(d[moving]) < 0.02:
-        return Kinematics(*base, nan, nan, nan, nan, nan, nan)
+        return Kinematics(speed_noise, nan, nan, nan, nan, nan, nan)
     slope, offset, lag, se = _errors_in_both(a, d, np.gradient(d, dt), moving, width)
-    return Kinematics(*base, slope, se[0], offset, se[1], lag, se[2])
+    return Kinematics(speed_noise, slope, se[0], offset, se[1], lag, se[2])
 
 
 def _errors_in_both(

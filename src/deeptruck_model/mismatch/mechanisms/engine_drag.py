@@ -43,11 +43,12 @@ from deeptruck_model.mismatch.residual.evidence import Evidence
 
 @dataclass(frozen=True)
 class Demanded(Constants):
-    """Braking by a negative engine command, `full` at most."""
+    """Braking by a negative engine command, `full` at most: a force, or a torque that follows engine speed to
+    `order` and is told as a force at the gear ratio `reference` (rad/m)."""
 
     full: float
-    order: int
-    geared: bool
+    order: int = 0
+    reference: float | None = None
 
 
 LITTLE, RELEASED = 0.03, 0.005  # of the largest command
@@ -78,9 +79,9 @@ def _engine_brakes(e: Evidence) -> Iterator[Simple]:
     reference = overall_ratio_reference(e)
     if np.nanmin(command, initial=0.0) < 0:
         full = float(-np.nanmin(command))
-        yield Static(Demanded(full, 0, geared=False))
+        yield Static(Demanded(full))
         if e.has("ratio", "engine_speed"):
-            yield from (Static(Demanded(full, order, geared=True)) for order in (0, 1, 2))
+            yield from (Static(Demanded(full, order, reference)) for order in (0, 1, 2))
     smalls = _smalls(command)
     for small in smalls:
         for after_s in (0.0, 0.7):  # valves and vanes take a moment
@@ -107,14 +108,22 @@ def _coasting(small: float) -> Expression:
 
 def _engine_brake(v: Simple) -> list[Column]:
     match v.constants:
-        case Demanded(full):
-            asked = minimum(ENGINE_COMMAND, 0.0) / full
-            return [Column(asked, 0.3, "force_at_full_demand", "N", per_mass=True)]
+        case Demanded() as demanded:
+            return [_demanded(demanded)]
         case Staged(small):
             return spline_columns(v, -_coasting(small), "force", "N", sign=1, per_mass=True)
         case Overrun() as overrun:
             return _overrun(overrun)
     raise TypeError(f"{v!r} is no engine brake")
+
+
+def _demanded(how: Demanded) -> Column:
+    asked = minimum(ENGINE_COMMAND, 0.0) / how.full
+    if how.reference is not None:
+        asked = asked * (OVERALL_RATIO / how.reference)
+    for _ in range(how.order):
+        asked = asked * (ENGINE_SPEED / OMEGA)
+    return Column(asked, 0.3, "force_at_full_demand", "N", per_mass=True)
 
 
 def _overrun(how: Overrun) -> list[Column]:

@@ -11,7 +11,7 @@ from deeptruck_model.mismatch.mechanisms import LIBRARY, candidate_term, distinc
 from deeptruck_model.mismatch.mechanisms.brakes import Keeps
 from deeptruck_model.mismatch.mechanisms.driveline import PlayTaken
 from deeptruck_model.mismatch.mechanisms.engine import Boost, Top
-from deeptruck_model.mismatch.mechanisms.engine_drag import Overrun
+from deeptruck_model.mismatch.mechanisms.engine_drag import OMEGA, Demanded, Overrun
 from deeptruck_model.mismatch.mechanisms.variants import Constants, Static
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
@@ -39,6 +39,24 @@ def test_shoes_that_do_not_let_go_keep_a_share_of_their_force(
     assert (drag[: at(e, 20)] == 0.0).all()
     assert drag[at(e, 35)] == pytest.approx(-2.0 * np.exp(-1.0), rel=0.05)
     assert drag[at(e, 75)] == pytest.approx(-0.5 * np.exp(-1.0), rel=0.05)
+
+
+def test_a_demanded_engine_brake_is_a_force_or_a_torque_that_follows_engine_speed(
+    nothing_missing: Evidence,
+) -> None:
+    e = nothing_missing
+    n = len(e)
+    turning = np.linspace(80.0, 240.0, n)
+    signals = {
+        "engine_command": np.where(np.arange(n) % 2, -500.0, 300.0),
+        "engine_speed": turning,
+        "ratio": np.full(n, 8.0),
+        "lever": np.full(n, 8.0),
+    }
+    force = column(e, "engine_brake", Demanded(1000.0), **signals)
+    np.testing.assert_allclose(force, np.where(np.arange(n) % 2, -0.5, 0.0))
+    torque = column(e, "engine_brake", Demanded(1000.0, 2, reference=4.0), **signals)
+    np.testing.assert_allclose(torque, 2.0 * force * (turning / OMEGA) ** 2)
 
 
 @pytest.mark.parametrize(("stays", "lost"), [(False, 0.5), (True, 0.1)])
