@@ -91,7 +91,7 @@ def mismatch(
 def _check_excluded(names: list[str]) -> None:
     """Before hours of driving are read. Raises InputError for what is no effect."""
     if names:
-        from deeptruck_model.mismatch.find import check_excluded
+        from deeptruck_model.mismatch.excluded import check_excluded
 
         check_excluded(names)
 

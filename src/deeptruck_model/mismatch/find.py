@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
@@ -29,8 +28,8 @@ from deeptruck_model.mismatch.data.prepared import (
     unusable,
     with_held_out,
 )
+from deeptruck_model.mismatch.excluded import check_excluded
 from deeptruck_model.mismatch.finding import Finding
-from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.posterior import linearised
 from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.posterior.modelled import Formula
@@ -46,7 +45,6 @@ from deeptruck_model.simulators import Simulator
 Array = NDArray[np.float64]
 
 LEFT_OUT = "left out of the library, as was asked for: {}"
-NAMED = (*LIBRARY, *findings.NAMES, "acceleration_bias", "speed_scale", "unknown")
 OTHER_GEAR = "the simulator drives in another gear than was recorded"
 STRANGE = "the simulator has learned from no driving at such speeds, commands and slopes"
 WITHOUT_FORMULA = "what has no name is told without a formula: pip install 'deeptruck[formula]'"
@@ -90,15 +88,6 @@ def _check_mass(simulator: Simulator, mass_kg: float | None) -> None:
     own = simulator.parameters().get("mass")
     if own is not None and abs(mass_kg - own) > 1e-6 * own:
         raise InputError(f"the simulator's own mass is {own:g} kg; leave --mass-kg out, or set its parameter")
-
-
-def check_excluded(names: Sequence[str]) -> None:
-    """Raises InputError for what is no effect: an examination would believe that it had been left out."""
-    for name in names:
-        if name not in NAMED:
-            near = difflib.get_close_matches(name, NAMED, 1)
-            hint = f"; did you mean {near[0]}?" if near else "; docs/mismatch_effects.md lists them"
-            raise InputError(f"there is no effect '{name}' to leave out{hint}")
 
 
 @dataclass(frozen=True)
