@@ -13,14 +13,50 @@ from numpy.typing import NDArray
 from deeptruck_cacc.controllers.baselines import baseline
 from deeptruck_cacc.controllers.loading import load_policy
 from deeptruck_cacc.controllers.onnx_policy import OnnxPolicy
-from deeptruck_cacc.controllers.policy import MlpPolicy, Observation, Policy
-from deeptruck_cacc.controllers.scaling import ActionScale, require
+from deeptruck_cacc.controllers.policy import TYPICAL, MlpPolicy, Observation, Policy
+from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, require
 from deeptruck_cacc.safety.shield import Promise, Shield
 from deeptruck_cacc.safety.truck_limits import known
 from deeptruck_model.signals import TruckInterface
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+
+
+def _array(value: Any) -> Array:
+    """As an array whose every entry is finite or NaN: what is infinite was not measured either."""
+    out = np.atleast_1d(np.asarray(value, float))
+    return np.where(np.isfinite(out), out, np.nan)
+
+
+@dataclass
+class LastSeen:
+    """Bridges what the truck does not say of itself: a signal that is no number stays as it was last seen.
+
+    A setting and a slope may stay so for good, the speed for `hold_s`.
+    """
+
+    dt: float
+    hold_s: float = 1.0
+    silent: Flags = field(default_factory=lambda: np.zeros(0, bool))  # speed: for longer, or never heard
+    _last: dict[str, Array] = field(default_factory=dict, repr=False)
+    _waited: Array = field(default_factory=lambda: np.zeros(0), repr=False)
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self._last, self._waited = {}, np.zeros(0)
+
+    def __call__(self, observation: Mapping[str, Array]) -> dict[str, Array]:
+        """The observation, each (batch,), filled in; NaN only where nothing was ever seen."""
+        batch = len(observation["speed"])
+        if len(self._waited) != batch:
+            self._last, self._waited = {}, np.full(batch, np.inf)
+        heard = np.isfinite(observation["speed"])
+        self._waited = np.where(heard, 0.0, self._waited + self.dt)
+        self.silent = self._waited > self.hold_s
+        held = ("speed", "target_time_gap", "grade")
+        self._last = {n: np.where(np.isnan(x), self._last.get(n, x), x) for n, x in observation.items()}
+        return {n: self._last[n] if n in held else x for n, x in observation.items()}
 
 
 @dataclass
@@ -64,6 +100,10 @@ class Guard:
 
     `handed_over` (batch,) tells where the fallback drove: outside the policy's coverage (until 3 s inside
     again), or where its commands were not numbers.
+
+    Policy and fallback are told numbers alone, so that none is in their memory that is not one. Where the
+    speed is silent for over a second, or a signal was never seen, there is no command of theirs: the shield
+    brakes gently.
     """
 
     policy: Policy
@@ -74,10 +114,11 @@ class Guard:
     acted: Flags = field(default_factory=lambda: np.zeros(0, bool))
     handed_over: Flags = field(default_factory=lambda: np.zeros(0, bool))
     _tracker: Tracker = field(init=False, repr=False)
+    _last_seen: LastSeen = field(init=False, repr=False)
     _away: Array | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        self._tracker = Tracker(self.policy.dt)
+        self._tracker, self._last_seen = Tracker(self.policy.dt), LastSeen(self.policy.dt)
 
     @property
     def interface(self) -> TruckInterface:
@@ -91,7 +132,7 @@ class Guard:
 
     def reset(self) -> None:
         """Forget the past."""
-        for part in (self.policy, self.fallback, self._tracker, self.shield):
+        for part in (self.policy, self.fallback, self._tracker, self._last_seen, self.shield):
             if part is not None:
                 part.reset()
         self._away = None
@@ -101,25 +142,42 @@ class Guard:
 
         Raises InputError for an observation that lacks a signal.
         """
-        require(observation)
-        seen = self._tracker(observation)
+        raw = self._arrays(observation)
+        seen, unknown = self._filled(raw)
         # Near standstill a time gap is no distance: the truck then aims for `standstill_m`.
         least = self.standstill_m / np.maximum(seen["speed"], 0.5)
         seen["target_time_gap"] = np.maximum(seen["target_time_gap"], least)
         own, other = np.array(self.policy.act(seen)), np.array(self.fallback.act(seen))
         self.handed_over = self._outside(seen) | ~np.isfinite(own).all(axis=0)
-        engine, brake = np.where(self.handed_over, other, own)
+        engine, brake = np.where(unknown, np.nan, np.where(self.handed_over, other, own))
         if self.shield is None:
             self.acted = np.zeros(len(engine), bool)
             return engine, brake
-        raw = (np.atleast_1d(np.asarray(observation[n], float)) for n in ("gap", "leader_speed", "speed"))
+        gap, leader, speed = raw["gap"], raw["leader_speed"], raw["speed"]
         # A radar that says 'further than believed' must not relax the shield: it takes the nearer of the two.
-        gap, leader, speed = np.broadcast_arrays(*raw)
         doubted = gap > seen["gap"] + 1e-9
         gap, leader = np.where(doubted, seen["gap"], gap), np.where(doubted, seen["leader_speed"], leader)
         engine, brake = self.shield.filter(gap, leader, speed, engine, brake)
         self.acted = self.shield.acted
         return engine, brake
+
+    @staticmethod
+    def _arrays(observation: Observation) -> dict[str, Array]:
+        """Each signal (batch,), finite or NaN; a time gap that is not above zero is none."""
+        require(observation)
+        given = {n: _array(observation[n]) for n in OBSERVED if n in observation}
+        given["target_time_gap"] = np.where(given["target_time_gap"] > 0, given["target_time_gap"], np.nan)
+        return dict(zip(given, np.broadcast_arrays(*given.values()), strict=True))
+
+    def _filled(self, raw: Mapping[str, Array]) -> tuple[dict[str, Array], Flags]:
+        """The signals with numbers alone, and where they are too little to drive by."""
+        seen = self._tracker(self._last_seen(raw))
+        unknown = self._last_seen.silent.copy()
+        for name in OBSERVED[:4]:
+            never = np.isnan(seen[name])
+            unknown |= never
+            seen[name] = np.where(never, TYPICAL[name], seen[name])
+        return seen, unknown
 
     def _outside(self, seen: Mapping[str, Any]) -> Flags:
         """Where a signal is, or was in the last 3 s, out of the coverage by more than a fifth of its span."""

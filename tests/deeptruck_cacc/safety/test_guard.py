@@ -1,0 +1,78 @@
+"""What is no number reaches no memory: a guarded controller drives on when its signals are back."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from deeptruck_cacc.controllers.baselines import LAWS
+from deeptruck_cacc.controllers.policy import MlpPolicy
+from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, FeatureMap
+from deeptruck_cacc.safety.guard import Guard, guard, load_controller
+from deeptruck_model import trucks
+
+TRUCK = trucks.load("trucksim").interface
+STEADY = {"leader_speed": 20.0, "speed": 20.0, "gap": 40.0, "target_time_gap": 2.0, "grade": 0.0}
+NO_NUMBERS = st.sampled_from([float("nan"), float("inf"), float("-inf")])
+DAMAGE = st.lists(st.dictionaries(st.sampled_from(OBSERVED), NO_NUMBERS, max_size=5), min_size=1, max_size=40)
+
+
+def network() -> Guard:
+    """A policy with memory and radar filter, behind the guard."""
+    features = FeatureMap.default(power=True)
+    rng = np.random.default_rng(0)
+    layers = [(0.1 * rng.normal(size=(2, len(features.names))), np.zeros(2))]
+    return guard(MlpPolicy(layers, features, ActionScale.of(TRUCK), TRUCK))
+
+
+def told(driver: Guard, **changed: float) -> np.ndarray:
+    return np.stack(driver.act({**STEADY, **changed}))[:, 0]
+
+
+@pytest.mark.parametrize(
+    "make", [network, *(lambda n=n: load_controller(f"baseline:{n}", TRUCK) for n in LAWS)]
+)
+def test_a_signal_that_is_no_number_for_a_moment_leaves_no_trace(make: object) -> None:
+    driver, undisturbed = make(), make()  # type: ignore[operator]
+    for _ in range(50):
+        told(driver), told(undisturbed)
+    for name in OBSERVED:
+        for value in (np.nan, np.inf, -np.inf):
+            np.testing.assert_allclose(told(driver, **{name: value}), told(undisturbed), atol=1e-6)
+            assert not driver.acted[0] and not driver.handed_over[0]
+
+
+@settings(max_examples=30, deadline=None)
+@given(DAMAGE)
+def test_whatever_was_no_number_the_policy_drives_again(damage: list[dict[str, float]]) -> None:
+    driver = network()
+    for wrong in damage:
+        assert np.isfinite(told(driver, **wrong)).all()
+    for _ in range(40):
+        told(driver)
+    assert not driver.handed_over[0] and np.isfinite(driver.policy._memory).all()  # type: ignore[attr-defined]
+
+
+def test_a_speedometer_that_stays_silent_is_no_reason_to_drive_on() -> None:
+    driver = network()
+    for _ in range(50):
+        told(driver)
+    silent = np.array([told(driver, speed=np.nan) for _ in range(20)])
+    np.testing.assert_allclose(silent[:9], silent[[0] * 9], rtol=1e-3)
+    assert (silent[12:, 1] >= 30.0).all() and (silent[12:, 0] == 0.0).all()
+
+
+@pytest.mark.parametrize("gap", [np.nan, np.inf, 0.0, -1.0])
+def test_a_time_gap_that_is_none_stays_as_it_was_asked(gap: float) -> None:
+    driver, undisturbed = network(), network()
+    for _ in range(20):
+        told(driver), told(undisturbed)
+    np.testing.assert_allclose(told(driver, target_time_gap=gap), told(undisturbed))
+
+
+def test_without_a_time_gap_nobody_drives() -> None:
+    driver = network()
+    engine, brake = told(driver, target_time_gap=np.nan)
+    assert engine == 0.0 and brake > 0.0
