@@ -46,6 +46,7 @@ class Trainer(StrEnum):
 
 
 WIDE = 130  # columns: narrower, rich cuts the numbers off
+LARGEST_SEED = 2**31 - 1
 
 
 class Engine(StrEnum):
@@ -62,7 +63,7 @@ def train(
     trainer: Annotated[
         Trainer, typer.Option(help="analytic: back through the simulator; trpo: the paper's.")
     ] = Trainer.analytic,
-    seed: Annotated[int, typer.Option(help="First seed.", min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="First seed.", min=0, max=LARGEST_SEED)] = 0,
     seeds: Annotated[int, typer.Option(help="Seeds side by side; 0: 3, or 1 with trpo.", min=0, max=100)] = 0,
     iterations: Annotated[int, typer.Option(help="Updates; 0 is the trainer's default.", min=0)] = 0,
     scene: Annotated[
@@ -124,9 +125,9 @@ def evaluate(
     policy: PolicyPath,
     simulator: SimulatorPath,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for metrics.json and figures.")],
-    rollouts: Annotated[int, typer.Option(help="Paths in each set.", min=1)] = 100,
-    seed: Annotated[int, typer.Option(help="Of the scenes.", min=0)] = 1000,
-    shield: Annotated[bool, typer.Option(help="Put the shield between policy and truck.")] = False,
+    rollouts: Annotated[int, typer.Option(help="Paths in each set.", min=1, max=10_000)] = 100,
+    seed: Annotated[int, typer.Option(help="Of the scenes.", min=0, max=LARGEST_SEED)] = 1000,
+    shield: Annotated[bool, typer.Option(help="Put the shield before policy and baselines.")] = False,
     full: Annotated[
         bool, typer.Option("--full", help="Add every scene, the baselines' table and the platoons.")
     ] = False,
@@ -281,5 +282,5 @@ def main() -> None:
     console.run(
         app,
         "deeptruck-cacc",
-        interrupted="interrupted; --resume goes on from the last checkpoint, where there is one",
+        interrupted="interrupted; a training goes on with --resume",
     )

@@ -17,7 +17,7 @@ from safetensors.numpy import load_file
 from deeptruck_cacc.controllers.baselines import baseline
 from deeptruck_cacc.controllers.onnx_policy import SUFFIX, load_onnx
 from deeptruck_cacc.controllers.policy import MANIFEST, TYPICAL, WEIGHTS, MlpPolicy, Policy
-from deeptruck_cacc.controllers.scaling import ActionScale, FeatureMap
+from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, FeatureMap
 from deeptruck_model import reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
@@ -33,6 +33,10 @@ def load_policy(path: str | Path, interface: TruckInterface | None = None) -> Po
     wrong.
     """
     text = str(path)
+    if interface is not None and not isinstance(interface, TruckInterface):
+        raise InputError(
+            f"{type(interface).__name__} is no TruckInterface; give the `interface` of the truck"
+        )
     if text.startswith("baseline:"):
         return baseline(text.removeprefix("baseline:"), interface or TruckInterface("trucksim"))
     policy = load_onnx(Path(text)) if text.endswith(SUFFIX) else load_trained(Path(text))
@@ -76,6 +80,8 @@ def load_trained(path: Path) -> MlpPolicy:
         said = reading.plain(str(error))
         raise InputError(f"{path / MANIFEST} is damaged or of another version ({said}); {AGAIN}") from None
     found = _tried(policy(_read_layers(path / WEIGHTS, len(hidden) + 1)), path)
+    if manifest.get("dt", found.dt) != found.dt:
+        raise InputError(f"{path / MANIFEST} has a dt that is not its features.dt: it is damaged; {AGAIN}")
     reading.check_saved(path, MANIFEST, manifest.get("sha256"), AGAIN)
     return found
 
@@ -118,7 +124,8 @@ def _impossible(policy: MlpPolicy) -> list[str]:
         "features.radar": radar is None or bool(np.isfinite(radar.gain).all()),
         "features.offset": bool(np.isfinite(policy.features.offset).all()),
         "action": policy.scale.possible,
-        "coverage": all(low <= high for low, high in policy.coverage.values()),
+        "coverage": all(low <= high for low, high in policy.coverage.values())
+        and policy.coverage.keys() <= {*OBSERVED},
     }
     return [name for name, fine in possible.items() if not fine]
 

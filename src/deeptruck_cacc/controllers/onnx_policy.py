@@ -91,25 +91,42 @@ def load_onnx(path: Path) -> OnnxPolicy:
 def _described(session: Any, path: Path, remembers: bool) -> OnnxPolicy:
     """With what its metadata say."""
     try:
-        facts: Mapping[str, Any] = json.loads(session.get_modelmeta().custom_metadata_map[FACTS])
+        facts: Mapping[str, Any] = json.loads(session.get_modelmeta().custom_metadata_map.get(FACTS, "{}"))
+        if wrong := _wrong(facts, remembers):
+            raise ValueError(wrong)
         start = [math.nan if x is None else float(x) for x in facts[MEMORY]] if remembers else []
         interface, action = TruckInterface.from_dict(facts["interface"]), facts.get("action")
         scale = ActionScale(**action) if action else ActionScale.of(interface)
         seen = {name: (float(low), float(high)) for name, (low, high) in facts.get("coverage", {}).items()}
         if not scale.possible or not all(low <= high for low, high in seen.values()):
-            raise ValueError("an impossible action or coverage")
+            raise ValueError("action or coverage is impossible")
         return OnnxPolicy(session, interface, float(facts["dt"]), scale, np.array(start), seen)
-    except (KeyError, AttributeError, TypeError, ValueError) as error:
-        said = reading.plain(repr(error))
+    except (AttributeError, TypeError, ValueError) as error:
+        said = reading.plain(str(error))
         raise InputError(
-            f"{path} does not say in its metadata '{FACTS}' what its numbers mean ({said}); {AGAIN}"
+            f"{path}: its metadata '{FACTS}' do not say what its numbers mean ({said}); write them as "
+            "docs/own_policy.md has them"
         ) from None
+
+
+def _wrong(facts: Any, remembers: bool) -> str:
+    """What is missing in the metadata, or has no place there; empty if they may be right."""
+    if not isinstance(facts, dict):
+        return "they are no object of JSON"
+    lacks = [name for name in ("dt", "interface", *([MEMORY] if remembers else [])) if name not in facts]
+    if lacks:
+        return f"no {', '.join(lacks)}"
+    strange = sorted({*facts.get("coverage", {})} - {*OBSERVED})
+    if strange:
+        return f"coverage of {', '.join(strange)}; it may have {', '.join(OBSERVED)}"
+    dt = facts["dt"]
+    return "" if isinstance(dt, int | float) and 0.0 < dt < math.inf else f"dt of {dt!r} s"
 
 
 def _tried(policy: OnnxPolicy, path: Path) -> OnnxPolicy:
     """The policy, if it makes commands."""
     try:
-        works = 0.0 < policy.dt < math.inf and bool(np.isfinite(policy.act(TYPICAL)).all())
+        works = bool(np.isfinite(policy.act(TYPICAL)).all())
     except Exception:  # whatever the runtime says of shapes
         works = False
     if not works:

@@ -34,6 +34,7 @@ from deeptruck_cacc.evaluation.output import (
 from deeptruck_cacc.evaluation.page import page
 from deeptruck_cacc.safety import guard as guards
 from deeptruck_cacc.safety import truck_limits
+from deeptruck_cacc.safety.shield import Promise
 from deeptruck_model import simulators
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
@@ -70,9 +71,9 @@ def evaluate(
     Always: the paper's set, a moving leader on hills, and the two field runs. `full` adds the scenes of
     hard_scenes.HARD, heavier and lighter trucks where the simulator has a mass, recorded leaders where the
     data is present, every baseline (on a pedal map calibrated on this simulator) and platoons. `shield`
-    puts the guard in between, with a promise measured on the simulator. `draw` False leaves the scenes'
-    figures out. `out` is written as a whole or not at all, and replaces an older evaluation only with
-    `overwrite`. Raises InputError for an `out` that cannot be written, and a policy for another truck.
+    puts the guard before policy and baselines, with a promise measured on the simulator. `draw` False leaves
+    the scenes' figures out. `out` is written as a whole or not at all, and replaces an older evaluation only
+    with `overwrite`. Raises InputError for an `out` that cannot be written, and a policy for another truck.
     """
     extent = Extent(rollouts, seed, shield, full, draw)
     with EVALUATION.replacing(Path(out), overwrite=overwrite) as draft:
@@ -86,8 +87,8 @@ def _evaluate(
     truck = simulators.load(simulator) if isinstance(simulator, str) else simulator
     driver = load_policy(policy, truck.interface) if isinstance(policy, str) else policy
     check_dt(driver, truck.dt)
-    if extent.shield:
-        driver = guards.guard(driver, truck_limits.measure(truck))
+    promise = truck_limits.measure(truck) if extent.shield else None
+    driver = _behind(driver, promise)
     pedals = PedalMap.calibrate(truck)
     cases = dict(_cases(truck, rollouts, seed, full))
     sets = {name: _drive(driver, *case) for name, case in cases.items()}
@@ -102,8 +103,9 @@ def _evaluate(
         "sets": {name: _row(name, trace, own[name]) for name, trace in sets.items()},
     }
     if full:
-        results["baselines"] = _baselines(truck, pedals, rollouts, seed)
-        results["platoon"] = _platoons(truck, driver, pedals)
+        drivers = {law: _behind(baseline(law, truck.interface, pedals, truck.dt), promise) for law in LAWS}
+        results["baselines"] = _baselines(truck, pedals, drivers, extent)
+        results["platoon"] = _platoons(truck, driver, drivers)
     for name, trace in sets.items() if extent.draw else ():
         _draw(name, trace, truck.interface, draft)
     if full:
@@ -227,22 +229,29 @@ def _draw(name: str, trace: Trace, interface: TruckInterface, out: Path) -> None
         figures.error_bands(trace, f"{name}: {trace.scene.batch} rollouts", out / f"{name}.png")
 
 
-def _baselines(truck: Simulator, pedals: PedalMap, rollouts: int, seed: int) -> dict[str, Any]:
+def _behind(driver: Policy, promise: Promise | None) -> Policy:
+    """The driver behind the guard where there is a promise, policy and baselines alike."""
+    return driver if promise is None else guards.guard(driver, promise)
+
+
+def _baselines(
+    truck: Simulator, pedals: PedalMap, drivers: dict[str, Policy], extent: Extent
+) -> dict[str, Any]:
     table: dict[str, Any] = {}
-    for law in LAWS:
-        driver = baseline(law, truck.interface, pedals, truck.dt)
-        traces = {name: _drive(driver, truck, _scene(name, rollouts, seed, truck.dt)) for name in COMPARED}
+    scenes = {name: _scene(name, extent.rollouts, extent.seed, truck.dt) for name in COMPARED}
+    for law, driver in drivers.items():
+        traces = {name: _drive(driver, truck, scene) for name, scene in scenes.items()}
         table[law] = {name: _row(name, trace, pedals) for name, trace in traces.items()}
     return table
 
 
-def _platoons(truck: Simulator, driver: Policy, pedals: PedalMap) -> dict[str, Any]:
+def _platoons(truck: Simulator, driver: Policy, drivers: dict[str, Policy]) -> dict[str, Any]:
     rows = {
         f"policy, {'V2V' if v2v else 'radar'}": platoon.string_stability(truck, driver, v2v=v2v)
         for v2v in (True, False)
     }
     for law in ("acc", "cacc"):
-        rows[law] = platoon.string_stability(truck, baseline(law, truck.interface, pedals, truck.dt))
+        rows[law] = platoon.string_stability(truck, drivers[law])
     return rows
 
 

@@ -110,6 +110,8 @@ def test_what_is_no_policy_is_said_in_a_line(tmp_path: Path) -> None:
     (tmp_path / "text.onnx").write_text("no graph")
     stranger(tmp_path / "mute.onnx", None)
     stranger(tmp_path / "still.onnx", {"dt": 0.0, "interface": TRUCK.to_dict()})
+    typo = {"dt": 0.1, "interface": TRUCK.to_dict(), "coverage": {"sped": [0.0, 1.0]}}
+    stranger(tmp_path / "typo.onnx", typo)
     stranger(tmp_path / "other.onnx", {}, ("engine", "horn"))
     limp = {"engine_low": 0.0, "engine_high": 100.0, "brake_high": float("nan")}
     stranger(tmp_path / "limp.onnx", {"dt": 0.1, "interface": TRUCK.to_dict(), "action": limp})
@@ -117,9 +119,10 @@ def test_what_is_no_policy_is_said_in_a_line(tmp_path: Path) -> None:
     for name, truck, says in (
         ("gone.onnx", None, "does not exist"),
         ("text.onnx", None, "is no ONNX that can be run"),
-        ("mute.onnx", None, "does not say in its metadata 'deeptruck'"),
-        ("still.onnx", None, "makes no commands"),
-        ("limp.onnx", None, "impossible action"),
+        ("mute.onnx", None, "metadata 'deeptruck' do not say .*no dt, interface"),
+        ("still.onnx", None, "dt of 0.0 s"),
+        ("typo.onnx", None, "coverage of sped; it may have leader_speed"),
+        ("limp.onnx", None, "action or coverage is impossible"),
         ("other.onnx", None, "has no brake_command among its inputs and outputs"),
         ("p.onnx", TruckInterface("x", "N m", "percent"), "commands engine_command in percent"),
     ):
