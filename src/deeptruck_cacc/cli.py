@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from deeptruck_model import console, files
+from deeptruck_model.cli.progress import progress
 from deeptruck_model.errors import InputError
 
 if TYPE_CHECKING:
@@ -147,9 +148,9 @@ def evaluate(
 
     check(policy, simulator, out, all_seeds=all_seeds, overwrite=overwrite)
     drive = evaluation.evaluate_seeds if all_seeds else evaluation.evaluate
-    metrics = drive(
-        policy, simulator, out, rollouts=rollouts, seed=seed, shield=shield, full=full, overwrite=overwrite
-    )
+    extent: dict[str, Any] = {"rollouts": rollouts, "seed": seed, "shield": shield, "full": full}
+    with progress("loading") as say:
+        metrics = drive(policy, simulator, out, overwrite=overwrite, say=say, **extent)
     seen = Console()
     Console(width=max(seen.width, WIDE)).print(evaluation.table(metrics))
     typer.echo(f"{out}: metrics.json and figures")

@@ -18,7 +18,7 @@ from deeptruck_cacc.controllers.baselines import baseline
 from deeptruck_cacc.controllers.onnx_policy import SUFFIX, load_onnx
 from deeptruck_cacc.controllers.policy import MANIFEST, TYPICAL, WEIGHTS, MlpPolicy, Policy
 from deeptruck_cacc.controllers.scaling import OBSERVED, ActionScale, FeatureMap
-from deeptruck_model import reading
+from deeptruck_model import files, reading
 from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 
@@ -133,6 +133,8 @@ def _impossible(policy: MlpPolicy) -> list[str]:
 def read_manifest(path: Path) -> dict[str, Any]:
     """policy.json as a dict. Raises InputError where it is missing, damaged or of unknown kind."""
     if not (path / MANIFEST).exists():
+        if files.unfinished(path).is_dir():
+            raise InputError(f"the training of {path} is not finished; repeat its command with --resume")
         raise InputError(
             f"{path} is not a policy directory: it has no {MANIFEST}; make one with 'deeptruck-cacc train', "
             "or use 'baseline:acc'"

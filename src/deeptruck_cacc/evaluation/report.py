@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,6 +40,8 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.signals import TruckInterface
 from deeptruck_model.simulators import Simulator
 
+Say = Callable[[str], None]
+
 COMPARED = ("paper", "moving", "steps", "stop", "gap_closing")
 
 
@@ -52,6 +54,7 @@ class Extent:
     shield: bool = False
     full: bool = False
     draw: bool = True
+    say: Say = lambda step: None
 
 
 def evaluate(
@@ -65,6 +68,7 @@ def evaluate(
     full: bool = False,
     draw: bool = True,
     overwrite: bool = False,
+    say: Say = lambda step: None,
 ) -> dict[str, Any]:
     """Drive a policy and write `out`/metrics.json and figures; the metrics are returned as well.
 
@@ -72,10 +76,11 @@ def evaluate(
     hard_scenes.HARD, heavier and lighter trucks where the simulator has a mass, recorded leaders where the
     data is present, every baseline (on a pedal map calibrated on this simulator) and platoons. `shield`
     puts the guard before policy and baselines, with a promise measured on the simulator. `draw` False leaves
-    the scenes' figures out. `out` is written as a whole or not at all, and replaces an older evaluation only
-    with `overwrite`. Raises InputError for an `out` that cannot be written, and a policy for another truck.
+    the scenes' figures out; `say` is told each step. `out` is written as a whole or not at all, and replaces
+    an older evaluation only with `overwrite`. Raises InputError for an `out` that cannot be written, and a
+    policy for another truck.
     """
-    extent = Extent(rollouts, seed, shield, full, draw)
+    extent = Extent(rollouts, seed, shield, full, draw, say)
     with EVALUATION.replacing(Path(out), overwrite=overwrite) as draft:
         return _evaluate(policy, simulator, draft, extent)
 
@@ -91,7 +96,7 @@ def _evaluate(
     driver = _behind(driver, promise)
     pedals = PedalMap.calibrate(truck)
     cases = dict(_cases(truck, rollouts, seed, full))
-    sets = {name: _drive(driver, *case) for name, case in cases.items()}
+    sets = {name: _drive(driver, *cases[name]) for name in _each(extent, "driving", cases)}
     # What a heavier truck could have reached is asked of its own pedals.
     own = {name: pedals if on is truck else PedalMap.calibrate(on) for name, (on, _) in cases.items()}
     results: dict[str, Any] = {
@@ -105,9 +110,10 @@ def _evaluate(
     if full:
         drivers = {law: _behind(baseline(law, truck.interface, pedals, truck.dt), promise) for law in LAWS}
         results["baselines"] = _baselines(truck, pedals, drivers, extent)
+        extent.say("driving platoons")
         results["platoon"] = _platoons(truck, driver, drivers)
-    for name, trace in sets.items() if extent.draw else ():
-        _draw(name, trace, truck.interface, draft)
+    for name in _each(extent, "drawing", sets) if extent.draw else ():
+        _draw(name, sets[name], truck.interface, draft)
     if full:
         figures.amplification(results["platoon"], draft / STABILITY)
     if isinstance(policy, str):
@@ -229,6 +235,13 @@ def _draw(name: str, trace: Trace, interface: TruckInterface, out: Path) -> None
         figures.error_bands(trace, f"{name}: {trace.scene.batch} rollouts", out / f"{name}.png")
 
 
+def _each(extent: Extent, doing: str, names: Iterable[str]) -> Iterator[str]:
+    """The names one by one; each is told when its turn comes."""
+    for name in names:
+        extent.say(f"{doing} {name}")
+        yield name
+
+
 def _behind(driver: Policy, promise: Promise | None) -> Policy:
     """The driver behind the guard where there is a promise, policy and baselines alike."""
     return driver if promise is None else guards.guard(driver, promise)
@@ -239,7 +252,8 @@ def _baselines(
 ) -> dict[str, Any]:
     table: dict[str, Any] = {}
     scenes = {name: _scene(name, extent.rollouts, extent.seed, truck.dt) for name in COMPARED}
-    for law, driver in drivers.items():
+    for law in _each(extent, "driving", drivers):
+        driver = drivers[law]
         traces = {name: _drive(driver, truck, scene) for name, scene in scenes.items()}
         table[law] = {name: _row(name, trace, pedals) for name, trace in traces.items()}
     return table

@@ -239,3 +239,14 @@ def test_calibrated_pedals_give_the_wanted_acceleration(toy):
     engine, brake = pedals.commands(wanted, np.full(3, 15.0), np.array([0.02, -0.02, 0.0]))
     got = engine / 1000 - 0.06 * brake - 0.05 - 9.81 * np.array([0.02, -0.02, 0.0])
     np.testing.assert_allclose(got, wanted, atol=0.05)
+
+
+def test_a_training_that_was_killed_is_named_as_such(tmp_path):
+    (tmp_path / ".p.unfinished").mkdir()
+    with pytest.raises(InputError, match="training of .*p is not finished; .* --resume"):
+        load_policy(tmp_path / "p")
+
+
+def test_a_truck_in_place_of_its_interface_is_said_in_a_line(tmp_path):
+    with pytest.raises(InputError, match="str is no TruckInterface"):
+        load_policy("baseline:acc", "trucksim")

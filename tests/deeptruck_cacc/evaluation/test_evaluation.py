@@ -161,3 +161,15 @@ def test_a_learning_curve_is_drawn_up_to_a_line_cut_short(tmp_path):
     report._draw_learning(tmp_path, tmp_path)
     assert report._whole_lines(tmp_path / "learning_curve.jsonl") == [{"cost": [1.0]}, {"cost": [0.5]}]
     assert (tmp_path / "learning_curve.png").exists()
+
+
+@pytest.mark.long
+def test_baselines_stand_behind_the_same_shield_and_steps_are_told(toy, tmp_path):
+    said = []
+    driver = baseline("acc", toy.interface)
+    results = evaluate(
+        driver, toy, tmp_path / "e", rollouts=2, shield=True, full=True, draw=False, say=said.append
+    )
+    assert {"driving paper", "driving cacc", "driving platoons"} <= {*said}
+    assert all(sets["stop"]["crashes"] == 0 for sets in results["baselines"].values())
+    assert any(sets["stop"]["shield_share"] > 0 for sets in results["baselines"].values())
