@@ -243,7 +243,7 @@ def test_calibrated_pedals_give_the_wanted_acceleration(toy):
 
 def test_a_training_that_was_killed_is_named_as_such(tmp_path):
     (tmp_path / ".p.unfinished").mkdir()
-    with pytest.raises(InputError, match="training of .*p is not finished; .* --resume"):
+    with pytest.raises(InputError, match=r"training of .*p is not finished; .* --resume"):
         load_policy(tmp_path / "p")
 
 
