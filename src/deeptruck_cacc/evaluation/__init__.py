@@ -3,7 +3,8 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from deeptruck_cacc.evaluation.report import evaluate, evaluate_seeds, table
+    from deeptruck_cacc.evaluation.overview import table
+    from deeptruck_cacc.evaluation.report import evaluate, evaluate_seeds
 
 __all__ = ["evaluate", "evaluate_seeds", "table"]
 
@@ -12,6 +13,6 @@ def __getattr__(name: str) -> Any:
     """The three functions on their first use: what an evaluation writes is known without a figure drawn."""
     if name not in __all__:
         raise AttributeError(name)
-    from deeptruck_cacc.evaluation import report
+    from deeptruck_cacc.evaluation import overview, report
 
-    return getattr(report, name)
+    return getattr(overview if name == "table" else report, name)

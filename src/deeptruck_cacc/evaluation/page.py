@@ -6,17 +6,23 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from deeptruck_cacc.evaluation import overview
 from deeptruck_model.pages.document import Picture, Table, document
 
 
 def page(results: Mapping[str, Any], folder: Path) -> str:
-    """The numbers of metrics.json, one table a scene, and the figures that stand in the folder."""
+    """All scenes side by side, the numbers of metrics.json, one table a scene, and the folder's figures."""
     scenes = results["sets"]
     first = f"The policy {results['policy']} was driven on {results['simulator']} in {len(scenes)} scenes."
-    shield = ["The shield stood between policy and truck."] if results["shield"] else []
-    tables = [_scene(name, numbers) for name, numbers in scenes.items()]
+    shield = ["The shield stood before policy and baselines."] if results["shield"] else []
+    tables = [Table("All scenes", overview.HEAD, tuple(overview.rows(results)))]
+    if platoon := overview.platoon_rows(results):
+        tables.append(
+            Table("A disturbance grows where the amplification is above 1.", overview.PLATOON, tuple(platoon))
+        )
+    tables += [_scene(name, numbers) for name, numbers in scenes.items()]
     pictures = [Picture(p.read_bytes(), _words(p.stem)) for p in sorted(folder.glob("*.png"))]
-    return document(first, shield, tables, pictures)
+    return document(first, [*shield, overview.MEANS], tables, pictures)
 
 
 def _scene(name: str, numbers: Mapping[str, Any]) -> Table:

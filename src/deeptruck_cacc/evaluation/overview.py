@@ -1,0 +1,76 @@
+"""All scenes, and the baselines in them, side by side: a row each, for the terminal and for the page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+Row = tuple[str, ...]
+
+HEAD: Row = (
+    "scene",
+    "time gap (s)",
+    "worst",
+    "in reach",
+    "speed (m/s)",
+    "worst",
+    "crashes",
+    "min gap (m)",
+    "jerk rms",
+    "l/100 km",
+    "shield %",
+)
+MEANS = (
+    "Time-gap errors count after 10 s, speed errors after 25 s: mean, and the worst of all runs and times. "
+    "In reach: the worst time-gap error where the engine could have held the gap. Jerk is in m/s^3. "
+    "Shield %: the share of the time in which it acted."
+)
+PLATOON: Row = ("eight trucks", "speed amplification, worst", "at (Hz)")
+
+
+def rows(results: Mapping[str, Any]) -> list[Row]:
+    """A row a scene of the policy, then of each baseline that was driven."""
+    scenes = dict(results["sets"])
+    for law, sets in results.get("baselines", {}).items():
+        scenes |= {f"{law}: {name}": numbers for name, numbers in sets.items()}
+    return [(name, *_cells(numbers)) for name, numbers in scenes.items()]
+
+
+def _cells(numbers: Mapping[str, Any]) -> Iterator[str]:
+    gap, speed = numbers["time_gap_error_after_10s"], numbers["speed_error_after_25s"]
+    yield f"{gap['mean']:+.3f}"
+    yield f"{gap['worst_abs']:.3f}"
+    yield _number(numbers.get("time_gap_worst_within_reach"), 3)
+    yield f"{speed['mean']:+.3f}"
+    yield f"{speed['worst_abs']:.3f}"
+    yield str(numbers["crashes"])
+    yield f"{numbers['min_gap_m']:.1f}"
+    yield f"{numbers['jerk_rms']:.2f}"
+    yield _number(numbers["fuel_l_per_100km"], 1)
+    yield f"{100 * numbers['shield_share']:.1f}"
+
+
+def _number(value: float | None, digits: int) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"
+
+
+def platoon_rows(results: Mapping[str, Any]) -> list[Row]:
+    """Who drives all eight trucks, and by how much a truck at most enlarges the speed of the one before."""
+    out: list[Row] = []
+    for driver, run in results.get("platoon", {}).items():
+        most = max(run["worst_speed_amplification"])
+        at = run["frequency_hz"][run["worst_speed_amplification"].index(most)]
+        out.append((driver, f"{most:.3f}", f"{at:.3f}"))
+    return out
+
+
+def table(results: Mapping[str, Any]) -> Any:
+    """The rows as a rich table."""
+    from rich.table import Table
+
+    view = Table(title=f"{results['policy']} on {results['simulator']}")
+    for head in HEAD:
+        view.add_column(head, justify="left" if head == HEAD[0] else "right")
+    for row in rows(results):
+        view.add_row(*row)
+    return view
