@@ -51,14 +51,15 @@ def same_signals(simulator: Simulator, recordings: Sequence[Recording]) -> None:
 
 
 def _other_rate(r: Recording, rate_hz: float) -> str:
-    """What mends it: a bag is read at the simulator's rate, unless it was recorded at a lower one."""
+    """What mends it: the command line reads a bag at the simulator's rate, unless it was recorded at a lower
+    one."""
     own_hz = 1 / r.dt
     if own_hz > rate_hz:
         cure = f"read it with rate_hz={rate_hz:g}"
     else:
         cure = (
-            f"record at {rate_hz:g} Hz, or compare with a simulator of {own_hz:g} Hz: "
-            "'deeptruck-model train' makes one of recordings at that rate"
+            f"read it with rate_hz={rate_hz:g} if it has as many; else record at {rate_hz:g} Hz, or compare "
+            f"with a simulator of {own_hz:g} Hz: 'deeptruck-model train' makes one of recordings at that rate"
         )
     return f"recording '{r.name}' is at {own_hz:g} Hz, the simulator at {rate_hz:g} Hz; {cure}"
 

@@ -158,13 +158,18 @@ def signals(
             out[name] = take(
                 [p.recording.channels.get(name, np.full(len(p.recording), np.nan)) for p in prepared]
             )
-    if "traction_force" in runs[0].inside:
+    if tells_forces(runs[0]):
         mass, is_known = _from_inside(out, simulator, runs, grid), True
     else:
         known = simulator.parameters().get("mass", mass_kg)
         mass, is_known = _from_questions(out, simulator, prepared, runs, grid, known), known is not None
     _ratio(out)
     return out, mass, is_known
+
+
+def tells_forces(run: Run) -> bool:
+    """Whether a simulator says what acts inside it: its physics is somebody's, and was not learned."""
+    return "traction_force" in run.inside
 
 
 def _known(name: str, prepared: Sequence[Prepared], grid: Any) -> bool:

@@ -166,11 +166,12 @@ def gather(
     """
     runs = forced(simulator, prepared, [p.u for p in prepared])
     dt = prepared[0].dt
-    block = max(1, round((BLOCK_S if simulator.parameters() else BLOCK_LEARNED_S) / dt))
+    known_physics = bool(simulator.parameters()) or components.tells_forces(runs[0])
+    block = max(1, round((BLOCK_S if known_physics else BLOCK_LEARNED_S) / dt))
     grid = _Grid(prepared, held_out, block)
     simulated = grid.stack([r.y[0, :, ACCELERATION] for r in runs])
     observed = grid.stack([p.observed for p in prepared])
-    if simulator.parameters():
+    if known_physics:
         other, apart = other_gear(prepared, runs, held_out=held_out)
     else:
         other, apart = other_gear(prepared, believed(simulator, prepared), True, held_out)

@@ -1,0 +1,61 @@
+"""A simulator that has nothing to refit but tells its forces is nobody's learned one: what lasts is seen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from deeptruck_model import driving_cycles, trucks
+from deeptruck_model.mismatch import find_mismatch
+from deeptruck_model.mismatch.result import Conclusion
+from deeptruck_model.trucks import PhysicsTruck
+
+STEADY = {"road_grade", "dragging_brake", "rolling_resistance_speed", "rolling_resistance_warmup", "unknown"}
+
+
+class Climb:
+    """2 % all the way."""
+
+    def reset(self, batch: int) -> None: ...
+
+    def force(self, view: Any, dt: float) -> np.ndarray:
+        return np.asarray(-view.mass * 9.81 * 0.02)
+
+
+class NothingToRefit:
+    """A truck whose parameters are its own business."""
+
+    def __init__(self, truck: PhysicsTruck) -> None:
+        self._truck = truck
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._truck, name)
+
+    def parameters(self) -> dict[str, float]:
+        return {}
+
+    def with_parameters(self, values: Mapping[str, float]) -> NothingToRefit:
+        return self
+
+
+@pytest.mark.long
+def test_a_steady_climb_is_no_case_of_nothing_missing() -> None:
+    plain = trucks.load("trucksim")
+    blind = PhysicsTruck(
+        replace(plain.specification, interface=replace(plain.interface, grade=False, fuel=False))
+    )
+    flat = driving_cycles.CycleSettings(road=driving_cycles.RoadSettings(limit=0.0))
+    drives = []
+    for k in range(4):
+        drive = driving_cycles.drive(blind.with_forces([Climb()], []), seconds=240, seed=k, settings=flat)
+        drive.channels["speed"] += np.random.default_rng(k).normal(0.0, 0.005, len(drive))
+        drives.append(drive)
+    result = find_mismatch(NothingToRefit(blind), drives[:3], drives[3:]).result  # type: ignore[arg-type]
+    assert result.kind is Conclusion.PHYSICS
+    (first, *_) = result.findings
+    assert {first.effect, *first.cannot_be_told_from} & STEADY and first.strength.value < -2000.0
+    assert result.fit.errors.after.speed < 0.2 * result.fit.errors.before.speed
