@@ -142,7 +142,9 @@ class TruckWithForces:
         return y
 
     def force(self, state: State, y: Array) -> State:
-        return replace(state, base=self._feed(state.base, y), speed=y[:, SPEED].copy())
+        told = y[:, SPEED]
+        speed = np.where(np.isnan(told), state.speed, told)  # its own goes on where nothing is told
+        return replace(state, base=self._feed(state.base, y), speed=speed)
 
     def _feed(self, inner: Any, y: Array) -> Any:
         """The base truck's state, told y (batch, n_y); as along the recordings its forces were fitted to."""

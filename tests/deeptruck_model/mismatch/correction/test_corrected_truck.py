@@ -138,6 +138,17 @@ def test_stepping_keeps_speed_the_integral_of_acceleration_and_old_states_usable
 FADE = Static(Heating(120.0, "from", 0.0))
 
 
+def test_where_nothing_is_told_its_own_response_goes_on() -> None:
+    plain = trucks.load("trucksim")
+    truck = CorrectedTruck(
+        plain, (Term("engine_friction", Static(Friction(5.0, 0)), (0.1,)),), {}, None, validated=True
+    )
+    u, w = np.array([[600.0, 0.0]]), np.zeros((1, 1))
+    state, y = truck.step(truck.reset(np.array([[0.0, 15.0, 5.0]])), u, w)
+    told_nothing = truck.force(state, np.full_like(y, np.nan))
+    np.testing.assert_allclose(truck.step(told_nothing, u, w)[1], truck.step(state, u, w)[1])
+
+
 def test_a_command_path_moves_the_command() -> None:
     late = CorrectedTruck(BASE, [Term("brake_lag", Static(BrakeLag("delay", 0.5)), (1.0,))], {}, None, False)
     u, w, y0 = inputs(10.0, 1)
