@@ -283,5 +283,5 @@ def main() -> None:
     console.run(
         app,
         "deeptruck-cacc",
-        interrupted="interrupted; a training goes on with --resume",
+        interrupted="interrupted; what has --resume goes on with it",
     )

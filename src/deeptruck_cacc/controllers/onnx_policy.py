@@ -101,7 +101,7 @@ def _described(session: Any, path: Path, remembers: bool) -> OnnxPolicy:
         if not scale.possible or not all(low <= high for low, high in seen.values()):
             raise ValueError("action or coverage is impossible")
         return OnnxPolicy(session, interface, float(facts["dt"]), scale, np.array(start), seen)
-    except (AttributeError, TypeError, ValueError) as error:
+    except (KeyError, AttributeError, TypeError, ValueError) as error:
         said = reading.plain(str(error))
         raise InputError(
             f"{path}: its metadata '{FACTS}' do not say what its numbers mean ({said}); write them as "

@@ -54,9 +54,9 @@ class LastSeen:
         heard = np.isfinite(observation["speed"])
         self._waited = np.where(heard, 0.0, self._waited + self.dt)
         self.silent = self._waited > self.hold_s
-        held = ("speed", "target_time_gap", "grade")
-        self._last = {n: np.where(np.isnan(x), self._last.get(n, x), x) for n, x in observation.items()}
-        return {n: self._last[n] if n in held else x for n, x in observation.items()}
+        own = {n: observation[n] for n in ("speed", "target_time_gap", "grade") if n in observation}
+        self._last = {n: np.where(np.isnan(x), self._last.get(n, x), x) for n, x in own.items()}
+        return {**observation, **self._last}
 
 
 @dataclass

@@ -32,7 +32,7 @@ def rows(simulator: Simulator) -> list[Row]:
         _newtons(set(seen), own, simulator.interface.mass_kg),
         _gears(set(seen)),
     ]
-    return out if own else [*out, _learned(simulator)]
+    return out if own or FORCES[0] in seen else [*out, _learned(simulator)]
 
 
 def _refitted(s: Simulator) -> Row:
@@ -86,8 +86,8 @@ def _gears(seen: set[str]) -> Row:
 
 
 def _learned(s: Simulator) -> Row:
-    """Without parameters it counts as learned: its own errors are known by its own recordings alone."""
+    """Without parameters and forces it counts as learned: its own errors are known by its own recordings alone."""
     if getattr(s, "reference", ()):
         return Row("own errors", State.YES, "known from the recordings in its `reference`")
-    says = "without parameters it counts as learned, and its own errors count as the truck's"
+    says = "without parameters and forces it counts as learned, and its own errors count as the truck's"
     return Row("own errors", State.NOTE, says, "give recordings that it was made from as `reference`")

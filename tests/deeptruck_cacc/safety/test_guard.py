@@ -56,11 +56,11 @@ def test_whatever_was_no_number_the_policy_drives_again(damage: list[dict[str, f
 
 
 def test_a_speedometer_that_stays_silent_is_no_reason_to_drive_on() -> None:
-    driver = network()
+    driver, undisturbed = network(), network()
     for _ in range(50):
-        told(driver)
+        told(driver), told(undisturbed)
     silent = np.array([told(driver, speed=np.nan) for _ in range(20)])
-    np.testing.assert_allclose(silent[:9], silent[[0] * 9], rtol=1e-3)
+    np.testing.assert_allclose(silent[:9], [told(undisturbed) for _ in range(9)])
     assert (silent[12:, 1] >= 30.0).all() and (silent[12:, 0] == 0.0).all()
 
 

@@ -36,6 +36,12 @@ def test_of_a_truck_that_tells_nothing_the_rest_is_guessed(shuttle: Path) -> Non
     assert "m/s^2" in found["forces in N"].says and "counts as learned" in found["own errors"].says
 
 
+def test_who_tells_forces_and_no_parameters_is_no_learned_truck() -> None:
+    truck = trucks.load("trucksim")
+    truck.parameters = dict  # type: ignore[method-assign]
+    assert "own errors" not in rows(truck)
+
+
 def test_half_of_the_forces_and_parameters_that_do_nothing_are_missing(shuttle: Path) -> None:
     with shuttle.open("a") as file:
         file.write(

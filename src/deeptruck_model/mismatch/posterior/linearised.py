@@ -22,7 +22,6 @@ from deeptruck_model.mismatch.posterior.rivals import force_of
 from deeptruck_model.mismatch.posterior.road_lock import road_lock
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.posterior.stepwise import first_guess
-from deeptruck_model.mismatch.residual.components import TOLD
 from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.residual.gather import STEP, gather
 from deeptruck_model.simulators import Simulator
@@ -72,7 +71,7 @@ def explained(
     if itself is not None:
         say("learning the simulator's model discrepancy from the recordings it keeps")
         evidence = nuisances.allow_for(evidence, itself)
-    elif not simulator.parameters() and TOLD not in evidence.signals:
+    elif not evidence.known_physics:
         evidence = nuisances.allow_for_the_unmeasured(evidence)
     around = _Around(simulator, tuple(prepared), tuple(held_out), seed, tuple(exclude), say)
     search = nuisances.beside_it(Search(evidence, exclude=exclude), exclude)

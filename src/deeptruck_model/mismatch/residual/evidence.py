@@ -176,6 +176,7 @@ class Evidence:
     late: Array | None = None  # (n, k) m/s^2 of a lateness that is known beside all else, and no finding
     rules: Rules = field(default_factory=Rules)  # by which all of this is judged
     mass_known: bool = True
+    known_physics: bool = True  # the simulator tells parameters or forces: it is nobody's learned one
     vehicle: VehicleKind = UNSTATED  # what is usual of what drove
     whole: Mask | None = None  # `valid` with held-out recordings, where it is without
 

@@ -191,6 +191,7 @@ def gather(
         sensitivity={},
         mass=mass,
         mass_known=mass_known,
+        known_physics=known_physics,
         vehicle=prepared[0].recording.interface.kind,
         moved=dict(moved or {}),
         rerun=_rerunner(simulator, prepared, grid, simulated),
