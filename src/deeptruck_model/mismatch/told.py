@@ -86,7 +86,7 @@ def _gears(seen: set[str]) -> Row:
 
 
 def _learned(s: Simulator) -> Row:
-    """Without parameters and forces it counts as learned: its own errors are known by its own recordings alone."""
+    """Without parameters and forces it counts as learned: only its own recordings tell its errors."""
     if getattr(s, "reference", ()):
         return Row("own errors", State.YES, "known from the recordings in its `reference`")
     says = "without parameters and forces it counts as learned, and its own errors count as the truck's"
