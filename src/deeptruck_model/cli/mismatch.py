@@ -100,7 +100,7 @@ def _tell(found: Mismatch, asked: Asked) -> None:
     """The verdict as the page has it, the findings, and what to do now."""
     from deeptruck_model.mismatch.report import headline, what_now
     from deeptruck_model.mismatch.report.given import record_next
-    from deeptruck_model.mismatch.report.wording import opened, percent, prose, spoken
+    from deeptruck_model.mismatch.report.wording import opened, percent, prose, short_rows, spoken
 
     result = found.result
     print(f"{result.kind}: see {asked.out / 'report.html'}")
@@ -109,6 +109,8 @@ def _tell(found: Mismatch, asked: Asked) -> None:
         name = headline.group(headline.name(f))
         sure = f"Probability of {spoken(f.effect)}: {percent(f.probability)}"
         print(f"  {opened(name)}: {prose(f.says)}. {sure}.")
+        for row in short_rows(f.parameters):
+            print(f"    {row.name}: {row.text}")
     for step in what_now.steps(result, record_next(found), asked):
         print(step.says, *filter(None, [step.command]), sep="\n    ")
     for caveat in result.caveats:

@@ -147,6 +147,7 @@ class FitResult:
     for_driving: bool = False  # whether its sizes are those of least speed error, not the most probable ones
     next_pass: NextPass | None = None  # of a road that came again: what one pass tells of another
     handed_over: HandedOver | None = None  # None where it asks for nothing beyond the protocol
+    scales_forces: bool = False  # the simulator has no parameters: what refits them scales its forces instead
 
     @property
     def harms_alone(self) -> bool:
@@ -163,6 +164,8 @@ class FitResult:
             out["refitted"] = dict(self.refitted)
         if self.for_driving:
             out["for_driving"] = True
+        if self.scales_forces:
+            out["scales_forces"] = True
         if self.next_pass is not None:
             out["next_pass"] = self.next_pass.to_json()
         if self.handed_over is not None:
@@ -189,4 +192,5 @@ class FitResult:
             fit.get("for_driving", False),
             NextPass.read(fit.get("next_pass")),
             HandedOver.read(fit.get("handed_over")),
+            fit.get("scales_forces", False),
         )  # fmt: skip

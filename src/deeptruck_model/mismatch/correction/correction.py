@@ -142,6 +142,7 @@ def shown(
         refitted={p: round(change, 4) for p, change in after.moved.items()},
         for_driving=made.for_driving and after is made.named,
         handed_over=_handed_over(after, held_out, horizon_s),
+        scales_forces=not simulator.parameters(),
     )
     fit = replace(fit, validated=fit.validated and not fit.harms_alone)
     return errors, after.marked(fit.validated), fit

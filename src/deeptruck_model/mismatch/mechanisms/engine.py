@@ -152,6 +152,20 @@ class Top(Constants):
     top: float
     reference: float | None = None
 
+    def numbers(self) -> Iterator[tuple[str, float]]:
+        """Where it begins, as a torque of the engine where gears are known."""
+        if self.by == "torque":
+            yield (
+                ("limit_force", self.top)
+                if self.reference is None
+                else (
+                    "limit_torque",
+                    self.top / self.reference,
+                )
+            )
+        else:
+            yield f"limit_{self.by}", self.top
+
 
 LIMITS = (0.35, 0.5, 0.65, 0.75, 0.85, 0.93)  # of the largest: full throttle is held for long
 

@@ -254,7 +254,7 @@ def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> Told:
             _reported(cause, m),
         ),
         equation(term),
-        sizes_of(term, explanation.model, e) | picked(term),
+        sizes_of(term, explanation.model, e) | picked(term, e),
         Sentence.of(m.told_by),
         (*m.depends_on, *_confined_by(term)),
     )

@@ -77,6 +77,7 @@ class Headline:
     seen: str = ""  # the smallest steady force that would have been seen; empty where that is not known
     reason: str = ""  # why nothing can be said
     next_pass: NextPass | None = None  # of a road that another pass shows
+    scaled: bool = False  # forces stand for parameters, as the simulator has none
     moved: str = ""  # parameters that the correction moves though none of them is a finding
     instead: tuple[str, ...] = ()  # names in the correction that are no finding
     suspected: tuple[str, ...] = ()  # where nothing was found: names for too little to be noticed
@@ -109,6 +110,7 @@ def of(verdict: Verdict) -> Headline:
         worth(fit),
         errors(fit),
         next_pass=fit.next_pass if fit is not None and fit.next_pass and fit.next_pass.shown else None,
+        scaled=fit is not None and fit.scales_forces,
         moved=_moved(fit, {f.effect for f in found}),
         instead=tuple(n for n in corrected if n in LIBRARY and n not in {f.effect for f in found}),
     )
@@ -271,7 +273,8 @@ def _shown(h: Headline) -> list[str]:
         said.append(f"It holds {beside} instead, which comes near to it and is no finding.")
     if h.moved:
         said.append(f"Besides what was found, the correction moves {h.moved}.")
-    refitted = f"with all parameters refitted instead it is {number(h.errors.refitted)} m/s"
+    other = "its forces scaled" if h.scaled else "all parameters refitted"
+    refitted = f"with {other} instead it is {number(h.errors.refitted)} m/s"
     return [*said, f"{_runs(h.errors)}; {refitted}.", SHOWN[h.worth]]
 
 

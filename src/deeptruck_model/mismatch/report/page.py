@@ -26,6 +26,7 @@ ROWS = {  # of the table before and after
     "after": "after: corrected by the findings",
     "free_model": "free model: corrected by laws without a name too",
 }
+SCALED = "forces only: all scaled, as the simulator has no parameters"
 ALONE = "after: all parameters refitted, no name, as these drove the fitted recordings best"
 
 
@@ -113,6 +114,7 @@ def _fit(fit: FitResult | None) -> dict[str, Any] | None:
     if fit is None or fit.errors is None:
         return None
     names = ROWS | ({"after": ALONE} if fit.chosen is Chosen.PARAMETERS else {})
+    names |= {"parameters_only": SCALED} if fit.scales_forces else {}
     rows = [
         {
             "name": names[name],

@@ -9,7 +9,7 @@ from deeptruck_model.mismatch.expression import Rerun
 from deeptruck_model.mismatch.finding import Size
 from deeptruck_model.mismatch.mechanisms import CandidateTerm, Column, carriers
 from deeptruck_model.mismatch.posterior.search import Model
-from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.evidence import Evidence, unit
 from deeptruck_model.mismatch.residual.noise import Z95
 
 Array = NDArray[np.float64]
@@ -27,16 +27,23 @@ SETTING_UNITS = {
     "after_s": "s",
     "keeps_s": "s",
     "frees_m": "m",
+    "limit_speed": "m/s",
 }
+PER_MASS = {"limit_force": "N", "limit_torque": "N m", "limit_power": "W"}
+LIMIT_COMMAND = "limit_command"  # in the unit of the engine's command
 TELLING_PARAMETERS = 12  # a profile along the road has hundreds; people get the ones that matter
 
 
-def picked(term: CandidateTerm) -> dict[str, Size]:
+def picked(term: CandidateTerm, e: Evidence) -> dict[str, Size]:
     """Settings that have a size, as parameters without an interval; of two parts with one, the first's."""
     out: dict[str, Size] = {}
     for name, value in term.variant.numbers():
         if name in SETTING_UNITS:
             out.setdefault(name, Size(value, SETTING_UNITS[name], picked=True))
+        elif name in PER_MASS:
+            out.setdefault(name, Size(value * e.unit.scale, e.unit.of(PER_MASS[name]), picked=True))
+        elif name == LIMIT_COMMAND:
+            out.setdefault(name, Size(value, unit("engine_command", e.command_units), picked=True))
     return out
 
 

@@ -119,9 +119,11 @@ def _beside_parameters(fit: FitResult, improvement: Improvement) -> list[str]:
     what = "the findings and laws without a name are" if fit.chosen is Chosen.LAWS else "the findings are"
     better = BETTER.format(what=what)
     end = better if beside[0] > 0.0 else WORSE if refitted_is_surely_better(fit) else EQUAL
+    other = (
+        "its forces scaled, as it has no parameters" if fit.scales_forces else "all its parameters refitted"
+    )
     return [
-        "Beside the simulator with all its parameters refitted, the speed error of the corrected one is "
-        f"{_change(beside)}.",
+        f"Beside the simulator with {other}, the speed error of the corrected one is {_change(beside)}.",
         end,
     ]
 

@@ -41,6 +41,11 @@ SETTINGS = {  # what was chosen of a few: the names of the library are for progr
     "after_s": "time after which it begins",
     "keeps_s": "time in which what is kept falls to a third",
     "frees_m": "distance in which it comes free to a third",
+    "limit_force": "engine force above which it cuts",
+    "limit_torque": "engine torque above which it cuts",
+    "limit_power": "engine power above which it cuts",
+    "limit_speed": "speed above which it cuts",
+    "limit_command": "engine command above which it cuts",
 }
 
 
@@ -154,6 +159,12 @@ def rows(parameters: Parameters) -> list[Row]:
     sizes = [Row(_named(n, shown), _text(n, p, shown)) for n, p in shown.items()]
     kinds = _kinds(shown)
     return [*sizes, *([Row("together", ADD_UP.format(kinds))] if kinds else [])]
+
+
+def short_rows(parameters: Parameters) -> list[Row]:
+    """Rows for a terminal: without places on a curve, and what holds in one recording or near a moment."""
+    few = {n: p for n, p in parameters.items() if not AT.fullmatch(n) and not IN.fullmatch(n)}
+    return rows(few)
 
 
 def _named(name: str, shown: Parameters) -> str:

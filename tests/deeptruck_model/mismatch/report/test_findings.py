@@ -21,17 +21,17 @@ from deeptruck_model.mismatch.report.wording import force
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 
-def test_times_of_every_part_of_a_shape_are_told() -> None:
+def test_times_of_every_part_of_a_shape_are_told(nothing_missing: Evidence) -> None:
     """A brake that rubs for 30 s after its release was told without them, as another part stood beside."""
     gated = Gated(Static(Keeps(3.0)), Gate("speed", "above", 7.0))
     term: Any = SimpleNamespace(variant=Sum((Static(Keeps(30.0)), Static(RubsFree(200.0)), gated)))
-    told = {name: size.value for name, size in sizes.picked(term).items()}
+    told = {name: size.value for name, size in sizes.picked(term, nothing_missing).items()}
     assert told == {"keeps_s": 30.0, "frees_m": 200.0}
 
 
-def test_a_shape_of_one_part_tells_its_own() -> None:
+def test_a_shape_of_one_part_tells_its_own(nothing_missing: Evidence) -> None:
     term: Any = SimpleNamespace(variant=Static(WarmsInTime(0.6)))
-    assert sizes.picked(term) == {"tau_s": Size(0.6, "s", picked=True)}
+    assert sizes.picked(term, nothing_missing) == {"tau_s": Size(0.6, "s", picked=True)}
 
 
 @pytest.mark.parametrize(("known", "unit"), [(True, "N"), (False, "m/s^2")])

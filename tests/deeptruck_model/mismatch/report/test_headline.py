@@ -84,6 +84,12 @@ def test_the_first_sentence_says_what_how_large_how_sure_and_what_it_is_worth() 
     assert end == "These drives do not tell which of the two predicts better."
 
 
+def test_a_simulator_without_parameters_is_not_said_to_have_them_refitted() -> None:
+    told = said(WIND, worth=Worth.AS_GOOD, errors=ERRORS, scaled=True)
+    assert any("with its forces scaled instead it is 0.0467 m/s" in s for s in told)
+    assert not any("parameters" in s for s in told)
+
+
 def test_the_first_of_several_names_keeps_its_size() -> None:
     mass = replace(MASS, size="23000 kg fits", sure="95 %")
     wind = replace(WIND, size="300 N while it acts", sure="40 %")

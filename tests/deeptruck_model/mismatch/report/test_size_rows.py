@@ -86,3 +86,14 @@ def test_a_curve_beside_a_known_form_is_added_to_it_also_where_a_time_was_picked
     )
     assert rows["force at 150 rad/s"].startswith("5230 N")
     assert rows["together"].endswith("hold there: force at 150 rad/s, the curve over engine speed")
+
+
+def test_a_terminal_tells_settings_and_sizes_but_no_places_of_a_curve() -> None:
+    sizes = {
+        "at speed 12": Size(0.2, "1", (0.1, 0.3)),
+        "force[drive_3]": Size(9.0, "N", (1.0, 17.0)),
+        "share": Size(0.5, "1", (0.4, 0.6)),
+        "tau_s": Size(0.6, "s", picked=True),
+    }
+    told = {row.name: row.text for row in wording.short_rows(sizes)}
+    assert list(told) == ["share", "time constant"] and told["time constant"].startswith("about 0.6 s")
