@@ -118,16 +118,14 @@ def _cell(values: Array, edges: Array) -> NDArray[np.int64]:
 
 
 def _summary(recording: Recording, before: Recording | None) -> dict[str, Any]:
-    gap = None
-    if before is not None and before.name.partition("#")[0] == recording.name.partition("#")[0]:
-        gap = round(recording.start_s - before.start_s - (len(before) - 1) * before.dt, 6)
+    gap = recording.gap_after(before)
     return {
         "name": recording.name,
         "start_s": recording.start_s,
         "dt": recording.dt,
         "samples": len(recording),
         "duration_s": round(len(recording) * recording.dt, 6),
-        "gap_before_s": gap,
+        "gap_before_s": None if gap is None else round(gap, 6),
         "interface": recording.interface.to_dict(),
         "channels": {name: _range(recording, name) for name in recording.channels},
         "notes": list(recording.notes),

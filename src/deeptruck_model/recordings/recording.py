@@ -82,6 +82,13 @@ class Recording:
         rows = [Row(*row) for row in zip(names, units, self.columns(names).T, strict=True)]
         return draw(f"{self.name}, {self.interface.summary}", self.time, rows)
 
+    def gap_after(self, before: Recording | None) -> float | None:
+        """Seconds without valid speed between the piece `before` and this one; None where that is no piece of
+        the same bag."""
+        if before is None or before.name.partition("#")[0] != self.name.partition("#")[0]:
+            return None
+        return self.start_s - before.start_s - (len(before) - 1) * before.dt
+
     def piece(self, start: int, stop: int) -> Recording:
         """Samples start..stop as a recording of its own."""
         cut = {name: values[start:stop] for name, values in self.channels.items()}

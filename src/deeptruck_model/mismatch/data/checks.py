@@ -102,6 +102,7 @@ def _errors_in_both(
     return float(b[0]), float(b[1]), float(b[2] / max(abs(b[0]), 1e-6)), se
 
 
+CUT = "no valid speed for so long that the drive is cut in two there"
 STUCK = "brake_command never moves in a drive in which the truck brakes: was it recorded?"
 
 
@@ -128,7 +129,9 @@ def clean(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Reject
     """Recordings with impossible samples made NaN, and how many went by which rule."""
     counts: dict[str, int] = {}
     out = []
-    for r in recordings:
+    for before, r in zip([None, *recordings], recordings, strict=False):
+        if (lacking := round((r.gap_after(before) or 0.0) / r.dt) - 1) > 0:
+            counts[CUT] = counts.get(CUT, 0) + lacking
         channels = {name: x.copy() for name, x in r.channels.items()}
         for name, x in channels.items():
             low, high = CHANNELS[name].low, CHANNELS[name].high

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
@@ -122,3 +124,12 @@ def test_without_an_accelerometer_nothing_is_said() -> None:
     r = drive(6)
     r.channels["acceleration"] = np.full(N, np.nan)
     assert checks.sensor_faults([r], Rules()) == []
+
+
+def test_a_minute_without_speed_is_told_though_it_cuts_the_drive_in_two() -> None:
+    r = drive(0)
+    before, after = r.piece(0, 900), r.piece(1500, len(r))
+    _, rejected = checks.clean([replace(before, name="a#0"), replace(after, name="a#1")])
+    assert {item.rule: item.samples for item in rejected} == {checks.CUT: 600}
+    _, rejected = checks.clean([before, r.piece(900, len(r))])  # nothing lies between
+    assert not rejected
