@@ -270,6 +270,7 @@ MECHANISMS = (
         _headwinds,
         _headwind,
         hidden=True,
+        learned_if_steady=True,
     ),
     Mechanism(
         "drafting",
@@ -318,6 +319,7 @@ MECHANISMS = (
         _warm_ups,
         _warm_up,
         hidden=True,
+        comes_and_goes=False,  # tyres get warm for longer than seconds
     ),
     Mechanism(
         "wheel_slip",

@@ -85,6 +85,9 @@ class Mechanism:
     force: bool = True  # its columns are forces per mass, and no errors of a sensor
     reported: float = 0.0  # probability that the engine's controller tells of such a force in its torque
     unlikely_with: str = ""  # a recorded signal that makes this a fifth as likely: it would show there
+    confinable: bool = True  # it may act in a regime of driving alone, and several of its forms at once
+    comes_and_goes: bool = True  # it may act for seconds alone
+    learned_if_steady: bool = False  # a learned simulator has absorbed what is `hidden` but never changes
 
     def chance(self, e: Evidence) -> float:
         """Prior probability relative to the other mechanisms, given which signals were recorded."""

@@ -213,5 +213,6 @@ MECHANISMS = (
         _dragging,
         hidden=True,
         prior=0.7,
+        learned_if_steady=True,
     ),
 )

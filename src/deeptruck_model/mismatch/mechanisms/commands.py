@@ -113,6 +113,7 @@ MECHANISMS = (
         _delays,
         _delay,
         reported=0.9,
+        confinable=False,  # several delays side by side are any filter
     ),
     Mechanism(
         "command_rate_limit",
@@ -138,6 +139,8 @@ MECHANISMS = (
         _delay,
         kind="measurement_fault",
         prior=0.5,
+        confinable=False,  # a clock is off always or not at all
+        comes_and_goes=False,
     ),
     Mechanism(
         "grade_bias",
@@ -151,5 +154,7 @@ MECHANISMS = (
         _grade_bias,
         kind="measurement_fault",
         prior=0.7,
+        confinable=False,  # a sensor is off always or not at all
+        comes_and_goes=False,
     ),
 )

@@ -251,5 +251,6 @@ MECHANISMS = (
         _accessories,
         hidden=True,
         prior=0.7,
+        learned_if_steady=True,
     ),
 )

@@ -101,6 +101,7 @@ MECHANISMS = (
         _payloads,
         _payload,
         hidden=True,
+        comes_and_goes=False,  # a load stays for longer than seconds
     ),
     Mechanism(
         "load_slosh",

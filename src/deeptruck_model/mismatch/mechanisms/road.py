@@ -69,6 +69,7 @@ MECHANISMS = (
         _grade,
         hidden=True,
         unlikely_with="grade",
+        confinable=False,  # a road does not ask how it is driven
     ),
     Mechanism(
         "road_surface",

@@ -12,7 +12,7 @@ from deeptruck_model.mismatch.mechanisms import CandidateTerm, is_time_varying, 
 from deeptruck_model.mismatch.mechanisms.regimes import Products
 from deeptruck_model.mismatch.mechanisms.variants import Gated
 from deeptruck_model.mismatch.posterior.penalties import time_varying_penalty
-from deeptruck_model.mismatch.posterior.search import UNCONFINED, Model, Search
+from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.residual.noise import whiten
 
 Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ def _screen_confined(
 ) -> list[tuple[float, CandidateTerm]]:
     """The best law of a mechanism that gains clearly more where it acts in one regime alone; or none."""
     few = [s for _, s in laws if s.columns.shape[1] <= FEW_COLUMNS][:CONFINED]
-    few = [s for s in few if s.mechanism.effect not in UNCONFINED]
+    few = [s for s in few if s.mechanism.confinable]
     regimes = [r for s in few for r in screen_regimes(search, base, s, noise)[:1]]
     better = [r for r in regimes if r[0] > laws[0][0] + search.rules.temper]
     return sorted(better, key=lambda item: -item[0])[:1]
@@ -164,7 +164,7 @@ def enriched(search: Search, model: Model) -> Model:
     First it may be confined to a regime of driving, then widened by more of its candidate terms.
     """
     last = model.named[-1]
-    if last.mechanism.effect in UNCONFINED:
+    if not last.mechanism.confinable:
         return model
     model = _confined(search, model)
     if is_time_varying(last):

@@ -165,11 +165,7 @@ def beyond_learning(e: Evidence, term: CandidateTerm, force: Array) -> bool:
     It cannot have been absorbed, so meeting it on the simulator's own recordings too only says that it was
     missing there.
     """
-    if term.columns.shape[1] < 3 and term.mechanism.effect in (
-        "headwind",
-        "accessory_load",
-        "dragging_brake",
-    ):
+    if term.columns.shape[1] < 3 and term.mechanism.learned_if_steady:
         return False  # always the same at the same speed, so it would have been learned
     return term.mechanism.hidden and float(np.sqrt(np.mean(force[e.valid] ** 2))) > LEARNABLE
 

@@ -35,9 +35,6 @@ LARGEST_SLOPE = 0.75  # what four times the mass does
 HELD, PINNED = 0.01, 0.001
 ENGINE_GAIN, GAIN_REPORTED = "torque_gain", 0.7  # probability that the engine's controller tells of it
 FREE = {"mass": 0.3, "drag_area": 0.3, "rolling_resistance": 0.4, "torque_gain": 0.15, "brake_gain": 0.25}
-# To no regime, nor widened: several delays side by side are any filter; a sensor is off always or not at all;
-# a road does not ask how it is driven.
-UNCONFINED = ("command_delay", "clock_offset", "grade_bias", "road_grade")
 
 
 @dataclass(frozen=True)

@@ -41,8 +41,6 @@ FITTED, FORMS = 6, 3  # names, and forms of each, that are fitted in full
 ENDS = 2.0  # of a window, each a choice that costs a tempered nat
 LARGEST_LOG = 600.0  # of trials, which hundreds of windows would take beyond what a float holds
 SUDDEN = 0.5  # m/s^2, prior sd of a force without a name
-# A clock or a sensor is off always or not at all, and loads and tyres change for longer than a window.
-ALWAYS = ("clock_offset", "grade_bias", "payload_change", "rolling_resistance_warmup")
 
 
 def windows(e: Evidence, model: Model) -> list[Span]:
@@ -184,7 +182,7 @@ def candidates(search: Search, base: Model, spans: list[Span]) -> list[Model]:
     options = [
         during(s, spans, search.e)
         for mechanism in search.library
-        if mechanism.effect not in (*base.effects, *ALWAYS)
+        if mechanism.comes_and_goes and mechanism.effect not in base.effects
         for s in _steady(search, mechanism)
     ]
     seen = [s for s in options if np.abs(s.columns[search.e.valid]).max(initial=0.0) > 1e-6]
