@@ -267,7 +267,8 @@ def _accelerations(
 
 
 def _disagreement(simulator: Simulator, prepared: Sequence[Prepared], grid: _Grid, seed: int) -> Array:
-    """Sd of the simulated acceleration when the inputs move by their own quantisation and noise."""
+    """Sd of the simulated acceleration when the inputs move by their own quantisation and noise, and the speed
+    by what it changes by within a sample: nobody knows when between two of them a truck shifts."""
     rng = np.random.default_rng(seed)
     parts = []
     for p in prepared:
@@ -277,7 +278,9 @@ def _disagreement(simulator: Simulator, prepared: Sequence[Prepared], grid: _Gri
         y = np.repeat(p.y[None], k, axis=0)
         noise = rng.normal(0.0, max(p.speed_noise, 0.003), (k, n))
         drift = rng.normal(0.0, 0.002, (k, 1)) * p.y[None, :, SPEED]
-        y[:, :, SPEED] = np.maximum(y[:, :, SPEED] + gaussian_filter1d(noise, 2.0, axis=1) + drift, 0.0)
+        sooner = rng.uniform(-1.0, 1.0, (k, 1)) * p.dt * p.observed
+        moved = gaussian_filter1d(noise, 2.0, axis=1) + drift + sooner
+        y[:, :, SPEED] = np.maximum(y[:, :, SPEED] + moved, 0.0)
         run = forced_run(simulator, u, np.repeat(p.w[None], k, axis=0), fed(simulator, y))
         parts.append(run.y[:, :, ACCELERATION].std(axis=0, ddof=1))
     return grid.stack(parts)
