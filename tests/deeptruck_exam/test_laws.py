@@ -72,6 +72,7 @@ BOTH_WAYS = {  # winds, bodies, slopes, masses and late brakes push and hold; so
     "x_weighs_itself", "x_turbine_on_the_shaft", "x_fuel_wets_the_walls",
     "k_wears_its_axles_by_turns", "k_trailer_carries_itself",
     "q_learns_brake_by_brake", "q_burns_soot_on_the_way",
+    "z_valve_reads_the_nod", "z_capacitor_answers_first", "z_pontoons_sink",
 }  # fmt: skip
 CHANNEL = {"speed_scale": "speed", "grade_bias": "grade", "commands_from_another_clock": "brake_command"}
 

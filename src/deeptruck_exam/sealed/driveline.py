@@ -16,13 +16,13 @@ law = partial(hidden, family="sealed")
 
 
 @law("z_pressed_for_the_last_kick", needs="hills suburban", name="driveline_loss", accepts="torque_gain")
-@sizes(nm=(170.0, 270.0), least=(0.02, 0.1), keeps_s=(6.0, 18.0), at_rads=(120.0, 160.0), power=(0.3, 0.8))
+@sizes(nm=(200.0, 320.0), least=(0.02, 0.1), keeps_s=(4.0, 12.0), at_rads=(120.0, 160.0), power=(0.3, 0.8))
 class PressedForTheLastKick(Hidden, kick=0.3):
     """`kick`: the highest torque of late, over the peak. A gearbox presses its plates and belts for that, and
     its pump works against this pressure also when nothing is asked any more. It is let down slowly. nm: at
     the engine, pressed for full torque; least: of that, always; keeps_s: until the pressure is let down.
     Source: ZF and Allison, main pressure that is modulated by torque, and Bonsen, Efficiency Optimization of
-    the Push-Belt CVT by Variator Slip Control (2006), on losses by too much clamping; sizes are chosen here."""
+    the Push-Belt CVT by Variator Slip Control (2006), on losses by much clamping; sizes are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         asks = np.clip(np.abs(view.engine_torque) / self.truck.peak_torque, 0.0, 1.0)
@@ -32,7 +32,7 @@ class PressedForTheLastKick(Hidden, kick=0.3):
 
 
 @law("z_springs_stick_in_their_arc", needs="suburban hills", name="driveline_backlash")
-@sizes(wide=(0.08, 0.15), at_rads=(120.0, 160.0), loose_s=(0.15, 0.4), slips=(0.05, 0.15))
+@sizes(wide=(0.06, 0.12), at_rads=(120.0, 160.0), loose_s=(0.15, 0.4), slips=(0.05, 0.15))
 class SpringsStickInTheirArc(Hidden, held=0.0):
     """`held`: torque of the long springs in a flywheel. The faster it turns, the harder they lie in their arc
     and stick there, so torque has to change by a wide step before anything moves behind them. What is held
@@ -83,7 +83,7 @@ class RoughRoadsKeepItOut(OnRoad, gear=0.0, left=0.0, gives=1.0):
     trucks="freightliner",
     gateable=False,
 )
-@sizes(holds=(0.8, 1.0), off_rads=(185.0, 215.0), soft=(0.08, 0.18), frees=(0.4, 0.7), heats_s=(3.0, 9.0))
+@sizes(holds=(0.9, 1.15), off_rads=(195.0, 225.0), soft=(0.08, 0.18), frees=(0.4, 0.7), heats_s=(3.0, 9.0))
 class OilFliesOutOfBalance(Hidden, glazed=0.0):
     """The oil behind a lock-up clutch's piston flies outwards with the turning engine and presses against it.
     So the clutch holds less torque, the faster the engine turns, by the square. What is more slips away, and
@@ -133,7 +133,7 @@ class RotorChangesItsGear(Hidden, spin=-1.0, felt=0.0, high=0.0):
 
 
 @law("z_silicone_humps", needs="suburban highway hills", name="unknown")
-@sizes(most=(0.003, 0.005), hump=(3.0, 4.5), heats_s=(8.0, 20.0), cools_s=(12.0, 35.0), ends=(0.35, 0.6))
+@sizes(most=(0.0026, 0.0042), hump=(3.5, 5.0), heats_s=(8.0, 20.0), cools_s=(12.0, 35.0), ends=(0.35, 0.6))
 @sizes(thins=(0.3, 0.6), power=(0.5, 0.8))
 class SiliconeHumps(Hidden, locks=0.0, humps=0.0):
     """`hot`: silicone between the plates of a coupling that joins two axles with unlike tyres. Their slip
@@ -158,7 +158,7 @@ class SiliconeHumps(Hidden, locks=0.0, humps=0.0):
 
 @law("z_rubber_tracks", needs="suburban hills", name="unknown")
 @sizes(
-    bends=(0.08, 0.15), stiff=(0.001, 0.003), flaps=(0.009, 0.015), from_mps=(8.0, 13.0), slack=(0.01, 0.03)
+    bends=(0.08, 0.15), stiff=(0.001, 0.003), flaps=(0.013, 0.02), from_mps=(6.0, 10.0), slack=(0.015, 0.035)
 )
 @sizes(warms_s=(30.0, 90.0))
 class RubberTracks(Hidden, tight=0.0, flap=0.0):

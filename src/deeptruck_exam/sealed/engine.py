@@ -26,8 +26,8 @@ law = partial(hidden, family="sealed")
 class BigCoolerHasToFill(Hidden, spin=0.3, air=0.3):
     """`spin` of the turbine, `air` pressed into a cooler that was meant for a larger engine. The turbine
     fills it while the engine draws from it: the faster the engine turns the more it draws, so a change
-    down lets the pressure sink before the turbine can answer. draws: of the filling, at at_rads; least: of peak
-    torque, without pressed air.
+    down lets the pressure sink before the turbine can answer. draws: of the filling, at at_rads; least: of
+    peak torque, without pressed air.
     Source: Eriksson, Modeling and Control of Turbocharged SI and DI Engines, Oil and Gas Science and
     Technology 62 (2007), on volumes between compressor and engine; a large one, sizes are chosen here."""
 
@@ -72,7 +72,7 @@ class CoolerSpitsWater(Hidden, wet=0.0):
     accepts="turbo_lag torque_derate",
     shown=True,
 )
-@sizes(deep=(0.5, 0.66), at_rads=(118.0, 142.0), wide_rads=(16.0, 28.0), stays_s=(0.3, 0.9))
+@sizes(deep=(0.6, 0.75), at_rads=(112.0, 135.0), wide_rads=(20.0, 32.0), stays_s=(0.3, 0.9))
 class NotchInTheCurve(Hidden, seen=-1.0):
     """So that a crankshaft does not twist to death, full torque is not allowed near the speed where it
     resonates: the full-load curve has a notch there. Below and above all torque is free. The notch follows
@@ -111,7 +111,7 @@ class BanksTakeTurns(Hidden, up=0.0, bites=0.0):
 
 
 @law("z_pump_presses_the_rail", name="engine_friction", accepts="accessory_load torque_gain")
-@sizes(nm=(170.0, 270.0), least=(0.05, 0.15), rises_s=(0.3, 0.8), falls_s=(2.0, 6.0), leaks_s=(15.0, 45.0))
+@sizes(nm=(160.0, 250.0), least=(0.05, 0.15), rises_s=(0.3, 0.8), falls_s=(2.0, 6.0), leaks_s=(15.0, 45.0))
 class PumpPressesTheRail(Hidden, rail=0.3):
     """`rail`: pressure of the fuel, which a pump keeps up with the same torque at any speed. The pressure
     follows what is asked upwards at once. It comes down only by what is injected, so it stays high after a
@@ -129,7 +129,7 @@ class PumpPressesTheRail(Hidden, rail=0.3):
 
 
 @law("z_fan_sucks_leaves", needs="suburban hills highway", name="accessory_load", accepts="engine_friction")
-@sizes(kw=(20.0, 32.0), at_rads=(130.0, 165.0), chokes=(0.5, 0.75), leaves_s=(8.0, 25.0), clear_s=(8.0, 25.0))
+@sizes(kw=(17.0, 27.0), at_rads=(130.0, 165.0), chokes=(0.5, 0.75), leaves_s=(8.0, 25.0), clear_s=(8.0, 25.0))
 @sizes(moves_s=(0.5, 1.5))
 class FanSucksLeaves(Hidden, choked=0.0):
     """A fan that sucks leaves was left on, driven by the engine: its power grows with the cube of the speed.

@@ -46,7 +46,7 @@ class SandBlowsOff(Hidden, still=0.0):
 
 
 @law("z_two_liquids", needs="suburban", name="load_slosh")
-@sizes(top=(0.1, 0.2), deep=(0.2, 0.32), top_rads=(2.2, 3.6), deep_rads=(0.3, 0.55), dull=(0.05, 0.12))
+@sizes(top=(0.08, 0.15), deep=(0.28, 0.42), top_rads=(2.2, 3.6), deep_rads=(0.3, 0.55), dull=(0.05, 0.12))
 class TwoLiquids(Hidden, x=0.0, v=0.0, y=0.0, w=0.0):
     """Oil lies on water in one tank. `x` m, `v`: the surface, which swings within seconds; `y`, `w`: what
     lies between the liquids. They are nearly as heavy as each other, so this swings very slowly, and far.

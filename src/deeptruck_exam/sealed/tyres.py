@@ -40,9 +40,7 @@ class SlipMeltsTheRubber(OnRoad, hot=0.0, lost=0.0):
 
 
 @law("z_discs_pump_air", needs="highway hills suburban", name="rolling_resistance_speed", accepts="drag_area")
-@sizes(
-    at_20=(0.007, 0.011), clogs_s=(20.0, 60.0), frees=(0.02, 0.06), light_k=(200.0, 400.0), open=(0.1, 0.3)
-)
+@sizes(at_20=(0.01, 0.015), clogs_s=(20.0, 60.0), frees=(0.02, 0.06), light_k=(200.0, 400.0), open=(0.1, 0.3))
 class DiscsPumpAir(Hidden):
     """Vanes in all wheels pump air through discs and rims, and take power as fans do. `dirt` fills their
     channels on the way, down to what stays open, and a braking that shakes the wheels frees them. Hot air is
@@ -66,7 +64,7 @@ class DiscsPumpAir(Hidden):
 
 
 @law("z_frost_in_the_casing", name="rolling_resistance_warmup")
-@sizes(most=(0.007, 0.011), flex=(0.25, 0.45), melts=(0.5, 0.9), warms_s=(25.0, 70.0), edge=(0.06, 0.15))
+@sizes(most=(0.006, 0.0095), flex=(0.25, 0.45), melts=(0.5, 0.9), warms_s=(25.0, 70.0), edge=(0.06, 0.15))
 class FrostInTheCasing(Hidden):
     """`heat` in wet casings that stood in frost. Below 0 they are stiff; from 0 on all heat goes into melting
     the ice and they stay as stiff, until between one moment and the next they are soft. Then they are warmed
