@@ -51,7 +51,7 @@ class WhirlsOfHotAir(OnRoad):
 
 
 @law("z_spray_fills_the_wake", needs="highway", name="drafting", accepts="drag_area", leader=True)
-@sizes(most=(0.85, 0.98), reach_m=(100.0, 180.0), takes=(0.85, 1.0), thick_m=(20.0, 40.0), dries_s=(2.0, 8.0))
+@sizes(most=(0.85, 0.98), reach_m=(140.0, 240.0), takes=(0.85, 1.0), thick_m=(20.0, 40.0), dries_s=(2.0, 8.0))
 @sizes(mean_m=(300.0, 900.0), share=(0.35, 0.6))
 class SprayFillsTheWake(OnRoad, mist=0.0):
     """`mist` of a wet road behind the leader, 1 full. His wheels throw water up, which fills his wake
@@ -72,7 +72,7 @@ class SprayFillsTheWake(OnRoad, mist=0.0):
 
 
 @law("z_boom_swings_out", needs="hills highway suburban", name="drag_area", accepts="headwind")
-@sizes(more=(0.9, 1.5), frees=(0.04, 0.09), swings_s=(1.0, 3.0), homes=(0.06, 0.14), tightest=(0.008, 0.016))
+@sizes(more=(1.2, 1.9), frees=(0.04, 0.09), swings_s=(1.0, 3.0), homes=(0.06, 0.14), tightest=(0.008, 0.016))
 class BoomSwingsOut(Bends):
     """`angle` of a folded boom whose turntable is not locked, -1 and 1 across the truck. Bends swing it out
     against the rust of its bearing, and it stays where it was left. The wind of driving turns it back only

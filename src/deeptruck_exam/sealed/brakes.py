@@ -14,7 +14,7 @@ law = partial(hidden, family="sealed")
 
 
 @law("z_patches_carry_it", needs="suburban descent", name="brake_fade", accepts="brake_gain")
-@sizes(share=(0.2, 0.33), grows_jpkg=(50.0, 140.0), warm_jpkg=(60.0, 150.0), cools_s=(25.0, 80.0))
+@sizes(share=(0.22, 0.36), grows_jpkg=(50.0, 140.0), warm_jpkg=(60.0, 150.0), cools_s=(25.0, 80.0))
 @sizes(breaks=(1.2, 2.2), rests_s=(60.0, 200.0))
 class PatchesCarryIt(Hidden):
     """`patch`: of the hard patches on the pads that carry the friction. Gentle heat builds them from dust of

@@ -70,12 +70,12 @@ class MotorMovesByPulses(TorqueFilter):
 @law("z_learns_where_the_pedal_rests", needs="suburban hills highway", name="unknown")
 @sizes(believes=(0.7, 0.9), up_s=(15.0, 40.0), down_s=(1.0, 4.0), most=(0.2, 0.35))
 class LearnsWhereThePedalRests(Hidden):
-    """`rest`: where the computer believes the pedal to be when no foot is on it. It takes the lowest of late
-    for that, so a foot that has long been on the pedal becomes the new zero, and the way above it is all that
+    """`rest`: where the computer believes the pedal to be when no foot is on it. It takes the lowest of
+    late for that. So a foot that has long been on the pedal becomes the new zero, and only the way above it
     counts. A lifted foot teaches it better in seconds. believes: of a steady pedal, that it takes for rest;
     most: of the pedal's way.
-    Source: Bosch Automotive Handbook (2014), on accelerator pedal modules and the learning of their released
-    position; one that learns too fast, sizes are chosen here."""
+    Source: Bosch Automotive Handbook (2014), on accelerator pedal modules and the learning of their
+    released position; one that learns too fast, sizes are chosen here."""
 
     def start(self, batch: int) -> dict[str, Array]:
         return {"rest": self.rng(1723).uniform(0.02, 0.5, batch) * self.p.most}

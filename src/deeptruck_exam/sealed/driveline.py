@@ -1,5 +1,5 @@
-"""Pressure kept for the last kick, springs that stick in an arc, gears that will not mesh on rough roads,
-oil that flies out of its balance, a rotor that changes its gear, silicone that humps, and rubber tracks."""
+"""Pressure kept for a kick, springs that stick, gears kept out by rough roads, and oil out of its balance;
+a rotor with gears, silicone, and rubber tracks."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ class RotorChangesItsGear(Hidden, spin=-1.0, felt=0.0, high=0.0):
 
 
 @law("z_silicone_humps", needs="suburban highway hills", name="unknown")
-@sizes(most=(0.0026, 0.0042), hump=(3.5, 5.0), heats_s=(8.0, 20.0), cools_s=(12.0, 35.0), ends=(0.35, 0.6))
+@sizes(most=(0.0022, 0.0036), hump=(4.0, 5.5), heats_s=(8.0, 20.0), cools_s=(12.0, 35.0), ends=(0.35, 0.6))
 @sizes(thins=(0.3, 0.6), power=(0.5, 0.8))
 class SiliconeHumps(Hidden, locks=0.0, humps=0.0):
     """`hot`: silicone between the plates of a coupling that joins two axles with unlike tyres. Their slip
@@ -158,7 +158,7 @@ class SiliconeHumps(Hidden, locks=0.0, humps=0.0):
 
 @law("z_rubber_tracks", needs="suburban hills", name="unknown")
 @sizes(
-    bends=(0.08, 0.15), stiff=(0.001, 0.003), flaps=(0.013, 0.02), from_mps=(6.0, 10.0), slack=(0.015, 0.035)
+    bends=(0.08, 0.15), stiff=(0.001, 0.003), flaps=(0.01, 0.016), from_mps=(6.0, 10.0), slack=(0.015, 0.035)
 )
 @sizes(warms_s=(30.0, 90.0))
 class RubberTracks(Hidden, tight=0.0, flap=0.0):

@@ -1,5 +1,5 @@
-"""A big cooler, water that a cooler spits, a notch in a curve, banks that take turns, a pump that presses a
-rail, a fan that sucks leaves, and a capacitor that answers first."""
+"""A big cooler, water that a cooler spits, a notch in a curve and banks that take turns; a pump, a fan and
+a capacitor."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ law = partial(hidden, family="sealed")
 @sizes(spins_s=(0.8, 1.6), fills_s=(0.9, 1.8), draws=(0.5, 0.9), at_rads=(125.0, 160.0), least=(0.2, 0.35))
 class BigCoolerHasToFill(Hidden, spin=0.3, air=0.3):
     """`spin` of the turbine, `air` pressed into a cooler that was meant for a larger engine. The turbine
-    fills it while the engine draws from it: the faster the engine turns the more it draws, so a change
-    down lets the pressure sink before the turbine can answer. draws: of the filling, at at_rads; least: of
-    peak torque, without pressed air.
+    fills it while the engine draws from it, the more the faster it turns. So a change down lets the
+    pressure sink before the turbine can answer. draws: of the filling, at at_rads; least: of peak torque,
+    without pressed air.
     Source: Eriksson, Modeling and Control of Turbocharged SI and DI Engines, Oil and Gas Science and
     Technology 62 (2007), on volumes between compressor and engine; a large one, sizes are chosen here."""
 
@@ -154,12 +154,13 @@ class FanSucksLeaves(Hidden, choked=0.0):
 @law("z_capacitor_answers_first", needs="suburban hills", name="unknown")
 @sizes(share=(0.5, 0.85), pays_s=(2.5, 6.0), most=(0.2, 0.34), holds_s=(4.0, 10.0), loss=(0.08, 0.2))
 class CapacitorAnswersFirst(Hidden, mean=0.0):
-    """An electric machine on the shaft answers each change of the pedal before the engine: it adds what the
-    torque has just gained, takes what it has just lost, and is paid back as the change becomes old. `full`
-    of its capacitor: an empty one adds nothing, a full one takes nothing. share: of a change; pays_s: until
-    it is old; most: of peak torque; holds_s: of all it may give; loss: of what goes through it.
-    Source: Burke, Ultracapacitors: Why, How, and Where is the Technology, J. Power Sources 91 (2000), on load
-    levelling in vehicles; a machine that is not said, sizes are chosen here."""
+    """An electric machine on the shaft answers each change of the pedal before the engine. It adds what the
+    torque has just gained and takes what it has just lost. As the change becomes old it is paid back.
+    `full` of its capacitor: an empty one adds nothing, a full one takes nothing. share: of a change;
+    pays_s: until it is old; most: of peak torque; holds_s: of all it may give; loss: of what goes through
+    it.
+    Source: Burke, Ultracapacitors: Why, How, and Where is the Technology, J. Power Sources 91 (2000), on
+    load levelling in vehicles; a machine that is not said, sizes are chosen here."""
 
     def start(self, batch: int) -> dict[str, Array]:
         return {**super().start(batch), "full": self.rng(1744).uniform(0.3, 0.8, batch)}

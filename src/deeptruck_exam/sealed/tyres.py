@@ -19,12 +19,12 @@ law = partial(hidden, family="sealed")
 @sizes(grip=(0.24, 0.34), melts=(0.35, 0.6), heats_s=(0.6, 1.6), cools_s=(4.0, 12.0), mean_m=(120.0, 450.0))
 @sizes(share=(0.45, 0.7))
 class SlipMeltsTheRubber(OnRoad, hot=0.0, lost=0.0):
-    """`hot`: the skin of driven tyres on polished stone. Pull near their grip makes them slip, slip melts the
-    rubber, and molten rubber grips less: so a spin feeds itself until the driver gives way, and then it
-    takes seconds to cool. grip: of their load, cold; melts: of that, when hot.
+    """`hot`: the skin of driven tyres on polished stone. Pull near their grip makes them slip, slip melts
+    the rubber, and molten rubber grips less. So a spin feeds itself until the driver gives way, and cools
+    in seconds. grip: of their load, cold; melts: of that, when hot.
     Source: Persson, Rubber Friction: Role of the Flash Temperature, J. Physics: Condensed Matter 18 (2006),
-    on grip that falls with the heat of sliding, and Wong, Theory of Ground Vehicles (2008); sizes are chosen
-    here."""
+    on grip that falls with the heat of sliding, and Wong, Theory of Ground Vehicles (2008); sizes are
+    chosen here."""
 
     def prepare(self) -> None:
         self.road = windows(self.rng(1771), self.rows(), self.p.mean_m, self.p.share)
@@ -64,14 +64,14 @@ class DiscsPumpAir(Hidden):
 
 
 @law("z_frost_in_the_casing", name="rolling_resistance_warmup")
-@sizes(most=(0.006, 0.0095), flex=(0.25, 0.45), melts=(0.5, 0.9), warms_s=(25.0, 70.0), edge=(0.06, 0.15))
+@sizes(most=(0.0055, 0.0088), flex=(0.25, 0.45), melts=(0.5, 0.9), warms_s=(25.0, 70.0), edge=(0.06, 0.15))
 class FrostInTheCasing(Hidden):
-    """`heat` in wet casings that stood in frost. Below 0 they are stiff; from 0 on all heat goes into melting
-    the ice and they stay as stiff, until between one moment and the next they are soft. Then they are warmed
-    on as any tyre. `heat` is 0 where ice begins to melt. most: of the weight, frozen; flex: of that, thawed
-    and cold; melts: heat that the ice takes, over that of one warming.
-    Source: Carslaw and Jaeger, Conduction of Heat in Solids (1959), on melting that holds a temperature, and
-    makers' notes on water in retreaded casings; sizes are chosen here."""
+    """`heat` in wet casings that stood in frost. Below 0 they are stiff. From 0 on all heat goes into
+    melting the ice and they stay as stiff, until within a moment they are soft. Then they are warmed on as
+    any tyre. `heat` is 0 where ice begins to melt. most: of the weight, frozen; flex: of that, thawed and
+    cold; melts: heat that the ice takes, over that of one warming.
+    Source: Carslaw and Jaeger, Conduction of Heat in Solids (1959), on melting that holds a temperature,
+    and makers' notes on water in retreaded casings; sizes are chosen here."""
 
     def start(self, batch: int) -> dict[str, Array]:
         return {"heat": self.rng(1773).uniform(-0.5, 0.6, batch)}

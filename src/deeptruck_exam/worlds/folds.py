@@ -24,8 +24,8 @@ def _smooth(slope: Array, cells: int) -> Array:
 
 
 def folds(rng: np.random.Generator, amplitude: float) -> Array:
-    """Over ridges that were folded like a concertina: straight limbs up and down at nearly the same slope,
-    sharp crests and troughs, and limbs that are shorter towards one end of each belt. (Ramsay and Huber, The
+    """Over ridges that were folded like a concertina. Straight limbs go up and down at nearly the same
+    slope between sharp crests and troughs, shorter towards one end of each belt. (Ramsay and Huber, The
     Techniques of Modern Structural Geology, 1987, on chevron folds; lengths are chosen here.)"""
     slope, at, way = np.zeros(CELLS + 400), -round(rng.uniform(0.0, 400.0) / STEP_M), rng.choice([-1.0, 1.0])
     while at < CELLS:
