@@ -77,7 +77,7 @@ class JointIsDamped(Bends, bent=0.0):
     """`bent`: angle between two halves of a bus with a joint, rebuilt for freight. It is damped, so that
     the halves do not fold. Oil is pressed through its bores only while the angle changes: at both ends of
     each bend, and not along it. damps: of the weight, with the square of the pace, at 0.1 rad/s; rubs: of
-    it, dry, while it turns; long_m: of the way, until the rear half has followed.
+    it, while it turns; long_m: of the way, until the rear half has followed.
     Source: Hübner, articulation systems with hydraulic dampers for buses, and Milliken and Milliken, Race
     Car Vehicle Dynamics (1995), on angles and curvature; a stiff damper, sizes are chosen here."""
 

@@ -16,7 +16,7 @@ law = partial(hidden, family="sealed")
 
 
 @law("z_slip_melts_the_rubber", needs="suburban hills", name="wheel_slip")
-@sizes(grip=(0.24, 0.34), melts=(0.35, 0.6), heats_s=(0.6, 1.6), cools_s=(4.0, 12.0), mean_m=(120.0, 450.0))
+@sizes(grip=(0.19, 0.28), melts=(0.35, 0.6), heats_s=(0.6, 1.6), cools_s=(4.0, 12.0), mean_m=(120.0, 450.0))
 @sizes(share=(0.45, 0.7))
 class SlipMeltsTheRubber(OnRoad, hot=0.0, lost=0.0):
     """`hot`: the skin of driven tyres on polished stone. Pull near their grip makes them slip, slip melts
