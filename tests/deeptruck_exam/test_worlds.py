@@ -13,6 +13,7 @@ from deeptruck_exam.worlds.bends import bendy
 from deeptruck_exam.worlds.by_trade import BALLAST
 from deeptruck_exam.worlds.courses import errands, karst, lava_down
 from deeptruck_exam.worlds.ferries import fjords, narrow, troughs_down
+from deeptruck_exam.worlds.folds import folds, timetable, waves_down
 from deeptruck_exam.worlds.loess import convoys, gullies_down, round_hills
 from deeptruck_exam.worlds.loggers import Logger, quantise
 from deeptruck_exam.worlds.playas import basins, held_up, washes_down
@@ -235,4 +236,21 @@ def test_convoys_swing_and_stop_in_town_alone():
     rng = np.random.default_rng(7)
     town, highway, down = (convoys(rng, kind, 6000, 0.1) for kind in ("suburban", "highway", "descent"))
     assert 0.005 < np.mean(town < 0.05) < 0.5 and highway.min() > 14.0 and down.min() > 2.0
+    assert highway.std() > 0.8 and down.std() > 0.8
+
+
+def test_folds_have_straight_limbs_and_slopes_swell_like_waves():
+    for seed in range(4):
+        grade = folds(np.random.default_rng(seed), 0.03)
+        assert 0.025 < grade.std() < 0.032 and np.mean(np.abs(grade) > 0.02) > 0.75
+        limbs = np.diff(np.flatnonzero(np.diff(np.sign(grade)) != 0.0))
+        assert 15 < np.median(limbs) < 75
+    steps = waves_down(np.random.default_rng(5))
+    assert np.quantile(steps, 0.1) < -0.06 and np.quantile(steps, 0.9) > -0.032
+
+
+def test_a_timetable_has_stops_in_town_alone():
+    rng = np.random.default_rng(7)
+    town, highway, down = (timetable(rng, kind, 6000, 0.1) for kind in ("suburban", "highway", "descent"))
+    assert 0.05 < np.mean(town < 0.05) < 0.5 and highway.min() > 14.0 and down.min() > 2.0
     assert highway.std() > 0.8 and down.std() > 0.8

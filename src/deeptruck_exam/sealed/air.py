@@ -1,4 +1,4 @@
-"""A street of eddies behind a hill, a leader who folds out his tail, and a net that chaff fills."""
+"""Whirls of hot air beside the road, spray in a leader's wake, and a boom that swings out in bends."""
 
 from __future__ import annotations
 
@@ -6,92 +6,92 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, index, moving
+from deeptruck_exam.effects.law import Array, Sizes, State, eased, moving
+from deeptruck_exam.effects.places import Bends, OnRoad, windows
 from deeptruck_exam.effects.planting import hidden, sizes
-from deeptruck_exam.effects.series import ou_series
 from deeptruck_model.trucks import View
 
 law = partial(hidden, family="sealed")
+WHIRLS = 400  # over all the road
 
 
-@law("v_street_of_eddies", needs="highway hills", name="headwind", accepts="drag_area")
+@law("z_whirls_of_hot_air", needs="highway hills", name="headwind", accepts="drag_area")
 @sizes(
-    mean_mps=(3.0, 5.5),
-    swings_mps=(5.0, 8.5),
-    long_m=(250.0, 700.0),
-    drifts=(0.75, 0.9),
-    fades_s=(60.0, 200.0),
+    mean_mps=(3.0, 5.0),
+    spins_mps=(12.0, 18.0),
+    core_m=(60.0, 140.0),
+    aside_m=(40.0, 160.0),
+    lives_s=(60.0, 200.0),
 )
-class StreetOfEddies(Hidden):
-    """A lone hill sheds eddies by turns to either side, and they drift over the land along the road. Who
-    drives against them meets many in a minute, who drives along with them few. mean_mps: of the wind along
-    the road; swings_mps: by eddies; long_m: from one to the next of a side; drifts: of the wind at height,
-    which is twice that at the ground.
-    Source: Chopra and Hubert, Mesoscale Eddies in Wake of Islands, J. Atmospheric Sciences 22 (1965), on
-    streets behind heights; a small hill, sizes are chosen here."""
+class WhirlsOfHotAir(OnRoad):
+    """Whirls of hot air stand beside the road, each for some minutes. One blows along the road as long as a
+    truck is near, one way or the other by its side and its sense of turning. mean_mps: of the wind besides;
+    spins_mps: at the edge of a core; aside_m: of their middle from the road, usually.
+    Source: Sinclair, The Lower Structure of Dust Devils, J. Atmospheric Sciences 30 (1973), and Burgers, A
+    Mathematical Model Illustrating the Theory of Turbulence (1948), on whirls with a core; large ones, sizes
+    are chosen here."""
 
     def prepare(self) -> None:
-        rng = self.rng(1601)
-        shape = (self.setting.batch, int(self.setting.duration_s) + 5)
-        self.strong = 1.0 + 0.3 * ou_series(rng, shape, 1.0, self.p.fades_s)
-        self.first = rng.uniform(0.0, 2.0 * np.pi, self.setting.batch)
-        self.blows = rng.choice([-1.0, 1.0])
+        rng, p = self.rng(1701), self.p
+        at = rng.uniform(0.0, 60000.0, (self.rows(), WHIRLS))
+        aside = rng.choice([-1.0, 1.0], at.shape) * p.aside_m * rng.uniform(0.4, 1.6, at.shape)
+        turns, phase = rng.uniform(0.5, 1.0, at.shape), rng.uniform(0.0, 1.0, at.shape)
+        self.at, self.aside, self.turns, self.phase = (
+            rows[self.setting.route] for rows in (at, aside, turns, phase)
+        )
+        self.blows = rng.choice([-1.0, 1.0]) * p.mean_mps
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        strong = np.clip(self.strong[:, index(view, self.strong)], 0.2, 1.8)
-        drift = self.blows * p.drifts * 2.0 * p.mean_mps * view.time
-        phase = self.first + 2.0 * np.pi * (self.place(view) - drift) / p.long_m
-        along = self.blows * p.mean_mps + p.swings_mps * strong * np.tanh(1.6 * np.sin(phase)) / np.tanh(1.6)
+        radius = np.sqrt((self.place(view)[:, None] - self.at) ** 2 + self.aside**2)
+        round_ = p.spins_mps * 1.4 * p.core_m / radius * (1.0 - np.exp(-((radius / p.core_m) ** 2)))
+        lives = np.sin(np.pi * (view.time / (3.0 * p.lives_s) + self.phase)) ** 2
+        along = (round_ * self.turns * lives * self.aside / radius).sum(axis=1) + self.blows
         against = np.clip(1.0 - self.setting.direction * along / np.maximum(view.speed, 3.0), -1.0, 2.5)
         return -(against * np.abs(against) - 1.0) * view.drag_force * np.clip(view.speed / 3.0, 0.0, 1.0)
 
 
-@law("v_leader_folds_out_his_tail", needs="highway", name="drafting", accepts="drag_area", leader=True)
-@sizes(most=(0.8, 0.95), reach_m=(60.0, 120.0), takes=(0.85, 0.98), out_mps=(22.8, 24.4), in_mps=(20.0, 22.3))
-@sizes(sure_s=(1.0, 3.0), folds_s=(2.0, 5.0))
-class LeaderFoldsOutHisTail(Hidden, tail=0.0):
-    """`tail`: of the flaps at the leader's rear, which fold out by themselves above one speed and in again
-    below another. Out, they narrow his wake and little is saved behind him. most: of the drag, right behind
-    him; takes: of that, with flaps out; sure_s: how long a speed has to last.
-    Source: Stemco, TrailerTail AutoDeploy, on flaps that unfold at 45 mph, and Salari and Ortega,
-    Aerodynamic Design Criteria for Class 8 Heavy Vehicles, LLNL-TR-464265 (2010); sizes are chosen here."""
+@law("z_spray_fills_the_wake", needs="highway", name="drafting", accepts="drag_area", leader=True)
+@sizes(most=(0.85, 0.98), reach_m=(140.0, 240.0), takes=(0.85, 1.0), thick_m=(20.0, 40.0), dries_s=(2.0, 8.0))
+@sizes(mean_m=(300.0, 900.0), share=(0.35, 0.6))
+class SprayFillsTheWake(OnRoad, mist=0.0):
+    """`mist` of a wet road behind the leader, 1 full. His wheels throw water up, which fills his wake
+    a little way behind. Whoever follows has to push it aside, and that takes most of what the wake saves.
+    most: of the drag, saved right behind him; takes: of that, in the thickest mist; thick_m: where that is.
+    Source: Gaylard and Duncan, Simulation of Rear Glass and Body Side Vehicle Soiling, SAE 2011-01-0173, on
+    how far spray is carried, and Hucho, Aerodynamics of Road Vehicles (1998); sizes are chosen here."""
 
     def prepare(self) -> None:
-        self.pace = np.clip(
-            np.nan_to_num(np.gradient(self.setting.leader_m, self.setting.dt, axis=1)), 0.0, 35.0
-        )
-
-    def start(self, batch: int) -> dict[str, Array]:
-        fast = np.resize(self.pace[:, 0], batch)
-        return {**super().start(batch), "felt": fast, "wants": (fast > self.p.out_mps).astype(float)}
+        self.road = windows(self.rng(1702), self.rows(), self.p.mean_m, self.p.share)
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        s.felt = eased(s.felt, self.pace[:, self.now(view)], p.sure_s, dt)
-        s.wants = np.where(s.felt > p.out_mps, 1.0, np.where(s.felt < p.in_mps, 0.0, s.wants))
-        s.tail = np.clip(s.tail + dt * np.where(s.wants > 0.5, 1.0, -1.0) / p.folds_s, 0.0, 1.0)
         gap = np.clip(self.gap(view), 0.0, 1e4)
-        return p.most * np.exp(-gap / p.reach_m) * (1.0 - p.takes * s.tail) * view.drag_force * moving(view)
+        s.mist = eased(s.mist, self.between(self.road, view), p.dries_s, dt)
+        thick = gap / p.thick_m * np.exp(1.0 - gap / p.thick_m)
+        saved = p.most / (1.0 + gap / p.reach_m) ** 2
+        return saved * (1.0 - p.takes * s.mist * thick) * view.drag_force * moving(view)
 
 
-@law("v_chaff_fills_the_net", needs="highway hills", name="drag_area", accepts="headwind")
-@sizes(more=(1.4, 2.1), fills_m=(150.0, 500.0), solid=(1.0, 1.5), bears=(0.55, 0.95), shakes_mps2=(0.5, 1.0))
-class ChaffFillsTheNet(Hidden):
-    """`shut`: of the meshes of a net over loose straw. The wind of driving presses chaff into them, and the
-    net turns from a sieve into a wall. What has been pressed in falls out when the driver brakes, or of
-    itself where it has grown too thick. more: of the drag, all shut; solid: power of that with `shut`;
-    shakes_mps2: of braking, that frees it in two seconds.
-    Source: Hoerner, Fluid-Dynamic Drag (1965), on screens and their solidity, and Laws and Livesey, Flow
-    Through Screens, Annual Review of Fluid Mechanics 10 (1978); chaff and sizes are chosen here."""
+@law("z_boom_swings_out", needs="hills highway suburban", name="drag_area", accepts="headwind")
+@sizes(more=(1.2, 1.9), frees=(0.04, 0.09), swings_s=(1.0, 3.0), homes=(0.06, 0.14), tightest=(0.008, 0.016))
+class BoomSwingsOut(Bends):
+    """`angle` of a folded boom whose turntable is not locked, -1 and 1 across the truck. Bends swing it out
+    against the rust of its bearing, and it stays where it was left. The wind of driving turns it back only
+    where that is stronger than the rust. more: of the drag, across; frees: g that rust holds; homes: g
+    of that wind, at 20 m/s.
+    Source: Hoerner, Fluid-Dynamic Drag (1965), on struts across a stream, and makers' manuals of loading
+    cranes and concrete pumps on locking booms for the road; rust and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.bend = self.draw_bends(self.rng(1703), self.p.tightest)
 
     def start(self, batch: int) -> dict[str, Array]:
-        return {"shut": self.rng(1602).uniform(0.0, 0.9, batch), "drops": np.zeros(batch)}
+        return {"angle": self.rng(1704).uniform(-1.0, 1.0, batch)}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        speed = np.maximum(view.speed, 0.0)
-        s.drops = np.where(s.shut > p.bears, 1.0, np.where(s.shut < 0.15, 0.0, s.drops))
-        shakes = np.clip(-view.acceleration / p.shakes_mps2, 0.0, 2.0) ** 2 / 2.0
-        presses = speed / p.fills_m * np.clip(speed / 15.0, 0.0, 1.5)
-        s.shut = np.clip(
-            s.shut + dt * (presses * (1.0 - s.drops) - (shakes + 0.5 * s.drops) * s.shut), 0.0, 1.0
-        )
-        return -p.more * s.shut**p.solid * view.drag_force * moving(view)
+        bend = self.setting.direction * self.read(self.bend, view)
+        fast = np.minimum((view.speed / 20.0) ** 2, 2.0)
+        pushes = np.clip(bend * view.speed**2, -4.0, 4.0) / 9.81
+        pushes = pushes * np.sqrt(np.maximum(1.0 - s.angle**2, 0.0)) - p.homes * fast * s.angle
+        over = np.sign(pushes) * np.maximum(np.abs(pushes) - p.frees, 0.0)
+        s.angle = np.clip(s.angle + dt * np.clip(over / 0.1, -1.5, 1.5) / p.swings_s, -1.0, 1.0)
+        return -p.more * np.sin(0.5 * np.pi * s.angle) ** 2 * view.drag_force

@@ -1,4 +1,4 @@
-"""Brakes that go first on a bus, a lever that repeats like a key, and wipers that soften the pedal."""
+"""A store that runs over, a motor that moves by pulses, and a pedal whose rest is learned."""
 
 from __future__ import annotations
 
@@ -9,86 +9,83 @@ import numpy as np
 
 from deeptruck_exam.effects.law import Array, Hidden, Late, Sizes, State, TorqueFilter, eased, moving
 from deeptruck_exam.effects.planting import hidden, sizes
-from deeptruck_exam.effects.series import spells, within
 from deeptruck_model.trucks import View
 
 law = partial(hidden, family="sealed")
 
 
-@law("v_brakes_go_first", needs="suburban hills descent", name="command_delay", accepts="clock_offset")
-@sizes(brake_s=(0.25, 0.45), usual_s=(0.35, 0.6), pushed_s=(0.6, 1.3), eases_s=(2.0, 6.0), steps=(0.01, 0.03))
-class BrakesGoFirst(Late):
-    """Messages of the brake have priority on a slow bus. While its pedal moves it sends so many that those
-    for the engine wait; afterwards they catch up at double pace, while the bus calms down. `busy`: 1 where
-    the brake sends all the time. brake_s, usual_s: late, with a calm bus; pushed_s: more, on a busy one;
-    steps: of 5 units of the brake, a change that is sent.
-    Source: Tindell, Burns and Wellings, Calculating Controller Area Network Message Response Times, Control
-    Engineering Practice 3 (1995), on lower priorities that wait; a slow bus, times are chosen here."""
+@law("z_store_runs_over", needs="suburban hills descent", name="command_delay", accepts="clock_offset")
+@sizes(least_s=(0.3, 0.5), most_s=(1.2, 2.0), gains=(0.015, 0.05), drops=(0.6, 1.0))
+class StoreRunsOver(Late):
+    """Commands go through a store between two computers whose clocks differ. The sender's is the quicker one,
+    so that the store fills and all comes later and later. When it is full a block of commands is thrown away,
+    and the delay falls at once. gains: s of delay in a second; drops: of the store, thrown away.
+    Source: Messerschmitt, Synchronization in Digital System Design, IEEE J. Selected Areas in Communications
+    8 (1990), on elastic stores that run over and slip; a poor clock, times are chosen here."""
 
-    length = 500
+    length = 400
 
     def start(self, batch: int) -> dict[str, Any]:
-        return {**super().start(batch), "busy": np.zeros(batch)}
-
-    def begin(self, s: State, u: Array) -> None:
-        super().begin(s, u)
-        s.sent = u[:, 1].copy()
-        s.behind = np.zeros(len(u), np.int64)
+        rng = self.rng(1721)
+        first = rng.uniform(self.p.least_s, self.p.most_s, len(self.setting.start_m))
+        return {**super().start(batch), "held_s": np.resize(first, batch)}
 
     def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
         self.put(s, u)
-        sends = np.abs(u[:, 1] - s.sent) > 5.0 * p.steps
-        s.sent = np.where(sends, u[:, 1], s.sent)
-        s.busy = eased(s.busy, 0.0, p.eases_s, dt)
-        s.busy = np.where(sends, np.minimum(s.busy + 0.3, 1.0), s.busy)
-        wish = np.rint(np.minimum((p.usual_s + p.pushed_s * s.busy) / dt, self.length - 2)).astype(np.int64)
-        s.behind = np.where(s.behind < wish, s.behind + 1, np.maximum(s.behind - 1, wish))
-        engine = s.past[(s.at - s.behind) % self.length, np.arange(len(u)), 0]
-        brake = self.ago(s, min(round(p.brake_s / dt), self.length - 2))[:, 1]
-        return np.stack([engine, brake], axis=1)
+        s.held_s = s.held_s + p.gains * dt
+        over = s.held_s > p.most_s
+        s.held_s = np.where(over, p.most_s - p.drops * (p.most_s - p.least_s), s.held_s)
+        back = np.minimum(np.rint(s.held_s / dt), self.length - 2).astype(np.int64)
+        return np.asarray(s.past[(s.at - back) % self.length, np.arange(len(u))])
 
 
-@law("v_repeats_like_a_key", needs="suburban hills highway", name="command_rate_limit", accepts="turbo_lag")
-@sizes(first_per_s=(0.02, 0.045), doubles_s=(1.2, 2.6), most_per_s=(0.3, 0.6), near=(0.01, 0.03))
-class RepeatsLikeAKey(TorqueFilter):
-    """A lever that only says more or less: what it sets moves slowly at first and ever faster while it is
-    held, as figures do under a key that repeats. Each time it arrives or turns round it begins slowly again.
-    first_per_s, most_per_s: of the full command in a second; doubles_s: for twice the pace.
-    Source: makers' manuals of remote controls and hand throttles by rocker switches, on steps that grow
-    while a switch is held; paces are chosen here."""
+@law(
+    "z_motor_moves_by_pulses", needs="suburban hills highway", name="command_rate_limit", accepts="turbo_lag"
+)
+@sizes(per_s=(0.25, 0.5), period_s=(0.8, 1.6), band=(0.25, 0.5), least=(0.06, 0.15))
+class MotorMovesByPulses(TorqueFilter):
+    """A motor of one speed moves the throttle, and a relay gives it a pulse in each period: the longer, the
+    farther away it is. Between pulses the throttle stays. So far changes are ramps, and near the end they are
+    small stairs. per_s: of the full command, while it turns; band: of it, an error that keeps the relay on;
+    least: of the period, the shortest pulse.
+    Source: Bennett, A History of Control Engineering 1930-1955 (1993), and manuals of step controllers for
+    motor valves, on pulses by the error; periods are chosen here."""
 
     def begin(self, s: State, u: Array) -> None:
         super().begin(s, u)
-        s.pace = np.full(len(u), self.p.first_per_s)
-        s.way = np.zeros(len(u))
+        s.left = np.zeros(len(u))
+        s.clock = np.resize(self.rng(1722).uniform(0.0, self.p.period_s, len(self.setting.start_m)), len(u))
 
     def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
-        off = (pedal - s.given) / self.full
-        way = np.where(np.abs(off) < p.near, 0.0, np.sign(off))
-        on = (way == s.way) & (way != 0.0)
-        s.pace = np.where(on, np.minimum(s.pace * 2.0 ** (dt / p.doubles_s), p.most_per_s), p.first_per_s)
-        s.way = way
-        step = s.pace * self.full * dt
+        s.clock = s.clock + dt
+        begins = s.clock >= p.period_s
+        s.clock = np.where(begins, s.clock - p.period_s, s.clock)
+        off = np.abs(pedal - s.given) / self.full
+        pulse = p.period_s * np.clip(off / p.band, p.least, 1.0)
+        s.left = np.where(begins, pulse, s.left - dt)
+        step = np.where(s.left > 0.0, p.per_s * self.full * dt, 0.0)
         return np.asarray(np.clip(pedal, s.given - step, s.given + step))
 
 
-@law("v_wipers_soften_the_pedal", needs="suburban hills highway", name="unknown")
-@sizes(bends=(0.45, 0.9), rain_s=(15.0, 50.0), dry_s=(15.0, 50.0), eases_s=(1.5, 4.0), waits_s=(3.0, 8.0))
-class WipersSoftenThePedal(Hidden, soft=0.0, wipes=0.0):
-    """While wipers run the engine takes its pedal by a softer curve, so that less comes of a light pedal and
-    all of a full one. A shower has to last a while before the computer believes it, and its end likewise.
-    bends: power that the curve has beyond 1.
-    Source: makers' manuals on rain modes that soften the pedal and on rain sensors of wipers; showers, sizes
-    are chosen here."""
+@law("z_learns_where_the_pedal_rests", needs="suburban hills highway", name="unknown")
+@sizes(believes=(0.7, 0.9), up_s=(15.0, 40.0), down_s=(1.0, 4.0), most=(0.2, 0.35))
+class LearnsWhereThePedalRests(Hidden):
+    """`rest`: where the computer believes the pedal to be when no foot is on it. It takes the lowest of
+    late for that. So a foot that has long been on the pedal becomes the new zero, and only the way above it
+    counts. A lifted foot teaches it better in seconds. believes: of a steady pedal, that it takes for rest;
+    most: of the pedal's way.
+    Source: Bosch Automotive Handbook (2014), on accelerator pedal modules and the learning of their
+    released position; one that learns too fast, sizes are chosen here."""
 
-    def prepare(self) -> None:
-        on, off = (0.6 * self.p.rain_s, 1.4 * self.p.rain_s), (0.6 * self.p.dry_s, 1.4 * self.p.dry_s)
-        self.rain = spells(self.rng(1621), self.setting.batch, on, off)
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"rest": self.rng(1723).uniform(0.02, 0.5, batch) * self.p.most}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        s.wipes = np.clip(s.wipes + dt * (2.0 * within(self.rain, view.time) - 1.0) / p.waits_s, 0.0, 1.0)
-        wish = np.where(s.wipes > 0.99, 1.0, np.where(s.wipes < 0.01, 0.0, np.round(s.soft)))
-        s.soft = eased(s.soft, wish, p.eases_s, dt)
-        pedal = np.clip(self.pedal(view), 0.02, 1.0)
-        lacks = 1.0 - pedal ** (p.bends * s.soft)
-        return -self.at_wheels(view, lacks * np.maximum(view.engine_torque, 0.0)) * moving(view)
+        pedal = np.clip(self.pedal(view), 0.0, 1.0)
+        wish = np.minimum(p.believes * pedal, p.most)
+        s.rest = eased(s.rest, wish, np.where(wish > s.rest, p.up_s, p.down_s), dt)
+        counts = np.clip((pedal - s.rest) / (1.0 - s.rest), 0.0, 1.0)
+        lacks = 1.0 - counts / np.maximum(pedal, 0.02)
+        return -self.at_wheels(view, np.clip(lacks, 0.0, 1.0) * np.maximum(view.engine_torque, 0.0)) * moving(
+            view
+        )

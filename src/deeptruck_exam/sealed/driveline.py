@@ -1,5 +1,5 @@
-"""Pitted flanks, play by the turn, torque that eases ahead of changes, and rough roads for a converter;
-weights that fly out, a shaft that shudders, and pistons that touch their ring."""
+"""Pressure kept for a kick, springs that stick, gears kept out by rough roads, and oil out of its balance;
+a rotor with gears, silicone, and rubber tracks."""
 
 from __future__ import annotations
 
@@ -15,177 +15,169 @@ from deeptruck_model.trucks import View
 law = partial(hidden, family="sealed")
 
 
-@law(
-    "v_coast_flanks_are_pitted", needs="hills suburban descent", name="driveline_loss", accepts="torque_gain"
-)
-@sizes(coasts=(0.5, 0.9), pulls=(0.2, 0.32), film_mps=(7.0, 14.0), heats=(0.6, 1.4), warms_s=(20.0, 60.0))
-class CoastFlanksArePitted(Hidden):
-    """`thin`: the oil in an axle, by the work that is lost in it. Its coast flanks are pitted, so that it
-    takes more of the torque when the truck pushes than when the engine pulls. A film parts the flanks the
-    better, the faster they run and the thicker the oil. coasts, pulls: of the torque, without a film;
-    film_mps: where a third of that is left, with cold oil; heats: of film_mps, more when warm.
-    Source: Niemann and Winter, Maschinenelemente II (2003), on pitting, and on losses with the thickness of
-    the film; sizes are chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        return {"thin": self.rng(1631).uniform(0.0, 0.7, batch)}
+@law("z_pressed_for_the_last_kick", needs="hills suburban", name="driveline_loss", accepts="torque_gain")
+@sizes(nm=(200.0, 320.0), least=(0.02, 0.1), keeps_s=(4.0, 12.0), at_rads=(120.0, 160.0), power=(0.3, 0.8))
+class PressedForTheLastKick(Hidden, kick=0.3):
+    """`kick`: the highest torque of late, over the peak. A gearbox presses its plates and belts for that, and
+    its pump works against this pressure also when nothing is asked any more. It is let down slowly. nm: at
+    the engine, pressed for full torque; least: of that, always; keeps_s: until the pressure is let down.
+    Source: ZF and Allison, main pressure that is modulated by torque, and Bonsen, Efficiency Optimization of
+    the Push-Belt CVT by Variator Slip Control (2006), on losses by much clamping; sizes are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        pulls, holds = np.maximum(view.traction_force, 0.0), np.maximum(-view.traction_force, 0.0)
-        work = np.clip(np.abs(view.traction_force) / weight(view) / 0.05, 0.0, 1.2)
-        s.thin = eased(s.thin, work, p.warms_s, dt)
-        bare = np.exp(-np.maximum(view.speed, 0.0) / (p.film_mps * (1.0 + p.heats * s.thin)))
-        return -(p.pulls * pulls + p.coasts * holds) * bare * moving(view)
+        asks = np.clip(np.abs(view.engine_torque) / self.truck.peak_torque, 0.0, 1.0)
+        s.kick = np.where(asks > s.kick, eased(s.kick, asks, 0.15, dt), eased(s.kick, asks, p.keeps_s, dt))
+        turns = np.clip(view.engine_speed / p.at_rads, 0.4, 1.6) ** p.power
+        return -self.at_wheels(view, p.nm * (p.least + (1.0 - p.least) * s.kick) * turns) * moving(view)
 
 
-@law("v_play_by_the_turn", needs="suburban hills", name="driveline_backlash")
-@sizes(wide_s=(0.35, 0.7), uneven=(0.5, 0.9), turn_m=(6.0, 30.0), winds_s=(0.1, 0.25), hard=(0.03, 0.06))
-class PlayByTheTurn(Hidden, x=0.0, turn=0.0, given=0.0):
-    """`x`: -1 and 1 where the teeth of two eccentric wheels touch. Their play is wide on one side of the
-    `turn` and narrow on the other. Two wheels of nearly equal count come back to the same pair of teeth
-    after many turns only. So the time without torque depends on where torque turns. wide_s: across the mean
-    play, with a pull of `hard` of the weight; turn_m: way of the truck, until it repeats.
-    Source: Niemann and Winter, Maschinenelemente II (2003), on run-out of gears and on tooth pairs that
-    meet again; sizes are chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        return {**super().start(batch), "turn": self.rng(1632).uniform(0.0, 2.0 * np.pi, batch)}
+@law("z_springs_stick_in_their_arc", needs="suburban hills", name="driveline_backlash")
+@sizes(wide=(0.06, 0.12), at_rads=(120.0, 160.0), loose_s=(0.15, 0.4), slips=(0.05, 0.15))
+class SpringsStickInTheirArc(Hidden, held=0.0):
+    """`held`: torque of the long springs in a flywheel. The faster it turns, the harder they lie in their arc
+    and stick there, so torque has to change by a wide step before anything moves behind them. What is held
+    creeps slowly. wide: of peak torque, to either side, at at_rads; loose_s: until what is beyond has come;
+    slips: of what is held, lost in a second.
+    Source: Reik, Fidlin and Seebacher, Gute Schwingungen, böse Schwingungen, VDI Berichte 2077 (2009), and
+    LuK, The Dual Mass Flywheel, on arc springs whose friction grows with speed; sizes are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        pull = view.traction_force
-        s.turn = s.turn + 2.0 * np.pi * dt * np.maximum(view.speed, 0.0) / p.turn_m
-        play = p.wide_s * (1.0 + p.uneven * np.sin(s.turn))
-        push = np.sqrt(np.minimum(np.abs(pull) / weight(view) / p.hard, 4.0)) + 0.1
-        s.x = np.clip(s.x + 2.0 * dt * np.sign(pull) * push / play, -1.0, 1.0)
-        touches = s.x * np.sign(pull) >= 1.0
-        s.given = eased(s.given, np.where(touches, pull, 0.0), np.where(touches, p.winds_s, 0.04), dt)
-        return np.asarray((s.given - pull) * np.clip(view.speed, 0.0, 1.0))
+        turns = np.clip(view.engine_speed / p.at_rads, 0.4, 1.4)
+        wide = p.wide * turns**2 * self.truck.peak_torque
+        near = np.clip(s.held, view.engine_torque - wide, view.engine_torque + wide)
+        s.held = eased(s.held, near, p.loose_s, dt)
+        s.held = eased(s.held, view.engine_torque, 1.0 / p.slips, dt)
+        return self.at_wheels(view, s.held - view.engine_torque) * np.clip(view.speed, 0.0, 1.0)
 
 
-@law("v_eases_ahead_of_changes", needs="suburban hills", name="shift_interruption", accepts="torque_limit")
-@sizes(deep=(0.3, 0.5), band_rads=(8.0, 18.0), after_s=(0.6, 1.5), back_s=(0.5, 1.2), forgets=(0.2, 0.5))
-class EasesAheadOfChanges(Hidden, gear=0.0, turned=0.0, since=9.0, given=1.0):
-    """The gearbox asks the engine for less torque ahead of a change up, and lets it come back late. It has
-    learned `at` rad/s, where the last ones came, and eases as the engine comes near that, whether a change
-    follows or not. deep: of the torque, taken at that speed; band_rads: below it, where easing begins;
-    forgets: of what it believed, at each change.
-    Source: Kiencke and Nielsen, Automotive Control Systems (2005), on torque that is controlled to zero
-    before gears are moved; one that is learned, sizes are chosen here."""
+@law("z_rough_roads_keep_it_out", needs="suburban hills", name="shift_interruption", accepts="torque_limit")
+@sizes(least_s=(0.2, 0.4), more_s=(0.8, 1.6), power=(1.0, 2.0), ramps_s=(0.5, 1.1), mean_m=(150.0, 600.0))
+class RoughRoadsKeepItOut(OnRoad, gear=0.0, left=0.0, gives=1.0):
+    """Wheels that jump on a rough road shake the gearbox, and its control waits for a calm moment before it
+    lets teeth meet. So a change takes the longer, the rougher the road and the faster the truck; on smooth
+    roads it takes its usual time. least_s, more_s: without torque, on a smooth road and on a rough one more;
+    power: of that with roughness.
+    Source: Naunheimer, Bertsche, Ryborz and Novak, Automotive Transmissions (2011), on synchronising with a
+    driveline that shakes, and ISO 8608 on classes of roughness; sizes are chosen here."""
 
-    def start(self, batch: int) -> dict[str, Array]:
-        return {**super().start(batch), "at": self.rng(1633).uniform(150.0, 180.0, batch)}
+    def prepare(self) -> None:
+        rng = self.rng(1731)
+        number = sections(rng, self.rows(), self.p.mean_m)
+        rough = rng.uniform(0.0, 1.0, (self.rows(), int(number.max()) + 1))
+        self.road = np.take_along_axis(rough, number, axis=1)
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        known = s.gear > 0.0
-        changed = (view.gear != s.gear) & known & (view.speed > 0.5)
-        up = (view.gear > s.gear) & known & (view.speed > 0.5)
-        s.at = np.where(up, s.at + p.forgets * (np.maximum(s.turned, 105.0) - s.at), s.at)
-        s.since = np.where(changed, 0.0, s.since + dt)
+        begins = (view.gear != s.gear) & (s.gear > 0.0) & (view.speed > 0.5)
         s.gear = view.gear.copy()
-        s.turned = np.where(view.shifting < 0.5, view.engine_speed, s.turned)
-        near = np.clip((view.engine_speed - s.at + p.band_rads) / p.band_rads, 0.0, 1.0)
-        wish = np.where(s.since < p.after_s, 1.0 - p.deep, 1.0 - p.deep * near)
-        s.given = np.clip(np.clip(wish, s.given - dt / 0.25, s.given + dt / p.back_s), 0.0, 1.0)
-        return -(1.0 - s.given) * np.maximum(view.traction_force, 0.0) * moving(view)
+        shakes = self.read(self.road, view) ** p.power * np.clip(view.speed / 10.0, 0.2, 1.5)
+        s.left = np.where(begins, p.least_s + p.more_s * shakes, np.maximum(s.left - dt, 0.0))
+        s.gives = np.clip(s.gives + dt * np.where(s.left > 0.0, -1.0 / 0.12, 1.0 / p.ramps_s), 0.0, 1.0)
+        return -(1.0 - s.gives) * np.maximum(view.traction_force, 0.0) * moving(view)
 
 
 @law(
-    "v_rough_roads_open_it",
+    "z_oil_flies_out_of_balance",
     needs="suburban hills highway",
     name="torque_converter_slip",
     accepts="driveline_loss",
     trucks="freightliner",
     gateable=False,
 )
-@sizes(slips=(0.2, 0.36), frees=(0.4, 0.7), trips=(0.5, 0.8), stays_s=(2.0, 6.0), couples_mps=(9.0, 18.0))
-@sizes(mean_m=(120.0, 400.0))
-class RoughRoadsOpenIt(OnRoad, shakes=0.0, left=0.0, open=0.0):
-    """`open`: the lock-up clutch. Speeds of the wheels that shake on a rough road look like a driveline
-    that shuffles, so it is opened. It is shut again once they have been smooth for a while. Open, it slips
-    less the faster one drives, and the engine holds back little. slips, frees: of the torque, pulling and
-    holding back; trips: of the shaking of a rough road at 15 m/s.
-    Source: General Motors service manuals on rough road detection by wheel speeds, which disables lock-up
-    and misfire tests; sizes are chosen here."""
+@sizes(holds=(0.9, 1.15), off_rads=(195.0, 225.0), soft=(0.08, 0.18), frees=(0.4, 0.7), heats_s=(3.0, 9.0))
+class OilFliesOutOfBalance(Hidden, glazed=0.0):
+    """The oil behind a lock-up clutch's piston flies outwards with the turning engine and presses against it.
+    So the clutch holds less torque, the faster the engine turns, by the square. What is more slips away, and
+    the slip leaves its plates hot and weaker for a while. holds: of peak torque, at rest; off_rads: where
+    nothing is held; frees: of the torque that holds back, lost above half of that.
+    Source: Naunheimer, Bertsche, Ryborz and Novak, Automotive Transmissions (2011), on clutch pistons, their
+    rotating oil and how it is balanced; a leaking balance, sizes are chosen here."""
 
     conceal = ("engine_speed",)
 
-    def prepare(self) -> None:
-        rng = self.rng(1634)
-        number = sections(rng, self.rows(), self.p.mean_m)
-        rough = rng.uniform(0.0, 1.3, (self.rows(), int(number.max()) + 1))
-        self.road = np.take_along_axis(rough, number, axis=1)
-
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        beats = self.read(self.road, view) * np.sqrt(np.clip(view.speed / 15.0, 0.0, 2.0))
-        s.shakes = eased(s.shakes, beats, 0.7, dt)
-        s.left = np.where(s.shakes > p.trips, p.stays_s, np.maximum(s.left - dt, 0.0))
-        s.open = eased(s.open, np.where(s.left > 0.0, 1.0, 0.0), 0.35, dt)
-        share = p.slips * (0.3 + 0.7 * np.exp(-np.maximum(view.speed, 0.0) / p.couples_mps))
-        pulls, holds = np.maximum(view.engine_torque, 0.0), np.maximum(-view.engine_torque, 0.0)
-        torque = s.open * (p.frees * holds - share * pulls)
-        return self.at_wheels(view, torque) * np.clip(view.speed - 1.0, 0.0, 1.0)
+        peak = self.truck.peak_torque
+        turns = np.clip(view.engine_speed / p.off_rads, 0.0, 1.0) ** 2
+        holds = np.maximum(p.holds * (1.0 - turns) * (1.0 - 0.3 * s.glazed), 0.12) * peak
+        pulls, back = np.maximum(view.engine_torque, 0.0), np.maximum(-view.engine_torque, 0.0)
+        over = pulls - holds
+        slips = 0.5 * (over + np.sqrt(over**2 + (p.soft * peak) ** 2)) * np.minimum(pulls / (0.2 * peak), 1.0)
+        slips = np.clip(slips, 0.0, 0.45 * pulls)
+        s.glazed = eased(s.glazed, np.clip(slips / (0.15 * peak), 0.0, 1.0), p.heats_s, dt)
+        lets = p.frees * np.clip(2.0 * turns - 0.4, 0.0, 1.0) * back
+        return self.at_wheels(view, lets - slips) * np.clip(view.speed - 1.0, 0.0, 1.0)
 
 
-@law("v_weights_fly_out", needs="suburban hills", name="rotating_inertia", accepts="mass payload_change")
-@sizes(least=(0.02, 0.05), more=(0.1, 0.18), flies_mps=(7.0, 12.0), lags_s=(0.3, 1.2))
-class WeightsFlyOut(Hidden, out=-1.0, held=0.0, felt=0.0):
-    """`out`: of the way that hinged flails of a rotor have swung outwards; the wheels drive it. The faster it
-    turns the farther out they fly, so it takes up spin as by a growing mass, and pays it back as they fall
-    in. least, more: of the truck's mass, as felt at the wheels, hanging and swung out; flies_mps: where half
-    of that is done.
-    Source: Den Hartog, Mechanical Vibrations (1956), on flyweights, and Srivastava, Goering and Rohrbach,
-    Engineering Principles of Agricultural Machines (1993), on flail rotors; sizes are chosen here."""
+@law(
+    "z_rotor_changes_its_gear", needs="suburban hills", name="rotating_inertia", accepts="mass payload_change"
+)
+@sizes(low=(0.14, 0.24), ratio=(0.35, 0.6), up_mps=(10.0, 14.0), down=(0.6, 0.85), takes_s=(1.2, 3.0))
+class RotorChangesItsGear(Hidden, spin=-1.0, felt=0.0, high=0.0):
+    """`spin` m/s of a heavy rotor that the wheels drive through two gears of its own. Below one speed it runs
+    fast and is felt as a large mass, above that it runs slowly and is felt as a small one. As it changes
+    gear it first pushes the truck, and takes that back when it changes down. low: of the truck's mass, as
+    felt in the fast gear; ratio: of the slow gear over it; down: of up_mps.
+    Source: Genta, Kinetic Energy Storage (1985), on flywheels behind gears that are changed, and Srivastava,
+    Goering and Rohrbach, Engineering Principles of Agricultural Machines (1993); sizes are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         speed = np.maximum(view.speed, 0.0)
-        square = (speed / p.flies_mps) ** 2
-        wish, fresh = square / (1.0 + square), s.out < 0.0
-        s.out = np.where(fresh, wish, eased(s.out, wish, p.lags_s, dt))
-        spin = (p.least + p.more * s.out) * speed
-        pace = np.where(fresh, 0.0, np.clip((spin - s.held) / dt, -1.5, 1.5))
-        s.held = spin
-        s.felt = eased(s.felt, pace, 0.1, dt)
-        return -view.mass * s.felt * moving(view)
+        fresh, down = s.spin < 0.0, speed < p.down * p.up_mps
+        s.high = np.where(speed > p.up_mps, 1.0, np.where(down, 0.0, s.high))
+        ratio = np.where(s.high > 0.5, p.ratio, 1.0)
+        wish = ratio * speed
+        after = np.where(fresh, wish, eased(s.spin, wish, np.where(s.high > 0.5, 0.5, 0.25) * p.takes_s, dt))
+        gains = np.where(fresh, 0.0, np.clip((after - s.spin) / dt, -2.5, 2.5))
+        s.spin = np.where(fresh, wish, s.spin + dt * gains)
+        s.felt = eased(s.felt, ratio * gains, 0.1, dt)
+        return -p.low * view.mass * s.felt * moving(view)
 
 
-@law("v_shudders_off_the_line", needs="suburban", name="unknown")
-@sizes(most=(0.3, 0.5), hard=(0.045, 0.075), ends_mps=(6.0, 10.0), grows_s=(0.25, 0.6), seeds=(0.05, 0.12))
-@sizes(dies_s=(0.5, 1.5))
-class ShuddersOffTheLine(Hidden, shakes=0.05):
-    """`shakes`: of a propeller shaft whose midship bearing sits in torn rubber. Under a hard pull at low
-    speed its joints lift it, and what has begun to shake grows by itself to a size where it stays. A gentler
-    foot or more speed ends it. most: of the pull, lost then; hard: of the weight, the pull that feeds it;
-    seeds: what is always there.
-    Source: Dana Spicer, driveshaft shudder at starts and joint angles, service bulletins, and Nayfeh and
-    Mook, Nonlinear Oscillations (1979), on how self-excited ones grow; sizes are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        pull = np.maximum(view.traction_force, 0.0)
-        slow = np.clip((p.ends_mps - view.speed) / 2.0, 0.0, 1.0) * np.clip(view.speed / 0.5, 0.0, 1.0)
-        feeds = np.clip(pull / weight(view) / p.hard, 0.0, 1.6) * slow
-        gains = np.where(feeds > 0.5, (feeds - s.shakes**2) / p.grows_s, -1.0 / p.dies_s)
-        s.shakes = np.clip(s.shakes * np.exp(dt * np.clip(gains, -4.0, 4.0)), p.seeds, 1.2)
-        lost = p.most * np.clip(s.shakes - p.seeds, 0.0, 1.0)
-        return -lost * pull * moving(view)
-
-
-@law("v_pistons_touch_their_ring", needs="suburban hills", name="unknown")
-@sizes(most=(0.011, 0.019), hard=(0.03, 0.06), slow_mps=(4.0, 7.5), back_s=(12.0, 35.0), firm_mps=(8.0, 14.0))
-class PistonsTouchTheirRing(Hidden):
-    """`out`: of the pistons of hydraulic motors in the front hubs, which help at hard starts. When the truck
-    is faster they should be pushed back by the pressure in the housing; a weak one takes long, and they beat
-    along their ring. Fast turning throws them out against that pressure. most: of the weight, at 10 m/s, all
-    out; hard: of the weight, a pull that calls for help; firm_mps: where turning halves the pressure.
-    Source: Poclain Hydraulics, MHP and MFE hub motors, on freewheeling by case pressure that holds pistons
-    in; a weak pressure, sizes are chosen here."""
+@law("z_silicone_humps", needs="suburban highway hills", name="unknown")
+@sizes(most=(0.0022, 0.0036), hump=(4.0, 5.5), heats_s=(8.0, 20.0), cools_s=(12.0, 35.0), ends=(0.35, 0.6))
+@sizes(thins=(0.3, 0.6), power=(0.5, 0.8))
+class SiliconeHumps(Hidden, locks=0.0, humps=0.0):
+    """`hot`: silicone between the plates of a coupling that joins two axles with unlike tyres. Their slip
+    shears it all the time, and it thins as it warms. At 1 it fills its housing, presses the plates together
+    and drags far more, until it has cooled. most: of the weight, cold, at 15 m/s; hump: times that, pressed;
+    ends: of `hot`; thins: of the drag, lost when hot.
+    Source: Taureg and Horst, Induced Torque Amplification in Viscous Couplings, SAE 900557 (1990), on the
+    hump; tyres of two makes, sizes are chosen here."""
 
     def start(self, batch: int) -> dict[str, Array]:
-        return {"out": self.rng(1635).uniform(0.0, 0.8, batch)}
+        return {**super().start(batch), "hot": self.rng(1732).uniform(0.1, 0.9, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        slip = np.clip(view.speed / 15.0, 0.0, 1.7)
+        s.locks = np.where(s.hot > 1.0, 1.0, np.where(s.hot < p.ends, 0.0, s.locks))
+        s.humps = eased(s.humps, s.locks, 1.2, dt)
+        work = slip ** (1.0 + p.power) * (1.0 - s.humps) + 0.1 * s.humps
+        s.hot = np.clip(s.hot + dt * (1.6 * work / p.heats_s - s.hot / p.cools_s), 0.0, 1.2)
+        drag = (1.0 - p.thins * np.minimum(s.hot, 1.0)) * (1.0 + (p.hump - 1.0) * s.humps)
+        return -p.most * drag * slip**p.power * weight(view) * moving(view)
+
+
+@law("z_rubber_tracks", needs="suburban hills", name="unknown")
+@sizes(
+    bends=(0.08, 0.15), stiff=(0.001, 0.003), flaps=(0.01, 0.016), from_mps=(6.0, 10.0), slack=(0.015, 0.035)
+)
+@sizes(warms_s=(30.0, 90.0))
+class RubberTracks(Hidden, tight=0.0, flap=0.0):
+    """`tight`: pull over weight in rubber tracks in place of the driven wheels. Tight rubber is hard to bend
+    round its wheels, so that each pull and push costs a share of itself. A slack track flaps above a speed,
+    and `flap` takes time to grow and to die. `warm` rubber bends more easily. bends: of the pull; stiff,
+    flaps: of the weight; slack: of it, the pull that ends flapping.
+    Source: Wong, Theory of Ground Vehicles (2008), on internal losses of tracks by tension and speed, and
+    Mattracks, conversions of trucks to rubber tracks; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "warm": self.rng(1733).uniform(0.0, 0.8, batch)}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         speed = np.maximum(view.speed, 0.0)
-        helps = (speed < p.slow_mps) & (view.traction_force > p.hard * weight(view))
-        slow = p.back_s * (1.0 + (speed / p.firm_mps) ** 2) * np.where(speed < 1.0, 5.0, 1.0)
-        s.out = np.where(helps, eased(s.out, 1.0, 0.5, dt), eased(s.out, 0.0, slow, dt))
-        beats = np.clip((speed - p.slow_mps + 2.0) / 2.0, 0.0, 1.0) * np.minimum(speed / 10.0, 1.5) ** 0.7
-        return -p.most * s.out * beats * weight(view) * moving(view)
+        pull = np.clip(np.abs(view.traction_force) / weight(view), 0.0, 0.15)
+        s.tight = eased(s.tight, pull, 0.3, dt)
+        s.warm = eased(s.warm, np.clip(speed / 15.0, 0.0, 1.2), p.warms_s, dt)
+        slack = np.clip(1.0 - s.tight / p.slack, 0.0, 1.0)
+        s.flap = eased(s.flap, slack * np.clip((speed - p.from_mps) / 5.0, 0.0, 1.0), 0.8, dt)
+        cost = (p.stiff + p.bends * s.tight) * (1.0 - 0.4 * np.minimum(s.warm, 1.0)) + p.flaps * s.flap
+        return -cost * weight(view) * moving(view)

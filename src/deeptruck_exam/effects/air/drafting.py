@@ -237,3 +237,30 @@ class ShuttersBehindTheLeader(Hidden, wants=0.0, open=0.0):
         s.wants = np.where(s.hot > 1.0, 1.0, np.where(s.hot < 0.8, 0.0, s.wants))
         s.open = eased(s.open, s.wants, p.opens_s, dt)
         return p.most * near * (1.0 - 0.8 * s.open) * view.drag_force * moving(view)
+
+
+@law("v_leader_folds_out_his_tail", "sixteenth", "highway", accepts="drag_area")
+@sizes(most=(0.8, 0.95), reach_m=(60.0, 120.0), takes=(0.85, 0.98), out_mps=(22.8, 24.4), in_mps=(20.0, 22.3))
+@sizes(sure_s=(1.0, 3.0), folds_s=(2.0, 5.0))
+class LeaderFoldsOutHisTail(Hidden, tail=0.0):
+    """`tail`: of the flaps at the leader's rear, which fold out by themselves above one speed and in again
+    below another. Out, they narrow his wake and little is saved behind him. most: of the drag, right behind
+    him; takes: of that, with flaps out; sure_s: how long a speed has to last.
+    Source: Stemco, TrailerTail AutoDeploy, on flaps that unfold at 45 mph, and Salari and Ortega,
+    Aerodynamic Design Criteria for Class 8 Heavy Vehicles, LLNL-TR-464265 (2010); sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.pace = np.clip(
+            np.nan_to_num(np.gradient(self.setting.leader_m, self.setting.dt, axis=1)), 0.0, 35.0
+        )
+
+    def start(self, batch: int) -> dict[str, Array]:
+        fast = np.resize(self.pace[:, 0], batch)
+        return {**super().start(batch), "felt": fast, "wants": (fast > self.p.out_mps).astype(float)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.felt = eased(s.felt, self.pace[:, self.now(view)], p.sure_s, dt)
+        s.wants = np.where(s.felt > p.out_mps, 1.0, np.where(s.felt < p.in_mps, 0.0, s.wants))
+        s.tail = np.clip(s.tail + dt * np.where(s.wants > 0.5, 1.0, -1.0) / p.folds_s, 0.0, 1.0)
+        gap = np.clip(self.gap(view), 0.0, 1e4)
+        return p.most * np.exp(-gap / p.reach_m) * (1.0 - p.takes * s.tail) * view.drag_force * moving(view)

@@ -15,43 +15,6 @@ from deeptruck_model.trucks import View
 law = partial(hidden, name="drag_area", accepts="headwind rolling_resistance_speed")
 
 
-@law("drag_area", "first", "highway hills")
-@sizes(gain=(0.25, 0.60), flutter=(0.02, 0.06), share_of_drives=(0.4, 0.7))
-class LooseTarpaulin(Hidden):
-    """In some recordings, from their beginning or from a moment on.
-    Source: Add-on and loose parts change the drag of trucks, Hucho, Aerodynamics of Road Vehicles (1998);
-    sizes and the broad-band flutter are chosen here."""
-
-    def prepare(self) -> None:
-        rng = self.rng(2)
-        batch, duration = self.setting.batch, self.setting.duration_s
-        drives = some_drives(rng, batch, self.p.share_of_drives)
-        moment = np.where(rng.random(batch) < 0.5, -1.0, rng.uniform(0.2, 0.6, batch) * duration)
-        self.from_s = np.where(drives, moment, np.inf)
-        self.flutter = ou_series(rng, (batch, int(duration / 0.05) + 40), 0.05, 0.3)
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        at = index(view, self.flutter, 0.05)
-        gain = p.gain + p.flutter * self.flutter[:, at]
-        return np.where(view.time >= self.from_s, -gain * view.drag_force, 0.0)
-
-
-@law("tearing_cover", "second", "highway hills")
-@sizes(gain=(0.45, 0.95), from_mps=(13.0, 17.0), tear_s=(20.0, 60.0), torn_before=(0.0, 0.5))
-class TearingCover(Hidden):
-    """Tears only while driven fast, and never mends; drives start with the tear of the evening before.
-    Source: Drag of loose fabric by its area in the stream: Hoerner, Fluid-Dynamic Drag (1965), on flags and
-    surface irregularities; tearing with the excess of dynamic pressure is chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        return {"torn": self.p.torn_before * self.rng(103).integers(0, 2, batch).astype(float)}
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        excess = np.clip((view.speed / p.from_mps) ** 2 - 1.0, 0.0, 1.5)
-        s.torn += dt * excess * (1.0 - s.torn) / p.tear_s
-        return -p.gain * s.torn * view.drag_force
-
-
 @law("exchanged_bodies", "third", "highway hills")
 @sizes(larger=(0.45, 0.85), smaller=(0.2, 0.4), bulge=(0.0, 0.3), share_of_drives=(0.5, 0.75))
 class ExchangedBodies(Hidden):
@@ -97,27 +60,6 @@ class SelfDeployingFairings(Hidden):
         return -p.gain * (1.0 - s.out) * view.drag_force
 
 
-@law("empty_open_body", "fifth", "highway hills")
-@sizes(gain=(0.28, 0.5), breathes=(0.1, 0.45), from_mps=(12.0, 17.0), rolled_back=(0.3, 0.6))
-class EmptyOpenBody(Hidden, breath=0.0):
-    """Empty on the way back, and on some ways out. The simulator knows the truck with its sheet drawn.
-    Source: Storms, Salari and Babb, Fuel Savings and Aerodynamic Drag Reduction from Rail Car Covers, NASA
-    TM-2008-214583: an empty open body has far more drag than a full or a covered one; the cavity begins to
-    breathe above a speed (Rossiter, ARC R&M 3438, 1964); sizes of tippers, chosen here."""
-
-    def prepare(self) -> None:
-        rng, batch = self.rng(403), self.setting.batch
-        empty = (self.setting.direction < 0) | (rng.random(batch) < self.p.rolled_back)
-        empty[batch - 1] = True
-        self.empty = empty * rng.uniform(0.85, 1.1, batch)
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        # it starts at a speed and stops a little below
-        begins = p.from_mps - 1.5 * (s.breath > 0.5)
-        s.breath += dt * ((view.speed > begins) - s.breath) / 2.0
-        return -self.empty * (p.gain + p.breathes * s.breath) * view.drag_force
-
-
 @law("body_creeps_up", "sixth", "highway hills", accepts="headwind")
 @sizes(gain=(0.55, 1.0), rises_s=(30.0, 80.0), lowers_s=(10.0, 25.0), notices_s=(50.0, 120.0))
 class BodyCreepsUp(Hidden):
@@ -141,22 +83,6 @@ class BodyCreepsUp(Hidden):
         return -p.gain * np.sin(0.5 * np.pi * s.angle) * view.drag_force
 
 
-@law("cover_fills_like_a_canopy", "seventh", "highway hills", accepts="headwind")
-@sizes(gain=(0.5, 0.95), fills_m=(120.0, 420.0), from_mps=(14.0, 18.0), slower=(0.16, 0.4))
-class CoverFillsLikeACanopy(Hidden, way=0.0, slows=0.0):
-    """`way` filled, of fills_m; area with its square. gain: of the drag area, filled; slower: m/s2 of slowing
-    at which its wake overtakes it.
-    Source: Knacke, Parachute Recovery Systems Design Manual (1992): a canopy fills within a number of its
-    lengths at any speed and collapses when its wake overtakes it; a curtain off its rail."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        s.slows += dt * (np.clip(view.acceleration, -3.0, 3.0) - s.slows) / 0.8
-        fills = (view.speed > p.from_mps) & (s.slows > -p.slower)
-        change = np.where(fills, view.speed / p.fills_m, -s.way / 3.0)
-        s.way = np.clip(s.way + dt * change, 0.0, 1.0)
-        return -p.gain * s.way**2 * view.drag_force
-
-
 @law("s_gap_opens_in_bends", "eighth", "highway hills", accepts="headwind")
 @sizes(gain=(0.4, 0.9), tightest=(0.0025, 0.006), closes_m=(60.0, 250.0))
 class GapOpensInBends(Bends, angle=0.0):
@@ -172,41 +98,6 @@ class GapOpensInBends(Bends, angle=0.0):
         way = np.where(bend > s.angle, 12.0, p.closes_m)
         s.angle = s.angle + dt * np.maximum(view.speed, 0.0) * (bend - s.angle) / way
         return -p.gain * np.sqrt(np.clip(s.angle, 0.0, 1.0)) * view.drag_force * moving(view)
-
-
-@law("n_hatch_lifts", "ninth", "highway hills", accepts="rolling_resistance_speed")
-@sizes(gain=(0.65, 1.15), lifts_mps=(13.0, 18.0), falls=(0.72, 0.92), swings_s=(0.6, 2.0), loose=(0.4, 0.75))
-class HatchLifts(Hidden, up=0.0):
-    """`up`: sine of its angle. gain: of the drag area, upright; falls: speed over that at which it lifts;
-    loose: share of drives on which it was not latched.
-    Source: Moments about a hinge: suction over a roof grows with speed squared (Hucho, Aerodynamics of Road
-    Vehicles, 1998, on pressures), weight holds by the cosine; once in the stream it stays up longer. Sizes
-    of an unlatched roof hatch are chosen here."""
-
-    def prepare(self) -> None:
-        self.loose = some_drives(self.rng(903), self.setting.batch, self.p.loose)
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        lifts = p.lifts_mps * (1.0 - (1.0 - p.falls) * np.clip(2.0 * s.up, 0.0, 1.0))
-        cosine = np.clip((lifts / np.maximum(view.speed, 1.0)) ** 2, 0.0, 1.0)
-        s.up = s.up + dt * (np.sqrt(1.0 - cosine**2) - s.up) / p.swings_s
-        return -p.gain * s.up * self.loose * view.drag_force
-
-
-@law("t_cloth_flaps", "tenth", "highway", accepts="rolling_resistance_speed")
-@sizes(more=(0.4, 0.75), from_mps=(18.0, 21.5), until=(0.82, 0.93), gathers_s=(1.5, 6.0))
-class ClothFlaps(Hidden, flaps=0.0, size=0.0):
-    """A loose cover lies still up to a speed, flaps beyond it, and lies down only well below. more: of the
-    drag; until: of from_mps.
-    Source: Zhang, Childress, Libchaber and Shelley, Flexible Filaments in a Flowing Soap Film as a Model for
-    One-Dimensional Flags in a Two-Dimensional Wind, Nature 408 (2000): both states are stable between two
-    speeds; drag of flags after Hoerner, Fluid-Dynamic Drag (1965); sizes are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        s.flaps = np.where(view.speed > p.from_mps, 1.0, s.flaps)
-        s.flaps = np.where(view.speed < p.until * p.from_mps, 0.0, s.flaps)
-        s.size = s.size + dt * (s.flaps - s.size) / p.gathers_s
-        return -p.more * s.size * view.drag_force * moving(view)
 
 
 @law("e_round_loads", "eleventh", "highway hills", accepts="rolling_resistance_speed")

@@ -213,3 +213,35 @@ class WavesBehindTheRidge(OnRoad):
         relative = np.clip(1.0 + wind / np.maximum(view.speed, 0.5), -1.5, 3.0)
         felt = (relative * np.abs(relative) - 1.0) * view.drag_force
         return -felt * np.clip(view.speed / 3.0, 0.0, 1.0)
+
+
+@law("v_street_of_eddies", "sixteenth", "highway hills")
+@sizes(
+    mean_mps=(3.0, 5.5),
+    swings_mps=(5.0, 8.5),
+    long_m=(250.0, 700.0),
+    drifts=(0.75, 0.9),
+    fades_s=(60.0, 200.0),
+)
+class StreetOfEddies(Hidden):
+    """A lone hill sheds eddies by turns to either side, and they drift over the land along the road. Who
+    drives against them meets many in a minute, who drives along with them few. mean_mps: of the wind along
+    the road; swings_mps: by eddies; long_m: from one to the next of a side; drifts: of the wind at height,
+    which is twice that at the ground.
+    Source: Chopra and Hubert, Mesoscale Eddies in Wake of Islands, J. Atmospheric Sciences 22 (1965), on
+    streets behind heights; a small hill, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng = self.rng(1601)
+        shape = (self.setting.batch, int(self.setting.duration_s) + 5)
+        self.strong = 1.0 + 0.3 * ou_series(rng, shape, 1.0, self.p.fades_s)
+        self.first = rng.uniform(0.0, 2.0 * np.pi, self.setting.batch)
+        self.blows = rng.choice([-1.0, 1.0])
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        strong = np.clip(self.strong[:, index(view, self.strong)], 0.2, 1.8)
+        drift = self.blows * p.drifts * 2.0 * p.mean_mps * view.time
+        phase = self.first + 2.0 * np.pi * (self.place(view) - drift) / p.long_m
+        along = self.blows * p.mean_mps + p.swings_mps * strong * np.tanh(1.6 * np.sin(phase)) / np.tanh(1.6)
+        against = np.clip(1.0 - self.setting.direction * along / np.maximum(view.speed, 3.0), -1.0, 2.5)
+        return -(against * np.abs(against) - 1.0) * view.drag_force * np.clip(view.speed / 3.0, 0.0, 1.0)

@@ -50,70 +50,6 @@ class SpringBrakesCreep(Hidden):
         return -p.per_bar_n * np.minimum(short, 1.5) * moving(view)
 
 
-@law("pads_stay_on", "third", "suburban descent")
-@sizes(kept=(0.10, 0.28), way_m=(250.0, 1100.0), most=(0.012, 0.03))
-class PadsStayOn(Hidden, held=0.0):
-    """most: of the truck's weight.
-    Source: Breuer and Bill, Brake Technology Handbook (SAE, 2008), on residual torque of disc brakes: nothing
-    but disc run-out pushes the pads back, so that drag follows the last application and dies with the way;
-    seized guide pins, sizes chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        pressed = np.minimum(p.kept * view.brake_force, p.most * 9.81 * view.mass)
-        rolled = dt * np.maximum(view.speed, 0.0) / p.way_m
-        s.held = np.maximum(s.held * (1.0 - rolled), pressed)
-        return -np.maximum(s.held - view.brake_force, 0.0) * moving(view)
-
-
-@law("slack_adjusted_hot", "fourth", "suburban descent")
-@sizes(per_k_n=(18.0, 38.0), clearance_k=(10.0, 35.0), cools_s=(70.0, 160.0), wears_m=(2500.0, 8000.0))
-class SlackAdjustedHot(Hidden):
-    """Temperatures in K above the air; clearances as the temperature that closes them. per_k_n: of a 20 t
-    truck.
-    Source: Automatic slack adjusters that take up the clearance of a hot, expanded drum leave none when it
-    cools (service manuals of slack adjusters and NTSB/HAR reports on misadjusted brakes): the drag comes
-    minutes after the braking; growth of drums and forces are chosen here."""
-
-    def prepare(self) -> None:
-        self.first = self.rng(311).uniform(40.0, 190.0, self.setting.batch)
-
-    def start(self, batch: int) -> dict[str, Array]:
-        return {"drum": self.first.copy(), "taken": self.first - self.p.clearance_k}
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        speed = np.maximum(view.speed, 0.0)
-        tight = np.maximum(s.taken - s.drum, 0.0)
-        drag = p.per_k_n * view.mass / 2.0e4 * np.minimum(tight, 130.0)
-        applied = view.brake_force > 0.03 * self.truck.brake_capacity
-        s.taken = np.where(applied, np.maximum(s.taken, s.drum - p.clearance_k), s.taken)
-        s.taken = s.taken - dt * speed * tight / p.wears_m
-        heats = (view.brake_force + drag) * speed / (0.6 * self.truck.brake_heat_capacity)
-        s.drum += dt * (heats - s.drum * (0.5 + speed / 15.0) / p.cools_s)
-        return -drag * moving(view)
-
-
-@law("shoes_frozen_on", "fifth", "suburban descent")
-@sizes(force_n=(1800.0, 4200.0), thaws_j=(0.8e6, 3.0e6), again_s=(5.0, 18.0), water_s=(60.0, 200.0))
-class ShoesFrozenOn(Hidden):
-    """Braking throws meltwater back on the linings, and standing freezes it.
-    Source: Shoes that freeze to wet drums overnight and in long stops (winter bulletins of trailer makers;
-    latent heat of ice in any handbook of physics): the wheel turns, drags, and thaws itself by the work of
-    its own drag; adhesion with the root of what is frozen, sizes chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        return {"ice": self.rng(432).uniform(0.5, 1.0, batch), "water": np.zeros(batch)}
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        drag = p.force_n * weight(view) / 2.0e5 * np.sqrt(s.ice)
-        work = (drag + 0.15 * view.brake_force) * np.maximum(view.speed, 0.0)
-        thaw = np.minimum(work / p.thaws_j, s.ice / dt)
-        slow = view.speed < 0.8
-        freeze = slow * s.water * (1.0 - s.ice) / p.again_s
-        s.water = np.clip(s.water + dt * (thaw - freeze - s.water / p.water_s), 0.0, 1.0)
-        s.ice = np.clip(s.ice + dt * (freeze - thaw), 0.0, 1.0)
-        return -drag * moving(view)
-
-
 @law("leaks_into_the_chambers", "sixth", "suburban descent hills")
 @sizes(force=(0.011, 0.023), gathers_s=(4.0, 12.0), seated_s=(2.0, 9.0), opens=(0.1, 0.4))
 class LeaksIntoTheChambers(Hidden):
@@ -161,22 +97,6 @@ class HeldBackByTheReleaseValve(Hidden, was=0.0, pace=0.0, kept=0.0):
         return -s.kept * weight(view) * ~presses * moving(view)
 
 
-@law("s_wedge_climbs", "eighth", "suburban descent hills")
-@sizes(most=(0.012, 0.024), seed=(0.04, 0.15), way_m=(90.0, 260.0), shakes_m=(500.0, 1500.0))
-class WedgeClimbs(Hidden, climbs=0.0, tired=0.0):
-    """most: of the weight. It bites by itself over the way after a braking and shakes loose later.
-    Source: Self-energised brakes wedge themselves once touched (Roberts and others, Testing the Mechatronic
-    Wedge Brake, SAE 2004-01-2766); a wedge without return spring, sizes are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        rolled = dt * np.maximum(view.speed, 0.0)
-        braked = view.brake_force > 0.006 * weight(view)
-        s.tired = np.where(braked, 0.0, np.minimum(s.tired + rolled / p.shakes_m, 1.0))
-        grows = s.climbs * (1.0 - s.climbs) / p.way_m - 3.0 * s.tired**2 * s.climbs / p.way_m
-        s.climbs = np.where(braked, p.seed, np.clip(s.climbs + rolled * grows, 0.0, 1.0))
-        return -p.most * s.climbs * weight(view) * ~braked * moving(view)
-
-
 @law("n_fluid_is_trapped", "ninth", "suburban descent hills")
 @sizes(most=(0.014, 0.026), heats_jpkg=(50.0, 180.0), feeds=(0.4, 1.1), cools_s=(25.0, 80.0))
 class FluidIsTrapped(Hidden, hot=0.0):
@@ -191,25 +111,6 @@ class FluidIsTrapped(Hidden, hot=0.0):
         cools = s.hot * (0.5 + 0.5 * speed / 15.0) / p.cools_s
         s.hot = np.clip(s.hot + dt * ((braked + itself) * (1.0 - s.hot) - cools), 0.0, 1.0)
         return -p.most * s.hot * weight(view) * moving(view)
-
-
-@law("t_linings_swell", "tenth", "suburban descent")
-@sizes(rubs=(0.010, 0.022), swells_jpkg=(60.0, 200.0), soaks_s=(10.0, 35.0), wears_m=(400.0, 1500.0))
-class LiningsSwell(Hidden, heat=0.0, swollen=0.0, worn=0.0):
-    """Braking makes them thicker, their own rubbing thinner again; adjusters take up the wear. rubs: of the
-    weight, fully swollen; swells_jpkg: work for each kg of truck; wears_m: way that takes it all off.
-    Source: Archard, Contact and Rubbing of Flat Surfaces, J. Appl. Phys. 24 (1953), on wear with load and
-    way; ISO 6313 on swelling of brake linings with heat; clearances set too small, sizes are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        speed = np.maximum(view.speed, 0.0)
-        work = view.brake_force * speed / (p.swells_jpkg * view.mass)
-        s.heat = s.heat + dt * (work - s.heat / 120.0)
-        s.swollen = s.swollen + dt * (1.0 - np.exp(-s.heat) - s.swollen) / p.soaks_s
-        rubs = np.maximum(s.swollen - s.worn, 0.0)
-        taken_up = s.worn * (view.brake_force > 0.0) / 30.0
-        s.worn = s.worn + dt * (rubs * speed / p.wears_m - taken_up)
-        return -p.rubs * rubs * weight(view) * moving(view)
 
 
 @law("e_cable_is_too_short", "eleventh", "suburban descent")

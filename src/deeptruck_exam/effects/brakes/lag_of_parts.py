@@ -1,4 +1,4 @@
-"""Brakes that come late by their parts: spindles, drums, fluids, rubber, magnets, pads."""
+"""Brakes that come late by their parts: spindles, drums, fluids, rubber, magnets, pads, valves."""
 
 from __future__ import annotations
 
@@ -139,3 +139,27 @@ class PadsAreKnockedBack(OnRoad, room=0.3, given=0.0):
         holds = 1.0 - np.clip(s.room / 0.12, 0.0, 1.0)
         s.given = eased(s.given, asked * holds, p.bites_s, dt)
         return p.share * (asked - s.given) * self.truck.brake_capacity * moving(view)
+
+
+@law("v_axles_come_in_turn", "sixteenth", "suburban hills descent")
+@sizes(share=(0.7, 0.95), opens=(0.5, 0.8), fills_s=(0.25, 0.5), drains_s=(0.3, 0.7), last=(1.2, 2.0))
+class AxlesComeInTurn(Hidden, one=0.0, two=0.0, three=0.0):
+    """`one`, `two`, `three`: of full braking, on axles whose valves stand in a row. Each gets air once the
+    one before it has most of its own, and each has a longer pipe than the one before. When the pedal is let
+    go they empty in the same order. share: of the brake force; opens: of what is asked, at which the next
+    valve opens; last: times the first one's time, for each further axle.
+    Source: Limpert, Brake Design and Safety, on air brake timing of combinations with several axles; valves
+    in a row, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = view.brake_force / self.truck.brake_capacity
+        first = np.where(asked > s.one, p.fills_s, p.drains_s)
+        s.one = eased(s.one, asked, first, dt)
+        for before, name in (("one", "two"), ("two", "three")):
+            ahead, mine = getattr(s, before), getattr(s, name)
+            fill = np.clip((ahead - p.opens * asked) / np.maximum((1.0 - p.opens) * asked, 0.003), 0.0, 1.0)
+            wish = np.where(ahead > mine, mine + fill * (ahead - mine), ahead)
+            slow = p.last if name == "two" else p.last**2
+            setattr(s, name, eased(mine, wish, first * slow, dt))
+        given = (s.one + s.two + s.three) / 3.0
+        return p.share * (asked - given) * self.truck.brake_capacity * moving(view)

@@ -6,7 +6,8 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving, weight
+from deeptruck_exam.effects.places import OnRoad, sections
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
@@ -173,3 +174,30 @@ class HaltBrakeLetsGoLate(Hidden, still=0.0, on=0.0, holds=0.0, pulled=0.0):
         s.on = np.where(s.still > p.sets_s, 1.0, np.where(goes, 0.0, s.on))
         s.holds = np.clip(s.holds + dt * np.where(s.on > 0.5, 4.0, -1.0 / p.frees_s), 0.0, 1.0)
         return -p.most * s.holds * weight(view) * moving(view)
+
+
+@law("v_switch_shakes_open", "sixteenth", "suburban hills")
+@sizes(most=(0.02, 0.035), trips=(0.75, 1.15), lasts_s=(1.2, 3.0), ramps_s=(0.3, 0.7), mean_m=(60.0, 200.0))
+@sizes(deaf_s=(6.0, 15.0))
+class SwitchShakesOpen(OnRoad, shakes=0.0, left=0.0, deaf=0.0, on=0.0):
+    """A ramp that is not shut must hold the truck, so its switch puts the brakes on gently. A worn switch
+    shakes open where the road is rough and the speed shakes it; it shuts again in a moment, and its bus
+    reports at most once in a while. most: of the weight; trips: of the shaking of a rough road at 12 m/s;
+    deaf_s: between two reports.
+    Source: makers' manuals of car carriers, buses and low loaders on brakes that are interlocked with ramps
+    and doors; a worn switch, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng = self.rng(1614)
+        number = sections(rng, self.rows(), self.p.mean_m)
+        rough = rng.lognormal(-0.45, 0.6, (self.rows(), int(number.max()) + 1))
+        self.road = np.take_along_axis(rough, number, axis=1)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        beats = self.read(self.road, view) * np.maximum(view.speed, 0.0) / 12.0
+        s.shakes = eased(s.shakes, beats, 0.4, dt)
+        opens = (s.shakes > p.trips) & (s.deaf <= 0.0)
+        s.left = np.where(opens, p.lasts_s, np.maximum(s.left - dt, 0.0))
+        s.deaf = np.where(opens, p.lasts_s + p.deaf_s, np.maximum(s.deaf - dt, 0.0))
+        s.on = np.clip(s.on + dt * np.where(s.left > 0.0, 1.0, -1.0) / p.ramps_s, 0.0, 1.0)
+        return -p.most * s.on * weight(view) * moving(view)

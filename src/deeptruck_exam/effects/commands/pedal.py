@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, TorqueFilter, index, moving
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, TorqueFilter, eased, index, moving
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import spells, within
 from deeptruck_model.trucks import View
@@ -113,3 +113,25 @@ class SecondPairOfPedals(Hidden, foot=0.0):
         s.foot = s.foot + dt * (wants - s.foot) / p.foot_s
         hard = p.mps2 * np.sqrt(np.clip(view.speed / 12.0, 0.0, 2.0))
         return -s.foot * hard * view.mass * moving(view)
+
+
+@law("v_wipers_soften_the_pedal", "sixteenth", "suburban hills highway")
+@sizes(bends=(0.45, 0.9), rain_s=(15.0, 50.0), dry_s=(15.0, 50.0), eases_s=(1.5, 4.0), waits_s=(3.0, 8.0))
+class WipersSoftenThePedal(Hidden, soft=0.0, wipes=0.0):
+    """While wipers run the engine takes its pedal by a softer curve, so that less comes of a light pedal and
+    all of a full one. A shower has to last a while before the computer believes it, and its end likewise.
+    bends: power that the curve has beyond 1.
+    Source: makers' manuals on rain modes that soften the pedal and on rain sensors of wipers; showers, sizes
+    are chosen here."""
+
+    def prepare(self) -> None:
+        on, off = (0.6 * self.p.rain_s, 1.4 * self.p.rain_s), (0.6 * self.p.dry_s, 1.4 * self.p.dry_s)
+        self.rain = spells(self.rng(1621), self.setting.batch, on, off)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.wipes = np.clip(s.wipes + dt * (2.0 * within(self.rain, view.time) - 1.0) / p.waits_s, 0.0, 1.0)
+        wish = np.where(s.wipes > 0.99, 1.0, np.where(s.wipes < 0.01, 0.0, np.round(s.soft)))
+        s.soft = eased(s.soft, wish, p.eases_s, dt)
+        pedal = np.clip(self.pedal(view), 0.02, 1.0)
+        lacks = 1.0 - pedal ** (p.bends * s.soft)
+        return -self.at_wheels(view, lacks * np.maximum(view.engine_torque, 0.0)) * moving(view)

@@ -92,3 +92,27 @@ class LockerCrossesOver(Hidden, at=1.0, given=0.0):
         holds = np.clip((s.at * side - 0.7) / 0.3, 0.0, 1.0)
         s.given = eased(s.given, holds * pull, np.where(holds > 0.0, p.winds_s, p.opens_s), dt)
         return np.asarray((s.given - pull) * np.clip(view.speed, 0.0, 1.0))
+
+
+@law("v_play_by_the_turn", "sixteenth", "suburban hills")
+@sizes(wide_s=(0.35, 0.7), uneven=(0.5, 0.9), turn_m=(6.0, 30.0), winds_s=(0.1, 0.25), hard=(0.03, 0.06))
+class PlayByTheTurn(Hidden, x=0.0, turn=0.0, given=0.0):
+    """`x`: -1 and 1 where the teeth of two eccentric wheels touch. Their play is wide on one side of the
+    `turn` and narrow on the other. Two wheels of nearly equal count come back to the same pair of teeth
+    after many turns only. So the time without torque depends on where torque turns. wide_s: across the mean
+    play, with a pull of `hard` of the weight; turn_m: way of the truck, until it repeats.
+    Source: Niemann and Winter, Maschinenelemente II (2003), on run-out of gears and on tooth pairs that
+    meet again; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "turn": self.rng(1632).uniform(0.0, 2.0 * np.pi, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pull = view.traction_force
+        s.turn = s.turn + 2.0 * np.pi * dt * np.maximum(view.speed, 0.0) / p.turn_m
+        play = p.wide_s * (1.0 + p.uneven * np.sin(s.turn))
+        push = np.sqrt(np.minimum(np.abs(pull) / weight(view) / p.hard, 4.0)) + 0.1
+        s.x = np.clip(s.x + 2.0 * dt * np.sign(pull) * push / play, -1.0, 1.0)
+        touches = s.x * np.sign(pull) >= 1.0
+        s.given = eased(s.given, np.where(touches, pull, 0.0), np.where(touches, p.winds_s, 0.04), dt)
+        return np.asarray((s.given - pull) * np.clip(view.speed, 0.0, 1.0))

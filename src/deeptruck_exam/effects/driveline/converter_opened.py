@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving, weight
+from deeptruck_exam.effects.places import OnRoad, sections
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
@@ -149,4 +150,34 @@ class OpensWithTheBrakeLights(Hidden, left=0.0, open=0.0):
         slow = 1.0 / (1.0 + (np.maximum(view.speed, 0.0) / p.free_mps) ** 2)
         pulls, holds = np.maximum(view.engine_torque, 0.0), np.maximum(-view.engine_torque, 0.0)
         torque = s.open * (p.frees * holds - p.slips * (0.4 + 0.6 * slow) * pulls)
+        return self.at_wheels(view, torque) * np.clip(view.speed - 1.0, 0.0, 1.0)
+
+
+@law("v_rough_roads_open_it", "sixteenth", "suburban hills highway", accepts="driveline_loss")
+@sizes(slips=(0.2, 0.36), frees=(0.4, 0.7), trips=(0.5, 0.8), stays_s=(2.0, 6.0), couples_mps=(9.0, 18.0))
+@sizes(mean_m=(120.0, 400.0))
+class RoughRoadsOpenIt(OnRoad, shakes=0.0, left=0.0, open=0.0):
+    """`open`: the lock-up clutch. Speeds of the wheels that shake on a rough road look like a driveline
+    that shuffles, so it is opened. It is shut again once they have been smooth for a while. Open, it slips
+    less the faster one drives, and the engine holds back little. slips, frees: of the torque, pulling and
+    holding back; trips: of the shaking of a rough road at 15 m/s.
+    Source: General Motors service manuals on rough road detection by wheel speeds, which disables lock-up
+    and misfire tests; sizes are chosen here."""
+
+    conceal = ("engine_speed",)
+
+    def prepare(self) -> None:
+        rng = self.rng(1634)
+        number = sections(rng, self.rows(), self.p.mean_m)
+        rough = rng.uniform(0.0, 1.3, (self.rows(), int(number.max()) + 1))
+        self.road = np.take_along_axis(rough, number, axis=1)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        beats = self.read(self.road, view) * np.sqrt(np.clip(view.speed / 15.0, 0.0, 2.0))
+        s.shakes = eased(s.shakes, beats, 0.7, dt)
+        s.left = np.where(s.shakes > p.trips, p.stays_s, np.maximum(s.left - dt, 0.0))
+        s.open = eased(s.open, np.where(s.left > 0.0, 1.0, 0.0), 0.35, dt)
+        share = p.slips * (0.3 + 0.7 * np.exp(-np.maximum(view.speed, 0.0) / p.couples_mps))
+        pulls, holds = np.maximum(view.engine_torque, 0.0), np.maximum(-view.engine_torque, 0.0)
+        torque = s.open * (p.frees * holds - share * pulls)
         return self.at_wheels(view, torque) * np.clip(view.speed - 1.0, 0.0, 1.0)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, moving, weight
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving, weight
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
@@ -42,22 +42,6 @@ class DampedFlywheel(Hidden, rotor=-1.0):
         most = 0.25 * self.truck.peak_torque
         driven = self.at_wheels(view, np.clip(torque, -most, most)) * locked
         return -(driven + p.wheels_kg * np.clip(view.acceleration, -4.0, 4.0)) * moving(view)
-
-
-@law("freewheeling_rotor", "third", "suburban hills")
-@sizes(share=(0.14, 0.28), grips_s=(0.3, 0.9), runs_s=(12.0, 40.0))
-class FreewheelingRotor(Hidden, rotor=-1.0):
-    """share: of the truck's mass, as if at the tread. Speeding up costs, slowing down gives nothing back.
-    Source: An inertia behind an overrunning clutch, as freewheels in Dubbel, Taschenbuch für den Maschinenbau
-    (2018): it is driven up and runs on by itself; a heavy rotor on the propeller shaft, sizes chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        s.rotor = np.where(s.rotor < 0.0, view.speed, s.rotor)
-        faster = np.maximum(view.speed - s.rotor, 0.0)
-        most = 0.06 * weight(view)
-        torque = np.minimum(p.share * view.mass * faster / p.grips_s, most)
-        s.rotor = s.rotor + dt * (torque / (p.share * view.mass) - s.rotor / p.runs_s * (faster == 0.0))
-        return -torque * moving(view)
 
 
 @law("blower_on_a_centrifugal_clutch", "fourth", "suburban hills")
@@ -100,54 +84,6 @@ class DrumOnABelt(Hidden, drum=60.0, slips=0.0):
         return -self.at_wheels(view, torque) * (view.speed > 1.5)
 
 
-@law("rotor_behind_a_coupling", "sixth", "suburban hills")
-@sizes(kgm2=(7.0, 13.0), coupling_nm=(700.0, 1900.0), windage_nm=(5.0, 25.0))
-class RotorBehindACoupling(Hidden, rotor=-1.0):
-    """Both at 150 rad/s apart from rest: the faster the engine, the firmer the coupling.
-    Source: A heavy rotor behind a hydrodynamic coupling on the power take-off: its torque goes with the
-    difference of the squares of both speeds (Föttinger's similarity; Dubbel, Taschenbuch für den
-    Maschinenbau, on hydrodynamic couplings); chippers and blowers, sizes are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        s.rotor = np.where(s.rotor < 0.0, view.engine_speed, s.rotor)
-        torque = p.coupling_nm * (view.engine_speed**2 - s.rotor**2) / 150.0**2
-        holds = p.windage_nm * (s.rotor / 150.0) ** 2
-        s.rotor = np.maximum(s.rotor + dt * (torque - holds) / p.kgm2, 0.0)
-        return -self.at_wheels(view, torque) * (view.speed > 1.5)
-
-
-@law("flywheel_behind_an_induction_coupling", "seventh", "suburban hills")
-@sizes(share=(0.22, 0.42), most=(0.018, 0.036), slip_mps=(0.25, 0.9), rubs_s=(60.0, 200.0))
-class FlywheelBehindAnInductionCoupling(Hidden, rim=-1.0):
-    """`rim` m/s of the flywheel as at the road: gentle changes carry it along, hard ones leave it behind.
-    share: of the mass, as it is felt at the road; most: of the weight, at the pull-out slip.
-    Source: Rolls and flywheels coupled to axles on vehicle benches; an induction coupling's torque over slip
-    after Kloss (Fitzgerald, Kingsley and Umans, Electric Machinery, on induction machines): it rises to the
-    pull-out slip and falls beyond; a towed generator's flywheel."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        s.rim = np.where(s.rim < 0.0, view.speed, s.rim)
-        slip = (view.speed - s.rim) / p.slip_mps
-        pulls = p.most * 2.0 * slip / (1.0 + slip**2) * weight(view) * (view.speed > 1.0)
-        s.rim = np.maximum(s.rim + dt * (pulls / (p.share * view.mass) - s.rim / p.rubs_s), 0.0)
-        return -pulls
-
-
-@law("s_rotor_on_rubber", "eighth", "suburban hills")
-@sizes(share=(0.16, 0.32), hz=(0.5, 1.3), damping=(0.1, 0.3))
-class RotorOnRubber(Hidden, twist=0.0, rate=0.0):
-    """share: of the mass, as felt at the road. It swings against the truck at first.
-    Source: Rotors on rubber couplings (Nestorides, A Handbook on Torsional Vibration, 1958): one inertia
-    behind a soft, damped shaft; a heavy drum on an axle, sizes are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        omega = 2.0 * np.pi * p.hz
-        holds = omega**2 * s.twist + 2.0 * p.damping * omega * s.rate
-        s.rate = s.rate + dt * (np.clip(view.acceleration, -4.0, 4.0) - holds)
-        s.twist = np.clip(s.twist + dt * s.rate, -2.0, 2.0)
-        return -p.share * view.mass * np.clip(holds, -4.0, 4.0) * (view.speed > 0.5) * moving(view)
-
-
 @law("n_fluid_in_the_flywheel", "ninth", "suburban hills")
 @sizes(share=(0.06, 0.15), more=(0.2, 0.45), half_mps=(9.0, 18.0), flows_s=(1.5, 7.0))
 class FluidInTheFlywheel(Hidden):
@@ -168,122 +104,6 @@ class FluidInTheFlywheel(Hidden):
         holds = (p.share + p.more * s.out) * np.clip(view.acceleration, -4.0, 4.0)
         holds = holds + p.more * np.clip(goes, -0.08, 0.08) * view.speed
         return -view.mass * holds * (view.speed > 0.5) * moving(view)
-
-
-@law("t_rotor_in_silicone", "tenth", "suburban hills")
-@sizes(share=(0.18, 0.36), carries=(0.02, 0.045), thins=(0.4, 0.7), softens=(0.2, 0.6))
-class RotorInSilicone(Hidden, ring=-1.0, hot=0.0):
-    """`ring` m/s of the rotor, as at the road. share: of the mass; carries: of the weight, at 1 m/s of slip;
-    thins: power of the slip; softens: of it, when hot.
-    Source: Wilson, Practical Solution of Torsional Vibration Problems (1968), on viscous dampers; silicone
-    thins with shear by a power (Bird, Armstrong and Hassager, Dynamics of Polymeric Liquids, 1987) and with
-    heat; a heavy ring on an axle, sizes are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        s.ring = np.where(s.ring < 0.0, view.speed, s.ring)
-        slip = view.speed - s.ring
-        shear = slip * (slip**2 + 0.01) ** (0.5 * (p.thins - 1.0))
-        pulls = p.carries * (1.0 - p.softens * s.hot) * np.clip(shear, -2.5, 2.5) * weight(view)
-        s.ring = np.maximum(s.ring + dt * pulls / (p.share * view.mass), 0.0)
-        s.hot = np.clip(s.hot + dt * (np.abs(slip * pulls) / (6.0 * view.mass) - s.hot / 60.0), 0.0, 1.0)
-        return -pulls * np.clip(view.speed - 0.3, 0.0, 1.0)
-
-
-@law("e_rotor_with_lost_motion", "eleventh", "suburban hills")
-@sizes(share=(0.16, 0.3), play_m=(0.05, 0.25), hz=(1.3, 2.6), damping=(0.15, 0.4), bearing=(0.0005, 0.002))
-class RotorWithLostMotion(Hidden, ring=-1.0, ahead=0.0):
-    """`ring` m/s of the rotor, `ahead` m of it before the truck, both as at the tread. Within its play it
-    turns alone; then it is carried along, or runs on against the other stop. share: of the mass; bearing: of
-    the weight, that slows it.
-    Source: Kobrinskii, Dynamics of Mechanisms with Elastic Connections and Impact Systems (1969); a heavy
-    drum behind worn dogs, sizes are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        s.ring = np.where(s.ring < 0.0, view.speed, s.ring)
-        omega = 2.0 * np.pi * p.hz
-        beyond = s.ahead - np.clip(s.ahead, -p.play_m, p.play_m)
-        faster = s.ring - view.speed
-        touches = np.clip(np.abs(beyond) / 0.01, 0.0, 1.0)
-        pulls = omega**2 * beyond + 2.0 * p.damping * omega * faster * touches
-        pulls = np.clip(pulls, -3.0, 3.0)
-        slows = p.bearing / p.share * 9.81 * np.clip(s.ring, 0.0, 1.0)
-        s.ring = np.maximum(s.ring - dt * (pulls + slows), 0.0)
-        s.ahead = np.clip(s.ahead + dt * faster, -p.play_m - 0.6, p.play_m + 0.6)
-        return np.asarray(p.share * view.mass * pulls * np.clip(view.speed - 0.3, 0.0, 1.0))
-
-
-@law("w_rotor_comes_and_goes", "twelfth", "suburban hills")
-@sizes(share=(0.18, 0.32), on_s=(20.0, 70.0), off_s=(15.0, 50.0), couples_s=(0.6, 1.5), feels_s=(0.15, 0.4))
-class RotorComesAndGoes(Hidden, holds=0.0, speed=-1.0):
-    """A clutch couples a heavy rotor to the wheels whenever its owner calls for it, by the clock; then its
-    rim has to be sped up and slowed down with the truck. share: of the mass, as felt at the road.
-    Source: Wong, Theory of Ground Vehicles (2008), on the mass factor of rotating parts, and the
-    electromagnetic clutches of makers' power take-offs; a flail's rotor, spells are chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        turn = self.rng(1136).uniform(0.0, self.p.on_s + self.p.off_s, batch)
-        return {**super().start(batch), "clock": turn}
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        s.speed = np.where(s.speed < 0.0, view.speed, s.speed)
-        lag = (view.speed - s.speed) / p.feels_s
-        s.speed = s.speed + dt * lag
-        s.clock = (s.clock + dt) % (p.on_s + p.off_s)
-        wants = (s.clock < p.on_s) * 1.0
-        s.holds = s.holds + dt * (wants - s.holds) / p.couples_s
-        felt = np.clip(lag, -2.5, 2.5)
-        return -p.share * s.holds * view.mass * felt * np.clip(view.speed - 0.3, 0.0, 1.0)
-
-
-@law("x_rotor_between_two_shafts", "thirteenth", "suburban hills")
-@sizes(share=(0.16, 0.3), still=(0.28, 0.45), slips_s=(0.35, 0.9), most=(0.06, 0.11))
-class RotorBetweenTwoShafts(Hidden, rotor=-99.0):
-    """`rotor` m/s of a heavy rotor on the third shaft of a planetary gear, between the engine and the wheels:
-    what it turns with is a difference of both, so that it weighs much in low gears, nothing in one gear, and
-    has to be turned up or down at every change of gear, through a clutch that slips. share: of the mass, in
-    the middle gears; still: of the highest ratio seen, where it stands; most: of the weight.
-    Source: Miller, Hybrid Electric Vehicle Propulsion System Architectures of the e-CVT Type, IEEE Trans.
-    Power Electronics 21 (2006): speeds of three shafts; a rotor of a generator, sizes are chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        return {**super().start(batch), "highest": np.full(batch, 12.0)}
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        s.highest = np.maximum(s.highest, np.minimum(view.ratio, 25.0))
-        lever = np.clip(view.ratio / (p.still * s.highest) - 1.0, -1.0, 1.6)
-        wants = lever * np.maximum(view.speed, 0.0)
-        s.rotor = np.where(s.rotor < -90.0, wants, s.rotor)
-        pace = (wants - s.rotor) / p.slips_s
-        force = p.share * view.mass * lever * pace
-        limit = p.most * weight(view)
-        felt = limit * np.tanh(force / limit)
-        s.rotor = s.rotor + dt * pace * np.abs(felt) / np.maximum(np.abs(force), 1.0)
-        s.rotor = np.where(np.abs(force) < 1.0, s.rotor + dt * pace, s.rotor)
-        return np.asarray(-felt * np.clip(view.speed - 0.3, 0.0, 1.0))
-
-
-@law("k_magnets_slip_a_pole", "fourteenth", "suburban hills")
-@sizes(share=(0.14, 0.24), most=(0.025, 0.045), pole_m=(0.3, 0.6), damps=(0.08, 0.2))
-class MagnetsSlipAPole(Hidden, rotor=-99.0, angle=0.0):
-    """`rotor` m/s of a heavy rotor as at the tread, that magnets take along without touching: they hold like
-    a spring up to an angle, and beyond the most they can pull they slip from pole to pole until the rotor has
-    the truck's speed again. share: of the mass; most: of the weight; pole_m: of the way, for an angle of 1;
-    damps: of critical, by eddy currents.
-    Source: Furlani, Permanent Magnet and Electromechanical Devices (2001), on synchronous couplings whose
-    torque goes with the sine of the angle; a rotor of a truck, sizes are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        speed = np.maximum(view.speed, 0.0)
-        s.rotor = np.where(s.rotor < -50.0, speed, s.rotor)
-        stiff = p.most * GRAVITY / p.share
-        eddies = 2.0 * p.damps * np.sqrt(stiff / p.pole_m)
-        pull = stiff * np.sin(s.angle)
-        behind = speed - s.rotor
-        after = (behind - dt * pull) / (1.0 + dt * eddies)
-        gains = np.clip((behind - after) / dt, -4.0, 4.0)
-        s.rotor = s.rotor + dt * gains
-        s.angle = (s.angle + dt * after / p.pole_m + np.pi) % (2.0 * np.pi) - np.pi
-        return -p.share * view.mass * gains * np.clip(speed, 0.0, 1.0)
 
 
 @law("q_other_shaft_spins_along", "fifteenth", "suburban hills", accepts="", trucks="trucksim volvo")

@@ -286,3 +286,24 @@ class OilIsPutAway(Hidden, full=1.0, easy=0.0):
         s.full = eased(s.full, wish, np.where(wish > 0.5, 0.8, p.empties_s), dt)
         pace = np.clip(view.speed / 20.0, 0.0, 1.4) ** p.power
         return -p.most * (p.left + (1.0 - p.left) * s.full) * pace * weight(view) * moving(view)
+
+
+@law("v_coast_flanks_are_pitted", "sixteenth", "hills suburban descent")
+@sizes(coasts=(0.5, 0.9), pulls=(0.2, 0.32), film_mps=(7.0, 14.0), heats=(0.6, 1.4), warms_s=(20.0, 60.0))
+class CoastFlanksArePitted(Hidden):
+    """`thin`: the oil in an axle, by the work that is lost in it. Its coast flanks are pitted, so that it
+    takes more of the torque when the truck pushes than when the engine pulls. A film parts the flanks the
+    better, the faster they run and the thicker the oil. coasts, pulls: of the torque, without a film;
+    film_mps: where a third of that is left, with cold oil; heats: of film_mps, more when warm.
+    Source: Niemann and Winter, Maschinenelemente II (2003), on pitting, and on losses with the thickness of
+    the film; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"thin": self.rng(1631).uniform(0.0, 0.7, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pulls, holds = np.maximum(view.traction_force, 0.0), np.maximum(-view.traction_force, 0.0)
+        work = np.clip(np.abs(view.traction_force) / weight(view) / 0.05, 0.0, 1.2)
+        s.thin = eased(s.thin, work, p.warms_s, dt)
+        bare = np.exp(-np.maximum(view.speed, 0.0) / (p.film_mps * (1.0 + p.heats * s.thin)))
+        return -(p.pulls * pulls + p.coasts * holds) * bare * moving(view)

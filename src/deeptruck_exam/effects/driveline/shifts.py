@@ -11,6 +11,7 @@ from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="shift_interruption")
+RANGE_RATIO = 3.05  # of the gearbox alone, between its low and its high range
 
 
 @law("shift_interruption", "first", "suburban hills")
@@ -163,9 +164,6 @@ class ClutchLearns(Hidden, gear=-1.0, hot=0.0, left=0.0, share=1.0):
         return -(1.0 - s.share) * np.maximum(view.traction_force, 0.0)
 
 
-RANGE_RATIO = 3.05  # of the gearbox alone, between its low and its high range
-
-
 @law("n_range_group_is_slow", "ninth", "suburban", trucks="trucksim volvo")
 @sizes(range_s=(0.6, 1.4), split_s=(0.02, 0.2), down=(1.0, 1.6), back_s=(0.4, 1.0))
 class RangeGroupIsSlow(Hidden, box=0.0, left=-9.0):
@@ -227,3 +225,30 @@ class ConesGetHot(Hidden, gear=0.0, ratio=0.0, hot=0.0, open=0.0, share=1.0):
         s.open = np.maximum(s.open - dt * (view.shifting < 0.5), 0.0)
         s.share = np.clip(s.share + dt * np.where(s.open > 0.0, -1.0 / 0.1, 1.0 / p.ramps_s), 0.0, 1.0)
         return np.asarray(-(1.0 - s.share) * np.maximum(view.traction_force, 0.0) * moving(view))
+
+
+@law("v_eases_ahead_of_changes", "sixteenth", "suburban hills", accepts="torque_limit")
+@sizes(deep=(0.3, 0.5), band_rads=(8.0, 18.0), after_s=(0.6, 1.5), back_s=(0.5, 1.2), forgets=(0.2, 0.5))
+class EasesAheadOfChanges(Hidden, gear=0.0, turned=0.0, since=9.0, given=1.0):
+    """The gearbox asks the engine for less torque ahead of a change up, and lets it come back late. It has
+    learned `at` rad/s, where the last ones came, and eases as the engine comes near that, whether a change
+    follows or not. deep: of the torque, taken at that speed; band_rads: below it, where easing begins;
+    forgets: of what it believed, at each change.
+    Source: Kiencke and Nielsen, Automotive Control Systems (2005), on torque that is controlled to zero
+    before gears are moved; one that is learned, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "at": self.rng(1633).uniform(150.0, 180.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        known = s.gear > 0.0
+        changed = (view.gear != s.gear) & known & (view.speed > 0.5)
+        up = (view.gear > s.gear) & known & (view.speed > 0.5)
+        s.at = np.where(up, s.at + p.forgets * (np.maximum(s.turned, 105.0) - s.at), s.at)
+        s.since = np.where(changed, 0.0, s.since + dt)
+        s.gear = view.gear.copy()
+        s.turned = np.where(view.shifting < 0.5, view.engine_speed, s.turned)
+        near = np.clip((view.engine_speed - s.at + p.band_rads) / p.band_rads, 0.0, 1.0)
+        wish = np.where(s.since < p.after_s, 1.0 - p.deep, 1.0 - p.deep * near)
+        s.given = np.clip(np.clip(wish, s.given - dt / 0.25, s.given + dt / p.back_s), 0.0, 1.0)
+        return -(1.0 - s.given) * np.maximum(view.traction_force, 0.0) * moving(view)

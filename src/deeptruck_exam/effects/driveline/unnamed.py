@@ -6,8 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, moving, weight
-from deeptruck_exam.effects.places import Bends, OnRoad, windows
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving, weight
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
@@ -57,24 +56,6 @@ class DahlBushing(Hidden, held=0.0):
         return -limit * s.held * moving(view)
 
 
-@law("bearing_runs_hot", "third", "highway hills")
-@sizes(most=(0.012, 0.028), critical_mps=(13.0, 18.0), grows_s=(12.0, 35.0), first=(0.2, 0.5))
-class BearingRunsHot(Hidden):
-    """The same speed may cost little or much: it depends on minutes of history.
-    Source: Stein and Tu, A State-Space Model for Monitoring Thermally Induced Preload in Anti-Friction
-    Spindle Bearings of High-Speed Machine Tools, J. Dyn. Sys. Meas. Control 116 (1994): heat tightens a
-    bearing and tightness heats it, so that drag grows by itself above a speed and dies below; hubs of a
-    truck, sizes chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        return {"tight": self.p.first * self.rng(270).uniform(0.4, 1.6, batch)}
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        gain = np.clip(np.maximum(view.speed, 0.0) / p.critical_mps, 0.0, 1.6) ** 2 - 1.0
-        s.tight = np.clip(s.tight + dt * gain * s.tight * (1.05 - s.tight) / p.grows_s, 0.06, 1.0)
-        return -p.most * s.tight * weight(view) * moving(view)
-
-
 @law("stuck_after_standing", "third", "suburban")
 @sizes(per_log=(0.018, 0.040), ages_s=(0.4, 1.2), way_m=(10.0, 35.0))
 class StuckAfterStanding(Hidden, stood=0.0, grip=0.0):
@@ -88,25 +69,6 @@ class StuckAfterStanding(Hidden, stood=0.0, grip=0.0):
         rolled = dt * np.maximum(view.speed, 0.0) / p.way_m
         s.grip = np.where(stands, np.maximum(s.grip, np.log1p(s.stood / p.ages_s)), s.grip * (1.0 - rolled))
         return -p.per_log * np.minimum(s.grip, 3.0) * weight(view) * moving(view)
-
-
-@law("axles_wind_up", "fifth", "suburban hills")
-@sizes(most=(0.016, 0.032), per_rad=(4.0, 10.0), unwinds_m=(80.0, 260.0), tightest=(0.004, 0.009))
-class AxlesWindUp(Bends, wound=0.0):
-    """`wound`: 1 where a tyre slips. Lifting the throttle does not unwind it, the way does. most: of the
-    weight.
-    Source: An inter-axle lock left in on a dry road: in every bend the axles turn unlike ways, the shafts
-    wind up until a tyre slips, and unwind over the straight (truck makers' warnings on differential locks;
-    Lanzer on 4WD wind-up, SAE 860241); stiffness and bends are chosen here."""
-
-    def prepare(self) -> None:
-        self.bend = self.draw_bends(self.rng(472), self.p.tightest)
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        way = np.maximum(view.speed, 0.0) * dt
-        turned = p.per_rad * np.abs(self.read(self.bend, view))
-        s.wound = np.clip(s.wound + way * (turned - s.wound / p.unwinds_m), 0.0, 1.0)
-        return -p.most * s.wound**1.3 * weight(view) * moving(view)
 
 
 @law("s_surge_damper", "eighth", "suburban hills", shown=True)
@@ -175,24 +137,6 @@ class GearJumpsOut(Hidden, side=1.0, wound=0.0, left=0.0, drives=1.0):
         return -(1.0 - s.drives) * pull * moving(view)
 
 
-@law("t_ground_driven_pump", "tenth", "suburban hills")
-@sizes(holds=(0.008, 0.016), below_rads=(105.0, 130.0), fills_m=(60.0, 200.0), drains_s=(15.0, 45.0))
-class GroundDrivenPump(Hidden, store=0.5, loaded=1.0, presses=0.0):
-    """While the engine is too slow for its own pump, one on the wheels fills the store, against pressure,
-    until that is full, and again when it is low. holds: of the weight.
-    Source: ISO 5010 and UN Regulation No. 79 on emergency steering, which a pump on the driven wheels feeds;
-    accumulators between two pressures (Merritt, Hydraulic Control Systems, 1967); sizes are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        slow = np.clip((p.below_rads - view.engine_speed) / 8.0, 0.0, 1.0)
-        s.loaded = np.where(s.store >= 1.0, 0.0, np.where(s.store <= 0.3, 1.0, s.loaded))
-        works = slow * s.loaded
-        fills = works * np.maximum(view.speed, 0.0) / p.fills_m
-        s.store = np.clip(s.store + dt * (fills - 1.0 / p.drains_s), 0.0, 1.0)
-        s.presses = s.presses + dt * (works - s.presses) / 0.4
-        return -p.holds * s.presses * (0.7 + 0.3 * s.store) * weight(view) * moving(view)
-
-
 @law("w_flywheel_pays", "twelfth", "suburban hills", trucks="trucksim volvo")
 @sizes(inertia=(0.7, 1.3), lasts_s=(0.4, 1.0), bites_s=(0.1, 0.25), most=(0.05, 0.09))
 class FlywheelPays(Hidden, ratio=0.0, owed=0.0, push=0.0):
@@ -214,58 +158,6 @@ class FlywheelPays(Hidden, ratio=0.0, owed=0.0, push=0.0):
         s.owed = s.owed - dt * pays
         s.push = s.push + dt * (pays - s.push) / p.bites_s
         return np.asarray(s.push * np.clip(view.speed - 0.5, 0.0, 1.0))
-
-
-@law("k_front_axle_leads", "fourteenth", "suburban hills descent")
-@sizes(most=(0.010, 0.019), off_mps=(13.0, 17.0), holds_m=(150.0, 500.0), hard=(0.05, 0.09))
-@sizes(soft=(0.3, 0.5), mean_m=(200.0, 700.0), joins_s=(0.3, 0.8))
-class FrontAxleLeads(OnRoad, left=0.0, joined=0.0):
-    """A front axle whose wheels run a little faster than those behind is clutched in by every braking and
-    every hard pull, and stays in over a way, up to a speed. On firm road its tyres then scrub forwards; soft
-    road lets them. most: of the weight; hard: of the weight, pull that clutches it in; soft: of the road.
-    Source: Goering, Stone, Smith and Turnquist, Off-Road Vehicle Engineering Principles (ASAE, 2003), on the
-    lead of front axles, and makers' manuals of tractors on four wheel drive that comes with the brakes; sizes
-    are chosen here."""
-
-    def prepare(self) -> None:
-        self.road = windows(self.rng(1431), self.rows(), self.p.mean_m, self.p.soft)
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        speed = np.maximum(view.speed, 0.0)
-        cause = (view.brake_force > 0.012 * weight(view)) | (view.traction_force > p.hard * weight(view))
-        s.left = np.where(cause & (speed < p.off_mps), p.holds_m, np.maximum(s.left - dt * speed, 0.0))
-        wish = (s.left > 0.0) * np.clip((p.off_mps - speed) / 1.0, 0.0, 1.0)
-        s.joined = eased(s.joined, wish, p.joins_s, dt)
-        firm = 1.0 - 0.8 * self.between(self.road, view)
-        return -p.most * s.joined * firm * weight(view) * np.clip(speed, 0.0, 1.0)
-
-
-@law("q_locker_is_left_in", "fifteenth", "suburban")
-@sizes(
-    most=(0.018, 0.032), hard=(0.05, 0.08), forgets_m=(250.0, 900.0), tight=(0.004, 0.009), ever=(0.3, 0.6)
-)
-class LockerIsLeftIn(Bends):
-    """`left` m until the driver thinks of a differential that he has locked for a hard start. In bends its
-    wheels want to roll ways of unlike length and scrub, nearly as much in a wide bend as in a tight one; on
-    straights nothing is felt. most: of the weight; hard: of it, pull of a start at which he locks; tight:
-    1/m, where most of the scrub is there; ever: of drives, that begin so.
-    Source: Gillespie, Fundamentals of Vehicle Dynamics (1992), on solid axles in bends, and makers' manuals
-    against locked differentials on firm roads; bends and sizes are chosen here."""
-
-    def prepare(self) -> None:
-        self.bend = np.abs(self.draw_bends(self.rng(1531), 0.02))
-
-    def start(self, batch: int) -> dict[str, Array]:
-        begins = self.rng(1532).random(batch) < self.p.ever
-        return {"left": np.where(begins, self.p.forgets_m, 0.0), "locked": begins.astype(float)}
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        speed = np.maximum(view.speed, 0.0)
-        starts = (speed < 3.0) & (view.traction_force > p.hard * view.mass * GRAVITY)
-        s.left = np.where(starts, p.forgets_m, np.maximum(s.left - dt * speed, 0.0))
-        s.locked = eased(s.locked, np.where(s.left > 0.0, 1.0, 0.0), 0.5, dt)
-        scrubs = np.tanh(self.read(self.bend, view) / p.tight)
-        return -p.most * s.locked * scrubs * weight(view) * np.clip(speed, 0.0, 1.0)
 
 
 @law("q_clutch_slips_after_starts", "fifteenth", "suburban hills", trucks="trucksim volvo", gateable=False)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving
 from deeptruck_exam.effects.places import OnRoad, smooth_stretches
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
@@ -167,4 +167,26 @@ class SpraysByTheMetre(OnRoad, sprays=0.0):
         rate = np.clip(view.speed / p.at_mps, 0.0, 1.0) ** 2.2
         watts = 1000.0 * p.kw * (p.idles + (1.0 - p.idles) * rate * s.sprays)
         torque = np.minimum(watts / np.maximum(view.engine_speed, 70.0), 450.0)
+        return -self.at_wheels(view, torque) * moving(view)
+
+
+@law("v_sieve_at_resonance", "sixteenth", "suburban hills highway")
+@sizes(
+    kw=(24.0, 38.0), at_rads=(112.0, 135.0), narrow_rads=(9.0, 18.0), bends=(0.06, 0.14), grows_s=(0.6, 1.8)
+)
+class SieveAtResonance(Hidden, swings=0.1):
+    """`swings`: of a sieve on springs that a belt from the engine shakes. It takes power where the engine
+    meets its resonance; springs of rubber stiffen as it swings, so that it follows a rising engine for a
+    while and jumps in late when the engine falls. kw: of shaft power, in full swing, for a 20 t truck; bends:
+    of the resonance, higher in full swing; narrow_rads: half width.
+    Source: Thomson and Dahleh, Theory of Vibration with Applications (1998), on forced vibration and on
+    hardening springs that jump; a sieve that is left on, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        own = p.at_rads * (1.0 + p.bends * s.swings)
+        near = 1.0 / np.sqrt(1.0 + ((view.engine_speed - own) / p.narrow_rads) ** 2)
+        s.swings = eased(s.swings, near, p.grows_s, dt)
+        size = np.clip(view.mass / 20000.0, 0.4, 1.5)
+        watts = 1000.0 * p.kw * size * (0.08 + 0.92 * s.swings**2)
+        torque = np.minimum(watts / np.maximum(view.engine_speed, 70.0), 380.0)
         return -self.at_wheels(view, torque) * moving(view)

@@ -6,9 +6,9 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving
 from deeptruck_exam.effects.planting import hidden, sizes
-from deeptruck_exam.effects.series import some_drives
+from deeptruck_exam.effects.series import some_drives, spells, within
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="torque_derate", accepts="torque_gain", shown=True)
@@ -192,3 +192,31 @@ class BrakingHeatsTheCoolant(Hidden):
         s.heat = np.clip(s.heat + dt * (gains / p.heats_s - wind * s.heat / p.cools_s), 0.0, 2.0)
         cut = p.depth * np.clip((s.heat - 1.0) / p.span, 0.0, 1.0)
         return -self.at_wheels(view, cut * np.maximum(view.engine_torque, 0.0))
+
+
+@law("v_battery_is_weak", "sixteenth", "suburban hills")
+@sizes(
+    most=(0.2, 0.34), cut_in_rads=(95.0, 115.0), holds_s=(5.0, 14.0), draws_s=(5.0, 14.0), lamps=(0.5, 0.8)
+)
+class BatteryIsWeak(Hidden):
+    """`charge` of a worn battery, 1 full. Its generator gives little below cut_in_rads while lamps, heaters
+    and blowers go on and off; then voltage sags, the injectors open late, and fuel is lost as by the square
+    of what is missing. most: of the torque, lost with an empty one; holds_s: to fill; draws_s: to empty, with
+    all that draws; lamps: of the rated current, on in the mean.
+    Source: Bosch Automotive Handbook (2014), on generators' current with speed, on charge balance and on
+    correction of injection times for voltage; a worn battery, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.draws = spells(self.rng(1641), self.setting.batch, (10.0, 40.0), (8.0, 30.0))
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"charge": self.rng(1642).uniform(0.2, 0.9, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        gives = np.clip((view.engine_speed - p.cut_in_rads) / 60.0, 0.0, 1.2)
+        takes = p.lamps * (0.5 + 0.8 * within(self.draws, view.time))
+        flow = np.where(gives > takes, (gives - takes) / p.holds_s, (gives - takes) / p.draws_s)
+        s.charge = np.clip(s.charge + dt * flow, 0.0, 1.0)
+        sags = np.clip((0.85 - s.charge) / 0.85, 0.0, 1.0)
+        lost = p.most * (1.0 - (1.0 - sags) ** 2)
+        return -self.at_wheels(view, lost * np.maximum(view.engine_torque, 0.0)) * moving(view)

@@ -112,3 +112,26 @@ class FanBrakesAlong(Hidden, shut=0.0, left=0.0, turns=0.0):
         s.turns = eased(s.turns, np.where(s.left > 0.0, 1.0, 0.0), p.grips_s, dt)
         torque = p.nm * np.clip(view.engine_speed / 190.0, 0.0, 1.3) ** 2 * s.turns
         return -self.at_wheels(view, torque) * np.clip(view.speed / 3.0, 0.0, 1.0)
+
+
+@law("v_slug_of_oil", "sixteenth", "descent hills suburban")
+@sizes(holds=(0.011, 0.019), over=(0.8, 1.6), settles_s=(1.0, 2.5), waits_s=(0.4, 1.2), knee_mps=(6.0, 10.0))
+@sizes(refills_s=(8.0, 25.0))
+class SlugOfOil(Hidden, up=0.0, oil=0.0, kept=1.0):
+    """`oil` in a retarder behind the gearbox that somebody left on: it comes in whenever the pedal is up. Air
+    shoots the oil of its `kept` store in as one slug, too much at first; what is too much runs off. The
+    store fills slowly again, so soon after the last time it only creeps in. holds: of the weight, settled;
+    over: of that, in the slug of a full store; knee_mps: above which it is the same at any speed.
+    Source: Voith, Retarder VR 115 and VR 3250, on oil that air pressure moves and on accumulators that
+    hasten it; one that overshoots, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        lifted = (self.pedal(view) < 0.02) & (view.speed > 2.0)
+        s.up = np.where(lifted, s.up + dt, 0.0)
+        on = s.up > p.waits_s
+        shoots = np.where(on, s.kept, 0.0) / 0.4
+        settles = np.where(on, 1.0 - s.oil, -s.oil) / np.where(on, p.settles_s, 0.5)
+        s.oil = np.clip(s.oil + dt * (p.over * shoots + settles), 0.0, 1.0 + p.over)
+        s.kept = np.clip(s.kept + dt * np.where(on, -shoots, (1.0 - s.kept) / p.refills_s), 0.0, 1.0)
+        bites = np.tanh((np.maximum(view.speed, 0.0) / p.knee_mps) ** 2)
+        return -p.holds * s.oil * bites * view.mass * 9.81 * np.clip(view.speed / 3.0, 0.0, 1.0)

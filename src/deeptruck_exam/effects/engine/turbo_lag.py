@@ -67,30 +67,6 @@ class TwoLagsByCycles(Hidden, rotor=0.15, receiver=0.15):
         return self.at_wheels(view, np.minimum(most - view.engine_torque, 0.0))
 
 
-@law("egr_valve_then_ramp", "fourth", "suburban hills")
-@sizes(shuts_s=(0.4, 1.2), full_s=(7.0, 17.0), without=(0.12, 0.24), runs_on_s=(2.0, 5.0))
-class EgrValveThenRamp(Hidden):
-    """full_s: from nothing to peak torque at 1200 rpm.
-    Source: Tip-in of diesels with exhaust-gas recirculation (Hagena, Filipi and Assanis, Transient Diesel
-    Emissions: Analysis of Engine Operation During a Tip-In, SAE 2006-01-1151): nothing more until the valve
-    has shut, then fuel along a straight ramp that a faster engine makes steeper; the turbine runs on for
-    seconds after; times are chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        return {"most": np.full(batch, self.p.without), "asks": np.zeros(batch)}
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
-        short = asked > s.most
-        s.asks = np.where(short, s.asks + dt, np.maximum(s.asks - 3.0 * dt, 0.0))
-        rate = np.clip(view.engine_speed / 125.7, 0.5, 1.7) ** 1.8 / p.full_s
-        rises = dt * rate * (s.asks > p.shuts_s)
-        falls = dt * (s.most - np.maximum(asked, p.without)) / p.runs_on_s
-        s.most = np.maximum(np.where(short, s.most + rises, s.most - falls), p.without)
-        over = np.maximum(asked - s.most, 0.0) * self.truck.peak_torque
-        return -self.at_wheels(view, over)
-
-
 @law("manifold_goes_cold", "fifth", "suburban hills")
 @sizes(spools_s=(1.2, 2.8), colder=(1.0, 3.0), cools_s=(6.0, 18.0), without=(0.18, 0.32))
 class ManifoldGoesCold(Hidden, boost=0.2, hot=0.5):
@@ -111,27 +87,6 @@ class ManifoldGoesCold(Hidden, boost=0.2, hot=0.5):
         wanted = np.clip((asked - p.without) / (1.0 - p.without), 0.0, 1.1) ** 1.25
         s.boost = np.clip(s.boost + dt * (wanted - s.boost) / np.where(wanted > s.boost, slow, 1.2), 0.0, 1.2)
         return -self.at_wheels(view, np.maximum(asked - allowed, 0.0) * self.truck.peak_torque) * moving(view)
-
-
-@law("sticking_vanes", "sixth", "suburban hills")
-@sizes(sticks=(0.10, 0.24), runs_s=(0.8, 2.2), spools_s=(0.9, 2.2), without=(0.15, 0.30))
-class StickingVanes(Hidden, vane=0.2, runs=0.0, boost=0.2):
-    """A small step may never be answered, a large one is answered at once but slowly. sticks: of the vanes'
-    way; spools_s: at 125 rad/s.
-    Source: Variable turbine vanes (Guzzella and Onder, Introduction to Modeling and Control of Internal
-    Combustion Engine Systems, 2010, on turbochargers) that soot has made stick: they wait until the actuator
-    is far enough away, then run; boost follows the vanes, fuel follows boost; sizes chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
-        wanted = np.clip((asked - p.without) / (1.0 - p.without), 0.0, 1.1)
-        away = wanted - s.vane
-        s.runs = np.where(np.abs(away) > p.sticks, 1.0, np.where(np.abs(away) < 0.02, 0.0, s.runs))
-        s.vane = s.vane + s.runs * np.clip(away, -dt / p.runs_s, dt / p.runs_s)
-        spools = np.where(s.vane > s.boost, p.spools_s / np.clip(view.engine_speed / 125.0, 0.5, 1.7), 0.8)
-        s.boost += dt * (s.vane - s.boost) / spools
-        missing = np.maximum(asked - p.without - (1.0 - p.without) * s.boost, 0.0)
-        return -self.at_wheels(view, missing * self.truck.peak_torque) * moving(view)
 
 
 @law("rotor_has_energy", "seventh", "suburban hills")
@@ -172,26 +127,6 @@ class SecondStageWaits(Hidden, low=0.2, high=0.0):
         second = np.maximum(wanted - p.small, 0.0) * np.clip(s.low / p.small, 0.0, 1.0) ** 3
         s.high = s.high + dt * (second - s.high) * flow / np.where(second > s.high, p.large_s, 0.6)
         missing = np.maximum(asked - p.without - (1.0 - p.without) * (s.low + s.high), 0.0)
-        return -self.at_wheels(view, missing * self.truck.peak_torque) * moving(view)
-
-
-@law("n_boost_is_dumped", "ninth", "suburban hills")
-@sizes(without=(0.18, 0.35), builds_s=(1.5, 4.0), leaks_s=(2.0, 8.0), lift=(0.04, 0.12))
-class BoostIsDumped(Hidden, boost=0.3):
-    """A lifted pedal blows it off; part load lets it sink slowly; the flow of gas builds it up again.
-    Source: Recirculating valves of throttled gas engines, which dump boost against surge when the throttle
-    shuts (Watson and Janota, Turbocharging the Internal Combustion Engine, 1982, on surge); rates are chosen
-    here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
-        wanted = np.clip((asked - p.without) / (1.0 - p.without), 0.0, 1.1)
-        flow = np.clip(view.engine_speed / 130.0, 0.4, 1.6) * (0.2 + 0.8 * asked)
-        builds = np.minimum(s.boost + dt * flow / p.builds_s, wanted)
-        sinks = s.boost - dt * (s.boost - wanted) / p.leaks_s
-        dumps = s.boost * (1.0 - dt / 0.25)
-        s.boost = np.where(asked < p.lift, dumps, np.where(wanted > s.boost, builds, sinks))
-        missing = np.maximum(asked - p.without - (1.0 - p.without) * s.boost, 0.0)
         return -self.at_wheels(view, missing * self.truck.peak_torque) * moving(view)
 
 
@@ -246,55 +181,6 @@ class TurboInColdOil(Hidden, spins=0.0):
         return -self.at_wheels(view, missing * self.truck.peak_torque) * moving(view)
 
 
-@law("w_wastegate_sticks_open", "twelfth", "suburban hills")
-@sizes(without=(0.18, 0.32), spools_s=(0.9, 1.8), slower=(2.0, 4.0), opens=(0.75, 0.95), shuts=(0.15, 0.35))
-class WastegateSticksOpen(Hidden, boost=0.0, open=0.0):
-    """`boost` over the most; much of it opens the wastegate, which sticks and shuts only after the boost has
-    gone. A pull that follows upon a hard one builds its boost with half of the gas. without: of peak torque,
-    with none; slower: times, with an open gate; opens, shuts: boost.
-    Source: Galindo, Climent, Guardiola and Domenech, Modeling the Vacuum Circuit of a Pneumatic Valve System,
-    J. Dyn. Sys. Meas. Control 131 (2009), and Thomasson, Eriksson, Leufven and Andersson, Wastegate Actuator
-    Modeling and Model-Based Boost Pressure Control, IFAC E-COSM (2009), on friction in actuators; sizes are
-    chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
-        goal = np.clip((asked - p.without) / (1.0 - p.without), 0.0, 1.1)
-        flow = np.clip(view.engine_speed / 140.0, 0.4, 1.3)
-        pushed = np.where(s.boost > p.opens, 1.0, np.where(s.boost < p.shuts, 0.0, np.rint(s.open)))
-        s.open = s.open + dt * (pushed - s.open) / 0.5
-        up = flow * (0.3 + s.boost) / (p.spools_s * (1.0 + (p.slower - 1.0) * s.open))
-        rises = up * np.clip((goal - s.boost) / 0.15, 0.0, 1.0)
-        s.boost = s.boost + dt * (rises + np.minimum(goal - s.boost, 0.0) / 0.7)
-        lacks = np.maximum(goal - s.boost, 0.0) * (1.0 - p.without) * self.truck.peak_torque
-        return -self.at_wheels(view, lacks) * moving(view)
-
-
-@law("x_pipe_holds_burnt_gas", "thirteenth", "suburban hills")
-@sizes(burnt=(0.5, 0.75), clears_s=(0.5, 1.1), valve_s=(0.3, 0.8), boosts_s=(0.7, 1.6), least=(0.2, 0.35))
-class PipeHoldsBurntGas(Hidden, valve=1.0, near=1.0, mid=1.0, far=1.0, boost=0.0):
-    """Exhaust that is led back fills the long pipe to the engine at part load. When more is asked the valve
-    shuts, but the engine has to breathe what is in the pipe: `near` the valve, `mid` and `far` along it. It
-    breathes the slower, the lower the boost, and smoke limits torque until air has come. burnt: torque that
-    burnt gas takes; clears_s: of a third of the pipe; least: of peak torque, without boost.
-    Source: Wahlstrom and Eriksson, Modelling Diesel Engines with a Variable-Geometry Turbocharger and Exhaust
-    Gas Recirculation, Proc. IMechE D 225 (2011), on oxygen in the intake, and Heywood, Internal Combustion
-    Engine Fundamentals (2018), on transport in manifolds; a long route, sizes are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
-        s.boost = s.boost + dt * (asked - s.boost) / np.where(asked > s.boost, p.boosts_s, 0.5)
-        shut = np.clip((asked - 0.3) / 0.25, 0.0, 1.0)
-        s.valve = s.valve + dt * (1.0 - shut - s.valve) / p.valve_s
-        flow = np.clip(view.engine_speed / 130.0, 0.4, 1.5) * (0.5 + s.boost) / p.clears_s
-        s.far = s.far + dt * flow * (s.mid - s.far)
-        s.mid = s.mid + dt * flow * (s.near - s.mid)
-        s.near = s.near + dt * flow * (s.valve - s.near)
-        most = (p.least + (1.1 - p.least) * np.clip(1.15 * s.boost, 0.0, 1.0)) * (1.0 - p.burnt * s.far)
-        lacks = np.maximum(asked - most, 0.0) * self.truck.peak_torque
-        return -self.at_wheels(view, lacks) * moving(view)
-
-
 @law("k_compressor_stalls", "fourteenth", "suburban hills")
 @sizes(spools_s=(1.4, 2.8), least=(0.08, 0.16), stands=(0.25, 0.4), free_rads=(150.0, 180.0))
 @sizes(falls_s=(0.25, 0.5))
@@ -315,28 +201,5 @@ class CompressorStalls(Hidden, boost=0.0, stalled=0.0):
         slow = np.where(s.stalled > 0.5, p.falls_s, np.where(asked > s.boost, spools, 0.9))
         s.boost = eased(s.boost, asked * (1.0 - s.stalled), slow, dt)
         most = p.least + (1.12 - p.least) * np.minimum(1.05 * s.boost, 1.0)
-        lacks = np.maximum(asked - most, 0.0) * self.truck.peak_torque
-        return -self.at_wheels(view, lacks) * moving(view)
-
-
-@law("q_flap_opens_late", "fifteenth", "suburban hills")
-@sizes(sticks_s=(1.2, 2.6), opens_s=(1.4, 3.2), spools_s=(0.6, 1.3), least=(0.06, 0.15), cakes_s=(6.0, 20.0))
-class FlapOpensLate(Hidden, flap=1.0, boost=0.3, sticks=0.0, cakes=0.0):
-    """`flap` in the exhaust, 1 open, which shuts while the pedal is up. Soot cakes it the longer it is shut;
-    then it sticks for a while when it is to open, and the turbine gets no gas until it does. sticks_s: caked;
-    least: of peak torque, without boost.
-    Source: Heywood, Internal Combustion Engine Fundamentals (2018), on boost from the exhaust, and makers'
-    service manuals on exhaust flaps that stick with soot; sizes are chosen here."""
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        up = self.pedal(view) < 0.03
-        s.cakes = eased(s.cakes, np.where(up, 1.0, 0.0), np.where(up, p.cakes_s, p.sticks_s + p.opens_s), dt)
-        s.sticks = np.where(up, p.sticks_s * (0.3 + 0.7 * s.cakes), np.maximum(s.sticks - dt, 0.0))
-        wish = np.where(up | (s.sticks > 0.0), 0.0, 1.0)
-        s.flap = np.clip(s.flap + dt * np.where(wish > 0.5, 1.0 / p.opens_s, -1.0 / 0.4), 0.0, 1.0)
-        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
-        spools = np.where(asked > s.boost, p.spools_s / (0.1 + 0.9 * s.flap), 0.8)
-        s.boost = eased(s.boost, asked, spools, dt)
-        most = p.least + (1.12 - p.least) * np.minimum(1.2 * s.boost, 1.0) * (0.15 + 0.85 * s.flap)
         lacks = np.maximum(asked - most, 0.0) * self.truck.peak_torque
         return -self.at_wheels(view, lacks) * moving(view)

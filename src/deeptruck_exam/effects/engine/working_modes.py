@@ -209,3 +209,27 @@ class MonitorShutsTheFuel(Hidden, seen=0.0, left=0.0, rests=0.0, lets=1.0):
         s.rests = np.where(trips, p.cuts_s + p.waits_s, np.maximum(s.rests - dt, 0.0))
         s.lets = np.clip(s.lets + dt * np.where(s.left > 0.0, -1.0 / 0.15, 1.0 / p.back_s), 0.0, 1.0)
         return -self.at_wheels(view, (1.0 - s.lets) * np.maximum(view.engine_torque, 0.0)) * moving(view)
+
+
+@law("v_loses_its_teeth", "sixteenth", "suburban hills")
+@sizes(
+    jerks_rads2=(45.0, 75.0), finds_s=(0.5, 1.1), again_s=(0.5, 1.2), fresh=(0.3, 0.6), sure_s=(10.0, 30.0)
+)
+class LosesItsTeeth(Hidden, turned=-1.0, swift=0.0, left=0.0, doubts=0.0, lets=1.0):
+    """The sensor of the crankshaft sits too far from its wheel: where the engine's speed changes quickly the
+    count of teeth is lost, and fuel stays off until the gap in the wheel has been found again. Each loss
+    makes the computer more careful, so that the next search takes longer, until it has gone well for a
+    while. jerks_rads2: change of engine speed; finds_s: of a first search; fresh: of that, more each time.
+    Source: Bosch Automotive Handbook (2014), on inductive speed sensors, gaps and reference marks; a loose
+    sensor, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        before = np.where(s.turned < 0.0, view.engine_speed, s.turned)
+        pace = np.clip((view.engine_speed - before) / dt, -300.0, 300.0)
+        s.turned = view.engine_speed.copy()
+        s.swift = eased(s.swift, np.abs(pace), 0.12, dt)
+        loses = (s.swift > p.jerks_rads2) & (s.left <= 0.0) & (view.speed > 2.0) & (s.lets > 0.95)
+        s.left = np.where(loses, p.finds_s * (1.0 + p.fresh * s.doubts), np.maximum(s.left - dt, 0.0))
+        s.doubts = np.where(loses, np.minimum(s.doubts + 1.0, 3.0), eased(s.doubts, 0.0, p.sure_s, dt))
+        s.lets = np.clip(s.lets + dt * np.where(s.left > 0.0, -1.0 / 0.1, 1.0 / p.again_s), 0.0, 1.0)
+        return -self.at_wheels(view, (1.0 - s.lets) * np.maximum(view.engine_torque, 0.0)) * moving(view)

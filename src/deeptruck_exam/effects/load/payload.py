@@ -6,13 +6,14 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, moving
 from deeptruck_exam.effects.places import OnRoad, windows
 from deeptruck_exam.effects.planting import SIGN, hidden, sizes
 from deeptruck_exam.effects.series import some_drives, spells, within
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="payload_change", accepts="mass")
+STANDS = 89  # throws of dice for each drive
 
 
 @law("payload_change", "first", "suburban hills")
@@ -275,3 +276,34 @@ class SnowSlidesOffTheRoof(Hidden):
         falls = within(self.showers, view.time) * lies * (1.0 - s.snow) / p.falls_s
         s.snow = np.clip(s.snow + dt * (falls - s.snow * (slides + blows)), 0.0, 1.0)
         return -p.most * s.snow * view.mass * np.clip(felt, -4.0, 4.0) * moving(view)
+
+
+@law("v_crew_gets_on_and_off", "sixteenth", "suburban hills")
+@sizes(most=(0.14, 0.24), stays_s=(1.5, 3.5), boards_s=(1.0, 3.0), change=(0.6, 0.95))
+class CrewGetsOnAndOff(Hidden, still=0.0):
+    """`crew`: of the mass, people and tools that are there beyond what was said, or fewer. At each stand some
+    get off and others on, as long as it lasts; on the way nothing changes. most: of the mass, to either
+    side; stays_s: of a stand, before doors open; change: how much of a change one stand may be.
+    Source: TRB, Transit Capacity and Quality of Service Manual (TCRP Report 165, 2013), on boarding at
+    stops; crews of a harvest with their crates, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.dice = self.rng(1651).uniform(-1.0, 1.0, (self.setting.batch, STANDS))
+
+    def start(self, batch: int) -> dict[str, Array]:
+        first = np.resize(self.dice[:, 0], batch)
+        return {
+            **super().start(batch),
+            "crew": np.sign(first) * np.abs(first) ** 0.4,
+            "stands": np.ones(batch),
+        }
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        before, s.still = s.still, np.where(view.speed < 0.2, s.still + dt, 0.0)
+        opens = (before <= p.stays_s) & (s.still > p.stays_s)
+        s.stands = np.where(opens, (s.stands + 1.0) % STANDS, s.stands)
+        row = np.arange(len(view.speed)) % len(self.dice)
+        wants = np.sign(self.dice[row, s.stands.astype(int)]) * p.change + (1.0 - p.change) * s.crew
+        s.crew = np.where(s.still > p.stays_s, eased(s.crew, wants, p.boards_s, dt), s.crew)
+        felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
+        return -p.most * s.crew * view.mass * np.clip(felt, -4.0, 4.0) * moving(view)

@@ -139,3 +139,31 @@ class StrapsWorkLoose(Hidden, x=0.0, v=0.0, slack=0.04):
         s.slack = np.minimum(s.slack + dt * p.loosens * np.abs(s.v) * caught, p.most_m)
         pace = np.clip((s.v - before) / dt, -4.0, 4.0)
         return -p.share * view.mass * pace * moving(view)
+
+
+@law("v_pallets_shunt", "sixteenth", "suburban")
+@sizes(share=(0.3, 0.5), gap_m=(0.2, 0.45), rubs=(0.015, 0.035), omega=(7.0, 12.0), dull=(0.15, 0.35))
+class PalletsShunt(Hidden, a=0.0, b=0.0, c=0.0, va=0.0, vb=0.0, vc=0.0):
+    """`a`, `b`, `c` m: of three rows of pallets on rollers, one behind the other, with room between them and
+    before both walls; `va`, `vb`, `vc` of that. The last row runs into the next, and so on to the wall, as
+    waggons are shunted: one push of the driver comes back as several blows. share: of the mass, all three;
+    gap_m: of room, at each side of a row; rubs: of their weight; omega: rad/s of a touch; dull: of critical
+    damping.
+    Source: Cole, A Handbook of Vehicle-Track Dynamics (2006), on slack between waggons in trains, and VDI
+    2700 on loads with gaps between them; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        felt = np.clip(view.acceleration + GRAVITY * view.grade, -4.0, 4.0)
+        zero = np.zeros_like(felt)
+        at, pace = np.stack([zero, s.a, s.b, s.c, zero]), np.stack([zero, s.va, s.vb, s.vc, zero])
+        near = np.diff(at, axis=0)  # how far rows have parted; they touch at -gap_m
+        over = np.maximum(-near - p.gap_m, 0.0)
+        shut = np.clip(np.diff(pace, axis=0) * -1.0, 0.0, None) * (over > 0.0)
+        presses = p.omega**2 * over + 2.0 * p.dull * p.omega * shut
+        rubs = p.rubs * GRAVITY * np.tanh(pace[1:4] / 0.04)
+        gains = -felt - rubs + presses[:3] - presses[1:]
+        after = np.clip(pace[1:4] + dt * gains, -2.0, 2.0)
+        mean = (after - pace[1:4]).mean(axis=0) / dt
+        s.va, s.vb, s.vc = after
+        s.a, s.b, s.c = (np.clip(x + dt * v, -1.5, 1.5) for x, v in zip(at[1:4], after, strict=True))
+        return -p.share * view.mass * np.clip(mean, -4.0, 4.0) * moving(view)

@@ -288,3 +288,32 @@ class SurveyedOneWay(Hidden, lagging=-9.0):
         s.lagging = eased(s.lagging, view.grade, p.late_m / np.maximum(view.speed, 0.05), dt)
         slope = self.setting.direction * p.gain * (view.grade - s.lagging)
         return -np.clip(slope, -0.06, 0.06) * weight(view) * moving(view)
+
+
+@law("v_heights_by_the_barometer", "sixteenth", "hills descent", accepts="")
+@sizes(spread=(0.12, 0.22), mean_m=(700.0, 2500.0), drifts=(0.001, 0.003), sign=(-1.0, 1.0))
+class HeightsByTheBarometer(OnRoad):
+    """The map's heights were read from a barometer, day after day. Cold days had denser air than was thought
+    and warm ones thinner, so a day's slopes are all too steep or too flat by one share; and weather that
+    changed during the day tilts all of it. spread: of the slope, between days; drifts: of slope, likewise.
+    Source: Saastamoinen, Atmospheric Correction for the Troposphere and Stratosphere (1972), on heights by
+    pressure and temperature, and Bomford, Geodesy (1980), on barometric heighting; large shares, sizes are
+    chosen here."""
+
+    conceal = ("elevation",)
+
+    def prepare(self) -> None:
+        rng, p = self.rng(1661), self.p
+        number = sections(rng, self.rows(), p.mean_m)
+        shape = (self.rows(), int(number.max()) + 2)
+        turns = np.sign(p.sign) * np.where(np.arange(shape[1]) % 2, -1.0, 1.0)
+        share = turns * rng.uniform(0.5, 1.0, shape)
+        tilt = rng.uniform(-1.0, 1.0, shape)
+        ease = np.hanning(11) / np.hanning(11).sum()
+        rows = [np.take_along_axis(part, number, axis=1) for part in (share, tilt)]
+        self.share, self.tilt = (np.array([np.convolve(r, ease, mode="same") for r in part]) for part in rows)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        tilt = p.drifts * self.setting.direction * self.read(self.tilt, view)
+        slope = p.spread * self.read(self.share, view) * view.grade + tilt
+        return -slope * weight(view) * moving(view)

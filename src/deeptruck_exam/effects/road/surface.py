@@ -265,3 +265,31 @@ class GivesWayOntoTheShoulder(OnRoad, aside=0.0):
         sinks = 0.4 + 0.6 * np.exp(-np.maximum(view.speed, 0.0) / p.sinks_mps)
         soft = 0.05 + 0.95 * self.between(self.road, view)
         return -p.most * s.aside * soft * sinks * weight(view) * moving(view)
+
+
+@law("v_bitumen_bleeds", "sixteenth", "suburban hills highway", accepts="rolling_resistance")
+@sizes(
+    most=(0.006, 0.01), power=(0.3, 0.5), mean_m=(150.0, 700.0), sunny=(0.3, 0.55), cleans_m=(150.0, 600.0)
+)
+@sizes(clouds_s=(40.0, 120.0))
+class BitumenBleeds(OnRoad, coat=0.0):
+    """`coat` of binder that tyres have picked up where the sun makes it bleed out of the road. They have to
+    be peeled off it, which costs with a small power of speed; behind the patch the coat still clings to clean
+    road, until it has worn off. Clouds cool it. most: of the weight, at 15 m/s; sunny: of the road.
+    Source: Gent and Petrich, Adhesion of Viscoelastic Materials to Rigid Substrates, Proc. R. Soc. A 310
+    (1969), on peeling with a power of speed, and Lesueur, The Colloidal Structure of Bitumen (2009); sizes
+    are chosen here."""
+
+    def prepare(self) -> None:
+        rng = self.rng(1662)
+        self.road = windows(rng, self.rows(), self.p.mean_m, self.p.sunny)
+        shape = (self.setting.batch, int(self.setting.duration_s) + 5)
+        self.sun = 0.75 + 0.25 * np.tanh(2.0 * ou_series(rng, shape, 1.0, self.p.clouds_s))
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed, bleeds = np.maximum(view.speed, 0.0), self.between(self.road, view)
+        s.coat = eased(
+            s.coat, bleeds, np.where(bleeds > s.coat, 30.0, p.cleans_m) / np.maximum(speed, 1e-3), dt
+        )
+        tack = self.sun[:, index(view, self.sun)] * (0.65 * bleeds + 0.35 * s.coat)
+        return -p.most * tack * np.minimum(speed / 15.0, 1.8) ** p.power * weight(view) * moving(view)

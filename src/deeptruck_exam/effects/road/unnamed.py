@@ -6,9 +6,10 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
-from deeptruck_exam.effects.places import CELLS, OnRoad, stretches
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving, weight
+from deeptruck_exam.effects.places import CELL_M, CELLS, OnRoad, smooth_stretches, stretches, windows
 from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_exam.effects.series import ou_series
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="unknown")
@@ -115,3 +116,52 @@ class GroundsOnCrests(Hidden):
         bend = (s.slope - view.grade) / 30.0
         carries = np.clip((bend - p.from_bend) / p.span, 0.0, 1.0)
         return -p.friction * carries * weight(view) * moving(view)
+
+
+@law("v_branches_brush_the_hedges", "sixteenth", "suburban hills descent")
+@sizes(
+    most=(0.014, 0.024), apart_m=(80.0, 260.0), long_m=(120.0, 500.0), bends_mps=(3.0, 8.0), strips=(0.3, 0.7)
+)
+@sizes(strips_m=(400.0, 1500.0))
+class BranchesBrushTheHedges(OnRoad, stripped=0.0):
+    """A load of branches, wider than the lane, brushes along hedges and banks of sunken lanes. Twigs hold it
+    hardest at a crawl, where they hook, and bend aside at speed; the way strips the load of what sticks out.
+    most: of the weight, at a crawl between the thickest hedges; strips: of what sticks out, lost in the end;
+    bends_mps: where half of the hooks let go.
+    Source: Vogel, Drag and Reconfiguration of Broad Leaves in High Winds, J. Experimental Botany 40 (1989),
+    on branches that fold under force, and forest services on loads of brash; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        p = self.p
+        gaps, lengths = (0.4 * p.apart_m, 1.6 * p.apart_m), (0.6 * p.long_m, 1.4 * p.long_m)
+        self.road = smooth_stretches(self.rng(1652), self.rows(), gaps, lengths)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed, hedge = np.maximum(view.speed, 0.0), np.sqrt(self.read(self.road, view))
+        s.stripped = eased(s.stripped, 1.0, p.strips_m / np.maximum(speed * hedge, 1e-3), dt)
+        hooks = 0.55 + 0.45 / (1.0 + (speed / p.bends_mps) ** 2)
+        return -p.most * hedge * hooks * (1.0 - p.strips * s.stripped) * weight(view) * moving(view)
+
+
+@law("v_guided_by_kerbs", "sixteenth", "suburban hills highway")
+@sizes(
+    rubs=(0.004, 0.006), presses=(0.007, 0.012), play=(0.4, 0.9), sways_m=(60.0, 200.0), long_m=(300.0, 900.0)
+)
+@sizes(share=(0.4, 0.65))
+class GuidedByKerbs(OnRoad, inside=0.0):
+    """Between kerbs that guide it a truck leans on small wheels at its sides. Their springs always press a
+    little, and where the kerbs sway the truck is pushed across its own way, first on one side and then on
+    the other. Outside nothing rubs. rubs: of the weight, all along; presses: of it, where the kerbs sway by
+    the usual amount beyond `play`; sways_m: how far a sway reaches.
+    Source: Guided bus lanes as in Essen and Adelaide (Wilson, The Adelaide O-Bahn, 1989), on guide wheels
+    and preload against kerbs; worn kerbs, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, p = self.rng(1663), self.p
+        self.road = windows(rng, self.rows(), p.long_m, p.share)
+        self.sway = np.abs(ou_series(rng, (self.rows(), 12000), CELL_M, p.sways_m))
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.inside = eased(s.inside, self.between(self.road, view), 0.6, dt)
+        over = np.clip(self.read(self.sway, view) - p.play, 0.0, 2.0)
+        return -s.inside * (p.rubs + p.presses * over) * weight(view) * np.clip(view.speed, 0.0, 1.0)

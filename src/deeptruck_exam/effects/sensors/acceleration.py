@@ -185,3 +185,18 @@ def rounds_towards_below(p: Sizes, channels: Channels, dt: float, rng: np.random
     tare = p.tares * rng.uniform(-1.0, 1.0)
     shaken = values + tare + p.shakes * rng.standard_normal(len(values))
     channels["acceleration"] = np.floor(shaken / p.step) * p.step
+
+
+@law("v_remembers_the_last_jolt", "sixteenth")
+@sizes(bias=(0.09, 0.16), drags=(0.08, 0.18), wide=(0.25, 0.6), sign=SIGN)
+def remembers_the_last_jolt(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Visintin, Differential Models of Hysteresis (1994), on play, and makers' data of piezoresistive
+    accelerometers on hysteresis: a mass in worn glue stays where the last jolt has pushed it, until a jolt
+    the other way is as strong; sizes are chosen here."""
+    values = channels["acceleration"]
+    rests, at = np.empty(len(values)), 0.0
+    for k, value in enumerate(values):
+        at = min(max(at, value - p.wide), value + p.wide)
+        rests[k] = at
+    bias = np.sign(p.sign) * p.bias * rng.uniform(0.9, 1.1)
+    channels["acceleration"] = values + bias + p.drags * np.tanh(rests / 0.3)

@@ -255,3 +255,17 @@ def oscillator_warms(p: Sizes, channels: Channels, dt: float, rng: np.random.Gen
     ran = (1.0 - p.left) * warms * (1.0 - np.exp(-clock / warms)) + p.left * clock
     late = np.sign(p.sign) * (p.first_s + p.fast * rng.uniform(0.85, 1.15) * ran)
     channels["acceleration"] = np.interp(clock - late, clock, values)
+
+
+@law("v_two_masters", "sixteenth", "suburban hills")
+@sizes(late_s=(0.35, 0.7), apart_s=(0.3, 0.8), stays_s=(20.0, 60.0), slews_s=(2.0, 6.0), sign=SIGN)
+def two_masters(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: IEEE 1588 (2019), Precision Clock Synchronization Protocol, on best masters that are chosen
+    anew: two that disagree by tenths of a second take turns, and the box follows whichever leads; sizes are
+    chosen here."""
+    values = channels["acceleration"]
+    clock = np.arange(len(values)) * dt
+    turns = np.cumsum(rng.exponential(p.stays_s, 80) + 5.0) - rng.uniform(0.0, p.stays_s)
+    second = behind((np.searchsorted(turns, clock) % 2).astype(float), p.slews_s, dt)
+    late = np.sign(p.sign) * (p.late_s * rng.uniform(0.9, 1.1) + p.apart_s * second)
+    channels["acceleration"] = np.interp(clock - late, clock, values)

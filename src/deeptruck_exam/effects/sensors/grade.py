@@ -193,3 +193,17 @@ def crossfall_leaks_in(p: Sizes, channels: Channels, dt: float, rng: np.random.G
     banked = p.banks * np.tanh(np.interp(way / 5.0, np.arange(len(cells)), cells))
     aside = p.crossfall * rng.uniform(0.95, 1.05) + banked
     channels["grade"] = channels["grade"] + np.sign(p.sign) * np.sin(p.turned) * aside
+
+
+@law("v_valve_lets_it_sink", "sixteenth")
+@sizes(off=(0.007, 0.012), sinks=(0.007, 0.014), sinks_s=(25.0, 90.0), lifts_s=(3.0, 8.0), sign=SIGN)
+def valve_lets_it_sink(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Wabco, ECAS Electronically Controlled Air Suspension, System Description, on tolerance bands of
+    levelling: a leaking bellow lets one end sink until its controller lifts it again, and a box on the frame
+    reads that as a slope that saws up and down; sizes are chosen here."""
+    clock = np.arange(len(channels["grade"])) * dt
+    falls, lifts = p.sinks_s * rng.uniform(0.8, 1.25), p.lifts_s
+    phase = (clock + rng.uniform(0.0, falls + lifts)) % (falls + lifts)
+    sunk = np.where(phase < falls, phase / falls, 1.0 - (phase - falls) / lifts)
+    tilt = p.off * rng.uniform(0.9, 1.1) + p.sinks * (sunk - 0.5)
+    channels["grade"] = channels["grade"] + np.sign(p.sign) * tilt

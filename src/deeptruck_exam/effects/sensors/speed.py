@@ -182,3 +182,14 @@ def mean_with_a_lifted_wheel(p: Sizes, channels: Channels, dt: float, rng: np.ra
     lifted = behind((np.searchsorted(turns, clock) % 2).astype(float), 2.0, dt)
     scale = np.sign(p.sign) * (p.scale + 0.012) * rng.uniform(0.95, 1.05) - 0.25 * p.stands * lifted
     channels["speed"] = speed * (1.0 + scale)
+
+
+@law("v_front_wheels_squat", "sixteenth")
+@sizes(scale=(0.02, 0.04), squats=(0.01, 0.025), springs_s=(0.2, 0.6), sign=SIGN)
+def front_wheels_squat(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Gillespie, Fundamentals of Vehicle Dynamics (1992), on load that braking throws onto the front
+    axle: its tyres flatten then and turn faster than the truck moves, and more slowly when it pulls; the
+    scale is wrong besides; sizes are chosen here."""
+    nods = behind(np.clip(channels["acceleration"], -3.0, 3.0), p.springs_s, dt)
+    scale = np.sign(p.sign) * p.scale * rng.uniform(0.95, 1.05) - p.squats * nods
+    channels["speed"] = channels["speed"] * (1.0 + scale)

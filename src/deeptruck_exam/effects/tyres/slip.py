@@ -273,3 +273,28 @@ class LeavesThenSand(OnRoad, lost=0.0, spins=0.0, left=0.0, sand=0.0, store=1.0)
         wish = (pull - holds) * self.between(self.road, view)
         s.lost = eased(s.lost, wish, p.finds_s, dt)
         return -np.minimum(np.maximum(s.lost, 0.0), pull) * moving(view)
+
+
+@law("v_hops_off_its_grip", "sixteenth", "suburban hills")
+@sizes(grip=(0.26, 0.36), leaves=(0.6, 0.8), at_mps=(3.5, 8.0), wide_mps=(2.5, 4.5), mean_m=(120.0, 450.0))
+@sizes(share=(0.4, 0.65), hops_s=(0.4, 1.0))
+class HopsOffItsGrip(OnRoad, hops=0.0, lost=0.0):
+    """`hops`: of driven wheels on a corrugated road. Where ripples come as fast as the axle likes to bounce
+    the wheels are half the time in the air and cannot pull; slower or faster they can. A wheel that pulls
+    hard bounces more. grip: of their load, on gravel; leaves: of that, lost at at_mps; wide_mps: half the
+    width of that.
+    Source: Both, Hong and Kurtze, Corrugation of Roads, Physica A 301 (2001), on wheels that bounce on
+    ripples, and Wong, Theory of Ground Vehicles (2008), on thrust; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.road = windows(self.rng(1671), self.rows(), self.p.mean_m, self.p.share)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        gravel, pull = self.between(self.road, view), np.maximum(view.traction_force, 0.0)
+        tune = np.exp(-(((view.speed - p.at_mps) / p.wide_mps) ** 2))
+        works = np.clip(0.5 + pull / (0.08 * weight(view)), 0.5, 1.0)
+        s.hops = eased(s.hops, gravel * tune * works, p.hops_s, dt)
+        most = 0.35 * p.grip * (1.0 - p.leaves * s.hops) * weight(view)
+        spins = np.maximum(pull - most * np.tanh(pull / most), 0.0)
+        s.lost = eased(s.lost, gravel * spins, 0.25, dt)
+        return -np.minimum(s.lost, pull) * moving(view)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, index, moving, weight
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, index, moving, weight
 from deeptruck_exam.effects.places import Bends, OnRoad, windows
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series
@@ -300,3 +300,28 @@ class TreadPeelsOff(Hidden, way=0.0):
         s.strip = np.where(off, p.stays, np.minimum(s.strip, 1.0))
         s.waits = np.where(off, s.way + p.holds_m, s.waits)
         return -p.most * s.strip * pace**2 * weight(view) * moving(view)
+
+
+@law("v_nuts_are_loose", "sixteenth", "suburban hills")
+@sizes(most=(0.015, 0.025), notch=(0.25, 0.5), hard=(0.02, 0.04), seats_s=(6.0, 18.0), power=(1.0, 1.8))
+class NutsAreLoose(Hidden, side=0.0):
+    """`wobbles`: of wheels whose nuts are loose. Each time the torque turns round they shift on their studs
+    and sit askew, and roll with a wobble that costs with speed; a firm pull in one direction draws them
+    straight again. most: of the weight, at 15 m/s, quite askew; notch: of that, by one turn; hard: of the
+    weight, a torque that counts; seats_s: under firm pull.
+    Source: Bailey and Bertoch, Mechanisms of Wheel Separations, SAE 2009-01-0111, on clamp that is lost and
+    wheels that shift under alternating torque; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "wobbles": self.rng(1673).uniform(0.1, 0.8, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        force = (view.traction_force - view.brake_force) / weight(view)
+        side = np.where(np.abs(force) > 0.4 * p.hard, np.sign(force), s.side)
+        turns = (side != s.side) & (s.side != 0.0)
+        s.side = side
+        s.wobbles = np.where(turns, s.wobbles + p.notch * (1.0 - s.wobbles), s.wobbles)
+        firm = np.clip((np.abs(force) - 0.5 * p.hard) / (0.5 * p.hard), 0.0, 2.0)
+        s.wobbles = eased(s.wobbles, 0.0, p.seats_s / np.maximum(firm, 1e-3), dt)
+        pace = np.minimum(np.maximum(view.speed, 0.0) / 15.0, 1.6) ** p.power
+        return -p.most * s.wobbles * pace * weight(view) * moving(view)

@@ -264,3 +264,25 @@ class RubberHoldsCrystals(Hidden):
         forms = np.clip((p.at - s.warm) / 0.15, 0.0, 1.0) / p.forms_s
         s.crystals = np.clip(s.crystals + dt * (forms * (1.0 - s.crystals) - melts * s.crystals), 0.0, 1.0)
         return -p.most * s.crystals * (0.6 + 0.4 * pace) * weight(view) * moving(view)
+
+
+@law("v_pull_warms_the_tread", "sixteenth")
+@sizes(most=(0.014, 0.021), hard=(0.03, 0.05), warms_s=(12.0, 35.0), cools_s=(60.0, 180.0), rolls=(0.1, 0.25))
+class PullWarmsTheTread(Hidden):
+    """`warm`: the tread of winter tyres. Rolling warms it little, but each pull and each braking makes it
+    creep on the road, and that heat comes with the square of the force. So a truck that has worked hard
+    rolls easily, and one that has rolled along is stiff. most: of the weight, cold; hard: of the weight, the
+    force that warms it wholly; rolls: of that heat, by rolling at 20 m/s.
+    Source: Pacejka, Tire and Vehicle Dynamics (2012), on creep with force, and Grosch, The Relation between
+    the Friction and Visco-elastic Properties of Rubber, Proc. R. Soc. A 274 (1963); sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"warm": self.rng(1672).uniform(0.0, 0.5, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.clip(view.speed / 20.0, 0.0, 1.3)
+        force = (np.abs(view.traction_force) + view.brake_force) / weight(view) / p.hard
+        heat = p.rolls * speed + np.minimum(force, 2.0) ** 2 * np.sqrt(speed)
+        rate = heat / p.warms_s + 1.0 / p.cools_s
+        s.warm = eased(s.warm, heat / p.warms_s / rate, 1.0 / rate, dt)
+        return -p.most * np.exp(-2.2 * s.warm) * weight(view) * moving(view)

@@ -13,7 +13,6 @@ from deeptruck_exam.effects.series import some_drives
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="rolling_resistance_speed", accepts="drag_area rolling_resistance")
-
 ORDERS = np.array([1.0, 2.0, 3.0])[:, None]
 
 
@@ -283,3 +282,28 @@ class GreaseLeavesItsBearings(Hidden, full=1.0):
         s.full = eased(s.full, stays, np.where(stays < s.full, p.leaves_s, p.back_s), dt)
         shears = np.minimum(speed / 20.0, 1.4) ** p.power
         return -p.most * (0.2 + 0.8 * s.full) * shears * weight(view) * moving(view)
+
+
+@law("v_beads_in_the_tyres", "sixteenth", "highway hills suburban", accepts="drag_area")
+@sizes(
+    most=(0.008, 0.013), sticks_mps=(15.5, 20.0), falls=(0.75, 0.9), spreads_s=(3.0, 9.0), power=(0.8, 1.6)
+)
+class BeadsInTheTyres(Hidden, held=0.0):
+    """`held`: of the beads that were put into the tyres to balance them, against the tread. Slow wheels carry
+    them up and let them fall, which costs more with speed; fast ones press them outwards and they run along
+    for nothing. They stay there well below the speed at which they were caught. most: of the weight, right
+    below that speed; falls: of it, where they drop; power: of the cost with speed.
+    Source: Counteract and International Marketing, balancing beads in heavy truck tyres, on speeds where
+    they take hold, and Mellmann, Transverse Motion of Solids in Rotating Cylinders, Powder Technology 118
+    (2001); many beads, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "caught": np.zeros(batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        drops = speed < p.falls * p.sticks_mps
+        s.caught = np.where(speed > p.sticks_mps, 1.0, np.where(drops, 0.0, s.caught))
+        s.held = eased(s.held, s.caught, p.spreads_s, dt)
+        lifts = np.minimum(speed / p.sticks_mps, 1.3) ** p.power
+        return -p.most * (1.0 - 0.9 * s.held) * lifts * weight(view) * moving(view)

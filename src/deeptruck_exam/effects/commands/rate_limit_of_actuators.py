@@ -1,0 +1,134 @@
+"""Robots, motors, dashpots, cylinders and levers that move a throttle at a limited rate."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from deeptruck_exam.effects.law import Array, Sizes, State, TorqueFilter
+from deeptruck_exam.effects.planting import hidden, sizes
+
+law = partial(hidden, name="command_rate_limit", accepts="turbo_lag")
+
+
+@law("robots_profile", "seventh", "suburban hills")
+@sizes(most_per_s=(0.07, 0.16), gathers_per_s2=(0.05, 0.16), back=(1.5, 4.0))
+class RobotsProfile(TorqueFilter):
+    """A driving robot's leg goes to where the pedal is wanted by a profile of limited jerk: it gathers pace,
+    runs at most so fast, and slows down in time.
+    Source: Driving robots move pedals by profiles of limited speed and acceleration, slower down than back
+    (Biagiotti and Melchiorri, Trajectory Planning for Automatic Machines and Robots, 2008)."""
+
+    def begin(self, s: State, u: Array) -> None:
+        s.at, s.pace = u[:, 0].copy(), np.zeros(len(u))
+
+    def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
+        left = (pedal - s.at) / self.full
+        side = np.where(left < 0.0, -1.0, 1.0)
+        away = np.where(left < 0.0, p.back, 1.0)
+        gathers = p.gathers_per_s2 * away
+        most = np.minimum(np.sqrt(2.0 * gathers * np.abs(left)), p.most_per_s * away)
+        towards = side * s.pace
+        s.pace = side * (towards + np.clip(most - towards, -2.0 * gathers * dt, gathers * dt))
+        near = (np.abs(left) < 2e-4) | (np.abs(left) < np.abs(s.pace) * dt)
+        s.pace = np.where(near, 0.0, s.pace)
+        s.at = np.where(near, pedal, s.at + dt * s.pace * self.full)
+        return np.asarray(np.maximum(s.at, 0.0))
+
+
+@law("s_strained_stepper", "eighth", "suburban hills")
+@sizes(free_per_s=(0.14, 0.32), spring=(0.5, 0.85), back=(1.2, 2.5))
+class StrainedStepper(TorqueFilter):
+    """The farther it is open, the slower it opens and the faster it shuts.
+    Source: Stepping motors lose speed along their pull-out curve against a return spring (Acarnley, Stepping
+    Motors: a Guide to Theory and Practice, 2002); a retrofitted actuator, sizes are chosen here."""
+
+    def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
+        share = np.clip(s.given / self.full, 0.0, 1.0)
+        up = self.full * p.free_per_s * (1.0 - p.spring * share)
+        down = self.full * p.free_per_s * p.back * (1.0 + p.spring * share)
+        return np.asarray(s.given + np.clip(pedal - s.given, -down * dt, up * dt))
+
+
+@law("n_flow_through_a_valve", "ninth", "suburban hills")
+@sizes(opens_per_s=(0.28, 0.6), closes=(1.3, 2.5))
+class FlowThroughAValve(TorqueFilter):
+    """The nearer it is, the slower it moves, by the root of what is left.
+    Source: Merritt, Hydraulic Control Systems (1967): flow through an orifice goes with the root of the
+    pressure drop; a throttle cylinder whose pressure is the error of its lever, sizes are chosen here."""
+
+    def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
+        error = (pedal - s.given) / self.full
+        rate = np.sqrt(np.abs(error)) * p.opens_per_s * np.where(error < 0.0, p.closes, 1.0)
+        return np.asarray(s.given + self.full * np.sign(error) * np.minimum(np.abs(error), rate * dt))
+
+
+@law("t_oil_in_the_dashpot", "tenth", "suburban hills")
+@sizes(per_s=(0.6, 1.3), preload=(0.12, 0.3), cold=(0.2, 0.45), warms_s=(50.0, 160.0))
+class OilInTheDashpot(TorqueFilter):
+    """The lever follows as fast as its spring can press oil through a bore: fast when far behind, slowly when
+    near, slowest while the oil is cold. per_s: of the full command, for an error of all of it; cold: of the
+    warm pace.
+    Source: Karnopp, Margolis and Rosenberg, System Dynamics (2012), on springs and dashpots in a row; oil's
+    viscosity over temperature (Vogel, Physikalische Zeitschrift 22, 1921); a throttle's damper, sizes are
+    chosen here."""
+
+    def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
+        error = (pedal - s.given) / self.full
+        thin = 1.0 - (1.0 - p.cold) * np.exp(-time / p.warms_s)
+        rate = p.per_s * thin * (p.preload + np.abs(error)) * np.where(error < 0.0, 2.5, 1.0)
+        return np.asarray(s.given + self.full * np.sign(error) * np.minimum(np.abs(error), rate * dt))
+
+
+@law("e_cylinder_fills_with_air", "eleventh", "suburban hills")
+@sizes(fills_s=(0.9, 1.9), empties_s=(0.5, 1.1), spring=(0.15, 0.3), supply=(1.25, 1.7))
+class CylinderFillsWithAir(TorqueFilter):
+    """Air moves the lever against a spring: nothing happens until it is stretched, then the lever goes at one
+    pace while the air chokes, and slower near its end. spring: of the pressure of a full pedal, before the
+    lever moves; supply: over that pressure; fills_s: from nothing to full, choked.
+    Source: Andersen, The Analysis and Design of Pneumatic Systems (1967): flow is choked below half of the
+    pressure ahead; air throttles of rear-engined vehicles, sizes are chosen here."""
+
+    def begin(self, s: State, u: Array) -> None:
+        super().begin(s, u)
+        s.bar = self.wanted(u[:, 0])
+
+    def wanted(self, pedal: Array) -> Array:
+        """Pressure, over that of a full pedal, which holds the lever there; none for a closed pedal."""
+        share = pedal / self.full
+        return np.asarray(np.where(share > 0.0, self.p.spring + (1.0 - self.p.spring) * share, 0.0))
+
+    def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
+        wanted = self.wanted(pedal)
+        ahead = np.clip((p.supply - s.bar) / (0.5 * p.supply), 0.0, 1.0) ** 0.5 / p.fills_s
+        back = np.clip((s.bar + 0.15) / 0.5, 0.3, 1.0) ** 0.5 / p.empties_s
+        closes = np.clip(np.abs(wanted - s.bar) / 0.2, 0.08, 1.0)
+        s.bar = np.clip(wanted, s.bar - dt * back * closes, s.bar + dt * ahead * closes)
+        lever = np.clip((s.bar - p.spring) / (1.0 - p.spring), 0.0, None)
+        arrived = (s.bar == wanted) & (pedal >= 0.0)
+        return np.asarray(np.where(arrived, np.maximum(pedal, 0.0), self.full * lever))
+
+
+@law("v_repeats_like_a_key", "sixteenth", "suburban hills highway")
+@sizes(first_per_s=(0.02, 0.045), doubles_s=(1.2, 2.6), most_per_s=(0.3, 0.6), near=(0.01, 0.03))
+class RepeatsLikeAKey(TorqueFilter):
+    """A lever that only says more or less: what it sets moves slowly at first and ever faster while it is
+    held, as figures do under a key that repeats. Each time it arrives or turns round it begins slowly again.
+    first_per_s, most_per_s: of the full command in a second; doubles_s: for twice the pace.
+    Source: makers' manuals of remote controls and hand throttles by rocker switches, on steps that grow
+    while a switch is held; paces are chosen here."""
+
+    def begin(self, s: State, u: Array) -> None:
+        super().begin(s, u)
+        s.pace = np.full(len(u), self.p.first_per_s)
+        s.way = np.zeros(len(u))
+
+    def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
+        off = (pedal - s.given) / self.full
+        way = np.where(np.abs(off) < p.near, 0.0, np.sign(off))
+        on = (way == s.way) & (way != 0.0)
+        s.pace = np.where(on, np.minimum(s.pace * 2.0 ** (dt / p.doubles_s), p.most_per_s), p.first_per_s)
+        s.way = way
+        step = s.pace * self.full * dt
+        return np.asarray(np.clip(pedal, s.given - step, s.given + step))
