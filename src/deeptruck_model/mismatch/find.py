@@ -15,7 +15,7 @@ from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import locate
 from deeptruck_model.mismatch.active_fault import active_fault
 from deeptruck_model.mismatch.correction import correction
-from deeptruck_model.mismatch.correction.own_error import differs
+from deeptruck_model.mismatch.correction.own_error import acts_there_alone, differs
 from deeptruck_model.mismatch.correction.worth import noticed
 from deeptruck_model.mismatch.data import checks
 from deeptruck_model.mismatch.data.prepared import (
@@ -213,6 +213,7 @@ def _unsaid(
         differs(simulator, measured, fit, regimes, e.rules)
         or validation.no_name_is_sure(suspected)
         or validation.off_without_a_name(fit, often_off(e, driven.explanation.model))
+        or acts_there_alone(e, driven.explanation.null)
     )
 
 

@@ -23,6 +23,7 @@ ROOMS = tuple(f"deeptruck_model.mismatch.{room}." for room in DECIDING)
 # driving it takes to tell something, what cannot be at all, and how something is computed.
 NUMERICS = {
     "correction/improvement.py": {"ENOUGH"},
+    "correction/own_error.py": {"ENOUGH"},
     "correction/recipes.py": {"FOLDS"},
     "correction/recovered_road.py": {"LEAST"},
     "correction/road_of_another.py": {"ROAD_SHARED"},

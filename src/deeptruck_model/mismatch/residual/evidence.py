@@ -173,6 +173,7 @@ class Evidence:
     moved: dict[str, float] = field(default_factory=dict)  # relative changes the parameters have already had
     command_units: dict[str, str] = field(default_factory=dict)
     filtered: bool = True  # whether a sensor's filter is known beside all else
+    sooner: Array | None = None  # (n,) m/s^2 more for deciding, as when to shift, a sample sooner
     late: Array | None = None  # (n, k) m/s^2 of a lateness that is known beside all else, and no finding
     rules: Rules = field(default_factory=Rules)  # by which all of this is judged
     mass_known: bool = True

@@ -195,6 +195,7 @@ def gather(
         vehicle=prepared[0].recording.interface.kind,
         moved=dict(moved or {}),
         rerun=_rerunner(simulator, prepared, grid, simulated),
+        sooner=_sooner(simulator, prepared, grid) if known_physics else None,
         slow_noise=rules.slow_noise,
         rules=rules,
         command_units={name: simulator.interface.unit(name) for name in simulator.interface.u},
@@ -267,7 +268,7 @@ def _accelerations(
 
 
 def _disagreement(simulator: Simulator, prepared: Sequence[Prepared], grid: _Grid, seed: int) -> Array:
-    """Sd of the simulated acceleration when the inputs move by their own quantisation and noise, and the speed
+    """Sd of the simulated acceleration when the inputs move by their own quantisation and noise, and speed
     by what it changes by within a sample: nobody knows when between two of them a truck shifts."""
     rng = np.random.default_rng(seed)
     parts = []
@@ -278,12 +279,35 @@ def _disagreement(simulator: Simulator, prepared: Sequence[Prepared], grid: _Gri
         y = np.repeat(p.y[None], k, axis=0)
         noise = rng.normal(0.0, max(p.speed_noise, 0.003), (k, n))
         drift = rng.normal(0.0, 0.002, (k, 1)) * p.y[None, :, SPEED]
-        sooner = rng.uniform(-1.0, 1.0, (k, 1)) * p.dt * p.observed
-        moved = gaussian_filter1d(noise, 2.0, axis=1) + drift + sooner
-        y[:, :, SPEED] = np.maximum(y[:, :, SPEED] + moved, 0.0)
+        noise = gaussian_filter1d(noise, 2.0, axis=1) + drift
+        y = _at_another_moment(y, rng.uniform(-1.0, 1.0, (k, 1)) * p.dt, p.observed)
+        y[:, :, SPEED] = np.maximum(y[:, :, SPEED] + noise, 0.0)
         run = forced_run(simulator, u, np.repeat(p.w[None], k, axis=0), fed(simulator, y))
         parts.append(run.y[:, :, ACCELERATION].std(axis=0, ddof=1))
     return grid.stack(parts)
+
+
+def _at_another_moment(y: Array, later_s: float | Array, acceleration: Array) -> Array:
+    """Responses (..., T, n_y) whose speed is that of a moment so much later, with this acceleration (T,)."""
+    y = y.copy()
+    y[..., SPEED] = np.maximum(y[..., SPEED] + later_s * acceleration, 0.0)
+    return y
+
+
+def _sooner(simulator: Simulator, prepared: Sequence[Prepared], grid: _Grid) -> Array:
+    """What the simulated acceleration is more by, (n,), where the truck decides a sample sooner. A truck that
+    steps finer than its simulator shifts before it throughout, and that is no missing physics."""
+    us = [p.u for p in prepared]
+    after, before = (
+        _accelerations(
+            simulator,
+            [replace(p, y=_at_another_moment(p.y, side * p.dt, p.observed)) for p in prepared],
+            grid,
+            us,
+        )
+        for side in (1.0, -1.0)
+    )
+    return (after - before) / 2.0
 
 
 def _sensitivity(

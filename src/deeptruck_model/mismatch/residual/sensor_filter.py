@@ -24,6 +24,7 @@ SMOOTH_S = 1.0  # of the recorded slope, so that its steps are no turns of the r
 REACH_S = 0.6  # from how far before and after a sample a sensor's filter may take a share ...
 ROUNDING = 1e-6
 SHARE = 0.06  # ... and the prior sd of each
+SAMPLES = 1.0  # prior sd: by so many a truck decides sooner or later than its simulator, as when to shift
 LATE_SHARE = 0.3  # prior sd of the share of a delay that is known beside all else
 
 
@@ -32,14 +33,16 @@ def known(e: Evidence) -> tuple[Array, Prior]:
     late = [-e.difference(e.simulated), e.rerun("delay_all", LATE_S) / LATE_S]
     slope = _late_slope(e)
     filtered = _shifted(e, rows(e))
+    sooner = [] if e.sooner is None else [e.sooner]
     found = np.zeros((len(e), 0)) if e.late is None else e.late
     prior = Prior.join(
         SENSOR_LAG,
         _around_nothing(len(slope), SLOPE_LATE_S),
         _around_nothing(len(filtered), SHARE),
+        _around_nothing(len(sooner), SAMPLES),
         _around_nothing(found.shape[1], LATE_SHARE),
     )
-    return np.column_stack([*late, *slope, *filtered, found]), prior
+    return np.column_stack([*late, *slope, *filtered, *sooner, found]), prior
 
 
 def _late_slope(e: Evidence) -> list[Array]:

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from deeptruck_model import driving_cycles, trucks
-from deeptruck_model.mismatch.correction.own_error import differs, speed_error
+from deeptruck_model.mismatch.correction.own_error import acts_there_alone, differs, speed_error
 from deeptruck_model.mismatch.fit_result import Chosen, Compared, FitResult, Improvement, Rmse
+from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.residual.evidence import Evidence
 from deeptruck_model.mismatch.result import Bound, Regime
 from deeptruck_model.mismatch.rules import Rules
 
@@ -66,3 +68,25 @@ def test_nothing_is_said_without_drives_of_its_own_or_without_free_runs(own: flo
     assert said(9.0, TRUCK) == ""
     undriven = replace(fit(0.0), errors=None)
     assert differs(Learned(), False, undriven, [], Rules()) == ""  # type: ignore[arg-type]
+
+
+def alone(e: Evidence, fitted: float, held_out: float) -> str:
+    """What is said where drives are so much off (m/s^2) that were fitted and held out."""
+    off = np.where(e.held_out, held_out, fitted)
+    search = Search(e)
+    return acts_there_alone(replace(e, residual=e.residual + off), search.model((), frozenset()))
+
+
+def test_what_acts_on_a_held_out_drive_alone_is_told_by_its_name(nothing_missing: Evidence) -> None:
+    """A fan that ran on the held-out drive alone was 'nothing is missing', at 0.86 m/s."""
+    assert "along 'b', which was held out" in alone(nothing_missing, 0.0, 0.06)
+
+
+def test_a_drive_like_those_fitted_is_no_news(nothing_missing: Evidence) -> None:
+    assert alone(nothing_missing, 0.0, 0.0) == alone(nothing_missing, 0.06, 0.06) == ""
+    assert alone(nothing_missing, 0.06, 0.0) == ""
+
+
+def test_without_a_held_out_drive_nothing_is_said_of_one(nothing_missing: Evidence) -> None:
+    fitted = tuple(replace(s, held_out=False) for s in nothing_missing.stretches)
+    assert alone(replace(nothing_missing, stretches=fitted), 0.0, 0.06) == ""
