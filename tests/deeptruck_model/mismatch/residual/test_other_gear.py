@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deeptruck_model.mismatch.residual.gather import believed, other_gear
+from deeptruck_model.mismatch.residual.other_gear import believed, other_gear
 from deeptruck_model.recordings import Recording
 from deeptruck_model.signals import TruckInterface
 

@@ -1,0 +1,97 @@
+"""Where a simulator drives in another gear than was recorded: there it tells nothing of forces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation, binary_opening
+
+from deeptruck_model.mismatch.data.prepared import Prepared, fed
+from deeptruck_model.signals import SPEED
+from deeptruck_model.simulators import Run, Simulator
+from deeptruck_model.vehicle_kinds import CLUTCH_CLOSED, GEARS_APART
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+OTHER_GEAR_S = 1.5  # a different gear for longer is left out; for less, it is part of what may be missing
+NEAR_S = 0.5  # around a different gear, while the engine changes its speed
+
+
+def other_gear(
+    prepared: Sequence[Prepared],
+    runs: Sequence[Run],
+    numbered_alike: bool = False,
+    held_out: Sequence[bool] = (),
+) -> tuple[list[Mask], list[Mask]]:
+    """Native samples (n,) of each recording where the simulator's gear is another one; for long, and at all.
+
+    By the recorded gear, else by the recorded engine speed; all False where neither tells.
+    """
+    apart = _by_label(prepared, runs, numbered_alike) if "gear" in runs[0].inside else None
+    if apart is None and "engine_speed" in runs[0].inside:
+        apart = [_by_engine_speed(p, run) for p, run in zip(prepared, runs, strict=True)]
+    if apart is None or _never_alike(apart, held_out):
+        nowhere = [np.zeros(len(p.recording), dtype=bool) for p in prepared]
+        return nowhere, nowhere
+    dt = prepared[0].dt
+    lasting = np.ones(round(OTHER_GEAR_S / dt) + 1, dtype=bool)
+    for_long = [binary_opening(a, lasting) if a.any() else a for a in apart]
+    near = np.ones(2 * round(NEAR_S / dt) + 1, dtype=bool)
+    return [binary_dilation(a, near) if a.any() else a for a in for_long], apart
+
+
+def _never_alike(apart: Sequence[Mask], held_out: Sequence[bool]) -> bool:
+    """Whether gears cannot be compared; of the recordings to be fitted too, which another logger may have
+    made than those held out, and of which nothing would be left."""
+    fitted = [a for a, out in zip(apart, held_out or [False] * len(apart), strict=True) if not out]
+    return any(np.concatenate(part).mean() > 0.5 for part in (apart, fitted))
+
+
+def believed(simulator: Simulator, prepared: Sequence[Prepared]) -> list[Run]:
+    """Runs whose inside is what a learned simulator makes of gear and engine speed, where it was taught these
+    for its own sake. Most of what it does wrong it does in the wrong gear."""
+    believes = getattr(simulator, "believes", None)
+    longest = max(len(p.recording) for p in prepared)
+    parts = [(p.u, p.w, fed(simulator, p.y)) for p in prepared]
+    u, w, y = (np.stack([_longer(x[i], longest) for x in parts]) for i in range(3))
+    inside = {} if believes is None else believes(u, w, y)
+    return [
+        Run(p.y[None], {name: x[i : i + 1, : len(p.recording)] for name, x in inside.items()})
+        for i, p in enumerate(prepared)
+    ]
+
+
+def _longer(x: Array, n: int) -> Array:
+    return np.pad(x, ((0, n - len(x)), (0, 0)), mode="edge")
+
+
+def _by_label(prepared: Sequence[Prepared], runs: Sequence[Run], numbered_alike: bool) -> list[Mask] | None:
+    """Unless they are numbered alike, each recorded gear stands for the simulated one it mostly meets."""
+    if not all("gear" in p.recording.channels for p in prepared):
+        return None
+    recorded = [np.round(p.recording.channels["gear"]) for p in prepared]
+    simulated = [np.round(run.inside["gear"][0]) for run in runs]
+    r, s = np.concatenate(recorded), np.concatenate(simulated)
+    gears = np.unique(r[np.isfinite(r)])
+    meets = {g: g if numbered_alike else _mode(s[r == g]) for g in gears}
+    return [
+        np.array([g in meets and meets[g] != k for g, k in zip(rec, sim, strict=True)])
+        for rec, sim in zip(recorded, simulated, strict=True)
+    ]
+
+
+def _mode(x: Array) -> float:
+    values, counts = np.unique(x, return_counts=True)
+    return float(values[np.argmax(counts)])
+
+
+def _by_engine_speed(p: Prepared, run: Run) -> Mask:
+    if "engine_speed" not in p.recording.channels:
+        return np.zeros(len(p.recording), dtype=bool)
+    recorded, simulated = p.recording.channels["engine_speed"], run.inside["engine_speed"][0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        apart = np.abs(np.log(recorded / simulated)) > GEARS_APART
+    return apart & (p.y[:, SPEED] > CLUTCH_CLOSED) & np.isfinite(recorded)
