@@ -16,7 +16,7 @@ from deeptruck_model.mismatch import locate
 from deeptruck_model.mismatch.active_fault import active_fault
 from deeptruck_model.mismatch.correction import correction
 from deeptruck_model.mismatch.correction.own_error import acts_there_alone, differs
-from deeptruck_model.mismatch.correction.worth import noticed
+from deeptruck_model.mismatch.correction.worth import noticed, refitted_is_much_better
 from deeptruck_model.mismatch.data import checks
 from deeptruck_model.mismatch.data.prepared import (
     Prepared,
@@ -185,7 +185,8 @@ def _explained(
     say: Callable[[str], None],
 ) -> tuple[Evidence, correction.Driven]:
     """What was found and driven. What held-out drives refute leaves the library, and the search goes on once:
-    another name may hold where the first had only followed the fitted drives.
+    another name may hold where the first had only followed the fitted drives. Where nothing is found though
+    other parameters drive held-out drives much better, something differs: then a name needs less evidence.
 
     Beside a learned simulator it does not go on: its own discrepancy is what is left.
     """
@@ -193,14 +194,21 @@ def _explained(
     say("correcting the simulator and driving it free")
     fitted, held_out = c.part(held_out=False), c.part(held_out=True)
     driven = correction.corrected_and_driven(simulator, e, x, fitted, held_out, with_unnamed)
-    refuted = [f.effect for f in driven.refuted if f.term is not None]
-    if not refuted or e.model_discrepancy > 0.0:
+    if e.model_discrepancy > 0.0:
         return e, driven
-    say("searching without what held-out drives speak against")
-    without = [*exclude, *refuted]
-    e, x = linearised.explained(simulator, given, c.prepared, c.held_out, seed, without, say)
-    again = correction.corrected_and_driven(simulator, e, x, fitted, held_out, with_unnamed)
-    return e, replace(again, refuted=(*driven.refuted, *again.refuted))
+    if refuted := [f.effect for f in driven.refuted if f.term is not None]:
+        say("searching without what held-out drives speak against")
+        without = [*exclude, *refuted]
+        e, x = linearised.explained(simulator, given, c.prepared, c.held_out, seed, without, say)
+        again = correction.corrected_and_driven(simulator, e, x, fitted, held_out, with_unnamed)
+        return e, replace(again, refuted=(*driven.refuted, *again.refuted))
+    if x.causes or not refitted_is_much_better(driven.fit):
+        return e, driven
+    say("searching for less, as held-out drives show that something differs")
+    less = replace(given, rules=replace(given.rules, least_gain=given.rules.told_gain))
+    other, x = linearised.explained(simulator, less, c.prepared, c.held_out, seed, exclude, say)
+    again = correction.corrected_and_driven(simulator, other, x, fitted, held_out, with_unnamed)
+    return (other, again) if again.fit.validated else (e, driven)
 
 
 def _unsaid(

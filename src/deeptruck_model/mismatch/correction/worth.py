@@ -12,7 +12,7 @@ from enum import Enum, auto
 import numpy as np
 from numpy.typing import NDArray
 
-from deeptruck_model.mismatch.fit_result import Chosen, FitResult
+from deeptruck_model.mismatch.fit_result import Chosen, Compared, FitResult, Improvement
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 NOTICED = 0.7  # of the error, below which other parameters are worth a word where nothing was found
@@ -52,10 +52,17 @@ def worth(fit: FitResult | None) -> Worth:
         return Worth.NOT_BETTER
     if fit.chosen is Chosen.PARAMETERS:
         return Worth.PARAMETERS_ALONE
-    low, high = fit.improvement.over_parameters_ci95
-    if low > 0.0:
+    return beside_refitted(fit, fit.errors, fit.improvement)
+
+
+def beside_refitted(fit: FitResult, told: Compared, gained: Improvement) -> Worth:
+    """The corrected simulator beside the one with all parameters refitted: surely better or worse over all
+    that was driven unseen, and no otherwise over what was held out, whose errors are told."""
+    low, high = gained.over_parameters_ci95
+    if low > 0.0 and told.after.speed <= told.parameters_only.speed:
         return Worth.BETTER
-    return Worth.WORSE if high < 0.0 else Worth.AS_GOOD
+    worse = high < 0.0 and told.after.speed >= told.parameters_only.speed
+    return Worth.WORSE if worse else Worth.AS_GOOD
 
 
 def errors(fit: FitResult | None) -> SpeedErrors | None:

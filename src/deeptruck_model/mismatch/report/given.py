@@ -77,16 +77,19 @@ def record_next(m: Mismatch) -> list[str]:
     """What to drive and to record, most useful first: each a sentence or a few."""
     v = m.result
     if v.kind is Conclusion.UNDETERMINED:
-        return [f"To be able to say anything, {TOURS}.", *_to_test(m)]
+        told = {s.would_be_told_by: s.effect for s in v.suspicions}  # each manoeuvre once
+        doubts = [f"To tell whether it is {spoken(name)}: {prose(by)}." for by, name in told.items()]
+        return doubts or [f"To be able to say more, {TOURS}."]
     out = [text for f in v.findings if (text := _to_tell(f))]
     if any(f.cause is not None for f in v.findings) and not v.validated:
-        where = condition(v.regimes[0]) if v.regimes else "the conditions in which it acts"
+        simple = next((r for r in v.regimes if len(r.bounds) == 1), None)
+        where = condition(simple) if simple is not None else "the conditions in which it acts"
         out.append(f"To be able to validate the correction: more separate drives, held out, with {where}.")
     elif v.kind is Conclusion.SENSOR:
         out.append(f"To find out which sensor is at fault: {prose(v.findings[0].would_be_told_by)}.")
     if hardly := _hardly_driven(m):
         out.append(f"Hardly driven, so effects there would not be seen: {', '.join(hardly)}.")
-    return out + _to_test(m)
+    return out
 
 
 def _to_tell(finding: Finding) -> str:
@@ -98,21 +101,21 @@ def _to_tell(finding: Finding) -> str:
     return f"To learn more about the unknown force: {told}." if finding.effect == "unknown" else ""
 
 
-def _to_test(m: Mismatch) -> list[str]:
-    """Which signals to record for which names, that could not be tested without."""
+def untested(m: Mismatch) -> list[str]:
+    """Which names could not be tested, for lack of which signals."""
     if m.explanation is None or m.evidence is None:
         return []
-    untested: dict[str, list[str]] = {}
+    lacking_for: dict[str, list[str]] = {}
     for name, mechanism in LIBRARY.items():
         lacking = [n for n in mechanism.needs if not m.evidence.has(n)]
         if lacking:
-            untested.setdefault(" and ".join(spoken(n) for n in lacking), []).append(name)
-    return [_record(signal, names) for signal, names in untested.items()]
+            lacking_for.setdefault(" and ".join(spoken(n) for n in lacking), []).append(name)
+    return [_not_tested(signal, names) for signal, names in lacking_for.items()]
 
 
-def _record(signal: str, names: Sequence[str]) -> str:
+def _not_tested(signal: str, names: Sequence[str]) -> str:
     return headline.fitting(
-        lambda most, _: f"To be able to test {headline.either(names, 3 * most)}: record {signal}."
+        lambda most, _: f"Not tested without {signal}: {headline.either(names, 3 * most)}."
     )
 
 

@@ -14,7 +14,7 @@ from deeptruck_model.mismatch.fit_result import Chosen, FitResult
 from deeptruck_model.mismatch.report import explorer, figures, given, headline, validation, what_now, wording
 from deeptruck_model.mismatch.report import text as page_text
 from deeptruck_model.mismatch.report.drawing import words
-from deeptruck_model.mismatch.report.given import record_next
+from deeptruck_model.mismatch.report.given import record_next, untested
 from deeptruck_model.mismatch.report.identifiability import most_tried
 from deeptruck_model.mismatch.report.what_now import Asked
 from deeptruck_model.mismatch.result import ALWAYS, RARELY, Mismatch, SmallestVisible
@@ -84,7 +84,7 @@ def _content(m: Mismatch, drawn: dict[str, figures.Picture], asked: Asked) -> di
         "nothing": nothing,
         "suspicions": page_text.suspicions(m.result),
         "samples": [{"rule": wording.prose(r.rule), "samples": r.samples} for r in v.data.rejected],
-        "next": to_drive,
+        "next": [*to_drive, *untested(m)],
         "caveats": [wording.opened(wording.prose(c)) for c in given.caveats(v)],
     }
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from deeptruck_model.mismatch.correction.worth import (
+    Worth,
+    beside_refitted,
     refitted_is_much_better,
     refitted_is_surely_better,
 )
@@ -37,6 +39,10 @@ NOT_BETTER = "the corrected simulator does not predict the held-out recordings b
 HARMS = (
     "without {names}, which no simulator is told, the corrected one predicts held-out recordings worse than "
     "the one given ({before:.3g} -> {after:.3g} m/s): nothing may be applied"
+)
+UNCHANGED = (
+    "no correction by what was found drove the fitted recordings better, so the simulator is as it was "
+    "given: nothing may be applied"
 )
 NOT_DRIVEN = "no held-out recording is long enough without a gap to judge by: nothing may be applied"
 UNNAMED = (
@@ -115,16 +121,16 @@ def _harms(fit: FitResult) -> str:
 def _beside_parameters(fit: FitResult, improvement: Improvement) -> list[str]:
     if fit.chosen is Chosen.PARAMETERS:
         return ["The correction is refitted parameters alone: they drove the fitted recordings best."]
-    beside = improvement.over_parameters_ci95
+    beside, told = improvement.over_parameters_ci95, fit.errors
+    assert told is not None  # an improvement is of these
     what = "the findings and laws without a name are" if fit.chosen is Chosen.LAWS else "the findings are"
-    better = BETTER.format(what=what)
-    end = better if beside[0] > 0.0 else WORSE if refitted_is_surely_better(fit) else EQUAL
+    ends = {Worth.BETTER: BETTER.format(what=what), Worth.WORSE: WORSE, Worth.AS_GOOD: EQUAL}
     other = (
         "its forces scaled, as it has no parameters" if fit.scales_forces else "all its parameters refitted"
     )
     return [
         f"Beside the simulator with {other}, the speed error of the corrected one is {_change(beside)}.",
-        end,
+        ends[beside_refitted(fit, told, improvement)],
     ]
 
 
@@ -151,7 +157,8 @@ def _resampled(fit: FitResult, recordings: int) -> str:
 def caveats(fit: FitResult, found: bool) -> list[str]:
     """What to know before the corrected simulator is applied."""
     e = fit.errors
-    refused = _harms(fit) or (NOT_BETTER if e else NOT_DRIVEN)
+    no_better = UNCHANGED if fit.chosen is Chosen.NOTHING else NOT_BETTER
+    refused = _harms(fit) or (no_better if e else NOT_DRIVEN)
     out = [refused] if found and not fit.validated else []
     if e is not None and e.free_model is not None and unnamed_would_help(fit):
         out.append(UNNAMED.format(after=e.after.speed, free=e.free_model.speed))

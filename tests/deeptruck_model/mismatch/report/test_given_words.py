@@ -13,10 +13,12 @@ from found_mismatches import mismatch, recording
 from pages import Page
 
 from deeptruck_model.mismatch.data.prepared import SAME_DRIVES, prepare, with_held_out
+from deeptruck_model.mismatch.finding import Suspicion
 from deeptruck_model.mismatch.report import given, page, timeline_figure
 from deeptruck_model.mismatch.report.figures import draw
 from deeptruck_model.mismatch.report.what_now import Asked
 from deeptruck_model.mismatch.report.wording import counted
+from deeptruck_model.mismatch.result import Bound, Regime
 
 
 def compared(count: int, seconds: float, evidence: bool = True) -> Any:
@@ -67,3 +69,24 @@ def test_one_free_run_is_one() -> None:
     assert "1 free run of 20 s" in " ".join(Page(page.page(found, {}, Asked(Path("found")))).text)
     alone = {n: replace(e, **{k: v[:1] for k, v in vars(e).items()}) for n, e in found.errors.items()}
     assert "of 1 free run on" in draw(replace(found, errors=alone))["errors"].caption
+
+
+def test_what_is_suspected_is_asked_for_before_any_tour() -> None:
+    """After half an hour of driving the page had asked for two tours of ten minutes."""
+    found = mismatch("undetermined")
+    suspected = Suspicion("shift_interruption", 62.0, "accelerate through all gears at full torque")
+    doubtful = replace(found, result=replace(found.result, suspicions=(suspected, suspected)))
+    (asked,) = given.record_next(doubtful)
+    assert asked == "To tell whether it is shift interruption: accelerate through all gears at full torque."
+    (tours,) = given.record_next(replace(found, result=replace(found.result, suspicions=())))
+    assert given.TOURS in tours
+
+
+def test_no_leaf_of_a_tree_is_asked_for_as_a_drive() -> None:
+    """The page had asked for drives 'with brake force per mass above 0.891 m/s^2 and grade below -0.0015'."""
+    found = mismatch("missing_physics")
+    fit = replace(found.result.fit, validated=False)
+    for bounds, said in ((1, "speed above 20"), (2, "the conditions in which it acts")):
+        one = Regime((Bound("speed", 20.0, np.inf, "m/s"),) * bounds, 0.7, 0.2)
+        asked = given.record_next(replace(found, result=replace(found.result, fit=fit, regimes=(one,))))
+        assert any("more separate drives, held out" in a and said in a for a in asked)

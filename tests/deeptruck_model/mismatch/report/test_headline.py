@@ -131,11 +131,19 @@ def test_no_name_is_credited_where_parameters_alone_went_in() -> None:
 
 
 @pytest.mark.parametrize(
-    ("beside", "worth"),
-    [((0.1, 0.3), Worth.BETTER), ((-0.8, 0.1), Worth.AS_GOOD), ((-0.5, -0.1), Worth.WORSE)],
+    ("beside", "refitted", "worth"),
+    [
+        ((0.1, 0.3), 0.4, Worth.BETTER),
+        ((0.1, 0.3), 0.05, Worth.AS_GOOD),
+        ((-0.8, 0.1), 0.4, Worth.AS_GOOD),
+        ((-0.5, -0.1), 0.05, Worth.WORSE),
+    ],
 )
-def test_the_verdict_follows_from_the_interval(beside: tuple[float, float], worth: Worth) -> None:
-    v = corrected("missing_physics", improvement=Improvement((0.5, 0.8), beside, 1))
+def test_the_verdict_follows_from_the_interval_and_goes_with_the_errors(
+    beside: tuple[float, float], refitted: float, worth: Worth
+) -> None:
+    told = Compared(Rmse(0.6, 0.05), Rmse(refitted, 0.05), Rmse(0.1, 0.05))
+    v = corrected("missing_physics", improvement=Improvement((0.5, 0.8), beside, 1), errors=told)
     assert headline.of(v).worth is worth and headline.text(v).endswith(headline.SHOWN[worth])
 
 

@@ -197,10 +197,8 @@ def test_before_and_after_show_parameters_only_beside(written):
     assert "with all parameters refitted instead it is 0.4 m/s." in text
 
 
-def test_names_that_cannot_be_tested_are_told_with_the_signal_to_record(written):
-    assert re.search(
-        r"To be able to test [^.]*drafting[^.]*: record gap", text_of(written, "missing_physics")
-    )
+def test_names_that_cannot_be_tested_are_told_with_the_signal_that_lacks(written):
+    assert re.search(r"Not tested without [^.]*gap[^.]*: drafting", text_of(written, "missing_physics"))
 
 
 def test_names_of_recordings_are_text_and_not_markup(written):

@@ -35,22 +35,26 @@ def fit(
     driven: int = 1,
     validated: bool = True,
     chosen: Chosen = Chosen.FINDINGS,
+    refitted: float = 0.2,
 ) -> FitResult:
     names = tuple(f"d{k}" for k in range(held_out))
     improvement = Improvement(gained, beside, driven)
-    return FitResult(names, 20.0, 4, chosen, ("mass",), validated, errors(0.9, 0.2, 0.1), improvement)
+    return FitResult(names, 20.0, 4, chosen, ("mass",), validated, errors(0.9, refitted, 0.1), improvement)
 
 
 @pytest.mark.parametrize(
-    ("beside", "change", "end"),
+    ("beside", "refitted", "change", "end"),
     [
-        ((0.1, 0.3), "is 10 to 30 % smaller", validation.BETTER.format(what="the findings are")),
-        ((-0.74, -0.03), "is 3 to 74 % larger", validation.WORSE),
-        ((-0.3, 0.81), "is between 30 % larger and 81 % smaller", validation.EQUAL),
+        ((0.1, 0.3), 0.2, "is 10 to 30 % smaller", validation.BETTER.format(what="the findings are")),
+        ((0.1, 0.3), 0.09, "is 10 to 30 % smaller", validation.EQUAL),
+        ((-0.74, -0.03), 0.09, "is 3 to 74 % larger", validation.WORSE),
+        ((-0.74, -0.03), 0.2, "is 3 to 74 % larger", validation.EQUAL),
+        ((-0.3, 0.81), 0.2, "is between 30 % larger and 81 % smaller", validation.EQUAL),
     ],
 )
-def test_beside_refitted_parameters(beside: Interval, change: str, end: str) -> None:
-    said = validation.said(fit((0.95, 0.96), beside))
+def test_beside_refitted_parameters(beside: Interval, refitted: float, change: str, end: str) -> None:
+    """Surely so, and not against the errors that are told of the held-out drives."""
+    said = validation.said(fit((0.95, 0.96), beside, refitted=refitted))
     assert said[1].startswith("Yes, it is 95 to 96 % smaller (95 % interval over free runs of 20 s)")
     assert change in said[3] and said[4] == end
 
@@ -167,3 +171,9 @@ def test_what_one_pass_over_a_road_is_worth_on_another_is_said(low: float, says:
     assert validation.said(replace(NOT_DRIVEN, next_pass=again))
     read = FitResult.read(driven.to_json())
     assert read is not None and read.next_pass == again
+
+
+def test_where_nothing_went_in_no_corrected_simulator_is_blamed() -> None:
+    unchanged = fit((0.0, 0.0), (0.0, 0.0), validated=False, chosen=Chosen.NOTHING)
+    assert validation.caveats(unchanged, True) == [validation.UNCHANGED]
+    assert validation.caveats(replace(unchanged, chosen=Chosen.FINDINGS), True) == [validation.NOT_BETTER]

@@ -146,3 +146,16 @@ def test_what_only_the_held_out_recordings_have_stands_for_nothing(drives: list[
     assert "engine_torque" not in e.signals
     turned = gather.gather(TRUCK, [prepare(r, False) for r in (bare, drives[1])], [True, False])
     assert np.isfinite(turned["engine_torque"][~turned.held_out]).all()
+
+
+def test_what_is_decided_sooner_shows_at_shifts_alone(own: Evidence) -> None:
+    assert own.sooner is not None
+    shifts = np.flatnonzero(np.diff(own["gear"]) != 0)
+    near = np.abs(np.arange(len(own))[:, None] - shifts).min(axis=1) <= 12  # rows, 2.4 s
+    square = own.sooner**2
+    assert square.sum() > 0.0 and square[near & own.valid].sum() > 0.8 * square[own.valid].sum()
+
+
+def test_a_simulator_that_may_be_learned_decides_at_no_moment(drives: list[Recording]) -> None:
+    e = gather.gather(BlackBox(TRUCK), [prepare(r, False) for r in drives], [False, True])  # type: ignore[arg-type]
+    assert e.sooner is None

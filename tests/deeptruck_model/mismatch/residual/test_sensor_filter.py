@@ -90,3 +90,17 @@ def test_a_hole_in_the_recorded_slope_is_no_turn_of_the_road(nothing_missing: Ev
     whole = replace(nothing_missing, signals=nothing_missing.signals | {"grade": grade})
     columns, _ = sensor_filter.known(whole)
     assert np.abs(columns[:, 2]).max() < 1e-9
+
+
+def test_shifts_a_little_sooner_are_known_beside_all_else(nothing_missing: Evidence) -> None:
+    """A truck that steps finer than its simulator shifts a little before it, and interruptions of shifts,
+    loads that slosh and late commands had been found in its drives."""
+    pull = np.where(np.arange(len(nothing_missing)) % 60 < 5, 0.0, 1.0)  # a shift every 12 s
+    sooner = np.roll(pull, -1) - pull
+    e = replace(nothing_missing, residual=nothing_missing.residual + 0.7 * sooner)
+    beside = Search(replace(e, sooner=sooner))
+    without = Search(e, sigma=beside.sigma)  # rows weigh alike in both
+    model = beside.model((), frozenset())
+    assert model.score > without.background(()).score + 100.0
+    assert model.coefficients("sensor lag")[-1] == pytest.approx(0.7, abs=0.05)
+    assert _most(beside) < 20.0
