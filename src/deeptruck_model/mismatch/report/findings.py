@@ -14,6 +14,7 @@ from deeptruck_model.mismatch.mechanisms import (
     CandidateTerm,
     Mechanism,
 )
+from deeptruck_model.mismatch.mechanisms.variants import Spline
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.modelled import Formula
 from deeptruck_model.mismatch.posterior.road_lock import RoadLock
@@ -26,7 +27,7 @@ from deeptruck_model.mismatch.strength import Strength, acts
 
 ONE_WAY = 0.5  # of its rms that the mean of a force must have, to tell its size
 MOVED_FAR = 0.05  # relative, of a parameter that is told beside a force
-AT_ITS_MOMENTS = "record more signals, and look what else happens at the moments listed under segments"
+AT_ITS_MOMENTS = "record more signals, and look what else happens when it acts most (the `segments`)"
 
 
 def strength(cause: Cause, e: Evidence) -> str:
@@ -116,8 +117,12 @@ def _time_varying(cause: Cause, e: Evidence) -> Told:
 
 
 def _nearest(cause: Cause, fails: str) -> tuple[Part, ...]:
-    """Which name comes nearest to a force without one, and what it fails in."""
-    return (". The nearest name, ", Named(cause.nearest), f", {fails}") if cause.nearest else ()
+    """The name nearest to a force without one, and what it fails in where it may not be that force."""
+    if not cause.nearest:
+        return ()
+    if cause.nearest in cause.not_told_from:
+        return (". The nearest name is ", Named(cause.nearest))
+    return (". The nearest name, ", Named(cause.nearest), f", {fails}")
 
 
 def unknown(cause: Cause, e: Evidence, explanation: Explanation) -> Told:
@@ -247,7 +252,7 @@ def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> Told:
     m = term.mechanism
     return Told(
         Sentence.of(
-            f"{m.says}: {strength(cause, e)}{_now_and_then(term)}{_confined(term, e.unit)}",
+            f"{m.says}: {strength(cause, e)}{_now_and_then(term)}{_confined(term, e.unit)}{_one_start(term)}",
             *curved(term, e.unit),
             OTHER_FORM if cause.other_form else "",
             str(cause.left_out) if cause.left_out is not None else "",
@@ -287,6 +292,12 @@ def _now_and_then(term: CandidateTerm) -> str:
     seconds = sum(last - first for _, first, last in spans)
     times = "once" if len(spans) == 1 else f"{len(spans)} times"
     return f". It was seen now and then alone, {times} for {seconds:.0f} s together" if spans else ""
+
+
+def _one_start(term: CandidateTerm) -> str:
+    """That a profile is one for all drives, where it is."""
+    shared = any(isinstance(leaf, Spline) and leaf.shared for leaf in term.variant.leaves)
+    return ". All drives are taken to start at one place and to go the same way" if shared else ""
 
 
 def _parameter(cause: Cause, e: Evidence, explanation: Explanation, own: dict[str, float]) -> Told:

@@ -248,9 +248,13 @@ def apart(f: Finding) -> str:
     if better:
         said.append(_does_better(f.effect, better, worse))
         said += [REFITTED] if f.kind is Kind.PARAMETER else []
-    if others:
-        first, *more = (_decided(f.effect, n, worse.get(n)) for n in others)
-        said.append(f"What decided{' against the others' if better else ''}: {first}.")
+    alike = [n for n in others if n != "unknown" and not worse.get(n)]
+    if alike:
+        each = "it may do as well" if len(alike) == 1 else "each may do as well"
+        said.append(f"Nothing speaks against {_listed(alike)}: {each}.")
+    if decided := [n for n in others if n not in alike]:
+        first, *more = (_decided(f.effect, n, worse.get(n)) for n in decided)
+        said.append(f"What decided{' against the others' if better or alike else ''}: {first}.")
         said += [opened(f"{one}.") for one in more]
     in_place = [IN_PLACE] if any(worse.get(n) for n in group) else []
     return " ".join([*said, *in_place, *_at_the_limit(f)])
@@ -272,11 +276,19 @@ def _at_the_limit(f: Finding) -> list[str]:
 
 def _does_better(name: str, better: Sequence[str], worse: dict[str, float]) -> str:
     """That the data speak for other names in its place: a low probability is then no slip."""
-    each = [f"{spoken(n)} by {-worse[n]:.1f} nats" for n in better]
-    listed = " and ".join(filter(None, [", ".join(each[:-1]), each[-1]]))
+    listed = _joined([f"{spoken(n)} by {-worse[n]:.1f} nats" for n in better])
     said = opened(f"in place of {spoken(name)}, these fit the data better than it does: {listed}.")
     little = max(-worse[n] for n in better) < Rules.least_gain
     return f"{said} {UNDECIDED}" if little else said
+
+
+def _listed(names: Sequence[str]) -> str:
+    return _joined([spoken(n) for n in names])
+
+
+def _joined(each: Sequence[str]) -> str:
+    """In a row with 'and' before the last."""
+    return " and ".join(filter(None, [", ".join(each[:-1]), each[-1]]))
 
 
 def _decided(name: str, rival: str, worse: float | None) -> str:
@@ -287,8 +299,7 @@ def _decided(name: str, rival: str, worse: float | None) -> str:
         return "nothing: a force without a name may do as well, and none of these drives tells"
     if rival == "unknown":
         return f"against a force without a name that comes and goes likewise the data, by {worse:.1f} nats"
-    if not worse:
-        return f"against {spoken(rival)} nothing: it may do as well"
+    worse = worse or 0.0
     prior = math.log(LIBRARY[name].prior / LIBRARY[rival].prior) if {name, rival} <= set(LIBRARY) else 0.0
     data = worse - prior
     if data > abs(prior):

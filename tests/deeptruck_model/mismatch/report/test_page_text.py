@@ -76,7 +76,9 @@ def test_a_rival_that_does_little_better_leaves_it_undecided() -> None:
 
 def test_where_no_nats_were_told_none_are_explained() -> None:
     assert "nats" not in told("accessory_load", unknown=0.0)
-    assert "nothing: it may do as well" in told("rolling_resistance", brake_gain=0.0)
+    assert "Nothing speaks against brake gain: it may do as well." in told(
+        "rolling_resistance", brake_gain=0.0
+    )
     assert told("rolling_resistance", brake_gain=3.0).endswith(wording.IN_PLACE)
 
 
