@@ -35,7 +35,7 @@ UNSTATED = (
     "be stated: more recordings may tell."
 )
 EQUAL = "So these drives do not tell which of the two predicts better."
-NOT_BETTER = "the corrected simulator does not predict the held-out recordings better: nothing may be applied"
+NOT_BETTER = "the corrected simulator is not surely better where it was not fitted: nothing may be applied"
 HARMS = (
     "without {names}, which no simulator is told, the corrected one predicts held-out recordings worse than "
     "the one given ({before:.3g} -> {after:.3g} m/s): nothing may be applied"
