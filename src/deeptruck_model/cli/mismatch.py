@@ -194,7 +194,7 @@ def prove(
     forms: Annotated[
         str,
         typer.Option(
-            help="Family of effects to hide: 'all', one of thirteen ('first' to 'thirteenth') or 'sealed'."
+            help="Family of effects to hide: 'all', a proved one ('first' to 'sixteenth') or 'sealed'."
         ),
     ] = "all",
     real: Annotated[

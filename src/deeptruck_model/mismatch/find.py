@@ -154,6 +154,8 @@ def _find(
     force = sum((cause.force for cause in causes.values()), start=np.zeros(len(e)))
     data = _data(c, e)
     regimes = locate.regimes(e, force if causes else e.residual)
+    if len(causes) == 1:  # else regimes are of several forces together
+        found = [findings.with_regime(f, regimes) for f in found]
     unsaid = "" if found else _unsaid(simulator, c, e, driven, regimes)
     verdict = Verdict(
         kind=Conclusion.UNDETERMINED if unsaid else _conclusion(found),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,11 +23,13 @@ from deeptruck_model.mismatch.report.form import border, curved, equation
 from deeptruck_model.mismatch.report.sizes import picked, sizes_of
 from deeptruck_model.mismatch.residual.evidence import Evidence, ForceUnit
 from deeptruck_model.mismatch.residual.noise import Z95
+from deeptruck_model.mismatch.result import Regime
 from deeptruck_model.mismatch.sentence import Named, Part, Sentence
 from deeptruck_model.mismatch.strength import Strength, acts
 
 ONE_WAY = 0.5  # of its rms that the mean of a force must have, to tell its size
 MOVED_FAR = 0.05  # relative, of a parameter that is told beside a force
+MUCH, SELDOM = 0.3, 3.0  # of a force, and times its share of the time, that tell where it acts
 AT_ITS_MOMENTS = "record more signals, and look what else happens when it acts most (the `segments`)"
 
 
@@ -114,6 +117,17 @@ def _time_varying(cause: Cause, e: Evidence) -> Told:
         Sentence.of(AT_ITS_MOMENTS if now_and_then else UNNAMED.told_by),
         ("time",) if now_and_then else UNNAMED.depends_on,
     )
+
+
+def with_regime(found: Finding, regimes: Sequence[Regime]) -> Finding:
+    """The finding of a force that no signal predicts, with the driving in which much of it acts in little of
+    the time, where there is such: the best clue that there is."""
+    clue = next((r for r in regimes if r.share_of_error > max(MUCH, SELDOM * r.share_of_time)), None)
+    if clue is None or found.effect != "unknown" or found.depends_on != ("time",):
+        return found
+    share = f"{100.0 * clue.share_of_error:.0f} % of it is in {100.0 * clue.share_of_time:.0f} % of the time"
+    signals = tuple(b.signal for b in clue.bounds)
+    return replace(found, says=found.says.and_then(f"{share}, where {clue.where}"), depends_on=signals)
 
 
 def _nearest(cause: Cause, fails: str) -> tuple[Part, ...]:

@@ -19,6 +19,7 @@ from deeptruck_model.mismatch.posterior.search import Search
 from deeptruck_model.mismatch.report import findings, sizes
 from deeptruck_model.mismatch.report.wording import force
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.result import Bound, Regime
 
 
 def test_times_of_every_part_of_a_shape_are_told(nothing_missing: Evidence) -> None:
@@ -82,3 +83,19 @@ def test_parameters_that_moved_far_beside_a_force_are_told(nothing_missing: Evid
         said = str(findings.from_cause(cause, e, x, {}).says)
         assert ("Its size holds beside torque_gain +20 %" in said) == told
         assert "drag_area" not in said
+
+
+def test_a_force_that_no_signal_predicts_is_told_with_the_driving_it_acts_in(
+    nothing_missing: Evidence,
+) -> None:
+    """An axle that pushed after braking was 'F = f(t)', though a table further down had where it acts."""
+    cause = Cause("missing_physics", "unknown", 500.0, 1.0, np.ones(len(nothing_missing)), time_varying=True)
+    x: Any = SimpleNamespace(causes=(cause,), model=SimpleNamespace(free=frozenset()))
+    found = findings.from_cause(cause, nothing_missing, x, {})
+    assert found.depends_on == ("time",)
+    after_braking = Regime((Bound("braking power over 60 s", 2.1, np.inf, "W/kg"),), 0.49, 0.02)
+    told = findings.with_regime(found, [after_braking])
+    assert told.depends_on == ("braking power over 60 s",)
+    assert "49 % of it is in 2 % of the time, where braking power over 60 s > 2.1 W/kg" in str(told.says)
+    assert findings.with_regime(found, [replace(after_braking, share_of_time=0.4)]) == found
+    assert findings.with_regime(found, []) == found
