@@ -123,7 +123,7 @@ def with_regime(found: Finding, regimes: Sequence[Regime]) -> Finding:
     """The finding of a force that no signal predicts, with the driving in which much of it acts in little of
     the time, where there is such: the best clue that there is."""
     clue = next((r for r in regimes if r.share_of_error > max(MUCH, SELDOM * r.share_of_time)), None)
-    if clue is None or found.effect != "unknown" or found.depends_on != ("time",):
+    if clue is None or found.cause is None or not found.cause.time_varying:
         return found
     share = f"{100.0 * clue.share_of_error:.0f} % of it is in {100.0 * clue.share_of_time:.0f} % of the time"
     signals = tuple(b.signal for b in clue.bounds)
