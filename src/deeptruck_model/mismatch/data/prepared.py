@@ -80,8 +80,12 @@ def each_once(
     chosen: list[Recording] = list(held)
     kept: list[Recording] = []
     for r in fit:
-        if any(_same(r, other) for other in [*chosen, *kept]):
-            caveats.append(f"recording '{r.name}' was given twice and is used once")
+        known = next((other for other in [*chosen, *kept] if _same(r, other)), None)
+        if known is not None:
+            use = "held out" if any(known is h for h in chosen) else "fitted"
+            caveats.append(
+                f"recording '{r.name}' is the same as '{known.name}', which is {use}; it is used once"
+            )
         else:
             kept.append(r)
     return kept, chosen, caveats

@@ -28,16 +28,16 @@ class Asked:
         """The call again, with `more` at its end, into a new folder whose name ends on `ending`."""
         if not self.simulator:
             return ""
-        fitted = [path for path in self.recordings if path not in self.held_out]
+        fitted = [path for path in dict.fromkeys(self.recordings) if path not in self.held_out]
         alone = set(fitted) <= {Path(NEW_DRIVE)}  # all that was given is held out too: it judges nothing
-        held = () if alone or not self.held_out else ("--held-out", *map(str, self.held_out))
+        held = () if alone or not self.held_out else ("--held-out", *map(str, dict.fromkeys(self.held_out)))
         by_map = ("--topic-map", str(self.topic_map)) if self.topic_map else ()
         weighing = ("--mass-kg", f"{self.mass_kg:g}") if self.mass_kg else ()
         words = (
             "--simulator",
             self.simulator,
             "--recordings",
-            *map(str, self.recordings if alone else fitted),
+            *map(str, dict.fromkeys(self.recordings) if alone else fitted),
             *held,
             *by_map,
             *weighing,

@@ -137,6 +137,7 @@ def test_a_call_is_repeated_with_its_topic_map():
         ("ab", "b", "--recordings a --held-out b"),
         ("a", "a", "--recordings a --out"),
         ("ab", "", "--recordings a b --out"),
+        ("aab", "bb", "--recordings a --held-out b --out"),
     ],
 )
 def test_what_is_fitted_and_held_out_too_is_proposed_once(recordings, held_out, told):
