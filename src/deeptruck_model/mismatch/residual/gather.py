@@ -65,6 +65,7 @@ Mask = NDArray[np.bool_]
 PARAMETERS = ("mass", "drag_area", "rolling_resistance", "torque_gain", "brake_gain")
 JITTER_RUNS = 6
 SHIFT_S = 2.0  # around a shift, in which two runs open and close the clutch at different moments
+TELLS, FEWEST = 1e-3, 5  # m/s^2 that a sample makes, and rows, to tell how far apart truck and simulator are
 STEP = 0.04  # relative step of a parameter for its sensitivity
 
 
@@ -98,13 +99,16 @@ def gather(
     signals, mass, mass_known = components.signals(simulator, prepared, runs, grid, stated)
     signals["gear apart"] = grid.any(apart).astype(float)
     turning = _turning(runs, grid)
+    valid = grid.valid() & ~grid.any(other)
+    sooner = _sooner(simulator, prepared, grid) if known_physics else None
+    apart_by = 0.0 if sooner is None else _samples_apart(observed - simulated, sooner, valid)
     evidence = Evidence(
         dt=dt * block,
         stretches=grid.stretches,
         residual=observed - simulated,
         simulated=simulated,
-        disagreement=_disagreement(simulator, prepared, grid, seed),
-        valid=grid.valid() & ~grid.any(other),
+        disagreement=_disagreement(simulator, prepared, grid, seed, apart_by),
+        valid=valid,
         other_gear=int(sum(o.sum() for o in other)),
         signals=signals | {"simulated": simulated},
         sensitivity={},
@@ -114,7 +118,7 @@ def gather(
         vehicle=prepared[0].recording.interface.kind,
         moved=dict(moved or {}),
         rerun=_rerunner(simulator, prepared, grid, simulated),
-        sooner=_sooner(simulator, prepared, grid) if known_physics else None,
+        sooner=sooner,
         slow_noise=rules.slow_noise,
         rules=rules,
         command_units={name: simulator.interface.unit(name) for name in simulator.interface.u},
@@ -186,9 +190,24 @@ def _accelerations(
     return grid.stack([run.y[0, :, ACCELERATION] for run in forced(simulator, prepared, us)])
 
 
-def _disagreement(simulator: Simulator, prepared: Sequence[Prepared], grid: _Grid, seed: int) -> Array:
+def _samples_apart(residual: Array, sooner: Array, valid: Mask) -> float:
+    """By how many samples, one at most, truck and simulator decide apart: what a sample sooner makes beside
+    the residual, by a median in which a row counts as much as it tells. So no force behind each shift is
+    taken for it."""
+    told = valid & (np.abs(sooner) > TELLS)
+    if told.sum() < FEWEST:
+        return 0.0
+    ratio, weight = residual[told] / sooner[told], np.abs(sooner[told])
+    order = np.argsort(ratio)
+    sums = np.cumsum(weight[order])
+    return min(abs(float(ratio[order][np.searchsorted(sums, sums[-1] / 2.0)])), 1.0)
+
+
+def _disagreement(
+    simulator: Simulator, prepared: Sequence[Prepared], grid: _Grid, seed: int, apart_by: float
+) -> Array:
     """Sd of the simulated acceleration when the inputs move by their own quantisation and noise, and speed
-    by what it changes by within a sample: nobody knows when between two of them a truck shifts."""
+    by what it changes by in `apart_by` samples: when in these a truck shifts nobody knows."""
     rng = np.random.default_rng(seed)
     parts = []
     for p in prepared:
@@ -199,7 +218,7 @@ def _disagreement(simulator: Simulator, prepared: Sequence[Prepared], grid: _Gri
         noise = rng.normal(0.0, max(p.speed_noise, 0.003), (k, n))
         drift = rng.normal(0.0, 0.002, (k, 1)) * p.y[None, :, SPEED]
         noise = gaussian_filter1d(noise, 2.0, axis=1) + drift
-        y = _at_another_moment(y, rng.uniform(-1.0, 1.0, (k, 1)) * p.dt, p.observed)
+        y = _at_another_moment(y, apart_by * rng.uniform(-1.0, 1.0, (k, 1)) * p.dt, p.observed)
         y[:, :, SPEED] = np.maximum(y[:, :, SPEED] + noise, 0.0)
         run = forced_run(simulator, u, np.repeat(p.w[None], k, axis=0), fed(simulator, y))
         parts.append(run.y[:, :, ACCELERATION].std(axis=0, ddof=1))
