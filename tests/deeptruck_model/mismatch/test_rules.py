@@ -48,7 +48,7 @@ NUMERICS = {
     "residual/components.py": {"ALIKE"},
     "residual/effective_mass.py": {"ASKED_MORE", "BRAKED", "RELEASED_S"},
     "residual/evidence.py": {"SELDOM", "WIDTH"},
-    "residual/gather.py": {"ALIKE", "LEAST_EFFECTIVE_MASS_GAIN"},
+    "residual/gather.py": {"ALIKE", "FEWEST", "LEAST_EFFECTIVE_MASS_GAIN", "TELLS"},
     "residual/noise.py": {"LEAST_DRIVES"},
 }
 

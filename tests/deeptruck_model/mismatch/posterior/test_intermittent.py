@@ -90,7 +90,7 @@ def test_bursts_that_follow_nothing_are_unknown(nothing_missing: Evidence) -> No
     (cause,) = found.causes
     assert cause.effect == "unknown" and cause.time_varying
     said = from_cause(cause, e, found, {})
-    assert "moments listed under segments" in str(said.would_be_told_by) and said.nearest is None
+    assert "when it acts most (the `segments`)" in str(said.would_be_told_by) and said.nearest is None
     assert np.corrcoef(cause.force, force)[0, 1] > 0.9
 
 
