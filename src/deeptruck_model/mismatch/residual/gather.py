@@ -191,9 +191,10 @@ def _accelerations(
 
 
 def _samples_apart(residual: Array, sooner: Array, valid: Mask) -> float:
-    """By how many samples, one at most, truck and simulator decide apart: what a sample sooner makes beside
-    the residual, by a median in which a row counts as much as it tells. So no force behind each shift is
-    taken for it."""
+    """How far speed strays in the doubt, in samples, one at most: the residual beside what a sample sooner
+    makes, by a median in which a row counts as much as it tells. So no force behind each shift is taken for
+    it. A shift a whole sample sooner tells 2, as `sooner` is the half of two steps: half a sample is the most
+    that is told apart."""
     told = valid & (np.abs(sooner) > TELLS)
     if told.sum() < FEWEST:
         return 0.0
