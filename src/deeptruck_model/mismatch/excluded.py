@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.mechanisms import LIBRARY, UNNAMED
-from deeptruck_model.mismatch.residual.gather import PARAMETERS
+from deeptruck_model.mismatch.residual.sensitivity import PARAMETERS
 
 SENSORS = ("acceleration_bias", "speed_scale")
 NAMED = (*LIBRARY, *PARAMETERS, *SENSORS, UNNAMED.effect)

@@ -36,7 +36,8 @@ from deeptruck_model.mismatch.posterior.modelled import Formula
 from deeptruck_model.mismatch.posterior.windows import often_off
 from deeptruck_model.mismatch.report import findings, identifiability, validation
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.residual.gather import PARAMETERS, gather
+from deeptruck_model.mismatch.residual.gather import gather
+from deeptruck_model.mismatch.residual.sensitivity import PARAMETERS
 from deeptruck_model.mismatch.result import Conclusion, DataReport, Mismatch, Regime, Verdict
 from deeptruck_model.mismatch.rules import Rules
 from deeptruck_model.recordings import Recording

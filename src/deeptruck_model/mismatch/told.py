@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from deeptruck_model.mismatch.residual.gather import PARAMETERS
+from deeptruck_model.mismatch.residual.sensitivity import PARAMETERS
 from deeptruck_model.protocol_check import Row, State, drive, start
 from deeptruck_model.signals import SPEED
 from deeptruck_model.simulators import Simulator

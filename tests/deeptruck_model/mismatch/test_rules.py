@@ -48,7 +48,9 @@ NUMERICS = {
     "residual/components.py": {"ALIKE"},
     "residual/effective_mass.py": {"ASKED_MORE", "BRAKED", "RELEASED_S"},
     "residual/evidence.py": {"SELDOM", "WIDTH"},
-    "residual/gather.py": {"ALIKE", "FEWEST", "LEAST_EFFECTIVE_MASS_GAIN", "TELLS"},
+    "residual/forced.py": {"ALIKE"},
+    "residual/sensitivity.py": {"LEAST_EFFECTIVE_MASS_GAIN"},
+    "residual/shift_moment.py": {"FEWEST", "TELLS"},
     "residual/noise.py": {"LEAST_DRIVES"},
 }
 

@@ -11,7 +11,7 @@ import pytest
 from deeptruck_model import mismatch, simulators, trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch import told
-from deeptruck_model.mismatch.residual.gather import PARAMETERS
+from deeptruck_model.mismatch.residual.sensitivity import PARAMETERS
 from deeptruck_model.protocol_check import State
 from deeptruck_model.recordings import Recording
 

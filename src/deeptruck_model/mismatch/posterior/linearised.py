@@ -23,7 +23,8 @@ from deeptruck_model.mismatch.posterior.road_lock import road_lock
 from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.posterior.stepwise import first_guess
 from deeptruck_model.mismatch.residual.evidence import Evidence
-from deeptruck_model.mismatch.residual.gather import STEP, gather
+from deeptruck_model.mismatch.residual.gather import gather
+from deeptruck_model.mismatch.residual.sensitivity import STEP
 from deeptruck_model.simulators import Simulator
 
 HALVINGS = 12

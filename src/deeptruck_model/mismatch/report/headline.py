@@ -21,7 +21,7 @@ from deeptruck_model.mismatch.fit_result import Chosen, FitResult
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.posterior.next_pass import NextPass
 from deeptruck_model.mismatch.report.wording import force, number, opened, percent, prose, spoken
-from deeptruck_model.mismatch.residual.gather import PARAMETERS
+from deeptruck_model.mismatch.residual.sensitivity import PARAMETERS
 from deeptruck_model.mismatch.result import Conclusion, Verdict
 
 LONGEST = 30  # words in a sentence

@@ -19,6 +19,7 @@ from deeptruck_model.constants import AIR_DENSITY, DIESEL_J_PER_CM3, GRAVITY
 from deeptruck_model.mismatch.expression import Expression, Signal, maximum
 from deeptruck_model.mismatch.residual.effective_mass import with_effective_mass
 from deeptruck_model.mismatch.residual.evidence import Evidence, gears, overall_ratio, turns
+from deeptruck_model.mismatch.residual.grid import Grid
 from deeptruck_model.signals import ACCELERATION, SPEED
 from deeptruck_model.simulators import Run, Simulator, forced_run
 
@@ -138,7 +139,7 @@ def signals(
     simulator: Simulator,
     prepared: Sequence[Prepared],
     runs: Sequence[Run],
-    grid: Any,
+    grid: Grid,
     mass_kg: float | None = None,
 ) -> tuple[dict[str, Array], float, bool]:
     """The stacked signals mechanisms are made of, the mass (kg) that turns specific forces into N, and
@@ -172,7 +173,7 @@ def tells_forces(run: Run) -> bool:
     return "traction_force" in run.inside
 
 
-def _known(name: str, prepared: Sequence[Prepared], grid: Any) -> bool:
+def _known(name: str, prepared: Sequence[Prepared], grid: Grid) -> bool:
     """Whether any recording that is fitted has the channel. What only those held out have, as another logger
     made them, would stand as unknown for what a simulator tells instead."""
     fitted = [p for p, s in zip(prepared, grid.stretches, strict=True) if not s.held_out]
@@ -189,7 +190,7 @@ def _column(p: Prepared, name: str) -> Array:
     return p.u[:, interface.u.index(name)] if name in interface.u else p.w[:, interface.w.index(name)]
 
 
-def _from_inside(out: dict[str, Array], simulator: Simulator, runs: Sequence[Run], grid: Any) -> float:
+def _from_inside(out: dict[str, Array], simulator: Simulator, runs: Sequence[Run], grid: Grid) -> float:
     """Specific forces of a physics truck; also its gear and engine speed where the recording has none."""
 
     def inside(name: str) -> list[Array]:
@@ -213,7 +214,7 @@ def _from_questions(
     simulator: Simulator,
     prepared: Sequence[Prepared],
     runs: Sequence[Run],
-    grid: Any,
+    grid: Grid,
     known_mass: float | None,
 ) -> float:
     """Specific forces of a black box, and its mass: what is known, else an estimate.

@@ -9,7 +9,7 @@ from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.mismatch.correction.corrected_truck import CorrectedTruck, Term
 from deeptruck_model.mismatch.data.prepared import Prepared, fed, prepare
 from deeptruck_model.mismatch.mechanisms.variants import Static
-from deeptruck_model.mismatch.residual.gather import _alike, forced
+from deeptruck_model.mismatch.residual.forced import _alike, forced
 from deeptruck_model.simulators import Simulator, forced_run
 
 TRUCK = trucks.load("trucksim")

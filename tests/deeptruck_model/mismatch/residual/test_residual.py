@@ -15,6 +15,7 @@ from deeptruck_model.mismatch.mechanisms.variants import Static
 from deeptruck_model.mismatch.residual import gather
 from deeptruck_model.mismatch.residual.components import Shares
 from deeptruck_model.mismatch.residual.evidence import Evidence
+from deeptruck_model.mismatch.residual.sensitivity import PARAMETERS
 from deeptruck_model.recordings import Recording
 
 KNOWN = ("speed", "acceleration", "engine_command", "brake_command", "grade")
@@ -59,7 +60,7 @@ def test_sensitivities_are_the_answers_of_other_trucks(drives: list[Recording], 
     sure = own.valid & (own.doubt(0.02) < 1.5) & (other.doubt(0.02) < 1.5)
     expected = -0.02 * own.sensitivity["mass"]
     assert np.corrcoef((other.residual - own.residual)[sure], expected[sure])[0, 1] > 0.99
-    assert set(own.sensitivity) == set(gather.PARAMETERS)
+    assert set(own.sensitivity) == set(PARAMETERS)
 
 
 def test_rerun_is_the_change_by_late_commands(own: Evidence) -> None:
@@ -100,7 +101,7 @@ def test_a_black_box_is_split_into_what_it_is_made_of(drives: list[Recording], o
 
     for name in ("engine", "brake"):
         assert np.corrcoef(asked[name][asked.valid], seconds(own[name])[asked.valid])[0, 1] > 0.9
-    assert set(asked.sensitivity) == set(gather.PARAMETERS)
+    assert set(asked.sensitivity) == set(PARAMETERS)
 
 
 def test_a_truck_whose_brake_was_not_recorded(drives: list[Recording]) -> None:

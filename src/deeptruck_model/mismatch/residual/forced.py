@@ -1,0 +1,53 @@
+"""A simulator driven along recordings: at every step it receives the recorded response."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.data.prepared import Prepared, fed, padded
+from deeptruck_model.mismatch.residual.grid import Grid
+from deeptruck_model.signals import ACCELERATION
+from deeptruck_model.simulators import Run, Simulator, forced_run
+
+Array = NDArray[np.float64]
+
+ALIKE = 0.8  # of the longest drive's length, for drives that are run at once
+
+
+def forced(simulator: Simulator, prepared: Sequence[Prepared], us: Sequence[Array]) -> list[Run]:
+    """Runs (1, T) along every drive with the commands `us`, each (T, n_u), of one drive each.
+
+    Those of about one length are run at once: what is stepped in Python, as a corrected truck, takes as long
+    for many as for one. A shorter one goes on as it ends, which is cut off."""
+    runs: dict[int, Run] = {}
+    lengths = [len(u) for u in us]
+    for together in _alike(lengths):
+        longest = lengths[together[0]]
+        drives = [(us[i], prepared[i].w, fed(simulator, prepared[i].y)) for i in together]
+        u, w, y = (np.stack([padded(x, longest) for x in each]) for each in zip(*drives, strict=True))
+        run = forced_run(simulator, u, w, y)
+        for row, i in enumerate(together):
+            own = (slice(row, row + 1), slice(lengths[i]))
+            runs[i] = Run(run.y[own], {name: x[own] for name, x in run.inside.items()})
+    return [runs[i] for i in range(len(us))]
+
+
+def _alike(lengths: Sequence[int]) -> list[list[int]]:
+    """Indices in groups of about one length, the longest of each first."""
+    groups: list[list[int]] = []
+    for i in sorted(range(len(lengths)), key=lambda i: -lengths[i]):
+        if groups and lengths[i] > ALIKE * lengths[groups[-1][0]]:
+            groups[-1].append(i)
+        else:
+            groups.append([i])
+    return groups
+
+
+def accelerations(
+    simulator: Simulator, prepared: Sequence[Prepared], grid: Grid, us: Sequence[Array]
+) -> Array:
+    """Simulated accelerations (n,) with the commands `us`, in blocks."""
+    return grid.stack([run.y[0, :, ACCELERATION] for run in forced(simulator, prepared, us)])

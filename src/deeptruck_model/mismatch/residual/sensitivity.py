@@ -1,0 +1,63 @@
+"""What the simulated acceleration changes by where a parameter of the simulator changes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.data.prepared import Prepared, fill, widen
+from deeptruck_model.mismatch.residual import components
+from deeptruck_model.mismatch.residual.evidence import LEAST_EFFECTIVE_MASS_GAIN, Evidence
+from deeptruck_model.mismatch.residual.forced import forced
+from deeptruck_model.mismatch.residual.grid import Grid
+from deeptruck_model.signals import ACCELERATION
+from deeptruck_model.simulators import Run, Simulator
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+PARAMETERS = ("mass", "drag_area", "rolling_resistance", "torque_gain", "brake_gain")
+STEP = 0.04  # relative step of a parameter for its sensitivity
+SHIFT_S = 2.0  # around a shift, in which two runs open and close the clutch at different moments
+
+
+def sensitivities(
+    simulator: Simulator, prepared: Sequence[Prepared], grid: Grid, evidence: Evidence
+) -> dict[str, Array]:
+    """Change of the simulated acceleration for a 100 % change of each parameter, linearised."""
+    own = simulator.parameters()
+    out: dict[str, Array] = {}
+    for name in PARAMETERS:
+        if name in own and own[name] != 0.0:
+            out[name] = _rerun_slope(simulator, prepared, grid, evidence, name)
+        else:
+            out[name] = components.sensitivity(evidence, name)
+    return {k: v for k, v in out.items() if np.abs(v[evidence.valid]).max(initial=0.0) > 1e-4}
+
+
+def _rerun_slope(
+    simulator: Simulator, prepared: Sequence[Prepared], grid: Grid, e: Evidence, name: str
+) -> Array:
+    """The slope between two reruns. Where these shift one may be a little sooner, and the shift is all that
+    they tell: there it is the slope of the components, as far off as before and after."""
+    value = simulator.parameters()[name]
+    us = [p.u for p in prepared]
+    low, high = (
+        forced(simulator.with_parameters({name: value * (1 + s)}), prepared, us) for s in (-STEP, STEP)
+    )
+    slope = grid.stack([(b.y - a.y)[0, :, ACCELERATION] for a, b in zip(low, high, strict=True)]) / (2 * STEP)
+    if "gear" not in low[0].inside:
+        return slope
+    dt = prepared[0].dt
+    apart = grid.any([_shifts(a, dt) | _shifts(b, dt) for a, b in zip(low, high, strict=True)])
+    apart &= e["effective_mass_gain"] > LEAST_EFFECTIVE_MASS_GAIN  # beyond, brakes act and not the engine
+    known = np.nan_to_num(components.sensitivity(e, name))
+    return known + fill(np.where(apart, np.nan, slope - known))
+
+
+def _shifts(run: Run, dt: float) -> Mask:
+    """Samples (n,) near a shift: the clutch opens before the gear changes."""
+    gear, near = run.inside["gear"][0], round(SHIFT_S / dt)
+    return widen(np.diff(gear, prepend=gear[0]) != 0, near, near)

@@ -1,0 +1,57 @@
+"""When within a sample a truck shifts: one that steps finer than its simulator decides a little sooner."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deeptruck_model.mismatch.data.prepared import Prepared
+from deeptruck_model.mismatch.residual.forced import accelerations
+from deeptruck_model.mismatch.residual.grid import Grid
+from deeptruck_model.signals import SPEED
+from deeptruck_model.simulators import Simulator
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+TELLS, FEWEST = 1e-3, 5  # m/s^2 that a sample makes, and rows, to tell how far apart truck and simulator are
+
+
+def of_a_sample_sooner(simulator: Simulator, prepared: Sequence[Prepared], grid: Grid) -> Array:
+    """What the simulated acceleration is more by, (n,), where the truck decides a sample sooner. A truck that
+    steps finer than its simulator shifts before it throughout, and that is no missing physics."""
+    us = [p.u for p in prepared]
+    after, before = (
+        accelerations(
+            simulator,
+            [replace(p, y=at_another_moment(p.y, side * p.dt, p.observed)) for p in prepared],
+            grid,
+            us,
+        )
+        for side in (1.0, -1.0)
+    )
+    return (after - before) / 2.0
+
+
+def samples_apart(residual: Array, sooner: Array, valid: Mask) -> float:
+    """How far speed strays in the doubt, in samples, one at most: the residual beside what a sample sooner
+    makes, by a median in which a row counts as much as it tells. So no force behind each shift is taken for
+    it. A shift a whole sample sooner tells 2, as `sooner` is the half of two steps: half a sample is the most
+    that is told apart."""
+    told = valid & (np.abs(sooner) > TELLS)
+    if told.sum() < FEWEST:
+        return 0.0
+    ratio, weight = residual[told] / sooner[told], np.abs(sooner[told])
+    order = np.argsort(ratio)
+    sums = np.cumsum(weight[order])
+    return min(abs(float(ratio[order][np.searchsorted(sums, sums[-1] / 2.0)])), 1.0)
+
+
+def at_another_moment(y: Array, later_s: float | Array, acceleration: Array) -> Array:
+    """Responses (..., T, n_y) whose speed is that of a moment so much later, with this acceleration (T,)."""
+    y = y.copy()
+    y[..., SPEED] = np.maximum(y[..., SPEED] + later_s * acceleration, 0.0)
+    return y
