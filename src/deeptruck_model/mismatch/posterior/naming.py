@@ -67,7 +67,7 @@ def renamed(search: Search, model: Model) -> Model:
     they look like then.
     """
     laws = [term for term in model.named if _acts_throughout(term)]
-    if search.e.model_discrepancy > 0.0 or not laws:
+    if not laws:
         return model
     likeness = Likeness(search, model)
     for term in laws:
@@ -87,8 +87,6 @@ def asked_for(search: Search, model: Model) -> Model:
     """The model without laws that are more like what the others' forms leave over than like any name: the
     weakest first, as the others explain the more without it. Not so parameters: to a recogniser what forms
     leave looks like them."""
-    if search.e.model_discrepancy > 0.0:
-        return model
     likeness = Likeness(search, model)
     for term in sorted(filter(_acts_throughout, model.named), key=lambda t: _alone_gains(search, model, t)):
         others = tuple(t for t in model.named if t is not term)
@@ -111,7 +109,7 @@ def _lost(search: Search, model: Model, other: Model, others: Sequence[Candidate
 def with_the_rest(search: Search, model: Model, rest: Array) -> Model:
     """The model with one name more, where what it leaves over, `rest` (n,), is more like a name than like
     nothing known, and that name's own forms explain enough of it."""
-    if search.e.model_discrepancy > 0.0 or len(model.named) >= MOST_TERMS:
+    if len(model.named) >= MOST_TERMS:
         return model
     told = Likeness(search, model).of(rest, set(model.effects))
     best = _likest(search, told)
@@ -140,10 +138,9 @@ def recognised(search: Search, found: Explanation) -> Explanation:
     """The explanation, each finding with the probabilities of names that the recogniser gives it beside the
     others.
 
-    Beside a learned simulator there are none: its model discrepancy is like any name. Nor for what acts in
-    windows alone, or is slow: kernels are of what acts throughout.
+    What acts in windows alone, or is slow, has none: kernels are of what acts throughout.
     """
-    if search.e.model_discrepancy > 0.0 or not any(map(_has_a_likeness, found.causes)):
+    if not any(map(_has_a_likeness, found.causes)):
         return found
     likeness, told = Likeness(search, found.model), list(found.causes)
     for k, c in enumerate(found.causes):
