@@ -51,6 +51,16 @@ class Products:
         return Products(*(np.concatenate([x[:-1], x[-1] - x[:-1]]) for x in sums))
 
 
+def between_gears(edges: Array, gears: Sequence[float]) -> Array:
+    """The borders (at most as many) between gears (rad/m, ascending) that are next above the edges: through a
+    gear itself none runs, where noise alone would tell the sides."""
+    at = np.asarray(gears)
+    between = np.sqrt(at[1:] * at[:-1])
+    above = np.searchsorted(between, edges)
+    out: Array = between[np.unique(above[above < len(between)])]
+    return out
+
+
 @dataclass(frozen=True)
 class Regimes:
     """Borders of each of the `signals` (n,), and for each the rows that count in every bin between them."""
@@ -71,6 +81,7 @@ class Regimes:
                 continue
             x = signals[name] = signal.rows(e)
             edges = np.unique(np.quantile(x[use], np.linspace(0.0, 1.0, BINS + 1)[1:-1]))
+            edges = between_gears(edges, e.gears) if name == "lever" else edges
             bins = np.searchsorted(edges, x[use], side="left")
             borders[name] = edges
             rows[name] = [np.flatnonzero(bins == b) for b in range(len(edges) + 1)]

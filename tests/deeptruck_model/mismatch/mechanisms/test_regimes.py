@@ -86,3 +86,14 @@ def test_a_confined_shape_acts_alike_in_a_simulation(
         out.append(np.broadcast_to(values[0], 1)[0])
     assert np.array(out) == pytest.approx(term.columns[:600, 0])
     assert 0 < np.count_nonzero(out) < 600
+
+
+@pytest.mark.parametrize(("gears", "expected"), [([24.0], []), ([6.0, 24.0], [12.0])])
+def test_no_border_runs_through_a_gear(
+    nothing_missing: Evidence, gears: list[float], expected: list[float]
+) -> None:
+    e, rng = nothing_missing, np.random.default_rng(0)
+    driven = np.array(gears)[np.arange(len(e)) // 40 % len(gears)]
+    ratio = driven * (1.0 + 1e-4 * rng.normal(size=len(e)))
+    e = replace(e, signals=e.signals | {"ratio": ratio, "lever": ratio})
+    assert Search(e).regimes.borders["lever"] == pytest.approx(expected, rel=1e-3)
