@@ -15,16 +15,19 @@ from deeptruck_model.mismatch.mechanisms.base import (
 )
 from deeptruck_model.mismatch.mechanisms.over_time import (
     MOST_KNOTS,
+    each_recording,
+    in_each,
     profile,
     share_out,
     spline_columns,
     splines,
 )
-from deeptruck_model.mismatch.mechanisms.variants import Simple, Spline, Variant
+from deeptruck_model.mismatch.mechanisms.variants import PerRecording, Simple, Spline, Variant
 from deeptruck_model.mismatch.residual.evidence import Evidence
 
 FINE_M, HILLY = 100.0, 0.02  # knots of a hilly road, and the sd of its slope
 ROUGH = 0.1  # m/s^2: soft ground
+WET = 0.02  # m/s^2: a third of what tyres take, from one whole drive to another
 SLOPE, SURFACE = lift(-GRAVITY), lift(-1.0)
 
 
@@ -47,12 +50,20 @@ def _grade(v: Simple) -> list[Column]:
     return spline_columns(v, SLOPE, "grade", "ratio", sign=0, steady=False)
 
 
-def _surfaces(e: Evidence) -> Iterator[Spline]:
+def _surfaces(e: Evidence) -> Iterator[Simple]:
+    """Stretches of it, or another road, or rain, on whole drives."""
+    if 2 < len(e.stretches) <= MOST_KNOTS:
+        yield each_recording(e)
     yield from splines(e, SURFACE, ROUGH, "distance")
     yield from _fine(e, ROUGH)
 
 
 def _surface(v: Simple) -> list[Column]:
+    if isinstance(v, PerRecording):
+        return [
+            Column(SURFACE * here, WET, f"force[{name}]", "N", per_mass=True, sign=0)
+            for name, here in in_each(v)
+        ]
     return spline_columns(v, SURFACE, "force", "N", sign=1, per_mass=True)
 
 
@@ -73,10 +84,10 @@ MECHANISMS = (
     ),
     Mechanism(
         "road_surface",
-        "F = -m c(x), c >= 0",
-        "stretches of the road roll harder, whichever way they are driven",
+        "F = -m c(x), c >= 0, or one c in each recording",
+        "the road rolls harder, in stretches or on whole drives",
         ("distance",),
-        ("distance along the road",),
+        ("distance along the road", "recording"),
         "rolling resistance of road textures: MIRIAM project",
         "drive the same stretch in both directions",
         _surfaces,
