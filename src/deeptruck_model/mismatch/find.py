@@ -17,7 +17,7 @@ from deeptruck_model.mismatch.active_fault import active_fault
 from deeptruck_model.mismatch.correction import correction
 from deeptruck_model.mismatch.correction.own_error import acts_there_alone, differs
 from deeptruck_model.mismatch.correction.worth import noticed, refitted_is_much_better
-from deeptruck_model.mismatch.data import checks
+from deeptruck_model.mismatch.data import checks, speed_unit
 from deeptruck_model.mismatch.data.prepared import (
     Prepared,
     each_once,
@@ -117,6 +117,7 @@ def checked_drives(
     faults = checks.sensor_faults(drives, rules) if measured else []
     response = simulator.interface.y
     whole = [prepare(checks.mended(r, faults), measured, response) for r in drives]
+    speed_unit.check(simulator, whole)
     prepared = tuple(learned(simulator, p) for p in whole)
     strange = sum(int((p.valid & ~q.valid).sum()) for p, q in zip(whole, prepared, strict=True))
     if strange:

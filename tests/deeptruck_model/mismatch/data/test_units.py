@@ -1,0 +1,67 @@
+"""Units that were taken for others are told by their factor, and by recorded engine speed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from deeptruck_model import driving_cycles, trucks
+from deeptruck_model.errors import InputError
+from deeptruck_model.mismatch.data import speed_unit, units
+from deeptruck_model.mismatch.data.prepared import Prepared, prepare
+from deeptruck_model.simulators import Run
+
+Array = NDArray[np.float64]
+TRUCK = trucks.load("trucksim")
+RATIO = 24.0  # rad/m, of a truck with one gear
+
+
+class OneGear:
+    """A truck whose engine turns with its wheels, in one gear."""
+
+    interface, dt = TRUCK.interface, TRUCK.dt
+
+    def __init__(self, *, tells: bool = True) -> None:
+        self.tells = tells
+
+    def parameters(self) -> dict[str, float]:
+        return {}
+
+    def rollout(self, u: Array, w: Array, y0: Array, recorded: Array) -> Run:
+        return Run(recorded, {"engine_speed": RATIO * recorded[:, :, 0]} if self.tells else {})
+
+
+def drive(scale: float) -> Prepared:
+    """Along which speed was recorded so many times too large, and engine speed was not."""
+    recording = driving_cycles.drive(TRUCK, seconds=400.0, seed=1)
+    speed = recording.channels["speed"]
+    channels = recording.channels | {"engine_speed": RATIO * speed, "speed": scale * speed}
+    return prepare(replace(recording, name="b0", channels=channels), False)
+
+
+def test_a_speed_in_another_unit_is_refused_by_name() -> None:
+    with pytest.raises(InputError, match=r"speed of 'b0' is 0\.278 times .* m/s read as km/h"):
+        speed_unit.check(OneGear(), [drive(1 / 3.6)])  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("scale", [1.0, 1.04, 1 / 1.6093, 3.0])
+def test_tyres_another_gear_and_what_is_no_unit_are_not(scale: float) -> None:
+    speed_unit.check(OneGear(), [drive(scale)])  # type: ignore[arg-type]
+
+
+def test_what_does_not_tell_is_not_asked() -> None:
+    bare = drive(3.6)
+    channels = {n: x for n, x in bare.recording.channels.items() if n != "engine_speed"}
+    unmeasured = replace(bare, recording=replace(bare.recording, channels=channels))
+    speed_unit.check(OneGear(), [unmeasured])  # type: ignore[arg-type]
+    speed_unit.check(OneGear(tells=False), [bare])  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("scale", "told"), [(3.598, "km/h read as m/s"), (9.79, "accelerometer in g"), (1.04, ""), (3.4, "")]
+)
+def test_a_factor_is_told_as_what_it_comes_of(scale: float, told: str) -> None:
+    assert told in units.likely(scale) and bool(units.likely(scale)) == bool(told)
