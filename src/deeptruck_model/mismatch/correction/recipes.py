@@ -52,7 +52,8 @@ class Recipe:
     def corrected(self, simulator: Simulator, search: Search, shares: Shares | None) -> CorrectedTruck:
         model = search.model(self.fitted, self.free)
         if self.for_driving:
-            model = output_error.refitted(search, model, HORIZONS_S[0])
+            sizes = output_error.refitted(search, model, HORIZONS_S[0])
+            model = sizes if all(search.possible(p, sizes) for p in self.free) else model
         change = _change(search.e, model, self.free)
         return _truck(simulator, search.e, _terms(self.kept, model), change, shares)
 

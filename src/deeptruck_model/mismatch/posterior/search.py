@@ -151,7 +151,7 @@ class Search:
             )
             model = Model(named, free, found, found.evidence - float(cost), layout, self.rules)
             model = replace(model, score=model.score + self._reported(model))
-            beyond = {p for p in free if not self._possible(p, model)}
+            beyond = {p for p in free if not self.possible(p, model)}
             if beyond:
                 model = self.model(named, free - beyond, start, again=again, pinned=pinned)
             self._models[key] = model if known is None or model.score > known.score else known
@@ -173,7 +173,7 @@ class Search:
         force = np.sum([force for _, force in parts], axis=0)
         return self.torque.gain(force, max(shows for shows, _ in parts))
 
-    def _possible(self, parameter: str, model: Model) -> bool:
+    def possible(self, parameter: str, model: Model) -> bool:
         """Whether a parameter stays within what a truck can have: no rolling resistance is negative. All
         scaled down alike change next to nothing, and would make up for whatever is not scaled with them."""
         low, high = self.e.vehicle.possible(parameter)
