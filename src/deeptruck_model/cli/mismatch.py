@@ -111,7 +111,7 @@ def _tell(found: Mismatch, asked: Asked) -> None:
         print(f"  {opened(name)}: {prose(f.says)}. {sure}.")
         for row in short_rows(f.parameters):
             print(f"    {row.name}: {row.text}")
-    for step in what_now.steps(result, record_next(found), asked):
+    for step in what_now.steps(found, record_next(found), asked):
         print(step.says, *filter(None, [step.command]), sep="\n    ")
     for caveat in result.caveats:
         print(f"note: {prose(caveat)}")

@@ -148,6 +148,7 @@ class FitResult:
     next_pass: NextPass | None = None  # of a road that came again: what one pass tells of another
     handed_over: HandedOver | None = None  # None where it asks for nothing beyond the protocol
     scales_forces: bool = False  # the simulator has no parameters: what refits them scales its forces instead
+    by_mean: tuple[str, ...] = ()  # corrected effects that belong to a time or place: it holds their mean
 
     @property
     def harms_alone(self) -> bool:
@@ -166,6 +167,8 @@ class FitResult:
             out["for_driving"] = True
         if self.scales_forces:
             out["scales_forces"] = True
+        if self.by_mean:
+            out["by_mean"] = list(self.by_mean)
         if self.next_pass is not None:
             out["next_pass"] = self.next_pass.to_json()
         if self.handed_over is not None:
@@ -193,4 +196,5 @@ class FitResult:
             NextPass.read(fit.get("next_pass")),
             HandedOver.read(fit.get("handed_over")),
             fit.get("scales_forces", False),
+            tuple(fit.get("by_mean", ())),
         )  # fmt: skip

@@ -204,10 +204,18 @@ def corrected_and_driven(
     horizon_s = horizon(held_out or fitted)  # one for both, so that their free runs can be told together
     made = correct(simulator, e, x, fitted, horizon_s)
     if claimed(x, lambda: own_correction(simulator, x, made, held_out), e.rules):
-        return Driven(x, *shown(simulator, made, held_out, with_unnamed))
+        errors, corrected, fit = shown(simulator, made, held_out, with_unnamed)
+        return Driven(x, errors, corrected, replace(fit, by_mean=_by_mean(x, corrected)))
     silent = replace(x, causes=(), lawful=None)
     made = correct(simulator, e, silent, fitted, horizon_s)
     return Driven(silent, *shown(simulator, made, held_out, with_unnamed), refuted=x.causes)
+
+
+def _by_mean(x: Explanation, corrected: CorrectedTruck) -> tuple[str, ...]:
+    """Effects in it of which another drive can have the mean alone: sizes of theirs are those of a time, a
+    place or a recording."""
+    passing = {t.mechanism.effect for t in x.model.named if not t.variant.is_a_law}
+    return tuple(sorted(passing & {t.effect for t in corrected.terms}))
 
 
 def own_correction(

@@ -73,6 +73,12 @@ TOURS = (
 )
 
 
+ALIKE = (
+    "What belongs to a time, a place or a recording proves nothing on other drives: compare recordings that "
+    "are alike in it by themselves."
+)
+
+
 def record_next(m: Mismatch) -> list[str]:
     """What to drive and to record, most useful first: each a sentence or a few."""
     v = m.result
@@ -81,7 +87,9 @@ def record_next(m: Mismatch) -> list[str]:
         doubts = [f"To tell whether it is {spoken(name)}: {prose(by)}." for by, name in told.items()]
         return doubts or [f"To be able to say more, {TOURS}."]
     out = [text for f in v.findings if (text := _to_tell(f))]
-    if any(f.cause is not None for f in v.findings) and not v.validated:
+    if _of_these_drives(v) and not v.validated:
+        out.append(ALIKE)
+    elif any(f.cause is not None for f in v.findings) and not v.validated:
         simple = next((r for r in v.regimes if len(r.bounds) == 1), None)
         where = condition(simple) if simple is not None else "the conditions in which it acts"
         out.append(f"To be able to validate the correction: more separate drives, held out, with {where}.")
@@ -90,6 +98,12 @@ def record_next(m: Mismatch) -> list[str]:
     if hardly := _hardly_driven(m):
         out.append(f"Hardly driven, so effects there would not be seen: {', '.join(hardly)}.")
     return out
+
+
+def _of_these_drives(v: Verdict) -> bool:
+    """Whether all forces that were found belong to a time, a place or a recording."""
+    terms = [f.cause.term for f in v.findings if f.cause is not None]
+    return bool(terms) and all(t is not None and not t.variant.is_a_law for t in terms)
 
 
 def _to_tell(finding: Finding) -> str:

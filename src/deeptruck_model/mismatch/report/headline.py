@@ -30,6 +30,7 @@ NAMED, RIVALS = 4, 3  # names, and others that each may be, in one sentence
 MOVED = 3  # parameters in one sentence
 
 PARAMETERS_ALONE = "The correction is refitted parameters alone, which drove the fitted recordings best."
+BY_MEAN = "Of {} the correction holds the mean alone: what is there at one time or place is not in it."
 SHOWN = {
     Worth.BETTER: "So what was found is worth more than other parameters.",
     Worth.AS_GOOD: "These drives do not tell which of the two predicts better.",
@@ -80,6 +81,7 @@ class Headline:
     scaled: bool = False  # forces stand for parameters, as the simulator has none
     moved: str = ""  # parameters that the correction moves though none of them is a finding
     instead: tuple[str, ...] = ()  # names in the correction that are no finding
+    by_mean: tuple[str, ...] = ()  # names in the correction that belong to a time, a place or a recording
     suspected: tuple[str, ...] = ()  # where nothing was found: names for too little to be noticed
 
 
@@ -113,6 +115,7 @@ def of(verdict: Verdict) -> Headline:
         scaled=fit is not None and fit.scales_forces,
         moved=_moved(fit, {f.effect for f in found}),
         instead=tuple(n for n in corrected if n in LIBRARY and n not in {f.effect for f in found}),
+        by_mean=fit.by_mean if fit is not None else (),
     )
 
 
@@ -273,6 +276,8 @@ def _shown(h: Headline) -> list[str]:
         said.append(f"It holds {beside} instead, which comes near to it and is no finding.")
     if h.moved:
         said.append(f"Besides what was found, the correction moves {h.moved}.")
+    if h.by_mean:
+        said.append(BY_MEAN.format(" and ".join(map(_spoken, h.by_mean[:NAMED]))))
     other = "its forces scaled" if h.scaled else "all parameters refitted"
     refitted = f"with {other} instead it is {number(h.errors.refitted)} m/s"
     return [*said, f"{_runs(h.errors)}; {refitted}.", SHOWN[h.worth]]

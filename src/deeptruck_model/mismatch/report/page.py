@@ -66,7 +66,7 @@ def _content(m: Mismatch, drawn: dict[str, figures.Picture], asked: Asked) -> di
         "drives": explorer.text(views),
         "sentence": first,
         "verdict": more,
-        "now": what_now.steps(v, to_drive, asked),
+        "now": what_now.steps(m, to_drive, asked),
         "summary": given.summary(m),
         "findings": page_text.findings(m),
         "smallest": smallest(v.data.smallest_visible),

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from deeptruck_model.mismatch.report.validation import unnamed_would_help
-from deeptruck_model.mismatch.result import Conclusion, Verdict
+from deeptruck_model.mismatch.result import Conclusion, Mismatch
 
 NEW_DRIVE = "NEW_DRIVE"
 AS_IT_IS = "Use the simulator as it is: on such driving it leaves nothing out that these recordings show."
@@ -59,12 +59,19 @@ def beside(out: Path, ending: str) -> str:
     return str(out.with_name(f"{out.resolve().name}_{ending}"))
 
 
-def steps(verdict: Verdict, drive_next: list[str], asked: Asked) -> list[Step]:
+def steps(found: Mismatch, drive_next: list[str], asked: Asked) -> list[Step]:
     """What to do now, most useful first. `drive_next` says what to record, most useful first."""
+    verdict = found.result
     out = [Step(AS_IT_IS)] if verdict.kind is Conclusion.NOTHING else []
     if verdict.validated:
         better = _line("apply", str(asked.out), "--out", beside(asked.out, "corrected"))
         out.append(Step("Take the corrected simulator over:", better))
+    if asked.recordings and _has_a_road(found):
+        given = map(str, dict.fromkeys((*asked.recordings, *asked.held_out)))
+        graded = _line("road", str(asked.out), *given, "--out", beside(asked.out, "with_road"))
+        out.append(
+            Step("A slope belongs to its road and not to the truck; put it into the recordings:", graded)
+        )
     if verdict.findings and unnamed_would_help(verdict.fit):
         again = asked.command(ending="with_laws", more=("--with-unnamed",))
         out.append(Step("Put laws for what has no name into the correction too:", again))
@@ -74,6 +81,12 @@ def steps(verdict: Verdict, drive_next: list[str], asked: Asked) -> list[Step]:
         again = with_new.command(ending="again")
         out += [Step("Then compare again, with the new recording among the others:", again)] if again else []
     return out
+
+
+def _has_a_road(found: Mismatch) -> bool:
+    """Whether a slope was found that was not recorded."""
+    road = any(f.effect == "road_grade" and f.cause is not None for f in found.result.findings)
+    return road and found.evidence is not None and not found.evidence.has("grade")
 
 
 def _line(*words: str) -> str:

@@ -137,6 +137,9 @@ PER_SECOND = re.compile(r"(\d) (rad|m) s$")
 IN = re.compile(r"(?P<name>[^\[]+)\[(?P<where>.+)\]")  # in one recording, or at one knot
 NOTHING = 1e-3  # of the widest place on a curve: a place nearer to zero is zero
 ADD_UP = "what acts at a moment is the sum of all that hold there: {}"
+KNOT = re.compile(r"\d (s|m)$")  # a place in time or along the road
+RECORDINGS = 8  # in one row
+NONE_SURE = "in no recording surely other than zero"
 THERE_ALONE = "in that recording or near that moment alone"
 HELD_AT_ZERO = "it cannot be less, and no more was seen"
 ENDS = "by its form the curve ends there at zero"
@@ -162,9 +165,25 @@ def rows(parameters: Parameters) -> list[Row]:
 
 
 def short_rows(parameters: Parameters) -> list[Row]:
-    """Rows for a terminal: without places on a curve, and what holds in one recording or near a moment."""
+    """Rows for a terminal: without places on a curve and knots; what recordings have of their own in one."""
     few = {n: p for n, p in parameters.items() if not AT.fullmatch(n) and not IN.fullmatch(n)}
-    return rows(few)
+    return [*rows(few), *_by_recording(parameters)]
+
+
+def _by_recording(parameters: Parameters) -> list[Row]:
+    """Each size that recordings have of their own, where it is surely other than zero."""
+    own: dict[str, list[str]] = {}
+    for name, p in parameters.items():
+        found = IN.fullmatch(name)
+        if found is None or p.ci95 is None or KNOT.search(found["where"]):
+            continue
+        sure = own.setdefault(found["name"], [])
+        if p.ci95[0] > 0.0 or p.ci95[1] < 0.0:
+            sure.append(f"{measured(p.value, p.unit, None)} in {found['where']}")
+    few = {n: [*s[:RECORDINGS], *(["others"] if len(s) > RECORDINGS else [])] for n, s in own.items()}
+    return [
+        Row(words(n), f"{', '.join(s)}; elsewhere none is sure" if s else NONE_SURE) for n, s in few.items()
+    ]
 
 
 def _named(name: str, shown: Parameters) -> str:
@@ -176,7 +195,7 @@ def _named(name: str, shown: Parameters) -> str:
         x = 0.0 if abs(x) < NOTHING * widest else x
         return " ".join(filter(None, [f"at {words(by)} of {number(x)}", unit(by, {})]))
     if own:
-        near = re.search(r"\d (s|m)$", own["where"])  # a knot in time or along the road
+        near = KNOT.search(own["where"])
         return f"{words(own['name'])} {'near' if near else 'in'} {own['where']}{'' if near else ' alone'}"
     return SETTINGS.get(name, words(name)) if shown[name].picked else _plain(name)
 

@@ -223,6 +223,11 @@ def test_parameters_that_the_correction_moves_beside_what_was_found_are_said() -
     assert "Besides what was found, the correction moves drag area by -21 %." in sentences
 
 
+def test_that_a_correction_holds_the_mean_of_a_force_alone_is_said() -> None:
+    sentences = headline.sentences(headline.of(corrected("missing_physics", by_mean=("road_surface",))))
+    assert headline.BY_MEAN.format("road surface") in sentences
+
+
 def test_a_name_that_the_correction_holds_instead_of_what_was_found_is_said() -> None:
     held = corrected("missing_physics", corrected=("driveline_loss",))
     sentences = headline.sentences(headline.of(held))

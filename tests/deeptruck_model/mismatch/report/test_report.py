@@ -114,14 +114,14 @@ def test_what_to_do_now_can_be_copied(written):
 
 def test_a_call_from_python_is_not_repeated():
     found = mismatch("missing_physics")
-    steps = what_now.steps(found.result, record_next(found), Asked(Path("found")))
+    steps = what_now.steps(found, record_next(found), Asked(Path("found")))
     assert [s.command for s in steps] == ["deeptruck-model apply found --out found_corrected", ""]
 
 
 @pytest.mark.parametrize(("kind", "first"), [("nothing_missing", True), ("missing_physics", False)])
 def test_a_simulator_that_leaves_nothing_out_is_to_be_used(kind, first):
     found = mismatch(kind)
-    steps = what_now.steps(found.result, record_next(found), Asked(Path("found")))
+    steps = what_now.steps(found, record_next(found), Asked(Path("found")))
     assert (steps[0].says == what_now.AS_IT_IS) == first
 
 

@@ -91,9 +91,26 @@ def test_a_curve_beside_a_known_form_is_added_to_it_also_where_a_time_was_picked
 def test_a_terminal_tells_settings_and_sizes_but_no_places_of_a_curve() -> None:
     sizes = {
         "at speed 12": Size(0.2, "1", (0.1, 0.3)),
-        "force[drive_3]": Size(9.0, "N", (1.0, 17.0)),
+        "force[drive_3, 20 s]": Size(9.0, "N", (1.0, 17.0)),
         "share": Size(0.5, "1", (0.4, 0.6)),
         "tau_s": Size(0.6, "s", picked=True),
     }
     told = {row.name: row.text for row in wording.short_rows(sizes)}
     assert list(told) == ["share", "time constant"] and told["time constant"].startswith("about 0.6 s")
+
+
+@pytest.mark.parametrize(
+    ("low", "told"),
+    [
+        (1900.0, "2560 kg in b1, 2590 kg in b3; elsewhere none is sure"),
+        (-5.0, "in no recording surely other than zero"),
+    ],
+)
+def test_a_terminal_tells_what_each_recording_has_of_its_own(low: float, told: str) -> None:
+    sizes = {
+        "change[b0]": Size(7.0, "kg", (-700.0, 710.0)),
+        "change[b1]": Size(2560.0, "kg", (low, 3200.0)),
+        "change[b3]": Size(2590.0, "kg", (low, 3200.0)),
+        "change[b3, 20 s]": Size(900.0, "kg", (800.0, 1000.0)),
+    }
+    assert {row.name: row.text for row in wording.short_rows(sizes)} == {"change": told}
