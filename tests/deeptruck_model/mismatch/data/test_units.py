@@ -12,6 +12,7 @@ from deeptruck_model import driving_cycles, trucks
 from deeptruck_model.errors import InputError
 from deeptruck_model.mismatch.data import speed_unit, units
 from deeptruck_model.mismatch.data.prepared import Prepared, prepare
+from deeptruck_model.signals import SPEED
 from deeptruck_model.simulators import Run
 
 Array = NDArray[np.float64]
@@ -31,7 +32,7 @@ class OneGear:
         return {}
 
     def rollout(self, u: Array, w: Array, y0: Array, recorded: Array) -> Run:
-        return Run(recorded, {"engine_speed": RATIO * recorded[:, :, 0]} if self.tells else {})
+        return Run(recorded, {"engine_speed": RATIO * recorded[:, :, SPEED]} if self.tells else {})
 
 
 def drive(scale: float) -> Prepared:
