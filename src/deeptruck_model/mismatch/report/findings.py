@@ -19,7 +19,7 @@ from deeptruck_model.mismatch.mechanisms.variants import Spline
 from deeptruck_model.mismatch.posterior.causes import Cause, Explanation
 from deeptruck_model.mismatch.posterior.modelled import Formula
 from deeptruck_model.mismatch.posterior.road_lock import RoadLock
-from deeptruck_model.mismatch.report.form import border, curved, equation
+from deeptruck_model.mismatch.report.form import border, courses, curved, equation
 from deeptruck_model.mismatch.report.sizes import picked, sizes_of
 from deeptruck_model.mismatch.residual.evidence import Evidence, ForceUnit
 from deeptruck_model.mismatch.residual.noise import Z95
@@ -266,7 +266,8 @@ def _mechanism(cause: Cause, e: Evidence, explanation: Explanation) -> Told:
     m = term.mechanism
     return Told(
         Sentence.of(
-            f"{m.says}: {strength(cause, e)}{_now_and_then(term)}{_confined(term, e.unit)}{_one_start(term)}",
+            f"{m.says}: {strength(cause, e)}{_now_and_then(term)}{_confined(term, e.unit)}{courses(term)}"
+            f"{_one_start(term)}",
             *curved(term, e.unit),
             OTHER_FORM if cause.other_form else "",
             str(cause.left_out) if cause.left_out is not None else "",

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from deeptruck_model.mismatch.mechanisms import OWN, CandidateTerm
-from deeptruck_model.mismatch.mechanisms.variants import Gate, OwnCurve
+from deeptruck_model.mismatch.mechanisms.over_time import ELAPSED
+from deeptruck_model.mismatch.mechanisms.variants import Gate, OwnCurve, PerRecording, Spline
 from deeptruck_model.mismatch.residual.evidence import ForceUnit
 from deeptruck_model.mismatch.sentence import Named, Part
 
@@ -37,10 +38,22 @@ def equation(term: CandidateTerm) -> str:
     """The equation of the form that was fitted: the mechanism's, or curves of its own and their sum."""
     summands, known = _summands(term), term.mechanism.equation
     if all(s.by is None for s in summands):
-        return known
+        return "; ".join([known, *_courses(term)])
     told = [f"f{k}({s.by})" if s.by else "F0" for k, s in enumerate(summands, 1)]
     ending = f";  F0: {known}" if "F0" in told else ""
     return f"F = {' + '.join(told)}{ending}"
+
+
+def courses(term: CandidateTerm) -> str:
+    """That a size was fitted to vary, where it was: the known form then tells not by what."""
+    return "".join(f". Its {course}" for course in _courses(term))
+
+
+def _courses(term: CandidateTerm) -> list[str]:
+    splines = [leaf for leaf in term.variant.leaves if isinstance(leaf, Spline) and leaf.knots]
+    along = {"size varies in time" if s.along == ELAPSED else "size varies along the road" for s in splines}
+    own = any(isinstance(leaf, PerRecording) for leaf in term.variant.leaves)
+    return [*sorted(along), *(["size is each recording's own"] if own else [])]
 
 
 def curved(term: CandidateTerm, unit: ForceUnit) -> tuple[Part, ...]:

@@ -255,6 +255,10 @@ LIMIT = (
 )
 
 
+LIKENESS = "Only likeness to laws that were seen before speaks for"
+NOT_NEAR = "put in its place, none does nearly as well at a size that it can have"
+
+
 def apart(f: Finding) -> str:
     """What it is not distinguishable from and what decided; empty where there was no rival."""
     worse = {r.effect: r.worse_by_nats for r in f.rivals}
@@ -267,13 +271,16 @@ def apart(f: Finding) -> str:
     if better:
         said.append(_does_better(f.effect, better, worse))
         said += [REFITTED] if f.kind is Kind.PARAMETER else []
-    alike = [n for n in others if n != "unknown" and not worse.get(n)]
+    alike = [n for n in others if n != "unknown" and worse.get(n) == 0.0]
     if alike:
         each = "it may do as well" if len(alike) == 1 else "each may do as well"
         said.append(f"Nothing speaks against {_listed(alike)}: {each}.")
-    if decided := [n for n in others if n not in alike]:
+    like = [n for n in others if n != "unknown" and n not in worse]
+    if like:
+        said.append(f"{LIKENESS} {_listed(like)}: {NOT_NEAR}.")
+    if decided := [n for n in others if n not in alike + like]:
         first, *more = (_decided(f.effect, n, worse.get(n)) for n in decided)
-        said.append(f"What decided{' against the others' if better or alike else ''}: {first}.")
+        said.append(f"What decided{' against the others' if better or alike or like else ''}: {first}.")
         said += [opened(f"{one}.") for one in more]
     in_place = [IN_PLACE] if any(worse.get(n) for n in group) else []
     return " ".join([*said, *in_place, *_at_the_limit(f)])

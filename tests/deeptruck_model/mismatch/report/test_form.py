@@ -7,7 +7,16 @@ from typing import Any
 import numpy as np
 
 from deeptruck_model.mismatch.mechanisms import LIBRARY, CandidateTerm
-from deeptruck_model.mismatch.mechanisms.variants import Gate, Gated, OwnCurve, Static, Sum, Variant
+from deeptruck_model.mismatch.mechanisms.variants import (
+    Gate,
+    Gated,
+    OwnCurve,
+    PerRecording,
+    Spline,
+    Static,
+    Sum,
+    Variant,
+)
 from deeptruck_model.mismatch.report import form
 from deeptruck_model.mismatch.residual.evidence import PER_KILOGRAM
 from deeptruck_model.mismatch.sentence import Sentence
@@ -47,3 +56,14 @@ def test_a_sum_tells_each_part_and_its_own_regime() -> None:
 def test_a_regime_of_all_is_not_told_of_each() -> None:
     gate = Gate("speed", "above", 4.4)
     assert "4.4" not in told(Sum((Gated(SPEED, gate), Gated(TIME, gate))))
+
+
+def test_a_size_that_varies_is_said_where_it_was_fitted() -> None:
+    varies = term(Spline("elapsed", (4, 3), ("a", "b"), 30.0, 0.1, 0.5))
+    along = term(Spline("distance", (4,), ("a",), 100.0, 0.2, 0.5))
+    own = term(PerRecording(("a", "b"), 0.5))
+    assert form.courses(varies) == ". Its size varies in time"
+    assert form.courses(along) == ". Its size varies along the road"
+    assert form.courses(own) == ". Its size is each recording's own"
+    assert form.courses(term(Static())) == ""
+    assert form.equation(varies) == f"{LIBRARY['engine_brake'].equation}; size varies in time"

@@ -79,6 +79,8 @@ def test_where_no_nats_were_told_none_are_explained() -> None:
     assert "Nothing speaks against brake gain: it may do as well." in told(
         "rolling_resistance", brake_gain=0.0
     )
+    likeness = wording.apart(finding("mass", {}, ("clock_offset",), kind=Kind.PARAMETER))
+    assert f"{wording.LIKENESS} clock offset: {wording.NOT_NEAR}." in likeness and "as well." not in likeness
     assert told("rolling_resistance", brake_gain=3.0).endswith(wording.IN_PLACE)
 
 
