@@ -76,6 +76,7 @@ class Headline:
     worth: Worth | None = None  # None where nothing was to be corrected
     errors: SpeedErrors | None = None
     seen: str = ""  # the smallest steady force that would have been seen; empty where that is not known
+    seen_off: str = ""  # by how much parameters that are off would have been seen; empty likewise
     reason: str = ""  # why nothing can be said
     next_pass: NextPass | None = None  # of a road that another pass shows
     scaled: bool = False  # forces stand for parameters, as the simulator has none
@@ -136,7 +137,14 @@ def _nothing(verdict: Verdict) -> Headline:
     seen = verdict.data.smallest_visible
     said = force(seen.always, seen.mass_kg) if seen is not None else ""
     claim = Claim.MUCH_COULD_HIDE if seen is not None and seen.always > HIDING else Claim.AGREES
-    return Headline(claim, seen=said, suspected=tuple(dict.fromkeys(s.effect for s in verdict.suspicions)))
+    off = [
+        f"{_spoken(p)} off by {100 * x:.2g} %"
+        for p, x in [*(seen.parameters.items() if seen else ())][:MOVED]
+    ]
+    told = " or ".join(filter(None, [", ".join(off[:-1]), *off[-1:]]))
+    return Headline(
+        claim, seen=said, seen_off=told, suspected=tuple(dict.fromkeys(s.effect for s in verdict.suspicions))
+    )
 
 
 def name(finding: Finding) -> Name:
@@ -171,14 +179,18 @@ def sentences(h: Headline) -> list[str]:
     if h.claim is Claim.FOUND:
         return [*_found(h), *_shown(h), *_again(h.next_pass)]
     if h.claim is Claim.AGREES:
-        return [_agrees(h.seen), *_suspected(h.suspected)]
+        return [_agrees(h.seen), *_seen_off(h.seen_off), *_suspected(h.suspected)]
     seen = [f"A steady force above {h.seen} would have been seen."] if h.seen else []
     none = "Nothing was found, but these recordings would not show a small effect."
-    return [none, *seen, *_suspected(h.suspected)]
+    return [none, *seen, *_seen_off(h.seen_off), *_suspected(h.suspected)]
 
 
 def _suspected(effects: Sequence[str]) -> list[str]:
     return [f"Suspected, and too little to be noticed: {either(effects, NAMED)}."] if effects else []
+
+
+def _seen_off(parameters: str) -> list[str]:
+    return [f"So would {parameters}."] if parameters else []
 
 
 def _agrees(seen: str) -> str:
