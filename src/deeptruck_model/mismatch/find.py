@@ -192,15 +192,16 @@ def _explained(
     another name may hold where the first had only followed the fitted drives. Where nothing is found though
     other parameters drive held-out drives much better, something differs: then a name needs less evidence.
 
-    Beside a learned simulator it does not go on: its own discrepancy is what is left.
+    What held-out drives refute beside a learned simulator is its own discrepancy, and so would be the next.
     """
     e, x = linearised.explained(simulator, given, c.prepared, c.held_out, seed, exclude, say)
     say("correcting the simulator and driving it free")
     fitted, held_out = c.part(held_out=False), c.part(held_out=True)
     driven = correction.corrected_and_driven(simulator, e, x, fitted, held_out, with_unnamed)
-    if e.model_discrepancy > 0.0:
+    refuted = [f.effect for f in driven.refuted if f.term is not None]
+    if refuted and e.model_discrepancy > 0.0:
         return e, driven
-    if refuted := [f.effect for f in driven.refuted if f.term is not None]:
+    if refuted:
         say("searching without what held-out drives speak against")
         without = [*exclude, *refuted]
         e, x = linearised.explained(simulator, given, c.prepared, c.held_out, seed, without, say)
@@ -209,7 +210,8 @@ def _explained(
     if x.causes or not refitted_is_much_better(driven.fit):
         return e, driven
     say("searching for less, as held-out drives show that something differs")
-    less = replace(given, rules=replace(given.rules, least_gain=given.rules.told_gain))
+    told = given.rules.told_gain
+    less = replace(given, rules=replace(given.rules, least_gain=told, least_gain_learned=told))
     other, x = linearised.explained(simulator, less, c.prepared, c.held_out, seed, exclude, say)
     again = correction.corrected_and_driven(simulator, other, x, fitted, held_out, with_unnamed)
     return (other, again) if again.fit.validated else (e, driven)
