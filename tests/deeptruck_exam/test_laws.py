@@ -58,6 +58,7 @@ HELPS = {
     "expander_pushes_late", "eco_roll", "wake_bistability", "wet_brakes", "s_winch_assist",
     "s_rail_bleeds", "s_anti_stall", "t_valve_thinks_it_is_empty", "t_softens_the_stop",
     "e_gas_in_the_air", "e_fan_that_is_gone",
+    "y_ball_shuts_the_valve",
 }  # fmt: skip
 BOTH_WAYS = {  # winds, bodies, slopes, masses and late brakes push and hold; so do governors and mode changes
     "headwind", "exchanged_bodies", "lining_on_the_dynamometer", "brake_lag", "road_grade", "payload_change",
@@ -74,6 +75,7 @@ BOTH_WAYS = {  # winds, bodies, slopes, masses and late brakes push and hold; so
     "k_wears_its_axles_by_turns", "k_trailer_carries_itself",
     "q_learns_brake_by_brake", "q_burns_soot_on_the_way",
     "z_valve_reads_the_nod", "z_capacitor_answers_first", "z_pontoons_sink",
+    "y_cab_tugs_at_its_cable", "y_mixture_swings", "y_pipes_in_tune", "y_road_up_a_stream",
 }  # fmt: skip
 CHANNEL = {"speed_scale": "speed", "grade_bias": "grade", "commands_from_another_clock": "brake_command"}
 
