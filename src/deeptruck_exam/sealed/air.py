@@ -13,7 +13,7 @@ from deeptruck_exam.effects.series import ou_series
 from deeptruck_model.trucks import View
 
 law = partial(hidden, family="sealed")
-MILLS = 300  # along all the road
+FARMS, MILLS = 28, 14  # along all the road, and in each farm
 
 
 @law("y_wakes_of_wind_mills", needs="highway hills", name="headwind", accepts="drag_area")
@@ -22,15 +22,17 @@ MILLS = 300  # along all the road
 )
 @sizes(swings=(0.3, 0.6))
 class WakesOfWindMills(OnRoad):
-    """A steady wind blows along the road, and mills beside the road take some of it. Each mill's wake lies
-    where the wind carries it. As the wind swings, all wakes move along the road. takes: of the wind, right
-    behind a mill; widens: of a wake, by the way; far_m: of the mills from the road; swings: rad of the wind.
+    """A steady wind blows along the road, and farms of mills beside the road take some of it. Each mill's
+    wake lies where the wind carries it. As the wind swings, all wakes move along the road. takes: of the
+    wind, right behind a mill; widens: of a wake, by the way; far_m: of the mills from the road; swings: rad
+    of the wind.
     Source: Jensen, A Note on Wind Generator Interaction, Risø-M-2411 (1983), on wakes that widen evenly;
     mills and the swinging wind are chosen here."""
 
     def prepare(self) -> None:
         rng, p = self.rng(1801), self.p
-        at = rng.uniform(0.0, 60000.0, (self.rows(), MILLS))
+        farms = np.repeat(rng.uniform(0.0, 60000.0, (self.rows(), FARMS)), MILLS, axis=1)
+        at = farms + 300.0 * rng.standard_normal(farms.shape)
         far = rng.choice([-1.0, 1.0], at.shape) * p.far_m * rng.uniform(0.5, 1.8, at.shape)
         self.at, self.far = at[self.setting.route], far[self.setting.route]
         seconds = int(self.setting.duration_s) + 3

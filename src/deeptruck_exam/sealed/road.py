@@ -17,7 +17,7 @@ law = partial(hidden, family="sealed")
 
 @law("y_map_saw_the_tree_tops", needs="hills descent", name="road_grade", gateable=False)
 @sizes(
-    high_m=(5.0, 9.0), uneven=(0.15, 0.3), mean_m=(300.0, 900.0), share=(0.35, 0.6), pixel_m=(180.0, 320.0)
+    high_m=(3.5, 6.5), uneven=(0.15, 0.3), mean_m=(300.0, 900.0), share=(0.35, 0.6), pixel_m=(180.0, 320.0)
 )
 class MapSawTheTreeTops(OnRoad):
     """The slopes known are those of a radar's map from space, which took the tops of woods for ground. At the
