@@ -76,7 +76,7 @@ class WakeDiesByTheClock(Hidden, at=0.0, saved=0.0):
 
 
 @law("y_louvres_open_with_heat", needs="hills highway suburban", name="drag_area", accepts="headwind")
-@sizes(more=(0.55, 0.95), heats_s=(10.0, 25.0), cools_s=(20.0, 50.0), opens=(0.35, 0.55), shuts=(0.12, 0.25))
+@sizes(more=(0.9, 1.4), heats_s=(4.0, 10.0), cools_s=(10.0, 25.0), opens=(0.35, 0.55), shuts=(0.12, 0.25))
 @sizes(moves_s=(1.5, 5.0))
 class LouvresOpenWithHeat(Hidden, open=0.0):
     """`heat` of the coolant, which engine power gives and the wind of driving takes. Louvres before the

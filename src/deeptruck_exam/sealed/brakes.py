@@ -15,7 +15,7 @@ law = partial(hidden, family="sealed")
 
 
 @law("y_spots_flash", needs="suburban descent", name="brake_fade", accepts="brake_gain")
-@sizes(most=(0.4, 0.6), flash=(0.9, 1.6), skin_s=(3.0, 8.0), skin=(0.5, 1.0), knee=(1.0, 1.4))
+@sizes(most=(0.4, 0.6), flash=(1.3, 2.2), skin_s=(3.0, 8.0), skin=(0.5, 1.0), knee=(1.0, 1.4))
 class SpotsFlash(Hidden, hot=0.0):
     """Friction falls with the heat of the spots that touch. That heat flashes up at once with force and the
     root of speed, and adds to the heat of the skin. `hot`: the skin, which follows the work within
@@ -39,7 +39,7 @@ class SpotsFlash(Hidden, hot=0.0):
     name="brake_lag",
     accepts="command_delay clock_offset",
 )
-@sizes(share=(0.8, 1.0), watts=(0.008, 0.02), least=(0.03, 0.08), sags=(0.35, 0.6), charges_s=(8.0, 20.0))
+@sizes(share=(0.8, 1.0), watts=(0.004, 0.01), least=(0.03, 0.08), sags=(0.35, 0.6), charges_s=(8.0, 20.0))
 @sizes(opens_s=(0.15, 0.4))
 class ClampsOnAWeakBattery(Hidden, held=0.0, full=1.0):
     """`held`: of full braking, by electric clamps. Their motors have a power and no more, so they close fast
@@ -61,7 +61,7 @@ class ClampsOnAWeakBattery(Hidden, held=0.0, full=1.0):
 
 
 @law("y_grit_between_the_pads", needs="suburban hills", name="dragging_brake")
-@sizes(most=(0.008, 0.014), enters_m=(80.0, 250.0), ground_m=(250.0, 800.0), flushed=(0.02, 0.06))
+@sizes(most=(0.009, 0.015), enters_m=(80.0, 250.0), ground_m=(250.0, 800.0), flushed=(0.02, 0.06))
 @sizes(mean_m=(150.0, 500.0), share=(0.3, 0.55))
 class GritBetweenThePads(OnRoad):
     """`grit` between pads and discs. Wheels throw it up where the road is gravel, and it holds as long as it

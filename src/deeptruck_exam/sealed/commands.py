@@ -47,7 +47,7 @@ class WaitsUntilItStandsStill(Filter):
 
 
 @law("y_motor_gets_tired", needs="suburban hills highway", name="command_rate_limit", accepts="turbo_lag")
-@sizes(per_s=(0.35, 0.6), tires=(0.7, 0.9), moves=(1.2, 3.0), rests_s=(15.0, 45.0))
+@sizes(per_s=(0.25, 0.45), tires=(0.7, 0.9), moves=(1.2, 3.0), rests_s=(15.0, 45.0))
 class MotorGetsTired(TorqueFilter):
     """A small motor moves the throttle at a pace, and its winding gets hot by moving. `hot`: a hot winding
     carries less current, and the pace falls. While the pedal rests it cools. per_s: of the full command, when

@@ -54,7 +54,7 @@ class ManySmallPlays(Hidden, passed=0.0):
 
 
 @law("y_judders_as_it_closes", needs="suburban hills", name="shift_interruption", accepts="torque_limit")
-@sizes(deep=(0.6, 0.9), rings_rads=(7.0, 13.0), calms_s=(0.9, 1.8), hotter=(0.3, 0.7), cools_s=(10.0, 30.0))
+@sizes(deep=(0.6, 0.9), rings_rads=(7.0, 13.0), calms_s=(1.3, 2.5), hotter=(0.3, 0.7), cools_s=(10.0, 30.0))
 class JuddersAsItCloses(Hidden, gear=0.0, since=60.0, hot=0.2, cut=0.0):
     """After each change of gear the clutch closes by grips and slips: torque comes, goes and comes again,
     ever less deep. `hot`: every change heats the facing, and a hot one judders for longer. deep: of the
@@ -83,7 +83,7 @@ class JuddersAsItCloses(Hidden, gear=0.0, since=60.0, hot=0.2, cut=0.0):
     trucks="freightliner",
     gateable=False,
 )
-@sizes(slips_rads=(14.0, 24.0), below_rads=(135.0, 165.0), soft_rads=(6.0, 14.0), shakes=(0.25, 0.5))
+@sizes(slips_rads=(22.0, 36.0), below_rads=(112.0, 140.0), soft_rads=(5.0, 10.0), shakes=(0.25, 0.5))
 @sizes(moves_s=(0.3, 0.8))
 class KeepsASteadySlip(Hidden, slip=0.0):
     """So that a slow engine does not shake the truck, the lock-up clutch is made to slip by some rad/s,
@@ -128,7 +128,7 @@ class StrapGripsOrGlides(Hidden, rim=-1.0, felt=0.0):
 
 @law("y_shaft_whirls", needs="suburban highway hills", name="unknown")
 @sizes(
-    most=(0.012, 0.02), whirls_mps=(10.0, 15.0), narrow=(0.1, 0.18), grows_s=(1.0, 3.0), calms_s=(2.0, 7.0)
+    most=(0.015, 0.025), whirls_mps=(10.0, 15.0), narrow=(0.1, 0.18), grows_s=(1.0, 3.0), calms_s=(2.0, 7.0)
 )
 @sizes(bows=(0.2, 0.5), warms_s=(20.0, 60.0))
 class ShaftWhirls(Hidden, wide=0.0):

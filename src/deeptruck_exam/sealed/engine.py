@@ -1,4 +1,4 @@
-"""A hose that blows up, a barometer that leaks, a gear that is run in, a quick lift, a film that heats
+"""A hose that blows up, a barometer that leaks, a gear that is run in, and a quick lift; a film that heats
 itself, springs that breathe, swings of the mixture, and pipes in tune."""
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ law = partial(hidden, family="sealed")
 
 
 @law("y_hose_blows_up", needs="suburban hills", name="turbo_lag", accepts="command_rate_limit", shown=True)
-@sizes(least=(0.22, 0.36), first_s=(0.5, 0.9), blows=(3.0, 6.0), creeps_s=(4.0, 12.0), empties_s=(0.3, 0.8))
+@sizes(least=(0.22, 0.36), first_s=(0.8, 1.4), blows=(4.0, 8.0), creeps_s=(4.0, 12.0), empties_s=(0.3, 0.8))
 class HoseBlowsUp(Hidden, air=0.2, creep=0.0):
     """`air`: pressed air behind a soft hose, which blows up like a balloon. Near nothing it fills at once,
     and the fuller it is the more slowly it fills. `creep`: a hose that has been full for some time stays
@@ -70,7 +70,7 @@ class BarometerIsNearlyTight(Hidden):
     accepts="turbo_lag torque_derate shift_interruption",
     shown=True,
 )
-@sizes(least=(0.25, 0.42), way_m=(40.0, 120.0), power=(1.0, 2.0), low=(0.3, 0.7))
+@sizes(least=(0.22, 0.36), way_m=(55.0, 140.0), power=(1.0, 2.0), low=(0.3, 0.7))
 class GearIsRunIn(Hidden, gear=0.0, way=200.0):
     """After each change the gearbox lets the engine pull only as much as the oil on the new teeth allows.
     That grows with the way in this gear, and low gears need more of it. `way` m in this gear. least: of peak
@@ -94,7 +94,7 @@ class GearIsRunIn(Hidden, gear=0.0, way=200.0):
     name="engine_brake",
     accepts="engine_friction",
 )
-@sizes(nm=(420.0, 700.0), least=(0.1, 0.25), full=(0.25, 0.5), sees_s=(0.5, 1.2), comes_s=(0.25, 0.6))
+@sizes(nm=(560.0, 900.0), least=(0.1, 0.25), full=(0.25, 0.5), sees_s=(0.5, 1.2), comes_s=(0.25, 0.6))
 @sizes(tires_s=(6.0, 18.0))
 class QuickLiftAsksForMore(Hidden, was=0.0, asks=0.0, bites=0.0, up=0.0):
     """An engine brake that nobody records judges how a foot leaves the pedal. Who lifts slowly gets little,

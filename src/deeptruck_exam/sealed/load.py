@@ -65,7 +65,7 @@ class FishInCrushedIce(Hidden, lies=0.0, runs=0.0, pace=0.0):
 
 
 @law("y_chain_drags_behind", needs="suburban hills highway", name="unknown")
-@sizes(heavy=(0.007, 0.012), flies_mps=(9.0, 14.0), power=(2.0, 4.0), gravel=(0.8, 1.6), hops=(0.25, 0.5))
+@sizes(heavy=(0.009, 0.015), flies_mps=(9.0, 14.0), power=(2.0, 4.0), gravel=(0.8, 1.6), hops=(0.25, 0.5))
 @sizes(mean_m=(150.0, 500.0), share=(0.3, 0.6))
 class ChainDragsBehind(OnRoad, lies=1.0):
     """A long anchor chain drags on the ground behind the truck. `lies`: of it on the ground. The faster the

@@ -17,7 +17,7 @@ law = partial(hidden, family="sealed")
 
 
 @law("y_front_wheels_lose_their_load", needs="suburban hills", name="wheel_slip")
-@sizes(grip=(0.25, 0.35), front=(0.24, 0.34), lifts=(1.0, 1.6), mean_m=(120.0, 450.0), share=(0.5, 0.75))
+@sizes(grip=(0.3, 0.4), front=(0.24, 0.34), lifts=(1.0, 1.6), mean_m=(120.0, 450.0), share=(0.5, 0.75))
 @sizes(slides=(0.1, 0.3))
 class FrontWheelsLoseTheirLoad(OnRoad, lost=0.0, load=0.3):
     """Only the front wheels drive. Pull and slope both move load to the rear, and so take away the grip by
@@ -66,7 +66,7 @@ class SealsRideUp(Hidden, film=0.0):
 
 
 @law("y_warms_by_the_root_of_the_way", name="rolling_resistance_warmup")
-@sizes(most=(0.007, 0.012), way_m=(120.0, 400.0), cools_s=(60.0, 180.0), loads=(0.3, 0.7))
+@sizes(most=(0.0075, 0.0125), way_m=(100.0, 320.0), cools_s=(20.0, 60.0), loads=(0.3, 0.7))
 class WarmsByTheRootOfTheWay(Hidden):
     """Heat goes into thick rubber by the root of time: much of the stiffness is lost over the first metres,
     and the rest over many kilometres. `way` m that the tyres remember, which a stand takes away bit by bit.
@@ -76,7 +76,7 @@ class WarmsByTheRootOfTheWay(Hidden):
     goes in by the root of time; thick tyres, sizes are chosen here."""
 
     def start(self, batch: int) -> dict[str, Array]:
-        return {"way": self.p.way_m * self.rng(1873).uniform(0.0, 1.5, batch) ** 2}
+        return {"way": self.p.way_m * self.rng(1873).uniform(0.0, 0.8, batch) ** 2}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         speed = np.maximum(view.speed, 0.0)
