@@ -11,6 +11,7 @@ from deeptruck_exam.plans import draw_plan
 from deeptruck_exam.worlds import OF_FAMILY, WORLDS, roads
 from deeptruck_exam.worlds.bends import bendy
 from deeptruck_exam.worlds.by_trade import BALLAST
+from deeptruck_exam.worlds.cones import cones, flanks_down, lights
 from deeptruck_exam.worlds.courses import errands, karst, lava_down
 from deeptruck_exam.worlds.ferries import fjords, narrow, troughs_down
 from deeptruck_exam.worlds.folds import folds, timetable, waves_down
@@ -252,5 +253,23 @@ def test_folds_have_straight_limbs_and_slopes_swell_like_waves():
 def test_a_timetable_has_stops_in_town_alone():
     rng = np.random.default_rng(7)
     town, highway, down = (timetable(rng, kind, 6000, 0.1) for kind in ("suburban", "highway", "descent"))
+    assert 0.05 < np.mean(town < 0.05) < 0.5 and highway.min() > 14.0 and down.min() > 2.0
+    assert highway.std() > 0.8 and down.std() > 0.8
+
+
+def test_cones_have_craters_at_their_tops_and_flanks_flatten():
+    for seed in range(4):
+        grade = cones(np.random.default_rng(seed), 0.03)
+        assert 0.025 < grade.std() < 0.032
+        signs = np.sign(grade[np.abs(grade) > 0.008])
+        runs = np.diff(np.flatnonzero(np.diff(signs) != 0.0))  # flank, crater, crater, flank
+        assert np.quantile(runs, 0.75) > 2.0 * np.quantile(runs, 0.25)
+    steps = flanks_down(np.random.default_rng(5))
+    assert np.quantile(steps, 0.05) < -0.055 and np.quantile(steps, 0.95) > -0.034
+
+
+def test_lights_are_stopped_at_in_town_alone():
+    rng = np.random.default_rng(7)
+    town, highway, down = (lights(rng, kind, 6000, 0.1) for kind in ("suburban", "highway", "descent"))
     assert 0.05 < np.mean(town < 0.05) < 0.5 and highway.min() > 14.0 and down.min() > 2.0
     assert highway.std() > 0.8 and down.std() > 0.8

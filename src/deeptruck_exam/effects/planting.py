@@ -41,6 +41,7 @@ FAMILIES = (
     "fourteenth",
     "fifteenth",
     "sixteenth",
+    "seventeenth",
 )
 SEALED, ALL = "sealed", "all"  # the next family; those of FAMILIES together
 FORMS = (ALL, *FAMILIES, SEALED)

@@ -1,5 +1,5 @@
-"""A big cooler, water that a cooler spits, a notch in a curve and banks that take turns; a pump, a fan and
-a capacitor."""
+"""A hose that blows up, a barometer that leaks, a gear that is run in, and a quick lift; a film that heats
+itself, springs that breathe, swings of the mixture, and pipes in tune."""
 
 from __future__ import annotations
 
@@ -8,170 +8,202 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving
+from deeptruck_exam.effects.places import OnRoad, sections
 from deeptruck_exam.effects.planting import hidden, sizes
-from deeptruck_exam.effects.series import spells, within
 from deeptruck_model.trucks import View
 
 law = partial(hidden, family="sealed")
 
 
-@law(
-    "z_big_cooler_has_to_fill",
-    needs="suburban hills",
-    name="turbo_lag",
-    accepts="command_rate_limit",
-    shown=True,
-)
-@sizes(spins_s=(0.8, 1.6), fills_s=(0.9, 1.8), draws=(0.5, 0.9), at_rads=(125.0, 160.0), least=(0.2, 0.35))
-class BigCoolerHasToFill(Hidden, spin=0.3, air=0.3):
-    """`spin` of the turbine, `air` pressed into a cooler that was meant for a larger engine. The turbine
-    fills it while the engine draws from it, the more the faster it turns. So a change down lets the
-    pressure sink before the turbine can answer. draws: of the filling, at at_rads; least: of peak torque,
-    without pressed air.
-    Source: Eriksson, Modeling and Control of Turbocharged SI and DI Engines, Oil and Gas Science and
-    Technology 62 (2007), on volumes between compressor and engine; a large one, sizes are chosen here."""
+@law("y_hose_blows_up", needs="suburban hills", name="turbo_lag", accepts="command_rate_limit", shown=True)
+@sizes(least=(0.22, 0.36), first_s=(0.8, 1.4), blows=(4.0, 8.0), creeps_s=(4.0, 12.0), empties_s=(0.3, 0.8))
+class HoseBlowsUp(Hidden, air=0.2, creep=0.0):
+    """`air`: pressed air behind a soft hose, which blows up like a balloon. Near nothing it fills at once,
+    and the fuller it is the more slowly it fills. `creep`: a hose that has been full for some time stays
+    wide, and the next filling takes longer still. least: of peak torque, without pressed air; blows: how much
+    wider when full.
+    Source: Watson and Janota, Turbocharging the Internal Combustion Engine (1982), on volumes of manifolds,
+    and Treloar, The Physics of Rubber Elasticity (1975), on balloons; a soft hose, sizes are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
-        flow = np.clip(view.engine_speed / p.at_rads, 0.4, 1.5)
-        burns = np.minimum(asked, p.least + (1.1 - p.least) * s.air)
-        s.spin = eased(s.spin, np.minimum(burns * np.sqrt(flow) * 1.15, 1.2), p.spins_s / flow, dt)
-        gives = s.spin * (1.0 + p.draws) - p.draws * flow * s.air - s.air
-        s.air = np.clip(s.air + dt * gives / p.fills_s, 0.0, 1.1)
-        most = p.least + (1.1 - p.least) * np.minimum(1.15 * s.air, 1.0)
+        wish = np.clip((asked - p.least) / (1.0 - p.least) * 1.1, 0.0, 1.1)
+        turns = np.clip(view.engine_speed / 140.0, 0.5, 1.5)
+        fills = p.first_s * (1.0 + p.blows * s.air**2 * (0.7 + 0.6 * s.creep)) / turns
+        s.creep = eased(s.creep, np.minimum(s.air, 1.0), p.creeps_s, dt)
+        s.air = eased(s.air, wish, np.where(wish > s.air, fills, p.empties_s), dt)
+        most = p.least + (1.0 - p.least) * s.air
         return -self.at_wheels(view, np.maximum(asked - most, 0.0) * self.truck.peak_torque) * moving(view)
 
 
-@law("z_cooler_spits_water", needs="suburban hills", name="torque_derate", accepts="torque_gain", shown=True)
-@sizes(most=(0.4, 0.6), gathers_s=(15.0, 45.0), blows=(0.3, 0.45), sweeps_s=(2.0, 5.0), dries_s=(3.0, 7.0))
-class CoolerSpitsWater(Hidden, wet=0.0):
-    """`pool` of water at the bottom of a charge cooler: moist air leaves it there as long as little is asked.
-    When the flow grows it is swept on into the engine, which misfires for some seconds, the more the longer
-    it was driven gently. `wet`: the cylinders. most: of the torque, lost when quite wet; blows: of full flow,
-    that begins to sweep.
-    Source: Ford, Technical Service Bulletin 13-8-1, on water in charge coolers that makes engines surge when
-    more is asked after steady driving in humid air; a truck's cooler, sizes are chosen here."""
+@law(
+    "y_barometer_is_nearly_tight",
+    needs="hills suburban",
+    name="torque_derate",
+    accepts="torque_gain",
+    shown=True,
+)
+@sizes(most=(0.25, 0.42), climb_m=(3.0, 7.0), leaks_s=(30.0, 80.0), rests=(0.0, 0.1))
+class BarometerIsNearlyTight(Hidden):
+    """The engine gives less in thin air, by a barometer whose case should be open and is nearly tight. It
+    reads the height climbed of late, and forgets that as its case leaks. `climbed` m. So a climb takes torque
+    that comes back on the flat within a minute. most: of the torque, taken; climb_m: for two thirds of it;
+    rests: always taken.
+    Source: ISA standard atmosphere and SAE J1349 on corrections of power by pressure, and makers' manuals on
+    variometers, which leak on purpose; a blocked vent and its sizes are chosen here."""
 
     def start(self, batch: int) -> dict[str, Array]:
-        return {**super().start(batch), "pool": self.rng(1741).uniform(0.2, 1.0, batch)}
+        return {"climbed": self.rng(1842).uniform(-0.5, 1.2, batch) * self.p.climb_m}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        load = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
-        flow = load * np.clip(view.engine_speed / 150.0, 0.3, 1.4)
-        sweeps = np.clip((flow - p.blows) / 0.2, 0.0, 1.0) * s.pool / p.sweeps_s
-        gathers = np.clip((p.blows - flow) / p.blows, 0.0, 1.0) * (1.0 - s.pool) / p.gathers_s
-        s.pool = np.clip(s.pool + dt * (gathers - sweeps), 0.0, 1.0)
-        s.wet = np.clip(s.wet + dt * (2.0 * sweeps * (1.0 - s.wet) - s.wet / p.dries_s), 0.0, 1.0)
-        return -self.at_wheels(view, p.most * s.wet * np.maximum(view.engine_torque, 0.0)) * moving(view)
+        rises = np.maximum(view.speed, 0.0) * view.grade
+        s.climbed = np.clip(s.climbed + dt * (rises - s.climbed / p.leaks_s), -40.0, 40.0)
+        thin = 1.0 - np.exp(-np.maximum(s.climbed, 0.0) / p.climb_m)
+        taken = np.minimum(p.rests + p.most * thin, 0.7)
+        return -self.at_wheels(view, taken * np.maximum(view.engine_torque, 0.0)) * moving(view)
 
 
 @law(
-    "z_notch_in_the_curve",
-    needs="suburban highway hills",
+    "y_gear_is_run_in",
+    needs="suburban hills",
     name="torque_limit",
-    accepts="turbo_lag torque_derate",
+    accepts="turbo_lag torque_derate shift_interruption",
     shown=True,
 )
-@sizes(deep=(0.6, 0.75), at_rads=(112.0, 135.0), wide_rads=(20.0, 32.0), stays_s=(0.3, 0.9))
-class NotchInTheCurve(Hidden, seen=-1.0):
-    """So that a crankshaft does not twist to death, full torque is not allowed near the speed where it
-    resonates: the full-load curve has a notch there. Below and above all torque is free. The notch follows
-    the speed a little late. deep: of peak torque, taken in its middle.
-    Source: Maass and Klier, Kräfte, Momente und deren Ausgleich in der Verbrennungskraftmaschine (1981), on
-    barred speeds of crankshafts; a truck's engine with a cracked damper, sizes are chosen here."""
+@sizes(least=(0.22, 0.36), way_m=(55.0, 140.0), power=(1.0, 2.0), low=(0.3, 0.7))
+class GearIsRunIn(Hidden, gear=0.0, way=200.0):
+    """After each change the gearbox lets the engine pull only as much as the oil on the new teeth allows.
+    That grows with the way in this gear, and low gears need more of it. `way` m in this gear. least: of peak
+    torque, at first; way_m: until all is free; low: of that way, more in the lowest gears.
+    Source: Naunheimer, Bertsche, Ryborz and Novak, Automotive Transmissions (2011), on protection of gears by
+    torque intervention; a careful programme, sizes are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        s.seen = np.where(s.seen < 0.0, view.engine_speed, eased(s.seen, view.engine_speed, p.stays_s, dt))
-        near = np.exp(-(np.abs((s.seen - p.at_rads) / p.wide_rads) ** 3))
-        most = (1.1 - (0.1 + p.deep) * near) * self.truck.peak_torque
+        changed = (view.gear != s.gear) & (s.gear > 0.0)
+        s.gear = view.gear.copy()
+        s.way = np.where(changed, 0.0, np.minimum(s.way + dt * np.maximum(view.speed, 0.0), 1e3))
+        needs = p.way_m * (1.0 + p.low * np.clip(1.0 - view.gear / 10.0, 0.0, 1.0))
+        free = np.minimum(s.way / needs, 1.0) ** p.power
+        most = (p.least + (1.1 - p.least) * free) * self.truck.peak_torque
         return -self.at_wheels(view, np.maximum(view.engine_torque - most, 0.0)) * moving(view)
 
 
-@law("z_banks_take_turns", needs="descent hills suburban", name="engine_brake", accepts="engine_friction")
-@sizes(nm=(260.0, 420.0), weak=(0.15, 0.4), turns=(90.0, 260.0), waits_s=(0.4, 1.0), comes_s=(0.2, 0.5))
-class BanksTakeTurns(Hidden, up=0.0, bites=0.0):
-    """An engine brake that nobody records comes in whenever the pedal is up. So that its valves stay cool one
-    bank of cylinders brakes and then the other, by a count of the crankshaft's turns, also over the pauses.
-    The second bank is worn and gives little. nm: of the good bank, at 150 rad/s; weak: of that, by the worn
-    one; turns: of the crankshaft, for each bank.
-    Source: Jacobs Vehicle Systems, engine brake service manuals, on stages by banks of cylinders, Heywood,
-    Internal Combustion Engine Fundamentals (2018), on compression work; turns are chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        return {**super().start(batch), "count": self.rng(1742).uniform(0.0, 2.0, batch)}
+@law(
+    "y_quick_lift_asks_for_more",
+    needs="descent hills suburban",
+    name="engine_brake",
+    accepts="engine_friction",
+)
+@sizes(nm=(560.0, 900.0), least=(0.1, 0.25), full=(0.25, 0.5), sees_s=(0.5, 1.2), comes_s=(0.25, 0.6))
+@sizes(tires_s=(6.0, 18.0))
+class QuickLiftAsksForMore(Hidden, was=0.0, asks=0.0, bites=0.0, up=0.0):
+    """An engine brake that nobody records judges how a foot leaves the pedal. Who lifts slowly gets little,
+    and who lifts quickly out of a deep pedal gets much. It keeps to that until the foot returns, and tires
+    slowly. `was`: the pedal of a moment ago. nm: at 150 rad/s, at most; full: of the pedal, lifted within
+    that moment; sees_s: of that moment.
+    Source: Jacobs Vehicle Systems, engine brake manuals, and makers' notes on brakes that a quick release of
+    the pedal readies; its grading is chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        lifted = (self.pedal(view) < 0.02) & (view.speed > 2.0)
-        s.up = np.where(lifted, s.up + dt, 0.0)
-        on = (s.up > p.waits_s).astype(float)
-        s.count = (s.count + on * dt * view.engine_speed / (2.0 * np.pi * p.turns)) % 2.0
-        s.bites = eased(s.bites, on * np.where(s.count < 1.0, 1.0, p.weak), p.comes_s, dt)
-        torque = p.nm * s.bites * np.clip(view.engine_speed / 150.0, 0.3, 1.5) ** 1.2
+        pedal = self.pedal(view)
+        up = ((pedal < 0.02) & (view.speed > 2.0)).astype(float)
+        fresh = np.clip(p.least + (s.was - 0.02) / p.full, 0.0, 1.0)
+        s.asks = np.where(up > 0.5, np.where(s.up < 0.5, fresh, s.asks), 0.0)
+        s.asks = np.where(up > 0.5, eased(s.asks, p.least, p.tires_s, dt), s.asks)
+        s.up, s.was = up, eased(s.was, pedal, p.sees_s, dt)
+        s.bites = eased(s.bites, s.asks, p.comes_s, dt)
+        torque = p.nm * s.bites * np.clip(view.engine_speed / 150.0, 0.3, 1.5)
         return -self.at_wheels(view, torque) * np.clip(view.speed / 3.0, 0.0, 1.0)
 
 
-@law("z_pump_presses_the_rail", name="engine_friction", accepts="accessory_load torque_gain")
-@sizes(nm=(160.0, 250.0), least=(0.05, 0.15), rises_s=(0.3, 0.8), falls_s=(2.0, 6.0), leaks_s=(15.0, 45.0))
-class PumpPressesTheRail(Hidden, rail=0.3):
-    """`rail`: pressure of the fuel, which a pump keeps up with the same torque at any speed. The pressure
-    follows what is asked upwards at once. It comes down only by what is injected, so it stays high after a
-    pull when nothing is burnt at all, and the pump goes on working. nm: of friction, at full pressure; least:
-    of the pressure, at idle; falls_s, leaks_s: by injection at full load, and by leaks.
-    Source: Bosch, Diesel Engine Management (2014), on common rails whose pressure falls by injection and
-    leakage, and on torque of their pumps; a pump without metering, sizes are chosen here."""
+@law("y_film_heats_itself", name="engine_friction", accepts="accessory_load engine_brake torque_gain")
+@sizes(nm=(190.0, 300.0), at_rads=(130.0, 165.0), thins=(1.2, 2.0), heats_s=(3.0, 9.0), lasts=(0.3, 0.6))
+class FilmHeatsItself(Hidden, film=0.2):
+    """`film`: heat of oil in a tight bearing, over that of its housing. Shear heats it by the square of
+    speed, and hot oil is thin. So friction is high just after the revs have risen, falls within seconds, and
+    is low for a moment after they have sunk. nm: at at_rads, cold; thins: power of the heat; lasts: how
+    friction rises with speed.
+    Source: Cameron, Basic Lubrication Theory (1976), and Dowson, A Generalized Reynolds Equation for
+    Fluid-Film Lubrication (1962), on films that heat themselves; a tight bearing, sizes are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        load = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
-        wish = p.least + (1.0 - p.least) * np.sqrt(load)
-        down = 1.0 / (load / p.falls_s + 1.0 / p.leaks_s)
-        s.rail = eased(s.rail, wish, np.where(wish > s.rail, p.rises_s, down), dt)
-        return -self.at_wheels(view, p.nm * s.rail) * moving(view)
+        turns = np.clip(view.engine_speed / p.at_rads, 0.3, 1.5)
+        thin = np.exp(-p.thins * s.film)
+        s.film = eased(s.film, 1.2 * turns**2 * (0.4 + 0.6 * thin), p.heats_s, dt)
+        return -self.at_wheels(view, p.nm * turns ** (1.0 + p.lasts) * thin) * moving(view)
 
 
-@law("z_fan_sucks_leaves", needs="suburban hills highway", name="accessory_load", accepts="engine_friction")
-@sizes(kw=(17.0, 27.0), at_rads=(130.0, 165.0), chokes=(0.5, 0.75), leaves_s=(8.0, 25.0), clear_s=(8.0, 25.0))
-@sizes(moves_s=(0.5, 1.5))
-class FanSucksLeaves(Hidden, choked=0.0):
-    """A fan that sucks leaves was left on, driven by the engine: its power grows with the cube of the speed.
-    Where its mouth is choked by leaves it moves less air and takes less power, until they come loose. kw: of
-    shaft power, free, for a 20 t truck, at at_rads; chokes: of the power, spared with a choked mouth.
-    Source: Eck, Fans: Design and Operation of Centrifugal, Axial-Flow and Cross-Flow Fans (1973), on power
-    with the cube of speed and at a throttled inlet; leaves and sizes are chosen here."""
+@law("y_springs_breathe", needs="suburban hills highway", name="accessory_load", accepts="engine_friction")
+@sizes(
+    nm=(150.0, 240.0), empties_m=(250.0, 700.0), fills_s=(8.0, 20.0), low=(0.5, 0.7), mean_m=(150.0, 600.0)
+)
+@sizes(idles=(0.05, 0.15))
+class SpringsBreathe(OnRoad, works=0.0, pumps=0.0):
+    """Valves at air springs let air out and in at each bump, so a rough road empties the `tank`. A compressor
+    fills it by the engine's turns, from low until it is full, and needs more torque the fuller it is. On
+    smooth roads it rests. nm: of torque, against a full tank; empties_m: of the roughest road; low: of the
+    tank; idles: of the torque, at rest.
+    Source: Wabco, manuals of air suspension with levelling valves, and Hanlon, Compressor Handbook (2001), on
+    work by pressure; large valves, sizes are chosen here."""
 
     def prepare(self) -> None:
-        p = self.p
-        on, off = (0.5 * p.leaves_s, 1.5 * p.leaves_s), (0.5 * p.clear_s, 1.5 * p.clear_s)
-        self.leaves = spells(self.rng(1743), self.setting.batch, on, off)
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        s.choked = eased(s.choked, within(self.leaves, view.time), p.moves_s, dt)
-        turns = np.clip(view.engine_speed / p.at_rads, 0.3, 1.4)
-        size = np.clip(view.mass / 20000.0, 0.4, 1.5)
-        nm = 1000.0 * p.kw * size / p.at_rads * turns**2 * (1.0 - p.chokes * s.choked)
-        return -self.at_wheels(view, np.minimum(nm, 420.0)) * moving(view)
-
-
-@law("z_capacitor_answers_first", needs="suburban hills", name="unknown")
-@sizes(share=(0.5, 0.85), pays_s=(2.5, 6.0), most=(0.2, 0.34), holds_s=(4.0, 10.0), loss=(0.08, 0.2))
-class CapacitorAnswersFirst(Hidden, mean=0.0):
-    """An electric machine on the shaft answers each change of the pedal before the engine. It adds what the
-    torque has just gained and takes what it has just lost. As the change becomes old it is paid back.
-    `full` of its capacitor: an empty one adds nothing, a full one takes nothing. share: of a change;
-    pays_s: until it is old; most: of peak torque; holds_s: of all it may give; loss: of what goes through
-    it.
-    Source: Burke, Ultracapacitors: Why, How, and Where is the Technology, J. Power Sources 91 (2000), on
-    load levelling in vehicles; a machine that is not said, sizes are chosen here."""
+        rng = self.rng(1845)
+        number = sections(rng, self.rows(), self.p.mean_m)
+        rough = rng.uniform(0.05, 1.0, (self.rows(), int(number.max()) + 1))
+        self.road = np.take_along_axis(rough, number, axis=1)
 
     def start(self, batch: int) -> dict[str, Array]:
-        return {**super().start(batch), "full": self.rng(1744).uniform(0.3, 0.8, batch)}
+        return {**super().start(batch), "tank": self.rng(1846).uniform(0.55, 1.0, batch)}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        torque = view.engine_torque / self.truck.peak_torque
-        s.mean = eased(s.mean, torque, p.pays_s, dt)
-        wish = np.clip(p.share * (torque - s.mean), -p.most, p.most)
-        gives = np.where(wish > 0.0, wish * np.clip(8.0 * s.full, 0.0, 1.0), 0.0)
-        takes = np.where(wish < 0.0, wish * np.clip(8.0 * (1.0 - s.full), 0.0, 1.0), 0.0)
-        back = np.clip(0.5 - s.full, -0.3, 0.3) * p.most * 0.6
-        flow = gives * (1.0 + p.loss) + takes * (1.0 - p.loss) - back
-        s.full = np.clip(s.full - dt * flow / (p.most * p.holds_s), 0.0, 1.0)
-        return self.at_wheels(view, (gives + takes - back) * self.truck.peak_torque) * moving(view)
+        takes = self.read(self.road, view) * np.maximum(view.speed, 0.0) / p.empties_m
+        turns = np.clip(view.engine_speed / 140.0, 0.3, 1.5)
+        s.works = np.where(s.tank > 0.99, 0.0, np.where(s.tank < p.low, 1.0, s.works))
+        s.tank = np.clip(s.tank + dt * (s.works * turns / p.fills_s - takes), 0.2, 1.0)
+        s.pumps = eased(s.pumps, s.works, 0.4, dt)
+        torque = p.nm * (p.idles + (1.0 - p.idles) * s.pumps * (0.4 + 0.6 * s.tank))
+        return -self.at_wheels(view, torque) * moving(view)
+
+
+@law("y_mixture_swings", needs="suburban hills highway", name="unknown")
+@sizes(lean=(0.7, 1.0), rich=(0.2, 0.35), trims=(0.18, 0.35), late_s=(1.2, 2.4), jumps=(0.1, 0.3))
+class MixtureSwings(Hidden, trim=0.0, seen=0.0, way=1.0):
+    """An engine for gas takes its mixture from a probe that knows only lean or rich. The controller enriches
+    until the probe says rich, and leans until it says lean. Exhaust takes time to the probe, more with little
+    flow, so the mixture swings and torque with it. `trim` of the fuel; `seen`: as the probe sees it. lean,
+    rich: torque lost and won, of a full swing.
+    Source: Kiencke and Nielsen, Automotive Control Systems (2005), on the limit cycle of two-point lambda
+    control; a slow probe, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        flow = np.clip(self.power_share(view), 0.12, 1.0)
+        s.seen = eased(s.seen, s.trim, p.late_s * (0.35 / flow) ** 0.5, dt)
+        turned = np.where(s.seen > 0.1, -1.0, np.where(s.seen < -0.1, 1.0, s.way))
+        s.trim = np.where(turned != s.way, s.trim + p.jumps * turned, s.trim)
+        s.way = turned
+        s.trim = np.clip(s.trim + dt * p.trims * s.way, -1.0, 1.0)
+        gains = np.where(s.trim > 0.0, p.rich * s.trim, p.lean * s.trim)
+        return self.at_wheels(view, gains * np.maximum(view.engine_torque, 0.0)) * moving(view)
+
+
+@law("y_pipes_in_tune", needs="suburban hills highway", name="unknown")
+@sizes(
+    share=(0.16, 0.26),
+    wave_rads=(45.0, 80.0),
+    fits_rads=(100.0, 170.0),
+    cold=(0.1, 0.25),
+    warms_s=(6.0, 20.0),
+)
+class PipesInTune(Hidden, warm=0.3):
+    """Long pipes before the engine ring at certain engine speeds: there its cylinders are filled better, and
+    between them worse. Warm pipes ring higher, so that all these speeds move as the engine works. `warm`: the
+    pipes. share: of the torque, more or less; wave_rads: from one such speed to the next; fits_rads: one of
+    them, cold; cold: of it, higher when warm.
+    Source: Winterbone and Pearson, Theory of Engine Manifold Design (2000), on tuned pipes; pipes that a shop
+    has put on, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.warm = eased(s.warm, np.clip(1.3 * self.power_share(view), 0.0, 1.0), p.warms_s, dt)
+        turns = view.engine_speed / (1.0 + p.cold * s.warm)
+        rings = np.cos(2.0 * np.pi * (turns - p.fits_rads) / p.wave_rads)
+        return self.at_wheels(view, p.share * rings * np.maximum(view.engine_torque, 0.0)) * moving(view)

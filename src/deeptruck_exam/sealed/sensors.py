@@ -8,59 +8,56 @@ import numpy as np
 
 from deeptruck_exam.effects.law import Channels, Sizes
 from deeptruck_exam.effects.planting import SIGN, fault, sizes
-from deeptruck_exam.effects.series import behind, ou_series
+from deeptruck_exam.effects.series import behind
 
 law = partial(fault, family="sealed")
 
 
-@law("z_loop_rings", needs="suburban hills", name="clock_offset")
-@sizes(late_s=(0.4, 0.75), rings_s=(0.3, 0.6), every_s=(25.0, 60.0), swings_s=(8.0, 20.0), sign=SIGN)
-def loop_rings(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """Source: Gardner, Phaselock Techniques (2005), on loops with little damping: whenever its reference
-    jumps, a clock swings about its new time before it settles, and it is late besides; sizes are chosen
-    here."""
+@law("y_engine_comes_first", needs="suburban hills", name="clock_offset")
+@sizes(late_s=(0.4, 0.75), at_rads=(120.0, 160.0), power=(1.0, 2.0), calms_s=(0.5, 2.0))
+def engine_comes_first(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Liu and Layland, Scheduling Algorithms for Multiprogramming in a Hard-Real-Time Environment, J.
+    ACM 20 (1973): tasks of the engine come first and come more often at high engine speed, so the task that
+    records acceleration has to wait; sizes are chosen here."""
     values = channels["acceleration"]
     clock = np.arange(len(values)) * dt
-    late = np.full(len(values), p.late_s * rng.uniform(0.9, 1.1))
-    for jump in np.cumsum(rng.exponential(p.every_s, 40) + 4.0) - p.every_s:
-        since = np.maximum(clock - jump, 0.0)
-        swings = np.exp(-since / (0.8 * p.swings_s)) * np.sin(2.0 * np.pi * since / p.swings_s)
-        late = late + p.rings_s * rng.choice([-1.0, 1.0]) * swings
-    channels["acceleration"] = np.interp(clock - np.sign(p.sign) * late, clock, values)
+    speed = channels.get("engine_speed", np.full(len(values), p.at_rads))
+    turns = np.clip(behind(np.nan_to_num(speed, nan=p.at_rads), p.calms_s, dt) / p.at_rads, 0.3, 1.6)
+    channels["acceleration"] = np.interp(clock - p.late_s * turns**p.power, clock, values)
 
 
-@law("z_each_gear_has_its_table", needs="suburban hills highway", name="speed_scale")
-@sizes(scale=(0.02, 0.04), spread=(0.006, 0.014), moves_s=(0.3, 1.0), sign=SIGN)
-def each_gear_has_its_table(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """Source: makers' manuals on transmission control, on road speed that is computed from the shaft's speed
-    by tables: each gear's ratio was entered with an error of its own, and the axle's with a larger one; sizes
-    are chosen here."""
-    table = p.spread * rng.uniform(-1.0, 1.0, 40)
-    gear = np.clip(np.rint(channels["gear"]), 0, 39).astype(int)
-    scale = np.sign(p.sign) * p.scale * rng.uniform(0.95, 1.05) + behind(table[gear], p.moves_s, dt)
-    channels["speed"] = channels["speed"] * (1.0 + scale)
+@law("y_one_node_is_wrong", needs="suburban hills highway", name="speed_scale")
+@sizes(scale=(0.018, 0.032), hump=(0.015, 0.03), at_mps=(9.0, 17.0), wide_mps=(4.0, 7.0), sign=SIGN)
+def one_node_is_wrong(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Fraden, Handbook of Modern Sensors (2016), on calibration by lines between nodes: a factor is
+    wrong everywhere, and one node of the table more, which lifts all speeds about it; sizes are chosen
+    here."""
+    speed = channels["speed"]
+    near = np.clip(1.0 - np.abs(speed - p.at_mps) / p.wide_mps, 0.0, 1.0)
+    scale = np.sign(p.sign) * (p.scale * rng.uniform(0.95, 1.05) + p.hump * near)
+    channels["speed"] = speed * (1.0 + scale)
 
 
-@law("z_capacitor_remembers", name="acceleration_bias")
-@sizes(bias=(0.09, 0.16), soaks=(0.25, 0.5), first_s=(2.0, 4.0), last_s=(25.0, 60.0), sign=SIGN)
-def capacitor_remembers(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """Source: Dow, An Analysis of Certain Errors in Electronic Differential Analyzers, II: Capacitor
-    Dielectric Absorption, IRE Trans. Electronic Computers 7 (1958): a capacitor gives back for a minute
-    what it has soaked up, here beside a constant bias; sizes are chosen here."""
-    values = channels["acceleration"]
-    times = np.geomspace(p.first_s, p.last_s, 3)
-    soaked = np.mean([behind(values, float(tau), dt) for tau in times], axis=0)
-    channels["acceleration"] = values + np.sign(p.sign) * p.bias * rng.uniform(0.9, 1.1) + p.soaks * soaked
+@law("y_heater_cycles", name="acceleration_bias")
+@sizes(bias=(0.09, 0.16), swings=(0.03, 0.07), on_s=(8.0, 20.0), off_s=(20.0, 50.0), sign=SIGN)
+def heater_cycles(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: IEEE Std 1293-1998 on accelerometers and their temperature: a heater in the box goes on at one
+    temperature and off at another, and the bias swings with it like a bent saw tooth; sizes are chosen
+    here."""
+    on, off = p.on_s * rng.uniform(0.9, 1.1), p.off_s * rng.uniform(0.9, 1.1)
+    phase = (np.arange(len(channels["acceleration"])) * dt + rng.uniform(0.0, on + off)) % (on + off)
+    rise = (1.0 - np.exp(-2.0 * phase / on)) / (1.0 - np.exp(-2.0))
+    fall = (np.exp(-2.0 * (phase - on) / off) - np.exp(-2.0)) / (1.0 - np.exp(-2.0))
+    swing = np.where(phase < on, rise, fall) - 0.5
+    bias = np.sign(p.sign) * p.bias * rng.uniform(0.9, 1.1) + p.swings * swing
+    channels["acceleration"] = channels["acceleration"] + bias
 
 
-@law("z_sits_on_the_trailer", name="grade_bias", accepts="rolling_resistance", conceal="elevation")
-@sizes(off=(0.008, 0.013), behind_m=(8.0, 14.0), rocks=(0.001, 0.003), rocks_s=(2.0, 6.0), sign=SIGN)
-def sits_on_the_trailer(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
-    """Source: Fancher and Winkler, A Factbook of the Mechanical Properties of the Components for Single-Unit
-    and Articulated Heavy Trucks, UMTRI-86-12 (1986), on hitches and springs: a box on a trailer that stands
-    askew reads its slope some metres later, and rocks with its load; sizes are chosen here."""
-    grade = channels["grade"]
-    way = np.cumsum(np.maximum(channels["speed"], 0.0) * dt) + 1e-6 * np.arange(len(grade))
-    later = np.interp(way - p.behind_m, way, grade)
-    rocks = p.rocks * ou_series(rng, (1, len(grade)), dt, p.rocks_s)[0]
-    channels["grade"] = later + np.sign(p.sign) * p.off * rng.uniform(0.9, 1.1) + rocks
+@law("y_runs_into_its_stops", name="grade_bias", accepts="rolling_resistance", conceal="elevation")
+@sizes(off=(0.008, 0.013), stops=(0.03, 0.05), eases_s=(0.3, 1.0), sign=SIGN)
+def runs_into_its_stops(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Doebelin, Measurement Systems (2004), on pendulums that are held by springs and soft stops: one
+    that stands askew reads less and less of a slope, the nearer it comes to one of its stops; sizes are
+    chosen here."""
+    leans = behind(channels["grade"], p.eases_s, dt) + np.sign(p.sign) * p.off * rng.uniform(0.9, 1.1)
+    channels["grade"] = p.stops * np.tanh(leans / p.stops)

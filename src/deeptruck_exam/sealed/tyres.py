@@ -1,4 +1,5 @@
-"""Slip that heats the rubber, discs that pump air, frost in a casing, and trailers that crab on a slant."""
+"""Front wheels that lose their load, seals that ride up, a warming by the root of the way, and tyres that
+hold against the wind from the side."""
 
 from __future__ import annotations
 
@@ -6,8 +7,8 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving, weight
-from deeptruck_exam.effects.places import CELL_M, OnRoad, windows
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, index, moving, weight
+from deeptruck_exam.effects.places import OnRoad, windows
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series
 from deeptruck_model.trucks import View
@@ -15,96 +16,97 @@ from deeptruck_model.trucks import View
 law = partial(hidden, family="sealed")
 
 
-@law("z_slip_melts_the_rubber", needs="suburban hills", name="wheel_slip")
-@sizes(grip=(0.19, 0.28), melts=(0.35, 0.6), heats_s=(0.6, 1.6), cools_s=(4.0, 12.0), mean_m=(120.0, 450.0))
-@sizes(share=(0.45, 0.7))
-class SlipMeltsTheRubber(OnRoad, hot=0.0, lost=0.0):
-    """`hot`: the skin of driven tyres on polished stone. Pull near their grip makes them slip, slip melts
-    the rubber, and molten rubber grips less. So a spin feeds itself until the driver gives way, and cools
-    in seconds. grip: of their load, cold; melts: of that, when hot.
-    Source: Persson, Rubber Friction: Role of the Flash Temperature, J. Physics: Condensed Matter 18 (2006),
-    on grip that falls with the heat of sliding, and Wong, Theory of Ground Vehicles (2008); sizes are
-    chosen here."""
+@law("y_front_wheels_lose_their_load", needs="suburban hills", name="wheel_slip")
+@sizes(grip=(0.3, 0.4), front=(0.24, 0.34), lifts=(1.0, 1.6), mean_m=(120.0, 450.0), share=(0.5, 0.75))
+@sizes(slides=(0.1, 0.3))
+class FrontWheelsLoseTheirLoad(OnRoad, lost=0.0, load=0.3):
+    """Only the front wheels drive. Pull and slope both move load to the rear, and so take away the grip by
+    which the front pulls. `load` of the front, which follows by the nodding of the truck. On wet stretches it
+    slips. grip: of the load on it; front: of the weight, level; lifts: load lost, over pull and slope;
+    slides: of the grip, lost in sliding.
+    Source: Gillespie, Fundamentals of Vehicle Dynamics (1992), on traction limits of driven front axles by
+    transfer of load; a short, high truck, sizes are chosen here."""
 
     def prepare(self) -> None:
-        self.road = windows(self.rng(1771), self.rows(), self.p.mean_m, self.p.share)
+        self.road = windows(self.rng(1871), self.rows(), self.p.mean_m, self.p.share)
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        stone, pull = self.between(self.road, view), np.maximum(view.traction_force, 0.0)
-        most = 0.35 * p.grip * (1.0 - p.melts * s.hot) * weight(view)
-        holds = pull / (1.0 + (pull / most) ** 4) ** 0.25
-        s.lost = eased(s.lost, stone * (pull - holds), 0.25, dt)
-        slides = np.clip(s.lost / (0.04 * weight(view)), 0.0, 1.5)
-        s.hot = np.clip(s.hot + dt * (slides * (1.0 - s.hot) / p.heats_s - s.hot / p.cools_s), 0.0, 1.0)
+        felt = np.clip(view.acceleration / GRAVITY + view.grade, -0.2, 0.2)
+        s.load = eased(s.load, np.clip(p.front - p.lifts * felt, 0.05, 0.5), 0.35, dt)
+        pull = np.maximum(view.traction_force, 0.0)
+        over = np.maximum(pull / (p.grip * s.load * weight(view)) - 0.8, 0.0)
+        holds = p.grip * s.load * weight(view) * (0.8 + (1.0 - p.slides) * 0.25 * np.tanh(4.0 * over))
+        lacks = np.maximum(pull - holds, 0.0) * np.where(over > 0.0, 1.0, 0.0)
+        s.lost = eased(s.lost, self.between(self.road, view) * lacks, 0.2, dt)
         return -np.minimum(s.lost, pull) * moving(view)
 
 
-@law("z_discs_pump_air", needs="highway hills suburban", name="rolling_resistance_speed", accepts="drag_area")
-@sizes(at_20=(0.01, 0.015), clogs_s=(20.0, 60.0), frees=(0.02, 0.06), light_k=(200.0, 400.0), open=(0.1, 0.3))
-class DiscsPumpAir(Hidden):
-    """Vanes in all wheels pump air through discs and rims, and take power as fans do. `dirt` fills their
-    channels on the way, down to what stays open, and a braking that shakes the wheels frees them. Hot air is
-    light and costs less. at_20: of the weight, at 20 m/s, clean and cold; frees: of full braking, that
-    empties them within a second; light_k: of heat, for half the cost.
-    Source: Limpert, Cooling Analysis of Disc Brake Rotors, SAE 751014 (1975), on pumping by vanes of discs;
-    larger fans, sizes are chosen here."""
-
-    def start(self, batch: int) -> dict[str, Array]:
-        return {"dirt": self.rng(1772).uniform(0.0, 0.8, batch)}
+@law(
+    "y_seals_ride_up",
+    needs="highway hills suburban",
+    name="rolling_resistance_speed",
+    accepts="drag_area rolling_resistance",
+)
+@sizes(
+    slow=(0.009, 0.015), rides_mps=(4.0, 8.0), films=(0.003, 0.006), builds_s=(1.5, 5.0), breaks_s=(0.4, 1.2)
+)
+class SealsRideUp(Hidden, film=0.0):
+    """Many tight seals at hubs and shafts rub dry when they turn slowly. Faster, they ride up on a film and
+    rub little; then the film itself costs more with the root of speed. `film`: builds slowly and breaks soon.
+    slow: of the weight, rubbing dry; rides_mps: where half is lifted; films: of the weight, at 20 m/s.
+    Source: Müller and Nau, Fluid Sealing Technology (1998), on lip seals between dry rubbing and a film; many
+    seals, sizes are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         speed = np.maximum(view.speed, 0.0)
-        shakes = np.clip(view.brake_force / self.truck.brake_capacity / p.frees, 0.0, 1.5) ** 2
-        fills = np.minimum(speed / 15.0, 1.5) * (1.0 - s.dirt) / p.clogs_s
-        s.dirt = np.clip(s.dirt + dt * (fills - shakes * s.dirt), 0.0, 1.0)
-        heat = np.clip(view.brake_temperature - self.truck.ambient_temperature, 0.0, 500.0)
-        passes = 1.0 - (1.0 - p.open) * s.dirt
-        cost = p.at_20 * (speed / 20.0) ** 2 * passes / (1.0 + heat / p.light_k)
+        wish = 1.0 - np.exp(-((speed / p.rides_mps) ** 2) * 0.7)
+        s.film = eased(s.film, wish, np.where(wish > s.film, p.builds_s, p.breaks_s), dt)
+        cost = p.slow * (1.0 - s.film) + p.films * s.film * np.sqrt(speed / 20.0)
         return -cost * weight(view) * moving(view)
 
 
-@law("z_frost_in_the_casing", name="rolling_resistance_warmup")
-@sizes(most=(0.0055, 0.0088), flex=(0.25, 0.45), melts=(0.5, 0.9), warms_s=(25.0, 70.0), edge=(0.06, 0.15))
-class FrostInTheCasing(Hidden):
-    """`heat` in wet casings that stood in frost. Below 0 they are stiff. From 0 on all heat goes into
-    melting the ice and they stay as stiff, until within a moment they are soft. Then they are warmed on as
-    any tyre. `heat` is 0 where ice begins to melt. most: of the weight, frozen; flex: of that, thawed and
-    cold; melts: heat that the ice takes, over that of one warming.
-    Source: Carslaw and Jaeger, Conduction of Heat in Solids (1959), on melting that holds a temperature,
-    and makers' notes on water in retreaded casings; sizes are chosen here."""
+@law("y_warms_by_the_root_of_the_way", name="rolling_resistance_warmup")
+@sizes(most=(0.0075, 0.0125), way_m=(100.0, 320.0), cools_s=(20.0, 60.0), loads=(0.3, 0.7))
+class WarmsByTheRootOfTheWay(Hidden):
+    """Heat goes into thick rubber by the root of time: much of the stiffness is lost over the first metres,
+    and the rest over many kilometres. `way` m that the tyres remember, which a stand takes away bit by bit.
+    most: of the weight, quite cold; way_m: until three tenths are lost; loads: how much more way a heavy
+    truck counts.
+    Source: Incropera and DeWitt, Fundamentals of Heat and Mass Transfer (1996), on bodies so thick that heat
+    goes in by the root of time; thick tyres, sizes are chosen here."""
 
     def start(self, batch: int) -> dict[str, Array]:
-        return {"heat": self.rng(1773).uniform(-0.5, 0.6, batch)}
+        return {"way": self.p.way_m * self.rng(1873).uniform(0.0, 0.8, batch) ** 2}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        warm = np.where(s.heat < 0.0, s.heat, np.maximum(s.heat - p.melts, 0.0))  # the temperature
-        ice = 1.0 / (1.0 + np.exp(np.clip((s.heat - p.melts) / p.edge, -30.0, 30.0)))
-        works = np.clip(view.speed / 16.0, 0.0, 1.4) * (0.6 + 0.4 * ice)
-        s.heat = np.clip(s.heat + dt * (works - 0.35 * (warm + 0.5)) / p.warms_s, -1.0, 3.0)
-        stiff = ice + (1.0 - ice) * p.flex * np.exp(-1.2 * np.maximum(warm, 0.0))
-        return -p.most * stiff * weight(view) * moving(view)
+        speed = np.maximum(view.speed, 0.0)
+        heavy = 1.0 + p.loads * (np.clip(view.mass / 20000.0, 0.4, 2.0) - 1.0)
+        forgets = s.way / p.cools_s * np.clip(1.0 - speed / 2.0, 0.0, 1.0)
+        s.way = np.clip(s.way + dt * (heavy * speed - forgets), 0.0, 1e5)
+        return -p.most / np.sqrt(1.0 + s.way / p.way_m) * weight(view) * moving(view)
 
 
-@law("z_trailer_crabs_on_the_slant", needs="suburban hills highway", name="unknown")
-@sizes(
-    costs=(0.003, 0.005), long_m=(150.0, 450.0), slant=(0.3, 0.8), follows_m=(10.0, 30.0), most=(0.01, 0.016)
-)
-class TrailerCrabsOnTheSlant(OnRoad, angle=0.0):
-    """`angle`: of a trailer to its way, over the usual one. On a road that slants to one side its axles have
-    to run askew, to hold it up, and loose bushes let them do so by far. It follows the slant over some
-    metres; where the slant turns round it runs straight for a moment. costs: of the weight, at the usual
-    slant; slant: beside the mean one; most: of the weight.
-    Source: Gillespie, Fundamentals of Vehicle Dynamics (1992), on trailers on roads that slant, and Pacejka,
-    Tire and Vehicle Dynamics (2012), on side force by slip angle; sizes are chosen here."""
+@law("y_holds_against_the_side_wind", needs="highway hills suburban", name="unknown")
+@sizes(costs=(0.0028, 0.005), gusts_s=(4.0, 12.0), mean=(0.4, 0.9), steers_s=(0.4, 1.2), most=(0.011, 0.017))
+@sizes(light=(0.5, 1.0))
+class HoldsAgainstTheSideWind(OnRoad, slips=0.0):
+    """The wind blows from the side, and tyres hold against it by running askew, which costs the square of the
+    side force. `slips`: their angle, over the usual one. Gusts pass within seconds, and a light truck has to
+    run more askew. costs: of the weight, at the usual angle; mean: of the wind, beside its gusts; light:
+    power of the mass; most: of the weight.
+    Source: Baker, Ground Vehicles in High Cross Winds, J. Fluids and Structures 5 (1991), on side forces, and
+    Pacejka, Tire and Vehicle Dynamics (2012), on drag by slip angle; strong winds, sizes are chosen here."""
 
     def prepare(self) -> None:
-        rng, p = self.rng(1774), self.p
-        self.road = p.slant * rng.choice([-1.0, 1.0], (self.rows(), 1)) + ou_series(
-            rng, (self.rows(), 12000), CELL_M, p.long_m
-        )
+        rng, p = self.rng(1874), self.p
+        samples = int(self.setting.duration_s / 0.25) + 8
+        gusts = ou_series(rng, (self.setting.batch, samples), 0.25, p.gusts_s)
+        self.side = rng.choice([-1.0, 1.0]) * p.mean + gusts
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        speed, slant = np.maximum(view.speed, 0.0), self.read(self.road, view)
-        s.angle = eased(s.angle, slant, p.follows_m / np.maximum(speed, 1e-3), dt)
-        askew = p.most * np.tanh(p.costs / p.most * s.angle**2)
+        wind = self.side[:, index(view, self.side, 0.25)]
+        fast = np.clip(view.speed / 15.0, 0.0, 1.8)
+        light = (20000.0 / np.maximum(view.mass, 8000.0)) ** p.light
+        s.slips = eased(s.slips, wind * np.abs(wind) * (0.4 + 0.6 * fast) * light, p.steers_s, dt)
+        askew = p.most * np.tanh(p.costs / p.most * s.slips**2)
         return -askew * weight(view) * moving(view)

@@ -11,12 +11,13 @@ import numpy as np
 
 from deeptruck_exam.effects.planting import FAMILIES, SEALED
 from deeptruck_exam.worlds.by_land import BY_LAND
+from deeptruck_exam.worlds.by_rock import BY_ROCK
 from deeptruck_exam.worlds.by_trade import BY_TRADE
 from deeptruck_exam.worlds.by_water import BY_WATER
 from deeptruck_exam.worlds.sealed_world import SEALED_WORLD
 from deeptruck_exam.worlds.world import World
 
-WORLDS = {**BY_TRADE, **BY_LAND, **BY_WATER}  # in the order of the families
+WORLDS = {**BY_TRADE, **BY_LAND, **BY_WATER, **BY_ROCK}  # in the order of the families
 OF_FAMILY = dict(zip(FAMILIES, ("plain", *WORLDS), strict=True))
 
 

@@ -264,3 +264,24 @@ class LeaderFoldsOutHisTail(Hidden, tail=0.0):
         s.tail = np.clip(s.tail + dt * np.where(s.wants > 0.5, 1.0, -1.0) / p.folds_s, 0.0, 1.0)
         gap = np.clip(self.gap(view), 0.0, 1e4)
         return p.most * np.exp(-gap / p.reach_m) * (1.0 - p.takes * s.tail) * view.drag_force * moving(view)
+
+
+@law("z_spray_fills_the_wake", "seventeenth", "highway", accepts="drag_area")
+@sizes(most=(0.85, 0.98), reach_m=(140.0, 240.0), takes=(0.85, 1.0), thick_m=(20.0, 40.0), dries_s=(2.0, 8.0))
+@sizes(mean_m=(300.0, 900.0), share=(0.35, 0.6))
+class SprayFillsTheWake(OnRoad, mist=0.0):
+    """`mist` of a wet road behind the leader, 1 full. His wheels throw water up, which fills his wake
+    a little way behind. Whoever follows has to push it aside, and that takes most of what the wake saves.
+    most: of the drag, saved right behind him; takes: of that, in the thickest mist; thick_m: where that is.
+    Source: Gaylard and Duncan, Simulation of Rear Glass and Body Side Vehicle Soiling, SAE 2011-01-0173, on
+    how far spray is carried, and Hucho, Aerodynamics of Road Vehicles (1998); sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.road = windows(self.rng(1702), self.rows(), self.p.mean_m, self.p.share)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        gap = np.clip(self.gap(view), 0.0, 1e4)
+        s.mist = eased(s.mist, self.between(self.road, view), p.dries_s, dt)
+        thick = gap / p.thick_m * np.exp(1.0 - gap / p.thick_m)
+        saved = p.most / (1.0 + gap / p.reach_m) ** 2
+        return saved * (1.0 - p.takes * s.mist * thick) * view.drag_force * moving(view)

@@ -224,3 +224,29 @@ class WindTurnsTheStream(OnRoad, felt=0.0):
         angle = np.arctan2(aside, speed) / p.stalls
         more = (1.0 + (aside / speed) ** 2) * (1.0 + p.rise * np.tanh(angle**2)) - 1.0
         return -more * view.drag_force * np.clip(view.speed / 3.0, 0.0, 1.0)
+
+
+@law("z_boom_swings_out", "seventeenth", "hills highway suburban", accepts="headwind")
+@sizes(more=(1.2, 1.9), frees=(0.04, 0.09), swings_s=(1.0, 3.0), homes=(0.06, 0.14), tightest=(0.008, 0.016))
+class BoomSwingsOut(Bends):
+    """`angle` of a folded boom whose turntable is not locked, -1 and 1 across the truck. Bends swing it out
+    against the rust of its bearing, and it stays where it was left. The wind of driving turns it back only
+    where that is stronger than the rust. more: of the drag, across; frees: g that rust holds; homes: g
+    of that wind, at 20 m/s.
+    Source: Hoerner, Fluid-Dynamic Drag (1965), on struts across a stream, and makers' manuals of loading
+    cranes and concrete pumps on locking booms for the road; rust and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.bend = self.draw_bends(self.rng(1703), self.p.tightest)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"angle": self.rng(1704).uniform(-1.0, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        bend = self.setting.direction * self.read(self.bend, view)
+        fast = np.minimum((view.speed / 20.0) ** 2, 2.0)
+        pushes = np.clip(bend * view.speed**2, -4.0, 4.0) / 9.81
+        pushes = pushes * np.sqrt(np.maximum(1.0 - s.angle**2, 0.0)) - p.homes * fast * s.angle
+        over = np.sign(pushes) * np.maximum(np.abs(pushes) - p.frees, 0.0)
+        s.angle = np.clip(s.angle + dt * np.clip(over / 0.1, -1.5, 1.5) / p.swings_s, -1.0, 1.0)
+        return -p.more * np.sin(0.5 * np.pi * s.angle) ** 2 * view.drag_force

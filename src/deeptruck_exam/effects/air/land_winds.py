@@ -13,6 +13,7 @@ from deeptruck_exam.effects.series import SAMPLE_S, arrivals, ou_series
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="headwind", accepts="drag_area")
+WHIRLS = 400  # over all the road
 
 
 @law("valley_wind", "fourth", "hills highway")
@@ -243,5 +244,40 @@ class StreetOfEddies(Hidden):
         drift = self.blows * p.drifts * 2.0 * p.mean_mps * view.time
         phase = self.first + 2.0 * np.pi * (self.place(view) - drift) / p.long_m
         along = self.blows * p.mean_mps + p.swings_mps * strong * np.tanh(1.6 * np.sin(phase)) / np.tanh(1.6)
+        against = np.clip(1.0 - self.setting.direction * along / np.maximum(view.speed, 3.0), -1.0, 2.5)
+        return -(against * np.abs(against) - 1.0) * view.drag_force * np.clip(view.speed / 3.0, 0.0, 1.0)
+
+
+@law("z_whirls_of_hot_air", "seventeenth", "highway hills")
+@sizes(
+    mean_mps=(3.0, 5.0),
+    spins_mps=(12.0, 18.0),
+    core_m=(60.0, 140.0),
+    aside_m=(40.0, 160.0),
+    lives_s=(60.0, 200.0),
+)
+class WhirlsOfHotAir(OnRoad):
+    """Whirls of hot air stand beside the road, each for some minutes. One blows along the road as long as a
+    truck is near, one way or the other by its side and its sense of turning. mean_mps: of the wind besides;
+    spins_mps: at the edge of a core; aside_m: of their middle from the road, usually.
+    Source: Sinclair, The Lower Structure of Dust Devils, J. Atmospheric Sciences 30 (1973), and Burgers, A
+    Mathematical Model Illustrating the Theory of Turbulence (1948), on whirls with a core; large ones, sizes
+    are chosen here."""
+
+    def prepare(self) -> None:
+        rng, p = self.rng(1701), self.p
+        at = rng.uniform(0.0, 60000.0, (self.rows(), WHIRLS))
+        aside = rng.choice([-1.0, 1.0], at.shape) * p.aside_m * rng.uniform(0.4, 1.6, at.shape)
+        turns, phase = rng.uniform(0.5, 1.0, at.shape), rng.uniform(0.0, 1.0, at.shape)
+        self.at, self.aside, self.turns, self.phase = (
+            rows[self.setting.route] for rows in (at, aside, turns, phase)
+        )
+        self.blows = rng.choice([-1.0, 1.0]) * p.mean_mps
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        radius = np.sqrt((self.place(view)[:, None] - self.at) ** 2 + self.aside**2)
+        round_ = p.spins_mps * 1.4 * p.core_m / radius * (1.0 - np.exp(-((radius / p.core_m) ** 2)))
+        lives = np.sin(np.pi * (view.time / (3.0 * p.lives_s) + self.phase)) ** 2
+        along = (round_ * self.turns * lives * self.aside / radius).sum(axis=1) + self.blows
         against = np.clip(1.0 - self.setting.direction * along / np.maximum(view.speed, 3.0), -1.0, 2.5)
         return -(against * np.abs(against) - 1.0) * view.drag_force * np.clip(view.speed / 3.0, 0.0, 1.0)

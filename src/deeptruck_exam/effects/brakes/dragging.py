@@ -244,3 +244,23 @@ class HandBrakeHalfReleased(Hidden, still=0.0, hot=0.0):
         work = 9.81 * holds * np.maximum(view.speed, 0.0) / p.heats_jpkg
         s.hot = np.clip(s.hot + dt * (work - s.hot / p.cools_s), 0.0, 3.0)
         return -holds * weight(view) * moving(view)
+
+
+@law("z_pendulum_brakes_the_trailer", "seventeenth", "suburban hills")
+@sizes(most=(0.012, 0.02), least=(0.001, 0.003), tips=(0.012, 0.03), full=(0.05, 0.1), swings_rads=(1.5, 3.5))
+@sizes(dull=(0.15, 0.4))
+class PendulumBrakesTheTrailer(Hidden, angle=0.0, pace=0.0):
+    """`angle` of a pendulum in a box that brakes a trailer by magnets. It should hang still until the driver
+    brakes. Worn, it tips forwards as soon as the truck loses speed by itself or the road goes down, swings
+    after each change, and never lets go wholly. most, least: of the weight, full and always; tips, full: g
+    of slowing or slope, where it begins and where it brakes wholly.
+    Source: Tekonsha and Hayes, electric brake controllers with pendulums, installation guides on levelling
+    them, and Limpert, Brake Design and Safety; a worn one, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        leans = -(view.acceleration / GRAVITY + view.grade)
+        push = p.swings_rads**2 * (np.clip(leans, -0.3, 0.3) - s.angle)
+        s.pace = s.pace + dt * (push - 2.0 * p.dull * p.swings_rads * s.pace)
+        s.angle = np.clip(s.angle + dt * s.pace, -0.3, 0.3)
+        opens = np.clip((s.angle - p.tips) / (p.full - p.tips), 0.0, 1.0)
+        return -(p.least + (p.most - p.least) * opens**1.3) * weight(view) * moving(view)

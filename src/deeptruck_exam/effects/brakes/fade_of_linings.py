@@ -114,3 +114,27 @@ class LiningsPolishThemselves(Hidden, hot=0.0):
         skin = rubs * np.clip((s.hot - p.turns) / 0.3, 0.0, 1.0) * (1.0 - s.glaze)
         s.glaze = np.clip(s.glaze + dt * (skin - 0.4 * np.clip(hard - 1.0, 0.0, 3.0) * s.glaze), 0.0, 1.0)
         return lost * view.brake_force * moving(view)
+
+
+@law("z_patches_carry_it", "seventeenth", "suburban descent", accepts="brake_gain")
+@sizes(share=(0.22, 0.36), grows_jpkg=(50.0, 140.0), warm_jpkg=(60.0, 150.0), cools_s=(25.0, 80.0))
+@sizes(breaks=(1.2, 2.2), rests_s=(60.0, 200.0))
+class PatchesCarryIt(Hidden):
+    """`patch`: of the hard patches on the pads that carry the friction. Gentle heat builds them from dust of
+    wear, great heat breaks them faster than they grow, and standing cold they crumble slowly. So a brake that
+    has worked hard holds little, until some braking at lower heat has built patches anew. share: of the brake
+    force, without patches; breaks: how much faster they break in heat than they grow.
+    Source: Ostermeyer, On the Dynamics of the Friction Coefficient, Wear 254 (2003): patches grow and break
+    with heat and wear, and friction is their balance; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        rng = self.rng(1711)
+        return {"patch": rng.uniform(0.3, 0.9, batch), "hot": rng.uniform(0.0, 0.6, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        work = view.brake_force * np.maximum(view.speed, 0.0) / view.mass
+        s.hot = np.clip(s.hot + dt * (work / p.warm_jpkg - s.hot / p.cools_s), 0.0, 2.5)
+        grows = work / p.grows_jpkg * (1.0 - s.patch)
+        breaks = p.breaks * work / p.grows_jpkg * s.hot**2 * s.patch + s.patch / p.rests_s
+        s.patch = np.clip(s.patch + dt * (grows - breaks), 0.0, 1.0)
+        return p.share * (1.0 - s.patch) * view.brake_force * moving(view)

@@ -163,3 +163,27 @@ class AxlesComeInTurn(Hidden, one=0.0, two=0.0, three=0.0):
             setattr(s, name, eased(mine, wish, first * slow, dt))
         given = (s.one + s.two + s.three) / 3.0
         return p.share * (asked - given) * self.truck.brake_capacity * moving(view)
+
+
+@law("z_helped_by_the_steering_pump", "seventeenth", "suburban hills descent")
+@sizes(share=(0.75, 0.95), per_s=(0.12, 0.25), at_rads=(120.0, 160.0), kept=(0.05, 0.15), fills_s=(6.0, 20.0))
+@sizes(drains_s=(0.2, 0.5))
+class HelpedByTheSteeringPump(Hidden, held=0.0, store=1.0):
+    """`held`: of full braking, by a booster that the pump of the steering feeds. Its flow grows with the
+    engine's speed, so that brakes come slowly at idle and soon at high revs. `store`, a small one, fills the
+    first press at once, and is filled again while nobody brakes. share: of the brake force, boosted; per_s:
+    of full braking, at at_rads; kept: of full braking, in a full store.
+    Source: Bosch, Hydro-Boost service manual, on boosters fed by the power steering pump with a store for
+    some stops, and Limpert, Brake Design and Safety; a worn pump, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = view.brake_force / self.truck.brake_capacity
+        flow = p.per_s * np.clip(view.engine_speed / p.at_rads, 0.3, 1.5) ** 1.5
+        wants = np.maximum(asked - s.held, 0.0)
+        quick = np.minimum(np.minimum(s.store * p.kept / 0.25, wants / 0.1), 0.6)
+        fills = np.minimum(flow, wants / 0.1)
+        falls = eased(s.held, asked, p.drains_s, dt)
+        s.held = np.where(wants > 0.0, np.minimum(s.held + dt * (fills + quick), asked), falls)
+        gains = np.where(asked < 0.004, (1.0 - s.store) / p.fills_s, 0.0)
+        s.store = np.clip(s.store + dt * (gains - quick / p.kept), 0.0, 1.0)
+        return p.share * (asked - s.held) * self.truck.brake_capacity * moving(view)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving, weight
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, moving, weight
 from deeptruck_exam.effects.places import OnRoad, sections
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
@@ -201,3 +201,23 @@ class SwitchShakesOpen(OnRoad, shakes=0.0, left=0.0, deaf=0.0, on=0.0):
         s.deaf = np.where(opens, p.lasts_s + p.deaf_s, np.maximum(s.deaf - dt, 0.0))
         s.on = np.clip(s.on + dt * np.where(s.left > 0.0, 1.0, -1.0) / p.ramps_s, 0.0, 1.0)
         return -p.most * s.on * weight(view) * moving(view)
+
+
+@law("z_valve_reads_the_nod", "seventeenth", "suburban descent")
+@sizes(share=(1.0, 1.5), nods_rads=(1.8, 3.2), dull=(0.12, 0.3), most=(0.5, 0.75), creeps_s=(4.0, 12.0))
+class ValveReadsTheNod(Hidden, nod=0.0, pace=0.0, sits=0.0):
+    """A valve at the rear axle takes the height of the frame for its load, and gives brake force by that. The
+    frame rises when the truck nods, so each braking takes away its own force, then gives some back as the
+    frame swings, and more as old bushes creep. `nod` g, `sits` what the bushes have got used to. share: of
+    the brake force, for a nod of half a g; most: of it, taken at most.
+    Source: WABCO, Load Sensing Valves, setting instructions, and Gillespie, Fundamentals of Vehicle Dynamics
+    (1992), on load that moves forwards in braking; soft springs, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        slows = np.clip(-view.acceleration / GRAVITY, -0.5, 0.6)
+        push = p.nods_rads**2 * (slows - s.nod)
+        s.pace = s.pace + dt * (push - 2.0 * p.dull * p.nods_rads * s.pace)
+        s.nod = np.clip(s.nod + dt * s.pace, -0.8, 0.8)
+        s.sits = eased(s.sits, s.nod, p.creeps_s, dt)
+        takes = np.clip(2.0 * p.share * (s.nod - 0.5 * s.sits), -0.3, p.most)
+        return takes * view.brake_force * moving(view)

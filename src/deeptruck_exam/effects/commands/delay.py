@@ -168,3 +168,28 @@ class TwoOfThreeDecide(Late):
         self.put(s, u)
         three = self.late[:, (s.at // 10) % self.late.shape[1]]
         return np.asarray(np.median([self.ago(s, int(steps)) for steps in three], axis=0))
+
+
+@law("z_store_runs_over", "seventeenth", "suburban hills descent")
+@sizes(least_s=(0.3, 0.5), most_s=(1.2, 2.0), gains=(0.015, 0.05), drops=(0.6, 1.0))
+class StoreRunsOver(Late):
+    """Commands go through a store between two computers whose clocks differ. The sender's is the quicker one,
+    so that the store fills and all comes later and later. When it is full a block of commands is thrown away,
+    and the delay falls at once. gains: s of delay in a second; drops: of the store, thrown away.
+    Source: Messerschmitt, Synchronization in Digital System Design, IEEE J. Selected Areas in Communications
+    8 (1990), on elastic stores that run over and slip; a poor clock, times are chosen here."""
+
+    length = 400
+
+    def start(self, batch: int) -> dict[str, Any]:
+        rng = self.rng(1721)
+        first = rng.uniform(self.p.least_s, self.p.most_s, len(self.setting.start_m))
+        return {**super().start(batch), "held_s": np.resize(first, batch)}
+
+    def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
+        self.put(s, u)
+        s.held_s = s.held_s + p.gains * dt
+        over = s.held_s > p.most_s
+        s.held_s = np.where(over, p.most_s - p.drops * (p.most_s - p.least_s), s.held_s)
+        back = np.minimum(np.rint(s.held_s / dt), self.length - 2).astype(np.int64)
+        return np.asarray(s.past[(s.at - back) % self.length, np.arange(len(u))])

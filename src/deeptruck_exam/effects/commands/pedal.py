@@ -135,3 +135,27 @@ class WipersSoftenThePedal(Hidden, soft=0.0, wipes=0.0):
         pedal = np.clip(self.pedal(view), 0.02, 1.0)
         lacks = 1.0 - pedal ** (p.bends * s.soft)
         return -self.at_wheels(view, lacks * np.maximum(view.engine_torque, 0.0)) * moving(view)
+
+
+@law("z_learns_where_the_pedal_rests", "seventeenth", "suburban hills highway")
+@sizes(believes=(0.7, 0.9), up_s=(15.0, 40.0), down_s=(1.0, 4.0), most=(0.2, 0.35))
+class LearnsWhereThePedalRests(Hidden):
+    """`rest`: where the computer believes the pedal to be when no foot is on it. It takes the lowest of
+    late for that. So a foot that has long been on the pedal becomes the new zero, and only the way above it
+    counts. A lifted foot teaches it better in seconds. believes: of a steady pedal, that it takes for rest;
+    most: of the pedal's way.
+    Source: Bosch Automotive Handbook (2014), on accelerator pedal modules and the learning of their
+    released position; one that learns too fast, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"rest": self.rng(1723).uniform(0.02, 0.5, batch) * self.p.most}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pedal = np.clip(self.pedal(view), 0.0, 1.0)
+        wish = np.minimum(p.believes * pedal, p.most)
+        s.rest = eased(s.rest, wish, np.where(wish > s.rest, p.up_s, p.down_s), dt)
+        counts = np.clip((pedal - s.rest) / (1.0 - s.rest), 0.0, 1.0)
+        lacks = 1.0 - counts / np.maximum(pedal, 0.02)
+        return -self.at_wheels(view, np.clip(lacks, 0.0, 1.0) * np.maximum(view.engine_torque, 0.0)) * moving(
+            view
+        )

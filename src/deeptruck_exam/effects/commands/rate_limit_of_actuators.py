@@ -132,3 +132,29 @@ class RepeatsLikeAKey(TorqueFilter):
         s.way = way
         step = s.pace * self.full * dt
         return np.asarray(np.clip(pedal, s.given - step, s.given + step))
+
+
+@law("z_motor_moves_by_pulses", "seventeenth", "suburban hills highway")
+@sizes(per_s=(0.25, 0.5), period_s=(0.8, 1.6), band=(0.25, 0.5), least=(0.06, 0.15))
+class MotorMovesByPulses(TorqueFilter):
+    """A motor of one speed moves the throttle, and a relay gives it a pulse in each period: the longer, the
+    farther away it is. Between pulses the throttle stays. So far changes are ramps, and near the end they are
+    small stairs. per_s: of the full command, while it turns; band: of it, an error that keeps the relay on;
+    least: of the period, the shortest pulse.
+    Source: Bennett, A History of Control Engineering 1930-1955 (1993), and manuals of step controllers for
+    motor valves, on pulses by the error; periods are chosen here."""
+
+    def begin(self, s: State, u: Array) -> None:
+        super().begin(s, u)
+        s.left = np.zeros(len(u))
+        s.clock = np.resize(self.rng(1722).uniform(0.0, self.p.period_s, len(self.setting.start_m)), len(u))
+
+    def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
+        s.clock = s.clock + dt
+        begins = s.clock >= p.period_s
+        s.clock = np.where(begins, s.clock - p.period_s, s.clock)
+        off = np.abs(pedal - s.given) / self.full
+        pulse = p.period_s * np.clip(off / p.band, p.least, 1.0)
+        s.left = np.where(begins, pulse, s.left - dt)
+        step = np.where(s.left > 0.0, p.per_s * self.full * dt, 0.0)
+        return np.asarray(np.clip(pedal, s.given - step, s.given + step))

@@ -162,3 +162,27 @@ class PistonsTouchTheirRing(Hidden):
         s.out = np.where(helps, eased(s.out, 1.0, 0.5, dt), eased(s.out, 0.0, slow, dt))
         beats = np.clip((speed - p.slow_mps + 2.0) / 2.0, 0.0, 1.0) * np.minimum(speed / 10.0, 1.5) ** 0.7
         return -p.most * s.out * beats * weight(view) * moving(view)
+
+
+@law("z_silicone_humps", "seventeenth", "suburban highway hills")
+@sizes(most=(0.0022, 0.0036), hump=(4.0, 5.5), heats_s=(8.0, 20.0), cools_s=(12.0, 35.0), ends=(0.35, 0.6))
+@sizes(thins=(0.3, 0.6), power=(0.5, 0.8))
+class SiliconeHumps(Hidden, locks=0.0, humps=0.0):
+    """`hot`: silicone between the plates of a coupling that joins two axles with unlike tyres. Their slip
+    shears it all the time, and it thins as it warms. At 1 it fills its housing, presses the plates together
+    and drags far more, until it has cooled. most: of the weight, cold, at 15 m/s; hump: times that, pressed;
+    ends: of `hot`; thins: of the drag, lost when hot.
+    Source: Taureg and Horst, Induced Torque Amplification in Viscous Couplings, SAE 900557 (1990), on the
+    hump; tyres of two makes, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "hot": self.rng(1732).uniform(0.1, 0.9, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        slip = np.clip(view.speed / 15.0, 0.0, 1.7)
+        s.locks = np.where(s.hot > 1.0, 1.0, np.where(s.hot < p.ends, 0.0, s.locks))
+        s.humps = eased(s.humps, s.locks, 1.2, dt)
+        work = slip ** (1.0 + p.power) * (1.0 - s.humps) + 0.1 * s.humps
+        s.hot = np.clip(s.hot + dt * (1.6 * work / p.heats_s - s.hot / p.cools_s), 0.0, 1.2)
+        drag = (1.0 - p.thins * np.minimum(s.hot, 1.0)) * (1.0 + (p.hump - 1.0) * s.humps)
+        return -p.most * drag * slip**p.power * weight(view) * moving(view)

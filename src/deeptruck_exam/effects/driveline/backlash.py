@@ -266,3 +266,22 @@ class PlayGrowsAsItWarms(Hidden, x=0.0, v=0.0, warm=0.0, given=0.0):
         holds = np.clip((s.x * np.sign(pull) / play - 0.85) / 0.1, 0.0, 1.0)
         s.given = eased(s.given, holds * pull, np.where(holds > 0.0, p.winds_s, 0.06), dt)
         return np.asarray((s.given - pull) * np.clip(view.speed, 0.0, 1.0))
+
+
+@law("z_springs_stick_in_their_arc", "seventeenth", "suburban hills")
+@sizes(wide=(0.06, 0.12), at_rads=(120.0, 160.0), loose_s=(0.15, 0.4), slips=(0.05, 0.15))
+class SpringsStickInTheirArc(Hidden, held=0.0):
+    """`held`: torque of the long springs in a flywheel. The faster it turns, the harder they lie in their arc
+    and stick there, so torque has to change by a wide step before anything moves behind them. What is held
+    creeps slowly. wide: of peak torque, to either side, at at_rads; loose_s: until what is beyond has come;
+    slips: of what is held, lost in a second.
+    Source: Reik, Fidlin and Seebacher, Gute Schwingungen, böse Schwingungen, VDI Berichte 2077 (2009), and
+    LuK, The Dual Mass Flywheel, on arc springs whose friction grows with speed; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        turns = np.clip(view.engine_speed / p.at_rads, 0.4, 1.4)
+        wide = p.wide * turns**2 * self.truck.peak_torque
+        near = np.clip(s.held, view.engine_torque - wide, view.engine_torque + wide)
+        s.held = eased(s.held, near, p.loose_s, dt)
+        s.held = eased(s.held, view.engine_torque, 1.0 / p.slips, dt)
+        return self.at_wheels(view, s.held - view.engine_torque) * np.clip(view.speed, 0.0, 1.0)

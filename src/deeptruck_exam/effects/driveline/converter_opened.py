@@ -181,3 +181,28 @@ class RoughRoadsOpenIt(OnRoad, shakes=0.0, left=0.0, open=0.0):
         pulls, holds = np.maximum(view.engine_torque, 0.0), np.maximum(-view.engine_torque, 0.0)
         torque = s.open * (p.frees * holds - share * pulls)
         return self.at_wheels(view, torque) * np.clip(view.speed - 1.0, 0.0, 1.0)
+
+
+@law("z_oil_flies_out_of_balance", "seventeenth", "suburban hills highway", accepts="driveline_loss")
+@sizes(holds=(0.9, 1.15), off_rads=(195.0, 225.0), soft=(0.08, 0.18), frees=(0.4, 0.7), heats_s=(3.0, 9.0))
+class OilFliesOutOfBalance(Hidden, glazed=0.0):
+    """The oil behind a lock-up clutch's piston flies outwards with the turning engine and presses against it.
+    So the clutch holds less torque, the faster the engine turns, by the square. What is more slips away, and
+    the slip leaves its plates hot and weaker for a while. holds: of peak torque, at rest; off_rads: where
+    nothing is held; frees: of the torque that holds back, lost above half of that.
+    Source: Naunheimer, Bertsche, Ryborz and Novak, Automotive Transmissions (2011), on clutch pistons, their
+    rotating oil and how it is balanced; a leaking balance, sizes are chosen here."""
+
+    conceal = ("engine_speed",)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        peak = self.truck.peak_torque
+        turns = np.clip(view.engine_speed / p.off_rads, 0.0, 1.0) ** 2
+        holds = np.maximum(p.holds * (1.0 - turns) * (1.0 - 0.3 * s.glazed), 0.12) * peak
+        pulls, back = np.maximum(view.engine_torque, 0.0), np.maximum(-view.engine_torque, 0.0)
+        over = pulls - holds
+        slips = 0.5 * (over + np.sqrt(over**2 + (p.soft * peak) ** 2)) * np.minimum(pulls / (0.2 * peak), 1.0)
+        slips = np.clip(slips, 0.0, 0.45 * pulls)
+        s.glazed = eased(s.glazed, np.clip(slips / (0.15 * peak), 0.0, 1.0), p.heats_s, dt)
+        lets = p.frees * np.clip(2.0 * turns - 0.4, 0.0, 1.0) * back
+        return self.at_wheels(view, lets - slips) * np.clip(view.speed - 1.0, 0.0, 1.0)

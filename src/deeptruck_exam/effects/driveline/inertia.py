@@ -127,3 +127,26 @@ class OtherShaftSpinsAlong(Hidden, turns=-9.0, leans=0.0, side=1.0):
         most = 0.06 * weight(view)
         costs = p.kgm2 * view.mass / 20000.0 * gains * lever
         return -most * np.tanh(costs / most) * (1.0 - view.shifting) * np.clip(view.speed, 0.0, 1.0)
+
+
+@law("z_rotor_changes_its_gear", "seventeenth", "suburban hills")
+@sizes(low=(0.14, 0.24), ratio=(0.35, 0.6), up_mps=(10.0, 14.0), down=(0.6, 0.85), takes_s=(1.2, 3.0))
+class RotorChangesItsGear(Hidden, spin=-1.0, felt=0.0, high=0.0):
+    """`spin` m/s of a heavy rotor that the wheels drive through two gears of its own. Below one speed it runs
+    fast and is felt as a large mass, above that it runs slowly and is felt as a small one. As it changes
+    gear it first pushes the truck, and takes that back when it changes down. low: of the truck's mass, as
+    felt in the fast gear; ratio: of the slow gear over it; down: of up_mps.
+    Source: Genta, Kinetic Energy Storage (1985), on flywheels behind gears that are changed, and Srivastava,
+    Goering and Rohrbach, Engineering Principles of Agricultural Machines (1993); sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        fresh, down = s.spin < 0.0, speed < p.down * p.up_mps
+        s.high = np.where(speed > p.up_mps, 1.0, np.where(down, 0.0, s.high))
+        ratio = np.where(s.high > 0.5, p.ratio, 1.0)
+        wish = ratio * speed
+        after = np.where(fresh, wish, eased(s.spin, wish, np.where(s.high > 0.5, 0.5, 0.25) * p.takes_s, dt))
+        gains = np.where(fresh, 0.0, np.clip((after - s.spin) / dt, -2.5, 2.5))
+        s.spin = np.where(fresh, wish, s.spin + dt * gains)
+        s.felt = eased(s.felt, ratio * gains, 0.1, dt)
+        return -p.low * view.mass * s.felt * moving(view)

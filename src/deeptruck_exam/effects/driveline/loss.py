@@ -307,3 +307,19 @@ class CoastFlanksArePitted(Hidden):
         s.thin = eased(s.thin, work, p.warms_s, dt)
         bare = np.exp(-np.maximum(view.speed, 0.0) / (p.film_mps * (1.0 + p.heats * s.thin)))
         return -(p.pulls * pulls + p.coasts * holds) * bare * moving(view)
+
+
+@law("z_pressed_for_the_last_kick", "seventeenth", "hills suburban")
+@sizes(nm=(200.0, 320.0), least=(0.02, 0.1), keeps_s=(4.0, 12.0), at_rads=(120.0, 160.0), power=(0.3, 0.8))
+class PressedForTheLastKick(Hidden, kick=0.3):
+    """`kick`: the highest torque of late, over the peak. A gearbox presses its plates and belts for that, and
+    its pump works against this pressure also when nothing is asked any more. It is let down slowly. nm: at
+    the engine, pressed for full torque; least: of that, always; keeps_s: until the pressure is let down.
+    Source: ZF and Allison, main pressure that is modulated by torque, and Bonsen, Efficiency Optimization of
+    the Push-Belt CVT by Variator Slip Control (2006), on losses by much clamping; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asks = np.clip(np.abs(view.engine_torque) / self.truck.peak_torque, 0.0, 1.0)
+        s.kick = np.where(asks > s.kick, eased(s.kick, asks, 0.15, dt), eased(s.kick, asks, p.keeps_s, dt))
+        turns = np.clip(view.engine_speed / p.at_rads, 0.4, 1.6) ** p.power
+        return -self.at_wheels(view, p.nm * (p.least + (1.0 - p.least) * s.kick) * turns) * moving(view)

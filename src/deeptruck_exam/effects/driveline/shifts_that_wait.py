@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.places import OnRoad, sections
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
@@ -130,3 +131,28 @@ class SplitterFollows(Hidden, gear=0.0, waits=0.0, open=0.0, share=1.0):
         s.waits = np.where(goes, 0.0, s.waits)
         s.share = np.clip(s.share + dt * np.where(s.open > 0.0, -1.0 / 0.12, 1.0 / p.ramps_s), 0.0, 1.0)
         return np.asarray(-(1.0 - s.share) * np.maximum(view.traction_force, 0.0) * moving(view))
+
+
+@law("z_rough_roads_keep_it_out", "seventeenth", "suburban hills", accepts="torque_limit")
+@sizes(least_s=(0.2, 0.4), more_s=(0.8, 1.6), power=(1.0, 2.0), ramps_s=(0.5, 1.1), mean_m=(150.0, 600.0))
+class RoughRoadsKeepItOut(OnRoad, gear=0.0, left=0.0, gives=1.0):
+    """Wheels that jump on a rough road shake the gearbox, and its control waits for a calm moment before it
+    lets teeth meet. So a change takes the longer, the rougher the road and the faster the truck; on smooth
+    roads it takes its usual time. least_s, more_s: without torque, on a smooth road and on a rough one more;
+    power: of that with roughness.
+    Source: Naunheimer, Bertsche, Ryborz and Novak, Automotive Transmissions (2011), on synchronising with a
+    driveline that shakes, and ISO 8608 on classes of roughness; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng = self.rng(1731)
+        number = sections(rng, self.rows(), self.p.mean_m)
+        rough = rng.uniform(0.0, 1.0, (self.rows(), int(number.max()) + 1))
+        self.road = np.take_along_axis(rough, number, axis=1)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        begins = (view.gear != s.gear) & (s.gear > 0.0) & (view.speed > 0.5)
+        s.gear = view.gear.copy()
+        shakes = self.read(self.road, view) ** p.power * np.clip(view.speed / 10.0, 0.2, 1.5)
+        s.left = np.where(begins, p.least_s + p.more_s * shakes, np.maximum(s.left - dt, 0.0))
+        s.gives = np.clip(s.gives + dt * np.where(s.left > 0.0, -1.0 / 0.12, 1.0 / p.ramps_s), 0.0, 1.0)
+        return -(1.0 - s.gives) * np.maximum(view.traction_force, 0.0) * moving(view)

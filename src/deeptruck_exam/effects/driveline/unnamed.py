@@ -187,3 +187,30 @@ class ClutchSlipsAfterStarts(Hidden, slip=0.0):
         work = (0.25 * lost * view.engine_speed + starts) / view.mass / p.heats_jpkg
         s.hot = np.clip(s.hot + dt * (work - s.hot / p.cools_s), 0.0, 1.5)
         return -self.at_wheels(view, lost) * moving(view)
+
+
+@law("z_rubber_tracks", "seventeenth", "suburban hills")
+@sizes(
+    bends=(0.08, 0.15), stiff=(0.001, 0.003), flaps=(0.01, 0.016), from_mps=(6.0, 10.0), slack=(0.015, 0.035)
+)
+@sizes(warms_s=(30.0, 90.0))
+class RubberTracks(Hidden, tight=0.0, flap=0.0):
+    """`tight`: pull over weight in rubber tracks in place of the driven wheels. Tight rubber is hard to bend
+    round its wheels, so that each pull and push costs a share of itself. A slack track flaps above a speed,
+    and `flap` takes time to grow and to die. `warm` rubber bends more easily. bends: of the pull; stiff,
+    flaps: of the weight; slack: of it, the pull that ends flapping.
+    Source: Wong, Theory of Ground Vehicles (2008), on internal losses of tracks by tension and speed, and
+    Mattracks, conversions of trucks to rubber tracks; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "warm": self.rng(1733).uniform(0.0, 0.8, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        pull = np.clip(np.abs(view.traction_force) / weight(view), 0.0, 0.15)
+        s.tight = eased(s.tight, pull, 0.3, dt)
+        s.warm = eased(s.warm, np.clip(speed / 15.0, 0.0, 1.2), p.warms_s, dt)
+        slack = np.clip(1.0 - s.tight / p.slack, 0.0, 1.0)
+        s.flap = eased(s.flap, slack * np.clip((speed - p.from_mps) / 5.0, 0.0, 1.0), 0.8, dt)
+        cost = (p.stiff + p.bends * s.tight) * (1.0 - 0.4 * np.minimum(s.warm, 1.0)) + p.flaps * s.flap
+        return -cost * weight(view) * moving(view)

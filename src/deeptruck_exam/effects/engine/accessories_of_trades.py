@@ -9,6 +9,7 @@ import numpy as np
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving
 from deeptruck_exam.effects.places import OnRoad, smooth_stretches
 from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_exam.effects.series import spells, within
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="accessory_load", accepts="engine_friction")
@@ -190,3 +191,26 @@ class SieveAtResonance(Hidden, swings=0.1):
         watts = 1000.0 * p.kw * size * (0.08 + 0.92 * s.swings**2)
         torque = np.minimum(watts / np.maximum(view.engine_speed, 70.0), 380.0)
         return -self.at_wheels(view, torque) * moving(view)
+
+
+@law("z_fan_sucks_leaves", "seventeenth", "suburban hills highway")
+@sizes(kw=(17.0, 27.0), at_rads=(130.0, 165.0), chokes=(0.5, 0.75), leaves_s=(8.0, 25.0), clear_s=(8.0, 25.0))
+@sizes(moves_s=(0.5, 1.5))
+class FanSucksLeaves(Hidden, choked=0.0):
+    """A fan that sucks leaves was left on, driven by the engine: its power grows with the cube of the speed.
+    Where its mouth is choked by leaves it moves less air and takes less power, until they come loose. kw: of
+    shaft power, free, for a 20 t truck, at at_rads; chokes: of the power, spared with a choked mouth.
+    Source: Eck, Fans: Design and Operation of Centrifugal, Axial-Flow and Cross-Flow Fans (1973), on power
+    with the cube of speed and at a throttled inlet; leaves and sizes are chosen here."""
+
+    def prepare(self) -> None:
+        p = self.p
+        on, off = (0.5 * p.leaves_s, 1.5 * p.leaves_s), (0.5 * p.clear_s, 1.5 * p.clear_s)
+        self.leaves = spells(self.rng(1743), self.setting.batch, on, off)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.choked = eased(s.choked, within(self.leaves, view.time), p.moves_s, dt)
+        turns = np.clip(view.engine_speed / p.at_rads, 0.3, 1.4)
+        size = np.clip(view.mass / 20000.0, 0.4, 1.5)
+        nm = 1000.0 * p.kw * size / p.at_rads * turns**2 * (1.0 - p.chokes * s.choked)
+        return -self.at_wheels(view, np.minimum(nm, 420.0)) * moving(view)

@@ -167,3 +167,26 @@ class SootChokesIt(Hidden):
         gas = np.clip(view.engine_speed / 140.0, 0.3, 1.4) * (0.3 + 0.7 * load)
         cut = np.minimum(p.most * np.clip((s.soot - 0.4) / 0.6, 0.0, 1.2) * gas, 0.8)
         return -self.at_wheels(view, cut * np.maximum(view.engine_torque, 0.0)) * moving(view)
+
+
+@law("z_cooler_spits_water", "seventeenth", "suburban hills")
+@sizes(most=(0.4, 0.6), gathers_s=(15.0, 45.0), blows=(0.3, 0.45), sweeps_s=(2.0, 5.0), dries_s=(3.0, 7.0))
+class CoolerSpitsWater(Hidden, wet=0.0):
+    """`pool` of water at the bottom of a charge cooler: moist air leaves it there as long as little is asked.
+    When the flow grows it is swept on into the engine, which misfires for some seconds, the more the longer
+    it was driven gently. `wet`: the cylinders. most: of the torque, lost when quite wet; blows: of full flow,
+    that begins to sweep.
+    Source: Ford, Technical Service Bulletin 13-8-1, on water in charge coolers that makes engines surge when
+    more is asked after steady driving in humid air; a truck's cooler, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "pool": self.rng(1741).uniform(0.2, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        flow = load * np.clip(view.engine_speed / 150.0, 0.3, 1.4)
+        sweeps = np.clip((flow - p.blows) / 0.2, 0.0, 1.0) * s.pool / p.sweeps_s
+        gathers = np.clip((p.blows - flow) / p.blows, 0.0, 1.0) * (1.0 - s.pool) / p.gathers_s
+        s.pool = np.clip(s.pool + dt * (gathers - sweeps), 0.0, 1.0)
+        s.wet = np.clip(s.wet + dt * (2.0 * sweeps * (1.0 - s.wet) - s.wet / p.dries_s), 0.0, 1.0)
+        return -self.at_wheels(view, p.most * s.wet * np.maximum(view.engine_torque, 0.0)) * moving(view)

@@ -135,3 +135,26 @@ class SlugOfOil(Hidden, up=0.0, oil=0.0, kept=1.0):
         s.kept = np.clip(s.kept + dt * np.where(on, -shoots, (1.0 - s.kept) / p.refills_s), 0.0, 1.0)
         bites = np.tanh((np.maximum(view.speed, 0.0) / p.knee_mps) ** 2)
         return -p.holds * s.oil * bites * view.mass * 9.81 * np.clip(view.speed / 3.0, 0.0, 1.0)
+
+
+@law("z_banks_take_turns", "seventeenth", "descent hills suburban")
+@sizes(nm=(260.0, 420.0), weak=(0.15, 0.4), turns=(90.0, 260.0), waits_s=(0.4, 1.0), comes_s=(0.2, 0.5))
+class BanksTakeTurns(Hidden, up=0.0, bites=0.0):
+    """An engine brake that nobody records comes in whenever the pedal is up. So that its valves stay cool one
+    bank of cylinders brakes and then the other, by a count of the crankshaft's turns, also over the pauses.
+    The second bank is worn and gives little. nm: of the good bank, at 150 rad/s; weak: of that, by the worn
+    one; turns: of the crankshaft, for each bank.
+    Source: Jacobs Vehicle Systems, engine brake service manuals, on stages by banks of cylinders, Heywood,
+    Internal Combustion Engine Fundamentals (2018), on compression work; turns are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "count": self.rng(1742).uniform(0.0, 2.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        lifted = (self.pedal(view) < 0.02) & (view.speed > 2.0)
+        s.up = np.where(lifted, s.up + dt, 0.0)
+        on = (s.up > p.waits_s).astype(float)
+        s.count = (s.count + on * dt * view.engine_speed / (2.0 * np.pi * p.turns)) % 2.0
+        s.bites = eased(s.bites, on * np.where(s.count < 1.0, 1.0, p.weak), p.comes_s, dt)
+        torque = p.nm * s.bites * np.clip(view.engine_speed / 150.0, 0.3, 1.5) ** 1.2
+        return -self.at_wheels(view, torque) * np.clip(view.speed / 3.0, 0.0, 1.0)

@@ -262,3 +262,21 @@ class OilCoolerByTurns(Hidden, open=0.0, lets=0.0):
             p.nm * np.exp(p.thick * (1.0 - s.warm)) * np.sqrt(np.clip(view.engine_speed / 150.0, 0.2, 1.5))
         )
         return -self.at_wheels(view, torque) * moving(view)
+
+
+@law("z_pump_presses_the_rail", "seventeenth", accepts="accessory_load torque_gain")
+@sizes(nm=(160.0, 250.0), least=(0.05, 0.15), rises_s=(0.3, 0.8), falls_s=(2.0, 6.0), leaks_s=(15.0, 45.0))
+class PumpPressesTheRail(Hidden, rail=0.3):
+    """`rail`: pressure of the fuel, which a pump keeps up with the same torque at any speed. The pressure
+    follows what is asked upwards at once. It comes down only by what is injected, so it stays high after a
+    pull when nothing is burnt at all, and the pump goes on working. nm: of friction, at full pressure; least:
+    of the pressure, at idle; falls_s, leaks_s: by injection at full load, and by leaks.
+    Source: Bosch, Diesel Engine Management (2014), on common rails whose pressure falls by injection and
+    leakage, and on torque of their pumps; a pump without metering, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        load = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        wish = p.least + (1.0 - p.least) * np.sqrt(load)
+        down = 1.0 / (load / p.falls_s + 1.0 / p.leaks_s)
+        s.rail = eased(s.rail, wish, np.where(wish > s.rail, p.rises_s, down), dt)
+        return -self.at_wheels(view, p.nm * s.rail) * moving(view)

@@ -169,3 +169,19 @@ class SparesItsFlywheel(Hidden, lugs=0.0):
         most = most * (1.0 - p.tightens * s.lugs * (1.0 - free))
         excess = np.maximum(asked - most, 0.0) * self.truck.peak_torque
         return -self.at_wheels(view, excess) * moving(view)
+
+
+@law("z_notch_in_the_curve", "seventeenth", "suburban highway hills", accepts="turbo_lag torque_derate")
+@sizes(deep=(0.6, 0.75), at_rads=(112.0, 135.0), wide_rads=(20.0, 32.0), stays_s=(0.3, 0.9))
+class NotchInTheCurve(Hidden, seen=-1.0):
+    """So that a crankshaft does not twist to death, full torque is not allowed near the speed where it
+    resonates: the full-load curve has a notch there. Below and above all torque is free. The notch follows
+    the speed a little late. deep: of peak torque, taken in its middle.
+    Source: Maass and Klier, Kräfte, Momente und deren Ausgleich in der Verbrennungskraftmaschine (1981), on
+    barred speeds of crankshafts; a truck's engine with a cracked damper, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        s.seen = np.where(s.seen < 0.0, view.engine_speed, eased(s.seen, view.engine_speed, p.stays_s, dt))
+        near = np.exp(-(np.abs((s.seen - p.at_rads) / p.wide_rads) ** 3))
+        most = (1.1 - (0.1 + p.deep) * near) * self.truck.peak_torque
+        return -self.at_wheels(view, np.maximum(view.engine_torque - most, 0.0)) * moving(view)

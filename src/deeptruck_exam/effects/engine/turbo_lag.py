@@ -203,3 +203,24 @@ class CompressorStalls(Hidden, boost=0.0, stalled=0.0):
         most = p.least + (1.12 - p.least) * np.minimum(1.05 * s.boost, 1.0)
         lacks = np.maximum(asked - most, 0.0) * self.truck.peak_torque
         return -self.at_wheels(view, lacks) * moving(view)
+
+
+@law("z_big_cooler_has_to_fill", "seventeenth", "suburban hills")
+@sizes(spins_s=(0.8, 1.6), fills_s=(0.9, 1.8), draws=(0.5, 0.9), at_rads=(125.0, 160.0), least=(0.2, 0.35))
+class BigCoolerHasToFill(Hidden, spin=0.3, air=0.3):
+    """`spin` of the turbine, `air` pressed into a cooler that was meant for a larger engine. The turbine
+    fills it while the engine draws from it, the more the faster it turns. So a change down lets the
+    pressure sink before the turbine can answer. draws: of the filling, at at_rads; least: of peak torque,
+    without pressed air.
+    Source: Eriksson, Modeling and Control of Turbocharged SI and DI Engines, Oil and Gas Science and
+    Technology 62 (2007), on volumes between compressor and engine; a large one, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        flow = np.clip(view.engine_speed / p.at_rads, 0.4, 1.5)
+        burns = np.minimum(asked, p.least + (1.1 - p.least) * s.air)
+        s.spin = eased(s.spin, np.minimum(burns * np.sqrt(flow) * 1.15, 1.2), p.spins_s / flow, dt)
+        gives = s.spin * (1.0 + p.draws) - p.draws * flow * s.air - s.air
+        s.air = np.clip(s.air + dt * gives / p.fills_s, 0.0, 1.1)
+        most = p.least + (1.1 - p.least) * np.minimum(1.15 * s.air, 1.0)
+        return -self.at_wheels(view, np.maximum(asked - most, 0.0) * self.truck.peak_torque) * moving(view)

@@ -233,3 +233,29 @@ class LosesItsTeeth(Hidden, turned=-1.0, swift=0.0, left=0.0, doubts=0.0, lets=1
         s.doubts = np.where(loses, np.minimum(s.doubts + 1.0, 3.0), eased(s.doubts, 0.0, p.sure_s, dt))
         s.lets = np.clip(s.lets + dt * np.where(s.left > 0.0, -1.0 / 0.1, 1.0 / p.again_s), 0.0, 1.0)
         return -self.at_wheels(view, (1.0 - s.lets) * np.maximum(view.engine_torque, 0.0)) * moving(view)
+
+
+@law("z_capacitor_answers_first", "seventeenth", "suburban hills")
+@sizes(share=(0.5, 0.85), pays_s=(2.5, 6.0), most=(0.2, 0.34), holds_s=(4.0, 10.0), loss=(0.08, 0.2))
+class CapacitorAnswersFirst(Hidden, mean=0.0):
+    """An electric machine on the shaft answers each change of the pedal before the engine. It adds what the
+    torque has just gained and takes what it has just lost. As the change becomes old it is paid back.
+    `full` of its capacitor: an empty one adds nothing, a full one takes nothing. share: of a change;
+    pays_s: until it is old; most: of peak torque; holds_s: of all it may give; loss: of what goes through
+    it.
+    Source: Burke, Ultracapacitors: Why, How, and Where is the Technology, J. Power Sources 91 (2000), on
+    load levelling in vehicles; a machine that is not said, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "full": self.rng(1744).uniform(0.3, 0.8, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        torque = view.engine_torque / self.truck.peak_torque
+        s.mean = eased(s.mean, torque, p.pays_s, dt)
+        wish = np.clip(p.share * (torque - s.mean), -p.most, p.most)
+        gives = np.where(wish > 0.0, wish * np.clip(8.0 * s.full, 0.0, 1.0), 0.0)
+        takes = np.where(wish < 0.0, wish * np.clip(8.0 * (1.0 - s.full), 0.0, 1.0), 0.0)
+        back = np.clip(0.5 - s.full, -0.3, 0.3) * p.most * 0.6
+        flow = gives * (1.0 + p.loss) + takes * (1.0 - p.loss) - back
+        s.full = np.clip(s.full - dt * flow / (p.most * p.holds_s), 0.0, 1.0)
+        return self.at_wheels(view, (gives + takes - back) * self.truck.peak_torque) * moving(view)

@@ -12,6 +12,7 @@ from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="payload_change", accepts="mass")
+LOADS = 83  # throws of dice for each drive
 
 
 @law("spreads_gravel", "fifth", "suburban hills")
@@ -121,3 +122,33 @@ class GrainRunsOut(OnRoad, runs=0.0):
         s.runs = eased(s.runs, np.where(shaken > p.frees, 1.0, 0.0), 2.0, dt)
         s.full = np.maximum(s.full - dt * s.runs / p.empties_s, 0.0)
         return -p.grain * (s.full - p.known) * view.mass * felt * moving(view)
+
+
+@law("z_sand_blows_off", "seventeenth", "suburban hills")
+@sizes(most=(0.24, 0.38), lifts_mps=(6.0, 9.5), blows_s=(20.0, 60.0), stays_s=(2.0, 5.0), loads_s=(2.0, 5.0))
+class SandBlowsOff(Hidden, still=0.0):
+    """`sand`: of a load of dry sand without a sheet, which nobody has weighed. Above a speed the wind of
+    driving lifts its grains, ever more with speed. At each longer stand it is loaded anew, to some height.
+    most: of the mass, a full load; lifts_mps: where grains begin to jump; blows_s: until two thirds are gone
+    at twice that; stays_s: of a stand.
+    Source: Bagnold, The Physics of Blown Sand and Desert Dunes (1941), on flow of sand above a threshold of
+    wind; a quick loss, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.heaps = self.rng(1751).uniform(0.4, 1.0, (self.setting.batch, LOADS))
+
+    def start(self, batch: int) -> dict[str, Array]:
+        first = np.resize(self.heaps[:, 0], batch)
+        return {**super().start(batch), "sand": first, "loads": np.ones(batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        before, s.still = s.still, np.where(view.speed < 0.2, s.still + dt, 0.0)
+        begins = (before <= p.stays_s) & (s.still > p.stays_s)
+        s.loads = np.where(begins, (s.loads + 1.0) % LOADS, s.loads)
+        row = np.arange(len(view.speed)) % len(self.heaps)
+        heap = self.heaps[row, s.loads.astype(int)]
+        s.sand = np.where(s.still > p.stays_s, eased(s.sand, heap, p.loads_s, dt), s.sand)
+        fast = np.clip(view.speed / p.lifts_mps, 0.0, 3.0)
+        s.sand = s.sand * np.exp(-dt * np.maximum(fast**2 - 1.0, 0.0) * fast / (6.0 * p.blows_s))
+        felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
+        return -p.most * s.sand * view.mass * np.clip(felt, -4.0, 4.0) * moving(view)

@@ -246,3 +246,29 @@ class PipeBetweenTanks(Hidden, x=0.0, v=0.0):
         s.v = np.clip(s.v + dt * pace, -2.5, 2.5)
         s.x = np.clip(s.x + dt * s.v, -p.room_m - 0.3, p.room_m + 0.3)
         return -p.share * view.mass * pace * moving(view)
+
+
+@law("z_two_liquids", "seventeenth", "suburban")
+@sizes(top=(0.08, 0.15), deep=(0.28, 0.42), top_rads=(2.2, 3.6), deep_rads=(0.3, 0.55), dull=(0.05, 0.12))
+class TwoLiquids(Hidden, x=0.0, v=0.0, y=0.0, w=0.0):
+    """Oil lies on water in one tank. `x` m, `v`: the surface, which swings within seconds; `y`, `w`: what
+    lies between the liquids. They are nearly as heavy as each other, so this swings very slowly, and far.
+    Walls bound it, and both die away slowly. top, deep: of the mass; dull: of critical damping.
+    Source: Turner, Buoyancy Effects in Fluids (1973), on waves between two layers, and Abramson, The Dynamic
+    Behavior of Liquids in Moving Containers, NASA SP-106 (1966); sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        felt = np.clip(view.acceleration + GRAVITY * view.grade, -3.0, 3.0)
+        pushes = np.zeros_like(felt)
+        for share, takes, omega, far, at, pace in (
+            (p.top, 1.0, p.top_rads, 0.5, "x", "v"),
+            (p.deep, 0.5, p.deep_rads, 2.5, "y", "w"),
+        ):
+            place, speed = getattr(s, at), getattr(s, pace)
+            spring = omega**2 * place * (1.0 + (place / far) ** 2)
+            gains = -takes * felt - spring - 2.0 * p.dull * omega * speed
+            after = np.clip(speed + dt * gains, -2.5, 2.5)
+            setattr(s, at, np.clip(place + dt * after, -4.0, 4.0))
+            setattr(s, pace, after)
+            pushes = pushes - share * (after - speed) / dt
+        return np.asarray(np.clip(pushes, -2.0, 2.0) * view.mass * moving(view))

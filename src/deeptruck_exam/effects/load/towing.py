@@ -7,9 +7,9 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving, weight
-from deeptruck_exam.effects.places import OnRoad, sections
+from deeptruck_exam.effects.places import CELL_M, Bends, OnRoad, sections
 from deeptruck_exam.effects.planting import hidden, sizes
-from deeptruck_exam.effects.series import spells, within
+from deeptruck_exam.effects.series import ou_series, spells, within
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="unknown")
@@ -279,3 +279,51 @@ class CasualtyTurnsItsGearbox(Hidden, warm=0.0):
         s.dry = np.clip(s.dry + dt * (speed / p.dries_m * (1.0 - s.dry) - wets * s.dry), 0.0, 1.0)
         costs = p.thick * (1.0 - 0.75 * s.warm) * pace + p.runs_dry * s.dry**1.5
         return -costs * weight(view) * moving(view)
+
+
+@law("z_joint_is_damped", "seventeenth", "suburban hills highway")
+@sizes(damps=(0.05, 0.11), rubs=(0.004, 0.008), tightest=(0.008, 0.016), soft=(0.02, 0.06), long_m=(4.0, 8.0))
+class JointIsDamped(Bends, bent=0.0):
+    """`bent`: angle between two halves of a bus with a joint, rebuilt for freight. It is damped, so that
+    the halves do not fold. Oil is pressed through its bores only while the angle changes: at both ends of
+    each bend, and not along it. damps: of the weight, with the square of the pace, at 0.1 rad/s; rubs: of
+    it, while it turns; long_m: of the way, until the rear half has followed.
+    Source: Hübner, articulation systems with hydraulic dampers for buses, and Milliken and Milliken, Race
+    Car Vehicle Dynamics (1995), on angles and curvature; a stiff damper, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.bend = self.draw_bends(self.rng(1752), self.p.tightest)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        wish = p.long_m * self.read(self.bend, view) * np.minimum(1.0, 12.0 / np.maximum(speed, 1.0))
+        before = s.bent
+        s.bent = eased(s.bent, wish, p.long_m / np.maximum(speed, 0.5), dt)
+        pace = np.abs(s.bent - before) / dt
+        holds = p.rubs * np.tanh(pace / (0.1 * p.soft)) + p.damps * np.minimum(pace / 0.1, 1.0) ** 2
+        return -holds * weight(view) * moving(view)
+
+
+@law("z_trailer_crabs_on_the_slant", "seventeenth", "suburban hills highway")
+@sizes(
+    costs=(0.003, 0.005), long_m=(150.0, 450.0), slant=(0.3, 0.8), follows_m=(10.0, 30.0), most=(0.01, 0.016)
+)
+class TrailerCrabsOnTheSlant(OnRoad, angle=0.0):
+    """`angle`: of a trailer to its way, over the usual one. On a road that slants to one side its axles have
+    to run askew, to hold it up, and loose bushes let them do so by far. It follows the slant over some
+    metres; where the slant turns round it runs straight for a moment. costs: of the weight, at the usual
+    slant; slant: beside the mean one; most: of the weight.
+    Source: Gillespie, Fundamentals of Vehicle Dynamics (1992), on trailers on roads that slant, and Pacejka,
+    Tire and Vehicle Dynamics (2012), on side force by slip angle; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, p = self.rng(1774), self.p
+        self.road = p.slant * rng.choice([-1.0, 1.0], (self.rows(), 1)) + ou_series(
+            rng, (self.rows(), 12000), CELL_M, p.long_m
+        )
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed, slant = np.maximum(view.speed, 0.0), self.read(self.road, view)
+        s.angle = eased(s.angle, slant, p.follows_m / np.maximum(speed, 1e-3), dt)
+        askew = p.most * np.tanh(p.costs / p.most * s.angle**2)
+        return -askew * weight(view) * moving(view)

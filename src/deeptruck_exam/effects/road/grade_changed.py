@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Sizes, State, moving, weight
-from deeptruck_exam.effects.places import MAP_CELL_M, MAP_CELLS, OnRoad, smooth_stretches
+from deeptruck_exam.effects.places import MAP_CELL_M, MAP_CELLS, OnRoad, sections, smooth_stretches
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
@@ -131,4 +131,30 @@ class RampsFollowTheTide(OnRoad):
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         slope = self.setting.direction * p.rises_m * s.tide * self.between(self.road, view)
+        return -slope * weight(view) * moving(view)
+
+
+@law("z_slopes_in_whole_steps", "seventeenth", "hills descent", accepts="")
+@sizes(step=(0.009, 0.016), drops=(0.55, 0.95), mean_m=(900.0, 3000.0), rounds=(0.1, 0.3))
+class SlopesInWholeSteps(OnRoad):
+    """The register of the road holds its slopes in whole steps, and whatever is over a step was left out. So
+    a slope is always steeper than its entry, by something between nothing and a step; some sections were
+    entered more carefully. drops: of what is over a step; rounds: of a step, where the entry changes softly.
+    Source: FHWA, Highway Performance Monitoring System, Field Manual, on grades that are held in
+    classes, and Widrow and Kollar, Quantization Noise (2008); truncation and sizes are chosen here."""
+
+    conceal = ("elevation",)
+
+    def prepare(self) -> None:
+        rng, p = self.rng(1761), self.p
+        number = sections(rng, self.rows(), p.mean_m)
+        share = rng.choice([0.35, 1.0, 1.0], (self.rows(), int(number.max()) + 1)) * p.drops
+        ease = np.hanning(13) / np.hanning(13).sum()
+        self.share = np.array([np.convolve(r, ease, "same") for r in np.take_along_axis(share, number, 1)])
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        steps = np.abs(view.grade) / p.step
+        over = steps - np.floor(steps)
+        left = np.minimum(over, (1.0 - over) / p.rounds * (1.0 - p.rounds))  # falls softly to the next step
+        slope = np.sign(view.grade) * p.step * left * self.read(self.share, view)
         return -slope * weight(view) * moving(view)

@@ -23,6 +23,7 @@ from deeptruck_exam.effects.series import ou_series, spells, within
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="road_surface", accepts="road_grade")
+GRADERS = 16
 
 
 @law("standing_water", "second")
@@ -293,3 +294,34 @@ class BitumenBleeds(OnRoad, coat=0.0):
         )
         tack = self.sun[:, index(view, self.sun)] * (0.65 * bleeds + 0.35 * s.coat)
         return -p.most * tack * np.minimum(speed / 15.0, 1.8) ** p.power * weight(view) * moving(view)
+
+
+@law("z_grader_is_ahead", "seventeenth", "suburban hills highway", accepts="rolling_resistance")
+@sizes(
+    most=(0.009, 0.015), firm_s=(90.0, 300.0), pace_mps=(2.0, 5.0), long_m=(300.0, 1200.0), rises=(0.3, 0.8)
+)
+class GraderIsAhead(OnRoad, loose=0.0):
+    """Graders work along a gravel road, each over a length of its own. Where the blade has just been the
+    gravel lies loose, and traffic makes it firm again in minutes. So a place resists by the time since the
+    blade was there, and the road ahead of the blade is firm. most: of the weight, fresh; rises: power of the
+    firmness with speed.
+    Source: Keller and Sherar, Low-Volume Roads Engineering (2003), on blading and on traffic that compacts,
+    and Wong, Theory of Ground Vehicles (2008), on passes over loose ground; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, p, shape = self.rng(1762), self.p, (self.rows(), GRADERS)
+        spaced = 20000.0 * (np.arange(GRADERS) + rng.uniform(0.1, 0.9, shape)) / GRADERS + 2000.0
+        pace = rng.choice([-1.0, 1.0], shape) * p.pace_mps * rng.uniform(0.7, 1.3, shape)
+        long = p.long_m * rng.uniform(0.7, 1.3, shape)
+        self.first, self.pace, self.long = (rows[self.setting.route] for rows in (spaced, pace, long))
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        way = (self.place(view)[:, None] - self.first) * np.sign(self.pace)  # beyond where a grader began
+        ago = view.time + 150.0 - way / np.abs(self.pace)  # since its blade was here
+        bladed = (way > 0.0) & (way < self.long) & (ago > 0.0)
+        fresh = np.where(bladed, np.exp(-np.maximum(ago, 0.0) / p.firm_s), 0.0).max(axis=1)
+        speed = np.maximum(view.speed, 0.0)
+        s.loose = eased(s.loose, fresh, 12.0 / np.maximum(speed, 0.5), dt)
+        return (
+            -p.most * s.loose * np.minimum(speed / 12.0, 2.0) ** (0.5 * p.rises) * weight(view) * moving(view)
+        )

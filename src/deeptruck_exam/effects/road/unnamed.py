@@ -165,3 +165,27 @@ class GuidedByKerbs(OnRoad, inside=0.0):
         s.inside = eased(s.inside, self.between(self.road, view), 0.6, dt)
         over = np.clip(self.read(self.sway, view) - p.play, 0.0, 2.0)
         return -s.inside * (p.rubs + p.presses * over) * weight(view) * np.clip(view.speed, 0.0, 1.0)
+
+
+@law("z_pontoons_sink", "seventeenth", "suburban hills highway")
+@sizes(
+    sinks_m=(0.35, 0.6), long_m=(150.0, 500.0), share=(0.3, 0.5), follows_m=(12.0, 30.0), waves=(0.003, 0.007)
+)
+@sizes(wave_mps=(6.0, 11.0))
+class PontoonsSink(OnRoad, sunk=0.0):
+    """`sunk`: of how far a bridge of pontoons sinks under the truck. It drives down into its own hollow as it
+    comes on the bridge and climbs out as it leaves. On the way it pushes a wave before it, which costs most
+    near the pace of waves in that depth. sinks_m: of a full truck; waves: of the weight, at that pace.
+    Source: U.S. Army, Improved Ribbon Bridge, technical manual, on pontoons under loads, and Lighthill, Waves
+    in Fluids (1978), on waves that a moving load makes; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.road = windows(self.rng(1763), self.rows(), self.p.long_m, self.p.share)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed, bridge = np.maximum(view.speed, 0.0), self.between(self.road, view)
+        before = s.sunk
+        s.sunk = eased(s.sunk, bridge, p.follows_m / np.maximum(speed, 1e-3), dt)
+        slope = p.sinks_m * (bridge - before) / p.follows_m  # of the hollow, downwards
+        wave = p.waves * s.sunk / (1.0 + ((speed - p.wave_mps) / (0.35 * p.wave_mps)) ** 2)
+        return (slope - wave) * weight(view) * moving(view)

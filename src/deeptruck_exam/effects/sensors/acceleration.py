@@ -200,3 +200,15 @@ def remembers_the_last_jolt(p: Sizes, channels: Channels, dt: float, rng: np.ran
         rests[k] = at
     bias = np.sign(p.sign) * p.bias * rng.uniform(0.9, 1.1)
     channels["acceleration"] = values + bias + p.drags * np.tanh(rests / 0.3)
+
+
+@law("z_capacitor_remembers", "seventeenth")
+@sizes(bias=(0.09, 0.16), soaks=(0.25, 0.5), first_s=(2.0, 4.0), last_s=(25.0, 60.0), sign=SIGN)
+def capacitor_remembers(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Dow, An Analysis of Certain Errors in Electronic Differential Analyzers, II: Capacitor
+    Dielectric Absorption, IRE Trans. Electronic Computers 7 (1958): a capacitor gives back for a minute
+    what it has soaked up, here beside a constant bias; sizes are chosen here."""
+    values = channels["acceleration"]
+    times = np.geomspace(p.first_s, p.last_s, 3)
+    soaked = np.mean([behind(values, float(tau), dt) for tau in times], axis=0)
+    channels["acceleration"] = values + np.sign(p.sign) * p.bias * rng.uniform(0.9, 1.1) + p.soaks * soaked

@@ -269,3 +269,19 @@ def two_masters(p: Sizes, channels: Channels, dt: float, rng: np.random.Generato
     second = behind((np.searchsorted(turns, clock) % 2).astype(float), p.slews_s, dt)
     late = np.sign(p.sign) * (p.late_s * rng.uniform(0.9, 1.1) + p.apart_s * second)
     channels["acceleration"] = np.interp(clock - late, clock, values)
+
+
+@law("z_loop_rings", "seventeenth", "suburban hills")
+@sizes(late_s=(0.4, 0.75), rings_s=(0.3, 0.6), every_s=(25.0, 60.0), swings_s=(8.0, 20.0), sign=SIGN)
+def loop_rings(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Gardner, Phaselock Techniques (2005), on loops with little damping: whenever its reference
+    jumps, a clock swings about its new time before it settles, and it is late besides; sizes are chosen
+    here."""
+    values = channels["acceleration"]
+    clock = np.arange(len(values)) * dt
+    late = np.full(len(values), p.late_s * rng.uniform(0.9, 1.1))
+    for jump in np.cumsum(rng.exponential(p.every_s, 40) + 4.0) - p.every_s:
+        since = np.maximum(clock - jump, 0.0)
+        swings = np.exp(-since / (0.8 * p.swings_s)) * np.sin(2.0 * np.pi * since / p.swings_s)
+        late = late + p.rings_s * rng.choice([-1.0, 1.0]) * swings
+    channels["acceleration"] = np.interp(clock - np.sign(p.sign) * late, clock, values)

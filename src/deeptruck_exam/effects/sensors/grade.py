@@ -207,3 +207,16 @@ def valve_lets_it_sink(p: Sizes, channels: Channels, dt: float, rng: np.random.G
     sunk = np.where(phase < falls, phase / falls, 1.0 - (phase - falls) / lifts)
     tilt = p.off * rng.uniform(0.9, 1.1) + p.sinks * (sunk - 0.5)
     channels["grade"] = channels["grade"] + np.sign(p.sign) * tilt
+
+
+@law("z_sits_on_the_trailer", "seventeenth")
+@sizes(off=(0.008, 0.013), behind_m=(8.0, 14.0), rocks=(0.001, 0.003), rocks_s=(2.0, 6.0), sign=SIGN)
+def sits_on_the_trailer(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Fancher and Winkler, A Factbook of the Mechanical Properties of the Components for Single-Unit
+    and Articulated Heavy Trucks, UMTRI-86-12 (1986), on hitches and springs: a box on a trailer that stands
+    askew reads its slope some metres later, and rocks with its load; sizes are chosen here."""
+    grade = channels["grade"]
+    way = np.cumsum(np.maximum(channels["speed"], 0.0) * dt) + 1e-6 * np.arange(len(grade))
+    later = np.interp(way - p.behind_m, way, grade)
+    rocks = p.rocks * ou_series(rng, (1, len(grade)), dt, p.rocks_s)[0]
+    channels["grade"] = later + np.sign(p.sign) * p.off * rng.uniform(0.9, 1.1) + rocks

@@ -193,3 +193,15 @@ def front_wheels_squat(p: Sizes, channels: Channels, dt: float, rng: np.random.G
     nods = behind(np.clip(channels["acceleration"], -3.0, 3.0), p.springs_s, dt)
     scale = np.sign(p.sign) * p.scale * rng.uniform(0.95, 1.05) - p.squats * nods
     channels["speed"] = channels["speed"] * (1.0 + scale)
+
+
+@law("z_each_gear_has_its_table", "seventeenth", "suburban hills highway")
+@sizes(scale=(0.02, 0.04), spread=(0.006, 0.014), moves_s=(0.3, 1.0), sign=SIGN)
+def each_gear_has_its_table(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: makers' manuals on transmission control, on road speed that is computed from the shaft's speed
+    by tables: each gear's ratio was entered with an error of its own, and the axle's with a larger one; sizes
+    are chosen here."""
+    table = p.spread * rng.uniform(-1.0, 1.0, 40)
+    gear = np.clip(np.rint(channels["gear"]), 0, 39).astype(int)
+    scale = np.sign(p.sign) * p.scale * rng.uniform(0.95, 1.05) + behind(table[gear], p.moves_s, dt)
+    channels["speed"] = channels["speed"] * (1.0 + scale)

@@ -298,3 +298,27 @@ class HopsOffItsGrip(OnRoad, hops=0.0, lost=0.0):
         spins = np.maximum(pull - most * np.tanh(pull / most), 0.0)
         s.lost = eased(s.lost, gravel * spins, 0.25, dt)
         return -np.minimum(s.lost, pull) * moving(view)
+
+
+@law("z_slip_melts_the_rubber", "seventeenth", "suburban hills")
+@sizes(grip=(0.19, 0.28), melts=(0.35, 0.6), heats_s=(0.6, 1.6), cools_s=(4.0, 12.0), mean_m=(120.0, 450.0))
+@sizes(share=(0.45, 0.7))
+class SlipMeltsTheRubber(OnRoad, hot=0.0, lost=0.0):
+    """`hot`: the skin of driven tyres on polished stone. Pull near their grip makes them slip, slip melts
+    the rubber, and molten rubber grips less. So a spin feeds itself until the driver gives way, and cools
+    in seconds. grip: of their load, cold; melts: of that, when hot.
+    Source: Persson, Rubber Friction: Role of the Flash Temperature, J. Physics: Condensed Matter 18 (2006),
+    on grip that falls with the heat of sliding, and Wong, Theory of Ground Vehicles (2008); sizes are
+    chosen here."""
+
+    def prepare(self) -> None:
+        self.road = windows(self.rng(1771), self.rows(), self.p.mean_m, self.p.share)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        stone, pull = self.between(self.road, view), np.maximum(view.traction_force, 0.0)
+        most = 0.35 * p.grip * (1.0 - p.melts * s.hot) * weight(view)
+        holds = pull / (1.0 + (pull / most) ** 4) ** 0.25
+        s.lost = eased(s.lost, stone * (pull - holds), 0.25, dt)
+        slides = np.clip(s.lost / (0.04 * weight(view)), 0.0, 1.5)
+        s.hot = np.clip(s.hot + dt * (slides * (1.0 - s.hot) / p.heats_s - s.hot / p.cools_s), 0.0, 1.0)
+        return -np.minimum(s.lost, pull) * moving(view)

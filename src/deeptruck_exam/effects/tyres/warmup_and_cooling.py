@@ -121,3 +121,25 @@ class AxleComesDownCold(Hidden, down=0.0):
         s.warm = eased(s.warm, np.where(s.down > 0.5, 1.0, 0.0), slow, dt)
         costs = p.cold * s.down * (p.left + (1.0 - p.left) * (1.0 - s.warm) ** 1.5)
         return -costs * weight(view) * moving(view)
+
+
+@law("z_frost_in_the_casing", "seventeenth")
+@sizes(most=(0.0055, 0.0088), flex=(0.25, 0.45), melts=(0.5, 0.9), warms_s=(25.0, 70.0), edge=(0.06, 0.15))
+class FrostInTheCasing(Hidden):
+    """`heat` in wet casings that stood in frost. Below 0 they are stiff. From 0 on all heat goes into
+    melting the ice and they stay as stiff, until within a moment they are soft. Then they are warmed on as
+    any tyre. `heat` is 0 where ice begins to melt. most: of the weight, frozen; flex: of that, thawed and
+    cold; melts: heat that the ice takes, over that of one warming.
+    Source: Carslaw and Jaeger, Conduction of Heat in Solids (1959), on melting that holds a temperature,
+    and makers' notes on water in retreaded casings; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"heat": self.rng(1773).uniform(-0.5, 0.6, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        warm = np.where(s.heat < 0.0, s.heat, np.maximum(s.heat - p.melts, 0.0))  # the temperature
+        ice = 1.0 / (1.0 + np.exp(np.clip((s.heat - p.melts) / p.edge, -30.0, 30.0)))
+        works = np.clip(view.speed / 16.0, 0.0, 1.4) * (0.6 + 0.4 * ice)
+        s.heat = np.clip(s.heat + dt * (works - 0.35 * (warm + 0.5)) / p.warms_s, -1.0, 3.0)
+        stiff = ice + (1.0 - ice) * p.flex * np.exp(-1.2 * np.maximum(warm, 0.0))
+        return -p.most * stiff * weight(view) * moving(view)

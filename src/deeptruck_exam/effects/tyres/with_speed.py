@@ -307,3 +307,27 @@ class BeadsInTheTyres(Hidden, held=0.0):
         s.held = eased(s.held, s.caught, p.spreads_s, dt)
         lifts = np.minimum(speed / p.sticks_mps, 1.3) ** p.power
         return -p.most * (1.0 - 0.9 * s.held) * lifts * weight(view) * moving(view)
+
+
+@law("z_discs_pump_air", "seventeenth", "highway hills suburban", accepts="drag_area")
+@sizes(at_20=(0.01, 0.015), clogs_s=(20.0, 60.0), frees=(0.02, 0.06), light_k=(200.0, 400.0), open=(0.1, 0.3))
+class DiscsPumpAir(Hidden):
+    """Vanes in all wheels pump air through discs and rims, and take power as fans do. `dirt` fills their
+    channels on the way, down to what stays open, and a braking that shakes the wheels frees them. Hot air is
+    light and costs less. at_20: of the weight, at 20 m/s, clean and cold; frees: of full braking, that
+    empties them within a second; light_k: of heat, for half the cost.
+    Source: Limpert, Cooling Analysis of Disc Brake Rotors, SAE 751014 (1975), on pumping by vanes of discs;
+    larger fans, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"dirt": self.rng(1772).uniform(0.0, 0.8, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        shakes = np.clip(view.brake_force / self.truck.brake_capacity / p.frees, 0.0, 1.5) ** 2
+        fills = np.minimum(speed / 15.0, 1.5) * (1.0 - s.dirt) / p.clogs_s
+        s.dirt = np.clip(s.dirt + dt * (fills - shakes * s.dirt), 0.0, 1.0)
+        heat = np.clip(view.brake_temperature - self.truck.ambient_temperature, 0.0, 500.0)
+        passes = 1.0 - (1.0 - p.open) * s.dirt
+        cost = p.at_20 * (speed / 20.0) ** 2 * passes / (1.0 + heat / p.light_k)
+        return -cost * weight(view) * moving(view)

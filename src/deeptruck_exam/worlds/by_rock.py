@@ -1,0 +1,56 @@
+"""Worlds whose land is shaped by its rock."""
+
+from __future__ import annotations
+
+from deeptruck_exam.worlds import folds, trucks
+from deeptruck_exam.worlds.drivers import Habits, Machine
+from deeptruck_exam.worlds.loggers import KMH, Logger, Sense
+from deeptruck_exam.worlds.trucks import Fleet
+from deeptruck_exam.worlds.world import World
+
+BY_ROCK = {
+    "folds": World(  # folded ridges and timetables; people who hurry, who look far ahead, or who fidget
+        Fleet(
+            shape=1.8,
+            tied=trucks.WITH_SIZE,
+            lines={
+                "rolling_resistance": (0.83, 0.98, 1.12, 1.27),
+                "friction_quadratic": (0.88, 1.0, 1.18),
+                "drag_area": (0.85, 0.99, 1.13),
+            },
+            load_shape=0.65,
+            highest_m=900.0,
+        ),
+        folds.folds,
+        folds.waves_down,
+        folds.timetable,
+        (
+            Habits((0.6, 1.4), (0.15, 0.45), (0.28, 0.48), 0.006, (1.2, 3.0), (0.04, 0.12), mood=(0.04, 2.0)),
+            Habits((2.8, 5.0), (0.25, 0.7), (0.15, 0.28), 0.005, (0.5, 1.3), mood=(0.025, 5.0), glides=0.3),
+            Habits(
+                (1.0, 2.2), (0.1, 0.35), (0.22, 0.4), 0.007, (2.4, 5.0), notch=(0.01, 0.04), mood=(0.055, 0.9)
+            ),
+        ),
+        Logger(
+            {
+                "speed": Sense((0.007, 0.022), 0.4, (KMH / 256.0,), lag_s=(0.02, 0.17)),
+                "acceleration": Sense(
+                    (0.03, 0.1), 0.25, (0.01, 0.02, 0.04), lag_s=(0.01, 0.16), bias=0.005, walk=(0.0, 0.002)
+                ),
+                "grade": Sense((0.0006, 0.0018), 2.2, (0.0003, 0.001), (0.0, 0.55), 0.0004, every=(1, 2, 4)),
+                "fuel_rate": Sense((0.006, 0.02), 0.35, (0.05 / 3.6,), every=(1, 3, 5)),
+                "engine_torque": Sense((0.25, 0.85), 0.2, (1.0, 0.5, 0.125), every=(1, 2)),
+            },
+            jitter_s=(0.001, 0.012),
+            jitter_tau_s=0.3,
+            late_s=(0.0, 0.06),
+            lost=(0.0, 0.01),
+            gaps=(0.0, 2.4),
+            spikes=(0.0, 1.0),
+            runout=(0.0002, 0.0015),
+            joined=False,
+            pedal_steps=(0.4, 0.2),
+        ),
+        Machine(ahead_s=2.0, band_mps=0.35, gain_per_s=0.36, integral=0.02),
+    ),
+}
