@@ -30,6 +30,7 @@ from deeptruck_model.mismatch.data.prepared import (
 )
 from deeptruck_model.mismatch.excluded import check_excluded
 from deeptruck_model.mismatch.finding import Finding
+from deeptruck_model.mismatch.fit_result import FitResult
 from deeptruck_model.mismatch.posterior import linearised
 from deeptruck_model.mismatch.posterior.causes import Explanation
 from deeptruck_model.mismatch.posterior.modelled import Formula
@@ -148,17 +149,24 @@ def _find(
     if little := too_little(e):
         return _useless(replace(c, useless=little, data=_data(c, e)))
     e, driven = _explained(simulator, c, e, seed, with_unnamed, exclude, say)
+    say("locating it")
+    return _located(simulator, c, e, driven, exclude)
+
+
+def _located(
+    simulator: Simulator, c: Checked, e: Evidence, driven: correction.Driven, exclude: list[str]
+) -> Mismatch:
+    """What was found, in words, with where it acts, what correcting it is worth, and what limits that."""
     x = driven.explanation
     fit = replace(driven.fit, next_pass=next((c.road.ahead for c in x.causes if c.road is not None), None))
-    say("locating it")
     found = _findings(simulator, c, e, x)
     causes = {place: f.cause for place, f in enumerate(found) if f.cause is not None}
     force = sum((cause.force for cause in causes.values()), start=np.zeros(len(e)))
-    data = _data(c, e)
     regimes = locate.regimes(e, force if causes else e.residual)
     if len(causes) == 1:  # else regimes are of several forces together
         found = [findings.with_regime(f, regimes) for f in found]
     unsaid = "" if found else _unsaid(simulator, c, e, driven, regimes)
+    data = _data(c, e)
     verdict = Verdict(
         kind=Conclusion.UNDETERMINED if unsaid else _conclusion(found),
         findings=tuple(found),
@@ -167,16 +175,19 @@ def _find(
         fit=fit,
         data=data if found else replace(data, smallest_visible=identifiability.smallest_visible(e, x)),
         suspicions=tuple(map(findings.suspicion, driven.refuted)),
-        caveats=(
-            *c.caveats,
-            *([LEFT_OUT.format(", ".join(exclude))] if exclude else []),
-            *_without_mass(e, found),
-            *([WITHOUT_FORMULA] if any(map(_nameless, found)) and not has_formulas() else []),
-            *validation.caveats(fit, bool(causes)),
-            *([unsaid] if unsaid else []),
-        ),
+        caveats=(*c.caveats, *_caveats(e, found, fit, exclude), *([unsaid] if unsaid else [])),
     )
     return Mismatch(verdict, e, x, driven.errors, driven.corrected, c.prepared, tuple(exclude))
+
+
+def _caveats(e: Evidence, found: Sequence[Finding], fit: FitResult, exclude: Sequence[str]) -> list[str]:
+    """What limits the findings and their correction."""
+    return [
+        *([LEFT_OUT.format(", ".join(exclude))] if exclude else []),
+        *_without_mass(e, found),
+        *([WITHOUT_FORMULA] if any(map(_nameless, found)) and not has_formulas() else []),
+        *validation.caveats(fit, any(f.cause is not None for f in found)),
+    ]
 
 
 def _explained(
