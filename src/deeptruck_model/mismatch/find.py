@@ -118,13 +118,14 @@ def checked_drives(
     faults = checks.sensor_faults(drives, rules) if measured else []
     response = simulator.interface.y
     whole = [prepare(checks.mended(r, faults), measured, response) for r in drives]
-    speed_unit.check(simulator, whole)
     prepared = tuple(learned(simulator, p) for p in whole)
     strange = sum(int((p.valid & ~q.valid).sum()) for p, q in zip(whole, prepared, strict=True))
     if strange:
         rejected = sorted([*rejected, checks.Rejection(STRANGE, strange)], key=lambda r: -r.samples)
     fitted = [p for p, out in zip(prepared, flags, strict=True) if not out]
     useless = unusable(fitted, rejected)
+    if useless is None:
+        speed_unit.check(simulator, whole)
     data = DataReport(tuple(rejected))
     return Checked(prepared, tuple(flags), tuple(faults), data, (*twice, *caveats), useless)
 

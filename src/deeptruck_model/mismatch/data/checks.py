@@ -198,7 +198,7 @@ def sensor_faults(recordings: Sequence[Recording], rules: Rules) -> list[SensorF
         says = f"the accelerometer is {offset:+.3f} m/s^2 off the derivative of speed whatever happens"
         faults.append(SensorFault("acceleration_bias", offset, offset_se, "m/s^2", says))
     if abs(slope - 1) > rules.speed_scale and abs(slope - 1) > rules.stands_out * slope_se:
-        scaled = units.likely(1 / slope) or "one of the two is scaled"
+        scaled = units.likely(1 / slope, units.SPEEDS | units.ACCELEROMETERS) or "one of the two is scaled"
         says = f"speed changes {1 / slope:.3f} times as much as the accelerometer says: {scaled}"
         faults.append(SensorFault("speed_scale", 1 / slope, slope_se / slope**2, "1", says))
     if abs(lag) > rules.clock_offset_s and abs(lag) > rules.stands_out * lag_se:

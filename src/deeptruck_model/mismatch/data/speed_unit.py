@@ -23,7 +23,7 @@ def check(simulator: Simulator, prepared: Sequence[Prepared]) -> None:
     scale = _scale(simulator, told) if told is not None else None
     if told is None or scale is None or 1.0 / GEARS_AT_MOST < scale < GEARS_AT_MOST:
         return
-    if unit := units.likely(scale):
+    if unit := units.likely(scale, units.SPEEDS):
         raise InputError(
             f"speed of '{told.recording.name}' is {scale:.3g} times what its engine speed tells by the "
             f"simulator's gear; {unit}"

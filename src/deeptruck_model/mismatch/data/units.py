@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 NEAR = 0.015  # relative: as tyres differ from those of the simulator
-TAKEN = {  # what speed is multiplied by where it is read so
+SPEEDS = {  # what speed is multiplied by where it is read so
     3.6: "km/h read as m/s",
     1 / 3.6: "m/s read as km/h",
     2.2369: "mph read as m/s",
     1 / 2.2369: "m/s read as mph",
     1.6093: "km/h read as mph",
     1 / 1.6093: "mph read as km/h",
+}
+ACCELEROMETERS = {  # what speed is too large by beside one that is read so
     1 / 9.80665: "an accelerometer in m/s^2 read as g",
     9.80665: "an accelerometer in g read as m/s^2",
 }
 
 
-def likely(scale: float) -> str:
-    """What a factor between speed and what measures it too comes of, with the cure; empty for most."""
-    found = [what for factor, what in TAKEN.items() if abs(scale / factor - 1.0) < NEAR]
+def likely(scale: float, taken: Mapping[float, str]) -> str:
+    """What a factor of speed comes of, of those `taken` for others, with the cure; empty for most."""
+    found = [what for factor, what in taken.items() if abs(scale / factor - 1.0) < NEAR]
     return f"{found[0]} is off by as much: check the units in COLUMNS.yaml" if found else ""

@@ -138,7 +138,7 @@ def _nothing(verdict: Verdict) -> Headline:
     said = force(seen.always, seen.mass_kg) if seen is not None else ""
     claim = Claim.MUCH_COULD_HIDE if seen is not None and seen.always > HIDING else Claim.AGREES
     off = [
-        f"{_spoken(p)} off by {100 * x:.2g} %"
+        f"{_spoken(p)} off by {number(100 * x)} %"
         for p, x in [*(seen.parameters.items() if seen else ())][:MOVED]
     ]
     told = " or ".join(filter(None, [", ".join(off[:-1]), *off[-1:]]))

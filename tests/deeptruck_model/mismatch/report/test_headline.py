@@ -39,7 +39,7 @@ def unchanged(tuned: float, before: float = 0.6, always_n: float = 81.0) -> Verd
     """A verdict without findings, with speed errors (m/s) and the smallest steady force that is seen (N)."""
     errors = Compared(Rmse(before, 0.1), Rmse(tuned, 0.1), Rmse(before, 0.1))
     found = verdict("nothing_missing", [])
-    seen = SmallestVisible({"mass": 0.6}, always_n / 20000.0, 0.045, 20000.0)
+    seen = SmallestVisible({"mass": 1.25}, always_n / 20000.0, 0.045, 20000.0)
     driven = fit([], errors=errors, chosen=Chosen.NOTHING)
     return replace(found, fit=driven, data=replace(found.data, smallest_visible=seen))
 
@@ -170,7 +170,7 @@ def test_a_fault_of_a_sensor_beside_physics_has_its_own_sentence() -> None:
 def test_where_much_could_hide_nothing_is_said_to_agree(newton: float, claim: Claim) -> None:
     v = unchanged(0.6, always_n=newton)
     assert headline.of(v).claim is claim and "would have been seen" in headline.text(v)
-    assert "So would mass off by 60 %." in headline.sentences(headline.of(v))
+    assert "So would mass off by 125 %." in headline.sentences(headline.of(v))
 
 
 def test_where_something_differs_without_a_name_the_reason_is_said() -> None:
