@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.resources
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from found_mismatches import VERDICTS, mismatch
 
 from deeptruck_model import mismatch as tool
 from deeptruck_model.mismatch.finding import Finding, Kind, Size, Suspicion
+from deeptruck_model.mismatch.fit_result import Chosen, FitResult
 from deeptruck_model.mismatch.posterior.causes import Cause
 from deeptruck_model.mismatch.posterior.road_lock import RoadLock
 from deeptruck_model.mismatch.report import findings
@@ -134,3 +136,9 @@ def test_numbers_that_json_has_not_become_null_and_those_of_numpy_plain() -> Non
     (entry,) = Verdict(Conclusion.PHYSICS, (found,)).to_json()["findings"]
     assert entry["parameters"]["force"] == {"value": None, "unit": "N", "ci95": [1.0, 2.0]}
     assert type(entry["parameters"]["force"]["ci95"][0]) is float and type(entry["kind"]) is str
+
+
+def test_what_a_correction_holds_the_mean_of_is_read_as_it_was_written() -> None:
+    fit = FitResult(("a",), 40.0, 3, Chosen.FINDINGS, ("headwind",), False, by_mean=("headwind",))
+    again = FitResult.read(fit.to_json())
+    assert again == fit and "by_mean" not in replace(fit, by_mean=()).to_json()

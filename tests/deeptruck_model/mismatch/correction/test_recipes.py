@@ -16,7 +16,7 @@ from deeptruck_model.mismatch.fit_result import Chosen, Errors
 from deeptruck_model.mismatch.mechanisms import LIBRARY
 from deeptruck_model.mismatch.mechanisms.variants import Static
 from deeptruck_model.mismatch.posterior.causes import Cause
-from deeptruck_model.mismatch.posterior.search import Search
+from deeptruck_model.mismatch.posterior.search import Model, Search
 from deeptruck_model.mismatch.residual.evidence import Evidence, Stretch
 from deeptruck_model.mismatch.rules import Rules
 
@@ -96,3 +96,19 @@ def test_a_correction_is_whole_with_every_force_parameter_and_law_that_was_found
     x: Any = SimpleNamespace(causes=causes, lawful=object())
     recipe = recipes.Recipe((), tuple(terms[n] for n in kept), frozenset(free), what)
     assert recipes.holds(recipe, x) == whole
+
+
+@pytest.mark.parametrize(("times", "taken"), [(1.5, True), (10.0, False)])
+def test_sizes_for_driving_that_no_truck_can_have_are_not_used(
+    nothing_missing: Evidence, monkeypatch: pytest.MonkeyPatch, times: float, taken: bool
+) -> None:
+    e = replace(nothing_missing, residual=nothing_missing.residual + 0.3 * nothing_missing["engine"])
+
+    def larger(search: Search, model: Model, horizon_s: float) -> Model:
+        return replace(model, fit=replace(model.fit, b=times * model.fit.b))
+
+    monkeypatch.setattr(recipes.output_error, "refitted", larger)
+    probable = recipes.Recipe((), (), frozenset({"torque_gain"}))
+    wanted = replace(probable, for_driving=True)
+    a, b = (r.corrected(TRUCK, Search(e), None).moved["torque_gain"] for r in (probable, wanted))
+    assert a == pytest.approx(0.3, abs=0.05) and b == pytest.approx(times * a if taken else a, rel=0.01)
