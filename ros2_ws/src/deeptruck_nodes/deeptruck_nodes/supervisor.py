@@ -140,6 +140,8 @@ class Supervisor:
                 self.why = "not everything got ready"
                 return _complain(f"not ready after {READY_WITHIN:g} s: {names}; see {self._folder}")
             time.sleep(POLL)
+        if (code := self._verdict()) is not None:  # asked to end as the last got ready: an older bag stands
+            return code
         print(
             f"ready after {time.monotonic() - begun:.1f} s: {', '.join(p.name for p in self._programs)}",
             flush=True,
