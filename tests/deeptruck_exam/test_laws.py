@@ -77,6 +77,7 @@ BOTH_WAYS = {  # winds, bodies, slopes, masses and late brakes push and hold; so
     "q_learns_brake_by_brake", "q_burns_soot_on_the_way",
     "z_valve_reads_the_nod", "z_capacitor_answers_first", "z_pontoons_sink",
     "y_cab_tugs_at_its_cable", "y_mixture_swings", "y_pipes_in_tune", "y_road_up_a_stream",
+    "h_pedal_asks_for_a_pull", "h_magnet_over_iron_plates", "h_needle_hangs",
 }  # fmt: skip
 CHANNEL = {"speed_scale": "speed", "grade_bias": "grade", "commands_from_another_clock": "brake_command"}
 
