@@ -14,8 +14,10 @@ from deeptruck_model.trucks import View
 law = partial(hidden, family="sealed")
 
 
-@law("h_wind_above_the_lid", needs="hills descent", name="headwind", accepts="drag_area")
-@sizes(wind_mps=(8.0, 12.0), below=(0.05, 0.2), thick_m=(2.0, 5.0), waves_m=(4.0, 9.0), waves_s=(50.0, 140.0))
+@law("h_wind_above_the_lid", needs="hills highway descent", name="headwind", accepts="drag_area")
+@sizes(
+    wind_mps=(10.0, 14.5), below=(0.05, 0.2), thick_m=(2.0, 5.0), waves_m=(4.0, 9.0), waves_s=(50.0, 140.0)
+)
 class WindAboveTheLid(Hidden, climbed=0.0):
     """Cold air lies in the low land under a lid, nearly still, and a wind blows along the road above it.
     Waves run along the lid, so that it rises and sinks over a truck. `climbed` m since the start. wind_mps:
@@ -54,8 +56,8 @@ class OncomingTrucksSweepItOff(Hidden, wake=1.0, saved=0.0):
     most of the wake off, the more the larger it is. The leader draws a new one, which has come back to the
     follower by the time that he has driven the gap between them. most: of the drag, saved right behind him;
     takes: of the wake, at most; back_m: gaps that he drives until the wake is back.
-    Source: Baker, Measurements of Train and Vehicle Wakes, J. Wind Eng. Ind. Aerodyn. 98 (2010), on gusts of
-    vehicles that pass, and Hucho, Aerodynamics of Road Vehicles (1998), on wakes; sizes are chosen here."""
+    Source: Baker, The Flow around High Speed Trains, J. Wind Eng. Ind. Aerodyn. 98 (2010), on gusts of what
+    passes, and Hucho, Aerodynamics of Road Vehicles (1998), on wakes; sizes are chosen here."""
 
     def prepare(self) -> None:
         rng, batch = self.rng(1902), self.setting.batch
@@ -73,7 +75,7 @@ class OncomingTrucksSweepItOff(Hidden, wake=1.0, saved=0.0):
 
 
 @law("h_vanes_turn_in_the_wind", needs="hills highway suburban", name="drag_area", accepts="headwind")
-@sizes(more=(0.9, 1.5), carries=(0.5, 0.8), turns_s=(4.0, 12.0), starts_mps=(6.0, 11.0), runs_s=(15.0, 50.0))
+@sizes(more=(1.7, 2.8), carries=(0.35, 0.6), turns_s=(8.0, 20.0), starts_mps=(9.0, 14.0), runs_s=(15.0, 50.0))
 class VanesTurnInTheWind(Hidden, rim=0.0):
     """`rim` m/s of vanes on the roof, which air a load by turning in the wind of driving. Standing, they hold
     the wind like a cup, and turning with it they hold little. Rust holds them until the wind is fast enough,

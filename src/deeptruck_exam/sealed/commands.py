@@ -14,7 +14,12 @@ from deeptruck_model.trucks import View
 law = partial(hidden, family="sealed")
 
 
-@law("h_large_changes_need_long_messages", needs="suburban hills descent", name="command_delay")
+@law(
+    "h_large_changes_need_long_messages",
+    needs="suburban hills descent",
+    name="command_delay",
+    accepts="clock_offset",
+)
 @sizes(least_s=(0.25, 0.45), full_s=(1.5, 3.0))
 class LargeChangesNeedLongMessages(Filter):
     """A line sends what has changed, bit by bit: a small change is a short message and a large one a long
@@ -48,8 +53,9 @@ class OnePumpForBothPedals(Filter):
     the brake takes from and the pump fills. The throttle moves by what pressure is left: fast after long
     rolling, slowly after a braking. per_s: of the full command, with a full store; brake: of the store, for a
     full braking; keeps: of the pace, with an empty one.
-    Source: Merritt, Hydraulic Control Systems (1967), on flow by supply pressure, and Backé, on accumulators
-    that several actuators share; a small pump, sizes are chosen here."""
+    Source: Merritt, Hydraulic Control Systems (1967), on flow by supply pressure, and Watton,
+    Fundamentals of Fluid Power Control (2009), on accumulators that actuators share; a small
+    pump, sizes are chosen here."""
 
     def start(self, batch: int) -> dict[str, Any]:
         return {"given": np.zeros(batch), "was": np.zeros(batch), "store": np.full(batch, 0.6)}

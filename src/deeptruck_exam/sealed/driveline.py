@@ -68,7 +68,7 @@ class EngineRocksInItsMounts(Hidden, lean=0.0, pace=0.0):
 
 
 @law("h_engine_has_to_catch_up", needs="suburban hills", name="shift_interruption", accepts="torque_limit")
-@sizes(base_s=(0.3, 0.6), per_step_s=(3.5, 6.5), warm=(0.4, 0.7), forgets_s=(3.0, 8.0), deep=(0.75, 0.95))
+@sizes(base_s=(0.9, 1.6), per_step_s=(5.5, 9.0), warm=(0.4, 0.7), forgets_s=(3.0, 8.0), deep=(0.75, 0.95))
 class EngineHasToCatchUp(Hidden, gear=0.0, ratio=1.0, left=0.0, boost=0.0, cut=0.0):
     """Before a lower gear is closed the engine has to turn faster, and it gets there by its own little pull:
     the wider the step, the longer the truck rolls. `boost` of pulls of late lets it rev up quickly. Upward
@@ -96,14 +96,14 @@ class EngineHasToCatchUp(Hidden, gear=0.0, ratio=1.0, left=0.0, boost=0.0, cut=0
     trucks="freightliner",
     gateable=False,
 )
-@sizes(holds=(0.6, 0.8), falls=(0.6, 0.85), heats_s=(8.0, 25.0), cools_s=(30.0, 80.0), slides=(0.35, 0.6))
+@sizes(holds=(0.42, 0.58), falls=(0.6, 0.85), heats_s=(8.0, 25.0), cools_s=(30.0, 80.0), slides=(0.5, 0.8))
 class CoilGetsHot(Hidden, lost=0.0):
     """A valve sets the pressure of the lock-up clutch by the current through its coil. `hot`: the coil, by
     the engine's heat and its own. Hot wire lets less current through, the clutch is pressed less, and torque
     beyond what it holds makes it slip. holds: of peak torque, cold; falls: of that, lost when hot; slides: of
     the torque beyond, that is lost.
-    Source: Nau, Hydraulic Solenoid Valves (1990), on currents of warm coils, and Naunheimer, Bertsche, Ryborz
-    and Novak, Automotive Transmissions (2011), on lock-up clutches; sizes are chosen here."""
+    Source: Bosch Automotive Handbook (2014), on solenoids, whose current falls with their heat, and
+    Naunheimer, Bertsche, Ryborz and Novak, Automotive Transmissions (2011), on lock-up clutches; sizes are chosen here."""
 
     conceal = ("engine_speed",)
 

@@ -75,7 +75,7 @@ class OilFoams(Hidden):
     accepts="turbo_lag torque_derate",
     shown=True,
 )
-@sizes(leaks=(0.5, 0.75), at_rads=(115.0, 140.0), power=(1.0, 2.0), warms_s=(10.0, 30.0), thins=(0.3, 0.6))
+@sizes(leaks=(0.55, 0.8), at_rads=(118.0, 142.0), power=(1.0, 2.0), warms_s=(10.0, 30.0), thins=(0.3, 0.6))
 class PlungersLeak(Hidden):
     """Worn plungers of an injection pump let fuel back past them, by the time that a stroke takes: little at
     high engine speed and much at low speed. So a slow engine cannot be given its full torque. `warm`: fuel,
@@ -126,7 +126,7 @@ class ResistorGlows(Hidden, bites=0.0):
 
 
 @law("h_oil_stays_in_the_head", name="engine_friction", accepts="accessory_load engine_brake torque_gain")
-@sizes(nm=(170.0, 280.0), at_rads=(130.0, 160.0), lifts_s=(6.0, 18.0), back_s=(10.0, 30.0), least=(0.1, 0.3))
+@sizes(nm=(150.0, 240.0), at_rads=(130.0, 160.0), lifts_s=(6.0, 18.0), back_s=(10.0, 30.0), least=(0.1, 0.3))
 class OilStaysInTheHead(Hidden):
     """`sump`: of the oil, that lies below the crankshaft. A fast engine pumps it up to the head faster than
     clogged drains let it back. So the crank beats a full sump just after a slow stretch, and an empty one
@@ -138,7 +138,7 @@ class OilStaysInTheHead(Hidden):
         return {"sump": self.rng(1944).uniform(0.3, 1.0, batch)}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        turns = np.clip(view.engine_speed / p.at_rads, 0.3, 1.5)
+        turns = np.clip(view.engine_speed / p.at_rads, 0.3, 1.3)
         s.sump = np.clip(s.sump + dt * ((1.0 - s.sump) / p.back_s - turns**3 * s.sump / p.lifts_s), 0.0, 1.0)
         beats = p.least + (1.0 - p.least) * np.minimum(1.6 * s.sump, 1.0)
         return -self.at_wheels(view, p.nm * beats * turns**2) * moving(view)
@@ -156,7 +156,7 @@ class WorksHardestHalfWay(Hidden, pumps=0.0):
     a full atmosphere there is nothing to press, and in a vacuum little air to be pressed: the pump works
     hardest half way. The hose is opened in spells, which lets air in. nm: of torque, at most; empties_s: at
     140 rad/s; idles: of the torque, all the time.
-    Source: Hoffman, Singh and Thomas, Handbook of Vacuum Science and Technology (1997), on work of
+    Source: Hoffman, Singh and Thomas, Handbook of Vacuum Science and Technology (1998), on work of
     compression by inlet pressure; tank and hose, sizes are chosen here."""
 
     def prepare(self) -> None:

@@ -16,7 +16,7 @@ law = partial(hidden, family="sealed")
 
 
 @law("h_spray_freezes_on", needs="suburban hills", name="payload_change", accepts="mass")
-@sizes(most=(0.24, 0.4), gains_m=(500.0, 1500.0), breaks=(0.035, 0.07), falls_s=(2.0, 6.0))
+@sizes(most=(0.26, 0.42), gains_m=(500.0, 1500.0), breaks=(0.035, 0.07), falls_s=(2.0, 6.0))
 @sizes(mean_m=(300.0, 900.0), share=(0.35, 0.6))
 class SprayFreezesOn(OnRoad):
     """`ice` on frame, axles and load of a light truck in hard frost. Where the road is wet with brine, its
@@ -91,7 +91,7 @@ class WheelsDriveAPress(OnRoad):
 
 
 @law("h_floats_on_a_cushion", needs="suburban hills highway", name="unknown")
-@sizes(most=(0.03, 0.05), lifts_rads=(120.0, 160.0), power=(1.5, 2.5), fills_s=(0.8, 2.5), leaks=(0.2, 0.45))
+@sizes(most=(0.018, 0.03), lifts_rads=(120.0, 160.0), power=(1.5, 2.5), fills_s=(0.8, 2.5), leaks=(0.2, 0.45))
 @sizes(rough_m=(120.0, 500.0))
 class FloatsOnACushion(OnRoad, air=0.5):
     """A platform is towed that floats on air, which a blower on the truck's engine presses under its skirts.

@@ -16,7 +16,7 @@ law = partial(hidden, family="sealed")
 
 
 @law("h_contours_lie_far_apart", needs="hills highway suburban", name="road_grade", gateable=False)
-@sizes(step_m=(9.0, 16.0), flat=(0.008, 0.016), long_m=(70.0, 160.0), most=(0.03, 0.045))
+@sizes(step_m=(5.0, 9.0), flat=(0.008, 0.016), long_m=(70.0, 160.0), most=(0.03, 0.045))
 class ContoursLieFarApart(OnRoad):
     """The slopes known come from a map of contours. Each stretch between two of them was taken for even. On
     steep land they lie close together, and little is missed; on flat land whole rises and hollows lie between

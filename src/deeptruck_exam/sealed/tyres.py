@@ -16,14 +16,14 @@ law = partial(hidden, family="sealed")
 
 
 @law("h_plates_over_the_trenches", needs="suburban hills", name="wheel_slip")
-@sizes(grip=(0.05, 0.09), driven=(0.3, 0.45), mean_m=(40.0, 110.0), share=(0.3, 0.5), rains_s=(20.0, 60.0))
+@sizes(grip=(0.07, 0.12), driven=(0.3, 0.45), mean_m=(40.0, 110.0), share=(0.3, 0.5), rains_s=(20.0, 60.0))
 @sizes(slides=(0.2, 0.5))
 class PlatesOverTheTrenches(OnRoad, lost=0.0, wet=0.5):
     """Works along a road have covered their trenches with plates of steel. `wet`: the plates, in showers.
     Driven wheels that pull harder than a wet plate lets them slide on it, and hold less while they do. grip:
     of a wet plate; driven: of the weight, on driven wheels; slides: of the grip, lost in sliding.
-    Source: Wong, Theory of Ground Vehicles (2008), on grip by surface, and Lemaitre and others, makers' notes
-    on coated and bare road plates; worn plates, sizes are chosen here."""
+    Source: Wong, Theory of Ground Vehicles (2008), on grip by surface, and makers' notes on bare and
+    coated plates for road works; worn plates, sizes are chosen here."""
 
     def prepare(self) -> None:
         rng, p = self.rng(1971), self.p

@@ -67,7 +67,7 @@ def _held_at(rng: np.random.Generator, wish: Array, dt: float) -> Array:
 def fog(rng: np.random.Generator, scenario: str, n: int, dt: float) -> Array:
     """As fast as one sees, and no faster than allowed: fog lies in banks, between which it is clear. Drivers
     slow at once as they run into one and gather speed slowly behind it; in town they stop for who crosses.
-    (Hassan and Abdel-Aty, Predicting Reduced Visibility Related Crashes, Accident Analysis and Prevention 61,
+    (Hassan and Abdel-Aty, Predicting Reduced Visibility Related Crashes, J. Safety Research 45,
     2013, and AASHTO, A Policy on Geometric Design, 2018, on sight to stop; numbers are chosen here.)"""
     kind, floor = KINDS[scenario], FLOOR.get(scenario, 0.0)
     banks, wisps = ou_series(rng, (1, n), dt, 25.0)[0], ou_series(rng, (1, n), dt, 6.0)[0]
