@@ -75,7 +75,7 @@ class OncomingTrucksSweepItOff(Hidden, wake=1.0, saved=0.0):
 
 
 @law("h_vanes_turn_in_the_wind", needs="hills highway suburban", name="drag_area", accepts="headwind")
-@sizes(more=(1.7, 2.8), carries=(0.35, 0.6), turns_s=(8.0, 20.0), starts_mps=(9.0, 14.0), runs_s=(15.0, 50.0))
+@sizes(more=(1.7, 2.8), carries=(0.3, 0.5), turns_s=(8.0, 20.0), starts_mps=(9.0, 14.0), runs_s=(15.0, 50.0))
 class VanesTurnInTheWind(Hidden, rim=0.0):
     """`rim` m/s of vanes on the roof, which air a load by turning in the wind of driving. Standing, they hold
     the wind like a cup, and turning with it they hold little. Rust holds them until the wind is fast enough,

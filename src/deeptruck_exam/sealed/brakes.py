@@ -91,7 +91,7 @@ class DiscBuckles(Hidden, outside=0.0):
 
 
 @law("h_linings_grab_at_the_end", needs="suburban", name="unknown")
-@sizes(most=(0.45, 0.75), below_mps=(5.0, 8.0), power=(1.0, 2.0), soaks_s=(4.0, 12.0), drives_s=(30.0, 90.0))
+@sizes(most=(0.5, 0.8), below_mps=(6.0, 9.0), power=(1.0, 2.0), soaks_s=(4.0, 12.0), drives_s=(30.0, 90.0))
 class LiningsGrabAtTheEnd(Hidden):
     """Linings of a soft resin hold the more, the slower they glide: the end of each stop is a jerk that
     nobody asked for. `skin` that makes them do so grows while they are braked slowly and wears off in fast

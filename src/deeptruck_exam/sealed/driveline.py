@@ -46,7 +46,7 @@ class FordsChillTheAxle(OnRoad):
 
 
 @law("h_engine_rocks_in_its_mounts", needs="suburban hills", name="driveline_backlash")
-@sizes(soft=(0.12, 0.25), rocks_rads=(4.0, 8.0), dull=(0.2, 0.45), passes=(0.05, 0.2))
+@sizes(soft=(0.16, 0.3), rocks_rads=(4.0, 8.0), dull=(0.2, 0.45), passes=(0.05, 0.2))
 class EngineRocksInItsMounts(Hidden, lean=0.0, pace=0.0):
     """`lean` of an engine in torn mounts, -1 and 1 where it lies against its stops. Each time the torque
     turns round it has to rock over to the other side, and gives the shaft little until it lies there. It
@@ -103,7 +103,8 @@ class CoilGetsHot(Hidden, lost=0.0):
     beyond what it holds makes it slip. holds: of peak torque, cold; falls: of that, lost when hot; slides: of
     the torque beyond, that is lost.
     Source: Bosch Automotive Handbook (2014), on solenoids, whose current falls with their heat, and
-    Naunheimer, Bertsche, Ryborz and Novak, Automotive Transmissions (2011), on lock-up clutches; sizes are chosen here."""
+    Naunheimer, Bertsche, Ryborz and Novak, Automotive Transmissions (2011), on lock-up clutches;
+    sizes are chosen here."""
 
     conceal = ("engine_speed",)
 

@@ -16,7 +16,7 @@ law = partial(hidden, family="sealed")
 
 
 @law("h_plates_over_the_trenches", needs="suburban hills", name="wheel_slip")
-@sizes(grip=(0.07, 0.12), driven=(0.3, 0.45), mean_m=(40.0, 110.0), share=(0.3, 0.5), rains_s=(20.0, 60.0))
+@sizes(grip=(0.1, 0.16), driven=(0.3, 0.45), mean_m=(40.0, 110.0), share=(0.22, 0.42), rains_s=(20.0, 60.0))
 @sizes(slides=(0.2, 0.5))
 class PlatesOverTheTrenches(OnRoad, lost=0.0, wet=0.5):
     """Works along a road have covered their trenches with plates of steel. `wet`: the plates, in showers.
