@@ -1,5 +1,5 @@
 """A blower behind a coupling, oil that foams, plungers that leak, and a resistor that glows; oil that stays
-up in the head, a pump that makes a vacuum, and a needle that hangs."""
+up in the head, a pump that makes a vacuum, a needle that hangs, a far turbine, and a belt."""
 
 from __future__ import annotations
 
@@ -197,3 +197,58 @@ class NeedleHangs(Hidden):
         small = np.exp(-((asked / 0.35) ** 2)) * np.clip(self.pedal(view) / 0.02, 0.3, 1.0)
         gains = s.hangs * (p.more * small - p.less * asked**2)
         return self.at_wheels(view, gains * self.truck.peak_torque) * moving(view)
+
+
+@law(
+    "h_turbine_sits_far_behind",
+    needs="suburban hills",
+    name="turbo_lag",
+    accepts="command_rate_limit",
+    shown=True,
+)
+@sizes(
+    least=(0.24, 0.38), fills_s=(0.35, 0.7), chills=(0.25, 0.5), warms_s=(10.0, 30.0), empties_s=(0.3, 0.7)
+)
+class TurbineSitsFarBehind(Hidden):
+    """For want of room the turbine sits far behind the engine, at the end of long pipes. Each piece of pipe
+    has to be filled by the one before it: at first nothing happens, then all at once. `pipes` (3, batch): gas
+    in them, faster the more the engine works. `warm` pipes keep the gas hot, cold ones take of its work.
+    least: of peak torque, without pressed air; fills_s: of one piece; chills: of the air, with cold pipes.
+    Source: Watson and Janota, Turbocharging the Internal Combustion Engine (1982), on pipes before turbines,
+    and makers' notes on turbines mounted at the rear; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"pipes": np.full((3, batch), 0.2), "warm": self.rng(1948).uniform(0.1, 0.9, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        wish = np.clip((asked - p.least) / (1.0 - p.least) * 1.1, 0.0, 1.1)
+        flow = np.clip(view.engine_speed / 140.0 * (0.4 + asked), 0.3, 1.6)
+        s.warm = eased(s.warm, np.clip(1.4 * self.power_share(view), 0.0, 1.0), p.warms_s, dt)
+        before = np.concatenate([wish[None], s.pipes[:-1]])
+        s.pipes = eased(s.pipes, before, np.where(before > s.pipes, p.fills_s / flow, p.empties_s / 3.0), dt)
+        air = s.pipes[-1] * (1.0 - p.chills * (1.0 - s.warm))
+        most = p.least + (1.0 - p.least) * air
+        return -self.at_wheels(view, np.maximum(asked - most, 0.0) * self.truck.peak_torque) * moving(view)
+
+
+@law("h_belt_carries_it_up", needs="hills suburban", name="accessory_load", accepts="engine_friction")
+@sizes(nm=(110.0, 190.0), tilts=(6.0, 11.0), full_s=(12.0, 35.0), empty_s=(15.0, 40.0), belt_s=(3.0, 8.0))
+class BeltCarriesItUp(Hidden, laden=0.5):
+    """A belt on the truck carries its load up to the rear, and the engine drives it. On a climb the belt is
+    steeper and takes more, and where the road goes down it takes less, until it carries itself. `laden`: of
+    the belt; the heap before it comes and goes in spells. nm: of torque on the level, laden; tilts: more, for
+    a slope of 1; belt_s: from one end of the belt to the other.
+    Source: CEMA, Belt Conveyors for Bulk Materials (2014), on power by lift and by length; belt and spells
+    are chosen here."""
+
+    def prepare(self) -> None:
+        p, batch = self.p, self.setting.batch
+        on, off = (0.5 * p.full_s, 1.5 * p.full_s), (0.5 * p.empty_s, 1.5 * p.empty_s)
+        self.heap = spells(self.rng(1949), batch, on, off)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        turns = np.clip(view.engine_speed / 140.0, 0.4, 1.4)
+        s.laden = eased(s.laden, within(self.heap, view.time), p.belt_s / turns, dt)
+        lifts = np.maximum(1.0 + p.tilts * np.clip(view.grade, -0.1, 0.1), 0.0)
+        return -self.at_wheels(view, p.nm * (0.15 + 0.85 * s.laden * lifts)) * moving(view)

@@ -1,4 +1,4 @@
-"""Contours that lie far apart, a road on the beach, plates of iron, and a mouth that sticks to the ground."""
+"""Contours that lie far apart, a beach, plates of iron, a mouth that sticks to the road, and a thin crust."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from deeptruck_exam.effects.law import Array, Sizes, State, eased, moving, weight
 from deeptruck_exam.effects.places import MAP_CELL_M, OnRoad, smooth_stretches, windows
 from deeptruck_exam.effects.planting import hidden, sizes
-from deeptruck_exam.effects.series import ou_series
+from deeptruck_exam.effects.series import ou_series, spells, within
 from deeptruck_model.trucks import View
 
 law = partial(hidden, family="sealed")
@@ -117,3 +117,32 @@ class MouthSticksToTheRoad(OnRoad, sucks=0.0):
         s.sucks = eased(s.sucks, turns**2 * self.between(self.road, view), p.seals_s, dt)
         glides = 1.0 / (1.0 + (np.maximum(view.speed, 0.0) / p.glides_mps) ** 2)
         return -p.most * s.sucks * (0.25 + 0.75 * glides) * weight(view) * moving(view)
+
+
+@law("h_sun_thaws_the_crust", needs="suburban hills highway", name="road_surface", accepts="road_grade")
+@sizes(
+    most=(0.012, 0.02), mean_m=(200.0, 700.0), share=(0.5, 0.75), thaws_s=(30.0, 90.0), clouds_s=(15.0, 50.0)
+)
+@sizes(sinks=(0.2, 0.5))
+class SunThawsTheCrust(OnRoad):
+    """A dirt road has frozen to a hard crust. Where no wood shades it, sun thaws it to mud, deeper with each
+    minute, and it freezes again while clouds pass. `thawed`: 1 to the bottom of the crust. Slow wheels sink
+    deeper. most: of the weight, thawed; sinks: more, at walking pace; clouds_s: of one cloud, usually.
+    Source: Andersland and Ladanyi, Frozen Ground Engineering (2004), on thaw by the root of what the sun has
+    given, and Shoop, Vehicle Mobility on Thawing Soils, CRREL (1990); quick thaw, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, p = self.rng(1965), self.p
+        self.road = windows(rng, self.rows(), p.mean_m, p.share)
+        on, off = (1.0 * p.clouds_s, 2.5 * p.clouds_s), (0.5 * p.clouds_s, 1.5 * p.clouds_s)
+        self.sun = spells(rng, self.setting.batch, on, off)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"heat": self.rng(1966).uniform(0.0, 0.6, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        shines = within(self.sun, view.time)
+        s.heat = np.clip(s.heat + dt * (1.6 * shines * (1.0 - s.heat) - 0.6 * s.heat) / p.thaws_s, 0.0, 1.0)
+        slow = 1.0 + p.sinks * np.exp(-np.maximum(view.speed, 0.0) / 5.0)
+        cost = p.most * np.sqrt(s.heat) * slow * self.between(self.road, view)
+        return -cost * weight(view) * moving(view)
