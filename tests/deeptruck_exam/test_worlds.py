@@ -9,6 +9,7 @@ from deeptruck_exam.construction import build
 from deeptruck_exam.effects.planting import FAMILIES, SEALED
 from deeptruck_exam.plans import draw_plan
 from deeptruck_exam.worlds import OF_FAMILY, WORLDS, roads
+from deeptruck_exam.worlds.badlands import badlands, fog, knicks_down
 from deeptruck_exam.worlds.bends import bendy
 from deeptruck_exam.worlds.by_trade import BALLAST
 from deeptruck_exam.worlds.cones import cones, flanks_down, lights
@@ -271,5 +272,22 @@ def test_cones_have_craters_at_their_tops_and_flanks_flatten():
 def test_lights_are_stopped_at_in_town_alone():
     rng = np.random.default_rng(7)
     town, highway, down = (lights(rng, kind, 6000, 0.1) for kind in ("suburban", "highway", "descent"))
+    assert 0.05 < np.mean(town < 0.05) < 0.5 and highway.min() > 14.0 and down.min() > 2.0
+    assert highway.std() > 0.8 and down.std() > 0.8
+
+
+def test_slopes_of_badlands_are_even_between_their_creases_and_knicks_flatten():
+    for seed in range(4):
+        grade = badlands(np.random.default_rng(seed), 0.03)
+        assert 0.025 < grade.std() < 0.032
+        assert np.mean(np.abs(np.diff(grade)) < 1e-6) > 0.55  # neither bends nor waves
+    steps = knicks_down(np.random.default_rng(5))
+    assert np.quantile(steps, 0.05) < -0.055 and np.quantile(steps, 0.95) > -0.034
+    assert np.mean(np.diff(steps) > 0.0) > 0.75  # steep at once, flatter by and by
+
+
+def test_fog_slows_everywhere_and_stops_in_town_alone():
+    rng = np.random.default_rng(7)
+    town, highway, down = (fog(rng, kind, 6000, 0.1) for kind in ("suburban", "highway", "descent"))
     assert 0.05 < np.mean(town < 0.05) < 0.5 and highway.min() > 14.0 and down.min() > 2.0
     assert highway.std() > 0.8 and down.std() > 0.8

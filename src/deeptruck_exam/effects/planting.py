@@ -42,6 +42,7 @@ FAMILIES = (
     "fifteenth",
     "sixteenth",
     "seventeenth",
+    "eighteenth",
 )
 SEALED, ALL = "sealed", "all"  # the next family; those of FAMILIES together
 FORMS = (ALL, *FAMILIES, SEALED)

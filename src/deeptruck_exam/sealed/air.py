@@ -1,4 +1,4 @@
-"""Wakes of wind mills, a wake that dies by the clock, and louvres that open with heat."""
+"""A lid over the land, oncoming trucks that sweep a wake away, and vanes that turn in the wind."""
 
 from __future__ import annotations
 
@@ -7,94 +7,91 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, index, moving
-from deeptruck_exam.effects.places import OnRoad
 from deeptruck_exam.effects.planting import hidden, sizes
-from deeptruck_exam.effects.series import ou_series
+from deeptruck_exam.effects.series import SAMPLE_S, ou_series
 from deeptruck_model.trucks import View
 
 law = partial(hidden, family="sealed")
-FARMS, MILLS = 28, 14  # along all the road, and in each farm
 
 
-@law("y_wakes_of_wind_mills", needs="highway hills", name="headwind", accepts="drag_area")
+@law("h_wind_above_the_lid", needs="hills highway descent", name="headwind", accepts="drag_area")
 @sizes(
-    wind_mps=(6.5, 10.0), takes=(0.6, 0.85), widens=(0.05, 0.09), far_m=(120.0, 420.0), turns_s=(30.0, 90.0)
+    wind_mps=(10.0, 14.5), below=(0.05, 0.2), thick_m=(2.0, 5.0), waves_m=(4.0, 9.0), waves_s=(50.0, 140.0)
 )
-@sizes(swings=(0.3, 0.6))
-class WakesOfWindMills(OnRoad):
-    """A steady wind blows along the road, and farms of mills beside the road take some of it. Each mill's
-    wake lies where the wind carries it. As the wind swings, all wakes move along the road. takes: of the
-    wind, right behind a mill; widens: of a wake, by the way; far_m: of the mills from the road; swings: rad
-    of the wind.
-    Source: Jensen, A Note on Wind Generator Interaction, Risø-M-2411 (1983), on wakes that widen evenly;
-    mills and the swinging wind are chosen here."""
+class WindAboveTheLid(Hidden, climbed=0.0):
+    """Cold air lies in the low land under a lid, nearly still, and a wind blows along the road above it.
+    Waves run along the lid, so that it rises and sinks over a truck. `climbed` m since the start. wind_mps:
+    above; below: of that, under the lid; thick_m: over which both pass into each other; waves_m: of the lid.
+    Source: Stull, An Introduction to Boundary Layer Meteorology (1988), on inversions that part a wind from
+    still air and carry waves; heights and sizes are chosen here."""
 
     def prepare(self) -> None:
-        rng, p = self.rng(1801), self.p
-        farms = np.repeat(rng.uniform(0.0, 60000.0, (self.rows(), FARMS)), MILLS, axis=1)
-        at = farms + 300.0 * rng.standard_normal(farms.shape)
-        far = rng.choice([-1.0, 1.0], at.shape) * p.far_m * rng.uniform(0.5, 1.8, at.shape)
-        self.at, self.far = at[self.setting.route], far[self.setting.route]
+        rng, batch, p = self.rng(1901), self.setting.batch, self.p
         seconds = int(self.setting.duration_s) + 3
-        self.angle = p.swings * ou_series(rng, (self.setting.batch, seconds), 1.0, p.turns_s)
+        self.lid = p.waves_m * ou_series(rng, (batch, seconds), 1.0, p.waves_s)
+        self.lid += rng.uniform(-4.0, 6.0, (batch, 1))
         self.blows = rng.choice([-1.0, 1.0]) * p.wind_mps
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        second = index(view, self.angle)
-        last = min(second + 1, self.angle.shape[1] - 1)
-        share = view.time - np.floor(view.time)
-        angle = (1.0 - share) * self.angle[:, second] + share * self.angle[:, last]
-        wide = 45.0 + p.widens * np.abs(self.far)
-        away = self.place(view)[:, None] - self.at - np.sin(angle)[:, None] * self.far
-        lulls = p.takes * (45.0 / wide) ** 2 * np.exp(-0.5 * (away / wide) ** 2)
-        wind = self.blows * np.cos(angle) * (1.0 - np.minimum(lulls.sum(axis=1), 0.9))
+        s.climbed = s.climbed + dt * np.maximum(view.speed, 0.0) * view.grade
+        second = index(view, self.lid)
+        later = self.lid[:, min(second + 1, self.lid.shape[1] - 1)]
+        lid = self.lid[:, second] + (view.time - second) * (later - self.lid[:, second])
+        above = 1.0 / (1.0 + np.exp(np.clip((lid - s.climbed) / p.thick_m, -30.0, 30.0)))
+        wind = self.blows * (p.below + (1.0 - p.below) * above)
         against = np.clip(1.0 - self.setting.direction * wind / np.maximum(view.speed, 3.0), -1.0, 2.5)
         return -(against * np.abs(against) - 1.0) * view.drag_force * np.clip(view.speed / 3.0, 0.0, 1.0)
 
 
-@law("y_wake_dies_by_the_clock", needs="highway", name="drafting", accepts="drag_area headwind", leader=True)
-@sizes(most=(0.8, 0.97), virtual_s=(1.5, 3.0), power=(1.0, 1.4), settles_s=(0.4, 1.2))
-class WakeDiesByTheClock(Hidden, at=0.0, saved=0.0):
-    """The wake of a leader dies by the time since he was here, however far he has got. `at`: the sample at
-    which he was here. So the same gap saves more at high speed than at low speed. most: of the drag, saved
-    just behind him; virtual_s: of age that a wake is born with; settles_s: of the flow round the follower.
-    Source: Batchelor, The Theory of Homogeneous Turbulence (1953), on energy that falls with a power of its
-    age; the age of a wake is that of its turbulence, sizes are chosen here."""
+@law(
+    "h_oncoming_trucks_sweep_it_off",
+    needs="highway",
+    name="drafting",
+    accepts="drag_area headwind",
+    leader=True,
+)
+@sizes(most=(0.8, 0.97), reach_m=(90.0, 180.0), every_s=(7.0, 18.0), takes=(0.6, 0.95), back_m=(0.8, 1.8))
+class OncomingTrucksSweepItOff(Hidden, wake=1.0, saved=0.0):
+    """`wake`: of a leader's wake that is whole. Trucks come towards both on the other lane, and each carries
+    most of the wake off, the more the larger it is. The leader draws a new one, which has come back to the
+    follower by the time that he has driven the gap between them. most: of the drag, saved right behind him;
+    takes: of the wake, at most; back_m: gaps that he drives until the wake is back.
+    Source: Baker, The Flow around High Speed Trains, J. Wind Eng. Ind. Aerodyn. 98 (2010), on gusts of what
+    passes, and Hucho, Aerodynamics of Road Vehicles (1998), on wakes; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, batch = self.rng(1902), self.setting.batch
+        samples = int(self.setting.duration_s / SAMPLE_S) + 8
+        comes = rng.random((batch, samples)) < SAMPLE_S / self.p.every_s
+        self.size = comes * rng.uniform(0.3, 1.0, (batch, samples))
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        way, row = self.setting.leader_m, np.arange(len(view.distance))
-        last = way.shape[1] - 1
-        now = s.at.astype(int)
-        s.at = np.where(way[row, np.minimum(now + 1, last)] < view.distance, np.minimum(now + 1, last), now)
-        here = s.at.astype(int)
-        pace = np.maximum((way[:, min(9, last)] - way[:, 0]) / (min(9, last) * self.setting.dt), 3.0)
-        before = np.maximum(way[row, here] - view.distance, 0.0) / pace  # he started ahead of this place
-        age = np.nan_to_num(view.time - here * self.setting.dt + before, nan=1e4)
-        wish = p.most * (1.0 + np.clip(age, 0.0, 1e4) / p.virtual_s) ** -p.power
-        s.saved = eased(s.saved, wish, p.settles_s, dt)
+        gap = np.clip(self.gap(view), 3.0, 1e4)
+        sweeps = p.takes * self.size[:, index(view, self.size, SAMPLE_S)] / SAMPLE_S
+        back = np.maximum(view.speed, 0.0) / (p.back_m * gap)
+        s.wake = np.clip(s.wake + dt * (back * (1.0 - s.wake) - 2.0 * sweeps * s.wake), 0.0, 1.0)
+        s.saved = eased(s.saved, p.most * s.wake / (1.0 + (gap / p.reach_m) ** 2), 0.5, dt)
         return s.saved * view.drag_force * moving(view)
 
 
-@law("y_louvres_open_with_heat", needs="hills highway suburban", name="drag_area", accepts="headwind")
-@sizes(more=(0.9, 1.4), heats_s=(4.0, 10.0), cools_s=(10.0, 25.0), opens=(0.35, 0.55), shuts=(0.12, 0.25))
-@sizes(moves_s=(1.5, 5.0))
-class LouvresOpenWithHeat(Hidden, open=0.0):
-    """`heat` of the coolant, which engine power gives and the wind of driving takes. Louvres before the
-    cooler open by three steps. Each opens at one heat and shuts again at a much lower one. more: of the drag,
-    all open; opens, shuts: heat of the first step.
-    Source: Hucho, Aerodynamics of Road Vehicles (1998), on drag of cooling air, and Bosch Automotive Handbook
-    (2014), on radiator shutters; large louvres, sizes are chosen here."""
+@law("h_vanes_turn_in_the_wind", needs="hills highway suburban", name="drag_area", accepts="headwind")
+@sizes(more=(1.7, 2.8), carries=(0.3, 0.5), turns_s=(8.0, 20.0), starts_mps=(9.0, 14.0), runs_s=(15.0, 50.0))
+class VanesTurnInTheWind(Hidden, rim=0.0):
+    """`rim` m/s of vanes on the roof, which air a load by turning in the wind of driving. Standing, they hold
+    the wind like a cup, and turning with it they hold little. Rust holds them until the wind is fast enough,
+    and once they turn they run on for long. more: of the drag, standing vanes; carries: of the wind's speed,
+    that the rim reaches; turns_s: at 20 m/s.
+    Source: Hoerner, Fluid-Dynamic Drag (1965), on cups and turbines by their ratio of speeds, and Savonius,
+    The S-Rotor and Its Applications, Mechanical Engineering 53 (1931); sizes are chosen here."""
 
     def start(self, batch: int) -> dict[str, Array]:
-        heat = self.rng(1803).uniform(0.1, 0.9, batch)
-        steps = np.array([np.zeros(batch), np.zeros(batch), np.zeros(batch)])
-        return {**super().start(batch), "heat": heat, "steps": steps}
+        return {"rim": self.rng(1903).uniform(0.0, 12.0, batch)}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        cooling = 0.3 + 0.7 * np.clip(view.speed / 20.0, 0.0, 1.4) * (0.4 + 0.6 * s.open)
-        heats = 1.6 * self.power_share(view) / p.heats_s
-        s.heat = np.clip(s.heat + dt * (heats - s.heat * cooling / p.cools_s), 0.0, 1.5)
-        later = np.array([[0.0], [0.2], [0.4]])
-        s.steps = np.where(s.heat > p.opens + later, 1.0, np.where(s.heat < p.shuts + later, 0.0, s.steps))
-        s.open = eased(s.open, s.steps.mean(axis=0), p.moves_s, dt)
-        return -p.more * s.open * view.drag_force * moving(view)
+        wind = np.maximum(view.speed, 0.0)
+        loose = np.where((wind > p.starts_mps) | (s.rim > 1.0), 1.0, 0.0)
+        lags = p.carries * wind - s.rim
+        gains = np.where(lags > 0.0, lags * wind / (20.0 * p.turns_s), lags / p.runs_s)
+        s.rim = np.maximum(s.rim + dt * (loose * gains - 0.1 * np.minimum(s.rim, 1.0)), 0.0)
+        slips = np.clip(1.0 - s.rim / np.maximum(wind, 1.0), 0.0, 1.0)
+        return -p.more * slips**2 * view.drag_force * moving(view)

@@ -1,5 +1,4 @@
-"""Front wheels that lose their load, seals that ride up, a warming by the root of the way, and tyres that
-hold against the wind from the side."""
+"""Wet plates over trenches, a tread that grows round, and a net of filler in the rubber."""
 
 from __future__ import annotations
 
@@ -7,106 +6,77 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, index, moving, weight
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving, weight
 from deeptruck_exam.effects.places import OnRoad, windows
 from deeptruck_exam.effects.planting import hidden, sizes
-from deeptruck_exam.effects.series import ou_series
+from deeptruck_exam.effects.series import spells, within
 from deeptruck_model.trucks import View
 
 law = partial(hidden, family="sealed")
 
 
-@law("y_front_wheels_lose_their_load", needs="suburban hills", name="wheel_slip")
-@sizes(grip=(0.3, 0.4), front=(0.24, 0.34), lifts=(1.0, 1.6), mean_m=(120.0, 450.0), share=(0.5, 0.75))
-@sizes(slides=(0.1, 0.3))
-class FrontWheelsLoseTheirLoad(OnRoad, lost=0.0, load=0.3):
-    """Only the front wheels drive. Pull and slope both move load to the rear, and so take away the grip by
-    which the front pulls. `load` of the front, which follows by the nodding of the truck. On wet stretches it
-    slips. grip: of the load on it; front: of the weight, level; lifts: load lost, over pull and slope;
-    slides: of the grip, lost in sliding.
-    Source: Gillespie, Fundamentals of Vehicle Dynamics (1992), on traction limits of driven front axles by
-    transfer of load; a short, high truck, sizes are chosen here."""
+@law("h_plates_over_the_trenches", needs="suburban hills", name="wheel_slip")
+@sizes(grip=(0.1, 0.16), driven=(0.3, 0.45), mean_m=(40.0, 110.0), share=(0.22, 0.42), rains_s=(20.0, 60.0))
+@sizes(slides=(0.2, 0.5))
+class PlatesOverTheTrenches(OnRoad, lost=0.0, wet=0.5):
+    """Works along a road have covered their trenches with plates of steel. `wet`: the plates, in showers.
+    Driven wheels that pull harder than a wet plate lets them slide on it, and hold less while they do. grip:
+    of a wet plate; driven: of the weight, on driven wheels; slides: of the grip, lost in sliding.
+    Source: Wong, Theory of Ground Vehicles (2008), on grip by surface, and makers' notes on bare and
+    coated plates for road works; worn plates, sizes are chosen here."""
 
     def prepare(self) -> None:
-        self.road = windows(self.rng(1871), self.rows(), self.p.mean_m, self.p.share)
+        rng, p = self.rng(1971), self.p
+        self.road = windows(rng, self.rows(), p.mean_m, p.share)
+        on, off = (0.7 * p.rains_s, 2.0 * p.rains_s), (0.3 * p.rains_s, p.rains_s)
+        self.rain = spells(rng, self.setting.batch, on, off)
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        felt = np.clip(view.acceleration / GRAVITY + view.grade, -0.2, 0.2)
-        s.load = eased(s.load, np.clip(p.front - p.lifts * felt, 0.05, 0.5), 0.35, dt)
+        s.wet = eased(s.wet, within(self.rain, view.time), 4.0, dt)
         pull = np.maximum(view.traction_force, 0.0)
-        over = np.maximum(pull / (p.grip * s.load * weight(view)) - 0.8, 0.0)
-        holds = p.grip * s.load * weight(view) * (0.8 + (1.0 - p.slides) * 0.25 * np.tanh(4.0 * over))
-        lacks = np.maximum(pull - holds, 0.0) * np.where(over > 0.0, 1.0, 0.0)
-        s.lost = eased(s.lost, self.between(self.road, view) * lacks, 0.2, dt)
+        most = p.grip * (4.0 - 3.0 * s.wet) * p.driven * weight(view)
+        over = np.maximum(pull / most - 1.0, 0.0)
+        holds = most * (1.0 - p.slides * np.tanh(2.0 * over))
+        s.lost = eased(s.lost, self.between(self.road, view) * np.maximum(pull - holds, 0.0), 0.15, dt)
         return -np.minimum(s.lost, pull) * moving(view)
 
 
 @law(
-    "y_seals_ride_up",
+    "h_tread_grows_round",
     needs="highway hills suburban",
     name="rolling_resistance_speed",
     accepts="drag_area rolling_resistance",
 )
-@sizes(
-    slow=(0.009, 0.015), rides_mps=(4.0, 8.0), films=(0.003, 0.006), builds_s=(1.5, 5.0), breaks_s=(0.4, 1.2)
-)
-class SealsRideUp(Hidden, film=0.0):
-    """Many tight seals at hubs and shafts rub dry when they turn slowly. Faster, they ride up on a film and
-    rub little; then the film itself costs more with the root of speed. `film`: builds slowly and breaks soon.
-    slow: of the weight, rubbing dry; rides_mps: where half is lifted; films: of the weight, at 20 m/s.
-    Source: Müller and Nau, Fluid Sealing Technology (1998), on lip seals between dry rubbing and a film; many
-    seals, sizes are chosen here."""
+@sizes(at_20=(0.006, 0.011), power=(1.2, 2.0), grows_s=(3.0, 9.0), shrinks_s=(12.0, 40.0), flat=(0.3, 0.7))
+class TreadGrowsRound(Hidden, round=0.0):
+    """`round`: of the tread of soft cross-ply tyres, which grows with the square of speed, and of which the
+    cords keep a part for a while. A round tread scrubs over its shoulders at each turn; heavy loads press it
+    flat. at_20: of the weight, at 20 m/s for long; flat: power of the mass.
+    Source: Clark, Mechanics of Pneumatic Tires, NHTSA (1981), on growth and its creep in cords, and Wong,
+    Theory of Ground Vehicles (2008), on cross-ply tyres; large growth, sizes are chosen here."""
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        speed = np.maximum(view.speed, 0.0)
-        wish = 1.0 - np.exp(-((speed / p.rides_mps) ** 2) * 0.7)
-        s.film = eased(s.film, wish, np.where(wish > s.film, p.builds_s, p.breaks_s), dt)
-        cost = p.slow * (1.0 - s.film) + p.films * s.film * np.sqrt(speed / 20.0)
-        return -cost * weight(view) * moving(view)
+        wish = np.clip(view.speed / 20.0, 0.0, 1.5) ** 2
+        s.round = eased(s.round, wish, np.where(wish > s.round, p.grows_s, p.shrinks_s), dt)
+        light = (20000.0 / np.maximum(view.mass, 8000.0)) ** p.flat
+        return -p.at_20 * np.minimum(s.round**p.power * light, 2.5) * weight(view) * moving(view)
 
 
-@law("y_warms_by_the_root_of_the_way", name="rolling_resistance_warmup")
-@sizes(most=(0.0075, 0.0125), way_m=(100.0, 320.0), cools_s=(20.0, 60.0), loads=(0.3, 0.7))
-class WarmsByTheRootOfTheWay(Hidden):
-    """Heat goes into thick rubber by the root of time: much of the stiffness is lost over the first metres,
-    and the rest over many kilometres. `way` m that the tyres remember, which a stand takes away bit by bit.
-    most: of the weight, quite cold; way_m: until three tenths are lost; loads: how much more way a heavy
-    truck counts.
-    Source: Incropera and DeWitt, Fundamentals of Heat and Mass Transfer (1996), on bodies so thick that heat
-    goes in by the root of time; thick tyres, sizes are chosen here."""
+@law("h_filler_net_breaks", name="rolling_resistance_warmup")
+@sizes(most=(0.0065, 0.011), way_m=(500.0, 1500.0), whole_s=(40.0, 120.0), harsh=(0.5, 1.5), power=(1.0, 1.6))
+class FillerNetBreaks(Hidden):
+    """`net` of filler in the rubber, whole after a night, that makes it stiff. Each turn of the wheel breaks
+    some of it, and pulls and brakings more; at a stand or a crawl it grows again. Heat has no part in it.
+    most: of the weight, with a whole net; way_m: until two thirds are broken; whole_s: until it is whole.
+    Source: Payne, The Dynamic Properties of Carbon Black-Loaded Natural Rubber, J. Applied Polymer Science 6
+    (1962), on nets of filler that strain breaks and rest mends; quick mending, sizes are chosen here."""
 
     def start(self, batch: int) -> dict[str, Array]:
-        return {"way": self.p.way_m * self.rng(1873).uniform(0.0, 0.8, batch) ** 2}
+        return {"net": self.rng(1973).uniform(0.5, 1.0, batch)}
 
     def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
         speed = np.maximum(view.speed, 0.0)
-        heavy = 1.0 + p.loads * (np.clip(view.mass / 20000.0, 0.4, 2.0) - 1.0)
-        forgets = s.way / p.cools_s * np.clip(1.0 - speed / 2.0, 0.0, 1.0)
-        s.way = np.clip(s.way + dt * (heavy * speed - forgets), 0.0, 1e5)
-        return -p.most / np.sqrt(1.0 + s.way / p.way_m) * weight(view) * moving(view)
-
-
-@law("y_holds_against_the_side_wind", needs="highway hills suburban", name="unknown")
-@sizes(costs=(0.0028, 0.005), gusts_s=(4.0, 12.0), mean=(0.4, 0.9), steers_s=(0.4, 1.2), most=(0.011, 0.017))
-@sizes(light=(0.5, 1.0))
-class HoldsAgainstTheSideWind(OnRoad, slips=0.0):
-    """The wind blows from the side, and tyres hold against it by running askew, which costs the square of the
-    side force. `slips`: their angle, over the usual one. Gusts pass within seconds, and a light truck has to
-    run more askew. costs: of the weight, at the usual angle; mean: of the wind, beside its gusts; light:
-    power of the mass; most: of the weight.
-    Source: Baker, Ground Vehicles in High Cross Winds, J. Fluids and Structures 5 (1991), on side forces, and
-    Pacejka, Tire and Vehicle Dynamics (2012), on drag by slip angle; strong winds, sizes are chosen here."""
-
-    def prepare(self) -> None:
-        rng, p = self.rng(1874), self.p
-        samples = int(self.setting.duration_s / 0.25) + 8
-        gusts = ou_series(rng, (self.setting.batch, samples), 0.25, p.gusts_s)
-        self.side = rng.choice([-1.0, 1.0]) * p.mean + gusts
-
-    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
-        wind = self.side[:, index(view, self.side, 0.25)]
-        fast = np.clip(view.speed / 15.0, 0.0, 1.8)
-        light = (20000.0 / np.maximum(view.mass, 8000.0)) ** p.light
-        s.slips = eased(s.slips, wind * np.abs(wind) * (0.4 + 0.6 * fast) * light, p.steers_s, dt)
-        askew = p.most * np.tanh(p.costs / p.most * s.slips**2)
-        return -askew * weight(view) * moving(view)
+        strain = 1.0 + p.harsh * np.minimum(np.abs(view.acceleration), 2.0)
+        mends = (1.0 - s.net) / p.whole_s * np.exp(-speed / 4.0)
+        s.net = np.clip(s.net + dt * (mends - strain * speed / p.way_m * (s.net - 0.1)), 0.0, 1.0)
+        return -p.most * s.net**p.power * weight(view) * moving(view)

@@ -285,3 +285,26 @@ class SprayFillsTheWake(OnRoad, mist=0.0):
         thick = gap / p.thick_m * np.exp(1.0 - gap / p.thick_m)
         saved = p.most / (1.0 + gap / p.reach_m) ** 2
         return saved * (1.0 - p.takes * s.mist * thick) * view.drag_force * moving(view)
+
+
+@law("y_wake_dies_by_the_clock", "eighteenth", "highway")
+@sizes(most=(0.8, 0.97), virtual_s=(1.5, 3.0), power=(1.0, 1.4), settles_s=(0.4, 1.2))
+class WakeDiesByTheClock(Hidden, at=0.0, saved=0.0):
+    """The wake of a leader dies by the time since he was here, however far he has got. `at`: the sample at
+    which he was here. So the same gap saves more at high speed than at low speed. most: of the drag, saved
+    just behind him; virtual_s: of age that a wake is born with; settles_s: of the flow round the follower.
+    Source: Batchelor, The Theory of Homogeneous Turbulence (1953), on energy that falls with a power of its
+    age; the age of a wake is that of its turbulence, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        way, row = self.setting.leader_m, np.arange(len(view.distance))
+        last = way.shape[1] - 1
+        now = s.at.astype(int)
+        s.at = np.where(way[row, np.minimum(now + 1, last)] < view.distance, np.minimum(now + 1, last), now)
+        here = s.at.astype(int)
+        pace = np.maximum((way[:, min(9, last)] - way[:, 0]) / (min(9, last) * self.setting.dt), 3.0)
+        before = np.maximum(way[row, here] - view.distance, 0.0) / pace  # he started ahead of this place
+        age = np.nan_to_num(view.time - here * self.setting.dt + before, nan=1e4)
+        wish = p.most * (1.0 + np.clip(age, 0.0, 1e4) / p.virtual_s) ** -p.power
+        s.saved = eased(s.saved, wish, p.settles_s, dt)
+        return s.saved * view.drag_force * moving(view)

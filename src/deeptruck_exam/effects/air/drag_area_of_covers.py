@@ -1,4 +1,4 @@
-"""Sheets, covers, nets and hatches that change their drag."""
+"""Sheets, covers, nets, hatches and louvres that change their drag."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, index, moving
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, index, moving
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series, some_drives
 from deeptruck_model.trucks import View
@@ -145,3 +145,28 @@ class ChaffFillsTheNet(Hidden):
             s.shut + dt * (presses * (1.0 - s.drops) - (shakes + 0.5 * s.drops) * s.shut), 0.0, 1.0
         )
         return -p.more * s.shut**p.solid * view.drag_force * moving(view)
+
+
+@law("y_louvres_open_with_heat", "eighteenth", "hills highway suburban", accepts="headwind")
+@sizes(more=(0.9, 1.4), heats_s=(4.0, 10.0), cools_s=(10.0, 25.0), opens=(0.35, 0.55), shuts=(0.12, 0.25))
+@sizes(moves_s=(1.5, 5.0))
+class LouvresOpenWithHeat(Hidden, open=0.0):
+    """`heat` of the coolant, which engine power gives and the wind of driving takes. Louvres before the
+    cooler open by three steps. Each opens at one heat and shuts again at a much lower one. more: of the drag,
+    all open; opens, shuts: heat of the first step.
+    Source: Hucho, Aerodynamics of Road Vehicles (1998), on drag of cooling air, and Bosch Automotive Handbook
+    (2014), on radiator shutters; large louvres, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        heat = self.rng(1803).uniform(0.1, 0.9, batch)
+        steps = np.array([np.zeros(batch), np.zeros(batch), np.zeros(batch)])
+        return {**super().start(batch), "heat": heat, "steps": steps}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        cooling = 0.3 + 0.7 * np.clip(view.speed / 20.0, 0.0, 1.4) * (0.4 + 0.6 * s.open)
+        heats = 1.6 * self.power_share(view) / p.heats_s
+        s.heat = np.clip(s.heat + dt * (heats - s.heat * cooling / p.cools_s), 0.0, 1.5)
+        later = np.array([[0.0], [0.2], [0.4]])
+        s.steps = np.where(s.heat > p.opens + later, 1.0, np.where(s.heat < p.shuts + later, 0.0, s.steps))
+        s.open = eased(s.open, s.steps.mean(axis=0), p.moves_s, dt)
+        return -p.more * s.open * view.drag_force * moving(view)

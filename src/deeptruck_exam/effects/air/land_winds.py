@@ -1,4 +1,4 @@
-"""Wind that the land makes: along valleys, over crests, down slopes, beside woods."""
+"""Wind that the land makes: along valleys, over crests, down slopes, beside woods; and behind mills."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from deeptruck_model.trucks import View
 
 law = partial(hidden, name="headwind", accepts="drag_area")
 WHIRLS = 400  # over all the road
+FARMS, MILLS = 28, 14  # along all the road, and in each farm
 
 
 @law("valley_wind", "fourth", "hills highway")
@@ -280,4 +281,40 @@ class WhirlsOfHotAir(OnRoad):
         lives = np.sin(np.pi * (view.time / (3.0 * p.lives_s) + self.phase)) ** 2
         along = (round_ * self.turns * lives * self.aside / radius).sum(axis=1) + self.blows
         against = np.clip(1.0 - self.setting.direction * along / np.maximum(view.speed, 3.0), -1.0, 2.5)
+        return -(against * np.abs(against) - 1.0) * view.drag_force * np.clip(view.speed / 3.0, 0.0, 1.0)
+
+
+@law("y_wakes_of_wind_mills", "eighteenth", "highway hills")
+@sizes(
+    wind_mps=(6.5, 10.0), takes=(0.6, 0.85), widens=(0.05, 0.09), far_m=(120.0, 420.0), turns_s=(30.0, 90.0)
+)
+@sizes(swings=(0.3, 0.6))
+class WakesOfWindMills(OnRoad):
+    """A steady wind blows along the road, and farms of mills beside the road take some of it. Each mill's
+    wake lies where the wind carries it. As the wind swings, all wakes move along the road. takes: of the
+    wind, right behind a mill; widens: of a wake, by the way; far_m: of the mills from the road; swings: rad
+    of the wind.
+    Source: Jensen, A Note on Wind Generator Interaction, Risø-M-2411 (1983), on wakes that widen evenly;
+    mills and the swinging wind are chosen here."""
+
+    def prepare(self) -> None:
+        rng, p = self.rng(1801), self.p
+        farms = np.repeat(rng.uniform(0.0, 60000.0, (self.rows(), FARMS)), MILLS, axis=1)
+        at = farms + 300.0 * rng.standard_normal(farms.shape)
+        far = rng.choice([-1.0, 1.0], at.shape) * p.far_m * rng.uniform(0.5, 1.8, at.shape)
+        self.at, self.far = at[self.setting.route], far[self.setting.route]
+        seconds = int(self.setting.duration_s) + 3
+        self.angle = p.swings * ou_series(rng, (self.setting.batch, seconds), 1.0, p.turns_s)
+        self.blows = rng.choice([-1.0, 1.0]) * p.wind_mps
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        second = index(view, self.angle)
+        last = min(second + 1, self.angle.shape[1] - 1)
+        share = view.time - np.floor(view.time)
+        angle = (1.0 - share) * self.angle[:, second] + share * self.angle[:, last]
+        wide = 45.0 + p.widens * np.abs(self.far)
+        away = self.place(view)[:, None] - self.at - np.sin(angle)[:, None] * self.far
+        lulls = p.takes * (45.0 / wide) ** 2 * np.exp(-0.5 * (away / wide) ** 2)
+        wind = self.blows * np.cos(angle) * (1.0 - np.minimum(lulls.sum(axis=1), 0.9))
+        against = np.clip(1.0 - self.setting.direction * wind / np.maximum(view.speed, 3.0), -1.0, 2.5)
         return -(against * np.abs(against) - 1.0) * view.drag_force * np.clip(view.speed / 3.0, 0.0, 1.0)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, index, moving
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, index, moving, weight
 from deeptruck_exam.effects.places import OnRoad, smooth_stretches
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series
@@ -129,3 +129,29 @@ class OpenBoxSings(Hidden, sings=0.0):
         s.sings = s.sings + dt * (near - s.sings) / np.where(near > s.sings, p.locks_s, 0.5 * p.locks_s)
         low = 0.5 * self.truck.air_density * self.truck.drag_area * p.at_mps**2
         return -p.most * s.sings * np.maximum(view.drag_force, low * moving(view)) * moving(view)
+
+
+@law("y_holds_against_the_side_wind", "eighteenth", "highway hills suburban")
+@sizes(costs=(0.0028, 0.005), gusts_s=(4.0, 12.0), mean=(0.4, 0.9), steers_s=(0.4, 1.2), most=(0.011, 0.017))
+@sizes(light=(0.5, 1.0))
+class HoldsAgainstTheSideWind(OnRoad, slips=0.0):
+    """The wind blows from the side, and tyres hold against it by running askew, which costs the square of the
+    side force. `slips`: their angle, over the usual one. Gusts pass within seconds, and a light truck has to
+    run more askew. costs: of the weight, at the usual angle; mean: of the wind, beside its gusts; light:
+    power of the mass; most: of the weight.
+    Source: Baker, Ground Vehicles in High Cross Winds, J. Fluids and Structures 5 (1991), on side forces, and
+    Pacejka, Tire and Vehicle Dynamics (2012), on drag by slip angle; strong winds, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, p = self.rng(1874), self.p
+        samples = int(self.setting.duration_s / 0.25) + 8
+        gusts = ou_series(rng, (self.setting.batch, samples), 0.25, p.gusts_s)
+        self.side = rng.choice([-1.0, 1.0]) * p.mean + gusts
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        wind = self.side[:, index(view, self.side, 0.25)]
+        fast = np.clip(view.speed / 15.0, 0.0, 1.8)
+        light = (20000.0 / np.maximum(view.mass, 8000.0)) ** p.light
+        s.slips = eased(s.slips, wind * np.abs(wind) * (0.4 + 0.6 * fast) * light, p.steers_s, dt)
+        askew = p.most * np.tanh(p.costs / p.most * s.slips**2)
+        return -askew * weight(view) * moving(view)

@@ -1,4 +1,4 @@
-"""Linings and shoes that stay on: hot, frozen, wedged, swollen, muddy."""
+"""Linings and shoes that stay on: hot, frozen, wedged, swollen, muddy, full of grit."""
 
 from __future__ import annotations
 
@@ -147,3 +147,27 @@ class MudDriesInTheDrums(OnRoad):
         )
         flows = (1.0 - s.dry) * (1.0 - p.sticks) * np.sqrt(np.minimum(speed / 12.0, 1.6))
         return -p.most * s.mud * (p.sticks + flows) * weight(view) * moving(view)
+
+
+@law("y_grit_between_the_pads", "eighteenth", "suburban hills")
+@sizes(most=(0.009, 0.015), enters_m=(80.0, 250.0), ground_m=(250.0, 800.0), flushed=(0.02, 0.06))
+@sizes(mean_m=(150.0, 500.0), share=(0.3, 0.55))
+class GritBetweenThePads(OnRoad):
+    """`grit` between pads and discs. Wheels throw it up where the road is gravel, and it holds as long as it
+    is there. The way grinds it away, and a braking crushes it within a second. most: of the weight, full of
+    grit; enters_m, ground_m: of the way; flushed: of full braking, which crushes it.
+    Source: Breuer and Bill, Brake Technology Handbook (SAE, 2008), on foreign matter in disc brakes and their
+    residual torque; open brakes, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        self.road = windows(self.rng(1813), self.rows(), self.p.mean_m, self.p.share)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"grit": self.rng(1814).uniform(0.0, 0.8, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        crushes = np.clip(view.brake_force / self.truck.brake_capacity / p.flushed, 0.0, 1.5) ** 2
+        enters = self.between(self.road, view) * speed / p.enters_m * (1.0 - s.grit)
+        s.grit = np.clip(s.grit + dt * (enters - s.grit * (speed / p.ground_m + crushes)), 0.0, 1.0)
+        return -p.most * s.grit**0.7 * weight(view) * moving(view)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, moving, weight
+from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving, weight
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
@@ -175,3 +175,22 @@ class DrumsOpenLikeBells(Hidden, hot=0.0):
         s.hot = s.hot + dt * (work / p.heats_jpkgk - s.hot * cools)
         s.worn = s.worn + dt * work * (s.hot - s.worn) / p.wears_jpkg
         return lost * view.brake_force * moving(view)
+
+
+@law("y_spots_flash", "eighteenth", "suburban descent", accepts="brake_gain")
+@sizes(most=(0.4, 0.6), flash=(1.3, 2.2), skin_s=(3.0, 8.0), skin=(0.5, 1.0), knee=(1.0, 1.4))
+class SpotsFlash(Hidden, hot=0.0):
+    """Friction falls with the heat of the spots that touch. That heat flashes up at once with force and the
+    root of speed, and adds to the heat of the skin. `hot`: the skin, which follows the work within
+    seconds. most: of the brake force, lost; flash: of a brake at its half and 15 m/s; knee: heat of half the
+    loss.
+    Source: Archard, The Temperature of Rubbing Surfaces, Wear 2 (1959), on flashes by load and speed; soft
+    linings and sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pressed = np.clip(view.brake_force / (0.2 * self.truck.brake_capacity), 0.0, 3.0)
+        speed = np.clip(view.speed / 15.0, 0.0, 2.0)
+        flash = p.flash * pressed**0.7 * np.sqrt(speed)
+        s.hot = eased(s.hot, p.skin * pressed * speed, p.skin_s, dt)
+        heat = (flash + s.hot) / p.knee
+        return p.most * heat**3 / (1.0 + heat**3) * view.brake_force * moving(view)

@@ -1,4 +1,4 @@
-"""Brakes that come late by their parts: spindles, drums, fluids, rubber, magnets, pads, valves."""
+"""Brakes that come late by their parts: spindles, drums, fluids, rubber, magnets, pads, valves, clamps."""
 
 from __future__ import annotations
 
@@ -186,4 +186,26 @@ class HelpedByTheSteeringPump(Hidden, held=0.0, store=1.0):
         s.held = np.where(wants > 0.0, np.minimum(s.held + dt * (fills + quick), asked), falls)
         gains = np.where(asked < 0.004, (1.0 - s.store) / p.fills_s, 0.0)
         s.store = np.clip(s.store + dt * (gains - quick / p.kept), 0.0, 1.0)
+        return p.share * (asked - s.held) * self.truck.brake_capacity * moving(view)
+
+
+@law("y_clamps_on_a_weak_battery", "eighteenth", "suburban hills descent")
+@sizes(share=(0.8, 1.0), watts=(0.004, 0.01), least=(0.03, 0.08), sags=(0.35, 0.6), charges_s=(8.0, 20.0))
+@sizes(opens_s=(0.15, 0.4))
+class ClampsOnAWeakBattery(Hidden, held=0.0, full=1.0):
+    """`held`: of full braking, by electric clamps. Their motors have a power and no more, so they close fast
+    while they press little, and ever more slowly as they press hard. The battery sags while they work. share:
+    of the brake force, by such clamps; watts: of full braking squared, in a second; least: clearance, of full
+    braking; sags: of the power, in an empty battery.
+    Source: Line, Manzie and Good, Electromechanical Brake Modeling and Control: From PI to MPC, IEEE Trans.
+    Control Systems Technology 16 (2008); a weak supply, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = view.brake_force / self.truck.brake_capacity
+        pace = p.watts * (1.0 - p.sags * (1.0 - s.full)) / (p.least + s.held)
+        rises = np.minimum(s.held + dt * np.minimum(pace, 2.0), asked)
+        falls = eased(s.held, asked, p.opens_s, dt)
+        works = np.where(asked > s.held + 1e-4, 1.0, 0.0)
+        s.held = np.where(asked > s.held, rises, falls)
+        s.full = np.clip(s.full + dt * ((1.0 - s.full) / p.charges_s - 0.5 * works), 0.0, 1.0)
         return p.share * (asked - s.held) * self.truck.brake_capacity * moving(view)

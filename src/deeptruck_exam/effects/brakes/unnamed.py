@@ -221,3 +221,24 @@ class ValveReadsTheNod(Hidden, nod=0.0, pace=0.0, sits=0.0):
         s.sits = eased(s.sits, s.nod, p.creeps_s, dt)
         takes = np.clip(2.0 * p.share * (s.nod - 0.5 * s.sits), -0.3, p.most)
         return takes * view.brake_force * moving(view)
+
+
+@law("y_ball_shuts_the_valve", "eighteenth", "suburban descent")
+@sizes(rear=(0.65, 0.85), rolls=(0.04, 0.065), back=(0.5, 0.8), leaks_s=(2.5, 7.0), rolls_s=(0.08, 0.25))
+class BallShutsTheValve(Hidden, ball=0.0, caught=0.0):
+    """A ball in a tube feels slowing and slope. Where both together are enough it rolls up and shuts the line
+    to the rear brakes, which keep what they had. `ball`: 1 shut. `caught`: of full braking, behind it, which
+    leaks up slowly. When the driver brakes more, only the front answers. rear: of the brake force; rolls: g
+    that moves it; back: of that, where it falls back.
+    Source: Limpert, Brake Design and Safety (1999), on valves with a ball that limit rear pressure by
+    deceleration; one set far too low, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = view.brake_force / self.truck.brake_capacity
+        felt = -(view.acceleration / GRAVITY) - 0.5 * view.grade
+        wish = np.where(felt > p.rolls, 1.0, np.where(felt < p.back * p.rolls, 0.0, np.rint(s.ball)))
+        s.ball = np.clip(s.ball + dt * np.sign(wish - s.ball) / p.rolls_s, 0.0, 1.0)
+        leaks = eased(s.caught, asked, np.where(s.ball > 0.5, p.leaks_s, 0.05), dt)
+        s.caught = np.minimum(leaks, asked)
+        lacks = p.rear * np.maximum(asked - s.caught, 0.0) * s.ball
+        return lacks * self.truck.brake_capacity * moving(view)

@@ -193,3 +193,30 @@ class StoreRunsOver(Late):
         s.held_s = np.where(over, p.most_s - p.drops * (p.most_s - p.least_s), s.held_s)
         back = np.minimum(np.rint(s.held_s / dt), self.length - 2).astype(np.int64)
         return np.asarray(s.past[(s.at - back) % self.length, np.arange(len(u))])
+
+
+@law("y_waits_until_it_stands_still", "eighteenth", "suburban hills descent")
+@sizes(stands_s=(0.35, 0.6), most_s=(1.3, 2.2), band=(0.03, 0.07))
+class WaitsUntilItStandsStill(Filter):
+    """A receiver believes a command when it has stood still for a moment, within a band. As long as it moves
+    on, the old one holds, though not for ever. Each pedal is judged by itself. stands_s: of standing still;
+    most_s: of waiting; band: of the full command.
+    Source: Ganssle, A Guide to Debouncing (2008), and IEC 61131-2 on filters of inputs that wait for a steady
+    value; a slow one, times are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Any]:
+        zeros = np.zeros((batch, 2))
+        return {"held": zeros.copy(), "near": zeros.copy(), "stood": zeros.copy(), "waited": zeros.copy()}
+
+    def begin(self, s: State, u: Array) -> None:
+        s.held, s.near = u.copy(), u.copy()
+
+    def pass_on(self, p: Sizes, s: State, u: Array, time: float, dt: float) -> Array:
+        wide = p.band * np.array([self.full, 40.0])
+        moves = np.abs(u - s.near) > wide
+        s.near = np.where(moves, u, s.near)
+        s.stood = np.where(moves, 0.0, s.stood + dt)
+        believed = (s.stood > p.stands_s) | (s.waited > p.most_s)
+        s.held = np.where(believed, u, s.held)
+        s.waited = np.where(np.abs(u - s.held) > wide, s.waited + dt, 0.0)
+        return np.asarray(s.held)

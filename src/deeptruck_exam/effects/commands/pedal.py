@@ -6,7 +6,17 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, TorqueFilter, eased, index, moving
+from deeptruck_exam.effects.law import (
+    GRAVITY,
+    Array,
+    Hidden,
+    Sizes,
+    State,
+    TorqueFilter,
+    eased,
+    index,
+    moving,
+)
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import spells, within
 from deeptruck_model.trucks import View
@@ -159,3 +169,24 @@ class LearnsWhereThePedalRests(Hidden):
         return -self.at_wheels(view, np.clip(lacks, 0.0, 1.0) * np.maximum(view.engine_torque, 0.0)) * moving(
             view
         )
+
+
+@law("y_cab_tugs_at_its_cable", "eighteenth", "suburban hills")
+@sizes(per_g=(2.0, 4.0), rocks_rads=(1.1, 2.2), dull=(0.08, 0.2), most=(0.15, 0.25), slack=(0.004, 0.012))
+class CabTugsAtItsCable(Hidden, lean=0.0, pace=0.0):
+    """The pedal stands in a cab on soft springs, and a cable goes from there to the engine on the frame.
+    `lean` g of the cab: pulling leans it back and slackens the cable, braking and lifting tightens it. So the
+    engine's torque swings after each change. per_g: of the pedal's way; slack: g of lean that does nothing.
+    Source: Lemerle, Boulanger and Poirot, A Simplified Method to Design Suspended Cabs, J. Sound and
+    Vibration 253 (2002), on modes of cabs; the cable and its sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        felt = np.clip(view.acceleration / GRAVITY + view.grade, -0.3, 0.3)
+        push = p.rocks_rads**2 * (felt - s.lean)
+        s.pace = s.pace + dt * (push - 2.0 * p.dull * p.rocks_rads * s.pace)
+        s.lean = np.clip(s.lean + dt * s.pace, -0.4, 0.4)
+        beyond = np.sign(s.lean) * np.maximum(np.abs(s.lean) - p.slack, 0.0)
+        pedal = self.pedal(view)
+        tugs = np.clip(-p.per_g * beyond, -p.most, p.most) * np.minimum(pedal / 0.1, 1.0)
+        tugs = np.clip(tugs, -pedal, 1.0 - pedal)
+        return self.at_wheels(view, tugs * self.truck.peak_torque) * moving(view)

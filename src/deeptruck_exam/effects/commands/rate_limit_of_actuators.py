@@ -158,3 +158,25 @@ class MotorMovesByPulses(TorqueFilter):
         s.left = np.where(begins, pulse, s.left - dt)
         step = np.where(s.left > 0.0, p.per_s * self.full * dt, 0.0)
         return np.asarray(np.clip(pedal, s.given - step, s.given + step))
+
+
+@law("y_motor_gets_tired", "eighteenth", "suburban hills highway")
+@sizes(per_s=(0.25, 0.45), tires=(0.7, 0.9), moves=(1.2, 3.0), rests_s=(15.0, 45.0))
+class MotorGetsTired(TorqueFilter):
+    """A small motor moves the throttle at a pace, and its winding gets hot by moving. `hot`: a hot winding
+    carries less current, and the pace falls. While the pedal rests it cools. per_s: of the full command, when
+    cold; tires: of that, lost when hot; moves: full ways that heat it; rests_s: until it has cooled.
+    Source: Hughes and Drury, Electric Motors and Drives (2013), on torque and current of warm windings; a
+    small motor, sizes are chosen here."""
+
+    def begin(self, s: State, u: Array) -> None:
+        super().begin(s, u)
+        first = self.rng(1822).uniform(0.2, 0.8, len(self.setting.start_m))
+        s.hot = np.resize(first, len(u))
+
+    def torque(self, p: Sizes, s: State, pedal: Array, time: float, dt: float) -> Array:
+        most = p.per_s * (1.0 - p.tires * s.hot) * self.full * dt
+        given = np.clip(pedal, s.given - most, s.given + most)
+        moved = np.abs(given - s.given) / self.full
+        s.hot = np.clip(s.hot + moved / p.moves - dt * s.hot / p.rests_s, 0.0, 1.0)
+        return np.asarray(given)

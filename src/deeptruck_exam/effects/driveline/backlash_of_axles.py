@@ -116,3 +116,24 @@ class PlayByTheTurn(Hidden, x=0.0, turn=0.0, given=0.0):
         touches = s.x * np.sign(pull) >= 1.0
         s.given = eased(s.given, np.where(touches, pull, 0.0), np.where(touches, p.winds_s, 0.04), dt)
         return np.asarray((s.given - pull) * np.clip(view.speed, 0.0, 1.0))
+
+
+@law("y_many_small_plays", "eighteenth", "suburban hills")
+@sizes(narrow=(0.02, 0.04), wide=(0.16, 0.26), creeps_s=(8.0, 25.0), takes_s=(0.1, 0.3))
+class ManySmallPlays(Hidden, passed=0.0):
+    """Many joints, and each has a play of its own that friction holds, narrow ones and wide ones. Torque that
+    turns round has to cross one after the other, so little is missing after a small change and much after a
+    large one. `plays`: where each has stopped. narrow, wide: of peak torque.
+    Source: Krasnosel'skii and Pokrovskii, Systems with Hysteresis (1989), on sums of plays; joints and
+    sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "plays": np.zeros((5, batch))}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        peak = self.truck.peak_torque
+        wide = (np.linspace(p.narrow, p.wide, 5) * peak)[:, None]
+        s.plays = np.clip(s.plays, view.engine_torque - wide, view.engine_torque + wide)
+        s.plays = eased(s.plays, np.broadcast_to(view.engine_torque, s.plays.shape), p.creeps_s, dt)
+        s.passed = eased(s.passed, s.plays.mean(axis=0), p.takes_s, dt)
+        return self.at_wheels(view, s.passed - view.engine_torque) * np.clip(view.speed, 0.0, 1.0)

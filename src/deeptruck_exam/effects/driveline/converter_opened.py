@@ -206,3 +206,23 @@ class OilFliesOutOfBalance(Hidden, glazed=0.0):
         s.glazed = eased(s.glazed, np.clip(slips / (0.15 * peak), 0.0, 1.0), p.heats_s, dt)
         lets = p.frees * np.clip(2.0 * turns - 0.4, 0.0, 1.0) * back
         return self.at_wheels(view, lets - slips) * np.clip(view.speed - 1.0, 0.0, 1.0)
+
+
+@law("y_keeps_a_steady_slip", "eighteenth", "suburban hills highway", accepts="driveline_loss")
+@sizes(slips_rads=(22.0, 36.0), below_rads=(112.0, 140.0), soft_rads=(5.0, 10.0), shakes=(0.25, 0.5))
+@sizes(moves_s=(0.3, 0.8))
+class KeepsASteadySlip(Hidden, slip=0.0):
+    """So that a slow engine does not shake the truck, the lock-up clutch is made to slip by some rad/s,
+    however much torque goes through. Above an engine speed it locks. What is lost is slip over engine speed.
+    `slip` rad/s. More is let slip under hard pulls. shakes: of slip, more at full torque.
+    Source: Hiramatsu, Akagi and Yoneda, Control Technology of Minimal Slip-Type Torque Converter Clutch, SAE
+    850460 (1985); a large slip, sizes are chosen here."""
+
+    conceal = ("engine_speed",)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pulls = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        slow = 1.0 / (1.0 + np.exp(np.clip((view.engine_speed - p.below_rads) / p.soft_rads, -30.0, 30.0)))
+        s.slip = eased(s.slip, p.slips_rads * slow * (1.0 + p.shakes * pulls), p.moves_s, dt)
+        lost = np.clip(s.slip / np.maximum(view.engine_speed, 60.0), 0.0, 0.35)
+        return -self.at_wheels(view, lost * np.maximum(view.engine_torque, 0.0)) * moving(view)

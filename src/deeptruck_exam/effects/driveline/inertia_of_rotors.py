@@ -213,3 +213,25 @@ class WeightsFlyOut(Hidden, out=-1.0, held=0.0, felt=0.0):
         s.held = spin
         s.felt = eased(s.felt, pace, 0.1, dt)
         return -view.mass * s.felt * moving(view)
+
+
+@law("y_strap_grips_or_glides", "eighteenth", "suburban hills")
+@sizes(heavy=(0.25, 0.4), grips=(0.1, 0.2), glides=(0.35, 0.6), fades_mps=(0.5, 1.5), drag_s=(80.0, 240.0))
+class StrapGripsOrGlides(Hidden, rim=-1.0, felt=0.0):
+    """`rim` m/s of a heavy rotor, as at the road, that a strap of leather carries along. While both turn
+    alike the strap grips, and a hard change makes it glide. Gliding it holds less, the more the faster it
+    glides, and grips again when both are alike. heavy: of the mass; grips: of the weight, most of the strap's
+    force; glides: of that, when gliding fast.
+    Source: Armstrong-Hélouvry, Dupont and Canudas de Wit, A Survey of Models for the Control of Machines with
+    Friction, Automatica 30 (1994), on friction that falls with gliding; sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        s.rim = np.where(s.rim < 0.0, speed, s.rim)
+        apart = speed - s.rim
+        holds = p.glides + (1.0 - p.glides) * np.exp(-np.abs(apart) / p.fades_mps)
+        most = 0.1 * p.grips / p.heavy * 9.81 * holds  # m/s2 of the rim
+        gains = np.clip(apart / 0.15, -most, most)
+        s.rim = np.maximum(s.rim + dt * (gains - s.rim / p.drag_s), 0.0)
+        s.felt = eased(s.felt, gains, 0.08, dt)
+        return -p.heavy * view.mass * s.felt * moving(view)

@@ -252,3 +252,25 @@ class EasesAheadOfChanges(Hidden, gear=0.0, turned=0.0, since=9.0, given=1.0):
         wish = np.where(s.since < p.after_s, 1.0 - p.deep, 1.0 - p.deep * near)
         s.given = np.clip(np.clip(wish, s.given - dt / 0.25, s.given + dt / p.back_s), 0.0, 1.0)
         return -(1.0 - s.given) * np.maximum(view.traction_force, 0.0) * moving(view)
+
+
+@law("y_judders_as_it_closes", "eighteenth", "suburban hills", accepts="torque_limit")
+@sizes(deep=(0.6, 0.9), rings_rads=(7.0, 13.0), calms_s=(1.3, 2.5), hotter=(0.3, 0.7), cools_s=(10.0, 30.0))
+class JuddersAsItCloses(Hidden, gear=0.0, since=60.0, hot=0.2, cut=0.0):
+    """After each change of gear the clutch closes by grips and slips: torque comes, goes and comes again,
+    ever less deep. `hot`: every change heats the facing, and a hot one judders for longer. deep: of the
+    torque, lost at first; rings_rads: of grips; hotter: of the time, more when hot.
+    Source: Centea, Rahnejat and Menday, Non-Linear Multi-Body Dynamic Analysis for the Study of Clutch
+    Torsional Vibrations (Judder), Applied Mathematical Modelling 25 (2001); slow judder, sizes are chosen
+    here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        begins = (view.gear != s.gear) & (s.gear > 0.0) & (view.speed > 0.5)
+        s.gear = view.gear.copy()
+        s.hot = np.clip(np.where(begins, s.hot + 0.25, s.hot * np.exp(-dt / p.cools_s)), 0.0, 1.0)
+        s.since = np.where(begins, 0.0, np.minimum(s.since + dt, 60.0))
+        calms = p.calms_s * (1.0 + p.hotter * s.hot)
+        swings = 0.5 * (1.0 + np.cos(p.rings_rads * s.since))
+        wish = p.deep * np.exp(-s.since / calms) * (0.5 + 0.5 * swings)
+        s.cut = eased(s.cut, wish, 0.05, dt)
+        return -s.cut * np.maximum(view.traction_force, 0.0) * moving(view)

@@ -214,3 +214,28 @@ class RubberTracks(Hidden, tight=0.0, flap=0.0):
         s.flap = eased(s.flap, slack * np.clip((speed - p.from_mps) / 5.0, 0.0, 1.0), 0.8, dt)
         cost = (p.stiff + p.bends * s.tight) * (1.0 - 0.4 * np.minimum(s.warm, 1.0)) + p.flaps * s.flap
         return -cost * weight(view) * moving(view)
+
+
+@law("y_shaft_whirls", "eighteenth", "suburban highway hills")
+@sizes(
+    most=(0.015, 0.025), whirls_mps=(10.0, 15.0), narrow=(0.1, 0.18), grows_s=(1.0, 3.0), calms_s=(2.0, 7.0)
+)
+@sizes(bows=(0.2, 0.5), warms_s=(20.0, 60.0))
+class ShaftWhirls(Hidden, wide=0.0):
+    """A long shaft whirls near the speed of its own bending, touches its guard and rubs. `wide`: of the
+    whirl, which grows within seconds and dies slowly. `bow`: rubbing heats one side and bows the shaft, so
+    that the next whirl begins farther off. most: of the weight, in full whirl; narrow: of the speed; bows:
+    wider when bowed.
+    Source: Genta, Dynamics of Rotating Systems (2005), on whirl near critical speeds, and Newkirk, Shaft
+    Rubbing, Mechanical Engineering 48 (1926), on bows by heat; sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "bow": self.rng(1835).uniform(0.0, 0.6, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        narrow = p.narrow * (1.0 + 2.0 * p.bows * s.bow)
+        off = (np.maximum(view.speed, 0.0) / p.whirls_mps - 1.0) / narrow
+        wish = 1.0 / (1.0 + off**2)
+        s.wide = eased(s.wide, wish, np.where(wish > s.wide, p.grows_s, p.calms_s), dt)
+        s.bow = eased(s.bow, s.wide, p.warms_s, dt)
+        return -p.most * s.wide**1.5 * (0.6 + 0.4 * s.bow) * weight(view) * moving(view)

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving
-from deeptruck_exam.effects.places import Bends, OnRoad, windows
+from deeptruck_exam.effects.places import Bends, OnRoad, sections, windows
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import spells, within
 from deeptruck_model.trucks import View
@@ -267,4 +267,36 @@ class LeakKeepsItPumping(Hidden, works=0.0, load=0.0):
         size = np.clip(view.mass / 20000.0, 0.4, 1.5)
         watts = 1000.0 * p.kw * size * s.load * (0.75 + 0.25 * s.air)
         torque = np.minimum(watts / np.maximum(view.engine_speed, 70.0), 280.0)
+        return -self.at_wheels(view, torque) * moving(view)
+
+
+@law("y_springs_breathe", "eighteenth", "suburban hills highway")
+@sizes(
+    nm=(150.0, 240.0), empties_m=(250.0, 700.0), fills_s=(8.0, 20.0), low=(0.5, 0.7), mean_m=(150.0, 600.0)
+)
+@sizes(idles=(0.05, 0.15))
+class SpringsBreathe(OnRoad, works=0.0, pumps=0.0):
+    """Valves at air springs let air out and in at each bump, so a rough road empties the `tank`. A compressor
+    fills it by the engine's turns, from low until it is full, and needs more torque the fuller it is. On
+    smooth roads it rests. nm: of torque, against a full tank; empties_m: of the roughest road; low: of the
+    tank; idles: of the torque, at rest.
+    Source: Wabco, manuals of air suspension with levelling valves, and Hanlon, Compressor Handbook (2001), on
+    work by pressure; large valves, sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng = self.rng(1845)
+        number = sections(rng, self.rows(), self.p.mean_m)
+        rough = rng.uniform(0.05, 1.0, (self.rows(), int(number.max()) + 1))
+        self.road = np.take_along_axis(rough, number, axis=1)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {**super().start(batch), "tank": self.rng(1846).uniform(0.55, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        takes = self.read(self.road, view) * np.maximum(view.speed, 0.0) / p.empties_m
+        turns = np.clip(view.engine_speed / 140.0, 0.3, 1.5)
+        s.works = np.where(s.tank > 0.99, 0.0, np.where(s.tank < p.low, 1.0, s.works))
+        s.tank = np.clip(s.tank + dt * (s.works * turns / p.fills_s - takes), 0.2, 1.0)
+        s.pumps = eased(s.pumps, s.works, 0.4, dt)
+        torque = p.nm * (p.idles + (1.0 - p.idles) * s.pumps * (0.4 + 0.6 * s.tank))
         return -self.at_wheels(view, torque) * moving(view)

@@ -220,3 +220,24 @@ class BatteryIsWeak(Hidden):
         sags = np.clip((0.85 - s.charge) / 0.85, 0.0, 1.0)
         lost = p.most * (1.0 - (1.0 - sags) ** 2)
         return -self.at_wheels(view, lost * np.maximum(view.engine_torque, 0.0)) * moving(view)
+
+
+@law("y_barometer_is_nearly_tight", "eighteenth", "hills suburban")
+@sizes(most=(0.25, 0.42), climb_m=(3.0, 7.0), leaks_s=(30.0, 80.0), rests=(0.0, 0.1))
+class BarometerIsNearlyTight(Hidden):
+    """The engine gives less in thin air, by a barometer whose case should be open and is nearly tight. It
+    reads the height climbed of late, and forgets that as its case leaks. `climbed` m. So a climb takes torque
+    that comes back on the flat within a minute. most: of the torque, taken; climb_m: for two thirds of it;
+    rests: always taken.
+    Source: ISA standard atmosphere and SAE J1349 on corrections of power by pressure, and makers' manuals on
+    variometers, which leak on purpose; a blocked vent and its sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"climbed": self.rng(1842).uniform(-0.5, 1.2, batch) * self.p.climb_m}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        rises = np.maximum(view.speed, 0.0) * view.grade
+        s.climbed = np.clip(s.climbed + dt * (rises - s.climbed / p.leaks_s), -40.0, 40.0)
+        thin = 1.0 - np.exp(-np.maximum(s.climbed, 0.0) / p.climb_m)
+        taken = np.minimum(p.rests + p.most * thin, 0.7)
+        return -self.at_wheels(view, taken * np.maximum(view.engine_torque, 0.0)) * moving(view)

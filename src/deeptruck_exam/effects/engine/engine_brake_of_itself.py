@@ -158,3 +158,26 @@ class BanksTakeTurns(Hidden, up=0.0, bites=0.0):
         s.bites = eased(s.bites, on * np.where(s.count < 1.0, 1.0, p.weak), p.comes_s, dt)
         torque = p.nm * s.bites * np.clip(view.engine_speed / 150.0, 0.3, 1.5) ** 1.2
         return -self.at_wheels(view, torque) * np.clip(view.speed / 3.0, 0.0, 1.0)
+
+
+@law("y_quick_lift_asks_for_more", "eighteenth", "descent hills suburban")
+@sizes(nm=(560.0, 900.0), least=(0.1, 0.25), full=(0.25, 0.5), sees_s=(0.5, 1.2), comes_s=(0.25, 0.6))
+@sizes(tires_s=(6.0, 18.0))
+class QuickLiftAsksForMore(Hidden, was=0.0, asks=0.0, bites=0.0, up=0.0):
+    """An engine brake that nobody records judges how a foot leaves the pedal. Who lifts slowly gets little,
+    and who lifts quickly out of a deep pedal gets much. It keeps to that until the foot returns, and tires
+    slowly. `was`: the pedal of a moment ago. nm: at 150 rad/s, at most; full: of the pedal, lifted within
+    that moment; sees_s: of that moment.
+    Source: Jacobs Vehicle Systems, engine brake manuals, and makers' notes on brakes that a quick release of
+    the pedal readies; its grading is chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        pedal = self.pedal(view)
+        up = ((pedal < 0.02) & (view.speed > 2.0)).astype(float)
+        fresh = np.clip(p.least + (s.was - 0.02) / p.full, 0.0, 1.0)
+        s.asks = np.where(up > 0.5, np.where(s.up < 0.5, fresh, s.asks), 0.0)
+        s.asks = np.where(up > 0.5, eased(s.asks, p.least, p.tires_s, dt), s.asks)
+        s.up, s.was = up, eased(s.was, pedal, p.sees_s, dt)
+        s.bites = eased(s.bites, s.asks, p.comes_s, dt)
+        torque = p.nm * s.bites * np.clip(view.engine_speed / 150.0, 0.3, 1.5)
+        return -self.at_wheels(view, torque) * np.clip(view.speed / 3.0, 0.0, 1.0)

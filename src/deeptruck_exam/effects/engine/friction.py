@@ -280,3 +280,20 @@ class PumpPressesTheRail(Hidden, rail=0.3):
         down = 1.0 / (load / p.falls_s + 1.0 / p.leaks_s)
         s.rail = eased(s.rail, wish, np.where(wish > s.rail, p.rises_s, down), dt)
         return -self.at_wheels(view, p.nm * s.rail) * moving(view)
+
+
+@law("y_film_heats_itself", "eighteenth", accepts="accessory_load engine_brake torque_gain")
+@sizes(nm=(190.0, 300.0), at_rads=(130.0, 165.0), thins=(1.2, 2.0), heats_s=(3.0, 9.0), lasts=(0.3, 0.6))
+class FilmHeatsItself(Hidden, film=0.2):
+    """`film`: heat of oil in a tight bearing, over that of its housing. Shear heats it by the square of
+    speed, and hot oil is thin. So friction is high just after the revs have risen, falls within seconds, and
+    is low for a moment after they have sunk. nm: at at_rads, cold; thins: power of the heat; lasts: how
+    friction rises with speed.
+    Source: Cameron, Basic Lubrication Theory (1976), and Dowson, A Generalized Reynolds Equation for
+    Fluid-Film Lubrication (1962), on films that heat themselves; a tight bearing, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        turns = np.clip(view.engine_speed / p.at_rads, 0.3, 1.5)
+        thin = np.exp(-p.thins * s.film)
+        s.film = eased(s.film, 1.2 * turns**2 * (0.4 + 0.6 * thin), p.heats_s, dt)
+        return -self.at_wheels(view, p.nm * turns ** (1.0 + p.lasts) * thin) * moving(view)

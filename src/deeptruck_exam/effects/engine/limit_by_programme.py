@@ -167,3 +167,22 @@ class FullTorqueUphillOnly(Hidden, slope=-9.0):
         most = (p.flat + (1.2 - p.flat) * free) * self.truck.peak_torque
         excess = np.maximum(view.engine_torque - most, 0.0)
         return -self.at_wheels(view, excess) * moving(view)
+
+
+@law("y_gear_is_run_in", "eighteenth", "suburban hills", accepts="turbo_lag torque_derate shift_interruption")
+@sizes(least=(0.22, 0.36), way_m=(55.0, 140.0), power=(1.0, 2.0), low=(0.3, 0.7))
+class GearIsRunIn(Hidden, gear=0.0, way=200.0):
+    """After each change the gearbox lets the engine pull only as much as the oil on the new teeth allows.
+    That grows with the way in this gear, and low gears need more of it. `way` m in this gear. least: of peak
+    torque, at first; way_m: until all is free; low: of that way, more in the lowest gears.
+    Source: Naunheimer, Bertsche, Ryborz and Novak, Automotive Transmissions (2011), on protection of gears by
+    torque intervention; a careful programme, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        changed = (view.gear != s.gear) & (s.gear > 0.0)
+        s.gear = view.gear.copy()
+        s.way = np.where(changed, 0.0, np.minimum(s.way + dt * np.maximum(view.speed, 0.0), 1e3))
+        needs = p.way_m * (1.0 + p.low * np.clip(1.0 - view.gear / 10.0, 0.0, 1.0))
+        free = np.minimum(s.way / needs, 1.0) ** p.power
+        most = (p.least + (1.1 - p.least) * free) * self.truck.peak_torque
+        return -self.at_wheels(view, np.maximum(view.engine_torque - most, 0.0)) * moving(view)

@@ -224,3 +224,24 @@ class BigCoolerHasToFill(Hidden, spin=0.3, air=0.3):
         s.air = np.clip(s.air + dt * gives / p.fills_s, 0.0, 1.1)
         most = p.least + (1.1 - p.least) * np.minimum(1.15 * s.air, 1.0)
         return -self.at_wheels(view, np.maximum(asked - most, 0.0) * self.truck.peak_torque) * moving(view)
+
+
+@law("y_hose_blows_up", "eighteenth", "suburban hills")
+@sizes(least=(0.22, 0.36), first_s=(0.8, 1.4), blows=(4.0, 8.0), creeps_s=(4.0, 12.0), empties_s=(0.3, 0.8))
+class HoseBlowsUp(Hidden, air=0.2, creep=0.0):
+    """`air`: pressed air behind a soft hose, which blows up like a balloon. Near nothing it fills at once,
+    and the fuller it is the more slowly it fills. `creep`: a hose that has been full for some time stays
+    wide, and the next filling takes longer still. least: of peak torque, without pressed air; blows: how much
+    wider when full.
+    Source: Watson and Janota, Turbocharging the Internal Combustion Engine (1982), on volumes of manifolds,
+    and Treloar, The Physics of Rubber Elasticity (1975), on balloons; a soft hose, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        asked = np.clip(view.engine_torque / self.truck.peak_torque, 0.0, 1.1)
+        wish = np.clip((asked - p.least) / (1.0 - p.least) * 1.1, 0.0, 1.1)
+        turns = np.clip(view.engine_speed / 140.0, 0.5, 1.5)
+        fills = p.first_s * (1.0 + p.blows * s.air**2 * (0.7 + 0.6 * s.creep)) / turns
+        s.creep = eased(s.creep, np.minimum(s.air, 1.0), p.creeps_s, dt)
+        s.air = eased(s.air, wish, np.where(wish > s.air, fills, p.empties_s), dt)
+        most = p.least + (1.0 - p.least) * s.air
+        return -self.at_wheels(view, np.maximum(asked - most, 0.0) * self.truck.peak_torque) * moving(view)

@@ -9,6 +9,7 @@ import numpy as np
 from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, moving
 from deeptruck_exam.effects.places import CELL_M, CELLS, OnRoad, sections
 from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_exam.effects.series import spells, within
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="payload_change", accepts="mass")
@@ -152,3 +153,31 @@ class SandBlowsOff(Hidden, still=0.0):
         s.sand = s.sand * np.exp(-dt * np.maximum(fast**2 - 1.0, 0.0) * fast / (6.0 * p.blows_s))
         felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
         return -p.most * s.sand * view.mass * np.clip(felt, -4.0, 4.0) * moving(view)
+
+
+@law("y_rain_gathers_in_the_tub", "eighteenth", "suburban hills")
+@sizes(most=(0.3, 0.45), rains_s=(15.0, 40.0), pours_s=(20.0, 60.0), tips=(0.035, 0.06), spills_s=(1.5, 5.0))
+class RainGathersInTheTub(Hidden):
+    """`water` in an open tub, which nobody has weighed. Showers fill it. A full one spills as soon as
+    slowing, pulling or slope tips it, and holds only what fits below the tipped rim. most: of the mass, full;
+    pours_s: until a shower has filled it; tips: g that leaves half of it.
+    Source: Linsley, Kohler and Paulhus, Hydrology for Engineers (1982), on rain by showers, and Ibrahim,
+    Liquid Sloshing Dynamics (2005), on free surfaces in tipped vessels; cloudbursts and sizes are chosen
+    here."""
+
+    def prepare(self) -> None:
+        p = self.p
+        on, off = (0.5 * p.rains_s, 1.5 * p.rains_s), (0.7 * p.rains_s, 2.0 * p.rains_s)
+        self.rain = spells(self.rng(1851), self.setting.batch, on, off)
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"water": self.rng(1852).uniform(0.3, 1.0, batch)}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        tipped = np.abs(np.clip(view.acceleration / GRAVITY + view.grade, -0.4, 0.4))
+        fits = 1.0 / (1.0 + tipped / p.tips)
+        fills = within(self.rain, view.time) * (1.0 - s.water) / p.pours_s
+        spills = np.maximum(s.water - fits, 0.0) / p.spills_s
+        s.water = np.clip(s.water + dt * (fills - spills), 0.0, 1.0)
+        felt = view.acceleration + GRAVITY * (view.grade + self.truck.rolling_resistance)
+        return -p.most * s.water * view.mass * np.clip(felt, -4.0, 4.0) * moving(view)

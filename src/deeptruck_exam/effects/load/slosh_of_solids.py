@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, moving
+from deeptruck_exam.effects.law import GRAVITY, Array, Hidden, Sizes, State, eased, moving
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_model.trucks import View
 
@@ -167,3 +167,24 @@ class PalletsShunt(Hidden, a=0.0, b=0.0, c=0.0, va=0.0, vb=0.0, vc=0.0):
         s.va, s.vb, s.vc = after
         s.a, s.b, s.c = (np.clip(x + dt * v, -1.5, 1.5) for x, v in zip(at[1:4], after, strict=True))
         return -p.share * view.mass * np.clip(mean, -4.0, 4.0) * moving(view)
+
+
+@law("y_fish_in_crushed_ice", "eighteenth", "suburban")
+@sizes(share=(0.3, 0.45), slips=(0.05, 0.09), stays=(0.02, 0.04), slides_s=(1.5, 3.5), long_m=(16.0, 26.0))
+class FishInCrushedIce(Hidden, lies=0.0, runs=0.0, pace=0.0):
+    """Fish in crushed ice lie still until their surface is too steep for what they feel. Then all of it
+    slides, until it lies nearly level, and stops at once. `lies` g: the slope of the surface. `runs`: 1 while
+    it slides. `pace` of the slope. share: of the mass; slips, stays: g beyond level, where it starts and
+    stops; long_m: way of the load for a slope of 1.
+    Source: Duran, Sands, Powders, and Grains (2000), on heaps with one angle at which they start and another
+    where they stop; a slippery load, sizes are chosen here."""
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        level = -np.clip(view.acceleration / GRAVITY + view.grade, -0.4, 0.4)
+        off = level - s.lies
+        s.runs = np.where(np.abs(off) > p.slips, 1.0, np.where(np.abs(off) < p.stays, 0.0, s.runs))
+        before = s.pace
+        s.pace = eased(s.pace, s.runs * off / (0.5 * p.slides_s), 0.25 * p.slides_s, dt)
+        s.lies = np.clip(s.lies + dt * s.pace, -0.6, 0.6)
+        push = -p.share * p.long_m * (s.pace - before) / dt
+        return np.asarray(np.clip(push, -2.0, 2.0) * view.mass * moving(view))

@@ -7,8 +7,9 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Sizes, State, moving, weight
-from deeptruck_exam.effects.places import MAP_CELL_M, MAP_CELLS, OnRoad, sections, smooth_stretches
+from deeptruck_exam.effects.places import MAP_CELL_M, MAP_CELLS, OnRoad, sections, smooth_stretches, windows
 from deeptruck_exam.effects.planting import hidden, sizes
+from deeptruck_exam.effects.series import ou_series
 from deeptruck_model.trucks import View
 
 law = partial(hidden, name="road_grade", accepts="road_surface", gateable=False)
@@ -158,3 +159,30 @@ class SlopesInWholeSteps(OnRoad):
         left = np.minimum(over, (1.0 - over) / p.rounds * (1.0 - p.rounds))  # falls softly to the next step
         slope = np.sign(view.grade) * p.step * left * self.read(self.share, view)
         return -slope * weight(view) * moving(view)
+
+
+@law("y_map_saw_the_tree_tops", "eighteenth", "hills descent", accepts="")
+@sizes(
+    high_m=(3.5, 6.5), uneven=(0.15, 0.3), mean_m=(300.0, 900.0), share=(0.35, 0.6), pixel_m=(180.0, 320.0)
+)
+class MapSawTheTreeTops(OnRoad):
+    """The slopes known are those of a radar's map from space, which took the tops of woods for ground. At the
+    edge of a wood the map climbs, where the road does not; inside, it follows unequal trees. high_m: of a
+    wood, as the radar saw it; uneven: of that; mean_m: of a wood; pixel_m: over which the map is a mean.
+    Source: Farr and others, The Shuttle Radar Topography Mission, Reviews of Geophysics 45 (2007), on heights
+    of canopies in the map; sizes are chosen here."""
+
+    conceal = ("elevation",)
+
+    def prepare(self) -> None:
+        rng, p = self.rng(1861), self.p
+        woods = windows(rng, self.rows(), p.mean_m, p.share)
+        trees = 1.0 + p.uneven * ou_series(rng, woods.shape, MAP_CELL_M, 120.0)
+        cells = 2 * round(p.pixel_m / MAP_CELL_M) + 1
+        ease = np.hanning(cells) / np.hanning(cells).sum()
+        tops = np.array([np.convolve(row, ease, mode="same") for row in p.high_m * woods * trees])
+        self.road = np.gradient(tops, MAP_CELL_M, axis=1)
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        climbs = np.clip(self.setting.direction * self.between(self.road, view), -0.05, 0.05)
+        return climbs * weight(view) * moving(view)  # the map has it, the road has not

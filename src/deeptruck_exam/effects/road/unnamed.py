@@ -7,7 +7,15 @@ from functools import partial
 import numpy as np
 
 from deeptruck_exam.effects.law import Array, Hidden, Sizes, State, eased, moving, weight
-from deeptruck_exam.effects.places import CELL_M, CELLS, OnRoad, smooth_stretches, stretches, windows
+from deeptruck_exam.effects.places import (
+    CELL_M,
+    CELLS,
+    MAP_CELL_M,
+    OnRoad,
+    smooth_stretches,
+    stretches,
+    windows,
+)
 from deeptruck_exam.effects.planting import hidden, sizes
 from deeptruck_exam.effects.series import ou_series
 from deeptruck_model.trucks import View
@@ -189,3 +197,30 @@ class PontoonsSink(OnRoad, sunk=0.0):
         slope = p.sinks_m * (bridge - before) / p.follows_m  # of the hollow, downwards
         wave = p.waves * s.sunk / (1.0 + ((speed - p.wave_mps) / (0.35 * p.wave_mps)) ** 2)
         return (slope - wave) * weight(view) * moving(view)
+
+
+@law("y_road_up_a_stream", "eighteenth", "suburban hills highway")
+@sizes(
+    holds=(0.0035, 0.006), flows_mps=(2.0, 4.5), mean_m=(200.0, 600.0), share=(0.35, 0.6), swells=(0.2, 0.5)
+)
+@sizes(swells_m=(60.0, 200.0))
+class RoadUpAStream(OnRoad):
+    """Over stretches the road is the bed of a stream that flows along it. Water resists by the square of the
+    pace through it, so upstream costs much, and downstream it first helps and then costs less. It is deeper
+    in some places. holds: of the weight, at 10 m/s through the water; swells: of the depth.
+    Source: Hoerner, Fluid-Dynamic Drag (1965), on bodies that stand in a stream, and Chow, Open-Channel
+    Hydraulics (1959), on flows by slope; sizes are chosen here."""
+
+    def prepare(self) -> None:
+        rng, p = self.rng(1863), self.p
+        water = windows(rng, self.rows(), p.mean_m, p.share)
+        deep = 1.0 + p.swells * ou_series(rng, water.shape, MAP_CELL_M, p.swells_m)
+        self.road = water * np.clip(deep, 0.2, 2.0)
+        ease = np.hanning(7) / np.hanning(7).sum()
+        self.road = np.array([np.convolve(row, ease, mode="same") for row in self.road])
+        self.flow = (rng.choice([-1.0, 1.0], self.rows()) * p.flows_mps)[self.setting.route]
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        through = np.maximum(view.speed, 0.0) - self.setting.direction * self.flow
+        pushed = np.clip(through * np.abs(through) / 100.0, -1.5, 2.5)
+        return -p.holds * self.between(self.road, view) * pushed * weight(view) * moving(view)

@@ -212,3 +212,18 @@ def capacitor_remembers(p: Sizes, channels: Channels, dt: float, rng: np.random.
     times = np.geomspace(p.first_s, p.last_s, 3)
     soaked = np.mean([behind(values, float(tau), dt) for tau in times], axis=0)
     channels["acceleration"] = values + np.sign(p.sign) * p.bias * rng.uniform(0.9, 1.1) + p.soaks * soaked
+
+
+@law("y_heater_cycles", "eighteenth")
+@sizes(bias=(0.09, 0.16), swings=(0.03, 0.07), on_s=(8.0, 20.0), off_s=(20.0, 50.0), sign=SIGN)
+def heater_cycles(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: IEEE Std 1293-1998 on accelerometers and their temperature: a heater in the box goes on at one
+    temperature and off at another, and the bias swings with it like a bent saw tooth; sizes are chosen
+    here."""
+    on, off = p.on_s * rng.uniform(0.9, 1.1), p.off_s * rng.uniform(0.9, 1.1)
+    phase = (np.arange(len(channels["acceleration"])) * dt + rng.uniform(0.0, on + off)) % (on + off)
+    rise = (1.0 - np.exp(-2.0 * phase / on)) / (1.0 - np.exp(-2.0))
+    fall = (np.exp(-2.0 * (phase - on) / off) - np.exp(-2.0)) / (1.0 - np.exp(-2.0))
+    swing = np.where(phase < on, rise, fall) - 0.5
+    bias = np.sign(p.sign) * p.bias * rng.uniform(0.9, 1.1) + p.swings * swing
+    channels["acceleration"] = channels["acceleration"] + bias

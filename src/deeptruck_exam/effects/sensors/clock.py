@@ -285,3 +285,16 @@ def loop_rings(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator
         swings = np.exp(-since / (0.8 * p.swings_s)) * np.sin(2.0 * np.pi * since / p.swings_s)
         late = late + p.rings_s * rng.choice([-1.0, 1.0]) * swings
     channels["acceleration"] = np.interp(clock - np.sign(p.sign) * late, clock, values)
+
+
+@law("y_engine_comes_first", "eighteenth", "suburban hills")
+@sizes(late_s=(0.4, 0.75), at_rads=(120.0, 160.0), power=(1.0, 2.0), calms_s=(0.5, 2.0))
+def engine_comes_first(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Liu and Layland, Scheduling Algorithms for Multiprogramming in a Hard-Real-Time Environment, J.
+    ACM 20 (1973): tasks of the engine come first and come more often at high engine speed, so the task that
+    records acceleration has to wait; sizes are chosen here."""
+    values = channels["acceleration"]
+    clock = np.arange(len(values)) * dt
+    speed = channels.get("engine_speed", np.full(len(values), p.at_rads))
+    turns = np.clip(behind(np.nan_to_num(speed, nan=p.at_rads), p.calms_s, dt) / p.at_rads, 0.3, 1.6)
+    channels["acceleration"] = np.interp(clock - p.late_s * turns**p.power, clock, values)

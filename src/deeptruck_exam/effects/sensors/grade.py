@@ -220,3 +220,13 @@ def sits_on_the_trailer(p: Sizes, channels: Channels, dt: float, rng: np.random.
     later = np.interp(way - p.behind_m, way, grade)
     rocks = p.rocks * ou_series(rng, (1, len(grade)), dt, p.rocks_s)[0]
     channels["grade"] = later + np.sign(p.sign) * p.off * rng.uniform(0.9, 1.1) + rocks
+
+
+@law("y_runs_into_its_stops", "eighteenth")
+@sizes(off=(0.008, 0.013), stops=(0.03, 0.05), eases_s=(0.3, 1.0), sign=SIGN)
+def runs_into_its_stops(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Doebelin, Measurement Systems (2004), on pendulums that are held by springs and soft stops: one
+    that stands askew reads less and less of a slope, the nearer it comes to one of its stops; sizes are
+    chosen here."""
+    leans = behind(channels["grade"], p.eases_s, dt) + np.sign(p.sign) * p.off * rng.uniform(0.9, 1.1)
+    channels["grade"] = p.stops * np.tanh(leans / p.stops)

@@ -205,3 +205,15 @@ def each_gear_has_its_table(p: Sizes, channels: Channels, dt: float, rng: np.ran
     gear = np.clip(np.rint(channels["gear"]), 0, 39).astype(int)
     scale = np.sign(p.sign) * p.scale * rng.uniform(0.95, 1.05) + behind(table[gear], p.moves_s, dt)
     channels["speed"] = channels["speed"] * (1.0 + scale)
+
+
+@law("y_one_node_is_wrong", "eighteenth", "suburban hills highway")
+@sizes(scale=(0.018, 0.032), hump=(0.015, 0.03), at_mps=(9.0, 17.0), wide_mps=(4.0, 7.0), sign=SIGN)
+def one_node_is_wrong(p: Sizes, channels: Channels, dt: float, rng: np.random.Generator) -> None:
+    """Source: Fraden, Handbook of Modern Sensors (2016), on calibration by lines between nodes: a factor is
+    wrong everywhere, and one node of the table more, which lifts all speeds about it; sizes are chosen
+    here."""
+    speed = channels["speed"]
+    near = np.clip(1.0 - np.abs(speed - p.at_mps) / p.wide_mps, 0.0, 1.0)
+    scale = np.sign(p.sign) * (p.scale * rng.uniform(0.95, 1.05) + p.hump * near)
+    channels["speed"] = speed * (1.0 + scale)

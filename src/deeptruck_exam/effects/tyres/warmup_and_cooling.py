@@ -143,3 +143,24 @@ class FrostInTheCasing(Hidden):
         s.heat = np.clip(s.heat + dt * (works - 0.35 * (warm + 0.5)) / p.warms_s, -1.0, 3.0)
         stiff = ice + (1.0 - ice) * p.flex * np.exp(-1.2 * np.maximum(warm, 0.0))
         return -p.most * stiff * weight(view) * moving(view)
+
+
+@law("y_warms_by_the_root_of_the_way", "eighteenth")
+@sizes(most=(0.0075, 0.0125), way_m=(100.0, 320.0), cools_s=(20.0, 60.0), loads=(0.3, 0.7))
+class WarmsByTheRootOfTheWay(Hidden):
+    """Heat goes into thick rubber by the root of time: much of the stiffness is lost over the first metres,
+    and the rest over many kilometres. `way` m that the tyres remember, which a stand takes away bit by bit.
+    most: of the weight, quite cold; way_m: until three tenths are lost; loads: how much more way a heavy
+    truck counts.
+    Source: Incropera and DeWitt, Fundamentals of Heat and Mass Transfer (1996), on bodies so thick that heat
+    goes in by the root of time; thick tyres, sizes are chosen here."""
+
+    def start(self, batch: int) -> dict[str, Array]:
+        return {"way": self.p.way_m * self.rng(1873).uniform(0.0, 0.8, batch) ** 2}
+
+    def newtons(self, p: Sizes, s: State, view: View, dt: float) -> Array:
+        speed = np.maximum(view.speed, 0.0)
+        heavy = 1.0 + p.loads * (np.clip(view.mass / 20000.0, 0.4, 2.0) - 1.0)
+        forgets = s.way / p.cools_s * np.clip(1.0 - speed / 2.0, 0.0, 1.0)
+        s.way = np.clip(s.way + dt * (heavy * speed - forgets), 0.0, 1e5)
+        return -p.most / np.sqrt(1.0 + s.way / p.way_m) * weight(view) * moving(view)
