@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import signal
@@ -121,6 +122,10 @@ def test_a_controller_that_never_hears_that_it_drives_drives_no_further(domain: 
         driven += torque_demands(bus, 3.0)
     finally:
         for process in processes:
+            process.terminate()  # killed, it would leave its shared memory behind
+        for process in processes:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(10)
             process.kill()
             process.wait()
         bus.shutdown()
