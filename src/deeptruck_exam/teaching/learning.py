@@ -232,9 +232,9 @@ def score(p: Array, answer: NDArray[np.intp], weight: Array, credible: float = 0
     )
 
 
-def without(family: str, whole: Lesson) -> Lesson:
-    """All of other families in other worlds."""
-    return whole.of((whole.families != family) & (whole.worlds != family))
+def without(some: Sequence[str], whole: Lesson) -> Lesson:
+    """All of families other than some, in other worlds."""
+    return whole.of(~np.isin(whole.families, some) & ~np.isin(whole.worlds, some))
 
 
 def unseen(whole: Lesson, by: Mapping[str, Recogniser]) -> tuple[Array, Array, NDArray[np.bool_]]:

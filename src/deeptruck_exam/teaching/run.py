@@ -28,7 +28,8 @@ from deeptruck_model.mismatch import NOTHING, Recogniser
 
 WEIGHTS, CARD, WITHOUT = "recogniser.npz", "recogniser.json", "recogniser-without-{}.npz"
 BESIDE = "beside known names"  # where nothing more may be missing
-FEWER = 3  # members of an ensemble that only judges a family
+FEWER = 3  # members of an ensemble that only judges families
+JUDGES = 6  # ensembles that share the families among them, each untaught by its own
 
 
 def run(out: Path, bases: int, seed: int, jobs: int) -> dict[str, Any]:
@@ -61,7 +62,8 @@ def _taught(out: Path, parts: Sequence[Samples], seed: int, jobs: int) -> dict[s
     whole = learning.lesson(parts, keys, names)
     families = sorted({p.world for p in parts})
     _learn(out, whole, keys, names, families, jobs)
-    by = {family: Recogniser.load(out / WITHOUT.format(family)) for family in families}
+    judges = [(Recogniser.load(out / WITHOUT.format(k)), fs) for k, fs in enumerate(_shared_out(families))]
+    by = {family: judge for judge, some in judges for family in some}
     card = {
         "taught_by": f"python -m deeptruck_exam.command recogniser --bases {len(parts)} --seed {seed}",
         "bases": len(parts),
@@ -83,8 +85,9 @@ def _learn(
     families: Sequence[str],
     jobs: int,
 ) -> None:
-    """Weights by all, and by all but each family: in parallel, each in a process of its own."""
-    tasks = [*((WITHOUT.format(f), f, FEWER) for f in families), (WEIGHTS, "", learning.MEMBERS)]
+    """Weights by all, and by all but some families: in parallel, each in a process of its own."""
+    judges = [(WITHOUT.format(k), some, FEWER) for k, some in enumerate(_shared_out(families))]
+    tasks = [(WEIGHTS, [], learning.MEMBERS), *judges]
     with (
         TemporaryDirectory() as apart,
         ProcessPoolExecutor(jobs, get_context("spawn"), end_with_the_run) as pool,
@@ -97,14 +100,24 @@ def _learn(
             Console(stderr=True).print(f"network {k} of {len(tasks)}")
 
 
+def _shared_out(families: Sequence[str]) -> list[Sequence[str]]:
+    """The families that each ensemble judges, and is not taught by."""
+    return [families[k::JUDGES] for k in range(min(JUDGES, len(families)))]
+
+
 def _learned(
-    lessons: Path, keys: tuple[str, ...], names: tuple[str, ...], place: Path, left_out: str, members: int
+    lessons: Path,
+    keys: tuple[str, ...],
+    names: tuple[str, ...],
+    place: Path,
+    left_out: Sequence[str],
+    members: int,
 ) -> None:
     import torch
 
     torch.set_num_threads(1)
     whole = Lesson.load(lessons)
-    some = learning.without(left_out, whole) if left_out else whole
+    some = learning.without(left_out, whole)
     files.rewrite(place, learning.packed(learning.learned(some, keys, names, members)))
 
 

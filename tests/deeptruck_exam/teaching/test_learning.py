@@ -52,7 +52,7 @@ def whole() -> learning.Lesson:
 
 
 def test_what_laws_have_in_common_is_learned(whole: learning.Lesson) -> None:
-    taught_by = {f: learning.learned(learning.without(f, whole), KEYS, NAMES, members=1) for f in FAMILIES}
+    taught_by = {f: learning.learned(learning.without([f], whole), KEYS, NAMES, members=1) for f in FAMILIES}
     by, alone, rows = learning.unseen(whole, taught_by)
     assert rows.all()
     weight = learning.weights(whole, NAMES)
